@@ -1,2 +1,46 @@
-//! Placeholder.
+//! Two models of an electromechanical actuator (PMSM, gearbox, position loop) and what they share.
+//!
+//! - [`params`](ActuatorParams), [`fault`](FaultVector): what is known of a type, and what may be worn.
+//! - `frames`, `winding`, `friction`, `backlash`, `control`, `command`: one source for each law, used by both models.
+//! - `monitor`: the low-fidelity [`Monitor`], `no_std`, without allocation, generic over the number type [`Real`].
+//! - `reference` (feature `std`): the high-fidelity three-phase switched actuator.
+//!
+//! \[P\] in the documentation is the paper the method comes from; see `docs/references.md`.
 #![no_std]
+#![warn(clippy::std_instead_of_core, clippy::alloc_instead_of_core)]
+
+#[cfg(feature = "std")]
+extern crate std;
+
+mod backlash;
+mod command;
+mod control;
+mod fault;
+mod frames;
+mod friction;
+mod monitor;
+mod params;
+mod real;
+mod recording;
+#[cfg(feature = "std")]
+pub mod reference;
+mod residual;
+mod winding;
+
+pub use backlash::follow_through_play;
+pub use command::Profile;
+pub use control::{Ace, AceState, Setpoint};
+pub use fault::{FAULT_COUNT, FaultVector, eq15_pct, rss_pct, wrapped_phase_difference};
+pub use frames::{
+    abc_from_alpha_beta, alpha_beta_from_abc, alpha_beta_from_dq, dq_from_abc, dq_from_alpha_beta, phase_shapes,
+};
+pub use friction::DryFriction;
+pub use monitor::{Calibration, Conditions, Form, InitialState, Monitor, MonitorState, Origin, Output};
+pub use params::{
+    ActuatorParams, ControllerParams, Expected, MotorParams, ParamsError, REFERENCE_STEP, SensorParams,
+    TransmissionParams,
+};
+pub use real::Real;
+pub use recording::{ComparedSample, Recording, SensedSample, prepare};
+pub use residual::{Comparison, Coordinates, NormalEquations, SIGNAL_COUNT, Signals, Weights};
+pub use winding::{DerivedShape, PaperShape, Winding, derived_shape};

@@ -1,0 +1,144 @@
+//! Actuator control electronics (ACE): position loop, speed loop with PID, torque and current limit.
+//!
+//! Shared by reference and monitor. The current loop behind it differs between them and is not here.
+
+use crate::params::{ActuatorParams, ControllerParams};
+use crate::real::Real;
+
+/// What the ACE is told to do.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub enum Setpoint {
+    /// Drive off: no current.
+    #[default]
+    Idle,
+    /// Position mode: output angle, rad.
+    Position(f64),
+    /// Speed mode: motor speed, rad/s.
+    Speed(f64),
+}
+
+/// The control law's constants; the position gain carries the fault k8.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ace<R> {
+    g_p: R,
+    k_p: R,
+    k_i_dt: R,
+    k_d_over_dt: R,
+    omega_max: R,
+    torque_max: R,
+    amps_per_torque: R,
+    counts_per_rad: R,
+    output_lsb: R,
+}
+
+/// What the control law remembers from one period to the next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AceState<R> {
+    /// Integral part of the torque, Nm.
+    pub integral: R,
+    /// Speed error of the last period, rad/s.
+    pub previous_error: R,
+}
+
+impl<R: Real> Default for AceState<R> {
+    fn default() -> Self {
+        Self {
+            integral: R::zero(),
+            previous_error: R::zero(),
+        }
+    }
+}
+
+impl<R: Real> Ace<R> {
+    /// The controller of an actuator; `gain_factor` is that of the fault vector, `0.5 + k8`.
+    ///
+    /// The torque gain is the nominal one, whatever the motor's own k.
+    #[must_use]
+    pub fn new(params: &ActuatorParams, gain_factor: R) -> Self {
+        let ControllerParams {
+            period,
+            g_p,
+            k_p,
+            k_i,
+            k_d,
+            omega_max,
+            ..
+        } = params.controller;
+        let torque_gain = params.motor.torque_gain();
+        let lsb = params.sensors.output_lsb();
+        Self {
+            g_p: gain_factor * R::splat(g_p),
+            k_p: R::splat(k_p),
+            k_i_dt: R::splat(k_i * period),
+            k_d_over_dt: R::splat(k_d / period),
+            omega_max: R::splat(omega_max),
+            torque_max: R::splat(torque_gain * params.motor.i_max),
+            amps_per_torque: R::splat(1.0 / torque_gain),
+            counts_per_rad: R::splat(1.0 / lsb),
+            output_lsb: R::splat(lsb),
+        }
+    }
+
+    /// One control period: quadrature current reference I_ref, A.
+    ///
+    /// `e = θ_cmd − θ_out` with the feedback in whole encoder counts, rounded down;
+    /// `ω_ref = clamp(G_p (0.5 + k8) e, ±ω_max)`, in speed mode the commanded speed under the same limit; PID on
+    /// `ω_ref − ω_m`, the integrator frozen while the torque saturates; `T_ref = clamp(PID, ±G_T I_max)`;
+    /// `I_ref = T_ref / G_T`.
+    #[inline(always)]
+    pub fn step(&self, state: &mut AceState<R>, setpoint: Setpoint, theta_out: R, omega_m: R) -> R {
+        let omega_ref = match setpoint {
+            Setpoint::Idle => {
+                *state = AceState::default();
+                return R::zero();
+            }
+            Setpoint::Position(theta_cmd) => {
+                let counted = (theta_out * self.counts_per_rad).floor() * self.output_lsb;
+                (self.g_p * (R::splat(theta_cmd) - counted)).clamp_abs(self.omega_max)
+            }
+            Setpoint::Speed(omega_cmd) => R::splat(omega_cmd).clamp_abs(self.omega_max),
+        };
+        let error = omega_ref - omega_m;
+        let torque = self.k_p * error + state.integral + self.k_d_over_dt * (error - state.previous_error);
+        state.previous_error = error;
+        let saturated = self.torque_max.lt(torque.abs());
+        state.integral = R::select(saturated, state.integral, state.integral + self.k_i_dt * error);
+        torque.clamp_abs(self.torque_max) * self.amps_per_torque
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ace() -> Ace<f64> {
+        Ace::new(&ActuatorParams::bench(), 1.0)
+    }
+
+    #[test]
+    fn a_large_error_gives_full_current_and_freezes_the_integrator() {
+        let mut state = AceState::default();
+        let i_ref = ace().step(&mut state, Setpoint::Position(0.25), 0.0, 0.0);
+        assert!((i_ref - 10.7).abs() < 1e-12);
+        assert!(state.integral.abs() < 1e-12);
+    }
+
+    #[test]
+    fn feedback_is_counted_downwards() {
+        // One part in a thousand below a whole count reads as the count before: the error is a whole count.
+        let lsb = ActuatorParams::bench().sensors.output_lsb();
+        let i_ref = ace().step(
+            &mut AceState::default(),
+            Setpoint::Position(5.0 * lsb),
+            4.999 * lsb,
+            0.0,
+        );
+        assert!((i_ref - 0.4 * 2500.0 * lsb / 1.35).abs() < 1e-9, "{i_ref}");
+    }
+
+    #[test]
+    fn speed_mode_obeys_the_speed_limit() {
+        let at_limit = ace().step(&mut AceState::default(), Setpoint::Speed(500.0), 0.0, 190.0);
+        assert!((at_limit - 0.4 * 10.0 / 1.35).abs() < 1e-12, "{at_limit}");
+    }
+}

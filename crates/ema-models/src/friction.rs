@@ -1,0 +1,122 @@
+//! Dry friction after Borello: stuck below the static torque, a constant opposing torque when moving, and never a
+//! reversal without a stop. The gear's losses under load are part of it.
+
+use crate::fault::FaultVector;
+use crate::params::TransmissionParams;
+use crate::real::Real;
+
+/// Friction and load torques of one transmission in its present state of wear, at the motor shaft, Nm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DryFriction<R> {
+    /// Load torque T_l / n; positive when it opposes positive motion.
+    load: R,
+    /// Opposing torque when moving in the positive direction: T_d plus the gear's loss.
+    moving_positive: R,
+    /// Opposing torque when moving in the negative direction.
+    moving_negative: R,
+    /// Torque up to which the shaft stays stuck: T_s plus the gear's loss with the load opposing.
+    stuck: R,
+}
+
+impl DryFriction<f64> {
+    /// Friction with wear k1 under the output load torque `load_torque`, Nm (positive opposes positive motion).
+    ///
+    /// T_d and T_s grow by `1 + 2 k1`. The gear adds `(1/η_o − 1) |T_l/n|` while the load opposes the motion and
+    /// `(1 − η_a) |T_l/n|` while it aids; at rest the opposing value is added to T_s. k1 does not scale this part.
+    #[must_use]
+    pub fn new(transmission: &TransmissionParams, fault: &FaultVector, load_torque: f64) -> Self {
+        let load = load_torque / transmission.gear_ratio;
+        let opposing = (1.0 / transmission.efficiency_opposing - 1.0) * libm::fabs(load);
+        let aiding = (1.0 - transmission.efficiency_aiding) * libm::fabs(load);
+        let dynamic = transmission.friction_dynamic * fault.friction_factor();
+        let stuck = transmission.friction_static * fault.friction_factor() + opposing;
+        let (positive, negative) = if load > 0.0 {
+            (opposing, aiding)
+        } else {
+            (aiding, opposing)
+        };
+        Self {
+            load,
+            moving_positive: dynamic + positive,
+            moving_negative: dynamic + negative,
+            stuck,
+        }
+    }
+}
+
+impl<R: Real> DryFriction<R> {
+    /// The same friction in another number type, one field at a time.
+    #[must_use]
+    pub fn map<S>(self, mut f: impl FnMut(R) -> S) -> DryFriction<S> {
+        DryFriction {
+            load: f(self.load),
+            moving_positive: f(self.moving_positive),
+            moving_negative: f(self.moving_negative),
+            stuck: f(self.stuck),
+        }
+    }
+
+    /// Speed after one step of `J dω/dt = T_drive − T_l/n − T_dry`, rad/s.
+    ///
+    /// `drive` is the motor torque less the viscous part, `dt_over_j` the step over the inertia. From rest the shaft
+    /// moves only if the torque exceeds the static one; a step that would reverse the motion ends at rest.
+    ///
+    /// ```
+    /// use ema_models::{ActuatorParams, DryFriction, FaultVector};
+    /// let friction = DryFriction::new(&ActuatorParams::bench().transmission, &FaultVector::NOMINAL, 0.0);
+    /// assert_eq!(friction.step(0.0, 0.29, 0.01), 0.0); // below T_s = 0.30 Nm: stuck
+    /// assert!(friction.step(0.0, 0.31, 0.01) > 0.0);
+    /// assert_eq!(friction.step(0.001, 0.0, 0.01), 0.0); // stops, does not turn round
+    /// ```
+    #[inline(always)]
+    #[must_use]
+    pub fn step(&self, omega: R, drive: R, dt_over_j: R) -> R {
+        let zero = R::zero();
+        let net = drive - self.load;
+        let at_rest = omega.le(zero) & zero.le(omega);
+        let direction = R::select(at_rest, net, omega);
+        let dry = R::select(direction.lt(zero), -self.moving_negative, self.moving_positive);
+        let moved = omega + (net - dry) * dt_over_j;
+        let reversed = (moved * omega).lt(zero);
+        let stuck = at_rest & net.abs().le(self.stuck);
+        R::select(stuck | reversed, zero, moved)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::params::ActuatorParams;
+
+    fn bench(load_torque: f64) -> DryFriction<f64> {
+        DryFriction::new(
+            &ActuatorParams::bench().transmission,
+            &FaultVector::NOMINAL,
+            load_torque,
+        )
+    }
+
+    #[test]
+    fn an_opposing_load_costs_one_over_the_efficiency() {
+        // 65 Nm at the output: 0.65 Nm at the motor, 1.0 Nm with the gear's loss, and T_d = 0.15 Nm.
+        let omega = bench(65.0).step(10.0, 1.15, 1e-3);
+        assert!((omega - 10.0).abs() < 1e-12, "{omega}");
+    }
+
+    #[test]
+    fn an_aiding_load_gives_only_its_efficiency() {
+        // −100 Nm aids positive motion: 1 Nm at the motor, of which 0.51 arrives; 0.15 goes into dry friction.
+        let omega = bench(-100.0).step(10.0, 0.15 - 0.51, 1e-3);
+        assert!((omega - 10.0).abs() < 1e-12, "{omega}");
+    }
+
+    #[test]
+    fn wear_scales_both_torques_but_not_the_gear_loss() {
+        let mut worn = FaultVector::NOMINAL;
+        worn.friction = 1.0;
+        let t = ActuatorParams::bench().transmission;
+        let f = DryFriction::new(&t, &worn, 65.0);
+        assert!((f.moving_positive - (0.45 + 0.35)).abs() < 1e-12);
+        assert!((f.stuck - (0.90 + 0.35)).abs() < 1e-12);
+    }
+}

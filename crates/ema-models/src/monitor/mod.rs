@@ -1,0 +1,328 @@
+//! Low-fidelity monitor: the actuator averaged over its switching, cheap enough to run thousands of times a second.
+//!
+//! Controller, friction, backlash and windings are the reference's own; the current loop and the step are not. The step
+//! is written once, generic over [`Real`]. No allocation, no `std`.
+
+mod one_axis;
+mod three_phase;
+
+use crate::backlash::follow_through_play;
+use crate::control::{Ace, AceState, Setpoint};
+use crate::fault::FaultVector;
+use crate::frames::{dq_from_abc, phase_shapes};
+use crate::friction::DryFriction;
+use crate::params::ActuatorParams;
+use crate::real::Real;
+use crate::winding::{DerivedShape, PaperShape, Winding, derived_shape};
+
+/// How the monitor sees the motor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Form {
+    /// One equivalent phase with the shape functions of \[P\] eqs. 10 and 11 on resistance, back-EMF and torque.
+    Paper(PaperShape),
+    /// One equivalent phase with the derived shapes of resistance, inductance and back-EMF.
+    OneAxis,
+    /// Three averaged phases with the inverter's voltage limit: both axes, coupled by unequal phases.
+    ThreePhase,
+}
+
+/// What calibration against the reference may change in a monitor of one type of actuator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Calibration {
+    /// Form of the motor model, with the shapes' coefficients.
+    pub form: Form,
+    /// Factor on the back-EMF coefficient k.
+    pub back_emf: f64,
+    /// Factor on the torque gain.
+    pub torque: f64,
+}
+
+impl Calibration {
+    /// A monitor of the given form as derived, without any correction.
+    #[must_use]
+    pub const fn none(form: Form) -> Self {
+        Self {
+            form,
+            back_emf: 1.0,
+            torque: 1.0,
+        }
+    }
+}
+
+impl Default for Calibration {
+    fn default() -> Self {
+        Self::none(Form::ThreePhase)
+    }
+}
+
+/// Operating conditions of one window that are not faults.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Conditions {
+    /// Load torque at the output, Nm; positive opposes positive motion.
+    pub load_torque: f64,
+    /// DC link voltage, V.
+    pub v_dc: f64,
+}
+
+/// One monitor, or one lane each of several that differ in their fault vectors.
+#[derive(Clone, Copy, Debug)]
+pub struct Monitor<R> {
+    form: Form,
+    ace: Ace<R>,
+    friction: DryFriction<R>,
+    winding: Winding<R>,
+    half_play: R,
+    derived: Derived<R>,
+    steps_per_control: u32,
+    controls_per_sample: u32,
+}
+
+/// Constants that the step needs ready-made.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Derived<R> {
+    dt: R,
+    per_dt: R,
+    dt_over_j: R,
+    viscous: R,
+    per_gear: R,
+    pole_pairs: R,
+    half_v_dc: R,
+    phase_r: R,
+    phase_l: R,
+    /// k with its calibration, as back-EMF and as torque coefficient.
+    back_emf: R,
+    torque: R,
+    /// R_j.
+    r: [R; 3],
+    /// A_j = L_j/dt + R_j/2 and its inverse.
+    ohms: [R; 3],
+    siemens: [R; 3],
+    /// 1 / Σ siemens, over all phases and over the two others.
+    star_ohms: R,
+    star_ohms_without: [R; 3],
+}
+
+/// State of the monitor. Angles are relative to the window's [`Origin`].
+#[derive(Clone, Copy, Debug)]
+pub struct MonitorState<R> {
+    /// Phase currents, A (three-phase form).
+    i: [R; 3],
+    /// Quadrature current, A (one-axis forms).
+    i_q: R,
+    theta_m: R,
+    omega_m: R,
+    theta_out: R,
+    ace: AceState<R>,
+    i_ref: R,
+    /// Speed gained in the last step, rad/s.
+    gained: R,
+    sin_cos: (R, R),
+    emf_shapes: [R; 3],
+}
+
+/// What the monitor says of one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Output<R> {
+    /// Direct current, A.
+    pub i_d: R,
+    /// Quadrature current, A.
+    pub i_q: R,
+    /// Motor angle relative to the origin, rad.
+    pub theta_m: R,
+    /// Motor speed, rad/s.
+    pub omega_m: R,
+    /// Output angle relative to the origin, rad.
+    pub theta_out: R,
+}
+
+/// Where a window's relative angles start, so that they stay small enough for `f32`.
+///
+/// The output's origin is a whole encoder count, so that counting relative angles is counting absolute ones.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Origin {
+    /// Electrical angle at the motor's origin, rad.
+    pub theta_e: f64,
+    /// Output angle of the play's centre at the motor's origin, rad.
+    pub play_centre: f64,
+}
+
+/// Measured state at the beginning of a window, relative to its [`Origin`].
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct InitialState {
+    /// Where the relative angles start.
+    pub origin: Origin,
+    /// Motor angle, rad.
+    pub theta_m: f64,
+    /// Motor speed, rad/s.
+    pub omega_m: f64,
+    /// Direct and quadrature current, A; the speed loop's integrator is set to the torque of the latter.
+    pub i_dq: [f64; 2],
+    /// The output angle is in `[output_count, output_count + 1)` encoder counts of the relative angle.
+    pub output_count: f64,
+}
+
+/// Integration steps of the monitor per control period.
+pub(crate) const STEPS_PER_CONTROL: u32 = 2;
+
+impl Monitor<f64> {
+    /// A monitor of one actuator in one state of wear.
+    #[must_use]
+    pub fn new(
+        params: &ActuatorParams,
+        calibration: &Calibration,
+        conditions: Conditions,
+        fault: &FaultVector,
+    ) -> Self {
+        let (motor, transmission) = (&params.motor, &params.transmission);
+        let winding = Winding::new(fault);
+        let dt = params.controller.period / f64::from(STEPS_PER_CONTROL);
+        let r = winding.turns.map(|n| n * motor.r_s);
+        let ohms: [f64; 3] =
+            core::array::from_fn(|j| winding.turns[j] * winding.turns[j] * motor.l_s / dt + 0.5 * r[j]);
+        let siemens = ohms.map(|x| 1.0 / x);
+        let sum: f64 = siemens.iter().sum();
+        Self {
+            form: calibration.form,
+            ace: Ace::new(params, fault.gain_factor()),
+            friction: DryFriction::new(transmission, fault, conditions.load_torque),
+            winding,
+            half_play: 0.5 * transmission.backlash * fault.backlash_factor(),
+            derived: Derived {
+                dt,
+                per_dt: 1.0 / dt,
+                dt_over_j: dt / motor.j,
+                viscous: motor.c,
+                per_gear: 1.0 / transmission.gear_ratio,
+                pole_pairs: motor.pole_pairs,
+                half_v_dc: 0.5 * conditions.v_dc,
+                phase_r: motor.r_s,
+                phase_l: motor.l_s,
+                back_emf: motor.k * calibration.back_emf,
+                torque: motor.k * calibration.torque,
+                r,
+                ohms,
+                siemens,
+                star_ohms: 1.0 / sum,
+                star_ohms_without: siemens.map(|s| 1.0 / (sum - s)),
+            },
+            steps_per_control: STEPS_PER_CONTROL,
+            controls_per_sample: libm::round(1.0 / (params.sensors.sample_rate * params.controller.period)) as u32,
+        }
+    }
+}
+
+impl<R: Real> Monitor<R> {
+    /// State at the beginning of a window.
+    #[must_use]
+    pub fn start(&self, initial: &InitialState, output_lsb: f64) -> MonitorState<R> {
+        let theta_m = R::splat(initial.theta_m);
+        let sin_cos = self.angle(initial, theta_m).sin_cos_poly();
+        // The output is somewhere inside both the play and the encoder count that was read.
+        let centre = R::splat(initial.origin.play_centre) + theta_m * self.derived.per_gear;
+        let count = R::splat(initial.output_count * output_lsb);
+        let lower = (centre - self.half_play).max(count);
+        let upper = (centre + self.half_play).min(count + R::splat(output_lsb));
+        let [d, q] = initial.i_dq.map(R::splat);
+        let alpha_beta = crate::frames::alpha_beta_from_dq([d, q], sin_cos);
+        MonitorState {
+            i: crate::frames::abc_from_alpha_beta(alpha_beta),
+            i_q: q,
+            theta_m,
+            omega_m: R::splat(initial.omega_m),
+            theta_out: R::splat(0.5) * (lower + upper),
+            ace: AceState {
+                integral: q * self.derived.torque * R::splat(1.5),
+                previous_error: R::zero(),
+            },
+            i_ref: q,
+            gained: R::zero(),
+            sin_cos,
+            emf_shapes: self.winding.emf_shapes(sin_cos),
+        }
+    }
+
+    #[inline(always)]
+    fn angle(&self, initial: &InitialState, theta_m: R) -> R {
+        R::splat(initial.origin.theta_e) + self.derived.pole_pairs * theta_m
+    }
+
+    /// What the sensors would read now.
+    #[inline(always)]
+    pub fn output(&self, state: &MonitorState<R>) -> Output<R> {
+        let [i_d, i_q] = match self.form {
+            Form::ThreePhase => dq_from_abc(state.i, state.sin_cos),
+            Form::Paper(_) | Form::OneAxis => [R::zero(), state.i_q],
+        };
+        Output {
+            i_d,
+            i_q,
+            theta_m: state.theta_m,
+            omega_m: state.omega_m,
+            theta_out: state.theta_out,
+        }
+    }
+
+    /// Runs one sample period under the setpoint latched at its beginning (relative to the origin).
+    #[inline(always)]
+    pub fn sample(&self, state: &mut MonitorState<R>, initial: &InitialState, setpoint: Setpoint) {
+        for _ in 0..self.controls_per_sample {
+            state.i_ref = self.ace.step(&mut state.ace, setpoint, state.theta_out, state.omega_m);
+            for _ in 0..self.steps_per_control {
+                self.step(state, initial);
+            }
+        }
+    }
+
+    /// One integration step: currents to the predicted angle, then mechanics with the mean torque of both ends.
+    #[inline(always)]
+    fn step(&self, state: &mut MonitorState<R>, initial: &InitialState) {
+        let m = &self.derived;
+        let half = R::splat(0.5);
+        let omega = state.omega_m;
+        let omega_mid = omega + half * state.gained;
+        let ahead = state.theta_m + omega_mid * m.dt;
+        let sin_cos = self.angle(initial, ahead).sin_cos_poly();
+
+        let torque = match self.form {
+            Form::ThreePhase => {
+                let shapes = self.winding.emf_shapes(sin_cos);
+                let emf = core::array::from_fn(|j| half * (state.emf_shapes[j] + shapes[j]) * m.back_emf * omega_mid);
+                let target = phase_shapes(sin_cos).map(|s| state.i_ref * s);
+                let before = state.i;
+                state.i = three_phase::step(m, before, target, emf);
+                let mut sum = R::zero();
+                for j in 0..3 {
+                    sum = sum + state.emf_shapes[j] * before[j] + shapes[j] * state.i[j];
+                }
+                state.emf_shapes = shapes;
+                half * m.torque * sum
+            }
+            Form::OneAxis => self.one_axis(state, &derived_shape(&self.winding, state.sin_cos), omega_mid),
+            Form::Paper(paper) => {
+                let phi = paper.shape(&self.winding, state.sin_cos);
+                let shape = DerivedShape {
+                    emf: phi,
+                    resistance: phi,
+                    inductance: R::splat(1.0),
+                    inductance_slope: R::zero(),
+                };
+                self.one_axis(state, &shape, omega_mid)
+            }
+        };
+        state.sin_cos = sin_cos;
+
+        state.omega_m = self.friction.step(omega, torque - m.viscous * omega, m.dt_over_j);
+        state.gained = state.omega_m - omega;
+        state.theta_m = state.theta_m + half * (omega + state.omega_m) * m.dt;
+        let centre = R::splat(initial.origin.play_centre) + state.theta_m * m.per_gear;
+        state.theta_out = follow_through_play(state.theta_out, centre, self.half_play);
+    }
+
+    /// Advances the equivalent phase and gives the mean torque of the step.
+    #[inline(always)]
+    fn one_axis(&self, state: &mut MonitorState<R>, shape: &DerivedShape<R>, omega: R) -> R {
+        let before = state.i_q;
+        state.i_q = one_axis::step(&self.derived, before, state.i_ref, shape, omega, state.sin_cos);
+        R::splat(0.75) * self.derived.torque * shape.emf * (before + state.i_q)
+    }
+}

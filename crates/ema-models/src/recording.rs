@@ -1,0 +1,140 @@
+//! One actuation window as the sensors saw it, made ready for comparison with the monitor.
+
+use crate::control::Setpoint;
+use crate::frames::dq_from_abc;
+use crate::monitor::{InitialState, Origin};
+use crate::params::ActuatorParams;
+use crate::real::Real;
+
+/// One sample as the sensors saw it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SensedSample {
+    /// Sample number since t₀; the sample stands at t₀ + seq / f_s.
+    pub seq: u64,
+    /// Phase currents, A.
+    pub currents: [f64; 3],
+    /// Motor resolver, counts, multi-turn.
+    pub motor_counts: i64,
+    /// Output encoder, counts, multi-turn.
+    pub output_counts: i64,
+    /// Setpoint latched with the sample.
+    pub setpoint: Setpoint,
+}
+
+/// One sample in the monitor's terms; angles relative to the window's [`Origin`], at the middle of their count.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ComparedSample {
+    /// Direct current, A.
+    pub i_d: f64,
+    /// Quadrature current, A.
+    pub i_q: f64,
+    /// Motor angle, rad.
+    pub theta_m: f64,
+    /// Motor speed, rad/s: central difference of the angle.
+    pub omega_m: f64,
+    /// Output angle, rad.
+    pub theta_out: f64,
+    /// Setpoint, relative to the output's origin in position mode.
+    pub setpoint: Setpoint,
+}
+
+/// Samples of a window and the state it starts from.
+#[derive(Clone, Copy, Debug)]
+pub struct Recording<'a> {
+    /// Equally spaced samples, one sample period apart.
+    pub samples: &'a [ComparedSample],
+    /// State at the first sample.
+    pub initial: InitialState,
+}
+
+/// Makes a window ready: relative angles, currents in the rotor frame, speed, initial state.
+///
+/// Fills `into` from `sensed` (as many as both hold) and takes the initial state from the first `rest` samples, which
+/// precede the trigger: the speed is their mean one, the currents their means.
+///
+/// ```
+/// use ema_models::{prepare, ActuatorParams, SensedSample, Setpoint};
+/// let at_rest = SensedSample {
+///     seq: 0, currents: [0.0; 3], motor_counts: 16_384, output_counts: 50, setpoint: Setpoint::Position(0.0157),
+/// };
+/// let sensed = [at_rest; 4];
+/// let mut ready = Vec::new();
+/// ready.resize(4, Default::default());
+/// let initial = prepare(&ActuatorParams::bench(), &sensed, 4, &mut ready);
+/// // A quarter turn of the motor is one electrical turn with four pole pairs.
+/// assert!((initial.origin.theta_e - core::f64::consts::TAU).abs() < 1e-12 && initial.omega_m == 0.0);
+/// ```
+pub fn prepare(
+    params: &ActuatorParams,
+    sensed: &[SensedSample],
+    rest: usize,
+    into: &mut [ComparedSample],
+) -> InitialState {
+    let Some(first) = sensed.first() else {
+        return InitialState::default();
+    };
+    let sensors = &params.sensors;
+    let (motor_lsb, output_lsb) = (sensors.motor_lsb(), sensors.output_lsb());
+    let motor_angle = |s: &SensedSample| ((s.motor_counts - first.motor_counts) as f64 + 0.5) * motor_lsb;
+    let output_origin = first.output_counts as f64 * output_lsb;
+    // Whole turns leave theta_e and its precision alone.
+    let theta_e_0 =
+        params.motor.pole_pairs * first.motor_counts.rem_euclid(sensors.motor_counts_per_rev as i64) as f64 * motor_lsb;
+
+    let last = sensed.len().saturating_sub(1);
+    for (n, (s, ready)) in sensed.iter().zip(into.iter_mut()).enumerate() {
+        let theta_m = motor_angle(s);
+        let theta_e = theta_e_0 + params.motor.pole_pairs * theta_m;
+        let [i_d, i_q] = dq_from_abc(s.currents, theta_e.sin_cos_poly());
+        let (before, after) = (&sensed[n.saturating_sub(1)], &sensed[(n + 1).min(last)]);
+        let span = after.seq.saturating_sub(before.seq).max(1) as f64 / sensors.sample_rate;
+        *ready = ComparedSample {
+            i_d,
+            i_q,
+            theta_m,
+            omega_m: (after.motor_counts - before.motor_counts) as f64 * motor_lsb / span,
+            theta_out: ((s.output_counts - first.output_counts) as f64 + 0.5) * output_lsb,
+            setpoint: match s.setpoint {
+                Setpoint::Position(angle) => Setpoint::Position(angle - output_origin),
+                other => other,
+            },
+        };
+    }
+
+    let rest = rest.clamp(1, sensed.len().min(into.len()).max(1));
+    let mut i_dq = [0.0; 2];
+    for s in into.iter().take(rest) {
+        i_dq[0] += s.i_d / rest as f64;
+        i_dq[1] += s.i_q / rest as f64;
+    }
+    let turned = sensed[rest - 1].motor_counts - first.motor_counts;
+    // One count of dither is not motion.
+    let omega_m = if turned.abs() > 1 {
+        turned as f64 * motor_lsb * sensors.sample_rate / (rest.max(2) - 1) as f64
+    } else {
+        0.0
+    };
+    InitialState {
+        origin: Origin {
+            theta_e: theta_e_0,
+            play_centre: first.motor_counts as f64 * motor_lsb / params.transmission.gear_ratio - output_origin,
+        },
+        theta_m: 0.5 * motor_lsb,
+        omega_m,
+        i_dq,
+        output_count: 0.0,
+    }
+}
+
+impl Default for ComparedSample {
+    fn default() -> Self {
+        Self {
+            i_d: 0.0,
+            i_q: 0.0,
+            theta_m: 0.0,
+            omega_m: 0.0,
+            theta_out: 0.0,
+            setpoint: Setpoint::Idle,
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! High-fidelity reference: the three-phase switched actuator that stands in for the real one.
+//!
+//! One step is 1 µs: ACE every control period, three hysteresis comparators, unequal phases in star connection, dry
+//! friction, backlash. Nothing of the monitor's averaging is used here. Signals of one sample are latched together,
+//! before the step that starts at that instant; the ACE holds the setpoint latched with the last sample.
+
+mod inverter;
+mod pmsm;
+mod scenario;
+mod sensors;
+
+pub use inverter::Inverter;
+pub use pmsm::Phases;
+pub use scenario::{Actuations, Scenario, ScenarioRun};
+pub use sensors::{CurrentSensing, count};
+
+use crate::backlash::follow_through_play;
+use crate::control::{Ace, AceState, Setpoint};
+use crate::fault::FaultVector;
+use crate::frames::phase_shapes;
+use crate::friction::DryFriction;
+use crate::params::{ActuatorParams, REFERENCE_STEP};
+use crate::real::Real;
+use crate::winding::Winding;
+
+/// Constants of one simulated actuator in one state of wear.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    ace: Ace<f64>,
+    half_band: f64,
+    v_dc: f64,
+    pole_pairs: f64,
+    k: f64,
+    viscous: f64,
+    step: f64,
+    step_over_j: f64,
+    steps_per_period: u64,
+    phases: Phases,
+    winding: Winding<f64>,
+    friction: DryFriction<f64>,
+    gear_ratio: f64,
+    half_play: f64,
+}
+
+/// State of the simulated actuator.
+#[derive(Clone, Copy, Debug)]
+pub struct ReferenceState {
+    /// Steps taken since t₀.
+    pub steps: u64,
+    /// Phase currents, A.
+    pub i: [f64; 3],
+    /// Motor angle, rad.
+    pub theta_m: f64,
+    /// Motor speed, rad/s.
+    pub omega_m: f64,
+    /// Output angle, rad.
+    pub theta_out: f64,
+    /// Quadrature current reference of the running control period, A.
+    pub i_ref: f64,
+    /// Torque of the last step, Nm.
+    pub torque: f64,
+    /// Phase voltages of the last step, V.
+    pub v: [f64; 3],
+    ace: AceState<f64>,
+    inverter: Inverter,
+}
+
+impl ReferenceState {
+    /// At rest, without current, at the given angles, rad.
+    #[must_use]
+    pub fn at_rest(theta_m: f64, theta_out: f64) -> Self {
+        Self {
+            steps: 0,
+            i: [0.0; 3],
+            theta_m,
+            omega_m: 0.0,
+            theta_out,
+            i_ref: 0.0,
+            torque: 0.0,
+            v: [0.0; 3],
+            ace: AceState::default(),
+            inverter: Inverter::default(),
+        }
+    }
+}
+
+impl Reference {
+    /// An actuator whose hardware is `unit` and whose controller was set for `nominal`, under a fault vector and a
+    /// constant load torque at the output, Nm (positive opposes positive motion).
+    ///
+    /// `unit` and `nominal` differ when a motor's own k, R or J is off: the controller keeps the nominal torque gain.
+    #[must_use]
+    pub fn new(unit: &ActuatorParams, nominal: &ActuatorParams, fault: &FaultVector, load_torque: f64) -> Self {
+        Self::with_step(unit, nominal, fault, load_torque, REFERENCE_STEP)
+    }
+
+    /// The same with another step than 1 µs, for convergence studies; the control period is a whole number of them.
+    #[must_use]
+    pub fn with_step(
+        unit: &ActuatorParams,
+        nominal: &ActuatorParams,
+        fault: &FaultVector,
+        load_torque: f64,
+        step: f64,
+    ) -> Self {
+        let winding = Winding::new(fault);
+        Self {
+            ace: Ace::new(nominal, fault.gain_factor()),
+            half_band: nominal.controller.hysteresis,
+            v_dc: unit.motor.v_dc,
+            pole_pairs: unit.motor.pole_pairs,
+            k: unit.motor.k,
+            viscous: unit.motor.c,
+            step,
+            step_over_j: step / unit.motor.j,
+            steps_per_period: (nominal.controller.period / step).round() as u64,
+            phases: Phases::new(&unit.motor, winding.turns),
+            winding,
+            friction: DryFriction::new(&unit.transmission, fault, load_torque),
+            gear_ratio: unit.transmission.gear_ratio,
+            half_play: 0.5 * unit.transmission.backlash * fault.backlash_factor(),
+        }
+    }
+
+    /// One step of the whole actuator; `setpoint` is the one latched with the last sample.
+    pub fn step(&self, state: &mut ReferenceState, setpoint: Setpoint) {
+        if state.steps.is_multiple_of(self.steps_per_period) {
+            state.i_ref = self.ace.step(&mut state.ace, setpoint, state.theta_out, state.omega_m);
+        }
+        let sin_cos = (self.pole_pairs * state.theta_m).sin_cos_poly();
+        let i_ref = phase_shapes(sin_cos).map(|s| state.i_ref * s);
+        state.v = state.inverter.switch(i_ref, state.i, self.half_band, self.v_dc);
+
+        let k_j = self.winding.emf_shapes(sin_cos).map(|shape| self.k * shape);
+        let di = self.phases.derivative(state.v, k_j.map(|k| k * state.omega_m), state.i);
+        state.torque = (0..3).map(|j| k_j[j] * state.i[j]).sum();
+        for j in 0..3 {
+            state.i[j] += di[j] * self.step;
+        }
+
+        let before = state.omega_m;
+        state.omega_m = self
+            .friction
+            .step(before, state.torque - self.viscous * before, self.step_over_j);
+        state.theta_m += 0.5 * (before + state.omega_m) * self.step;
+        state.theta_out = follow_through_play(state.theta_out, state.theta_m / self.gear_ratio, self.half_play);
+        state.steps += 1;
+    }
+}

@@ -1,0 +1,167 @@
+//! Actuations one after the other, sampled as the control electronics would send them.
+
+use super::sensors::{CurrentSensing, count};
+use super::{Reference, ReferenceState};
+use crate::command::Profile;
+use crate::control::Setpoint;
+use crate::fault::FaultVector;
+use crate::params::{ActuatorParams, REFERENCE_STEP};
+use crate::recording::SensedSample;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// A series of equal actuations with rests between them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Actuations {
+    /// What each actuation commands; the direction changes from one to the next.
+    pub profile: Profile,
+    /// How many.
+    pub count: u32,
+    /// Rest before the first and after each, s.
+    pub rest: f64,
+    /// Length of each actuation, s; then its last setpoint is held.
+    pub length: f64,
+}
+
+impl Actuations {
+    /// One window of the given profile, as the accuracy suites use it.
+    #[must_use]
+    pub fn one(profile: Profile) -> Self {
+        Self {
+            profile,
+            count: 1,
+            rest: 0.04,
+            length: 0.5,
+        }
+    }
+
+    /// Duration of the whole series, s.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        self.rest + f64::from(self.count) * (self.length + self.rest)
+    }
+
+    /// Commanded angle at time t relative to the first rest position, rad, for a first direction `sign`.
+    fn angle(&self, t: f64, sign: f64) -> f64 {
+        let cycle = self.length + self.rest;
+        let since_first = t - self.rest;
+        if since_first < 0.0 {
+            return 0.0;
+        }
+        let done = ((since_first / cycle).floor()).min(f64::from(self.count) - 1.0);
+        let travel = self.profile.angle(self.length);
+        // Directions alternate, so after an odd number of actuations one travel is left over.
+        let base = if done % 2.0 == 0.0 { 0.0 } else { sign * travel };
+        let direction = if done % 2.0 == 0.0 { sign } else { -sign };
+        base + direction * self.profile.angle((since_first - done * cycle).min(self.length))
+    }
+}
+
+/// Everything that decides what a simulated actuator sends.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    /// The actuator type: what its controller is set for.
+    pub nominal: ActuatorParams,
+    /// This very unit.
+    pub unit: ActuatorParams,
+    /// Its state of wear.
+    pub fault: FaultVector,
+    /// Constant load at the output, Nm; positive opposes positive motion.
+    pub load_torque: f64,
+    /// Current sensors.
+    pub sensing: CurrentSensing,
+    /// What is commanded.
+    pub actuations: Actuations,
+    /// Draws the initial rotor angle, the place in the backlash, the sign of the command and the noise.
+    pub seed: u64,
+}
+
+/// Resolution of a transmitted position setpoint, rad.
+const SETPOINT_LSB: f64 = 1e-6;
+
+impl Scenario {
+    /// A healthy `bench`-like unit of one type with ideal current sensors, one mixed actuation.
+    #[must_use]
+    pub fn new(params: ActuatorParams, fault: FaultVector, seed: u64) -> Self {
+        Self {
+            nominal: params,
+            unit: params,
+            fault,
+            load_torque: 0.0,
+            sensing: CurrentSensing::IDEAL,
+            actuations: Actuations::one(Profile::Mixed),
+            seed,
+        }
+    }
+
+    /// Starts the simulation; the samples come out of the iterator.
+    #[must_use]
+    pub fn run(&self) -> ScenarioRun {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        let reference = Reference::new(&self.unit, &self.nominal, &self.fault, self.load_torque);
+        let theta_m = rng.random_range(0.0..core::f64::consts::TAU);
+        let place = rng.random_range(-1.0..1.0);
+        let sign = if rng.random_bool(0.5) { 1.0 } else { -1.0 };
+        let theta_out = theta_m / reference.gear_ratio + place * reference.half_play;
+        let lsb = self.nominal.sensors.output_lsb();
+        ScenarioRun {
+            state: ReferenceState::at_rest(theta_m, theta_out),
+            reference,
+            scenario: self.clone(),
+            rest_angle: count(theta_out, lsb) as f64 * lsb,
+            sign,
+            seq: 0,
+            samples: (self.actuations.duration() * self.nominal.sensors.sample_rate).round() as u64,
+            steps_per_sample: (1.0 / (self.nominal.sensors.sample_rate * REFERENCE_STEP)).round() as u64,
+            rng,
+        }
+    }
+}
+
+/// A running simulation: an iterator of samples.
+#[derive(Clone, Debug)]
+pub struct ScenarioRun {
+    reference: Reference,
+    state: ReferenceState,
+    scenario: Scenario,
+    rest_angle: f64,
+    sign: f64,
+    seq: u64,
+    samples: u64,
+    steps_per_sample: u64,
+    rng: ChaCha8Rng,
+}
+
+impl ScenarioRun {
+    /// The true state behind the last sample, one sample period later.
+    #[must_use]
+    pub fn state(&self) -> &ReferenceState {
+        &self.state
+    }
+}
+
+impl Iterator for ScenarioRun {
+    type Item = SensedSample;
+
+    fn next(&mut self) -> Option<SensedSample> {
+        if self.seq >= self.samples {
+            return None;
+        }
+        let sensors = &self.scenario.nominal.sensors;
+        let t = self.seq as f64 / sensors.sample_rate;
+        let commanded = self.rest_angle + self.scenario.actuations.angle(t, self.sign);
+        let setpoint = Setpoint::Position((commanded / SETPOINT_LSB).round() * SETPOINT_LSB);
+        let sample = SensedSample {
+            seq: self.seq,
+            currents: self.scenario.sensing.read(sensors, self.state.i, &mut self.rng),
+            motor_counts: count(self.state.theta_m, sensors.motor_lsb()),
+            output_counts: count(self.state.theta_out, sensors.output_lsb()),
+            setpoint,
+        };
+        for _ in 0..self.steps_per_sample {
+            self.reference.step(&mut self.state, setpoint);
+        }
+        self.seq += 1;
+        Some(sample)
+    }
+}

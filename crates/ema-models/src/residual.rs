@@ -1,0 +1,240 @@
+//! Residuals: measured minus modelled, per sample and signal, and the costs made of them.
+
+use crate::fault::{FAULT_COUNT, FaultVector};
+use crate::monitor::{Calibration, Conditions, Monitor, Output};
+use crate::params::ActuatorParams;
+use crate::real::Real;
+use crate::recording::{ComparedSample, Recording};
+
+/// Number of signals that can be compared.
+pub const SIGNAL_COUNT: usize = 5;
+
+/// One number per compared signal: `i_d`, `i_q`, motor angle, motor speed, output angle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Signals<T> {
+    /// Direct current, A.
+    pub i_d: T,
+    /// Quadrature current, A.
+    pub i_q: T,
+    /// Motor angle, rad.
+    pub theta_m: T,
+    /// Motor speed, rad/s.
+    pub omega_m: T,
+    /// Output angle, rad.
+    pub theta_out: T,
+}
+
+impl<T: Copy> Signals<T> {
+    /// As an array, in the order of the fields.
+    #[must_use]
+    pub fn to_array(self) -> [T; SIGNAL_COUNT] {
+        [self.i_d, self.i_q, self.theta_m, self.omega_m, self.theta_out]
+    }
+
+    /// From an array, in the order of the fields.
+    #[must_use]
+    pub fn from_array(a: [T; SIGNAL_COUNT]) -> Self {
+        Self {
+            i_d: a[0],
+            i_q: a[1],
+            theta_m: a[2],
+            omega_m: a[3],
+            theta_out: a[4],
+        }
+    }
+}
+
+/// Weight of each signal: the inverse of its expected residual (1/A, 1/rad, s/rad); 0 leaves a signal out.
+pub type Weights = Signals<f64>;
+
+impl Weights {
+    /// Only the quadrature current, as \[P\] compares.
+    pub const CURRENT_ONLY: Self = Self {
+        i_d: 0.0,
+        i_q: 1.0,
+        theta_m: 0.0,
+        omega_m: 0.0,
+        theta_out: 0.0,
+    };
+}
+
+/// Everything a fault vector is judged by: one window, the actuator type, the monitor's calibration, the weights.
+#[derive(Clone, Copy, Debug)]
+pub struct Comparison<'a> {
+    /// The measured window.
+    pub recording: Recording<'a>,
+    /// The actuator, as known.
+    pub params: &'a ActuatorParams,
+    /// The monitor's calibration.
+    pub calibration: &'a Calibration,
+    /// Load and supply during the window.
+    pub conditions: Conditions,
+    /// What counts how much.
+    pub weights: Weights,
+}
+
+/// Normal equations of a least-squares problem in the eight fault coordinates of [`Coordinates`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NormalEquations {
+    /// `JᵀJ`.
+    pub jtj: [[f64; FAULT_COUNT]; FAULT_COUNT],
+    /// `Jᵀr`.
+    pub jtr: [f64; FAULT_COUNT],
+    /// `½ Σ r²`.
+    pub cost: f64,
+}
+
+/// The fault vector with the eccentricity in Cartesian form: `[k1…k5, ζ cos φ_e, ζ sin φ_e, k8]`.
+///
+/// Smooth where amplitude and direction are not: at k6 = 0 and across φ_e = ±π.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coordinates(pub [f64; FAULT_COUNT]);
+
+impl From<FaultVector> for Coordinates {
+    fn from(fault: FaultVector) -> Self {
+        let mut x = fault.to_array();
+        let phi = fault.eccentricity_angle();
+        x[5] = fault.eccentricity * libm::cos(phi);
+        x[6] = fault.eccentricity * libm::sin(phi);
+        Self(x)
+    }
+}
+
+impl From<Coordinates> for FaultVector {
+    /// Limits every component to [0, 1]; without eccentricity the phase is the nominal ½.
+    fn from(Coordinates(x): Coordinates) -> Self {
+        let mut k = x;
+        k[5] = libm::hypot(x[5], x[6]);
+        k[6] = if k[5] > 0.0 {
+            0.5 * (libm::atan2(x[6], x[5]) / core::f64::consts::PI + 1.0)
+        } else {
+            0.5
+        };
+        Self::from_array(k.map(|v| v.clamp(0.0, 1.0)))
+    }
+}
+
+impl Comparison<'_> {
+    /// The monitor of this window for one fault vector.
+    #[must_use]
+    pub fn monitor(&self, fault: &FaultVector) -> Monitor<f64> {
+        Monitor::new(self.params, self.calibration, self.conditions, fault)
+    }
+
+    /// Runs monitors side by side over the window and shows each sample beside their outputs.
+    #[inline(always)]
+    fn run<R: Real, const M: usize>(
+        &self,
+        monitors: &[Monitor<R>; M],
+        mut visit: impl FnMut(&ComparedSample, [Output<R>; M]),
+    ) {
+        let initial = &self.recording.initial;
+        let output_lsb = self.params.sensors.output_lsb();
+        let mut states = core::array::from_fn::<_, M, _>(|m| monitors[m].start(initial, output_lsb));
+        for sample in self.recording.samples {
+            visit(sample, core::array::from_fn(|m| monitors[m].output(&states[m])));
+            for (monitor, state) in monitors.iter().zip(&mut states) {
+                monitor.sample(state, initial, sample.setpoint);
+            }
+        }
+    }
+
+    /// Residuals of one fault vector, unweighted, sample by sample.
+    pub fn residuals(&self, fault: &FaultVector, mut visit: impl FnMut(&ComparedSample, Signals<f64>)) {
+        self.run(&[self.monitor(fault)], |sample, [output]| {
+            visit(sample, residual(sample, &output))
+        });
+    }
+
+    /// Plain least-squares cost: mean over the samples of `½ Σ (w r)²` over the signals.
+    #[must_use]
+    pub fn least_squares(&self, fault: &FaultVector) -> f64 {
+        let weights = self.weights.to_array();
+        let mut sum = 0.0;
+        self.residuals(fault, |_, r| {
+            for (r, w) in r.to_array().iter().zip(weights) {
+                sum += (w * r) * (w * r);
+            }
+        });
+        0.5 * sum / self.recording.samples.len().max(1) as f64
+    }
+
+    /// The paper's modified total least squares, \[P\] eq. 14 with its evident square:
+    /// `Σ (I_HF − I_LF)² / √((τ dI_HF/dt)² + 1)`, on the quadrature current, as a mean over the samples.
+    ///
+    /// `time_scale` τ, s/A, makes the derivative dimensionless. Tolerant of small delays where the current is steep.
+    #[must_use]
+    pub fn modified_total_least_squares(&self, fault: &FaultVector, time_scale: f64) -> f64 {
+        let samples = self.recording.samples;
+        let per_period = self.params.sensors.sample_rate;
+        let (mut sum, mut n) = (0.0, 0usize);
+        self.residuals(fault, |_, r| {
+            let (before, after) = (&samples[n.saturating_sub(1)], &samples[(n + 1).min(samples.len() - 1)]);
+            let span = if n == 0 || n + 1 == samples.len() { 1.0 } else { 2.0 };
+            let slope = time_scale * (after.i_q - before.i_q) * per_period / span;
+            sum += r.i_q * r.i_q / libm::sqrt(slope * slope + 1.0);
+            n += 1;
+        });
+        sum / samples.len().max(1) as f64
+    }
+
+    /// Normal equations at a point, by forward differences of nine monitors run side by side.
+    ///
+    /// The differences step by 0.002 towards the inside of the box, so no fault vector leaves it.
+    #[must_use]
+    pub fn normal_equations(&self, at: &Coordinates) -> NormalEquations {
+        let steps: [f64; FAULT_COUNT] = core::array::from_fn(|p| {
+            if at.0[p] > 0.5 {
+                -DIFFERENCE_STEP
+            } else {
+                DIFFERENCE_STEP
+            }
+        });
+        let monitors: [Monitor<f64>; FAULT_COUNT + 1] = core::array::from_fn(|m| {
+            let mut x = *at;
+            if m > 0 {
+                x.0[m - 1] += steps[m - 1];
+            }
+            self.monitor(&x.into())
+        });
+        let weights = self.weights.to_array();
+        let mut sums = NormalEquations::default();
+        self.run(&monitors, |sample, outputs| {
+            let residuals = outputs.map(|o| residual(sample, &o).to_array());
+            for (s, w) in weights.into_iter().enumerate() {
+                if w <= 0.0 {
+                    continue;
+                }
+                let r = w * residuals[0][s];
+                let slope: [f64; FAULT_COUNT] = core::array::from_fn(|p| (w * residuals[p + 1][s] - r) / steps[p]);
+                sums.cost += 0.5 * r * r;
+                for p in 0..FAULT_COUNT {
+                    sums.jtr[p] += slope[p] * r;
+                    for q in 0..=p {
+                        sums.jtj[p][q] += slope[p] * slope[q];
+                    }
+                }
+            }
+        });
+        for p in 0..FAULT_COUNT {
+            for q in 0..p {
+                sums.jtj[q][p] = sums.jtj[p][q];
+            }
+        }
+        sums
+    }
+}
+
+/// Step of the forward differences. Small enough for the curvature, large enough to average over the encoder's steps.
+pub(crate) const DIFFERENCE_STEP: f64 = 2e-3;
+
+/// Measured minus modelled.
+fn residual(sample: &ComparedSample, output: &Output<f64>) -> Signals<f64> {
+    Signals {
+        i_d: sample.i_d - output.i_d,
+        i_q: sample.i_q - output.i_q,
+        theta_m: sample.theta_m - output.theta_m,
+        omega_m: sample.omega_m - output.omega_m,
+        theta_out: sample.theta_out - output.theta_out,
+    }
+}

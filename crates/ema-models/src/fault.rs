@@ -206,8 +206,8 @@ mod tests {
     fn two_full_shorts_are_held_at_99_percent() {
         let mut k = FaultVector::NOMINAL;
         k.short_a = 1.0;
-        assert_eq!(k.turns().map(|n| (n * 100.0).round()), [1.0, 100.0, 100.0]);
+        assert_eq!(k.turns().map(|n| (n * 100.0).round() as u32), [1, 100, 100]);
         k.short_b = 1.0;
-        assert_eq!(k.turns().map(|n| (n * 100.0).round()), [1.0, 1.0, 100.0]);
+        assert_eq!(k.turns().map(|n| (n * 100.0).round() as u32), [1, 1, 100]);
     }
 }

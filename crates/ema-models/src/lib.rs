@@ -35,7 +35,10 @@ pub use frames::{
     abc_from_alpha_beta, alpha_beta_from_abc, alpha_beta_from_dq, dq_from_abc, dq_from_alpha_beta, phase_shapes,
 };
 pub use friction::DryFriction;
-pub use monitor::{Calibration, Conditions, Form, InitialState, Monitor, MonitorState, Origin, Output};
+pub use monitor::{
+    Calibration, Conditions, Form, InitialState, Monitor, MonitorState, Origin, Output, RIPPLE_DEFAULT, RIPPLE_KNOTS,
+    RIPPLE_SPACING,
+};
 pub use params::{
     ActuatorParams, ControllerParams, Expected, MotorParams, ParamsError, REFERENCE_STEP, SensorParams,
     TransmissionParams,

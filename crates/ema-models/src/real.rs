@@ -33,6 +33,9 @@ pub trait Real:
     /// Nearest integer, ties to even; exact for magnitudes below 2²² (`f32`) or 2⁵¹ (`f64`).
     fn round(self) -> Self;
 
+    /// Square root, correctly rounded; NaN below zero.
+    fn sqrt(self) -> Self;
+
     /// Zero.
     #[inline(always)]
     fn zero() -> Self {
@@ -134,7 +137,7 @@ fn polynomial<R: Real>(x: R, coefficients: &[f64]) -> R {
 }
 
 macro_rules! scalar {
-    ($t:ty, $magic:expr) => {
+    ($t:ty, $magic:expr, $sqrt:path) => {
         impl Real for $t {
             type Mask = bool;
 
@@ -163,12 +166,16 @@ macro_rules! scalar {
                 // Adding 1.5 * 2^(mantissa bits) pushes the fraction out of the mantissa, with ties to even.
                 (self + $magic) - $magic
             }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                $sqrt(self)
+            }
         }
     };
 }
 
-scalar!(f64, 6_755_399_441_055_744.0);
-scalar!(f32, 12_582_912.0);
+scalar!(f64, 6_755_399_441_055_744.0, libm::sqrt);
+scalar!(f32, 12_582_912.0, libm::sqrtf);
 
 #[cfg(test)]
 mod tests {

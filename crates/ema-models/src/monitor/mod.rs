@@ -4,16 +4,20 @@
 //! is written once, generic over [`Real`]. No allocation, no `std`.
 
 mod one_axis;
+mod ripple;
 mod three_phase;
+
+pub use ripple::{RIPPLE_DEFAULT, RIPPLE_KNOTS, RIPPLE_SPACING};
 
 use crate::backlash::follow_through_play;
 use crate::control::{Ace, AceState, Setpoint};
 use crate::fault::FaultVector;
-use crate::frames::{dq_from_abc, phase_shapes};
+use crate::frames::{abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc, gap_cosines, phase_shapes};
 use crate::friction::DryFriction;
 use crate::params::ActuatorParams;
 use crate::real::Real;
 use crate::winding::{DerivedShape, PaperShape, Winding, derived_shape};
+use ripple::RippleCurve;
 
 /// How the monitor sees the motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,17 +39,15 @@ pub struct Calibration {
     pub back_emf: f64,
     /// Factor on the torque gain.
     pub torque: f64,
+    /// Knots of the mean shortfall of the currents inside the hysteresis band, in half bands (three-phase form).
+    pub ripple: [f64; RIPPLE_KNOTS],
 }
 
 impl Calibration {
     /// A monitor of the given form as derived, without any correction.
     #[must_use]
     pub const fn none(form: Form) -> Self {
-        Self {
-            form,
-            back_emf: 1.0,
-            torque: 1.0,
-        }
+        Self { form, back_emf: 1.0, torque: 1.0, ripple: RIPPLE_DEFAULT }
     }
 }
 
@@ -72,6 +74,7 @@ pub struct Monitor<R> {
     friction: DryFriction<R>,
     winding: Winding<R>,
     half_play: R,
+    ripple: RippleCurve<R>,
     derived: Derived<R>,
     steps_per_control: u32,
     controls_per_sample: u32,
@@ -87,13 +90,15 @@ pub(crate) struct Derived<R> {
     per_gear: R,
     pole_pairs: R,
     half_v_dc: R,
+    per_half_v_dc: R,
     phase_r: R,
     phase_l: R,
     /// k with its calibration, as back-EMF and as torque coefficient.
     back_emf: R,
     torque: R,
-    /// R_j.
+    /// R_j and P L_j.
     r: [R; 3],
+    reactance: [R; 3],
     /// A_j = L_j/dt + R_j/2 and its inverse.
     ohms: [R; 3],
     siemens: [R; 3],
@@ -113,7 +118,8 @@ pub struct MonitorState<R> {
     omega_m: R,
     theta_out: R,
     ace: AceState<R>,
-    i_ref: R,
+    /// References of the direct and quadrature current, the band's mean effect included, A.
+    i_ref: [R; 2],
     /// Speed gained in the last step, rad/s.
     gained: R,
     sin_cos: (R, R),
@@ -187,6 +193,7 @@ impl Monitor<f64> {
             friction: DryFriction::new(transmission, fault, conditions.load_torque),
             winding,
             half_play: 0.5 * transmission.backlash * fault.backlash_factor(),
+            ripple: RippleCurve::new(&calibration.ripple, params.controller.hysteresis),
             derived: Derived {
                 dt,
                 per_dt: 1.0 / dt,
@@ -195,11 +202,13 @@ impl Monitor<f64> {
                 per_gear: 1.0 / transmission.gear_ratio,
                 pole_pairs: motor.pole_pairs,
                 half_v_dc: 0.5 * conditions.v_dc,
+                per_half_v_dc: 2.0 / conditions.v_dc,
                 phase_r: motor.r_s,
                 phase_l: motor.l_s,
                 back_emf: motor.k * calibration.back_emf,
                 torque: motor.k * calibration.torque,
                 r,
+                reactance: winding.turns.map(|n| motor.pole_pairs * n * n * motor.l_s),
                 ohms,
                 siemens,
                 star_ohms: 1.0 / sum,
@@ -223,9 +232,8 @@ impl<R: Real> Monitor<R> {
         let lower = (centre - self.half_play).max(count);
         let upper = (centre + self.half_play).min(count + R::splat(output_lsb));
         let [d, q] = initial.i_dq.map(R::splat);
-        let alpha_beta = crate::frames::alpha_beta_from_dq([d, q], sin_cos);
         MonitorState {
-            i: crate::frames::abc_from_alpha_beta(alpha_beta),
+            i: abc_from_alpha_beta(alpha_beta_from_dq([d, q], sin_cos)),
             i_q: q,
             theta_m,
             omega_m: R::splat(initial.omega_m),
@@ -234,7 +242,7 @@ impl<R: Real> Monitor<R> {
                 integral: q * self.derived.torque * R::splat(1.5),
                 previous_error: R::zero(),
             },
-            i_ref: q,
+            i_ref: [d, q],
             gained: R::zero(),
             sin_cos,
             emf_shapes: self.winding.emf_shapes(sin_cos),
@@ -266,11 +274,34 @@ impl<R: Real> Monitor<R> {
     #[inline(always)]
     pub fn sample(&self, state: &mut MonitorState<R>, initial: &InitialState, setpoint: Setpoint) {
         for _ in 0..self.controls_per_sample {
-            state.i_ref = self.ace.step(&mut state.ace, setpoint, state.theta_out, state.omega_m);
+            let i_ref = self.ace.step(&mut state.ace, setpoint, state.theta_out, state.omega_m);
+            state.i_ref = match self.form {
+                Form::ThreePhase => self.mean_currents(state, i_ref),
+                Form::Paper(_) | Form::OneAxis => [R::zero(), i_ref],
+            };
             for _ in 0..self.steps_per_control {
                 self.step(state, initial);
             }
         }
+    }
+
+    /// Mean direct and quadrature current that the comparators hold for a reference, A.
+    #[inline(always)]
+    fn mean_currents(&self, state: &MonitorState<R>, i_ref: R) -> [R; 2] {
+        let m = &self.derived;
+        let shapes = phase_shapes(state.sin_cos);
+        // ds_j/dtheta_e = −cos(theta_e − 2πj/3): phases B and C change places in the gap's cosines.
+        let along = gap_cosines(state.sin_cos);
+        let slopes = [-along[0], -along[2], -along[1]];
+        // Voltage that carries the reference steadily round.
+        let v = core::array::from_fn(|j| {
+            i_ref * (m.r[j] * shapes[j] + m.reactance[j] * state.omega_m * slopes[j])
+                + m.back_emf * state.emf_shapes[j] * state.omega_m
+        });
+        let [v_d, v_q] = dq_from_abc(v, state.sin_cos);
+        let length = (v_d * v_d + v_q * v_q).sqrt();
+        let per_volt = self.ripple.shortfall(length * m.per_half_v_dc) / length.max(R::splat(1e-6));
+        [-per_volt * v_d, i_ref - per_volt * v_q]
     }
 
     /// One integration step: currents to the predicted angle, then mechanics with the mean torque of both ends.
@@ -287,7 +318,7 @@ impl<R: Real> Monitor<R> {
             Form::ThreePhase => {
                 let shapes = self.winding.emf_shapes(sin_cos);
                 let emf = core::array::from_fn(|j| half * (state.emf_shapes[j] + shapes[j]) * m.back_emf * omega_mid);
-                let target = phase_shapes(sin_cos).map(|s| state.i_ref * s);
+                let target = abc_from_alpha_beta(alpha_beta_from_dq(state.i_ref, sin_cos));
                 let before = state.i;
                 state.i = three_phase::step(m, before, target, emf);
                 let mut sum = R::zero();
@@ -322,7 +353,7 @@ impl<R: Real> Monitor<R> {
     #[inline(always)]
     fn one_axis(&self, state: &mut MonitorState<R>, shape: &DerivedShape<R>, omega: R) -> R {
         let before = state.i_q;
-        state.i_q = one_axis::step(&self.derived, before, state.i_ref, shape, omega, state.sin_cos);
+        state.i_q = one_axis::step(&self.derived, before, state.i_ref[1], shape, omega, state.sin_cos);
         R::splat(0.75) * self.derived.torque * shape.emf * (before + state.i_q)
     }
 }

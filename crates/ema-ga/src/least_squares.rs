@@ -1,0 +1,264 @@
+//! Bounded Levenberg-Marquardt: refines a point near the solution of a nonlinear least-squares problem.
+
+use nalgebra::{Cholesky, SMatrix, SVector};
+
+use crate::problem::Bounds;
+
+/// A sum of squares `0.5 sum r^2`, given by its normal equations.
+///
+/// The caller forms `J^T J` itself while it streams over its samples; no residual vector need ever exist.
+pub trait Residuals<const D: usize> {
+    /// Writes `J^T J` and `J^T r`, with `J = dr/dgenes`, and returns the cost `0.5 sum r^2`.
+    ///
+    /// Both arrive filled with zeros. Derivatives may be finite differences; at a bound they have to look inwards.
+    fn normal_equations(&self, genes: &[f64; D], jtj: &mut SMatrix<f64, D, D>, jtr: &mut SVector<f64, D>) -> f64;
+
+    /// The cost alone.
+    fn cost(&self, genes: &[f64; D]) -> f64;
+}
+
+/// Settings of [`levenberg_marquardt`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LmConfig {
+    /// Linearisations at most.
+    pub max_iterations: u32,
+    /// Calls of [`Residuals::normal_equations`] and [`Residuals::cost`] together at most; at least 1.
+    pub max_evaluations: u32,
+    /// Converged when, for every free gene, the cosine between its column of `J` and `r` is at most this.
+    pub gradient_tolerance: f64,
+    /// Converged when a step changes no gene by more than this, relative to the width of the box.
+    pub step_tolerance: f64,
+    /// Converged when an accepted step lowers the cost by at most this share of it.
+    pub cost_tolerance: f64,
+}
+
+impl Default for LmConfig {
+    /// 50 iterations, 200 evaluations, tolerances of 1e-10.
+    fn default() -> Self {
+        Self {
+            max_iterations: 50,
+            max_evaluations: 200,
+            gradient_tolerance: 1e-10,
+            step_tolerance: 1e-10,
+            cost_tolerance: 1e-10,
+        }
+    }
+}
+
+/// Why Levenberg-Marquardt ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LmStop {
+    /// The gradient vanishes in every gene that can still move; a perfect fit counts as well.
+    Gradient,
+    /// The step became negligible: no descent is left at this resolution.
+    Step,
+    /// The cost hardly falls any more.
+    Cost,
+    /// The last iteration was reached.
+    MaxIterations,
+    /// The evaluation budget is spent.
+    MaxEvaluations,
+    /// Cost or derivatives are not finite at the point returned.
+    NotFinite,
+}
+
+/// What Levenberg-Marquardt found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LmOutcome<const D: usize> {
+    /// Best point, inside the box.
+    pub genes: [f64; D],
+    /// Its cost `0.5 sum r^2`, never above the cost of the start.
+    pub cost: f64,
+    /// Linearisations made.
+    pub iterations: u32,
+    /// Calls of [`Residuals::normal_equations`] and [`Residuals::cost`] together.
+    pub evaluations: u32,
+    /// Why it ended.
+    pub stop: LmStop,
+}
+
+/// Minimises a sum of squares over a box, from `start`, which is clamped into the box.
+///
+/// 1. Linearise: `J^T J`, `g = J^T r` and the cost.
+/// 2. Freeze the genes that sit at a bound and whose gradient pushes outwards; test the gradient of the others.
+/// 3. Solve `(J^T J + lambda diag(J^T J)) d = -g` for the free genes. A gene whose step would leave the box is set to
+///    its bound and the rest is solved again, so that `d` stays in the box.
+/// 4. The gain ratio is (cost decrease) / (decrease of the quadratic model, `-(g^T d + 0.5 d^T J^T J d)`).
+/// 5. Above zero the step is taken and `lambda` falls by `max(1/3, 1 - (2 gain - 1)^3)`; on with 1. Otherwise, also when
+///    the cost is not finite, `lambda` rises by 2, 4, 8, ... and 3 is repeated.
+///
+/// Source of the damping rule: H. B. Nielsen, "Damping parameter in Marquardt's method", IMM-REP-1999-05, DTU.
+///
+/// ```
+/// use ema_ga::{Bounds, LmConfig, LmStop, Residuals, levenberg_marquardt};
+/// use nalgebra::{SMatrix, SVector};
+///
+/// /// One residual, `r = x - 3`.
+/// struct Distance;
+/// impl Residuals<1> for Distance {
+///     fn normal_equations(&self, x: &[f64; 1], jtj: &mut SMatrix<f64, 1, 1>, jtr: &mut SVector<f64, 1>) -> f64 {
+///         jtj[(0, 0)] = 1.0;
+///         jtr[0] = x[0] - 3.0;
+///         self.cost(x)
+///     }
+///     fn cost(&self, x: &[f64; 1]) -> f64 {
+///         0.5 * (x[0] - 3.0) * (x[0] - 3.0)
+///     }
+/// }
+///
+/// let found = levenberg_marquardt(&Distance, &Bounds::new([0.0], [2.0])?, [0.5], &LmConfig::default());
+/// assert_eq!((found.genes, found.cost, found.stop), ([2.0], 0.5, LmStop::Gradient)); // ends at the bound
+/// # Ok::<(), ema_ga::BoundsError>(())
+/// ```
+pub fn levenberg_marquardt<const D: usize>(
+    residuals: &impl Residuals<D>,
+    bounds: &Bounds<D>,
+    start: [f64; D],
+    config: &LmConfig,
+) -> LmOutcome<D> {
+    let mut at = LmOutcome {
+        genes: bounds.clamp(start),
+        cost: f64::INFINITY,
+        iterations: 0,
+        evaluations: 0,
+        stop: LmStop::MaxEvaluations,
+    };
+    let (mut damping, mut growth) = (INITIAL_DAMPING, 2.0);
+    let mut last_cost = f64::INFINITY;
+    loop {
+        if at.evaluations >= config.max_evaluations {
+            return at.ended(LmStop::MaxEvaluations);
+        }
+        let mut model = Model {
+            jtj: SMatrix::zeros(),
+            gradient: SVector::zeros(),
+        };
+        let cost = residuals.normal_equations(&at.genes, &mut model.jtj, &mut model.gradient);
+        at.iterations += 1;
+        at.evaluations += 1;
+        if !(cost.is_finite() && model.is_finite()) {
+            return at.ended(LmStop::NotFinite);
+        }
+        at.cost = cost;
+        let frozen = model.pushed_outwards(&at.genes, bounds);
+        if model.is_stationary(&frozen, cost, config.gradient_tolerance) {
+            return at.ended(LmStop::Gradient);
+        }
+        if last_cost - cost <= config.cost_tolerance * cost {
+            return at.ended(LmStop::Cost);
+        }
+        if at.iterations >= config.max_iterations {
+            return at.ended(LmStop::MaxIterations);
+        }
+        last_cost = cost;
+
+        loop {
+            if at.evaluations >= config.max_evaluations {
+                return at.ended(LmStop::MaxEvaluations);
+            }
+            if damping > MAX_DAMPING {
+                return at.ended(LmStop::Step);
+            }
+            if let Some(trial) = model.trial(&at.genes, bounds, frozen, damping) {
+                if (0..D).all(|i| (trial[i] - at.genes[i]).abs() <= config.step_tolerance * bounds.width(i)) {
+                    return at.ended(LmStop::Step);
+                }
+                let trial_cost = residuals.cost(&trial);
+                at.evaluations += 1;
+                let gain = (cost - trial_cost) / model.decrease(&at.genes, &trial);
+                if trial_cost < cost && gain > 0.0 {
+                    let lead = 2.0 * gain - 1.0;
+                    damping *= (1.0 - lead * lead * lead).max(1.0 / 3.0);
+                    growth = 2.0;
+                    at.genes = trial;
+                    at.cost = trial_cost;
+                    break;
+                }
+            }
+            damping *= growth;
+            growth *= 2.0;
+        }
+    }
+}
+
+impl<const D: usize> LmOutcome<D> {
+    fn ended(self, stop: LmStop) -> Self {
+        Self { stop, ..self }
+    }
+}
+
+/// The cost near a point, `cost + g^T d + 0.5 d^T J^T J d`.
+struct Model<const D: usize> {
+    jtj: SMatrix<f64, D, D>,
+    gradient: SVector<f64, D>,
+}
+
+impl<const D: usize> Model<D> {
+    fn is_finite(&self) -> bool {
+        self.jtj
+            .iter()
+            .chain(self.gradient.iter())
+            .all(|value| value.is_finite())
+    }
+
+    /// Genes at a bound that the gradient pushes out of the box.
+    fn pushed_outwards(&self, genes: &[f64; D], bounds: &Bounds<D>) -> [bool; D] {
+        core::array::from_fn(|i| {
+            let slope = self.gradient[i];
+            (genes[i] <= bounds.lower()[i] && slope > 0.0) || (genes[i] >= bounds.upper()[i] && slope < 0.0)
+        })
+    }
+
+    /// Whether `|g_i| <= tolerance |J_i| |r|` for every gene that is not frozen.
+    fn is_stationary(&self, frozen: &[bool; D], cost: f64, tolerance: f64) -> bool {
+        let flat = |i: usize| self.gradient[i].abs() <= tolerance * libm::sqrt(self.jtj[(i, i)] * 2.0 * cost);
+        (0..D).all(|i| frozen[i] || flat(i))
+    }
+
+    /// The point of the box that the damped model proposes; `None` when its matrix is not positive definite.
+    fn trial(&self, genes: &[f64; D], bounds: &Bounds<D>, mut fixed: [bool; D], damping: f64) -> Option<[f64; D]> {
+        // A gene without influence has a zero diagonal; the floor keeps the matrix regular.
+        let floor = self.jtj.diagonal().max() * f64::EPSILON;
+        let mut trial = *genes;
+        loop {
+            let mut matrix = self.jtj;
+            let mut rhs = -self.gradient;
+            for i in 0..D {
+                matrix[(i, i)] += damping * self.jtj[(i, i)].max(floor);
+            }
+            for i in (0..D).filter(|&i| fixed[i]) {
+                rhs -= self.jtj.column(i) * (trial[i] - genes[i]);
+                matrix.row_mut(i).fill(0.0);
+                matrix.column_mut(i).fill(0.0);
+                matrix[(i, i)] = 1.0;
+            }
+            let step = Cholesky::new(matrix)?.solve(&rhs);
+            if !step.iter().all(|component| component.is_finite()) {
+                return None;
+            }
+            let mut left_box = false;
+            for i in 0..D {
+                if fixed[i] {
+                    continue;
+                }
+                let target = genes[i] + step[i];
+                trial[i] = target.clamp(bounds.lower()[i], bounds.upper()[i]);
+                fixed[i] = target < bounds.lower()[i] || target > bounds.upper()[i];
+                left_box |= fixed[i];
+            }
+            if !left_box {
+                return Some(trial);
+            }
+        }
+    }
+
+    /// How far the model falls from `genes` to `trial`.
+    fn decrease(&self, genes: &[f64; D], trial: &[f64; D]) -> f64 {
+        let step = SVector::<f64, D>::from_fn(|i, _| trial[i] - genes[i]);
+        -(self.gradient.dot(&step) + 0.5 * step.dot(&(self.jtj * step)))
+    }
+}
+
+const INITIAL_DAMPING: f64 = 1e-3;
+/// Steps damped more than this are below the resolution of `f64`.
+const MAX_DAMPING: f64 = 1e16;

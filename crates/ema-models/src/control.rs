@@ -17,6 +17,33 @@ pub enum Setpoint {
     Speed(f64),
 }
 
+/// Output encoder as the electronics read it: whole counts, rounded down.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Encoder<R> {
+    counts_per_rad: R,
+    lsb: R,
+}
+
+impl<R: Real> Encoder<R> {
+    /// An encoder whose count is `lsb`, rad.
+    #[must_use]
+    pub fn new(lsb: f64) -> Self {
+        Self { counts_per_rad: R::splat(1.0 / lsb), lsb: R::splat(lsb) }
+    }
+
+    /// Lower edge of the count whose middle is `theta`, rad.
+    #[inline(always)]
+    pub fn edge(&self, theta: f64) -> R {
+        R::splat(theta) - R::splat(0.5) * self.lsb
+    }
+
+    /// The angle as counted, rad: `floor(theta / lsb) lsb`.
+    #[inline(always)]
+    pub fn counted(&self, theta: R) -> R {
+        (theta * self.counts_per_rad).floor() * self.lsb
+    }
+}
+
 /// The control law's constants; the position gain carries the fault k8.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ace<R> {
@@ -27,8 +54,6 @@ pub struct Ace<R> {
     omega_max: R,
     torque_max: R,
     amps_per_torque: R,
-    counts_per_rad: R,
-    output_lsb: R,
 }
 
 /// What the control law remembers from one period to the next.
@@ -65,7 +90,6 @@ impl<R: Real> Ace<R> {
             ..
         } = params.controller;
         let torque_gain = params.motor.torque_gain();
-        let lsb = params.sensors.output_lsb();
         Self {
             g_p: gain_factor * R::splat(g_p),
             k_p: R::splat(k_p),
@@ -74,14 +98,12 @@ impl<R: Real> Ace<R> {
             omega_max: R::splat(omega_max),
             torque_max: R::splat(torque_gain * params.motor.i_max),
             amps_per_torque: R::splat(1.0 / torque_gain),
-            counts_per_rad: R::splat(1.0 / lsb),
-            output_lsb: R::splat(lsb),
         }
     }
 
     /// One control period: quadrature current reference I_ref, A.
     ///
-    /// `e = θ_cmd − θ_out` with the feedback in whole encoder counts, rounded down;
+    /// `e = θ_cmd − θ_out` with the output angle as the encoder counts it;
     /// `ω_ref = clamp(G_p (0.5 + k8) e, ±ω_max)`, in speed mode the commanded speed under the same limit; PID on
     /// `ω_ref − ω_m`, the integrator frozen while the torque saturates; `T_ref = clamp(PID, ±G_T I_max)`;
     /// `I_ref = T_ref / G_T`.
@@ -93,8 +115,7 @@ impl<R: Real> Ace<R> {
                 return R::zero();
             }
             Setpoint::Position(theta_cmd) => {
-                let counted = (theta_out * self.counts_per_rad).floor() * self.output_lsb;
-                (self.g_p * (R::splat(theta_cmd) - counted)).clamp_abs(self.omega_max)
+                (self.g_p * (R::splat(theta_cmd) - theta_out)).clamp_abs(self.omega_max)
             }
             Setpoint::Speed(omega_cmd) => R::splat(omega_cmd).clamp_abs(self.omega_max),
         };

@@ -29,14 +29,14 @@ mod winding;
 
 pub use backlash::follow_through_play;
 pub use command::Profile;
-pub use control::{Ace, AceState, Setpoint};
+pub use control::{Ace, AceState, Encoder, Setpoint};
 pub use fault::{FAULT_COUNT, FaultVector, eq15_pct, rss_pct, wrapped_phase_difference};
 pub use frames::{
     abc_from_alpha_beta, alpha_beta_from_abc, alpha_beta_from_dq, dq_from_abc, dq_from_alpha_beta, phase_shapes,
 };
 pub use friction::DryFriction;
 pub use monitor::{
-    Calibration, Conditions, Form, InitialState, Monitor, MonitorState, Origin, Output, RIPPLE_DEFAULT, RIPPLE_KNOTS,
+    Calibration, Conditions, Feedback, Form, InitialState, Monitor, MonitorState, Origin, Output, RIPPLE_DEFAULT, RIPPLE_KNOTS,
     RIPPLE_SPACING,
 };
 pub use params::{

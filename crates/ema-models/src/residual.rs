@@ -1,7 +1,7 @@
 //! Residuals: measured minus modelled, per sample and signal, and the costs made of them.
 
 use crate::fault::{FAULT_COUNT, FaultVector};
-use crate::monitor::{Calibration, Conditions, Monitor, Output};
+use crate::monitor::{Calibration, Conditions, Feedback, Monitor, Output};
 use crate::params::ActuatorParams;
 use crate::real::Real;
 use crate::recording::{ComparedSample, Recording};
@@ -71,6 +71,8 @@ pub struct Comparison<'a> {
     pub conditions: Conditions,
     /// What counts how much.
     pub weights: Weights,
+    /// Where the monitor's transmission and position loop take their angles from.
+    pub feedback: Feedback,
 }
 
 /// Normal equations of a least-squares problem in the eight fault coordinates of [`Coordinates`].
@@ -118,7 +120,7 @@ impl Comparison<'_> {
     /// The monitor of this window for one fault vector.
     #[must_use]
     pub fn monitor(&self, fault: &FaultVector) -> Monitor<f64> {
-        Monitor::new(self.params, self.calibration, self.conditions, fault)
+        Monitor::new(self.params, self.calibration, self.conditions, fault).with_feedback(self.feedback)
     }
 
     /// Runs monitors side by side over the window and shows each sample beside their outputs.
@@ -131,10 +133,11 @@ impl Comparison<'_> {
         let initial = &self.recording.initial;
         let output_lsb = self.params.sensors.output_lsb();
         let mut states = core::array::from_fn::<_, M, _>(|m| monitors[m].start(initial, output_lsb));
-        for sample in self.recording.samples {
+        for (n, sample) in self.recording.samples.iter().enumerate() {
+            let next = self.recording.samples.get(n + 1).unwrap_or(sample);
             visit(sample, core::array::from_fn(|m| monitors[m].output(&states[m])));
             for (monitor, state) in monitors.iter().zip(&mut states) {
-                monitor.sample(state, initial, sample.setpoint);
+                monitor.sample(state, initial, sample, next);
             }
         }
     }

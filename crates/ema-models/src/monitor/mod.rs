@@ -10,7 +10,8 @@ mod three_phase;
 pub use ripple::{RIPPLE_DEFAULT, RIPPLE_KNOTS, RIPPLE_SPACING};
 
 use crate::backlash::follow_through_play;
-use crate::control::{Ace, AceState, Setpoint};
+use crate::control::{Ace, AceState, Encoder};
+use crate::recording::ComparedSample;
 use crate::fault::FaultVector;
 use crate::frames::{abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc, gap_cosines, phase_shapes};
 use crate::friction::DryFriction;
@@ -28,6 +29,19 @@ pub enum Form {
     OneAxis,
     /// Three averaged phases with the inverter's voltage limit: both axes, coupled by unequal phases.
     ThreePhase,
+}
+
+/// Where the monitor's transmission and position loop take their angles from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Feedback {
+    /// From the monitor itself: the paper's closed loop. Its own errors add up, and the encoder's steps make the cost
+    /// rugged.
+    Simulated,
+    /// The transmission is driven by the measured motor angle, and the position loop by the measured output counts:
+    /// both are known, so each element is judged by itself. Between two samples the motor angle is interpolated (cubic
+    /// Hermite), and the count stays between the two that were read.
+    #[default]
+    Measured,
 }
 
 /// What calibration against the reference may change in a monitor of one type of actuator.
@@ -70,7 +84,9 @@ pub struct Conditions {
 #[derive(Clone, Copy, Debug)]
 pub struct Monitor<R> {
     form: Form,
+    feedback: Feedback,
     ace: Ace<R>,
+    encoder: Encoder<R>,
     friction: DryFriction<R>,
     winding: Winding<R>,
     half_play: R,
@@ -78,6 +94,7 @@ pub struct Monitor<R> {
     derived: Derived<R>,
     steps_per_control: u32,
     controls_per_sample: u32,
+    sample_period: f64,
 }
 
 /// Constants that the step needs ready-made.
@@ -189,7 +206,9 @@ impl Monitor<f64> {
         let sum: f64 = siemens.iter().sum();
         Self {
             form: calibration.form,
+            feedback: Feedback::default(),
             ace: Ace::new(params, fault.gain_factor()),
+            encoder: Encoder::new(params.sensors.output_lsb()),
             friction: DryFriction::new(transmission, fault, conditions.load_torque),
             winding,
             half_play: 0.5 * transmission.backlash * fault.backlash_factor(),
@@ -216,11 +235,18 @@ impl Monitor<f64> {
             },
             steps_per_control: STEPS_PER_CONTROL,
             controls_per_sample: libm::round(1.0 / (params.sensors.sample_rate * params.controller.period)) as u32,
+            sample_period: 1.0 / params.sensors.sample_rate,
         }
     }
 }
 
 impl<R: Real> Monitor<R> {
+    /// The same monitor with another source of its position feedback.
+    #[must_use]
+    pub fn with_feedback(self, feedback: Feedback) -> Self {
+        Self { feedback, ..self }
+    }
+
     /// State at the beginning of a window.
     #[must_use]
     pub fn start(&self, initial: &InitialState, output_lsb: f64) -> MonitorState<R> {
@@ -270,11 +296,33 @@ impl<R: Real> Monitor<R> {
         }
     }
 
-    /// Runs one sample period under the setpoint latched at its beginning (relative to the origin).
+    /// Runs one sample period, from the instant of `now` to that of `next`, under the setpoint latched with `now`.
+    ///
+    /// With [`Feedback::Simulated`] nothing but the setpoint is taken from the samples.
     #[inline(always)]
-    pub fn sample(&self, state: &mut MonitorState<R>, initial: &InitialState, setpoint: Setpoint) {
-        for _ in 0..self.controls_per_sample {
-            let i_ref = self.ace.step(&mut state.ace, setpoint, state.theta_out, state.omega_m);
+    pub fn sample(
+        &self,
+        state: &mut MonitorState<R>,
+        initial: &InitialState,
+        now: &ComparedSample,
+        next: &ComparedSample,
+    ) {
+        for control in 0..self.controls_per_sample {
+            let counted = match self.feedback {
+                Feedback::Simulated => self.encoder.counted(state.theta_out),
+                Feedback::Measured => {
+                    let theta_m = interpolate(now, next, control, self.controls_per_sample, self.sample_period);
+                    self.turn_output(state, initial, R::splat(theta_m));
+                    // The counts were read in the middle of their step; the controller sees the step's lower edge.
+                    let (now, next) = (self.encoder.edge(now.theta_out), self.encoder.edge(next.theta_out));
+                    if control == 0 {
+                        now
+                    } else {
+                        self.encoder.counted(state.theta_out).max(now.min(next)).min(now.max(next))
+                    }
+                }
+            };
+            let i_ref = self.ace.step(&mut state.ace, now.setpoint, counted, state.omega_m);
             state.i_ref = match self.form {
                 Form::ThreePhase => self.mean_currents(state, i_ref),
                 Form::Paper(_) | Form::OneAxis => [R::zero(), i_ref],
@@ -283,6 +331,16 @@ impl<R: Real> Monitor<R> {
                 self.step(state, initial);
             }
         }
+        if self.feedback == Feedback::Measured {
+            self.turn_output(state, initial, R::splat(next.theta_m));
+        }
+    }
+
+    /// The output follows the motor through the play.
+    #[inline(always)]
+    fn turn_output(&self, state: &mut MonitorState<R>, initial: &InitialState, theta_m: R) {
+        let centre = R::splat(initial.origin.play_centre) + theta_m * self.derived.per_gear;
+        state.theta_out = follow_through_play(state.theta_out, centre, self.half_play);
     }
 
     /// Mean direct and quadrature current that the comparators hold for a reference, A.
@@ -345,8 +403,9 @@ impl<R: Real> Monitor<R> {
         state.omega_m = self.friction.step(omega, torque - m.viscous * omega, m.dt_over_j);
         state.gained = state.omega_m - omega;
         state.theta_m = state.theta_m + half * (omega + state.omega_m) * m.dt;
-        let centre = R::splat(initial.origin.play_centre) + state.theta_m * m.per_gear;
-        state.theta_out = follow_through_play(state.theta_out, centre, self.half_play);
+        if self.feedback == Feedback::Simulated {
+            self.turn_output(state, initial, state.theta_m);
+        }
     }
 
     /// Advances the equivalent phase and gives the mean torque of the step.
@@ -356,4 +415,13 @@ impl<R: Real> Monitor<R> {
         state.i_q = one_axis::step(&self.derived, before, state.i_ref[1], shape, omega, state.sin_cos);
         R::splat(0.75) * self.derived.torque * shape.emf * (before + state.i_q)
     }
+}
+
+/// Motor angle `part / parts` of the way from one sample to the next, rad: the cubic with both angles and speeds.
+#[inline(always)]
+fn interpolate(now: &ComparedSample, next: &ComparedSample, part: u32, parts: u32, period: f64) -> f64 {
+    let x = f64::from(part) / f64::from(parts);
+    let (leave, arrive) = (now.omega_m * period, next.omega_m * period);
+    let rise = next.theta_m - now.theta_m;
+    now.theta_m + x * (leave + x * ((3.0 * rise - 2.0 * leave - arrive) + x * (leave + arrive - 2.0 * rise)))
 }

@@ -15,7 +15,7 @@ pub use scenario::{Actuations, Scenario, ScenarioRun};
 pub use sensors::{CurrentSensing, count};
 
 use crate::backlash::follow_through_play;
-use crate::control::{Ace, AceState, Setpoint};
+use crate::control::{Ace, AceState, Encoder, Setpoint};
 use crate::fault::FaultVector;
 use crate::frames::phase_shapes;
 use crate::friction::DryFriction;
@@ -27,6 +27,7 @@ use crate::winding::Winding;
 #[derive(Clone, Debug)]
 pub struct Reference {
     ace: Ace<f64>,
+    encoder: Encoder<f64>,
     half_band: f64,
     v_dc: f64,
     pole_pairs: f64,
@@ -106,6 +107,7 @@ impl Reference {
         let winding = Winding::new(fault);
         Self {
             ace: Ace::new(nominal, fault.gain_factor()),
+            encoder: Encoder::new(nominal.sensors.output_lsb()),
             half_band: nominal.controller.hysteresis,
             v_dc: unit.motor.v_dc,
             pole_pairs: unit.motor.pole_pairs,
@@ -125,7 +127,8 @@ impl Reference {
     /// One step of the whole actuator; `setpoint` is the one latched with the last sample.
     pub fn step(&self, state: &mut ReferenceState, setpoint: Setpoint) {
         if state.steps.is_multiple_of(self.steps_per_period) {
-            state.i_ref = self.ace.step(&mut state.ace, setpoint, state.theta_out, state.omega_m);
+            let counted = self.encoder.counted(state.theta_out);
+            state.i_ref = self.ace.step(&mut state.ace, setpoint, counted, state.omega_m);
         }
         let sin_cos = (self.pole_pairs * state.theta_m).sin_cos_poly();
         let i_ref = phase_shapes(sin_cos).map(|s| state.i_ref * s);

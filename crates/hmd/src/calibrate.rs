@@ -1,0 +1,279 @@
+//! Calibration of a monitor against the reference, for one type of actuator ([P] section 5.2, eqs. 12 and 13).
+
+use ema_ga::{Bounds, Control, GaConfig, Objective, Parallel, Search, evolve_owned};
+use ema_models::reference::{Reference, ReferenceState};
+use ema_models::{
+    ActuatorParams, Calibration, Comparison, FAULT_COUNT, FaultVector, Feedback, Form, PaperShape, Profile, RIPPLE_KNOTS,
+    RIPPLE_SPACING, Real, SIGNAL_COUNT, Setpoint, Signals, Weights, dq_from_abc,
+};
+use nalgebra::{SMatrix, SVector};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use crate::calibration::{CALIBRATION_VERSION, MonitorForm, Quality, SignalTable, TypeCalibration};
+use crate::identify::pull_from;
+use crate::simulated::SimulatedWindow;
+
+/// Windows a calibration learns from.
+const HEALTHY_WINDOWS: u64 = 8;
+const FAULTY_WINDOWS: u64 = 40;
+
+/// Seeds below this belong to nobody else: the suites hash theirs.
+const SEED_SPACE: u64 = 0xCA11_B8A7_0000_0000;
+
+/// Calibrates a monitor form for a type of actuator.
+#[must_use]
+pub fn calibrate_type(name: &str, params: &ActuatorParams, monitor: MonitorForm, seed: u64) -> TypeCalibration {
+    let windows: Vec<SimulatedWindow> = (0..HEALTHY_WINDOWS + FAULTY_WINDOWS)
+        .into_par_iter()
+        .map(|n| {
+            let case_seed = SEED_SPACE ^ (seed << 16) ^ n;
+            let truth = if n < HEALTHY_WINDOWS { FaultVector::NOMINAL } else { random_faults(case_seed) };
+            SimulatedWindow::new(params, truth, Profile::Mixed, case_seed)
+        })
+        .collect();
+    let (healthy, faulty) = windows.split_at(HEALTHY_WINDOWS as usize);
+
+    let mut calibration = TypeCalibration::uncalibrated(name, monitor, params);
+    let bare = Calibration { ripple: [0.0; RIPPLE_KNOTS], ..calibration.coefficients() };
+    match monitor {
+        MonitorForm::ThreePhase => calibration.ripple = measure_ripple(params),
+        MonitorForm::OneAxis | MonitorForm::Paper => {
+            fit_coefficients(&mut calibration, params, &windows, seed);
+        }
+    }
+    let coefficients = calibration.coefficients();
+
+    let statistics = residual_statistics(params, &coefficients, &windows);
+    calibration.residual_rms = statistics.rms.into();
+    calibration.correlation_samples = statistics.correlation.into();
+    calibration.model_sigma = model_sigma(&calibration, params, &windows);
+    calibration.quality = Quality {
+        healthy_before_a2: current_error(params, &bare, healthy),
+        healthy_after_a2: current_error(params, &coefficients, healthy),
+        faulty_before_a2: current_error(params, &bare, faulty),
+        faulty_after_a2: current_error(params, &coefficients, faulty),
+    };
+    calibration.version = CALIBRATION_VERSION;
+    calibration
+}
+
+/// Several faults at once: each of k1…k6 is 0 with probability ½, else uniform in [0, 0.6]; k7 uniform; k8 uniform in
+/// [0.3, 0.7]. The `random` suite draws from the same distribution with its own seeds.
+#[must_use]
+pub fn random_faults(seed: u64) -> FaultVector {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut k = [0.0; FAULT_COUNT];
+    for value in k.iter_mut().take(6) {
+        let present = rng.random_bool(0.5);
+        let size = rng.random_range(0.0..0.6);
+        *value = if present { size } else { 0.0 };
+    }
+    k[6] = rng.random_range(0.0..1.0);
+    k[7] = rng.random_range(0.3..0.7);
+    FaultVector::from_array(k)
+}
+
+fn comparison<'a>(
+    window: &'a SimulatedWindow,
+    params: &'a ActuatorParams,
+    calibration: &'a Calibration,
+    weights: Weights,
+) -> Comparison<'a> {
+    Comparison { recording: window.prepared.recording(), params, calibration, conditions: window.conditions, weights, feedback: Feedback::Measured }
+}
+
+/// Mean squared error of the quadrature current at the true fault vectors, A² ([P] eq. 12, as a mean).
+fn current_error(params: &ActuatorParams, coefficients: &Calibration, windows: &[SimulatedWindow]) -> f64 {
+    let sums: Vec<f64> = windows
+        .par_iter()
+        .map(|w| 2.0 * comparison(w, params, coefficients, Weights::CURRENT_ONLY).least_squares(&w.truth))
+        .collect();
+    sums.iter().sum::<f64>() / windows.len().max(1) as f64
+}
+
+/// The one-axis forms' coefficients by the genetic algorithm, as [P] does it.
+fn fit_coefficients(calibration: &mut TypeCalibration, params: &ActuatorParams, windows: &[SimulatedWindow], seed: u64) {
+    struct Mismatch<'a> {
+        bounds: Bounds<4>,
+        form: MonitorForm,
+        params: &'a ActuatorParams,
+        windows: &'a [SimulatedWindow],
+    }
+    impl Mismatch<'_> {
+        fn coefficients(&self, genes: &[f64; 4]) -> Calibration {
+            let form = match self.form {
+                // The gene is 1/k_FS-like: φ_SC runs from the plain mean of the turns (0) to the pure squares (1).
+                MonitorForm::Paper => Form::Paper(PaperShape { k_fs: k_fs(genes[2]), k_e: genes[3] }),
+                MonitorForm::OneAxis | MonitorForm::ThreePhase => Form::OneAxis,
+            };
+            Calibration { form, back_emf: genes[0], torque: genes[1], ripple: [0.0; RIPPLE_KNOTS] }
+        }
+    }
+    impl Objective<4> for Mismatch<'_> {
+        fn bounds(&self) -> &Bounds<4> {
+            &self.bounds
+        }
+        fn cost(&self, genes: &[f64; 4]) -> f64 {
+            let coefficients = self.coefficients(genes);
+            let mut sum = 0.0;
+            for w in self.windows {
+                sum += comparison(w, self.params, &coefficients, Weights::CURRENT_ONLY).least_squares(&w.truth);
+            }
+            sum / self.windows.len() as f64
+        }
+    }
+    #[expect(clippy::expect_used, reason = "constant bounds")]
+    let bounds = Bounds::new([0.9, 0.9, 0.0, 0.0], [1.2, 1.1, 0.999, 1.0]).expect("constant bounds ascend");
+    let objective = Mismatch { bounds, form: calibration.monitor, params, windows };
+    let mut config = GaConfig::for_dimension(4);
+    config.stop.max_generations = 30;
+    let search = Search { objective: &objective, evaluate: Parallel, seed, initial: &[[1.0, 1.0, 0.99, 0.5]] };
+    if let Ok(found) = evolve_owned(&search, &config, |_| Control::Continue) {
+        [calibration.back_emf, calibration.torque, _, calibration.k_e] = found.genes;
+        calibration.k_fs = k_fs(found.genes[2]);
+    }
+}
+
+/// k_FS from the share of the squares in eq. 10, so that its limit k_FS → ∞ is a finite gene.
+fn k_fs(share: f64) -> f64 {
+    2.0 * share / (1.0 - share)
+}
+
+struct Statistics {
+    rms: Signals<f64>,
+    correlation: Signals<f64>,
+}
+
+/// Size and integrated autocorrelation of the residuals at the true fault vectors.
+fn residual_statistics(params: &ActuatorParams, coefficients: &Calibration, windows: &[SimulatedWindow]) -> Statistics {
+    let traces: Vec<Vec<[f64; SIGNAL_COUNT]>> = windows
+        .par_iter()
+        .map(|w| {
+            let mut trace = Vec::new();
+            comparison(w, params, coefficients, Weights::CURRENT_ONLY)
+                .residuals(&w.truth, |_, r| trace.push(r.to_array()));
+            trace
+        })
+        .collect();
+    let lags = traces.iter().map(Vec::len).min().unwrap_or(0) / 2;
+    let product = |signal: usize, lag: usize| -> f64 {
+        traces.iter().flat_map(|t| t.iter().zip(&t[lag.min(t.len())..])).map(|(a, b)| a[signal] * b[signal]).sum()
+    };
+    let samples: usize = traces.iter().map(Vec::len).sum();
+    let mut rms = [0.0; SIGNAL_COUNT];
+    let mut correlation = [1.0; SIGNAL_COUNT];
+    for signal in 0..SIGNAL_COUNT {
+        let variance = product(signal, 0);
+        rms[signal] = (variance / samples.max(1) as f64).sqrt().max(1e-9);
+        for lag in 1..lags {
+            let share = product(signal, lag) / variance.max(1e-300);
+            // The initial positive sequence: beyond it there is only noise.
+            if share <= 0.05 {
+                break;
+            }
+            correlation[signal] += 2.0 * share;
+        }
+    }
+    Statistics { rms: Signals::from_array(rms), correlation: Signals::from_array(correlation) }
+}
+
+/// How far the mismatch pulls an estimate that starts at the truth.
+fn model_sigma(
+    calibration: &TypeCalibration,
+    params: &ActuatorParams,
+    windows: &[SimulatedWindow],
+) -> [f64; FAULT_COUNT] {
+    let coefficients = calibration.coefficients();
+    let pulls: Vec<[f64; FAULT_COUNT]> = windows
+        .par_iter()
+        .map(|w| pull_from(&comparison(w, params, &coefficients, calibration.weights()), &w.truth))
+        .collect();
+    std::array::from_fn(|p| (pulls.iter().map(|d| d[p] * d[p]).sum::<f64>() / pulls.len().max(1) as f64).sqrt())
+}
+
+/// Measures the mean shortfall of the currents over the inverter's voltage, at constant speeds and loads.
+///
+/// Each run gives one point (m, g); the knots are the least-squares broken line through all of them.
+fn measure_ripple(params: &ActuatorParams) -> [f64; RIPPLE_KNOTS] {
+    const SETTLE_STEPS: u32 = 300_000;
+    const MEASURED_STEPS: u32 = 400_000;
+    let mut fast = *params;
+    // The sweep goes up to the voltage limit, wherever the speed limit stands.
+    let top_speed = 1.1 * params.motor.v_dc * 0.5 / params.motor.k;
+    fast.controller.omega_max = 2.0 * top_speed;
+    let mut runs = Vec::new();
+    for speed in 1..=32 {
+        for current_share in [-0.2, 0.0, 0.3, 0.6] {
+            runs.push((f64::from(speed) / 32.0 * top_speed, current_share));
+        }
+    }
+    let half_band = params.controller.hysteresis;
+    let points: Vec<Option<(f64, f64)>> = runs
+        .into_par_iter()
+        .map(|(speed, current_share)| {
+            let (motor, transmission) = (&params.motor, &params.transmission);
+            let load = current_share
+                * motor.i_max
+                * motor.torque_gain()
+                * transmission.gear_ratio
+                * transmission.efficiency_opposing;
+            let reference = Reference::new(&fast, &fast, &FaultVector::NOMINAL, load);
+            let mut state = ReferenceState::at_rest(0.0, 0.0);
+            let setpoint = Setpoint::Speed(speed);
+            for _ in 0..SETTLE_STEPS {
+                reference.step(&mut state, setpoint);
+            }
+            let mut sums = [0.0; 4];
+            for _ in 0..MEASURED_STEPS {
+                reference.step(&mut state, setpoint);
+                let [d, q] = dq_from_abc(state.i, (motor.pole_pairs * state.theta_m).sin_cos_poly());
+                for (sum, x) in sums.iter_mut().zip([d, q - state.i_ref, q, state.omega_m]) {
+                    *sum += x / f64::from(MEASURED_STEPS);
+                }
+            }
+            let [d, short_q, q, omega] = sums;
+            let v_d = -motor.pole_pairs * omega * motor.l_s * q;
+            let v_q = motor.r_s * q + motor.k * omega;
+            let v = v_d.hypot(v_q);
+            let shortfall = -(d * v_d + short_q * v_q) / v / half_band;
+            // Beyond the voltage limit the current falls by much more than the band.
+            (v > 0.0 && shortfall.abs() < 0.5).then_some((2.0 * v / motor.v_dc, shortfall))
+        })
+        .collect();
+    broken_line(points.into_iter().flatten())
+}
+
+fn broken_line(points: impl Iterator<Item = (f64, f64)>) -> [f64; RIPPLE_KNOTS] {
+    let mut normal = SMatrix::<f64, RIPPLE_KNOTS, RIPPLE_KNOTS>::identity() * 1e-6;
+    let mut rhs = SVector::<f64, RIPPLE_KNOTS>::zeros();
+    for (m, g) in points {
+        // Hat functions at the knots; the first knot stands at one spacing, and the last is flat to the right.
+        let place = (m / RIPPLE_SPACING).min(RIPPLE_KNOTS as f64);
+        let mut hats = SVector::<f64, RIPPLE_KNOTS>::zeros();
+        for knot in 0..RIPPLE_KNOTS {
+            hats[knot] = (1.0 - (place - (knot + 1) as f64).abs()).max(0.0);
+        }
+        normal += hats * hats.transpose();
+        rhs += hats * g;
+    }
+    match normal.cholesky() {
+        Some(factor) => {
+            let knots = factor.solve(&rhs);
+            std::array::from_fn(|n| (knots[n].max(0.0) * 1e4).round() / 1e4)
+        }
+        None => ema_models::RIPPLE_DEFAULT,
+    }
+}
+
+impl SignalTable {
+    /// The table as one line of text.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        format!(
+            "i_d {:.4} A, i_q {:.4} A, theta_m {:.2e} rad, omega_m {:.3} rad/s, theta_out {:.2e} rad",
+            self.i_d, self.i_q, self.theta_m, self.omega_m, self.theta_out
+        )
+    }
+}

@@ -1,0 +1,270 @@
+//! Calibration of the monitor for one type of actuator: its coefficients, the weights of the signals, and how wrong it
+//! still is. Made by `hmd calibrate --type`, stored as TOML, shipped for the built-in types.
+
+use std::path::Path;
+
+use ema_models::{Calibration, FAULT_COUNT, Form, PaperShape, RIPPLE_DEFAULT, RIPPLE_KNOTS, Signals, Weights};
+use serde::{Deserialize, Serialize};
+
+/// Version of the file's layout.
+pub const CALIBRATION_VERSION: u32 = 1;
+
+/// Which monitor a calibration belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MonitorForm {
+    /// The paper's: one equivalent phase with its two shape functions.
+    Paper,
+    /// One equivalent phase with derived shapes.
+    OneAxis,
+    /// Three averaged phases.
+    ThreePhase,
+}
+
+/// Calibration of one monitor form for one type of actuator.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TypeCalibration {
+    /// Layout version, [`CALIBRATION_VERSION`].
+    pub version: u32,
+    /// Name of the actuator type it was made for.
+    pub actuator_type: String,
+    /// Monitor form.
+    pub monitor: MonitorForm,
+    /// Factor on the back-EMF coefficient.
+    pub back_emf: f64,
+    /// Factor on the torque gain.
+    pub torque: f64,
+    /// Coefficient k_FS of the paper's eq. 10 (paper form).
+    pub k_fs: f64,
+    /// Coefficient k_E of the paper's eq. 11 (paper form).
+    pub k_e: f64,
+    /// Mean shortfall of the currents in the hysteresis band, in half bands, at 0.1, 0.2, … of V_dc/2 (three-phase form).
+    pub ripple: [f64; RIPPLE_KNOTS],
+    /// Root-mean-square residual at the true fault vector.
+    pub residual_rms: SignalTable,
+    /// Samples after which residuals of a signal are independent; a residual that drifts counts for less.
+    pub correlation_samples: SignalTable,
+    /// Root-mean-square error of an estimate that the monitor's own mismatch causes, in fault coordinates
+    /// `[k1…k5, ζ cos φ, ζ sin φ, k8]`.
+    pub model_sigma: [f64; FAULT_COUNT],
+    /// What the calibration was worth.
+    pub quality: Quality,
+}
+
+/// One number per compared signal.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SignalTable {
+    /// Direct current (residuals: A).
+    pub i_d: f64,
+    /// Quadrature current (A).
+    pub i_q: f64,
+    /// Motor angle (rad).
+    pub theta_m: f64,
+    /// Motor speed (rad/s).
+    pub omega_m: f64,
+    /// Output angle (rad).
+    pub theta_out: f64,
+}
+
+impl From<Signals<f64>> for SignalTable {
+    fn from(s: Signals<f64>) -> Self {
+        Self { i_d: s.i_d, i_q: s.i_q, theta_m: s.theta_m, omega_m: s.omega_m, theta_out: s.theta_out }
+    }
+}
+
+impl From<SignalTable> for Signals<f64> {
+    fn from(s: SignalTable) -> Self {
+        Self { i_d: s.i_d, i_q: s.i_q, theta_m: s.theta_m, omega_m: s.omega_m, theta_out: s.theta_out }
+    }
+}
+
+/// Mean squared quadrature current error of the monitor at the true fault vector ([P] eqs. 12, 13 with the mean), A².
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Quality {
+    /// Healthy windows, before calibration.
+    pub healthy_before_a2: f64,
+    /// Healthy windows, after.
+    pub healthy_after_a2: f64,
+    /// Faulty windows, before.
+    pub faulty_before_a2: f64,
+    /// Faulty windows, after.
+    pub faulty_after_a2: f64,
+}
+
+/// Why a calibration file was refused.
+#[derive(Debug, thiserror::Error)]
+pub enum CalibrationError {
+    /// The file cannot be read or written.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file is no calibration.
+    #[error("{path}: expected a type calibration, found {message}")]
+    Parse {
+        /// The file.
+        path: String,
+        /// What the parser said, on one line.
+        message: String,
+    },
+    /// The file is of another version.
+    #[error("{path}: expected calibration version {CALIBRATION_VERSION}, found {found}")]
+    Version {
+        /// The file.
+        path: String,
+        /// Its version.
+        found: u32,
+    },
+    /// A number in it is impossible.
+    #[error("{path}: {key}: expected a finite number {expected}, found {found}")]
+    Value {
+        /// The file.
+        path: String,
+        /// The key.
+        key: &'static str,
+        /// What it must be.
+        expected: &'static str,
+        /// What it is.
+        found: f64,
+    },
+}
+
+impl TypeCalibration {
+    /// The calibration shipped with a built-in type, if there is one for this monitor form.
+    #[must_use]
+    pub fn built_in(actuator_type: &str, monitor: MonitorForm) -> Option<Self> {
+        let text = match (actuator_type, monitor) {
+            ("bench", MonitorForm::ThreePhase) => include_str!("../calibration/bench.toml"),
+            ("bench", MonitorForm::Paper) => include_str!("../calibration/bench-paper.toml"),
+            ("servo28", MonitorForm::ThreePhase) => include_str!("../calibration/servo28.toml"),
+            _ => return None,
+        };
+        Self::parse(text, "built-in calibration").ok()
+    }
+
+    /// What stands in for a calibration that nobody made: no correction, residuals of the size the hysteresis band and
+    /// the sensors' steps give.
+    #[must_use]
+    pub fn uncalibrated(actuator_type: &str, monitor: MonitorForm, params: &ema_models::ActuatorParams) -> Self {
+        let ripple = 0.7 * params.controller.hysteresis;
+        let sensors = &params.sensors;
+        Self {
+            version: CALIBRATION_VERSION,
+            actuator_type: actuator_type.to_owned(),
+            monitor,
+            back_emf: 1.0,
+            torque: 1.0,
+            k_fs: PaperShape::default().k_fs,
+            k_e: PaperShape::default().k_e,
+            ripple: RIPPLE_DEFAULT,
+            residual_rms: SignalTable {
+                i_d: ripple,
+                i_q: ripple,
+                theta_m: 10.0 * sensors.motor_lsb(),
+                omega_m: 0.3 * sensors.motor_lsb() * sensors.sample_rate,
+                theta_out: 0.3 * sensors.output_lsb(),
+            },
+            correlation_samples: SignalTable { i_d: 1.0, i_q: 1.0, theta_m: 300.0, omega_m: 3.0, theta_out: 1.0 },
+            model_sigma: [0.02; FAULT_COUNT],
+            quality: Quality {
+                healthy_before_a2: 0.0,
+                healthy_after_a2: 0.0,
+                faulty_before_a2: 0.0,
+                faulty_after_a2: 0.0,
+            },
+        }
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`CalibrationError`] when it cannot be read or is no calibration of this version.
+    pub fn load(path: &Path) -> Result<Self, CalibrationError> {
+        let name = path.display().to_string();
+        let text =
+            std::fs::read_to_string(path).map_err(|source| CalibrationError::Io { path: name.clone(), source })?;
+        Self::parse(&text, &name)
+    }
+
+    /// From the text of a file called `name`.
+    ///
+    /// # Errors
+    /// [`CalibrationError`] when it is no calibration of this version.
+    pub fn parse(text: &str, name: &str) -> Result<Self, CalibrationError> {
+        let parsed: Self = toml::from_str(text).map_err(|e| CalibrationError::Parse {
+            path: name.to_owned(),
+            message: e.message().replace('\n', " "),
+        })?;
+        if parsed.version != CALIBRATION_VERSION {
+            return Err(CalibrationError::Version { path: name.to_owned(), found: parsed.version });
+        }
+        let positive = "above zero";
+        for (key, found) in [
+            ("back_emf", parsed.back_emf),
+            ("torque", parsed.torque),
+            ("residual_rms.i_d", parsed.residual_rms.i_d),
+            ("residual_rms.i_q", parsed.residual_rms.i_q),
+            ("residual_rms.theta_m", parsed.residual_rms.theta_m),
+            ("residual_rms.omega_m", parsed.residual_rms.omega_m),
+            ("residual_rms.theta_out", parsed.residual_rms.theta_out),
+            ("correlation_samples.i_d", parsed.correlation_samples.i_d),
+            ("correlation_samples.i_q", parsed.correlation_samples.i_q),
+            ("correlation_samples.theta_m", parsed.correlation_samples.theta_m),
+            ("correlation_samples.omega_m", parsed.correlation_samples.omega_m),
+            ("correlation_samples.theta_out", parsed.correlation_samples.theta_out),
+        ] {
+            if !(found.is_finite() && found > 0.0) {
+                return Err(CalibrationError::Value { path: name.to_owned(), key, expected: positive, found });
+            }
+        }
+        for (key, values) in [("ripple", &parsed.ripple[..]), ("model_sigma", &parsed.model_sigma[..])] {
+            if let Some(&found) = values.iter().find(|v| !(v.is_finite() && **v >= 0.0)) {
+                return Err(CalibrationError::Value { path: name.to_owned(), key, expected: "not below zero", found });
+            }
+        }
+        for (key, found) in [("k_fs", parsed.k_fs), ("k_e", parsed.k_e)] {
+            if !found.is_finite() {
+                return Err(CalibrationError::Value { path: name.to_owned(), key, expected: "", found });
+            }
+        }
+        Ok(parsed)
+    }
+
+    /// As the text of a file.
+    #[must_use]
+    pub fn emit(&self) -> String {
+        toml::to_string(self).unwrap_or_default()
+    }
+
+    /// The monitor's coefficients.
+    #[must_use]
+    pub fn coefficients(&self) -> Calibration {
+        let form = match self.monitor {
+            MonitorForm::Paper => Form::Paper(PaperShape { k_fs: self.k_fs, k_e: self.k_e }),
+            MonitorForm::OneAxis => Form::OneAxis,
+            MonitorForm::ThreePhase => Form::ThreePhase,
+        };
+        Calibration { form, back_emf: self.back_emf, torque: self.torque, ripple: self.ripple }
+    }
+
+    /// Weight of each signal: residuals count by their size, and by how many of them are independent.
+    ///
+    /// The one-axis forms know no direct current.
+    #[must_use]
+    pub fn weights(&self) -> Weights {
+        let (rms, correlation) = (Signals::from(self.residual_rms), Signals::from(self.correlation_samples));
+        let (rms, correlation) = (rms.to_array(), correlation.to_array());
+        let mut weights =
+            Signals::from_array(std::array::from_fn(|s| 1.0 / (rms[s] * correlation[s].max(1.0).sqrt())));
+        if self.monitor != MonitorForm::ThreePhase {
+            weights.i_d = 0.0;
+        }
+        weights
+    }
+}

@@ -1,0 +1,266 @@
+//! TOML to a checked [`Config`]; every key has a default, and no key is ignored.
+//!
+//! The one way to a `Config` is through the checks, so nothing behind it tests a setting again. Sections are read by
+//! hand from the spanned document instead of by derived `Deserialize`: a value out of range is then reported with its
+//! line and key like a syntax error. `docs/config.md` is the reference of every key, `fixtures/hmd.toml` an example.
+
+mod actuator;
+mod actuator_type;
+mod bus;
+mod describe;
+mod error;
+mod health;
+mod identification;
+mod params;
+mod reader;
+mod spelling;
+mod window;
+
+pub use actuator::ActuatorConfig;
+pub use actuator_type::ActuatorType;
+pub use bus::{BusConfig, BusLoad, LOAD_MAX};
+pub use error::ConfigError;
+pub use health::{HealthConfig, HealthLevels};
+pub use identification::{IdentificationConfig, MONITOR_NAMES, SearchMethod};
+pub use window::WindowConfig;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use ema_wire::ActuatorId;
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+use reader::{Document, Section};
+
+/// Everything that the user decides, checked.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Config {
+    /// Whether there is no `[[actuator]]`, and `actuators` holds all sixteen instead.
+    auto: bool,
+    actuators: Vec<ActuatorConfig>,
+    #[serde(rename = "type")]
+    types: BTreeMap<String, ActuatorType>,
+    window: WindowConfig,
+    identification: IdentificationConfig,
+    health: HealthConfig,
+    output: OutputConfig,
+    bus: BusConfig,
+    /// Where relative paths start. Not part of the hash: moving a configuration does not change it.
+    #[serde(skip)]
+    directory: PathBuf,
+}
+
+/// What is written besides the results.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct OutputConfig {
+    /// Store every frame as received, so that the log can be replayed.
+    pub raw_frames: bool,
+}
+
+impl Default for OutputConfig {
+    fn default() -> Self {
+        Self { raw_frames: true }
+    }
+}
+
+impl OutputConfig {
+    const KEYS: &'static [&'static str] = &["raw_frames"];
+
+    fn read(section: &Section<'_>) -> Result<Self, ConfigError> {
+        Ok(Self {
+            raw_frames: section.flag("raw_frames", Self::default().raw_frames)?,
+        })
+    }
+}
+
+impl Config {
+    const KEYS: &'static [&'static str] = &[
+        "actuator",
+        "type",
+        "window",
+        "identification",
+        "health",
+        "output",
+        "bus",
+    ];
+
+    /// Reads and checks a file. Relative paths inside it start at its directory.
+    ///
+    /// # Errors
+    /// [`ConfigError`] with file, line, key, what was expected and what was found.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, ConfigError> {
+        let file_name = path.as_ref().display().to_string();
+        match std::fs::read_to_string(&path) {
+            Ok(text) => {
+                let mut config = Self::from_toml_str(&text, &file_name)?;
+                config.directory = parent(path.as_ref());
+                Ok(config)
+            }
+            Err(source) => Err(ConfigError::Read {
+                file: file_name,
+                source,
+            }),
+        }
+    }
+
+    /// Checks `text`; `file_name` is what errors call it, and relative paths start at its directory.
+    ///
+    /// ```
+    /// use hmd::config::Config;
+    /// let config = Config::from_toml_str("[window]\nduration_ms = 300", "hmd.toml")?;
+    /// assert_eq!(config.window().pre_trigger_ms, 20.0);
+    /// let error = Config::from_toml_str("[window]\nduration_ms = -3", "hmd.toml").unwrap_err();
+    /// assert_eq!(
+    ///     error.to_string(),
+    ///     "hmd.toml:2: window.duration_ms: expected a number from 10 to 60000, found -3"
+    /// );
+    /// # Ok::<(), hmd::config::ConfigError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`ConfigError`] for the first thing that is wrong.
+    pub fn from_toml_str(text: &str, file_name: &str) -> Result<Self, ConfigError> {
+        let document = Document::new(text, file_name);
+        let table = document.parse()?;
+        let root = Section::root(&document, &table, Self::KEYS)?;
+        let types = actuator_type::read_all(&root)?;
+        let configured = actuator::read_all(&root, &types)?;
+        let auto = configured.is_none();
+        let config = Self {
+            auto,
+            actuators: configured.unwrap_or_else(|| actuator::every_one(&types)),
+            types,
+            window: WindowConfig::read(&root.section("window", WindowConfig::KEYS)?)?,
+            identification: IdentificationConfig::read(&root.section("identification", IdentificationConfig::KEYS)?)?,
+            health: HealthConfig::read(&root.section("health", HealthConfig::KEYS)?)?,
+            output: OutputConfig::read(&root.section("output", OutputConfig::KEYS)?)?,
+            bus: BusConfig::read(&root.section("bus", BusConfig::KEYS)?)?,
+            directory: parent(Path::new(file_name)),
+        };
+        match config.bus_loads().into_iter().find(|bus| bus.load > LOAD_MAX) {
+            Some(bus) => Err(ConfigError::BusLoad {
+                file: file_name.to_owned(),
+                bus: bus.name().to_owned(),
+                actuators: bus.actuators,
+                load_percent: 100.0 * bus.load,
+                bitrate_bit_s: config.bus.bitrate_bit_s,
+            }),
+            None => Ok(config),
+        }
+    }
+
+    /// The actuator with number `id` on interface `bus`; `None` when the configuration does not name it.
+    ///
+    /// Without any `[[actuator]]` every number on every interface is `ema<id>` of type `bench`.
+    #[must_use]
+    pub fn actuator_for(&self, bus: &str, id: ActuatorId) -> Option<&ActuatorConfig> {
+        self.actuators.iter().find(|actuator| actuator.is_at(bus, id))
+    }
+
+    /// The actuator called `name`.
+    #[must_use]
+    pub fn actuator_named(&self, name: &str) -> Option<&ActuatorConfig> {
+        self.actuators.iter().find(|actuator| actuator.name == name)
+    }
+
+    /// The configured actuators in the order of the file; all sixteen possible ones when [`Config::is_auto`].
+    #[must_use]
+    pub fn actuators(&self) -> &[ActuatorConfig] {
+        &self.actuators
+    }
+
+    /// Whether there is no `[[actuator]]`, so that whatever is seen on a bus is watched.
+    #[must_use]
+    pub fn is_auto(&self) -> bool {
+        self.auto
+    }
+
+    /// The type called `name`: built in, or a `[type.NAME]`.
+    #[must_use]
+    pub fn actuator_type(&self, name: &str) -> Option<&ActuatorType> {
+        self.types.get(name)
+    }
+
+    /// Section `[window]`.
+    #[must_use]
+    pub fn window(&self) -> &WindowConfig {
+        &self.window
+    }
+
+    /// Section `[identification]`.
+    #[must_use]
+    pub fn identification(&self) -> &IdentificationConfig {
+        &self.identification
+    }
+
+    /// Section `[health]`.
+    #[must_use]
+    pub fn health(&self) -> &HealthConfig {
+        &self.health
+    }
+
+    /// Section `[output]`.
+    #[must_use]
+    pub fn output(&self) -> &OutputConfig {
+        &self.output
+    }
+
+    /// Section `[bus]`.
+    #[must_use]
+    pub fn bus(&self) -> &BusConfig {
+        &self.bus
+    }
+
+    /// Load of each interface by the configured actuators, in order of name; empty when [`Config::is_auto`].
+    ///
+    /// Actuators without a `bus` count as sharing one.
+    #[must_use]
+    pub fn bus_loads(&self) -> Vec<BusLoad> {
+        if self.auto {
+            Vec::new()
+        } else {
+            self.bus.loads(&self.actuators)
+        }
+    }
+
+    /// Where a path of this configuration (a calibration) is: relative ones start at the directory of the file.
+    #[must_use]
+    pub fn resolve(&self, path: &Path) -> PathBuf {
+        self.directory.join(path)
+    }
+
+    /// SHA-256 in hex of the checked configuration: equal for two files that mean the same.
+    #[must_use]
+    pub fn hash(&self) -> String {
+        let canonical = serde_json::to_vec(self).expect("numbers are finite, and the keys of every map are strings");
+        Sha256::digest(canonical)
+            .iter()
+            .map(|byte| format!("{byte:02x}"))
+            .collect()
+    }
+
+    /// The checked configuration with its hash and bus loads, for `hmd check-config --json`.
+    #[must_use]
+    pub fn to_json(&self) -> serde_json::Value {
+        serde_json::json!({ "hash": self.hash(), "bus_load": self.bus_loads(), "config": self })
+    }
+
+    /// What is configured, in a few lines, for `hmd check-config`.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        describe::describe(self)
+    }
+}
+
+impl Default for Config {
+    /// What an empty file means.
+    fn default() -> Self {
+        Self::from_toml_str("", "defaults").expect("every key has a default that passes its own check")
+    }
+}
+
+/// Directory of a file; empty when the name has none.
+fn parent(file: &Path) -> PathBuf {
+    file.parent().unwrap_or(Path::new("")).to_owned()
+}

@@ -1,0 +1,73 @@
+//! Types of actuators: the two built-in ones and every `[type.NAME]`.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use ema_models::ActuatorParams;
+use serde::{Serialize, Serializer};
+
+use super::ConfigError;
+use super::params::{self, GROUPS};
+use super::reader::Section;
+
+/// Type of an actuator that names none.
+pub(super) const DEFAULT_TYPE: &str = "bench";
+
+/// What is known of one type of actuator.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ActuatorType {
+    /// Its physics; serialised under the keys of the file.
+    #[serde(flatten, serialize_with = "as_file_keys")]
+    pub params: ActuatorParams,
+    /// Calibration of the monitor against the reference for this type, as written in the file; see
+    /// [`Config::resolve`](super::Config::resolve).
+    pub calibration: Option<PathBuf>,
+}
+
+/// The built-in types by name.
+fn built_in() -> [(&'static str, ActuatorParams); 2] {
+    [
+        (DEFAULT_TYPE, ActuatorParams::bench()),
+        ("servo28", ActuatorParams::servo28()),
+    ]
+}
+
+/// Built-in and configured types by name.
+pub(super) fn read_all(root: &Section<'_>) -> Result<BTreeMap<String, ActuatorType>, ConfigError> {
+    let built_in = built_in();
+    let mut types: BTreeMap<_, _> = built_in
+        .map(|(name, params)| {
+            (
+                name.to_owned(),
+                ActuatorType {
+                    params,
+                    calibration: None,
+                },
+            )
+        })
+        .into();
+    let keys = [&["based_on", "calibration"], GROUPS.as_slice()].concat();
+    for (name, section) in root.named_sections("type", &keys)? {
+        if !super::actuator::is_name(name) {
+            return Err(section.refuse_self(super::actuator::NAME_EXPECTED, name));
+        }
+        // A type of a built-in name starts from that one; any other must say what it starts from.
+        let own = built_in
+            .iter()
+            .find(|(built_in, _)| *built_in == name)
+            .map(|(_, params)| Some(*params));
+        let choices = built_in.map(|(name, params)| (name, Some(params)));
+        let base = section.choice("based_on", own.flatten(), &choices)?;
+        let Some(base) = base else {
+            return Err(section.refuse("based_on", "\"bench\" or \"servo28\""));
+        };
+        let params = params::read(&section, base)?;
+        let calibration = section.text("calibration")?.map(PathBuf::from);
+        types.insert(name.to_owned(), ActuatorType { params, calibration });
+    }
+    Ok(types)
+}
+
+fn as_file_keys<S: Serializer>(params: &ActuatorParams, serializer: S) -> Result<S::Ok, S::Error> {
+    params::by_key(params).serialize(serializer)
+}

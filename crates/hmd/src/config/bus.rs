@@ -1,0 +1,102 @@
+//! Section `[bus]`: bit rates, and how full the configured actuators make each interface.
+
+use std::collections::BTreeMap;
+
+use ema_wire::bus_load::{bus_load, fd_bus_load};
+use serde::Serialize;
+
+use super::reader::Section;
+use super::{ActuatorConfig, ConfigError};
+
+/// Largest load of an interface that is accepted; 1.0 is a full bus.
+pub const LOAD_MAX: f64 = 0.9;
+
+/// Bit rates of the CAN interfaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct BusConfig {
+    /// Bit rate, of the arbitration phase with FD, bit/s.
+    pub bitrate_bit_s: u32,
+    /// Whether samples come in CAN FD frames.
+    pub fd: bool,
+    /// Bit rate of the data phase of FD frames, bit/s; without meaning unless `fd`.
+    pub data_bitrate_bit_s: u32,
+}
+
+/// How full one interface is.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BusLoad {
+    /// Interface; `None` for the actuators without one, which count as sharing one.
+    pub bus: Option<String>,
+    /// Actuators on it.
+    pub actuators: usize,
+    /// Load with nominal bit stuffing; 1.0 is full.
+    pub load: f64,
+}
+
+impl BusLoad {
+    /// Interface name, `(any)` for none.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        self.bus.as_deref().unwrap_or("(any)")
+    }
+}
+
+impl Default for BusConfig {
+    fn default() -> Self {
+        Self {
+            bitrate_bit_s: 1_000_000,
+            fd: false,
+            data_bitrate_bit_s: 5_000_000,
+        }
+    }
+}
+
+impl BusConfig {
+    pub(super) const KEYS: &[&str] = &["bitrate_bit_s", "fd", "data_bitrate_bit_s"];
+
+    pub(super) fn read(section: &Section<'_>) -> Result<Self, ConfigError> {
+        let default = Self::default();
+        let bus = Self {
+            bitrate_bit_s: section
+                .whole("bitrate_bit_s", 10_000..=1_000_000)?
+                .unwrap_or(default.bitrate_bit_s),
+            fd: section.flag("fd", default.fd)?,
+            data_bitrate_bit_s: section
+                .whole("data_bitrate_bit_s", 10_000..=8_000_000)?
+                .unwrap_or(default.data_bitrate_bit_s),
+        };
+        if bus.data_bitrate_bit_s < bus.bitrate_bit_s {
+            return Err(section.refuse(
+                "data_bitrate_bit_s",
+                &format!("at least bitrate_bit_s = {}", bus.bitrate_bit_s),
+            ));
+        }
+        Ok(bus)
+    }
+
+    /// Load of a bus by one actuator that sends `sample_rate_hz` samples a second; 1.0 is full.
+    #[must_use]
+    pub fn load_of_one(&self, sample_rate_hz: f64) -> f64 {
+        let bitrate = f64::from(self.bitrate_bit_s);
+        if self.fd {
+            fd_bus_load(sample_rate_hz, 1, bitrate, f64::from(self.data_bitrate_bit_s))
+        } else {
+            bus_load(sample_rate_hz, 1, bitrate)
+        }
+    }
+
+    pub(super) fn loads(&self, actuators: &[ActuatorConfig]) -> Vec<BusLoad> {
+        let mut by_bus: BTreeMap<Option<&str>, (usize, f64)> = BTreeMap::new();
+        for actuator in actuators {
+            let (count, load) = by_bus.entry(actuator.bus.as_deref()).or_default();
+            *count += 1;
+            *load += self.load_of_one(actuator.params.sensors.sample_rate);
+        }
+        let to_load = |(bus, (actuators, load)): (Option<&str>, _)| BusLoad {
+            bus: bus.map(str::to_owned),
+            actuators,
+            load,
+        };
+        by_bus.into_iter().map(to_load).collect()
+    }
+}

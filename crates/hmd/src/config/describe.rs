@@ -1,0 +1,127 @@
+//! What is configured, in words, for `hmd check-config`.
+
+use std::fmt::{self, Write};
+
+use super::actuator_type::DEFAULT_TYPE;
+use super::{Config, HealthLevels, LOAD_MAX, MONITOR_NAMES, SearchMethod};
+use crate::record::FAULT_NAMES;
+
+pub(super) fn describe(config: &Config) -> String {
+    let mut text = String::new();
+    write_all(&mut text, config).expect("writing to a String does not fail");
+    text
+}
+
+fn write_all(out: &mut String, config: &Config) -> fmt::Result {
+    write_actuators(out, config)?;
+    let window = config.window();
+    writeln!(
+        out,
+        "window: {} ms, {} ms of it before the trigger; invalid above {} % missing samples or a gap of {} ms",
+        window.duration_ms,
+        window.pre_trigger_ms,
+        100.0 * window.max_gap_fraction,
+        window.longest_gap_ms
+    )?;
+    let search = config.identification();
+    writeln!(
+        out,
+        "identification: {} with the {} monitor, population {}, generations {}, at most {} evaluations",
+        name_of(search.method, &SearchMethod::NAMES),
+        name_of(search.monitor, &MONITOR_NAMES),
+        search.population,
+        search.generations,
+        search.evaluations_max
+    )?;
+    write_health(out, config)?;
+    writeln!(
+        out,
+        "raw frames: {}",
+        if config.output().raw_frames {
+            "stored"
+        } else {
+            "not stored"
+        }
+    )?;
+    writeln!(out, "hash: {}", config.hash())
+}
+
+fn write_actuators(out: &mut String, config: &Config) -> fmt::Result {
+    let bus = config.bus();
+    if config.is_auto() {
+        let rate = config.types[DEFAULT_TYPE].params.sensors.sample_rate;
+        let load = bus.load_of_one(rate);
+        writeln!(
+            out,
+            "actuators: every one seen on a bus, as ema<n> of type {DEFAULT_TYPE}"
+        )?;
+        return writeln!(
+            out,
+            "bus load: {:.0} % of {} bit/s by each at {rate} Hz, so {} fit on one bus",
+            100.0 * load,
+            bus.bitrate_bit_s,
+            (LOAD_MAX / load).floor()
+        );
+    }
+    writeln!(out, "actuators: {}", config.actuators().len())?;
+    for actuator in config.actuators() {
+        write!(
+            out,
+            "  {}: number {} on {}, type {} at {} Hz",
+            actuator.name,
+            actuator.id.index(),
+            actuator.bus.as_deref().unwrap_or("any bus"),
+            actuator.type_name,
+            actuator.params.sensors.sample_rate
+        )?;
+        for (what, value) in [("part", &actuator.part_number), ("serial", &actuator.serial_number)] {
+            if let Some(value) = value {
+                write!(out, ", {what} {value}")?;
+            }
+        }
+        match &actuator.calibration {
+            Some(path) => writeln!(out, ", calibration {}", path.display())?,
+            None => writeln!(out, ", not calibrated")?,
+        }
+    }
+    for load in config.bus_loads() {
+        let (name, percent) = (load.name(), 100.0 * load.load);
+        writeln!(out, "bus load: {name} {percent:.0} % of {} bit/s", bus.bitrate_bit_s)?;
+    }
+    Ok(())
+}
+
+/// The levels that most faults share, then those that differ.
+fn write_health(out: &mut String, config: &Config) -> fmt::Result {
+    let levels = config.health().levels();
+    let count = |of: &HealthLevels| levels.iter().filter(|other| *other == of).count();
+    let common = levels.iter().rev().max_by_key(|own| count(own)).unwrap_or(&levels[0]);
+    write_levels(out, "every fault", common)?;
+    for (name, own) in FAULT_NAMES.iter().zip(levels).filter(|(_, own)| *own != common) {
+        write_levels(out, &format!("except {name}"), own)?;
+    }
+    Ok(())
+}
+
+fn write_levels(out: &mut String, which: &str, levels: &HealthLevels) -> fmt::Result {
+    let HealthLevels {
+        watch,
+        warning,
+        critical,
+        end_of_life,
+        hysteresis,
+        persistence,
+    } = levels;
+    writeln!(
+        out,
+        "health, {which}: watch {watch}, warning {warning}, critical {critical}, end of life {end_of_life}, \
+         hysteresis {hysteresis}, persistence {persistence}"
+    )
+}
+
+fn name_of<T: PartialEq>(value: T, names: &[(&'static str, T)]) -> &'static str {
+    names
+        .iter()
+        .find(|(_, named)| *named == value)
+        .map_or("?", |(name, _)| name)
+}

@@ -1,0 +1,70 @@
+//! Why a configuration was refused.
+
+use thiserror::Error;
+
+/// Why a configuration was refused; displays as one sentence with file, line, key, expected and found.
+#[derive(Debug, Error)]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("{file}: cannot be read: {source}")]
+    Read {
+        /// File name as given.
+        file: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The text is not TOML.
+    #[error("{file}:{line}: not valid TOML: {message}")]
+    Syntax {
+        /// File name as given.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// What the parser expected.
+        message: String,
+    },
+    /// There is no such key.
+    #[error("{file}:{line}: {key}: unknown key; {hint}")]
+    UnknownKey {
+        /// File name as given.
+        file: String,
+        /// Line, from 1.
+        line: usize,
+        /// Path of the key.
+        key: String,
+        /// The closest known key, or all that are known here.
+        hint: String,
+    },
+    /// A value of the wrong type, out of range, or against another value.
+    #[error("{file}:{line}: {key}: expected {expected}, found {found}")]
+    Value {
+        /// File name as given.
+        file: String,
+        /// Line of the value or, when the file does not set it, of its section.
+        line: usize,
+        /// Path of the key.
+        key: String,
+        /// What the value must be.
+        expected: String,
+        /// What it is.
+        found: String,
+    },
+    /// The configured actuators do not fit on their bus.
+    #[error(
+        "{file}: bus {bus}: expected a load of at most 90 %, found {load_percent:.0} % of {bitrate_bit_s} bit/s by \
+         {actuators} actuator{}; lower sensors.sample_rate_hz of their type, or set actuator.bus to spread them over \
+         several interfaces", if *actuators == 1 { "" } else { "s" }
+    )]
+    BusLoad {
+        /// File name as given.
+        file: String,
+        /// Interface.
+        bus: String,
+        /// Actuators on it.
+        actuators: usize,
+        /// Computed load, %.
+        load_percent: f64,
+        /// Configured bit rate, bit/s.
+        bitrate_bit_s: u32,
+    },
+}

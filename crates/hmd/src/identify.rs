@@ -1,0 +1,349 @@
+//! One window to one estimate: the only place where monitor and search meet.
+
+use ema_ga::{
+    Bounds, ConfigError, Control, GaConfig, LmConfig, Objective, Parallel, Residuals, Search, evolve_owned,
+    levenberg_marquardt,
+};
+use ema_models::{
+    ActuatorParams, ComparedSample, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector, Feedback, Recording,
+    SensedSample, Weights, prepare,
+};
+use nalgebra::{SMatrix, SVector};
+
+use crate::calibration::TypeCalibration;
+
+/// How the fault vector is searched.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Method {
+    /// The paper's standard genetic algorithm on its own cost (eq. 14), quadrature current only.
+    PaperGa(GaConfig),
+    /// A short genetic algorithm over all signals, then Levenberg–Marquardt from its best and from health.
+    Hybrid(GaConfig),
+}
+
+impl Method {
+    /// The default search: 64 individuals, 15 generations, then refinement.
+    #[must_use]
+    pub fn hybrid() -> Self {
+        let mut config = GaConfig::for_dimension(FAULT_COUNT as u32);
+        config.population = 64;
+        config.elite_count = 4;
+        config.stop.max_generations = 15;
+        Self::Hybrid(config)
+    }
+
+    /// The paper's search with the toolbox's defaults for eight bounded genes.
+    #[must_use]
+    pub fn paper_ga() -> Self {
+        Self::PaperGa(GaConfig::for_dimension(FAULT_COUNT as u32))
+    }
+}
+
+/// What identification needs to know beside the samples.
+#[derive(Clone, Debug)]
+pub struct Identifier {
+    /// The actuator.
+    pub params: ActuatorParams,
+    /// The monitor's calibration for its type.
+    pub calibration: TypeCalibration,
+    /// The search.
+    pub method: Method,
+}
+
+/// Fault vector of one window, and how far it can be trusted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// Best fault vector.
+    pub fault: FaultVector,
+    /// One standard deviation of each component, model error included; `None` where it means nothing (k7 without
+    /// eccentricity) or the window does not show it.
+    pub sigma: [Option<f64>; FAULT_COUNT],
+    /// Whether the window shows the component.
+    pub observable: [bool; FAULT_COUNT],
+    /// Mean over the samples of half the squared weighted residuals.
+    pub cost: f64,
+    /// Root-mean-square residual of the quadrature current, A.
+    pub residual_rms_a: f64,
+    /// Monitor evaluations spent.
+    pub evaluations: u64,
+}
+
+/// One window's fit, sample by sample, for records and plots.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Fit {
+    /// Measured quadrature current, A.
+    pub i_q_measured: Vec<f32>,
+    /// The monitor's, A.
+    pub i_q_fitted: Vec<f32>,
+    /// Measured motor speed, rad/s.
+    pub omega_measured: Vec<f32>,
+    /// The monitor's, rad/s.
+    pub omega_fitted: Vec<f32>,
+    /// Measured output angle relative to the window's first, rad.
+    pub theta_out_measured: Vec<f32>,
+    /// The monitor's, rad.
+    pub theta_out_fitted: Vec<f32>,
+}
+
+/// A standard deviation above this says that the window does not show the component.
+const OBSERVABLE_SIGMA: f64 = 0.1;
+
+/// Monitor runs of one set of normal equations: the point and one step along each coordinate.
+const RUNS_PER_LINEARISATION: u64 = FAULT_COUNT as u64 + 1;
+
+/// A window made ready for comparison, owning its samples.
+#[derive(Clone, Debug)]
+pub struct Prepared {
+    samples: Vec<ComparedSample>,
+    initial: ema_models::InitialState,
+}
+
+impl Prepared {
+    /// Makes a window ready; its first `rest` samples precede the trigger.
+    #[must_use]
+    pub fn new(params: &ActuatorParams, window: &[SensedSample], rest: usize) -> Self {
+        let mut samples = vec![ComparedSample::default(); window.len()];
+        let initial = prepare(params, window, rest, &mut samples);
+        Self { samples, initial }
+    }
+
+    /// The samples and their initial state.
+    #[must_use]
+    pub fn recording(&self) -> Recording<'_> {
+        Recording { samples: &self.samples, initial: self.initial }
+    }
+}
+
+impl Identifier {
+    /// Estimates the fault vector of one window.
+    ///
+    /// The same window, settings and seed give the same estimate on any number of threads.
+    ///
+    /// # Errors
+    /// [`ConfigError`] when the settings of the genetic algorithm contradict each other.
+    pub fn identify(&self, window: &Prepared, conditions: Conditions, seed: u64) -> Result<Estimate, ConfigError> {
+        let coefficients = self.calibration.coefficients();
+        let comparison = |weights| Comparison {
+            recording: window.recording(),
+            params: &self.params,
+            calibration: &coefficients,
+            conditions,
+            weights,
+            feedback: Feedback::Measured,
+        };
+        let all = comparison(self.calibration.weights());
+        match self.method {
+            Method::PaperGa(config) => {
+                let objective = PaperCost::new(
+                    Comparison { feedback: Feedback::Simulated, ..comparison(Weights::CURRENT_ONLY) },
+                    &self.params,
+                );
+                let search = Search { objective: &objective, evaluate: Parallel, seed, initial: &[] };
+                let found = evolve_owned(&search, &config, |_| Control::Continue)?;
+                Ok(self.judge(&all, Coordinates::from(FaultVector::from_array(found.genes)), found.evaluations))
+            }
+            Method::Hybrid(config) => {
+                let objective = LeastSquares { comparison: all, bounds: unit_box() };
+                let nominal = [FaultVector::NOMINAL.to_array()];
+                let search = Search { objective: &objective, evaluate: Parallel, seed, initial: &nominal };
+                let found = evolve_owned(&search, &config, |_| Control::Continue)?;
+                let starts = [FaultVector::from_array(found.genes), FaultVector::NOMINAL];
+                let (best, spent) = refine(&all, starts.map(Coordinates::from));
+                Ok(self.judge(&all, best, found.evaluations + spent))
+            }
+        }
+    }
+
+    /// States how sure a point is.
+    fn judge(&self, comparison: &Comparison<'_>, at: Coordinates, evaluations: u64) -> Estimate {
+        let normal = comparison.normal_equations(&at);
+        let n = comparison.recording.samples.len().max(1) as f64;
+        let fault = FaultVector::from(at);
+        let mut current = 0.0;
+        comparison.residuals(&fault, |_, r| current += r.i_q * r.i_q);
+
+        // Correlated residuals are already weighted down, so the weighted ones count as independent of unit size; a
+        // worse fit than the calibration's widens the interval.
+        let signals = comparison.weights.to_array().iter().filter(|w| **w > 0.0).count() as f64;
+        let scale = (2.0 * normal.cost / (n * signals)).max(1.0);
+        let variance = data_variance(&normal.jtj, scale);
+        let mut sigma = [None; FAULT_COUNT];
+        let mut observable = [false; FAULT_COUNT];
+        let mut total = [f64::INFINITY; FAULT_COUNT];
+        for p in 0..FAULT_COUNT {
+            total[p] = (variance[p] + self.calibration.model_sigma[p].powi(2)).sqrt();
+        }
+        for p in [0, 1, 2, 3, 4, 7] {
+            observable[p] = total[p] <= OBSERVABLE_SIGMA;
+            sigma[p] = observable[p].then_some(total[p]);
+        }
+        // Amplitude and direction out of the Cartesian pair: along and across the vector; across is an angle only where
+        // the vector stands clear of its own uncertainty.
+        let amplitude_sigma = total[5].max(total[6]);
+        observable[5] = amplitude_sigma <= OBSERVABLE_SIGMA;
+        sigma[5] = observable[5].then_some(amplitude_sigma);
+        if observable[5] && fault.eccentricity > 3.0 * amplitude_sigma {
+            observable[6] = true;
+            sigma[6] = Some(amplitude_sigma / fault.eccentricity / std::f64::consts::TAU);
+        }
+        Estimate {
+            fault,
+            sigma,
+            observable,
+            cost: normal.cost / n,
+            residual_rms_a: (current / n).sqrt(),
+            evaluations: evaluations + RUNS_PER_LINEARISATION + 1,
+        }
+    }
+
+    /// The fit of a fault vector to a window.
+    #[must_use]
+    pub fn fit(&self, window: &Prepared, conditions: Conditions, fault: &FaultVector) -> Fit {
+        let coefficients = self.calibration.coefficients();
+        let comparison = Comparison {
+            recording: window.recording(),
+            params: &self.params,
+            calibration: &coefficients,
+            conditions,
+            weights: self.calibration.weights(),
+            feedback: Feedback::Measured,
+        };
+        let mut fit = Fit::default();
+        comparison.residuals(fault, |sample, r| {
+            fit.i_q_measured.push(sample.i_q as f32);
+            fit.i_q_fitted.push((sample.i_q - r.i_q) as f32);
+            fit.omega_measured.push(sample.omega_m as f32);
+            fit.omega_fitted.push((sample.omega_m - r.omega_m) as f32);
+            fit.theta_out_measured.push(sample.theta_out as f32);
+            fit.theta_out_fitted.push((sample.theta_out - r.theta_out) as f32);
+        });
+        fit
+    }
+}
+
+/// Refines from several starts; the best end and the monitor runs spent.
+fn refine<const N: usize>(comparison: &Comparison<'_>, starts: [Coordinates; N]) -> (Coordinates, u64) {
+    let problem = Refinement { comparison };
+    let bounds = refinement_box();
+    let config =
+        LmConfig { max_iterations: 25, max_evaluations: 60, step_tolerance: 2e-5, ..LmConfig::default() };
+    let mut best = (f64::INFINITY, Coordinates::from(FaultVector::NOMINAL));
+    let mut spent = 0;
+    for start in starts {
+        let found = levenberg_marquardt(&problem, &bounds, start.0, &config);
+        spent += u64::from(found.iterations) * RUNS_PER_LINEARISATION + u64::from(found.evaluations - found.iterations);
+        if found.cost < best.0 {
+            best = (found.cost, Coordinates(found.genes));
+        }
+    }
+    (best.1, spent)
+}
+
+/// Distance from the truth, in fault coordinates, to where a refinement started there ends: the pull of whatever the
+/// monitor gets wrong.
+#[must_use]
+pub fn pull_from(comparison: &Comparison<'_>, truth: &FaultVector) -> [f64; FAULT_COUNT] {
+    let start = Coordinates::from(*truth);
+    let (end, _) = refine(comparison, [start]);
+    std::array::from_fn(|p| end.0[p] - start.0[p])
+}
+
+/// Diagonal of `(JᵀJ)⁻¹`, times `scale`; infinite where the data say nothing.
+fn data_variance(jtj: &[[f64; FAULT_COUNT]; FAULT_COUNT], scale: f64) -> [f64; FAULT_COUNT] {
+    let mut matrix = SMatrix::<f64, FAULT_COUNT, FAULT_COUNT>::from_fn(|r, c| jtj[r][c]);
+    for p in 0..FAULT_COUNT {
+        // A coordinate without influence gets a vanishing information, so that the others can be inverted.
+        matrix[(p, p)] += 1e-9;
+    }
+    match matrix.cholesky() {
+        Some(factor) => {
+            let inverse = factor.inverse();
+            std::array::from_fn(|p| scale * inverse[(p, p)])
+        }
+        None => [f64::INFINITY; FAULT_COUNT],
+    }
+}
+
+/// [0, 1] in every component of the fault vector.
+fn unit_box() -> Bounds<FAULT_COUNT> {
+    box_of([0.0; FAULT_COUNT])
+}
+
+/// The box of [`Coordinates`]: the Cartesian eccentricity goes from −1.
+fn refinement_box() -> Bounds<FAULT_COUNT> {
+    let mut lower = [0.0; FAULT_COUNT];
+    lower[5] = -1.0;
+    lower[6] = -1.0;
+    box_of(lower)
+}
+
+fn box_of(lower: [f64; FAULT_COUNT]) -> Bounds<FAULT_COUNT> {
+    #[expect(clippy::expect_used, reason = "the bounds are constants of this file")]
+    Bounds::new(lower, [1.0; FAULT_COUNT]).expect("constant bounds ascend")
+}
+
+struct LeastSquares<'a> {
+    comparison: Comparison<'a>,
+    bounds: Bounds<FAULT_COUNT>,
+}
+
+impl Objective<FAULT_COUNT> for LeastSquares<'_> {
+    fn bounds(&self) -> &Bounds<FAULT_COUNT> {
+        &self.bounds
+    }
+
+    fn cost(&self, genes: &[f64; FAULT_COUNT]) -> f64 {
+        self.comparison.least_squares(&FaultVector::from_array(*genes))
+    }
+}
+
+/// The paper's fitness function.
+struct PaperCost<'a> {
+    comparison: Comparison<'a>,
+    bounds: Bounds<FAULT_COUNT>,
+    time_scale: f64,
+}
+
+impl<'a> PaperCost<'a> {
+    /// The derivative is made dimensionless by the electrical time constant over the rated current.
+    fn new(comparison: Comparison<'a>, params: &ActuatorParams) -> Self {
+        let time_scale = params.motor.l_s / params.motor.r_s / params.motor.i_max;
+        Self { comparison, bounds: unit_box(), time_scale }
+    }
+}
+
+impl Objective<FAULT_COUNT> for PaperCost<'_> {
+    fn bounds(&self) -> &Bounds<FAULT_COUNT> {
+        &self.bounds
+    }
+
+    fn cost(&self, genes: &[f64; FAULT_COUNT]) -> f64 {
+        self.comparison.modified_total_least_squares(&FaultVector::from_array(*genes), self.time_scale)
+    }
+}
+
+struct Refinement<'a, 'b> {
+    comparison: &'a Comparison<'b>,
+}
+
+impl Residuals<FAULT_COUNT> for Refinement<'_, '_> {
+    fn normal_equations(
+        &self,
+        genes: &[f64; FAULT_COUNT],
+        jtj: &mut SMatrix<f64, FAULT_COUNT, FAULT_COUNT>,
+        jtr: &mut SVector<f64, FAULT_COUNT>,
+    ) -> f64 {
+        let normal = self.comparison.normal_equations(&Coordinates(*genes));
+        for p in 0..FAULT_COUNT {
+            jtr[p] = normal.jtr[p];
+            for q in 0..FAULT_COUNT {
+                jtj[(p, q)] = normal.jtj[p][q];
+            }
+        }
+        normal.cost
+    }
+
+    fn cost(&self, genes: &[f64; FAULT_COUNT]) -> f64 {
+        self.comparison.least_squares(&Coordinates(*genes).into()) * self.comparison.recording.samples.len() as f64
+    }
+}

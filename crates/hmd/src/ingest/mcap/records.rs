@@ -1,0 +1,122 @@
+//! The few MCAP records that are read here, field by field.
+//!
+//! The crate's own parser reserves whatever length a string claims, up to 4 GiB, before it looks at the record's size;
+//! in a damaged file on a small computer that ends the process.
+
+use std::collections::BTreeMap;
+
+/// Fields of a record, front to back; `None` when the record is too short for what it claims.
+pub(super) struct Fields<'a>(&'a [u8]);
+
+impl<'a> Fields<'a> {
+    pub(super) fn of(record: &'a [u8]) -> Self {
+        Self(record)
+    }
+
+    fn bytes(&mut self, count: usize) -> Option<&'a [u8]> {
+        let (field, rest) = self.0.split_at_checked(count)?;
+        self.0 = rest;
+        Some(field)
+    }
+
+    fn number<const N: usize>(&mut self) -> Option<[u8; N]> {
+        self.bytes(N)?.try_into().ok()
+    }
+
+    fn u16(&mut self) -> Option<u16> {
+        self.number().map(u16::from_le_bytes)
+    }
+
+    fn u32(&mut self) -> Option<u32> {
+        self.number().map(u32::from_le_bytes)
+    }
+
+    fn u64(&mut self) -> Option<u64> {
+        self.number().map(u64::from_le_bytes)
+    }
+
+    fn text(&mut self) -> Option<&'a str> {
+        let length = self.u32()?;
+        std::str::from_utf8(self.bytes(usize::try_from(length).ok()?)?).ok()
+    }
+
+    fn map(&mut self) -> Option<BTreeMap<String, String>> {
+        let length = self.u32()?;
+        let mut inner = Self(self.bytes(usize::try_from(length).ok()?)?);
+        let mut map = BTreeMap::new();
+        while !inner.0.is_empty() {
+            map.insert(inner.text()?.to_owned(), inner.text()?.to_owned());
+        }
+        Some(map)
+    }
+}
+
+/// Number and name of a schema.
+pub(super) fn schema(record: &[u8]) -> Option<(u16, &str)> {
+    let mut fields = Fields::of(record);
+    Some((fields.u16()?, fields.text()?))
+}
+
+/// Definition of a channel.
+pub(super) struct ChannelRecord<'a> {
+    pub(super) id: u16,
+    pub(super) schema_id: u16,
+    pub(super) topic: &'a str,
+    pub(super) encoding: &'a str,
+}
+
+/// A channel, without its metadata.
+pub(super) fn channel(record: &[u8]) -> Option<ChannelRecord<'_>> {
+    let mut fields = Fields::of(record);
+    let (id, schema_id) = (fields.u16()?, fields.u16()?);
+    Some(ChannelRecord {
+        id,
+        schema_id,
+        topic: fields.text()?,
+        encoding: fields.text()?,
+    })
+}
+
+/// Channel number, log time (ns) and content of a message.
+pub(super) fn message(record: &[u8]) -> Option<(u16, u64, &[u8])> {
+    let mut fields = Fields::of(record);
+    let id = fields.u16()?;
+    let _sequence = fields.u32()?;
+    let log_time_ns = fields.u64()?;
+    let _publish_time_ns = fields.u64()?;
+    Some((id, log_time_ns, fields.0))
+}
+
+/// Name and content of a metadata record.
+pub(super) fn metadata(record: &[u8]) -> Option<(&str, BTreeMap<String, String>)> {
+    let mut fields = Fields::of(record);
+    Some((fields.text()?, fields.map()?))
+}
+
+/// Place of the chunk that a chunk index describes.
+pub(super) fn chunk_offset(record: &[u8]) -> Option<u64> {
+    let mut fields = Fields::of(record);
+    let _start_and_end_time: [u8; 16] = fields.number()?;
+    fields.u64()
+}
+
+/// Checksum of a chunk's decompressed content; 0 when it has none.
+pub(super) fn chunk_crc(record: &[u8]) -> Option<u32> {
+    let mut fields = Fields::of(record);
+    let _times_and_size: [u8; 24] = fields.number()?;
+    fields.u32()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_length_beyond_the_record_is_refused() {
+        assert_eq!(schema(&[1, 0, 2, 0, 0, 0, b'a', b'b']), Some((1, "ab")));
+        assert_eq!(schema(&[1, 0, 0xFF, 0xFF, 0xFF, 0xFF, b'a', b'b']), None);
+        assert_eq!(schema(&[1, 0, 1, 0, 0, 0, 0xFF]), None, "not UTF-8");
+        assert_eq!(metadata(&[1, 0, 0, 0, b'n', 0, 0, 0, 0]), Some(("n", BTreeMap::new())));
+        assert_eq!(metadata(&[1, 0, 0, 0, b'n', 9, 0, 0, 0]), None);
+    }
+}

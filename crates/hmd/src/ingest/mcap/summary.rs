@@ -1,0 +1,66 @@
+//! The summary at the end of an MCAP file: a second copy of the channels, and the way to the chunks.
+
+use super::chunk::{Channels, RECORD_LIMIT, read_some};
+use super::records;
+use mcap::records::op;
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use std::io::{self, Read, Seek, SeekFrom};
+
+/// What the summary at the end of the file knows; empty when there is none or its checksum is wrong.
+#[derive(Debug, Default)]
+pub(super) struct Summary {
+    pub(super) channels: Channels,
+    pub(super) chunk_offsets: Vec<u64>,
+}
+/// Reads the summary, from the end of the file; `None` when it is not there or not intact.
+pub(super) fn read_summary<R: Read + Seek>(input: &mut R) -> io::Result<Option<Summary>> {
+    // Data end (13 bytes) stands before the summary; footer (9 + 20) and magic (8) end the file.
+    const DATA_END: u64 = 13;
+    const FOOTER: u64 = 37;
+    let length = input.seek(SeekFrom::End(0))?;
+    if length < FOOTER + DATA_END {
+        return Ok(None);
+    }
+    input.seek(SeekFrom::Start(length - FOOTER))?;
+    let mut footer = [0; FOOTER as usize];
+    input.read_exact(&mut footer)?;
+    let mut field = [0; 8];
+    field.copy_from_slice(&footer[9..17]);
+    let start = u64::from_le_bytes(field);
+    let has_crc = footer[25..29] != [0; 4];
+    let size = length.saturating_sub(start);
+    if footer[0] != op::FOOTER || !has_crc || start < DATA_END || size < FOOTER || size > RECORD_LIMIT as u64 {
+        return Ok(None);
+    }
+    input.seek(SeekFrom::Start(start - DATA_END))?;
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_validate_summary_section_crc(true)
+        .with_record_length_limit(RECORD_LIMIT);
+    let mut reader = LinearReader::new_with_options(options);
+    // Nothing is parsed before the whole summary has passed its checksum.
+    let mut kept = Vec::new();
+    while let Some(event) = reader.next_event() {
+        match event {
+            Err(_) => return Ok(None),
+            Ok(LinearReadEvent::ReadRequest(need)) => read_some(input, &mut reader, need)?,
+            Ok(LinearReadEvent::Record {
+                opcode: opcode @ (op::SCHEMA | op::CHANNEL | op::CHUNK_INDEX),
+                data,
+            }) => {
+                kept.push((opcode, data.to_vec()));
+            }
+            Ok(LinearReadEvent::Record { .. }) => {}
+        }
+    }
+    let mut summary = Summary::default();
+    for (opcode, data) in kept {
+        if opcode == op::CHUNK_INDEX {
+            summary.chunk_offsets.extend(records::chunk_offset(&data));
+        } else if summary.channels.add(opcode, &data).is_none() {
+            return Ok(None);
+        }
+    }
+    summary.chunk_offsets.sort_unstable();
+    Ok(Some(summary))
+}

@@ -1,0 +1,227 @@
+//! The verdict on one window.
+
+use super::schema::message;
+use super::{FAULT_NAMES, finite};
+
+message! {
+    /// What one window says about one actuator. All fields are scalars, because viewers draw an array as one line.
+    pub struct Health {
+        /// Actuator name, as in the topic.
+        actuator: String = 1 string;
+        /// Number of the window, judged or not, from 0.
+        window: u64 = 2 uint64;
+        /// Start of the window, UTC ns.
+        t_start_ns: u64 = 3 uint64;
+        /// `ok`, `degraded`, `invalid` or `unmodelled`.
+        status: String = 4 string;
+        /// Why the status is not `ok`; else empty.
+        reason: String = 5 string;
+        /// `nominal`, `watch`, `warning`, `critical` or `unknown`.
+        health: String = 6 string;
+        /// Detected faults, joined by commas.
+        faults: String = 7 string;
+        /// Detected faults, one by one.
+        fault_list: Vec<String> = 8 string repeated;
+        /// Friction, 0…1; absent when the window is invalid, as all of k1…k8.
+        k1: Option<f64> = 11 double optional;
+        /// Backlash, 0…1.
+        k2: Option<f64> = 12 double optional;
+        /// Short circuit of phase A, 0…1.
+        k3: Option<f64> = 13 double optional;
+        /// Short circuit of phase B, 0…1.
+        k4: Option<f64> = 14 double optional;
+        /// Short circuit of phase C, 0…1.
+        k5: Option<f64> = 15 double optional;
+        /// Eccentricity amplitude, 0…1.
+        k6: Option<f64> = 16 double optional;
+        /// Eccentricity direction, 0…1 for -π…π; nominal 0.5.
+        k7: Option<f64> = 17 double optional;
+        /// Proportional gain, 0…1; nominal 0.5.
+        k8: Option<f64> = 18 double optional;
+        /// Standard deviation of k1; absent when not observable.
+        k1_sigma: Option<f64> = 21 double optional;
+        /// Standard deviation of k2; absent when not observable.
+        k2_sigma: Option<f64> = 22 double optional;
+        /// Standard deviation of k3; absent when not observable.
+        k3_sigma: Option<f64> = 23 double optional;
+        /// Standard deviation of k4; absent when not observable.
+        k4_sigma: Option<f64> = 24 double optional;
+        /// Standard deviation of k5; absent when not observable.
+        k5_sigma: Option<f64> = 25 double optional;
+        /// Standard deviation of k6; absent when not observable.
+        k6_sigma: Option<f64> = 26 double optional;
+        /// Standard deviation of k7; absent when not observable.
+        k7_sigma: Option<f64> = 27 double optional;
+        /// Standard deviation of k8; absent when not observable.
+        k8_sigma: Option<f64> = 28 double optional;
+        /// Whether the window excites k1.
+        k1_observable: bool = 31 bool;
+        /// Whether the window excites k2.
+        k2_observable: bool = 32 bool;
+        /// Whether the window excites k3.
+        k3_observable: bool = 33 bool;
+        /// Whether the window excites k4.
+        k4_observable: bool = 34 bool;
+        /// Whether the window excites k5.
+        k5_observable: bool = 35 bool;
+        /// Whether the window excites k6.
+        k6_observable: bool = 36 bool;
+        /// Whether the window excites k7.
+        k7_observable: bool = 37 bool;
+        /// Whether the window excites k8.
+        k8_observable: bool = 38 bool;
+        /// Damage by friction, 0…1; absent when unknown, as all damages.
+        damage_friction: Option<f64> = 41 double optional;
+        /// Damage by backlash, 0…1.
+        damage_backlash: Option<f64> = 42 double optional;
+        /// Damage by a short circuit of phase A, 0…1.
+        damage_short_a: Option<f64> = 43 double optional;
+        /// Damage by a short circuit of phase B, 0…1.
+        damage_short_b: Option<f64> = 44 double optional;
+        /// Damage by a short circuit of phase C, 0…1.
+        damage_short_c: Option<f64> = 45 double optional;
+        /// Damage by eccentricity, 0…1.
+        damage_eccentricity: Option<f64> = 46 double optional;
+        /// Damage by a changed gain, 0…1.
+        damage_gain: Option<f64> = 47 double optional;
+        /// Cost of the estimate (the identification's own scale).
+        cost: Option<f64> = 51 double optional;
+        /// Root mean square of the current residual, A.
+        residual_rms_a: Option<f64> = 52 double optional;
+        /// Evaluations of the monitor that the identification took.
+        evaluations: u64 = 53 uint64;
+    }
+}
+
+super::impl_record!(Health, |health| format!("/{}/health", health.actuator));
+
+/// A fault vector with its uncertainty, in the order k1…k8.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// The fault vector.
+    pub k: [f64; 8],
+    /// Standard deviations; `None` where the window says nothing.
+    pub sigma: [Option<f64>; 8],
+    /// Whether the window excites each parameter.
+    pub observable: [bool; 8],
+}
+
+impl Health {
+    /// Fills k1…k8 and what belongs to them; an estimate with a value that is not a number is left out as a whole.
+    pub fn set_estimate(&mut self, estimate: Option<&Estimate>) {
+        let estimate = estimate.filter(|e| e.k.iter().all(|k| k.is_finite()));
+        let k = estimate.map_or([None; 8], |e| e.k.map(Some));
+        let sigma = estimate.map_or([None; 8], |e| e.sigma.map(|sigma| sigma.and_then(finite)));
+        let observable = estimate.map_or([false; 8], |e| e.observable);
+        [self.k1, self.k2, self.k3, self.k4, self.k5, self.k6, self.k7, self.k8] = k;
+        [self.k1_sigma, self.k2_sigma, self.k3_sigma, self.k4_sigma] = [sigma[0], sigma[1], sigma[2], sigma[3]];
+        [self.k5_sigma, self.k6_sigma, self.k7_sigma, self.k8_sigma] = [sigma[4], sigma[5], sigma[6], sigma[7]];
+        [
+            self.k1_observable,
+            self.k2_observable,
+            self.k3_observable,
+            self.k4_observable,
+        ] = [observable[0], observable[1], observable[2], observable[3]];
+        [
+            self.k5_observable,
+            self.k6_observable,
+            self.k7_observable,
+            self.k8_observable,
+        ] = [observable[4], observable[5], observable[6], observable[7]];
+    }
+
+    /// The estimate, or `None` when any of k1…k8 is absent.
+    pub fn estimate(&self) -> Option<Estimate> {
+        let k = [
+            self.k1?, self.k2?, self.k3?, self.k4?, self.k5?, self.k6?, self.k7?, self.k8?,
+        ];
+        let sigma = [
+            self.k1_sigma,
+            self.k2_sigma,
+            self.k3_sigma,
+            self.k4_sigma,
+            self.k5_sigma,
+            self.k6_sigma,
+            self.k7_sigma,
+            self.k8_sigma,
+        ];
+        let observable = [
+            self.k1_observable,
+            self.k2_observable,
+            self.k3_observable,
+            self.k4_observable,
+            self.k5_observable,
+            self.k6_observable,
+            self.k7_observable,
+            self.k8_observable,
+        ];
+        Some(Estimate { k, sigma, observable })
+    }
+
+    /// Fills the damages, in the order of [`FAULT_NAMES`]; a value that is not a number is left out.
+    pub fn set_damage(&mut self, damage: [Option<f64>; FAULT_NAMES.len()]) {
+        let damage = damage.map(|damage| damage.and_then(finite));
+        [
+            self.damage_friction,
+            self.damage_backlash,
+            self.damage_short_a,
+            self.damage_short_b,
+        ] = [damage[0], damage[1], damage[2], damage[3]];
+        [self.damage_short_c, self.damage_eccentricity, self.damage_gain] = [damage[4], damage[5], damage[6]];
+    }
+
+    /// Fills both forms of the list of faults.
+    pub fn set_faults<S: AsRef<str>>(&mut self, faults: &[S]) {
+        self.fault_list = faults.iter().map(|fault| fault.as_ref().to_owned()).collect();
+        self.faults = self.fault_list.join(",");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use prost::Message;
+
+    #[test]
+    fn an_estimate_survives_the_record() {
+        let estimate = Estimate {
+            k: [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8],
+            sigma: [
+                Some(0.01),
+                Some(0.02),
+                None,
+                Some(0.04),
+                Some(0.05),
+                Some(0.06),
+                Some(0.07),
+                Some(0.08),
+            ],
+            observable: [true, true, false, true, true, true, false, true],
+        };
+        let mut health = Health::default();
+        health.set_estimate(Some(&estimate));
+        health.set_damage([Some(0.1), Some(f64::NAN), None, None, None, None, Some(0.6)]);
+        health.set_faults(&["friction", "gain"]);
+        let again = Health::decode(health.encode_to_vec().as_slice()).unwrap();
+        assert_eq!(again, health);
+        assert_eq!(again.estimate(), Some(estimate));
+        assert_eq!(again.damage_backlash, None);
+        assert_eq!(again.faults, "friction,gain");
+    }
+
+    #[test]
+    fn a_value_that_is_not_a_number_leaves_no_estimate() {
+        let mut health = Health::default();
+        let mut estimate = Estimate {
+            k: [0.5; 8],
+            sigma: [Some(f64::INFINITY); 8],
+            observable: [true; 8],
+        };
+        health.set_estimate(Some(&estimate));
+        assert_eq!(health.estimate().map(|e| e.sigma), Some([None; 8]));
+        estimate.k[3] = f64::NAN;
+        health.set_estimate(Some(&estimate));
+        assert_eq!(health.estimate(), None);
+        assert_eq!(health.k1, None);
+    }
+}

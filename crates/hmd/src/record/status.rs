@@ -1,0 +1,43 @@
+//! Counters of the whole process: loss is data.
+
+use super::schema::message;
+
+message! {
+    /// Totals since the start (or since the start of a replay). Received = decoded + filtered + error + malformed frames.
+    pub struct Status {
+        /// Frames received from all sources.
+        frames_received: u64 = 1 uint64;
+        /// Frames that gave a value.
+        frames_decoded: u64 = 2 uint64;
+        /// Frames that no mapping wants.
+        frames_filtered: u64 = 3 uint64;
+        /// Error frames of the controllers.
+        frames_error: u64 = 4 uint64;
+        /// Complete samples of all actuators.
+        samples: u64 = 5 uint64;
+        /// Losses: lines of a text log, or serial frames, that could not be read.
+        lost_unreadable: u64 = 11 uint64;
+        /// Losses: frames in damaged or missing parts of a recorded file, as far as they can be counted.
+        lost_damaged: u64 = 12 uint64;
+        /// Losses: frames dropped by the kernel's receive queue.
+        lost_socket_queue: u64 = 13 uint64;
+        /// Losses: frames dropped because an own queue was full.
+        lost_own_queue: u64 = 14 uint64;
+        /// Losses: samples missing by their counters.
+        lost_samples: u64 = 15 uint64;
+        /// Losses: frames of a mapped identifier whose content makes no sense.
+        lost_malformed: u64 = 16 uint64;
+        /// Losses: windows not judged for want of time or room.
+        lost_windows: u64 = 17 uint64;
+        /// Windows with status `ok`.
+        windows_ok: u64 = 21 uint64;
+        /// Windows with status `degraded`.
+        windows_degraded: u64 = 22 uint64;
+        /// Windows with status `invalid`.
+        windows_invalid: u64 = 23 uint64;
+        /// Windows with status `unmodelled`.
+        windows_unmodelled: u64 = 24 uint64;
+    }
+}
+
+super::impl_record!(Status, |_status| "/hmd/status".to_owned());

@@ -1,0 +1,55 @@
+//! Simulated windows: the reference model's actuations, cut as recorded ones are. For calibration and the suites.
+
+use ema_models::reference::{Actuations, Scenario};
+use ema_models::{ActuatorParams, Conditions, FaultVector, Profile, SensedSample, Setpoint};
+
+use crate::identify::Prepared;
+
+/// Rest before the trigger that belongs to a window, s.
+const PRE_TRIGGER: f64 = 0.02;
+
+/// Length of a window, s.
+const DURATION: f64 = 0.5;
+
+/// One simulated window and what the monitor may know of it.
+#[derive(Clone, Debug)]
+pub struct SimulatedWindow {
+    /// The true fault vector.
+    pub truth: FaultVector,
+    /// The samples, ready for comparison.
+    pub prepared: Prepared,
+    /// Load and supply.
+    pub conditions: Conditions,
+}
+
+impl SimulatedWindow {
+    /// One actuation of a unit that is its type exactly, without noise.
+    #[must_use]
+    pub fn new(params: &ActuatorParams, truth: FaultVector, profile: Profile, seed: u64) -> Self {
+        Self::of(&Scenario { actuations: Actuations::one(profile), ..Scenario::new(*params, truth, seed) })
+    }
+
+    /// The first window of a scenario.
+    #[must_use]
+    pub fn of(scenario: &Scenario) -> Self {
+        let rate = scenario.nominal.sensors.sample_rate;
+        let samples: Vec<SensedSample> = scenario.run().collect();
+        let rest = (PRE_TRIGGER * rate).round() as usize;
+        let start = trigger(&samples).saturating_sub(rest);
+        let end = (start + (DURATION * rate).round() as usize).min(samples.len());
+        Self {
+            truth: scenario.fault,
+            prepared: Prepared::new(&scenario.nominal, &samples[start..end], rest),
+            conditions: Conditions { load_torque: scenario.load_torque, v_dc: scenario.unit.motor.v_dc },
+        }
+    }
+}
+
+/// Index of the first sample whose setpoint has left its resting value by more than 1 mrad.
+fn trigger(samples: &[SensedSample]) -> usize {
+    let angle = |s: &SensedSample| match s.setpoint {
+        Setpoint::Position(angle) => angle,
+        Setpoint::Idle | Setpoint::Speed(_) => 0.0,
+    };
+    samples.iter().position(|s| (angle(s) - angle(&samples[0])).abs() > 1e-3).unwrap_or(0)
+}

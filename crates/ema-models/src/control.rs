@@ -31,6 +31,12 @@ impl<R: Real> Encoder<R> {
         Self { counts_per_rad: R::splat(1.0 / lsb), lsb: R::splat(lsb) }
     }
 
+    /// Angle of one count, rad.
+    #[inline(always)]
+    pub fn lsb(&self) -> R {
+        self.lsb
+    }
+
     /// Lower edge of the count whose middle is `theta`, rad.
     #[inline(always)]
     pub fn edge(&self, theta: f64) -> R {
@@ -101,6 +107,26 @@ impl<R: Real> Ace<R> {
         }
     }
 
+    /// Memory of a controller that, in a steady state, asks for the given torque, Nm.
+    #[inline(always)]
+    pub fn steady(&self, torque: R, setpoint: Setpoint, theta_out: R, omega_m: R) -> AceState<R> {
+        match self.speed_error(setpoint, theta_out, omega_m) {
+            Some(error) => AceState { integral: torque - self.k_p * error, previous_error: error },
+            None => AceState::default(),
+        }
+    }
+
+    /// Error of the speed loop, rad/s; `None` while the drive is off.
+    #[inline(always)]
+    fn speed_error(&self, setpoint: Setpoint, theta_out: R, omega_m: R) -> Option<R> {
+        let omega_ref = match setpoint {
+            Setpoint::Idle => return None,
+            Setpoint::Position(theta_cmd) => self.g_p * (R::splat(theta_cmd) - theta_out),
+            Setpoint::Speed(omega_cmd) => R::splat(omega_cmd),
+        };
+        Some(omega_ref.clamp_abs(self.omega_max) - omega_m)
+    }
+
     /// One control period: quadrature current reference I_ref, A.
     ///
     /// `e = θ_cmd − θ_out` with the output angle as the encoder counts it;
@@ -109,17 +135,10 @@ impl<R: Real> Ace<R> {
     /// `I_ref = T_ref / G_T`.
     #[inline(always)]
     pub fn step(&self, state: &mut AceState<R>, setpoint: Setpoint, theta_out: R, omega_m: R) -> R {
-        let omega_ref = match setpoint {
-            Setpoint::Idle => {
-                *state = AceState::default();
-                return R::zero();
-            }
-            Setpoint::Position(theta_cmd) => {
-                (self.g_p * (R::splat(theta_cmd) - theta_out)).clamp_abs(self.omega_max)
-            }
-            Setpoint::Speed(omega_cmd) => R::splat(omega_cmd).clamp_abs(self.omega_max),
+        let Some(error) = self.speed_error(setpoint, theta_out, omega_m) else {
+            *state = AceState::default();
+            return R::zero();
         };
-        let error = omega_ref - omega_m;
         let torque = self.k_p * error + state.integral + self.k_d_over_dt * (error - state.previous_error);
         state.previous_error = error;
         let saturated = self.torque_max.lt(torque.abs());

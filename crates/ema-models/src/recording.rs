@@ -50,7 +50,8 @@ pub struct Recording<'a> {
 /// Makes a window ready: relative angles, currents in the rotor frame, speed, initial state.
 ///
 /// Fills `into` from `sensed` (as many as both hold) and takes the initial state from the first `rest` samples, which
-/// precede the trigger: the speed is their mean one, the currents their means.
+/// precede the trigger: the speed is their mean one, the currents start where their straight lines do (at rest the
+/// integrator winds up steadily against the static friction).
 ///
 /// ```
 /// use ema_models::{prepare, ActuatorParams, SensedSample, Setpoint};
@@ -101,12 +102,14 @@ pub fn prepare(
         };
     }
 
-    let rest = rest.clamp(1, sensed.len().min(into.len()).max(1));
-    let mut i_dq = [0.0; 2];
-    for s in into.iter().take(rest) {
-        i_dq[0] += s.i_d / rest as f64;
-        i_dq[1] += s.i_q / rest as f64;
+    let rest = rest.max(1).min(sensed.len()).min(into.len());
+    if rest == 0 {
+        return InitialState::default();
     }
+    let i_dq = [
+        value_at_start(into[..rest].iter().map(|s| s.i_d)),
+        value_at_start(into[..rest].iter().map(|s| s.i_q)),
+    ];
     let turned = sensed[rest - 1].motor_counts - first.motor_counts;
     // One count of dither is not motion.
     let omega_m = if turned.abs() > 1 {
@@ -122,8 +125,18 @@ pub fn prepare(
         theta_m: 0.5 * motor_lsb,
         omega_m,
         i_dq,
-        output_count: 0.0,
     }
+}
+
+/// Value of the least-squares line through equally spaced numbers at the first of them; 0 of none.
+fn value_at_start(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let n = values.len() as f64;
+    let (mut sum, mut moment) = (0.0, 0.0);
+    for (x, y) in values.enumerate() {
+        sum += y;
+        moment += x as f64 * y;
+    }
+    if n > 1.0 { (2.0 * (2.0 * n - 1.0) * sum - 6.0 * moment) / (n * (n + 1.0)) } else { sum }
 }
 
 impl Default for ComparedSample {

@@ -1,7 +1,7 @@
 //! Residuals: measured minus modelled, per sample and signal, and the costs made of them.
 
 use crate::fault::{FAULT_COUNT, FaultVector};
-use crate::monitor::{Calibration, Conditions, Feedback, Monitor, Output};
+use crate::monitor::{Calibration, Conditions, Feedback, Monitor};
 use crate::params::ActuatorParams;
 use crate::real::Real;
 use crate::recording::{ComparedSample, Recording};
@@ -123,19 +123,38 @@ impl Comparison<'_> {
         Monitor::new(self.params, self.calibration, self.conditions, fault).with_feedback(self.feedback)
     }
 
-    /// Runs monitors side by side over the window and shows each sample beside their outputs.
+    /// Runs monitors side by side over the window and shows each sample beside their residuals.
+    ///
+    /// The speed's residual is the difference of two residuals of the angle about 1 ms apart, at least one sample, over
+    /// that time: measured and modelled speed are then means over the same time, however slow the sampling.
     #[inline(always)]
     fn run<R: Real, const M: usize>(
         &self,
         monitors: &[Monitor<R>; M],
-        mut visit: impl FnMut(&ComparedSample, [Output<R>; M]),
+        mut visit: impl FnMut(&ComparedSample, [Signals<R>; M]),
     ) {
-        let initial = &self.recording.initial;
-        let output_lsb = self.params.sensors.output_lsb();
-        let mut states = core::array::from_fn::<_, M, _>(|m| monitors[m].start(initial, output_lsb));
-        for (n, sample) in self.recording.samples.iter().enumerate() {
-            let next = self.recording.samples.get(n + 1).unwrap_or(sample);
-            visit(sample, core::array::from_fn(|m| monitors[m].output(&states[m])));
+        let Recording { samples, initial } = &self.recording;
+        let Some(first) = samples.first() else { return };
+        let rate = self.params.sensors.sample_rate;
+        let span = (libm::round(rate * SPEED_SPAN) as usize).clamp(1, LONGEST_SPAN);
+        let per_span = R::splat(rate / span as f64);
+        let mut states = core::array::from_fn::<_, M, _>(|m| monitors[m].start(initial, first));
+        let mut angles = [[R::zero(); M]; LONGEST_SPAN];
+        for (n, sample) in samples.iter().enumerate() {
+            let residuals = core::array::from_fn(|m| {
+                let output = monitors[m].output(&states[m]);
+                let theta_m = R::splat(sample.theta_m) - output.theta_m;
+                Signals {
+                    i_d: R::splat(sample.i_d) - output.i_d,
+                    i_q: R::splat(sample.i_q) - output.i_q,
+                    theta_m,
+                    omega_m: if n < span { R::zero() } else { (theta_m - angles[n % span][m]) * per_span },
+                    theta_out: R::splat(sample.theta_out) - output.theta_out,
+                }
+            });
+            angles[n % span] = residuals.map(|r| r.theta_m);
+            visit(sample, residuals);
+            let next = samples.get(n + 1).unwrap_or(sample);
             for (monitor, state) in monitors.iter().zip(&mut states) {
                 monitor.sample(state, initial, sample, next);
             }
@@ -144,9 +163,7 @@ impl Comparison<'_> {
 
     /// Residuals of one fault vector, unweighted, sample by sample.
     pub fn residuals(&self, fault: &FaultVector, mut visit: impl FnMut(&ComparedSample, Signals<f64>)) {
-        self.run(&[self.monitor(fault)], |sample, [output]| {
-            visit(sample, residual(sample, &output))
-        });
+        self.run(&[self.monitor(fault)], |sample, [residual]| visit(sample, residual));
     }
 
     /// Plain least-squares cost: mean over the samples of `½ Σ (w r)²` over the signals.
@@ -202,8 +219,8 @@ impl Comparison<'_> {
         });
         let weights = self.weights.to_array();
         let mut sums = NormalEquations::default();
-        self.run(&monitors, |sample, outputs| {
-            let residuals = outputs.map(|o| residual(sample, &o).to_array());
+        self.run(&monitors, |_, residuals| {
+            let residuals = residuals.map(Signals::to_array);
             for (s, w) in weights.into_iter().enumerate() {
                 if w <= 0.0 {
                     continue;
@@ -228,16 +245,9 @@ impl Comparison<'_> {
     }
 }
 
+/// Time over which speed is measured, s, and the most samples this may be.
+const SPEED_SPAN: f64 = 1e-3;
+const LONGEST_SPAN: usize = 8;
+
 /// Step of the forward differences. Small enough for the curvature, large enough to average over the encoder's steps.
 pub(crate) const DIFFERENCE_STEP: f64 = 2e-3;
-
-/// Measured minus modelled.
-fn residual(sample: &ComparedSample, output: &Output<f64>) -> Signals<f64> {
-    Signals {
-        i_d: sample.i_d - output.i_d,
-        i_q: sample.i_q - output.i_q,
-        theta_m: sample.theta_m - output.theta_m,
-        omega_m: sample.omega_m - output.omega_m,
-        theta_out: sample.theta_out - output.theta_out,
-    }
-}

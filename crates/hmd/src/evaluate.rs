@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use crate::calibrate::random_faults;
 use crate::identify::Identifier;
+use crate::seed::mix;
 use crate::simulated::SimulatedWindow;
 
 /// Random vector of the paper's Table III.
@@ -221,17 +222,4 @@ fn percentile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
     sorted.sort_by(f64::total_cmp);
     let rank = (share * sorted.len() as f64).ceil() as usize;
     sorted.get(rank.saturating_sub(1)).copied().unwrap_or(0.0)
-}
-
-/// One seed out of several numbers (SplitMix64 steps), so that suites never share a stream.
-#[must_use]
-pub fn mix(seed: u64, parts: &[u64]) -> u64 {
-    let mut x = seed;
-    for &part in parts {
-        x = x.wrapping_add(part).wrapping_add(0x9E37_79B9_7F4A_7C15);
-        x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        x ^= x >> 31;
-    }
-    x
 }

@@ -68,6 +68,17 @@ pub struct Estimate {
     pub evaluations: u64,
 }
 
+impl Estimate {
+    /// One standard deviation of each damage (see [`FaultVector::damage`]); infinite where the window shows nothing.
+    #[must_use]
+    pub fn damage_sigma(&self) -> [f64; FAULT_COUNT] {
+        let mut sigma = self.sigma.map(|s| s.unwrap_or(f64::INFINITY));
+        // The gain's damage is 2 |k8 − ½|.
+        sigma[7] *= 2.0;
+        sigma
+    }
+}
+
 /// One window's fit, sample by sample, for records and plots.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fit {

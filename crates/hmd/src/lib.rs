@@ -1,12 +1,26 @@
-//! Placeholder.
+//! Health monitoring of electromechanical actuators: from bus frames to health records.
+//!
+//! The data path, in order: [`ingest`] turns a source into timed [`frame`]s; [`front`] decodes them ([`channel`]) and cuts
+//! actuation windows ([`window`]); [`judge`] identifies each window ([`identify`], with a type's [`calibration`]) and
+//! decides on [`health`]; [`sink`] writes the [`record`]s. [`replay`] drives the chain from files. [`simulate`] makes
+//! traffic from the reference model, [`calibrate`] and [`evaluate`] measure the monitor against it.
 
-pub mod config;
-pub mod frame;
-pub mod ingest;
-pub mod record;
-pub mod sink;
 pub mod calibrate;
 pub mod calibration;
+pub mod channel;
+pub mod commands;
+pub mod config;
 pub mod evaluate;
+pub mod frame;
+pub mod front;
+pub mod health;
 pub mod identify;
+pub mod ingest;
+pub mod judge;
+pub mod record;
+pub mod replay;
+pub mod seed;
+pub mod simulate;
 pub mod simulated;
+pub mod sink;
+pub mod window;

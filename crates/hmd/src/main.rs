@@ -1,2 +1,43 @@
-//! Placeholder.
-fn main() {}
+//! `hmd`: health monitoring of electromechanical actuators.
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use hmd::commands::{calibrate, check_config, code_of, demo, evaluate, replay, simulate};
+
+/// Health monitoring of electromechanical actuators: which part wears, how far, and how sure.
+#[derive(Debug, Parser)]
+#[command(version, about, after_help = "Exit codes: 0 done, 1 failed, 2 usage, 3 finished but data were lost, 78 bad config.")]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    Demo(demo::Args),
+    Replay(replay::Args),
+    Simulate(simulate::Args),
+    Calibrate(calibrate::Args),
+    Evaluate(evaluate::Args),
+    CheckConfig(check_config::Args),
+}
+
+fn main() -> ExitCode {
+    let ended = match Cli::parse().verb {
+        Verb::Demo(args) => demo::run(&args),
+        Verb::Replay(args) => replay::run(&args),
+        Verb::Simulate(args) => simulate::run(&args),
+        Verb::Calibrate(args) => calibrate::run(&args),
+        Verb::Evaluate(args) => evaluate::run(&args),
+        Verb::CheckConfig(args) => check_config::run(&args),
+    };
+    match ended {
+        Ok(exit) => ExitCode::from(exit as u8),
+        Err(error) => {
+            // One sentence: what failed, then why, without repeating what a cause already says.
+            eprintln!("hmd: {error:#}");
+            ExitCode::from(code_of(&error))
+        }
+    }
+}

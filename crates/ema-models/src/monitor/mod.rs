@@ -95,6 +95,8 @@ pub struct Monitor<R> {
     steps_per_control: u32,
     controls_per_sample: u32,
     sample_period: f64,
+    /// Nominal torque per ampere, as the controller has it, Nm/A.
+    torque_gain: R,
 }
 
 /// Constants that the step needs ready-made.
@@ -180,8 +182,6 @@ pub struct InitialState {
     pub omega_m: f64,
     /// Direct and quadrature current, A; the speed loop's integrator is set to the torque of the latter.
     pub i_dq: [f64; 2],
-    /// The output angle is in `[output_count, output_count + 1)` encoder counts of the relative angle.
-    pub output_count: f64,
 }
 
 /// Integration steps of the monitor per control period.
@@ -236,6 +236,7 @@ impl Monitor<f64> {
             steps_per_control: STEPS_PER_CONTROL,
             controls_per_sample: libm::round(1.0 / (params.sensors.sample_rate * params.controller.period)) as u32,
             sample_period: 1.0 / params.sensors.sample_rate,
+            torque_gain: motor.torque_gain(),
         }
     }
 }
@@ -249,14 +250,14 @@ impl<R: Real> Monitor<R> {
 
     /// State at the beginning of a window.
     #[must_use]
-    pub fn start(&self, initial: &InitialState, output_lsb: f64) -> MonitorState<R> {
+    pub fn start(&self, initial: &InitialState, first: &ComparedSample) -> MonitorState<R> {
         let theta_m = R::splat(initial.theta_m);
         let sin_cos = self.angle(initial, theta_m).sin_cos_poly();
         // The output is somewhere inside both the play and the encoder count that was read.
         let centre = R::splat(initial.origin.play_centre) + theta_m * self.derived.per_gear;
-        let count = R::splat(initial.output_count * output_lsb);
+        let count = self.encoder.edge(first.theta_out);
         let lower = (centre - self.half_play).max(count);
-        let upper = (centre + self.half_play).min(count + R::splat(output_lsb));
+        let upper = (centre + self.half_play).min(count + self.encoder.lsb());
         let [d, q] = initial.i_dq.map(R::splat);
         MonitorState {
             i: abc_from_alpha_beta(alpha_beta_from_dq([d, q], sin_cos)),
@@ -264,10 +265,7 @@ impl<R: Real> Monitor<R> {
             theta_m,
             omega_m: R::splat(initial.omega_m),
             theta_out: R::splat(0.5) * (lower + upper),
-            ace: AceState {
-                integral: q * self.derived.torque * R::splat(1.5),
-                previous_error: R::zero(),
-            },
+            ace: self.ace.steady(q * self.torque_gain, first.setpoint, count, R::splat(initial.omega_m)),
             i_ref: [d, q],
             gained: R::zero(),
             sin_cos,

@@ -1,0 +1,171 @@
+//! One actuator's frames, continued into samples on the device's own time.
+
+use ema_models::{SensedSample, Setpoint};
+use ema_wire::can::Status;
+use ema_wire::{
+    ActuatorId, Assembler, AssemblerStats, Frame, Mode, Sample, quantity, unwrap_motor_counts, unwrap_output_counts,
+};
+
+use crate::window::TimedSample;
+
+/// Samples kept back until the sample rate is known.
+const RATE_SAMPLES: usize = 16;
+
+/// Longest sample period that 16 bits of microseconds can show, µs; longer ones are not measured.
+const LONGEST_PERIOD_US: u16 = 32_768;
+
+/// Decodes the frames of one actuator. Bounded: it keeps at most the samples from which it learns the rate.
+#[derive(Debug)]
+pub struct Channel {
+    assembler: Assembler,
+    last: Option<(TimedSample, u16)>,
+    /// Receive stamp of the newest currents frame, by its counter.
+    currents_stamp: Option<(u16, u64)>,
+    rate: Rate,
+    conditions: MeasuredConditions,
+}
+
+/// What the status frames last said.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MeasuredConditions {
+    /// DC link voltage, V.
+    pub dc_link_v: Option<f64>,
+    /// Winding temperature, °C.
+    pub winding_temp_deg_c: Option<f64>,
+    /// Load torque at the output, Nm.
+    pub load_torque_nm: Option<f64>,
+}
+
+#[derive(Debug)]
+enum Rate {
+    /// Samples so far and the periods between them, µs.
+    Learning { waiting: Vec<TimedSample>, periods_us: Vec<u16> },
+    Known(f64),
+}
+
+impl Channel {
+    /// A channel for one actuator.
+    #[must_use]
+    pub fn new(actuator: ActuatorId) -> Self {
+        Self {
+            assembler: Assembler::new(actuator),
+            last: None,
+            currents_stamp: None,
+            rate: Rate::Learning { waiting: Vec::with_capacity(RATE_SAMPLES), periods_us: Vec::new() },
+            conditions: MeasuredConditions::default(),
+        }
+    }
+
+    /// Takes one frame; shows each sample that it completes, in order, to `deliver` with the sample rate, Hz.
+    ///
+    /// The first samples are delivered together, as soon as device time and counter have told the rate.
+    pub fn push(&mut self, frame: &Frame, stamp_ns: u64, mut deliver: impl FnMut(f64, TimedSample)) {
+        match frame {
+            Frame::Status(status) => self.conditions = MeasuredConditions::from(status),
+            Frame::Currents(currents) => self.currents_stamp = Some((currents.seq, stamp_ns)),
+            Frame::Position(_) | Frame::Command(_) | Frame::SampleFd(_) => {}
+        }
+        for sample in self.assembler.push(frame, stamp_ns) {
+            let stamp_ns = match self.currents_stamp {
+                Some((seq, stamp)) if seq == sample.seq => stamp,
+                _ => stamp_ns,
+            };
+            let timed = self.continued(&sample, stamp_ns);
+            self.rate.push(timed, self.last.map(|(_, time_us)| (timed, sample.time_us.wrapping_sub(time_us))), &mut deliver);
+            self.last = Some((timed, sample.time_us));
+        }
+    }
+
+    /// Delivers what was kept back for a rate that never became known, at the rate given.
+    pub fn finish(&mut self, nominal_rate: f64, mut deliver: impl FnMut(f64, TimedSample)) {
+        self.assembler.close();
+        self.rate.settle(nominal_rate, &mut deliver);
+    }
+
+    /// What the status frames last said.
+    #[must_use]
+    pub fn conditions(&self) -> MeasuredConditions {
+        self.conditions
+    }
+
+    /// Counts of samples delivered and lost.
+    #[must_use]
+    pub fn stats(&self) -> AssemblerStats {
+        self.assembler.stats()
+    }
+
+    /// Continues the wrapping counters. A counter that steps back by less than half its range is a restart, and stays
+    /// one: the sample number steps back too.
+    fn continued(&self, sample: &Sample, stamp_ns: u64) -> TimedSample {
+        let (seq, motor_counts, output_counts) = match self.last {
+            Some((last, _)) => {
+                let step = i64::from(sample.seq.wrapping_sub(last.seq as u16) as i16);
+                (
+                    last.seq.saturating_add_signed(step),
+                    unwrap_motor_counts(last.sensed.motor_counts, sample.motor_counts),
+                    unwrap_output_counts(last.sensed.output_counts, sample.output_counts),
+                )
+            }
+            // Far from zero, so that stepping back never saturates; a multiple of 2^16 keeps the low bits.
+            None => (
+                (1 << 32) + u64::from(sample.seq),
+                i64::from(sample.motor_counts),
+                i64::from(sample.output_counts),
+            ),
+        };
+        let setpoint = match sample.mode {
+            Mode::Idle => Setpoint::Idle,
+            Mode::Position => Setpoint::Position(quantity::position_setpoint_rad(sample.setpoint)),
+            Mode::Speed => Setpoint::Speed(quantity::speed_setpoint_rad_s(sample.setpoint)),
+        };
+        TimedSample {
+            seq,
+            stamp_ns,
+            sensed: SensedSample { seq, currents: sample.currents_a(), motor_counts, output_counts, setpoint },
+        }
+    }
+}
+
+impl Rate {
+    fn push(&mut self, sample: TimedSample, since_last: Option<(TimedSample, u16)>, deliver: &mut impl FnMut(f64, TimedSample)) {
+        match self {
+            Self::Known(rate) => deliver(*rate, sample),
+            Self::Learning { waiting, periods_us } => {
+                if let (Some(previous), Some((_, elapsed_us))) = (waiting.last(), since_last) {
+                    let steps = sample.seq.wrapping_sub(previous.seq);
+                    if steps == 1 && (1..LONGEST_PERIOD_US).contains(&elapsed_us) {
+                        periods_us.push(elapsed_us);
+                    }
+                }
+                waiting.push(sample);
+                if waiting.len() >= RATE_SAMPLES && !periods_us.is_empty() {
+                    // The median, so that one bad stamp decides nothing.
+                    periods_us.sort_unstable();
+                    let period_us = f64::from(periods_us[periods_us.len() / 2]);
+                    self.settle(1e6 / period_us, deliver);
+                } else if waiting.len() >= 4 * RATE_SAMPLES {
+                    // Not two samples in a row in all this: the nominal rate will have to do, from here on.
+                    waiting.remove(0);
+                }
+            }
+        }
+    }
+
+    fn settle(&mut self, rate: f64, deliver: &mut impl FnMut(f64, TimedSample)) {
+        if let Self::Learning { waiting, .. } = std::mem::replace(self, Self::Known(rate)) {
+            for sample in waiting {
+                deliver(rate, sample);
+            }
+        }
+    }
+}
+
+impl From<&Status> for MeasuredConditions {
+    fn from(status: &Status) -> Self {
+        Self {
+            dc_link_v: (status.dc_link_dv > 0).then(|| quantity::dc_link_v(status.dc_link_dv)),
+            winding_temp_deg_c: Some(quantity::winding_temp_deg_c(status.winding_temp_dc)),
+            load_torque_nm: status.load_torque_dnm.map(quantity::load_torque_nm),
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! `hmd demo`: a simulated actuator wears out while the pipeline watches.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::Context;
+use ema_models::reference::{Actuations, CurrentSensing, Scenario};
+use ema_models::{ActuatorParams, FaultVector, Profile};
+use ema_wire::ActuatorId;
+
+use super::table::{HEALTH_HEAD, health_row};
+use super::{Exit, say};
+use crate::config::Config;
+use crate::frame::BusNames;
+use crate::front::Front;
+use crate::judge::Judge;
+use crate::record::Status;
+use crate::replay::metadata;
+use crate::seed::mix;
+use crate::simulate::{EPOCH_NS, traffic};
+use crate::sink::{Sink, SyncedFile};
+
+/// Watch a simulated actuator wear out.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// MCAP file for all records.
+    #[arg(short, long, default_value = "hmd-demo.mcap")]
+    output: PathBuf,
+    /// Seed of the simulation and of the search.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+/// Actuations shown, evenly over the life.
+const ACTUATIONS: u64 = 12;
+
+/// Flight hours between two of them.
+const HOURS_BETWEEN: u64 = 100;
+
+/// Runs the verb.
+///
+/// # Errors
+/// An output that cannot be written.
+pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    let config = Arc::new(Config::default());
+    let path = args.output.display().to_string();
+    let file = std::fs::File::create(&args.output).with_context(|| path.clone())?;
+    let mut sink = Sink::new(SyncedFile::new(file), &metadata(&config, "simulated", args.seed))?;
+    let mut names = BusNames::new();
+    names.intern("can0")?;
+    let actuator = ActuatorId::new(0).context("actuator 0")?;
+    let mut front = Front::new(config.clone());
+    let mut judge = Judge::new(config, args.seed);
+    let (mut ended, mut last_stamp_ns) = (Vec::new(), EPOCH_NS);
+
+    say("A simulated flight-control actuator wears out; every 100 hours one actuation is watched.")?;
+    say(&format!("  hours {HEALTH_HEAD}"))?;
+    for n in 0..ACTUATIONS {
+        let hours = n * HOURS_BETWEEN;
+        let scenario = Scenario {
+            sensing: CurrentSensing { quantised: true, noise_rms: 0.02 },
+            actuations: Actuations { rest: 0.1, ..Actuations::one(Profile::Mixed) },
+            ..Scenario::new(ActuatorParams::bench(), worn(n), mix(args.seed, &[n]))
+        };
+        let start_ns = EPOCH_NS + hours * 3_600_000_000_000;
+        for frame in traffic(&scenario, actuator, start_ns) {
+            last_stamp_ns = frame.stamp_ns;
+            sink.raw(&frame, &names)?;
+            front.push(&frame, &names, &mut ended);
+        }
+        front.finish(&mut ended);
+        for job in ended.drain(..) {
+            let judged = judge.judge(&job)?;
+            let at = judged.health.t_start_ns;
+            sink.write(at, &judged.window)?;
+            sink.write(at, &judged.health)?;
+            sink.write(at, &judged.rul)?;
+            sink.flush_window()?;
+            say(&format!("{hours:>7} {}", health_row(&judged.health)))?;
+        }
+    }
+    let (frames, windows) = (front.counts(), judge.counts());
+    sink.write(
+        last_stamp_ns,
+        &Status {
+            frames_received: frames.received,
+            frames_decoded: frames.decoded,
+            windows_ok: windows.ok,
+            windows_degraded: windows.degraded,
+            windows_invalid: windows.invalid,
+            ..Status::default()
+        },
+    )?;
+    let (_, counts) = sink.finish()?;
+    say(&format!(
+        "{} frames in, {} windows identified; {} records written to {path}",
+        frames.received,
+        windows.ok + windows.degraded,
+        counts.records
+    ))?;
+    Ok(Exit::Done)
+}
+
+/// The life shown: friction grows steadily, backlash faster and faster, and one phase begins to short near the end.
+fn worn(n: u64) -> FaultVector {
+    let life = n as f64 / (ACTUATIONS - 1) as f64;
+    FaultVector {
+        friction: 0.65 * life,
+        backlash: 0.25 * life.powi(3),
+        short_b: 0.4 * (life - 0.7).max(0.0),
+        ..FaultVector::NOMINAL
+    }
+}

@@ -1,0 +1,114 @@
+//! `hmd evaluate`: the accuracy suites.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::bail;
+
+use super::{Exit, load_config, progress, say, use_threads};
+use crate::calibration::MonitorForm;
+use crate::config::SearchMethod;
+use crate::evaluate::{Case, PaperReport, RandomReport, paper, random};
+use crate::judge::Judge;
+
+/// Measure the accuracy of the identification.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The suite.
+    #[arg(value_enum)]
+    suite: Suite,
+    /// Number of random fault vectors.
+    #[arg(long, default_value_t = 200)]
+    n: u64,
+    /// Seed of the suite.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Type of the actuator: bench, servo28 or one of the configuration's.
+    #[arg(long, default_value = "bench", value_name = "TYPE")]
+    actuator: String,
+    /// Monitor form, instead of the configuration's: three-phase, one-axis or paper.
+    #[arg(long, value_parser = super::calibrate::named_monitor)]
+    monitor: Option<MonitorForm>,
+    /// Search method, instead of the configuration's: hybrid or ga.
+    #[arg(long, value_parser = named_method)]
+    method: Option<SearchMethod>,
+    /// Configuration.
+    #[arg(short, long)]
+    config: Option<PathBuf>,
+    /// Print everything as JSON.
+    #[arg(long)]
+    json: bool,
+    /// Threads; all cores without it.
+    #[arg(long)]
+    threads: Option<usize>,
+}
+
+/// The suites.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Suite {
+    /// The paper's 15 single faults and its multiple one, ten seeds each.
+    Paper,
+    /// Random multiple faults.
+    Random,
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// A bad configuration.
+pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    let config = load_config(args.config.as_deref())?;
+    use_threads(args.threads)?;
+    let mut judge = Judge::new(Arc::new(config), args.seed);
+    let Some(identifier) = judge.identifier(&args.actuator, args.monitor, args.method)? else {
+        bail!("--actuator: expected a type, found {:?}", args.actuator);
+    };
+    match args.suite {
+        Suite::Paper => {
+            let bar = progress::over_pieces(160);
+            let report = paper(&identifier, &args.actuator, args.seed, &|| bar.inc(1))?;
+            bar.finish_and_clear();
+            say(&if args.json { serde_json::to_string(&report)? } else { paper_table(&report) })?;
+        }
+        Suite::Random => {
+            let bar = progress::over_pieces(args.n);
+            let report = random(&identifier, &args.actuator, args.n, args.seed, &|| bar.inc(1))?;
+            bar.finish_and_clear();
+            say(&if args.json { serde_json::to_string(&report)? } else { random_table(&report) })?;
+        }
+    }
+    Ok(Exit::Done)
+}
+
+fn named_method(text: &str) -> Result<SearchMethod, String> {
+    let found = SearchMethod::NAMES.into_iter().find(|(name, _)| *name == text);
+    found.map(|(_, method)| method).ok_or_else(|| "expected hybrid or ga".to_owned())
+}
+
+/// Mean and largest error of each group of cases, as a Markdown table.
+fn paper_table(report: &PaperReport) -> String {
+    let mut text = "| case | mean rss, % | max rss, % | mean eq. 15, % |\n|---|---|---|---|\n".to_owned();
+    let mut row = |name: &str, mean: f64, max: f64, eq15: f64| {
+        text += &format!("| {name} | {mean:.2} | {max:.2} | {eq15:.2} |\n");
+    };
+    for group in report.cases.chunk_by(|a, b| a.name == b.name) {
+        let n = group.len() as f64;
+        let mean = |f: fn(&Case) -> f64| group.iter().map(f).sum::<f64>() / n;
+        let max = group.iter().map(|c| c.rss_pct).fold(0.0, f64::max);
+        row(&group[0].name, mean(|c| c.rss_pct), max, mean(|c| c.eq15_pct));
+    }
+    row("**all single faults**", report.single.mean_rss_pct, report.single.max_rss_pct, report.single.mean_eq15_pct);
+    row("**multiple faults**", report.multi.mean_rss_pct, report.multi.max_rss_pct, report.multi.mean_eq15_pct);
+    text.truncate(text.trim_end().len());
+    text
+}
+
+fn random_table(report: &RandomReport) -> String {
+    format!(
+        "| windows | median rss, % | p95 rss, % | median eq. 15, % |\n|---|---|---|---|\n| {} | {:.2} | {:.2} | {:.2} |",
+        report.cases.len(),
+        report.median_rss_pct,
+        report.p95_rss_pct,
+        report.median_eq15_pct
+    )
+}

@@ -1,0 +1,57 @@
+//! One file per verb of the command line. Thin: parse, call, print. Records go to stdout, everything else to stderr.
+
+pub mod calibrate;
+pub mod check_config;
+pub mod demo;
+pub mod evaluate;
+mod progress;
+pub mod replay;
+pub mod simulate;
+mod table;
+
+use std::io::Write;
+use std::path::Path;
+
+use anyhow::Context;
+
+use crate::config::{Config, ConfigError};
+
+/// How a verb ended; the number is the exit code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exit {
+    /// Done.
+    Done = 0,
+    /// Finished, but data were lost.
+    DataLost = 3,
+}
+
+/// Exit code of everything that failed for another reason than its configuration.
+pub const FAILED: u8 = 1;
+
+/// Exit code of a bad configuration (`EX_CONFIG`).
+pub const BAD_CONFIG: u8 = 78;
+
+/// Exit code that belongs to an error.
+#[must_use]
+pub fn code_of(error: &anyhow::Error) -> u8 {
+    if error.downcast_ref::<ConfigError>().is_some() { BAD_CONFIG } else { FAILED }
+}
+
+/// The configuration of a file, or the defaults.
+fn load_config(path: Option<&Path>) -> Result<Config, ConfigError> {
+    path.map_or_else(|| Ok(Config::default()), Config::load)
+}
+
+/// Sets the number of threads of this process; all cores without one.
+fn use_threads(threads: Option<usize>) -> anyhow::Result<()> {
+    let builder = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0));
+    builder.build_global().context("cannot start threads")
+}
+
+/// Writes a line to stdout; a reader that has gone away is no failure.
+fn say(line: &str) -> anyhow::Result<()> {
+    match writeln!(std::io::stdout().lock(), "{line}") {
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
+        other => other.context("stdout"),
+    }
+}

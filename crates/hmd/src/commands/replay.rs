@@ -1,0 +1,132 @@
+//! `hmd replay`: the pipeline over recorded logs.
+
+use std::io;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::bail;
+use indicatif::ProgressBar;
+use serde::Serialize;
+
+use super::table::{HEALTH_HEAD, health_row};
+use super::{Exit, load_config, progress, say, use_threads};
+use crate::judge::Judged;
+use crate::record::HealthLine;
+use crate::replay::{Observer, Replay};
+
+/// Judge recorded logs.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Logs in the order of time: candump text or MCAP.
+    #[arg(required = true)]
+    logs: Vec<PathBuf>,
+    /// Configuration; without it every actuator seen is one of the bench.
+    #[arg(short, long)]
+    config: Option<PathBuf>,
+    /// MCAP file for all records.
+    #[arg(short, long, value_name = "OUT.mcap")]
+    output: Option<PathBuf>,
+    /// One JSON line per window instead of a table.
+    #[arg(long)]
+    json: bool,
+    /// Add to each line how long its identification took.
+    #[arg(long)]
+    timings: bool,
+    /// Threads; all cores without it. The records are the same for any number.
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Seed of the search.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// A bad configuration, a log that cannot be read at all or holds no actuator, an output that cannot be written.
+pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    let config = Arc::new(load_config(args.config.as_deref())?);
+    use_threads(args.threads.map(usize::from))?;
+    let total = args.logs.iter().filter_map(|log| log.metadata().ok()).map(|m| m.len()).sum();
+    let mut printer = Printer {
+        json: args.json,
+        timings: args.timings,
+        bar: progress::over_bytes(total),
+        since: Instant::now(),
+        headed: false,
+    };
+    let replay = Replay { logs: &args.logs, output: args.output.as_deref(), config, seed: args.seed };
+    let summary = replay.run(&mut printer);
+    printer.bar.finish_and_clear();
+    let summary = summary?;
+
+    let status = &summary.status;
+    let logs: Vec<String> = args.logs.iter().map(|log| log.display().to_string()).collect();
+    let logs = logs.join(", ");
+    if summary.actuators == 0 {
+        let filtered = status.frames_filtered;
+        bail!("{logs}: expected frames of an actuator, found none ({filtered} other frames)");
+    }
+    if status.samples == 0 {
+        let decoded = status.frames_decoded;
+        bail!("{logs}: expected currents, position and command of one sample, found {decoded} frames that make none");
+    }
+    if summary.windows == 0 {
+        eprintln!("{logs}: expected an actuation, found none in {} samples", status.samples);
+    }
+    if summary.data_lost() {
+        eprintln!(
+            "{logs}: data lost: {} unreadable lines, {} frames in damaged chunks, {} malformed frames, {} samples",
+            status.lost_unreadable, status.lost_damaged, status.lost_malformed, status.lost_samples
+        );
+        return Ok(Exit::DataLost);
+    }
+    Ok(Exit::Done)
+}
+
+struct Printer {
+    json: bool,
+    timings: bool,
+    bar: ProgressBar,
+    since: Instant,
+    headed: bool,
+}
+
+#[derive(Serialize)]
+struct Timed<'a> {
+    #[serde(flatten)]
+    line: HealthLine<'a>,
+    elapsed_ms: f64,
+}
+
+impl Observer for Printer {
+    fn judged(&mut self, judged: &Judged) -> io::Result<()> {
+        let elapsed_ms = self.since.elapsed().as_secs_f64() * 1e3;
+        let line = HealthLine::from((&judged.health, &judged.rul));
+        let text = match (self.json, self.timings) {
+            (true, false) => line.to_json(),
+            (true, true) => serde_json::to_string(&Timed { line, elapsed_ms })?,
+            (false, false) => health_row(&judged.health),
+            (false, true) => format!("{} [{elapsed_ms:.0} ms]", health_row(&judged.health)),
+        };
+        let (json, headed) = (self.json, std::mem::replace(&mut self.headed, true));
+        self.bar.suspend(|| {
+            if !json && !headed {
+                say(HEALTH_HEAD)?;
+            }
+            say(&text)
+        })
+        .map_err(io::Error::other)?;
+        self.since = Instant::now();
+        Ok(())
+    }
+
+    fn notice(&mut self, message: &str) {
+        self.bar.suspend(|| eprintln!("{message}"));
+    }
+
+    fn progress(&mut self, position: u64) {
+        self.bar.set_position(position);
+    }
+}

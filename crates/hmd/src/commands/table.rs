@@ -1,0 +1,34 @@
+//! Health records as lines for people.
+
+use crate::record;
+
+/// Head of the table that [`health_row`] fills.
+pub(super) const HEALTH_HEAD: &str = "actuator window status   health   friction backlash short A short B short C eccentr.    gain  faults";
+
+/// One window: damage of each fault in percent with its 95 % half width, a dot where the window does not show it.
+pub(super) fn health_row(health: &record::Health) -> String {
+    let mut row = format!("{:<8} {:>6} {:<8} {:<8}", health.actuator, health.window, health.status, health.health);
+    let damage = [
+        health.damage_friction,
+        health.damage_backlash,
+        health.damage_short_a,
+        health.damage_short_b,
+        health.damage_short_c,
+        health.damage_eccentricity,
+        health.damage_gain,
+    ];
+    let estimate = health.estimate();
+    for (column, p) in [0, 1, 2, 3, 4, 5, 7].into_iter().enumerate() {
+        let shown = estimate.is_some_and(|e| e.observable[p]);
+        let cell = match (damage[column], shown) {
+            (Some(d), true) => format!("{:.1} %", 100.0 * d),
+            _ => "·".to_owned(),
+        };
+        row += &format!(" {cell:>7}");
+    }
+    row += &format!("  {}", health.faults);
+    if !health.reason.is_empty() {
+        row += &format!("  ({})", health.reason);
+    }
+    row
+}

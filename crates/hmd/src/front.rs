@@ -1,0 +1,245 @@
+//! From frames to windows: decoding, sample assembly and windowing of every actuator. Cheap, bounded, without I/O.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use ema_models::ActuatorParams;
+use ema_wire::{ActuatorId, Frame};
+
+use crate::channel::{Channel, MeasuredConditions};
+use crate::config::{self, ActuatorConfig, Config};
+use crate::frame::{BusNames, RawFrame};
+use crate::window::{TimedSample, Window, WindowConfig, Windower};
+
+/// One cut window and whose it is.
+#[derive(Clone, Debug)]
+pub struct WindowJob {
+    /// The actuator.
+    pub actuator: Arc<ActuatorConfig>,
+    /// Its parameters, with the sample rate that was measured.
+    pub params: ActuatorParams,
+    /// The samples and what is wrong with them.
+    pub window: Window,
+    /// What the status frames said when it ended.
+    pub conditions: MeasuredConditions,
+}
+
+/// Something an operator should read; goes into the log topic.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Notice {
+    /// Stamp of the frame that led to it, ns.
+    pub stamp_ns: u64,
+    /// One sentence.
+    pub message: String,
+}
+
+/// Frames in, by what became of them. `received = decoded + filtered + error + malformed`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FrameCounts {
+    /// All frames.
+    pub received: u64,
+    /// Frames of a monitored actuator that were understood.
+    pub decoded: u64,
+    /// Frames that belong to nobody we watch.
+    pub filtered: u64,
+    /// Error frames of the bus.
+    pub error: u64,
+    /// Frames with an identifier of ours whose content is impossible.
+    pub malformed: u64,
+}
+
+/// Decodes and cuts the traffic of all actuators.
+#[derive(Debug)]
+pub struct Front {
+    config: Arc<Config>,
+    lanes: BTreeMap<(u16, ActuatorId), Lane>,
+    counts: FrameCounts,
+    notices: Vec<Notice>,
+}
+
+/// One actuator. There are at most 16 on each of at most 64 interfaces.
+#[derive(Debug)]
+struct Lane {
+    actuator: Arc<ActuatorConfig>,
+    channel: Channel,
+    cutter: Cutter,
+}
+
+/// Made when the sample rate is known.
+#[derive(Debug)]
+enum Cutter {
+    Waiting,
+    Ready { params: ActuatorParams, windower: Box<Windower> },
+    Refused,
+}
+
+impl Front {
+    /// For the actuators of a configuration.
+    #[must_use]
+    pub fn new(config: Arc<Config>) -> Self {
+        Self { config, lanes: BTreeMap::new(), counts: FrameCounts::default(), notices: Vec::new() }
+    }
+
+    /// Takes one frame and appends the windows that it ends.
+    pub fn push(&mut self, frame: &RawFrame, names: &BusNames, ended: &mut Vec<WindowJob>) {
+        self.counts.received += 1;
+        if frame.is_error() {
+            self.counts.error += 1;
+            return;
+        }
+        let Some((actuator, parsed)) = self.parse(frame) else { return };
+        let key = (frame.bus, actuator);
+        if !self.lanes.contains_key(&key) {
+            let Some(lane) = Lane::new(&self.config, names.name(frame.bus).unwrap_or(""), actuator) else {
+                self.counts.filtered += 1;
+                return;
+            };
+            self.lanes.insert(key, lane);
+        }
+        self.counts.decoded += 1;
+        if let Some(lane) = self.lanes.get_mut(&key) {
+            lane.push(&parsed, frame.stamp_ns, &self.config, ended, &mut self.notices);
+        }
+    }
+
+    fn parse(&mut self, frame: &RawFrame) -> Option<(ActuatorId, Frame)> {
+        let id = u16::try_from(frame.id()).ok().filter(|_| !frame.is_extended() && !frame.is_remote());
+        match id.map(|id| Frame::parse(id, frame.data())) {
+            Some(Ok(Some(ours))) => Some(ours),
+            Some(Err(_)) => {
+                self.counts.malformed += 1;
+                None
+            }
+            Some(Ok(None)) | None => {
+                self.counts.filtered += 1;
+                None
+            }
+        }
+    }
+
+    /// End of the traffic: ends every open window.
+    pub fn finish(&mut self, ended: &mut Vec<WindowJob>) {
+        for lane in self.lanes.values_mut() {
+            lane.finish(&self.config, ended, &mut self.notices);
+        }
+    }
+
+    /// Frames so far.
+    #[must_use]
+    pub fn counts(&self) -> FrameCounts {
+        self.counts
+    }
+
+    /// Names of the actuators seen so far, with the number of samples delivered and lost.
+    pub fn actuators(&self) -> impl Iterator<Item = (&str, u64, u64)> {
+        self.lanes.values().map(|lane| {
+            let stats = lane.channel.stats();
+            (lane.actuator.name.as_str(), stats.samples, stats.missing)
+        })
+    }
+
+    /// Notices since the last call.
+    pub fn take_notices(&mut self) -> Vec<Notice> {
+        std::mem::take(&mut self.notices)
+    }
+}
+
+impl Lane {
+    fn new(config: &Config, bus: &str, id: ActuatorId) -> Option<Self> {
+        let actuator = Arc::new(config.actuator_for(bus, id)?.clone());
+        Some(Self { actuator, channel: Channel::new(id), cutter: Cutter::Waiting })
+    }
+
+    fn push(
+        &mut self,
+        frame: &Frame,
+        stamp_ns: u64,
+        config: &Config,
+        ended: &mut Vec<WindowJob>,
+        notices: &mut Vec<Notice>,
+    ) {
+        let conditions = self.channel.conditions();
+        let (actuator, cutter) = (&self.actuator, &mut self.cutter);
+        self.channel.push(frame, stamp_ns, |rate, sample| {
+            cutter.push(actuator, rate, sample, config, conditions, ended, notices);
+        });
+    }
+
+    fn finish(&mut self, config: &Config, ended: &mut Vec<WindowJob>, notices: &mut Vec<Notice>) {
+        let conditions = self.channel.conditions();
+        let (actuator, cutter) = (&self.actuator, &mut self.cutter);
+        let nominal = actuator.params.sensors.sample_rate;
+        self.channel.finish(nominal, |rate, sample| {
+            cutter.push(actuator, rate, sample, config, conditions, ended, notices);
+        });
+        if let Cutter::Ready { params, windower } = cutter
+            && let Some(window) = windower.finish()
+        {
+            ended.push(WindowJob { actuator: actuator.clone(), params: *params, window, conditions });
+        }
+    }
+}
+
+impl Cutter {
+    #[expect(clippy::too_many_arguments, reason = "borrows of one lane and one front, taken apart for the closure")]
+    fn push(
+        &mut self,
+        actuator: &Arc<ActuatorConfig>,
+        rate: f64,
+        sample: TimedSample,
+        config: &Config,
+        conditions: MeasuredConditions,
+        ended: &mut Vec<WindowJob>,
+        notices: &mut Vec<Notice>,
+    ) {
+        if matches!(self, Self::Waiting) {
+            *self = Self::new(actuator, rate, config, sample.stamp_ns, notices);
+        }
+        if let Self::Ready { params, windower } = self
+            && let Some(window) = windower.push(sample)
+        {
+            ended.push(WindowJob { actuator: actuator.clone(), params: *params, window, conditions });
+        }
+    }
+
+    fn new(
+        actuator: &ActuatorConfig,
+        rate: f64,
+        config: &Config,
+        stamp_ns: u64,
+        notices: &mut Vec<Notice>,
+    ) -> Self {
+        let name = &actuator.name;
+        let nominal = actuator.params.sensors.sample_rate;
+        let mut params = actuator.params;
+        params.sensors.sample_rate = rate;
+        if (rate - nominal).abs() > 1e-3 * nominal {
+            let message = format!("{name}: expected {nominal} samples/s, found {rate:.1}; windows are cut at the rate found");
+            notices.push(Notice { stamp_ns, message });
+        }
+        let made = match params.checked() {
+            Ok(params) => Windower::new(window_config(config.window()), &params)
+                .map(|windower| Self::Ready { params, windower: Box::new(windower) })
+                .map_err(|e| e.to_string()),
+            Err(e) => Err(e.to_string()),
+        };
+        made.unwrap_or_else(|why| {
+            notices.push(Notice { stamp_ns, message: format!("{name}: not monitored: {why}") });
+            Self::Refused
+        })
+    }
+}
+
+/// The window rules of a configuration, in SI units.
+fn window_config(section: &config::WindowConfig) -> WindowConfig {
+    WindowConfig {
+        pre_trigger_s: section.pre_trigger_ms * 1e-3,
+        duration_s: section.duration_ms * 1e-3,
+        rest_s: section.rest_ms * 1e-3,
+        trigger_position_rad: section.trigger_position_rad,
+        trigger_speed_rad_s: section.trigger_speed_rad_s,
+        missing_max_fraction: section.max_gap_fraction,
+        longest_gap_s: section.longest_gap_ms * 1e-3,
+        ..WindowConfig::default()
+    }
+}

@@ -1,0 +1,494 @@
+//! Estimates of one actuator, window by window -> its health state. Thresholds with hysteresis, and memory; no clock.
+
+use ema_models::{FAULT_COUNT, FaultVector};
+use serde::{Deserialize, Serialize};
+
+/// Number of faults: the fault vector without the direction of the eccentricity.
+pub const FAULTS: usize = 7;
+
+/// Where each fault stands in the fault vector.
+const INDEX: [usize; FAULTS] = [0, 1, 2, 3, 4, 5, 7];
+
+/// Name of a fault, by its number 0…6: friction, backlash, short_a, short_b, short_c, eccentricity, gain.
+#[must_use]
+pub fn fault_name(fault: usize) -> &'static str {
+    FaultVector::NAMES[INDEX[fault]]
+}
+
+/// State of health of an actuator, or of one fault.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum HealthState {
+    /// Nothing was judged yet.
+    #[default]
+    Unknown,
+    /// No fault has reached its watch level.
+    Nominal,
+    /// A fault is visible.
+    Watch,
+    /// Plan its repair.
+    Warning,
+    /// Repair before the next use.
+    Critical,
+}
+
+impl HealthState {
+    /// The name that records and the command line use.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Unknown => "unknown",
+            Self::Nominal => "nominal",
+            Self::Watch => "watch",
+            Self::Warning => "warning",
+            Self::Critical => "critical",
+        }
+    }
+}
+
+impl core::fmt::Display for HealthState {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// Damage at which one fault changes its state, in 0…1.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Levels {
+    /// From here on [`HealthState::Watch`].
+    pub watch: f64,
+    /// From here on [`HealthState::Warning`].
+    pub warning: f64,
+    /// From here on [`HealthState::Critical`].
+    pub critical: f64,
+    /// Where the life of the part ends; the remaining life counts to here.
+    pub end_of_life: f64,
+    /// How far the damage must fall below a level before the state improves.
+    pub hysteresis: f64,
+}
+
+impl Default for Levels {
+    fn default() -> Self {
+        Self {
+            watch: 0.05,
+            warning: 0.3,
+            critical: 0.6,
+            end_of_life: 0.8,
+            hysteresis: 0.02,
+        }
+    }
+}
+
+/// Levels that were refused.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{fault}.{field} = {got}: expected a number above {above}, at most {max}")]
+pub struct LevelsError {
+    /// Name of the fault.
+    pub fault: &'static str,
+    /// Name of the level.
+    pub field: &'static str,
+    /// The value found.
+    pub got: f64,
+    /// It must be more than this…
+    pub above: f64,
+    /// …and no more than this.
+    pub max: f64,
+}
+
+impl Levels {
+    fn check(&self, fault: &'static str) -> Result<(), LevelsError> {
+        for (field, got, above, max) in [
+            ("watch", self.watch, 0.0, 1.0),
+            ("warning", self.warning, self.watch, 1.0),
+            ("critical", self.critical, self.warning, 1.0),
+            ("end_of_life", self.end_of_life, 0.0, 1.0),
+            ("hysteresis", self.hysteresis, -f64::MIN_POSITIVE, self.watch),
+        ] {
+            if !(got > above && got <= max) {
+                return Err(LevelsError {
+                    fault,
+                    field,
+                    got,
+                    above,
+                    max,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// The levels of watch, warning, critical.
+    fn steps(&self) -> [f64; STEPS] {
+        [self.watch, self.warning, self.critical]
+    }
+}
+
+const STEPS: usize = 3;
+
+/// State of a fault by the number of levels that it has reached.
+const STATES: [HealthState; STEPS + 1] = [
+    HealthState::Nominal,
+    HealthState::Watch,
+    HealthState::Warning,
+    HealthState::Critical,
+];
+
+/// What the identification of one window says of the damage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Judgement {
+    /// Damage in fault-vector order (see [`FaultVector::damage`]); index 6, the direction, is never read. A damage that is
+    /// no number was not observable in this window and leaves its fault as it is.
+    pub damage: [f64; FAULT_COUNT],
+    /// Standard deviations, same order; one that is no number makes its damage unobservable.
+    pub sigma: Option<[f64; FAULT_COUNT]>,
+}
+
+/// Health after a window.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HealthDecision {
+    /// Number of the window.
+    pub window: u64,
+    /// The worst state of all faults.
+    pub state: HealthState,
+    /// Names of the faults at watch or worse, in the order of [`fault_name`].
+    pub faults: Vec<&'static str>,
+    /// State of every fault, same order.
+    pub states: [HealthState; FAULTS],
+    /// Whether `state` or the list of faults is another than after the window before.
+    pub changed: bool,
+}
+
+/// Health of one actuator.
+///
+/// A fault worsens to a level when `persistence` judged windows in a row have reached it, each with a damage of at least
+/// `significance` sigmas. It improves at once when the damage and one sigma together are below the level by more than the
+/// hysteresis. Windows that were not judged change nothing and interrupt nothing.
+///
+/// ```
+/// use hmd::health::{Health, HealthState, Judgement, Levels};
+/// let mut health = Health::new([Levels::default(); 7], 1)?;
+/// assert_eq!(health.update(0, None).state, HealthState::Unknown);
+/// let worn = Judgement { damage: [0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01], sigma: None };
+/// let decision = health.update(1, Some(&worn));
+/// assert_eq!((decision.state, decision.faults), (HealthState::Watch, vec!["friction"]));
+/// # Ok::<(), hmd::health::LevelsError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Health {
+    levels: [Levels; FAULTS],
+    persistence: u32,
+    judged: bool,
+    last: (HealthState, [HealthState; FAULTS]),
+    faults: [FaultMemory; FAULTS],
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct FaultMemory {
+    /// Levels reached: index into [`STATES`].
+    reached: usize,
+    /// Judged windows in a row at or above each level.
+    above: [u32; STEPS],
+}
+
+/// A damage of fewer sigmas than this is no evidence of a fault.
+pub const SIGNIFICANCE: f64 = 3.0;
+
+impl Health {
+    /// With the levels of each fault in the order of [`fault_name`]; `persistence` 0 counts as 1.
+    ///
+    /// # Errors
+    /// The first level that is no number, not above the one before it, or beyond 1; or a hysteresis beyond the watch level.
+    pub fn new(levels: [Levels; FAULTS], persistence: u32) -> Result<Self, LevelsError> {
+        for (fault, levels) in levels.iter().enumerate() {
+            levels.check(fault_name(fault))?;
+        }
+        Ok(Self {
+            levels,
+            persistence: persistence.max(1),
+            judged: false,
+            last: (HealthState::Unknown, [HealthState::Unknown; FAULTS]),
+            faults: [FaultMemory::default(); FAULTS],
+        })
+    }
+
+    /// State after the last window.
+    #[must_use]
+    pub fn state(&self) -> HealthState {
+        self.last.0
+    }
+
+    /// Forgets everything, as after the replacement of the part.
+    pub fn reset(&mut self) {
+        self.judged = false;
+        self.last = (HealthState::Unknown, [HealthState::Unknown; FAULTS]);
+        self.faults = [FaultMemory::default(); FAULTS];
+    }
+
+    /// Takes the next window; `None` if it was not judged.
+    pub fn update(&mut self, window: u64, judgement: Option<&Judgement>) -> HealthDecision {
+        for (fault, memory) in self.faults.iter_mut().enumerate() {
+            let Some((damage, sigma)) = judgement.and_then(|judgement| judgement.of(fault)) else {
+                continue;
+            };
+            memory.update(damage, sigma, &self.levels[fault], self.persistence);
+            self.judged = true;
+        }
+        let states = self.faults.map(|memory| {
+            if self.judged {
+                STATES[memory.reached]
+            } else {
+                HealthState::Unknown
+            }
+        });
+        let state = states.iter().copied().max().unwrap_or_default();
+        let changed = (state, states.map(is_fault)) != (self.last.0, self.last.1.map(is_fault));
+        self.last = (state, states);
+        let faults = (0..FAULTS)
+            .filter(|&fault| is_fault(states[fault]))
+            .map(fault_name)
+            .collect();
+        HealthDecision {
+            window,
+            state,
+            faults,
+            states,
+            changed,
+        }
+    }
+}
+
+fn is_fault(state: HealthState) -> bool {
+    state >= HealthState::Watch
+}
+
+impl Judgement {
+    /// Damage and sigma of a fault, if it was observable.
+    fn of(&self, fault: usize) -> Option<(f64, f64)> {
+        let damage = self.damage[INDEX[fault]];
+        let sigma = self.sigma.map_or(0.0, |sigma| sigma[INDEX[fault]]);
+        (damage.is_finite() && sigma.is_finite() && sigma >= 0.0).then_some((damage, sigma))
+    }
+}
+
+impl FaultMemory {
+    fn update(&mut self, damage: f64, sigma: f64, levels: &Levels, persistence: u32) {
+        let steps = levels.steps();
+        let significant = damage >= SIGNIFICANCE * sigma;
+        for (above, level) in self.above.iter_mut().zip(steps) {
+            *above = if significant && damage >= level {
+                above.saturating_add(1)
+            } else {
+                0
+            };
+        }
+        let worse = self.above.iter().filter(|&&above| above >= persistence).count();
+        if worse > self.reached {
+            self.reached = worse;
+            return;
+        }
+        while self.reached > 0 && damage + sigma < steps[self.reached - 1] - levels.hysteresis {
+            self.reached -= 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn friction(damage: f64) -> Judgement {
+        Judgement {
+            damage: [damage, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            sigma: None,
+        }
+    }
+
+    fn health(persistence: u32) -> Health {
+        Health::new([Levels::default(); FAULTS], persistence).unwrap()
+    }
+
+    /// A history of friction damage, NaN for a window that was not judged, and the initials of the states after each window.
+    fn states(persistence: u32, history: &[f64]) -> String {
+        let mut health = health(persistence);
+        let decide = |(n, &damage): (usize, &f64)| {
+            let judged = friction(damage);
+            health.update(n as u64, (!damage.is_nan()).then_some(&judged)).state
+        };
+        let initial = |state| match state {
+            HealthState::Unknown => '?',
+            HealthState::Nominal => 'n',
+            HealthState::Watch => 'w',
+            HealthState::Warning => 'W',
+            HealthState::Critical => 'C',
+        };
+        history.iter().enumerate().map(decide).map(initial).collect()
+    }
+
+    #[test]
+    fn histories() {
+        const NONE: f64 = f64::NAN;
+        for (persistence, history, expected) in [
+            (1, &[NONE, NONE, 0.0, NONE][..], "??nn"),
+            // Each level counts from its own value on.
+            (1, &[0.049, 0.05, 0.299, 0.3, 0.599, 0.6, 1.0], "nwwWWCC"),
+            // Improvement only below the level less the hysteresis.
+            (1, &[0.61, 0.59, 0.581, 0.579, 0.281, 0.279, 0.031, 0.029], "CCCWWwwn"),
+            // A repair is seen at once, through all levels.
+            (1, &[0.9, 0.0], "Cn"),
+            // Windows that were not judged leave the state.
+            (1, &[0.4, NONE, NONE, 0.4], "WWWW"),
+            // Persistence: two in a row, not interrupted by a window without judgement; a single outlier is nothing.
+            (2, &[0.4, 0.0, 0.4, NONE, 0.4], "nnnnW"),
+            // The worst level that two windows in a row reached.
+            (2, &[0.9, 0.1, 0.9, 0.9], "nwwC"),
+            (0, &[0.1], "w"),
+        ] {
+            assert_eq!(
+                states(persistence, history),
+                expected,
+                "{history:?} with persistence {persistence}"
+            );
+        }
+    }
+
+    #[test]
+    fn faults_are_named_in_order_and_the_direction_is_none() {
+        let mut health = health(1);
+        let damage = [0.1, 0.0, 0.7, 0.0, 0.0, 0.06, 1.0, 0.31];
+        let decision = health.update(3, Some(&Judgement { damage, sigma: None }));
+        assert_eq!(decision.faults, ["friction", "short_a", "eccentricity", "gain"]);
+        assert_eq!(
+            (decision.window, decision.state, decision.changed),
+            (3, HealthState::Critical, true)
+        );
+        assert!(!health.update(4, None).changed);
+        let all = Judgement {
+            damage: [1.0; FAULT_COUNT],
+            sigma: None,
+        };
+        let names = [
+            "friction",
+            "backlash",
+            "short_a",
+            "short_b",
+            "short_c",
+            "eccentricity",
+            "gain",
+        ];
+        assert_eq!(health.update(5, Some(&all)).faults, names);
+        health.reset();
+        assert_eq!(health.state(), HealthState::Unknown);
+    }
+
+    #[test]
+    fn an_uncertain_damage_neither_alarms_nor_clears() {
+        let with_sigma = |damage: f64, sigma: f64| Judgement {
+            sigma: Some([sigma; FAULT_COUNT]),
+            ..friction(damage)
+        };
+        let mut health = health(1);
+        assert_eq!(
+            health.update(0, Some(&with_sigma(0.4, 0.2))).state,
+            HealthState::Nominal
+        );
+        assert_eq!(
+            health.update(1, Some(&with_sigma(0.4, 0.1))).state,
+            HealthState::Warning
+        );
+        assert_eq!(
+            health.update(2, Some(&with_sigma(0.1, 0.2))).state,
+            HealthState::Warning
+        );
+        assert_eq!(
+            health.update(3, Some(&with_sigma(0.0, f64::NAN))).state,
+            HealthState::Warning
+        );
+        assert_eq!(health.update(4, Some(&friction(f64::NAN))).state, HealthState::Warning);
+        assert_eq!(
+            health.update(5, Some(&with_sigma(0.0, 0.01))).state,
+            HealthState::Nominal
+        );
+    }
+
+    #[test]
+    fn an_unobservable_first_window_judges_nothing() {
+        let nothing = Judgement {
+            damage: [f64::NAN; FAULT_COUNT],
+            sigma: None,
+        };
+        assert_eq!(health(1).update(0, Some(&nothing)).state, HealthState::Unknown);
+    }
+
+    #[test]
+    fn impossible_levels_are_refused_by_name() {
+        type Change = fn(&mut Levels);
+        let cases: [(&str, Change); 5] = [
+            ("watch", |l| l.watch = f64::NAN),
+            ("warning", |l| l.warning = 0.05),
+            ("critical", |l| l.critical = 1.1),
+            ("end_of_life", |l| l.end_of_life = 0.0),
+            ("hysteresis", |l| l.hysteresis = 0.06),
+        ];
+        for (field, change) in cases {
+            let mut levels = [Levels::default(); FAULTS];
+            change(&mut levels[6]);
+            let refused = Health::new(levels, 1).map(|_| ()).map_err(|e| (e.fault, e.field));
+            assert_eq!(refused, Err(("gain", field)));
+        }
+        let zero = Levels {
+            hysteresis: 0.0,
+            ..Levels::default()
+        };
+        assert!(Health::new([zero; FAULTS], 1).is_ok());
+    }
+
+    #[test]
+    fn states_are_spelled_in_lower_case() {
+        for state in STATES.into_iter().chain([HealthState::Unknown]) {
+            assert_eq!(serde_json::to_string(&state).unwrap(), format!("\"{state}\""));
+        }
+        assert!(HealthState::Critical > HealthState::Watch && HealthState::Nominal > HealthState::Unknown);
+    }
+
+    proptest! {
+        #[test]
+        fn no_chatter_inside_the_band(
+            level in prop::sample::select(vec![0.05, 0.3, 0.6]),
+            places in prop::collection::vec(0.0..=1.0f64, 1..60),
+            above in 0.0..0.2f64,
+            start in 0.0..1.0f64,
+            persistence in 1u32..4,
+        ) {
+            let mut health = health(persistence);
+            for n in 0..4 {
+                health.update(n, Some(&friction(start)));
+            }
+            // Damage that stays within the hysteresis below the level, and anywhere short of the next level above it.
+            let mut seen = Vec::new();
+            for (n, place) in places.iter().enumerate() {
+                let damage = level - 0.019 + place * (0.019 + above);
+                seen.push(health.update(10 + n as u64, Some(&friction(damage))).state);
+            }
+            seen.dedup();
+            let sorted = seen.is_sorted() || seen.iter().rev().is_sorted();
+            prop_assert!(sorted, "a state was left and entered again: {:?}", seen);
+        }
+
+        #[test]
+        fn never_panics_and_a_persistent_damage_gives_its_own_level(
+            junk in prop::collection::vec(prop::array::uniform8(prop::num::f64::ANY), 0..20),
+            damage in 0.0..1.0f64,
+        ) {
+            let mut health = health(2);
+            for (n, damage) in junk.iter().enumerate() {
+                health.update(n as u64, Some(&Judgement { damage: *damage, sigma: Some(*damage) }));
+            }
+            health.update(90, Some(&friction(0.0)));
+            health.update(91, Some(&friction(damage)));
+            let expected = STATES[Levels::default().steps().iter().filter(|&&level| damage >= level).count()];
+            prop_assert_eq!(health.update(92, Some(&friction(damage))).state, expected);
+        }
+    }
+}

@@ -1,0 +1,389 @@
+//! From windows to records: identification, then the health decision. Dear; never on a thread that does I/O.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::path::Path;
+use std::sync::Arc;
+
+use ema_ga::ConfigError as SearchError;
+use ema_ga::GaConfig;
+use ema_models::{ActuatorParams, Conditions, FAULT_COUNT, Setpoint};
+use sha2::{Digest, Sha256};
+
+use crate::calibration::{CalibrationError, MonitorForm, TypeCalibration};
+use crate::config::{ActuatorConfig, Config, HealthConfig, IdentificationConfig, SearchMethod};
+use crate::front::WindowJob;
+use crate::health::{FAULTS, Health, HealthDecision, HealthState, Judgement, Levels, LevelsError};
+use crate::identify::{Estimate, Fit, Identifier, Method, Prepared};
+use crate::record;
+use crate::seed::mix;
+use crate::window::Verdict;
+
+/// Why the judge cannot work.
+#[derive(Debug, thiserror::Error)]
+pub enum JudgeError {
+    /// A type calibration is unusable.
+    #[error(transparent)]
+    Calibration(#[from] CalibrationError),
+    /// A calibration file belongs to another monitor form.
+    #[error("{path}: expected a calibration of the {expected:?} monitor, found one of the {found:?} monitor")]
+    Form {
+        /// The file.
+        path: String,
+        /// The form the configuration asks for.
+        expected: MonitorForm,
+        /// The form of the file.
+        found: MonitorForm,
+    },
+    /// The search's settings contradict each other.
+    #[error("identification: {0}")]
+    Search(#[from] SearchError),
+    /// The health levels contradict each other.
+    #[error("health: {0}")]
+    Levels(#[from] LevelsError),
+}
+
+/// Judges the windows of all actuators, in the order in which they come.
+#[derive(Debug)]
+pub struct Judge {
+    config: Arc<Config>,
+    method: Method,
+    seed: u64,
+    types: BTreeMap<String, KnownType>,
+    units: BTreeMap<String, Health>,
+    counts: WindowCounts,
+}
+
+/// A type's calibration, and whether anybody made it.
+#[derive(Clone, Debug)]
+struct KnownType {
+    calibration: TypeCalibration,
+    calibrated: bool,
+}
+
+/// Windows by verdict.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WindowCounts {
+    /// Identified without handicap.
+    pub ok: u64,
+    /// Identified with one.
+    pub degraded: u64,
+    /// Not fit to be judged.
+    pub invalid: u64,
+}
+
+/// The records of one window.
+#[derive(Clone, Debug)]
+pub struct Judged {
+    /// What was seen, and the fit.
+    pub window: record::Window,
+    /// The verdict.
+    pub health: record::Health,
+    /// Remaining useful life; without numbers until there is a trend.
+    pub rul: record::Rul,
+}
+
+impl Judge {
+    /// For a configuration and the seed of every search.
+    #[must_use]
+    pub fn new(config: Arc<Config>, seed: u64) -> Self {
+        let method = method(config.identification());
+        Self { config, method, seed, types: BTreeMap::new(), units: BTreeMap::new(), counts: WindowCounts::default() }
+    }
+
+    /// Windows so far.
+    #[must_use]
+    pub fn counts(&self) -> WindowCounts {
+        self.counts
+    }
+
+    /// Identifies a window and decides on health. The same job, seed and history give the same records on any number of
+    /// threads.
+    ///
+    /// # Errors
+    /// [`JudgeError`] when the configuration cannot be used at all; a bad window is a record, not an error.
+    pub fn judge(&mut self, job: &WindowJob) -> Result<Judged, JudgeError> {
+        let mut reasons = Vec::new();
+        let mut found = None;
+        let mut fit = Fit::default();
+        match &job.window.verdict {
+            Verdict::Invalid(why) => reasons.push(why.to_string()),
+            verdict => {
+                if let Verdict::Degraded(handicaps) = verdict {
+                    reasons.extend(handicaps.iter().map(ToString::to_string));
+                }
+                let known = self.known_type(&job.actuator)?.clone();
+                if !known.calibrated {
+                    reasons.push(format!("type {} is not calibrated", known.calibration.actuator_type));
+                }
+                let identifier = Identifier { params: job.params, calibration: known.calibration, method: self.method };
+                let prepared = Prepared::new(&job.params, &job.window.samples, job.window.trigger);
+                let conditions = conditions(job);
+                let seed = mix(self.seed, &[name_hash(&job.actuator.name), job.window.number]);
+                let estimate = identifier.identify(&prepared, conditions, seed)?;
+                fit = identifier.fit(&prepared, conditions, &estimate.fault);
+                if let Some(unseen) = unseen(&estimate) {
+                    reasons.push(unseen);
+                }
+                found = Some(estimate);
+            }
+        }
+        let status = match (&found, reasons.is_empty()) {
+            (None, _) => "invalid",
+            (Some(_), true) => "ok",
+            (Some(_), false) => "degraded",
+        };
+        match status {
+            "ok" => self.counts.ok += 1,
+            "degraded" => self.counts.degraded += 1,
+            _ => self.counts.invalid += 1,
+        }
+        let decision = self.unit(&job.actuator.name)?.update(job.window.number, found.as_ref().map(judgement).as_ref());
+        let reason = reasons.join("; ");
+        Ok(Judged {
+            window: window_record(job, status, &reason, fit),
+            health: health_record(job, status, &reason, found.as_ref(), &decision),
+            rul: record::Rul {
+                actuator: job.actuator.name.clone(),
+                window: job.window.number,
+                t_start_ns: job.window.t_start_ns,
+                dominant_fault: dominant_fault(&decision, found.as_ref()),
+                reason: "no trend yet".to_owned(),
+                ..record::Rul::default()
+            },
+        })
+    }
+
+    /// The identifier for a type of actuator by name, with another monitor or method than the configuration's if asked;
+    /// `None` where no such type is known.
+    ///
+    /// # Errors
+    /// A calibration that cannot be used.
+    pub fn identifier(
+        &mut self,
+        type_name: &str,
+        monitor: Option<MonitorForm>,
+        search: Option<SearchMethod>,
+    ) -> Result<Option<Identifier>, JudgeError> {
+        let config = self.config.clone();
+        let Some(found) = config.actuator_type(type_name) else { return Ok(None) };
+        let form = monitor.unwrap_or(config.identification().monitor);
+        let path = found.calibration.as_deref().map(|path| config.resolve(path));
+        let known = KnownType::load(type_name, &found.params, form, path.as_deref())?;
+        let method = search.map_or(self.method, |search| method(&IdentificationConfig::for_method(search)));
+        Ok(Some(Identifier { params: found.params, calibration: known.calibration, method }))
+    }
+
+    fn known_type(&mut self, actuator: &ActuatorConfig) -> Result<&KnownType, JudgeError> {
+        if !self.types.contains_key(&actuator.type_name) {
+            let form = self.config.identification().monitor;
+            let path = actuator.type_calibration.as_deref().map(|path| self.config.resolve(path));
+            let known = KnownType::load(&actuator.type_name, &actuator.params, form, path.as_deref())?;
+            self.types.insert(actuator.type_name.clone(), known);
+        }
+        Ok(&self.types[&actuator.type_name])
+    }
+
+    fn unit(&mut self, name: &str) -> Result<&mut Health, JudgeError> {
+        match self.units.entry(name.to_owned()) {
+            Entry::Occupied(known) => Ok(known.into_mut()),
+            Entry::Vacant(new) => Ok(new.insert(new_health(self.config.health())?)),
+        }
+    }
+}
+
+impl KnownType {
+    /// From a file if the configuration names one, else as shipped.
+    ///
+    /// A shipped calibration belongs to the shipped parameters; a type that changes them has none.
+    fn load(
+        type_name: &str,
+        params: &ActuatorParams,
+        form: MonitorForm,
+        path: Option<&Path>,
+    ) -> Result<Self, JudgeError> {
+        if let Some(path) = path {
+            let calibration = TypeCalibration::load(path)?;
+            if calibration.monitor != form {
+                let path = path.display().to_string();
+                return Err(JudgeError::Form { path, expected: form, found: calibration.monitor });
+            }
+            return Ok(Self { calibration, calibrated: true });
+        }
+        let unchanged = match type_name {
+            "bench" => *params == ActuatorParams::bench(),
+            "servo28" => *params == ActuatorParams::servo28(),
+            _ => false,
+        };
+        let shipped = TypeCalibration::built_in(type_name, form).filter(|_| unchanged);
+        Ok(match shipped {
+            Some(calibration) => Self { calibration, calibrated: true },
+            None => Self { calibration: TypeCalibration::uncalibrated(type_name, form, params), calibrated: false },
+        })
+    }
+}
+
+/// Hash of the calibrations that a configuration's types are judged with, as shipped or as their files stand.
+#[must_use]
+pub fn model_hash(config: &Config) -> String {
+    let mut hash = Sha256::new();
+    let form = config.identification().monitor;
+    let mut types: Vec<&str> = config.actuators().iter().map(|a| a.type_name.as_str()).collect();
+    types.push("bench");
+    types.sort_unstable();
+    types.dedup();
+    for name in types {
+        if let Some(found) = config.actuator_type(name) {
+            let path = found.calibration.as_deref().map(|path| config.resolve(path));
+            if let Ok(known) = KnownType::load(name, &found.params, form, path.as_deref()) {
+                hash.update(known.calibration.emit());
+            }
+        }
+    }
+    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// The search that a configuration asks for.
+#[must_use]
+pub fn method(section: &IdentificationConfig) -> Method {
+    let mut search = GaConfig::for_dimension(FAULT_COUNT as u32);
+    search.population = section.population as usize;
+    search.elite_count = search.population.div_ceil(20);
+    search.stop.max_generations = section.generations;
+    search.stop.max_evaluations = Some(u64::from(section.evaluations_max));
+    match section.method {
+        SearchMethod::Hybrid => Method::Hybrid(search),
+        SearchMethod::Ga => Method::PaperGa(search),
+    }
+}
+
+fn new_health(section: &HealthConfig) -> Result<Health, LevelsError> {
+    let levels: [Levels; FAULTS] = section.levels().map(|l| Levels {
+        watch: l.watch,
+        warning: l.warning,
+        critical: l.critical,
+        end_of_life: l.end_of_life,
+        hysteresis: l.hysteresis,
+    });
+    Health::new(levels, section.levels().iter().map(|l| l.persistence).max().unwrap_or(1))
+}
+
+/// Load and supply: as measured, else none and nominal.
+fn conditions(job: &WindowJob) -> Conditions {
+    Conditions {
+        load_torque: job.conditions.load_torque_nm.unwrap_or(0.0),
+        v_dc: job.conditions.dc_link_v.unwrap_or(job.params.motor.v_dc),
+    }
+}
+
+/// Damage of what the window shows; the rest has no sigma and is left as it was.
+fn judgement(estimate: &Estimate) -> Judgement {
+    Judgement { damage: estimate.fault.damage(), sigma: Some(estimate.damage_sigma()) }
+}
+
+/// Says which parameters the window does not show. The phase k7 is no handicap: without eccentricity it has no meaning.
+fn unseen(estimate: &Estimate) -> Option<String> {
+    let names: Vec<&str> = (0..FAULT_COUNT)
+        .filter(|&p| p != 6 && !estimate.observable[p])
+        .map(|p| ema_models::FaultVector::NAMES[p])
+        .collect();
+    (!names.is_empty()).then(|| format!("not excited: {}", names.join(", ")))
+}
+
+fn dominant_fault(decision: &HealthDecision, estimate: Option<&Estimate>) -> String {
+    let Some(estimate) = estimate else { return String::new() };
+    let damage = estimate.fault.damage();
+    let of = |name: &str| ema_models::FaultVector::NAMES.iter().position(|n| *n == name).map_or(0.0, |p| damage[p]);
+    let largest = decision.faults.iter().max_by(|a, b| of(a).total_cmp(&of(b)));
+    largest.map(|name| (*name).to_owned()).unwrap_or_default()
+}
+
+fn health_record(
+    job: &WindowJob,
+    status: &str,
+    reason: &str,
+    estimate: Option<&Estimate>,
+    decision: &HealthDecision,
+) -> record::Health {
+    let mut health = record::Health {
+        actuator: job.actuator.name.clone(),
+        window: job.window.number,
+        t_start_ns: job.window.t_start_ns,
+        status: status.to_owned(),
+        reason: reason.to_owned(),
+        health: decision.state.to_string(),
+        cost: estimate.map(|e| e.cost),
+        residual_rms_a: estimate.map(|e| e.residual_rms_a),
+        evaluations: estimate.map_or(0, |e| e.evaluations),
+        ..record::Health::default()
+    };
+    if let Some(estimate) = estimate {
+        health.set_estimate(Some(&record::Estimate {
+            k: estimate.fault.to_array(),
+            sigma: estimate.sigma,
+            observable: estimate.observable,
+        }));
+        let damage = estimate.fault.damage();
+        health.set_damage([0, 1, 2, 3, 4, 5, 7].map(|p| Some(damage[p])));
+    }
+    // An invalid window is never counted as a fault: it lists none, and the state stays what it was.
+    if estimate.is_some() && decision.state > HealthState::Nominal {
+        health.set_faults(&decision.faults);
+    }
+    health
+}
+
+fn window_record(job: &WindowJob, status: &str, reason: &str, fit: Fit) -> record::Window {
+    let (window, rate) = (&job.window, job.params.sensors.sample_rate);
+    let value = |setpoint: Setpoint| match setpoint {
+        Setpoint::Idle => 0.0,
+        Setpoint::Position(x) | Setpoint::Speed(x) => x,
+    };
+    let setpoints: Vec<f64> = window.samples.iter().map(|s| value(s.setpoint)).collect();
+    let after_trigger = window.samples.get(window.trigger).map(|s| s.setpoint);
+    let travel = window.samples.first().zip(window.samples.last()).map(|(first, last)| {
+        (last.output_counts - first.output_counts) as f64 * job.params.sensors.output_lsb()
+    });
+    let peak = |values: &[f32]| values.iter().map(|v| f64::from(v.abs())).reduce(f64::max);
+    record::Window {
+        actuator: job.actuator.name.clone(),
+        window: window.number,
+        t_start_ns: window.t_start_ns,
+        duration_s: window.samples.len().saturating_sub(1) as f64 / rate,
+        status: status.to_owned(),
+        reason: reason.to_owned(),
+        samples: window.samples.len() as u64,
+        samples_expected: window.expected as u64,
+        samples_lost: window.lost,
+        sample_rate_hz: rate,
+        mode: match after_trigger {
+            Some(Setpoint::Position(_)) => "position",
+            Some(Setpoint::Speed(_)) => "speed",
+            Some(Setpoint::Idle) | None => "idle",
+        }
+        .to_owned(),
+        setpoint_start: setpoints.first().copied(),
+        setpoint_end: setpoints.last().copied(),
+        setpoint_min: setpoints.iter().copied().reduce(f64::min),
+        setpoint_max: setpoints.iter().copied().reduce(f64::max),
+        travel_rad: travel,
+        peak_speed_rad_s: peak(&fit.omega_measured),
+        peak_i_q_a: peak(&fit.i_q_measured),
+        dc_link_v: job.conditions.dc_link_v,
+        winding_temp_c: job.conditions.winding_temp_deg_c,
+        load_torque_nm: job.conditions.load_torque_nm,
+        time_s: (0..window.samples.len()).map(|n| (n as f64 / rate) as f32).collect(),
+        setpoint: setpoints.iter().map(|v| *v as f32).collect(),
+        measured_i_q_a: fit.i_q_measured,
+        fitted_i_q_a: fit.i_q_fitted,
+        measured_speed_rad_s: fit.omega_measured,
+        fitted_speed_rad_s: fit.omega_fitted,
+        measured_position_rad: fit.theta_out_measured,
+        fitted_position_rad: fit.theta_out_fitted,
+    }
+}
+
+/// FNV-1a, so that an actuator's searches do not depend on which others are there.
+fn name_hash(name: &str) -> u64 {
+    name.bytes().fold(0xCBF2_9CE4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3))
+}

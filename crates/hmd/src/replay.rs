@@ -1,0 +1,261 @@
+//! File driver: the same chain as live, with time taken from the file.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::config::Config;
+use crate::frame::BusNames;
+use crate::front::{Front, Notice, WindowJob};
+use crate::ingest::{IngestError, Loss, open_with};
+use crate::judge::{Judge, JudgeError, Judged};
+use crate::record::{Log, LogLevel, Status};
+use crate::sink::{Sink, SinkError, SyncedFile};
+
+/// Why a replay failed.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// A log cannot be read at all.
+    #[error(transparent)]
+    Ingest(#[from] IngestError),
+    /// The windows cannot be judged.
+    #[error(transparent)]
+    Judge(#[from] JudgeError),
+    /// The output cannot be written.
+    #[error("{path}: {source}")]
+    Create {
+        /// The file.
+        path: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The output cannot be written.
+    #[error("{path}: {source}")]
+    Sink {
+        /// The file.
+        path: String,
+        /// What went wrong.
+        source: SinkError,
+    },
+}
+
+/// What a replay is made of.
+#[derive(Debug)]
+pub struct Replay<'a> {
+    /// Logs in the order of time.
+    pub logs: &'a [PathBuf],
+    /// Where records go, if anywhere.
+    pub output: Option<&'a Path>,
+    /// Configuration.
+    pub config: Arc<Config>,
+    /// Seed of every search.
+    pub seed: u64,
+}
+
+/// What became of the data.
+#[derive(Clone, Debug, Default)]
+pub struct Summary {
+    /// Counters of the whole run.
+    pub status: Status,
+    /// Actuators seen.
+    pub actuators: u64,
+    /// Windows.
+    pub windows: u64,
+}
+
+impl Summary {
+    /// Whether anything was lost on the way.
+    #[must_use]
+    pub fn data_lost(&self) -> bool {
+        let s = &self.status;
+        s.lost_unreadable + s.lost_damaged + s.lost_samples + s.lost_malformed > 0
+    }
+}
+
+/// What a replay tells while it runs.
+pub trait Observer {
+    /// One window has been judged.
+    fn judged(&mut self, judged: &Judged) -> io::Result<()>;
+    /// Something an operator should read.
+    fn notice(&mut self, message: &str);
+    /// Bytes read of all.
+    fn progress(&mut self, position: u64);
+}
+
+struct Run<'a, O> {
+    front: Front,
+    judge: Judge,
+    sink: Option<(String, Sink<SyncedFile>)>,
+    observer: &'a mut O,
+    windows: u64,
+    last_stamp_ns: u64,
+    lost_unreadable: u64,
+    lost_damaged: u64,
+}
+
+impl Replay<'_> {
+    /// Runs the whole chain.
+    ///
+    /// # Errors
+    /// [`ReplayError`] when a log cannot be read at all, the configuration cannot be used, or the output cannot be
+    /// written. Damaged data are counted in the summary instead.
+    pub fn run(&self, observer: &mut impl Observer) -> Result<Summary, ReplayError> {
+        let sink = match self.output {
+            Some(path) => Some(self.create(path)?),
+            None => None,
+        };
+        let mut run = Run {
+            front: Front::new(self.config.clone()),
+            judge: Judge::new(self.config.clone(), self.seed),
+            sink,
+            observer,
+            windows: 0,
+            last_stamp_ns: 0,
+            lost_unreadable: 0,
+            lost_damaged: 0,
+        };
+        let mut names = BusNames::new();
+        let mut read_before = 0;
+        for log in self.logs {
+            names = run.one_log(log, names, &mut read_before, self.config.output().raw_frames)?;
+        }
+        run.finish()
+    }
+
+    fn create(&self, path: &Path) -> Result<(String, Sink<SyncedFile>), ReplayError> {
+        let name = path.display().to_string();
+        let file = File::create(path).map_err(|source| ReplayError::Create { path: name.clone(), source })?;
+        let sink = Sink::new(SyncedFile::new(file), &metadata(&self.config, "log", self.seed))
+            .map_err(|source| ReplayError::Sink { path: name.clone(), source })?;
+        Ok((name, sink))
+    }
+}
+
+/// Metadata of a record file.
+#[must_use]
+pub fn metadata(config: &Config, clock_source: &str, seed: u64) -> BTreeMap<String, String> {
+    let mut metadata: BTreeMap<String, String> = [
+        ("build", concat!("hmd ", env!("CARGO_PKG_VERSION")).to_owned()),
+        ("clock_source", clock_source.to_owned()),
+        ("config_hash", config.hash()),
+        ("model_hash", crate::judge::model_hash(config)),
+        ("seed", seed.to_string()),
+    ]
+    .into_iter()
+    .map(|(key, value)| (key.to_owned(), value))
+    .collect();
+    for actuator in config.actuators() {
+        for (key, value) in [("part_number", &actuator.part_number), ("serial_number", &actuator.serial_number)] {
+            if let Some(value) = value {
+                metadata.insert(format!("{}.{key}", actuator.name), value.clone());
+            }
+        }
+    }
+    metadata
+}
+
+impl<O: Observer> Run<'_, O> {
+    fn one_log(
+        &mut self,
+        log: &Path,
+        names: BusNames,
+        read_before: &mut u64,
+        store_raw: bool,
+    ) -> Result<BusNames, ReplayError> {
+        let mut source = open_with(log, names)?;
+        let mut ended = Vec::new();
+        let mut frames = 0u64;
+        while let Some(item) = source.next() {
+            match item {
+                Ok(frame) => {
+                    self.last_stamp_ns = self.last_stamp_ns.max(frame.stamp_ns);
+                    if store_raw && let Some((path, sink)) = &mut self.sink {
+                        sink.raw(&frame, source.bus_names())
+                            .map_err(|source| ReplayError::Sink { path: path.clone(), source })?;
+                    }
+                    self.front.push(&frame, source.bus_names(), &mut ended);
+                    self.judge_all(&mut ended)?;
+                }
+                Err(loss) => self.lost(&loss)?,
+            }
+            frames += 1;
+            if frames.is_multiple_of(4096) {
+                self.observer.progress(*read_before + source.position());
+            }
+        }
+        *read_before += source.position();
+        self.front.finish(&mut ended);
+        self.judge_all(&mut ended)?;
+        Ok(source.into_bus_names())
+    }
+
+    fn judge_all(&mut self, ended: &mut Vec<WindowJob>) -> Result<(), ReplayError> {
+        for notice in self.front.take_notices() {
+            self.notice(&notice, LogLevel::Warning)?;
+        }
+        for job in ended.drain(..) {
+            let judged = self.judge.judge(&job)?;
+            self.windows += 1;
+            if let Some((path, sink)) = &mut self.sink {
+                let at = judged.health.t_start_ns;
+                sink.write(at, &judged.window)
+                    .and_then(|()| sink.write(at, &judged.health))
+                    .and_then(|()| sink.write(at, &judged.rul))
+                    .and_then(|()| sink.flush_window())
+                    .map_err(|source| ReplayError::Sink { path: path.clone(), source })?;
+            }
+            self.observer.judged(&judged).map_err(|source| ReplayError::Create { path: "stdout".to_owned(), source })?;
+        }
+        Ok(())
+    }
+
+    fn lost(&mut self, loss: &Loss) -> Result<(), ReplayError> {
+        match loss {
+            Loss::Line(_) => self.lost_unreadable += 1,
+            Loss::Mcap(_) => self.lost_damaged += loss.frames().max(1),
+        }
+        self.notice(&Notice { stamp_ns: self.last_stamp_ns, message: loss.to_string() }, LogLevel::Error)
+    }
+
+    fn notice(&mut self, notice: &Notice, level: LogLevel) -> Result<(), ReplayError> {
+        self.observer.notice(&notice.message);
+        if let Some((path, sink)) = &mut self.sink {
+            sink.write(notice.stamp_ns, &Log::new(notice.stamp_ns, level, "hmd", &notice.message))
+                .map_err(|source| ReplayError::Sink { path: path.clone(), source })?;
+        }
+        Ok(())
+    }
+
+    fn finish(self) -> Result<Summary, ReplayError> {
+        let (frames, windows) = (self.front.counts(), self.judge.counts());
+        let (mut actuators, mut samples, mut missing) = (0, 0, 0);
+        for (_, delivered, lost) in self.front.actuators() {
+            actuators += 1;
+            samples += delivered;
+            missing += lost;
+        }
+        let status = Status {
+            frames_received: frames.received,
+            frames_decoded: frames.decoded,
+            frames_filtered: frames.filtered,
+            frames_error: frames.error,
+            samples,
+            lost_unreadable: self.lost_unreadable,
+            lost_damaged: self.lost_damaged,
+            lost_samples: missing,
+            lost_malformed: frames.malformed,
+            windows_ok: windows.ok,
+            windows_degraded: windows.degraded,
+            windows_invalid: windows.invalid,
+            ..Status::default()
+        };
+        if let Some((path, mut sink)) = self.sink {
+            sink.write(self.last_stamp_ns, &status)
+                .and_then(|()| sink.finish().map(|_| ()))
+                .map_err(|source| ReplayError::Sink { path, source })?;
+        }
+        Ok(Summary { status, actuators, windows: self.windows })
+    }
+}

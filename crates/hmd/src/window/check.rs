@@ -1,0 +1,227 @@
+//! Whether the samples of a window are fit to be judged.
+
+use super::config::{Lengths, WindowConfig};
+use super::counters::{CounterLimits, refuse_spikes};
+use super::fill::Rotor;
+use super::ring::Slot;
+use super::signals::{refuse_currents, stuck};
+use super::trigger::{Thresholds, value};
+use super::verdict::{Counter, Defect, Invalidity, Part};
+use ema_models::{ActuatorParams, FaultVector, Setpoint};
+
+/// What is possible for one type of actuator.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    pub(super) lengths: Lengths,
+    pub(super) sample_rate: f64,
+    pub(super) full_scale_a: f64,
+    pub(super) current_lsb_a: f64,
+    pub(super) current_sum_max_a: f64,
+    pub(super) rotor: Rotor,
+    pub(super) output_lsb: f64,
+    pub(super) gear_ratio: f64,
+    /// Largest difference of the two angles by play and wear, rad at the output.
+    pub(super) play_max_rad: f64,
+    motor: CounterLimits,
+    output: CounterLimits,
+    thresholds: Thresholds,
+    clock_jump_s: f64,
+    unsteady_rad_s: f64,
+}
+
+impl Limits {
+    /// From checked settings and the type's parameters.
+    pub(super) fn new(config: &WindowConfig, params: &ActuatorParams) -> Self {
+        let sensors = &params.sensors;
+        let period = 1.0 / sensors.sample_rate;
+        let (motor_lsb, output_lsb) = (sensors.motor_lsb(), sensors.output_lsb());
+        let gear_ratio = params.transmission.gear_ratio;
+        let speed = config.speed_max_factor * params.controller.omega_max * period;
+        let acceleration = params.motor.torque_gain() * params.motor.i_max / params.motor.j * period * period;
+        let worn_out = FaultVector {
+            backlash: 1.0,
+            ..FaultVector::NOMINAL
+        };
+        let play_worn_out = params.transmission.backlash * worn_out.backlash_factor();
+        Self {
+            lengths: Lengths::new(config, sensors.sample_rate),
+            sample_rate: sensors.sample_rate,
+            full_scale_a: sensors.current_full_scale,
+            current_lsb_a: sensors.current_lsb(),
+            current_sum_max_a: config.current_sum_max_a,
+            rotor: Rotor::new(params.motor.pole_pairs, sensors),
+            output_lsb,
+            gear_ratio,
+            // Three times the play at the end of its scale: a unit beyond that scale is still judged, and found worn.
+            play_max_rad: 3.0 * play_worn_out + 8.0 * output_lsb,
+            motor: CounterLimits {
+                part: Part::Motor,
+                defect: Defect::MotorSpike,
+                speed: speed / motor_lsb,
+                acceleration: acceleration / motor_lsb,
+            },
+            output: CounterLimits {
+                part: Part::Output,
+                defect: Defect::OutputSpike,
+                speed: speed / gear_ratio / output_lsb,
+                acceleration: acceleration / gear_ratio / output_lsb,
+            },
+            thresholds: Thresholds::new(config),
+            clock_jump_s: config.clock_jump_s,
+            unsteady_rad_s: 0.2 * params.controller.omega_max,
+        }
+    }
+}
+
+/// What was found in the samples of one window.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Findings {
+    pub(super) lost: u64,
+    pub(super) rejected: u64,
+    pub(super) clock_jumps: u64,
+    /// Speed by which the motor missed its setpoint before the trigger, rad/s, if that is worth a word.
+    pub(super) unsteady_rad_s: Option<f64>,
+    pub(super) invalid: Option<Invalidity>,
+}
+
+/// Marks what cannot be used and says whether the rest is enough; of several reasons, the first in the order below.
+pub(super) fn examine(slots: &mut [Slot], limits: &Limits) -> Findings {
+    refuse_currents(slots, limits);
+    let jumps = [(limits.motor, Counter::Motor), (limits.output, Counter::Output)]
+        .map(|(of, counter)| refuse_spikes(slots, &of).map(|at| Invalidity::CounterJumped { counter, at }));
+    let lost = slots.iter().filter(|slot| !slot.was_received()).count() as u64;
+    let rejected = slots
+        .iter()
+        .filter(|slot| slot.was_received() && slot.is_flawed())
+        .count() as u64;
+    let (clock_jumps, rate) = clock(slots, limits);
+    let invalid = rate
+        .or_else(|| too_many_flawed(slots, &limits.lengths))
+        .or_else(|| command_in_gap(slots, &limits.thresholds))
+        .or_else(|| stuck(slots, limits).map(Invalidity::Stuck))
+        .or_else(|| jumps.into_iter().flatten().next())
+        .or_else(|| counters_disagree(slots, limits));
+    Findings {
+        lost,
+        rejected,
+        clock_jumps,
+        unsteady_rad_s: unsteady_start(slots, limits),
+        invalid,
+    }
+}
+
+fn too_many_flawed(slots: &[Slot], lengths: &Lengths) -> Option<Invalidity> {
+    let (mut count, mut longest, mut run) = (0, 0, 0);
+    let mut by_defect = [0_usize; Defect::ALL.len()];
+    for slot in slots {
+        if let Some(defect) = slot.first_defect() {
+            by_defect[defect as usize] += 1;
+            count += 1;
+            run += 1;
+            longest = longest.max(run);
+        } else {
+            run = 0;
+        }
+    }
+    if count <= lengths.missing_max && longest <= lengths.longest_gap {
+        return None;
+    }
+    let most = by_defect.iter().copied().max()?;
+    let defect = Defect::ALL
+        .into_iter()
+        .find(|&defect| by_defect[defect as usize] == most)?;
+    Some(Invalidity::TooManyFlawed { defect, count, longest })
+}
+
+/// A jump of the command that lies in a gap, bigger than what the steps on either side of the gap explain by more than the
+/// trigger threshold and a twentieth of the setpoint's range.
+fn command_in_gap(slots: &[Slot], thresholds: &Thresholds) -> Option<Invalidity> {
+    let at = |n: usize| {
+        slots
+            .get(n)
+            .filter(|slot| slot.is_good(Part::Setpoint))
+            .map(|slot| value(slot.sample.setpoint))
+    };
+    let good = (0..slots.len()).filter_map(at);
+    let (min, max) = good.fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), x| {
+        (min.min(x), max.max(x))
+    });
+    let tolerated = thresholds.of(slots.first()?.sample.setpoint).max(0.05 * (max - min));
+    let mut before: Option<(usize, f64)> = None;
+    for n in 0..slots.len() {
+        let Some(now) = at(n) else { continue };
+        if let Some((m, then)) = before
+            && n - m > 1
+        {
+            let step = |a: Option<f64>, b: Option<f64>| a.zip(b).map_or(0.0, |(a, b)| (b - a).abs());
+            let step_before = step(m.checked_sub(1).and_then(at), Some(then));
+            let slope = step_before.max(step(Some(now), at(n + 1)));
+            if (now - then).abs() > slope * (n - m) as f64 + tolerated {
+                return Some(Invalidity::CommandInGap { at: n });
+            }
+        }
+        before = Some((n, now));
+    }
+    None
+}
+
+/// Range of the difference between output angle and motor angle over the gear ratio: the play, whatever else is worn.
+fn counters_disagree(slots: &[Slot], limits: &Limits) -> Option<Invalidity> {
+    let good = |slot: &&Slot| slot.is_good(Part::Motor) && slot.is_good(Part::Output);
+    let first = slots.iter().find(good)?.sample;
+    let (mut min, mut max) = (0.0_f64, 0.0_f64);
+    for Slot { sample, .. } in slots.iter().filter(good) {
+        let motor = sample.motor_counts.saturating_sub(first.motor_counts) as f64 * limits.rotor.motor_lsb;
+        let output = sample.output_counts.saturating_sub(first.output_counts) as f64 * limits.output_lsb;
+        let difference = output - motor / limits.gear_ratio;
+        (min, max) = (min.min(difference), max.max(difference));
+    }
+    (max - min > limits.play_max_rad).then_some(Invalidity::CountersDisagree { range_rad: max - min })
+}
+
+/// Mean speed before the trigger, in speed mode less the setpoint, if it is more than a fifth of ω_max: the speed loop
+/// is then at work, and its integrator not known.
+fn unsteady_start(slots: &[Slot], limits: &Limits) -> Option<f64> {
+    let rest = slots.get(..limits.lengths.pre_trigger)?;
+    let good = |slot: &&Slot| slot.is_good(Part::Motor);
+    let (first, last) = (rest.iter().find(good)?.sample, rest.iter().rfind(good)?.sample);
+    let counts = last.motor_counts.saturating_sub(first.motor_counts) as f64;
+    let samples = last.seq.saturating_sub(first.seq).max(1) as f64;
+    let speed = counts * limits.rotor.motor_lsb * limits.sample_rate / samples;
+    let expected = if let Setpoint::Speed(speed) = first.setpoint {
+        speed
+    } else {
+        0.0
+    };
+    ((speed - expected).abs() > limits.unsteady_rad_s).then_some(speed - expected)
+}
+
+/// Jumps of the stamps against the counter, and whether they advance at another rate than the type's.
+///
+/// Stamps may be late by the jitter of a host, but over a window they advance as the samples do; if not, the wrong rate
+/// was configured, and every speed and time constant would be judged by it. Stamps that never advance say nothing.
+fn clock(slots: &[Slot], limits: &Limits) -> (u64, Option<Invalidity>) {
+    let mut jumps = 0;
+    let (mut intervals, mut by_stamps, mut by_counter) = (0, 0.0, 0.0);
+    let mut before: Option<&Slot> = None;
+    for slot in slots.iter().filter(|slot| slot.was_received()) {
+        if let Some(before) = before {
+            let stamps = (i128::from(slot.stamp_ns) - i128::from(before.stamp_ns)) as f64 * 1e-9;
+            let counter = (slot.sample.seq - before.sample.seq) as f64 / limits.sample_rate;
+            intervals += 1;
+            if (stamps - counter).abs() > limits.clock_jump_s {
+                jumps += 1;
+            } else {
+                by_stamps += stamps;
+                by_counter += counter;
+            }
+        }
+        before = Some(slot);
+    }
+    let enough = by_counter > 0.1 && by_stamps > 0.0 && jumps < 1 + intervals / 10;
+    let wrong = enough && f64::abs(by_stamps - by_counter) > 0.1 * by_counter + limits.clock_jump_s;
+    let rate = Invalidity::SampleRate {
+        by_stamps_hz: limits.sample_rate * by_counter / by_stamps,
+    };
+    (jumps, wrong.then_some(rate))
+}

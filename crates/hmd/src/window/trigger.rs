@@ -1,0 +1,166 @@
+//! When does an actuation begin?
+
+use super::config::WindowConfig;
+use super::ring::Ring;
+use ema_models::Setpoint;
+
+/// How far two setpoints of one mode may be apart to be the same.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Thresholds {
+    position_rad: f64,
+    speed_rad_s: f64,
+}
+
+impl Thresholds {
+    pub(super) fn new(config: &WindowConfig) -> Self {
+        // A millionth more, so that a difference of exactly the threshold is not lifted over it by rounding.
+        Self {
+            position_rad: config.trigger_position_rad * (1.0 + 1e-6),
+            speed_rad_s: config.trigger_speed_rad_s * (1.0 + 1e-6),
+        }
+    }
+
+    fn scaled(self, factor: f64) -> Self {
+        Self {
+            position_rad: self.position_rad * factor,
+            speed_rad_s: self.speed_rad_s * factor,
+        }
+    }
+
+    /// Threshold in the unit of a setpoint's mode.
+    pub(super) fn of(&self, setpoint: Setpoint) -> f64 {
+        match setpoint {
+            Setpoint::Idle => f64::INFINITY,
+            Setpoint::Position(_) => self.position_rad,
+            Setpoint::Speed(_) => self.speed_rad_s,
+        }
+    }
+
+    /// Whether two setpoints of the same mode are further apart than the threshold.
+    pub(super) fn differ(&self, a: Setpoint, b: Setpoint) -> bool {
+        (value(a) - value(b)).abs() > self.of(a)
+    }
+}
+
+/// The number in a setpoint, rad or rad/s by its mode; 0 for idle.
+pub(super) fn value(setpoint: Setpoint) -> f64 {
+    match setpoint {
+        Setpoint::Idle => 0.0,
+        Setpoint::Position(value) | Setpoint::Speed(value) => value,
+    }
+}
+
+pub(super) fn same_mode(a: Setpoint, b: Setpoint) -> bool {
+    core::mem::discriminant(&a) == core::mem::discriminant(&b)
+}
+
+/// The trigger rule, over the samples in the ring.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Trigger {
+    pub(super) thresholds: Thresholds,
+    rest: usize,
+}
+
+impl Trigger {
+    pub(super) fn new(config: &WindowConfig, rest: usize) -> Self {
+        Self {
+            thresholds: Thresholds::new(config),
+            rest,
+        }
+    }
+
+    /// Whether the latest setpoint differs from the one `rest` samples earlier, in the same mode.
+    pub(super) fn moved(&self, ring: &Ring) -> bool {
+        ring.newest(self.rest + 1).is_some_and(|slots| {
+            let (reference, now) = (slots[0].sample.setpoint, slots[self.rest].sample.setpoint);
+            same_mode(now, reference) && self.thresholds.differ(now, reference)
+        })
+    }
+
+    /// Whether the latest sample is a trigger: it has moved, and all samples since the one it is compared with rested,
+    /// that is, stood within the threshold of that one, in the same mode.
+    pub(super) fn fires(&self, ring: &Ring) -> bool {
+        self.moved(ring)
+            && ring.newest(self.rest + 1).is_some_and(|slots| {
+                let reference = slots[0].sample.setpoint;
+                slots[1..self.rest].iter().all(|slot| {
+                    same_mode(slot.sample.setpoint, reference)
+                        && !self.thresholds.differ(slot.sample.setpoint, reference)
+                })
+            })
+    }
+}
+
+/// Whether the setpoint has been held inside the running actuation.
+///
+/// A stricter rest than the trigger's: a hundredth of its threshold. The turning points of a commanded oscillation stand
+/// still to within the threshold for 20 ms too, and are no end of the actuation.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Held {
+    band: Thresholds,
+    needed: usize,
+    anchor: Option<Setpoint>,
+    run: usize,
+    was_held: bool,
+}
+
+impl Held {
+    pub(super) fn new(trigger: &Trigger) -> Self {
+        Self {
+            band: trigger.thresholds.scaled(0.01),
+            needed: trigger.rest,
+            anchor: None,
+            run: 0,
+            was_held: false,
+        }
+    }
+
+    pub(super) fn push(&mut self, setpoint: Setpoint) {
+        match self.anchor {
+            Some(anchor) if same_mode(anchor, setpoint) && !self.band.differ(anchor, setpoint) => self.run += 1,
+            _ => (self.anchor, self.run) = (Some(setpoint), 1),
+        }
+        self.was_held |= self.run >= self.needed;
+    }
+
+    /// Whether it was held once since [`Self::forget`].
+    pub(super) fn was_held(&self) -> bool {
+        self.was_held
+    }
+
+    pub(super) fn forget(&mut self) {
+        (self.anchor, self.run, self.was_held) = (None, 0, false);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exactly_the_threshold_is_not_more_than_it() {
+        let thresholds = Thresholds::new(&WindowConfig::default());
+        for micro in 0..100_000 {
+            let at = |n: i32| Setpoint::Position(f64::from(n) * 1e-6);
+            assert!(!thresholds.differ(at(micro), at(micro + 1000)));
+            assert!(thresholds.differ(at(micro), at(micro + 1001)));
+        }
+    }
+
+    #[test]
+    fn only_a_held_setpoint_counts_as_held() {
+        let trigger = Trigger::new(&WindowConfig::default(), 40);
+        let mut held = Held::new(&trigger);
+        for n in 0..2000 {
+            // 10 mrad at 2 Hz: at its turning points within 1 mrad for 140 ms.
+            held.push(Setpoint::Position(
+                0.01 * (core::f64::consts::TAU * 2.0 * f64::from(n) / 2000.0).sin(),
+            ));
+            assert!(!held.was_held());
+        }
+        for _ in 0..40 {
+            held.push(Setpoint::Position(0.0));
+        }
+        assert!(held.was_held());
+    }
+}

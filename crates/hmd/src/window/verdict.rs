@@ -1,0 +1,252 @@
+//! What is said of a window: complete, degraded or invalid, and why.
+
+use core::fmt;
+
+/// Whether the samples of a window are fit to be judged.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Verdict {
+    /// Every sample is there and plausible.
+    Complete,
+    /// Fit, with these handicaps.
+    Degraded(Vec<Degradation>),
+    /// Not fit; it must not be judged, and is no fault of the actuator.
+    Invalid(Invalidity),
+}
+
+impl Verdict {
+    /// Whether the window may be identified.
+    #[must_use]
+    pub fn is_fit(&self) -> bool {
+        !matches!(self, Self::Invalid(_))
+    }
+}
+
+/// A handicap of a window that is judged all the same.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Degradation {
+    /// Samples were interpolated.
+    Filled {
+        /// Samples missing by their counter.
+        lost: u64,
+        /// Samples received and refused, in whole or in part.
+        rejected: u64,
+    },
+    /// Another actuation begins in the window.
+    AnotherActuation {
+        /// Index of the sample at which it begins.
+        at: usize,
+    },
+    /// The setpoint rested before the trigger, but the motor did not follow it: the state at the start is less certain.
+    UnsteadyStart {
+        /// Mean speed of the motor before the trigger, in speed mode less its setpoint, rad/s.
+        speed_rad_s: f64,
+    },
+}
+
+/// Why a window is not fit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Invalidity {
+    /// It ended before its time.
+    CutShort(CutShort),
+    /// The mode changed from position to speed or back.
+    ModeChanged,
+    /// The command jumped while samples were missing, so that nobody knows when.
+    CommandInGap {
+        /// Index of the first sample after the gap.
+        at: usize,
+    },
+    /// Too many samples are missing or refused, or too many in a row.
+    TooManyFlawed {
+        /// The most frequent reason.
+        defect: Defect,
+        /// Missing and refused samples, whatever the reason.
+        count: usize,
+        /// Longest run of them.
+        longest: usize,
+    },
+    /// A signal stood still while another shows that it should have moved.
+    Stuck(Signal),
+    /// A counter jumped, and stayed there.
+    CounterJumped {
+        /// Which.
+        counter: Counter,
+        /// Index of the first sample after the jump.
+        at: usize,
+    },
+    /// Resolver and encoder went different ways, further than any play and wear of the transmission.
+    CountersDisagree {
+        /// Range of the difference of the two angles, rad at the output.
+        range_rad: f64,
+    },
+    /// The stamps do not advance at the sample rate that the type has.
+    SampleRate {
+        /// The rate by the stamps, Hz.
+        by_stamps_hz: f64,
+    },
+}
+
+/// What ended a window before its time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CutShort {
+    /// No more samples.
+    StreamEnded,
+    /// The drive was switched off.
+    WentIdle,
+    /// The sample counter went back: the device restarted, or samples came out of order.
+    CounterWentBack,
+}
+
+/// Why a sample, or a part of it, cannot be used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Defect {
+    /// It did not come.
+    Missing,
+    /// A current is no number.
+    NotFinite,
+    /// A current is beyond the converters' full scale.
+    BeyondScale,
+    /// A converter is at its limit.
+    Clipped,
+    /// The three currents do not sum to zero.
+    CurrentSum,
+    /// The resolver's count does not fit those before and after it.
+    MotorSpike,
+    /// The encoder's count does not fit those before and after it.
+    OutputSpike,
+    /// The setpoint or the mode lasted one sample only, or is no number.
+    CommandGlitch,
+}
+
+impl Defect {
+    pub(super) const ALL: [Self; 8] = [
+        Self::Missing,
+        Self::NotFinite,
+        Self::BeyondScale,
+        Self::Clipped,
+        Self::CurrentSum,
+        Self::MotorSpike,
+        Self::OutputSpike,
+        Self::CommandGlitch,
+    ];
+}
+
+/// A signal that may be stuck.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Signal {
+    /// The three phase currents.
+    Currents,
+    /// Motor resolver.
+    Motor,
+    /// Output encoder.
+    Output,
+}
+
+/// One of the two counters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Counter {
+    /// Motor resolver.
+    Motor,
+    /// Output encoder.
+    Output,
+}
+
+/// The parts of a sample that come in different frames and are refused each for itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Part {
+    Currents,
+    Motor,
+    Output,
+    Setpoint,
+}
+
+impl Part {
+    pub(super) const COUNT: usize = 4;
+}
+
+impl fmt::Display for Degradation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Filled { lost, rejected } => write!(f, "{lost} samples lost and {rejected} refused, filled"),
+            Self::AnotherActuation { at } => write!(f, "another actuation at sample {at}"),
+            Self::UnsteadyStart { speed_rad_s } => write!(f, "unsteady start: off by {speed_rad_s:.1} rad/s"),
+        }
+    }
+}
+
+impl fmt::Display for Invalidity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::CutShort(why) => write!(f, "cut short: {why}"),
+            Self::ModeChanged => f.write_str("mode changed"),
+            Self::CommandInGap { at } => write!(f, "gap: the command jumped in it, before sample {at}"),
+            Self::TooManyFlawed { defect, count, longest } => {
+                write!(f, "{defect}: {count} samples unusable, {longest} in a row")
+            }
+            Self::Stuck(signal) => write!(f, "stuck: {signal}"),
+            Self::CounterJumped { counter, at } => write!(f, "counter jump: {counter} at sample {at}"),
+            Self::CountersDisagree { range_rad } => {
+                write!(f, "counters disagree: resolver and encoder by {range_rad:.4} rad")
+            }
+            Self::SampleRate { by_stamps_hz } => write!(f, "sample rate: {by_stamps_hz:.1} Hz by the stamps"),
+        }
+    }
+}
+
+impl fmt::Display for CutShort {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::StreamEnded => "stream ended",
+            Self::WentIdle => "went idle",
+            Self::CounterWentBack => "sample counter went back",
+        })
+    }
+}
+
+impl fmt::Display for Defect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Missing => "gap",
+            Self::NotFinite => "current is no number",
+            Self::BeyondScale => "current beyond full scale",
+            Self::Clipped => "converter at its limit",
+            Self::CurrentSum => "current sum",
+            Self::MotorSpike => "resolver spikes",
+            Self::OutputSpike => "encoder spikes",
+            Self::CommandGlitch => "command glitches",
+        })
+    }
+}
+
+impl fmt::Display for Signal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Currents => "currents",
+            Self::Motor => "resolver",
+            Self::Output => "encoder",
+        })
+    }
+}
+
+impl fmt::Display for Counter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Motor => "resolver",
+            Self::Output => "encoder",
+        })
+    }
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Complete => f.write_str("complete"),
+            Self::Degraded(handicaps) => {
+                for (n, handicap) in handicaps.iter().enumerate() {
+                    write!(f, "{}{handicap}", if n > 0 { "; " } else { "" })?;
+                }
+                Ok(())
+            }
+            Self::Invalid(why) => why.fmt(f),
+        }
+    }
+}

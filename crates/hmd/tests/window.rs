@@ -1,0 +1,725 @@
+//! Windows out of simulated actuations, on good and on bad links.
+
+use ema_models::reference::{Actuations, CurrentSensing, Scenario};
+use ema_models::{ActuatorParams, FaultVector, Profile, SensedSample, Setpoint};
+use hmd::window::{
+    Counter, CutShort, Defect, Degradation, Invalidity, Signal, TimedSample, Verdict, Window, WindowConfig, Windower,
+};
+use proptest::prelude::*;
+use std::sync::OnceLock;
+
+const T_0: u64 = 1_700_000_000_000_000_000;
+
+/// What the two other sensors' suites call noise: 12-bit converters, 50 mA.
+const NOISY: CurrentSensing = CurrentSensing {
+    quantised: true,
+    noise_rms: 0.05,
+};
+
+fn at_rate(mut params: ActuatorParams, rate: f64) -> ActuatorParams {
+    params.sensors.sample_rate = rate;
+    params
+}
+
+fn bench(rate: f64) -> ActuatorParams {
+    at_rate(ActuatorParams::bench(), rate)
+}
+
+fn timed(sensed: SensedSample, rate: f64) -> TimedSample {
+    TimedSample {
+        seq: sensed.seq,
+        stamp_ns: T_0 + (1e9 * sensed.seq as f64 / rate).round() as u64,
+        sensed,
+    }
+}
+
+/// Samples of a scenario; the series begins 40 ms before the command.
+fn simulate(scenario: &Scenario) -> Vec<TimedSample> {
+    let rate = scenario.nominal.sensors.sample_rate;
+    scenario.run().map(|sensed| timed(sensed, rate)).collect()
+}
+
+/// One noisy mixed actuation of the bench at 2 kHz: samples 0…1159, command from sample 80 on.
+fn mixed() -> Vec<TimedSample> {
+    static SAMPLES: OnceLock<Vec<TimedSample>> = OnceLock::new();
+    let make = || {
+        simulate(&Scenario {
+            sensing: NOISY,
+            ..Scenario::new(bench(2000.0), FaultVector::NOMINAL, 7)
+        })
+    };
+    SAMPLES.get_or_init(make).clone()
+}
+
+fn windows(params: &ActuatorParams, samples: &[TimedSample]) -> Vec<Window> {
+    let mut windower = Windower::new(WindowConfig::default(), params).expect("default settings");
+    let mut windows: Vec<Window> = samples.iter().filter_map(|&sample| windower.push(sample)).collect();
+    windows.extend(windower.finish());
+    windows
+}
+
+/// The only window of samples at 2 kHz.
+fn only(samples: &[TimedSample]) -> Window {
+    let mut all = windows(&bench(2000.0), samples);
+    assert_eq!(
+        all.len(),
+        1,
+        "{:?}",
+        all.iter().map(|w| w.verdict.to_string()).collect::<Vec<_>>()
+    );
+    all.remove(0)
+}
+
+fn invalidity(window: &Window) -> Invalidity {
+    match &window.verdict {
+        Verdict::Invalid(why) => *why,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn flawed(window: &Window) -> Defect {
+    match invalidity(window) {
+        Invalidity::TooManyFlawed { defect, .. } => defect,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Samples of an actuator that does not move, under the given setpoints.
+fn still(setpoints: impl IntoIterator<Item = Setpoint>) -> Vec<TimedSample> {
+    let sensed = setpoints.into_iter().enumerate().map(|(seq, setpoint)| SensedSample {
+        seq: seq as u64,
+        currents: [0.0; 3],
+        motor_counts: 0,
+        output_counts: 0,
+        setpoint,
+    });
+    sensed.map(|sensed| timed(sensed, 2000.0)).collect()
+}
+
+// Good data.
+
+#[test]
+fn every_profile_and_actuator_gives_one_complete_window_with_an_exact_trigger() {
+    for params in [ActuatorParams::bench(), ActuatorParams::servo28()] {
+        for rate in [400.0, 2000.0] {
+            for (name, profile) in Profile::NAMES {
+                let params = at_rate(params, rate);
+                let mut scenario = Scenario::new(params, FaultVector::NOMINAL, 11);
+                scenario.actuations = Actuations::one(profile);
+                let samples = simulate(&scenario);
+                let all = windows(&params, &samples);
+                assert_eq!(all.len(), 1, "{name} at {rate} Hz");
+                let window = &all[0];
+                assert_eq!(window.verdict, Verdict::Complete, "{name} at {rate} Hz");
+                // The command begins at 40 ms; a ramp or chirp passes 1 mrad some samples later.
+                let change = |n: usize| (profile.angle(n as f64 / rate - 0.04) * 1e6).round();
+                let expected = (0..samples.len()).find(|&n| change(n).abs() > 1000.0).unwrap();
+                assert_eq!(
+                    window.samples[window.trigger].seq, expected as u64,
+                    "{name} at {rate} Hz"
+                );
+                let first = expected - (0.02 * rate) as usize;
+                assert_eq!(window.samples.len(), (0.5 * rate) as usize + 1);
+                assert_eq!(window.t_start_ns, samples[first].stamp_ns);
+                let sensed = samples[first..].iter().map(|sample| sample.sensed);
+                assert!(window.samples.iter().copied().eq(sensed.take(window.samples.len())));
+                assert!((window.lost, window.rejected, window.filled.len()) == (0, 0, 0));
+            }
+        }
+    }
+}
+
+#[test]
+fn no_genuine_dynamics_are_taken_for_bad_data() {
+    let vectors = [
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.5],
+        [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.5],
+        [0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 1.0],
+        [0.0, 0.0, 0.8, 0.0, 0.3, 0.0, 0.5, 0.5],
+        [0.0, 0.0, 0.0, 0.75, 0.0, 0.9, 0.2, 0.0],
+        [0.3, 0.6, 0.2, 0.1, 0.6, 0.5, 0.9, 0.9],
+    ];
+    for (n, k) in vectors.into_iter().enumerate() {
+        for params in [ActuatorParams::bench(), ActuatorParams::servo28()] {
+            for rate in [400.0, 2000.0] {
+                for load_torque in [-10.0, 10.0] {
+                    let params = at_rate(params, rate);
+                    let small = params.motor.v_dc < 100.0;
+                    let mut scenario = Scenario::new(params, FaultVector::from_array(k), 100 + n as u64);
+                    scenario.sensing = NOISY;
+                    scenario.load_torque = if small { 0.05 * load_torque } else { load_torque };
+                    scenario.actuations.profile = Profile::NAMES[n % 4].1;
+                    let all = windows(&params, &simulate(&scenario));
+                    assert_eq!(all.len(), 1);
+                    assert_eq!(
+                        all[0].verdict,
+                        Verdict::Complete,
+                        "{k:?} at {rate} Hz, small {small}, {load_torque} Nm"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn speed_mode_has_its_own_threshold() {
+    let speeds = |step: f64| {
+        let ramp = move |n: usize| Setpoint::Speed(50.0 + step * n.saturating_sub(99) as f64);
+        only(&still((0..1300).map(ramp)))
+    };
+    // 0.25 rad/s more per sample: exactly 1 rad/s is not more than 1 rad/s.
+    let window = speeds(0.25);
+    assert_eq!(window.samples[window.trigger].seq, 104);
+    assert_eq!(speeds(1.001).samples[40].seq, 100);
+}
+
+#[test]
+fn a_log_without_actuation_gives_no_window() {
+    assert!(windows(&bench(2000.0), &[]).is_empty());
+    assert!(windows(&bench(2000.0), &still([Setpoint::Idle; 5000])).is_empty());
+    // 40 mrad/s is 0.8 mrad in 20 ms: a drift, not an actuation.
+    let drift = |n: u32| Setpoint::Position(2e-5 * f64::from(n));
+    assert!(windows(&bench(2000.0), &still((0..5000).map(drift))).is_empty());
+    // Motion from the first sample on: there was no rest.
+    let ramp = |n: u32| Setpoint::Position(3e-4 * f64::from(n));
+    assert!(windows(&bench(2000.0), &still((0..5000).map(ramp))).is_empty());
+    // Switching on is no actuation, wherever the setpoint stands.
+    let switched_on = |n: u32| {
+        if n < 2000 {
+            Setpoint::Idle
+        } else {
+            Setpoint::Position(0.3)
+        }
+    };
+    assert!(windows(&bench(2000.0), &still((0..5000).map(switched_on))).is_empty());
+}
+
+#[test]
+fn rest_of_exactly_20_ms_is_enough() {
+    let step = |rest: usize| {
+        let position = move |n: usize| Setpoint::Position(if n < rest { 0.0 } else { 0.25 });
+        windows(&bench(2000.0), &still((0..1200).map(position)))
+    };
+    assert_eq!(step(40).len(), 1);
+    assert_eq!(step(39).len(), 0);
+}
+
+#[test]
+fn a_series_of_actuations_gives_a_window_each() {
+    let mut scenario = Scenario::new(bench(400.0), FaultVector::NOMINAL, 3);
+    scenario.actuations.count = 3;
+    let all = windows(&scenario.nominal, &simulate(&scenario));
+    assert_eq!(all.iter().map(|w| w.number).collect::<Vec<_>>(), [0, 1, 2]);
+    for (n, window) in all.iter().enumerate() {
+        assert_eq!(window.verdict, Verdict::Complete);
+        // The step of the mixed profile.
+        let [before, at] = [window.trigger - 1, window.trigger].map(|n| match window.samples[n].setpoint {
+            Setpoint::Position(angle) => angle,
+            other => panic!("{other:?}"),
+        });
+        assert!((at - before).abs() > 0.2, "{n}");
+    }
+}
+
+#[test]
+fn counters_far_from_zero_and_in_either_direction_are_just_numbers() {
+    for offset in [1_i64 << 40, -(1 << 40)] {
+        let mut samples = mixed();
+        for sample in &mut samples {
+            sample.sensed.motor_counts += offset;
+            sample.sensed.output_counts += offset;
+            sample.seq += 1 << 50;
+        }
+        assert_eq!(only(&samples).verdict, Verdict::Complete);
+    }
+}
+
+// Windows that end before their time, or contain more than one actuation.
+
+#[test]
+fn windows_that_are_cut_short_say_why() {
+    let cut = |samples: &[TimedSample]| {
+        let all = windows(&bench(2000.0), samples);
+        (all[0].samples.len(), invalidity(&all[0]), all.len())
+    };
+    let full = mixed();
+    assert_eq!(cut(&full[..600]), (560, Invalidity::CutShort(CutShort::StreamEnded), 1));
+    // The last sample of the window completes it although no sample follows.
+    assert!(only(&full[..1041]).verdict.is_fit());
+    assert!(!only(&full[..1040]).verdict.is_fit());
+
+    let mut idle = full.clone();
+    idle[600..]
+        .iter_mut()
+        .for_each(|sample| sample.sensed.setpoint = Setpoint::Idle);
+    assert_eq!(cut(&idle), (560, Invalidity::CutShort(CutShort::WentIdle), 1));
+    let mut speed = full.clone();
+    speed[600..]
+        .iter_mut()
+        .for_each(|sample| sample.sensed.setpoint = Setpoint::Speed(0.0));
+    assert_eq!(cut(&speed), (560, Invalidity::ModeChanged, 1));
+
+    // The device restarts and counts from 0 again; the second actuation is complete.
+    let restarted = [&full[..600], &full].concat();
+    assert_eq!(
+        cut(&restarted),
+        (560, Invalidity::CutShort(CutShort::CounterWentBack), 2)
+    );
+    assert_eq!(windows(&bench(2000.0), &restarted)[1].verdict, Verdict::Complete);
+}
+
+#[test]
+fn another_actuation_in_the_window_is_named_and_opens_none() {
+    let back = |n: usize| Setpoint::Position(if (80..480).contains(&n) { 0.25 } else { 0.0 });
+    let window = only(&still((0..2000).map(back)));
+    assert_eq!(
+        window.verdict,
+        Verdict::Degraded(vec![Degradation::AnotherActuation { at: 440 }])
+    );
+    // Without rest between them they are one actuation.
+    let quick = |n: usize| Setpoint::Position(if (80..110).contains(&n) { 0.25 } else { 0.0 });
+    assert_eq!(only(&still((0..2000).map(quick))).verdict, Verdict::Complete);
+}
+
+#[test]
+fn a_motor_that_is_not_where_its_setpoint_rests_is_a_handicap() {
+    let mut samples = mixed();
+    samples[..80]
+        .iter_mut()
+        .for_each(|sample| sample.sensed.motor_counts -= 80 - sample.seq as i64);
+    assert_eq!(only(&samples).verdict, Verdict::Complete);
+    for (n, sample) in samples.iter_mut().enumerate().take(80) {
+        sample.sensed.motor_counts -= 300 * (80 - n as i64);
+    }
+    match &only(&samples).verdict {
+        Verdict::Degraded(why) => match why[..] {
+            [Degradation::UnsteadyStart { speed_rad_s }] => assert!((speed_rad_s - 57.7).abs() < 0.1),
+            _ => panic!("{why:?}"),
+        },
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn the_next_trigger_needs_rest_after_the_window() {
+    // The second command comes so long after the window's last sample, 1040.
+    for (delay, expected) in [(1, 2), (5, 2), (500, 2)] {
+        let position = |n: usize| Setpoint::Position(if n < 80 || n > 1040 + delay { 0.0 } else { 0.25 });
+        let all = windows(&bench(2000.0), &still((0..3000).map(position)));
+        assert_eq!(all.len(), expected, "{delay}");
+    }
+    // An actuation that is still moving when its window ends opens no other.
+    let long_ramp = |n: usize| Setpoint::Position(3e-4 * n.saturating_sub(80) as f64);
+    assert_eq!(windows(&bench(2000.0), &still((0..6000).map(long_ramp))).len(), 1);
+}
+
+// Loss.
+
+#[test]
+fn a_few_lost_samples_are_filled_close_to_the_truth() {
+    let full = mixed();
+    let lost = [90_u64, 300, 301, 302, 303, 700, 1000];
+    let kept: Vec<TimedSample> = full
+        .iter()
+        .copied()
+        .filter(|sample| !lost.contains(&sample.seq))
+        .collect();
+    let window = only(&kept);
+    assert_eq!(
+        window.verdict,
+        Verdict::Degraded(vec![Degradation::Filled { lost: 7, rejected: 0 }])
+    );
+    assert_eq!(window.filled, lost.map(|seq| seq as usize - 40));
+    for (sample, truth) in window.samples.iter().zip(&full[40..]) {
+        assert_eq!(sample.seq, truth.seq);
+        assert!((sample.motor_counts - truth.sensed.motor_counts).abs() < 200);
+        assert!((sample.output_counts - truth.sensed.output_counts).abs() <= 2);
+        for (found, expected) in sample.currents.iter().zip(truth.sensed.currents) {
+            assert!((found - expected).abs() < 1.0, "{}: {found} {expected}", sample.seq);
+        }
+    }
+}
+
+#[test]
+fn too_much_loss_is_a_gap_and_no_fault() {
+    let without = |lost: &dyn Fn(u64) -> bool| -> Vec<TimedSample> {
+        mixed().into_iter().filter(|sample| !lost(sample.seq)).collect()
+    };
+    assert!(only(&without(&|n| (500..510).contains(&n))).verdict.is_fit());
+    for lost in [&|n: u64| (500..511).contains(&n), &|n: u64| {
+        n > 100 && n.is_multiple_of(40)
+    }] as [&dyn Fn(u64) -> bool; 2]
+    {
+        let window = only(&without(lost));
+        assert_eq!(flawed(&window), Defect::Missing);
+        assert!(window.verdict.to_string().starts_with("gap"), "{}", window.verdict);
+    }
+    // A silence over the window's end.
+    let window = only(&without(&|n| (1000..1100).contains(&n)));
+    assert_eq!(
+        (flawed(&window), window.lost, window.samples.len()),
+        (Defect::Missing, 41, 1001)
+    );
+    // The command itself is lost: its instant cannot be known.
+    let window = only(&without(&|n| n == 80));
+    assert_eq!(invalidity(&window), Invalidity::CommandInGap { at: 40 });
+    // So long a silence that nothing is known of the rest before: no window begins there. This profile then stays within
+    // 1 mrad for 20 ms, which is a rest, but the motor is still on its way.
+    let window = only(&without(&|n| (70..120).contains(&n)));
+    assert!(window.samples[0].seq >= 120);
+    match window.verdict.clone() {
+        Verdict::Invalid(Invalidity::CutShort(CutShort::StreamEnded)) => {}
+        other => panic!("{other:?}"),
+    }
+    // A day of silence is bridged at once.
+    let mut samples = mixed();
+    samples[600..].iter_mut().for_each(|sample| sample.seq += 2000 * 86_400);
+    assert_eq!(flawed(&windows(&bench(2000.0), &samples)[0]), Defect::Missing);
+}
+
+#[test]
+fn repeated_samples_are_dropped_and_counted() {
+    let samples: Vec<TimedSample> = mixed().into_iter().flat_map(|sample| [sample; 2]).collect();
+    let window = only(&samples);
+    assert_eq!((&window.verdict, window.duplicates), (&Verdict::Complete, 960));
+    // Late copies too, which a rerouted frame is.
+    let full = mixed();
+    let late: Vec<TimedSample> = full
+        .iter()
+        .enumerate()
+        .flat_map(|(n, &s)| [s, full[n.saturating_sub(3)]])
+        .collect();
+    assert_eq!(only(&late).samples, window.samples);
+}
+
+// Signals that cannot be.
+
+#[test]
+fn spikes_are_taken_out_one_by_one() {
+    type Spike = fn(&mut SensedSample);
+    let spikes: [Spike; 9] = [
+        |s| s.currents[0] += 1.024,
+        |s| s.currents[1] -= 8.192,
+        |s| s.currents[2] = f64::NAN,
+        |s| s.currents[0] = 32.0,
+        |s| s.output_counts += 50,
+        |s| s.output_counts ^= 1 << 20,
+        |s| s.motor_counts -= 1024,
+        |s| s.motor_counts ^= 1 << 30,
+        |s| s.setpoint = Setpoint::Position(0.7),
+    ];
+    for rate in [400.0, 2000.0] {
+        let params = bench(rate);
+        let scenario = Scenario {
+            sensing: NOISY,
+            ..Scenario::new(params, FaultVector::NOMINAL, 5)
+        };
+        let good = simulate(&scenario);
+        let clean = windows(&params, &good).remove(0);
+        let trigger = clean.samples[clean.trigger].seq as usize;
+        for (n, spike) in spikes.into_iter().enumerate() {
+            if n == 6 && rate < 1000.0 {
+                continue; // within what the motor can accelerate in 2.5 ms
+            }
+            for at in [trigger - 3, trigger + 2, trigger + 20, trigger + 90, trigger + 150] {
+                let mut samples = good.clone();
+                spike(&mut samples[at].sensed);
+                let all = windows(&params, &samples);
+                assert_eq!(all.len(), 1, "spike {n} at {at}, {rate} Hz");
+                let expected = Verdict::Degraded(vec![Degradation::Filled { lost: 0, rejected: 1 }]);
+                assert_eq!(all[0].verdict, expected, "spike {n} at {at}, {rate} Hz");
+                assert_eq!(all[0].filled, [at + clean.trigger - trigger], "spike {n}, {rate} Hz");
+                let (found, truth) = (all[0].samples[all[0].filled[0]], good[at].sensed);
+                assert!(
+                    (found.output_counts - truth.output_counts).abs() < 8,
+                    "spike {n} at {at}, {rate} Hz"
+                );
+                assert!(found.currents.iter().all(|i| i.abs() < 14.0));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_corrupted_command_opens_and_ends_no_window() {
+    let mut samples = still([Setpoint::Position(0.1); 500]);
+    samples[200].sensed.setpoint = Setpoint::Position(1.1);
+    assert!(windows(&bench(2000.0), &samples).is_empty());
+    let mut samples = mixed();
+    samples[500].sensed.setpoint = Setpoint::Idle;
+    assert!(only(&samples).verdict.is_fit());
+}
+
+#[test]
+fn data_of_broken_sensors_are_invalid_with_their_reason() {
+    type Break = fn(usize, &mut SensedSample);
+    let too_many =
+        |defect| move |found: Invalidity| matches!(found, Invalidity::TooManyFlawed { defect: d, .. } if d == defect);
+    let cases: [(Break, &dyn Fn(Invalidity) -> bool); 10] = [
+        (|_, s| s.currents[0] += 0.9, &too_many(Defect::CurrentSum)),
+        (|_, s| s.currents[1] = 0.0, &too_many(Defect::CurrentSum)),
+        (|_, s| s.currents[2] = f64::NAN, &too_many(Defect::NotFinite)),
+        (|_, s| s.currents = [20.0, -10.0, -10.0], &too_many(Defect::BeyondScale)),
+        (
+            |n, s| s.currents = if n > 200 { [15.9922, -8.0, -7.9922] } else { s.currents },
+            &too_many(Defect::Clipped),
+        ),
+        (|_, s| s.currents = [1.0, 2.0, -3.0], &|found| {
+            found == Invalidity::Stuck(Signal::Currents)
+        }),
+        (|_, s| s.motor_counts = 77, &|found| {
+            found == Invalidity::Stuck(Signal::Motor)
+        }),
+        (|_, s| s.output_counts = 77, &|found| {
+            found == Invalidity::Stuck(Signal::Output)
+        }),
+        (|n, s| s.output_counts += if n < 600 { 0 } else { 5000 }, &|found| {
+            found
+                == Invalidity::CounterJumped {
+                    counter: Counter::Output,
+                    at: 560,
+                }
+        }),
+        (|n, s| s.motor_counts += if n < 600 { 0 } else { 1000 }, &|found| {
+            found
+                == Invalidity::CounterJumped {
+                    counter: Counter::Motor,
+                    at: 560,
+                }
+        }),
+    ];
+    for (n, (breaks, expected)) in cases.into_iter().enumerate() {
+        let mut samples = mixed();
+        for (place, sample) in samples.iter_mut().enumerate() {
+            breaks(place, &mut sample.sensed);
+        }
+        let found = invalidity(&only(&samples));
+        assert!(expected(found), "case {n}: {found:?}");
+    }
+    // Stale for a while only.
+    let mut samples = mixed();
+    let stale = samples[200].sensed.currents;
+    samples[200..300]
+        .iter_mut()
+        .for_each(|sample| sample.sensed.currents = stale);
+    assert_eq!(invalidity(&only(&samples)), Invalidity::Stuck(Signal::Currents));
+    // A sensor on the wrong shaft.
+    let mut samples = mixed();
+    samples.iter_mut().for_each(|sample| sample.sensed.output_counts *= -1);
+    assert!(matches!(
+        invalidity(&only(&samples)),
+        Invalidity::CountersDisagree { .. }
+    ));
+}
+
+// Time.
+
+#[test]
+fn a_jump_of_the_clock_is_counted_and_changes_nothing_else() {
+    let good = only(&mixed());
+    for jump in [3_600_000_000_000_i64, -3_600_000_000_000] {
+        let mut samples = mixed();
+        samples[500..]
+            .iter_mut()
+            .for_each(|sample| sample.stamp_ns = sample.stamp_ns.wrapping_add_signed(jump));
+        let window = only(&samples);
+        assert_eq!(window.clock_jumps, 1);
+        assert_eq!(
+            Window {
+                clock_jumps: 0,
+                ..window
+            },
+            good
+        );
+    }
+}
+
+#[test]
+fn another_sample_rate_than_configured_is_found() {
+    let mut samples = mixed();
+    for sample in &mut samples {
+        sample.stamp_ns = T_0 + 1_000_000 * sample.seq;
+    }
+    match invalidity(&only(&samples)) {
+        Invalidity::SampleRate { by_stamps_hz } => assert!((by_stamps_hz - 1000.0).abs() < 1e-6),
+        other => panic!("{other:?}"),
+    }
+    // Stamps that come in bursts of 10 ms are none.
+    for sample in &mut samples {
+        sample.stamp_ns = T_0 + 500_000 * sample.seq.next_multiple_of(20);
+    }
+    assert_eq!(only(&samples).verdict, Verdict::Complete);
+}
+
+// Properties.
+
+/// Anything a decoder could hand over: mostly a little step forward, sometimes a jump, with any signals.
+fn any_samples() -> impl Strategy<Value = Vec<TimedSample>> {
+    let number = prop_oneof![8 => -20.0..20.0f64, 1 => prop::num::f64::ANY];
+    let setpoint = prop_oneof![
+        1 => Just(Setpoint::Idle),
+        6 => number.clone().prop_map(Setpoint::Position),
+        3 => Just(Setpoint::Position(0.0)),
+        3 => number.clone().prop_map(Setpoint::Speed),
+    ];
+    let step = prop_oneof![20 => Just(1_u64), 4 => 0..20_u64, 1 => any::<u64>()];
+    let held = prop_oneof![Just(1_usize), 8..60_usize, 200..300_usize];
+    let counts = prop_oneof![4 => -1000..1000_i64, 1 => any::<i64>()];
+    let one = (
+        step,
+        held,
+        setpoint,
+        prop::array::uniform3(number),
+        counts.clone(),
+        counts,
+        any::<u64>(),
+    );
+    prop::collection::vec(one, 0..40).prop_map(|blocks| {
+        let mut seq = 0_u64;
+        let mut samples = Vec::new();
+        for (step, held, setpoint, currents, motor_counts, output_counts, stamp_ns) in blocks {
+            for _ in 0..held {
+                seq = seq.wrapping_add(step);
+                let sensed = SensedSample {
+                    seq,
+                    currents,
+                    motor_counts,
+                    output_counts,
+                    setpoint,
+                };
+                samples.push(TimedSample { seq, stamp_ns, sensed });
+            }
+        }
+        samples
+    })
+}
+
+proptest! {
+    #[test]
+    fn anything_is_survived_and_accounted_for(samples in any_samples()) {
+        let mut windower = Windower::new(WindowConfig::default(), &bench(400.0)).unwrap();
+        let mut all = Vec::new();
+        for &sample in &samples {
+            all.extend(windower.push(sample));
+        }
+        all.extend(windower.finish());
+        let counts = windower.counts();
+        prop_assert_eq!(counts.samples + counts.duplicates, samples.len() as u64);
+        prop_assert!(!windower.is_open());
+        for (n, window) in all.iter().enumerate() {
+            prop_assert_eq!(window.number, n as u64);
+            prop_assert!(window.samples.len() <= window.expected && window.trigger < window.samples.len());
+            prop_assert_eq!(window.lost + window.rejected, window.filled.len() as u64);
+            prop_assert!(window.samples.windows(2).all(|pair| pair[1].seq == pair[0].seq + 1));
+            prop_assert!(window.samples.iter().all(|s| s.currents.iter().all(|i| i.is_finite())));
+            prop_assert!(!window.verdict.is_fit() || window.samples.len() == window.expected);
+            prop_assert!(!window.verdict.to_string().is_empty());
+        }
+    }
+
+    #[test]
+    fn drops_and_copies_are_filled_or_named(
+        drops in prop::collection::btree_set(0..1160_usize, 0..60),
+        copies in prop::collection::btree_set(0..1160_usize, 0..60),
+    ) {
+        let full = mixed();
+        let link = |(n, &sample): (usize, &TimedSample)| {
+            let times = if drops.contains(&n) { 0 } else { 1 + usize::from(copies.contains(&n)) };
+            std::iter::repeat_n(sample, times)
+        };
+        let received: Vec<TimedSample> = full.iter().enumerate().flat_map(link).collect();
+        let window = only(&received);
+        // Nothing received is altered, and what is not received is marked.
+        for (n, sample) in window.samples.iter().enumerate() {
+            let truth = full[sample.seq as usize].sensed;
+            prop_assert_eq!(window.filled.contains(&n), drops.contains(&(truth.seq as usize)));
+            prop_assert!(window.filled.contains(&n) || *sample == truth);
+        }
+        match window.verdict {
+            Verdict::Complete => prop_assert_eq!(window.lost, 0),
+            Verdict::Degraded(_) => prop_assert!((1..=20).contains(&window.lost)),
+            Verdict::Invalid(Invalidity::CommandInGap { .. }) => prop_assert!(drops.contains(&79) || drops.contains(&80)),
+            Verdict::Invalid(Invalidity::TooManyFlawed { defect, count, longest }) => {
+                prop_assert_eq!(defect, Defect::Missing);
+                prop_assert!(count > 20 || longest > 10);
+            }
+            Verdict::Invalid(other) => prop_assert!(false, "{}", other),
+        }
+    }
+
+    #[test]
+    fn flipped_bits_are_repaired_or_the_window_is_invalid(
+        flips in prop::collection::btree_map(11..289_usize, (0..6_usize, 0..32_u32), 1..12),
+    ) {
+        let full = mixed();
+        let mut received = full.clone();
+        for (&place, &(field, bit)) in &flips {
+            let at = 4 * place; // one flip in one sample at a time is what is promised
+            let sensed = &mut received[at].sensed;
+            match field {
+                0..3 => {
+                    let milliamps = (sensed.currents[field] * 1e3).round() as i16 ^ (1 << (bit % 16));
+                    sensed.currents[field] = f64::from(milliamps) * 1e-3;
+                }
+                3 => sensed.motor_counts ^= 1 << bit,
+                4 => sensed.output_counts ^= 1 << (bit % 24),
+                _ => {
+                    // At the step itself (80) a wrong height on the way to the right one cannot be told from a command.
+                    if let Setpoint::Position(angle) = sensed.setpoint
+                        && at != 80
+                    {
+                        let micro = (angle * 1e6).round() as i32 ^ (1 << bit);
+                        sensed.setpoint = Setpoint::Position(f64::from(micro) * 1e-6);
+                    }
+                }
+            }
+        }
+        let window = windows(&bench(2000.0), &received).remove(0);
+        if window.verdict.is_fit() {
+            for (n, sample) in window.samples.iter().enumerate() {
+                let truth = full[sample.seq as usize].sensed;
+                // What passes is below what the checks can tell from noise and motion. What is filled is as good as a
+                // straight line through the steepest rise of the current.
+                let allowed = if window.filled.contains(&n) { 3.0 } else { 1.0 };
+                let current = (0..3).map(|j| (sample.currents[j] - truth.currents[j]).abs()).fold(0.0, f64::max);
+                prop_assert!(current < allowed, "current off by {} at {}", current, sample.seq);
+                prop_assert!((sample.motor_counts - truth.motor_counts).abs() < 300, "motor at {}", sample.seq);
+                prop_assert!((sample.output_counts - truth.output_counts).abs() < 20, "output at {}", sample.seq);
+                match (sample.setpoint, truth.setpoint) {
+                    (Setpoint::Position(a), Setpoint::Position(b)) => prop_assert!((a - b).abs() < 3e-3),
+                    other => prop_assert!(false, "{:?}", other),
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn windows_depend_on_the_samples_alone(
+        cuts in prop::collection::vec(1..200_usize, 1..20),
+        before in prop::collection::vec(0..300_u64, 0..3),
+    ) {
+        // The same actuation after any history of rests, taken in chunks of any size, is the same window.
+        let full = mixed();
+        let shift: u64 = before.iter().sum();
+        let mut stream = still(std::iter::repeat_n(full[0].sensed.setpoint, shift as usize));
+        for sample in &mut stream {
+            let setpoint = sample.sensed.setpoint;
+            sample.sensed = SensedSample { seq: sample.seq, setpoint, ..full[0].sensed };
+        }
+        stream.extend(full.iter().map(|s| timed(SensedSample { seq: s.seq + shift, ..s.sensed }, 2000.0)));
+        let mut windower = Windower::new(WindowConfig::default(), &bench(2000.0)).unwrap();
+        let (mut found, mut rest, mut cuts) = (Vec::new(), stream.as_slice(), cuts.iter().cycle());
+        while !rest.is_empty() {
+            let (chunk, after) = rest.split_at(rest.len().min(*cuts.next().unwrap()));
+            found.extend(chunk.iter().filter_map(|&sample| windower.push(sample)));
+            rest = after;
+        }
+        let expected = only(&full);
+        prop_assert_eq!(found.len(), 1);
+        prop_assert_eq!(&found[0].verdict, &Verdict::Complete);
+        let unshifted = found[0].samples.iter().map(|s| SensedSample { seq: s.seq - shift, ..*s });
+        prop_assert!(unshifted.eq(expected.samples.iter().copied()));
+        prop_assert_eq!(found[0].t_start_ns, expected.t_start_ns + 500_000 * shift);
+    }
+}

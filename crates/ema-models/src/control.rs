@@ -167,12 +167,8 @@ mod tests {
     fn feedback_is_counted_downwards() {
         // One part in a thousand below a whole count reads as the count before: the error is a whole count.
         let lsb = ActuatorParams::bench().sensors.output_lsb();
-        let i_ref = ace().step(
-            &mut AceState::default(),
-            Setpoint::Position(5.0 * lsb),
-            4.999 * lsb,
-            0.0,
-        );
+        let counted = Encoder::new(lsb).counted(4.999 * lsb);
+        let i_ref = ace().step(&mut AceState::default(), Setpoint::Position(5.0 * lsb), counted, 0.0);
         assert!((i_ref - 0.4 * 2500.0 * lsb / 1.35).abs() < 1e-9, "{i_ref}");
     }
 

@@ -25,6 +25,7 @@ mod recording;
 #[cfg(feature = "std")]
 pub mod reference;
 mod residual;
+mod unknowns;
 mod winding;
 
 pub use backlash::follow_through_play;
@@ -45,5 +46,6 @@ pub use params::{
 };
 pub use real::Real;
 pub use recording::{ComparedSample, Recording, SensedSample, prepare};
-pub use residual::{Comparison, Coordinates, NormalEquations, SIGNAL_COUNT, Signals, Weights};
+pub use residual::{Comparison, NormalEquations, Prior, SIGNAL_COUNT, Signals, Weights};
+pub use unknowns::{Coordinates, Scale, UNKNOWN_COUNT, Unknowns};
 pub use winding::{DerivedShape, PaperShape, Winding, derived_shape};

@@ -36,6 +36,8 @@ pub struct ComparedSample {
     pub theta_out: f64,
     /// Setpoint, relative to the output's origin in position mode.
     pub setpoint: Setpoint,
+    /// Whether it was measured; one that was filled in drives the monitor, but is not compared.
+    pub measured: bool,
 }
 
 /// Samples of a window and the state it starts from.
@@ -99,6 +101,7 @@ pub fn prepare(
                 Setpoint::Position(angle) => Setpoint::Position(angle - output_origin),
                 other => other,
             },
+            measured: true,
         };
     }
 
@@ -146,8 +149,7 @@ impl Default for ComparedSample {
             i_q: 0.0,
             theta_m: 0.0,
             omega_m: 0.0,
-            theta_out: 0.0,
-            setpoint: Setpoint::Idle,
+            theta_out: 0.0, setpoint: Setpoint::Idle, measured: false
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Residuals: measured minus modelled, per sample and signal, and the costs made of them.
 
-use crate::fault::{FAULT_COUNT, FaultVector};
+use crate::unknowns::{Coordinates, Scale, UNKNOWN_COUNT, Unknowns};
+use crate::fault::FaultVector;
 use crate::monitor::{Calibration, Conditions, Feedback, Monitor};
 use crate::params::ActuatorParams;
 use crate::real::Real;
@@ -73,54 +74,51 @@ pub struct Comparison<'a> {
     pub weights: Weights,
     /// Where the monitor's transmission and position loop take their angles from.
     pub feedback: Feedback,
+    /// What is known of load and integral beforehand.
+    pub prior: Prior,
 }
 
-/// Normal equations of a least-squares problem in the eight fault coordinates of [`Coordinates`].
+/// Standard deviations of what is known beforehand; infinite where nothing is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prior {
+    /// Of the load torque about [`Conditions::load_torque`], Nm at the output.
+    pub load_torque: f64,
+    /// Of the speed loop's integral about what the first currents say, Nm.
+    pub integral: f64,
+}
+
+impl Prior {
+    /// Coordinate, distance from what is expected, and weight of each term.
+    fn terms(&self, scale: &Scale, conditions: &Conditions, at: &Coordinates) -> [(usize, f64, f64); 2] {
+        let unit = Unknowns { fault: FaultVector::NOMINAL, load_torque: self.load_torque, integral: self.integral };
+        let sigma = scale.coordinates(&unit).0;
+        let expected = scale.coordinates(&Unknowns { load_torque: conditions.load_torque, integral: 0.0, ..unit }).0;
+        [8, 9].map(|p| (p, at.0[p] - expected[p], 1.0 / sigma[p]))
+    }
+}
+
+/// Normal equations of a least-squares problem in [`Coordinates`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NormalEquations {
     /// `JᵀJ`.
-    pub jtj: [[f64; FAULT_COUNT]; FAULT_COUNT],
+    pub jtj: [[f64; UNKNOWN_COUNT]; UNKNOWN_COUNT],
     /// `Jᵀr`.
-    pub jtr: [f64; FAULT_COUNT],
+    pub jtr: [f64; UNKNOWN_COUNT],
     /// `½ Σ r²`.
     pub cost: f64,
 }
 
-/// The fault vector with the eccentricity in Cartesian form: `[k1…k5, ζ cos φ_e, ζ sin φ_e, k8]`.
-///
-/// Smooth where amplitude and direction are not: at k6 = 0 and across φ_e = ±π.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Coordinates(pub [f64; FAULT_COUNT]);
-
-impl From<FaultVector> for Coordinates {
-    fn from(fault: FaultVector) -> Self {
-        let mut x = fault.to_array();
-        let phi = fault.eccentricity_angle();
-        x[5] = fault.eccentricity * libm::cos(phi);
-        x[6] = fault.eccentricity * libm::sin(phi);
-        Self(x)
-    }
-}
-
-impl From<Coordinates> for FaultVector {
-    /// Limits every component to [0, 1]; without eccentricity the phase is the nominal ½.
-    fn from(Coordinates(x): Coordinates) -> Self {
-        let mut k = x;
-        k[5] = libm::hypot(x[5], x[6]);
-        k[6] = if k[5] > 0.0 {
-            0.5 * (libm::atan2(x[6], x[5]) / core::f64::consts::PI + 1.0)
-        } else {
-            0.5
-        };
-        Self::from_array(k.map(|v| v.clamp(0.0, 1.0)))
-    }
-}
-
 impl Comparison<'_> {
-    /// The monitor of this window for one fault vector.
+    /// The unknowns with a fault vector, and nothing else than is measured.
     #[must_use]
-    pub fn monitor(&self, fault: &FaultVector) -> Monitor<f64> {
-        Monitor::new(self.params, self.calibration, self.conditions, fault).with_feedback(self.feedback)
+    pub fn with_fault(&self, fault: FaultVector) -> Unknowns {
+        Unknowns { fault, load_torque: self.conditions.load_torque, integral: 0.0 }
+    }
+
+    /// The monitor of this window for one set of unknowns.
+    #[must_use]
+    pub fn monitor(&self, unknowns: &Unknowns) -> Monitor<f64> {
+        Monitor::new(self.params, self.calibration, self.conditions.v_dc, unknowns).with_feedback(self.feedback)
     }
 
     /// Runs monitors side by side over the window and shows each sample beside their residuals.
@@ -153,7 +151,9 @@ impl Comparison<'_> {
                 }
             });
             angles[n % span] = residuals.map(|r| r.theta_m);
-            visit(sample, residuals);
+            if sample.measured {
+                visit(sample, residuals);
+            }
             let next = samples.get(n + 1).unwrap_or(sample);
             for (monitor, state) in monitors.iter().zip(&mut states) {
                 monitor.sample(state, initial, sample, next);
@@ -161,17 +161,26 @@ impl Comparison<'_> {
         }
     }
 
-    /// Residuals of one fault vector, unweighted, sample by sample.
-    pub fn residuals(&self, fault: &FaultVector, mut visit: impl FnMut(&ComparedSample, Signals<f64>)) {
-        self.run(&[self.monitor(fault)], |sample, [residual]| visit(sample, residual));
+    /// Residuals of one set of unknowns, unweighted, sample by sample.
+    pub fn residuals(&self, unknowns: &Unknowns, mut visit: impl FnMut(&ComparedSample, Signals<f64>)) {
+        self.run(&[self.monitor(unknowns)], |sample, [residual]| visit(sample, residual));
+    }
+
+    /// Cost that [`Comparison::normal_equations`] belong to: `½ Σ r²`, what is known beforehand included.
+    #[must_use]
+    pub fn cost(&self, at: &Coordinates) -> f64 {
+        let scale = Scale::new(self.params);
+        let prior = self.prior.terms(&scale, &self.conditions, at);
+        let known: f64 = prior.iter().map(|(_, distance, weight)| 0.5 * (weight * distance) * (weight * distance)).sum();
+        self.least_squares(&scale.unknowns(at)) * self.recording.samples.len() as f64 + known
     }
 
     /// Plain least-squares cost: mean over the samples of `½ Σ (w r)²` over the signals.
     #[must_use]
-    pub fn least_squares(&self, fault: &FaultVector) -> f64 {
+    pub fn least_squares(&self, unknowns: &Unknowns) -> f64 {
         let weights = self.weights.to_array();
         let mut sum = 0.0;
-        self.residuals(fault, |_, r| {
+        self.residuals(unknowns, |_, r| {
             for (r, w) in r.to_array().iter().zip(weights) {
                 sum += (w * r) * (w * r);
             }
@@ -184,11 +193,11 @@ impl Comparison<'_> {
     ///
     /// `time_scale` τ, s/A, makes the derivative dimensionless. Tolerant of small delays where the current is steep.
     #[must_use]
-    pub fn modified_total_least_squares(&self, fault: &FaultVector, time_scale: f64) -> f64 {
+    pub fn modified_total_least_squares(&self, unknowns: &Unknowns, time_scale: f64) -> f64 {
         let samples = self.recording.samples;
         let per_period = self.params.sensors.sample_rate;
         let (mut sum, mut n) = (0.0, 0usize);
-        self.residuals(fault, |_, r| {
+        self.residuals(unknowns, |_, r| {
             let (before, after) = (&samples[n.saturating_sub(1)], &samples[(n + 1).min(samples.len() - 1)]);
             let span = if n == 0 || n + 1 == samples.len() { 1.0 } else { 2.0 };
             let slope = time_scale * (after.i_q - before.i_q) * per_period / span;
@@ -198,24 +207,26 @@ impl Comparison<'_> {
         sum / samples.len().max(1) as f64
     }
 
-    /// Normal equations at a point, by forward differences of nine monitors run side by side.
+    /// Normal equations at a point, by forward differences of monitors run side by side.
     ///
-    /// The differences step by 0.002 towards the inside of the box, so no fault vector leaves it.
+    /// The differences step by 0.002 towards the inside of the box, so nothing leaves it. What is known beforehand of load
+    /// and integral ([`Prior`]) is part of the equations.
     #[must_use]
     pub fn normal_equations(&self, at: &Coordinates) -> NormalEquations {
-        let steps: [f64; FAULT_COUNT] = core::array::from_fn(|p| {
+        let scale = Scale::new(self.params);
+        let steps: [f64; UNKNOWN_COUNT] = core::array::from_fn(|p| {
             if at.0[p] > 0.5 {
                 -DIFFERENCE_STEP
             } else {
                 DIFFERENCE_STEP
             }
         });
-        let monitors: [Monitor<f64>; FAULT_COUNT + 1] = core::array::from_fn(|m| {
+        let monitors: [Monitor<f64>; UNKNOWN_COUNT + 1] = core::array::from_fn(|m| {
             let mut x = *at;
             if m > 0 {
                 x.0[m - 1] += steps[m - 1];
             }
-            self.monitor(&x.into())
+            self.monitor(&scale.unknowns(&x))
         });
         let weights = self.weights.to_array();
         let mut sums = NormalEquations::default();
@@ -226,9 +237,9 @@ impl Comparison<'_> {
                     continue;
                 }
                 let r = w * residuals[0][s];
-                let slope: [f64; FAULT_COUNT] = core::array::from_fn(|p| (w * residuals[p + 1][s] - r) / steps[p]);
+                let slope: [f64; UNKNOWN_COUNT] = core::array::from_fn(|p| (w * residuals[p + 1][s] - r) / steps[p]);
                 sums.cost += 0.5 * r * r;
-                for p in 0..FAULT_COUNT {
+                for p in 0..UNKNOWN_COUNT {
                     sums.jtr[p] += slope[p] * r;
                     for q in 0..=p {
                         sums.jtj[p][q] += slope[p] * slope[q];
@@ -236,7 +247,12 @@ impl Comparison<'_> {
                 }
             }
         });
-        for p in 0..FAULT_COUNT {
+        for (p, distance, weight) in self.prior.terms(&scale, &self.conditions, at) {
+            sums.jtj[p][p] += weight * weight;
+            sums.jtr[p] += weight * weight * distance;
+            sums.cost += 0.5 * (weight * distance) * (weight * distance);
+        }
+        for p in 0..UNKNOWN_COUNT {
             for q in 0..p {
                 sums.jtj[q][p] = sums.jtj[p][q];
             }

@@ -3,7 +3,7 @@
 use ema_ga::{Bounds, Control, GaConfig, Objective, Parallel, Search, evolve_owned};
 use ema_models::reference::{Reference, ReferenceState};
 use ema_models::{
-    ActuatorParams, Calibration, Comparison, FAULT_COUNT, FaultVector, Feedback, Form, PaperShape, Profile, RIPPLE_KNOTS,
+    ActuatorParams, Calibration, Comparison, FAULT_COUNT, FaultVector, Form, PaperShape, Profile, RIPPLE_KNOTS,
     RIPPLE_SPACING, Real, SIGNAL_COUNT, Setpoint, Signals, Weights, dq_from_abc,
 };
 use nalgebra::{SMatrix, SVector};
@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::calibration::{CALIBRATION_VERSION, MonitorForm, Quality, SignalTable, TypeCalibration};
-use crate::identify::pull_from;
+use crate::identify::{comparison, pull_from};
 use crate::simulated::SimulatedWindow;
 
 /// Windows a calibration learns from.
@@ -48,7 +48,7 @@ pub fn calibrate_type(name: &str, params: &ActuatorParams, monitor: MonitorForm,
     let statistics = residual_statistics(params, &coefficients, &windows);
     calibration.residual_rms = statistics.rms.into();
     calibration.correlation_samples = statistics.correlation.into();
-    calibration.model_sigma = model_sigma(&calibration, params, &windows);
+    choose_weights(&mut calibration, params, &windows);
     calibration.quality = Quality {
         healthy_before_a2: current_error(params, &bare, healthy),
         healthy_after_a2: current_error(params, &coefficients, healthy),
@@ -75,20 +75,24 @@ pub fn random_faults(seed: u64) -> FaultVector {
     FaultVector::from_array(k)
 }
 
-fn comparison<'a>(
+/// The comparison of a simulated window.
+fn compare<'a>(
     window: &'a SimulatedWindow,
     params: &'a ActuatorParams,
     calibration: &'a Calibration,
     weights: Weights,
 ) -> Comparison<'a> {
-    Comparison { recording: window.prepared.recording(), params, calibration, conditions: window.conditions, weights, feedback: Feedback::Measured }
+    comparison(&window.prepared, params, calibration, window.conditions, weights)
 }
 
 /// Mean squared error of the quadrature current at the true fault vectors, A² ([P] eq. 12, as a mean).
 fn current_error(params: &ActuatorParams, coefficients: &Calibration, windows: &[SimulatedWindow]) -> f64 {
     let sums: Vec<f64> = windows
         .par_iter()
-        .map(|w| 2.0 * comparison(w, params, coefficients, Weights::CURRENT_ONLY).least_squares(&w.truth))
+        .map(|w| {
+            let compared = compare(w, params, coefficients, Weights::CURRENT_ONLY);
+            2.0 * compared.least_squares(&compared.with_fault(w.truth))
+        })
         .collect();
     sums.iter().sum::<f64>() / windows.len().max(1) as f64
 }
@@ -119,7 +123,8 @@ fn fit_coefficients(calibration: &mut TypeCalibration, params: &ActuatorParams, 
             let coefficients = self.coefficients(genes);
             let mut sum = 0.0;
             for w in self.windows {
-                sum += comparison(w, self.params, &coefficients, Weights::CURRENT_ONLY).least_squares(&w.truth);
+                let compared = compare(w, self.params, &coefficients, Weights::CURRENT_ONLY);
+                sum += compared.least_squares(&compared.with_fault(w.truth));
             }
             sum / self.windows.len() as f64
         }
@@ -152,8 +157,8 @@ fn residual_statistics(params: &ActuatorParams, coefficients: &Calibration, wind
         .par_iter()
         .map(|w| {
             let mut trace = Vec::new();
-            comparison(w, params, coefficients, Weights::CURRENT_ONLY)
-                .residuals(&w.truth, |_, r| trace.push(r.to_array()));
+            let compared = compare(w, params, coefficients, Weights::CURRENT_ONLY);
+            compared.residuals(&compared.with_fault(w.truth), |_, r| trace.push(r.to_array()));
             trace
         })
         .collect();
@@ -179,16 +184,38 @@ fn residual_statistics(params: &ActuatorParams, coefficients: &Calibration, wind
     Statistics { rms: Signals::from_array(rms), correlation: Signals::from_array(correlation) }
 }
 
-/// How far the mismatch pulls an estimate that starts at the truth.
-fn model_sigma(
-    calibration: &TypeCalibration,
-    params: &ActuatorParams,
-    windows: &[SimulatedWindow],
-) -> [f64; FAULT_COUNT] {
-    let coefficients = calibration.coefficients();
+/// Sets the weight of angle and speed to what pulls estimates least, and the model's share of sigma to what is left.
+///
+/// The two say the same thing twice, the angle drifting and the speed noisy, so their correlation alone does not tell
+/// how much each should count.
+fn choose_weights(calibration: &mut TypeCalibration, params: &ActuatorParams, windows: &[SimulatedWindow]) {
+    let measured = calibration.correlation_samples;
+    let mut best = f64::INFINITY;
+    for theta in [0.2, 1.0, 5.0] {
+        for omega in [1.0, 5.0, 25.0] {
+            let mut tried = calibration.clone();
+            tried.correlation_samples = SignalTable {
+                theta_m: measured.theta_m * theta,
+                omega_m: measured.omega_m * omega,
+                ..measured
+            };
+            let sigma = pulls(&tried, params, windows);
+            let total = sigma.iter().map(|s| s * s).sum::<f64>();
+            if total < best {
+                best = total;
+                calibration.correlation_samples = tried.correlation_samples;
+                calibration.model_sigma = sigma;
+            }
+        }
+    }
+}
+
+/// Root-mean-square distance that the mismatch pulls estimates which start at the truth.
+fn pulls(calibration: &TypeCalibration, params: &ActuatorParams, windows: &[SimulatedWindow]) -> [f64; FAULT_COUNT] {
+    let (coefficients, weights) = (calibration.coefficients(), calibration.weights());
     let pulls: Vec<[f64; FAULT_COUNT]> = windows
         .par_iter()
-        .map(|w| pull_from(&comparison(w, params, &coefficients, calibration.weights()), &w.truth))
+        .map(|w| pull_from(&compare(w, params, &coefficients, weights), &w.truth))
         .collect();
     std::array::from_fn(|p| (pulls.iter().map(|d| d[p] * d[p]).sum::<f64>() / pulls.len().max(1) as f64).sqrt())
 }
@@ -264,16 +291,5 @@ fn broken_line(points: impl Iterator<Item = (f64, f64)>) -> [f64; RIPPLE_KNOTS] 
             std::array::from_fn(|n| (knots[n].max(0.0) * 1e4).round() / 1e4)
         }
         None => ema_models::RIPPLE_DEFAULT,
-    }
-}
-
-impl SignalTable {
-    /// The table as one line of text.
-    #[must_use]
-    pub fn describe(&self) -> String {
-        format!(
-            "i_d {:.4} A, i_q {:.4} A, theta_m {:.2e} rad, omega_m {:.3} rad/s, theta_out {:.2e} rad",
-            self.i_d, self.i_q, self.theta_m, self.omega_m, self.theta_out
-        )
     }
 }

@@ -5,8 +5,8 @@ use ema_ga::{
     levenberg_marquardt,
 };
 use ema_models::{
-    ActuatorParams, ComparedSample, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector, Feedback, Recording,
-    SensedSample, Weights, prepare,
+    ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector, Feedback, NormalEquations, Prior,
+    Recording, Scale, SensedSample, UNKNOWN_COUNT, Unknowns, Weights, prepare,
 };
 use nalgebra::{SMatrix, SVector};
 
@@ -55,6 +55,8 @@ pub struct Identifier {
 pub struct Estimate {
     /// Best fault vector.
     pub fault: FaultVector,
+    /// The same with its companions.
+    pub unknowns: Unknowns,
     /// One standard deviation of each component, model error included; `None` where it means nothing (k7 without
     /// eccentricity) or the window does not show it.
     pub sigma: [Option<f64>; FAULT_COUNT],
@@ -100,7 +102,7 @@ pub struct Fit {
 const OBSERVABLE_SIGMA: f64 = 0.1;
 
 /// Monitor runs of one set of normal equations: the point and one step along each coordinate.
-const RUNS_PER_LINEARISATION: u64 = FAULT_COUNT as u64 + 1;
+const RUNS_PER_LINEARISATION: u64 = UNKNOWN_COUNT as u64 + 1;
 
 /// A window made ready for comparison, owning its samples.
 #[derive(Clone, Debug)]
@@ -116,6 +118,17 @@ impl Prepared {
         let mut samples = vec![ComparedSample::default(); window.len()];
         let initial = prepare(params, window, rest, &mut samples);
         Self { samples, initial }
+    }
+
+    /// The same without comparing the samples of these indices, which were filled in.
+    #[must_use]
+    pub fn without(mut self, filled: &[usize]) -> Self {
+        for &n in filled {
+            if let Some(sample) = self.samples.get_mut(n) {
+                sample.measured = false;
+            }
+        }
+        self
     }
 
     /// The samples and their initial state.
@@ -134,24 +147,16 @@ impl Identifier {
     /// [`ConfigError`] when the settings of the genetic algorithm contradict each other.
     pub fn identify(&self, window: &Prepared, conditions: Conditions, seed: u64) -> Result<Estimate, ConfigError> {
         let coefficients = self.calibration.coefficients();
-        let comparison = |weights| Comparison {
-            recording: window.recording(),
-            params: &self.params,
-            calibration: &coefficients,
-            conditions,
-            weights,
-            feedback: Feedback::Measured,
-        };
-        let all = comparison(self.calibration.weights());
+        let all = self.comparison(window, &coefficients, conditions);
+        let scale = Scale::new(&self.params);
         match self.method {
             Method::PaperGa(config) => {
-                let objective = PaperCost::new(
-                    Comparison { feedback: Feedback::Simulated, ..comparison(Weights::CURRENT_ONLY) },
-                    &self.params,
-                );
+                let alone = Comparison { weights: Weights::CURRENT_ONLY, feedback: Feedback::Simulated, ..all };
+                let objective = PaperCost::new(alone, &self.params);
                 let search = Search { objective: &objective, evaluate: Parallel, seed, initial: &[] };
                 let found = evolve_owned(&search, &config, |_| Control::Continue)?;
-                Ok(self.judge(&all, Coordinates::from(FaultVector::from_array(found.genes)), found.evaluations))
+                let best = all.with_fault(FaultVector::from_array(found.genes));
+                Ok(self.judge(&all, scale.coordinates(&best), found.evaluations))
             }
             Method::Hybrid(config) => {
                 let objective = LeastSquares { comparison: all, bounds: unit_box() };
@@ -159,25 +164,40 @@ impl Identifier {
                 let search = Search { objective: &objective, evaluate: Parallel, seed, initial: &nominal };
                 let found = evolve_owned(&search, &config, |_| Control::Continue)?;
                 let starts = [FaultVector::from_array(found.genes), FaultVector::NOMINAL];
-                let (best, spent) = refine(&all, starts.map(Coordinates::from));
+                let (best, spent) = refine(&all, starts.map(|fault| scale.coordinates(&all.with_fault(fault))));
                 Ok(self.judge(&all, best, found.evaluations + spent))
             }
         }
     }
 
+    /// The comparison of one window, all signals with their weights.
+    #[must_use]
+    pub fn comparison<'a>(
+        &'a self,
+        window: &'a Prepared,
+        coefficients: &'a Calibration,
+        conditions: Conditions,
+    ) -> Comparison<'a> {
+        comparison(window, &self.params, coefficients, conditions, self.calibration.weights())
+    }
+
     /// States how sure a point is.
     fn judge(&self, comparison: &Comparison<'_>, at: Coordinates, evaluations: u64) -> Estimate {
         let normal = comparison.normal_equations(&at);
-        let n = comparison.recording.samples.len().max(1) as f64;
-        let fault = FaultVector::from(at);
-        let mut current = 0.0;
-        comparison.residuals(&fault, |_, r| current += r.i_q * r.i_q);
+        let unknowns = Scale::new(&self.params).unknowns(&at);
+        let fault = unknowns.fault;
+        let (mut current, mut n) = (0.0, 0.0_f64);
+        comparison.residuals(&unknowns, |_, r| {
+            current += r.i_q * r.i_q;
+            n += 1.0;
+        });
+        let n = n.max(1.0);
 
         // Correlated residuals are already weighted down, so the weighted ones count as independent of unit size; a
         // worse fit than the calibration's widens the interval.
         let signals = comparison.weights.to_array().iter().filter(|w| **w > 0.0).count() as f64;
         let scale = (2.0 * normal.cost / (n * signals)).max(1.0);
-        let variance = data_variance(&normal.jtj, scale);
+        let variance = data_variance(&normal, scale);
         let mut sigma = [None; FAULT_COUNT];
         let mut observable = [false; FAULT_COUNT];
         let mut total = [f64::INFINITY; FAULT_COUNT];
@@ -199,6 +219,7 @@ impl Identifier {
         }
         Estimate {
             fault,
+            unknowns,
             sigma,
             observable,
             cost: normal.cost / n,
@@ -207,20 +228,12 @@ impl Identifier {
         }
     }
 
-    /// The fit of a fault vector to a window.
+    /// The fit of an estimate to a window.
     #[must_use]
-    pub fn fit(&self, window: &Prepared, conditions: Conditions, fault: &FaultVector) -> Fit {
+    pub fn fit(&self, window: &Prepared, conditions: Conditions, estimate: &Estimate) -> Fit {
         let coefficients = self.calibration.coefficients();
-        let comparison = Comparison {
-            recording: window.recording(),
-            params: &self.params,
-            calibration: &coefficients,
-            conditions,
-            weights: self.calibration.weights(),
-            feedback: Feedback::Measured,
-        };
         let mut fit = Fit::default();
-        comparison.residuals(fault, |sample, r| {
+        self.comparison(window, &coefficients, conditions).residuals(&estimate.unknowns, |sample, r| {
             fit.i_q_measured.push(sample.i_q as f32);
             fit.i_q_fitted.push((sample.i_q - r.i_q) as f32);
             fit.omega_measured.push(sample.omega_m as f32);
@@ -232,13 +245,42 @@ impl Identifier {
     }
 }
 
+/// What the status frame's load may be off by, Nm: its last digit is 0.1.
+const LOAD_SIGMA_NM: f64 = 0.03;
+
+/// What the first currents leave open of the speed loop's integral, in shares of the largest torque.
+const INTEGRAL_SIGMA_SHARE: f64 = 0.01;
+
+/// The comparison of one window with a monitor, by the measured angles.
+#[must_use]
+pub fn comparison<'a>(
+    window: &'a Prepared,
+    params: &'a ActuatorParams,
+    calibration: &'a Calibration,
+    conditions: Conditions,
+    weights: Weights,
+) -> Comparison<'a> {
+    Comparison {
+        recording: window.recording(),
+        params,
+        calibration,
+        conditions,
+        weights,
+        feedback: Feedback::Measured,
+        prior: Prior {
+            load_torque: LOAD_SIGMA_NM,
+            integral: INTEGRAL_SIGMA_SHARE * params.motor.torque_gain() * params.motor.i_max,
+        },
+    }
+}
+
 /// Refines from several starts; the best end and the monitor runs spent.
 fn refine<const N: usize>(comparison: &Comparison<'_>, starts: [Coordinates; N]) -> (Coordinates, u64) {
     let problem = Refinement { comparison };
-    let bounds = refinement_box();
+    let bounds = box_of(Coordinates::LOWER, Coordinates::UPPER);
     let config =
         LmConfig { max_iterations: 25, max_evaluations: 60, step_tolerance: 2e-5, ..LmConfig::default() };
-    let mut best = (f64::INFINITY, Coordinates::from(FaultVector::NOMINAL));
+    let mut best = (f64::INFINITY, starts[0]);
     let mut spent = 0;
     for start in starts {
         let found = levenberg_marquardt(&problem, &bounds, start.0, &config);
@@ -254,15 +296,15 @@ fn refine<const N: usize>(comparison: &Comparison<'_>, starts: [Coordinates; N])
 /// monitor gets wrong.
 #[must_use]
 pub fn pull_from(comparison: &Comparison<'_>, truth: &FaultVector) -> [f64; FAULT_COUNT] {
-    let start = Coordinates::from(*truth);
+    let start = Scale::new(comparison.params).coordinates(&comparison.with_fault(*truth));
     let (end, _) = refine(comparison, [start]);
     std::array::from_fn(|p| end.0[p] - start.0[p])
 }
 
 /// Diagonal of `(JᵀJ)⁻¹`, times `scale`; infinite where the data say nothing.
-fn data_variance(jtj: &[[f64; FAULT_COUNT]; FAULT_COUNT], scale: f64) -> [f64; FAULT_COUNT] {
-    let mut matrix = SMatrix::<f64, FAULT_COUNT, FAULT_COUNT>::from_fn(|r, c| jtj[r][c]);
-    for p in 0..FAULT_COUNT {
+fn data_variance(normal: &NormalEquations, scale: f64) -> [f64; UNKNOWN_COUNT] {
+    let mut matrix = SMatrix::<f64, UNKNOWN_COUNT, UNKNOWN_COUNT>::from_fn(|r, c| normal.jtj[r][c]);
+    for p in 0..UNKNOWN_COUNT {
         // A coordinate without influence gets a vanishing information, so that the others can be inverted.
         matrix[(p, p)] += 1e-9;
     }
@@ -271,26 +313,18 @@ fn data_variance(jtj: &[[f64; FAULT_COUNT]; FAULT_COUNT], scale: f64) -> [f64; F
             let inverse = factor.inverse();
             std::array::from_fn(|p| scale * inverse[(p, p)])
         }
-        None => [f64::INFINITY; FAULT_COUNT],
+        None => [f64::INFINITY; UNKNOWN_COUNT],
     }
 }
 
 /// [0, 1] in every component of the fault vector.
 fn unit_box() -> Bounds<FAULT_COUNT> {
-    box_of([0.0; FAULT_COUNT])
+    box_of([0.0; FAULT_COUNT], [1.0; FAULT_COUNT])
 }
 
-/// The box of [`Coordinates`]: the Cartesian eccentricity goes from −1.
-fn refinement_box() -> Bounds<FAULT_COUNT> {
-    let mut lower = [0.0; FAULT_COUNT];
-    lower[5] = -1.0;
-    lower[6] = -1.0;
-    box_of(lower)
-}
-
-fn box_of(lower: [f64; FAULT_COUNT]) -> Bounds<FAULT_COUNT> {
-    #[expect(clippy::expect_used, reason = "the bounds are constants of this file")]
-    Bounds::new(lower, [1.0; FAULT_COUNT]).expect("constant bounds ascend")
+fn box_of<const D: usize>(lower: [f64; D], upper: [f64; D]) -> Bounds<D> {
+    #[expect(clippy::expect_used, reason = "the bounds are constants of the program")]
+    Bounds::new(lower, upper).expect("constant bounds ascend")
 }
 
 struct LeastSquares<'a> {
@@ -304,7 +338,7 @@ impl Objective<FAULT_COUNT> for LeastSquares<'_> {
     }
 
     fn cost(&self, genes: &[f64; FAULT_COUNT]) -> f64 {
-        self.comparison.least_squares(&FaultVector::from_array(*genes))
+        self.comparison.least_squares(&self.comparison.with_fault(FaultVector::from_array(*genes)))
     }
 }
 
@@ -329,7 +363,8 @@ impl Objective<FAULT_COUNT> for PaperCost<'_> {
     }
 
     fn cost(&self, genes: &[f64; FAULT_COUNT]) -> f64 {
-        self.comparison.modified_total_least_squares(&FaultVector::from_array(*genes), self.time_scale)
+        let unknowns = self.comparison.with_fault(FaultVector::from_array(*genes));
+        self.comparison.modified_total_least_squares(&unknowns, self.time_scale)
     }
 }
 
@@ -337,24 +372,24 @@ struct Refinement<'a, 'b> {
     comparison: &'a Comparison<'b>,
 }
 
-impl Residuals<FAULT_COUNT> for Refinement<'_, '_> {
+impl Residuals<UNKNOWN_COUNT> for Refinement<'_, '_> {
     fn normal_equations(
         &self,
-        genes: &[f64; FAULT_COUNT],
-        jtj: &mut SMatrix<f64, FAULT_COUNT, FAULT_COUNT>,
-        jtr: &mut SVector<f64, FAULT_COUNT>,
+        genes: &[f64; UNKNOWN_COUNT],
+        jtj: &mut SMatrix<f64, UNKNOWN_COUNT, UNKNOWN_COUNT>,
+        jtr: &mut SVector<f64, UNKNOWN_COUNT>,
     ) -> f64 {
         let normal = self.comparison.normal_equations(&Coordinates(*genes));
-        for p in 0..FAULT_COUNT {
+        for p in 0..UNKNOWN_COUNT {
             jtr[p] = normal.jtr[p];
-            for q in 0..FAULT_COUNT {
+            for q in 0..UNKNOWN_COUNT {
                 jtj[(p, q)] = normal.jtj[p][q];
             }
         }
         normal.cost
     }
 
-    fn cost(&self, genes: &[f64; FAULT_COUNT]) -> f64 {
-        self.comparison.least_squares(&Coordinates(*genes).into()) * self.comparison.recording.samples.len() as f64
+    fn cost(&self, genes: &[f64; UNKNOWN_COUNT]) -> f64 {
+        self.comparison.cost(&Coordinates(*genes))
     }
 }

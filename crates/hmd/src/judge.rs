@@ -117,11 +117,12 @@ impl Judge {
                     reasons.push(format!("type {} is not calibrated", known.calibration.actuator_type));
                 }
                 let identifier = Identifier { params: job.params, calibration: known.calibration, method: self.method };
-                let prepared = Prepared::new(&job.params, &job.window.samples, job.window.trigger);
+                let prepared = Prepared::new(&job.params, &job.window.samples, job.window.trigger)
+                    .without(&job.window.filled);
                 let conditions = conditions(job);
                 let seed = mix(self.seed, &[name_hash(&job.actuator.name), job.window.number]);
                 let estimate = identifier.identify(&prepared, conditions, seed)?;
-                fit = identifier.fit(&prepared, conditions, &estimate.fault);
+                fit = identifier.fit(&prepared, conditions, &estimate);
                 if let Some(unseen) = unseen(&estimate) {
                     reasons.push(unseen);
                 }

@@ -12,11 +12,11 @@ pub use ripple::{RIPPLE_DEFAULT, RIPPLE_KNOTS, RIPPLE_SPACING};
 use crate::backlash::follow_through_play;
 use crate::control::{Ace, AceState, Encoder};
 use crate::recording::ComparedSample;
-use crate::fault::FaultVector;
 use crate::frames::{abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc, gap_cosines, phase_shapes};
 use crate::friction::DryFriction;
 use crate::params::ActuatorParams;
 use crate::real::Real;
+use crate::unknowns::Unknowns;
 use crate::winding::{DerivedShape, PaperShape, Winding, derived_shape};
 use ripple::RippleCurve;
 
@@ -97,6 +97,8 @@ pub struct Monitor<R> {
     sample_period: f64,
     /// Nominal torque per ampere, as the controller has it, Nm/A.
     torque_gain: R,
+    /// Start of the speed loop's integral beyond what the currents say, Nm.
+    integral: R,
 }
 
 /// Constants that the step needs ready-made.
@@ -188,14 +190,10 @@ pub struct InitialState {
 pub(crate) const STEPS_PER_CONTROL: u32 = 2;
 
 impl Monitor<f64> {
-    /// A monitor of one actuator in one state of wear.
+    /// A monitor of one actuator in one state of wear, on a DC link of `v_dc`, V.
     #[must_use]
-    pub fn new(
-        params: &ActuatorParams,
-        calibration: &Calibration,
-        conditions: Conditions,
-        fault: &FaultVector,
-    ) -> Self {
+    pub fn new(params: &ActuatorParams, calibration: &Calibration, v_dc: f64, unknowns: &Unknowns) -> Self {
+        let fault = &unknowns.fault;
         let (motor, transmission) = (&params.motor, &params.transmission);
         let winding = Winding::new(fault);
         let dt = params.controller.period / f64::from(STEPS_PER_CONTROL);
@@ -209,7 +207,7 @@ impl Monitor<f64> {
             feedback: Feedback::default(),
             ace: Ace::new(params, fault.gain_factor()),
             encoder: Encoder::new(params.sensors.output_lsb()),
-            friction: DryFriction::new(transmission, fault, conditions.load_torque),
+            friction: DryFriction::new(transmission, fault, unknowns.load_torque),
             winding,
             half_play: 0.5 * transmission.backlash * fault.backlash_factor(),
             ripple: RippleCurve::new(&calibration.ripple, params.controller.hysteresis),
@@ -220,8 +218,8 @@ impl Monitor<f64> {
                 viscous: motor.c,
                 per_gear: 1.0 / transmission.gear_ratio,
                 pole_pairs: motor.pole_pairs,
-                half_v_dc: 0.5 * conditions.v_dc,
-                per_half_v_dc: 2.0 / conditions.v_dc,
+                half_v_dc: 0.5 * v_dc,
+                per_half_v_dc: 2.0 / v_dc,
                 phase_r: motor.r_s,
                 phase_l: motor.l_s,
                 back_emf: motor.k * calibration.back_emf,
@@ -237,6 +235,7 @@ impl Monitor<f64> {
             controls_per_sample: libm::round(1.0 / (params.sensors.sample_rate * params.controller.period)) as u32,
             sample_period: 1.0 / params.sensors.sample_rate,
             torque_gain: motor.torque_gain(),
+            integral: unknowns.integral,
         }
     }
 }
@@ -265,7 +264,7 @@ impl<R: Real> Monitor<R> {
             theta_m,
             omega_m: R::splat(initial.omega_m),
             theta_out: R::splat(0.5) * (lower + upper),
-            ace: self.ace.steady(q * self.torque_gain, first.setpoint, count, R::splat(initial.omega_m)),
+            ace: self.ace.steady(q * self.torque_gain + self.integral, first.setpoint, count, R::splat(initial.omega_m)),
             i_ref: [d, q],
             gained: R::zero(),
             sin_cos,

@@ -34,7 +34,7 @@ impl Default for WindowConfig {
             trigger_speed_rad_s: 1.0,
             max_gap_fraction: 0.02,
             // All that the fraction allows of a default window, in one piece.
-            longest_gap_ms: 10.0,
+            longest_gap_ms: 5.0,
         }
     }
 }

@@ -6,7 +6,7 @@
 
 use ema_models::reference::{Reference, ReferenceState, Scenario};
 use ema_models::{
-    ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, FaultVector, Feedback, Form, PaperShape,
+    ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, FaultVector, Feedback, Form, Prior, PaperShape,
     Profile, RIPPLE_DEFAULT, RIPPLE_SPACING, Real, Recording, SensedSample, Setpoint, Weights, dq_from_abc, prepare,
 };
 use rand::{RngExt, SeedableRng};
@@ -147,9 +147,13 @@ fn residuals(params: &ActuatorParams, row: &Row, fault: &FaultVector, seed: u64)
         },
         weights: Weights::CURRENT_ONLY,
         feedback: row.feedback,
+        prior: Prior {
+            load_torque: f64::INFINITY,
+            integral: f64::INFINITY,
+        },
     };
     let mut sums = [0.0; 4];
-    comparison.residuals(fault, |_, r| {
+    comparison.residuals(&comparison.with_fault(*fault), |_, r| {
         for (sum, x) in sums.iter_mut().zip([r.i_d, r.i_q, 1e3 * r.theta_m, 1e6 * r.theta_out]) {
             *sum += x * x;
         }

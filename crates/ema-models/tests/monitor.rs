@@ -3,8 +3,8 @@
 
 use core::f64::consts::TAU;
 use ema_models::{
-    ActuatorParams, Calibration, ComparedSample, Conditions, FaultVector, Feedback, Form, InitialState, Monitor,
-    MonitorState, Origin, Output, PaperShape, Setpoint,
+    ActuatorParams, Calibration, ComparedSample, FaultVector, Feedback, Form, InitialState, Monitor,
+    MonitorState, Origin, Output, PaperShape, Setpoint, Unknowns,
 };
 
 const FORMS: [Form; 3] = [
@@ -29,11 +29,13 @@ struct Run {
 
 impl Run {
     fn new(params: &ActuatorParams, form: Form, fault: &FaultVector, load_torque: f64, initial: InitialState) -> Self {
-        let conditions = Conditions {
+        let unknowns = Unknowns {
+            fault: *fault,
             load_torque,
-            v_dc: params.motor.v_dc,
+            integral: 0.0,
         };
-        let monitor = Monitor::new(params, &without_ripple(form), conditions, fault).with_feedback(Feedback::Simulated);
+        let monitor = Monitor::new(params, &without_ripple(form), params.motor.v_dc, &unknowns)
+            .with_feedback(Feedback::Simulated);
         // In the middle of output count 0, with the drive still off: an empty integrator.
         let first = ComparedSample {
             theta_out: 0.5 * params.sensors.output_lsb(),

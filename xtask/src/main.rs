@@ -1,2 +1,76 @@
-//! Placeholder.
-fn main() {}
+//! The verbs that CI uses, in plain Rust, so that a fresh machine needs nothing but cargo (and Python for two of them).
+//!
+//! `cargo xtask VERB`; `cargo xtask ci` runs all of them but the tests.
+
+mod ci;
+mod deny;
+mod no_std;
+mod oracle;
+mod python;
+mod readers;
+mod shell;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use shell::{cargo, run};
+
+/// Checks of this workspace.
+#[derive(Debug, Parser)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Clone, Copy, Subcommand)]
+enum Verb {
+    /// Formatting, and lints as errors.
+    Check,
+    /// All tests.
+    Test,
+    /// Each no_std crate alone, without features, for this machine and for a Cortex-M7.
+    NoStd,
+    /// Documentation; a broken link is an error.
+    Docs,
+    /// Licences, duplicate versions and sources of all dependencies.
+    Deny,
+    /// Readers that nobody here wrote read what hmd writes.
+    Readers,
+    /// A drive model that nobody here wrote against the reference.
+    Oracle,
+    /// Everything but the tests.
+    Ci,
+}
+
+fn main() -> ExitCode {
+    let ended = match Cli::parse().verb {
+        Verb::Check => check(),
+        Verb::Test => run(cargo(["test", "--workspace"])),
+        Verb::NoStd => no_std::build(),
+        Verb::Docs => run(cargo(["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings")),
+        Verb::Deny => deny::check(),
+        Verb::Readers => readers::check(),
+        Verb::Oracle => oracle::check(),
+        Verb::Ci => ci::run_all(),
+    };
+    match ended {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("xtask: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn check() -> anyhow::Result<()> {
+    run(cargo(["fmt", "--all", "--", "--check"]))?;
+    run(cargo([
+        "clippy",
+        "--workspace",
+        "--all-targets",
+        "--",
+        "-D",
+        "warnings",
+    ]))?;
+    no_std::lint()
+}

@@ -28,7 +28,10 @@ impl<R: Real> Encoder<R> {
     /// An encoder whose count is `lsb`, rad.
     #[must_use]
     pub fn new(lsb: f64) -> Self {
-        Self { counts_per_rad: R::splat(1.0 / lsb), lsb: R::splat(lsb) }
+        Self {
+            counts_per_rad: R::splat(1.0 / lsb),
+            lsb: R::splat(lsb),
+        }
     }
 
     /// Angle of one count, rad.
@@ -111,7 +114,10 @@ impl<R: Real> Ace<R> {
     #[inline(always)]
     pub fn steady(&self, torque: R, setpoint: Setpoint, theta_out: R, omega_m: R) -> AceState<R> {
         match self.speed_error(setpoint, theta_out, omega_m) {
-            Some(error) => AceState { integral: torque - self.k_p * error, previous_error: error },
+            Some(error) => AceState {
+                integral: torque - self.k_p * error,
+                previous_error: error,
+            },
             None => AceState::default(),
         }
     }

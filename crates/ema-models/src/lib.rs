@@ -37,8 +37,8 @@ pub use frames::{
 };
 pub use friction::DryFriction;
 pub use monitor::{
-    Calibration, Conditions, Feedback, Form, InitialState, Monitor, MonitorState, Origin, Output, RIPPLE_DEFAULT, RIPPLE_KNOTS,
-    RIPPLE_SPACING,
+    Calibration, Conditions, Feedback, Form, InitialState, Monitor, MonitorState, Origin, Output, RIPPLE_DEFAULT,
+    RIPPLE_KNOTS, RIPPLE_SPACING,
 };
 pub use params::{
     ActuatorParams, ControllerParams, Expected, MotorParams, ParamsError, REFERENCE_STEP, SensorParams,

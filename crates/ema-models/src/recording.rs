@@ -139,7 +139,11 @@ fn value_at_start(values: impl ExactSizeIterator<Item = f64>) -> f64 {
         sum += y;
         moment += x as f64 * y;
     }
-    if n > 1.0 { (2.0 * (2.0 * n - 1.0) * sum - 6.0 * moment) / (n * (n + 1.0)) } else { sum }
+    if n > 1.0 {
+        (2.0 * (2.0 * n - 1.0) * sum - 6.0 * moment) / (n * (n + 1.0))
+    } else {
+        sum
+    }
 }
 
 impl Default for ComparedSample {
@@ -149,7 +153,9 @@ impl Default for ComparedSample {
             i_q: 0.0,
             theta_m: 0.0,
             omega_m: 0.0,
-            theta_out: 0.0, setpoint: Setpoint::Idle, measured: false
+            theta_out: 0.0,
+            setpoint: Setpoint::Idle,
+            measured: false,
         }
     }
 }

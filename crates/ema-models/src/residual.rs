@@ -1,11 +1,11 @@
 //! Residuals: measured minus modelled, per sample and signal, and the costs made of them.
 
-use crate::unknowns::{Coordinates, Scale, UNKNOWN_COUNT, Unknowns};
 use crate::fault::FaultVector;
 use crate::monitor::{Calibration, Conditions, Feedback, Monitor};
 use crate::params::ActuatorParams;
 use crate::real::Real;
 use crate::recording::{ComparedSample, Recording};
+use crate::unknowns::{Coordinates, Scale, UNKNOWN_COUNT, Unknowns};
 
 /// Number of signals that can be compared.
 pub const SIGNAL_COUNT: usize = 5;
@@ -90,9 +90,19 @@ pub struct Prior {
 impl Prior {
     /// Coordinate, distance from what is expected, and weight of each term.
     fn terms(&self, scale: &Scale, conditions: &Conditions, at: &Coordinates) -> [(usize, f64, f64); 2] {
-        let unit = Unknowns { fault: FaultVector::NOMINAL, load_torque: self.load_torque, integral: self.integral };
+        let unit = Unknowns {
+            fault: FaultVector::NOMINAL,
+            load_torque: self.load_torque,
+            integral: self.integral,
+        };
         let sigma = scale.coordinates(&unit).0;
-        let expected = scale.coordinates(&Unknowns { load_torque: conditions.load_torque, integral: 0.0, ..unit }).0;
+        let expected = scale
+            .coordinates(&Unknowns {
+                load_torque: conditions.load_torque,
+                integral: 0.0,
+                ..unit
+            })
+            .0;
         [8, 9].map(|p| (p, at.0[p] - expected[p], 1.0 / sigma[p]))
     }
 }
@@ -112,7 +122,11 @@ impl Comparison<'_> {
     /// The unknowns with a fault vector, and nothing else than is measured.
     #[must_use]
     pub fn with_fault(&self, fault: FaultVector) -> Unknowns {
-        Unknowns { fault, load_torque: self.conditions.load_torque, integral: 0.0 }
+        Unknowns {
+            fault,
+            load_torque: self.conditions.load_torque,
+            integral: 0.0,
+        }
     }
 
     /// The monitor of this window for one set of unknowns.
@@ -146,7 +160,11 @@ impl Comparison<'_> {
                     i_d: R::splat(sample.i_d) - output.i_d,
                     i_q: R::splat(sample.i_q) - output.i_q,
                     theta_m,
-                    omega_m: if n < span { R::zero() } else { (theta_m - angles[n % span][m]) * per_span },
+                    omega_m: if n < span {
+                        R::zero()
+                    } else {
+                        (theta_m - angles[n % span][m]) * per_span
+                    },
                     theta_out: R::splat(sample.theta_out) - output.theta_out,
                 }
             });
@@ -171,7 +189,10 @@ impl Comparison<'_> {
     pub fn cost(&self, at: &Coordinates) -> f64 {
         let scale = Scale::new(self.params);
         let prior = self.prior.terms(&scale, &self.conditions, at);
-        let known: f64 = prior.iter().map(|(_, distance, weight)| 0.5 * (weight * distance) * (weight * distance)).sum();
+        let known: f64 = prior
+            .iter()
+            .map(|(_, distance, weight)| 0.5 * (weight * distance) * (weight * distance))
+            .sum();
         self.least_squares(&scale.unknowns(at)) * self.recording.samples.len() as f64 + known
     }
 

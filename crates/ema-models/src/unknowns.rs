@@ -36,7 +36,10 @@ impl Scale {
     #[must_use]
     pub fn new(params: &ActuatorParams) -> Self {
         let torque = params.motor.torque_gain() * params.motor.i_max;
-        Self { load: torque * params.transmission.gear_ratio, integral: torque }
+        Self {
+            load: torque * params.transmission.gear_ratio,
+            integral: torque,
+        }
     }
 
     /// Load torque at the output that stands for one unit of its coordinate, Nm.
@@ -69,8 +72,11 @@ impl Scale {
     #[must_use]
     pub fn unknowns(&self, Coordinates(x): &Coordinates) -> Unknowns {
         let amplitude = libm::hypot(x[5], x[6]);
-        let phase =
-            if amplitude > 0.0 { 0.5 * (libm::atan2(x[6], x[5]) / core::f64::consts::PI + 1.0) } else { 0.5 };
+        let phase = if amplitude > 0.0 {
+            0.5 * (libm::atan2(x[6], x[5]) / core::f64::consts::PI + 1.0)
+        } else {
+            0.5
+        };
         let k = [x[0], x[1], x[2], x[3], x[4], amplitude, phase, x[7]];
         Unknowns {
             fault: FaultVector::from_array(k.map(|v| v.clamp(0.0, 1.0))),

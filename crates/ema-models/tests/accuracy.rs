@@ -6,8 +6,9 @@
 
 use ema_models::reference::{Reference, ReferenceState, Scenario};
 use ema_models::{
-    ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, FaultVector, Feedback, Form, Prior, PaperShape,
-    Profile, RIPPLE_DEFAULT, RIPPLE_SPACING, Real, Recording, SensedSample, Setpoint, Weights, dq_from_abc, prepare,
+    ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, FaultVector, Feedback, Form, PaperShape,
+    Prior, Profile, RIPPLE_DEFAULT, RIPPLE_SPACING, Real, Recording, SensedSample, Setpoint, Weights, dq_from_abc,
+    prepare,
 };
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

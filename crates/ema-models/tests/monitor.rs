@@ -3,8 +3,8 @@
 
 use core::f64::consts::TAU;
 use ema_models::{
-    ActuatorParams, Calibration, ComparedSample, FaultVector, Feedback, Form, InitialState, Monitor,
-    MonitorState, Origin, Output, PaperShape, Setpoint, Unknowns,
+    ActuatorParams, Calibration, ComparedSample, FaultVector, Feedback, Form, InitialState, Monitor, MonitorState,
+    Origin, Output, PaperShape, Setpoint, Unknowns,
 };
 
 const FORMS: [Form; 3] = [

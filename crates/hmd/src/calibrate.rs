@@ -1,4 +1,4 @@
-//! Calibration of a monitor against the reference, for one type of actuator ([P] section 5.2, eqs. 12 and 13).
+//! Calibration of a monitor against the reference, for one type of actuator (\[P\] section 5.2, eqs. 12 and 13).
 
 use ema_ga::{Bounds, Control, GaConfig, Objective, Parallel, Search, evolve_owned};
 use ema_models::reference::{Reference, ReferenceState};
@@ -29,14 +29,21 @@ pub fn calibrate_type(name: &str, params: &ActuatorParams, monitor: MonitorForm,
         .into_par_iter()
         .map(|n| {
             let case_seed = SEED_SPACE ^ (seed << 16) ^ n;
-            let truth = if n < HEALTHY_WINDOWS { FaultVector::NOMINAL } else { random_faults(case_seed) };
+            let truth = if n < HEALTHY_WINDOWS {
+                FaultVector::NOMINAL
+            } else {
+                random_faults(case_seed)
+            };
             SimulatedWindow::new(params, truth, Profile::Mixed, case_seed)
         })
         .collect();
     let (healthy, faulty) = windows.split_at(HEALTHY_WINDOWS as usize);
 
     let mut calibration = TypeCalibration::uncalibrated(name, monitor, params);
-    let bare = Calibration { ripple: [0.0; RIPPLE_KNOTS], ..calibration.coefficients() };
+    let bare = Calibration {
+        ripple: [0.0; RIPPLE_KNOTS],
+        ..calibration.coefficients()
+    };
     match monitor {
         MonitorForm::ThreePhase => calibration.ripple = measure_ripple(params),
         MonitorForm::OneAxis | MonitorForm::Paper => {
@@ -85,7 +92,7 @@ fn compare<'a>(
     comparison(&window.prepared, params, calibration, window.conditions, weights)
 }
 
-/// Mean squared error of the quadrature current at the true fault vectors, A² ([P] eq. 12, as a mean).
+/// Mean squared error of the quadrature current at the true fault vectors, A² (\[P\] eq. 12, as a mean).
 fn current_error(params: &ActuatorParams, coefficients: &Calibration, windows: &[SimulatedWindow]) -> f64 {
     let sums: Vec<f64> = windows
         .par_iter()
@@ -97,8 +104,13 @@ fn current_error(params: &ActuatorParams, coefficients: &Calibration, windows: &
     sums.iter().sum::<f64>() / windows.len().max(1) as f64
 }
 
-/// The one-axis forms' coefficients by the genetic algorithm, as [P] does it.
-fn fit_coefficients(calibration: &mut TypeCalibration, params: &ActuatorParams, windows: &[SimulatedWindow], seed: u64) {
+/// The one-axis forms' coefficients by the genetic algorithm, as \[P\] does it.
+fn fit_coefficients(
+    calibration: &mut TypeCalibration,
+    params: &ActuatorParams,
+    windows: &[SimulatedWindow],
+    seed: u64,
+) {
     struct Mismatch<'a> {
         bounds: Bounds<4>,
         form: MonitorForm,
@@ -109,10 +121,18 @@ fn fit_coefficients(calibration: &mut TypeCalibration, params: &ActuatorParams, 
         fn coefficients(&self, genes: &[f64; 4]) -> Calibration {
             let form = match self.form {
                 // The gene is 1/k_FS-like: φ_SC runs from the plain mean of the turns (0) to the pure squares (1).
-                MonitorForm::Paper => Form::Paper(PaperShape { k_fs: k_fs(genes[2]), k_e: genes[3] }),
+                MonitorForm::Paper => Form::Paper(PaperShape {
+                    k_fs: k_fs(genes[2]),
+                    k_e: genes[3],
+                }),
                 MonitorForm::OneAxis | MonitorForm::ThreePhase => Form::OneAxis,
             };
-            Calibration { form, back_emf: genes[0], torque: genes[1], ripple: [0.0; RIPPLE_KNOTS] }
+            Calibration {
+                form,
+                back_emf: genes[0],
+                torque: genes[1],
+                ripple: [0.0; RIPPLE_KNOTS],
+            }
         }
     }
     impl Objective<4> for Mismatch<'_> {
@@ -131,10 +151,20 @@ fn fit_coefficients(calibration: &mut TypeCalibration, params: &ActuatorParams, 
     }
     #[expect(clippy::expect_used, reason = "constant bounds")]
     let bounds = Bounds::new([0.9, 0.9, 0.0, 0.0], [1.2, 1.1, 0.999, 1.0]).expect("constant bounds ascend");
-    let objective = Mismatch { bounds, form: calibration.monitor, params, windows };
+    let objective = Mismatch {
+        bounds,
+        form: calibration.monitor,
+        params,
+        windows,
+    };
     let mut config = GaConfig::for_dimension(4);
     config.stop.max_generations = 30;
-    let search = Search { objective: &objective, evaluate: Parallel, seed, initial: &[[1.0, 1.0, 0.99, 0.5]] };
+    let search = Search {
+        objective: &objective,
+        evaluate: Parallel,
+        seed,
+        initial: &[[1.0, 1.0, 0.99, 0.5]],
+    };
     if let Ok(found) = evolve_owned(&search, &config, |_| Control::Continue) {
         [calibration.back_emf, calibration.torque, _, calibration.k_e] = found.genes;
         calibration.k_fs = k_fs(found.genes[2]);
@@ -164,7 +194,11 @@ fn residual_statistics(params: &ActuatorParams, coefficients: &Calibration, wind
         .collect();
     let lags = traces.iter().map(Vec::len).min().unwrap_or(0) / 2;
     let product = |signal: usize, lag: usize| -> f64 {
-        traces.iter().flat_map(|t| t.iter().zip(&t[lag.min(t.len())..])).map(|(a, b)| a[signal] * b[signal]).sum()
+        traces
+            .iter()
+            .flat_map(|t| t.iter().zip(&t[lag.min(t.len())..]))
+            .map(|(a, b)| a[signal] * b[signal])
+            .sum()
     };
     let samples: usize = traces.iter().map(Vec::len).sum();
     let mut rms = [0.0; SIGNAL_COUNT];
@@ -181,7 +215,10 @@ fn residual_statistics(params: &ActuatorParams, coefficients: &Calibration, wind
             correlation[signal] += 2.0 * share;
         }
     }
-    Statistics { rms: Signals::from_array(rms), correlation: Signals::from_array(correlation) }
+    Statistics {
+        rms: Signals::from_array(rms),
+        correlation: Signals::from_array(correlation),
+    }
 }
 
 /// Sets the weight of angle and speed to what pulls estimates least, and the model's share of sigma to what is left.

@@ -70,17 +70,29 @@ pub struct SignalTable {
 
 impl From<Signals<f64>> for SignalTable {
     fn from(s: Signals<f64>) -> Self {
-        Self { i_d: s.i_d, i_q: s.i_q, theta_m: s.theta_m, omega_m: s.omega_m, theta_out: s.theta_out }
+        Self {
+            i_d: s.i_d,
+            i_q: s.i_q,
+            theta_m: s.theta_m,
+            omega_m: s.omega_m,
+            theta_out: s.theta_out,
+        }
     }
 }
 
 impl From<SignalTable> for Signals<f64> {
     fn from(s: SignalTable) -> Self {
-        Self { i_d: s.i_d, i_q: s.i_q, theta_m: s.theta_m, omega_m: s.omega_m, theta_out: s.theta_out }
+        Self {
+            i_d: s.i_d,
+            i_q: s.i_q,
+            theta_m: s.theta_m,
+            omega_m: s.omega_m,
+            theta_out: s.theta_out,
+        }
     }
 }
 
-/// Mean squared quadrature current error of the monitor at the true fault vector ([P] eqs. 12, 13 with the mean), A².
+/// Mean squared quadrature current error of the monitor at the true fault vector (\[P\] eqs. 12, 13 with the mean), A².
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Quality {
@@ -170,7 +182,13 @@ impl TypeCalibration {
                 omega_m: 0.3 * sensors.motor_lsb() * sensors.sample_rate,
                 theta_out: 0.3 * sensors.output_lsb(),
             },
-            correlation_samples: SignalTable { i_d: 1.0, i_q: 1.0, theta_m: 300.0, omega_m: 3.0, theta_out: 1.0 },
+            correlation_samples: SignalTable {
+                i_d: 1.0,
+                i_q: 1.0,
+                theta_m: 300.0,
+                omega_m: 3.0,
+                theta_out: 1.0,
+            },
             model_sigma: [0.02; FAULT_COUNT],
             quality: Quality {
                 healthy_before_a2: 0.0,
@@ -187,8 +205,10 @@ impl TypeCalibration {
     /// [`CalibrationError`] when it cannot be read or is no calibration of this version.
     pub fn load(path: &Path) -> Result<Self, CalibrationError> {
         let name = path.display().to_string();
-        let text =
-            std::fs::read_to_string(path).map_err(|source| CalibrationError::Io { path: name.clone(), source })?;
+        let text = std::fs::read_to_string(path).map_err(|source| CalibrationError::Io {
+            path: name.clone(),
+            source,
+        })?;
         Self::parse(&text, &name)
     }
 
@@ -202,7 +222,10 @@ impl TypeCalibration {
             message: e.message().replace('\n', " "),
         })?;
         if parsed.version != CALIBRATION_VERSION {
-            return Err(CalibrationError::Version { path: name.to_owned(), found: parsed.version });
+            return Err(CalibrationError::Version {
+                path: name.to_owned(),
+                found: parsed.version,
+            });
         }
         let positive = "above zero";
         for (key, found) in [
@@ -220,17 +243,32 @@ impl TypeCalibration {
             ("correlation_samples.theta_out", parsed.correlation_samples.theta_out),
         ] {
             if !(found.is_finite() && found > 0.0) {
-                return Err(CalibrationError::Value { path: name.to_owned(), key, expected: positive, found });
+                return Err(CalibrationError::Value {
+                    path: name.to_owned(),
+                    key,
+                    expected: positive,
+                    found,
+                });
             }
         }
         for (key, values) in [("ripple", &parsed.ripple[..]), ("model_sigma", &parsed.model_sigma[..])] {
             if let Some(&found) = values.iter().find(|v| !(v.is_finite() && **v >= 0.0)) {
-                return Err(CalibrationError::Value { path: name.to_owned(), key, expected: "not below zero", found });
+                return Err(CalibrationError::Value {
+                    path: name.to_owned(),
+                    key,
+                    expected: "not below zero",
+                    found,
+                });
             }
         }
         for (key, found) in [("k_fs", parsed.k_fs), ("k_e", parsed.k_e)] {
             if !found.is_finite() {
-                return Err(CalibrationError::Value { path: name.to_owned(), key, expected: "", found });
+                return Err(CalibrationError::Value {
+                    path: name.to_owned(),
+                    key,
+                    expected: "",
+                    found,
+                });
             }
         }
         Ok(parsed)
@@ -246,11 +284,19 @@ impl TypeCalibration {
     #[must_use]
     pub fn coefficients(&self) -> Calibration {
         let form = match self.monitor {
-            MonitorForm::Paper => Form::Paper(PaperShape { k_fs: self.k_fs, k_e: self.k_e }),
+            MonitorForm::Paper => Form::Paper(PaperShape {
+                k_fs: self.k_fs,
+                k_e: self.k_e,
+            }),
             MonitorForm::OneAxis => Form::OneAxis,
             MonitorForm::ThreePhase => Form::ThreePhase,
         };
-        Calibration { form, back_emf: self.back_emf, torque: self.torque, ripple: self.ripple }
+        Calibration {
+            form,
+            back_emf: self.back_emf,
+            torque: self.torque,
+            ripple: self.ripple,
+        }
     }
 
     /// Weight of each signal: residuals count by their size, and by how many of them are independent.
@@ -258,10 +304,12 @@ impl TypeCalibration {
     /// The one-axis forms know no direct current.
     #[must_use]
     pub fn weights(&self) -> Weights {
-        let (rms, correlation) = (Signals::from(self.residual_rms), Signals::from(self.correlation_samples));
+        let (rms, correlation) = (
+            Signals::from(self.residual_rms),
+            Signals::from(self.correlation_samples),
+        );
         let (rms, correlation) = (rms.to_array(), correlation.to_array());
-        let mut weights =
-            Signals::from_array(std::array::from_fn(|s| 1.0 / (rms[s] * correlation[s].max(1.0).sqrt())));
+        let mut weights = Signals::from_array(std::array::from_fn(|s| 1.0 / (rms[s] * correlation[s].max(1.0).sqrt())));
         if self.monitor != MonitorForm::ThreePhase {
             weights.i_d = 0.0;
         }

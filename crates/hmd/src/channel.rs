@@ -39,7 +39,10 @@ pub struct MeasuredConditions {
 #[derive(Debug)]
 enum Rate {
     /// Samples so far and the periods between them, µs.
-    Learning { waiting: Vec<TimedSample>, periods_us: Vec<u16> },
+    Learning {
+        waiting: Vec<TimedSample>,
+        periods_us: Vec<u16>,
+    },
     Known(f64),
 }
 
@@ -51,7 +54,10 @@ impl Channel {
             assembler: Assembler::new(actuator),
             last: None,
             currents_stamp: None,
-            rate: Rate::Learning { waiting: Vec::with_capacity(RATE_SAMPLES), periods_us: Vec::new() },
+            rate: Rate::Learning {
+                waiting: Vec::with_capacity(RATE_SAMPLES),
+                periods_us: Vec::new(),
+            },
             conditions: MeasuredConditions::default(),
         }
     }
@@ -71,7 +77,12 @@ impl Channel {
                 _ => stamp_ns,
             };
             let timed = self.continued(&sample, stamp_ns);
-            self.rate.push(timed, self.last.map(|(_, time_us)| (timed, sample.time_us.wrapping_sub(time_us))), &mut deliver);
+            self.rate.push(
+                timed,
+                self.last
+                    .map(|(_, time_us)| (timed, sample.time_us.wrapping_sub(time_us))),
+                &mut deliver,
+            );
             self.last = Some((timed, sample.time_us));
         }
     }
@@ -121,13 +132,24 @@ impl Channel {
         TimedSample {
             seq,
             stamp_ns,
-            sensed: SensedSample { seq, currents: sample.currents_a(), motor_counts, output_counts, setpoint },
+            sensed: SensedSample {
+                seq,
+                currents: sample.currents_a(),
+                motor_counts,
+                output_counts,
+                setpoint,
+            },
         }
     }
 }
 
 impl Rate {
-    fn push(&mut self, sample: TimedSample, since_last: Option<(TimedSample, u16)>, deliver: &mut impl FnMut(f64, TimedSample)) {
+    fn push(
+        &mut self,
+        sample: TimedSample,
+        since_last: Option<(TimedSample, u16)>,
+        deliver: &mut impl FnMut(f64, TimedSample),
+    ) {
         match self {
             Self::Known(rate) => deliver(*rate, sample),
             Self::Learning { waiting, periods_us } => {

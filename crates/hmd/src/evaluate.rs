@@ -149,7 +149,11 @@ pub fn random(
     let plans = (0..n)
         .map(|n| {
             let case_seed = mix(seed, &[3, n]);
-            Plan { name: format!("random {n}"), truth: random_faults(case_seed), seed: case_seed }
+            Plan {
+                name: format!("random {n}"),
+                truth: random_faults(case_seed),
+                seed: case_seed,
+            }
         })
         .collect();
     let cases = run(identifier, plans, done)?;
@@ -164,7 +168,7 @@ pub fn random(
     })
 }
 
-/// One of the paper's five single faults at a damage level, [P] section 6.2.
+/// One of the paper's five single faults at a damage level, \[P\] section 6.2.
 fn single_fault(fault: &str, level: f64, seed: u64) -> FaultVector {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut k = FaultVector::NOMINAL;

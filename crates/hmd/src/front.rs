@@ -69,7 +69,10 @@ struct Lane {
 #[derive(Debug)]
 enum Cutter {
     Waiting,
-    Ready { params: ActuatorParams, windower: Box<Windower> },
+    Ready {
+        params: Box<ActuatorParams>,
+        windower: Box<Windower>,
+    },
     Refused,
 }
 
@@ -77,7 +80,12 @@ impl Front {
     /// For the actuators of a configuration.
     #[must_use]
     pub fn new(config: Arc<Config>) -> Self {
-        Self { config, lanes: BTreeMap::new(), counts: FrameCounts::default(), notices: Vec::new() }
+        Self {
+            config,
+            lanes: BTreeMap::new(),
+            counts: FrameCounts::default(),
+            notices: Vec::new(),
+        }
     }
 
     /// Takes one frame and appends the windows that it ends.
@@ -87,7 +95,9 @@ impl Front {
             self.counts.error += 1;
             return;
         }
-        let Some((actuator, parsed)) = self.parse(frame) else { return };
+        let Some((actuator, parsed)) = self.parse(frame) else {
+            return;
+        };
         let key = (frame.bus, actuator);
         if !self.lanes.contains_key(&key) {
             let Some(lane) = Lane::new(&self.config, names.name(frame.bus).unwrap_or(""), actuator) else {
@@ -103,7 +113,9 @@ impl Front {
     }
 
     fn parse(&mut self, frame: &RawFrame) -> Option<(ActuatorId, Frame)> {
-        let id = u16::try_from(frame.id()).ok().filter(|_| !frame.is_extended() && !frame.is_remote());
+        let id = u16::try_from(frame.id())
+            .ok()
+            .filter(|_| !frame.is_extended() && !frame.is_remote());
         match id.map(|id| Frame::parse(id, frame.data())) {
             Some(Ok(Some(ours))) => Some(ours),
             Some(Err(_)) => {
@@ -147,7 +159,11 @@ impl Front {
 impl Lane {
     fn new(config: &Config, bus: &str, id: ActuatorId) -> Option<Self> {
         let actuator = Arc::new(config.actuator_for(bus, id)?.clone());
-        Some(Self { actuator, channel: Channel::new(id), cutter: Cutter::Waiting })
+        Some(Self {
+            actuator,
+            channel: Channel::new(id),
+            cutter: Cutter::Waiting,
+        })
     }
 
     fn push(
@@ -175,13 +191,21 @@ impl Lane {
         if let Cutter::Ready { params, windower } = cutter
             && let Some(window) = windower.finish()
         {
-            ended.push(WindowJob { actuator: actuator.clone(), params: *params, window, conditions });
+            ended.push(WindowJob {
+                actuator: actuator.clone(),
+                params: **params,
+                window,
+                conditions,
+            });
         }
     }
 }
 
 impl Cutter {
-    #[expect(clippy::too_many_arguments, reason = "borrows of one lane and one front, taken apart for the closure")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "borrows of one lane and one front, taken apart for the closure"
+    )]
     fn push(
         &mut self,
         actuator: &Arc<ActuatorConfig>,
@@ -198,33 +222,39 @@ impl Cutter {
         if let Self::Ready { params, windower } = self
             && let Some(window) = windower.push(sample)
         {
-            ended.push(WindowJob { actuator: actuator.clone(), params: *params, window, conditions });
+            ended.push(WindowJob {
+                actuator: actuator.clone(),
+                params: **params,
+                window,
+                conditions,
+            });
         }
     }
 
-    fn new(
-        actuator: &ActuatorConfig,
-        rate: f64,
-        config: &Config,
-        stamp_ns: u64,
-        notices: &mut Vec<Notice>,
-    ) -> Self {
+    fn new(actuator: &ActuatorConfig, rate: f64, config: &Config, stamp_ns: u64, notices: &mut Vec<Notice>) -> Self {
         let name = &actuator.name;
         let nominal = actuator.params.sensors.sample_rate;
         let mut params = actuator.params;
         params.sensors.sample_rate = rate;
         if (rate - nominal).abs() > 1e-3 * nominal {
-            let message = format!("{name}: expected {nominal} samples/s, found {rate:.1}; windows are cut at the rate found");
+            let message =
+                format!("{name}: expected {nominal} samples/s, found {rate:.1}; windows are cut at the rate found");
             notices.push(Notice { stamp_ns, message });
         }
         let made = match params.checked() {
             Ok(params) => Windower::new(window_config(config.window()), &params)
-                .map(|windower| Self::Ready { params, windower: Box::new(windower) })
+                .map(|windower| Self::Ready {
+                    params: Box::new(params),
+                    windower: Box::new(windower),
+                })
                 .map_err(|e| e.to_string()),
             Err(e) => Err(e.to_string()),
         };
         made.unwrap_or_else(|why| {
-            notices.push(Notice { stamp_ns, message: format!("{name}: not monitored: {why}") });
+            notices.push(Notice {
+                stamp_ns,
+                message: format!("{name}: not monitored: {why}"),
+            });
             Self::Refused
         })
     }

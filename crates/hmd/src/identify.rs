@@ -5,8 +5,8 @@ use ema_ga::{
     levenberg_marquardt,
 };
 use ema_models::{
-    ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector, Feedback, NormalEquations, Prior,
-    Recording, Scale, SensedSample, UNKNOWN_COUNT, Unknowns, Weights, prepare,
+    ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector,
+    Feedback, NormalEquations, Prior, Recording, Scale, SensedSample, UNKNOWN_COUNT, Unknowns, Weights, prepare,
 };
 use nalgebra::{SMatrix, SVector};
 
@@ -134,7 +134,10 @@ impl Prepared {
     /// The samples and their initial state.
     #[must_use]
     pub fn recording(&self) -> Recording<'_> {
-        Recording { samples: &self.samples, initial: self.initial }
+        Recording {
+            samples: &self.samples,
+            initial: self.initial,
+        }
     }
 }
 
@@ -151,17 +154,34 @@ impl Identifier {
         let scale = Scale::new(&self.params);
         match self.method {
             Method::PaperGa(config) => {
-                let alone = Comparison { weights: Weights::CURRENT_ONLY, feedback: Feedback::Simulated, ..all };
+                let alone = Comparison {
+                    weights: Weights::CURRENT_ONLY,
+                    feedback: Feedback::Simulated,
+                    ..all
+                };
                 let objective = PaperCost::new(alone, &self.params);
-                let search = Search { objective: &objective, evaluate: Parallel, seed, initial: &[] };
+                let search = Search {
+                    objective: &objective,
+                    evaluate: Parallel,
+                    seed,
+                    initial: &[],
+                };
                 let found = evolve_owned(&search, &config, |_| Control::Continue)?;
                 let best = all.with_fault(FaultVector::from_array(found.genes));
                 Ok(self.judge(&all, scale.coordinates(&best), found.evaluations))
             }
             Method::Hybrid(config) => {
-                let objective = LeastSquares { comparison: all, bounds: unit_box() };
+                let objective = LeastSquares {
+                    comparison: all,
+                    bounds: unit_box(),
+                };
                 let nominal = [FaultVector::NOMINAL.to_array()];
-                let search = Search { objective: &objective, evaluate: Parallel, seed, initial: &nominal };
+                let search = Search {
+                    objective: &objective,
+                    evaluate: Parallel,
+                    seed,
+                    initial: &nominal,
+                };
                 let found = evolve_owned(&search, &config, |_| Control::Continue)?;
                 let starts = [FaultVector::from_array(found.genes), FaultVector::NOMINAL];
                 let (best, spent) = refine(&all, starts.map(|fault| scale.coordinates(&all.with_fault(fault))));
@@ -178,7 +198,13 @@ impl Identifier {
         coefficients: &'a Calibration,
         conditions: Conditions,
     ) -> Comparison<'a> {
-        comparison(window, &self.params, coefficients, conditions, self.calibration.weights())
+        comparison(
+            window,
+            &self.params,
+            coefficients,
+            conditions,
+            self.calibration.weights(),
+        )
     }
 
     /// States how sure a point is.
@@ -233,14 +259,15 @@ impl Identifier {
     pub fn fit(&self, window: &Prepared, conditions: Conditions, estimate: &Estimate) -> Fit {
         let coefficients = self.calibration.coefficients();
         let mut fit = Fit::default();
-        self.comparison(window, &coefficients, conditions).residuals(&estimate.unknowns, |sample, r| {
-            fit.i_q_measured.push(sample.i_q as f32);
-            fit.i_q_fitted.push((sample.i_q - r.i_q) as f32);
-            fit.omega_measured.push(sample.omega_m as f32);
-            fit.omega_fitted.push((sample.omega_m - r.omega_m) as f32);
-            fit.theta_out_measured.push(sample.theta_out as f32);
-            fit.theta_out_fitted.push((sample.theta_out - r.theta_out) as f32);
-        });
+        self.comparison(window, &coefficients, conditions)
+            .residuals(&estimate.unknowns, |sample, r| {
+                fit.i_q_measured.push(sample.i_q as f32);
+                fit.i_q_fitted.push((sample.i_q - r.i_q) as f32);
+                fit.omega_measured.push(sample.omega_m as f32);
+                fit.omega_fitted.push((sample.omega_m - r.omega_m) as f32);
+                fit.theta_out_measured.push(sample.theta_out as f32);
+                fit.theta_out_fitted.push((sample.theta_out - r.theta_out) as f32);
+            });
         fit
     }
 }
@@ -278,8 +305,12 @@ pub fn comparison<'a>(
 fn refine<const N: usize>(comparison: &Comparison<'_>, starts: [Coordinates; N]) -> (Coordinates, u64) {
     let problem = Refinement { comparison };
     let bounds = box_of(Coordinates::LOWER, Coordinates::UPPER);
-    let config =
-        LmConfig { max_iterations: 25, max_evaluations: 60, step_tolerance: 2e-5, ..LmConfig::default() };
+    let config = LmConfig {
+        max_iterations: 25,
+        max_evaluations: 60,
+        step_tolerance: 2e-5,
+        ..LmConfig::default()
+    };
     let mut best = (f64::INFINITY, starts[0]);
     let mut spent = 0;
     for start in starts {
@@ -338,7 +369,8 @@ impl Objective<FAULT_COUNT> for LeastSquares<'_> {
     }
 
     fn cost(&self, genes: &[f64; FAULT_COUNT]) -> f64 {
-        self.comparison.least_squares(&self.comparison.with_fault(FaultVector::from_array(*genes)))
+        self.comparison
+            .least_squares(&self.comparison.with_fault(FaultVector::from_array(*genes)))
     }
 }
 
@@ -353,7 +385,11 @@ impl<'a> PaperCost<'a> {
     /// The derivative is made dimensionless by the electrical time constant over the rated current.
     fn new(comparison: Comparison<'a>, params: &ActuatorParams) -> Self {
         let time_scale = params.motor.l_s / params.motor.r_s / params.motor.i_max;
-        Self { comparison, bounds: unit_box(), time_scale }
+        Self {
+            comparison,
+            bounds: unit_box(),
+            time_scale,
+        }
     }
 }
 

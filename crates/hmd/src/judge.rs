@@ -88,7 +88,14 @@ impl Judge {
     #[must_use]
     pub fn new(config: Arc<Config>, seed: u64) -> Self {
         let method = method(config.identification());
-        Self { config, method, seed, types: BTreeMap::new(), units: BTreeMap::new(), counts: WindowCounts::default() }
+        Self {
+            config,
+            method,
+            seed,
+            types: BTreeMap::new(),
+            units: BTreeMap::new(),
+            counts: WindowCounts::default(),
+        }
     }
 
     /// Windows so far.
@@ -116,9 +123,13 @@ impl Judge {
                 if !known.calibrated {
                     reasons.push(format!("type {} is not calibrated", known.calibration.actuator_type));
                 }
-                let identifier = Identifier { params: job.params, calibration: known.calibration, method: self.method };
-                let prepared = Prepared::new(&job.params, &job.window.samples, job.window.trigger)
-                    .without(&job.window.filled);
+                let identifier = Identifier {
+                    params: job.params,
+                    calibration: known.calibration,
+                    method: self.method,
+                };
+                let prepared =
+                    Prepared::new(&job.params, &job.window.samples, job.window.trigger).without(&job.window.filled);
                 let conditions = conditions(job);
                 let seed = mix(self.seed, &[name_hash(&job.actuator.name), job.window.number]);
                 let estimate = identifier.identify(&prepared, conditions, seed)?;
@@ -139,7 +150,9 @@ impl Judge {
             "degraded" => self.counts.degraded += 1,
             _ => self.counts.invalid += 1,
         }
-        let decision = self.unit(&job.actuator.name)?.update(job.window.number, found.as_ref().map(judgement).as_ref());
+        let decision = self
+            .unit(&job.actuator.name)?
+            .update(job.window.number, found.as_ref().map(judgement).as_ref());
         let reason = reasons.join("; ");
         Ok(Judged {
             window: window_record(job, status, &reason, fit),
@@ -167,18 +180,27 @@ impl Judge {
         search: Option<SearchMethod>,
     ) -> Result<Option<Identifier>, JudgeError> {
         let config = self.config.clone();
-        let Some(found) = config.actuator_type(type_name) else { return Ok(None) };
+        let Some(found) = config.actuator_type(type_name) else {
+            return Ok(None);
+        };
         let form = monitor.unwrap_or(config.identification().monitor);
         let path = found.calibration.as_deref().map(|path| config.resolve(path));
         let known = KnownType::load(type_name, &found.params, form, path.as_deref())?;
         let method = search.map_or(self.method, |search| method(&IdentificationConfig::for_method(search)));
-        Ok(Some(Identifier { params: found.params, calibration: known.calibration, method }))
+        Ok(Some(Identifier {
+            params: found.params,
+            calibration: known.calibration,
+            method,
+        }))
     }
 
     fn known_type(&mut self, actuator: &ActuatorConfig) -> Result<&KnownType, JudgeError> {
         if !self.types.contains_key(&actuator.type_name) {
             let form = self.config.identification().monitor;
-            let path = actuator.type_calibration.as_deref().map(|path| self.config.resolve(path));
+            let path = actuator
+                .type_calibration
+                .as_deref()
+                .map(|path| self.config.resolve(path));
             let known = KnownType::load(&actuator.type_name, &actuator.params, form, path.as_deref())?;
             self.types.insert(actuator.type_name.clone(), known);
         }
@@ -207,9 +229,16 @@ impl KnownType {
             let calibration = TypeCalibration::load(path)?;
             if calibration.monitor != form {
                 let path = path.display().to_string();
-                return Err(JudgeError::Form { path, expected: form, found: calibration.monitor });
+                return Err(JudgeError::Form {
+                    path,
+                    expected: form,
+                    found: calibration.monitor,
+                });
             }
-            return Ok(Self { calibration, calibrated: true });
+            return Ok(Self {
+                calibration,
+                calibrated: true,
+            });
         }
         let unchanged = match type_name {
             "bench" => *params == ActuatorParams::bench(),
@@ -218,8 +247,14 @@ impl KnownType {
         };
         let shipped = TypeCalibration::built_in(type_name, form).filter(|_| unchanged);
         Ok(match shipped {
-            Some(calibration) => Self { calibration, calibrated: true },
-            None => Self { calibration: TypeCalibration::uncalibrated(type_name, form, params), calibrated: false },
+            Some(calibration) => Self {
+                calibration,
+                calibrated: true,
+            },
+            None => Self {
+                calibration: TypeCalibration::uncalibrated(type_name, form, params),
+                calibrated: false,
+            },
         })
     }
 }
@@ -266,7 +301,10 @@ fn new_health(section: &HealthConfig) -> Result<Health, LevelsError> {
         end_of_life: l.end_of_life,
         hysteresis: l.hysteresis,
     });
-    Health::new(levels, section.levels().iter().map(|l| l.persistence).max().unwrap_or(1))
+    Health::new(
+        levels,
+        section.levels().iter().map(|l| l.persistence).max().unwrap_or(1),
+    )
 }
 
 /// Load and supply: as measured, else none and nominal.
@@ -279,7 +317,10 @@ fn conditions(job: &WindowJob) -> Conditions {
 
 /// Damage of what the window shows; the rest has no sigma and is left as it was.
 fn judgement(estimate: &Estimate) -> Judgement {
-    Judgement { damage: estimate.fault.damage(), sigma: Some(estimate.damage_sigma()) }
+    Judgement {
+        damage: estimate.fault.damage(),
+        sigma: Some(estimate.damage_sigma()),
+    }
 }
 
 /// Says which parameters the window does not show. The phase k7 is no handicap: without eccentricity it has no meaning.
@@ -294,7 +335,12 @@ fn unseen(estimate: &Estimate) -> Option<String> {
 fn dominant_fault(decision: &HealthDecision, estimate: Option<&Estimate>) -> String {
     let Some(estimate) = estimate else { return String::new() };
     let damage = estimate.fault.damage();
-    let of = |name: &str| ema_models::FaultVector::NAMES.iter().position(|n| *n == name).map_or(0.0, |p| damage[p]);
+    let of = |name: &str| {
+        ema_models::FaultVector::NAMES
+            .iter()
+            .position(|n| *n == name)
+            .map_or(0.0, |p| damage[p])
+    };
     let largest = decision.faults.iter().max_by(|a, b| of(a).total_cmp(&of(b)));
     largest.map(|name| (*name).to_owned()).unwrap_or_default()
 }
@@ -342,9 +388,11 @@ fn window_record(job: &WindowJob, status: &str, reason: &str, fit: Fit) -> recor
     };
     let setpoints: Vec<f64> = window.samples.iter().map(|s| value(s.setpoint)).collect();
     let after_trigger = window.samples.get(window.trigger).map(|s| s.setpoint);
-    let travel = window.samples.first().zip(window.samples.last()).map(|(first, last)| {
-        (last.output_counts - first.output_counts) as f64 * job.params.sensors.output_lsb()
-    });
+    let travel = window
+        .samples
+        .first()
+        .zip(window.samples.last())
+        .map(|(first, last)| (last.output_counts - first.output_counts) as f64 * job.params.sensors.output_lsb());
     let peak = |values: &[f32]| values.iter().map(|v| f64::from(v.abs())).reduce(f64::max);
     record::Window {
         actuator: job.actuator.name.clone(),
@@ -386,5 +434,7 @@ fn window_record(job: &WindowJob, status: &str, reason: &str, fit: Fit) -> recor
 
 /// FNV-1a, so that an actuator's searches do not depend on which others are there.
 fn name_hash(name: &str) -> u64 {
-    name.bytes().fold(0xCBF2_9CE4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3))
+    name.bytes().fold(0xCBF2_9CE4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)
+    })
 }

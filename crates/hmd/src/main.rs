@@ -7,7 +7,11 @@ use hmd::commands::{calibrate, check_config, code_of, demo, evaluate, replay, si
 
 /// Health monitoring of electromechanical actuators: which part wears, how far, and how sure.
 #[derive(Debug, Parser)]
-#[command(version, about, after_help = "Exit codes: 0 done, 1 failed, 2 usage, 3 finished but data were lost, 78 bad config.")]
+#[command(
+    version,
+    about,
+    after_help = "Exit codes: 0 done, 1 failed, 2 usage, 3 finished but data were lost, 78 bad config."
+)]
 struct Cli {
     #[command(subcommand)]
     verb: Verb,

@@ -126,9 +126,16 @@ impl Replay<'_> {
 
     fn create(&self, path: &Path) -> Result<(String, Sink<SyncedFile>), ReplayError> {
         let name = path.display().to_string();
-        let file = File::create(path).map_err(|source| ReplayError::Create { path: name.clone(), source })?;
-        let sink = Sink::new(SyncedFile::new(file), &metadata(&self.config, "log", self.seed))
-            .map_err(|source| ReplayError::Sink { path: name.clone(), source })?;
+        let file = File::create(path).map_err(|source| ReplayError::Create {
+            path: name.clone(),
+            source,
+        })?;
+        let sink = Sink::new(SyncedFile::new(file), &metadata(&self.config, "log", self.seed)).map_err(|source| {
+            ReplayError::Sink {
+                path: name.clone(),
+                source,
+            }
+        })?;
         Ok((name, sink))
     }
 }
@@ -147,7 +154,10 @@ pub fn metadata(config: &Config, clock_source: &str, seed: u64) -> BTreeMap<Stri
     .map(|(key, value)| (key.to_owned(), value))
     .collect();
     for actuator in config.actuators() {
-        for (key, value) in [("part_number", &actuator.part_number), ("serial_number", &actuator.serial_number)] {
+        for (key, value) in [
+            ("part_number", &actuator.part_number),
+            ("serial_number", &actuator.serial_number),
+        ] {
             if let Some(value) = value {
                 metadata.insert(format!("{}.{key}", actuator.name), value.clone());
             }
@@ -173,7 +183,10 @@ impl<O: Observer> Run<'_, O> {
                     self.last_stamp_ns = self.last_stamp_ns.max(frame.stamp_ns);
                     if store_raw && let Some((path, sink)) = &mut self.sink {
                         sink.raw(&frame, source.bus_names())
-                            .map_err(|source| ReplayError::Sink { path: path.clone(), source })?;
+                            .map_err(|source| ReplayError::Sink {
+                                path: path.clone(),
+                                source,
+                            })?;
                     }
                     self.front.push(&frame, source.bus_names(), &mut ended);
                     self.judge_all(&mut ended)?;
@@ -204,9 +217,15 @@ impl<O: Observer> Run<'_, O> {
                     .and_then(|()| sink.write(at, &judged.health))
                     .and_then(|()| sink.write(at, &judged.rul))
                     .and_then(|()| sink.flush_window())
-                    .map_err(|source| ReplayError::Sink { path: path.clone(), source })?;
+                    .map_err(|source| ReplayError::Sink {
+                        path: path.clone(),
+                        source,
+                    })?;
             }
-            self.observer.judged(&judged).map_err(|source| ReplayError::Create { path: "stdout".to_owned(), source })?;
+            self.observer.judged(&judged).map_err(|source| ReplayError::Create {
+                path: "stdout".to_owned(),
+                source,
+            })?;
         }
         Ok(())
     }
@@ -216,14 +235,26 @@ impl<O: Observer> Run<'_, O> {
             Loss::Line(_) => self.lost_unreadable += 1,
             Loss::Mcap(_) => self.lost_damaged += loss.frames().max(1),
         }
-        self.notice(&Notice { stamp_ns: self.last_stamp_ns, message: loss.to_string() }, LogLevel::Error)
+        self.notice(
+            &Notice {
+                stamp_ns: self.last_stamp_ns,
+                message: loss.to_string(),
+            },
+            LogLevel::Error,
+        )
     }
 
     fn notice(&mut self, notice: &Notice, level: LogLevel) -> Result<(), ReplayError> {
         self.observer.notice(&notice.message);
         if let Some((path, sink)) = &mut self.sink {
-            sink.write(notice.stamp_ns, &Log::new(notice.stamp_ns, level, "hmd", &notice.message))
-                .map_err(|source| ReplayError::Sink { path: path.clone(), source })?;
+            sink.write(
+                notice.stamp_ns,
+                &Log::new(notice.stamp_ns, level, "hmd", &notice.message),
+            )
+            .map_err(|source| ReplayError::Sink {
+                path: path.clone(),
+                source,
+            })?;
         }
         Ok(())
     }
@@ -256,6 +287,10 @@ impl<O: Observer> Run<'_, O> {
                 .and_then(|()| sink.finish().map(|_| ()))
                 .map_err(|source| ReplayError::Sink { path, source })?;
         }
-        Ok(Summary { status, actuators, windows: self.windows })
+        Ok(Summary {
+            status,
+            actuators,
+            windows: self.windows,
+        })
     }
 }

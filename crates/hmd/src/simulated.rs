@@ -26,7 +26,10 @@ impl SimulatedWindow {
     /// One actuation of a unit that is its type exactly, without noise.
     #[must_use]
     pub fn new(params: &ActuatorParams, truth: FaultVector, profile: Profile, seed: u64) -> Self {
-        Self::of(&Scenario { actuations: Actuations::one(profile), ..Scenario::new(*params, truth, seed) })
+        Self::of(&Scenario {
+            actuations: Actuations::one(profile),
+            ..Scenario::new(*params, truth, seed)
+        })
     }
 
     /// The first window of a scenario.
@@ -40,7 +43,10 @@ impl SimulatedWindow {
         Self {
             truth: scenario.fault,
             prepared: Prepared::new(&scenario.nominal, &samples[start..end], rest),
-            conditions: Conditions { load_torque: scenario.load_torque, v_dc: scenario.unit.motor.v_dc },
+            conditions: Conditions {
+                load_torque: scenario.load_torque,
+                v_dc: scenario.unit.motor.v_dc,
+            },
         }
     }
 }
@@ -51,5 +57,8 @@ fn trigger(samples: &[SensedSample]) -> usize {
         Setpoint::Position(angle) => angle,
         Setpoint::Idle | Setpoint::Speed(_) => 0.0,
     };
-    samples.iter().position(|s| (angle(s) - angle(&samples[0])).abs() > 1e-3).unwrap_or(0)
+    samples
+        .iter()
+        .position(|s| (angle(s) - angle(&samples[0])).abs() > 1e-3)
+        .unwrap_or(0)
 }

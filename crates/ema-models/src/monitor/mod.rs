@@ -11,11 +11,11 @@ pub use ripple::{RIPPLE_DEFAULT, RIPPLE_KNOTS, RIPPLE_SPACING};
 
 use crate::backlash::follow_through_play;
 use crate::control::{Ace, AceState, Encoder};
-use crate::recording::ComparedSample;
 use crate::frames::{abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc, gap_cosines, phase_shapes};
 use crate::friction::DryFriction;
 use crate::params::ActuatorParams;
 use crate::real::Real;
+use crate::recording::ComparedSample;
 use crate::unknowns::Unknowns;
 use crate::winding::{DerivedShape, PaperShape, Winding, derived_shape};
 use ripple::RippleCurve;
@@ -61,7 +61,12 @@ impl Calibration {
     /// A monitor of the given form as derived, without any correction.
     #[must_use]
     pub const fn none(form: Form) -> Self {
-        Self { form, back_emf: 1.0, torque: 1.0, ripple: RIPPLE_DEFAULT }
+        Self {
+            form,
+            back_emf: 1.0,
+            torque: 1.0,
+            ripple: RIPPLE_DEFAULT,
+        }
     }
 }
 
@@ -264,7 +269,12 @@ impl<R: Real> Monitor<R> {
             theta_m,
             omega_m: R::splat(initial.omega_m),
             theta_out: R::splat(0.5) * (lower + upper),
-            ace: self.ace.steady(q * self.torque_gain + self.integral, first.setpoint, count, R::splat(initial.omega_m)),
+            ace: self.ace.steady(
+                q * self.torque_gain + self.integral,
+                first.setpoint,
+                count,
+                R::splat(initial.omega_m),
+            ),
             i_ref: [d, q],
             gained: R::zero(),
             sin_cos,
@@ -315,7 +325,10 @@ impl<R: Real> Monitor<R> {
                     if control == 0 {
                         now
                     } else {
-                        self.encoder.counted(state.theta_out).max(now.min(next)).min(now.max(next))
+                        self.encoder
+                            .counted(state.theta_out)
+                            .max(now.min(next))
+                            .min(now.max(next))
                     }
                 }
             };

@@ -48,13 +48,21 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let calibration = calibrate_type(&args.actuator, &found.params, args.monitor, args.seed);
     let q = &calibration.quality;
     eprintln!("mean squared error of i_q, A²   before      after");
-    eprintln!("healthy                       {:.5}    {:.5}", q.healthy_before_a2, q.healthy_after_a2);
-    eprintln!("faulty                        {:.5}    {:.5}", q.faulty_before_a2, q.faulty_after_a2);
+    eprintln!(
+        "healthy                       {:.5}    {:.5}",
+        q.healthy_before_a2, q.healthy_after_a2
+    );
+    eprintln!(
+        "faulty                        {:.5}    {:.5}",
+        q.faulty_before_a2, q.faulty_after_a2
+    );
     std::fs::write(&args.output, calibration.emit()).with_context(|| args.output.display().to_string())?;
     Ok(Exit::Done)
 }
 
 pub(super) fn named_monitor(text: &str) -> Result<MonitorForm, String> {
     let found = MONITOR_NAMES.into_iter().find(|(name, _)| *name == text);
-    found.map(|(_, form)| form).ok_or_else(|| "expected three-phase, one-axis or paper".to_owned())
+    found
+        .map(|(_, form)| form)
+        .ok_or_else(|| "expected three-phase, one-axis or paper".to_owned())
 }

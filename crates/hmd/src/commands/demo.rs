@@ -58,8 +58,14 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     for n in 0..ACTUATIONS {
         let hours = n * HOURS_BETWEEN;
         let scenario = Scenario {
-            sensing: CurrentSensing { quantised: true, noise_rms: 0.02 },
-            actuations: Actuations { rest: 0.1, ..Actuations::one(Profile::Mixed) },
+            sensing: CurrentSensing {
+                quantised: true,
+                noise_rms: 0.02,
+            },
+            actuations: Actuations {
+                rest: 0.1,
+                ..Actuations::one(Profile::Mixed)
+            },
             ..Scenario::new(ActuatorParams::bench(), worn(n), mix(args.seed, &[n]))
         };
         let start_ns = EPOCH_NS + hours * 3_600_000_000_000;

@@ -68,13 +68,21 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             let bar = progress::over_pieces(160);
             let report = paper(&identifier, &args.actuator, args.seed, &|| bar.inc(1))?;
             bar.finish_and_clear();
-            say(&if args.json { serde_json::to_string(&report)? } else { paper_table(&report) })?;
+            say(&if args.json {
+                serde_json::to_string(&report)?
+            } else {
+                paper_table(&report)
+            })?;
         }
         Suite::Random => {
             let bar = progress::over_pieces(args.n);
             let report = random(&identifier, &args.actuator, args.n, args.seed, &|| bar.inc(1))?;
             bar.finish_and_clear();
-            say(&if args.json { serde_json::to_string(&report)? } else { random_table(&report) })?;
+            say(&if args.json {
+                serde_json::to_string(&report)?
+            } else {
+                random_table(&report)
+            })?;
         }
     }
     Ok(Exit::Done)
@@ -82,7 +90,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
 
 fn named_method(text: &str) -> Result<SearchMethod, String> {
     let found = SearchMethod::NAMES.into_iter().find(|(name, _)| *name == text);
-    found.map(|(_, method)| method).ok_or_else(|| "expected hybrid or ga".to_owned())
+    found
+        .map(|(_, method)| method)
+        .ok_or_else(|| "expected hybrid or ga".to_owned())
 }
 
 /// Mean and largest error of each group of cases, as a Markdown table.
@@ -97,8 +107,18 @@ fn paper_table(report: &PaperReport) -> String {
         let max = group.iter().map(|c| c.rss_pct).fold(0.0, f64::max);
         row(&group[0].name, mean(|c| c.rss_pct), max, mean(|c| c.eq15_pct));
     }
-    row("**all single faults**", report.single.mean_rss_pct, report.single.max_rss_pct, report.single.mean_eq15_pct);
-    row("**multiple faults**", report.multi.mean_rss_pct, report.multi.max_rss_pct, report.multi.mean_eq15_pct);
+    row(
+        "**all single faults**",
+        report.single.mean_rss_pct,
+        report.single.max_rss_pct,
+        report.single.mean_eq15_pct,
+    );
+    row(
+        "**multiple faults**",
+        report.multi.mean_rss_pct,
+        report.multi.max_rss_pct,
+        report.multi.mean_eq15_pct,
+    );
     text.truncate(text.trim_end().len());
     text
 }

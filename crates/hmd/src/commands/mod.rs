@@ -34,7 +34,11 @@ pub const BAD_CONFIG: u8 = 78;
 /// Exit code that belongs to an error.
 #[must_use]
 pub fn code_of(error: &anyhow::Error) -> u8 {
-    if error.downcast_ref::<ConfigError>().is_some() { BAD_CONFIG } else { FAILED }
+    if error.downcast_ref::<ConfigError>().is_some() {
+        BAD_CONFIG
+    } else {
+        FAILED
+    }
 }
 
 /// The configuration of a file, or the defaults.

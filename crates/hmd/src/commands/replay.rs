@@ -48,7 +48,12 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = Arc::new(load_config(args.config.as_deref())?);
     use_threads(args.threads.map(usize::from))?;
-    let total = args.logs.iter().filter_map(|log| log.metadata().ok()).map(|m| m.len()).sum();
+    let total = args
+        .logs
+        .iter()
+        .filter_map(|log| log.metadata().ok())
+        .map(|m| m.len())
+        .sum();
     let mut printer = Printer {
         json: args.json,
         timings: args.timings,
@@ -56,7 +61,12 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         since: Instant::now(),
         headed: false,
     };
-    let replay = Replay { logs: &args.logs, output: args.output.as_deref(), config, seed: args.seed };
+    let replay = Replay {
+        logs: &args.logs,
+        output: args.output.as_deref(),
+        config,
+        seed: args.seed,
+    };
     let summary = replay.run(&mut printer);
     printer.bar.finish_and_clear();
     let summary = summary?;
@@ -73,7 +83,10 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         bail!("{logs}: expected currents, position and command of one sample, found {decoded} frames that make none");
     }
     if summary.windows == 0 {
-        eprintln!("{logs}: expected an actuation, found none in {} samples", status.samples);
+        eprintln!(
+            "{logs}: expected an actuation, found none in {} samples",
+            status.samples
+        );
     }
     if summary.data_lost() {
         eprintln!(
@@ -111,13 +124,14 @@ impl Observer for Printer {
             (false, true) => format!("{} [{elapsed_ms:.0} ms]", health_row(&judged.health)),
         };
         let (json, headed) = (self.json, std::mem::replace(&mut self.headed, true));
-        self.bar.suspend(|| {
-            if !json && !headed {
-                say(HEALTH_HEAD)?;
-            }
-            say(&text)
-        })
-        .map_err(io::Error::other)?;
+        self.bar
+            .suspend(|| {
+                if !json && !headed {
+                    say(HEALTH_HEAD)?;
+                }
+                say(&text)
+            })
+            .map_err(io::Error::other)?;
         self.since = Instant::now();
         Ok(())
     }

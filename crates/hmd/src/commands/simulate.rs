@@ -8,13 +8,18 @@ use anyhow::{Context, bail};
 use ema_models::reference::{Actuations, CurrentSensing, Scenario};
 use ema_models::{FAULT_COUNT, FaultVector, Profile};
 use ema_wire::ActuatorId;
+use ema_wire::bus_load::bus_load;
 use serde::Serialize;
 
 use super::{Exit, load_config};
+use crate::config::LOAD_MAX;
 use crate::frame::BusNames;
 use crate::ingest::candump::{Decimals, emit};
 use crate::simulate::{EPOCH_NS, traffic};
 use crate::sink::{Sink, SyncedFile};
+
+/// Bit rate of the simulated bus.
+const BIT_RATE_BIT_S: f64 = 1e6;
 
 /// Name of the simulated interface.
 const INTERFACE: &str = "can0";
@@ -82,22 +87,44 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         params.sensors.sample_rate = rate;
         params = params.checked().context("--rate")?;
     }
+    let load = bus_load(params.sensors.sample_rate, 1, BIT_RATE_BIT_S);
+    if load > LOAD_MAX {
+        bail!(
+            "--rate: expected at most {:.0} % of a 1 Mbit/s bus, found {:.0} %",
+            100.0 * LOAD_MAX,
+            100.0 * load
+        );
+    }
     let fault = fault_vector(args)?;
-    let sensing = CurrentSensing { quantised: args.noise > 0.0, noise_rms: args.noise };
+    let sensing = CurrentSensing {
+        quantised: args.noise > 0.0,
+        noise_rms: args.noise,
+    };
     let scenario = Scenario {
         load_torque: args.load,
         sensing,
-        actuations: Actuations { profile: args.profile, count: args.windows, rest: 0.5, length: 0.5 },
+        actuations: Actuations {
+            profile: args.profile,
+            count: args.windows,
+            rest: 0.5,
+            length: 0.5,
+        },
         ..Scenario::new(params, fault, args.seed)
     };
-    let Some(actuator) = ActuatorId::new(args.id) else { bail!("--id: expected 0 to 15, found {}", args.id) };
+    let Some(actuator) = ActuatorId::new(args.id) else {
+        bail!("--id: expected 0 to 15, found {}", args.id)
+    };
     write_log(&args.output, &scenario, actuator)?;
 
     let name = actuator.to_string();
     let truth_path = truth_path(&args.output);
     let mut truth = BufWriter::new(create(&truth_path)?);
     for window in 0..args.windows {
-        let line = Truth { actuator: &name, window, k: fault.to_array() };
+        let line = Truth {
+            actuator: &name,
+            window,
+            k: fault.to_array(),
+        };
         writeln!(truth, "{}", serde_json::to_string(&line)?).with_context(|| truth_path.display().to_string())?;
     }
     truth.flush().with_context(|| truth_path.display().to_string())?;
@@ -151,16 +178,22 @@ fn write_log(path: &Path, scenario: &Scenario, actuator: ActuatorId) -> anyhow::
 fn fault_vector(args: &Args) -> anyhow::Result<FaultVector> {
     let mut k = FaultVector::NOMINAL.to_array();
     if !args.k.is_empty() {
-        k = args.k.as_slice().try_into().map_err(|_| {
-            anyhow::anyhow!("--k: expected {FAULT_COUNT} numbers, found {}", args.k.len())
-        })?;
+        k = args
+            .k
+            .as_slice()
+            .try_into()
+            .map_err(|_| anyhow::anyhow!("--k: expected {FAULT_COUNT} numbers, found {}", args.k.len()))?;
     }
     for &(index, value) in &args.fault {
         k[index] = value;
     }
     let fault = FaultVector::from_array(k);
     if let Some(p) = (0..FAULT_COUNT).find(|&p| !(0.0..=1.0).contains(&k[p])) {
-        bail!("{}: expected a number from 0 to 1, found {}", FaultVector::NAMES[p], k[p]);
+        bail!(
+            "{}: expected a number from 0 to 1, found {}",
+            FaultVector::NAMES[p],
+            k[p]
+        );
     }
     Ok(fault)
 }
@@ -168,19 +201,38 @@ fn fault_vector(args: &Args) -> anyhow::Result<FaultVector> {
 fn named_fault(text: &str) -> Result<(usize, f64), String> {
     let (name, value) = text.split_once('=').ok_or("expected NAME=K")?;
     let names = FaultVector::NAMES;
-    let index = names.iter().position(|n| *n == name).ok_or_else(|| format!("expected one of {}", names.join(", ")))?;
-    Ok((index, value.parse().map_err(|_| format!("expected a number, found {value:?}"))?))
+    let index = names
+        .iter()
+        .position(|n| *n == name)
+        .ok_or_else(|| format!("expected one of {}", names.join(", ")))?;
+    Ok((
+        index,
+        value
+            .parse()
+            .map_err(|_| format!("expected a number, found {value:?}"))?,
+    ))
 }
 
 pub(super) fn named_profile(text: &str) -> Result<Profile, String> {
     let found = Profile::NAMES.into_iter().find(|(name, _)| *name == text);
-    found.map(|(_, profile)| profile).ok_or_else(|| "expected step, ramp, chirp or mixed".to_owned())
+    found
+        .map(|(_, profile)| profile)
+        .ok_or_else(|| "expected step, ramp, chirp or mixed".to_owned())
 }
 
 fn finite(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| "expected a finite number".to_owned())
+    text.parse()
+        .ok()
+        .filter(|x: &f64| x.is_finite())
+        .ok_or_else(|| "expected a finite number".to_owned())
 }
 
 fn not_negative(text: &str) -> Result<f64, String> {
-    finite(text).and_then(|x| if x >= 0.0 { Ok(x) } else { Err("expected a number not below 0".to_owned()) })
+    finite(text).and_then(|x| {
+        if x >= 0.0 {
+            Ok(x)
+        } else {
+            Err("expected a number not below 0".to_owned())
+        }
+    })
 }

@@ -3,11 +3,15 @@
 use crate::record;
 
 /// Head of the table that [`health_row`] fills.
-pub(super) const HEALTH_HEAD: &str = "actuator window status   health   friction backlash short A short B short C eccentr.    gain  faults";
+pub(super) const HEALTH_HEAD: &str =
+    "actuator window status   health   friction backlash short A short B short C eccentr.    gain  faults";
 
 /// One window: damage of each fault in percent with its 95 % half width, a dot where the window does not show it.
 pub(super) fn health_row(health: &record::Health) -> String {
-    let mut row = format!("{:<8} {:>6} {:<8} {:<8}", health.actuator, health.window, health.status, health.health);
+    let mut row = format!(
+        "{:<8} {:>6} {:<8} {:<8}",
+        health.actuator, health.window, health.status, health.health
+    );
     let damage = [
         health.damage_friction,
         health.damage_backlash,

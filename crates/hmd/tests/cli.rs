@@ -1,0 +1,644 @@
+//! The command as a shell sees it: exit codes, one clear sentence for each failure, the same bytes for the same input.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+use tempfile::TempDir;
+
+/// A working directory of its own; commands run in it, so that messages name files as given.
+struct Folder(TempDir);
+
+/// How a command ended.
+struct Ended {
+    code: i32,
+    stdout: String,
+    stderr: String,
+}
+
+impl Folder {
+    fn new() -> Self {
+        Self(tempfile::tempdir().expect("a temporary directory"))
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn read(&self, name: &str) -> Vec<u8> {
+        fs::read(self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+    }
+
+    fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+        fs::write(self.path(name), content).unwrap_or_else(|e| panic!("{name}: {e}"));
+    }
+
+    fn write_lines(&self, name: &str, lines: impl IntoIterator<Item = impl AsRef<str>>) {
+        let text: String = lines.into_iter().map(|line| format!("{}\n", line.as_ref())).collect();
+        self.write(name, text);
+    }
+
+    /// The command for a line of arguments, with a backtrace wanted, so that a panic would show one.
+    fn command(&self, line: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_hmd"));
+        command.args(line.split_whitespace()).current_dir(self.0.path());
+        command.env("RUST_BACKTRACE", "1").stdin(Stdio::null());
+        command
+    }
+
+    fn hmd(&self, line: &str) -> Ended {
+        let output = self.command(line).output().expect("hmd starts");
+        let text = |bytes| String::from_utf8(bytes).expect("hmd prints UTF-8");
+        let (stdout, stderr) = (text(output.stdout), text(output.stderr));
+        let code = output
+            .status
+            .code()
+            .unwrap_or_else(|| panic!("hmd {line}: {}", output.status));
+        assert!(
+            !stderr.contains("panicked") && !stderr.contains("backtrace"),
+            "hmd {line}:\n{stderr}"
+        );
+        Ended { code, stdout, stderr }
+    }
+
+    /// A command that does its work and loses nothing; returns what it printed.
+    fn done(&self, line: &str) -> String {
+        let ended = self.hmd(line);
+        assert_eq!(ended.code, 0, "hmd {line}: {}", ended.stderr);
+        ended.stdout
+    }
+
+    /// A command that is refused with a code and one sentence, and prints no record.
+    fn refused(&self, line: &str, code: i32) -> String {
+        let ended = self.hmd(line);
+        assert_eq!(ended.code, code, "hmd {line}: {}", ended.stderr);
+        assert_eq!(ended.stderr.lines().count(), 1, "hmd {line}: {}", ended.stderr);
+        assert!(ended.stdout.is_empty(), "hmd {line}: {}", ended.stdout);
+        ended.stderr.trim_end().to_owned()
+    }
+
+    /// A command whose arguments are refused; the parser of arguments adds a hint on further lines.
+    fn misused(&self, line: &str) -> String {
+        let ended = self.hmd(line);
+        // What the parser cannot know (how many numbers, which rates) is found later, and reported as a failure.
+        assert!([1, 2].contains(&ended.code), "hmd {line}: exit code {}", ended.code);
+        assert!(ended.stdout.is_empty(), "hmd {line}: {}", ended.stdout);
+        ended.stderr.lines().next().unwrap_or_default().to_owned()
+    }
+
+    /// A healthy unit's actuation at 400 Hz as candump text, line by line: 600 samples, the trigger at sample 200.
+    fn actuation(&self) -> Vec<String> {
+        self.done("simulate -o actuation.log --rate 400 --seed 5");
+        String::from_utf8(self.read("actuation.log"))
+            .expect("text")
+            .lines()
+            .map(str::to_owned)
+            .collect()
+    }
+}
+
+impl Ended {
+    /// The only record, which must be there.
+    fn record(&self) -> serde_json::Value {
+        assert_eq!(self.stdout.lines().count(), 1, "{}{}", self.stdout, self.stderr);
+        serde_json::from_str(&self.stdout).expect("a line of JSON")
+    }
+}
+
+/// Index of the first line of sample n: its currents frame.
+fn line_of_sample(lines: &[String], n: usize) -> usize {
+    let currents = lines.iter().enumerate().filter(|(_, line)| line.contains(" 100#"));
+    currents.map(|(index, _)| index).nth(n).expect("so many samples")
+}
+
+/// A candump line with another stamp, µs later (or earlier).
+fn shifted(line: &str, by_us: i64) -> String {
+    let (stamp, rest) = line.split_once(')').expect("a stamp");
+    let stamp = stamp
+        .trim_start_matches('(')
+        .replace('.', "")
+        .parse::<i64>()
+        .expect("a number")
+        + by_us;
+    format!("({}.{:06}){rest}", stamp / 1_000_000, stamp % 1_000_000)
+}
+
+#[test]
+fn without_a_verb_or_with_an_unknown_one_the_usage_is_shown() {
+    let folder = Folder::new();
+    for line in [
+        "",
+        "nonsense",
+        "replay",
+        "simulate",
+        "replay --nonsense",
+        "replay a.log --threads 0",
+        "evaluate nonsense",
+    ] {
+        let ended = folder.hmd(line);
+        assert_eq!(ended.code, 2, "hmd {line}: {}", ended.stderr);
+        assert!(
+            ended.stdout.is_empty() && ended.stderr.contains("help"),
+            "hmd {line}: {}",
+            ended.stderr
+        );
+    }
+    assert!(folder.done("--help").contains("Exit codes: 0 done, 1 failed, 2 usage"));
+    assert!(folder.done("--version").starts_with("hmd "));
+}
+
+#[test]
+fn a_bad_value_of_an_argument_is_named_and_nothing_is_written() {
+    let folder = Folder::new();
+    for (arguments, expected) in [
+        ("--k 0,0,0,0,0,0,0.5", "--k: expected 8 numbers, found 7"),
+        ("--k 0,0,0,0,0,0,0.5,0.5,0", "--k: expected 8 numbers, found 9"),
+        ("--k 0,0,x,0,0,0,0.5,0.5", "invalid value 'x' for '--k"),
+        (
+            "--k 0,0,2,0,0,0,0.5,0.5",
+            "short_a: expected a number from 0 to 1, found 2",
+        ),
+        (
+            "--fault nonsense=1",
+            "invalid value 'nonsense=1' for '--fault <NAME=K>': expected one of friction, backlash,",
+        ),
+        (
+            "--fault friction",
+            "invalid value 'friction' for '--fault <NAME=K>': expected NAME=K",
+        ),
+        ("--fault friction=much", "expected a number, found \"much\""),
+        (
+            "--fault friction=NaN",
+            "friction: expected a number from 0 to 1, found NaN",
+        ),
+        (
+            "--fault friction=1.5",
+            "friction: expected a number from 0 to 1, found 1.5",
+        ),
+        ("--rate 333", "--rate: "),
+        ("--rate NaN", "expected a number from 50 to 20000"),
+        ("--rate 1e9", "expected a number from 50 to 20000"),
+        ("--load inf", "expected a finite number"),
+        ("--noise -1", "'-1'"),
+        ("--windows 0", "'--windows <WINDOWS>'"),
+        ("--profile nonsense", "expected step, ramp, chirp or mixed"),
+        ("--actuator nonsense", "--actuator: expected a type, found \"nonsense\""),
+        ("--id 16", "'--id <ID>'"),
+        ("--seed x", "'--seed <SEED>'"),
+    ] {
+        let sentence = folder.misused(&format!("simulate -o out.log {arguments}"));
+        assert!(sentence.contains(expected), "{arguments}: {sentence}");
+        assert!(!folder.path("out.log").exists(), "{arguments}: a log was written");
+    }
+    let sentence = folder.misused("simulate -o out.txt");
+    assert!(
+        sentence.ends_with("out.txt: expected a name that ends in .mcap or .log"),
+        "{sentence}"
+    );
+}
+
+#[test]
+fn a_file_that_is_no_log_is_refused_in_one_sentence() {
+    let folder = Folder::new();
+    fs::create_dir(folder.path("folder")).expect("a folder");
+    folder.write("empty.log", "");
+    folder.write("text.log", "Dear reader,\nthis is no log.\n");
+    folder.write("zeros.log", [0; 4096]);
+    let noise: Vec<u8> = (0..100_000_u32)
+        .map(|n| (n.wrapping_mul(2_654_435_761) >> 24) as u8)
+        .collect();
+    folder.write("noise.mcap", noise);
+    folder.write("foreign.mcap", foreign_mcap());
+    for (log, expected) in [
+        (
+            "none.log",
+            "expected a readable file, found: No such file or directory (os error 2)",
+        ),
+        ("folder", "expected a file, found a directory"),
+        ("empty.log", "expected a candump or MCAP log, found an empty file"),
+        (
+            "text.log",
+            "expected a candump or MCAP log, found no valid line in 2; the first: text.log:1: expected a stamp \
+             \"(seconds.fraction)\" with 6 or 9 decimals, found \"Dear\"",
+        ),
+        (
+            "zeros.log",
+            "expected a candump or MCAP log, found binary data starting with \"\\x00",
+        ),
+        ("noise.mcap", "expected a candump or MCAP log, found no valid line in "),
+        (
+            "foreign.mcap",
+            "expected raw frames (schema hmd.v1.RawBatch) on topics /bus/<interface>/raw, found only /camera",
+        ),
+    ] {
+        let sentence = folder.refused(&format!("replay --json {log}"), 1);
+        assert!(sentence.starts_with(&format!("hmd: {log}: {expected}")), "{sentence}");
+    }
+}
+
+/// An MCAP file that another program made, in whole.
+fn foreign_mcap() -> Vec<u8> {
+    let mut file = std::io::Cursor::new(Vec::new());
+    let mut writer = mcap::Writer::new(&mut file).expect("a writer");
+    let schema = writer
+        .add_schema("foreign.Image", "jsonschema", b"{}")
+        .expect("a schema");
+    let channel = writer
+        .add_channel(schema, "/camera", "json", &BTreeMap::new())
+        .expect("a channel");
+    let header = mcap::records::MessageHeader {
+        channel_id: channel,
+        sequence: 0,
+        log_time: 1,
+        publish_time: 1,
+    };
+    writer.write_to_known_channel(&header, b"{}").expect("a message");
+    writer.finish().expect("a footer");
+    drop(writer);
+    file.into_inner()
+}
+
+#[test]
+fn a_log_without_what_is_needed_says_what_is_missing() {
+    let folder = Folder::new();
+    let lines = folder.actuation();
+    folder.write_lines(
+        "unknown.log",
+        lines.iter().map(|line| format!("{} can0 7FF#0011", &line[..19])),
+    );
+    let sentence = folder.refused("replay --json unknown.log", 1);
+    let expected = format!(
+        "hmd: unknown.log: expected frames of an actuator, found none ({} other frames)",
+        lines.len()
+    );
+    assert_eq!(sentence, expected);
+
+    folder.write_lines("half.log", lines.iter().filter(|line| !line.contains(" 101#")));
+    let sentence = folder.refused("replay --json half.log", 1);
+    assert!(
+        sentence.starts_with("hmd: half.log: expected currents, position and command of one sample"),
+        "{sentence}"
+    );
+
+    // Whole samples and no actuation is no failure: the actuator just rested.
+    folder.write_lines("rest.log", &lines[..line_of_sample(&lines, 150)]);
+    let ended = folder.hmd("replay --json rest.log");
+    assert_eq!((ended.code, ended.stdout.as_str()), (0, ""), "{}", ended.stderr);
+    assert!(
+        ended
+            .stderr
+            .ends_with("rest.log: expected an actuation, found none in 150 samples\n"),
+        "{}",
+        ended.stderr
+    );
+}
+
+#[test]
+fn a_gap_degrades_the_window_or_makes_it_invalid_and_ends_in_data_loss() {
+    let folder = Folder::new();
+    let lines = folder.actuation();
+    let without = |name: &str, first: usize, count: usize| {
+        let (from, to) = (line_of_sample(&lines, first), line_of_sample(&lines, first + count));
+        folder.write_lines(name, lines[..from].iter().chain(&lines[to..]));
+        let ended = folder.hmd(&format!("replay --json {name}"));
+        assert_eq!(ended.code, 3, "{}", ended.stderr);
+        assert!(
+            ended.stderr.contains(&format!("{name}: data lost: ")),
+            "{}",
+            ended.stderr
+        );
+        assert!(ended.stderr.contains(&format!(" {count} samples")), "{}", ended.stderr);
+        ended.record()
+    };
+    let short = without("short.log", 330, 2);
+    assert_eq!(short["status"], "degraded");
+    assert!(
+        short["k"].is_array() && short["faults"].as_array().is_some_and(Vec::is_empty),
+        "{short}"
+    );
+
+    let long = without("long.log", 330, 20);
+    assert_eq!(
+        (&long["status"], &long["health"]),
+        (&"invalid".into(), &"unknown".into())
+    );
+    assert!(
+        long["k"].is_null() && long["faults"].as_array().is_some_and(Vec::is_empty),
+        "{long}"
+    );
+    assert_eq!(long["reason"], "gap: 20 samples unusable, 20 in a row");
+}
+
+#[test]
+fn an_unreadable_line_and_a_short_frame_are_counted() {
+    let folder = Folder::new();
+    let mut lines = folder.actuation();
+    lines.truncate(line_of_sample(&lines, 100));
+    let short = line_of_sample(&lines, 50);
+    let line = &mut lines[short];
+    line.truncate(line.len() - 2);
+    lines.insert(10, "garbage".to_owned());
+    folder.write_lines("bad.log", &lines);
+    let ended = folder.hmd("replay --json bad.log");
+    assert_eq!((ended.code, ended.stdout.as_str()), (3, ""), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("bad.log:11: expected a stamp"),
+        "{}",
+        ended.stderr
+    );
+    assert!(
+        ended
+            .stderr
+            .contains("data lost: 1 unreadable lines, 0 frames in damaged chunks, 1 malformed frames, 1 samples")
+    );
+}
+
+#[test]
+fn stamps_that_step_back_do_not_stop_the_monitoring() {
+    let folder = Folder::new();
+    let lines = folder.actuation();
+    // The host's clock is set back by two seconds between two samples, before the window.
+    let step = line_of_sample(&lines, 150);
+    let stepped = lines.iter().enumerate();
+    folder.write_lines(
+        "step.log",
+        stepped.map(|(n, line)| shifted(line, if n < step { 0 } else { -2_000_000 })),
+    );
+    let ended = folder.hmd("replay --json step.log");
+    assert!([0, 3].contains(&ended.code), "{}", ended.stderr);
+    let record = ended.record();
+    assert!(record["k"].is_array() && record["health"] == "nominal", "{record}");
+}
+
+#[test]
+fn a_log_in_reversed_order_is_never_judged() {
+    let folder = Folder::new();
+    let lines = folder.actuation();
+    folder.write_lines("reversed.log", lines.iter().rev());
+    let ended = folder.hmd("replay --json reversed.log");
+    assert!(ended.stderr.contains("reversed.log: "), "{}", ended.stderr);
+    for line in ended.stdout.lines() {
+        assert!(line.contains("\"status\":\"invalid\""), "{line}");
+    }
+}
+
+#[test]
+#[ignore = "frames that come late or in another order are dropped uncounted"]
+fn frames_dropped_for_their_order_are_data_loss() {
+    let folder = Folder::new();
+    let lines = folder.actuation();
+    folder.write_lines("reversed.log", lines.iter().rev());
+    assert_eq!(folder.hmd("replay --json reversed.log").code, 3);
+}
+
+#[test]
+fn a_cut_mcap_gives_what_is_whole_and_ends_in_data_loss() {
+    let folder = Folder::new();
+    folder.done("simulate -o whole.mcap --rate 400 --seed 5");
+    let whole = folder.read("whole.mcap");
+    // Without its end only the index is missing: the one chunk of this file is whole.
+    folder.write("cut.mcap", &whole[..whole.len() - 20]);
+    let ended = folder.hmd("replay --json cut.mcap");
+    assert_eq!(ended.code, 3, "{}", ended.stderr);
+    assert!(ended.stderr.contains("cut.mcap: at byte "), "{}", ended.stderr);
+    assert!(
+        ended
+            .stderr
+            .contains("found the end of the file: it was cut or never finished"),
+        "{}",
+        ended.stderr
+    );
+    assert_eq!(ended.stdout, folder.done("replay --json whole.mcap"));
+
+    folder.write("stump.mcap", &whole[..whole.len() / 2]);
+    let sentence = folder.refused("replay --json stump.mcap", 1);
+    assert!(
+        sentence.starts_with("hmd: stump.mcap: expected raw frames") && sentence.contains("it was cut"),
+        "{sentence}"
+    );
+
+    // A damaged chunk has another checksum, and is not used.
+    let mut damaged = whole.clone();
+    damaged[whole.len() / 3] ^= 0x10;
+    folder.write("damaged.mcap", damaged);
+    let sentence = folder.refused("replay --json damaged.mcap", 1);
+    assert!(sentence.starts_with("hmd: damaged.mcap: "), "{sentence}");
+}
+
+#[test]
+fn a_bad_configuration_is_code_78_with_line_key_expected_and_found() {
+    let folder = Folder::new();
+    folder.write("any.log", "");
+    for (text, expected) in [
+        (
+            "[health]\nwatch = nan\n",
+            "bad.toml:2: health.watch: expected a number from 0.001 to 1, found nan",
+        ),
+        (
+            "[health]\nwatch = 1e300\n",
+            "bad.toml:2: health.watch: expected a number from 0.001 to 1, found 1e300",
+        ),
+        (
+            "[health]\nwatch = \"often\"\n",
+            "bad.toml:2: health.watch: expected a number from 0.001 to 1, found \"often\"",
+        ),
+        (
+            "\n[health]\nwotch = 0.1\n",
+            "bad.toml:3: health.wotch: unknown key; did you mean watch?",
+        ),
+        ("[health\n", "bad.toml:1: not valid TOML: "),
+        (
+            "[type.bench.motor]\ninertia_kg_m2 = -1.0\n",
+            "bad.toml:2: type.bench.motor.inertia_kg_m2: expected ",
+        ),
+        (
+            "[type.bench.sensors]\nsample_rate_hz = 333.0\n",
+            "bad.toml:2: type.bench.sensors.sample_rate_hz: expected ",
+        ),
+    ] {
+        folder.write("bad.toml", text);
+        for verb in ["check-config", "replay any.log", "simulate -o out.log"] {
+            let sentence = folder.refused(&format!("{verb} -c bad.toml"), 78);
+            assert!(sentence.starts_with(&format!("hmd: {expected}")), "{sentence}");
+        }
+    }
+    let sentence = folder.refused("check-config -c none.toml", 78);
+    assert!(sentence.starts_with("hmd: none.toml: cannot be read: "), "{sentence}");
+    folder.write("good.toml", "[health]\nwatch = 0.1\n");
+    assert!(folder.done("check-config -c good.toml").contains("0.1"));
+    assert!(!folder.done("check-config").is_empty());
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_named() {
+    let folder = Folder::new();
+    folder.actuation();
+    fs::create_dir(folder.path("folder.mcap")).expect("a folder");
+    for output in ["none/out.mcap", "folder.mcap"] {
+        for verb in ["replay --json actuation.log", "simulate", "demo"] {
+            let sentence = folder.refused(&format!("{verb} -o {output}"), 1);
+            assert!(sentence.starts_with(&format!("hmd: {output}: ")), "{sentence}");
+        }
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_fails() {
+    let folder = Folder::new();
+    for name in ["full.log", "full.mcap"] {
+        std::os::unix::fs::symlink("/dev/full", folder.path(name)).expect("a link");
+        let sentence = folder.refused(&format!("simulate -o {name} --rate 400"), 1);
+        assert!(sentence.contains("No space left on device"), "{sentence}");
+    }
+    let stdout = fs::File::options().write(true).open("/dev/full").expect("/dev/full");
+    let ended = folder
+        .command("check-config")
+        .stdout(stdout)
+        .output()
+        .expect("hmd starts");
+    assert_eq!(ended.status.code(), Some(1));
+}
+
+#[test]
+#[ignore = "some errors print their cause twice, and the MCAP writer of simulate and demo does not name the file"]
+fn a_sentence_says_each_thing_once_and_names_the_file() {
+    let folder = Folder::new();
+    folder.actuation();
+    for (line, code, file) in [
+        ("check-config -c none.toml", 78, "none.toml"),
+        ("replay --json actuation.log -o none/out.mcap", 1, "none/out.mcap"),
+        ("replay --json actuation.log -o /dev/full", 1, "/dev/full"),
+    ] {
+        let sentence = folder.refused(line, code);
+        assert!(sentence.starts_with(&format!("hmd: {file}: ")), "{sentence}");
+        assert_eq!(sentence.matches("(os error").count(), 1, "{sentence}");
+    }
+}
+
+#[test]
+#[ignore = "replay truncates an input that is given as its output too"]
+fn a_log_is_never_overwritten_by_its_own_replay() {
+    let folder = Folder::new();
+    folder.actuation();
+    let before = folder.read("actuation.log");
+    folder.refused("replay --json actuation.log -o ./actuation.log", 1);
+    assert_eq!(folder.read("actuation.log"), before);
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_failure() {
+    let folder = Folder::new();
+    folder.actuation();
+    for line in ["replay --json actuation.log", "replay actuation.log", "check-config"] {
+        let mut child = folder
+            .command(line)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("hmd starts");
+        drop(child.stdout.take());
+        let ended = child.wait_with_output().expect("hmd ends");
+        let stderr = String::from_utf8_lossy(&ended.stderr);
+        assert_eq!(ended.status.code(), Some(0), "hmd {line}: {stderr}");
+        assert!(!stderr.contains("panicked"), "hmd {line}: {stderr}");
+    }
+}
+
+#[test]
+#[ignore = "a closed stdout ends replay at once, and its output file stays unfinished"]
+fn a_reader_that_goes_away_leaves_a_whole_output_file() {
+    let folder = Folder::new();
+    folder.actuation();
+    folder.done("replay --json actuation.log -o undisturbed.mcap");
+    let mut child = folder
+        .command("replay --json actuation.log -o out.mcap")
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("hmd");
+    drop(child.stdout.take());
+    child.wait().expect("hmd ends");
+    assert_eq!(folder.read("out.mcap"), folder.read("undisturbed.mcap"));
+}
+
+#[test]
+fn one_run_gives_the_same_lines_from_text_and_mcap_on_any_number_of_threads() {
+    let folder = Folder::new();
+    for log in ["run.log", "run.mcap"] {
+        folder.done(&format!(
+            "simulate -o {log} --rate 400 --windows 2 --fault friction=0.3 --noise 0.05 --seed 9"
+        ));
+    }
+    assert_eq!(folder.read("run.log.truth.jsonl"), folder.read("run.mcap.truth.jsonl"));
+
+    let lines = folder.done("replay --json run.log --threads 1 -o one.mcap");
+    assert_eq!(lines.lines().count(), 2);
+    for line in lines.lines() {
+        let record: serde_json::Value = serde_json::from_str(line).expect("a line of JSON");
+        assert_eq!(
+            (&record["status"], &record["faults"]),
+            (&"ok".into(), &["friction"].as_slice().into()),
+            "{line}"
+        );
+    }
+    assert_eq!(folder.done("replay --json run.mcap --threads 4"), lines);
+
+    // Truth is for `evaluate` alone.
+    fs::remove_file(folder.path("run.log.truth.jsonl")).expect("a truth file");
+    assert_eq!(folder.done("replay --json run.log --threads 4 -o four.mcap"), lines);
+    assert!(
+        folder.read("one.mcap") == folder.read("four.mcap"),
+        "the output files differ"
+    );
+
+    // The output holds the frames as they came.
+    assert_eq!(folder.done("replay --json four.mcap"), lines);
+}
+
+#[test]
+fn the_same_seed_simulates_the_same_bytes() {
+    let folder = Folder::new();
+    for (name, seed) in [("a", 1), ("b", 1), ("c", 2)] {
+        for kind in ["log", "mcap"] {
+            folder.done(&format!(
+                "simulate -o {name}.{kind} --rate 400 --noise 0.05 --seed {seed}"
+            ));
+        }
+    }
+    for kind in ["log", "mcap"] {
+        let [a, b, c] = ["a", "b", "c"].map(|name| folder.read(&format!("{name}.{kind}")));
+        assert!(a == b && a != c, "{kind}");
+    }
+}
+
+#[test]
+fn a_json_line_has_the_documented_keys_in_order() {
+    let folder = Folder::new();
+    folder.actuation();
+    let line = folder.done("replay --json actuation.log");
+    let mut at = 0;
+    for key in [
+        "actuator",
+        "window",
+        "t_start_ns",
+        "status",
+        "k",
+        "sigma",
+        "observable",
+        "cost",
+        "residual_rms_a",
+        "evaluations",
+        "health",
+        "faults",
+        "rul_h",
+        "rul_cycles",
+    ] {
+        let found = line[at..]
+            .find(&format!("\"{key}\":"))
+            .unwrap_or_else(|| panic!("{key} is not in its place: {line}"));
+        at += found;
+    }
+    let timed = folder.done("replay --json --timings actuation.log");
+    assert!(timed.contains("elapsed_ms") && !line.contains("elapsed_ms"));
+}

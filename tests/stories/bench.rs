@@ -1,0 +1,104 @@
+//! Actuators on the bench: their traffic, and the whole chain from frames to records, in virtual time.
+
+use std::sync::Arc;
+
+use ema_models::reference::{Actuations, CurrentSensing, Scenario};
+use ema_models::{ActuatorParams, FaultVector, Profile};
+use ema_wire::ActuatorId;
+use hmd::config::Config;
+use hmd::frame::{BusNames, RawFrame};
+use hmd::front::{FrameCounts, Front};
+use hmd::judge::{Judge, Judged};
+use hmd::simulate::{EPOCH_NS, traffic};
+
+/// A `bench` unit at 400 Hz with 12-bit converters and 50 mA rms of noise, one mixed actuation after 60 ms of rest.
+pub(crate) fn unit(fault: FaultVector, seed: u64) -> Scenario {
+    let mut params = ActuatorParams::bench();
+    params.sensors.sample_rate = 400.0;
+    Scenario {
+        sensing: CurrentSensing {
+            quantised: true,
+            noise_rms: 0.05,
+        },
+        actuations: Actuations {
+            rest: 0.06,
+            ..Actuations::one(Profile::Mixed)
+        },
+        ..Scenario::new(params, fault, seed)
+    }
+}
+
+/// Frames of a unit from the epoch on, on bus 0.
+pub(crate) fn frames(scenario: &Scenario, actuator: u8) -> Vec<RawFrame> {
+    let id = ActuatorId::new(actuator).expect("0 to 15");
+    traffic(scenario, id, EPOCH_NS).collect()
+}
+
+/// What came of some frames.
+pub(crate) struct Outcome {
+    /// Records of all windows, in order.
+    pub(crate) windows: Vec<Judged>,
+    /// Frames by what became of them.
+    pub(crate) frames: FrameCounts,
+    /// Samples missing by their counters.
+    pub(crate) lost: u64,
+}
+
+/// The whole chain over one stream of frames, with default settings.
+pub(crate) fn watch(frames: impl IntoIterator<Item = RawFrame>) -> Outcome {
+    watch_all([frames])
+}
+
+/// The same over one stream after the other, each to its end, as the logs of several sorties.
+pub(crate) fn watch_all(streams: impl IntoIterator<Item = impl IntoIterator<Item = RawFrame>>) -> Outcome {
+    let config = Arc::new(Config::default());
+    let mut names = BusNames::new();
+    names.intern("can0").expect("room for one interface");
+    let (mut front, mut judge) = (Front::new(config.clone()), Judge::new(config, 1));
+    let (mut ended, mut windows) = (Vec::new(), Vec::new());
+    for stream in streams {
+        for frame in stream {
+            front.push(&frame, &names, &mut ended);
+            windows.extend(
+                ended
+                    .drain(..)
+                    .map(|job| judge.judge(&job).expect("a usable configuration")),
+            );
+        }
+        front.finish(&mut ended);
+        windows.extend(
+            ended
+                .drain(..)
+                .map(|job| judge.judge(&job).expect("a usable configuration")),
+        );
+    }
+    // The default type is sampled at 2 kHz; nothing else may be worth a notice.
+    assert!(
+        front
+            .take_notices()
+            .iter()
+            .all(|notice| notice.message.contains("found 400.0")),
+        "other notices"
+    );
+    Outcome {
+        windows,
+        frames: front.counts(),
+        lost: front.actuators().map(|(_, _, lost)| lost).sum(),
+    }
+}
+
+impl Outcome {
+    /// The only window.
+    pub(crate) fn window(&self) -> &Judged {
+        assert_eq!(self.windows.len(), 1, "windows");
+        &self.windows[0]
+    }
+
+    /// Names of the detected faults, per window.
+    pub(crate) fn faults(&self) -> Vec<&str> {
+        self.windows
+            .iter()
+            .map(|judged| judged.health.faults.as_str())
+            .collect()
+    }
+}

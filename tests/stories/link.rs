@@ -1,0 +1,50 @@
+//! What a link does to frames on their way: seeded, and reproducible by the seed alone.
+
+use hmd::frame::RawFrame;
+use hmd::seed::mix;
+
+/// Each frame is lost with this probability.
+pub(crate) fn drop_frames(frames: Vec<RawFrame>, probability: f64, seed: u64) -> Vec<RawFrame> {
+    let kept = |n: usize| uniform(seed, n) >= probability;
+    frames
+        .into_iter()
+        .enumerate()
+        .filter(|(n, _)| kept(*n))
+        .map(|(_, frame)| frame)
+        .collect()
+}
+
+/// Each frame arrives twice with this probability: CAN repeats one whose end only the sender saw disturbed.
+pub(crate) fn repeat_frames(frames: Vec<RawFrame>, probability: f64, seed: u64) -> Vec<RawFrame> {
+    let copies = |n: usize| if uniform(seed, n) < probability { 2 } else { 1 };
+    frames
+        .into_iter()
+        .enumerate()
+        .flat_map(|(n, frame)| std::iter::repeat_n(frame, copies(n)))
+        .collect()
+}
+
+/// The receiver's clock runs at another rate than the device's, and each stamp is up to `jitter_ns` late.
+pub(crate) fn drift(mut frames: Vec<RawFrame>, parts_per_million: f64, jitter_ns: u64, seed: u64) -> Vec<RawFrame> {
+    let Some(first_ns) = frames.first().map(|frame| frame.stamp_ns) else {
+        return frames;
+    };
+    for (n, frame) in frames.iter_mut().enumerate() {
+        let since_first = (frame.stamp_ns - first_ns) as f64 * (1.0 + parts_per_million * 1e-6);
+        let late = uniform(seed, n) * jitter_ns as f64;
+        frame.stamp_ns = first_ns + (since_first + late).round() as u64;
+    }
+    frames
+}
+
+/// Two devices on one bus: by stamp, the first one's frame first where both have the same.
+pub(crate) fn merge(a: Vec<RawFrame>, b: Vec<RawFrame>) -> Vec<RawFrame> {
+    let mut both: Vec<RawFrame> = a.into_iter().chain(b).collect();
+    both.sort_by_key(|frame| frame.stamp_ns);
+    both
+}
+
+/// A number in [0, 1) for frame n.
+fn uniform(seed: u64, n: usize) -> f64 {
+    (mix(seed, &[n as u64]) >> 11) as f64 / (1_u64 << 53) as f64
+}

@@ -1,0 +1,90 @@
+//! Readers that nobody here wrote read what hmd writes: the MCAP reference library and `cantools`.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, ensure};
+
+use crate::python::Python;
+use crate::shell::{cargo, program, run, run_to_file, target_dir};
+
+const PACKAGES: [&str; 3] = ["mcap==1.6.0", "mcap-protobuf-support==0.6.0", "cantools==45.1.0"];
+
+/// Actuations in the simulated log.
+const WINDOWS: usize = 2;
+
+/// Makes a log, replays it, and lets the others read all of it.
+pub(crate) fn check() -> anyhow::Result<()> {
+    let python = Python::with_packages(&PACKAGES)?;
+    let folder = target_dir()?.join("readers");
+    fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
+    mcap(&python, &folder)?;
+    dbc(&python, &folder)
+}
+
+/// One run as text and as MCAP: both replay to the same records, and the reference library reads every file.
+fn mcap(python: &Python, folder: &Path) -> anyhow::Result<()> {
+    run(cargo(["build", "--quiet", "--package", "hmd"]))?;
+    let hmd = target_dir()?.join("debug/hmd");
+    let [text, mcap] = ["text.log", "binary.mcap"].map(|name| folder.join(name));
+    for log in [&text, &mcap] {
+        let options = [
+            "--rate",
+            "400",
+            "--fault",
+            "friction=0.3",
+            "--noise",
+            "0.05",
+            "--windows",
+        ];
+        run(program(&hmd, ["simulate"])
+            .args(options)
+            .arg(WINDOWS.to_string())
+            .arg("-o")
+            .arg(log))?;
+    }
+    let frames = fs::read_to_string(&text)
+        .with_context(|| text.display().to_string())?
+        .lines()
+        .count();
+    python.script_with(
+        "fixtures/check_mcap.py",
+        &[&mcap],
+        &["--frames".to_owned(), frames.to_string()],
+    )?;
+
+    let mut records = Vec::new();
+    for log in [&text, &mcap] {
+        let replayed = log.with_extension("replayed.mcap");
+        let lines = log.with_extension("jsonl");
+        let mut replay = program(&hmd, ["replay", "--json", "-o"]);
+        replay.arg(&replayed).arg(log);
+        run_to_file(replay, None, &lines)?;
+        let mut expected = vec!["--frames".to_owned(), frames.to_string()];
+        for topic in ["window", "health", "rul"] {
+            expected.extend(["--count".to_owned(), format!("/ema0/{topic}={WINDOWS}")]);
+        }
+        python.script_with("fixtures/check_mcap.py", &[&replayed], &expected)?;
+        records.push(fs::read(&lines).with_context(|| lines.display().to_string())?);
+    }
+    ensure!(
+        !records[0].is_empty() && records[0] == records[1],
+        "the text log and the MCAP file replay differently"
+    );
+    Ok(())
+}
+
+/// Simulated and random frames, each signal decoded here and by `cantools` from the DBC file.
+fn dbc(python: &Python, folder: &Path) -> anyhow::Result<()> {
+    let example = |name| cargo(["run", "--quiet", "--package", "ema-wire", "--example", name, "--"]);
+    let random = folder.join("random.log");
+    let mut make = example("random_candump");
+    make.args(["20000", "1"]);
+    run_to_file(make, None, &random)?;
+    for log in [&folder.join("text.log"), &random] {
+        let decoded = log.with_extension("decoded.jsonl");
+        run_to_file(example("decode_candump"), Some(log), &decoded)?;
+        python.script("fixtures/check_dbc.py", &[Path::new("fixtures/ema.dbc"), log, &decoded])?;
+    }
+    Ok(())
+}

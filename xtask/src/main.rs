@@ -8,6 +8,7 @@ mod no_std;
 mod oracle;
 mod python;
 mod readers;
+mod results;
 mod shell;
 
 use std::process::ExitCode;
@@ -38,6 +39,8 @@ enum Verb {
     Readers,
     /// A drive model that nobody here wrote against the reference.
     Oracle,
+    /// Runs every command whose output stands in a document, and draws the figures, again.
+    Results,
     /// Everything but the tests.
     Ci,
 }
@@ -51,6 +54,7 @@ fn main() -> ExitCode {
         Verb::Deny => deny::check(),
         Verb::Readers => readers::check(),
         Verb::Oracle => oracle::check(),
+        Verb::Results => results::update(),
         Verb::Ci => ci::run_all(),
     };
     match ended {

@@ -24,6 +24,17 @@ pub struct Encoder<R> {
     lsb: R,
 }
 
+impl<R> Encoder<R> {
+    /// The same encoder in another number type.
+    #[must_use]
+    pub fn map<S>(self, mut f: impl FnMut(R) -> S) -> Encoder<S> {
+        Encoder {
+            counts_per_rad: f(self.counts_per_rad),
+            lsb: f(self.lsb),
+        }
+    }
+}
+
 impl<R: Real> Encoder<R> {
     /// An encoder whose count is `lsb`, rad.
     #[must_use]
@@ -79,6 +90,22 @@ impl<R: Real> Default for AceState<R> {
         Self {
             integral: R::zero(),
             previous_error: R::zero(),
+        }
+    }
+}
+
+impl<R> Ace<R> {
+    /// The same controller in another number type, one field at a time.
+    #[must_use]
+    pub fn map<S>(self, mut f: impl FnMut(R) -> S) -> Ace<S> {
+        Ace {
+            g_p: f(self.g_p),
+            k_p: f(self.k_p),
+            k_i_dt: f(self.k_i_dt),
+            k_d_over_dt: f(self.k_d_over_dt),
+            omega_max: f(self.omega_max),
+            torque_max: f(self.torque_max),
+            amps_per_torque: f(self.amps_per_torque),
         }
     }
 }

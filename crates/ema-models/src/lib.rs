@@ -15,9 +15,11 @@ extern crate std;
 mod backlash;
 mod command;
 mod control;
+mod dispatch;
 mod fault;
 mod frames;
 mod friction;
+mod lanes;
 mod monitor;
 mod params;
 mod real;
@@ -36,6 +38,7 @@ pub use frames::{
     abc_from_alpha_beta, alpha_beta_from_abc, alpha_beta_from_dq, dq_from_abc, dq_from_alpha_beta, phase_shapes,
 };
 pub use friction::DryFriction;
+pub use lanes::{Lanes32, Lanes64, Mask32, Mask64};
 pub use monitor::{
     Calibration, Conditions, Feedback, Form, InitialState, Monitor, MonitorState, Origin, Output, RIPPLE_DEFAULT,
     RIPPLE_KNOTS, RIPPLE_SPACING,
@@ -46,6 +49,6 @@ pub use params::{
 };
 pub use real::Real;
 pub use recording::{ComparedSample, Recording, SensedSample, prepare};
-pub use residual::{Comparison, NormalEquations, Prior, SIGNAL_COUNT, Signals, Weights};
+pub use residual::{Comparison, NormalEquations, Prior, RANK_LANES, SIGNAL_COUNT, Signals, Weights};
 pub use unknowns::{Coordinates, Scale, UNKNOWN_COUNT, Unknowns};
 pub use winding::{DerivedShape, PaperShape, Winding, derived_shape};

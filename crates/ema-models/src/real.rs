@@ -159,7 +159,7 @@ macro_rules! scalar {
             }
             #[inline(always)]
             fn abs(self) -> Self {
-                if self < 0.0 { -self } else { self }
+                <$t>::abs(self)
             }
             #[inline(always)]
             fn round(self) -> Self {
@@ -168,6 +168,10 @@ macro_rules! scalar {
             }
             #[inline(always)]
             fn sqrt(self) -> Self {
+                // Both are rounded correctly, so the same bits; the first is one instruction.
+                #[cfg(feature = "std")]
+                return <$t>::sqrt(self);
+                #[cfg(not(feature = "std"))]
                 $sqrt(self)
             }
         }

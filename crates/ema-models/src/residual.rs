@@ -1,6 +1,8 @@
 //! Residuals: measured minus modelled, per sample and signal, and the costs made of them.
 
+use crate::dispatch::{Work, with_best_instructions};
 use crate::fault::FaultVector;
+use crate::lanes::{Lanes32, Lanes64};
 use crate::monitor::{Calibration, Conditions, Feedback, Monitor};
 use crate::params::ActuatorParams;
 use crate::real::Real;
@@ -135,53 +137,48 @@ impl Comparison<'_> {
         Monitor::new(self.params, self.calibration, self.conditions.v_dc, unknowns).with_feedback(self.feedback)
     }
 
-    /// Runs monitors side by side over the window and shows each sample beside their residuals.
+    /// Runs a monitor (or several, in lanes) over the window and shows each sample beside its residuals.
     ///
     /// The speed's residual is the difference of two residuals of the angle about 1 ms apart, at least one sample, over
     /// that time: measured and modelled speed are then means over the same time, however slow the sampling.
     #[inline(always)]
-    fn run<R: Real, const M: usize>(
-        &self,
-        monitors: &[Monitor<R>; M],
-        mut visit: impl FnMut(&ComparedSample, [Signals<R>; M]),
-    ) {
+    fn run<R: Real>(&self, monitor: &Monitor<R>, mut visit: impl FnMut(&ComparedSample, Signals<R>)) {
         let Recording { samples, initial } = &self.recording;
         let Some(first) = samples.first() else { return };
         let rate = self.params.sensors.sample_rate;
         let span = (libm::round(rate * SPEED_SPAN) as usize).clamp(1, LONGEST_SPAN);
         let per_span = R::splat(rate / span as f64);
-        let mut states = core::array::from_fn::<_, M, _>(|m| monitors[m].start(initial, first));
-        let mut angles = [[R::zero(); M]; LONGEST_SPAN];
+        let mut state = monitor.start(initial, first);
+        let mut angles = [R::zero(); LONGEST_SPAN];
         for (n, sample) in samples.iter().enumerate() {
-            let residuals = core::array::from_fn(|m| {
-                let output = monitors[m].output(&states[m]);
-                let theta_m = R::splat(sample.theta_m) - output.theta_m;
-                Signals {
-                    i_d: R::splat(sample.i_d) - output.i_d,
-                    i_q: R::splat(sample.i_q) - output.i_q,
-                    theta_m,
-                    omega_m: if n < span {
-                        R::zero()
-                    } else {
-                        (theta_m - angles[n % span][m]) * per_span
-                    },
-                    theta_out: R::splat(sample.theta_out) - output.theta_out,
-                }
-            });
-            angles[n % span] = residuals.map(|r| r.theta_m);
+            let output = monitor.output(&state);
+            let theta_m = R::splat(sample.theta_m) - output.theta_m;
+            let omega_m = if n < span {
+                R::zero()
+            } else {
+                (theta_m - angles[n % span]) * per_span
+            };
+            angles[n % span] = theta_m;
             if sample.measured {
-                visit(sample, residuals);
+                visit(
+                    sample,
+                    Signals {
+                        i_d: R::splat(sample.i_d) - output.i_d,
+                        i_q: R::splat(sample.i_q) - output.i_q,
+                        theta_m,
+                        omega_m,
+                        theta_out: R::splat(sample.theta_out) - output.theta_out,
+                    },
+                );
             }
             let next = samples.get(n + 1).unwrap_or(sample);
-            for (monitor, state) in monitors.iter().zip(&mut states) {
-                monitor.sample(state, initial, sample, next);
-            }
+            monitor.sample(&mut state, initial, sample, next);
         }
     }
 
     /// Residuals of one set of unknowns, unweighted, sample by sample.
-    pub fn residuals(&self, unknowns: &Unknowns, mut visit: impl FnMut(&ComparedSample, Signals<f64>)) {
-        self.run(&[self.monitor(unknowns)], |sample, [residual]| visit(sample, residual));
+    pub fn residuals(&self, unknowns: &Unknowns, visit: impl FnMut(&ComparedSample, Signals<f64>)) {
+        self.run(&self.monitor(unknowns), visit);
     }
 
     /// Cost that [`Comparison::normal_equations`] belong to: `½ Σ r²`, what is known beforehand included.
@@ -199,14 +196,33 @@ impl Comparison<'_> {
     /// Plain least-squares cost: mean over the samples of `½ Σ (w r)²` over the signals.
     #[must_use]
     pub fn least_squares(&self, unknowns: &Unknowns) -> f64 {
-        let weights = self.weights.to_array();
-        let mut sum = 0.0;
-        self.residuals(unknowns, |_, r| {
-            for (r, w) in r.to_array().iter().zip(weights) {
-                sum += (w * r) * (w * r);
+        self.half_mean_square(&self.monitor(unknowns))
+    }
+
+    /// [`Comparison::least_squares`] of several at once, in single precision: for searches, which only rank.
+    #[must_use]
+    pub fn rank(&self, unknowns: &[Unknowns; RANK_LANES]) -> [f64; RANK_LANES] {
+        let monitors = unknowns.map(|u| self.monitor(&u));
+        let monitor = Monitor::side_by_side(&monitors, |x| Lanes32(x.map(|x| x as f32)));
+        with_best_instructions(HalfMeanSquare {
+            comparison: self,
+            monitor,
+        })
+        .0
+        .map(f64::from)
+    }
+
+    #[inline(always)]
+    fn half_mean_square<R: Real>(&self, monitor: &Monitor<R>) -> R {
+        let weights = self.weights.to_array().map(R::splat);
+        let mut sum = R::zero();
+        self.run(monitor, |_, r| {
+            for (r, w) in r.to_array().into_iter().zip(weights) {
+                let weighted = w * r;
+                sum = sum + weighted * weighted;
             }
         });
-        0.5 * sum / self.recording.samples.len().max(1) as f64
+        sum * R::splat(0.5 / self.recording.samples.len().max(1) as f64)
     }
 
     /// The paper's modified total least squares, \[P\] eq. 14 with its evident square:
@@ -242,41 +258,89 @@ impl Comparison<'_> {
                 DIFFERENCE_STEP
             }
         });
-        let monitors: [Monitor<f64>; UNKNOWN_COUNT + 1] = core::array::from_fn(|m| {
+        let monitors: [Monitor<f64>; SLOPE_LANES] = core::array::from_fn(|lane| {
             let mut x = *at;
-            if m > 0 {
-                x.0[m - 1] += steps[m - 1];
+            // Lane 0 and the spare ones stay at the point itself.
+            if (1..=UNKNOWN_COUNT).contains(&lane) {
+                x.0[lane - 1] += steps[lane - 1];
             }
             self.monitor(&scale.unknowns(&x))
         });
-        let weights = self.weights.to_array();
-        let mut sums = NormalEquations::default();
-        self.run(&monitors, |_, residuals| {
-            let residuals = residuals.map(Signals::to_array);
-            for (s, w) in weights.into_iter().enumerate() {
-                if w <= 0.0 {
-                    continue;
-                }
-                let r = w * residuals[0][s];
-                let slope: [f64; UNKNOWN_COUNT] = core::array::from_fn(|p| (w * residuals[p + 1][s] - r) / steps[p]);
-                sums.cost += 0.5 * r * r;
-                for p in 0..UNKNOWN_COUNT {
-                    sums.jtr[p] += slope[p] * r;
-                    for q in 0..=p {
-                        sums.jtj[p][q] += slope[p] * slope[q];
-                    }
-                }
-            }
+        let monitor = Monitor::side_by_side(&monitors, Lanes64);
+        let mut sums = with_best_instructions(Linearised {
+            comparison: self,
+            monitor,
+            steps,
         });
         for (p, distance, weight) in self.prior.terms(&scale, &self.conditions, at) {
             sums.jtj[p][p] += weight * weight;
             sums.jtr[p] += weight * weight * distance;
             sums.cost += 0.5 * (weight * distance) * (weight * distance);
         }
-        for p in 0..UNKNOWN_COUNT {
-            for q in 0..p {
-                sums.jtj[q][p] = sums.jtj[p][q];
+        sums
+    }
+}
+
+/// Individuals that [`Comparison::rank`] takes at once: one register of sixteen, or two of eight.
+pub const RANK_LANES: usize = 16;
+
+/// Lanes of the finite differences: the point, one step along each coordinate, and spare ones.
+const SLOPE_LANES: usize = 16;
+
+/// [`Comparison::half_mean_square`] as a piece of work for [`with_best_instructions`].
+struct HalfMeanSquare<'a, R> {
+    comparison: &'a Comparison<'a>,
+    monitor: Monitor<R>,
+}
+
+impl<R: Real> Work for HalfMeanSquare<'_, R> {
+    type Output = R;
+
+    #[inline(always)]
+    fn run(self) -> R {
+        self.comparison.half_mean_square(&self.monitor)
+    }
+}
+
+/// The sums of the normal equations without what is known beforehand.
+struct Linearised<'a> {
+    comparison: &'a Comparison<'a>,
+    monitor: Monitor<Lanes64<SLOPE_LANES>>,
+    steps: [f64; UNKNOWN_COUNT],
+}
+
+impl Work for Linearised<'_> {
+    type Output = NormalEquations;
+
+    #[inline(always)]
+    fn run(self) -> NormalEquations {
+        let weights = self.comparison.weights.to_array();
+        let mut per_step = [0.0; SLOPE_LANES];
+        for (p, step) in self.steps.into_iter().enumerate() {
+            per_step[p + 1] = 1.0 / step;
+        }
+        let per_step = Lanes64(per_step);
+        let zero = Lanes64([0.0; SLOPE_LANES]);
+        let (mut cost, mut jtr, mut jtj) = (0.0, zero, [zero; UNKNOWN_COUNT]);
+        self.comparison.run(&self.monitor, |_, residuals| {
+            for (residual, weight) in residuals.to_array().into_iter().zip(weights) {
+                let weighted = residual * Lanes64::splat(weight);
+                let r = weighted.0[0];
+                let slope = (weighted - Lanes64::splat(r)) * per_step;
+                cost += 0.5 * r * r;
+                jtr = jtr + slope * Lanes64::splat(r);
+                for (p, row) in jtj.iter_mut().enumerate() {
+                    *row = *row + slope * Lanes64::splat(slope.0[p + 1]);
+                }
             }
+        });
+        let mut sums = NormalEquations {
+            cost,
+            ..NormalEquations::default()
+        };
+        for p in 0..UNKNOWN_COUNT {
+            sums.jtr[p] = jtr.0[p + 1];
+            sums.jtj[p].copy_from_slice(&jtj[p].0[1..=UNKNOWN_COUNT]);
         }
         sums
     }

@@ -3,8 +3,8 @@
 use ema_ga::{Bounds, Control, GaConfig, Objective, Parallel, Search, evolve_owned};
 use ema_models::reference::{Reference, ReferenceState};
 use ema_models::{
-    ActuatorParams, Calibration, Comparison, FAULT_COUNT, FaultVector, Form, PaperShape, Profile, RIPPLE_KNOTS,
-    RIPPLE_SPACING, Real, SIGNAL_COUNT, Setpoint, Signals, Weights, dq_from_abc,
+    ActuatorParams, Calibration, Comparison, FAULT_COUNT, FaultVector, Feedback, Form, PaperShape, Profile,
+    RIPPLE_KNOTS, RIPPLE_SPACING, Real, SIGNAL_COUNT, Setpoint, Signals, Weights, dq_from_abc,
 };
 use nalgebra::{SMatrix, SVector};
 use rand::{RngExt, SeedableRng};
@@ -92,12 +92,25 @@ fn compare<'a>(
     comparison(&window.prepared, params, calibration, window.conditions, weights)
 }
 
+/// The same with the monitor left to itself, as the paper compares: only the quadrature current, in closed loop.
+fn compare_alone<'a>(
+    window: &'a SimulatedWindow,
+    params: &'a ActuatorParams,
+    calibration: &'a Calibration,
+) -> Comparison<'a> {
+    let compared = compare(window, params, calibration, Weights::CURRENT_ONLY);
+    Comparison {
+        feedback: Feedback::Simulated,
+        ..compared
+    }
+}
+
 /// Mean squared error of the quadrature current at the true fault vectors, A² (\[P\] eq. 12, as a mean).
 fn current_error(params: &ActuatorParams, coefficients: &Calibration, windows: &[SimulatedWindow]) -> f64 {
     let sums: Vec<f64> = windows
         .par_iter()
         .map(|w| {
-            let compared = compare(w, params, coefficients, Weights::CURRENT_ONLY);
+            let compared = compare_alone(w, params, coefficients);
             2.0 * compared.least_squares(&compared.with_fault(w.truth))
         })
         .collect();
@@ -143,7 +156,7 @@ fn fit_coefficients(
             let coefficients = self.coefficients(genes);
             let mut sum = 0.0;
             for w in self.windows {
-                let compared = compare(w, self.params, &coefficients, Weights::CURRENT_ONLY);
+                let compared = compare_alone(w, self.params, &coefficients);
                 sum += compared.least_squares(&compared.with_fault(w.truth));
             }
             sum / self.windows.len() as f64

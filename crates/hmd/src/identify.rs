@@ -6,7 +6,8 @@ use ema_ga::{
 };
 use ema_models::{
     ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector,
-    Feedback, NormalEquations, Prior, Recording, Scale, SensedSample, UNKNOWN_COUNT, Unknowns, Weights, prepare,
+    Feedback, NormalEquations, Prior, RANK_LANES, Recording, Scale, SensedSample, UNKNOWN_COUNT, Unknowns, Weights,
+    prepare,
 };
 use nalgebra::{SMatrix, SVector};
 
@@ -369,8 +370,22 @@ impl Objective<FAULT_COUNT> for LeastSquares<'_> {
     }
 
     fn cost(&self, genes: &[f64; FAULT_COUNT]) -> f64 {
-        self.comparison
-            .least_squares(&self.comparison.with_fault(FaultVector::from_array(*genes)))
+        let mut cost = [0.0];
+        self.cost_batch(&[*genes], &mut cost);
+        cost[0]
+    }
+
+    fn cost_batch(&self, genes: &[[f64; FAULT_COUNT]], costs: &mut [f64]) {
+        // Lanes that a short last batch leaves over run the first individual again.
+        let of = |lane: usize| genes.get(lane).or(genes.first()).copied().unwrap_or([0.0; FAULT_COUNT]);
+        let unknowns = std::array::from_fn(|lane| self.comparison.with_fault(FaultVector::from_array(of(lane))));
+        for (slot, cost) in costs.iter_mut().zip(self.comparison.rank(&unknowns)) {
+            *slot = cost;
+        }
+    }
+
+    fn batch_size(&self) -> usize {
+        RANK_LANES
     }
 }
 

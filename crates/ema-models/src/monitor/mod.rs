@@ -191,6 +191,9 @@ pub struct InitialState {
     pub i_dq: [f64; 2],
 }
 
+/// Numbers that [`Monitor::map`] visits, at most.
+const MONITOR_NUMBERS: usize = 96;
+
 /// Integration steps of the monitor per control period.
 pub(crate) const STEPS_PER_CONTROL: u32 = 2;
 
@@ -246,6 +249,69 @@ impl Monitor<f64> {
 }
 
 impl<R: Real> Monitor<R> {
+    /// The same monitor in another number type, one number at a time: `monitor.map(|x| x as f32)` on the target.
+    #[must_use]
+    pub fn map<S: Real>(self, mut f: impl FnMut(R) -> S) -> Monitor<S> {
+        let d = self.derived;
+        Monitor {
+            form: self.form,
+            feedback: self.feedback,
+            ace: self.ace.map(&mut f),
+            encoder: self.encoder.map(&mut f),
+            friction: self.friction.map(&mut f),
+            winding: self.winding.map(&mut f),
+            half_play: f(self.half_play),
+            ripple: self.ripple.map(&mut f),
+            derived: Derived {
+                dt: f(d.dt),
+                per_dt: f(d.per_dt),
+                dt_over_j: f(d.dt_over_j),
+                viscous: f(d.viscous),
+                per_gear: f(d.per_gear),
+                pole_pairs: f(d.pole_pairs),
+                half_v_dc: f(d.half_v_dc),
+                per_half_v_dc: f(d.per_half_v_dc),
+                phase_r: f(d.phase_r),
+                phase_l: f(d.phase_l),
+                back_emf: f(d.back_emf),
+                torque: f(d.torque),
+                r: d.r.map(&mut f),
+                reactance: d.reactance.map(&mut f),
+                ohms: d.ohms.map(&mut f),
+                siemens: d.siemens.map(&mut f),
+                star_ohms: f(d.star_ohms),
+                star_ohms_without: d.star_ohms_without.map(&mut f),
+            },
+            steps_per_control: self.steps_per_control,
+            controls_per_sample: self.controls_per_sample,
+            sample_period: self.sample_period,
+            torque_gain: f(self.torque_gain),
+            integral: f(self.integral),
+        }
+    }
+
+    /// Monitors of the same actuator side by side, one in each lane; `lane` makes a lane's number out of all of them.
+    ///
+    /// They share form, feedback and timing, which are those of the first.
+    #[must_use]
+    pub fn side_by_side<S: Real, const N: usize>(monitors: &[Self; N], lane: impl Fn([R; N]) -> S) -> Monitor<S> {
+        // Every number of every monitor in the order of `map`, then the same walk once more to lay them side by side.
+        let mut numbers = [[R::zero(); N]; MONITOR_NUMBERS];
+        for (n, monitor) in monitors.iter().enumerate() {
+            let mut place = 0;
+            let _ = monitor.map(|x| {
+                numbers[place][n] = x;
+                place += 1;
+                x
+            });
+        }
+        let mut place = 0;
+        monitors[0].map(|_| {
+            place += 1;
+            lane(numbers[place - 1])
+        })
+    }
+
     /// The same monitor with another source of its position feedback.
     #[must_use]
     pub fn with_feedback(self, feedback: Feedback) -> Self {
@@ -254,6 +320,7 @@ impl<R: Real> Monitor<R> {
 
     /// State at the beginning of a window.
     #[must_use]
+    #[inline(always)]
     pub fn start(&self, initial: &InitialState, first: &ComparedSample) -> MonitorState<R> {
         let theta_m = R::splat(initial.theta_m);
         let sin_cos = self.angle(initial, theta_m).sin_cos_poly();

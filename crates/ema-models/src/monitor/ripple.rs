@@ -41,6 +41,15 @@ impl RippleCurve<f64> {
     }
 }
 
+impl<R> RippleCurve<R> {
+    /// The same curve in another number type.
+    pub(crate) fn map<S>(self, f: impl FnMut(R) -> S) -> RippleCurve<S> {
+        RippleCurve {
+            bends: self.bends.map(f),
+        }
+    }
+}
+
 impl<R: Real> RippleCurve<R> {
     /// Shortfall of the mean current, A, at the relative voltage m ≥ 0.
     #[inline(always)]

@@ -10,7 +10,7 @@ use anyhow::{Context, bail};
 use crate::shell::{cargo, root, run, target_dir};
 
 /// Documents with such lines.
-const DOCUMENTS: [&str; 4] = ["README.md", "docs/accuracy.md", "docs/monitor.md", "docs/tutorial.md"];
+const DOCUMENTS: [&str; 2] = ["README.md", "docs/accuracy.md"];
 
 const BEGIN: &str = "<!-- $ hmd ";
 const END: &str = "<!-- end -->";
@@ -23,9 +23,6 @@ pub(crate) fn update() -> anyhow::Result<()> {
     std::fs::create_dir_all(&scratch).context("target/results")?;
     for document in DOCUMENTS {
         let path = root().join(document);
-        if !path.exists() {
-            continue;
-        }
         let text = std::fs::read_to_string(&path).with_context(|| document.to_owned())?;
         let updated = updated(&text, &hmd, &scratch).with_context(|| document.to_owned())?;
         std::fs::write(&path, updated).with_context(|| document.to_owned())?;
@@ -79,5 +76,5 @@ fn printed(command: &str, hmd: &Path, scratch: &Path) -> anyhow::Result<String> 
     let mut text = String::from_utf8(output.stdout)?;
     text += &String::from_utf8(output.stderr)?;
     let lines: Vec<&str> = text.lines().map(str::trim_end).collect();
-    Ok(lines.join("\n") + "\n")
+    Ok(lines.iter().map(|line| format!("{line}\n")).collect())
 }

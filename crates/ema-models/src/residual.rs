@@ -83,7 +83,7 @@ pub struct Comparison<'a> {
 /// Standard deviations of what is known beforehand; infinite where nothing is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prior {
-    /// Of the load torque about [`Conditions::load_torque`], Nm at the output.
+    /// Of the load torque about [`Conditions::load_torque`] (about none where it is not measured), Nm at the output.
     pub load_torque: f64,
     /// Of the speed loop's integral about what the first currents say, Nm.
     pub integral: f64,
@@ -100,7 +100,7 @@ impl Prior {
         let sigma = scale.coordinates(&unit).0;
         let expected = scale
             .coordinates(&Unknowns {
-                load_torque: conditions.load_torque,
+                load_torque: conditions.load_torque.unwrap_or(0.0),
                 integral: 0.0,
                 ..unit
             })
@@ -126,7 +126,7 @@ impl Comparison<'_> {
     pub fn with_fault(&self, fault: FaultVector) -> Unknowns {
         Unknowns {
             fault,
-            load_torque: self.conditions.load_torque,
+            load_torque: self.conditions.load_torque.unwrap_or(0.0),
             integral: 0.0,
         }
     }

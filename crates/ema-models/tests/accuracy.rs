@@ -143,7 +143,7 @@ fn residuals(params: &ActuatorParams, row: &Row, fault: &FaultVector, seed: u64)
         params,
         calibration: &Calibration::none(row.form),
         conditions: Conditions {
-            load_torque: scenario.load_torque,
+            load_torque: Some(scenario.load_torque),
             v_dc: params.motor.v_dc,
         },
         weights: Weights::CURRENT_ONLY,

@@ -184,8 +184,12 @@ impl Identifier {
                     initial: &nominal,
                 };
                 let found = evolve_owned(&search, &config, |_| Control::Continue)?;
-                let starts = [FaultVector::from_array(found.genes), FaultVector::NOMINAL];
-                let (best, spent) = refine(&all, starts.map(|fault| scale.coordinates(&all.with_fault(fault))));
+                let starts = starts(
+                    &all,
+                    &scale,
+                    [FaultVector::from_array(found.genes), FaultVector::NOMINAL],
+                );
+                let (best, spent) = refine(&all, &starts);
                 Ok(self.judge(&all, best, found.evaluations + spent))
             }
         }
@@ -276,6 +280,13 @@ impl Identifier {
 /// What the status frame's load may be off by, Nm: its last digit is 0.1.
 const LOAD_SIGMA_NM: f64 = 0.03;
 
+/// What a load that nobody measures may be, in shares of the largest one the motor could hold without losses.
+const LOAD_SIGMA_SHARE: f64 = 0.1;
+
+/// Loads from which a refinement starts where the load is not measured, in the same shares: the gear's losses bend at
+/// zero, so both sides are tried.
+const LOAD_STARTS: [f64; 2] = [-0.01, 0.01];
+
 /// What the first currents leave open of the speed loop's integral, in shares of the largest torque.
 const INTEGRAL_SIGMA_SHARE: f64 = 0.01;
 
@@ -296,14 +307,35 @@ pub fn comparison<'a>(
         weights,
         feedback: Feedback::Measured,
         prior: Prior {
-            load_torque: LOAD_SIGMA_NM,
+            load_torque: match conditions.load_torque {
+                Some(_) => LOAD_SIGMA_NM,
+                None => LOAD_SIGMA_SHARE * Scale::new(params).load(),
+            },
             integral: INTEGRAL_SIGMA_SHARE * params.motor.torque_gain() * params.motor.i_max,
         },
     }
 }
 
+/// Where refinements start: each fault vector, with the load as measured or else on both sides of none.
+fn starts(comparison: &Comparison<'_>, scale: &Scale, faults: [FaultVector; 2]) -> Vec<Coordinates> {
+    let mut starts = Vec::new();
+    for fault in faults {
+        let unknowns = comparison.with_fault(fault);
+        match comparison.conditions.load_torque {
+            Some(_) => starts.push(scale.coordinates(&unknowns)),
+            None => starts.extend(LOAD_STARTS.map(|share| {
+                scale.coordinates(&Unknowns {
+                    load_torque: share * scale.load(),
+                    ..unknowns
+                })
+            })),
+        }
+    }
+    starts
+}
+
 /// Refines from several starts; the best end and the monitor runs spent.
-fn refine<const N: usize>(comparison: &Comparison<'_>, starts: [Coordinates; N]) -> (Coordinates, u64) {
+fn refine(comparison: &Comparison<'_>, starts: &[Coordinates]) -> (Coordinates, u64) {
     let problem = Refinement { comparison };
     let bounds = box_of(Coordinates::LOWER, Coordinates::UPPER);
     let config = LmConfig {
@@ -329,7 +361,7 @@ fn refine<const N: usize>(comparison: &Comparison<'_>, starts: [Coordinates; N])
 #[must_use]
 pub fn pull_from(comparison: &Comparison<'_>, truth: &FaultVector) -> [f64; FAULT_COUNT] {
     let start = Scale::new(comparison.params).coordinates(&comparison.with_fault(*truth));
-    let (end, _) = refine(comparison, [start]);
+    let (end, _) = refine(comparison, &[start]);
     std::array::from_fn(|p| end.0[p] - start.0[p])
 }
 

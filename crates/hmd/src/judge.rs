@@ -307,10 +307,10 @@ fn new_health(section: &HealthConfig) -> Result<Health, LevelsError> {
     )
 }
 
-/// Load and supply: as measured, else none and nominal.
+/// Load and supply as measured; without a measurement the load is left open and the supply is nominal.
 fn conditions(job: &WindowJob) -> Conditions {
     Conditions {
-        load_torque: job.conditions.load_torque_nm.unwrap_or(0.0),
+        load_torque: job.conditions.load_torque_nm,
         v_dc: job.conditions.dc_link_v.unwrap_or(job.params.motor.v_dc),
     }
 }

@@ -44,7 +44,7 @@ impl SimulatedWindow {
             truth: scenario.fault,
             prepared: Prepared::new(&scenario.nominal, &samples[start..end], rest),
             conditions: Conditions {
-                load_torque: scenario.load_torque,
+                load_torque: Some(scenario.load_torque),
                 v_dc: scenario.unit.motor.v_dc,
             },
         }

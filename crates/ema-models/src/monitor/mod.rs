@@ -79,8 +79,8 @@ impl Default for Calibration {
 /// Operating conditions of one window that are not faults.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Conditions {
-    /// Load torque at the output, Nm; positive opposes positive motion.
-    pub load_torque: f64,
+    /// Measured load torque at the output, Nm; positive opposes positive motion. `None` where nobody measures it.
+    pub load_torque: Option<f64>,
     /// DC link voltage, V.
     pub v_dc: f64,
 }

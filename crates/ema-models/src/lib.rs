@@ -22,6 +22,7 @@ mod friction;
 mod lanes;
 mod monitor;
 mod params;
+mod play;
 mod real;
 mod recording;
 #[cfg(feature = "std")]

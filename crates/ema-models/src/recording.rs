@@ -4,6 +4,7 @@ use crate::control::Setpoint;
 use crate::frames::dq_from_abc;
 use crate::monitor::{InitialState, Origin};
 use crate::params::ActuatorParams;
+use crate::play::read_output;
 use crate::real::Real;
 
 /// One sample as the sensors saw it.
@@ -34,6 +35,8 @@ pub struct ComparedSample {
     pub omega_m: f64,
     /// Output angle, rad.
     pub theta_out: f64,
+    /// Where in its count the output angle is likely to be, rad: what drives the monitor's position loop.
+    pub theta_read: f64,
     /// Setpoint, relative to the output's origin in position mode.
     pub setpoint: Setpoint,
     /// Whether it was measured; one that was filled in drives the monitor, but is not compared.
@@ -97,6 +100,7 @@ pub fn prepare(
             theta_m,
             omega_m: (after.motor_counts - before.motor_counts) as f64 * motor_lsb / span,
             theta_out: ((s.output_counts - first.output_counts) as f64 + 0.5) * output_lsb,
+            theta_read: 0.0,
             setpoint: match s.setpoint {
                 Setpoint::Position(angle) => Setpoint::Position(angle - output_origin),
                 other => other,
@@ -120,11 +124,14 @@ pub fn prepare(
     } else {
         0.0
     };
+    let origin = Origin {
+        theta_e: theta_e_0,
+        play_centre: first.motor_counts as f64 * motor_lsb / params.transmission.gear_ratio - output_origin,
+    };
+    let ready = sensed.len().min(into.len());
+    read_output(params, &origin, &mut into[..ready]);
     InitialState {
-        origin: Origin {
-            theta_e: theta_e_0,
-            play_centre: first.motor_counts as f64 * motor_lsb / params.transmission.gear_ratio - output_origin,
-        },
+        origin,
         theta_m: 0.5 * motor_lsb,
         omega_m,
         i_dq,
@@ -154,6 +161,7 @@ impl Default for ComparedSample {
             theta_m: 0.0,
             omega_m: 0.0,
             theta_out: 0.0,
+            theta_read: 0.0,
             setpoint: Setpoint::Idle,
             measured: false,
         }

@@ -246,16 +246,17 @@ impl Comparison<'_> {
 
     /// Normal equations at a point, by forward differences of monitors run side by side.
     ///
-    /// The differences step by 0.002 towards the inside of the box, so nothing leaves it. What is known beforehand of load
-    /// and integral ([`Prior`]) is part of the equations.
+    /// The differences go by `step` towards the inside of the box, so nothing leaves it. A long step sees over the cost's
+    /// small unevenness from afar, a short one follows its curvature. What is known beforehand of load and integral
+    /// ([`Prior`]) is part of the equations.
     #[must_use]
-    pub fn normal_equations(&self, at: &Coordinates) -> NormalEquations {
+    pub fn normal_equations(&self, at: &Coordinates, step: f64) -> NormalEquations {
         let scale = Scale::new(self.params);
         let steps: [f64; UNKNOWN_COUNT] = core::array::from_fn(|p| {
-            if at.0[p] > 0.5 {
-                -DIFFERENCE_STEP
+            if at.0[p] > 0.5 * Coordinates::UPPER[p] {
+                -step
             } else {
-                DIFFERENCE_STEP
+                step
             }
         });
         let monitors: [Monitor<f64>; SLOPE_LANES] = core::array::from_fn(|lane| {
@@ -349,6 +350,3 @@ impl Work for Linearised<'_> {
 /// Time over which speed is measured, s, and the most samples this may be.
 const SPEED_SPAN: f64 = 1e-3;
 const LONGEST_SPAN: usize = 8;
-
-/// Step of the forward differences. Small enough for the curvature, large enough to average over the encoder's steps.
-pub(crate) const DIFFERENCE_STEP: f64 = 2e-3;

@@ -214,7 +214,7 @@ impl Identifier {
 
     /// States how sure a point is.
     fn judge(&self, comparison: &Comparison<'_>, at: Coordinates, evaluations: u64) -> Estimate {
-        let normal = comparison.normal_equations(&at);
+        let normal = comparison.normal_equations(&at, FINE_STEP);
         let unknowns = Scale::new(&self.params).unknowns(&at);
         let fault = unknowns.fault;
         let (mut current, mut n) = (0.0, 0.0_f64);
@@ -334,26 +334,46 @@ fn starts(comparison: &Comparison<'_>, scale: &Scale, faults: [FaultVector; 2]) 
     starts
 }
 
+/// Steps of the finite differences: far from the solution, and near it.
+const COARSE_STEP: f64 = 2e-2;
+const FINE_STEP: f64 = 2e-3;
+
 /// Refines from several starts; the best end and the monitor runs spent.
+///
+/// Each start is refined with coarse differences and then with fine ones, and so is the best end once more: what a fine
+/// slope takes for a valley's floor, a coarse one often walks out of.
 fn refine(comparison: &Comparison<'_>, starts: &[Coordinates]) -> (Coordinates, u64) {
-    let problem = Refinement { comparison };
+    let mut best = (f64::INFINITY, starts[0]);
+    let mut spent = 0;
+    for &start in starts {
+        spent += descend(comparison, start, &mut best);
+    }
+    let again = best.1;
+    spent += descend(comparison, again, &mut best);
+    (best.1, spent)
+}
+
+/// One descent, coarse and then fine; keeps its end if it is the best. The monitor runs spent.
+fn descend(comparison: &Comparison<'_>, start: Coordinates, best: &mut (f64, Coordinates)) -> u64 {
     let bounds = box_of(Coordinates::LOWER, Coordinates::UPPER);
     let config = LmConfig {
         max_iterations: 25,
         max_evaluations: 60,
         step_tolerance: 2e-5,
+        cost_tolerance: 1e-6,
         ..LmConfig::default()
     };
-    let mut best = (f64::INFINITY, starts[0]);
+    let mut at = start.0;
     let mut spent = 0;
-    for start in starts {
-        let found = levenberg_marquardt(&problem, &bounds, start.0, &config);
+    for step in [COARSE_STEP, FINE_STEP] {
+        let found = levenberg_marquardt(&Refinement { comparison, step }, &bounds, at, &config);
         spent += u64::from(found.iterations) * RUNS_PER_LINEARISATION + u64::from(found.evaluations - found.iterations);
+        at = found.genes;
         if found.cost < best.0 {
-            best = (found.cost, Coordinates(found.genes));
+            *best = (found.cost, Coordinates(at));
         }
     }
-    (best.1, spent)
+    spent
 }
 
 /// Distance from the truth, in fault coordinates, to where a refinement started there ends: the pull of whatever the
@@ -453,6 +473,7 @@ impl Objective<FAULT_COUNT> for PaperCost<'_> {
 
 struct Refinement<'a, 'b> {
     comparison: &'a Comparison<'b>,
+    step: f64,
 }
 
 impl Residuals<UNKNOWN_COUNT> for Refinement<'_, '_> {
@@ -462,7 +483,7 @@ impl Residuals<UNKNOWN_COUNT> for Refinement<'_, '_> {
         jtj: &mut SMatrix<f64, UNKNOWN_COUNT, UNKNOWN_COUNT>,
         jtr: &mut SVector<f64, UNKNOWN_COUNT>,
     ) -> f64 {
-        let normal = self.comparison.normal_equations(&Coordinates(*genes));
+        let normal = self.comparison.normal_equations(&Coordinates(*genes), self.step);
         for p in 0..UNKNOWN_COUNT {
             jtr[p] = normal.jtr[p];
             for q in 0..UNKNOWN_COUNT {

@@ -38,8 +38,8 @@ pub enum Feedback {
     /// rugged.
     Simulated,
     /// The transmission is driven by the measured motor angle, and the position loop by the measured output counts:
-    /// both are known, so each element is judged by itself. Between two samples the motor angle is interpolated (cubic
-    /// Hermite), and the count stays between the two that were read.
+    /// both are known, so each element is judged by itself. Between two samples the output goes straight from one to the
+    /// other; what it read tells where in its count it is ([`ComparedSample::theta_read`]).
     #[default]
     Measured,
 }
@@ -99,7 +99,6 @@ pub struct Monitor<R> {
     derived: Derived<R>,
     steps_per_control: u32,
     controls_per_sample: u32,
-    sample_period: f64,
     /// Nominal torque per ampere, as the controller has it, Nm/A.
     torque_gain: R,
     /// Start of the speed loop's integral beyond what the currents say, Nm.
@@ -241,7 +240,6 @@ impl Monitor<f64> {
             },
             steps_per_control: STEPS_PER_CONTROL,
             controls_per_sample: libm::round(1.0 / (params.sensors.sample_rate * params.controller.period)) as u32,
-            sample_period: 1.0 / params.sensors.sample_rate,
             torque_gain: motor.torque_gain(),
             integral: unknowns.integral,
         }
@@ -284,7 +282,6 @@ impl<R: Real> Monitor<R> {
             },
             steps_per_control: self.steps_per_control,
             controls_per_sample: self.controls_per_sample,
-            sample_period: self.sample_period,
             torque_gain: f(self.torque_gain),
             integral: f(self.integral),
         }
@@ -385,18 +382,9 @@ impl<R: Real> Monitor<R> {
             let counted = match self.feedback {
                 Feedback::Simulated => self.encoder.counted(state.theta_out),
                 Feedback::Measured => {
-                    let theta_m = interpolate(now, next, control, self.controls_per_sample, self.sample_period);
-                    self.turn_output(state, initial, R::splat(theta_m));
-                    // The counts were read in the middle of their step; the controller sees the step's lower edge.
-                    let (now, next) = (self.encoder.edge(now.theta_out), self.encoder.edge(next.theta_out));
-                    if control == 0 {
-                        now
-                    } else {
-                        self.encoder
-                            .counted(state.theta_out)
-                            .max(now.min(next))
-                            .min(now.max(next))
-                    }
+                    let share = f64::from(control) / f64::from(self.controls_per_sample);
+                    self.encoder
+                        .counted(R::splat(now.theta_read + share * (next.theta_read - now.theta_read)))
                 }
             };
             let i_ref = self.ace.step(&mut state.ace, now.setpoint, counted, state.omega_m);
@@ -492,13 +480,4 @@ impl<R: Real> Monitor<R> {
         state.i_q = one_axis::step(&self.derived, before, state.i_ref[1], shape, omega, state.sin_cos);
         R::splat(0.75) * self.derived.torque * shape.emf * (before + state.i_q)
     }
-}
-
-/// Motor angle `part / parts` of the way from one sample to the next, rad: the cubic with both angles and speeds.
-#[inline(always)]
-fn interpolate(now: &ComparedSample, next: &ComparedSample, part: u32, parts: u32, period: f64) -> f64 {
-    let x = f64::from(part) / f64::from(parts);
-    let (leave, arrive) = (now.omega_m * period, next.omega_m * period);
-    let rise = next.theta_m - now.theta_m;
-    now.theta_m + x * (leave + x * ((3.0 * rise - 2.0 * leave - arrive) + x * (leave + arrive - 2.0 * rise)))
 }

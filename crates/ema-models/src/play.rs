@@ -8,34 +8,38 @@ use crate::recording::ComparedSample;
 
 /// Widths tried in each of the searches, each of which looks closer around the last one's best.
 const WIDTHS: usize = 33;
-const SEARCHES: usize = 3;
+const SEARCHES: usize = 4;
 
 /// Fills in [`ComparedSample::theta_read`]: the output angle that the play which explains the counts best gives, within
 /// the count that was read.
 ///
-/// The width is found by itself, from the two angles alone, so that the instants at which the controller saw a count
+/// A width explains the counts if it keeps the output inside each of them; of those that do, the middle one is taken.
+/// It is found by itself, from the two angles alone, so that the instants at which the controller saw a count
 /// change do not move while the faults are searched: that would make the cost uneven.
 pub(crate) fn read_output(params: &ActuatorParams, origin: &Origin, samples: &mut [ComparedSample]) {
     let half_lsb = 0.5 * params.sensors.output_lsb();
+    // The resolver's own step stands between the two.
+    let allowed = half_lsb + params.sensors.motor_lsb() / params.transmission.gear_ratio;
     let (mut best, mut reach) = (0.5, 0.5);
     for _ in 0..SEARCHES {
-        let middle = best;
-        let mut least = f64::INFINITY;
+        let step = 2.0 * reach / (WIDTHS - 1) as f64;
+        let first = best - reach;
+        let (mut least, mut narrowest, mut widest) = (f64::INFINITY, best, best);
         for n in 0..WIDTHS {
-            let width = middle + reach * (2.0 * n as f64 / (WIDTHS - 1) as f64 - 1.0);
-            if !(0.0..=1.0).contains(&width) {
-                continue;
-            }
+            let width = (first + step * n as f64).clamp(0.0, 1.0);
             let mut sum = 0.0;
             follow(params, origin, samples, width, |sample, theta_out| {
-                let r = sample.theta_out - theta_out;
-                sum += r * r;
+                let outside = (libm::fabs(sample.theta_out - theta_out) - allowed).max(0.0);
+                sum += outside * outside;
             });
             if sum < least {
-                (least, best) = (sum, width);
+                (least, narrowest, widest) = (sum, width, width);
+            } else if sum <= least {
+                widest = width;
             }
         }
-        reach /= (WIDTHS - 1) as f64 / 2.0;
+        best = 0.5 * (narrowest + widest);
+        reach = 0.5 * (widest - narrowest) + step;
     }
     follow(params, origin, samples, best, |sample, theta_out| {
         sample.theta_read = theta_out

@@ -35,6 +35,8 @@ pub struct ComparedSample {
     pub omega_m: f64,
     /// Output angle, rad.
     pub theta_out: f64,
+    /// Motor angle turned per sample, rad: half the difference of the two neighbours.
+    pub turning: f64,
     /// Where in its count the output angle is likely to be, rad: what drives the monitor's position loop.
     pub theta_read: f64,
     /// Setpoint, relative to the output's origin in position mode.
@@ -100,6 +102,7 @@ pub fn prepare(
             theta_m,
             omega_m: (after.motor_counts - before.motor_counts) as f64 * motor_lsb / span,
             theta_out: ((s.output_counts - first.output_counts) as f64 + 0.5) * output_lsb,
+            turning: 0.5 * (after.motor_counts - before.motor_counts) as f64 * motor_lsb,
             theta_read: 0.0,
             setpoint: match s.setpoint {
                 Setpoint::Position(angle) => Setpoint::Position(angle - output_origin),
@@ -161,6 +164,7 @@ impl Default for ComparedSample {
             theta_m: 0.0,
             omega_m: 0.0,
             theta_out: 0.0,
+            turning: 0.0,
             theta_read: 0.0,
             setpoint: Setpoint::Idle,
             measured: false,

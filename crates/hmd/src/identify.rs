@@ -23,13 +23,13 @@ pub enum Method {
 }
 
 impl Method {
-    /// The default search: 64 individuals, 15 generations, then refinement.
+    /// The default search: 32 individuals, 5 generations, then refinement.
     #[must_use]
     pub fn hybrid() -> Self {
         let mut config = GaConfig::for_dimension(FAULT_COUNT as u32);
-        config.population = 64;
-        config.elite_count = 4;
-        config.stop.max_generations = 15;
+        config.population = 32;
+        config.elite_count = 2;
+        config.stop.max_generations = 5;
         Self::Hybrid(config)
     }
 

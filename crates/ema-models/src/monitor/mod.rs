@@ -38,8 +38,8 @@ pub enum Feedback {
     /// rugged.
     Simulated,
     /// The transmission is driven by the measured motor angle, and the position loop by the measured output counts:
-    /// both are known, so each element is judged by itself. Between two samples the output goes straight from one to the
-    /// other; what it read tells where in its count it is ([`ComparedSample::theta_read`]).
+    /// both are known, so each element is judged by itself. Between two samples the output turns as the motor does; what
+    /// was read tells where in its count it is ([`ComparedSample::theta_read`]).
     #[default]
     Measured,
 }
@@ -382,7 +382,7 @@ impl<R: Real> Monitor<R> {
             let counted = match self.feedback {
                 Feedback::Simulated => self.encoder.counted(state.theta_out),
                 Feedback::Measured => {
-                    let share = f64::from(control) / f64::from(self.controls_per_sample);
+                    let share = share_of_turn(now, next, f64::from(control) / f64::from(self.controls_per_sample));
                     self.encoder
                         .counted(R::splat(now.theta_read + share * (next.theta_read - now.theta_read)))
                 }
@@ -480,4 +480,17 @@ impl<R: Real> Monitor<R> {
         state.i_q = one_axis::step(&self.derived, before, state.i_ref[1], shape, omega, state.sin_cos);
         R::splat(0.75) * self.derived.torque * shape.emf * (before + state.i_q)
     }
+}
+
+/// Share of the turn from one sample to the next that the motor has made at `x` of the time between them, from the cubic
+/// with both angles and speeds; `x` itself where the motor hardly turns.
+#[inline(always)]
+fn share_of_turn(now: &ComparedSample, next: &ComparedSample, x: f64) -> f64 {
+    let rise = next.theta_m - now.theta_m;
+    let (leave, arrive) = (now.turning, next.turning);
+    // A turn that is not clearly one way has no shares.
+    if leave * rise <= 0.0 || arrive * rise <= 0.0 {
+        return x;
+    }
+    x * (leave + x * ((3.0 * rise - 2.0 * leave - arrive) + x * (leave + arrive - 2.0 * rise))) / rise
 }

@@ -54,7 +54,7 @@ impl IdentificationConfig {
     #[must_use]
     pub fn for_method(method: SearchMethod) -> Self {
         let (population, generations, evaluations_max) = match method {
-            SearchMethod::Hybrid => (64, 15, 5_000),
+            SearchMethod::Hybrid => (32, 5, 5_000),
             SearchMethod::Ga => (200, 800, 200_000),
         };
         Self {

@@ -274,7 +274,7 @@ fn refusals_say_where_what_and_why() {
         ),
         (
             "[identification]\nevaluations_max = 10",
-            "evaluations_max: expected at least population = 64, found 10",
+            "evaluations_max: expected at least population = 32, found 10",
         ),
         (
             "[health]\nwarning = 0.7",

@@ -46,6 +46,12 @@ pub struct FrameCounts {
     pub error: u64,
     /// Frames with an identifier of ours whose content is impossible.
     pub malformed: u64,
+    /// Of the decoded ones: frames with currents.
+    pub currents: u64,
+    /// Frames with counts.
+    pub position: u64,
+    /// Frames with setpoint and mode.
+    pub command: u64,
 }
 
 /// Decodes and cuts the traffic of all actuators.
@@ -107,6 +113,12 @@ impl Front {
             self.lanes.insert(key, lane);
         }
         self.counts.decoded += 1;
+        match parsed {
+            Frame::Currents(_) => self.counts.currents += 1,
+            Frame::Position(_) => self.counts.position += 1,
+            Frame::Command(_) => self.counts.command += 1,
+            Frame::SampleFd(_) | Frame::Status(_) => {}
+        }
         if let Some(lane) = self.lanes.get_mut(&key) {
             lane.push(&parsed, frame.stamp_ns, &self.config, ended, &mut self.notices);
         }
@@ -148,6 +160,12 @@ impl Front {
             let stats = lane.channel.stats();
             (lane.actuator.name.as_str(), stats.samples, stats.missing)
         })
+    }
+
+    /// Frames dropped because a newer sample had begun.
+    #[must_use]
+    pub fn late(&self) -> u64 {
+        self.lanes.values().map(|lane| lane.channel.stats().late).sum()
     }
 
     /// Notices since the last call.

@@ -240,11 +240,16 @@ impl KnownType {
                 calibrated: true,
             });
         }
-        let unchanged = match type_name {
-            "bench" => *params == ActuatorParams::bench(),
-            "servo28" => *params == ActuatorParams::servo28(),
-            _ => false,
+        // The sample rate does not count: it is read from the device's own time, and the calibration serves any.
+        let shipped_params = match type_name {
+            "bench" => Some(ActuatorParams::bench()),
+            "servo28" => Some(ActuatorParams::servo28()),
+            _ => None,
         };
+        let unchanged = shipped_params.is_some_and(|mut shipped| {
+            shipped.sensors.sample_rate = params.sensors.sample_rate;
+            shipped == *params
+        });
         let shipped = TypeCalibration::built_in(type_name, form).filter(|_| unchanged);
         Ok(match shipped {
             Some(calibration) => Self {

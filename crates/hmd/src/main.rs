@@ -40,8 +40,21 @@ fn main() -> ExitCode {
         Ok(exit) => ExitCode::from(exit as u8),
         Err(error) => {
             // One sentence: what failed, then why, without repeating what a cause already says.
-            eprintln!("hmd: {error:#}");
+            eprintln!("hmd: {}", sentence(&error));
             ExitCode::from(code_of(&error))
         }
     }
+}
+
+/// The chain of causes, up to the one that the text already ends with.
+fn sentence(error: &anyhow::Error) -> String {
+    let root = error.root_cause().to_string();
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1) {
+        if text.contains(&root) {
+            break;
+        }
+        text = format!("{text}: {cause}");
+    }
+    text
 }

@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use crate::config::Config;
 use crate::frame::BusNames;
-use crate::front::{Front, Notice, WindowJob};
-use crate::ingest::{IngestError, Loss, open_with};
+use crate::front::{FrameCounts, Front, Notice, WindowJob};
+use crate::ingest::{FrameSource, IngestError, Loss, open_with};
 use crate::judge::{Judge, JudgeError, Judged};
 use crate::record::{Log, LogLevel, Status};
 use crate::sink::{Sink, SinkError, SyncedFile};
@@ -23,6 +23,12 @@ pub enum ReplayError {
     /// The windows cannot be judged.
     #[error(transparent)]
     Judge(#[from] JudgeError),
+    /// The output is one of the logs.
+    #[error("{path}: expected an output that is none of the logs, found a log")]
+    OutputIsLog {
+        /// The file.
+        path: String,
+    },
     /// The output cannot be written.
     #[error("{path}: {source}")]
     Create {
@@ -63,6 +69,8 @@ pub struct Summary {
     pub actuators: u64,
     /// Windows.
     pub windows: u64,
+    /// Frames by what they carry.
+    pub frames: FrameCounts,
 }
 
 impl Summary {
@@ -70,7 +78,7 @@ impl Summary {
     #[must_use]
     pub fn data_lost(&self) -> bool {
         let s = &self.status;
-        s.lost_unreadable + s.lost_damaged + s.lost_samples + s.lost_malformed > 0
+        s.lost_unreadable + s.lost_damaged + s.lost_samples + s.lost_malformed + s.lost_late > 0
     }
 }
 
@@ -102,6 +110,12 @@ impl Replay<'_> {
     /// [`ReplayError`] when a log cannot be read at all, the configuration cannot be used, or the output cannot be
     /// written. Damaged data are counted in the summary instead.
     pub fn run(&self, observer: &mut impl Observer) -> Result<Summary, ReplayError> {
+        let mut names = BusNames::new();
+        // An output is begun only once the first log has turned out to be one.
+        let mut opened = None;
+        if let Some(log) = self.logs.first() {
+            opened = Some(open_with(log, std::mem::take(&mut names))?);
+        }
         let sink = match self.output {
             Some(path) => Some(self.create(path)?),
             None => None,
@@ -116,16 +130,27 @@ impl Replay<'_> {
             lost_unreadable: 0,
             lost_damaged: 0,
         };
-        let mut names = BusNames::new();
         let mut read_before = 0;
         for log in self.logs {
-            names = run.one_log(log, names, &mut read_before, self.config.output().raw_frames)?;
+            let source = match opened.take() {
+                Some(source) => source,
+                None => open_with(log, names)?,
+            };
+            names = run.one_log(source, &mut read_before, self.config.output().raw_frames)?;
         }
         run.finish()
     }
 
     fn create(&self, path: &Path) -> Result<(String, Sink<SyncedFile>), ReplayError> {
         let name = path.display().to_string();
+        if let Ok(place) = path.canonicalize()
+            && self
+                .logs
+                .iter()
+                .any(|log| log.canonicalize().is_ok_and(|log| log == place))
+        {
+            return Err(ReplayError::OutputIsLog { path: name });
+        }
         let file = File::create(path).map_err(|source| ReplayError::Create {
             path: name.clone(),
             source,
@@ -169,12 +194,10 @@ pub fn metadata(config: &Config, clock_source: &str, seed: u64) -> BTreeMap<Stri
 impl<O: Observer> Run<'_, O> {
     fn one_log(
         &mut self,
-        log: &Path,
-        names: BusNames,
+        mut source: FrameSource,
         read_before: &mut u64,
         store_raw: bool,
     ) -> Result<BusNames, ReplayError> {
-        let mut source = open_with(log, names)?;
         let mut ended = Vec::new();
         let mut frames = 0u64;
         while let Some(item) = source.next() {
@@ -277,6 +300,7 @@ impl<O: Observer> Run<'_, O> {
             lost_damaged: self.lost_damaged,
             lost_samples: missing,
             lost_malformed: frames.malformed,
+            lost_late: self.front.late(),
             windows_ok: windows.ok,
             windows_degraded: windows.degraded,
             windows_invalid: windows.invalid,
@@ -291,6 +315,7 @@ impl<O: Observer> Run<'_, O> {
             status,
             actuators,
             windows: self.windows,
+            frames,
         })
     }
 }

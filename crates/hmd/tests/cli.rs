@@ -81,8 +81,7 @@ impl Folder {
     /// A command whose arguments are refused; the parser of arguments adds a hint on further lines.
     fn misused(&self, line: &str) -> String {
         let ended = self.hmd(line);
-        // What the parser cannot know (how many numbers, which rates) is found later, and reported as a failure.
-        assert!([1, 2].contains(&ended.code), "hmd {line}: exit code {}", ended.code);
+        assert_eq!(ended.code, 2, "hmd {line}");
         assert!(ended.stdout.is_empty(), "hmd {line}: {}", ended.stdout);
         ended.stderr.lines().next().unwrap_or_default().to_owned()
     }
@@ -179,11 +178,14 @@ fn a_bad_value_of_an_argument_is_named_and_nothing_is_written() {
         ("--rate 333", "--rate: "),
         ("--rate NaN", "expected a number from 50 to 20000"),
         ("--rate 1e9", "expected a number from 50 to 20000"),
-        ("--load inf", "expected a finite number"),
+        ("--load inf", "expected a number from -1e6 to 1e6"),
         ("--noise -1", "'-1'"),
         ("--windows 0", "'--windows <WINDOWS>'"),
         ("--profile nonsense", "expected step, ramp, chirp or mixed"),
-        ("--actuator nonsense", "--actuator: expected a type, found \"nonsense\""),
+        (
+            "--actuator nonsense",
+            "--actuator: expected bench, servo28 or a type of the configuration, found \"nonsense\"",
+        ),
         ("--id 16", "'--id <ID>'"),
         ("--seed x", "'--seed <SEED>'"),
     ] {
@@ -384,7 +386,6 @@ fn a_log_in_reversed_order_is_never_judged() {
 }
 
 #[test]
-#[ignore = "frames that come late or in another order are dropped uncounted"]
 fn frames_dropped_for_their_order_are_data_loss() {
     let folder = Folder::new();
     let lines = folder.actuation();
@@ -502,7 +503,6 @@ fn a_full_disk_fails() {
 }
 
 #[test]
-#[ignore = "some errors print their cause twice, and the MCAP writer of simulate and demo does not name the file"]
 fn a_sentence_says_each_thing_once_and_names_the_file() {
     let folder = Folder::new();
     folder.actuation();
@@ -518,7 +518,6 @@ fn a_sentence_says_each_thing_once_and_names_the_file() {
 }
 
 #[test]
-#[ignore = "replay truncates an input that is given as its output too"]
 fn a_log_is_never_overwritten_by_its_own_replay() {
     let folder = Folder::new();
     folder.actuation();
@@ -547,7 +546,6 @@ fn a_reader_that_goes_away_is_no_failure() {
 }
 
 #[test]
-#[ignore = "a closed stdout ends replay at once, and its output file stays unfinished"]
 fn a_reader_that_goes_away_leaves_a_whole_output_file() {
     let folder = Folder::new();
     folder.actuation();

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 
-use super::{Exit, load_config, use_threads};
+use super::{Exit, load_config, unknown_type, use_threads};
 use crate::calibrate::calibrate_type;
 use crate::calibration::MonitorForm;
 use crate::config::MONITOR_NAMES;
@@ -42,7 +42,7 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = load_config(args.config.as_deref())?;
     let Some(found) = config.actuator_type(&args.actuator) else {
-        bail!("--actuator: expected a type, found {:?}", args.actuator);
+        return Err(unknown_type(&args.actuator).into());
     };
     use_threads(args.threads)?;
     let calibration = calibrate_type(&args.actuator, &found.params, args.monitor, args.seed);

@@ -45,7 +45,8 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = Arc::new(Config::default());
     let path = args.output.display().to_string();
     let file = std::fs::File::create(&args.output).with_context(|| path.clone())?;
-    let mut sink = Sink::new(SyncedFile::new(file), &metadata(&config, "simulated", args.seed))?;
+    let mut sink =
+        Sink::new(SyncedFile::new(file), &metadata(&config, "simulated", args.seed)).with_context(|| path.clone())?;
     let mut names = BusNames::new();
     names.intern("can0")?;
     let actuator = ActuatorId::new(0).context("actuator 0")?;
@@ -71,17 +72,17 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         let start_ns = EPOCH_NS + hours * 3_600_000_000_000;
         for frame in traffic(&scenario, actuator, start_ns) {
             last_stamp_ns = frame.stamp_ns;
-            sink.raw(&frame, &names)?;
+            sink.raw(&frame, &names).with_context(|| path.clone())?;
             front.push(&frame, &names, &mut ended);
         }
         front.finish(&mut ended);
         for job in ended.drain(..) {
             let judged = judge.judge(&job)?;
             let at = judged.health.t_start_ns;
-            sink.write(at, &judged.window)?;
-            sink.write(at, &judged.health)?;
-            sink.write(at, &judged.rul)?;
-            sink.flush_window()?;
+            sink.write(at, &judged.window).with_context(|| path.clone())?;
+            sink.write(at, &judged.health).with_context(|| path.clone())?;
+            sink.write(at, &judged.rul).with_context(|| path.clone())?;
+            sink.flush_window().with_context(|| path.clone())?;
             say(&format!("{hours:>7} {}", health_row(&judged.health)))?;
         }
     }
@@ -97,7 +98,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             ..Status::default()
         },
     )?;
-    let (_, counts) = sink.finish()?;
+    let (_, counts) = sink.finish().with_context(|| path.clone())?;
     say(&format!(
         "{} frames in, {} windows identified; {} records written to {path}",
         frames.received,

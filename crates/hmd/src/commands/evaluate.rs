@@ -3,9 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use anyhow::bail;
-
-use super::{Exit, load_config, progress, say, use_threads};
+use super::{Exit, load_config, progress, say, unknown_type, use_threads};
 use crate::calibration::MonitorForm;
 use crate::config::SearchMethod;
 use crate::evaluate::{Case, PaperReport, RandomReport, paper, random};
@@ -61,7 +59,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     use_threads(args.threads)?;
     let mut judge = Judge::new(Arc::new(config), args.seed);
     let Some(identifier) = judge.identifier(&args.actuator, args.monitor, args.method)? else {
-        bail!("--actuator: expected a type, found {:?}", args.actuator);
+        return Err(unknown_type(&args.actuator).into());
     };
     match args.suite {
         Suite::Paper => {

@@ -31,14 +31,31 @@ pub const FAILED: u8 = 1;
 /// Exit code of a bad configuration (`EX_CONFIG`).
 pub const BAD_CONFIG: u8 = 78;
 
+/// Exit code of arguments that make no sense, as that of the argument parser.
+pub const USAGE: u8 = 2;
+
+/// Arguments that the parser takes and that make no sense all the same.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct Misuse(String);
+
 /// Exit code that belongs to an error.
 #[must_use]
 pub fn code_of(error: &anyhow::Error) -> u8 {
     if error.downcast_ref::<ConfigError>().is_some() {
         BAD_CONFIG
+    } else if error.downcast_ref::<Misuse>().is_some() {
+        USAGE
     } else {
         FAILED
     }
+}
+
+/// An unknown `--actuator`.
+fn unknown_type(name: &str) -> Misuse {
+    Misuse(format!(
+        "--actuator: expected bench, servo28 or a type of the configuration, found {name:?}"
+    ))
 }
 
 /// The configuration of a file, or the defaults.

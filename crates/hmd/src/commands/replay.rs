@@ -1,6 +1,6 @@
 //! `hmd replay`: the pipeline over recorded logs.
 
-use std::io;
+use std::io::{self, Write};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -10,7 +10,7 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, load_config, progress, say, use_threads};
+use super::{Exit, load_config, progress, use_threads};
 use crate::judge::Judged;
 use crate::record::HealthLine;
 use crate::replay::{Observer, Replay};
@@ -60,6 +60,8 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         bar: progress::over_bytes(total),
         since: Instant::now(),
         headed: false,
+        alone: args.output.is_none(),
+        heard: true,
     };
     let replay = Replay {
         logs: &args.logs,
@@ -79,8 +81,14 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         bail!("{logs}: expected frames of an actuator, found none ({filtered} other frames)");
     }
     if status.samples == 0 {
-        let decoded = status.frames_decoded;
-        bail!("{logs}: expected currents, position and command of one sample, found {decoded} frames that make none");
+        let found = &summary.frames;
+        bail!(
+            "{logs}: expected currents, position and command of one sample, found {} frames with currents, {} with \
+             position, {} with command, and no three that belong together",
+            found.currents,
+            found.position,
+            found.command
+        );
     }
     if summary.windows == 0 {
         eprintln!(
@@ -90,8 +98,8 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     }
     if summary.data_lost() {
         eprintln!(
-            "{logs}: data lost: {} unreadable lines, {} frames in damaged chunks, {} malformed frames, {} samples",
-            status.lost_unreadable, status.lost_damaged, status.lost_malformed, status.lost_samples
+            "{logs}: data lost: {} unreadable lines, {} frames in damaged chunks, {} malformed frames, {} samples, {} frames out of order",
+            status.lost_unreadable, status.lost_damaged, status.lost_malformed, status.lost_samples, status.lost_late
         );
         return Ok(Exit::DataLost);
     }
@@ -104,6 +112,10 @@ struct Printer {
     bar: ProgressBar,
     since: Instant,
     headed: bool,
+    /// Nothing but stdout takes the records.
+    alone: bool,
+    /// Somebody reads stdout.
+    heard: bool,
 }
 
 #[derive(Serialize)]
@@ -115,6 +127,9 @@ struct Timed<'a> {
 
 impl Observer for Printer {
     fn judged(&mut self, judged: &Judged) -> io::Result<()> {
+        if !self.heard {
+            return Ok(());
+        }
         let elapsed_ms = self.since.elapsed().as_secs_f64() * 1e3;
         let line = HealthLine::from((&judged.health, &judged.rul));
         let text = match (self.json, self.timings) {
@@ -124,16 +139,23 @@ impl Observer for Printer {
             (false, true) => format!("{} [{elapsed_ms:.0} ms]", health_row(&judged.health)),
         };
         let (json, headed) = (self.json, std::mem::replace(&mut self.headed, true));
-        self.bar
-            .suspend(|| {
-                if !json && !headed {
-                    say(HEALTH_HEAD)?;
-                }
-                say(&text)
-            })
-            .map_err(io::Error::other)?;
+        let printed = self.bar.suspend(|| {
+            let mut out = io::stdout().lock();
+            if !json && !headed {
+                writeln!(out, "{HEALTH_HEAD}")?;
+            }
+            writeln!(out, "{text}")
+        });
         self.since = Instant::now();
-        Ok(())
+        match printed {
+            // The output file is still to be finished.
+            Err(e) if e.kind() == io::ErrorKind::BrokenPipe && !self.alone => {
+                self.heard = false;
+                Ok(())
+            }
+            Err(e) if e.kind() == io::ErrorKind::BrokenPipe => std::process::exit(0),
+            other => other,
+        }
     }
 
     fn notice(&mut self, message: &str) {

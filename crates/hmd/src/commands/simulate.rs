@@ -4,14 +4,14 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use ema_models::reference::{Actuations, CurrentSensing, Scenario};
 use ema_models::{FAULT_COUNT, FaultVector, Profile};
 use ema_wire::ActuatorId;
 use ema_wire::bus_load::bus_load;
 use serde::Serialize;
 
-use super::{Exit, load_config};
+use super::{Exit, Misuse, load_config, unknown_type};
 use crate::config::LOAD_MAX;
 use crate::frame::BusNames;
 use crate::ingest::candump::{Decimals, emit};
@@ -80,20 +80,21 @@ struct Truth<'a> {
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = load_config(args.config.as_deref())?;
     let Some(found) = config.actuator_type(&args.actuator) else {
-        bail!("--actuator: expected a type, found {:?}", args.actuator);
+        return Err(unknown_type(&args.actuator).into());
     };
     let mut params = found.params;
     if let Some(rate) = args.rate {
         params.sensors.sample_rate = rate;
-        params = params.checked().context("--rate")?;
+        params = params.checked().map_err(|e| Misuse(format!("--rate: {e}")))?;
     }
     let load = bus_load(params.sensors.sample_rate, 1, BIT_RATE_BIT_S);
     if load > LOAD_MAX {
-        bail!(
+        return Err(Misuse(format!(
             "--rate: expected at most {:.0} % of a 1 Mbit/s bus, found {:.0} %",
             100.0 * LOAD_MAX,
             100.0 * load
-        );
+        ))
+        .into());
     }
     let fault = fault_vector(args)?;
     let sensing = CurrentSensing {
@@ -112,7 +113,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         ..Scenario::new(params, fault, args.seed)
     };
     let Some(actuator) = ActuatorId::new(args.id) else {
-        bail!("--id: expected 0 to 15, found {}", args.id)
+        return Err(Misuse(format!("--id: expected 0 to 15, found {}", args.id)).into());
     };
     write_log(&args.output, &scenario, actuator)?;
 
@@ -154,11 +155,12 @@ fn write_log(path: &Path, scenario: &Scenario, actuator: ActuatorId) -> anyhow::
                 ("seed", scenario.seed.to_string()),
             ];
             let metadata = metadata.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
-            let mut sink = Sink::new(SyncedFile::new(create(path)?), &metadata)?;
+            let mut sink =
+                Sink::new(SyncedFile::new(create(path)?), &metadata).with_context(|| path.display().to_string())?;
             for frame in frames {
-                sink.raw(&frame, &names)?;
+                sink.raw(&frame, &names).with_context(|| path.display().to_string())?;
             }
-            sink.finish()?;
+            sink.finish().with_context(|| path.display().to_string())?;
         }
         Some("log") => {
             let mut file = BufWriter::new(create(path)?);
@@ -170,7 +172,10 @@ fn write_log(path: &Path, scenario: &Scenario, actuator: ActuatorId) -> anyhow::
             }
             file.flush().with_context(|| path.display().to_string())?;
         }
-        _ => bail!("{}: expected a name that ends in .mcap or .log", path.display()),
+        _ => {
+            let found = path.display();
+            return Err(Misuse(format!("{found}: expected a name that ends in .mcap or .log")).into());
+        }
     }
     Ok(())
 }
@@ -182,18 +187,19 @@ fn fault_vector(args: &Args) -> anyhow::Result<FaultVector> {
             .k
             .as_slice()
             .try_into()
-            .map_err(|_| anyhow::anyhow!("--k: expected {FAULT_COUNT} numbers, found {}", args.k.len()))?;
+            .map_err(|_| Misuse(format!("--k: expected {FAULT_COUNT} numbers, found {}", args.k.len())))?;
     }
     for &(index, value) in &args.fault {
         k[index] = value;
     }
     let fault = FaultVector::from_array(k);
     if let Some(p) = (0..FAULT_COUNT).find(|&p| !(0.0..=1.0).contains(&k[p])) {
-        bail!(
+        return Err(Misuse(format!(
             "{}: expected a number from 0 to 1, found {}",
             FaultVector::NAMES[p],
             k[p]
-        );
+        ))
+        .into());
     }
     Ok(fault)
 }
@@ -223,8 +229,8 @@ pub(super) fn named_profile(text: &str) -> Result<Profile, String> {
 fn finite(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
-        .filter(|x: &f64| x.is_finite())
-        .ok_or_else(|| "expected a finite number".to_owned())
+        .filter(|x: &f64| x.abs() <= 1e6)
+        .ok_or_else(|| "expected a number from -1e6 to 1e6".to_owned())
 }
 
 fn not_negative(text: &str) -> Result<f64, String> {
@@ -232,7 +238,7 @@ fn not_negative(text: &str) -> Result<f64, String> {
         if x >= 0.0 {
             Ok(x)
         } else {
-            Err("expected a number not below 0".to_owned())
+            Err("expected a number from 0 to 1e6".to_owned())
         }
     })
 }

@@ -29,6 +29,8 @@ message! {
         lost_malformed: u64 = 16 uint64;
         /// Losses: windows not judged for want of time or room.
         lost_windows: u64 = 17 uint64;
+        /// Losses: frames that came after a newer sample of their actuator had begun.
+        lost_late: u64 = 18 uint64;
         /// Windows with status `ok`.
         windows_ok: u64 = 21 uint64;
         /// Windows with status `degraded`.

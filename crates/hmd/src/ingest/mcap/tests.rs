@@ -340,6 +340,7 @@ fn write_a_sample() {
         lost_own_queue: 9,
         lost_samples: 10,
         lost_malformed: 11,
+        lost_late: 17,
         lost_windows: 12,
         windows_ok: 13,
         windows_degraded: 14,

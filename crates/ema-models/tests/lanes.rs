@@ -1,0 +1,67 @@
+//! Several monitors side by side do exactly what each does alone.
+#![cfg(feature = "std")]
+
+use ema_models::reference::Scenario;
+use ema_models::{
+    ActuatorParams, Calibration, ComparedSample, FaultVector, Lanes32, Monitor, SensedSample, Unknowns, prepare,
+};
+
+#[test]
+fn every_lane_has_the_bits_of_its_scalar() {
+    let params = ActuatorParams::bench();
+    let faults: [FaultVector; 4] = [
+        FaultVector::NOMINAL,
+        FaultVector {
+            friction: 0.4,
+            short_a: 0.6,
+            ..FaultVector::NOMINAL
+        },
+        FaultVector {
+            backlash: 0.7,
+            eccentricity: 0.5,
+            eccentricity_phase: 0.1,
+            ..FaultVector::NOMINAL
+        },
+        FaultVector {
+            short_b: 0.3,
+            short_c: 0.9,
+            gain: 0.8,
+            ..FaultVector::NOMINAL
+        },
+    ];
+    let sensed: Vec<SensedSample> = Scenario::new(params, faults[1], 3).run().skip(40).take(300).collect();
+    let mut samples = vec![ComparedSample::default(); sensed.len()];
+    let initial = prepare(&params, &sensed, 40, &mut samples);
+
+    let monitors = faults.map(|fault| {
+        let unknowns = Unknowns {
+            fault,
+            load_torque: 3.0,
+            integral: 0.01,
+        };
+        Monitor::new(&params, &Calibration::default(), params.motor.v_dc, &unknowns)
+    });
+    let together = Monitor::side_by_side(&monitors, |x| Lanes32(x.map(|x| x as f32)));
+    let alone = monitors.map(|monitor| monitor.map(|x| x as f32));
+    let mut state = together.start(&initial, &samples[0]);
+    let mut states = alone.map(|monitor| monitor.start(&initial, &samples[0]));
+    for pair in samples.windows(2) {
+        together.sample(&mut state, &initial, &pair[0], &pair[1]);
+        let lanes = together.output(&state);
+        for (n, (monitor, state)) in alone.iter().zip(&mut states).enumerate() {
+            monitor.sample(state, &initial, &pair[0], &pair[1]);
+            let scalar = monitor.output(state);
+            let bits = [scalar.i_d, scalar.i_q, scalar.theta_m, scalar.omega_m, scalar.theta_out].map(f32::to_bits);
+            let lane = [lanes.i_d, lanes.i_q, lanes.theta_m, lanes.omega_m, lanes.theta_out].map(|l| l.0[n].to_bits());
+            assert_eq!(lane, bits, "lane {n}");
+        }
+    }
+    assert!(
+        state_moved(&together.output(&state).omega_m),
+        "the window is one in which something happens"
+    );
+}
+
+fn state_moved(omega_m: &Lanes32<4>) -> bool {
+    omega_m.0.iter().all(|omega| omega.abs() > 1.0)
+}

@@ -13,6 +13,9 @@ use crate::unknowns::{Coordinates, Scale, UNKNOWN_COUNT, Unknowns};
 pub const SIGNAL_COUNT: usize = 5;
 
 /// One number per compared signal: `i_d`, `i_q`, motor angle, motor speed, output angle.
+///
+/// The three phase currents are compared in the rotor frame: with equal weights they are the two axes over again,
+/// `Σ r_j² = 3/2 (r_d² + r_q²)`, for any angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Signals<T> {
     /// Direct current, A.

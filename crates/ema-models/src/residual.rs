@@ -255,12 +255,13 @@ impl Comparison<'_> {
     #[must_use]
     pub fn normal_equations(&self, at: &Coordinates, step: f64) -> NormalEquations {
         let scale = Scale::new(self.params);
-        let steps: [f64; UNKNOWN_COUNT] = core::array::from_fn(|p| {
-            if at.0[p] > 0.5 * Coordinates::UPPER[p] {
-                -step
-            } else {
-                step
-            }
+        let steps: [f64; UNKNOWN_COUNT] = core::array::from_fn(|p| match p {
+            // Beyond this the turns are held, so a short step would see nothing.
+            2..=4 if at.0[p] > 1.0 - FULL_SHORT => -step.max(FULL_SHORT),
+            // Towards the middle of the disc.
+            5 | 6 => -step.copysign(at.0[p]),
+            _ if at.0[p] > 0.5 * Coordinates::UPPER[p] => -step,
+            _ => step,
         });
         let monitors: [Monitor<f64>; SLOPE_LANES] = core::array::from_fn(|lane| {
             let mut x = *at;
@@ -284,6 +285,9 @@ impl Comparison<'_> {
         sums
     }
 }
+
+/// Distance from a full short circuit within which the fraction of intact turns is next to nothing.
+const FULL_SHORT: f64 = 0.02;
 
 /// Individuals that [`Comparison::rank`] takes at once: one register of sixteen, or two of eight.
 pub const RANK_LANES: usize = 16;

@@ -71,7 +71,17 @@ pub struct Estimate {
     pub evaluations: u64,
 }
 
+/// A cost above this says that no fault vector explains the window: weighted residuals of seven times their expected
+/// size, where sensor noise of 0.2 A rms makes five.
+const UNMODELLED_COST: f64 = 50.0;
+
 impl Estimate {
+    /// Whether the fit is so bad that the data, though good, are of something the monitor does not know.
+    #[must_use]
+    pub fn is_unmodelled(&self) -> bool {
+        self.cost.is_nan() || self.cost > UNMODELLED_COST
+    }
+
     /// One standard deviation of each damage (see [`FaultVector::damage`]); infinite where the window shows nothing.
     #[must_use]
     pub fn damage_sigma(&self) -> [f64; FAULT_COUNT] {
@@ -214,8 +224,11 @@ impl Identifier {
 
     /// States how sure a point is.
     fn judge(&self, comparison: &Comparison<'_>, at: Coordinates, evaluations: u64) -> Estimate {
+        let scale = Scale::new(&self.params);
+        let unknowns = scale.unknowns(&at);
+        // The point may lie outside the disc of eccentricities; what is judged is what is reported.
+        let at = scale.coordinates(&unknowns);
         let normal = comparison.normal_equations(&at, FINE_STEP);
-        let unknowns = Scale::new(&self.params).unknowns(&at);
         let fault = unknowns.fault;
         let (mut current, mut n) = (0.0, 0.0_f64);
         comparison.residuals(&unknowns, |_, r| {
@@ -227,8 +240,8 @@ impl Identifier {
         // Correlated residuals are already weighted down, so the weighted ones count as independent of unit size; a
         // worse fit than the calibration's widens the interval.
         let signals = comparison.weights.to_array().iter().filter(|w| **w > 0.0).count() as f64;
-        let scale = (2.0 * normal.cost / (n * signals)).max(1.0);
-        let variance = data_variance(&normal, scale);
+        let excess = (2.0 * normal.cost / (n * signals)).max(1.0);
+        let variance = data_variance(&normal, excess);
         let mut sigma = [None; FAULT_COUNT];
         let mut observable = [false; FAULT_COUNT];
         let mut total = [f64::INFINITY; FAULT_COUNT];

@@ -70,6 +70,8 @@ pub struct WindowCounts {
     pub degraded: u64,
     /// Not fit to be judged.
     pub invalid: u64,
+    /// Good data that no fault vector explains.
+    pub unmodelled: u64,
 }
 
 /// The records of one window.
@@ -140,19 +142,25 @@ impl Judge {
                 found = Some(estimate);
             }
         }
-        let status = match (&found, reasons.is_empty()) {
-            (None, _) => "invalid",
-            (Some(_), true) => "ok",
-            (Some(_), false) => "degraded",
+        let explained = found.as_ref().filter(|estimate| !estimate.is_unmodelled());
+        let status = match (&found, explained, reasons.is_empty()) {
+            (None, _, _) => "invalid",
+            (Some(estimate), None, _) => {
+                reasons.push(format!("no fault vector explains the data: cost {:.0}", estimate.cost));
+                "unmodelled"
+            }
+            (Some(_), Some(_), true) => "ok",
+            (Some(_), Some(_), false) => "degraded",
         };
         match status {
             "ok" => self.counts.ok += 1,
             "degraded" => self.counts.degraded += 1,
+            "unmodelled" => self.counts.unmodelled += 1,
             _ => self.counts.invalid += 1,
         }
         let decision = self
             .unit(&job.actuator.name)?
-            .update(job.window.number, found.as_ref().map(judgement).as_ref());
+            .update(job.window.number, explained.map(judgement).as_ref());
         let reason = reasons.join("; ");
         Ok(Judged {
             window: window_record(job, status, &reason, fit),
@@ -363,7 +371,7 @@ fn health_record(
         t_start_ns: job.window.t_start_ns,
         status: status.to_owned(),
         reason: reason.to_owned(),
-        health: decision.state.to_string(),
+        health: reported_state(decision, estimate).to_string(),
         cost: estimate.map(|e| e.cost),
         residual_rms_a: estimate.map(|e| e.residual_rms_a),
         evaluations: estimate.map_or(0, |e| e.evaluations),
@@ -379,11 +387,27 @@ fn health_record(
         health.set_damage([0, 1, 2, 3, 4, 5, 7].map(|p| Some(damage[p])));
     }
     // An invalid window is never counted as a fault: it lists none, and the state stays what it was.
-    if estimate.is_some() && decision.state > HealthState::Nominal {
+    if status != "unmodelled" && estimate.is_some() && decision.state > HealthState::Nominal {
         health.set_faults(&decision.faults);
     }
     health
 }
+
+/// Nobody is called nominal while an estimate says damage that the window does not show well enough to count.
+fn reported_state(decision: &HealthDecision, estimate: Option<&Estimate>) -> HealthState {
+    let hidden = estimate.is_some_and(|e| {
+        let damage = e.fault.damage();
+        (0..FAULT_COUNT).any(|p| p != 6 && !e.observable[p] && damage[p] > HIDDEN_DAMAGE)
+    });
+    if hidden && decision.state == HealthState::Nominal {
+        HealthState::Unknown
+    } else {
+        decision.state
+    }
+}
+
+/// Damage that is worth a doubt even where a window hardly shows it.
+const HIDDEN_DAMAGE: f64 = 0.3;
 
 fn window_record(job: &WindowJob, status: &str, reason: &str, fit: Fit) -> record::Window {
     let (window, rate) = (&job.window, job.params.sensors.sample_rate);

@@ -304,6 +304,7 @@ impl<O: Observer> Run<'_, O> {
             windows_ok: windows.ok,
             windows_degraded: windows.degraded,
             windows_invalid: windows.invalid,
+            windows_unmodelled: windows.unmodelled,
             ..Status::default()
         };
         if let Some((path, mut sink)) = self.sink {

@@ -95,6 +95,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             windows_ok: windows.ok,
             windows_degraded: windows.degraded,
             windows_invalid: windows.invalid,
+            windows_unmodelled: windows.unmodelled,
             ..Status::default()
         },
     )?;

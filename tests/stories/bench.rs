@@ -62,14 +62,14 @@ pub(crate) fn watch_all(streams: impl IntoIterator<Item = impl IntoIterator<Item
             windows.extend(
                 ended
                     .drain(..)
-                    .map(|job| judge.judge(&job).expect("a usable configuration")),
+                    .map(|job| judge.judge(job).expect("a usable configuration")),
             );
         }
         front.finish(&mut ended);
         windows.extend(
             ended
                 .drain(..)
-                .map(|job| judge.judge(&job).expect("a usable configuration")),
+                .map(|job| judge.judge(job).expect("a usable configuration")),
         );
     }
     // The default type is sampled at 2 kHz; nothing else may be worth a notice.

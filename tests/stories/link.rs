@@ -44,6 +44,62 @@ pub(crate) fn merge(a: Vec<RawFrame>, b: Vec<RawFrame>) -> Vec<RawFrame> {
     both
 }
 
+/// All frames of one sample but the status are lost.
+pub(crate) fn lose_sample(mut frames: Vec<RawFrame>, sample: usize) -> Vec<RawFrame> {
+    let numbers = sample_numbers(&frames);
+    let mut n = 0;
+    frames.retain(|frame| {
+        n += 1;
+        numbers[n - 1] != sample || frame.id() & 0xF == STATUS
+    });
+    frames
+}
+
+/// One bit of the resolver's count arrives wrong.
+pub(crate) fn flip_position_bit(frames: Vec<RawFrame>, sample: usize, bit: usize) -> Vec<RawFrame> {
+    let numbers = sample_numbers(&frames);
+    let garble = |(frame, number): (RawFrame, usize)| {
+        if number == sample && frame.id() & 0xF == POSITION {
+            with_data(&frame, |data| data[bit / 8] ^= 1 << (bit % 8))
+        } else {
+            frame
+        }
+    };
+    frames.into_iter().zip(numbers).map(garble).collect()
+}
+
+/// One byte of every status frame has this value.
+pub(crate) fn set_status_byte(frames: Vec<RawFrame>, byte: usize, value: u8) -> Vec<RawFrame> {
+    let garble = |frame: RawFrame| {
+        if frame.id() & 0xF == STATUS {
+            with_data(&frame, |data| data[byte] = value)
+        } else {
+            frame
+        }
+    };
+    frames.into_iter().map(garble).collect()
+}
+
+/// Offsets of the dictionary's messages.
+const POSITION: u32 = 1;
+const STATUS: u32 = 3;
+
+/// The sample that each frame belongs to: the currents come first.
+fn sample_numbers(frames: &[RawFrame]) -> Vec<usize> {
+    let mut begun = 0;
+    let count = |frame: &RawFrame| {
+        begun += usize::from(frame.id() & 0xF == 0);
+        begun.saturating_sub(1)
+    };
+    frames.iter().map(count).collect()
+}
+
+fn with_data(frame: &RawFrame, change: impl FnOnce(&mut [u8])) -> RawFrame {
+    let mut data = frame.data().to_vec();
+    change(&mut data);
+    RawFrame::new(frame.stamp_ns, frame.bus, frame.id(), frame.flags(), &data).expect("as long as before")
+}
+
 /// A number in [0, 1) for frame n.
 fn uniform(seed: u64, n: usize) -> f64 {
     (mix(seed, &[n as u64]) >> 11) as f64 / (1_u64 << 53) as f64

@@ -131,6 +131,48 @@ fn a_few_lost_frames_degrade_a_window_and_raise_no_alarm() {
 }
 
 #[test]
+fn a_sample_lost_or_garbled_at_the_command_is_no_fault() {
+    // At 400 Hz the motor is at full acceleration in these: a chord between its neighbours is 500 counts off.
+    let (seed, trigger) = (3, 24);
+    let sound = frames(&unit(FaultVector::NOMINAL, seed), 0);
+    for after in 1..=6 {
+        let lost = link::lose_sample(sound.clone(), trigger + after);
+        let health = watch(lost).window().health.clone();
+        assert_eq!(
+            (health.status.as_str(), health.health.as_str()),
+            ("degraded", "nominal"),
+            "{after}: {health:?}"
+        );
+        assert_eq!(health.faults, "", "trigger + {after}");
+        // 64, 512 and 1 024 resolver counts; what the windower alone lets pass ends at 1 891.
+        for bit in [6, 9, 10] {
+            let garbled = link::flip_position_bit(sound.clone(), trigger + after, bit);
+            let health = watch(garbled).window().health.clone();
+            assert_eq!(health.faults, "", "trigger + {after}, bit {bit}: {health:?}");
+            assert_eq!(
+                (health.status.as_str(), health.health.as_str()),
+                ("degraded", "nominal"),
+                "{after}, bit {bit}"
+            );
+        }
+    }
+}
+
+#[test]
+fn absurd_supply_or_load_is_invalid() {
+    for (byte, what) in [(1, "dc_link"), (5, "load_torque")] {
+        let garbled = link::set_status_byte(frames(&unit(FaultVector::NOMINAL, 44), 0), byte, 0x7F);
+        let health = watch(garbled).window().health.clone();
+        assert_eq!(
+            (health.status.as_str(), health.estimate()),
+            ("invalid", None),
+            "{health:?}"
+        );
+        assert!(health.reason.starts_with(what), "{}", health.reason);
+    }
+}
+
+#[test]
 fn many_lost_frames_make_a_window_invalid_and_never_a_fault() {
     for (truth, seed) in [(FaultVector::NOMINAL, 42), (worn("friction", 0.5), 43)] {
         let lossy = link::drop_frames(frames(&unit(truth, seed), 0), 0.1, seed);

@@ -11,7 +11,7 @@ const WIDTHS: usize = 33;
 const SEARCHES: usize = 4;
 
 /// Fills in [`ComparedSample::theta_read`]: the output angle that the play which explains the counts best gives, within
-/// the count that was read.
+/// the count that was read; where none was read, the angle alone.
 ///
 /// A width explains the counts if it keeps the output inside each of them; of those that do, the middle one is taken.
 /// It is found by itself, from the two angles alone, so that the instants at which the controller saw a count
@@ -29,8 +29,10 @@ pub(crate) fn read_output(params: &ActuatorParams, origin: &Origin, samples: &mu
             let width = (first + step * n as f64).clamp(0.0, 1.0);
             let mut sum = 0.0;
             follow(params, origin, samples, width, |sample, theta_out| {
-                let outside = (libm::fabs(sample.theta_out - theta_out) - allowed).max(0.0);
-                sum += outside * outside;
+                if sample.measured {
+                    let outside = (libm::fabs(sample.theta_out - theta_out) - allowed).max(0.0);
+                    sum += outside * outside;
+                }
             });
             if sum < least {
                 (least, narrowest, widest) = (sum, width, width);
@@ -42,9 +44,13 @@ pub(crate) fn read_output(params: &ActuatorParams, origin: &Origin, samples: &mu
         reach = 0.5 * (widest - narrowest) + step;
     }
     follow(params, origin, samples, best, |sample, theta_out| {
-        sample.theta_read = theta_out
-            .max(sample.theta_out - half_lsb)
-            .min(sample.theta_out + 0.999 * half_lsb);
+        sample.theta_read = if sample.measured {
+            theta_out
+                .max(sample.theta_out - half_lsb)
+                .min(sample.theta_out + 0.999 * half_lsb)
+        } else {
+            theta_out
+        };
     });
 }
 

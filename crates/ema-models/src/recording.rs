@@ -41,7 +41,7 @@ pub struct ComparedSample {
     pub theta_read: f64,
     /// Setpoint, relative to the output's origin in position mode.
     pub setpoint: Setpoint,
-    /// Whether it was measured; one that was filled in drives the monitor, but is not compared.
+    /// Whether it was measured; one that was filled in drives the monitor, but nothing is compared with it.
     pub measured: bool,
 }
 
@@ -58,7 +58,8 @@ pub struct Recording<'a> {
 ///
 /// Fills `into` from `sensed` (as many as both hold) and takes the initial state from the first `rest` samples, which
 /// precede the trigger: the speed is their mean one, the currents start where their straight lines do (at rest the
-/// integrator winds up steadily against the static friction).
+/// integrator winds up steadily against the static friction). `filled` are the indices of samples that were not
+/// measured, or not in full.
 ///
 /// ```
 /// use ema_models::{prepare, ActuatorParams, SensedSample, Setpoint};
@@ -68,13 +69,14 @@ pub struct Recording<'a> {
 /// let sensed = [at_rest; 4];
 /// let mut ready = Vec::new();
 /// ready.resize(4, Default::default());
-/// let initial = prepare(&ActuatorParams::bench(), &sensed, 4, &mut ready);
+/// let initial = prepare(&ActuatorParams::bench(), &sensed, &[], 4, &mut ready);
 /// // A quarter turn of the motor is one electrical turn with four pole pairs.
 /// assert!((initial.origin.theta_e - core::f64::consts::TAU).abs() < 1e-12 && initial.omega_m == 0.0);
 /// ```
 pub fn prepare(
     params: &ActuatorParams,
     sensed: &[SensedSample],
+    filled: &[usize],
     rest: usize,
     into: &mut [ComparedSample],
 ) -> InitialState {
@@ -110,6 +112,12 @@ pub fn prepare(
             },
             measured: true,
         };
+    }
+
+    for &n in filled {
+        if let Some(ready) = into.get_mut(n) {
+            ready.measured = false;
+        }
     }
 
     let rest = rest.max(1).min(sensed.len()).min(into.len());

@@ -6,7 +6,7 @@ use crate::lanes::{Lanes32, Lanes64};
 use crate::monitor::{Calibration, Conditions, Feedback, Monitor};
 use crate::params::ActuatorParams;
 use crate::real::Real;
-use crate::recording::{ComparedSample, Recording};
+use crate::recording::Recording;
 use crate::unknowns::{Coordinates, Scale, UNKNOWN_COUNT, Unknowns};
 
 /// Number of signals that can be compared.
@@ -140,12 +140,13 @@ impl Comparison<'_> {
         Monitor::new(self.params, self.calibration, self.conditions.v_dc, unknowns).with_feedback(self.feedback)
     }
 
-    /// Runs a monitor (or several, in lanes) over the window and shows each sample beside its residuals.
+    /// Runs a monitor (or several, in lanes) over the window and shows the residuals of each measured sample by its index.
     ///
     /// The speed's residual is the difference of two residuals of the angle about 1 ms apart, at least one sample, over
-    /// that time: measured and modelled speed are then means over the same time, however slow the sampling.
+    /// that time: measured and modelled speed are then means over the same time, however slow the sampling. It is zero
+    /// where the earlier angle was filled in.
     #[inline(always)]
-    fn run<R: Real>(&self, monitor: &Monitor<R>, mut visit: impl FnMut(&ComparedSample, Signals<R>)) {
+    fn run<R: Real>(&self, monitor: &Monitor<R>, mut visit: impl FnMut(usize, Signals<R>)) {
         let Recording { samples, initial } = &self.recording;
         let Some(first) = samples.first() else { return };
         let rate = self.params.sensors.sample_rate;
@@ -156,7 +157,7 @@ impl Comparison<'_> {
         for (n, sample) in samples.iter().enumerate() {
             let output = monitor.output(&state);
             let theta_m = R::splat(sample.theta_m) - output.theta_m;
-            let omega_m = if n < span {
+            let omega_m = if n < span || !samples[n - span].measured {
                 R::zero()
             } else {
                 (theta_m - angles[n % span]) * per_span
@@ -164,7 +165,7 @@ impl Comparison<'_> {
             angles[n % span] = theta_m;
             if sample.measured {
                 visit(
-                    sample,
+                    n,
                     Signals {
                         i_d: R::splat(sample.i_d) - output.i_d,
                         i_q: R::splat(sample.i_q) - output.i_q,
@@ -179,8 +180,8 @@ impl Comparison<'_> {
         }
     }
 
-    /// Residuals of one set of unknowns, unweighted, sample by sample.
-    pub fn residuals(&self, unknowns: &Unknowns, visit: impl FnMut(&ComparedSample, Signals<f64>)) {
+    /// Residuals of one set of unknowns, unweighted, measured sample by measured sample with its index.
+    pub fn residuals(&self, unknowns: &Unknowns, visit: impl FnMut(usize, Signals<f64>)) {
         self.run(&self.monitor(unknowns), visit);
     }
 
@@ -236,13 +237,12 @@ impl Comparison<'_> {
     pub fn modified_total_least_squares(&self, unknowns: &Unknowns, time_scale: f64) -> f64 {
         let samples = self.recording.samples;
         let per_period = self.params.sensors.sample_rate;
-        let (mut sum, mut n) = (0.0, 0usize);
-        self.residuals(unknowns, |_, r| {
+        let mut sum = 0.0;
+        self.residuals(unknowns, |n, r| {
             let (before, after) = (&samples[n.saturating_sub(1)], &samples[(n + 1).min(samples.len() - 1)]);
             let span = if n == 0 || n + 1 == samples.len() { 1.0 } else { 2.0 };
             let slope = time_scale * (after.i_q - before.i_q) * per_period / span;
             sum += r.i_q * r.i_q / libm::sqrt(slope * slope + 1.0);
-            n += 1;
         });
         sum / samples.len().max(1) as f64
     }

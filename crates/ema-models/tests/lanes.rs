@@ -31,7 +31,7 @@ fn every_lane_has_the_bits_of_its_scalar() {
     ];
     let sensed: Vec<SensedSample> = Scenario::new(params, faults[1], 3).run().skip(40).take(300).collect();
     let mut samples = vec![ComparedSample::default(); sensed.len()];
-    let initial = prepare(&params, &sensed, 40, &mut samples);
+    let initial = prepare(&params, &sensed, &[], 40, &mut samples);
 
     let monitors = faults.map(|fault| {
         let unknowns = Unknowns {

@@ -12,6 +12,7 @@ use ema_models::{
 use nalgebra::{SMatrix, SVector};
 
 use crate::calibration::TypeCalibration;
+use crate::turns::align;
 
 /// How the fault vector is searched.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,9 +72,10 @@ pub struct Estimate {
     pub evaluations: u64,
 }
 
-/// A cost above this says that no fault vector explains the window: weighted residuals of seven times their expected
-/// size, where sensor noise of 0.2 A rms makes five.
-const UNMODELLED_COST: f64 = 50.0;
+/// A cost above this says that no fault vector explains the window: weighted residuals of four times their expected
+/// size. Good windows of every profile cost 1.0 to 1.5 without sensor noise, 2.0 to 2.7 with 50 mA rms on the currents and
+/// 5.5 to 6.3 with 100 mA.
+const UNMODELLED_COST: f64 = 15.0;
 
 impl Estimate {
     /// Whether the fit is so bad that the data, though good, are of something the monitor does not know.
@@ -123,23 +125,15 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Makes a window ready; its first `rest` samples precede the trigger.
+    /// Makes a window ready; its first `rest` samples precede the trigger, and those of the indices `filled` were not
+    /// measured.
     #[must_use]
-    pub fn new(params: &ActuatorParams, window: &[SensedSample], rest: usize) -> Self {
-        let mut samples = vec![ComparedSample::default(); window.len()];
-        let initial = prepare(params, window, rest, &mut samples);
+    pub fn new(params: &ActuatorParams, window: &[SensedSample], filled: &[usize], rest: usize) -> Self {
+        let mut sensed = window.to_vec();
+        align(params, &mut sensed);
+        let mut samples = vec![ComparedSample::default(); sensed.len()];
+        let initial = prepare(params, &sensed, filled, rest, &mut samples);
         Self { samples, initial }
-    }
-
-    /// The same without comparing the samples of these indices, which were filled in.
-    #[must_use]
-    pub fn without(mut self, filled: &[usize]) -> Self {
-        for &n in filled {
-            if let Some(sample) = self.samples.get_mut(n) {
-                sample.measured = false;
-            }
-        }
-        self
     }
 
     /// The samples and their initial state.
@@ -278,7 +272,8 @@ impl Identifier {
         let coefficients = self.calibration.coefficients();
         let mut fit = Fit::default();
         self.comparison(window, &coefficients, conditions)
-            .residuals(&estimate.unknowns, |sample, r| {
+            .residuals(&estimate.unknowns, |n, r| {
+                let sample = &window.samples[n];
                 fit.i_q_measured.push(sample.i_q as f32);
                 fit.i_q_fitted.push((sample.i_q - r.i_q) as f32);
                 fit.omega_measured.push(sample.omega_m as f32);

@@ -7,14 +7,15 @@ use std::sync::Arc;
 
 use ema_ga::ConfigError as SearchError;
 use ema_ga::GaConfig;
-use ema_models::{ActuatorParams, Conditions, FAULT_COUNT, Setpoint};
+use ema_models::{ActuatorParams, Conditions, FAULT_COUNT, Scale, Setpoint};
 use sha2::{Digest, Sha256};
 
 use crate::calibration::{CalibrationError, MonitorForm, TypeCalibration};
 use crate::config::{ActuatorConfig, Config, HealthConfig, IdentificationConfig, SearchMethod};
 use crate::front::WindowJob;
 use crate::health::{FAULTS, Health, HealthDecision, HealthState, Judgement, Levels, LevelsError};
-use crate::identify::{Estimate, Fit, Identifier, Method, Prepared};
+use crate::identify::{Estimate, Fit, Identifier, Method};
+use crate::outliers::identify_without_outliers;
 use crate::record;
 use crate::seed::mix;
 use crate::window::Verdict;
@@ -111,31 +112,32 @@ impl Judge {
     ///
     /// # Errors
     /// [`JudgeError`] when the configuration cannot be used at all; a bad window is a record, not an error.
-    pub fn judge(&mut self, job: &WindowJob) -> Result<Judged, JudgeError> {
+    pub fn judge(&mut self, mut job: WindowJob) -> Result<Judged, JudgeError> {
         let mut reasons = Vec::new();
         let mut found = None;
         let mut fit = Fit::default();
-        match &job.window.verdict {
-            Verdict::Invalid(why) => reasons.push(why.to_string()),
-            verdict => {
-                if let Verdict::Degraded(handicaps) = verdict {
-                    reasons.extend(handicaps.iter().map(ToString::to_string));
-                }
+        match conditions(&job) {
+            _ if !job.window.verdict.is_fit() => reasons.push(job.window.verdict.to_string()),
+            Err(absurd) => reasons.push(absurd),
+            Ok(conditions) => {
                 let known = self.known_type(&job.actuator)?.clone();
-                if !known.calibrated {
-                    reasons.push(format!("type {} is not calibrated", known.calibration.actuator_type));
-                }
                 let identifier = Identifier {
                     params: job.params,
                     calibration: known.calibration,
                     method: self.method,
                 };
-                let prepared =
-                    Prepared::new(&job.params, &job.window.samples, job.window.trigger).without(&job.window.filled);
-                let conditions = conditions(job);
                 let seed = mix(self.seed, &[name_hash(&job.actuator.name), job.window.number]);
-                let estimate = identifier.identify(&prepared, conditions, seed)?;
+                let (prepared, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, seed)?;
                 fit = identifier.fit(&prepared, conditions, &estimate);
+                if let Verdict::Degraded(handicaps) = &job.window.verdict {
+                    reasons.extend(handicaps.iter().map(ToString::to_string));
+                }
+                if !known.calibrated {
+                    reasons.push(format!(
+                        "type {} is not calibrated",
+                        identifier.calibration.actuator_type
+                    ));
+                }
                 if let Some(unseen) = unseen(&estimate) {
                     reasons.push(unseen);
                 }
@@ -163,8 +165,8 @@ impl Judge {
             .update(job.window.number, explained.map(judgement).as_ref());
         let reason = reasons.join("; ");
         Ok(Judged {
-            window: window_record(job, status, &reason, fit),
-            health: health_record(job, status, &reason, found.as_ref(), &decision),
+            window: window_record(&job, status, &reason, fit),
+            health: health_record(&job, status, &reason, found.as_ref(), &decision),
             rul: record::Rul {
                 actuator: job.actuator.name.clone(),
                 window: job.window.number,
@@ -321,12 +323,31 @@ fn new_health(section: &HealthConfig) -> Result<Health, LevelsError> {
 }
 
 /// Load and supply as measured; without a measurement the load is left open and the supply is nominal.
-fn conditions(job: &WindowJob) -> Conditions {
-    Conditions {
-        load_torque: job.conditions.load_torque_nm,
-        v_dc: job.conditions.dc_link_v.unwrap_or(job.params.motor.v_dc),
+///
+/// # Errors
+/// A sentence when a measurement is beyond what the actuator can have been working with: then the sensor is bad.
+fn conditions(job: &WindowJob) -> Result<Conditions, String> {
+    let motor = &job.params.motor;
+    let v_dc = job.conditions.dc_link_v.unwrap_or(motor.v_dc);
+    let [low, high] = DC_LINK_SHARES.map(|share| share * motor.v_dc);
+    if !(low..=high).contains(&v_dc) {
+        return Err(format!("dc_link: expected {low:.0} to {high:.0} V, found {v_dc:.1} V"));
     }
+    let load_torque = job.conditions.load_torque_nm;
+    let load_max = LOAD_MAX_SHARE * Scale::new(&job.params).load();
+    if let Some(load) = load_torque.filter(|load| load.abs() > load_max) {
+        return Err(format!(
+            "load_torque: expected at most {load_max:.0} Nm, found {load:.1} Nm"
+        ));
+    }
+    Ok(Conditions { load_torque, v_dc })
 }
+
+/// DC link voltages that a drive works with, as shares of the nominal one.
+const DC_LINK_SHARES: [f64; 2] = [0.5, 1.5];
+
+/// Largest load as a share of what the motor can lift without losses; a lossy gear holds more than the motor can lift.
+const LOAD_MAX_SHARE: f64 = 2.0;
 
 /// Damage of what the window shows; the rest has no sigma and is left as it was.
 fn judgement(estimate: &Estimate) -> Judgement {
@@ -377,7 +398,8 @@ fn health_record(
         evaluations: estimate.map_or(0, |e| e.evaluations),
         ..record::Health::default()
     };
-    if let Some(estimate) = estimate {
+    // A fault vector that does not explain the data is no estimate.
+    if let Some(estimate) = estimate.filter(|estimate| !estimate.is_unmodelled()) {
         health.set_estimate(Some(&record::Estimate {
             k: estimate.fault.to_array(),
             sigma: estimate.sigma,

@@ -232,7 +232,7 @@ impl<O: Observer> Run<'_, O> {
             self.notice(&notice, LogLevel::Warning)?;
         }
         for job in ended.drain(..) {
-            let judged = self.judge.judge(&job)?;
+            let judged = self.judge.judge(job)?;
             self.windows += 1;
             if let Some((path, sink)) = &mut self.sink {
                 let at = judged.health.t_start_ns;

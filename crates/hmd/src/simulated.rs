@@ -42,7 +42,7 @@ impl SimulatedWindow {
         let end = (start + (DURATION * rate).round() as usize).min(samples.len());
         Self {
             truth: scenario.fault,
-            prepared: Prepared::new(&scenario.nominal, &samples[start..end], rest),
+            prepared: Prepared::new(&scenario.nominal, &samples[start..end], &[], rest),
             conditions: Conditions {
                 load_torque: Some(scenario.load_torque),
                 v_dc: scenario.unit.motor.v_dc,

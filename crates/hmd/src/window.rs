@@ -71,6 +71,33 @@ pub struct Window {
     pub clock_jumps: u64,
 }
 
+impl Window {
+    /// Refuses the counts of samples that were found wrong afterwards: they are filled as if refused at once. An invalid
+    /// window stays as it is.
+    pub fn refuse_counts(&mut self, outliers: &[usize]) {
+        let mut handicaps = match &mut self.verdict {
+            Verdict::Invalid(_) => return,
+            Verdict::Complete => Vec::new(),
+            Verdict::Degraded(handicaps) => std::mem::take(handicaps),
+        };
+        self.rejected += outliers.len() as u64;
+        self.filled.extend(outliers);
+        self.filled.sort_unstable();
+        self.filled.dedup();
+        let filled = &self.filled;
+        fill::fill_motor(&mut self.samples, |n| filled.binary_search(&n).is_err());
+        handicaps.retain(|handicap| !matches!(handicap, Degradation::Filled { .. }));
+        handicaps.insert(
+            0,
+            Degradation::Filled {
+                lost: self.lost,
+                rejected: self.rejected,
+            },
+        );
+        self.verdict = Verdict::Degraded(handicaps);
+    }
+}
+
 /// What a [`Windower`] has seen since it was made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StreamCounts {

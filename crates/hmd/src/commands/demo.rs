@@ -77,7 +77,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         }
         front.finish(&mut ended);
         for job in ended.drain(..) {
-            let judged = judge.judge(&job)?;
+            let judged = judge.judge(job)?;
             let at = judged.health.t_start_ns;
             sink.write(at, &judged.window).with_context(|| path.clone())?;
             sink.write(at, &judged.health).with_context(|| path.clone())?;

@@ -1,7 +1,9 @@
 //! What stands on the grid where a sample, or a part of it, cannot be used.
 //!
-//! Everything is interpolated linearly between the nearest good samples; at an end of the window the nearest is held. The
-//! currents are interpolated in the rotor frame, because between two samples at 400 Hz a phase turns by up to 2 rad. The
+//! Everything is interpolated linearly between the nearest good samples; at an end of the window the nearest is held.
+//! The resolver's counts are interpolated by the cubic through two good samples on each side, where there are so many: an
+//! accelerating motor leaves the chord at 400 Hz by up to 500 counts, enough to look like a fault. The currents are
+//! interpolated in the rotor frame, because between two samples at 400 Hz a phase turns by up to 2 rad. The
 //! setpoint too is interpolated, not held: the device received it although its frame was lost here, and windows whose
 //! command jumped in a gap are invalid, so that what is left changes smoothly (held, a chirp at 400 Hz would be wrong by
 //! 1 mrad for one lost sample).
@@ -47,17 +49,16 @@ pub(super) fn indices(slots: &[Slot]) -> Vec<usize> {
 /// The window's samples, completed.
 pub(super) fn samples(slots: &[Slot], rotor: &Rotor) -> Vec<SensedSample> {
     let mut samples: Vec<SensedSample> = slots.iter().map(|slot| slot.sample).collect();
-    fill(slots, Part::Motor, &mut samples, |a, b, x, s| {
-        s.motor_counts = between(a.motor_counts, b.motor_counts, x);
-    });
-    fill(slots, Part::Output, &mut samples, |a, b, x, s| {
+    let good = |part: Part| move |n: usize| slots[n].is_good(part);
+    fill_motor(&mut samples, good(Part::Motor));
+    fill(&mut samples, good(Part::Output), |a, b, x, s| {
         s.output_counts = between(a.output_counts, b.output_counts, x);
     });
-    fill(slots, Part::Setpoint, &mut samples, |a, b, x, s| {
+    fill(&mut samples, good(Part::Setpoint), |a, b, x, s| {
         s.setpoint = commanded(a.setpoint, b.setpoint, x)
     });
     // After the counts, whose angles it needs.
-    fill(slots, Part::Currents, &mut samples, |a, b, x, s| {
+    fill(&mut samples, good(Part::Currents), |a, b, x, s| {
         let [from, to] = [a, b].map(|s| dq_from_abc(s.currents, rotor.sin_cos(s.motor_counts)));
         let dq = [0, 1].map(|axis| from[axis] + (to[axis] - from[axis]) * x);
         s.currents = abc_from_alpha_beta(alpha_beta_from_dq(dq, rotor.sin_cos(s.motor_counts)));
@@ -68,27 +69,54 @@ pub(super) fn samples(slots: &[Slot], rotor: &Rotor) -> Vec<SensedSample> {
     samples
 }
 
-/// Calls `set(left, right, place between them in 0…1, sample)` for every sample whose `part` is not good.
+/// Fills the resolver's counts that are not good.
+pub(super) fn fill_motor(samples: &mut [SensedSample], good: impl Fn(usize) -> bool) {
+    fill(samples, &good, |a, b, x, s| {
+        s.motor_counts = between(a.motor_counts, b.motor_counts, x);
+    });
+    for n in (0..samples.len()).filter(|&n| !good(n)) {
+        let mut before = (0..n).rev().filter(|&n| good(n));
+        let mut after = (n + 1..samples.len()).filter(|&n| good(n));
+        if let (Some(b), Some(a), Some(c), Some(d)) = (before.next(), before.next(), after.next(), after.next()) {
+            samples[n].motor_counts = on_the_cubic(n, [a, b, c, d], samples);
+        }
+    }
+}
+
+/// Resolver count at `n` on the cubic through those at four other places.
+fn on_the_cubic(n: usize, nodes: [usize; 4], samples: &[SensedSample]) -> i64 {
+    let origin = samples[nodes[0]].motor_counts;
+    let mut beyond = 0.0;
+    for at in nodes {
+        let mut share = 1.0;
+        for other in nodes.into_iter().filter(|&other| other != at) {
+            share *= (n as f64 - other as f64) / (at as f64 - other as f64);
+        }
+        beyond += share * samples[at].motor_counts.saturating_sub(origin) as f64;
+    }
+    origin.saturating_add(beyond.round() as i64)
+}
+
+/// Calls `set(left, right, place between them in 0…1, sample)` for every sample that is not good.
 fn fill(
-    slots: &[Slot],
-    part: Part,
     samples: &mut [SensedSample],
+    good: impl Fn(usize) -> bool,
     set: impl Fn(&SensedSample, &SensedSample, f64, &mut SensedSample),
 ) {
     let mut left: Option<usize> = None;
     let mut n = 0;
-    while n < slots.len() {
-        if slots[n].is_good(part) {
+    while n < samples.len() {
+        if good(n) {
             left = Some(n);
             n += 1;
             continue;
         }
-        let end = (n..slots.len()).find(|&m| slots[m].is_good(part));
+        let end = (n..samples.len()).find(|&m| good(m));
         let (Some(from), Some(to)) = (left.or(end), end.or(left)) else {
             return;
         };
         let (a, b) = (samples[from], samples[to]);
-        for m in n..end.unwrap_or(slots.len()) {
+        for m in n..end.unwrap_or(samples.len()) {
             let x = if from < to {
                 (m - from) as f64 / (to - from) as f64
             } else {
@@ -96,7 +124,7 @@ fn fill(
             };
             set(&a, &b, x, &mut samples[m]);
         }
-        n = end.unwrap_or(slots.len());
+        n = end.unwrap_or(samples.len());
     }
 }
 

@@ -1,0 +1,97 @@
+//! Counts that do not fit their neighbours, found with the help of the fitted monitor.
+//!
+//! The windower refuses counts that no actuator could show. At 400 Hz that lets an error of 1 800 resolver counts pass,
+//! because the motor may speed up that much in one sample. The fitted monitor knows better when it did: what is left after
+//! it is smooth from sample to sample, even where the fit itself is poor, because the monitor's errors add up over time.
+//! A single wrong count sticks out of that by its full size.
+
+use ema_ga::ConfigError;
+use ema_models::{Comparison, Conditions, Unknowns};
+
+use crate::identify::{Estimate, Identifier, Prepared};
+use crate::window::Window;
+
+/// Distance of a residual from its neighbours', in multiples of what half of all neighbours differ by.
+const FACTOR: f64 = 20.0;
+
+/// The same in counts: what rounding can make of a good one.
+const COUNTS: f64 = 3.0;
+
+/// Share of a window that may be found wrong this way; where more sticks out, the monitor is wrong and not the sensor.
+const MOST: f64 = 0.02;
+
+/// Times a window is identified again; a large outlier may have hidden a small one.
+const PASSES: usize = 2;
+
+/// Identifies a window; refuses counts that stick out from the fit and identifies it once more without them.
+///
+/// # Errors
+/// Those of [`Identifier::identify`].
+pub fn identify_without_outliers(
+    identifier: &Identifier,
+    window: &mut Window,
+    conditions: Conditions,
+    seed: u64,
+) -> Result<(Prepared, Estimate), ConfigError> {
+    let coefficients = identifier.calibration.coefficients();
+    let mut evaluations = 0;
+    let mut passes_left = PASSES;
+    loop {
+        let prepared = Prepared::new(&identifier.params, &window.samples, &window.filled, window.trigger);
+        let mut estimate = identifier.identify(&prepared, conditions, seed)?;
+        let comparison = identifier.comparison(&prepared, &coefficients, conditions);
+        let outliers = outliers(&comparison, &estimate.unknowns);
+        evaluations += estimate.evaluations + 1;
+        if passes_left == 0 || outliers.is_empty() || outliers.len() as f64 > MOST * window.samples.len() as f64 {
+            estimate.evaluations = evaluations;
+            return Ok((prepared, estimate));
+        }
+        window.refuse_counts(&outliers);
+        passes_left -= 1;
+    }
+}
+
+/// Indices of samples whose resolver or encoder count sticks out, in rising order.
+fn outliers(comparison: &Comparison<'_>, unknowns: &Unknowns) -> Vec<usize> {
+    let sensors = &comparison.params.sensors;
+    let (mut motor, mut output) = (Vec::new(), Vec::new());
+    comparison.residuals(unknowns, |n, r| {
+        motor.push((n, r.theta_m / sensors.motor_lsb()));
+        output.push((n, r.theta_out / sensors.output_lsb()));
+    });
+    let mut found = sticking_out(&motor);
+    found.extend(sticking_out(&output));
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
+/// Indices of residuals, in counts, that stick out from both their neighbours'.
+fn sticking_out(residuals: &[(usize, f64)]) -> Vec<usize> {
+    let off: Vec<f64> = residuals
+        .windows(3)
+        .map(|r| {
+            let (left, right) = (r[1].1 - r[0].1, r[1].1 - r[2].1);
+            // On the same side of both, by the nearer one.
+            if left * right > 0.0 {
+                left.abs().min(right.abs())
+            } else {
+                0.0
+            }
+        })
+        .collect();
+    let mut sorted: Vec<f64> = residuals.windows(2).map(|r| (r[1].1 - r[0].1).abs()).collect();
+    if sorted.is_empty() {
+        return Vec::new();
+    }
+    let middle = sorted.len() / 2;
+    let (_, median, _) = sorted.select_nth_unstable_by(middle, f64::total_cmp);
+    let allowed = (FACTOR * *median).max(COUNTS);
+    let inner = residuals.get(1..).unwrap_or_default();
+    inner
+        .iter()
+        .zip(&off)
+        .filter(|(_, off)| **off > allowed)
+        .map(|(&(n, _), _)| n)
+        .collect()
+}

@@ -154,17 +154,17 @@ impl<R: Real> Ace<R> {
     fn speed_error(&self, setpoint: Setpoint, theta_out: R, omega_m: R) -> Option<R> {
         let omega_ref = match setpoint {
             Setpoint::Idle => return None,
-            Setpoint::Position(theta_cmd) => self.g_p * (R::splat(theta_cmd) - theta_out),
+            Setpoint::Position(theta_cmd) => (self.g_p * (R::splat(theta_cmd) - theta_out)).clamp_abs(self.omega_max),
             Setpoint::Speed(omega_cmd) => R::splat(omega_cmd),
         };
-        Some(omega_ref.clamp_abs(self.omega_max) - omega_m)
+        Some(omega_ref - omega_m)
     }
 
     /// One control period: quadrature current reference I_ref, A.
     ///
     /// `e = θ_cmd − θ_out` with the output angle as the encoder counts it;
-    /// `ω_ref = clamp(G_p (0.5 + k8) e, ±ω_max)`, in speed mode the commanded speed under the same limit; PID on
-    /// `ω_ref − ω_m`, the integrator frozen while the torque saturates; `T_ref = clamp(PID, ±G_T I_max)`;
+    /// `ω_ref = clamp(G_p (0.5 + k8) e, ±ω_max)`, in speed mode the commanded speed; PID on `ω_ref − ω_m`,
+    /// the integrator frozen while the torque saturates; `T_ref = clamp(PID, ±G_T I_max)`;
     /// `I_ref = T_ref / G_T`.
     #[inline(always)]
     pub fn step(&self, state: &mut AceState<R>, setpoint: Setpoint, theta_out: R, omega_m: R) -> R {
@@ -206,8 +206,10 @@ mod tests {
     }
 
     #[test]
-    fn speed_mode_obeys_the_speed_limit() {
-        let at_limit = ace().step(&mut AceState::default(), Setpoint::Speed(500.0), 0.0, 190.0);
-        assert!((at_limit - 0.4 * 10.0 / 1.35).abs() < 1e-12, "{at_limit}");
+    fn the_speed_limit_is_the_position_loop_s() {
+        let far = ace().step(&mut AceState::default(), Setpoint::Position(100.0), 0.0, 190.0);
+        assert!((far - 0.4 * 10.0 / 1.35).abs() < 1e-12, "{far}");
+        let fast = ace().step(&mut AceState::default(), Setpoint::Speed(202.0), 0.0, 190.0);
+        assert!((fast - 0.4 * 12.0 / 1.35).abs() < 1e-12, "{fast}");
     }
 }

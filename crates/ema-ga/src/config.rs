@@ -149,6 +149,11 @@ pub enum ConfigError {
         /// Configured value.
         shrink: f64,
     },
+    /// First step of CMA-ES not above 0 or not finite.
+    Step {
+        /// Configured value.
+        got: f64,
+    },
     /// Stall window of no generation.
     StallWindow,
     /// Function tolerance negative or not finite.
@@ -194,6 +199,7 @@ impl fmt::Display for ConfigError {
                     "mutation scale {scale}, shrink {shrink}, expected scale above 0 and shrink 0 to 1"
                 )
             }
+            Self::Step { got } => write!(f, "first step {got}, expected finite and above 0"),
             Self::StallWindow => write!(f, "stall window 0, expected at least 1 generation"),
             Self::FunctionTolerance { got } => write!(f, "function tolerance {got}, expected finite and not negative"),
             Self::CostLimit => write!(f, "cost limit is NaN"),

@@ -11,6 +11,7 @@
 //! | [`operators`] | selection, crossover, mutation |
 //! | [`evolve`](mod@evolve) | the genetic algorithm |
 //! | [`differential_evolution`](mod@differential_evolution) | the same problem by differential evolution |
+//! | [`cma_es`](mod@cma_es) | the same problem by evolution strategy with covariance matrix adaptation |
 //! | [`least_squares`] | bounded Levenberg-Marquardt, for sums of squares near the solution |
 //! | [`log`] | one typed line per generation |
 //!
@@ -45,6 +46,7 @@
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
+pub mod cma_es;
 pub mod config;
 pub mod differential_evolution;
 pub mod evolve;
@@ -57,6 +59,9 @@ pub mod stop;
 pub mod storage;
 pub mod stream;
 
+#[cfg(feature = "std")]
+pub use cma_es::cma_es_owned;
+pub use cma_es::{CmaConfig, cma_es};
 pub use config::{ConfigError, GaConfig, Mutation, Selection};
 #[cfg(feature = "std")]
 pub use differential_evolution::differential_evolution_owned;

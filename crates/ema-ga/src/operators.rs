@@ -132,7 +132,7 @@ pub fn adaptive_feasible_mutation<const D: usize>(
 }
 
 /// A standard normal number, by Marsaglia's polar method; `libm` gives the same bits on every target.
-fn normal(rng: &mut impl Rng) -> f64 {
+pub(crate) fn normal(rng: &mut impl Rng) -> f64 {
     loop {
         let (u, v) = (2.0 * rng.random::<f64>() - 1.0, 2.0 * rng.random::<f64>() - 1.0);
         let s = u * u + v * v;

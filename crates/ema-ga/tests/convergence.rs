@@ -4,8 +4,8 @@ mod common;
 
 use common::{Function, corner, rastrigin, rosenbrock, sphere};
 use ema_ga::{
-    Control, DeConfig, GaConfig, Mutation, Outcome, Parallel, Search, Selection, StopReason, StopRule,
-    differential_evolution_owned, evolve_owned,
+    CmaConfig, Control, DeConfig, GaConfig, Mutation, Outcome, Parallel, Search, Selection, StopReason, StopRule,
+    cma_es_owned, differential_evolution_owned, evolve_owned,
 };
 
 /// A patient stop rule: MATLAB's tolerance of 1e-6 is absolute for costs below 1 and would end the descent early.
@@ -48,6 +48,23 @@ fn de(objective: &Function<8>, seed: u64) -> Outcome<8> {
     .expect("valid settings")
 }
 
+fn cma(objective: &Function<8>, seed: u64) -> Outcome<8> {
+    let search = Search {
+        objective,
+        evaluate: Parallel,
+        seed,
+        initial: &[],
+    };
+    let config = CmaConfig {
+        stop: StopRule {
+            max_generations: 1600,
+            ..patient()
+        },
+        ..CmaConfig::for_dimension(8)
+    };
+    cma_es_owned(&search, &config, |_| Control::Continue).expect("valid settings")
+}
+
 /// Largest cost over five seeds must lie between the two limits: the lower one tells when a limit has become too loose.
 fn assert_worst(name: &str, expected: core::ops::RangeInclusive<f64>, run: impl Fn(u64) -> Outcome<8>) {
     let outcomes: Vec<_> = (0..5).map(run).collect();
@@ -71,6 +88,13 @@ fn genetic_algorithm_converges() {
     assert_worst("GA rastrigin", 1e-13..=1e-9, |seed| ga(&rastrigin(), seed, config));
     // A genetic algorithm finds the valley and creeps along it; 8-D starts are at about 3000.
     assert_worst("GA rosenbrock", 0.5..=5.0, |seed| ga(&rosenbrock(), seed, config));
+}
+
+#[test]
+fn covariance_matrix_adaptation_converges() {
+    assert_worst("CMA-ES sphere", 1e-15..=1e-13, |seed| cma(&sphere(), seed));
+    assert_worst("CMA-ES corner", 1e-15..=1e-13, |seed| cma(&corner(), seed));
+    assert_worst("CMA-ES rosenbrock", 1e-15..=1e-13, |seed| cma(&rosenbrock(), seed));
 }
 
 #[test]

@@ -4,8 +4,8 @@ mod common;
 
 use common::{Function, rastrigin, sphere};
 use ema_ga::{
-    ConfigError, Control, DeConfig, Evaluate, FixedStorage, GaConfig, GenerationLog, Parallel, Search, Serial,
-    StopReason, StopRule, differential_evolution_owned, evolve, evolve_owned,
+    CmaConfig, ConfigError, Control, DeConfig, Evaluate, FixedStorage, GaConfig, GenerationLog, Parallel, Search,
+    Serial, StopReason, StopRule, cma_es_owned, differential_evolution_owned, evolve, evolve_owned,
 };
 
 fn bits(line: &GenerationLog<8>) -> Vec<u64> {
@@ -48,6 +48,22 @@ fn de_log(objective: &Function<8>, evaluate: impl Evaluate, seed: u64) -> Vec<Ve
     log
 }
 
+fn cma_log(objective: &Function<8>, evaluate: impl Evaluate, seed: u64) -> Vec<Vec<u64>> {
+    let mut log = Vec::new();
+    let search = Search {
+        objective,
+        evaluate,
+        seed,
+        initial: &[],
+    };
+    cma_es_owned(&search, &CmaConfig::for_dimension(8), |line| {
+        log.push(bits(line));
+        Control::Continue
+    })
+    .expect("valid settings");
+    log
+}
+
 fn on_threads<T: Send>(threads: usize, run: impl FnOnce() -> T + Send) -> T {
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
@@ -61,11 +77,17 @@ fn log_does_not_depend_on_threads() {
     let objective = rastrigin();
     for seed in [0, u64::MAX] {
         let (ga, de) = (ga_log(&objective, Serial, seed), de_log(&objective, Serial, seed));
-        assert!(ga.len() > 50 && de.len() > 50);
+        let cma = cma_log(&objective, Serial, seed);
+        assert!(ga.len() > 50 && de.len() > 50 && cma.len() > 50);
         for threads in [1, 4] {
             assert_eq!(
                 on_threads(threads, || ga_log(&objective, Parallel, seed)),
                 ga,
+                "seed {seed}"
+            );
+            assert_eq!(
+                on_threads(threads, || cma_log(&objective, Parallel, seed)),
+                cma,
                 "seed {seed}"
             );
             assert_eq!(

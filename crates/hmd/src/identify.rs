@@ -1,8 +1,8 @@
 //! One window to one estimate: the only place where monitor and search meet.
 
 use ema_ga::{
-    Bounds, ConfigError, Control, GaConfig, LmConfig, Objective, Parallel, Residuals, Search, evolve_owned,
-    levenberg_marquardt,
+    Bounds, CmaConfig, ConfigError, Control, DeConfig, GaConfig, LmConfig, Objective, Outcome, Parallel, Residuals,
+    Search, cma_es_owned, differential_evolution_owned, evolve_owned, levenberg_marquardt,
 };
 use ema_models::{
     ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector,
@@ -14,24 +14,39 @@ use nalgebra::{SMatrix, SVector};
 use crate::calibration::TypeCalibration;
 use crate::turns::align;
 
-/// How the fault vector is searched.
+/// How the fault vector is searched. `docs/search.md` compares them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
     /// The paper's standard genetic algorithm on its own cost (eq. 14), quadrature current only.
     PaperGa(GaConfig),
-    /// A short genetic algorithm over all signals, then Levenberg–Marquardt from its best and from health.
-    Hybrid(GaConfig),
+    /// A population search over all signals.
+    Population(Population),
+    /// Levenberg–Marquardt from health alone, over all signals.
+    LeastSquares,
+    /// A short population search, then Levenberg–Marquardt from its best and from health.
+    Hybrid(Population),
+}
+
+/// A search by many individuals at once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Population {
+    /// The genetic algorithm.
+    Genetic(GaConfig),
+    /// Differential evolution.
+    Differential(DeConfig),
+    /// Evolution strategy with covariance matrix adaptation.
+    CmaEs(CmaConfig),
 }
 
 impl Method {
-    /// The default search: 32 individuals, 5 generations, then refinement.
+    /// The default search: a genetic algorithm of 32 individuals and 5 generations, then refinement.
     #[must_use]
     pub fn hybrid() -> Self {
         let mut config = GaConfig::for_dimension(FAULT_COUNT as u32);
         config.population = 32;
         config.elite_count = 2;
         config.stop.max_generations = 5;
-        Self::Hybrid(config)
+        Self::Hybrid(Population::Genetic(config))
     }
 
     /// The paper's search with the toolbox's defaults for eight bounded genes.
@@ -175,25 +190,19 @@ impl Identifier {
                 let best = all.with_fault(FaultVector::from_array(found.genes));
                 Ok(self.judge(&all, scale.coordinates(&best), found.evaluations))
             }
-            Method::Hybrid(config) => {
-                let objective = LeastSquares {
-                    comparison: all,
-                    bounds: unit_box(),
-                };
-                let nominal = [FaultVector::NOMINAL.to_array()];
-                let search = Search {
-                    objective: &objective,
-                    evaluate: Parallel,
-                    seed,
-                    initial: &nominal,
-                };
-                let found = evolve_owned(&search, &config, |_| Control::Continue)?;
-                let starts = starts(
-                    &all,
-                    &scale,
-                    [FaultVector::from_array(found.genes), FaultVector::NOMINAL],
-                );
-                let (best, spent) = refine(&all, &starts);
+            Method::Population(population) => {
+                let found = population.search(all, seed)?;
+                let best = all.with_fault(FaultVector::from_array(found.genes));
+                Ok(self.judge(&all, scale.coordinates(&best), found.evaluations))
+            }
+            Method::LeastSquares => {
+                let (best, spent) = refine(&all, &starts(&all, &scale, &[FaultVector::NOMINAL]));
+                Ok(self.judge(&all, best, spent))
+            }
+            Method::Hybrid(population) => {
+                let found = population.search(all, seed)?;
+                let faults = [FaultVector::from_array(found.genes), FaultVector::NOMINAL];
+                let (best, spent) = refine(&all, &starts(&all, &scale, &faults));
                 Ok(self.judge(&all, best, found.evaluations + spent))
             }
         }
@@ -285,6 +294,28 @@ impl Identifier {
     }
 }
 
+impl Population {
+    /// The best of all individuals, one of the first being health.
+    fn search(&self, comparison: Comparison<'_>, seed: u64) -> Result<Outcome<FAULT_COUNT>, ConfigError> {
+        let objective = LeastSquares {
+            comparison,
+            bounds: unit_box(),
+        };
+        let nominal = [FaultVector::NOMINAL.to_array()];
+        let search = Search {
+            objective: &objective,
+            evaluate: Parallel,
+            seed,
+            initial: &nominal,
+        };
+        match self {
+            Self::Genetic(config) => evolve_owned(&search, config, |_| Control::Continue),
+            Self::Differential(config) => differential_evolution_owned(&search, config, |_| Control::Continue),
+            Self::CmaEs(config) => cma_es_owned(&search, config, |_| Control::Continue),
+        }
+    }
+}
+
 /// What the status frame's load may be off by, Nm: its last digit is 0.1.
 const LOAD_SIGMA_NM: f64 = 0.03;
 
@@ -325,9 +356,9 @@ pub fn comparison<'a>(
 }
 
 /// Where refinements start: each fault vector, with the load as measured or else on both sides of none.
-fn starts(comparison: &Comparison<'_>, scale: &Scale, faults: [FaultVector; 2]) -> Vec<Coordinates> {
+fn starts(comparison: &Comparison<'_>, scale: &Scale, faults: &[FaultVector]) -> Vec<Coordinates> {
     let mut starts = Vec::new();
-    for fault in faults {
+    for &fault in faults {
         let unknowns = comparison.with_fault(fault);
         match comparison.conditions.load_torque {
             Some(_) => starts.push(scale.coordinates(&unknowns)),

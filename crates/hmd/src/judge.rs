@@ -14,7 +14,7 @@ use crate::calibration::{CalibrationError, MonitorForm, TypeCalibration};
 use crate::config::{ActuatorConfig, Config, HealthConfig, IdentificationConfig, SearchMethod};
 use crate::front::WindowJob;
 use crate::health::{FAULTS, Health, HealthDecision, HealthState, Judgement, Levels, LevelsError};
-use crate::identify::{Estimate, Fit, Identifier, Method};
+use crate::identify::{Estimate, Fit, Identifier, Method, Population};
 use crate::outliers::identify_without_outliers;
 use crate::record;
 use crate::seed::mix;
@@ -303,7 +303,7 @@ pub fn method(section: &IdentificationConfig) -> Method {
     search.stop.max_generations = section.generations;
     search.stop.max_evaluations = Some(u64::from(section.evaluations_max));
     match section.method {
-        SearchMethod::Hybrid => Method::Hybrid(search),
+        SearchMethod::Hybrid => Method::Hybrid(Population::Genetic(search)),
         SearchMethod::Ga => Method::PaperGa(search),
     }
 }

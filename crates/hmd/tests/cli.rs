@@ -805,3 +805,35 @@ fn a_device_that_restarts_in_the_window_is_said() {
         "{first}"
     );
 }
+
+#[test]
+fn a_text_from_another_system_is_the_same_log() {
+    let folder = Folder::new();
+    let lines = folder.actuation();
+    let text: String = lines.iter().map(|line| format!("{line}\r\n")).collect();
+    folder.write("windows.log", format!("\u{feff}{text}"));
+    assert_eq!(
+        folder.done("replay --json windows.log"),
+        folder.done("replay --json actuation.log")
+    );
+}
+
+#[test]
+fn a_compressed_log_and_a_damaged_only_chunk_are_named() {
+    let folder = Folder::new();
+    folder.write("log.gz", b"\x1f\x8b\x08\0anything\n");
+    assert_eq!(
+        folder.refused("replay log.gz", 1),
+        "hmd: log.gz: expected a candump or MCAP log, found gzip data; decompress it first"
+    );
+    folder.done("simulate -o flip.mcap --rate 400 --seed 5");
+    let mut bytes = folder.read("flip.mcap");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    folder.write("flip.mcap", bytes);
+    let sentence = folder.refused("replay flip.mcap", 1);
+    assert!(
+        sentence.contains("/bus/<interface>/raw, found none that is intact; flip.mcap: at byte "),
+        "{sentence}"
+    );
+}

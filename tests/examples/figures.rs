@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use ema_models::reference::{CurrentSensing, Scenario};
-use ema_models::{ActuatorParams, FaultVector};
+use ema_models::{ActuatorParams, FaultVector, MotorKnowledge};
 use hmd::calibration::{MonitorForm, TypeCalibration};
 use hmd::identify::{Fit, Identifier, Method};
 use hmd::simulated::SimulatedWindow;
@@ -28,6 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         params,
         calibration,
         method: Method::hybrid(),
+        motor: MotorKnowledge::default(),
     };
     let worn = FaultVector {
         friction: 0.4,

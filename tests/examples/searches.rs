@@ -6,7 +6,7 @@
 use std::time::{Duration, Instant};
 
 use ema_ga::{CmaConfig, DeConfig, GaConfig, StopRule};
-use ema_models::{ActuatorParams, FAULT_COUNT, Profile, rss_pct};
+use ema_models::{ActuatorParams, FAULT_COUNT, MotorKnowledge, Profile, rss_pct};
 use hmd::calibrate::random_faults;
 use hmd::calibration::{MonitorForm, TypeCalibration};
 use hmd::identify::{Identifier, Method, Population};
@@ -96,6 +96,7 @@ fn row(params: &ActuatorParams, form: MonitorForm, method: Method, windows: &[Si
         params: *params,
         calibration: TypeCalibration::built_in("bench", form).expect("shipped"),
         method,
+        motor: MotorKnowledge::default(),
     };
     let (mut errors, mut evaluations, mut time) = (Vec::new(), 0, Duration::ZERO);
     for (seed, window) in windows.iter().enumerate() {

@@ -51,5 +51,5 @@ pub use params::{
 pub use real::Real;
 pub use recording::{ComparedSample, Recording, SensedSample, prepare};
 pub use residual::{Comparison, NormalEquations, Prior, RANK_LANES, SIGNAL_COUNT, Signals, Weights};
-pub use unknowns::{Coordinates, Scale, UNKNOWN_COUNT, Unknowns};
+pub use unknowns::{Coordinates, MOTOR_COORDINATES, MotorDeviation, MotorKnowledge, Scale, UNKNOWN_COUNT, Unknowns};
 pub use winding::{DerivedShape, PaperShape, Winding, derived_shape};

@@ -7,7 +7,7 @@ use crate::monitor::{Calibration, Conditions, Feedback, Monitor};
 use crate::params::ActuatorParams;
 use crate::real::Real;
 use crate::recording::Recording;
-use crate::unknowns::{Coordinates, Scale, UNKNOWN_COUNT, Unknowns};
+use crate::unknowns::{Coordinates, MOTOR_COORDINATES, MotorKnowledge, Scale, UNKNOWN_COUNT, Unknowns};
 
 /// Number of signals that can be compared.
 pub const SIGNAL_COUNT: usize = 5;
@@ -83,22 +83,29 @@ pub struct Comparison<'a> {
     pub prior: Prior,
 }
 
-/// Standard deviations of what is known beforehand; infinite where nothing is.
+/// What is known of the companions of the fault vector beforehand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prior {
-    /// Of the load torque about [`Conditions::load_torque`] (about none where it is not measured), Nm at the output.
+    /// Standard deviation of the load torque about [`Conditions::load_torque`] (about none where it is not measured), Nm
+    /// at the output; infinite where nothing is known.
     pub load_torque: f64,
-    /// Of the speed loop's integral about what the first currents say, Nm.
+    /// Standard deviation of the speed loop's integral about what the first currents say, Nm.
     pub integral: f64,
+    /// The motor. One that is known exactly adds no term: its coordinates are not for fitting.
+    pub motor: MotorKnowledge,
 }
 
+/// Coordinates about which something is known beforehand: load, integral, motor.
+const KNOWN: [usize; 4] = [8, 9, MOTOR_COORDINATES[0], MOTOR_COORDINATES[1]];
+
 impl Prior {
-    /// Coordinate, distance from what is expected, and weight of each term.
-    fn terms(&self, scale: &Scale, conditions: &Conditions, at: &Coordinates) -> [(usize, f64, f64); 2] {
+    /// Distance from what is expected, and information matrix, in the order of [`KNOWN`].
+    fn terms(&self, scale: &Scale, conditions: &Conditions, at: &Coordinates) -> ([f64; 4], [[f64; 4]; 4]) {
         let unit = Unknowns {
             fault: FaultVector::NOMINAL,
             load_torque: self.load_torque,
             integral: self.integral,
+            motor: self.motor.mean,
         };
         let sigma = scale.coordinates(&unit).0;
         let expected = scale
@@ -108,7 +115,15 @@ impl Prior {
                 ..unit
             })
             .0;
-        [8, 9].map(|p| (p, at.0[p] - expected[p], 1.0 / sigma[p]))
+        let mut information = [[0.0; 4]; 4];
+        information[0][0] = 1.0 / (sigma[8] * sigma[8]);
+        information[1][1] = 1.0 / (sigma[9] * sigma[9]);
+        if let Some(motor) = self.motor.information() {
+            for (r, row) in motor.into_iter().enumerate() {
+                information[2 + r][2..].copy_from_slice(&row);
+            }
+        }
+        (KNOWN.map(|p| at.0[p] - expected[p]), information)
     }
 }
 
@@ -131,6 +146,7 @@ impl Comparison<'_> {
             fault,
             load_torque: self.conditions.load_torque.unwrap_or(0.0),
             integral: 0.0,
+            motor: self.prior.motor.mean,
         }
     }
 
@@ -189,11 +205,13 @@ impl Comparison<'_> {
     #[must_use]
     pub fn cost(&self, at: &Coordinates) -> f64 {
         let scale = Scale::new(self.params);
-        let prior = self.prior.terms(&scale, &self.conditions, at);
-        let known: f64 = prior
-            .iter()
-            .map(|(_, distance, weight)| 0.5 * (weight * distance) * (weight * distance))
-            .sum();
+        let (distance, information) = self.prior.terms(&scale, &self.conditions, at);
+        let mut known = 0.0;
+        for (row, d) in information.iter().zip(distance) {
+            for (weight, other) in row.iter().zip(distance) {
+                known += 0.5 * d * weight * other;
+            }
+        }
         self.least_squares(&scale.unknowns(at)) * self.recording.samples.len() as f64 + known
     }
 
@@ -277,10 +295,13 @@ impl Comparison<'_> {
             monitor,
             steps,
         });
-        for (p, distance, weight) in self.prior.terms(&scale, &self.conditions, at) {
-            sums.jtj[p][p] += weight * weight;
-            sums.jtr[p] += weight * weight * distance;
-            sums.cost += 0.5 * (weight * distance) * (weight * distance);
+        let (distance, information) = self.prior.terms(&scale, &self.conditions, at);
+        for (r, &p) in KNOWN.iter().enumerate() {
+            for (c, &q) in KNOWN.iter().enumerate() {
+                sums.jtj[p][q] += information[r][c];
+                sums.jtr[p] += information[r][c] * distance[c];
+                sums.cost += 0.5 * distance[r] * information[r][c] * distance[c];
+            }
         }
         sums
     }

@@ -4,7 +4,41 @@ use crate::fault::{FAULT_COUNT, FaultVector};
 use crate::params::ActuatorParams;
 
 /// Number of unknowns of one window.
-pub const UNKNOWN_COUNT: usize = FAULT_COUNT + 2;
+pub const UNKNOWN_COUNT: usize = FAULT_COUNT + 4;
+
+/// How far a motor is off its type, each as a share of the type's value.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MotorDeviation {
+    /// Of the phase resistance R.
+    pub resistance: f64,
+    /// Of the back-EMF coefficient k, which is the torque coefficient too.
+    pub back_emf: f64,
+}
+
+/// What is known of a motor's deviation beforehand: mean and covariance, in the order of the fields.
+///
+/// A covariance of zero says that the deviation is exactly the mean. It comes from tolerances, from healthy windows of the
+/// very motor, and from the temperature.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MotorKnowledge {
+    /// Expected deviation.
+    pub mean: MotorDeviation,
+    /// Its covariance.
+    pub covariance: [[f64; 2]; 2],
+}
+
+impl MotorKnowledge {
+    /// Inverse of the covariance; `None` where the deviation is known exactly.
+    #[must_use]
+    pub fn information(&self) -> Option<[[f64; 2]; 2]> {
+        let [[a, b], [c, d]] = self.covariance;
+        let determinant = a * d - b * c;
+        (determinant > 0.0 && determinant.is_finite()).then(|| {
+            let scale = 1.0 / determinant;
+            [[d * scale, -b * scale], [-c * scale, a * scale]]
+        })
+    }
+}
 
 /// The fault vector with its companions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,9 +49,15 @@ pub struct Unknowns {
     pub load_torque: f64,
     /// Integral part of the speed loop at the window's start beyond what the measured currents say, Nm.
     pub integral: f64,
+    /// The motor itself.
+    pub motor: MotorDeviation,
 }
 
-/// The unknowns as coordinates of a smooth problem: `[k1…k5, ζ cos φ_e, ζ sin φ_e, k8, load, integral]`.
+/// Places of the motor's deviation among the coordinates.
+pub const MOTOR_COORDINATES: [usize; 2] = [UNKNOWN_COUNT - 2, UNKNOWN_COUNT - 1];
+
+/// The unknowns as coordinates of a smooth problem: `[k1…k5, ζ cos φ_e, ζ sin φ_e, k8, load, integral,
+/// δR/R, δk/k]`.
 ///
 /// The eccentricity is Cartesian, smooth where amplitude and direction are not: at k6 = 0 and across φ_e = ±π. Load and
 /// integral are in units of the motor's largest torque, the load as seen at the motor shaft.
@@ -64,6 +104,8 @@ impl Scale {
             k[7],
             unknowns.load_torque / self.load,
             unknowns.integral / self.integral,
+            unknowns.motor.resistance,
+            unknowns.motor.back_emf,
         ])
     }
 
@@ -82,15 +124,20 @@ impl Scale {
             fault: FaultVector::from_array(k.map(|v| v.clamp(0.0, 1.0))),
             load_torque: x[8] * self.load,
             integral: x[9] * self.integral,
+            motor: MotorDeviation {
+                resistance: x[10],
+                back_emf: x[11],
+            },
         }
     }
 }
 
 impl Coordinates {
-    /// Lower corner of the box: the Cartesian eccentricity goes from −1, load and integral by half the largest torque.
-    pub const LOWER: [f64; UNKNOWN_COUNT] = [0.0, 0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0, -0.5, -0.5];
+    /// Lower corner of the box: the Cartesian eccentricity goes from −1, load and integral by half the largest torque,
+    /// R and k by a fifth.
+    pub const LOWER: [f64; UNKNOWN_COUNT] = [0.0, 0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0, -0.5, -0.5, -0.2, -0.2];
     /// Upper corner of the box.
-    pub const UPPER: [f64; UNKNOWN_COUNT] = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5];
+    pub const UPPER: [f64; UNKNOWN_COUNT] = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 0.2, 0.2];
 }
 
 #[cfg(test)]
@@ -104,11 +151,16 @@ mod tests {
             fault: FaultVector::from_array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.9, 0.3]),
             load_torque: 12.0,
             integral: -0.2,
+            motor: MotorDeviation {
+                resistance: 0.03,
+                back_emf: -0.02,
+            },
         };
         let back = scale.unknowns(&scale.coordinates(&unknowns));
         for (a, b) in back.fault.to_array().into_iter().zip(unknowns.fault.to_array()) {
             assert!((a - b).abs() < 1e-12, "{back:?}");
         }
         assert!((back.load_torque - 12.0).abs() < 1e-9 && (back.integral + 0.2).abs() < 1e-12);
+        assert_eq!(back.motor, unknowns.motor);
     }
 }

@@ -6,9 +6,9 @@
 
 use ema_models::reference::{Reference, ReferenceState, Scenario};
 use ema_models::{
-    ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, FaultVector, Feedback, Form, PaperShape,
-    Prior, Profile, RIPPLE_DEFAULT, RIPPLE_SPACING, Real, Recording, SensedSample, Setpoint, Weights, dq_from_abc,
-    prepare,
+    ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, FaultVector, Feedback, Form, MotorKnowledge,
+    PaperShape, Prior, Profile, RIPPLE_DEFAULT, RIPPLE_SPACING, Real, Recording, SensedSample, Setpoint, Weights,
+    dq_from_abc, prepare,
 };
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -151,6 +151,7 @@ fn residuals(params: &ActuatorParams, row: &Row, fault: &FaultVector, seed: u64)
         prior: Prior {
             load_torque: f64::INFINITY,
             integral: f64::INFINITY,
+            motor: MotorKnowledge::default(),
         },
     };
     let mut sums = [0.0; 4];

@@ -3,7 +3,8 @@
 
 use ema_models::reference::Scenario;
 use ema_models::{
-    ActuatorParams, Calibration, ComparedSample, FaultVector, Lanes32, Monitor, SensedSample, Unknowns, prepare,
+    ActuatorParams, Calibration, ComparedSample, FaultVector, Lanes32, Monitor, MotorDeviation, SensedSample, Unknowns,
+    prepare,
 };
 
 #[test]
@@ -38,6 +39,7 @@ fn every_lane_has_the_bits_of_its_scalar() {
             fault,
             load_torque: 3.0,
             integral: 0.01,
+            motor: MotorDeviation::default(),
         };
         Monitor::new(&params, &Calibration::default(), params.motor.v_dc, &unknowns)
     });

@@ -4,7 +4,7 @@
 use core::f64::consts::TAU;
 use ema_models::{
     ActuatorParams, Calibration, ComparedSample, FaultVector, Feedback, Form, InitialState, Monitor, MonitorState,
-    Origin, Output, PaperShape, Setpoint, Unknowns,
+    MotorDeviation, Origin, Output, PaperShape, Setpoint, Unknowns,
 };
 
 const FORMS: [Form; 3] = [
@@ -33,6 +33,7 @@ impl Run {
             fault: *fault,
             load_torque,
             integral: 0.0,
+            motor: MotorDeviation::default(),
         };
         let monitor = Monitor::new(params, &without_ripple(form), params.motor.v_dc, &unknowns)
             .with_feedback(Feedback::Simulated);

@@ -7,7 +7,7 @@ use ema_models::{Calibration, FAULT_COUNT, Form, PaperShape, RIPPLE_DEFAULT, RIP
 use serde::{Deserialize, Serialize};
 
 /// Version of the file's layout.
-pub const CALIBRATION_VERSION: u32 = 1;
+pub const CALIBRATION_VERSION: u32 = 2;
 
 /// Which monitor a calibration belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,15 +41,25 @@ pub struct TypeCalibration {
     pub k_e: f64,
     /// Mean shortfall of the currents in the hysteresis band, in half bands, at 0.1, 0.2, … of V_dc/2 (three-phase form).
     pub ripple: [f64; RIPPLE_KNOTS],
+    /// What the calibration was worth.
+    pub quality: Quality,
+    /// How wrong the monitor still is, at several sample rates; at least one.
+    pub at_rate: Vec<Mismatch>,
+}
+
+/// How wrong a calibrated monitor still is in windows of one sample rate.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mismatch {
+    /// Sample rate, Hz.
+    pub sample_rate_hz: f64,
+    /// Root-mean-square error of an estimate that the monitor's own mismatch causes, in fault coordinates
+    /// `[k1…k5, ζ cos φ, ζ sin φ, k8]`.
+    pub model_sigma: [f64; FAULT_COUNT],
     /// Root-mean-square residual at the true fault vector.
     pub residual_rms: SignalTable,
     /// Samples after which residuals of a signal are independent; a residual that drifts counts for less.
     pub correlation_samples: SignalTable,
-    /// Root-mean-square error of an estimate that the monitor's own mismatch causes, in fault coordinates
-    /// `[k1…k5, ζ cos φ, ζ sin φ, k8]`.
-    pub model_sigma: [f64; FAULT_COUNT],
-    /// What the calibration was worth.
-    pub quality: Quality,
 }
 
 /// One number per compared signal.
@@ -175,27 +185,30 @@ impl TypeCalibration {
             k_fs: PaperShape::default().k_fs,
             k_e: PaperShape::default().k_e,
             ripple: RIPPLE_DEFAULT,
-            residual_rms: SignalTable {
-                i_d: ripple,
-                i_q: ripple,
-                theta_m: 10.0 * sensors.motor_lsb(),
-                omega_m: 0.3 * sensors.motor_lsb() * sensors.sample_rate,
-                theta_out: 0.3 * sensors.output_lsb(),
-            },
-            correlation_samples: SignalTable {
-                i_d: 1.0,
-                i_q: 1.0,
-                theta_m: 300.0,
-                omega_m: 3.0,
-                theta_out: 1.0,
-            },
-            model_sigma: [0.02; FAULT_COUNT],
             quality: Quality {
                 healthy_before_a2: 0.0,
                 healthy_after_a2: 0.0,
                 faulty_before_a2: 0.0,
                 faulty_after_a2: 0.0,
             },
+            at_rate: vec![Mismatch {
+                sample_rate_hz: sensors.sample_rate,
+                model_sigma: [0.02; FAULT_COUNT],
+                residual_rms: SignalTable {
+                    i_d: ripple,
+                    i_q: ripple,
+                    theta_m: 10.0 * sensors.motor_lsb(),
+                    omega_m: 0.3 * sensors.motor_lsb() * sensors.sample_rate,
+                    theta_out: 0.3 * sensors.output_lsb(),
+                },
+                correlation_samples: SignalTable {
+                    i_d: 1.0,
+                    i_q: 1.0,
+                    theta_m: 300.0,
+                    omega_m: 3.0,
+                    theta_out: 1.0,
+                },
+            }],
         }
     }
 
@@ -227,48 +240,39 @@ impl TypeCalibration {
                 found: parsed.version,
             });
         }
-        let positive = "above zero";
-        for (key, found) in [
-            ("back_emf", parsed.back_emf),
-            ("torque", parsed.torque),
-            ("residual_rms.i_d", parsed.residual_rms.i_d),
-            ("residual_rms.i_q", parsed.residual_rms.i_q),
-            ("residual_rms.theta_m", parsed.residual_rms.theta_m),
-            ("residual_rms.omega_m", parsed.residual_rms.omega_m),
-            ("residual_rms.theta_out", parsed.residual_rms.theta_out),
-            ("correlation_samples.i_d", parsed.correlation_samples.i_d),
-            ("correlation_samples.i_q", parsed.correlation_samples.i_q),
-            ("correlation_samples.theta_m", parsed.correlation_samples.theta_m),
-            ("correlation_samples.omega_m", parsed.correlation_samples.omega_m),
-            ("correlation_samples.theta_out", parsed.correlation_samples.theta_out),
-        ] {
-            if !(found.is_finite() && found > 0.0) {
-                return Err(CalibrationError::Value {
-                    path: name.to_owned(),
-                    key,
-                    expected: positive,
-                    found,
-                });
-            }
+        let refused = |key, expected, found| CalibrationError::Value {
+            path: name.to_owned(),
+            key,
+            expected,
+            found,
+        };
+        if parsed.at_rate.is_empty() {
+            return Err(CalibrationError::Parse {
+                path: name.to_owned(),
+                message: "no table at_rate".to_owned(),
+            });
         }
-        for (key, values) in [("ripple", &parsed.ripple[..]), ("model_sigma", &parsed.model_sigma[..])] {
-            if let Some(&found) = values.iter().find(|v| !(v.is_finite() && **v >= 0.0)) {
-                return Err(CalibrationError::Value {
-                    path: name.to_owned(),
-                    key,
-                    expected: "not below zero",
-                    found,
-                });
+        let mut positive = vec![("back_emf", parsed.back_emf), ("torque", parsed.torque)];
+        let mut not_negative: Vec<(&'static str, f64)> = parsed.ripple.iter().map(|&x| ("ripple", x)).collect();
+        for table in &parsed.at_rate {
+            positive.push(("at_rate.sample_rate_hz", table.sample_rate_hz));
+            for signal in Signals::from(table.residual_rms).to_array() {
+                positive.push(("at_rate.residual_rms", signal));
             }
+            for signal in Signals::from(table.correlation_samples).to_array() {
+                positive.push(("at_rate.correlation_samples", signal));
+            }
+            not_negative.extend(table.model_sigma.iter().map(|&x| ("at_rate.model_sigma", x)));
+        }
+        if let Some(&(key, found)) = positive.iter().find(|(_, x)| !(x.is_finite() && *x > 0.0)) {
+            return Err(refused(key, "above zero", found));
+        }
+        if let Some(&(key, found)) = not_negative.iter().find(|(_, x)| !(x.is_finite() && *x >= 0.0)) {
+            return Err(refused(key, "not below zero", found));
         }
         for (key, found) in [("k_fs", parsed.k_fs), ("k_e", parsed.k_e)] {
             if !found.is_finite() {
-                return Err(CalibrationError::Value {
-                    path: name.to_owned(),
-                    key,
-                    expected: "",
-                    found,
-                });
+                return Err(refused(key, "", found));
             }
         }
         Ok(parsed)
@@ -299,17 +303,30 @@ impl TypeCalibration {
         }
     }
 
-    /// Weight of each signal: residuals count by their size, and by how many of them are independent.
+    /// The table of the sample rate nearest to the given one, as a ratio.
     ///
-    /// The one-axis forms know no direct current.
+    /// # Panics
+    /// Without any table; a calibration that was read has one.
     #[must_use]
-    pub fn weights(&self) -> Weights {
+    pub fn at(&self, sample_rate: f64) -> &Mismatch {
+        let far = |table: &&Mismatch| (table.sample_rate_hz / sample_rate).ln().abs();
+        let nearest = self.at_rate.iter().min_by(|a, b| far(a).total_cmp(&far(b)));
+        #[expect(clippy::expect_used, reason = "every way to make a calibration gives it a table")]
+        nearest.expect("a calibration has a table")
+    }
+
+    /// Weight of each signal at a sample rate, Hz: residuals count by their size, and by how many of them are independent.
+    ///
+    /// Residuals drift for a time, not for a number of samples. The one-axis forms know no direct current.
+    #[must_use]
+    pub fn weights(&self, sample_rate: f64) -> Weights {
+        let table = self.at(sample_rate);
         let (rms, correlation) = (
-            Signals::from(self.residual_rms),
-            Signals::from(self.correlation_samples),
+            Signals::from(table.residual_rms).to_array(),
+            Signals::from(table.correlation_samples).to_array(),
         );
-        let (rms, correlation) = (rms.to_array(), correlation.to_array());
-        let mut weights = Signals::from_array(std::array::from_fn(|s| 1.0 / (rms[s] * correlation[s].max(1.0).sqrt())));
+        let samples = correlation.map(|samples| (samples * sample_rate / table.sample_rate_hz).max(1.0));
+        let mut weights = Signals::from_array(std::array::from_fn(|s| 1.0 / (rms[s] * samples[s].sqrt())));
         if self.monitor != MonitorForm::ThreePhase {
             weights.i_d = 0.0;
         }

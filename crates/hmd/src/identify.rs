@@ -6,8 +6,8 @@ use ema_ga::{
 };
 use ema_models::{
     ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector,
-    Feedback, NormalEquations, Prior, RANK_LANES, Recording, Scale, SensedSample, UNKNOWN_COUNT, Unknowns, Weights,
-    prepare,
+    Feedback, MOTOR_COORDINATES, MotorKnowledge, NormalEquations, Prior, RANK_LANES, Recording, SIGNAL_COUNT, Scale, SensedSample, Signals,
+    UNKNOWN_COUNT, Unknowns, Weights, prepare,
 };
 use nalgebra::{SMatrix, SVector};
 
@@ -65,6 +65,8 @@ pub struct Identifier {
     pub calibration: TypeCalibration,
     /// The search.
     pub method: Method,
+    /// How far the motor is off its type, and how well that is known.
+    pub motor: MotorKnowledge,
 }
 
 /// Fault vector of one window, and how far it can be trusted.
@@ -197,13 +199,13 @@ impl Identifier {
             }
             Method::LeastSquares => {
                 let (best, spent) = refine(&all, &starts(&all, &scale, &[FaultVector::NOMINAL]));
-                Ok(self.judge(&all, best, spent))
+                Ok(self.finish(&all, best, spent))
             }
             Method::Hybrid(population) => {
                 let found = population.search(all, seed)?;
                 let faults = [FaultVector::from_array(found.genes), FaultVector::NOMINAL];
                 let (best, spent) = refine(&all, &starts(&all, &scale, &faults));
-                Ok(self.judge(&all, best, found.evaluations + spent))
+                Ok(self.finish(&all, best, found.evaluations + spent))
             }
         }
     }
@@ -221,8 +223,44 @@ impl Identifier {
             &self.params,
             coefficients,
             conditions,
-            self.calibration.weights(),
+            self.calibration.weights(self.params.sensors.sample_rate),
+            self.motor,
         )
+    }
+
+    /// Weighs the signals by what noise this window has, refines once more and states how sure the end is.
+    ///
+    /// The cost stays that of the calibration's weights: it is what says whether the fit is a good one at all.
+    fn finish(&self, comparison: &Comparison<'_>, found: Coordinates, evaluations: u64) -> Estimate {
+        let weighed = Comparison {
+            weights: self.weights_by_noise(comparison, &found),
+            ..*comparison
+        };
+        let mut best = (f64::INFINITY, found);
+        let spent = descend(&weighed, found, &mut best);
+        let estimate = self.judge(&weighed, best.1, evaluations + spent + 2);
+        let cost = comparison.least_squares(&estimate.unknowns);
+        Estimate { cost, ..estimate }
+    }
+
+    /// The calibration's weights, less where a signal is noisier than in the windows it was made from: sensors differ, and
+    /// a noisy current says less than a speed that is as good as ever.
+    fn weights_by_noise(&self, comparison: &Comparison<'_>, at: &Coordinates) -> Weights {
+        let expected = Signals::from(self.calibration.at(self.params.sensors.sample_rate).residual_rms).to_array();
+        let unknowns = Scale::new(&self.params).unknowns(at);
+        let (mut squares, mut count) = ([0.0; SIGNAL_COUNT], 0.0_f64);
+        comparison.residuals(&unknowns, |_, r| {
+            for (sum, r) in squares.iter_mut().zip(r.to_array()) {
+                *sum += r * r;
+            }
+            count += 1.0;
+        });
+        let mut weights = comparison.weights.to_array();
+        for signal in 0..SIGNAL_COUNT {
+            let found = (squares[signal] / count.max(1.0)).sqrt();
+            weights[signal] *= (expected[signal] / found.max(f64::MIN_POSITIVE)).min(1.0);
+        }
+        Signals::from_array(weights)
     }
 
     /// States how sure a point is.
@@ -231,7 +269,7 @@ impl Identifier {
         let unknowns = scale.unknowns(&at);
         // The point may lie outside the disc of eccentricities; what is judged is what is reported.
         let at = scale.coordinates(&unknowns);
-        let normal = comparison.normal_equations(&at, FINE_STEP);
+        let normal = hold_known_motor(comparison.normal_equations(&at, FINE_STEP), &comparison.prior.motor);
         let fault = unknowns.fault;
         let (mut current, mut n) = (0.0, 0.0_f64);
         comparison.residuals(&unknowns, |_, r| {
@@ -247,9 +285,10 @@ impl Identifier {
         let variance = data_variance(&normal, excess);
         let mut sigma = [None; FAULT_COUNT];
         let mut observable = [false; FAULT_COUNT];
+        let model_sigma = self.calibration.at(self.params.sensors.sample_rate).model_sigma;
         let mut total = [f64::INFINITY; FAULT_COUNT];
         for p in 0..FAULT_COUNT {
-            total[p] = (variance[p] + self.calibration.model_sigma[p].powi(2)).sqrt();
+            total[p] = (variance[p] + model_sigma[p].powi(2)).sqrt();
         }
         for p in [0, 1, 2, 3, 4, 7] {
             observable[p] = total[p] <= OBSERVABLE_SIGMA;
@@ -337,6 +376,7 @@ pub fn comparison<'a>(
     calibration: &'a Calibration,
     conditions: Conditions,
     weights: Weights,
+    motor: MotorKnowledge,
 ) -> Comparison<'a> {
     Comparison {
         recording: window.recording(),
@@ -351,6 +391,7 @@ pub fn comparison<'a>(
                 None => LOAD_SIGMA_SHARE * Scale::new(params).load(),
             },
             integral: INTEGRAL_SIGMA_SHARE * params.motor.torque_gain() * params.motor.i_max,
+            motor,
         },
     }
 }
@@ -422,6 +463,21 @@ pub fn pull_from(comparison: &Comparison<'_>, truth: &FaultVector) -> [f64; FAUL
     let start = Scale::new(comparison.params).coordinates(&comparison.with_fault(*truth));
     let (end, _) = refine(comparison, &[start]);
     std::array::from_fn(|p| end.0[p] - start.0[p])
+}
+
+/// Takes a motor that is known exactly out of the equations: its coordinates stay where they are and make nothing uncertain.
+fn hold_known_motor(mut normal: NormalEquations, motor: &MotorKnowledge) -> NormalEquations {
+    if motor.information().is_none() {
+        for p in MOTOR_COORDINATES {
+            for q in 0..UNKNOWN_COUNT {
+                normal.jtj[p][q] = 0.0;
+                normal.jtj[q][p] = 0.0;
+            }
+            normal.jtj[p][p] = 1.0;
+            normal.jtr[p] = 0.0;
+        }
+    }
+    normal
 }
 
 /// Diagonal of `(JᵀJ)⁻¹`, times `scale`; infinite where the data say nothing.
@@ -522,7 +578,10 @@ impl Residuals<UNKNOWN_COUNT> for Refinement<'_, '_> {
         jtj: &mut SMatrix<f64, UNKNOWN_COUNT, UNKNOWN_COUNT>,
         jtr: &mut SVector<f64, UNKNOWN_COUNT>,
     ) -> f64 {
-        let normal = self.comparison.normal_equations(&Coordinates(*genes), self.step);
+        let normal = hold_known_motor(
+            self.comparison.normal_equations(&Coordinates(*genes), self.step),
+            &self.comparison.prior.motor,
+        );
         for p in 0..UNKNOWN_COUNT {
             jtr[p] = normal.jtr[p];
             for q in 0..UNKNOWN_COUNT {

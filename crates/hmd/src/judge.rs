@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use ema_ga::ConfigError as SearchError;
 use ema_ga::GaConfig;
-use ema_models::{ActuatorParams, Conditions, FAULT_COUNT, Scale, Setpoint};
+use ema_models::{ActuatorParams, Conditions, FAULT_COUNT, MotorKnowledge, Scale, Setpoint};
 use sha2::{Digest, Sha256};
 
 use crate::calibration::{CalibrationError, MonitorForm, TypeCalibration};
@@ -125,6 +125,7 @@ impl Judge {
                     params: job.params,
                     calibration: known.calibration,
                     method: self.method,
+                    motor: MotorKnowledge::default(),
                 };
                 let seed = mix(self.seed, &[name_hash(&job.actuator.name), job.window.number]);
                 let (prepared, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, seed)?;
@@ -201,6 +202,7 @@ impl Judge {
             params: found.params,
             calibration: known.calibration,
             method,
+            motor: MotorKnowledge::default(),
         }))
     }
 

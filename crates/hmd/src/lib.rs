@@ -25,4 +25,5 @@ pub mod simulate;
 pub mod simulated;
 pub mod sink;
 mod turns;
+pub mod unit;
 pub mod window;

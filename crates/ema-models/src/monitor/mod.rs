@@ -203,8 +203,10 @@ impl Monitor<f64> {
         let fault = &unknowns.fault;
         let (motor, transmission) = (&params.motor, &params.transmission);
         let winding = Winding::new(fault);
+        let r_s = motor.r_s * (1.0 + unknowns.motor.resistance);
+        let k = motor.k * (1.0 + unknowns.motor.back_emf);
         let dt = params.controller.period / f64::from(STEPS_PER_CONTROL);
-        let r = winding.turns.map(|n| n * motor.r_s);
+        let r = winding.turns.map(|n| n * r_s);
         let ohms: [f64; 3] =
             core::array::from_fn(|j| winding.turns[j] * winding.turns[j] * motor.l_s / dt + 0.5 * r[j]);
         let siemens = ohms.map(|x| 1.0 / x);
@@ -227,10 +229,10 @@ impl Monitor<f64> {
                 pole_pairs: motor.pole_pairs,
                 half_v_dc: 0.5 * v_dc,
                 per_half_v_dc: 2.0 / v_dc,
-                phase_r: motor.r_s,
+                phase_r: r_s,
                 phase_l: motor.l_s,
-                back_emf: motor.k * calibration.back_emf,
-                torque: motor.k * calibration.torque,
+                back_emf: k * calibration.back_emf,
+                torque: k * calibration.torque,
                 r,
                 reactance: winding.turns.map(|n| motor.pole_pairs * n * n * motor.l_s),
                 ohms,

@@ -6,6 +6,29 @@
 
 use crate::real::Real;
 
+/// An expression for each of the three phases, `j` being its number.
+///
+/// Written out instead of `core::array::from_fn`, whose closures the compiler leaves outside the vector code.
+macro_rules! per_phase {
+    (|$j:ident| $value:expr) => {
+        [
+            {
+                let $j = 0;
+                $value
+            },
+            {
+                let $j = 1;
+                $value
+            },
+            {
+                let $j = 2;
+                $value
+            },
+        ]
+    };
+}
+pub(crate) use per_phase;
+
 /// √3 / 2.
 pub(crate) const SQRT3_2: f64 = 0.866_025_403_784_438_6;
 

@@ -1,12 +1,19 @@
 //! Arrays of numbers that are computed element by element: several monitors side by side.
 //!
-//! Plain arrays and loops. Compiled for a processor with wide registers (see [`Real`]), the loops become its vector
-//! instructions; without one they are merely loops. Each lane does exactly what the scalar would, so the same bits come
-//! out on every processor.
+//! Plain arrays and loops, for every processor; `simd` has the same in wide registers. Each lane does exactly what the
+//! scalar would, so the same bits come out on every processor.
 
 use core::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
 use crate::real::Real;
+
+/// `N` numbers of type `T` that are computed as one.
+pub(crate) trait Lanes<T, const N: usize>: Real {
+    /// From its lanes.
+    fn from_lanes(lanes: [T; N]) -> Self;
+    /// Its lanes.
+    fn to_lanes(self) -> [T; N];
+}
 
 macro_rules! lanes {
     ($lanes:ident, $mask:ident, $t:ty, $bits:ty, $doc:literal) => {
@@ -119,6 +126,17 @@ macro_rules! lanes {
                     *x = !*x;
                 }
                 self
+            }
+        }
+
+        impl<const N: usize> Lanes<$t, N> for $lanes<N> {
+            #[inline(always)]
+            fn from_lanes(lanes: [$t; N]) -> Self {
+                Self(lanes)
+            }
+            #[inline(always)]
+            fn to_lanes(self) -> [$t; N] {
+                self.0
             }
         }
 

@@ -73,6 +73,17 @@ pub trait Real:
         Self::select(self.lt(Self::zero()), -magnitude, magnitude)
     }
 
+    /// Sine and cosine of an angle that differs by `turn` from one whose sine and cosine are given.
+    ///
+    /// For small turns: the error of one is below `turn⁶/720`, 6e-12 at 0.04 rad, and errors add up from turn to turn.
+    #[inline(always)]
+    fn rotate((sin, cos): (Self, Self), turn: Self) -> (Self, Self) {
+        let square = turn * turn;
+        let across = turn * (Self::splat(1.0) - square * (Self::splat(1.0 / 6.0) - square * Self::splat(1.0 / 120.0)));
+        let along = Self::splat(1.0) - square * (Self::splat(0.5) - square * Self::splat(1.0 / 24.0));
+        (sin * along + cos * across, cos * along - sin * across)
+    }
+
     /// Sine and cosine of an angle in radians.
     ///
     /// One polynomial for every number type: reduction by the nearest multiple of π/2 in two parts, then Taylor terms
@@ -196,6 +207,20 @@ mod tests {
             let (s, c) = y.sin_cos_poly();
             assert!((f64::from(s) - libm::sin(f64::from(y))).abs() < 2e-7, "sin {y}: {s}");
             assert!((f64::from(c) - libm::cos(f64::from(y))).abs() < 2e-7, "cos {y}: {c}");
+        }
+    }
+
+    #[test]
+    fn a_rotation_turns_by_the_angle() {
+        let mut sin_cos = 0.3f64.sin_cos_poly();
+        for n in 1..=50 {
+            sin_cos = Real::rotate(sin_cos, 0.04);
+            let angle = 0.3 + 0.04 * f64::from(n);
+            let (sin, cos) = sin_cos;
+            assert!(
+                (sin - libm::sin(angle)).abs() < 1e-9 && (cos - libm::cos(angle)).abs() < 1e-9,
+                "{n}"
+            );
         }
     }
 

@@ -1,8 +1,8 @@
 //! Residuals: measured minus modelled, per sample and signal, and the costs made of them.
 
-use crate::dispatch::{Work, with_best_instructions};
+use crate::dispatch::{InstructionSet, Numbers, Work};
 use crate::fault::FaultVector;
-use crate::lanes::{Lanes32, Lanes64};
+use crate::lanes::Lanes;
 use crate::monitor::{Calibration, Conditions, Feedback, Monitor};
 use crate::params::ActuatorParams;
 use crate::real::Real;
@@ -224,14 +224,19 @@ impl Comparison<'_> {
     /// [`Comparison::least_squares`] of several at once, in single precision: for searches, which only rank.
     #[must_use]
     pub fn rank(&self, unknowns: &[Unknowns; RANK_LANES]) -> [f64; RANK_LANES] {
+        self.rank_with(InstructionSet::best(), unknowns)
+    }
+
+    /// [`Comparison::rank`] with the instructions of one set, to measure them; the bits are the same with any.
+    #[must_use]
+    pub fn rank_with(&self, instructions: InstructionSet, unknowns: &[Unknowns; RANK_LANES]) -> [f64; RANK_LANES] {
         let monitors = unknowns.map(|u| self.monitor(&u));
-        let monitor = Monitor::side_by_side(&monitors, |x| Lanes32(x.map(|x| x as f32)));
-        with_best_instructions(HalfMeanSquare {
-            comparison: self,
-            monitor,
-        })
-        .0
-        .map(f64::from)
+        instructions
+            .run(HalfMeanSquare {
+                comparison: self,
+                monitors: &monitors,
+            })
+            .map(f64::from)
     }
 
     #[inline(always)]
@@ -239,8 +244,9 @@ impl Comparison<'_> {
         let weights = self.weights.to_array().map(R::splat);
         let mut sum = R::zero();
         self.run(monitor, |_, r| {
-            for (r, w) in r.to_array().into_iter().zip(weights) {
-                let weighted = w * r;
+            let r = r.to_array();
+            for n in 0..SIGNAL_COUNT {
+                let weighted = weights[n] * r[n];
                 sum = sum + weighted * weighted;
             }
         });
@@ -289,10 +295,9 @@ impl Comparison<'_> {
             }
             self.monitor(&scale.unknowns(&x))
         });
-        let monitor = Monitor::side_by_side(&monitors, Lanes64);
-        let mut sums = with_best_instructions(Linearised {
+        let mut sums = InstructionSet::best().run(Linearised {
             comparison: self,
-            monitor,
+            monitors: &monitors,
             steps,
         });
         let (distance, information) = self.prior.terms(&scale, &self.conditions, at);
@@ -311,30 +316,31 @@ impl Comparison<'_> {
 const FULL_SHORT: f64 = 0.02;
 
 /// Individuals that [`Comparison::rank`] takes at once: one register of sixteen, or two of eight.
-pub const RANK_LANES: usize = 16;
+pub const RANK_LANES: usize = 32;
 
 /// Lanes of the finite differences: the point, one step along each coordinate, and spare ones.
-const SLOPE_LANES: usize = 16;
+pub(crate) const SLOPE_LANES: usize = 16;
 
-/// [`Comparison::half_mean_square`] as a piece of work for [`with_best_instructions`].
-struct HalfMeanSquare<'a, R> {
+/// [`Comparison::half_mean_square`] of several monitors as a piece of work for an [`InstructionSet`].
+struct HalfMeanSquare<'a> {
     comparison: &'a Comparison<'a>,
-    monitor: Monitor<R>,
+    monitors: &'a [Monitor<f64>; RANK_LANES],
 }
 
-impl<R: Real> Work for HalfMeanSquare<'_, R> {
-    type Output = R;
+impl Work for HalfMeanSquare<'_> {
+    type Output = [f32; RANK_LANES];
 
     #[inline(always)]
-    fn run(self) -> R {
-        self.comparison.half_mean_square(&self.monitor)
+    fn run<N: Numbers>(self) -> [f32; RANK_LANES] {
+        let monitor = Monitor::side_by_side(self.monitors, |x| N::Single::from_lanes(x.map(|x| x as f32)));
+        self.comparison.half_mean_square(&monitor).to_lanes()
     }
 }
 
 /// The sums of the normal equations without what is known beforehand.
 struct Linearised<'a> {
     comparison: &'a Comparison<'a>,
-    monitor: Monitor<Lanes64<SLOPE_LANES>>,
+    monitors: &'a [Monitor<f64>; SLOPE_LANES],
     steps: [f64; UNKNOWN_COUNT],
 }
 
@@ -342,24 +348,27 @@ impl Work for Linearised<'_> {
     type Output = NormalEquations;
 
     #[inline(always)]
-    fn run(self) -> NormalEquations {
+    fn run<N: Numbers>(self) -> NormalEquations {
+        let monitor = Monitor::side_by_side(self.monitors, N::Double::from_lanes);
         let weights = self.comparison.weights.to_array();
         let mut per_step = [0.0; SLOPE_LANES];
         for (p, step) in self.steps.into_iter().enumerate() {
             per_step[p + 1] = 1.0 / step;
         }
-        let per_step = Lanes64(per_step);
-        let zero = Lanes64([0.0; SLOPE_LANES]);
+        let per_step = N::Double::from_lanes(per_step);
+        let zero = N::Double::zero();
         let (mut cost, mut jtr, mut jtj) = (0.0, zero, [zero; UNKNOWN_COUNT]);
-        self.comparison.run(&self.monitor, |_, residuals| {
-            for (residual, weight) in residuals.to_array().into_iter().zip(weights) {
-                let weighted = residual * Lanes64::splat(weight);
-                let r = weighted.0[0];
-                let slope = (weighted - Lanes64::splat(r)) * per_step;
+        self.comparison.run(&monitor, |_, residuals| {
+            let residuals = residuals.to_array();
+            for n in 0..SIGNAL_COUNT {
+                let weighted = residuals[n] * N::Double::splat(weights[n]);
+                let r = weighted.to_lanes()[0];
+                let slope = (weighted - N::Double::splat(r)) * per_step;
+                let along = slope.to_lanes();
                 cost += 0.5 * r * r;
-                jtr = jtr + slope * Lanes64::splat(r);
-                for (p, row) in jtj.iter_mut().enumerate() {
-                    *row = *row + slope * Lanes64::splat(slope.0[p + 1]);
+                jtr = jtr + slope * N::Double::splat(r);
+                for p in 0..UNKNOWN_COUNT {
+                    jtj[p] = jtj[p] + slope * N::Double::splat(along[p + 1]);
                 }
             }
         });
@@ -367,9 +376,10 @@ impl Work for Linearised<'_> {
             cost,
             ..NormalEquations::default()
         };
+        let jtr = jtr.to_lanes();
         for p in 0..UNKNOWN_COUNT {
-            sums.jtr[p] = jtr.0[p + 1];
-            sums.jtj[p].copy_from_slice(&jtj[p].0[1..=UNKNOWN_COUNT]);
+            sums.jtr[p] = jtr[p + 1];
+            sums.jtj[p].copy_from_slice(&jtj[p].to_lanes()[1..=UNKNOWN_COUNT]);
         }
         sums
     }

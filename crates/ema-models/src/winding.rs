@@ -5,7 +5,7 @@
 //! current tracking.
 
 use crate::fault::FaultVector;
-use crate::frames::{gap_cosines, phase_shapes};
+use crate::frames::{SQRT3_2, gap_cosines, per_phase, phase_shapes};
 use crate::real::Real;
 
 /// State of the three windings and of the air gap.
@@ -17,6 +17,8 @@ pub struct Winding<R> {
     pub zeta_cos: R,
     /// ζ sin φ_e.
     pub zeta_sin: R,
+    /// `½ ζ (sin φ_e − sin(φ_e − 4πj/3))`, the part of the shapes over N_j that does not turn.
+    offsets: [R; 3],
 }
 
 impl Winding<f64> {
@@ -24,10 +26,13 @@ impl Winding<f64> {
     #[must_use]
     pub fn new(fault: &FaultVector) -> Self {
         let phi = fault.eccentricity_angle();
+        let (zeta_cos, zeta_sin) = (fault.eccentricity * libm::cos(phi), fault.eccentricity * libm::sin(phi));
+        let (along, across) = (0.5 * SQRT3_2 * zeta_cos, 0.75 * zeta_sin);
         Self {
             turns: fault.turns(),
-            zeta_cos: fault.eccentricity * libm::cos(phi),
-            zeta_sin: fault.eccentricity * libm::sin(phi),
+            zeta_cos,
+            zeta_sin,
+            offsets: [0.0, across - along, across + along],
         }
     }
 }
@@ -40,21 +45,21 @@ impl<R: Real> Winding<R> {
             turns: self.turns.map(&mut f),
             zeta_cos: f(self.zeta_cos),
             zeta_sin: f(self.zeta_sin),
+            offsets: self.offsets.map(&mut f),
         }
     }
 
     /// Back-EMF shapes `k_j / k = N_j s_j (1 + ζ cos(theta_e − φ_e + 2πj/3))` of the three phases.
     ///
     /// Phase resistance and inductance go with the turns: `R_j = N_j R`, `L_j = N_j² L`.
+    ///
+    /// Computed as a sum: of the product of the two sines, the part that turns twice as fast is the same in all phases,
+    /// and the rest does not turn.
     #[inline(always)]
-    pub fn emf_shapes(&self, sin_cos: (R, R)) -> [R; 3] {
-        let s = phase_shapes(sin_cos);
-        let along = gap_cosines(sin_cos);
-        // sin(theta_e + 2πj/3) is minus the shape of the mirrored phase order.
-        let across = [-s[0], -s[2], -s[1]];
-        core::array::from_fn(|j| {
-            self.turns[j] * s[j] * (R::splat(1.0) + self.zeta_cos * along[j] + self.zeta_sin * across[j])
-        })
+    pub fn emf_shapes(&self, (sin, cos): (R, R)) -> [R; 3] {
+        let s = phase_shapes((sin, cos));
+        let common = sin * (self.zeta_cos * cos + self.zeta_sin * sin);
+        per_phase!(|j| self.turns[j] * ((s[j] - common) + self.offsets[j]))
     }
 }
 

@@ -3,7 +3,8 @@
 
 use ema_models::reference::Scenario;
 use ema_models::{
-    ActuatorParams, Calibration, ComparedSample, FaultVector, Lanes32, Monitor, MotorDeviation, SensedSample, Unknowns,
+    ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, FaultVector, Feedback, InstructionSet,
+    Lanes32, Monitor, MotorDeviation, MotorKnowledge, Prior, RANK_LANES, Recording, SensedSample, Unknowns, Weights,
     prepare,
 };
 
@@ -66,4 +67,63 @@ fn every_lane_has_the_bits_of_its_scalar() {
 
 fn state_moved(omega_m: &Lanes32<4>) -> bool {
     omega_m.0.iter().all(|omega| omega.abs() > 1.0)
+}
+
+#[test]
+fn every_instruction_set_ranks_with_the_same_bits() {
+    let params = ActuatorParams::bench();
+    let fault = FaultVector {
+        short_a: 0.5,
+        ..FaultVector::NOMINAL
+    };
+    let sensed: Vec<SensedSample> = Scenario::new(params, fault, 5).run().skip(40).take(300).collect();
+    let mut samples = vec![ComparedSample::default(); sensed.len()];
+    let initial = prepare(&params, &sensed, &[], 40, &mut samples);
+    let calibration = Calibration::default();
+    for feedback in [Feedback::Measured, Feedback::Simulated] {
+        let comparison = Comparison {
+            recording: Recording {
+                samples: &samples,
+                initial,
+            },
+            params: &params,
+            calibration: &calibration,
+            conditions: Conditions {
+                load_torque: Some(0.0),
+                v_dc: params.motor.v_dc,
+            },
+            weights: Weights {
+                i_d: 0.5,
+                i_q: 2.0,
+                theta_m: 30.0,
+                omega_m: 0.2,
+                theta_out: 400.0,
+            },
+            feedback,
+            prior: Prior {
+                load_torque: 0.1,
+                integral: 0.1,
+                motor: MotorKnowledge::default(),
+            },
+        };
+        let unknowns: [Unknowns; RANK_LANES] = std::array::from_fn(|n| {
+            let share = n as f64 / RANK_LANES as f64;
+            comparison.with_fault(FaultVector {
+                friction: share,
+                short_b: 1.0 - share,
+                eccentricity: 0.5 * share,
+                eccentricity_phase: share,
+                ..fault
+            })
+        });
+        let bits = |set| comparison.rank_with(set, &unknowns).map(f64::to_bits);
+        for set in InstructionSet::available() {
+            assert_eq!(bits(set), bits(InstructionSet::Baseline), "{}", set.name());
+        }
+        // Single precision ranks as double does.
+        for (cost, u) in comparison.rank(&unknowns).iter().zip(&unknowns) {
+            let exact = comparison.least_squares(u);
+            assert!((cost / exact - 1.0).abs() < 1e-3, "{cost} {exact}");
+        }
+    }
 }

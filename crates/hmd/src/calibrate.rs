@@ -289,7 +289,10 @@ fn mismatch(calibration: &TypeCalibration, params: &ActuatorParams, windows: &[S
 
 /// Root-mean-square distance that the mismatch pulls estimates which start at the truth.
 fn pulls(calibration: &TypeCalibration, params: &ActuatorParams, windows: &[SimulatedWindow]) -> [f64; FAULT_COUNT] {
-    let (coefficients, weights) = (calibration.coefficients(), calibration.weights(params.sensors.sample_rate));
+    let (coefficients, weights) = (
+        calibration.coefficients(),
+        calibration.weights(params.sensors.sample_rate),
+    );
     let pulls: Vec<[f64; FAULT_COUNT]> = windows
         .par_iter()
         .map(|w| pull_from(&compare(w, params, &coefficients, weights), &w.truth))

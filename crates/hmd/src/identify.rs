@@ -6,10 +6,11 @@ use ema_ga::{
 };
 use ema_models::{
     ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector,
-    Feedback, MOTOR_COORDINATES, MotorKnowledge, NormalEquations, Prior, RANK_LANES, Recording, SIGNAL_COUNT, Scale, SensedSample, Signals,
-    UNKNOWN_COUNT, Unknowns, Weights, prepare,
+    Feedback, MOTOR_COORDINATES, MotorKnowledge, NormalEquations, Prior, RANK_LANES, Recording, SIGNAL_COUNT, Scale,
+    SensedSample, Signals, UNKNOWN_COUNT, Unknowns, Weights, prepare,
 };
 use nalgebra::{SMatrix, SVector};
+use rayon::prelude::*;
 
 use crate::calibration::TypeCalibration;
 use crate::turns::align;
@@ -236,9 +237,8 @@ impl Identifier {
             weights: self.weights_by_noise(comparison, &found),
             ..*comparison
         };
-        let mut best = (f64::INFINITY, found);
-        let spent = descend(&weighed, found, &mut best);
-        let estimate = self.judge(&weighed, best.1, evaluations + spent + 2);
+        let end = descend(&weighed, found);
+        let estimate = self.judge(&weighed, end.at, evaluations + end.spent + 2);
         let cost = comparison.least_squares(&estimate.unknowns);
         Estimate { cost, ..estimate }
     }
@@ -418,23 +418,35 @@ fn starts(comparison: &Comparison<'_>, scale: &Scale, faults: &[FaultVector]) ->
 const COARSE_STEP: f64 = 2e-2;
 const FINE_STEP: f64 = 2e-3;
 
-/// Refines from several starts; the best end and the monitor runs spent.
+/// Where a refinement ended: cost, place, and the monitor runs spent.
+struct End {
+    cost: f64,
+    at: Coordinates,
+    spent: u64,
+}
+
+/// Refines from several starts, side by side; the best end and the monitor runs spent.
 ///
 /// Each start is refined with coarse differences and then with fine ones, and so is the best end once more: what a fine
 /// slope takes for a valley's floor, a coarse one often walks out of.
 fn refine(comparison: &Comparison<'_>, starts: &[Coordinates]) -> (Coordinates, u64) {
-    let mut best = (f64::INFINITY, starts[0]);
-    let mut spent = 0;
-    for &start in starts {
-        spent += descend(comparison, start, &mut best);
-    }
-    let again = best.1;
-    spent += descend(comparison, again, &mut best);
-    (best.1, spent)
+    let ends: Vec<End> = starts.par_iter().map(|&start| descend(comparison, start)).collect();
+    let mut spent = ends.iter().map(|end| end.spent).sum();
+    // Of equal ends the first, whichever thread was quicker.
+    let better = |best: End, end: End| if end.cost < best.cost { end } else { best };
+    let nowhere = End {
+        cost: f64::INFINITY,
+        at: starts[0],
+        spent: 0,
+    };
+    let best = ends.into_iter().fold(nowhere, better);
+    let again = descend(comparison, best.at);
+    spent += again.spent;
+    (better(best, again).at, spent)
 }
 
-/// One descent, coarse and then fine; keeps its end if it is the best. The monitor runs spent.
-fn descend(comparison: &Comparison<'_>, start: Coordinates, best: &mut (f64, Coordinates)) -> u64 {
+/// One descent, coarse and then fine; the better of both ends.
+fn descend(comparison: &Comparison<'_>, start: Coordinates) -> End {
     let bounds = box_of(Coordinates::LOWER, Coordinates::UPPER);
     let config = LmConfig {
         max_iterations: 25,
@@ -443,17 +455,22 @@ fn descend(comparison: &Comparison<'_>, start: Coordinates, best: &mut (f64, Coo
         cost_tolerance: 1e-6,
         ..LmConfig::default()
     };
-    let mut at = start.0;
-    let mut spent = 0;
+    let mut from = start.0;
+    let mut end = End {
+        cost: f64::INFINITY,
+        at: start,
+        spent: 0,
+    };
     for step in [COARSE_STEP, FINE_STEP] {
-        let found = levenberg_marquardt(&Refinement { comparison, step }, &bounds, at, &config);
-        spent += u64::from(found.iterations) * RUNS_PER_LINEARISATION + u64::from(found.evaluations - found.iterations);
-        at = found.genes;
-        if found.cost < best.0 {
-            *best = (found.cost, Coordinates(at));
+        let found = levenberg_marquardt(&Refinement { comparison, step }, &bounds, from, &config);
+        end.spent +=
+            u64::from(found.iterations) * RUNS_PER_LINEARISATION + u64::from(found.evaluations - found.iterations);
+        from = found.genes;
+        if found.cost < end.cost {
+            (end.cost, end.at) = (found.cost, Coordinates(from));
         }
     }
-    spent
+    end
 }
 
 /// Distance from the truth, in fault coordinates, to where a refinement started there ends: the pull of whatever the

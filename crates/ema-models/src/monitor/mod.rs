@@ -11,7 +11,7 @@ pub use ripple::{RIPPLE_DEFAULT, RIPPLE_KNOTS, RIPPLE_SPACING};
 
 use crate::backlash::follow_through_play;
 use crate::control::{Ace, AceState, Encoder};
-use crate::frames::{abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc, gap_cosines, phase_shapes};
+use crate::frames::{abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc, per_phase, phase_shapes};
 use crate::friction::DryFriction;
 use crate::params::ActuatorParams;
 use crate::real::Real;
@@ -109,23 +109,28 @@ pub struct Monitor<R> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Derived<R> {
     dt: R,
+    half_dt: R,
     per_dt: R,
     dt_over_j: R,
     viscous: R,
     per_gear: R,
     pole_pairs: R,
+    v_dc: R,
     half_v_dc: R,
     per_half_v_dc: R,
     phase_r: R,
     phase_l: R,
-    /// k with its calibration, as back-EMF and as torque coefficient.
+    /// k with its calibration, as back-EMF and as torque coefficient, and half of each.
     back_emf: R,
+    half_back_emf: R,
     torque: R,
+    half_torque: R,
     /// R_j and P L_j.
     r: [R; 3],
     reactance: [R; 3],
-    /// A_j = L_j/dt + R_j/2 and its inverse.
+    /// L_j/dt + R_j/2, L_j/dt − R_j/2, and the inverse of the former.
     ohms: [R; 3],
+    ohms_before: [R; 3],
     siemens: [R; 3],
     /// 1 / Σ siemens, over all phases and over the two others.
     star_ohms: R,
@@ -147,8 +152,12 @@ pub struct MonitorState<R> {
     i_ref: [R; 2],
     /// Speed gained in the last step, rad/s.
     gained: R,
+    /// Motor angle of the motor model, rad: the one that the last step foresaw; and the electrical angle's sine and cosine.
+    foreseen: R,
     sin_cos: (R, R),
     emf_shapes: [R; 3],
+    /// Σ over the phases of back-EMF shape times current, A.
+    pull: R,
 }
 
 /// What the monitor says of one instant.
@@ -209,6 +218,7 @@ impl Monitor<f64> {
         let r = winding.turns.map(|n| n * r_s);
         let ohms: [f64; 3] =
             core::array::from_fn(|j| winding.turns[j] * winding.turns[j] * motor.l_s / dt + 0.5 * r[j]);
+        let ohms_before = per_phase!(|j| ohms[j] - r[j]);
         let siemens = ohms.map(|x| 1.0 / x);
         let sum: f64 = siemens.iter().sum();
         Self {
@@ -222,20 +232,25 @@ impl Monitor<f64> {
             ripple: RippleCurve::new(&calibration.ripple, params.controller.hysteresis),
             derived: Derived {
                 dt,
+                half_dt: 0.5 * dt,
                 per_dt: 1.0 / dt,
                 dt_over_j: dt / motor.j,
                 viscous: motor.c,
                 per_gear: 1.0 / transmission.gear_ratio,
                 pole_pairs: motor.pole_pairs,
+                v_dc,
                 half_v_dc: 0.5 * v_dc,
                 per_half_v_dc: 2.0 / v_dc,
                 phase_r: r_s,
                 phase_l: motor.l_s,
                 back_emf: k * calibration.back_emf,
+                half_back_emf: 0.5 * k * calibration.back_emf,
                 torque: k * calibration.torque,
+                half_torque: 0.5 * k * calibration.torque,
                 r,
                 reactance: winding.turns.map(|n| motor.pole_pairs * n * n * motor.l_s),
                 ohms,
+                ohms_before,
                 siemens,
                 star_ohms: 1.0 / sum,
                 star_ohms_without: siemens.map(|s| 1.0 / (sum - s)),
@@ -264,20 +279,25 @@ impl<R: Real> Monitor<R> {
             ripple: self.ripple.map(&mut f),
             derived: Derived {
                 dt: f(d.dt),
+                half_dt: f(d.half_dt),
                 per_dt: f(d.per_dt),
                 dt_over_j: f(d.dt_over_j),
                 viscous: f(d.viscous),
                 per_gear: f(d.per_gear),
                 pole_pairs: f(d.pole_pairs),
+                v_dc: f(d.v_dc),
                 half_v_dc: f(d.half_v_dc),
                 per_half_v_dc: f(d.per_half_v_dc),
                 phase_r: f(d.phase_r),
                 phase_l: f(d.phase_l),
                 back_emf: f(d.back_emf),
+                half_back_emf: f(d.half_back_emf),
                 torque: f(d.torque),
+                half_torque: f(d.half_torque),
                 r: d.r.map(&mut f),
                 reactance: d.reactance.map(&mut f),
                 ohms: d.ohms.map(&mut f),
+                ohms_before: d.ohms_before.map(&mut f),
                 siemens: d.siemens.map(&mut f),
                 star_ohms: f(d.star_ohms),
                 star_ohms_without: d.star_ohms_without.map(&mut f),
@@ -328,9 +348,11 @@ impl<R: Real> Monitor<R> {
         let count = self.encoder.edge(first.theta_out);
         let lower = (centre - self.half_play).max(count);
         let upper = (centre + self.half_play).min(count + self.encoder.lsb());
-        let [d, q] = initial.i_dq.map(R::splat);
+        let [d, q] = [R::splat(initial.i_dq[0]), R::splat(initial.i_dq[1])];
+        let i = abc_from_alpha_beta(alpha_beta_from_dq([d, q], sin_cos));
+        let emf_shapes = self.winding.emf_shapes(sin_cos);
         MonitorState {
-            i: abc_from_alpha_beta(alpha_beta_from_dq([d, q], sin_cos)),
+            i,
             i_q: q,
             theta_m,
             omega_m: R::splat(initial.omega_m),
@@ -343,8 +365,10 @@ impl<R: Real> Monitor<R> {
             ),
             i_ref: [d, q],
             gained: R::zero(),
+            foreseen: theta_m,
             sin_cos,
-            emf_shapes: self.winding.emf_shapes(sin_cos),
+            emf_shapes,
+            pull: pull(emf_shapes, i),
         }
     }
 
@@ -380,6 +404,8 @@ impl<R: Real> Monitor<R> {
         now: &ComparedSample,
         next: &ComparedSample,
     ) {
+        // Turned from step to step, and made afresh before that adds up.
+        state.sin_cos = self.angle(initial, state.foreseen).sin_cos_poly();
         for control in 0..self.controls_per_sample {
             let counted = match self.feedback {
                 Feedback::Simulated => self.encoder.counted(state.theta_out),
@@ -414,14 +440,15 @@ impl<R: Real> Monitor<R> {
     #[inline(always)]
     fn mean_currents(&self, state: &MonitorState<R>, i_ref: R) -> [R; 2] {
         let m = &self.derived;
-        let shapes = phase_shapes(state.sin_cos);
-        // ds_j/dtheta_e = −cos(theta_e − 2πj/3): phases B and C change places in the gap's cosines.
-        let along = gap_cosines(state.sin_cos);
-        let slopes = [-along[0], -along[2], -along[1]];
+        let (sin, cos) = state.sin_cos;
+        let shapes = phase_shapes((sin, cos));
+        // ds_j/dtheta_e = −cos(theta_e − 2πj/3).
+        let slopes = abc_from_alpha_beta([-cos, -sin]);
+        let back_emf = m.back_emf * state.omega_m;
         // Voltage that carries the reference steadily round.
-        let v = core::array::from_fn(|j| {
-            i_ref * (m.r[j] * shapes[j] + m.reactance[j] * state.omega_m * slopes[j])
-                + m.back_emf * state.emf_shapes[j] * state.omega_m
+        let v = per_phase!(|j| {
+            let reactance = m.reactance[j] * state.omega_m;
+            i_ref * (m.r[j] * shapes[j] + reactance * slopes[j]) + back_emf * state.emf_shapes[j]
         });
         let [v_d, v_q] = dq_from_abc(v, state.sin_cos);
         let length = (v_d * v_d + v_q * v_q).sqrt();
@@ -437,21 +464,20 @@ impl<R: Real> Monitor<R> {
         let omega = state.omega_m;
         let omega_mid = omega + half * state.gained;
         let ahead = state.theta_m + omega_mid * m.dt;
-        let sin_cos = self.angle(initial, ahead).sin_cos_poly();
+        let sin_cos = R::rotate(state.sin_cos, m.pole_pairs * (ahead - state.foreseen));
+        state.foreseen = ahead;
 
         let torque = match self.form {
             Form::ThreePhase => {
                 let shapes = self.winding.emf_shapes(sin_cos);
-                let emf = core::array::from_fn(|j| half * (state.emf_shapes[j] + shapes[j]) * m.back_emf * omega_mid);
+                let volts = m.half_back_emf * omega_mid;
+                let emf = per_phase!(|j| (state.emf_shapes[j] + shapes[j]) * volts);
                 let target = abc_from_alpha_beta(alpha_beta_from_dq(state.i_ref, sin_cos));
-                let before = state.i;
-                state.i = three_phase::step(m, before, target, emf);
-                let mut sum = R::zero();
-                for j in 0..3 {
-                    sum = sum + state.emf_shapes[j] * before[j] + shapes[j] * state.i[j];
-                }
+                state.i = three_phase::step(m, state.i, target, emf);
                 state.emf_shapes = shapes;
-                half * m.torque * sum
+                let before = state.pull;
+                state.pull = pull(shapes, state.i);
+                m.half_torque * (before + state.pull)
             }
             Form::OneAxis => self.one_axis(state, &derived_shape(&self.winding, state.sin_cos), omega_mid),
             Form::Paper(paper) => {
@@ -469,7 +495,7 @@ impl<R: Real> Monitor<R> {
 
         state.omega_m = self.friction.step(omega, torque - m.viscous * omega, m.dt_over_j);
         state.gained = state.omega_m - omega;
-        state.theta_m = state.theta_m + half * (omega + state.omega_m) * m.dt;
+        state.theta_m = state.theta_m + (omega + state.omega_m) * m.half_dt;
         if self.feedback == Feedback::Simulated {
             self.turn_output(state, initial, state.theta_m);
         }
@@ -482,6 +508,12 @@ impl<R: Real> Monitor<R> {
         state.i_q = one_axis::step(&self.derived, before, state.i_ref[1], shape, omega, state.sin_cos);
         R::splat(0.75) * self.derived.torque * shape.emf * (before + state.i_q)
     }
+}
+
+/// Σ over the phases of back-EMF shape times current, A.
+#[inline(always)]
+fn pull<R: Real>([a, b, c]: [R; 3], [i_a, i_b, i_c]: [R; 3]) -> R {
+    a * i_a + b * i_b + c * i_c
 }
 
 /// Share of the turn from one sample to the next that the motor has made at `x` of the time between them, from the cubic

@@ -19,11 +19,13 @@ pub const RIPPLE_DEFAULT: [f64; RIPPLE_KNOTS] = [
     0.062, 0.080, 0.100, 0.140, 0.146, 0.120, 0.074, 0.070, 0.150, 0.186, 0.220,
 ];
 
-/// The curve as a sum of hinges, ready for any number type.
+/// The curve as a sum of hinges, `Σ bend max(m, knot) − Σ bend knot`, ready for any number type.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RippleCurve<R> {
     /// Change of slope at m = 0, 0.1, …, in A.
     bends: [R; RIPPLE_KNOTS + 1],
+    /// `Σ bend knot`, A.
+    offset: R,
 }
 
 impl RippleCurve<f64> {
@@ -37,15 +39,18 @@ impl RippleCurve<f64> {
             (last, slope) = (g, next);
         }
         bends[RIPPLE_KNOTS] = -slope;
-        Self { bends }
+        let knots = bends.iter().enumerate();
+        let offset = knots.map(|(n, bend)| bend * (n as f64 * RIPPLE_SPACING)).sum();
+        Self { bends, offset }
     }
 }
 
 impl<R> RippleCurve<R> {
     /// The same curve in another number type.
-    pub(crate) fn map<S>(self, f: impl FnMut(R) -> S) -> RippleCurve<S> {
+    pub(crate) fn map<S>(self, mut f: impl FnMut(R) -> S) -> RippleCurve<S> {
         RippleCurve {
-            bends: self.bends.map(f),
+            bends: self.bends.map(&mut f),
+            offset: f(self.offset),
         }
     }
 }
@@ -54,9 +59,9 @@ impl<R: Real> RippleCurve<R> {
     /// Shortfall of the mean current, A, at the relative voltage m ≥ 0.
     #[inline(always)]
     pub(crate) fn shortfall(&self, m: R) -> R {
-        let mut sum = R::zero();
-        for (n, &bend) in self.bends.iter().enumerate() {
-            sum = sum + bend * (m - R::splat(n as f64 * RIPPLE_SPACING)).max(R::zero());
+        let mut sum = self.bends[0] * m - self.offset;
+        for n in 1..=RIPPLE_KNOTS {
+            sum = sum + self.bends[n] * m.max(R::splat(n as f64 * RIPPLE_SPACING));
         }
         sum
     }

@@ -5,54 +5,42 @@
 //! (derived here: the sliding modes of three comparators on a star whose errors sum to zero).
 
 use super::Derived;
+use crate::frames::per_phase;
 use crate::real::Real;
 
 /// Phase currents one step later, A.
 ///
-/// `target` are the references at the step's end (zero sum), `emf` the back-EMFs at mid-step, V. Trapezoidal in the
-/// resistance: `v_j − v_n = A_j x_j + B_j` with the increments x_j, `A_j = L_j/dt + R_j/2`, `B_j = R_j i_j + e_j`.
+/// `target` are the references at the step's end (zero sum), `i` the currents at its start, `emf` the back-EMFs at
+/// mid-step, V. Trapezoidal in the resistance: a phase meets its reference at the voltage to the star point
+/// `a_j = (L_j/dt + R_j/2) target_j − (L_j/dt − R_j/2) i_j + e_j`.
+///
+/// The voltages are `a_j + n`, limited to the rails, where n is the star point at which the currents still sum to zero.
+/// With voltage to spare any n between the rails will do and every reference is met. Without, the phases that need most
+/// and least sit at the rails: with the middle one unlimited, n is the mean of what these two have to spare, weighted by
+/// their conductances; the middle one is limited then, and n corrected by what that takes from it. One formula does both,
+/// because the mean is between the rails where there is voltage to spare.
 #[inline(always)]
 pub(super) fn step<R: Real>(m: &Derived<R>, i: [R; 3], target: [R; 3], emf: [R; 3]) -> [R; 3] {
-    let b: [R; 3] = core::array::from_fn(|j| m.r[j] * i[j] + emf[j]);
-    let wanted: [R; 3] = core::array::from_fn(|j| target[j] - i[j]);
-    let needed: [R; 3] = core::array::from_fn(|j| m.ohms[j] * wanted[j] + b[j]);
+    let needed = per_phase!(|j| (m.ohms[j] * target[j] - m.ohms_before[j] * i[j]) + emf[j]);
+    // What n each phase has room for.
+    let up = per_phase!(|j| m.half_v_dc - needed[j]);
+    let down = per_phase!(|j| up[j] - m.v_dc);
 
-    let [a_, b_, c_] = needed;
-    let a_high = b_.le(a_) & c_.le(a_);
-    let b_high = !a_high & c_.le(b_);
-    let c_high = !a_high & !b_high;
-    let c_low = c_.le(a_) & c_.le(b_) & !c_high;
-    let b_low = !c_low & !b_high & b_.le(a_);
-    let a_low = !c_low & !b_low & !a_high;
-    let high = [a_high, b_high, c_high];
-    let low = [a_low, b_low, c_low];
+    let [a, b, c] = needed;
+    let highest = a.max(b).max(c);
+    let lowest = a.min(b).min(c);
+    let spare = per_phase!(|j| R::select(highest.le(needed[j]), up[j], down[j]) * m.siemens[j]);
+    // The middle phase: of several that need the same, the last.
+    let a_extreme = highest.le(a) | a.le(lowest);
+    let b_extreme = highest.le(b) | b.le(lowest);
+    let zero = R::zero();
+    let sum = R::select(a_extreme, spare[0], zero)
+        + R::select(b_extreme, spare[1], zero)
+        + R::select(a_extreme & b_extreme, zero, spare[2]);
+    let [without_a, without_b, without_c] = m.star_ohms_without;
+    let star = sum * R::select(a_extreme, R::select(b_extreme, without_c, without_b), without_a);
 
-    // Rails for the extreme phases; the middle one gets what holds its current, within the rails.
-    let rail = m.half_v_dc;
-    let mut extremes = R::zero();
-    let mut middle_wanted = R::zero();
-    let mut middle_needed = R::zero();
-    let mut middle_weight = R::zero();
-    let mut v: [R; 3] = [R::zero(); 3];
-    for j in 0..3 {
-        let at_rail = high[j] | low[j];
-        v[j] = R::select(high[j], rail, -rail);
-        extremes = extremes + R::select(at_rail, (v[j] - b[j]) * m.siemens[j], R::zero());
-        middle_wanted = middle_wanted + R::select(at_rail, R::zero(), wanted[j]);
-        middle_needed = middle_needed + R::select(at_rail, R::zero(), needed[j]);
-        middle_weight = middle_weight + R::select(at_rail, R::zero(), m.star_ohms_without[j]);
-    }
-    let star = (extremes + middle_wanted) * middle_weight;
-    let middle = (middle_needed + star).clamp_abs(rail);
-    let mut sum = R::zero();
-    for j in 0..3 {
-        v[j] = R::select(high[j] | low[j], v[j], middle);
-        sum = sum + (v[j] - b[j]) * m.siemens[j];
-    }
-    let star = sum * m.star_ohms;
-
-    let highest = a_.max(b_).max(c_);
-    let lowest = a_.min(b_).min(c_);
-    let enough = (highest - lowest).le(rail + rail);
-    core::array::from_fn(|j| i[j] + R::select(enough, wanted[j], (v[j] - star - b[j]) * m.siemens[j]))
+    let lacking = per_phase!(|j| star.min(up[j]).max(down[j]) - star);
+    let correction = (lacking[0] * m.siemens[0] + lacking[1] * m.siemens[1] + lacking[2] * m.siemens[2]) * m.star_ohms;
+    per_phase!(|j| target[j] + (lacking[j] - correction) * m.siemens[j])
 }

@@ -427,11 +427,11 @@ struct End {
 
 /// Refines from several starts, side by side; the best end and the monitor runs spent.
 ///
-/// Each start is refined with coarse differences and then with fine ones, and so is the best end once more: what a fine
-/// slope takes for a valley's floor, a coarse one often walks out of.
+/// Each start is refined with coarse differences and then with fine ones: what a fine slope takes for a valley's floor, a
+/// coarse one often walks out of.
 fn refine(comparison: &Comparison<'_>, starts: &[Coordinates]) -> (Coordinates, u64) {
     let ends: Vec<End> = starts.par_iter().map(|&start| descend(comparison, start)).collect();
-    let mut spent = ends.iter().map(|end| end.spent).sum();
+    let spent = ends.iter().map(|end| end.spent).sum();
     // Of equal ends the first, whichever thread was quicker.
     let better = |best: End, end: End| if end.cost < best.cost { end } else { best };
     let nowhere = End {
@@ -439,10 +439,7 @@ fn refine(comparison: &Comparison<'_>, starts: &[Coordinates]) -> (Coordinates, 
         at: starts[0],
         spent: 0,
     };
-    let best = ends.into_iter().fold(nowhere, better);
-    let again = descend(comparison, best.at);
-    spent += again.spent;
-    (better(best, again).at, spent)
+    (ends.into_iter().fold(nowhere, better).at, spent)
 }
 
 /// One descent, coarse and then fine; the better of both ends.

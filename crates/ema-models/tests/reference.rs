@@ -280,8 +280,8 @@ fn no_load_speed_is_that_of_the_six_step_voltage() {
 fn speed_is_limited_to_omega_max() {
     let params = ActuatorParams::bench();
     let mut plant = Plant::new(&params, &FaultVector::NOMINAL, 0.0);
-    plant.settle(0.8, Setpoint::Speed(500.0));
-    let [_, _, omega] = plant.mean(0.05, Setpoint::Speed(500.0));
+    plant.settle(0.8, Setpoint::Position(1e3));
+    let [_, _, omega] = plant.mean(0.05, Setpoint::Position(1e3));
     close(omega, 200.0, 0.01, "limited speed");
 }
 

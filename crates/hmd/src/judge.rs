@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use ema_ga::ConfigError as SearchError;
 use ema_ga::GaConfig;
-use ema_models::{ActuatorParams, Conditions, FAULT_COUNT, MotorKnowledge, Scale, Setpoint};
+use ema_models::{ActuatorParams, Conditions, FAULT_COUNT, MotorDeviation, MotorKnowledge, Scale, Setpoint};
 use sha2::{Digest, Sha256};
 
 use crate::calibration::{CalibrationError, MonitorForm, TypeCalibration};
@@ -125,7 +125,7 @@ impl Judge {
                     params: job.params,
                     calibration: known.calibration,
                     method: self.method,
-                    motor: MotorKnowledge::default(),
+                    motor: TYPE_TOLERANCE,
                 };
                 let seed = mix(self.seed, &[name_hash(&job.actuator.name), job.window.number]);
                 let (prepared, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, seed)?;
@@ -323,6 +323,17 @@ fn new_health(section: &HealthConfig) -> Result<Health, LevelsError> {
         section.levels().iter().map(|l| l.persistence).max().unwrap_or(1),
     )
 }
+
+/// What is known of a unit that nobody calibrated: resistance within ±5 % of its type and back-EMF within ±3 %, as the
+/// standard deviations of uniform distributions. A weak magnet looks much like three slightly shorted phases; estimated
+/// along, it is not mistaken for them, and what cannot be told apart widens their sigma.
+const TYPE_TOLERANCE: MotorKnowledge = MotorKnowledge {
+    mean: MotorDeviation {
+        resistance: 0.0,
+        back_emf: 0.0,
+    },
+    covariance: [[0.05 * 0.05 / 3.0, 0.0], [0.0, 0.03 * 0.03 / 3.0]],
+};
 
 /// Load and supply as measured; without a measurement the load is left open and the supply is nominal.
 ///

@@ -45,7 +45,7 @@ pub use friction::DryFriction;
 pub use lanes::{Lanes32, Lanes64, Mask32, Mask64};
 pub use monitor::{
     Calibration, Conditions, Feedback, Form, InitialState, Monitor, MonitorState, Origin, Output, RIPPLE_DEFAULT,
-    RIPPLE_KNOTS, RIPPLE_SPACING,
+    RIPPLE_KNOTS, RIPPLE_SPACING, STEPS_PER_CONTROL,
 };
 pub use params::{
     ActuatorParams, ControllerParams, Expected, MotorParams, ParamsError, REFERENCE_STEP, SensorParams,

@@ -53,6 +53,6 @@ pub use params::{
 };
 pub use real::Real;
 pub use recording::{ComparedSample, Recording, SensedSample, prepare};
-pub use residual::{Comparison, NormalEquations, Prior, RANK_LANES, SIGNAL_COUNT, Signals, Weights};
+pub use residual::{COST_LANES, Comparison, NormalEquations, Prior, RANK_LANES, SIGNAL_COUNT, Signals, Weights};
 pub use unknowns::{Coordinates, Scale, UNKNOWN_COUNT, Unknowns};
 pub use winding::{DerivedShape, PaperShape, Winding, derived_shape};

@@ -15,6 +15,16 @@ pub trait Residuals<const D: usize> {
 
     /// The cost alone.
     fn cost(&self, genes: &[f64; D]) -> f64;
+
+    /// Points whose costs [`Residuals::costs`] finds in about the time of one; 1 where there is no such way.
+    const SIDE_BY_SIDE: usize = 1;
+
+    /// Costs of at most [`Residuals::SIDE_BY_SIDE`] points, the same bits as from [`Residuals::cost`].
+    fn costs(&self, points: &[[f64; D]], costs: &mut [f64]) {
+        for (point, cost) in points.iter().zip(costs) {
+            *cost = self.cost(point);
+        }
+    }
 }
 
 /// Settings of [`levenberg_marquardt`].
@@ -87,6 +97,9 @@ pub struct LmOutcome<const D: usize> {
 /// 5. Above zero the step is taken and `lambda` falls by `max(1/3, 1 - (2 gain - 1)^3)`; on with 1. Otherwise, also when
 ///    the cost is not finite, `lambda` rises by 2, 4, 8, ... and 3 is repeated.
 ///
+/// Where costs can be found side by side, a first rejection finds those of the repetitions to come at once. That changes
+/// neither the result nor the count of evaluations, which leaves out those that were not needed.
+///
 /// Source of the damping rule: H. B. Nielsen, "Damping parameter in Marquardt's method", IMM-REP-1999-05, DTU.
 ///
 /// ```
@@ -152,6 +165,7 @@ pub fn levenberg_marquardt<const D: usize>(
         }
         last_cost = cost;
 
+        let mut ahead = Ahead::default();
         loop {
             if at.evaluations >= config.max_evaluations {
                 return at.ended(LmStop::MaxEvaluations);
@@ -163,7 +177,7 @@ pub fn levenberg_marquardt<const D: usize>(
                 if (0..D).all(|i| (trial[i] - at.genes[i]).abs() <= config.step_tolerance * bounds.width(i)) {
                     return at.ended(LmStop::Step);
                 }
-                let trial_cost = residuals.cost(&trial);
+                let trial_cost = ahead.take().unwrap_or_else(|| residuals.cost(&trial));
                 at.evaluations += 1;
                 let gain = (cost - trial_cost) / model.decrease(&at.genes, &trial);
                 if trial_cost < cost && gain > 0.0 {
@@ -177,6 +191,16 @@ pub fn levenberg_marquardt<const D: usize>(
             }
             damping *= growth;
             growth *= 2.0;
+            if ahead.is_used_up() {
+                ahead.fill(residuals, |place| {
+                    let (mut damping, mut growth) = (damping, growth);
+                    for _ in 0..place {
+                        damping *= growth;
+                        growth *= 2.0;
+                    }
+                    (damping <= MAX_DAMPING).then(|| model.trial(&at.genes, bounds, frozen, damping))?
+                });
+            }
         }
     }
 }
@@ -184,6 +208,46 @@ pub fn levenberg_marquardt<const D: usize>(
 impl<const D: usize> LmOutcome<D> {
     fn ended(self, stop: LmStop) -> Self {
         Self { stop, ..self }
+    }
+}
+
+/// Costs of the trials to come, each rejected in turn.
+#[derive(Default)]
+struct Ahead {
+    costs: [f64; MAX_AHEAD],
+    next: usize,
+    len: usize,
+}
+
+/// Most costs found ahead: damping rises by 2^120 over as many rejections.
+const MAX_AHEAD: usize = 16;
+
+impl Ahead {
+    fn take(&mut self) -> Option<f64> {
+        let cost = *self.costs[..self.len].get(self.next)?;
+        self.next += 1;
+        Some(cost)
+    }
+
+    fn is_used_up(&self) -> bool {
+        self.next == self.len
+    }
+
+    /// Finds the costs of the trials that `trial` numbers from 0, up to the first that it does not have.
+    fn fill<const D: usize, L: Residuals<D>>(&mut self, residuals: &L, trial: impl Fn(i32) -> Option<[f64; D]>) {
+        let most = L::SIDE_BY_SIDE.min(MAX_AHEAD);
+        if most < 2 {
+            return;
+        }
+        let mut points = [[0.0; D]; MAX_AHEAD];
+        (self.next, self.len) = (0, 0);
+        while let Some(point) = (self.len < most).then(|| trial(self.len as i32)).flatten() {
+            points[self.len] = point;
+            self.len += 1;
+        }
+        if self.len > 0 {
+            residuals.costs(&points[..self.len], &mut self.costs[..self.len]);
+        }
     }
 }
 
@@ -262,3 +326,37 @@ impl<const D: usize> Model<D> {
 const INITIAL_DAMPING: f64 = 1e-3;
 /// Steps damped more than this are below the resolution of `f64`.
 const MAX_DAMPING: f64 = 1e16;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rosenbrock's valley, `r = (1 - x, 10 (y - x^2))`, whose bends reject many a step.
+    struct Valley<const SIDE_BY_SIDE: usize>;
+
+    impl<const N: usize> Residuals<2> for Valley<N> {
+        const SIDE_BY_SIDE: usize = N;
+
+        fn normal_equations(&self, x: &[f64; 2], jtj: &mut SMatrix<f64, 2, 2>, jtr: &mut SVector<f64, 2>) -> f64 {
+            let r = SVector::<f64, 2>::new(1.0 - x[0], 10.0 * (x[1] - x[0] * x[0]));
+            let j = SMatrix::<f64, 2, 2>::new(-1.0, 0.0, -20.0 * x[0], 10.0);
+            (*jtj, *jtr) = (j.transpose() * j, j.transpose() * r);
+            self.cost(x)
+        }
+
+        fn cost(&self, x: &[f64; 2]) -> f64 {
+            let (a, b) = (1.0 - x[0], 10.0 * (x[1] - x[0] * x[0]));
+            0.5 * (a * a + b * b)
+        }
+    }
+
+    #[test]
+    fn costs_found_ahead_change_nothing() {
+        let bounds = Bounds::new([-3.0; 2], [3.0; 2]).unwrap();
+        let config = LmConfig::default();
+        let one = levenberg_marquardt(&Valley::<1>, &bounds, [-1.9, 2.0], &config);
+        assert!(one.evaluations > 2 * one.iterations, "steps are rejected: {one:?}");
+        assert_eq!(levenberg_marquardt(&Valley::<3>, &bounds, [-1.9, 2.0], &config), one);
+        assert_eq!(levenberg_marquardt(&Valley::<16>, &bounds, [-1.9, 2.0], &config), one);
+    }
+}

@@ -45,7 +45,7 @@ pub use friction::DryFriction;
 pub use lanes::{Lanes32, Lanes64, Mask32, Mask64};
 pub use monitor::{
     Calibration, Conditions, Feedback, Form, InitialState, Monitor, MonitorState, Origin, Output, RIPPLE_DEFAULT,
-    RIPPLE_KNOTS, RIPPLE_SPACING,
+    RIPPLE_KNOTS, RIPPLE_SPACING, STEPS_PER_CONTROL,
 };
 pub use params::{
     ActuatorParams, ControllerParams, Expected, MotorParams, ParamsError, REFERENCE_STEP, SensorParams,
@@ -53,6 +53,6 @@ pub use params::{
 };
 pub use real::Real;
 pub use recording::{ComparedSample, Recording, SensedSample, prepare};
-pub use residual::{Comparison, NormalEquations, Prior, RANK_LANES, SIGNAL_COUNT, Signals, Weights};
+pub use residual::{COST_LANES, Comparison, NormalEquations, Prior, RANK_LANES, SIGNAL_COUNT, Signals, Weights};
 pub use unknowns::{Coordinates, MOTOR_COORDINATES, MotorDeviation, MotorKnowledge, Scale, UNKNOWN_COUNT, Unknowns};
 pub use winding::{DerivedShape, PaperShape, Winding, derived_shape};

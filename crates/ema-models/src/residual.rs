@@ -205,14 +205,31 @@ impl Comparison<'_> {
     #[must_use]
     pub fn cost(&self, at: &Coordinates) -> f64 {
         let scale = Scale::new(self.params);
-        let (distance, information) = self.prior.terms(&scale, &self.conditions, at);
+        self.with_known(&scale, at, self.least_squares(&scale.unknowns(at)))
+    }
+
+    /// [`Comparison::cost`] of several points side by side, with the same bits.
+    #[must_use]
+    pub fn costs(&self, points: &[Coordinates; COST_LANES]) -> [f64; COST_LANES] {
+        let scale = Scale::new(self.params);
+        let monitors = core::array::from_fn(|lane| self.monitor(&scale.unknowns(&points[lane])));
+        let costs = InstructionSet::best().run(HalfMeanSquares {
+            comparison: self,
+            monitors: &monitors,
+        });
+        core::array::from_fn(|lane| self.with_known(&scale, &points[lane], costs[lane]))
+    }
+
+    /// A mean cost as a sum, with that of what is known beforehand.
+    fn with_known(&self, scale: &Scale, at: &Coordinates, mean: f64) -> f64 {
+        let (distance, information) = self.prior.terms(scale, &self.conditions, at);
         let mut known = 0.0;
         for (row, d) in information.iter().zip(distance) {
             for (weight, other) in row.iter().zip(distance) {
                 known += 0.5 * d * weight * other;
             }
         }
-        self.least_squares(&scale.unknowns(at)) * self.recording.samples.len() as f64 + known
+        mean * self.recording.samples.len() as f64 + known
     }
 
     /// Plain least-squares cost: mean over the samples of `½ Σ (w r)²` over the signals.
@@ -321,6 +338,9 @@ pub const RANK_LANES: usize = 32;
 /// Lanes of the finite differences: the point, one step along each coordinate, and spare ones.
 pub(crate) const SLOPE_LANES: usize = 16;
 
+/// Points that [`Comparison::costs`] takes at once.
+pub const COST_LANES: usize = SLOPE_LANES;
+
 /// [`Comparison::half_mean_square`] of several monitors as a piece of work for an [`InstructionSet`].
 struct HalfMeanSquare<'a> {
     comparison: &'a Comparison<'a>,
@@ -333,6 +353,22 @@ impl Work for HalfMeanSquare<'_> {
     #[inline(always)]
     fn run<N: Numbers>(self) -> [f32; RANK_LANES] {
         let monitor = Monitor::side_by_side(self.monitors, |x| N::Single::from_lanes(x.map(|x| x as f32)));
+        self.comparison.half_mean_square(&monitor).to_lanes()
+    }
+}
+
+/// The same in double precision.
+struct HalfMeanSquares<'a> {
+    comparison: &'a Comparison<'a>,
+    monitors: &'a [Monitor<f64>; COST_LANES],
+}
+
+impl Work for HalfMeanSquares<'_> {
+    type Output = [f64; COST_LANES];
+
+    #[inline(always)]
+    fn run<N: Numbers>(self) -> [f64; COST_LANES] {
+        let monitor = Monitor::side_by_side(self.monitors, N::Double::from_lanes);
         self.comparison.half_mean_square(&monitor).to_lanes()
     }
 }

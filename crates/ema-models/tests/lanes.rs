@@ -3,9 +3,9 @@
 
 use ema_models::reference::Scenario;
 use ema_models::{
-    ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, FaultVector, Feedback, InstructionSet,
-    Lanes32, Monitor, MotorDeviation, MotorKnowledge, Prior, RANK_LANES, Recording, SensedSample, Unknowns, Weights,
-    prepare,
+    ActuatorParams, COST_LANES, Calibration, ComparedSample, Comparison, Conditions, Coordinates, FaultVector,
+    Feedback, InstructionSet, Lanes32, Monitor, MotorDeviation, MotorKnowledge, Prior, RANK_LANES, Recording, Scale,
+    SensedSample, Unknowns, Weights, prepare,
 };
 
 #[test]
@@ -119,6 +119,12 @@ fn every_instruction_set_ranks_with_the_same_bits() {
         let bits = |set| comparison.rank_with(set, &unknowns).map(f64::to_bits);
         for set in InstructionSet::available() {
             assert_eq!(bits(set), bits(InstructionSet::Baseline), "{}", set.name());
+        }
+        // Costs side by side have the bits of those one by one.
+        let scale = Scale::new(&params);
+        let points: [Coordinates; COST_LANES] = std::array::from_fn(|n| scale.coordinates(&unknowns[n]));
+        for (cost, point) in comparison.costs(&points).iter().zip(&points) {
+            assert_eq!(cost.to_bits(), comparison.cost(point).to_bits());
         }
         // Single precision ranks as double does.
         for (cost, u) in comparison.rank(&unknowns).iter().zip(&unknowns) {

@@ -5,9 +5,9 @@ use ema_ga::{
     Search, cma_es_owned, differential_evolution_owned, evolve_owned, levenberg_marquardt,
 };
 use ema_models::{
-    ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector,
-    Feedback, MOTOR_COORDINATES, MotorKnowledge, NormalEquations, Prior, RANK_LANES, Recording, SIGNAL_COUNT, Scale,
-    SensedSample, Signals, UNKNOWN_COUNT, Unknowns, Weights, prepare,
+    ActuatorParams, COST_LANES, Calibration, ComparedSample, Comparison, Conditions, Coordinates, FAULT_COUNT,
+    FaultVector, Feedback, MOTOR_COORDINATES, MotorKnowledge, NormalEquations, Prior, RANK_LANES, Recording,
+    SIGNAL_COUNT, Scale, SensedSample, Signals, UNKNOWN_COUNT, Unknowns, Weights, prepare,
 };
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
@@ -607,5 +607,24 @@ impl Residuals<UNKNOWN_COUNT> for Refinement<'_, '_> {
 
     fn cost(&self, genes: &[f64; UNKNOWN_COUNT]) -> f64 {
         self.comparison.cost(&Coordinates(*genes))
+    }
+
+    const SIDE_BY_SIDE: usize = COST_LANES;
+
+    fn costs(&self, points: &[[f64; UNKNOWN_COUNT]], costs: &mut [f64]) {
+        // Lanes that few points leave over run the first again.
+        let of = |lane: usize| {
+            points
+                .get(lane)
+                .or(points.first())
+                .copied()
+                .unwrap_or([0.0; UNKNOWN_COUNT])
+        };
+        let all = self
+            .comparison
+            .costs(&std::array::from_fn(|lane| Coordinates(of(lane))));
+        for (slot, cost) in costs.iter_mut().zip(all) {
+            *slot = cost;
+        }
     }
 }

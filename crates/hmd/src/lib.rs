@@ -3,8 +3,9 @@
 //! The data path, in order: [`ingest`] turns a source into timed [`frame`]s; [`front`] decodes them ([`channel`]) and cuts
 //! actuation windows ([`window`]); [`judge`] identifies each window ([`identify`], with a type's [`calibration`]) and
 //! decides on [`health`]; [`sink`] writes the [`record`]s. [`replay`] drives the chain from files. [`simulate`] makes
-//! traffic from the reference model, [`calibrate`] and [`evaluate`] measure the monitor against it.
+//! traffic from the reference model, [`calibrate`] and [`evaluate`] measure the monitor against it, [`mod@bench`] how fast it is.
 
+pub mod bench;
 pub mod calibrate;
 pub mod calibration;
 pub mod channel;

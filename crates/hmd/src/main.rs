@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use hmd::commands::{calibrate, check_config, code_of, demo, evaluate, replay, simulate};
+use hmd::commands::{bench, calibrate, check_config, code_of, demo, evaluate, replay, simulate};
 
 /// Health monitoring of electromechanical actuators: which part wears, how far, and how sure.
 #[derive(Debug, Parser)]
@@ -24,6 +24,7 @@ enum Verb {
     Simulate(simulate::Args),
     Calibrate(calibrate::Args),
     Evaluate(evaluate::Args),
+    Bench(bench::Args),
     CheckConfig(check_config::Args),
 }
 
@@ -34,6 +35,7 @@ fn main() -> ExitCode {
         Verb::Simulate(args) => simulate::run(&args),
         Verb::Calibrate(args) => calibrate::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
+        Verb::Bench(args) => bench::run(&args),
         Verb::CheckConfig(args) => check_config::run(&args),
     };
     match ended {

@@ -203,7 +203,7 @@ pub struct InitialState {
 const MONITOR_NUMBERS: usize = 96;
 
 /// Integration steps of the monitor per control period.
-pub(crate) const STEPS_PER_CONTROL: u32 = 2;
+pub const STEPS_PER_CONTROL: u32 = 2;
 
 impl Monitor<f64> {
     /// A monitor of one actuator in one state of wear, on a DC link of `v_dc`, V.

@@ -1,5 +1,6 @@
 //! One file per verb of the command line. Thin: parse, call, print. Records go to stdout, everything else to stderr.
 
+pub mod bench;
 pub mod calibrate;
 pub mod check_config;
 pub mod demo;

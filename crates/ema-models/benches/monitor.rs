@@ -1,0 +1,65 @@
+//! The monitor over one sample period of ten steps, a window of 0.5 s in a batch, and one linearisation.
+
+use core::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use ema_models::reference::Scenario;
+use ema_models::{
+    ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, FaultVector, Feedback, Prior, RANK_LANES,
+    Recording, Scale, SensedSample, Weights, prepare,
+};
+
+fn monitor(c: &mut Criterion) {
+    let params = ActuatorParams::bench();
+    let fault = FaultVector {
+        friction: 0.25,
+        short_b: 0.45,
+        ..FaultVector::NOMINAL
+    };
+    // From 20 ms before the trigger, which comes after 40 ms.
+    let sensed: Vec<SensedSample> = Scenario::new(params, fault, 1).run().skip(40).take(1000).collect();
+    let mut samples = vec![ComparedSample::default(); sensed.len()];
+    let initial = prepare(&params, &sensed, &[], 40, &mut samples);
+    let calibration = Calibration::default();
+    let comparison = Comparison {
+        recording: Recording {
+            samples: &samples,
+            initial,
+        },
+        params: &params,
+        calibration: &calibration,
+        conditions: Conditions {
+            load_torque: Some(0.0),
+            v_dc: params.motor.v_dc,
+        },
+        weights: Weights {
+            i_d: 0.5,
+            i_q: 2.0,
+            theta_m: 30.0,
+            omega_m: 0.2,
+            theta_out: 400.0,
+        },
+        feedback: Feedback::Measured,
+        prior: Prior {
+            load_torque: 0.1,
+            integral: 0.1,
+            motor: ema_models::MotorKnowledge::default(),
+        },
+    };
+    let unknowns = comparison.with_fault(fault);
+
+    let monitor = comparison.monitor(&unknowns);
+    c.bench_function("ten_steps_scalar_f64", |b| {
+        let mut state = monitor.start(&initial, &samples[0]);
+        b.iter(|| monitor.sample(black_box(&mut state), &initial, &samples[500], &samples[501]));
+    });
+    let batch = [unknowns; RANK_LANES];
+    c.bench_function("window_in_a_batch", |b| b.iter(|| comparison.rank(black_box(&batch))));
+    let at = Scale::new(&params).coordinates(&unknowns);
+    c.bench_function("linearisation", |b| {
+        b.iter(|| comparison.normal_equations(black_box(&at), 2e-3))
+    });
+}
+
+criterion_group!(benches, monitor);
+criterion_main!(benches);

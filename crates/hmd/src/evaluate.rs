@@ -1,5 +1,10 @@
 //! Accuracy suites: identification against the reference model, on vectors and seeds that no calibration uses.
 
+mod detection;
+mod matched;
+mod motors;
+mod noise;
+
 use ema_ga::ConfigError;
 use ema_models::{FAULT_COUNT, FaultVector, Profile, eq15_pct, rss_pct};
 use rand::{RngExt, SeedableRng};
@@ -8,9 +13,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::calibrate::random_faults;
-use crate::identify::Identifier;
+use crate::identify::{Estimate, Identifier};
 use crate::seed::mix;
 use crate::simulated::SimulatedWindow;
+
+pub use detection::{ByFault, DetectionError, DetectionReport, Wrong, detection};
+pub use noise::{NOISE_RATES_HZ, NoiseAtRate, NoiseReport, noise};
 
 /// Random vector of the paper's Table III.
 pub const TABLE_III: [f64; FAULT_COUNT] = [0.2383, 0.5003, 5.32e-7, 0.4503, 0.0404, 0.0028, 0.2785, 0.5];
@@ -196,17 +204,22 @@ fn run(identifier: &Identifier, plans: Vec<Plan>, done: &(dyn Fn() + Sync)) -> R
             let window = SimulatedWindow::new(&identifier.params, plan.truth, Profile::Mixed, plan.seed);
             let estimate = identifier.identify(&window.prepared, window.conditions, plan.seed)?;
             done();
-            Ok(Case {
-                name: plan.name,
-                seed: plan.seed,
-                truth: plan.truth.to_array(),
-                k: estimate.fault.to_array(),
-                rss_pct: rss_pct(&estimate.fault, &plan.truth),
-                eq15_pct: eq15_pct(&estimate.fault, &plan.truth),
-                evaluations: estimate.evaluations,
-            })
+            Ok(case(plan.name, plan.seed, &plan.truth, &estimate))
         })
         .collect()
+}
+
+/// An estimate beside its truth.
+fn case(name: String, seed: u64, truth: &FaultVector, estimate: &Estimate) -> Case {
+    Case {
+        name,
+        seed,
+        truth: truth.to_array(),
+        k: estimate.fault.to_array(),
+        rss_pct: rss_pct(&estimate.fault, truth),
+        eq15_pct: eq15_pct(&estimate.fault, truth),
+        evaluations: estimate.evaluations,
+    }
 }
 
 impl Group {

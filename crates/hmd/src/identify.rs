@@ -154,6 +154,15 @@ impl Prepared {
         Self { samples, initial }
     }
 
+    /// Other samples with the same initial state.
+    #[must_use]
+    pub fn with_samples(&self, samples: Vec<ComparedSample>) -> Self {
+        Self {
+            samples,
+            initial: self.initial,
+        }
+    }
+
     /// The samples and their initial state.
     #[must_use]
     pub fn recording(&self) -> Recording<'_> {
@@ -470,6 +479,12 @@ fn descend(comparison: &Comparison<'_>, start: Coordinates) -> End {
     end
 }
 
+/// Where a refinement that starts at a point ends.
+#[must_use]
+pub fn refine_from(comparison: &Comparison<'_>, start: Coordinates) -> Coordinates {
+    descend(comparison, start).at
+}
+
 /// Distance from the truth, in fault coordinates, to where a refinement started there ends: the pull of whatever the
 /// monitor gets wrong.
 #[must_use]
@@ -492,6 +507,14 @@ fn hold_known_motor(mut normal: NormalEquations, motor: &MotorKnowledge) -> Norm
         }
     }
     normal
+}
+
+/// Cramér–Rao bound of each coordinate at a point, as a standard deviation: what the weights alone allow, with no model
+/// error.
+#[must_use]
+pub fn bound(comparison: &Comparison<'_>, at: &Coordinates) -> [f64; UNKNOWN_COUNT] {
+    let normal = hold_known_motor(comparison.normal_equations(at, FINE_STEP), &comparison.prior.motor);
+    data_variance(&normal, 1.0).map(f64::sqrt)
 }
 
 /// Diagonal of `(JᵀJ)⁻¹`, times `scale`; infinite where the data say nothing.

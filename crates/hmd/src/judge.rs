@@ -310,16 +310,21 @@ pub fn method(section: &IdentificationConfig) -> Method {
     }
 }
 
-fn new_health(section: &HealthConfig) -> Result<Health, LevelsError> {
-    let levels: [Levels; FAULTS] = section.levels().map(|l| Levels {
+/// The levels that a configuration gives each fault.
+#[must_use]
+pub fn levels(section: &HealthConfig) -> [Levels; FAULTS] {
+    section.levels().map(|l| Levels {
         watch: l.watch,
         warning: l.warning,
         critical: l.critical,
         end_of_life: l.end_of_life,
         hysteresis: l.hysteresis,
-    });
+    })
+}
+
+fn new_health(section: &HealthConfig) -> Result<Health, LevelsError> {
     Health::new(
-        levels,
+        levels(section),
         section.levels().iter().map(|l| l.persistence).max().unwrap_or(1),
     )
 }
@@ -363,7 +368,8 @@ const DC_LINK_SHARES: [f64; 2] = [0.5, 1.5];
 const LOAD_MAX_SHARE: f64 = 2.0;
 
 /// Damage of what the window shows; the rest has no sigma and is left as it was.
-fn judgement(estimate: &Estimate) -> Judgement {
+#[must_use]
+pub fn judgement(estimate: &Estimate) -> Judgement {
     Judgement {
         damage: estimate.fault.damage(),
         sigma: Some(estimate.damage_sigma()),

@@ -6,8 +6,10 @@ use std::sync::Arc;
 use super::{Exit, Misuse, load_config, progress, say, unknown_type, use_threads};
 use crate::calibration::MonitorForm;
 use crate::config::SearchMethod;
-use crate::evaluate::{Case, PaperReport, RandomReport, paper, random};
-use crate::judge::Judge;
+use crate::evaluate::{
+    Case, DetectionReport, NOISE_RATES_HZ, NoiseReport, PaperReport, RandomReport, detection, noise, paper, random,
+};
+use crate::judge::{Judge, levels};
 
 /// Measure the accuracy of the identification.
 #[derive(Debug, clap::Args)]
@@ -48,6 +50,10 @@ enum Suite {
     Paper,
     /// Random multiple faults.
     Random,
+    /// The same with noise, an unknown load and motors off their type, at 2 kHz and 400 Hz.
+    Noise,
+    /// Verdicts of single windows, healthy and faulty, of 100 motors.
+    Detection,
 }
 
 /// Runs the verb.
@@ -63,6 +69,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     }
     let config = load_config(args.config.as_deref())?;
     use_threads(args.threads.map(usize::from))?;
+    let levels = levels(config.health());
     let mut judge = Judge::new(Arc::new(config), args.seed);
     let Some(identifier) = judge.identifier(&args.actuator, args.monitor, args.method)? else {
         return Err(unknown_type(&args.actuator).into());
@@ -87,6 +94,28 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
                 serde_json::to_string(&report)?
             } else {
                 random_table(&report)
+            })?;
+        }
+        Suite::Noise => {
+            let n = args.n.unwrap_or(200);
+            let bar = progress::over_pieces(n * NOISE_RATES_HZ.len() as u64);
+            let report = noise(&identifier, &args.actuator, n, args.seed, &|| bar.inc(1))?;
+            bar.finish_and_clear();
+            say(&if args.json {
+                serde_json::to_string(&report)?
+            } else {
+                noise_table(&report)
+            })?;
+        }
+        Suite::Detection => {
+            let n = args.n.unwrap_or(100);
+            let bar = progress::over_pieces(n * 200);
+            let report = detection(&identifier, levels, &args.actuator, n, args.seed, &|| bar.inc(1))?;
+            bar.finish_and_clear();
+            say(&if args.json {
+                serde_json::to_string(&report)?
+            } else {
+                detection_table(&report)
             })?;
         }
     }
@@ -136,4 +165,43 @@ fn random_table(report: &RandomReport) -> String {
         report.p95_rss_pct,
         report.median_eq15_pct
     )
+}
+
+fn noise_table(report: &NoiseReport) -> String {
+    let mut text =
+        "| rate, Hz | windows | median rss, % | p95 rss, % | 95 % interval covers, % | error over Cramér–Rao bound, \
+                    matched data |\n|---|---|---|---|---|---|"
+            .to_owned();
+    for rate in &report.rates {
+        text += &format!(
+            "\n| {:.0} | {} | {:.2} | {:.2} | {:.1} | {:.2} |",
+            rate.sample_rate_hz,
+            rate.cases.len(),
+            rate.median_rss_pct,
+            rate.p95_rss_pct,
+            100.0 * rate.coverage_95,
+            rate.crlb_ratio
+        );
+    }
+    text
+}
+
+fn detection_table(report: &DetectionReport) -> String {
+    let mut text = "| windows | detected, % | exactly named, % |\n|---|---|---|".to_owned();
+    for fault in &report.detection_rate_by_fault {
+        text += &format!(
+            "\n| {} ({}) | {:.2} | {:.2} |",
+            fault.fault,
+            fault.windows,
+            100.0 * fault.detection_rate,
+            100.0 * fault.isolation_rate
+        );
+    }
+    text += &format!(
+        "\n| **all faulty ones** | {:.2} | {:.2} |\n\nFalse alarms in healthy windows: {:.3} %.",
+        100.0 * report.detection_rate,
+        100.0 * report.isolation_rate,
+        100.0 * report.false_alarm_rate
+    );
+    text
 }

@@ -6,6 +6,7 @@
 
 pub mod candump;
 pub mod file;
+pub mod live;
 pub mod mcap;
 
 pub use candump::{BadLine, CandumpReader, LineFault};

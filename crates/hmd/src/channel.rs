@@ -11,6 +11,9 @@ use crate::window::TimedSample;
 /// Samples kept back until the sample rate is known.
 const RATE_SAMPLES: usize = 16;
 
+/// Samples after which a rate that the device's time does not tell is taken as nominal.
+const RATE_SAMPLES_MAX: usize = 64;
+
 /// Longest sample period that 16 bits of microseconds can show, µs; longer ones are not measured.
 const LONGEST_PERIOD_US: u16 = 32_768;
 
@@ -23,6 +26,7 @@ pub struct Channel {
     currents_stamp: Option<(u16, u64)>,
     rate: Rate,
     conditions: MeasuredConditions,
+    restarts: u64,
 }
 
 /// What the status frames last said.
@@ -43,7 +47,10 @@ enum Rate {
         waiting: Vec<TimedSample>,
         periods_us: Vec<u16>,
     },
+    /// Told by the device's time.
     Known(f64),
+    /// Nominal, because the device's time told none.
+    Assumed(f64),
 }
 
 impl Channel {
@@ -59,13 +66,15 @@ impl Channel {
                 periods_us: Vec::new(),
             },
             conditions: MeasuredConditions::default(),
+            restarts: 0,
         }
     }
 
     /// Takes one frame; shows each sample that it completes, in order, to `deliver` with the sample rate, Hz.
     ///
-    /// The first samples are delivered together, as soon as device time and counter have told the rate.
-    pub fn push(&mut self, frame: &Frame, stamp_ns: u64, mut deliver: impl FnMut(f64, TimedSample)) {
+    /// The first samples are delivered together, as soon as device time and counter have told the rate, or after 64 of
+    /// them at `nominal_rate`.
+    pub fn push(&mut self, frame: &Frame, stamp_ns: u64, nominal_rate: f64, mut deliver: impl FnMut(f64, TimedSample)) {
         match frame {
             Frame::Status(status) => self.conditions = MeasuredConditions::from(status),
             Frame::Currents(currents) => self.currents_stamp = Some((currents.seq, stamp_ns)),
@@ -77,10 +86,14 @@ impl Channel {
                 _ => stamp_ns,
             };
             let timed = self.continued(&sample, stamp_ns);
+            if self.last.is_some_and(|(last, _)| timed.seq < last.seq) {
+                self.restarts += 1;
+            }
             self.rate.push(
                 timed,
                 self.last
                     .map(|(_, time_us)| (timed, sample.time_us.wrapping_sub(time_us))),
+                nominal_rate,
                 &mut deliver,
             );
             self.last = Some((timed, sample.time_us));
@@ -90,7 +103,25 @@ impl Channel {
     /// Delivers what was kept back for a rate that never became known, at the rate given.
     pub fn finish(&mut self, nominal_rate: f64, mut deliver: impl FnMut(f64, TimedSample)) {
         self.assembler.close();
-        self.rate.settle(nominal_rate, &mut deliver);
+        self.rate.settle(Rate::Assumed(nominal_rate), &mut deliver);
+    }
+
+    /// Times the sample counter went back.
+    #[must_use]
+    pub fn restarts(&self) -> u64 {
+        self.restarts
+    }
+
+    /// Whether samples are delivered as they come.
+    #[must_use]
+    pub fn rate_is_settled(&self) -> bool {
+        !matches!(self.rate, Rate::Learning { .. })
+    }
+
+    /// Whether the rate is the nominal one because the device's time told none.
+    #[must_use]
+    pub fn rate_is_assumed(&self) -> bool {
+        matches!(self.rate, Rate::Assumed(_))
     }
 
     /// What the status frames last said.
@@ -148,10 +179,11 @@ impl Rate {
         &mut self,
         sample: TimedSample,
         since_last: Option<(TimedSample, u16)>,
+        nominal_rate: f64,
         deliver: &mut impl FnMut(f64, TimedSample),
     ) {
         match self {
-            Self::Known(rate) => deliver(*rate, sample),
+            Self::Known(rate) | Self::Assumed(rate) => deliver(*rate, sample),
             Self::Learning { waiting, periods_us } => {
                 if let (Some(previous), Some((_, elapsed_us))) = (waiting.last(), since_last) {
                     let steps = sample.seq.wrapping_sub(previous.seq);
@@ -164,17 +196,20 @@ impl Rate {
                     // The median, so that one bad stamp decides nothing.
                     periods_us.sort_unstable();
                     let period_us = f64::from(periods_us[periods_us.len() / 2]);
-                    self.settle(1e6 / period_us, deliver);
-                } else if waiting.len() >= 4 * RATE_SAMPLES {
-                    // Not two samples in a row in all this: the nominal rate will have to do, from here on.
-                    waiting.remove(0);
+                    self.settle(Self::Known(1e6 / period_us), deliver);
+                } else if waiting.len() >= RATE_SAMPLES_MAX {
+                    // No two samples in a row with a period between them: the nominal rate will have to do.
+                    self.settle(Self::Assumed(nominal_rate), deliver);
                 }
             }
         }
     }
 
-    fn settle(&mut self, rate: f64, deliver: &mut impl FnMut(f64, TimedSample)) {
-        if let Self::Learning { waiting, .. } = std::mem::replace(self, Self::Known(rate)) {
+    fn settle(&mut self, settled: Self, deliver: &mut impl FnMut(f64, TimedSample)) {
+        let (Self::Known(rate) | Self::Assumed(rate)) = settled else {
+            return;
+        };
+        if let Self::Learning { waiting, .. } = std::mem::replace(self, settled) {
             for sample in waiting {
                 deliver(rate, sample);
             }

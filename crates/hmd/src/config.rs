@@ -113,7 +113,7 @@ impl Config {
     /// let error = Config::from_toml_str("[window]\nduration_ms = -3", "hmd.toml").unwrap_err();
     /// assert_eq!(
     ///     error.to_string(),
-    ///     "hmd.toml:2: window.duration_ms: expected a number from 10 to 60000, found -3"
+    ///     "hmd.toml:2: window.duration_ms: expected a number from 20 to 10000, found -3"
     /// );
     /// # Ok::<(), hmd::config::ConfigError>(())
     /// ```
@@ -127,11 +127,14 @@ impl Config {
         let types = actuator_type::read_all(&root)?;
         let configured = actuator::read_all(&root, &types)?;
         let auto = configured.is_none();
+        let actuators = configured.unwrap_or_else(|| actuator::every_one(&types));
+        let sample_rates_hz = actuators.iter().map(|actuator| actuator.params.sensors.sample_rate);
+        let window = WindowConfig::read(&root.section("window", WindowConfig::KEYS)?, sample_rates_hz)?;
         let config = Self {
             auto,
-            actuators: configured.unwrap_or_else(|| actuator::every_one(&types)),
+            actuators,
             types,
-            window: WindowConfig::read(&root.section("window", WindowConfig::KEYS)?)?,
+            window,
             identification: IdentificationConfig::read(&root.section("identification", IdentificationConfig::KEYS)?)?,
             health: HealthConfig::read(&root.section("health", HealthConfig::KEYS)?)?,
             output: OutputConfig::read(&root.section("output", OutputConfig::KEYS)?)?,
@@ -180,6 +183,11 @@ impl Config {
     #[must_use]
     pub fn actuator_type(&self, name: &str) -> Option<&ActuatorType> {
         self.types.get(name)
+    }
+
+    /// All types by name, built in or configured.
+    pub fn types(&self) -> impl Iterator<Item = (&str, &ActuatorType)> {
+        self.types.iter().map(|(name, found)| (name.as_str(), found))
     }
 
     /// Section `[window]`.

@@ -7,9 +7,9 @@ use ema_models::ActuatorParams;
 use ema_wire::{ActuatorId, Frame};
 
 use crate::channel::{Channel, MeasuredConditions};
-use crate::config::{self, ActuatorConfig, Config};
+use crate::config::{ActuatorConfig, Config};
 use crate::frame::{BusNames, RawFrame};
-use crate::window::{TimedSample, Window, WindowConfig, Windower};
+use crate::window::{TimedSample, Window, Windower};
 
 /// One cut window and whose it is.
 #[derive(Clone, Debug)]
@@ -79,7 +79,8 @@ enum Cutter {
         params: Box<ActuatorParams>,
         windower: Box<Windower>,
     },
-    Refused,
+    /// Not monitored; the samples dropped since.
+    Refused(u64),
 }
 
 impl Front {
@@ -154,11 +155,16 @@ impl Front {
         self.counts
     }
 
-    /// Names of the actuators seen so far, with the number of samples delivered and lost.
+    /// Names of the actuators seen so far, with the number of samples delivered and lost: missing, or
+    /// dropped because the actuator cannot be monitored at its sample rate.
     pub fn actuators(&self) -> impl Iterator<Item = (&str, u64, u64)> {
         self.lanes.values().map(|lane| {
             let stats = lane.channel.stats();
-            (lane.actuator.name.as_str(), stats.samples, stats.missing)
+            let dropped = match lane.cutter {
+                Cutter::Refused(dropped) => dropped,
+                Cutter::Waiting | Cutter::Ready { .. } => 0,
+            };
+            (lane.actuator.name.as_str(), stats.samples, stats.missing + dropped)
         })
     }
 
@@ -194,9 +200,31 @@ impl Lane {
     ) {
         let conditions = self.channel.conditions();
         let (actuator, cutter) = (&self.actuator, &mut self.cutter);
-        self.channel.push(frame, stamp_ns, |rate, sample| {
+        let nominal = actuator.params.sensors.sample_rate;
+        let restarts = self.channel.restarts();
+        let learning = !self.channel.rate_is_settled();
+        self.channel.push(frame, stamp_ns, nominal, |rate, sample| {
             cutter.push(actuator, rate, sample, config, conditions, ended, notices);
         });
+        if self.channel.restarts() > restarts {
+            notices.push(Notice {
+                stamp_ns,
+                message: format!(
+                    "{}: expected a sample counter that rises, found one that went back; an open window is cut short",
+                    actuator.name
+                ),
+            });
+        }
+        if learning && self.channel.rate_is_assumed() {
+            notices.push(Notice {
+                stamp_ns,
+                message: format!(
+                    "{}: expected a device time that advances with the samples, found none in the first samples; \
+                     windows are cut at the nominal {nominal} samples/s",
+                    actuator.name
+                ),
+            });
+        }
     }
 
     fn finish(&mut self, config: &Config, ended: &mut Vec<WindowJob>, notices: &mut Vec<Notice>) {
@@ -237,15 +265,19 @@ impl Cutter {
         if matches!(self, Self::Waiting) {
             *self = Self::new(actuator, rate, config, sample.stamp_ns, notices);
         }
-        if let Self::Ready { params, windower } = self
-            && let Some(window) = windower.push(sample)
-        {
-            ended.push(WindowJob {
-                actuator: actuator.clone(),
-                params: **params,
-                window,
-                conditions,
-            });
+        match self {
+            Self::Waiting => {}
+            Self::Refused(dropped) => *dropped += 1,
+            Self::Ready { params, windower } => {
+                if let Some(window) = windower.push(sample) {
+                    ended.push(WindowJob {
+                        actuator: actuator.clone(),
+                        params: **params,
+                        window,
+                        conditions,
+                    });
+                }
+            }
         }
     }
 
@@ -260,7 +292,7 @@ impl Cutter {
             notices.push(Notice { stamp_ns, message });
         }
         let made = match params.checked() {
-            Ok(params) => Windower::new(window_config(config.window()), &params)
+            Ok(params) => Windower::new(config.window().in_si(), &params)
                 .map(|windower| Self::Ready {
                     params: Box::new(params),
                     windower: Box::new(windower),
@@ -273,21 +305,7 @@ impl Cutter {
                 stamp_ns,
                 message: format!("{name}: not monitored: {why}"),
             });
-            Self::Refused
+            Self::Refused(0)
         })
-    }
-}
-
-/// The window rules of a configuration, in SI units.
-fn window_config(section: &config::WindowConfig) -> WindowConfig {
-    WindowConfig {
-        pre_trigger_s: section.pre_trigger_ms * 1e-3,
-        duration_s: section.duration_ms * 1e-3,
-        rest_s: section.rest_ms * 1e-3,
-        trigger_position_rad: section.trigger_position_rad,
-        trigger_speed_rad_s: section.trigger_speed_rad_s,
-        missing_max_fraction: section.max_gap_fraction,
-        longest_gap_s: section.longest_gap_ms * 1e-3,
-        ..WindowConfig::default()
     }
 }

@@ -71,6 +71,8 @@ pub struct Summary {
     pub windows: u64,
     /// Frames by what they carry.
     pub frames: FrameCounts,
+    /// Places where a recorded file is damaged, whether or not the frames lost there can be counted.
+    pub damaged_places: u64,
 }
 
 impl Summary {
@@ -79,6 +81,7 @@ impl Summary {
     pub fn data_lost(&self) -> bool {
         let s = &self.status;
         s.lost_unreadable + s.lost_damaged + s.lost_samples + s.lost_malformed + s.lost_late > 0
+            || self.damaged_places > 0
     }
 }
 
@@ -99,8 +102,12 @@ struct Run<'a, O> {
     observer: &'a mut O,
     windows: u64,
     last_stamp_ns: u64,
+    /// Newest stamp of each interface, ns: frames of a later log up to it have been seen or come out of order.
+    newest_ns: BTreeMap<u16, u64>,
+    overlapping: u64,
     lost_unreadable: u64,
     lost_damaged: u64,
+    damaged_places: u64,
 }
 
 impl Replay<'_> {
@@ -127,8 +134,11 @@ impl Replay<'_> {
             observer,
             windows: 0,
             last_stamp_ns: 0,
+            newest_ns: BTreeMap::new(),
+            overlapping: 0,
             lost_unreadable: 0,
             lost_damaged: 0,
+            damaged_places: 0,
         };
         let mut read_before = 0;
         for log in self.logs {
@@ -136,7 +146,7 @@ impl Replay<'_> {
                 Some(source) => source,
                 None => open_with(log, names)?,
             };
-            names = run.one_log(source, &mut read_before, self.config.output().raw_frames)?;
+            names = run.one_log(log, source, &mut read_before, self.config.output().raw_frames)?;
         }
         run.finish()
     }
@@ -194,15 +204,21 @@ pub fn metadata(config: &Config, clock_source: &str, seed: u64) -> BTreeMap<Stri
 impl<O: Observer> Run<'_, O> {
     fn one_log(
         &mut self,
+        log: &Path,
         mut source: FrameSource,
         read_before: &mut u64,
         store_raw: bool,
     ) -> Result<BusNames, ReplayError> {
         let mut ended = Vec::new();
         let mut frames = 0u64;
+        let seen_ns = self.newest_ns.clone();
+        let mut overlapping = 0u64;
         while let Some(item) = source.next() {
             match item {
+                Ok(frame) if seen_ns.get(&frame.bus).is_some_and(|&seen| frame.stamp_ns <= seen) => overlapping += 1,
                 Ok(frame) => {
+                    let newest = self.newest_ns.entry(frame.bus).or_default();
+                    *newest = frame.stamp_ns.max(*newest);
                     self.last_stamp_ns = self.last_stamp_ns.max(frame.stamp_ns);
                     if store_raw && let Some((path, sink)) = &mut self.sink {
                         sink.raw(&frame, source.bus_names())
@@ -222,6 +238,16 @@ impl<O: Observer> Run<'_, O> {
             }
         }
         *read_before += source.position();
+        if overlapping > 0 {
+            self.overlapping += overlapping;
+            let message = format!(
+                "{}: expected frames later than those of the logs before, found {overlapping} that are not (logs \
+                 overlap or are out of order); they are not used",
+                log.display()
+            );
+            let stamp_ns = self.last_stamp_ns;
+            self.notice(&Notice { stamp_ns, message }, LogLevel::Error)?;
+        }
         self.front.finish(&mut ended);
         self.judge_all(&mut ended)?;
         Ok(source.into_bus_names())
@@ -256,7 +282,10 @@ impl<O: Observer> Run<'_, O> {
     fn lost(&mut self, loss: &Loss) -> Result<(), ReplayError> {
         match loss {
             Loss::Line(_) => self.lost_unreadable += 1,
-            Loss::Mcap(_) => self.lost_damaged += loss.frames().max(1),
+            Loss::Mcap(_) => {
+                self.lost_damaged += loss.frames();
+                self.damaged_places += 1;
+            }
         }
         self.notice(
             &Notice {
@@ -300,7 +329,7 @@ impl<O: Observer> Run<'_, O> {
             lost_damaged: self.lost_damaged,
             lost_samples: missing,
             lost_malformed: frames.malformed,
-            lost_late: self.front.late(),
+            lost_late: self.front.late() + self.overlapping,
             windows_ok: windows.ok,
             windows_degraded: windows.degraded,
             windows_invalid: windows.invalid,
@@ -317,6 +346,7 @@ impl<O: Observer> Run<'_, O> {
             actuators,
             windows: self.windows,
             frames,
+            damaged_places: self.damaged_places,
         })
     }
 }

@@ -134,6 +134,9 @@ fn without_a_verb_or_with_an_unknown_one_the_usage_is_shown() {
         "replay --nonsense",
         "replay a.log --threads 0",
         "evaluate nonsense",
+        "evaluate random --n 0",
+        "evaluate random --threads 0",
+        "calibrate --type -o x.toml --threads 0",
     ] {
         let ended = folder.hmd(line);
         assert_eq!(ended.code, 2, "hmd {line}: {}", ended.stderr);
@@ -352,7 +355,7 @@ fn an_unreadable_line_and_a_short_frame_are_counted() {
     assert!(
         ended
             .stderr
-            .contains("data lost: 1 unreadable lines, 0 frames in damaged chunks, 1 malformed frames, 1 samples")
+            .contains("data lost: 1 unreadable lines, 0 damaged places of a file with 0 frames missing by count, 1 malformed frames, 1 samples")
     );
 }
 
@@ -639,4 +642,198 @@ fn a_json_line_has_the_documented_keys_in_order() {
     }
     let timed = folder.done("replay --json --timings actuation.log");
     assert!(timed.contains("elapsed_ms") && !line.contains("elapsed_ms"));
+}
+
+/// A line with its data bytes changed.
+fn with_bytes(line: &str, change: impl FnOnce(&mut Vec<u8>)) -> String {
+    let (head, data) = line.split_once('#').expect("a frame");
+    let digits = |at: usize| u8::from_str_radix(&data[at..at + 2], 16).expect("hex");
+    let mut bytes: Vec<u8> = (0..data.len() / 2).map(|n| digits(2 * n)).collect();
+    change(&mut bytes);
+    let data: String = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+    format!("{head}#{data}")
+}
+
+#[test]
+fn a_device_time_that_stands_still_is_said_and_the_window_judged_at_the_nominal_rate() {
+    let folder = Folder::new();
+    let lines = folder.actuation();
+    folder.write_lines(
+        "still.log",
+        lines.iter().map(|line| match line.contains(" 102#") {
+            true => with_bytes(line, |bytes| bytes[5..7].fill(0)),
+            false => line.clone(),
+        }),
+    );
+    folder.write("400.toml", "[type.bench.sensors]\nsample_rate_hz = 400\n");
+    let ended = folder.hmd("replay --json still.log -c 400.toml");
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("ema0: expected a device time that advances") && ended.stderr.contains("nominal 400"),
+        "{}",
+        ended.stderr
+    );
+    assert!(ended.record()["k"].is_array());
+}
+
+#[test]
+fn a_rate_at_which_no_window_can_be_cut_is_data_loss() {
+    let folder = Folder::new();
+    folder.actuation();
+    // Possible at the nominal 2 kHz, not at the 400 Hz found.
+    folder.write("short.toml", "[window]\npre_trigger_ms = 1\n");
+    let ended = folder.hmd("replay --json actuation.log -c short.toml");
+    assert_eq!(ended.code, 3, "{}", ended.stderr);
+    assert!(ended.stderr.contains("ema0: not monitored: "), "{}", ended.stderr);
+    assert!(ended.stderr.contains(" 600 samples"), "{}", ended.stderr);
+}
+
+#[test]
+fn a_configuration_that_cannot_work_is_refused_before_anything_is_read() {
+    let folder = Folder::new();
+    folder.actuation();
+    folder.write("bad.toml", "this is no calibration");
+    for (text, expected) in [
+        (
+            "[window]\nduration_ms = 20000",
+            "window.duration_ms: expected a number from 20 to 10000, found 20000",
+        ),
+        (
+            "[window]\npre_trigger_ms = 100",
+            "window.pre_trigger_ms: expected at most rest_ms = 20, found 100",
+        ),
+        (
+            "[type.bench]\ncalibration = \"none.toml\"",
+            "type.bench.calibration: none.toml: No such file",
+        ),
+        (
+            "[type.bench]\ncalibration = \"bad.toml\"",
+            "type.bench.calibration: bad.toml: expected a type calibration",
+        ),
+    ] {
+        folder.write("hmd.toml", text);
+        for line in ["check-config -c hmd.toml", "replay --json actuation.log -c hmd.toml"] {
+            let sentence = folder.refused(line, 78);
+            assert!(sentence.contains(expected), "{line}: {sentence}");
+        }
+    }
+}
+
+#[test]
+fn frames_of_an_earlier_log_are_not_used_again() {
+    let folder = Folder::new();
+    let lines = folder.actuation();
+    let once = folder.done("replay --json actuation.log");
+    let twice = folder.hmd("replay --json actuation.log actuation.log");
+    assert_eq!((twice.code, &twice.stdout), (3, &once), "{}", twice.stderr);
+    let expected = format!(
+        "actuation.log: expected frames later than those of the logs before, found {} that are not",
+        lines.len()
+    );
+    assert!(twice.stderr.contains(&expected), "{}", twice.stderr);
+
+    let middle = line_of_sample(&lines, 100);
+    folder.write_lines("a.log", &lines[..middle]);
+    folder.write_lines("b.log", &lines[middle..]);
+    let ordered = folder.hmd("replay --json a.log b.log");
+    assert_eq!(ordered.code, 0, "{}", ordered.stderr);
+    let reversed = folder.hmd("replay --json b.log a.log");
+    assert_eq!(reversed.code, 3, "{}", reversed.stderr);
+    assert!(
+        reversed.stderr.contains("a.log: expected frames later"),
+        "{}",
+        reversed.stderr
+    );
+}
+
+#[test]
+fn malformed_frames_alone_are_counted_as_such() {
+    let folder = Folder::new();
+    let lines = folder.actuation();
+    let short = lines.iter().map(|line| with_bytes(line, |bytes| bytes.truncate(7)));
+    folder.write_lines("short.log", short);
+    let sentence = folder.refused("replay --json short.log", 1);
+    assert!(
+        sentence.ends_with(&format!("found none ({} malformed frames)", lines.len())),
+        "{sentence}"
+    );
+}
+
+#[test]
+fn a_fixed_suite_takes_no_number() {
+    let sentence = Folder::new().refused("evaluate paper --n 3", 2);
+    assert!(
+        sentence.contains("--n: expected none with the suite paper"),
+        "{sentence}"
+    );
+}
+
+#[test]
+fn a_lost_footer_is_no_lost_frame() {
+    let folder = Folder::new();
+    folder.done("simulate -o whole.mcap --rate 400 --seed 5");
+    let whole = folder.read("whole.mcap");
+    folder.write("cut.mcap", &whole[..whole.len() - 20]);
+    let ended = folder.hmd("replay --json cut.mcap");
+    assert_eq!(ended.code, 3, "{}", ended.stderr);
+    assert!(
+        ended
+            .stderr
+            .contains(" 1 damaged places of a file with 0 frames missing by count"),
+        "{}",
+        ended.stderr
+    );
+}
+
+#[test]
+fn a_device_that_restarts_in_the_window_is_said() {
+    let folder = Folder::new();
+    let lines = folder.actuation();
+    let (from, to) = (line_of_sample(&lines, 100), line_of_sample(&lines, 300));
+    folder.write_lines("restart.log", lines[..to].iter().chain(&lines[from..]));
+    let ended = folder.hmd("replay --json restart.log");
+    assert!(
+        ended
+            .stderr
+            .contains("ema0: expected a sample counter that rises, found one that went back"),
+        "{}",
+        ended.stderr
+    );
+    let first = ended.stdout.lines().next().unwrap_or_default();
+    assert!(
+        first.contains("\"status\":\"invalid\"") && first.contains("cut short"),
+        "{first}"
+    );
+}
+
+#[test]
+fn a_text_from_another_system_is_the_same_log() {
+    let folder = Folder::new();
+    let lines = folder.actuation();
+    let text: String = lines.iter().map(|line| format!("{line}\r\n")).collect();
+    folder.write("windows.log", format!("\u{feff}{text}"));
+    assert_eq!(
+        folder.done("replay --json windows.log"),
+        folder.done("replay --json actuation.log")
+    );
+}
+
+#[test]
+fn a_compressed_log_and_a_damaged_only_chunk_are_named() {
+    let folder = Folder::new();
+    folder.write("log.gz", b"\x1f\x8b\x08\0anything\n");
+    assert_eq!(
+        folder.refused("replay log.gz", 1),
+        "hmd: log.gz: expected a candump or MCAP log, found gzip data; decompress it first"
+    );
+    folder.done("simulate -o flip.mcap --rate 400 --seed 5");
+    let mut bytes = folder.read("flip.mcap");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    folder.write("flip.mcap", bytes);
+    let sentence = folder.refused("replay flip.mcap", 1);
+    assert!(
+        sentence.contains("/bus/<interface>/raw, found none that is intact; flip.mcap: at byte "),
+        "{sentence}"
+    );
 }

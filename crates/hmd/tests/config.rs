@@ -139,7 +139,7 @@ fn actuators_are_found_by_bus_and_number() {
     let found = auto.actuator_for("can7", id(15)).unwrap();
     assert_eq!((found.name.as_str(), found.type_name.as_str()), ("ema15", "bench"));
     let config = read(
-        "[[actuator]]\nid = 0\nbus = \"can0\"\ntype = \"servo28\"\ncalibration = \"a.toml\"\n\
+        "[[actuator]]\nid = 0\nbus = \"can0\"\ntype = \"servo28\"\n\
          [[actuator]]\nid = 0\nbus = \"can1\"\nname = \"b\"\n[[actuator]]\nid = 1\n\
          [type.bench.sensors]\nsample_rate_hz = 400",
     );
@@ -232,23 +232,39 @@ fn refusals_say_where_what_and_why() {
         ),
         (
             "[window]\nrest_ms = \"20\"",
-            "hmd.toml:2: window.rest_ms: expected a number from 1 to 60000, found \"20\"",
+            "hmd.toml:2: window.rest_ms: expected a number from 1 to 1000, found \"20\"",
         ),
         (
             "[window]\nrest_ms = nan",
-            "window.rest_ms: expected a number from 1 to 60000, found nan",
+            "window.rest_ms: expected a number from 1 to 1000, found nan",
         ),
         (
             "[window]\nduration_ms = inf",
-            "window.duration_ms: expected a number from 10 to 60000, found inf",
+            "window.duration_ms: expected a number from 20 to 10000, found inf",
         ),
         (
             "[window]\nduration_ms = 1e999",
-            "window.duration_ms: expected a number from 10 to 60000, found 1e999",
+            "window.duration_ms: expected a number from 20 to 10000, found 1e999",
         ),
         (
-            "[window]\nduration_ms = 15",
-            "window.pre_trigger_ms: expected less than duration_ms = 15, found 20 (not set here)",
+            "[window]\nduration_ms = 20",
+            "window.pre_trigger_ms: expected less than duration_ms = 20, found 20 (not set here)",
+        ),
+        (
+            "[window]\npre_trigger_ms = 30",
+            "hmd.toml:2: window.pre_trigger_ms: expected at most rest_ms = 20, found 30",
+        ),
+        (
+            "[window]\npre_trigger_ms = 0.3",
+            "hmd.toml:2: window.pre_trigger_ms: expected from 0.5 to 20 at 2000 samples/s, found 0.3",
+        ),
+        (
+            "[window]\nduration_ms = 21\nlongest_gap_ms = 22",
+            "hmd.toml:3: window.longest_gap_ms: expected from 0 to 21 at 2000 samples/s, found 22",
+        ),
+        (
+            "[[actuator]]\nid = 0\ncalibration = \"a.toml\"",
+            "hmd.toml:3: actuator[0].calibration: unknown key; known here: name, id, bus, type, part_number, serial_number",
         ),
         (
             "[window]\nduration_ms = 99999999999999999999",
@@ -386,8 +402,8 @@ fn files_are_read_and_their_paths_resolved() {
     );
     std::fs::write(&path, example_in_full()).unwrap();
     let config = Config::load(&path).unwrap();
-    let unit = config.actuators()[0].calibration.as_deref().unwrap();
-    assert_eq!(config.resolve(unit), directory.path().join("units/0042.toml"));
+    let calibration = std::path::Path::new("bench.calibration.toml");
+    assert_eq!(config.resolve(calibration), directory.path().join(calibration));
     assert_eq!(
         config.hash(),
         read(&example_in_full()).hash(),

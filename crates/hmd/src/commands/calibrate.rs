@@ -31,8 +31,8 @@ pub struct Args {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Threads; all cores without it.
-    #[arg(long)]
-    threads: Option<usize>,
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
 }
 
 /// Runs the verb.
@@ -44,7 +44,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let Some(found) = config.actuator_type(&args.actuator) else {
         return Err(unknown_type(&args.actuator).into());
     };
-    use_threads(args.threads)?;
+    use_threads(args.threads.map(usize::from))?;
     let calibration = calibrate_type(&args.actuator, &found.params, args.monitor, args.seed);
     let q = &calibration.quality;
     eprintln!("mean squared error of i_q, A²   before      after");

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::{Exit, load_config, progress, say, unknown_type, use_threads};
+use super::{Exit, Misuse, load_config, progress, say, unknown_type, use_threads};
 use crate::calibration::MonitorForm;
 use crate::config::SearchMethod;
 use crate::evaluate::{Case, PaperReport, RandomReport, paper, random};
@@ -15,9 +15,9 @@ pub struct Args {
     /// The suite.
     #[arg(value_enum)]
     suite: Suite,
-    /// Number of random fault vectors.
-    #[arg(long, default_value_t = 200)]
-    n: u64,
+    /// Number of random fault vectors, 200 without it; the suite `paper` has a fixed content.
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    n: Option<u64>,
     /// Seed of the suite.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -37,8 +37,8 @@ pub struct Args {
     #[arg(long)]
     json: bool,
     /// Threads; all cores without it.
-    #[arg(long)]
-    threads: Option<usize>,
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
 }
 
 /// The suites.
@@ -55,8 +55,14 @@ enum Suite {
 /// # Errors
 /// A bad configuration.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    if args.suite == Suite::Paper
+        && let Some(n) = args.n
+    {
+        let sentence = format!("--n: expected none with the suite paper, whose content is fixed, found {n}");
+        return Err(Misuse(sentence).into());
+    }
     let config = load_config(args.config.as_deref())?;
-    use_threads(args.threads)?;
+    use_threads(args.threads.map(usize::from))?;
     let mut judge = Judge::new(Arc::new(config), args.seed);
     let Some(identifier) = judge.identifier(&args.actuator, args.monitor, args.method)? else {
         return Err(unknown_type(&args.actuator).into());
@@ -73,8 +79,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             })?;
         }
         Suite::Random => {
-            let bar = progress::over_pieces(args.n);
-            let report = random(&identifier, &args.actuator, args.n, args.seed, &|| bar.inc(1))?;
+            let n = args.n.unwrap_or(200);
+            let bar = progress::over_pieces(n);
+            let report = random(&identifier, &args.actuator, n, args.seed, &|| bar.inc(1))?;
             bar.finish_and_clear();
             say(&if args.json {
                 serde_json::to_string(&report)?

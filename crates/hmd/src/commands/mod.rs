@@ -14,7 +14,9 @@ use std::path::Path;
 
 use anyhow::Context;
 
+use crate::calibration::TypeCalibration;
 use crate::config::{Config, ConfigError};
+use crate::judge::JudgeError;
 
 /// How a verb ended; the number is the exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,7 +44,8 @@ struct Misuse(String);
 /// Exit code that belongs to an error.
 #[must_use]
 pub fn code_of(error: &anyhow::Error) -> u8 {
-    if error.downcast_ref::<ConfigError>().is_some() {
+    // What the judge refuses comes from the configuration: a calibration it names, its search, its levels.
+    if error.downcast_ref::<ConfigError>().is_some() || error.downcast_ref::<JudgeError>().is_some() {
         BAD_CONFIG
     } else if error.downcast_ref::<Misuse>().is_some() {
         USAGE
@@ -61,6 +64,26 @@ fn unknown_type(name: &str) -> Misuse {
 /// The configuration of a file, or the defaults.
 fn load_config(path: Option<&Path>) -> Result<Config, ConfigError> {
     path.map_or_else(|| Ok(Config::default()), Config::load)
+}
+
+/// Whether every calibration that the configuration names can be used, before a log is read.
+fn check_calibrations(config: &Config) -> anyhow::Result<()> {
+    let expected = config.identification().monitor;
+    for (name, found) in config.types() {
+        let Some(path) = &found.calibration else { continue };
+        let path = config.resolve(path);
+        let checked = match TypeCalibration::load(&path) {
+            Ok(calibration) if calibration.monitor == expected => Ok(()),
+            Ok(calibration) => Err(JudgeError::Form {
+                path: path.display().to_string(),
+                expected,
+                found: calibration.monitor,
+            }),
+            Err(e) => Err(JudgeError::from(e)),
+        };
+        checked.with_context(|| format!("type.{name}.calibration"))?;
+    }
+    Ok(())
 }
 
 /// Sets the number of threads of this process; all cores without one.

@@ -10,7 +10,7 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, load_config, progress, use_threads};
+use super::{Exit, check_calibrations, load_config, progress, use_threads};
 use crate::judge::Judged;
 use crate::record::HealthLine;
 use crate::replay::{Observer, Replay};
@@ -47,6 +47,7 @@ pub struct Args {
 /// A bad configuration, a log that cannot be read at all or holds no actuator, an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = Arc::new(load_config(args.config.as_deref())?);
+    check_calibrations(&config)?;
     use_threads(args.threads.map(usize::from))?;
     let total = args
         .logs
@@ -77,8 +78,13 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let logs: Vec<String> = args.logs.iter().map(|log| log.display().to_string()).collect();
     let logs = logs.join(", ");
     if summary.actuators == 0 {
-        let filtered = status.frames_filtered;
-        bail!("{logs}: expected frames of an actuator, found none ({filtered} other frames)");
+        let (filtered, malformed) = (status.frames_filtered, status.lost_malformed);
+        let found = match (filtered, malformed) {
+            (other, 0) => format!("{other} other frames"),
+            (0, malformed) => format!("{malformed} malformed frames"),
+            (other, malformed) => format!("{malformed} malformed and {other} other frames"),
+        };
+        bail!("{logs}: expected frames of an actuator, found none ({found})");
     }
     if status.samples == 0 {
         let found = &summary.frames;
@@ -98,8 +104,13 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     }
     if summary.data_lost() {
         eprintln!(
-            "{logs}: data lost: {} unreadable lines, {} frames in damaged chunks, {} malformed frames, {} samples, {} frames out of order",
-            status.lost_unreadable, status.lost_damaged, status.lost_malformed, status.lost_samples, status.lost_late
+            "{logs}: data lost: {} unreadable lines, {} damaged places of a file with {} frames missing by count, {} malformed frames, {} samples, {} frames out of order",
+            status.lost_unreadable,
+            summary.damaged_places,
+            status.lost_damaged,
+            status.lost_malformed,
+            status.lost_samples,
+            status.lost_late
         );
         return Ok(Exit::DataLost);
     }

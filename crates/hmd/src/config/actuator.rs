@@ -11,15 +11,7 @@ use super::ConfigError;
 use super::actuator_type::{ActuatorType, DEFAULT_TYPE};
 use super::reader::Section;
 
-const KEYS: &[&str] = &[
-    "name",
-    "id",
-    "bus",
-    "type",
-    "part_number",
-    "serial_number",
-    "calibration",
-];
+const KEYS: &[&str] = &["name", "id", "bus", "type", "part_number", "serial_number"];
 
 /// What [`is_name`] asks for, in words.
 pub(super) const NAME_EXPECTED: &str = "a name of 1 to 64 letters, digits, '_', '-' or '.'";
@@ -49,8 +41,6 @@ pub struct ActuatorConfig {
     pub part_number: Option<String>,
     /// Serial number of the unit, for the records.
     pub serial_number: Option<String>,
-    /// Calibration of this unit, as written in the file; see [`Config::resolve`](super::Config::resolve).
-    pub calibration: Option<PathBuf>,
 }
 
 impl ActuatorConfig {
@@ -64,7 +54,6 @@ impl ActuatorConfig {
             type_calibration: found.calibration.clone(),
             part_number: None,
             serial_number: None,
-            calibration: None,
         }
     }
 
@@ -91,7 +80,6 @@ impl ActuatorConfig {
         actuator.bus = section.text("bus")?;
         actuator.part_number = section.text("part_number")?;
         actuator.serial_number = section.text("serial_number")?;
-        actuator.calibration = section.text("calibration")?.map(PathBuf::from);
         Ok(actuator)
     }
 

@@ -79,10 +79,7 @@ fn write_actuators(out: &mut String, config: &Config) -> fmt::Result {
                 write!(out, ", {what} {value}")?;
             }
         }
-        match &actuator.calibration {
-            Some(path) => writeln!(out, ", calibration {}", path.display())?,
-            None => writeln!(out, ", not calibrated")?,
-        }
+        writeln!(out)?;
     }
     for load in config.bus_loads() {
         let (name, percent) = (load.name(), 100.0 * load.load);

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use super::ConfigError;
 use super::reader::Section;
+use crate::window;
 
 /// What an actuation window is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -50,12 +51,16 @@ impl WindowConfig {
         "longest_gap_ms",
     ];
 
-    pub(super) fn read(section: &Section<'_>) -> Result<Self, ConfigError> {
+    /// Reads the section; every setting must be possible at each of the sample rates, Hz.
+    pub(super) fn read(
+        section: &Section<'_>,
+        sample_rates_hz: impl IntoIterator<Item = f64>,
+    ) -> Result<Self, ConfigError> {
         let default = Self::default();
         let window = Self {
-            pre_trigger_ms: section.number("pre_trigger_ms", default.pre_trigger_ms, 0.0..=10_000.0)?,
-            duration_ms: section.number("duration_ms", default.duration_ms, 10.0..=60_000.0)?,
-            rest_ms: section.number("rest_ms", default.rest_ms, 1.0..=60_000.0)?,
+            pre_trigger_ms: section.number("pre_trigger_ms", default.pre_trigger_ms, 0.05..=1_000.0)?,
+            duration_ms: section.number("duration_ms", default.duration_ms, 20.0..=10_000.0)?,
+            rest_ms: section.number("rest_ms", default.rest_ms, 1.0..=1_000.0)?,
             trigger_position_rad: section.number("trigger_position_rad", default.trigger_position_rad, 1e-6..=10.0)?,
             trigger_speed_rad_s: section.number("trigger_speed_rad_s", default.trigger_speed_rad_s, 1e-3..=1e4)?,
             max_gap_fraction: section.number("max_gap_fraction", default.max_gap_fraction, 0.0..=0.5)?,
@@ -66,6 +71,35 @@ impl WindowConfig {
             let effective = format!("{} (not set here)", window.pre_trigger_ms);
             return Err(section.refuse_effective("pre_trigger_ms", &expected, &effective));
         }
+        if window.pre_trigger_ms > window.rest_ms {
+            let expected = format!("at most rest_ms = {}", window.rest_ms);
+            let effective = format!("{} (not set here)", window.pre_trigger_ms);
+            return Err(section.refuse_effective("pre_trigger_ms", &expected, &effective));
+        }
+        for rate in sample_rates_hz {
+            if let Err(e) = window.in_si().checked(rate) {
+                // Lengths in seconds; the other settings have passed their ranges above.
+                let key = e.field.replace("_s", "_ms");
+                let expected = format!("from {} to {} at {rate} samples/s", e.min * 1e3, e.max * 1e3);
+                let effective = format!("{} (not set here)", e.got * 1e3);
+                return Err(section.refuse_effective(&key, &expected, &effective));
+            }
+        }
         Ok(window)
+    }
+
+    /// The same rules in SI units, as the windower takes them.
+    #[must_use]
+    pub fn in_si(&self) -> window::WindowConfig {
+        window::WindowConfig {
+            pre_trigger_s: self.pre_trigger_ms * 1e-3,
+            duration_s: self.duration_ms * 1e-3,
+            rest_s: self.rest_ms * 1e-3,
+            trigger_position_rad: self.trigger_position_rad,
+            trigger_speed_rad_s: self.trigger_speed_rad_s,
+            missing_max_fraction: self.max_gap_fraction,
+            longest_gap_s: self.longest_gap_ms * 1e-3,
+            ..window::WindowConfig::default()
+        }
     }
 }

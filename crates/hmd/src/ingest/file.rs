@@ -18,6 +18,16 @@ use thiserror::Error;
 /// Losses before the first frame after which a text is not taken for a log; also the most that are held in memory.
 pub const LEAD_LIMIT: usize = 1000;
 
+/// First bytes of compressed files that somebody may hand us.
+const COMPRESSED: [(&[u8], &str); 3] = [
+    (&[0x1f, 0x8b], "gzip"),
+    (&[0x28, 0xb5, 0x2f, 0xfd], "zstd"),
+    (b"\xfd7zXZ\0", "xz"),
+];
+
+/// What some editors put before UTF-8 text.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
 /// Why a file cannot be used at all.
 #[derive(Debug, Error)]
 pub enum IngestError {
@@ -65,6 +75,14 @@ pub enum IngestError {
         /// The first bytes, escaped.
         found: String,
     },
+    /// A compressed file.
+    #[error("{file}: expected a candump or MCAP log, found {format} data; decompress it first")]
+    Compressed {
+        /// The path.
+        file: String,
+        /// Name of the compression.
+        format: &'static str,
+    },
     /// An MCAP file without raw frames.
     #[error(
         "{file}: expected raw frames (schema hmd.v1.RawBatch) on topics /bus/<interface>/raw, found {}",
@@ -84,6 +102,7 @@ fn found(topics: &[String], first: &Option<Box<Loss>>) -> String {
     const MOST: usize = 4;
     let mut text = match topics {
         [] => "no topic".to_owned(),
+        some if some.iter().any(|topic| topic.starts_with("/bus/")) => "none that is intact".to_owned(),
         some => format!(
             "only {}",
             some.iter()
@@ -93,7 +112,7 @@ fn found(topics: &[String], first: &Option<Box<Loss>>) -> String {
                 .join(", ")
         ),
     };
-    if topics.len() > MOST {
+    if text.starts_with("only") && topics.len() > MOST {
         text.push_str(&format!(" and {} more", topics.len() - MOST));
     }
     if let Some(first) = first {
@@ -175,6 +194,11 @@ pub fn open_with(path: &Path, names: BusNames) -> Result<FrameSource, IngestErro
     if start.is_empty() {
         return Err(IngestError::Empty { file });
     }
+    for (magic, format) in COMPRESSED {
+        if start.starts_with(magic) {
+            return Err(IngestError::Compressed { file, format });
+        }
+    }
     let frames = if start.starts_with(mcap::MAGIC) {
         if !about.is_file() {
             return Err(IngestError::NotSeekable { file });
@@ -187,6 +211,9 @@ pub fn open_with(path: &Path, names: BusNames) -> Result<FrameSource, IngestErro
                 file,
                 found: shown(start),
             });
+        }
+        if start.starts_with(BYTE_ORDER_MARK) {
+            input.consume(BYTE_ORDER_MARK.len());
         }
         Frames::Candump(Box::new(CandumpReader::new(input, &file, names)))
     };

@@ -23,13 +23,13 @@ message! {
         lost_socket_queue: u64 = 13 uint64;
         /// Losses: frames dropped because an own queue was full.
         lost_own_queue: u64 = 14 uint64;
-        /// Losses: samples missing by their counters.
+        /// Losses: samples missing by their counters, or of an actuator that cannot be monitored at its sample rate.
         lost_samples: u64 = 15 uint64;
         /// Losses: frames of a mapped identifier whose content makes no sense.
         lost_malformed: u64 = 16 uint64;
         /// Losses: windows not judged for want of time or room.
         lost_windows: u64 = 17 uint64;
-        /// Losses: frames that came after a newer sample of their actuator had begun.
+        /// Losses: frames that came after a newer sample of their actuator had begun, or in a log given after a later one.
         lost_late: u64 = 18 uint64;
         /// Windows with status `ok`.
         windows_ok: u64 = 21 uint64;

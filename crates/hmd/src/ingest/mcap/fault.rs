@@ -45,7 +45,7 @@ pub enum McapFault {
     #[error("expected messages in chunks with a checksum, found some without")]
     NoCrc,
     /// A chunk cannot be decoded.
-    #[error("expected a chunk that can be decompressed, found a damaged one: {0}")]
+    #[error("expected an intact chunk, found a damaged one that cannot be read ({0}); its frames are lost")]
     Chunk(String),
     /// A record claims an impossible length.
     #[error("expected a record of at most {max} bytes, found one of {got}", max = RECORD_LIMIT)]

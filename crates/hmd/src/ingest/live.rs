@@ -9,6 +9,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use tokio::sync::{mpsc, watch};
 
+use super::can::CanSource;
 use crate::frame::RawFrame;
 
 /// Inputs that wait for the pipeline: 2.7 s of three full buses of 1 Mbit/s, about 6 MB.
@@ -16,6 +17,22 @@ use crate::frame::RawFrame;
 /// Policy when it is full: the sources wait, so that frames queue up in the sockets; what the kernel must then drop, it
 /// counts, and the source reports it as [`Input::Lost`]. Nothing is ever dropped here.
 pub const QUEUE_INPUTS: usize = 1 << 16;
+
+/// A source of frames that goes on until it is told to end.
+#[derive(Clone, Debug)]
+pub enum LiveSource {
+    /// A SocketCAN interface.
+    Can(CanSource),
+}
+
+impl LiveSource {
+    /// Receives until the feed closes; never ends by itself.
+    pub async fn run(self, feed: Feed) {
+        match self {
+            Self::Can(source) => source.run(feed).await,
+        }
+    }
+}
 
 /// One thing that happened on a bus.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -160,8 +177,8 @@ impl Pause {
     /// Longest pause, which bounds how late a source notices that its link is back.
     pub const LONGEST: Duration = Duration::from_secs(1);
 
-    /// The next pause.
-    pub fn next(&mut self) -> Duration {
+    /// The next pause; the one after it is longer.
+    pub fn take(&mut self) -> Duration {
         let pause = Self::SHORTEST * (1 << self.attempts.min(10));
         self.attempts = self.attempts.saturating_add(1);
         pause.min(Self::LONGEST)
@@ -187,12 +204,12 @@ mod tests {
     #[test]
     fn pauses_grow_to_a_bound_and_begin_again() {
         let mut pause = Pause::default();
-        let pauses: Vec<_> = (0..7).map(|_| pause.next().as_millis()).collect();
+        let pauses: Vec<_> = (0..7).map(|_| pause.take().as_millis()).collect();
         assert_eq!(pauses, [50, 100, 200, 400, 800, 1000, 1000]);
         for _ in 0..100 {
-            assert!(pause.next() <= Pause::LONGEST);
+            assert!(pause.take() <= Pause::LONGEST);
         }
         pause.reset();
-        assert_eq!(pause.next(), Pause::SHORTEST);
+        assert_eq!(pause.take(), Pause::SHORTEST);
     }
 }

@@ -23,13 +23,22 @@ pub const QUEUE_INPUTS: usize = 1 << 16;
 pub enum LiveSource {
     /// A SocketCAN interface.
     Can(CanSource),
+    /// Frames from memory, as fast as they are taken; ends with the last.
+    Playback(Vec<RawFrame>),
 }
 
 impl LiveSource {
-    /// Receives until the feed closes; never ends by itself.
+    /// Receives until the feed closes; only a playback ends by itself.
     pub async fn run(self, feed: Feed) {
         match self {
             Self::Can(source) => source.run(feed).await,
+            Self::Playback(frames) => {
+                for frame in frames {
+                    if feed.frame(frame.with_bus(feed.bus())).await.is_err() {
+                        return;
+                    }
+                }
+            }
         }
     }
 }
@@ -54,12 +63,15 @@ pub enum Input {
     Lost {
         /// Index of the bus.
         bus: u16,
-        /// UTC, ns.
-        stamp_ns: u64,
         /// How.
         loss: LiveLoss,
         /// How many frames.
         frames: u64,
+    },
+    /// Time goes on; sent by the driver, not by sources.
+    Tick {
+        /// UTC, ns.
+        stamp_ns: u64,
     },
 }
 
@@ -85,12 +97,21 @@ impl fmt::Display for LinkState {
 }
 
 /// How data were lost before they became frames.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LiveLoss {
     /// The receive queue of the socket was full.
     SocketQueue,
     /// A frame of a byte stream that its checksum does not vouch for.
     Unreadable,
+}
+
+impl fmt::Display for LiveLoss {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::SocketQueue => "the receive queue was full",
+            Self::Unreadable => "they cannot be read",
+        })
+    }
 }
 
 /// The pipeline has ended; the source has nobody to tell.
@@ -143,18 +164,13 @@ impl Feed {
         self.queue.send(input).await.map_err(|_| Closed)
     }
 
-    /// Says that frames were lost, now.
+    /// Says that frames were lost.
     ///
     /// # Errors
     /// [`Closed`].
     pub async fn lost(&self, loss: LiveLoss, frames: u64) -> Result<(), Closed> {
-        let (bus, stamp_ns) = (self.bus, now_ns());
-        let input = Input::Lost {
-            bus,
-            stamp_ns,
-            loss,
-            frames,
-        };
+        let bus = self.bus;
+        let input = Input::Lost { bus, loss, frames };
         self.queue.send(input).await.map_err(|_| Closed)
     }
 

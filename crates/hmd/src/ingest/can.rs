@@ -8,6 +8,7 @@ mod receive;
 mod stamp;
 
 use std::io;
+use std::time::Duration;
 
 use ::socketcan::{CanFdSocket, CanFilter, Socket, SocketOptions};
 use ema_wire::ActuatorId;
@@ -16,12 +17,16 @@ use nix::errno::Errno;
 use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
 
-use super::live::{Closed, Feed, LinkState, LiveLoss, Pause, now_ns};
+use super::live::{Closed, Feed, LinkState, LiveLoss, Pause, QUEUE_INPUTS, now_ns};
 use crate::frame::{MAX_STANDARD_ID, socketcan};
 use receive::{Received, Receiver};
 
 /// Frames taken from a socket before other tasks get their turn.
 const BATCH: usize = 256;
+
+/// How long an emptied socket is left to fill, so that one wake-up serves many frames. Its buffer holds some hundred
+/// times as much.
+const COALESCE: Duration = Duration::from_millis(2);
 
 /// One interface, and which of its frames are wanted.
 #[derive(Clone, Debug)]
@@ -43,18 +48,6 @@ pub enum Wanted {
 enum Ended {
     Closing,
     Failed(io::Error),
-}
-
-impl From<Closed> for Ended {
-    fn from(_: Closed) -> Self {
-        Self::Closing
-    }
-}
-
-impl From<io::Error> for Ended {
-    fn from(error: io::Error) -> Self {
-        Self::Failed(error)
-    }
 }
 
 impl CanSource {
@@ -148,7 +141,7 @@ impl CanSource {
             let down = link.state != Some(LinkState::Up);
             let mut ready = tokio::select! {
                 biased;
-                () = feed.closing() => return Ended::Closing,
+                () = feed.closing() => return drain(fd.get_mut(), feed, link, pause).await,
                 ready = fd.ready_mut(interest) => match ready {
                     Ok(ready) => ready,
                     Err(error) => return Ended::Failed(error),
@@ -163,15 +156,16 @@ impl CanSource {
                     continue;
                 }
             };
+            let mut empty = false;
             for _ in 0..BATCH {
                 match ready.get_inner_mut().receive(feed.bus(), now_ns) {
                     Ok(received) => {
-                        if let Err(ended) = pass_on(received, feed, link, pause).await {
-                            return ended;
+                        if pass_on(received, feed, link, pause).await.is_err() {
+                            return Ended::Closing;
                         }
                     }
                     Err(Errno::EWOULDBLOCK) => {
-                        ready.clear_ready();
+                        empty = true;
                         break;
                     }
                     Err(Errno::EINTR) => {}
@@ -184,11 +178,32 @@ impl CanSource {
                     Err(error) => return Ended::Failed(error.into()),
                 }
             }
+            if empty {
+                ready.clear_ready();
+                tokio::time::sleep(COALESCE).await;
+            }
         }
     }
 }
 
-async fn pass_on(received: Received, feed: &Feed, link: &mut Link, pause: &mut Pause) -> Result<(), Ended> {
+/// At the end: takes what was received before it. What comes later belongs to no run.
+async fn drain(receiver: &mut Receiver, feed: &Feed, link: &mut Link, pause: &mut Pause) -> Ended {
+    let end_ns = now_ns();
+    for _ in 0..QUEUE_INPUTS {
+        match receiver.receive(feed.bus(), now_ns) {
+            Ok(received) if received.frame.is_ok_and(|frame| frame.stamp_ns > end_ns) => break,
+            Ok(received) => {
+                if pass_on(received, feed, link, pause).await.is_err() {
+                    break;
+                }
+            }
+            Err(_) => break,
+        }
+    }
+    Ended::Closing
+}
+
+async fn pass_on(received: Received, feed: &Feed, link: &mut Link, pause: &mut Pause) -> Result<(), Closed> {
     if received.dropped > 0 {
         feed.lost(LiveLoss::SocketQueue, received.dropped).await?;
     }

@@ -73,8 +73,10 @@ fn stream(results: &Results, hmd: &Path, folder: &Path) -> anyhow::Result<()> {
         live.display(),
         again.display()
     );
+    let missing = results.counted("stream", "samples")?;
     eprintln!(
-        "stream: {received} frames, none lost, none sent; {dropped} of {expected} windows dropped; live equals replay"
+        "stream: {received} frames received, {lost} lost, none sent; {missing} samples not whole; {dropped} of {expected} \
+         windows dropped; live equals replay"
     );
     Ok(())
 }

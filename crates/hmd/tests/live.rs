@@ -1,4 +1,5 @@
 //! Live equals replay: what a run records, replayed, gives the same health records, dropped windows included.
+#![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
 
 use std::future::pending;
 use std::io;

@@ -11,6 +11,8 @@ use std::path::Path;
 
 use anyhow::{Context, ensure};
 
+use crate::python::Python;
+use crate::readers::PACKAGES;
 use crate::shell::{cargo, program, run, target_dir};
 use guest::Results;
 
@@ -33,7 +35,23 @@ pub(crate) fn check() -> anyhow::Result<()> {
     stream(&results, &hmd, &folder).context("stream")?;
     bus(&results, &folder).context("bus")?;
     link(&results).context("link")?;
-    record(&results, &folder).context("record")
+    record(&results, &folder).context("record")?;
+    read_by_others(&results, &folder)
+}
+
+/// The MCAP reference library finds as many frames in each file as the daemon says it received.
+fn read_by_others(results: &Results, folder: &Path) -> anyhow::Result<()> {
+    let python = Python::with_packages(&PACKAGES)?;
+    for name in ["stream", "bus", "link", "record"] {
+        let frames = results.counted(name, "frames received")?;
+        let file = folder.join(name).with_extension("mcap");
+        python.script_with(
+            "fixtures/check_mcap.py",
+            &[&file],
+            &["--frames".to_owned(), frames.to_string()],
+        )?;
+    }
+    Ok(())
 }
 
 /// Sixteen actuators: every frame accounted for, the right faults, none sent, and live equals replay.

@@ -53,6 +53,9 @@ struct Lines {
 
 impl Observer for Lines {
     fn judged(&self, judged: &Judged) -> io::Result<()> {
+        let window = &judged.window;
+        let (times, fitted) = (window.time_s.len(), window.fitted_i_q_a.len());
+        assert!(fitted == 0 || fitted == times, "{fitted} values at {times} times");
         let line = HealthLine::from((&judged.health, &judged.rul)).to_json();
         self.health.lock().unwrap().push(line);
         Ok(())
@@ -141,6 +144,19 @@ fn windows_that_were_dropped_are_left_out_by_replay() {
     let status = compare(120);
     assert!(status.lost_windows > 0, "{status:?}");
     assert!(status.data_lost());
+}
+
+#[test]
+fn a_sample_that_was_filled_in_is_in_no_array_of_the_window() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut traffic = frames(0, 2);
+    let trigger = traffic.len() / 5;
+    traffic.remove(trigger);
+    // The observer compares the lengths.
+    let (lines, status) = run(vec![("can1", traffic)], &folder.path().join("live.mcap"));
+    assert_eq!(status.lost_samples, 1);
+    let health = lines.health.into_inner().unwrap();
+    assert!(health[0].contains("1 samples lost"), "{}", health[0]);
 }
 
 #[test]

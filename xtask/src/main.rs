@@ -2,6 +2,7 @@
 //!
 //! `cargo xtask VERB`; `cargo xtask ci` runs all of them but the tests.
 
+mod can;
 mod ci;
 mod deny;
 mod no_std;
@@ -39,6 +40,8 @@ enum Verb {
     Readers,
     /// A drive model that nobody here wrote against the reference.
     Oracle,
+    /// The daemon on real SocketCAN, in a user-mode Linux.
+    Can,
     /// Runs every command whose output stands in a document, and draws the figures, again.
     Results,
     /// Everything but the tests.
@@ -54,6 +57,7 @@ fn main() -> ExitCode {
         Verb::Deny => deny::check(),
         Verb::Readers => readers::check(),
         Verb::Oracle => oracle::check(),
+        Verb::Can => can::check(),
         Verb::Results => results::update(),
         Verb::Ci => ci::run_all(),
     };

@@ -8,7 +8,8 @@ use anyhow::{Context, ensure};
 use crate::python::Python;
 use crate::shell::{cargo, program, run, run_to_file, target_dir};
 
-const PACKAGES: [&str; 3] = ["mcap==1.6.0", "mcap-protobuf-support==0.6.0", "cantools==45.1.0"];
+/// What the readers are made of.
+pub(crate) const PACKAGES: [&str; 3] = ["mcap==1.6.0", "mcap-protobuf-support==0.6.0", "cantools==45.1.0"];
 
 /// Actuations in the simulated log.
 const WINDOWS: usize = 2;

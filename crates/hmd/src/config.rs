@@ -31,6 +31,7 @@ use ema_wire::ActuatorId;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
+use crate::frame::BusNames;
 use reader::{Document, Section};
 
 /// Everything that the user decides, checked.
@@ -159,6 +160,26 @@ impl Config {
     #[must_use]
     pub fn actuator_for(&self, bus: &str, id: ActuatorId) -> Option<&ActuatorConfig> {
         self.actuators.iter().find(|actuator| actuator.is_at(bus, id))
+    }
+
+    /// The interfaces that the actuators are on, in the order of the file; `file_name` is what errors call it.
+    ///
+    /// # Errors
+    /// [`ConfigError`] when an actuator has no bus, because nothing says where to listen for it, or an impossible one.
+    pub fn interfaces(&self, file_name: &str) -> Result<BusNames, ConfigError> {
+        let mut names = BusNames::new();
+        for actuator in &self.actuators {
+            let bus = actuator.bus.as_ref().ok_or_else(|| ConfigError::NoBus {
+                file: file_name.to_owned(),
+                actuator: actuator.name.clone(),
+            })?;
+            names.intern(bus).map_err(|cause| ConfigError::BadBus {
+                file: file_name.to_owned(),
+                bus: bus.clone(),
+                cause,
+            })?;
+        }
+        Ok(names)
     }
 
     /// The actuator called `name`.

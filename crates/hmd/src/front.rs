@@ -66,6 +66,8 @@ pub struct Front {
 /// One actuator. There are at most 16 on each of at most 64 interfaces.
 #[derive(Debug)]
 struct Lane {
+    /// Name of the interface.
+    bus: Box<str>,
     actuator: Arc<ActuatorConfig>,
     channel: Channel,
     cutter: Cutter,
@@ -142,9 +144,12 @@ impl Front {
         }
     }
 
-    /// End of the traffic: ends every open window.
+    /// End of the traffic: ends every open window, in the order of interface names and numbers. (The index of an
+    /// interface depends on the source, and would tell live from replay.)
     pub fn finish(&mut self, ended: &mut Vec<WindowJob>) {
-        for lane in self.lanes.values_mut() {
+        let mut lanes: Vec<_> = self.lanes.iter_mut().collect();
+        lanes.sort_by(|((_, a), x), ((_, b), y)| (&x.bus, a).cmp(&(&y.bus, b)));
+        for (_, lane) in lanes {
             lane.finish(&self.config, ended, &mut self.notices);
         }
     }
@@ -184,6 +189,7 @@ impl Lane {
     fn new(config: &Config, bus: &str, id: ActuatorId) -> Option<Self> {
         let actuator = Arc::new(config.actuator_for(bus, id)?.clone());
         Some(Self {
+            bus: bus.into(),
             actuator,
             channel: Channel::new(id),
             cutter: Cutter::Waiting,

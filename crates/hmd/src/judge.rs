@@ -457,6 +457,8 @@ fn window_record(job: &WindowJob, status: &str, reason: &str, fit: Fit) -> recor
         Setpoint::Position(x) | Setpoint::Speed(x) => x,
     };
     let setpoints: Vec<f64> = window.samples.iter().map(|s| value(s.setpoint)).collect();
+    // A sample that was filled in is in no comparison, hence in no array.
+    let stored = || (0..window.samples.len()).filter(|n| !window.filled.contains(n));
     let after_trigger = window.samples.get(window.trigger).map(|s| s.setpoint);
     let travel = window
         .samples
@@ -491,8 +493,8 @@ fn window_record(job: &WindowJob, status: &str, reason: &str, fit: Fit) -> recor
         dc_link_v: job.conditions.dc_link_v,
         winding_temp_c: job.conditions.winding_temp_deg_c,
         load_torque_nm: job.conditions.load_torque_nm,
-        time_s: (0..window.samples.len()).map(|n| (n as f64 / rate) as f32).collect(),
-        setpoint: setpoints.iter().map(|v| *v as f32).collect(),
+        time_s: stored().map(|n| (n as f64 / rate) as f32).collect(),
+        setpoint: stored().map(|n| setpoints[n] as f32).collect(),
         measured_i_q_a: fit.i_q_measured,
         fitted_i_q_a: fit.i_q_fitted,
         measured_speed_rad_s: fit.omega_measured,

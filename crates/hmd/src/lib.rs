@@ -2,15 +2,18 @@
 //!
 //! The data path, in order: [`ingest`] turns a source into timed [`frame`]s; [`front`] decodes them ([`channel`]) and cuts
 //! actuation windows ([`window`]); [`judge`] identifies each window ([`identify`], with a type's [`calibration`]) and
-//! decides on [`health`]; [`sink`] writes the [`record`]s. [`replay`] drives the chain from files. [`simulate`] makes
-//! traffic from the reference model, [`calibrate`] and [`evaluate`] measure the monitor against it, [`mod@bench`] how fast it is.
+//! decides on [`health`]; [`recorder`] writes the [`record`]s through [`sink`]. [`replay`] drives the [`pipeline`] from files,
+//! [`daemon`] from live sources. [`simulate`] makes traffic from the reference model, [`calibrate`] and [`evaluate`] measure
+//! the monitor against it, [`mod@bench`] how fast it is.
 
 pub mod bench;
+pub mod bus_state;
 pub mod calibrate;
 pub mod calibration;
 pub mod channel;
 pub mod commands;
 pub mod config;
+pub mod daemon;
 pub mod evaluate;
 pub mod frame;
 pub mod front;
@@ -19,7 +22,9 @@ pub mod identify;
 pub mod ingest;
 pub mod judge;
 pub mod outliers;
+pub mod pipeline;
 pub mod record;
+pub mod recorder;
 pub mod replay;
 pub mod seed;
 pub mod simulate;

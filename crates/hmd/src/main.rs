@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use hmd::commands::{bench, calibrate, check_config, code_of, demo, evaluate, replay, simulate};
+use hmd::commands::{bench, calibrate, check_config, code_of, demo, evaluate, record, replay, run, simulate};
 
 /// Health monitoring of electromechanical actuators: which part wears, how far, and how sure.
 #[derive(Debug, Parser)]
@@ -20,6 +20,8 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Verb {
     Demo(demo::Args),
+    Run(run::Args),
+    Record(record::Args),
     Replay(replay::Args),
     Simulate(simulate::Args),
     Calibrate(calibrate::Args),
@@ -31,6 +33,8 @@ enum Verb {
 fn main() -> ExitCode {
     let ended = match Cli::parse().verb {
         Verb::Demo(args) => demo::run(&args),
+        Verb::Run(args) => run::run(&args),
+        Verb::Record(args) => record::run(&args),
         Verb::Replay(args) => replay::run(&args),
         Verb::Simulate(args) => simulate::run(&args),
         Verb::Calibrate(args) => calibrate::run(&args),

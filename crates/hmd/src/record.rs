@@ -3,6 +3,7 @@
 //! Each record is one protobuf message of package `hmd.v1` on one topic; `docs/records.md` is the table for readers of
 //! the file. A value that does not exist is absent (proto3 `optional`), never NaN.
 
+mod dropped;
 mod health;
 mod json;
 mod log;
@@ -12,6 +13,7 @@ pub(crate) mod schema;
 mod status;
 mod window;
 
+pub use dropped::Dropped;
 pub use health::{Estimate, Health};
 pub use json::{HealthLine, Interval};
 pub use log::{Log, LogLevel};
@@ -98,6 +100,7 @@ mod tests {
         check::<Rul>();
         check::<Status>();
         check::<Log>();
+        check::<Dropped>();
     }
 
     #[test]

@@ -1,18 +1,21 @@
 //! File driver: the same chain as live, with time taken from the file.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
-use std::io;
+use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use prost::Message;
+
 use crate::config::Config;
 use crate::frame::BusNames;
-use crate::front::{FrameCounts, Front, Notice, WindowJob};
-use crate::ingest::{FrameSource, IngestError, Loss, open_with};
+use crate::front::{FrameCounts, Notice, WindowJob};
+use crate::ingest::{FrameSource, IngestError, Loss, McapMessages, open_with};
 use crate::judge::{Judge, JudgeError, Judged};
-use crate::record::{Log, LogLevel, Status};
-use crate::sink::{Sink, SinkError, SyncedFile};
+use crate::pipeline::Pipeline;
+use crate::record::{Dropped, LogLevel, Record, Status};
+use crate::recorder::{RecordError, Recorder, metadata};
 
 /// Why a replay failed.
 #[derive(Debug, thiserror::Error)]
@@ -29,22 +32,12 @@ pub enum ReplayError {
         /// The file.
         path: String,
     },
-    /// The output cannot be written.
-    #[error("{path}: {source}")]
-    Create {
-        /// The file.
-        path: String,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The output cannot be written.
-    #[error("{path}: {source}")]
-    Sink {
-        /// The file.
-        path: String,
-        /// What went wrong.
-        source: SinkError,
-    },
+    /// The records cannot be written.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// Stdout cannot be written.
+    #[error("stdout: {0}")]
+    Stdout(io::Error),
 }
 
 /// What a replay is made of.
@@ -79,9 +72,7 @@ impl Summary {
     /// Whether anything was lost on the way.
     #[must_use]
     pub fn data_lost(&self) -> bool {
-        let s = &self.status;
-        s.lost_unreadable + s.lost_damaged + s.lost_samples + s.lost_malformed + s.lost_late > 0
-            || self.damaged_places > 0
+        self.status.data_lost() || self.damaged_places > 0
     }
 }
 
@@ -96,17 +87,15 @@ pub trait Observer {
 }
 
 struct Run<'a, O> {
-    front: Front,
+    pipeline: Pipeline,
     judge: Judge,
-    sink: Option<(String, Sink<SyncedFile>)>,
+    recorder: Option<Recorder>,
     observer: &'a mut O,
     windows: u64,
-    last_stamp_ns: u64,
+    /// Windows that were dropped when the logs were made, by actuator and start.
+    dropped: BTreeSet<(String, u64)>,
     /// Newest stamp of each interface, ns: frames of a later log up to it have been seen or come out of order.
     newest_ns: BTreeMap<u16, u64>,
-    overlapping: u64,
-    lost_unreadable: u64,
-    lost_damaged: u64,
     damaged_places: u64,
 }
 
@@ -123,21 +112,18 @@ impl Replay<'_> {
         if let Some(log) = self.logs.first() {
             opened = Some(open_with(log, std::mem::take(&mut names))?);
         }
-        let sink = match self.output {
+        let recorder = match self.output {
             Some(path) => Some(self.create(path)?),
             None => None,
         };
         let mut run = Run {
-            front: Front::new(self.config.clone()),
+            pipeline: Pipeline::new(self.config.clone()),
             judge: Judge::new(self.config.clone(), self.seed),
-            sink,
+            recorder,
             observer,
             windows: 0,
-            last_stamp_ns: 0,
+            dropped: dropped_windows(self.logs),
             newest_ns: BTreeMap::new(),
-            overlapping: 0,
-            lost_unreadable: 0,
-            lost_damaged: 0,
             damaged_places: 0,
         };
         let mut read_before = 0;
@@ -148,57 +134,21 @@ impl Replay<'_> {
             };
             names = run.one_log(log, source, &mut read_before, self.config.output().raw_frames)?;
         }
-        run.finish()
+        run.finish(&names)
     }
 
-    fn create(&self, path: &Path) -> Result<(String, Sink<SyncedFile>), ReplayError> {
-        let name = path.display().to_string();
+    fn create(&self, path: &Path) -> Result<Recorder, ReplayError> {
         if let Ok(place) = path.canonicalize()
             && self
                 .logs
                 .iter()
                 .any(|log| log.canonicalize().is_ok_and(|log| log == place))
         {
-            return Err(ReplayError::OutputIsLog { path: name });
+            let path = path.display().to_string();
+            return Err(ReplayError::OutputIsLog { path });
         }
-        let file = File::create(path).map_err(|source| ReplayError::Create {
-            path: name.clone(),
-            source,
-        })?;
-        let sink = Sink::new(SyncedFile::new(file), &metadata(&self.config, "log", self.seed)).map_err(|source| {
-            ReplayError::Sink {
-                path: name.clone(),
-                source,
-            }
-        })?;
-        Ok((name, sink))
+        Ok(Recorder::create(path, &metadata(&self.config, "log", self.seed))?)
     }
-}
-
-/// Metadata of a record file.
-#[must_use]
-pub fn metadata(config: &Config, clock_source: &str, seed: u64) -> BTreeMap<String, String> {
-    let mut metadata: BTreeMap<String, String> = [
-        ("build", concat!("hmd ", env!("CARGO_PKG_VERSION")).to_owned()),
-        ("clock_source", clock_source.to_owned()),
-        ("config_hash", config.hash()),
-        ("model_hash", crate::judge::model_hash(config)),
-        ("seed", seed.to_string()),
-    ]
-    .into_iter()
-    .map(|(key, value)| (key.to_owned(), value))
-    .collect();
-    for actuator in config.actuators() {
-        for (key, value) in [
-            ("part_number", &actuator.part_number),
-            ("serial_number", &actuator.serial_number),
-        ] {
-            if let Some(value) = value {
-                metadata.insert(format!("{}.{key}", actuator.name), value.clone());
-            }
-        }
-    }
-    metadata
 }
 
 impl<O: Observer> Run<'_, O> {
@@ -219,15 +169,10 @@ impl<O: Observer> Run<'_, O> {
                 Ok(frame) => {
                     let newest = self.newest_ns.entry(frame.bus).or_default();
                     *newest = frame.stamp_ns.max(*newest);
-                    self.last_stamp_ns = self.last_stamp_ns.max(frame.stamp_ns);
-                    if store_raw && let Some((path, sink)) = &mut self.sink {
-                        sink.raw(&frame, source.bus_names())
-                            .map_err(|source| ReplayError::Sink {
-                                path: path.clone(),
-                                source,
-                            })?;
+                    if store_raw && let Some(recorder) = &mut self.recorder {
+                        recorder.raw(&frame, source.bus_names())?;
                     }
-                    self.front.push(&frame, source.bus_names(), &mut ended);
+                    self.pipeline.push(&frame, source.bus_names(), &mut ended);
                     self.judge_all(&mut ended)?;
                 }
                 Err(loss) => self.lost(&loss)?,
@@ -239,57 +184,54 @@ impl<O: Observer> Run<'_, O> {
         }
         *read_before += source.position();
         if overlapping > 0 {
-            self.overlapping += overlapping;
+            self.pipeline.losses.overlapping += overlapping;
             let message = format!(
                 "{}: expected frames later than those of the logs before, found {overlapping} that are not (logs \
                  overlap or are out of order); they are not used",
                 log.display()
             );
-            let stamp_ns = self.last_stamp_ns;
+            let stamp_ns = self.pipeline.last_stamp_ns();
             self.notice(&Notice { stamp_ns, message }, LogLevel::Error)?;
         }
-        self.front.finish(&mut ended);
+        self.pipeline.finish(&mut ended);
         self.judge_all(&mut ended)?;
         Ok(source.into_bus_names())
     }
 
     fn judge_all(&mut self, ended: &mut Vec<WindowJob>) -> Result<(), ReplayError> {
-        for notice in self.front.take_notices() {
+        for notice in self.pipeline.take_notices() {
             self.notice(&notice, LogLevel::Warning)?;
         }
         for job in ended.drain(..) {
-            let judged = self.judge.judge(job)?;
             self.windows += 1;
-            if let Some((path, sink)) = &mut self.sink {
-                let at = judged.health.t_start_ns;
-                sink.write(at, &judged.window)
-                    .and_then(|()| sink.write(at, &judged.health))
-                    .and_then(|()| sink.write(at, &judged.rul))
-                    .and_then(|()| sink.flush_window())
-                    .map_err(|source| ReplayError::Sink {
-                        path: path.clone(),
-                        source,
-                    })?;
+            let key = (job.actuator.name.clone(), job.window.t_start_ns);
+            if self.dropped.contains(&key) {
+                self.pipeline.losses.windows += 1;
+                if let Some(recorder) = &mut self.recorder {
+                    recorder.dropped(&job)?;
+                }
+                continue;
             }
-            self.observer.judged(&judged).map_err(|source| ReplayError::Create {
-                path: "stdout".to_owned(),
-                source,
-            })?;
+            let judged = self.judge.judge(job)?;
+            if let Some(recorder) = &mut self.recorder {
+                recorder.judged(&judged)?;
+            }
+            self.observer.judged(&judged).map_err(ReplayError::Stdout)?;
         }
         Ok(())
     }
 
     fn lost(&mut self, loss: &Loss) -> Result<(), ReplayError> {
         match loss {
-            Loss::Line(_) => self.lost_unreadable += 1,
+            Loss::Line(_) => self.pipeline.losses.unreadable += 1,
             Loss::Mcap(_) => {
-                self.lost_damaged += loss.frames();
+                self.pipeline.losses.damaged += loss.frames();
                 self.damaged_places += 1;
             }
         }
         self.notice(
             &Notice {
-                stamp_ns: self.last_stamp_ns,
+                stamp_ns: self.pipeline.last_stamp_ns(),
                 message: loss.to_string(),
             },
             LogLevel::Error,
@@ -298,55 +240,51 @@ impl<O: Observer> Run<'_, O> {
 
     fn notice(&mut self, notice: &Notice, level: LogLevel) -> Result<(), ReplayError> {
         self.observer.notice(&notice.message);
-        if let Some((path, sink)) = &mut self.sink {
-            sink.write(
-                notice.stamp_ns,
-                &Log::new(notice.stamp_ns, level, "hmd", &notice.message),
-            )
-            .map_err(|source| ReplayError::Sink {
-                path: path.clone(),
-                source,
-            })?;
+        if let Some(recorder) = &mut self.recorder {
+            recorder.notice(notice, level)?;
         }
         Ok(())
     }
 
-    fn finish(self) -> Result<Summary, ReplayError> {
-        let (frames, windows) = (self.front.counts(), self.judge.counts());
-        let (mut actuators, mut samples, mut missing) = (0, 0, 0);
-        for (_, delivered, lost) in self.front.actuators() {
-            actuators += 1;
-            samples += delivered;
-            missing += lost;
-        }
-        let status = Status {
-            frames_received: frames.received,
-            frames_decoded: frames.decoded,
-            frames_filtered: frames.filtered,
-            frames_error: frames.error,
-            samples,
-            lost_unreadable: self.lost_unreadable,
-            lost_damaged: self.lost_damaged,
-            lost_samples: missing,
-            lost_malformed: frames.malformed,
-            lost_late: self.front.late() + self.overlapping,
-            windows_ok: windows.ok,
-            windows_degraded: windows.degraded,
-            windows_invalid: windows.invalid,
-            windows_unmodelled: windows.unmodelled,
-            ..Status::default()
-        };
-        if let Some((path, mut sink)) = self.sink {
-            sink.write(self.last_stamp_ns, &status)
-                .and_then(|()| sink.finish().map(|_| ()))
-                .map_err(|source| ReplayError::Sink { path, source })?;
+    fn finish(self, names: &BusNames) -> Result<Summary, ReplayError> {
+        let status = self.pipeline.status(names, self.judge.counts());
+        if let Some(mut recorder) = self.recorder {
+            recorder.status(self.pipeline.last_stamp_ns(), &status)?;
+            recorder.finish()?;
         }
         Ok(Summary {
             status,
-            actuators,
+            actuators: self.pipeline.actuators(),
             windows: self.windows,
-            frames,
+            frames: self.pipeline.frames(),
             damaged_places: self.damaged_places,
         })
     }
+}
+
+/// The windows that a live run dropped, out of the logs that it wrote.
+///
+/// They must be known before they are met, and a run says so only later. A log that cannot be read has none; it is
+/// reported when it is replayed.
+fn dropped_windows(logs: &[PathBuf]) -> BTreeSet<(String, u64)> {
+    let mut dropped = BTreeSet::new();
+    for log in logs {
+        // Nothing else than a regular file can be read twice.
+        if !log.metadata().is_ok_and(|of| of.is_file()) {
+            continue;
+        }
+        let Ok(file) = File::open(log) else { continue };
+        let Ok(messages) = McapMessages::new(BufReader::new(file), &log.display().to_string()) else {
+            continue;
+        };
+        let topics = messages.topics();
+        let none = |topic: &String| !topic.ends_with("/dropped");
+        if !topics.is_empty() && topics.iter().all(none) {
+            continue;
+        }
+        let records = messages.flatten().filter(|m| *m.schema == *Dropped::SCHEMA_NAME);
+        let records = records.filter_map(|message| Dropped::decode(message.data.as_slice()).ok());
+        dropped.extend(records.map(|record| (record.actuator, record.t_start_ns)));
+    }
+    dropped
 }

@@ -15,7 +15,7 @@ use crate::frame::BusNames;
 use crate::front::Front;
 use crate::judge::Judge;
 use crate::record::Status;
-use crate::replay::metadata;
+use crate::recorder::metadata;
 use crate::seed::mix;
 use crate::simulate::{EPOCH_NS, traffic};
 use crate::sink::{Sink, SyncedFile};

@@ -5,8 +5,11 @@ pub mod calibrate;
 pub mod check_config;
 pub mod demo;
 pub mod evaluate;
+mod live;
 mod progress;
+pub mod record;
 pub mod replay;
+pub mod run;
 pub mod simulate;
 mod table;
 

@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use crate::frame::BusError;
+
 /// Why a configuration was refused; displays as one sentence with file, line, key, expected and found.
 #[derive(Debug, Error)]
 pub enum ConfigError {
@@ -66,5 +68,23 @@ pub enum ConfigError {
         load_percent: f64,
         /// Configured bit rate, bit/s.
         bitrate_bit_s: u32,
+    },
+    /// Nothing says where to listen for an actuator.
+    #[error("{file}: expected a bus for every [[actuator]] that is watched live, found none for {actuator}")]
+    NoBus {
+        /// File name as given.
+        file: String,
+        /// The actuator.
+        actuator: String,
+    },
+    /// An interface that cannot exist.
+    #[error("{file}: bus {bus:?}: {cause}")]
+    BadBus {
+        /// File name as given.
+        file: String,
+        /// The name.
+        bus: String,
+        /// What is wrong with it.
+        cause: BusError,
     },
 }

@@ -2,10 +2,13 @@
 //!
 //! A reader yields `Result<RawFrame, Loss>`: an unreadable line or chunk is an item like any other, so that the caller
 //! counts it, reports it and goes on. Only what makes a whole source useless is an error of `open`.
+//! Live sources ([`live`], [`can`]) never end by themselves: what is missing or fails is said and tried again.
 //! Time stamps that step back are passed on as they are; later stages judge them.
 
+pub mod can;
 pub mod candump;
 pub mod file;
+pub mod live;
 pub mod mcap;
 
 pub use candump::{BadLine, CandumpReader, LineFault};

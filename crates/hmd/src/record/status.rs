@@ -39,6 +39,28 @@ message! {
         windows_invalid: u64 = 23 uint64;
         /// Windows with status `unmodelled`.
         windows_unmodelled: u64 = 24 uint64;
+        /// Interfaces; the two lists below have one entry for each.
+        interface: Vec<String> = 31 string repeated;
+        /// Error state: `error-active`, `error-warning`, `error-passive` or `bus-off`.
+        bus_state: Vec<String> = 32 string repeated;
+        /// Link, live only: `up`, `down` or `missing`.
+        link: Vec<String> = 33 string repeated;
+    }
+}
+
+impl Status {
+    /// Whether anything was lost on the way.
+    #[must_use]
+    pub fn data_lost(&self) -> bool {
+        self.lost_unreadable
+            + self.lost_damaged
+            + self.lost_socket_queue
+            + self.lost_own_queue
+            + self.lost_samples
+            + self.lost_malformed
+            + self.lost_windows
+            + self.lost_late
+            > 0
     }
 }
 

@@ -1,7 +1,7 @@
 use super::*;
 use crate::frame::FrameFlags;
 use crate::ingest::candump::{CandumpReader, Decimals, emit};
-use crate::record::{Estimate, Health, Log, LogLevel, Rul, Status, Window};
+use crate::record::{Dropped, Estimate, Health, Log, LogLevel, Rul, Status, Window};
 use crate::sink::{METADATA_NAME, ROUND_FRAMES, Sink};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
@@ -346,8 +346,17 @@ fn write_a_sample() {
         windows_degraded: 14,
         windows_invalid: 15,
         windows_unmodelled: 16,
+        interface: vec!["can0".to_owned()],
+        bus_state: vec!["error-passive".to_owned()],
+        link: vec!["down".to_owned()],
     };
     sink.write(frames[0].stamp_ns, &status).unwrap();
+    let dropped = Dropped {
+        actuator: "ema1".to_owned(),
+        window: 3,
+        t_start_ns: frames[0].stamp_ns,
+    };
+    sink.write(frames[0].stamp_ns, &dropped).unwrap();
     sink.finish().unwrap();
 }
 

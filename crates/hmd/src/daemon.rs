@@ -1,0 +1,207 @@
+//! Live driver: sources on the I/O thread, the pipeline on a second, identification on a third.
+//!
+//! ```text
+//! sources ──Input──▶ pipeline ──WindowJob──▶ identification
+//!  (tokio)  waits     └─ raw frames ─▶ recorder ◀─ records ─┘
+//! ```
+//!
+//! Frames are never dropped between socket and windower: a full queue makes the sources wait ([`QUEUE_INPUTS`]), and what
+//! the kernel must then drop, it counts. Windows are dropped, the oldest first, when identification cannot keep up
+//! ([`QUEUE_WINDOWS`]); that is recorded, and replay leaves them out as well. Nothing else depends on time, so the recorded
+//! frames, replayed, give the same health records.
+
+mod monitor;
+mod window_queue;
+
+use std::future::Future;
+use std::io;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use tokio::sync::{mpsc, watch};
+use tokio::task::JoinSet;
+
+use crate::config::Config;
+use crate::frame::{BusError, BusNames};
+use crate::ingest::live::{Feed, Input, LiveSource, QUEUE_INPUTS, now_ns};
+use crate::judge::{Judge, JudgeError, Judged, WindowCounts};
+use crate::pipeline::Pipeline;
+use crate::record::Status;
+use crate::recorder::{RecordError, Recorder};
+use monitor::Monitor;
+pub use window_queue::QUEUE_WINDOWS;
+use window_queue::WindowQueue;
+
+/// Time between two ticks, each of which reports fresh losses.
+const TICK: Duration = Duration::from_secs(1);
+
+/// Why the daemon ended.
+#[derive(Debug, thiserror::Error)]
+pub enum DaemonError {
+    /// The I/O runtime or a thread cannot be started.
+    #[error("cannot start: {0}")]
+    Start(io::Error),
+    /// An interface has an impossible name, or there are too many.
+    #[error("interface {name:?}: {cause}")]
+    Interface {
+        /// Its name.
+        name: String,
+        /// Why it is refused.
+        cause: BusError,
+    },
+    /// The windows cannot be judged.
+    #[error(transparent)]
+    Judge(#[from] JudgeError),
+    /// The records cannot be written.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// Stdout cannot be written.
+    #[error("stdout: {0}")]
+    Stdout(io::Error),
+}
+
+/// What is told while the daemon runs; from several threads.
+pub trait Observer: Sync {
+    /// One window has been judged.
+    ///
+    /// # Errors
+    /// When nobody takes the records any more; the daemon then ends.
+    fn judged(&self, judged: &Judged) -> io::Result<()>;
+    /// Something an operator should read.
+    fn notice(&self, message: &str);
+}
+
+/// What a live run is made of.
+pub struct Daemon {
+    /// Sources with the names of their buses.
+    pub sources: Vec<(String, LiveSource)>,
+    /// Where records go, if anywhere.
+    pub recorder: Option<Recorder>,
+    /// What is watched, with the seed of every search; `None` captures alone.
+    pub watch: Option<(Arc<Config>, u64)>,
+}
+
+/// What pipeline and identification share.
+struct Shared {
+    recorder: Option<Recorder>,
+    windows: WindowCounts,
+}
+
+impl Daemon {
+    /// Runs until `shutdown` resolves or every source has ended; then judges what is waiting and ends the file.
+    ///
+    /// # Errors
+    /// [`DaemonError`]; the record file is then ended as far as it goes.
+    pub fn run(self, shutdown: impl Future<Output = ()>, observer: &impl Observer) -> Result<Status, DaemonError> {
+        let mut names = BusNames::new();
+        let mut sources = Vec::new();
+        for (name, source) in self.sources {
+            let bus = names
+                .intern(&name)
+                .map_err(|cause| DaemonError::Interface { name, cause })?;
+            sources.push((bus, source));
+        }
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .map_err(DaemonError::Start)?;
+        let shared = Mutex::new(Shared {
+            recorder: self.recorder,
+            windows: WindowCounts::default(),
+        });
+        let windows = WindowQueue::new();
+        let (queue, inputs) = mpsc::channel(QUEUE_INPUTS);
+        let pipeline = match &self.watch {
+            Some((config, _)) => Pipeline::new(config.clone()),
+            None => Pipeline::capture(),
+        };
+        let store_raw = self.watch.as_ref().is_none_or(|(config, _)| config.output().raw_frames);
+        let mut monitor = Monitor::new(pipeline, names, store_raw);
+        let judge = self.watch.map(|(config, seed)| Judge::new(config, seed));
+
+        let (watched, judged) = thread::scope(|scope| {
+            let (windows, shared) = (&windows, &shared);
+            let judging = judge.map(|judge| {
+                scope.spawn(move || {
+                    let ended = judge_all(judge, windows, shared, observer);
+                    windows.close();
+                    ended
+                })
+            });
+            let watching = scope.spawn(|| {
+                let ended = monitor.run(inputs, windows, shared, observer);
+                windows.close();
+                ended
+            });
+            runtime.block_on(receive(sources, queue, shutdown));
+            (join(watching), judging.map_or(Ok(()), join))
+        });
+        let shared = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let status = monitor.status(shared.windows);
+        let written = shared.recorder.map_or(Ok(()), |mut recorder| {
+            recorder.status(now_ns(), &status)?;
+            recorder.finish()
+        });
+        // The file is ended whatever went wrong before; the first error is the one to tell.
+        judged?;
+        watched?;
+        written?;
+        Ok(status)
+    }
+}
+
+/// Runs the sources until the shutdown, or until all have ended.
+async fn receive(sources: Vec<(u16, LiveSource)>, queue: mpsc::Sender<Input>, shutdown: impl Future<Output = ()>) {
+    let (close, closing) = watch::channel(false);
+    let mut tasks = JoinSet::new();
+    for (bus, source) in sources {
+        tasks.spawn(source.run(Feed::new(bus, queue.clone(), closing.clone())));
+    }
+    let tick = async {
+        let mut interval = tokio::time::interval(TICK);
+        loop {
+            interval.tick().await;
+            let stamp_ns = now_ns();
+            if queue.send(Input::Tick { stamp_ns }).await.is_err() {
+                return;
+            }
+        }
+    };
+    tokio::select! {
+        () = shutdown => {}
+        () = async { while tasks.join_next().await.is_some() {} } => {}
+        () = tick => {}
+    }
+    // A source ends as soon as it notices; what it has received by then it still sends.
+    let _ = close.send(true);
+    while tasks.join_next().await.is_some() {}
+}
+
+/// The dear half, on a thread of its own.
+fn judge_all(
+    mut judge: Judge,
+    windows: &WindowQueue,
+    shared: &Mutex<Shared>,
+    observer: &impl Observer,
+) -> Result<(), DaemonError> {
+    while let Some(job) = windows.pop() {
+        let judged = judge.judge(job)?;
+        observer.judged(&judged).map_err(DaemonError::Stdout)?;
+        let mut shared = lock(shared);
+        shared.windows = judge.counts();
+        if let Some(recorder) = &mut shared.recorder {
+            recorder.judged(&judged)?;
+        }
+    }
+    Ok(())
+}
+
+/// A panic elsewhere leaves whole records behind; it is passed on when the threads are joined.
+fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn join<T>(thread: thread::ScopedJoinHandle<'_, T>) -> T {
+    thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}

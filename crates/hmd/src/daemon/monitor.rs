@@ -1,0 +1,194 @@
+//! The thread between the sources and identification: records what comes, cuts windows, keeps the books.
+
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+
+use tokio::sync::mpsc;
+
+use super::window_queue::WindowQueue;
+use super::{DaemonError, Observer, Shared, lock};
+use crate::frame::BusNames;
+use crate::front::{Notice, WindowJob};
+use crate::ingest::live::{Input, LinkState, LiveLoss, now_ns};
+use crate::judge::WindowCounts;
+use crate::pipeline::Pipeline;
+use crate::record::{LogLevel, Status};
+
+/// Inputs taken at once, during which identification cannot write records.
+const BATCH: usize = 1024;
+
+/// Ticks between two status records.
+const STATUS_TICKS: u64 = 10;
+
+/// What the thread knows.
+pub(super) struct Monitor {
+    names: BusNames,
+    pipeline: Pipeline,
+    links: BTreeMap<u16, LinkState>,
+    /// Frames lost since the last tick, by bus and kind.
+    fresh_losses: BTreeMap<(u16, LiveLoss), u64>,
+    /// Windows dropped since the last tick.
+    fresh_drops: u64,
+    ticks: u64,
+    store_raw: bool,
+}
+
+impl Monitor {
+    pub(super) fn new(pipeline: Pipeline, names: BusNames, store_raw: bool) -> Self {
+        Self {
+            names,
+            pipeline,
+            links: BTreeMap::new(),
+            fresh_losses: BTreeMap::new(),
+            fresh_drops: 0,
+            ticks: 0,
+            store_raw,
+        }
+    }
+
+    /// Takes all inputs until every source has ended, then ends the open windows. Ends early when nobody judges any more.
+    pub(super) fn run(
+        &mut self,
+        mut inputs: mpsc::Receiver<Input>,
+        windows: &WindowQueue,
+        shared: &Mutex<Shared>,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
+        let mut batch = Vec::with_capacity(BATCH);
+        let mut ended = Vec::new();
+        while inputs.blocking_recv_many(&mut batch, BATCH) > 0 {
+            if windows.is_closed() {
+                return Ok(());
+            }
+            let mut shared = lock(shared);
+            for input in batch.drain(..) {
+                self.take(input, &mut ended, &mut shared, observer)?;
+            }
+            self.tell_notices(&mut shared, observer)?;
+            for job in ended.drain(..) {
+                if let Some(dropped) = windows.push(job) {
+                    self.count_dropped(&dropped, &mut shared)?;
+                }
+            }
+        }
+        self.pipeline.finish(&mut ended);
+        let mut last = lock(shared);
+        self.tell_losses(now_ns(), &mut last, observer)?;
+        self.tell_notices(&mut last, observer)?;
+        // Identification needs it to make room.
+        drop(last);
+        for job in ended.drain(..) {
+            windows.push_waiting(job);
+        }
+        Ok(())
+    }
+
+    /// The counters as they stand.
+    pub(super) fn status(&self, windows: WindowCounts) -> Status {
+        let link = |bus: u16| self.links.get(&bus).map(ToString::to_string).unwrap_or_default();
+        Status {
+            link: (0..self.names.len()).map(|bus| link(bus as u16)).collect(),
+            ..self.pipeline.status(&self.names, windows)
+        }
+    }
+
+    fn take(
+        &mut self,
+        input: Input,
+        ended: &mut Vec<WindowJob>,
+        shared: &mut Shared,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
+        match input {
+            Input::Frame(frame) => {
+                if self.store_raw
+                    && let Some(recorder) = &mut shared.recorder
+                {
+                    recorder.raw(&frame, &self.names)?;
+                }
+                self.pipeline.push(&frame, &self.names, ended);
+            }
+            Input::Link {
+                bus,
+                stamp_ns,
+                state,
+                cause,
+            } => {
+                self.links.insert(bus, state);
+                let name = self.names.name(bus).unwrap_or_default();
+                let message = match cause {
+                    Some(cause) => format!("{name}: {state} ({cause})"),
+                    None => format!("{name}: {state}"),
+                };
+                let level = match state {
+                    LinkState::Up => LogLevel::Info,
+                    LinkState::Down | LinkState::Missing => LogLevel::Warning,
+                };
+                tell(&Notice { stamp_ns, message }, level, shared, observer)?;
+                self.write_status(stamp_ns, shared)?;
+            }
+            Input::Lost { bus, loss, frames } => {
+                match loss {
+                    LiveLoss::SocketQueue => self.pipeline.losses.socket_queue += frames,
+                    LiveLoss::Unreadable => self.pipeline.losses.unreadable += frames,
+                }
+                *self.fresh_losses.entry((bus, loss)).or_default() += frames;
+            }
+            Input::Tick { stamp_ns } => {
+                self.tell_losses(stamp_ns, shared, observer)?;
+                if self.ticks.is_multiple_of(STATUS_TICKS) {
+                    self.write_status(stamp_ns, shared)?;
+                }
+                self.ticks += 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn write_status(&self, stamp_ns: u64, shared: &mut Shared) -> Result<(), DaemonError> {
+        let status = self.status(shared.windows);
+        if let Some(recorder) = &mut shared.recorder {
+            recorder.status(stamp_ns, &status)?;
+        }
+        Ok(())
+    }
+
+    fn count_dropped(&mut self, job: &WindowJob, shared: &mut Shared) -> Result<(), DaemonError> {
+        self.pipeline.losses.windows += 1;
+        self.fresh_drops += 1;
+        if let Some(recorder) = &mut shared.recorder {
+            recorder.dropped(job)?;
+        }
+        Ok(())
+    }
+
+    fn tell_notices(&mut self, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
+        for notice in self.pipeline.take_notices() {
+            tell(&notice, LogLevel::Warning, shared, observer)?;
+        }
+        Ok(())
+    }
+
+    /// Reports what was lost since the last time, in one line for each bus and kind.
+    fn tell_losses(&mut self, stamp_ns: u64, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
+        for ((bus, loss), frames) in std::mem::take(&mut self.fresh_losses) {
+            let name = self.names.name(bus).unwrap_or_default();
+            let message = format!("{name}: {frames} frames lost: {loss}");
+            tell(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
+        }
+        let windows = std::mem::take(&mut self.fresh_drops);
+        if windows > 0 {
+            let message = format!("{windows} windows dropped: identification does not keep up");
+            tell(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
+        }
+        Ok(())
+    }
+}
+
+fn tell(notice: &Notice, level: LogLevel, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
+    observer.notice(&notice.message);
+    if let Some(recorder) = &mut shared.recorder {
+        recorder.notice(notice, level)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,84 @@
+//! The windows that wait for identification.
+
+use std::collections::VecDeque;
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+
+use crate::front::WindowJob;
+
+/// Windows that may wait: four from each of sixteen actuators, some 80 kB each at 2 kHz.
+///
+/// Policy when it is full: the oldest is dropped, so that the newest state of an actuator is judged; the one who pushes
+/// gets it back, to count and record it.
+pub const QUEUE_WINDOWS: usize = 64;
+
+/// A bounded queue that keeps the newest.
+#[derive(Debug, Default)]
+pub(super) struct WindowQueue {
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    waiting: VecDeque<WindowJob>,
+    closed: bool,
+}
+
+impl WindowQueue {
+    pub(super) fn new() -> Self {
+        Self::default()
+    }
+
+    /// Takes a window; gives back the oldest one when that is one too many.
+    pub(super) fn push(&self, job: WindowJob) -> Option<WindowJob> {
+        let mut state = self.lock();
+        state.waiting.push_back(job);
+        let dropped = if state.waiting.len() > QUEUE_WINDOWS {
+            state.waiting.pop_front()
+        } else {
+            None
+        };
+        self.changed.notify_all();
+        dropped
+    }
+
+    /// Takes a window when there is room for it, for the end of a run, when no newer one can come.
+    pub(super) fn push_waiting(&self, job: WindowJob) {
+        let mut state = self.lock();
+        while state.waiting.len() >= QUEUE_WINDOWS && !state.closed {
+            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+        state.waiting.push_back(job);
+        self.changed.notify_all();
+    }
+
+    /// The oldest window; waits for one. `None` when the queue is closed and empty.
+    pub(super) fn pop(&self) -> Option<WindowJob> {
+        let mut state = self.lock();
+        loop {
+            if let Some(job) = state.waiting.pop_front() {
+                self.changed.notify_all();
+                return Some(job);
+            }
+            if state.closed {
+                return None;
+            }
+            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// No further windows will be pushed, or taken: either end may say so.
+    pub(super) fn close(&self) {
+        self.lock().closed = true;
+        self.changed.notify_all();
+    }
+
+    /// Whether either end has closed it.
+    pub(super) fn is_closed(&self) -> bool {
+        self.lock().closed
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,231 @@
+//! What live sources tell the pipeline, and the one bounded queue between them.
+//!
+//! A source is one task on the I/O runtime that turns one bus into [`Input`]s and sends them, in the order of the bus,
+//! through its [`Feed`]. It never gives up: what is missing or fails is said once as a [`LinkState`] and tried again after
+//! a bounded pause ([`Pause`]), until the feed closes.
+
+use std::fmt;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use tokio::sync::{mpsc, watch};
+
+use super::can::CanSource;
+use crate::frame::RawFrame;
+
+/// Inputs that wait for the pipeline: 2.7 s of three full buses of 1 Mbit/s, about 6 MB.
+///
+/// Policy when it is full: the sources wait, so that frames queue up in the sockets; what the kernel must then drop, it
+/// counts, and the source reports it as [`Input::Lost`]. Nothing is ever dropped here.
+pub const QUEUE_INPUTS: usize = 1 << 16;
+
+/// A source of frames that goes on until it is told to end.
+#[derive(Clone, Debug)]
+pub enum LiveSource {
+    /// A SocketCAN interface.
+    Can(CanSource),
+    /// Frames from memory, as fast as they are taken; ends with the last.
+    Playback(Vec<RawFrame>),
+}
+
+impl LiveSource {
+    /// Receives until the feed closes; only a playback ends by itself.
+    pub async fn run(self, feed: Feed) {
+        match self {
+            Self::Can(source) => source.run(feed).await,
+            Self::Playback(frames) => {
+                for frame in frames {
+                    if feed.frame(frame.with_bus(feed.bus())).await.is_err() {
+                        return;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// One thing that happened on a bus.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Input {
+    /// A frame was received.
+    Frame(RawFrame),
+    /// The link came or went.
+    Link {
+        /// Index of the bus.
+        bus: u16,
+        /// UTC, ns.
+        stamp_ns: u64,
+        /// What it is now.
+        state: LinkState,
+        /// What the system said, if anything.
+        cause: Option<Box<str>>,
+    },
+    /// Data were lost before they became frames.
+    Lost {
+        /// Index of the bus.
+        bus: u16,
+        /// How.
+        loss: LiveLoss,
+        /// How many frames.
+        frames: u64,
+    },
+    /// Time goes on; sent by the driver, not by sources.
+    Tick {
+        /// UTC, ns.
+        stamp_ns: u64,
+    },
+}
+
+/// Whether a link can bring frames at all; what the frames say about the bus is another matter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LinkState {
+    /// There is no such interface or device.
+    Missing,
+    /// It is there and switched off, or fails.
+    Down,
+    /// Frames can come.
+    Up,
+}
+
+impl fmt::Display for LinkState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Missing => "missing",
+            Self::Down => "down",
+            Self::Up => "up",
+        })
+    }
+}
+
+/// How data were lost before they became frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum LiveLoss {
+    /// The receive queue of the socket was full.
+    SocketQueue,
+    /// A frame of a byte stream that its checksum does not vouch for.
+    Unreadable,
+}
+
+impl fmt::Display for LiveLoss {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::SocketQueue => "the receive queue was full",
+            Self::Unreadable => "they cannot be read",
+        })
+    }
+}
+
+/// The pipeline has ended; the source has nobody to tell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the pipeline has ended")]
+pub struct Closed;
+
+/// One source's end of the queue.
+#[derive(Clone, Debug)]
+pub struct Feed {
+    bus: u16,
+    queue: mpsc::Sender<Input>,
+    closing: watch::Receiver<bool>,
+}
+
+impl Feed {
+    /// For the bus with this index; the source ends soon after `closing` turns true.
+    #[must_use]
+    pub fn new(bus: u16, queue: mpsc::Sender<Input>, closing: watch::Receiver<bool>) -> Self {
+        Self { bus, queue, closing }
+    }
+
+    /// Index of the bus, for the frames.
+    #[must_use]
+    pub fn bus(&self) -> u16 {
+        self.bus
+    }
+
+    /// Sends a frame; waits while the queue is full.
+    ///
+    /// # Errors
+    /// [`Closed`].
+    pub async fn frame(&self, frame: RawFrame) -> Result<(), Closed> {
+        self.queue.send(Input::Frame(frame)).await.map_err(|_| Closed)
+    }
+
+    /// Says that the link came or went, now.
+    ///
+    /// # Errors
+    /// [`Closed`].
+    pub async fn link(&self, state: LinkState, cause: Option<&str>) -> Result<(), Closed> {
+        let (bus, stamp_ns) = (self.bus, now_ns());
+        let cause = cause.map(Box::from);
+        let input = Input::Link {
+            bus,
+            stamp_ns,
+            state,
+            cause,
+        };
+        self.queue.send(input).await.map_err(|_| Closed)
+    }
+
+    /// Says that frames were lost.
+    ///
+    /// # Errors
+    /// [`Closed`].
+    pub async fn lost(&self, loss: LiveLoss, frames: u64) -> Result<(), Closed> {
+        let bus = self.bus;
+        let input = Input::Lost { bus, loss, frames };
+        self.queue.send(input).await.map_err(|_| Closed)
+    }
+
+    /// Resolves when the source shall end. Cancel-safe: made for `select!` beside the wait for data.
+    pub async fn closing(&mut self) {
+        // An error means that nobody can say so any more.
+        let _ = self.closing.wait_for(|closing| *closing).await;
+    }
+}
+
+/// Pauses between attempts: each twice as long as the one before, up to [`Pause::LONGEST`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pause {
+    attempts: u32,
+}
+
+impl Pause {
+    /// First pause.
+    pub const SHORTEST: Duration = Duration::from_millis(50);
+    /// Longest pause, which bounds how late a source notices that its link is back.
+    pub const LONGEST: Duration = Duration::from_secs(1);
+
+    /// The next pause; the one after it is longer.
+    pub fn take(&mut self) -> Duration {
+        let pause = Self::SHORTEST * (1 << self.attempts.min(10));
+        self.attempts = self.attempts.saturating_add(1);
+        pause.min(Self::LONGEST)
+    }
+
+    /// After success: begins with the shortest again.
+    pub fn reset(&mut self) {
+        self.attempts = 0;
+    }
+}
+
+/// UTC by the host's clock, ns.
+#[must_use]
+pub fn now_ns() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pauses_grow_to_a_bound_and_begin_again() {
+        let mut pause = Pause::default();
+        let pauses: Vec<_> = (0..7).map(|_| pause.take().as_millis()).collect();
+        assert_eq!(pauses, [50, 100, 200, 400, 800, 1000, 1000]);
+        for _ in 0..100 {
+            assert!(pause.take() <= Pause::LONGEST);
+        }
+        pause.reset();
+        assert_eq!(pause.take(), Pause::SHORTEST);
+    }
+}

@@ -1,0 +1,63 @@
+//! `hmd run` and `hmd record` as programs, where there is no such bus.
+#![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+fn hmd() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_hmd"))
+}
+
+/// Starts, waits until the missing bus has been told, sends SIGTERM; exit code and what else was said.
+fn until_told(command: &mut Command) -> (Option<i32>, String) {
+    let mut child = command.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
+    let mut stderr = BufReader::new(child.stderr.take().unwrap());
+    let mut said = String::new();
+    stderr.read_line(&mut said).unwrap();
+    let killed = Command::new("kill").arg(child.id().to_string()).status().unwrap();
+    assert!(killed.success());
+    stderr.read_to_string(&mut said).unwrap();
+    (child.wait().unwrap().code(), said)
+}
+
+fn is_whole(file: &Path) {
+    assert!(
+        std::fs::read(file).unwrap().ends_with(mcap::MAGIC),
+        "a footer stands at the end"
+    );
+}
+
+#[test]
+fn a_missing_bus_is_waited_for_until_a_signal_ends_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let [config, output] = ["hmd.toml", "out.mcap"].map(|name| folder.path().join(name));
+    std::fs::write(&config, "[[actuator]]\nid = 3\nbus = \"nosuchbus0\"\n").unwrap();
+    let (code, said) = until_told(hmd().arg("run").arg("-c").arg(&config).arg("-o").arg(&output));
+    assert_eq!(code, Some(0), "{said}");
+    // Missing, or down where the kernel has no CAN at all.
+    assert!(said.starts_with("nosuchbus0: "), "{said}");
+    assert!(said.ends_with("0 frames received: 0 decoded, 0 of no actuator that is watched, 0 error frames\n"));
+    is_whole(&output);
+
+    let (code, said) = until_told(hmd().args(["record", "nosuchbus0", "-o"]).arg(&output));
+    assert_eq!(code, Some(0), "{said}");
+    is_whole(&output);
+}
+
+#[test]
+fn a_configuration_that_says_not_where_to_listen_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("hmd.toml");
+    let refused = |text: &str| {
+        std::fs::write(&config, text).unwrap();
+        let output = hmd().arg("run").arg("-c").arg(&config).output().unwrap();
+        assert_eq!(output.status.code(), Some(78));
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let said = refused("[[actuator]]\nid = 3\n");
+    assert!(said.contains("expected a bus for every [[actuator]] that is watched live, found none for ema3"));
+    let said = refused("[[actuator]]\nid = 3\nbus = \"a/b\"\n");
+    assert!(said.contains("bus \"a/b\""), "{said}");
+    refused("");
+}

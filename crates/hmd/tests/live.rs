@@ -1,0 +1,193 @@
+//! Live equals replay: what a run records, replayed, gives the same health records, dropped windows included.
+#![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
+
+use std::future::pending;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+use ema_models::reference::{Actuations, Scenario};
+use ema_models::{ActuatorParams, FaultVector, Profile};
+use ema_wire::ActuatorId;
+use hmd::config::Config;
+use hmd::daemon::{Daemon, Observer};
+use hmd::frame::{FrameFlags, RawFrame};
+use hmd::ingest::live::LiveSource;
+use hmd::judge::Judged;
+use hmd::record::{HealthLine, Status};
+use hmd::recorder::{Recorder, metadata};
+use hmd::replay::{self, Replay};
+use hmd::simulate::{EPOCH_NS, traffic};
+
+const SEED: u64 = 7;
+
+fn config() -> Arc<Config> {
+    let text = "[type.slow]\nbased_on = \"bench\"\n[type.slow.sensors]\nsample_rate_hz = 400\n\
+                [[actuator]]\nid = 0\nname = \"b\"\nbus = \"can1\"\ntype = \"slow\"\n\
+                [[actuator]]\nid = 1\nname = \"a\"\nbus = \"can0\"\ntype = \"slow\"\n\
+                [identification]\npopulation = 8\ngenerations = 1\n";
+    Arc::new(Config::from_toml_str(text, "hmd.toml").unwrap())
+}
+
+/// Traffic of one actuator; its last actuation is cut short.
+fn frames(id: u8, actuations: u32) -> Vec<RawFrame> {
+    let mut params = ActuatorParams::bench();
+    params.sensors.sample_rate = 400.0;
+    let scenario = Scenario {
+        actuations: Actuations {
+            count: actuations,
+            ..Actuations::one(Profile::Step)
+        },
+        ..Scenario::new(params, FaultVector::NOMINAL, u64::from(id))
+    };
+    let mut frames: Vec<RawFrame> = traffic(&scenario, ActuatorId::new(id).unwrap(), EPOCH_NS).collect();
+    frames.truncate(frames.len() - frames.len() / actuations as usize / 3);
+    frames
+}
+
+#[derive(Default)]
+struct Lines {
+    health: Mutex<Vec<String>>,
+    notices: Mutex<Vec<String>>,
+}
+
+impl Observer for Lines {
+    fn judged(&self, judged: &Judged) -> io::Result<()> {
+        let window = &judged.window;
+        let (times, fitted) = (window.time_s.len(), window.fitted_i_q_a.len());
+        assert!(fitted == 0 || fitted == times, "{fitted} values at {times} times");
+        let line = HealthLine::from((&judged.health, &judged.rul)).to_json();
+        self.health.lock().unwrap().push(line);
+        Ok(())
+    }
+
+    fn notice(&self, message: &str) {
+        self.notices.lock().unwrap().push(message.to_owned());
+    }
+}
+
+impl replay::Observer for &Lines {
+    fn judged(&mut self, judged: &Judged) -> io::Result<()> {
+        Observer::judged(*self, judged)
+    }
+
+    fn notice(&mut self, message: &str) {
+        Observer::notice(*self, message);
+    }
+
+    fn progress(&mut self, _: u64) {}
+}
+
+fn run(sources: Vec<(&str, Vec<RawFrame>)>, output: &Path) -> (Lines, Status) {
+    let (config, lines) = (config(), Lines::default());
+    let daemon = Daemon {
+        sources: sources
+            .into_iter()
+            .map(|(name, frames)| (name.to_owned(), LiveSource::Playback(frames)))
+            .collect(),
+        recorder: Some(Recorder::create(output, &metadata(&config, "test", SEED)).unwrap()),
+        watch: Some((config, SEED)),
+    };
+    let status = daemon.run(pending(), &lines).unwrap();
+    (lines, status)
+}
+
+fn replayed(log: &Path, output: &Path) -> (Lines, Status) {
+    let logs = [PathBuf::from(log)];
+    let lines = Lines::default();
+    let replay = Replay {
+        logs: &logs,
+        output: Some(output),
+        config: config(),
+        seed: SEED,
+    };
+    let summary = replay.run(&mut &lines).unwrap();
+    (lines, summary.status)
+}
+
+/// `can1` is named first to the daemon; a replay meets the interfaces in the order of their first frames.
+fn sources(actuations: u32) -> Vec<(&'static str, Vec<RawFrame>)> {
+    vec![("can1", frames(0, actuations)), ("can0", frames(1, actuations))]
+}
+
+fn compare(actuations: u32) -> Status {
+    let folder = tempfile::tempdir().unwrap();
+    let [live, once, twice] = ["live", "once", "twice"].map(|name| folder.path().join(name).with_extension("mcap"));
+    let (lines, status) = run(sources(actuations), &live);
+    let health = lines.health.into_inner().unwrap();
+    assert!(!health.is_empty());
+    assert_eq!(status.lost_socket_queue + status.lost_own_queue, 0);
+    let mut log = live;
+    for again in [once, twice] {
+        let (lines, replayed) = replayed(&log, &again);
+        assert_eq!(lines.health.into_inner().unwrap(), health);
+        assert_eq!(replayed.lost_windows, status.lost_windows);
+        assert_eq!(replayed.frames_received, status.frames_received);
+        log = again;
+    }
+    status
+}
+
+#[test]
+fn a_run_replays_to_the_same_lines() {
+    let status = compare(3);
+    assert_eq!(status.lost_windows, 0);
+    assert_eq!(
+        status.windows_ok + status.windows_degraded + status.windows_invalid + status.windows_unmodelled,
+        6
+    );
+}
+
+#[test]
+fn windows_that_were_dropped_are_left_out_by_replay() {
+    // Far more at once than can wait: the playback is faster than any identification.
+    let status = compare(120);
+    assert!(status.lost_windows > 0, "{status:?}");
+    assert!(status.data_lost());
+}
+
+#[test]
+fn a_sample_that_was_filled_in_is_in_no_array_of_the_window() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut traffic = frames(0, 2);
+    let trigger = traffic.len() / 5;
+    traffic.remove(trigger);
+    // The observer compares the lengths.
+    let (lines, status) = run(vec![("can1", traffic)], &folder.path().join("live.mcap"));
+    assert_eq!(status.lost_samples, 1);
+    let health = lines.health.into_inner().unwrap();
+    assert!(health[0].contains("1 samples lost"), "{}", health[0]);
+}
+
+#[test]
+fn a_bus_state_is_told_live_and_in_replay() {
+    let folder = tempfile::tempdir().unwrap();
+    let [live, again] = ["live", "again"].map(|name| folder.path().join(name).with_extension("mcap"));
+    let mut traffic = frames(0, 1);
+    let bus_off = RawFrame::new(traffic[9].stamp_ns, 0, 0x40, FrameFlags::ERROR, &[0; 8]).unwrap();
+    traffic.insert(10, bus_off);
+    let (lines, status) = run(vec![("can1", traffic)], &live);
+    let told = ["can1: bus bus-off", "can1: bus error-active"];
+    assert_eq!(*lines.notices.lock().unwrap(), told);
+    assert_eq!(
+        (status.frames_error, status.bus_state),
+        (1, vec!["error-active".to_owned()])
+    );
+    let (lines, _) = replayed(&live, &again);
+    assert_eq!(*lines.notices.lock().unwrap(), told);
+}
+
+#[test]
+fn a_daemon_that_is_told_to_stop_ends_its_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let live = folder.path().join("live.mcap");
+    let lines = Lines::default();
+    let daemon = Daemon {
+        sources: Vec::new(),
+        recorder: Some(Recorder::create(&live, &metadata(&config(), "test", SEED)).unwrap()),
+        watch: Some((config(), SEED)),
+    };
+    daemon.run(async {}, &lines).unwrap();
+    let bytes = std::fs::read(&live).unwrap();
+    assert!(bytes.ends_with(mcap::MAGIC), "a footer stands at the end");
+}

@@ -1,0 +1,251 @@
+//! The daemon on real SocketCAN: user-mode Linux with virtual CAN interfaces, real players, and the books checked.
+//!
+//! Nothing that runs inside judges: `can/guest.sh` plays and writes down, and this compares with what was played.
+
+mod guest;
+mod logs;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, ensure};
+
+use crate::python::Python;
+use crate::readers::PACKAGES;
+use crate::shell::{cargo, program, run, target_dir};
+use guest::Results;
+
+/// Error frames that the guest sends.
+const ERROR_FRAMES: u64 = 5;
+/// Frames of each of the two floods.
+const FLOOD: u64 = 60_000;
+
+/// Runs everything.
+pub(crate) fn check() -> anyhow::Result<()> {
+    guest::install()?;
+    run(cargo(["build", "--quiet", "--package", "hmd"]))?;
+    let hmd = target_dir()?.join("debug/hmd");
+    let folder = target_dir()?.join("can");
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
+    logs::streams(&hmd, &folder)?;
+    logs::shorts(&folder)?;
+    let results = guest::start(&folder, &hmd)?;
+    stream(&results, &hmd, &folder).context("stream")?;
+    bus(&results, &folder).context("bus")?;
+    link(&results).context("link")?;
+    record(&results, &folder).context("record")?;
+    read_by_others(&results, &folder)
+}
+
+/// The MCAP reference library finds as many frames in each file as the daemon says it received.
+fn read_by_others(results: &Results, folder: &Path) -> anyhow::Result<()> {
+    let python = Python::with_packages(&PACKAGES)?;
+    for name in ["stream", "bus", "link", "record"] {
+        let frames = results.counted(name, "frames received")?;
+        let file = folder.join(name).with_extension("mcap");
+        python.script_with(
+            "fixtures/check_mcap.py",
+            &[&file],
+            &["--frames".to_owned(), frames.to_string()],
+        )?;
+    }
+    Ok(())
+}
+
+/// Sixteen actuators: every frame accounted for, the right faults, none sent, and live equals replay.
+fn stream(results: &Results, hmd: &Path, folder: &Path) -> anyhow::Result<()> {
+    let mut played = 0;
+    for bus in 0..3 {
+        let frames = logs::frames(&folder.join(format!("stream{bus}.log")))?;
+        equal(
+            "frames on the interface",
+            results.number(&format!("stream.sent{bus}"))?,
+            frames,
+        )?;
+        // The first frame of each log is of no actuator, and stays in the kernel.
+        played += frames - 1;
+    }
+    let lost = results.counted("stream", "frames by full receive queues")?;
+    let received = results.counted("stream", "frames received")?;
+    equal("received and lost", received + lost, played)?;
+    let decoded = results.counted("stream", "decoded")?;
+    equal("decoded", decoded, received)?;
+    let dropped = results.counted("stream", "windows")?;
+    let expected = u64::from(logs::ACTUATORS * logs::STREAM_S);
+    equal("windows", dropped + windows(&results.said("stream.jsonl")?)?, expected)?;
+
+    let live = folder.join("stream.jsonl");
+    let again = folder.join("stream.replayed.jsonl");
+    let mut replay = program(hmd, ["replay", "--json", "-c"]);
+    replay.arg(folder.join("stream.toml")).arg(folder.join("stream.mcap"));
+    replay
+        .stdout(fs::File::create(&again)?)
+        .stderr(std::process::Stdio::null());
+    // 3 when windows were dropped; the bytes are what counts.
+    replay.status().context("replay")?;
+    ensure!(
+        fs::read(&live)? == fs::read(&again)?,
+        "live and replay differ: {} and {}",
+        live.display(),
+        again.display()
+    );
+    let missing = results.counted("stream", "samples")?;
+    eprintln!(
+        "stream: {received} frames received, {lost} lost, none sent; {missing} samples not whole; {dropped} of {expected} \
+         windows dropped; live equals replay"
+    );
+    Ok(())
+}
+
+/// What became of one actuator's windows.
+#[derive(Default)]
+struct Tally {
+    judged: u64,
+    right: u64,
+    other: u64,
+}
+
+/// Counts the windows with health records, and looks at their faults: none for the healthy actuators, the right one for
+/// the others.
+///
+/// The guest's one processor may hold a frame back for longer than the parts of a sample may be apart, and such a window
+/// may not be judged; so not every window must be, nor every one right.
+fn windows(lines: &str) -> anyhow::Result<u64> {
+    let mut tally: BTreeMap<u32, Tally> = BTreeMap::new();
+    for line in lines.lines() {
+        let id: u32 = between(line, "\"actuator\":\"ema", "\"")?.parse()?;
+        let found = between(line, "\"faults\":[", "]")?;
+        let status = between(line, "\"status\":\"", "\"")?;
+        let expected = logs::FAULTS.iter().find(|(at, _, _)| *at == id);
+        let expected = expected.map_or(String::new(), |(_, name, _)| format!("\"{name}\""));
+        ensure!(
+            !expected.is_empty() || found.is_empty(),
+            "expected a healthy actuator, found {line}"
+        );
+        let tally = tally.entry(id).or_default();
+        if status == "ok" || status == "degraded" {
+            tally.judged += 1;
+            tally.right += u64::from(found == expected);
+        } else {
+            tally.other += 1;
+        }
+    }
+    equal(
+        "actuators with health records",
+        tally.len() as u64,
+        u64::from(logs::ACTUATORS),
+    )?;
+    for (id, of) in &tally {
+        eprintln!(
+            "  ema{id}: {} windows judged, {} of them right; {} not judged",
+            of.judged, of.right, of.other
+        );
+    }
+    for (id, of) in &tally {
+        ensure!(
+            of.judged >= 4 * of.other,
+            "ema{id}: expected four of five windows judged"
+        );
+        ensure!(
+            10 * of.right >= 9 * of.judged,
+            "ema{id}: expected nine of ten judged windows right"
+        );
+    }
+    Ok(tally.values().map(|of| of.judged + of.other).sum())
+}
+
+/// FD, foreign and error frames, and a flood.
+fn bus(results: &Results, folder: &Path) -> anyhow::Result<()> {
+    let ours = logs::frames(&folder.join("fd.log"))?;
+    let foreign = logs::frames(&folder.join("foreign.log"))?;
+    equal(
+        "frames on vcan0",
+        results.number("bus.sent0")?,
+        ours + foreign + ERROR_FRAMES + FLOOD,
+    )?;
+    equal("frames on vcan1", results.number("bus.sent1")?, FLOOD)?;
+    let lost = results.counted("bus", "frames by full receive queues")?;
+    let received = results.counted("bus", "frames received")?;
+    equal("received and lost", received + lost, ours + ERROR_FRAMES + 2 * FLOOD)?;
+    let decoded = results.counted("bus", "decoded")?;
+    let malformed = results.counted("bus", "malformed frames")?;
+    equal("error frames", results.counted("bus", "error frames")?, ERROR_FRAMES)?;
+    equal(
+        "decoded, malformed and error frames",
+        decoded + malformed + ERROR_FRAMES,
+        received,
+    )?;
+    let said = results.said("bus.err")?;
+    let states: Vec<_> = said
+        .lines()
+        .filter_map(|line| line.strip_prefix("vcan0: bus "))
+        .collect();
+    let expected = [
+        "error-warning",
+        "error-passive",
+        "error-active",
+        "bus-off",
+        "error-active",
+    ];
+    ensure!(states == expected, "expected {expected:?}, found {states:?}");
+    eprintln!(
+        "bus: {received} frames received, {lost} lost in the flood and reported, {malformed} malformed, states as sent"
+    );
+    Ok(())
+}
+
+/// An interface that comes and goes.
+fn link(results: &Results) -> anyhow::Result<()> {
+    let said = results.said("link.err")?;
+    let states: Vec<_> = said
+        .lines()
+        .filter_map(|line| line.strip_prefix("vcan0: "))
+        .map(|line| line.split(' ').next().unwrap_or_default())
+        .collect();
+    let expected = ["missing", "up", "down", "up"];
+    ensure!(
+        states.starts_with(&expected),
+        "expected {expected:?} first, found {states:?}"
+    );
+    ensure!(
+        states.last() == Some(&"up"),
+        "expected the link up at the end, found {states:?}"
+    );
+    ensure!(
+        results
+            .said("link.deleted")?
+            .trim_end()
+            .lines()
+            .next_back()
+            .is_some_and(|line| line.contains("missing")),
+        "expected a deleted interface to be missing, found {states:?}"
+    );
+    equal("frames on the first interface", results.number("link.sent0")?, 2)?;
+    equal("frames on the second interface", results.number("link.sent1")?, 1)?;
+    equal("frames received", results.counted("link", "frames received")?, 3)?;
+    eprintln!("link: {}", states.join(", "));
+    Ok(())
+}
+
+/// Capture without filters.
+fn record(results: &Results, folder: &Path) -> anyhow::Result<()> {
+    let played = logs::frames(&folder.join("fd.log"))? + logs::frames(&folder.join("foreign.log"))?;
+    equal("frames on the interface", results.number("record.sent0")?, played)?;
+    equal("frames received", results.counted("record", "frames received")?, played)?;
+    equal("exit code", results.number("record.exit")?, 0)?;
+    eprintln!("record: {played} frames");
+    Ok(())
+}
+
+fn equal(what: &str, found: u64, expected: u64) -> anyhow::Result<()> {
+    ensure!(found == expected, "{what}: expected {expected}, found {found}");
+    Ok(())
+}
+
+fn between<'a>(line: &'a str, before: &str, after: &str) -> anyhow::Result<&'a str> {
+    let rest = line.split_once(before).map(|(_, rest)| rest);
+    let found = rest.and_then(|rest| rest.split_once(after)).map(|(found, _)| found);
+    found.with_context(|| format!("expected {before} in {line}"))
+}

@@ -1,0 +1,127 @@
+//! The user-mode Linux in which SocketCAN is real.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+
+use anyhow::{Context, bail, ensure};
+
+use crate::shell::{program, run, succeeds};
+
+/// What the guest needs, as Debian packages, with a file of each that tells whether it is there.
+const PACKAGES: [(&str, &str); 4] = [
+    ("user-mode-linux", "/usr/bin/linux.uml"),
+    ("can-utils", "/usr/bin/canplayer"),
+    ("busybox-static", "/usr/bin/busybox"),
+    ("iproute2", "/usr/sbin/ip"),
+];
+
+/// Longest run, s: a hung guest would stay for ever.
+const LIMIT_S: u32 = 900;
+
+/// Installs what is missing, as root on Debian; else says what to install.
+pub(super) fn install() -> anyhow::Result<()> {
+    let there = |file: &str| Path::new(file).exists() || Path::new(&file.replacen("/usr", "", 1)).exists();
+    let missing = || {
+        PACKAGES
+            .iter()
+            .filter(|(_, file)| !there(file))
+            .map(|(package, _)| *package)
+    };
+    let wanted: Vec<_> = missing().collect();
+    if wanted.is_empty() {
+        return Ok(());
+    }
+    let may = succeeds(program("sh", ["-c", "test $(id -u) = 0 && command -v apt-get"]));
+    ensure!(
+        may,
+        "expected the Debian packages {}; not installed here",
+        wanted.join(", ")
+    );
+    run(program("apt-get", ["update", "-qq"]))?;
+    let install = ["install", "-qq", "--yes", "--no-install-recommends"];
+    run(program("apt-get", install)
+        .args(&wanted)
+        .env("DEBIAN_FRONTEND", "noninteractive"))?;
+    let wanted: Vec<_> = missing().collect();
+    ensure!(
+        wanted.is_empty(),
+        "installed, but not where expected: {}",
+        wanted.join(", ")
+    );
+    Ok(())
+}
+
+/// What the guest wrote down: `name number` on each line.
+pub(super) struct Results {
+    folder: PathBuf,
+    numbers: BTreeMap<String, u64>,
+}
+
+/// Starts the guest, which sees the files of this computer, and waits for its end.
+pub(super) fn start(folder: &Path, hmd: &Path) -> anyhow::Result<Results> {
+    let init = folder.join("init.sh");
+    let head = format!("#!/bin/sh\nWORK='{}'\nHMD='{}'\n", folder.display(), hmd.display());
+    fs::write(&init, head + include_str!("guest.sh"))?;
+    fs::set_permissions(&init, fs::Permissions::from_mode(0o755))?;
+    let results = folder.join("results");
+    let _ = fs::remove_file(&results);
+    let console = fs::File::create(folder.join("console.log"))?;
+    let mut guest = program("timeout", ["--kill-after=5".to_owned(), LIMIT_S.to_string()]);
+    guest
+        .args(["linux.uml", "mem=1G", "rootfstype=hostfs", "rootflags=/", "rw"])
+        .args(["con=null", "con0=null,fd:1"])
+        .arg(format!("init={}", init.display()))
+        .stdin(Stdio::null())
+        .stdout(console)
+        .stderr(Stdio::null());
+    // Its exit code says nothing; what it wrote does.
+    let ended = guest.status().context("timeout")?;
+    let text = fs::read_to_string(&results).unwrap_or_default();
+    let numbers = text.lines().filter_map(|line| {
+        let (name, number) = line.split_once(' ')?;
+        Some((name.to_owned(), number.parse().ok()?))
+    });
+    let results = Results {
+        folder: folder.to_owned(),
+        numbers: numbers.collect(),
+    };
+    if results.number("done").is_err() {
+        bail!(
+            "the guest did not come to its end ({ended}); see {}",
+            folder.join("console.log").display()
+        );
+    }
+    Ok(results)
+}
+
+impl Results {
+    /// A number that the guest wrote down.
+    pub(super) fn number(&self, name: &str) -> anyhow::Result<u64> {
+        let found = self.numbers.get(name).copied();
+        found.with_context(|| format!("expected the guest to write down {name}"))
+    }
+
+    /// What a daemon said on stderr.
+    pub(super) fn said(&self, name: &str) -> anyhow::Result<String> {
+        let path = self.folder.join(name);
+        fs::read_to_string(&path).with_context(|| path.display().to_string())
+    }
+
+    /// The number before a phrase, in the two lines with which a daemon ends.
+    pub(super) fn counted(&self, name: &str, phrase: &str) -> anyhow::Result<u64> {
+        let said = self.said(&format!("{name}.err"))?;
+        let last = said
+            .lines()
+            .filter(|line| line.contains(" frames received: ") || line.starts_with("data lost: "));
+        for part in last.flat_map(|line| line.split([',', ':'])) {
+            if let Some(number) = part.trim().strip_suffix(phrase) {
+                return number.trim().parse().with_context(|| part.to_owned());
+            }
+        }
+        // Without losses there is no second line.
+        Ok(0)
+    }
+}

@@ -1,0 +1,114 @@
+# Runs as init of the user-mode Linux; WORK and HMD are set above. Writes what happened into $WORK; judges nothing.
+export PATH=/usr/sbin:/usr/bin:/sbin:/bin
+mount -t proc proc /proc
+mount -t sysfs sys /sys
+modules=/usr/lib/uml/modules/$(uname -r)/kernel
+for module in net/can/can net/can/can-raw drivers/net/can/dev/can-dev drivers/net/can/vcan; do
+    busybox insmod $modules/$module.ko
+done
+ip link set lo up
+cd "$WORK"
+
+add() { # interface…: with room for CAN FD, up
+    for interface; do
+        ip link add dev $interface type vcan
+        ip link set $interface mtu 72
+        ip link set $interface up
+    done
+}
+sent() { # interface: every frame that anybody sent on it
+    cat /sys/class/net/$1/statistics/tx_packets
+}
+start() { # name, arguments of hmd: starts it and waits until it listens
+    name=$1
+    shift
+    "$HMD" "$@" >$name.jsonl 2>$name.err &
+    daemon=$!
+    until_said $name ': up'
+}
+until_said() { # name, text: at most 10 s
+    tries=0
+    while ! grep -q "$2" $1.err && [ $tries -lt 100 ]; do
+        sleep 0.1
+        tries=$((tries + 1))
+    done
+}
+stop() { # name
+    kill -TERM $daemon
+    wait $daemon
+    echo "$1.exit $?" >>results
+}
+
+# 1. Sixteen actuators on three interfaces.
+add vcan0 vcan1 vcan2
+start stream run -c stream.toml -o stream.mcap --json
+players=
+for bus in 0 1 2; do
+    canplayer -I stream$bus.log &
+    players="$players $!"
+done
+wait $players
+sleep 2
+stop stream
+for bus in 0 1 2; do
+    echo "stream.sent$bus $(sent vcan$bus)" >>results
+    ip link del vcan$bus
+done
+
+# 2. FD frames, foreign frames, error frames, then a flood as fast as the kernel takes it.
+add vcan0 vcan1
+start bus run -c bus.toml -o bus.mcap --json
+canplayer -I fd.log
+canplayer -I foreign.log
+for error in 20000004#0008000000000000 20000004#0020000000000000 20000004#0040000000000000 \
+    20000040#0000000000000000 20000100#0000000000000000; do
+    cansend vcan0 $error
+done
+sleep 1
+for bus in 0 1; do
+    cangen vcan$bus -g 0 -p 10 -I 100 -L 8 -n 60000 &
+    flood="$flood $!"
+done
+wait $flood
+sleep 2
+stop bus
+for bus in 0 1; do
+    echo "bus.sent$bus $(sent vcan$bus)" >>results
+    ip link del vcan$bus
+done
+
+# 3. An interface that is missing at the start, comes, is switched off and on, deleted and made again.
+"$HMD" run -c link.toml -o link.mcap --json >link.jsonl 2>link.err &
+daemon=$!
+until_said link missing
+add vcan0
+until_said link ': up'
+cansend vcan0 100#0000000000000000
+ip link set vcan0 down
+until_said link down
+ip link set vcan0 up
+# At once: nothing is lost while the daemon does not know yet that the interface is back.
+cansend vcan0 100#0000000000000100
+sleep 3
+echo "link.sent0 $(sent vcan0)" >>results
+ip link del vcan0
+sleep 2
+cp link.err link.deleted
+add vcan0
+sleep 3
+cansend vcan0 100#0000000000000200
+sleep 1
+stop link
+echo "link.sent1 $(sent vcan0)" >>results
+
+# 4. Capture alone: every frame, whatever its identifier.
+start record record vcan0 -o record.mcap
+before=$(sent vcan0)
+canplayer -I fd.log
+canplayer -I foreign.log
+sleep 1
+stop record
+echo "record.sent0 $(($(sent vcan0) - before))" >>results
+
+echo "done 1" >>results
+halt -f

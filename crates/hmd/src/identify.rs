@@ -1,19 +1,20 @@
 //! One window to one estimate: the only place where monitor and search meet.
 
-use ema_ga::{
-    Bounds, CmaConfig, ConfigError, Control, DeConfig, GaConfig, LmConfig, Objective, Outcome, Parallel, Residuals,
-    Search, cma_es_owned, differential_evolution_owned, evolve_owned, levenberg_marquardt,
-};
+mod population;
+mod refine;
+
+use ema_ga::{Bounds, CmaConfig, ConfigError, Control, DeConfig, GaConfig, Parallel, Search, evolve_owned};
 use ema_models::{
-    ActuatorParams, COST_LANES, Calibration, ComparedSample, Comparison, Conditions, Coordinates, FAULT_COUNT,
-    FaultVector, Feedback, MOTOR_COORDINATES, MotorKnowledge, NormalEquations, Prior, RANK_LANES, Recording,
-    SIGNAL_COUNT, Scale, SensedSample, Signals, UNKNOWN_COUNT, Unknowns, Weights, prepare,
+    ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector,
+    Feedback, MotorKnowledge, Prior, Recording, SIGNAL_COUNT, Scale, SensedSample, Signals, UNKNOWN_COUNT, Unknowns,
+    Weights, prepare,
 };
-use nalgebra::{SMatrix, SVector};
-use rayon::prelude::*;
 
 use crate::calibration::TypeCalibration;
 use crate::turns::align;
+use population::PaperCost;
+use refine::{FINE_STEP, data_variance, descend, hold_known_motor, refine, starts};
+pub use refine::{bound, pull_from, refine_from};
 
 /// How the fault vector is searched. `docs/search.md` compares them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -342,37 +343,11 @@ impl Identifier {
     }
 }
 
-impl Population {
-    /// The best of all individuals, one of the first being health.
-    fn search(&self, comparison: Comparison<'_>, seed: u64) -> Result<Outcome<FAULT_COUNT>, ConfigError> {
-        let objective = LeastSquares {
-            comparison,
-            bounds: unit_box(),
-        };
-        let nominal = [FaultVector::NOMINAL.to_array()];
-        let search = Search {
-            objective: &objective,
-            evaluate: Parallel,
-            seed,
-            initial: &nominal,
-        };
-        match self {
-            Self::Genetic(config) => evolve_owned(&search, config, |_| Control::Continue),
-            Self::Differential(config) => differential_evolution_owned(&search, config, |_| Control::Continue),
-            Self::CmaEs(config) => cma_es_owned(&search, config, |_| Control::Continue),
-        }
-    }
-}
-
 /// What the status frame's load may be off by, Nm: its last digit is 0.1.
 const LOAD_SIGMA_NM: f64 = 0.03;
 
 /// What a load that nobody measures may be, in shares of the largest one the motor could hold without losses.
 const LOAD_SIGMA_SHARE: f64 = 0.1;
-
-/// Loads from which a refinement starts where the load is not measured, in the same shares: the gear's losses bend at
-/// zero, so both sides are tried.
-const LOAD_STARTS: [f64; 2] = [-0.01, 0.01];
 
 /// What the first currents leave open of the speed loop's integral, in shares of the largest torque.
 const INTEGRAL_SIGMA_SHARE: f64 = 0.01;
@@ -405,249 +380,7 @@ pub fn comparison<'a>(
     }
 }
 
-/// Where refinements start: each fault vector, with the load as measured or else on both sides of none.
-fn starts(comparison: &Comparison<'_>, scale: &Scale, faults: &[FaultVector]) -> Vec<Coordinates> {
-    let mut starts = Vec::new();
-    for &fault in faults {
-        let unknowns = comparison.with_fault(fault);
-        match comparison.conditions.load_torque {
-            Some(_) => starts.push(scale.coordinates(&unknowns)),
-            None => starts.extend(LOAD_STARTS.map(|share| {
-                scale.coordinates(&Unknowns {
-                    load_torque: share * scale.load(),
-                    ..unknowns
-                })
-            })),
-        }
-    }
-    starts
-}
-
-/// Steps of the finite differences: far from the solution, and near it.
-const COARSE_STEP: f64 = 2e-2;
-const FINE_STEP: f64 = 2e-3;
-
-/// Where a refinement ended: cost, place, and the monitor runs spent.
-struct End {
-    cost: f64,
-    at: Coordinates,
-    spent: u64,
-}
-
-/// Refines from several starts, side by side; the best end and the monitor runs spent.
-///
-/// Each start is refined with coarse differences and then with fine ones: what a fine slope takes for a valley's floor, a
-/// coarse one often walks out of.
-fn refine(comparison: &Comparison<'_>, starts: &[Coordinates]) -> (Coordinates, u64) {
-    let ends: Vec<End> = starts.par_iter().map(|&start| descend(comparison, start)).collect();
-    let spent = ends.iter().map(|end| end.spent).sum();
-    // Of equal ends the first, whichever thread was quicker.
-    let better = |best: End, end: End| if end.cost < best.cost { end } else { best };
-    let nowhere = End {
-        cost: f64::INFINITY,
-        at: starts[0],
-        spent: 0,
-    };
-    (ends.into_iter().fold(nowhere, better).at, spent)
-}
-
-/// One descent, coarse and then fine; the better of both ends.
-fn descend(comparison: &Comparison<'_>, start: Coordinates) -> End {
-    let bounds = box_of(Coordinates::LOWER, Coordinates::UPPER);
-    let config = LmConfig {
-        max_iterations: 25,
-        max_evaluations: 60,
-        step_tolerance: 2e-5,
-        cost_tolerance: 1e-6,
-        ..LmConfig::default()
-    };
-    let mut from = start.0;
-    let mut end = End {
-        cost: f64::INFINITY,
-        at: start,
-        spent: 0,
-    };
-    for step in [COARSE_STEP, FINE_STEP] {
-        let found = levenberg_marquardt(&Refinement { comparison, step }, &bounds, from, &config);
-        end.spent +=
-            u64::from(found.iterations) * RUNS_PER_LINEARISATION + u64::from(found.evaluations - found.iterations);
-        from = found.genes;
-        if found.cost < end.cost {
-            (end.cost, end.at) = (found.cost, Coordinates(from));
-        }
-    }
-    end
-}
-
-/// Where a refinement that starts at a point ends.
-#[must_use]
-pub fn refine_from(comparison: &Comparison<'_>, start: Coordinates) -> Coordinates {
-    descend(comparison, start).at
-}
-
-/// Distance from the truth, in fault coordinates, to where a refinement started there ends: the pull of whatever the
-/// monitor gets wrong.
-#[must_use]
-pub fn pull_from(comparison: &Comparison<'_>, truth: &FaultVector) -> [f64; FAULT_COUNT] {
-    let start = Scale::new(comparison.params).coordinates(&comparison.with_fault(*truth));
-    let (end, _) = refine(comparison, &[start]);
-    std::array::from_fn(|p| end.0[p] - start.0[p])
-}
-
-/// Takes a motor that is known exactly out of the equations: its coordinates stay where they are and make nothing uncertain.
-fn hold_known_motor(mut normal: NormalEquations, motor: &MotorKnowledge) -> NormalEquations {
-    if motor.information().is_none() {
-        for p in MOTOR_COORDINATES {
-            for q in 0..UNKNOWN_COUNT {
-                normal.jtj[p][q] = 0.0;
-                normal.jtj[q][p] = 0.0;
-            }
-            normal.jtj[p][p] = 1.0;
-            normal.jtr[p] = 0.0;
-        }
-    }
-    normal
-}
-
-/// Cramér–Rao bound of each coordinate at a point, as a standard deviation: what the weights alone allow, with no model
-/// error.
-#[must_use]
-pub fn bound(comparison: &Comparison<'_>, at: &Coordinates) -> [f64; UNKNOWN_COUNT] {
-    let normal = hold_known_motor(comparison.normal_equations(at, FINE_STEP), &comparison.prior.motor);
-    data_variance(&normal, 1.0).map(f64::sqrt)
-}
-
-/// Diagonal of `(JᵀJ)⁻¹`, times `scale`; infinite where the data say nothing.
-fn data_variance(normal: &NormalEquations, scale: f64) -> [f64; UNKNOWN_COUNT] {
-    let mut matrix = SMatrix::<f64, UNKNOWN_COUNT, UNKNOWN_COUNT>::from_fn(|r, c| normal.jtj[r][c]);
-    for p in 0..UNKNOWN_COUNT {
-        // A coordinate without influence gets a vanishing information, so that the others can be inverted.
-        matrix[(p, p)] += 1e-9;
-    }
-    match matrix.cholesky() {
-        Some(factor) => {
-            let inverse = factor.inverse();
-            std::array::from_fn(|p| scale * inverse[(p, p)])
-        }
-        None => [f64::INFINITY; UNKNOWN_COUNT],
-    }
-}
-
-/// [0, 1] in every component of the fault vector.
-fn unit_box() -> Bounds<FAULT_COUNT> {
-    box_of([0.0; FAULT_COUNT], [1.0; FAULT_COUNT])
-}
-
 fn box_of<const D: usize>(lower: [f64; D], upper: [f64; D]) -> Bounds<D> {
     #[expect(clippy::expect_used, reason = "the bounds are constants of the program")]
     Bounds::new(lower, upper).expect("constant bounds ascend")
-}
-
-struct LeastSquares<'a> {
-    comparison: Comparison<'a>,
-    bounds: Bounds<FAULT_COUNT>,
-}
-
-impl Objective<FAULT_COUNT> for LeastSquares<'_> {
-    fn bounds(&self) -> &Bounds<FAULT_COUNT> {
-        &self.bounds
-    }
-
-    fn cost(&self, genes: &[f64; FAULT_COUNT]) -> f64 {
-        let mut cost = [0.0];
-        self.cost_batch(&[*genes], &mut cost);
-        cost[0]
-    }
-
-    fn cost_batch(&self, genes: &[[f64; FAULT_COUNT]], costs: &mut [f64]) {
-        // Lanes that a short last batch leaves over run the first individual again.
-        let of = |lane: usize| genes.get(lane).or(genes.first()).copied().unwrap_or([0.0; FAULT_COUNT]);
-        let unknowns = std::array::from_fn(|lane| self.comparison.with_fault(FaultVector::from_array(of(lane))));
-        for (slot, cost) in costs.iter_mut().zip(self.comparison.rank(&unknowns)) {
-            *slot = cost;
-        }
-    }
-
-    fn batch_size(&self) -> usize {
-        RANK_LANES
-    }
-}
-
-/// The paper's fitness function.
-struct PaperCost<'a> {
-    comparison: Comparison<'a>,
-    bounds: Bounds<FAULT_COUNT>,
-    time_scale: f64,
-}
-
-impl<'a> PaperCost<'a> {
-    /// The derivative is made dimensionless by the electrical time constant over the rated current.
-    fn new(comparison: Comparison<'a>, params: &ActuatorParams) -> Self {
-        let time_scale = params.motor.l_s / params.motor.r_s / params.motor.i_max;
-        Self {
-            comparison,
-            bounds: unit_box(),
-            time_scale,
-        }
-    }
-}
-
-impl Objective<FAULT_COUNT> for PaperCost<'_> {
-    fn bounds(&self) -> &Bounds<FAULT_COUNT> {
-        &self.bounds
-    }
-
-    fn cost(&self, genes: &[f64; FAULT_COUNT]) -> f64 {
-        let unknowns = self.comparison.with_fault(FaultVector::from_array(*genes));
-        self.comparison.modified_total_least_squares(&unknowns, self.time_scale)
-    }
-}
-
-struct Refinement<'a, 'b> {
-    comparison: &'a Comparison<'b>,
-    step: f64,
-}
-
-impl Residuals<UNKNOWN_COUNT> for Refinement<'_, '_> {
-    fn normal_equations(
-        &self,
-        genes: &[f64; UNKNOWN_COUNT],
-        jtj: &mut SMatrix<f64, UNKNOWN_COUNT, UNKNOWN_COUNT>,
-        jtr: &mut SVector<f64, UNKNOWN_COUNT>,
-    ) -> f64 {
-        let normal = hold_known_motor(
-            self.comparison.normal_equations(&Coordinates(*genes), self.step),
-            &self.comparison.prior.motor,
-        );
-        for p in 0..UNKNOWN_COUNT {
-            jtr[p] = normal.jtr[p];
-            for q in 0..UNKNOWN_COUNT {
-                jtj[(p, q)] = normal.jtj[p][q];
-            }
-        }
-        normal.cost
-    }
-
-    fn cost(&self, genes: &[f64; UNKNOWN_COUNT]) -> f64 {
-        self.comparison.cost(&Coordinates(*genes))
-    }
-
-    const SIDE_BY_SIDE: usize = COST_LANES;
-
-    fn costs(&self, points: &[[f64; UNKNOWN_COUNT]], costs: &mut [f64]) {
-        // Lanes that few points leave over run the first again.
-        let of = |lane: usize| {
-            points
-                .get(lane)
-                .or(points.first())
-                .copied()
-                .unwrap_or([0.0; UNKNOWN_COUNT])
-        };
-        let all = self
-            .comparison
-            .costs(&std::array::from_fn(|lane| Coordinates(of(lane))));
-        for (slot, cost) in costs.iter_mut().zip(all) {
-            *slot = cost;
-        }
-    }
 }

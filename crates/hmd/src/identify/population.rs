@@ -1,0 +1,96 @@
+//! Searches by many individuals at once, and what they minimise.
+
+use ema_ga::{
+    Bounds, ConfigError, Control, Objective, Outcome, Parallel, Search, cma_es_owned, differential_evolution_owned,
+    evolve_owned,
+};
+use ema_models::{ActuatorParams, Comparison, FAULT_COUNT, FaultVector, RANK_LANES};
+
+use super::{Population, box_of};
+
+impl Population {
+    /// The best of all individuals, one of the first being health.
+    pub(super) fn search(&self, comparison: Comparison<'_>, seed: u64) -> Result<Outcome<FAULT_COUNT>, ConfigError> {
+        let objective = LeastSquares {
+            comparison,
+            bounds: unit_box(),
+        };
+        let nominal = [FaultVector::NOMINAL.to_array()];
+        let search = Search {
+            objective: &objective,
+            evaluate: Parallel,
+            seed,
+            initial: &nominal,
+        };
+        match self {
+            Self::Genetic(config) => evolve_owned(&search, config, |_| Control::Continue),
+            Self::Differential(config) => differential_evolution_owned(&search, config, |_| Control::Continue),
+            Self::CmaEs(config) => cma_es_owned(&search, config, |_| Control::Continue),
+        }
+    }
+}
+
+/// [0, 1] in every component of the fault vector.
+fn unit_box() -> Bounds<FAULT_COUNT> {
+    box_of([0.0; FAULT_COUNT], [1.0; FAULT_COUNT])
+}
+
+struct LeastSquares<'a> {
+    comparison: Comparison<'a>,
+    bounds: Bounds<FAULT_COUNT>,
+}
+
+impl Objective<FAULT_COUNT> for LeastSquares<'_> {
+    fn bounds(&self) -> &Bounds<FAULT_COUNT> {
+        &self.bounds
+    }
+
+    fn cost(&self, genes: &[f64; FAULT_COUNT]) -> f64 {
+        let mut cost = [0.0];
+        self.cost_batch(&[*genes], &mut cost);
+        cost[0]
+    }
+
+    fn cost_batch(&self, genes: &[[f64; FAULT_COUNT]], costs: &mut [f64]) {
+        // Lanes that a short last batch leaves over run the first individual again.
+        let of = |lane: usize| genes.get(lane).or(genes.first()).copied().unwrap_or([0.0; FAULT_COUNT]);
+        let unknowns = std::array::from_fn(|lane| self.comparison.with_fault(FaultVector::from_array(of(lane))));
+        for (slot, cost) in costs.iter_mut().zip(self.comparison.rank(&unknowns)) {
+            *slot = cost;
+        }
+    }
+
+    fn batch_size(&self) -> usize {
+        RANK_LANES
+    }
+}
+
+/// The paper's fitness function.
+pub(super) struct PaperCost<'a> {
+    comparison: Comparison<'a>,
+    bounds: Bounds<FAULT_COUNT>,
+    time_scale: f64,
+}
+
+impl<'a> PaperCost<'a> {
+    /// The derivative is made dimensionless by the electrical time constant over the rated current.
+    pub(super) fn new(comparison: Comparison<'a>, params: &ActuatorParams) -> Self {
+        let time_scale = params.motor.l_s / params.motor.r_s / params.motor.i_max;
+        Self {
+            comparison,
+            bounds: unit_box(),
+            time_scale,
+        }
+    }
+}
+
+impl Objective<FAULT_COUNT> for PaperCost<'_> {
+    fn bounds(&self) -> &Bounds<FAULT_COUNT> {
+        &self.bounds
+    }
+
+    fn cost(&self, genes: &[f64; FAULT_COUNT]) -> f64 {
+        let unknowns = self.comparison.with_fault(FaultVector::from_array(*genes));
+        self.comparison.modified_total_least_squares(&unknowns, self.time_scale)
+    }
+}

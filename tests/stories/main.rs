@@ -50,6 +50,27 @@ fn a_healthy_actuator_is_nominal() {
 }
 
 #[test]
+fn a_motor_off_its_type_is_healthy_all_the_same() {
+    for (seed, resistance, back_emf) in [(4, 0.05, -0.03), (5, -0.05, 0.03), (6, 0.0, -0.03)] {
+        let mut scenario = unit(FaultVector::NOMINAL, seed);
+        scenario.unit.motor.r_s *= 1.0 + resistance;
+        scenario.unit.motor.k *= 1.0 + back_emf;
+        let health = watch(frames(&scenario, 0)).window().health.clone();
+        assert_eq!(health.health, "nominal", "seed {seed}: {health:?}");
+        let estimate = health.estimate().expect("an estimate");
+        for p in [0, 1, 2, 3, 4, 5] {
+            let sigma = estimate.sigma[p].expect("observable");
+            assert!(
+                estimate.k[p] < 3.0 * sigma,
+                "seed {seed}, k{}: {} ± {sigma}",
+                p + 1,
+                estimate.k[p]
+            );
+        }
+    }
+}
+
+#[test]
 fn each_fault_is_named_from_one_window() {
     for (fault, k, seed) in [
         ("friction", 0.25, 11),

@@ -96,11 +96,17 @@ pub struct Estimate {
 /// 5.5 to 6.3 with 100 mA.
 const UNMODELLED_COST: f64 = 15.0;
 
+/// Whether a cost says that the data are of something the monitor does not know.
+#[must_use]
+pub fn is_unmodelled(cost: f64) -> bool {
+    cost.is_nan() || cost > UNMODELLED_COST
+}
+
 impl Estimate {
     /// Whether the fit is so bad that the data, though good, are of something the monitor does not know.
     #[must_use]
     pub fn is_unmodelled(&self) -> bool {
-        self.cost.is_nan() || self.cost > UNMODELLED_COST
+        is_unmodelled(self.cost)
     }
 
     /// One standard deviation of each damage (see [`FaultVector::damage`]); infinite where the window shows nothing.

@@ -19,6 +19,7 @@ use crate::identify::{Estimate, Fit, Identifier, Method, Population};
 use crate::outliers::identify_without_outliers;
 use crate::record;
 use crate::seed::mix;
+use crate::unit::{UnitCalibration, UnitError};
 use crate::window::Verdict;
 use records::{dominant_fault, health_record, window_record};
 use types::KnownType;
@@ -40,6 +41,9 @@ pub enum JudgeError {
         /// The form of the file.
         found: MonitorForm,
     },
+    /// A unit's calibration is unusable.
+    #[error(transparent)]
+    Unit(#[from] UnitError),
     /// The search's settings contradict each other.
     #[error("identification: {0}")]
     Search(#[from] SearchError),
@@ -55,6 +59,7 @@ pub struct Judge {
     method: Method,
     seed: u64,
     types: BTreeMap<String, KnownType>,
+    motors: BTreeMap<String, MotorKnowledge>,
     units: BTreeMap<String, Health>,
     counts: WindowCounts,
 }
@@ -93,6 +98,7 @@ impl Judge {
             method,
             seed,
             types: BTreeMap::new(),
+            motors: BTreeMap::new(),
             units: BTreeMap::new(),
             counts: WindowCounts::default(),
         }
@@ -117,20 +123,15 @@ impl Judge {
             _ if !job.window.verdict.is_fit() => reasons.push(job.window.verdict.to_string()),
             Err(absurd) => reasons.push(absurd),
             Ok(conditions) => {
-                let known = self.known_type(&job.actuator)?.clone();
-                let identifier = Identifier {
-                    params: job.params,
-                    calibration: known.calibration,
-                    method: self.method,
-                    motor: TYPE_TOLERANCE,
-                };
+                let calibrated = self.known_type(&job.actuator)?.calibrated;
+                let identifier = self.of_job(&job)?;
                 let seed = mix(self.seed, &[name_hash(&job.actuator.name), job.window.number]);
                 let (prepared, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, seed)?;
                 fit = identifier.fit(&prepared, conditions, &estimate);
                 if let Verdict::Degraded(handicaps) = &job.window.verdict {
                     reasons.extend(handicaps.iter().map(ToString::to_string));
                 }
-                if !known.calibrated {
+                if !calibrated {
                     reasons.push(format!(
                         "type {} is not calibrated",
                         identifier.calibration.actuator_type
@@ -203,6 +204,19 @@ impl Judge {
         }))
     }
 
+    /// The identifier for a window: its type's calibration, and what is known of its motor.
+    ///
+    /// # Errors
+    /// A calibration that cannot be used.
+    pub fn of_job(&mut self, job: &WindowJob) -> Result<Identifier, JudgeError> {
+        Ok(Identifier {
+            params: job.params,
+            calibration: self.known_type(&job.actuator)?.calibration.clone(),
+            method: self.method,
+            motor: self.motor(&job.actuator)?,
+        })
+    }
+
     fn known_type(&mut self, actuator: &ActuatorConfig) -> Result<&KnownType, JudgeError> {
         if !self.types.contains_key(&actuator.type_name) {
             let form = self.config.identification().monitor;
@@ -214,6 +228,19 @@ impl Judge {
             self.types.insert(actuator.type_name.clone(), known);
         }
         Ok(&self.types[&actuator.type_name])
+    }
+
+    /// What is known of an actuator's motor: what its own calibration says, else the type's tolerance.
+    fn motor(&mut self, actuator: &ActuatorConfig) -> Result<MotorKnowledge, JudgeError> {
+        let Some(path) = &actuator.calibration else {
+            return Ok(TYPE_TOLERANCE);
+        };
+        if let Some(known) = self.motors.get(&actuator.name) {
+            return Ok(*known);
+        }
+        let found = UnitCalibration::load(&self.config.resolve(path), &actuator.type_name)?.motor();
+        self.motors.insert(actuator.name.clone(), found);
+        Ok(found)
     }
 
     fn unit(&mut self, name: &str) -> Result<&mut Health, JudgeError> {
@@ -260,7 +287,7 @@ fn new_health(section: &HealthConfig) -> Result<Health, LevelsError> {
 /// What is known of a unit that nobody calibrated: resistance within ±5 % of its type and back-EMF within ±3 %, as the
 /// standard deviations of uniform distributions. A weak magnet looks much like three slightly shorted phases; estimated
 /// along, it is not mistaken for them, and what cannot be told apart widens their sigma.
-const TYPE_TOLERANCE: MotorKnowledge = MotorKnowledge {
+pub const TYPE_TOLERANCE: MotorKnowledge = MotorKnowledge {
     mean: MotorDeviation {
         resistance: 0.0,
         back_emf: 0.0,
@@ -272,7 +299,7 @@ const TYPE_TOLERANCE: MotorKnowledge = MotorKnowledge {
 ///
 /// # Errors
 /// A sentence when a measurement is beyond what the actuator can have been working with: then the sensor is bad.
-fn conditions(job: &WindowJob) -> Result<Conditions, String> {
+pub fn conditions(job: &WindowJob) -> Result<Conditions, String> {
     let motor = &job.params.motor;
     let v_dc = job.conditions.dc_link_v.unwrap_or(motor.v_dc);
     let [low, high] = DC_LINK_SHARES.map(|share| share * motor.v_dc);

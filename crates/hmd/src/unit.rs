@@ -3,6 +3,12 @@
 //! A motor's resistance and back-EMF coefficient differ from the type's by some percent. A weak magnet and three slightly
 //! shorted phases look the same in one window, so this has to be learnt while the actuator is known to be healthy.
 
+mod file;
+mod windows;
+
+pub use file::{UNIT_VERSION, UnitCalibration, UnitError};
+pub use windows::{WindowsError, windows_of};
+
 use ema_models::{
     Comparison, Coordinates, FaultVector, MOTOR_COORDINATES, MotorDeviation, MotorKnowledge, RANK_LANES, Scale,
     UNKNOWN_COUNT, Unknowns,

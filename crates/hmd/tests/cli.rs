@@ -837,3 +837,38 @@ fn a_compressed_log_and_a_damaged_only_chunk_are_named() {
         "{sentence}"
     );
 }
+
+#[test]
+fn a_unit_is_calibrated_from_healthy_windows_only() {
+    let folder = Folder::new();
+    folder.done("simulate --rate 400 --noise 0.05 --windows 5 --load 4 --seed 3 -o healthy.log");
+    folder.done("calibrate healthy.log -o unit.toml");
+    folder.write("hmd.toml", "[[actuator]]\nid = 0\ncalibration = \"unit.toml\"\n");
+    folder.done("check-config -c hmd.toml");
+    folder.done("simulate --rate 400 --noise 0.05 --seed 9 --fault short_b=0.2 -o worn.log");
+    let lines = folder.done("replay worn.log -c hmd.toml --json");
+    assert!(lines.contains("\"faults\":[\"short_b\"]"), "{lines}");
+
+    let refused = folder.hmd("calibrate worn.log -o no.toml");
+    assert_eq!(refused.code, 1);
+    assert!(
+        refused
+            .stderr
+            .contains("window 0: expected a healthy unit, found short_b"),
+        "{}",
+        refused.stderr
+    );
+    folder.write(
+        "other.toml",
+        "[[actuator]]\nid = 0\ntype = \"servo28\"\ncalibration = \"unit.toml\"\n",
+    );
+    let refused = folder.hmd("check-config -c other.toml");
+    assert_eq!(refused.code, 78);
+    assert!(
+        refused
+            .stderr
+            .contains("expected a unit of type servo28, found one of type bench"),
+        "{}",
+        refused.stderr
+    );
+}

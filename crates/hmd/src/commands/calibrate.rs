@@ -1,20 +1,32 @@
-//! `hmd calibrate`: the monitor against the reference.
+//! `hmd calibrate`: the monitor against the reference, or one motor from healthy windows of it.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 
 use super::{Exit, load_config, unknown_type, use_threads};
 use crate::calibrate::calibrate_type;
 use crate::calibration::MonitorForm;
-use crate::config::MONITOR_NAMES;
+use crate::config::{Config, MONITOR_NAMES};
+use crate::health::Health;
+use crate::identify::is_unmodelled;
+use crate::judge::{Judge, TYPE_TOLERANCE, conditions, judgement, levels};
+use crate::outliers::identify_without_outliers;
+use crate::unit::{UnitCalibration, fit_motor, windows_of};
 
-/// Calibrate the monitor.
+/// Calibrate the monitor for a type of actuator, or for one unit from logs in which it was healthy.
 #[derive(Debug, clap::Args)]
 pub struct Args {
+    /// Logs of one unit in health, five windows or more; without them --type.
+    #[arg(required_unless_present = "of_type")]
+    logs: Vec<PathBuf>,
     /// Calibrate a type of actuator: the monitor against the reference model.
-    #[arg(long = "type", required = true)]
+    #[arg(long = "type", conflicts_with = "logs")]
     of_type: bool,
+    /// Name of the unit, where the logs hold several.
+    #[arg(long, conflicts_with = "of_type")]
+    name: Option<String>,
     /// Calibration file to write.
     #[arg(short, long)]
     output: PathBuf,
@@ -41,6 +53,9 @@ pub struct Args {
 /// A bad configuration, or a file that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = load_config(args.config.as_deref())?;
+    if !args.of_type {
+        return unit(args, config);
+    }
     let Some(found) = config.actuator_type(&args.actuator) else {
         return Err(unknown_type(&args.actuator).into());
     };
@@ -55,6 +70,65 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     eprintln!(
         "faulty                        {:.5}    {:.5}",
         q.faulty_before_a2, q.faulty_after_a2
+    );
+    std::fs::write(&args.output, calibration.emit()).with_context(|| args.output.display().to_string())?;
+    Ok(Exit::Done)
+}
+
+/// Fits one motor to its healthy windows.
+fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
+    use_threads(args.threads.map(usize::from))?;
+    let config = Arc::new(config);
+    let levels = levels(config.health());
+    let mut jobs = windows_of(&args.logs, &config, args.name.as_deref())?;
+    let mut judge = Judge::new(config, args.seed);
+    let mut prepared = Vec::new();
+    for job in &mut jobs {
+        let mut identifier = judge.of_job(job)?;
+        identifier.motor = TYPE_TOLERANCE;
+        let conditions = conditions(job).map_err(anyhow::Error::msg)?;
+        let (window, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, args.seed)?;
+        let verdict = Health::new(levels, 1)?.update(0, Some(&judgement(&estimate)));
+        if !verdict.faults.is_empty() {
+            bail!(
+                "window {}: expected a healthy unit, found {}",
+                job.window.number,
+                verdict.faults.join(", ")
+            );
+        }
+        prepared.push((identifier, window, conditions));
+    }
+    let coefficients: Vec<_> = prepared
+        .iter()
+        .map(|(identifier, ..)| identifier.calibration.coefficients())
+        .collect();
+    let compared: Vec<_> = prepared
+        .iter()
+        .zip(&coefficients)
+        .map(|((identifier, window, conditions), coefficients)| {
+            identifier.comparison(window, coefficients, *conditions)
+        })
+        .collect();
+    let Some(fit) = fit_motor(&compared) else {
+        bail!("expected windows that tell of the motor, found none that do");
+    };
+    if is_unmodelled(fit.cost) {
+        bail!(
+            "expected windows of a healthy unit of type {}, found none of its motors explains them: cost {:.0}",
+            jobs[0].actuator.type_name,
+            fit.cost
+        );
+    }
+    let calibration = UnitCalibration::new(&jobs[0].actuator.type_name, jobs.len() as u32, &fit.motor);
+    eprintln!(
+        "{}: resistance {:+.2} % ± {:.2} %, back-EMF {:+.3} % ± {:.3} % of type {}, from {} windows",
+        jobs[0].actuator.name,
+        100.0 * calibration.resistance,
+        100.0 * calibration.resistance_sigma,
+        100.0 * calibration.back_emf,
+        100.0 * calibration.back_emf_sigma,
+        calibration.actuator_type,
+        calibration.windows
     );
     std::fs::write(&args.output, calibration.emit()).with_context(|| args.output.display().to_string())?;
     Ok(Exit::Done)

@@ -21,6 +21,7 @@ use anyhow::Context;
 use crate::calibration::TypeCalibration;
 use crate::config::{Config, ConfigError};
 use crate::judge::JudgeError;
+use crate::unit::UnitCalibration;
 
 /// How a verb ended; the number is the exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,6 +87,13 @@ fn check_calibrations(config: &Config) -> anyhow::Result<()> {
             Err(e) => Err(JudgeError::from(e)),
         };
         checked.with_context(|| format!("type.{name}.calibration"))?;
+    }
+    for actuator in config.actuators() {
+        if let Some(path) = &actuator.calibration {
+            UnitCalibration::load(&config.resolve(path), &actuator.type_name)
+                .map_err(JudgeError::from)
+                .with_context(|| format!("actuator.calibration of {}", actuator.name))?;
+        }
     }
     Ok(())
 }

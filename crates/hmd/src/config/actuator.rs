@@ -11,7 +11,15 @@ use super::ConfigError;
 use super::actuator_type::{ActuatorType, DEFAULT_TYPE};
 use super::reader::Section;
 
-const KEYS: &[&str] = &["name", "id", "bus", "type", "part_number", "serial_number"];
+const KEYS: &[&str] = &[
+    "name",
+    "id",
+    "bus",
+    "type",
+    "calibration",
+    "part_number",
+    "serial_number",
+];
 
 /// What [`is_name`] asks for, in words.
 pub(super) const NAME_EXPECTED: &str = "a name of 1 to 64 letters, digits, '_', '-' or '.'";
@@ -37,6 +45,8 @@ pub struct ActuatorConfig {
     /// Calibration of its type, as written in the file.
     #[serde(skip)]
     pub type_calibration: Option<PathBuf>,
+    /// Calibration of this very unit, as written in the file.
+    pub calibration: Option<PathBuf>,
     /// Part number, for the records.
     pub part_number: Option<String>,
     /// Serial number of the unit, for the records.
@@ -52,6 +62,7 @@ impl ActuatorConfig {
             type_name: type_name.to_owned(),
             params: found.params,
             type_calibration: found.calibration.clone(),
+            calibration: None,
             part_number: None,
             serial_number: None,
         }
@@ -78,6 +89,7 @@ impl ActuatorConfig {
             actuator.name = name;
         }
         actuator.bus = section.text("bus")?;
+        actuator.calibration = section.text("calibration")?.map(PathBuf::from);
         actuator.part_number = section.text("part_number")?;
         actuator.serial_number = section.text("serial_number")?;
         Ok(actuator)

@@ -263,8 +263,8 @@ fn refusals_say_where_what_and_why() {
             "hmd.toml:3: window.longest_gap_ms: expected from 0 to 21 at 2000 samples/s, found 22",
         ),
         (
-            "[[actuator]]\nid = 0\ncalibration = \"a.toml\"",
-            "hmd.toml:3: actuator[0].calibration: unknown key; known here: name, id, bus, type, part_number, serial_number",
+            "[[actuator]]\nid = 0\ncalibrated = \"a.toml\"",
+            "hmd.toml:3: actuator[0].calibrated: unknown key; did you mean calibration?",
         ),
         (
             "[window]\nduration_ms = 99999999999999999999",

@@ -107,7 +107,9 @@ fn curves(
         .y_labels(4)
         .x_label_formatter(&|t| format!("{:.0} ms", 1e3 * t))
         .draw()?;
-    for (name, values, color, width) in [("measured", measured, MEASURED, 5), ("fitted", fitted, FITTED, 1)] {
+    // Broad under thin, so that both are seen where they lie on each other; alone a curve is thin.
+    let broad = if fitted.is_empty() { 1 } else { 5 };
+    for (name, values, color, width) in [("measured", measured, MEASURED, broad), ("fitted", fitted, FITTED, 1)] {
         if values.is_empty() {
             continue;
         }

@@ -163,14 +163,18 @@ impl Comparison<'_> {
     /// where the earlier angle was filled in.
     #[inline(always)]
     fn run<R: Real>(&self, monitor: &Monitor<R>, mut visit: impl FnMut(usize, Signals<R>)) {
-        let Recording { samples, initial } = &self.recording;
-        let Some(first) = samples.first() else { return };
+        let Recording {
+            samples,
+            drive,
+            initial,
+        } = &self.recording;
+        let Some(first) = drive.first() else { return };
         let rate = self.params.sensors.sample_rate;
         let span = (libm::round(rate * SPEED_SPAN) as usize).clamp(1, LONGEST_SPAN);
         let per_span = R::splat(rate / span as f64);
         let mut state = monitor.start(initial, first);
         let mut angles = [R::zero(); LONGEST_SPAN];
-        for (n, sample) in samples.iter().enumerate() {
+        for (n, (sample, now)) in samples.iter().zip(*drive).enumerate() {
             let output = monitor.output(&state);
             let theta_m = R::splat(sample.theta_m) - output.theta_m;
             let omega_m = if n < span || !samples[n - span].measured {
@@ -191,8 +195,8 @@ impl Comparison<'_> {
                     },
                 );
             }
-            let next = samples.get(n + 1).unwrap_or(sample);
-            monitor.sample(&mut state, initial, sample, next);
+            let next = drive.get(n + 1).unwrap_or(now);
+            monitor.sample(&mut state, initial, now, next);
         }
     }
 

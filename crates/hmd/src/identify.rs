@@ -161,20 +161,12 @@ impl Prepared {
         Self { samples, initial }
     }
 
-    /// Other samples with the same initial state.
-    #[must_use]
-    pub fn with_samples(&self, samples: Vec<ComparedSample>) -> Self {
-        Self {
-            samples,
-            initial: self.initial,
-        }
-    }
-
     /// The samples and their initial state.
     #[must_use]
     pub fn recording(&self) -> Recording<'_> {
         Recording {
             samples: &self.samples,
+            drive: &self.samples,
             initial: self.initial,
         }
     }
@@ -190,13 +182,26 @@ impl Identifier {
     pub fn identify(&self, window: &Prepared, conditions: Conditions, seed: u64) -> Result<Estimate, ConfigError> {
         let coefficients = self.calibration.coefficients();
         let all = self.comparison(window, &coefficients, conditions);
+        let (found, spent) = self.search(&all, seed)?;
+        Ok(match self.method {
+            Method::PaperGa(_) | Method::Population(_) => self.judge(&all, found, spent),
+            Method::LeastSquares | Method::Hybrid(_) => self.finish(&all, found, spent),
+        })
+    }
+
+    /// Where the search ends, and the monitor runs it spent.
+    ///
+    /// # Errors
+    /// As [`Identifier::identify`].
+    pub fn search(&self, all: &Comparison<'_>, seed: u64) -> Result<(Coordinates, u64), ConfigError> {
         let scale = Scale::new(&self.params);
-        match self.method {
+        let at = |genes| scale.coordinates(&all.with_fault(FaultVector::from_array(genes)));
+        Ok(match self.method {
             Method::PaperGa(config) => {
                 let alone = Comparison {
                     weights: Weights::CURRENT_ONLY,
                     feedback: Feedback::Simulated,
-                    ..all
+                    ..*all
                 };
                 let objective = PaperCost::new(alone, &self.params);
                 let search = Search {
@@ -206,25 +211,20 @@ impl Identifier {
                     initial: &[],
                 };
                 let found = evolve_owned(&search, &config, |_| Control::Continue)?;
-                let best = all.with_fault(FaultVector::from_array(found.genes));
-                Ok(self.judge(&all, scale.coordinates(&best), found.evaluations))
+                (at(found.genes), found.evaluations)
             }
             Method::Population(population) => {
-                let found = population.search(all, seed)?;
-                let best = all.with_fault(FaultVector::from_array(found.genes));
-                Ok(self.judge(&all, scale.coordinates(&best), found.evaluations))
+                let found = population.search(*all, seed)?;
+                (at(found.genes), found.evaluations)
             }
-            Method::LeastSquares => {
-                let (best, spent) = refine(&all, &starts(&all, &scale, &[FaultVector::NOMINAL]));
-                Ok(self.finish(&all, best, spent))
-            }
+            Method::LeastSquares => refine(all, &starts(all, &scale, &[FaultVector::NOMINAL])),
             Method::Hybrid(population) => {
-                let found = population.search(all, seed)?;
+                let found = population.search(*all, seed)?;
                 let faults = [FaultVector::from_array(found.genes), FaultVector::NOMINAL];
-                let (best, spent) = refine(&all, &starts(&all, &scale, &faults));
-                Ok(self.finish(&all, best, found.evaluations + spent))
+                let (best, spent) = refine(all, &starts(all, &scale, &faults));
+                (best, found.evaluations + spent)
             }
-        }
+        })
     }
 
     /// The comparison of one window, all signals with their weights.

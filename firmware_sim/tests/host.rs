@@ -28,7 +28,7 @@ fn a_file_takes_the_whole_stream_and_link_faults_thin_it() {
     let packets = |more: &[&str]| {
         let status = firmware_sim().arg("-o").arg(&file).args(more).status();
         assert!(status.expect("the program runs").success());
-        let mut deframer: Deframer = Deframer::new();
+        let mut deframer = Deframer::new();
         let count = deframer.push_slice(&fs::read(&file).expect("its file")).count();
         (count, deframer.stats().dropped())
     };
@@ -79,7 +79,7 @@ fn a_pseudo_terminal_carries_samples_at_their_own_pace() {
             Err(e) => panic!("no pseudo-terminal: {e}"),
         }
     };
-    let (mut deframer, mut seqs): (Deframer, Vec<u16>) = (Deframer::new(), Vec::new());
+    let (mut deframer, mut seqs) = (Deframer::new(), Vec::new());
     let mut buffer = [0; 256];
     while seqs.len() < 200 {
         let got = line.read(&mut buffer).expect("the other end is open");

@@ -108,7 +108,7 @@ fn the_checksum_of_the_line_catches_every_flip() {
         flip: 0.05,
         ..LinkFaults::NONE
     };
-    let mut deframer: Deframer = Deframer::new();
+    let mut deframer = Deframer::new();
     let mut received = Vec::new();
     for frame in through(SerialFrames(packets()), flip, 5) {
         received.extend(deframer.push_slice(frame.what.bytes()));

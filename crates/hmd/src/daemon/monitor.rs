@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 
+use ema_wire::{DeframerStats, FrameFault};
 use tokio::sync::mpsc;
 
 use super::window_queue::WindowQueue;
@@ -27,6 +28,8 @@ pub(super) struct Monitor {
     links: BTreeMap<u16, LinkState>,
     /// Frames lost since the last tick, by bus and kind.
     fresh_losses: BTreeMap<(u16, LiveLoss), u64>,
+    /// What had come of the frames of each serial line at the last tick.
+    told: BTreeMap<u16, DeframerStats>,
     /// Windows dropped since the last tick.
     fresh_drops: u64,
     ticks: u64,
@@ -40,6 +43,7 @@ impl Monitor {
             pipeline,
             links: BTreeMap::new(),
             fresh_losses: BTreeMap::new(),
+            told: BTreeMap::new(),
             fresh_drops: 0,
             ticks: 0,
             store_raw,
@@ -176,6 +180,14 @@ impl Monitor {
             let message = format!("{name}: {frames} frames lost: {loss}");
             tell(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
         }
+        for (bus, stats) in self.pipeline.serial().collect::<Vec<_>>() {
+            let told = self.told.insert(bus, stats).unwrap_or_default();
+            if let Some(unreadable) = unreadable_since(told, stats) {
+                let name = self.names.name(bus).unwrap_or_default();
+                let message = format!("{name}: {unreadable}");
+                tell(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
+            }
+        }
         let windows = std::mem::take(&mut self.fresh_drops);
         if windows > 0 {
             let message = format!("{windows} windows dropped: identification does not keep up");
@@ -183,6 +195,25 @@ impl Monitor {
         }
         Ok(())
     }
+}
+
+/// The frames of a serial line that could not be read since then, by cause; `None` if there are none.
+fn unreadable_since(then: DeframerStats, now: DeframerStats) -> Option<String> {
+    let causes: [(FrameFault, fn(&DeframerStats) -> u64); 5] = [
+        (FrameFault::TooLong, |stats| stats.too_long),
+        (FrameFault::Cobs, |stats| stats.cobs),
+        (FrameFault::Crc, |stats| stats.crc),
+        (FrameFault::Version, |stats| stats.version),
+        (FrameFault::Decode, |stats| stats.decode),
+    ];
+    let fresh = causes.map(|(fault, count)| (count(&now) - count(&then), fault));
+    let said: Vec<String> = fresh
+        .iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, fault)| format!("{count} {fault}"))
+        .collect();
+    let frames: u64 = fresh.iter().map(|(count, _)| count).sum();
+    (frames > 0).then(|| format!("{frames} frames lost: {}", said.join(", ")))
 }
 
 fn tell(notice: &Notice, level: LogLevel, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {

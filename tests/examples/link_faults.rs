@@ -35,6 +35,14 @@ fn main() {
             &watch(kind, LinkFaults::WORST, windows, seed, |_| None),
         );
         report(
+            &format!("{kind:?}, mild mix, healthy"),
+            &watch(kind, mild, windows, seed, |_| None),
+        );
+        report(
+            &format!("{kind:?}, mild mix, one fault"),
+            &watch(kind, mild, windows, seed, one_fault(seed)),
+        );
+        report(
             &format!("{kind:?}, 0.1 % drops, one fault"),
             &watch(kind, few_drops, windows, seed, one_fault(seed)),
         );

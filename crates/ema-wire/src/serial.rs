@@ -140,6 +140,11 @@ pub enum FrameFault {
     Decode,
 }
 
+impl FrameFault {
+    /// All of them, in the order of the layers.
+    pub const ALL: [Self; 5] = [Self::TooLong, Self::Cobs, Self::Crc, Self::Version, Self::Decode];
+}
+
 impl fmt::Display for FrameFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
@@ -187,6 +192,18 @@ impl DeframerStats {
             Err(FrameFault::Decode) => &mut self.decode,
         };
         *count += 1;
+    }
+
+    /// Frames dropped for this reason.
+    #[must_use]
+    pub const fn dropped_for(&self, fault: FrameFault) -> u64 {
+        match fault {
+            FrameFault::TooLong => self.too_long,
+            FrameFault::Cobs => self.cobs,
+            FrameFault::Crc => self.crc,
+            FrameFault::Version => self.version,
+            FrameFault::Decode => self.decode,
+        }
     }
 
     /// All dropped frames.

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use ema_wire::DeframerStats;
+use ema_wire::{DeframerStats, FrameFault};
 
 use crate::bus_state::BusStates;
 use crate::config::Config;
@@ -135,7 +135,7 @@ impl Pipeline {
     #[must_use]
     pub fn status(&self, names: &BusNames, windows: WindowCounts) -> Status {
         let (frames, losses) = (self.frames(), &self.losses);
-        let of_serial = |count: fn(&DeframerStats) -> u64| self.serial().map(|(_, stats)| count(&stats)).sum();
+        let unreadable = |fault| self.serial().map(|(_, stats)| stats.dropped_for(fault)).sum();
         let (mut samples, mut missing) = (0, 0);
         for (_, delivered, lost) in self.front.iter().flat_map(Front::actuators) {
             samples += delivered;
@@ -148,11 +148,11 @@ impl Pipeline {
             frames_error: frames.error,
             samples,
             lost_unreadable: losses.unreadable + frames.unreadable,
-            unreadable_too_long: of_serial(|stats| stats.too_long),
-            unreadable_cobs: of_serial(|stats| stats.cobs),
-            unreadable_crc: of_serial(|stats| stats.crc),
-            unreadable_version: of_serial(|stats| stats.version),
-            unreadable_decode: of_serial(|stats| stats.decode),
+            unreadable_too_long: unreadable(FrameFault::TooLong),
+            unreadable_cobs: unreadable(FrameFault::Cobs),
+            unreadable_crc: unreadable(FrameFault::Crc),
+            unreadable_version: unreadable(FrameFault::Version),
+            unreadable_decode: unreadable(FrameFault::Decode),
             lost_damaged: losses.damaged,
             lost_socket_queue: losses.socket_queue,
             lost_samples: missing,

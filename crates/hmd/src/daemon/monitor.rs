@@ -199,14 +199,7 @@ impl Monitor {
 
 /// The frames of a serial line that could not be read since then, by cause; `None` if there are none.
 fn unreadable_since(then: DeframerStats, now: DeframerStats) -> Option<String> {
-    let causes: [(FrameFault, fn(&DeframerStats) -> u64); 5] = [
-        (FrameFault::TooLong, |stats| stats.too_long),
-        (FrameFault::Cobs, |stats| stats.cobs),
-        (FrameFault::Crc, |stats| stats.crc),
-        (FrameFault::Version, |stats| stats.version),
-        (FrameFault::Decode, |stats| stats.decode),
-    ];
-    let fresh = causes.map(|(fault, count)| (count(&now) - count(&then), fault));
+    let fresh = FrameFault::ALL.map(|fault| (now.dropped_for(fault) - then.dropped_for(fault), fault));
     let said: Vec<String> = fresh
         .iter()
         .filter(|(count, _)| *count > 0)

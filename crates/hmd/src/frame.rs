@@ -89,7 +89,7 @@ pub enum FrameError {
         max: u32,
     },
     /// No such data length exists.
-    #[error("a {} frame cannot carry {got} data bytes", if *fd { "CAN FD" } else { "classic CAN or serial" })]
+    #[error("a {} frame cannot carry {got} data bytes", if *fd { "CAN FD" } else { "classic CAN" })]
     Length {
         /// Length received.
         got: usize,

@@ -32,16 +32,6 @@ message! {
         lost_windows: u64 = 17 uint64;
         /// Losses: frames that came after a newer sample of their actuator had begun, or in a log given after a later one.
         lost_late: u64 = 18 uint64;
-        /// Of the unreadable: serial frames longer than any packet.
-        unreadable_too_long: u64 = 41 uint64;
-        /// Of the unreadable: serial frames that are no COBS.
-        unreadable_cobs: u64 = 42 uint64;
-        /// Of the unreadable: serial frames with a wrong CRC.
-        unreadable_crc: u64 = 43 uint64;
-        /// Of the unreadable: serial frames of another version.
-        unreadable_version: u64 = 44 uint64;
-        /// Of the unreadable: serial frames whose CRC is right and whose content is no packet.
-        unreadable_decode: u64 = 45 uint64;
         /// Windows with status `ok`.
         windows_ok: u64 = 21 uint64;
         /// Windows with status `degraded`.
@@ -56,6 +46,16 @@ message! {
         bus_state: Vec<String> = 32 string repeated;
         /// Link, live only: `up`, `down` or `missing`.
         link: Vec<String> = 33 string repeated;
+        /// Of the unreadable: serial frames longer than any packet.
+        unreadable_too_long: u64 = 41 uint64;
+        /// Of the unreadable: serial frames that are no COBS.
+        unreadable_cobs: u64 = 42 uint64;
+        /// Of the unreadable: serial frames with a wrong CRC.
+        unreadable_crc: u64 = 43 uint64;
+        /// Of the unreadable: serial frames of another version.
+        unreadable_version: u64 = 44 uint64;
+        /// Of the unreadable: serial frames whose CRC is right and whose content is no packet.
+        unreadable_decode: u64 = 45 uint64;
     }
 }
 

@@ -105,8 +105,10 @@ impl Tally {
             return;
         };
         if health.estimate().is_none() {
-            let reason = health.reason.split(':').next().unwrap_or_default();
-            *self.reasons.entry(format!("{}: {reason}", health.status)).or_default() += 1;
+            // Of an invalid window the reason begins with its kind; an unmodelled one has no other.
+            let kind = health.reason.split(':').next().filter(|_| health.status == "invalid");
+            let reason = kind.map_or(health.status.clone(), |kind| format!("invalid: {kind}"));
+            *self.reasons.entry(reason).or_default() += 1;
             return;
         }
         self.judged += 1;

@@ -139,7 +139,9 @@ fn garbage_and_a_pulled_plug_cost_what_they_touch_and_replay_tells_the_same() {
         ),
         (1, 0, 0)
     );
-    assert_eq!(status.unreadable_cobs + status.unreadable_crc, 3, "{status:?}");
+    // The cut frame too, unless it was still in the kernel when the plug was pulled.
+    let damaged = status.unreadable_cobs + status.unreadable_crc;
+    assert!((2..=3).contains(&damaged), "{status:?}");
     lines.wait_for_notice(1, "frames lost: ");
     assert_eq!(status.link, ["up"]);
     assert_replay_is_equal(&log, &lines, &status);

@@ -28,6 +28,16 @@ fn config() -> Arc<Config> {
 
 /// Runs the daemon on the plug's path while `what` happens at the other end.
 fn watching(plug: &Plug, output: &Path, lines: &Lines, what: impl FnOnce()) -> Status {
+    running(plug, output, lines, Some((config(), SEED)), what)
+}
+
+fn running(
+    plug: &Plug,
+    output: &Path,
+    lines: &Lines,
+    watch: Option<(Arc<Config>, u64)>,
+    what: impl FnOnce(),
+) -> Status {
     let config = config();
     let rate = config.serial("uart1").unwrap().bitrate_bit_s;
     let daemon = Daemon {
@@ -36,7 +46,7 @@ fn watching(plug: &Plug, output: &Path, lines: &Lines, what: impl FnOnce()) -> S
             LiveSource::Serial(SerialSource::new(plug.path(), rate)),
         )],
         recorder: Some(Recorder::create(output, &metadata(&config, "test", SEED)).unwrap()),
-        watch: Some((config, SEED)),
+        watch,
     };
     let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
     std::thread::scope(|scope| {
@@ -229,4 +239,30 @@ fn a_daemon_that_was_restarted_joins_the_line_and_loses_nothing() {
         // Nobody listens meanwhile.
         device.play(&plug, Duration::from_millis(200));
     }
+}
+
+#[test]
+fn a_capture_of_a_line_is_judged_later() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut plug, log, lines) = (
+        Plug::new(folder.path()),
+        folder.path().join("raw.mcap"),
+        Lines::default(),
+    );
+    plug.plug();
+    let status = running(&plug.clone_path(), &log, &lines, None, || {
+        lines.wait_for_notice(1, "uart1: up");
+        Device::start(1).play(&plug, Duration::from_millis(600));
+        plug.write(b"\x05abc\0");
+        // Until it has been read: nothing tells.
+        std::thread::sleep(Duration::from_millis(200));
+    });
+    let (judged, replayed) = replayed(&log);
+    assert_eq!((lines.health().len(), judged.judged()), (0, 1), "{status:?}");
+    assert_eq!(replayed.frames_received, status.frames_received);
+    assert_eq!(
+        (status.lost_unreadable, replayed.lost_unreadable),
+        (0, 1),
+        "a capture decodes nothing"
+    );
 }

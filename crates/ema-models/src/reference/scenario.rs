@@ -35,20 +35,26 @@ impl Actuations {
         }
     }
 
+    /// Time from one actuation to the next, s.
+    #[must_use]
+    pub fn period(&self) -> f64 {
+        self.length + self.rest
+    }
+
     /// Duration of the whole series, s.
     #[must_use]
     pub fn duration(&self) -> f64 {
-        self.rest + f64::from(self.count) * (self.length + self.rest)
+        self.rest + f64::from(self.count) * self.period()
     }
 
     /// Commanded angle at time t relative to the first rest position, rad, for a first direction `sign`.
     fn angle(&self, t: f64, sign: f64) -> f64 {
-        let cycle = self.length + self.rest;
+        let cycle = self.period();
         let since_first = t - self.rest;
         if since_first < 0.0 {
             return 0.0;
         }
-        let done = ((since_first / cycle).floor()).min(f64::from(self.count) - 1.0);
+        let done = libm::floor(since_first / cycle).min(f64::from(self.count) - 1.0);
         let travel = self.profile.angle(self.length);
         // Directions alternate, so after an odd number of actuations one travel is left over.
         let base = if done % 2.0 == 0.0 { 0.0 } else { sign * travel };
@@ -111,8 +117,8 @@ impl Scenario {
             rest_angle: count(theta_out, lsb) as f64 * lsb,
             sign,
             seq: 0,
-            samples: (self.actuations.duration() * self.nominal.sensors.sample_rate).round() as u64,
-            steps_per_sample: (1.0 / (self.nominal.sensors.sample_rate * REFERENCE_STEP)).round() as u64,
+            samples: libm::round(self.actuations.duration() * self.nominal.sensors.sample_rate) as u64,
+            steps_per_sample: libm::round(1.0 / (self.nominal.sensors.sample_rate * REFERENCE_STEP)) as u64,
             rng,
         }
     }
@@ -138,6 +144,18 @@ impl ScenarioRun {
     pub fn state(&self) -> &ReferenceState {
         &self.state
     }
+
+    /// The unit is in another state of wear from now on; its motion goes on.
+    pub fn wear(&mut self, fault: FaultVector) {
+        let Scenario {
+            nominal,
+            unit,
+            load_torque,
+            ..
+        } = &self.scenario;
+        self.reference = Reference::new(unit, nominal, &fault, *load_torque);
+        self.scenario.fault = fault;
+    }
 }
 
 impl Iterator for ScenarioRun {
@@ -150,7 +168,7 @@ impl Iterator for ScenarioRun {
         let sensors = &self.scenario.nominal.sensors;
         let t = self.seq as f64 / sensors.sample_rate;
         let commanded = self.rest_angle + self.scenario.actuations.angle(t, self.sign);
-        let setpoint = Setpoint::Position((commanded / SETPOINT_LSB).round() * SETPOINT_LSB);
+        let setpoint = Setpoint::Position(libm::round(commanded / SETPOINT_LSB) * SETPOINT_LSB);
         let sample = SensedSample {
             seq: self.seq,
             currents: self.scenario.sensing.read(sensors, self.state.i, &mut self.rng),

@@ -4,6 +4,7 @@
 
 mod bench;
 mod link;
+mod onboard;
 
 use bench::{frames, unit, watch, watch_all};
 use ema_models::FaultVector;

@@ -13,7 +13,7 @@ use ema_models::{
 use crate::calibration::TypeCalibration;
 use crate::turns::align;
 use population::PaperCost;
-use refine::{FINE_STEP, data_variance, descend, hold_known_motor, refine, starts};
+use refine::{FINE_STEP, data_variance, descend, refine, starts};
 pub use refine::{bound, pull_from, refine_from};
 
 /// How the fault vector is searched. `docs/search.md` compares them.
@@ -285,7 +285,9 @@ impl Identifier {
         let unknowns = scale.unknowns(&at);
         // The point may lie outside the disc of eccentricities; what is judged is what is reported.
         let at = scale.coordinates(&unknowns);
-        let normal = hold_known_motor(comparison.normal_equations(&at, FINE_STEP), &comparison.prior.motor);
+        let normal = comparison
+            .normal_equations(&at, FINE_STEP)
+            .holding_known_motor(&comparison.prior.motor);
         let fault = unknowns.fault;
         let (mut current, mut n) = (0.0, 0.0_f64);
         comparison.residuals(&unknowns, |_, r| {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub const FAULTS: usize = 7;
 
 /// Where each fault stands in the fault vector.
-const INDEX: [usize; FAULTS] = [0, 1, 2, 3, 4, 5, 7];
+pub(crate) const INDEX: [usize; FAULTS] = [0, 1, 2, 3, 4, 5, 7];
 
 /// Name of a fault, by its number 0…6: friction, backlash, short_a, short_b, short_c, eccentricity, gain.
 #[must_use]

@@ -13,6 +13,7 @@ mod health;
 mod identification;
 mod params;
 mod reader;
+mod rul;
 mod spelling;
 mod window;
 
@@ -22,6 +23,7 @@ pub use bus::{BusConfig, BusLoad, LOAD_MAX};
 pub use error::ConfigError;
 pub use health::{HealthConfig, HealthLevels};
 pub use identification::{IdentificationConfig, MONITOR_NAMES, SearchMethod};
+pub use rul::{HoursOf, RulConfig};
 pub use window::WindowConfig;
 
 use std::collections::BTreeMap;
@@ -45,6 +47,7 @@ pub struct Config {
     window: WindowConfig,
     identification: IdentificationConfig,
     health: HealthConfig,
+    rul: RulConfig,
     output: OutputConfig,
     bus: BusConfig,
     /// Where relative paths start. Not part of the hash: moving a configuration does not change it.
@@ -82,6 +85,7 @@ impl Config {
         "window",
         "identification",
         "health",
+        "rul",
         "output",
         "bus",
     ];
@@ -138,6 +142,7 @@ impl Config {
             window,
             identification: IdentificationConfig::read(&root.section("identification", IdentificationConfig::KEYS)?)?,
             health: HealthConfig::read(&root.section("health", HealthConfig::KEYS)?)?,
+            rul: RulConfig::read(&root.section("rul", RulConfig::KEYS)?)?,
             output: OutputConfig::read(&root.section("output", OutputConfig::KEYS)?)?,
             bus: BusConfig::read(&root.section("bus", BusConfig::KEYS)?)?,
             directory: parent(Path::new(file_name)),
@@ -227,6 +232,12 @@ impl Config {
     #[must_use]
     pub fn health(&self) -> &HealthConfig {
         &self.health
+    }
+
+    /// Section `[rul]`.
+    #[must_use]
+    pub fn rul(&self) -> &RulConfig {
+        &self.rul
     }
 
     /// Section `[output]`.

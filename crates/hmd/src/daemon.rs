@@ -24,10 +24,11 @@ use tokio::task::JoinSet;
 
 use crate::config::Config;
 use crate::frame::{BusError, BusNames};
+use crate::front::Notice;
 use crate::ingest::live::{Feed, Input, LiveSource, QUEUE_INPUTS, now_ns};
 use crate::judge::{Judge, JudgeError, Judged, WindowCounts};
 use crate::pipeline::Pipeline;
-use crate::record::Status;
+use crate::record::{LogLevel, Status};
 use crate::recorder::{RecordError, Recorder};
 use monitor::Monitor;
 pub use window_queue::QUEUE_WINDOWS;
@@ -185,11 +186,24 @@ fn judge_all(
     shared: &Mutex<Shared>,
     observer: &impl Observer,
 ) -> Result<(), DaemonError> {
+    judge.lives().keep();
     while let Some(job) = windows.pop() {
+        // Events may have come since the last window; the file is short. One that is damaged does not end the watch.
+        let events = judge.follow_events().err().map(|error| error.to_string());
         let judged = judge.judge(job)?;
         observer.judged(&judged).map_err(DaemonError::Stdout)?;
+        let saved = judge.lives().save(&judged.health.actuator);
+        let troubles = events.into_iter().chain(saved.err().map(|error| error.to_string()));
+        let notices: Vec<String> = judge.lives().take_notices().into_iter().chain(troubles).collect();
         let mut shared = lock(shared);
         shared.windows = judge.counts();
+        for message in notices {
+            observer.notice(&message);
+            if let Some(recorder) = &mut shared.recorder {
+                let stamp_ns = judged.health.t_start_ns;
+                recorder.notice(&Notice { stamp_ns, message }, LogLevel::Warning)?;
+            }
+        }
         if let Some(recorder) = &mut shared.recorder {
             recorder.judged(&judged)?;
         }

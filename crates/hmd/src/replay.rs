@@ -116,9 +116,11 @@ impl Replay<'_> {
             Some(path) => Some(self.create(path)?),
             None => None,
         };
+        let mut judge = Judge::new(self.config.clone(), self.seed);
+        judge.follow_events()?;
         let mut run = Run {
             pipeline: Pipeline::new(self.config.clone()),
-            judge: Judge::new(self.config.clone(), self.seed),
+            judge,
             recorder,
             observer,
             windows: 0,
@@ -213,6 +215,10 @@ impl<O: Observer> Run<'_, O> {
                 continue;
             }
             let judged = self.judge.judge(job)?;
+            for message in self.judge.lives().take_notices() {
+                let stamp_ns = judged.health.t_start_ns;
+                self.notice(&Notice { stamp_ns, message }, LogLevel::Info)?;
+            }
             if let Some(recorder) = &mut self.recorder {
                 recorder.judged(&judged)?;
             }

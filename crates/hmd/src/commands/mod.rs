@@ -5,6 +5,7 @@ pub mod calibrate;
 pub mod check_config;
 pub mod demo;
 pub mod evaluate;
+pub mod event;
 mod live;
 mod progress;
 pub mod record;

@@ -113,6 +113,15 @@ impl Prognosis {
         std::array::from_fn(|fault| self.trends[fault].end_of_life)
     }
 
+    /// The same trends to other ends.
+    #[must_use]
+    pub(crate) fn with_end_of_life(mut self, end_of_life: [f64; FAULTS]) -> Self {
+        for (trend, damage) in self.trends.iter_mut().zip(end_of_life) {
+            trend.end_of_life = damage;
+        }
+        self
+    }
+
     /// Use so far.
     #[must_use]
     pub fn now(&self) -> Odometer {

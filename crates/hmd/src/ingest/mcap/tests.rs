@@ -307,7 +307,7 @@ fn write_a_sample() {
         health.set_damage([some; 7]);
         health.set_faults(&["friction", "gain"]);
         sink.write(t_end_ns, &health).unwrap();
-        let rul = Rul {
+        let mut rul = Rul {
             actuator: actuator(),
             window,
             t_start_ns,
@@ -321,7 +321,12 @@ fn write_a_sample() {
             rul_p90_cycles: Some(30.0),
             dominant_fault: "friction".to_owned(),
             reason: "all fields".to_owned(),
+            operating_work_j: some,
+            failure_probability: some,
+            horizon_h: some,
+            ..Rul::default()
         };
+        rul.set_faults([Some(([1.0, 2.0, 3.0], 0.5)); 7]);
         sink.write(t_end_ns, &rul).unwrap();
         sink.flush_window().unwrap();
     }

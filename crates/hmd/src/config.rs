@@ -14,6 +14,7 @@ mod identification;
 mod params;
 mod reader;
 mod rul;
+mod specification;
 mod spelling;
 mod window;
 
@@ -24,6 +25,7 @@ pub use error::ConfigError;
 pub use health::{HealthConfig, HealthLevels};
 pub use identification::{IdentificationConfig, MONITOR_NAMES, SearchMethod};
 pub use rul::{HoursOf, RulConfig};
+pub use specification::Specification;
 pub use window::WindowConfig;
 
 use std::collections::BTreeMap;

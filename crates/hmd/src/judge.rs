@@ -8,14 +8,15 @@ use std::sync::Arc;
 
 use ema_ga::ConfigError as SearchError;
 use ema_ga::GaConfig;
-use ema_models::{Conditions, FAULT_COUNT, MotorDeviation, MotorKnowledge, Scale};
+use ema_models::{Conditions, FAULT_COUNT, FaultVector, MotorDeviation, MotorKnowledge, Scale};
 
 use crate::calibration::{CalibrationError, MonitorForm};
 use crate::config::{ActuatorConfig, Config, HealthConfig, IdentificationConfig, SearchMethod};
 use crate::front::WindowJob;
+use crate::function::shortfall;
 use crate::health::{FAULTS, Judgement, Levels, LevelsError};
 use crate::identify::{Estimate, Fit, Identifier, Method, Population};
-use crate::life::{EventError, Lives, events_of};
+use crate::life::{EventError, Lives, Shown, events_of};
 use crate::outliers::identify_without_outliers;
 use crate::record;
 use crate::seed::mix;
@@ -177,12 +178,18 @@ impl Judge {
             _ => self.counts.invalid += 1,
         }
         let config = self.config.clone();
-        let decision = self.lives.at(&job.actuator, job.window.t_start_ns)?.update(
-            &job,
-            explained.map(judgement).as_ref(),
-            &fit,
-            &config,
-        );
+        let specification = job.actuator.specification;
+        let coefficients = self.known_type(&job.actuator)?.calibration.coefficients();
+        let falls_short = |fault: &FaultVector| shortfall(&job.params, &coefficients, &specification, fault);
+        let judged = explained.map(judgement);
+        let shown = Shown {
+            judgement: judged.as_ref(),
+            fault: explained.map(|estimate| &estimate.fault),
+            fit: &fit,
+            shortfall: specification.is_set().then_some(&falls_short as _),
+        };
+        let life = self.lives.at(&job.actuator, job.window.t_start_ns)?;
+        let decision = life.update(&job, &shown, &config);
         let reason = reasons.join("; ");
         Ok(Judged {
             window: window_record(&job, status, &reason, fit),

@@ -17,6 +17,7 @@ pub mod daemon;
 pub mod evaluate;
 pub mod frame;
 pub mod front;
+pub mod function;
 pub mod health;
 pub mod identify;
 pub mod ingest;

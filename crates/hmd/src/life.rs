@@ -3,13 +3,16 @@
 
 mod book;
 mod events;
+mod functional;
 mod state;
 mod urgency;
 
+use ema_models::{FAULT_COUNT, FaultVector};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{Config, HoursOf};
 use crate::front::WindowJob;
+use crate::function::Trial;
 use crate::health::{FAULTS, Health, HealthDecision, HealthState, Judgement, LevelsError};
 use crate::identify::Fit;
 use crate::judge::{levels, persistence};
@@ -18,6 +21,7 @@ use urgency::Urgency;
 
 pub use book::{Lives, events_of};
 pub use events::{Event, EventError, EventKind, append};
+pub use functional::Governs;
 pub use state::StateError;
 
 /// Everything that is remembered of an actuator from window to window.
@@ -34,6 +38,21 @@ pub struct Life {
     /// Actuations whose work is known, in `used.work_j`; the others are taken to be like them.
     measured: Measured,
     last: Option<Last>,
+    /// The newest fault vector.
+    fault: Option<[f64; FAULT_COUNT]>,
+}
+
+/// What a window shows of an actuator.
+#[derive(Clone, Copy)]
+pub struct Shown<'a> {
+    /// Its damage, if it was judged.
+    pub judgement: Option<&'a Judgement>,
+    /// Its fault vector, if it was judged.
+    pub fault: Option<&'a FaultVector>,
+    /// Currents and speeds, for the work done; empty where it was not identified.
+    pub fit: &'a Fit,
+    /// The requirement that a fault vector makes the actuator miss; `None` where nothing is required.
+    pub shortfall: Option<&'a Trial<'a>>,
 }
 
 /// Work that was measured.
@@ -60,6 +79,8 @@ pub struct LifeDecision {
     pub state: HealthState,
     /// What is left.
     pub forecast: Forecast,
+    /// What ends the life.
+    pub governs: Governs,
     /// Use so far.
     pub used: Odometer,
 }
@@ -80,6 +101,7 @@ impl Life {
             used: Odometer::default(),
             measured: Measured::default(),
             last: None,
+            fault: None,
         })
     }
 
@@ -106,26 +128,29 @@ impl Life {
         })
     }
 
-    /// Takes a window: what it shows, if it was judged.
-    pub fn update(
-        &mut self,
-        job: &WindowJob,
-        judgement: Option<&Judgement>,
-        fit: &Fit,
-        config: &Config,
-    ) -> LifeDecision {
-        self.count(job, fit, config.rul().hours);
+    /// Takes a window and what it shows.
+    pub fn update(&mut self, job: &WindowJob, shown: &Shown<'_>, config: &Config) -> LifeDecision {
+        self.count(job, shown.fit, config.rul().hours);
         let estimates: [Option<(f64, f64)>; FAULTS] =
-            std::array::from_fn(|fault| judgement.and_then(|judgement| judgement.of(fault)));
+            std::array::from_fn(|fault| shown.judgement.and_then(|judgement| judgement.of(fault)));
         self.prognosis.update(self.used, &estimates);
-        let forecast = self.prognosis.forecast(config.rul().horizon_h);
-        let health = self.health.update(job.window.number, judgement);
+        let mut forecast = self.prognosis.forecast(config.rul().horizon_h);
+        self.fault = shown.fault.map(|fault| fault.to_array()).or(self.fault);
+        let governs = match (shown.shortfall, self.fault) {
+            (Some(shortfall), Some(fault)) => {
+                let fault = FaultVector::from_array(fault);
+                functional::bring_forward(&mut forecast, &self.prognosis, &fault, shortfall)
+            }
+            _ => Governs::Damage,
+        };
+        let health = self.health.update(job.window.number, shown.judgement);
         let left_h = forecast.actuator.ok().map(|life| life.hours.p10);
         let urgent = self.urgency.update(left_h, config.rul(), self.health.persistence());
         LifeDecision {
             state: health.state.max(urgent),
             health,
             forecast,
+            governs,
             used: self.used,
         }
     }

@@ -10,6 +10,7 @@ mod prognosis;
 mod trend;
 mod usage;
 
+pub(crate) use forecast::normal_cdf;
 pub use forecast::{Remaining, quantile};
 pub use law::{Clock, Law};
 pub use prognosis::{Forecast, Life, NoTrend, Prognosis, Quantiles};

@@ -106,7 +106,7 @@ fn every_parameter_can_be_overridden() {
             count += 1;
         }
     }
-    assert_eq!(count, 26);
+    assert_eq!(count, 32);
 }
 
 #[test]

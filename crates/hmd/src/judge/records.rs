@@ -106,6 +106,7 @@ pub(super) fn rul_record(
             (rul.rul_p10_cycles, rul.rul_p50_cycles, rul.rul_p90_cycles) =
                 (cycles.map(|c| c.p10), cycles.map(|c| c.p50), cycles.map(|c| c.p90));
             rul.failure_probability = Some(*fails_within_horizon);
+            rul.governed_by = life.governs.name().to_owned();
         }
         Err(none) => rul.reason = none.to_string(),
     }

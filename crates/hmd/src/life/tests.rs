@@ -1,9 +1,10 @@
 use std::sync::Arc;
 
-use ema_models::{ActuatorParams, FAULT_COUNT};
+use ema_models::ActuatorParams;
 
 use super::*;
 use crate::channel::MeasuredConditions;
+use crate::function::Shortfall;
 use crate::window::{Verdict, Window};
 
 const HOUR_NS: u64 = 3_600_000_000_000;
@@ -41,6 +42,15 @@ fn friction(damage: f64) -> Judgement {
     }
 }
 
+fn shown<'a>(judgement: Option<&'a Judgement>, fit: &'a Fit) -> Shown<'a> {
+    Shown {
+        judgement,
+        fault: None,
+        fit,
+        shortfall: None,
+    }
+}
+
 fn config(rul: &str) -> Arc<Config> {
     Arc::new(Config::from_toml_str(&format!("[rul]\n{rul}"), "test").expect("a configuration"))
 }
@@ -51,7 +61,7 @@ fn wear_out(lives: &mut Lives, config: &Config, from: u64, to: u64) -> Vec<LifeD
         .map(|n| {
             let job = job(config, n, 10.0 * n as f64, 0.0);
             let life = lives.at(&job.actuator, job.window.t_start_ns).expect("levels");
-            life.update(&job, Some(&friction(0.008 * n as f64)), &Fit::default(), config)
+            life.update(&job, &shown(Some(&friction(0.008 * n as f64)), &Fit::default()), config)
         })
         .collect()
 }
@@ -89,7 +99,7 @@ fn operating_hours_follow_the_frames_and_dropped_windows_are_cycles() {
     let mut life = Life::new(&config, None).expect("levels");
     let mut used = |number, operating_s| {
         let job = job(&config, number, 0.0, operating_s);
-        life.update(&job, None, &Fit::default(), &config).used
+        life.update(&job, &shown(None, &Fit::default()), &config).used
     };
     assert!((used(0, 3600.0).hours - 1.0).abs() < 1e-12);
     // Two windows were dropped.
@@ -111,10 +121,13 @@ fn work_is_measured_and_others_count_as_the_mean() {
     };
     // 1.5 × 0.9 Nm/A × 2 A × 50 rad/s for half a second.
     let expected = 1.5 * ActuatorParams::bench().motor.k * 2.0 * 50.0 * 0.5;
-    let first = life.update(&job(&config, 0, 0.0, 1.0), None, &fit, &config).used.work_j;
+    let first = life
+        .update(&job(&config, 0, 0.0, 1.0), &shown(None, &fit), &config)
+        .used
+        .work_j;
     assert!((first / expected - 1.0).abs() < 1e-6, "{first} J");
     let second = life
-        .update(&job(&config, 1, 0.0, 2.0), None, &Fit::default(), &config)
+        .update(&job(&config, 1, 0.0, 2.0), &shown(None, &Fit::default()), &config)
         .used
         .work_j;
     assert!((second / expected - 2.0).abs() < 1e-6, "{second} J");
@@ -168,4 +181,37 @@ fn a_kept_life_goes_on_and_a_new_unit_begins_its_own() {
     assert!(told[0].forecast.actuator.is_err());
     assert_eq!(third.take_notices().len(), 1);
     assert!(folder.path().join("ema0.life.json.unusable").exists());
+}
+
+#[test]
+fn the_function_ends_a_life_before_the_damage_does() {
+    let config = config("hours = \"elapsed\"");
+    let mut life = Life::new(&config, None).expect("levels");
+    // Useless from a friction of 0.5 on: 625 h after the beginning instead of 1000 h.
+    let useless = |fault: &FaultVector| (fault.friction >= 0.5).then_some(Shortfall::SlewRate);
+    for n in 0..70_u64 {
+        let damage = 0.008 * n as f64;
+        let fault = FaultVector {
+            friction: damage,
+            ..FaultVector::NOMINAL
+        };
+        let shown = Shown {
+            judgement: Some(&friction(damage)),
+            fault: Some(&fault),
+            fit: &Fit::default(),
+            shortfall: Some(&useless),
+        };
+        let told = life.update(&job(&config, n, 10.0 * n as f64, 0.0), &shown, &config);
+        let Ok(left) = told.forecast.actuator else { continue };
+        let truth = (625.0 - 10.0 * n as f64).max(0.0);
+        if n >= 20 {
+            assert_eq!(told.governs, Governs::Function(Shortfall::SlewRate));
+            assert!(
+                (left.hours.p50 - truth).abs() <= 0.05 * truth + 5.0,
+                "window {n}: {left:?}, truth {truth}"
+            );
+            assert!(left.hours.p10 <= left.hours.p50 && left.hours.p50 <= left.hours.p90);
+            assert!(told.forecast.faults[0].expect("a trend").hours.p50 > left.hours.p50);
+        }
+    }
 }

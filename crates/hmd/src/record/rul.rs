@@ -37,6 +37,9 @@ message! {
         failure_probability: Option<f64> = 15 double optional;
         /// Operating hours of `failure_probability`.
         horizon_h: Option<f64> = 16 double optional;
+        /// What ends the life: `damage`, or the requirement of the specification that is missed first, `slew_rate`,
+        /// `response_time`, `steady_error` or `stall`; empty without a number.
+        governed_by: String = 17 string;
         /// Hours left to the end of life by friction alone, 10 % quantile; absent without a trend, as all below.
         friction_p10_h: Option<f64> = 21 double optional;
         /// Median.

@@ -37,6 +37,7 @@ impl<'a> Remaining<'a> {
         for (_, weight) in &mut laws {
             *weight /= sum;
         }
+        // No law at all: the probability of everything is 0.
         Self {
             laws,
             end_of_life: trend.end_of_life,
@@ -97,6 +98,40 @@ impl<'a> Remaining<'a> {
             .sum()
     }
 
+    /// Damage after some hours from now that is not exceeded with probability `share`, with the use of late.
+    #[must_use]
+    pub fn damage_quantile(&self, hours: f64, share: f64) -> f64 {
+        let hours = (hours + self.passed_h).max(f64::MIN_POSITIVE);
+        let normals: Vec<(f64, f64, f64)> = self
+            .laws
+            .iter()
+            .map(|(law, weight)| {
+                let x = match law.clock {
+                    Clock::Hours => hours,
+                    Clock::Work => hours * self.rate.work_j_per_hour,
+                };
+                let (mean, variance) = law.damage_after(x, x * self.rate.step_hours / hours);
+                (*weight, mean, variance.sqrt().max(1e-9))
+            })
+            .collect();
+        let below = |damage: f64| -> f64 {
+            normals
+                .iter()
+                .map(|(w, mean, sigma)| w * normal_cdf((damage - mean) / sigma))
+                .sum()
+        };
+        let (mut low, mut high) = (0.0, 1.0);
+        while high - low > DAMAGE_PRECISION {
+            let middle = 0.5 * (low + high);
+            if below(middle) < share {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        0.5 * (low + high)
+    }
+
     /// Probability that the damage grows at all.
     #[must_use]
     pub fn probability_of_growth(&self) -> f64 {
@@ -132,11 +167,14 @@ pub fn quantile(probability_within: impl Fn(f64) -> f64, share: f64, hours_max: 
 /// Share of the longest time sought that is as good as now.
 const NOW: f64 = 1e-6;
 
+/// Precision of a damage to come; it is sought between 0 and 1.
+const DAMAGE_PRECISION: f64 = 1e-4;
+
 /// Relative precision of a quantile.
 const PRECISION: f64 = 1e-3;
 
 /// Standard normal distribution.
-pub(super) fn normal_cdf(z: f64) -> f64 {
+pub(crate) fn normal_cdf(z: f64) -> f64 {
     0.5 * libm::erfc(-z * core::f64::consts::FRAC_1_SQRT_2)
 }
 

@@ -88,6 +88,8 @@ pub struct Forecast {
     pub actuator: Result<Life, NoTrend>,
     /// The fault that most likely ends the life.
     pub dominant: Option<usize>,
+    /// Hours of [`Life::fails_within_horizon`].
+    pub horizon_h: f64,
 }
 
 /// Trends of all faults of one actuator. Bounded: at most some 150 laws for each fault and 64 readings of the odometer.
@@ -172,6 +174,7 @@ impl Prognosis {
             faults,
             actuator,
             dominant,
+            horizon_h,
         }
     }
 
@@ -198,6 +201,29 @@ impl Prognosis {
         Ok(remaining)
     }
 
+    /// Damage of a fault after some hours from now that is not exceeded with probability `share`; without a trend it stays
+    /// as it is.
+    pub(crate) fn damage_after(&self, fault: usize, hours: f64, share: f64) -> f64 {
+        match self.remaining(fault) {
+            Ok(remaining) => remaining.damage_quantile(hours, share),
+            Err(_) => self.trends[fault].damage(),
+        }
+    }
+
+    /// A life of these hours, with the cycles that belong to them.
+    pub(crate) fn life_of(&self, hours: Quantiles, fails_within_horizon: f64) -> Life {
+        let per_hour = self
+            .usage
+            .rate()
+            .map(|rate| rate.cycles_per_hour)
+            .filter(|rate| *rate > 0.0);
+        Life {
+            hours,
+            cycles: per_hour.map(|rate| hours.scaled(rate)),
+            fails_within_horizon,
+        }
+    }
+
     fn life(&self, within: impl Fn(f64) -> f64, observed_h: f64, horizon_h: f64) -> Result<Life, NoTrend> {
         let hours_max = REACH * observed_h;
         let p50 = quantile(&within, 0.5, hours_max).ok_or(NoTrend::TooFar { observed_h })?;
@@ -207,16 +233,7 @@ impl Prognosis {
             p50,
             p90: or_reach(0.9),
         };
-        let per_hour = self
-            .usage
-            .rate()
-            .map(|rate| rate.cycles_per_hour)
-            .filter(|rate| *rate > 0.0);
-        Ok(Life {
-            hours,
-            cycles: per_hour.map(|rate| hours.scaled(rate)),
-            fails_within_horizon: within(horizon_h),
-        })
+        Ok(self.life_of(hours, within(horizon_h)))
     }
 }
 

@@ -195,6 +195,22 @@ impl Trend {
         self.laws.retain(|law| law.rate * hours <= EXHAUSTED);
     }
 
+    /// Damage at the last estimate: the laws' mean, or before there are any the last estimate itself.
+    pub(super) fn damage(&self) -> f64 {
+        let mean = |weights: Vec<f64>| {
+            self.laws
+                .iter()
+                .zip(weights)
+                .map(|(law, weight)| weight * law.damage)
+                .sum()
+        };
+        match self.start.last() {
+            Some(estimate) => estimate.damage,
+            None if self.laws.is_empty() => 0.0,
+            None => mean(self.weights()),
+        }
+    }
+
     fn best_evidence(&self) -> f64 {
         self.laws
             .iter()
@@ -231,8 +247,10 @@ impl Trend {
         };
         let mut weights: Vec<f64> = self.laws.iter().map(weigh).collect();
         let sum: f64 = weights.iter().sum();
+        // Slopes beyond the machine's range have no weight that is a number; then nothing is known.
+        let scale = if sum > 0.0 && sum.is_finite() { 1.0 / sum } else { 0.0 };
         for weight in &mut weights {
-            *weight /= sum;
+            *weight = if scale > 0.0 { *weight * scale } else { 0.0 };
         }
         weights
     }

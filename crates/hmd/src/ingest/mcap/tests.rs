@@ -324,6 +324,7 @@ fn write_a_sample() {
             operating_work_j: some,
             failure_probability: some,
             horizon_h: some,
+            governed_by: "damage".to_owned(),
             ..Rul::default()
         };
         rul.set_faults([Some(([1.0, 2.0, 3.0], 0.5)); 7]);

@@ -934,3 +934,43 @@ fn an_event_needs_a_place_and_a_known_actuator() {
             .contains("events.jsonl:1: expected a maintenance event")
     );
 }
+
+#[test]
+fn a_recorded_history_is_shown_in_three_forms() {
+    let folder = Folder::new();
+    assert!(
+        folder
+            .command("demo -o life.mcap")
+            .output()
+            .expect("hmd starts")
+            .status
+            .success()
+    );
+    let shown = |options: &str| {
+        let ended = folder
+            .command(&format!("inspect life.mcap {options}"))
+            .output()
+            .expect("hmd starts");
+        assert_eq!(ended.status.code(), Some(0));
+        String::from_utf8(ended.stdout).expect("text")
+    };
+    let (table, json, csv) = (shown(""), shown("--json"), shown("--csv"));
+    let windows = json.lines().count();
+    assert!(windows > 10 && csv.lines().count() == windows + 1 && table.lines().count() == windows + 1);
+    let last: serde_json::Value = serde_json::from_str(json.lines().last().expect("a line")).expect("JSON");
+    assert_eq!(last["health"], "critical");
+    assert_eq!(last["dominant_fault"], "friction");
+    assert!(last["rul_h"]["p50"].is_f64() && last["damage"]["friction"].is_f64());
+    let columns = |line: &str| line.split(',').count();
+    assert!(
+        csv.lines()
+            .all(|line| columns(line) == columns(csv.lines().next().expect("a head")))
+    );
+    folder.refused("inspect missing.mcap", 1);
+    fs::write(folder.path("text.log"), "no log\n").expect("a file");
+    assert!(
+        folder
+            .refused("inspect text.log", 1)
+            .contains("expected records of windows")
+    );
+}

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::live::{report, stop_signal};
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, check_calibrations, load_config, use_threads};
+use super::{Exit, check_files, load_config, use_threads};
 use crate::daemon::{Daemon, DaemonError, Observer};
 use crate::ingest::can::{CanSource, Wanted};
 use crate::ingest::live::LiveSource;
@@ -41,7 +41,7 @@ pub struct Args {
 /// A bad configuration, or an output that cannot be written. A bad bus is no error: it is waited for.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = Arc::new(load_config(Some(&args.config))?);
-    check_calibrations(&config)?;
+    check_files(&config)?;
     use_threads(args.threads.map(usize::from))?;
     let interfaces = config.interfaces(&args.config.display().to_string())?;
     let sources = interfaces.iter().map(|name| {

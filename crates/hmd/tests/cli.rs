@@ -966,6 +966,22 @@ fn a_recorded_history_is_shown_in_three_forms() {
         csv.lines()
             .all(|line| columns(line) == columns(csv.lines().next().expect("a head")))
     );
+    // Replay of the same frames says the same.
+    let config = "[rul]\nhours = \"elapsed\"\nwarning_h = 500\ncritical_h = 200\n";
+    fs::write(folder.path("hmd.toml"), config).expect("a file");
+    let replayed = folder
+        .command("replay life.mcap -c hmd.toml --json")
+        .output()
+        .expect("hmd starts");
+    let replayed = String::from_utf8(replayed.stdout).expect("text");
+    assert_eq!(replayed.lines().count(), windows);
+    for (shown, replayed) in json.lines().zip(replayed.lines()) {
+        let [shown, replayed]: [serde_json::Value; 2] =
+            [shown, replayed].map(|line| serde_json::from_str(line).expect("JSON"));
+        for key in ["window", "health", "rul_h", "rul_cycles"] {
+            assert_eq!(shown[key], replayed[key], "{key}");
+        }
+    }
     folder.refused("inspect missing.mcap", 1);
     fs::write(folder.path("text.log"), "no log\n").expect("a file");
     assert!(

@@ -73,6 +73,11 @@ impl Lives {
         Ok(life)
     }
 
+    /// Ends the life of an actuator whose unit turns out to be another one; says whether there was one.
+    pub fn end(&mut self, actuator: &str) -> bool {
+        self.lives.remove(actuator).is_some()
+    }
+
     /// Keeps the life of an actuator, if lives are kept.
     ///
     /// # Errors

@@ -20,7 +20,7 @@ const OUTLIERS: f64 = 0.01;
 
 /// Growth `dd/dx = v`, `dv/dx = rate v` over a clock x: straight at rate 0, else exponential.
 ///
-/// State: damage d and slope v, jointly normal. A step of growth g is uncertain by [`GROWTH_NOISE`] of itself.
+/// State: damage d and slope v, jointly normal. A step of growth g is uncertain by 10 % of itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Law {
     /// What x is.

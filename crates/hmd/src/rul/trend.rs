@@ -255,3 +255,33 @@ impl Trend {
         weights
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The cost of an update is that of its laws.
+    #[test]
+    fn laws_are_few_on_every_time_scale() {
+        for unit_h in [1e-6, 1.0, 1e4] {
+            let mut trend = Trend::new(0.8);
+            for n in 0..3000 {
+                let hours = unit_h * f64::from(n) * if n < 1500 { 1.0 } else { 3.0 };
+                let at = Odometer {
+                    hours,
+                    cycles: f64::from(n),
+                    work_j: f64::from(n),
+                };
+                trend.update(at, 2e-4 * f64::from(n), 0.005);
+                assert!(
+                    trend.laws.len() <= 150,
+                    "{} laws after {n} of {unit_h} h",
+                    trend.laws.len()
+                );
+            }
+            assert_eq!(trend.estimates, 3000);
+            let sum: f64 = trend.weights().iter().sum();
+            assert!((sum - 1.0).abs() < 1e-9, "{sum}");
+        }
+    }
+}

@@ -8,6 +8,7 @@ pub mod evaluate;
 mod live;
 mod progress;
 pub mod record;
+pub mod recover;
 pub mod replay;
 pub mod run;
 pub mod simulate;

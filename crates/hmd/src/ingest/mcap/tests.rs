@@ -149,7 +149,7 @@ fn a_silent_first_bus_does_not_change_the_indices() {
     let mut reader = McapFrames::new(Cursor::new(file), "a.mcap", BusNames::new()).unwrap();
     assert_eq!(reader.next(), Some(Ok(frame.with_bus(0))));
     assert_eq!(reader.bus_names().name(0), Some("vcan1"));
-    assert_eq!(reader.messages().metadata()[METADATA_NAME]["seed"], "1");
+    assert_eq!(reader.messages().metadata(METADATA_NAME).unwrap()["seed"], "1");
 }
 
 #[test]

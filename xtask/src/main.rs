@@ -1,6 +1,6 @@
 //! The verbs that CI uses, in plain Rust, so that a fresh machine needs nothing but cargo (and Python for two of them).
 //!
-//! `cargo xtask VERB`; `cargo xtask ci` runs all of them but the tests.
+//! `cargo xtask VERB`; `cargo xtask ci` runs all of them but the tests and the long forms.
 
 mod can;
 mod ci;
@@ -11,6 +11,7 @@ mod python;
 mod readers;
 mod results;
 mod shell;
+mod survive;
 
 use std::process::ExitCode;
 
@@ -42,9 +43,11 @@ enum Verb {
     Oracle,
     /// The daemon on real SocketCAN, in a user-mode Linux.
     Can,
+    /// Storage under kill -9, cuts and flips: the long forms.
+    Survive,
     /// Runs every command whose output stands in a document, and draws the figures, again.
     Results,
-    /// Everything but the tests.
+    /// Everything but the tests and the long forms.
     Ci,
 }
 
@@ -58,6 +61,7 @@ fn main() -> ExitCode {
         Verb::Readers => readers::check(),
         Verb::Oracle => oracle::check(),
         Verb::Can => can::check(),
+        Verb::Survive => survive::check(),
         Verb::Results => results::update(),
         Verb::Ci => ci::run_all(),
     };

@@ -11,6 +11,7 @@ mod describe;
 mod error;
 mod health;
 mod identification;
+mod output;
 mod params;
 mod reader;
 mod spelling;
@@ -22,6 +23,7 @@ pub use bus::{BusConfig, BusLoad, LOAD_MAX};
 pub use error::ConfigError;
 pub use health::{HealthConfig, HealthLevels};
 pub use identification::{IdentificationConfig, MONITOR_NAMES, SearchMethod};
+pub use output::OutputConfig;
 pub use window::WindowConfig;
 
 use std::collections::BTreeMap;
@@ -50,29 +52,6 @@ pub struct Config {
     /// Where relative paths start. Not part of the hash: moving a configuration does not change it.
     #[serde(skip)]
     directory: PathBuf,
-}
-
-/// What is written besides the results.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct OutputConfig {
-    /// Store every frame as received, so that the log can be replayed.
-    pub raw_frames: bool,
-}
-
-impl Default for OutputConfig {
-    fn default() -> Self {
-        Self { raw_frames: true }
-    }
-}
-
-impl OutputConfig {
-    const KEYS: &'static [&'static str] = &["raw_frames"];
-
-    fn read(section: &Section<'_>) -> Result<Self, ConfigError> {
-        Ok(Self {
-            raw_frames: section.flag("raw_frames", Self::default().raw_frames)?,
-        })
-    }
 }
 
 impl Config {

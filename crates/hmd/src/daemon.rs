@@ -138,15 +138,17 @@ impl Daemon {
             (join(watching), judging.map_or(Ok(()), join))
         });
         let shared = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let status = monitor.status(shared.windows);
-        let written = shared.recorder.map_or(Ok(()), |mut recorder| {
+        let mut status = monitor.status(shared.windows);
+        let written = shared.recorder.map_or(Ok(None), |mut recorder| {
             recorder.status(now_ns(), &status)?;
             recorder.finish()
         });
         // The file is ended whatever went wrong before; the first error is the one to tell.
         judged?;
         watched?;
-        written?;
+        if let Some(store) = written? {
+            status.set_storage(&store);
+        }
         Ok(status)
     }
 }
@@ -187,12 +189,15 @@ fn judge_all(
 ) -> Result<(), DaemonError> {
     while let Some(job) = windows.pop() {
         let judged = judge.judge(job)?;
-        observer.judged(&judged).map_err(DaemonError::Stdout)?;
-        let mut shared = lock(shared);
-        shared.windows = judge.counts();
-        if let Some(recorder) = &mut shared.recorder {
-            recorder.judged(&judged)?;
+        {
+            let mut shared = lock(shared);
+            shared.windows = judge.counts();
+            if let Some(recorder) = &mut shared.recorder {
+                recorder.judged(&judged)?;
+            }
         }
+        // Told only now: what was told is on the disk, unless the storage has said that it fails.
+        observer.judged(&judged).map_err(DaemonError::Stdout)?;
     }
     Ok(())
 }

@@ -32,6 +32,7 @@ pub mod seed;
 pub mod simulate;
 pub mod simulated;
 pub mod sink;
+pub mod store;
 mod turns;
 pub mod unit;
 pub mod window;

@@ -16,6 +16,8 @@ use crate::judge::{Judge, JudgeError, Judged};
 use crate::pipeline::Pipeline;
 use crate::record::{Dropped, LogLevel, Record, Status};
 use crate::recorder::{RecordError, Recorder, metadata};
+use crate::seal::is_sealed;
+use crate::sink::METADATA_NAME;
 
 /// Why a replay failed.
 #[derive(Debug, thiserror::Error)]
@@ -97,6 +99,8 @@ struct Run<'a, O> {
     /// Newest stamp of each interface, ns: frames of a later log up to it have been seen or come out of order.
     newest_ns: BTreeMap<u16, u64>,
     damaged_places: u64,
+    /// Run and number of the segment read last, if it was one.
+    segment: Option<(String, u64)>,
 }
 
 impl Replay<'_> {
@@ -125,6 +129,7 @@ impl Replay<'_> {
             dropped: dropped_windows(self.logs),
             newest_ns: BTreeMap::new(),
             damaged_places: 0,
+            segment: None,
         };
         let mut read_before = 0;
         for log in self.logs {
@@ -132,8 +137,14 @@ impl Replay<'_> {
                 Some(source) => source,
                 None => open_with(log, names)?,
             };
-            names = run.one_log(log, source, &mut read_before, self.config.output().raw_frames)?;
+            let continued = run.continues(&source);
+            if !continued {
+                run.end_windows()?;
+            }
+            let store_raw = self.config.output().raw_frames;
+            names = run.one_log(log, source, continued, &mut read_before, store_raw)?;
         }
+        run.end_windows()?;
         run.finish(&names)
     }
 
@@ -156,12 +167,18 @@ impl<O: Observer> Run<'_, O> {
         &mut self,
         log: &Path,
         mut source: FrameSource,
+        continued: bool,
         read_before: &mut u64,
         store_raw: bool,
     ) -> Result<BusNames, ReplayError> {
         let mut ended = Vec::new();
         let mut frames = 0u64;
-        let seen_ns = self.newest_ns.clone();
+        // The clock may have stepped back between two segments of one run; no frame is in both.
+        let seen_ns = if continued {
+            BTreeMap::new()
+        } else {
+            self.newest_ns.clone()
+        };
         let mut overlapping = 0u64;
         while let Some(item) = source.next() {
             match item {
@@ -193,9 +210,26 @@ impl<O: Observer> Run<'_, O> {
             let stamp_ns = self.pipeline.last_stamp_ns();
             self.notice(&Notice { stamp_ns, message }, LogLevel::Error)?;
         }
-        self.pipeline.finish(&mut ended);
-        self.judge_all(&mut ended)?;
         Ok(source.into_bus_names())
+    }
+
+    /// Whether a log goes on where the one before ended: the next segment of the same run, and none lost between.
+    fn continues(&mut self, source: &FrameSource) -> bool {
+        let metadata = source.metadata(METADATA_NAME).filter(|found| is_sealed(found));
+        let segment = metadata.and_then(|found| {
+            let number = found.get("segment")?.parse().ok()?;
+            Some((found.get("run")?.clone(), number))
+        });
+        let next = self.segment.take().map(|(run, number)| (run, number + 1));
+        let continued = segment.is_some() && next == segment;
+        self.segment = segment;
+        continued
+    }
+
+    fn end_windows(&mut self) -> Result<(), ReplayError> {
+        let mut ended = Vec::new();
+        self.pipeline.finish(&mut ended);
+        self.judge_all(&mut ended)
     }
 
     fn judge_all(&mut self, ended: &mut Vec<WindowJob>) -> Result<(), ReplayError> {

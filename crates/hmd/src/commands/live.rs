@@ -29,13 +29,15 @@ pub(super) fn report(status: &Status) -> Exit {
     }
     eprintln!(
         "data lost: {} frames by full receive queues, {} unreadable frames, {} malformed frames, {} samples, {} frames \
-         out of order, {} windows",
+         out of order, {} windows, {} frames and {} records not stored",
         status.lost_socket_queue,
         status.lost_unreadable,
         status.lost_malformed,
         status.lost_samples,
         status.lost_late,
-        status.lost_windows
+        status.lost_windows,
+        status.lost_storage_frames,
+        status.lost_storage_records
     );
     Exit::DataLost
 }

@@ -21,8 +21,8 @@ pub struct Args {
     /// Configuration: the interfaces and what is on them.
     #[arg(short, long)]
     config: PathBuf,
-    /// MCAP file for all records and frames.
-    #[arg(short, long, value_name = "OUT.mcap")]
+    /// MCAP file for all records and frames, or a folder (it is one, or ends with "/") for segments that survive.
+    #[arg(short, long, value_name = "OUT.mcap|FOLDER/")]
     output: Option<PathBuf>,
     /// One JSON line per window instead of a table.
     #[arg(long)]
@@ -54,7 +54,11 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     });
     let sources = sources.collect();
     let recorder = match &args.output {
-        Some(path) => Some(Recorder::create(path, &metadata(&config, "host", args.seed))?),
+        Some(path) => Some(Recorder::open(
+            path,
+            &metadata(&config, "host", args.seed),
+            config.output().limits(),
+        )?),
         None => None,
     };
     let printer = Printer {

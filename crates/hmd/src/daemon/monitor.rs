@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;
+use std::time::Instant;
 
 use tokio::sync::mpsc;
 
@@ -136,6 +137,7 @@ impl Monitor {
             }
             Input::Tick { stamp_ns } => {
                 self.tell_losses(stamp_ns, shared, observer)?;
+                self.tend_storage(stamp_ns, shared, observer)?;
                 if self.ticks.is_multiple_of(STATUS_TICKS) {
                     self.write_status(stamp_ns, shared)?;
                 }
@@ -149,6 +151,22 @@ impl Monitor {
         let status = self.status(shared.windows);
         if let Some(recorder) = &mut shared.recorder {
             recorder.status(stamp_ns, &status)?;
+        }
+        Ok(())
+    }
+
+    /// Brings what was taken to the disk, and says how the storage fares.
+    fn tend_storage(
+        &mut self,
+        stamp_ns: u64,
+        shared: &mut Shared,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
+        let Some(recorder) = &mut shared.recorder else {
+            return Ok(());
+        };
+        for (level, message) in recorder.tick(Instant::now())? {
+            tell(&Notice { stamp_ns, message }, level, shared, observer)?;
         }
         Ok(())
     }

@@ -349,6 +349,13 @@ fn write_a_sample() {
         interface: vec!["can0".to_owned()],
         bus_state: vec!["error-passive".to_owned()],
         link: vec!["down".to_owned()],
+        lost_storage_frames: 18,
+        lost_storage_records: 19,
+        storage: "failing".to_owned(),
+        storage_used_bytes: 20,
+        storage_free_bytes: 21,
+        storage_segments: 22,
+        storage_deleted: 23,
     };
     sink.write(frames[0].stamp_ns, &status).unwrap();
     let dropped = Dropped {

@@ -1,0 +1,210 @@
+//! kill -9 at random moments under load: what was told as written is read back, and every restart works.
+//!
+//! Requirements S-1 and S-3 of `docs/safety.md`. The page cache outlives the process, so this does not show that a power
+//! cut is survived. The load is the whole live chain, daemon, identification and store, in a process of its own (this
+//! test program, started again), on frames from memory as fast as they are taken.
+#![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::future::pending;
+use std::io::{self, Read, Write};
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::time::Duration;
+
+use ema_models::reference::{Actuations, Scenario};
+use ema_models::{ActuatorParams, FaultVector, Profile};
+use ema_wire::ActuatorId;
+use hmd::config::Config;
+use hmd::daemon::{Daemon, Observer};
+use hmd::frame::{BusNames, RawFrame};
+use hmd::ingest::candump::{Decimals, emit};
+use hmd::ingest::live::LiveSource;
+use hmd::ingest::{McapFrames, McapMessages};
+use hmd::judge::Judged;
+use hmd::record::{Health, Record};
+use hmd::recorder::{Recorder, metadata};
+use hmd::seed::mix;
+use hmd::simulate::{EPOCH_NS, traffic};
+use hmd::store::Limits;
+use prost::Message;
+
+/// Names the folder for the process that writes; the number of the run follows.
+const FOLDER: &str = "HMD_SURVIVE_FOLDER";
+const RUN: &str = "HMD_SURVIVE_RUN";
+
+/// File of the load, in the folder.
+const LOAD: &str = "load.log";
+
+fn config() -> Arc<Config> {
+    let text = "[type.slow]\nbased_on = \"bench\"\n[type.slow.sensors]\nsample_rate_hz = 400\n\
+                [[actuator]]\nid = 0\nbus = \"can0\"\ntype = \"slow\"\n\
+                [identification]\npopulation = 8\ngenerations = 1\nevaluations_max = 100\n";
+    Arc::new(Config::from_toml_str(text, "hmd.toml").unwrap())
+}
+
+/// The load, made once: actuations of one actuator, a second apart.
+fn write_load(log: &Path) {
+    let mut params = ActuatorParams::bench();
+    params.sensors.sample_rate = 400.0;
+    let scenario = Scenario {
+        actuations: Actuations {
+            count: 40,
+            ..Actuations::one(Profile::Step)
+        },
+        ..Scenario::new(params, FaultVector::NOMINAL, 1)
+    };
+    let mut text = Vec::new();
+    for frame in traffic(&scenario, ActuatorId::new(0).unwrap(), EPOCH_NS) {
+        emit(&frame, "can0", Decimals::Nine, &mut text);
+    }
+    std::fs::write(log, text).unwrap();
+}
+
+/// The load as of another day for each run, so that every record of every run is another.
+fn frames(log: &Path, run: u64) -> Vec<RawFrame> {
+    let frames = hmd::ingest::open(log).unwrap().map(Result::unwrap);
+    let shifted = frames.map(|mut frame| {
+        frame.stamp_ns += run * 86_400_000_000_000;
+        frame
+    });
+    shifted.collect()
+}
+
+/// Says each health record as soon as the daemon says that it is stored.
+struct Teller;
+
+impl Observer for Teller {
+    fn judged(&self, judged: &Judged) -> io::Result<()> {
+        let mut out = io::stderr().lock();
+        writeln!(out, "stored {} {}", judged.health.t_start_ns, judged.health.window)
+    }
+
+    fn notice(&self, message: &str) {
+        // Not of interest here; a message of the storage is in its records.
+        assert!(!message.contains("tried again"), "{message}");
+    }
+}
+
+#[test]
+#[ignore = "the process that the others start and kill"]
+fn writer() {
+    let Ok(folder) = std::env::var(FOLDER) else { return };
+    let run: u64 = std::env::var(RUN).unwrap().parse().unwrap();
+    let config = config();
+    // Small segments, so that kills hit their ends as well.
+    let limits = Limits {
+        segment_bytes: 30_000,
+        ..Limits::new(1, 1, 10_000, 0)
+    };
+    let (folder, log) = (Path::new(&folder).join("segments"), Path::new(&folder).join(LOAD));
+    let recorder = Recorder::open_folder(&folder, &metadata(&config, "test", run), limits).unwrap();
+    let daemon = Daemon {
+        sources: vec![("can0".to_owned(), LiveSource::Playback(frames(&log, run)))],
+        recorder: Some(recorder),
+        watch: Some((config, run)),
+    };
+    daemon.run(pending(), &Teller).unwrap();
+    eprintln!("ended");
+}
+
+/// Starts the writer and kills it after `wait`, or lets it come to its end without; what it told as stored, and whether it came to its end.
+fn killed(folder: &Path, run: u64, wait: Option<Duration>) -> (Vec<(u64, u64)>, bool) {
+    let mut child = Command::new(std::env::current_exe().unwrap())
+        .args(["writer", "--exact", "--ignored", "--nocapture", "--test-threads=1"])
+        .env(FOLDER, folder)
+        .env(RUN, run.to_string())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut said = child.stderr.take().unwrap();
+    let reader = std::thread::spawn(move || {
+        let mut text = String::new();
+        said.read_to_string(&mut text).map(|_| text)
+    });
+    if let Some(wait) = wait {
+        std::thread::sleep(wait);
+        // SIGKILL.
+        child.kill().unwrap();
+    }
+    child.wait().unwrap();
+    let text = reader.join().unwrap().unwrap();
+    assert!(!text.contains("panicked"), "run {run}: {text}");
+    let stored = text
+        .lines()
+        .filter(|line| text.ends_with('\n') || !text.ends_with(line));
+    let stored = stored.filter_map(|line| {
+        let (start, window) = line.strip_prefix("stored ")?.split_once(' ')?;
+        Some((start.parse().unwrap(), window.parse().unwrap()))
+    });
+    (stored.collect(), text.contains("ended"))
+}
+
+/// Health records in the folder by start and number; every closed segment must be whole, and no frame missing within
+/// a run but those that were never synced.
+fn read(folder: &Path) -> BTreeMap<(u64, u64), u64> {
+    let mut found = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.display().to_string();
+        assert!(name.ends_with(".mcap"), "{name} is left over");
+        for message in McapMessages::new(File::open(&path).unwrap(), &name).unwrap() {
+            let message = message.unwrap();
+            if *message.schema == *Health::SCHEMA_NAME {
+                let health = Health::decode(message.data.as_slice()).unwrap();
+                *found.entry((health.t_start_ns, health.window)).or_default() += 1;
+            }
+        }
+        if name.ends_with("-raw.mcap") {
+            let frames = McapFrames::new(File::open(&path).unwrap(), &name, BusNames::new()).unwrap();
+            frames.for_each(|frame| assert!(frame.is_ok(), "{frame:?}"));
+        }
+    }
+    found
+}
+
+fn survives(kills: u64, longest: Duration) {
+    let folder = tempfile::tempdir().unwrap();
+    write_load(&folder.path().join(LOAD));
+    let mut stored = BTreeSet::new();
+    let mut ended = 0;
+    for run in 0..kills {
+        let wait = Duration::from_nanos(mix(13, &[run]) % longest.as_nanos() as u64);
+        let (told, came_to_end) = killed(folder.path(), run, Some(wait));
+        stored.extend(told);
+        ended += u64::from(came_to_end);
+    }
+    // The last start repairs what the last kill left, and ends in order.
+    let (told, came_to_end) = killed(folder.path(), kills, None);
+    assert!(came_to_end, "{told:?}");
+    let told_last = told.len() as u64;
+    stored.extend(told);
+    let found = read(&folder.path().join("segments"));
+    let missing: Vec<_> = stored.iter().filter(|key| !found.contains_key(key)).collect();
+    eprintln!(
+        "{kills} kills, {ended} of them after the end: {} records told as stored, {} found",
+        stored.len(),
+        found.len()
+    );
+    assert_eq!(missing, [] as [&(u64, u64); 0], "told as stored and not found");
+    assert!(found.values().all(|count| *count == 1), "no record twice");
+    assert!(
+        stored.len() as u64 > kills,
+        "the load was none: {} records",
+        stored.len()
+    );
+}
+
+#[test]
+fn a_handful_of_kills_costs_nothing_that_was_stored() {
+    survives(6, Duration::from_millis(1500));
+}
+
+#[test]
+#[ignore = "minutes; cargo xtask survive"]
+fn five_hundred_kills_cost_nothing_that_was_stored() {
+    survives(500, Duration::from_millis(1500));
+}

@@ -12,6 +12,7 @@ mod readers;
 mod results;
 mod shell;
 mod survive;
+mod systemd;
 
 use std::process::ExitCode;
 
@@ -43,6 +44,8 @@ enum Verb {
     Oracle,
     /// The daemon on real SocketCAN, in a user-mode Linux.
     Can,
+    /// The shipped systemd unit: understood by systemd, and hardened as promised.
+    Systemd,
     /// Storage under kill -9, cuts and flips: the long forms.
     Survive,
     /// Runs every command whose output stands in a document, and draws the figures, again.
@@ -61,6 +64,7 @@ fn main() -> ExitCode {
         Verb::Readers => readers::check(),
         Verb::Oracle => oracle::check(),
         Verb::Can => can::check(),
+        Verb::Systemd => systemd::check(),
         Verb::Survive => survive::check(),
         Verb::Results => results::update(),
         Verb::Ci => ci::run_all(),

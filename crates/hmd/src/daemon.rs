@@ -70,6 +70,10 @@ pub trait Observer: Sync {
     fn judged(&self, judged: &Judged) -> io::Result<()>;
     /// Something an operator should read.
     fn notice(&self, message: &str);
+    /// Every source has said how it stands, and the output is open: once.
+    fn ready(&self) {}
+    /// Ingest, pipeline, writer and identification have all made progress; about every second, and not otherwise.
+    fn alive(&self) {}
 }
 
 /// What a live run is made of.
@@ -195,6 +199,10 @@ fn judge_all(
             if let Some(recorder) = &mut shared.recorder {
                 recorder.judged(&judged)?;
             }
+        }
+        if windows.is_closed() {
+            // There are no ticks any more.
+            observer.alive();
         }
         // Told only now: what was told is on the disk, unless the storage has said that it fails.
         observer.judged(&judged).map_err(DaemonError::Stdout)?;

@@ -191,11 +191,8 @@ fn survives(kills: u64, longest: Duration) {
     );
     assert_eq!(missing, [] as [&(u64, u64); 0], "told as stored and not found");
     assert!(found.values().all(|count| *count == 1), "no record twice");
-    assert!(
-        stored.len() as u64 > kills,
-        "the load was none: {} records",
-        stored.len()
-    );
+    let of_killed = stored.len() as u64 - told_last;
+    assert!(of_killed > 3 * kills, "{of_killed} records are no load");
 }
 
 #[test]

@@ -1,6 +1,9 @@
 //! What the verbs that run until they are told to stop have in common.
 
+use std::io;
+
 use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::mpsc;
 
 use super::Exit;
 use crate::record::Status;
@@ -16,6 +19,41 @@ pub(super) async fn stop_signal() {
         // Without handlers the signals end the process at once; there is nothing to wait for.
         _ => std::future::pending().await,
     }
+}
+
+/// What an operator asks of a running daemon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Asked {
+    /// SIGINT or SIGTERM.
+    Stop,
+    /// SIGHUP.
+    Reload,
+}
+
+/// Requests that wait while one is carried out; more say nothing new.
+const WAITING_MAX: usize = 8;
+
+/// Signals from now on, on a thread of their own: between two runs of the daemon none is missed.
+pub(super) fn signals() -> io::Result<mpsc::Receiver<Asked>> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
+    let (sender, receiver) = mpsc::channel(WAITING_MAX);
+    let mut hangup = {
+        let _inside = runtime.enter();
+        signal(SignalKind::hangup())?
+    };
+    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
+        runtime.block_on(async {
+            loop {
+                let asked = tokio::select! {
+                    () = stop_signal() => Asked::Stop,
+                    _ = hangup.recv() => Asked::Reload,
+                };
+                // A full channel asks for all there is already.
+                let _ = sender.try_send(asked);
+            }
+        });
+    })?;
+    Ok(receiver)
 }
 
 /// Says what came in and what was lost.

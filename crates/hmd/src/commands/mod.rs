@@ -11,6 +11,7 @@ pub mod record;
 pub mod recover;
 pub mod replay;
 pub mod run;
+mod service;
 pub mod simulate;
 mod table;
 

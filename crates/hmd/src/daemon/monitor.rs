@@ -1,8 +1,8 @@
 //! The thread between the sources and identification: records what comes, cuts windows, keeps the books.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Mutex;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc;
 
@@ -18,6 +18,9 @@ use crate::record::{LogLevel, Status};
 /// Inputs taken at once, during which identification cannot write records.
 const BATCH: usize = 1024;
 
+/// Longest that one window may be judged before identification counts as stuck: hundreds of times what it takes.
+const JUDGING_MAX: Duration = Duration::from_secs(60);
+
 /// Ticks between two status records.
 const STATUS_TICKS: u64 = 10;
 
@@ -32,11 +35,14 @@ pub(super) struct Monitor {
     fresh_drops: u64,
     ticks: u64,
     store_raw: bool,
+    /// Buses whose source has not said yet how it stands; `None` once all have, and the observer knows.
+    unheard: Option<BTreeSet<u16>>,
 }
 
 impl Monitor {
     pub(super) fn new(pipeline: Pipeline, names: BusNames, store_raw: bool) -> Self {
         Self {
+            unheard: Some((0..names.len() as u16).collect()),
             names,
             pipeline,
             links: BTreeMap::new(),
@@ -63,7 +69,13 @@ impl Monitor {
             }
             let mut shared = lock(shared);
             for input in batch.drain(..) {
+                let is_tick = matches!(input, Input::Tick { .. });
+                self.hear(&input, observer);
                 self.take(input, &mut ended, &mut shared, observer)?;
+                // A tick came through the I/O thread and the queue, and the writer has synced or said that it cannot.
+                if is_tick && windows.busy_for() < JUDGING_MAX {
+                    observer.alive();
+                }
             }
             self.tell_notices(&mut shared, observer)?;
             for job in ended.drain(..) {
@@ -90,6 +102,20 @@ impl Monitor {
         Status {
             link: (0..self.names.len()).map(|bus| link(bus as u16)).collect(),
             ..self.pipeline.status(&self.names, windows)
+        }
+    }
+
+    /// Whether every source has been heard of, which is told once.
+    fn hear(&mut self, input: &Input, observer: &impl Observer) {
+        let Some(unheard) = &mut self.unheard else { return };
+        match input {
+            Input::Frame(frame) => unheard.remove(&frame.bus),
+            Input::Link { bus, .. } => unheard.remove(bus),
+            Input::Lost { .. } | Input::Tick { .. } => false,
+        };
+        if unheard.is_empty() {
+            self.unheard = None;
+            observer.ready();
         }
     }
 

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use crate::front::WindowJob;
 
@@ -22,6 +23,8 @@ pub(super) struct WindowQueue {
 struct State {
     waiting: VecDeque<WindowJob>,
     closed: bool,
+    /// When the window was taken that is being judged.
+    busy_since: Option<Instant>,
 }
 
 impl WindowQueue {
@@ -55,8 +58,10 @@ impl WindowQueue {
     /// The oldest window; waits for one. `None` when the queue is closed and empty.
     pub(super) fn pop(&self) -> Option<WindowJob> {
         let mut state = self.lock();
+        state.busy_since = None;
         loop {
             if let Some(job) = state.waiting.pop_front() {
+                state.busy_since = Some(Instant::now());
                 self.changed.notify_all();
                 return Some(job);
             }
@@ -65,6 +70,11 @@ impl WindowQueue {
             }
             state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
+    }
+
+    /// For how long the window that was taken last has been judged; zero when none is.
+    pub(super) fn busy_for(&self) -> Duration {
+        self.lock().busy_since.map_or(Duration::ZERO, |since| since.elapsed())
     }
 
     /// No further windows will be pushed, or taken: either end may say so.

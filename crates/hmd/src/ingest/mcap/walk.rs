@@ -228,8 +228,12 @@ impl<R: Read + Seek> Walk<R> {
         } else {
             self.input.seek(SeekFrom::Start(at_byte + HEAD + length))?;
         }
-        let index_fits = opcode != op::MESSAGE_INDEX || is_message_index(&data);
-        if !index_fits || !self.is_record_next()? {
+        let fits = match opcode {
+            op::MESSAGE_INDEX => is_message_index(&data),
+            op::DATA_END => data.len() == 4,
+            _ => true,
+        };
+        if !fits || !self.is_record_next()? {
             let text = "its length leads to no other".to_owned();
             return Ok(Some(self.broken(McapFault::Broken(text))));
         }

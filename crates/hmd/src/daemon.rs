@@ -17,7 +17,7 @@ use std::future::Future;
 use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
@@ -70,6 +70,8 @@ pub trait Observer: Sync {
     fn judged(&self, judged: &Judged) -> io::Result<()>;
     /// Something an operator should read.
     fn notice(&self, message: &str);
+    /// The counters as they are recorded, with those of the storage: every ten seconds, and at the end.
+    fn status(&self, _: &Status) {}
     /// Every source has said how it stands, and the output is open: once.
     fn ready(&self) {}
     /// Ingest, pipeline, writer and identification have all made progress; about every second, and not otherwise.
@@ -90,6 +92,10 @@ pub struct Daemon {
 struct Shared {
     recorder: Option<Recorder>,
     windows: WindowCounts,
+    /// Time spent on identification, and the longest that one window took.
+    judging: (Duration, Duration),
+    /// When the newest health record was stored, or told where nothing is stored.
+    last_record: Option<Instant>,
 }
 
 impl Daemon {
@@ -113,6 +119,8 @@ impl Daemon {
         let shared = Mutex::new(Shared {
             recorder: self.recorder,
             windows: WindowCounts::default(),
+            judging: (Duration::ZERO, Duration::ZERO),
+            last_record: None,
         });
         let windows = WindowQueue::new();
         let (queue, inputs) = mpsc::channel(QUEUE_INPUTS);
@@ -142,7 +150,7 @@ impl Daemon {
             (join(watching), judging.map_or(Ok(()), join))
         });
         let shared = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let mut status = monitor.status(shared.windows);
+        let mut status = monitor.status(&shared);
         let written = shared.recorder.map_or(Ok(None), |mut recorder| {
             recorder.status(now_ns(), &status)?;
             recorder.finish()
@@ -153,6 +161,7 @@ impl Daemon {
         if let Some(store) = written? {
             status.set_storage(&store);
         }
+        observer.status(&status);
         Ok(status)
     }
 }
@@ -192,12 +201,20 @@ fn judge_all(
     observer: &impl Observer,
 ) -> Result<(), DaemonError> {
     while let Some(job) = windows.pop() {
+        let since = Instant::now();
         let judged = judge.judge(job)?;
+        let took = since.elapsed();
         {
             let mut shared = lock(shared);
             shared.windows = judge.counts();
-            if let Some(recorder) = &mut shared.recorder {
-                recorder.judged(&judged)?;
+            let (total, longest) = shared.judging;
+            shared.judging = (total + took, longest.max(took));
+            let stored = match &mut shared.recorder {
+                Some(recorder) => recorder.judged(&judged)?,
+                None => true,
+            };
+            if stored {
+                shared.last_record = Some(Instant::now());
             }
         }
         if windows.is_closed() {

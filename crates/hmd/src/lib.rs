@@ -21,6 +21,7 @@ pub mod health;
 pub mod identify;
 pub mod ingest;
 pub mod judge;
+pub mod metrics;
 pub mod outliers;
 pub mod pipeline;
 pub mod record;

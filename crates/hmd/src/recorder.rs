@@ -168,16 +168,12 @@ impl Recorder {
         self.write(at, &Log::new(at, level, "hmd", &notice.message))
     }
 
-    /// Writes the counters as they stand at `stamp_ns`, with those of the storage.
+    /// Writes the counters as they stand at `stamp_ns`.
     ///
     /// # Errors
     /// When the file cannot be written.
     pub fn status(&mut self, stamp_ns: u64, status: &Status) -> Result<(), RecordError> {
-        let mut status = status.clone();
-        if let Some(store) = self.store_status() {
-            status.set_storage(&store);
-        }
-        self.write(stamp_ns, &status)
+        self.write(stamp_ns, status)
     }
 
     /// To be called every second: brings what was taken to the disk. What an operator should read about the storage.

@@ -16,7 +16,8 @@ use crate::daemon::{Daemon, DaemonError, Observer};
 use crate::ingest::can::{CanSource, Wanted};
 use crate::ingest::live::LiveSource;
 use crate::judge::Judged;
-use crate::record::HealthLine;
+use crate::metrics::write_textfile;
+use crate::record::{HealthLine, Status};
 use crate::recorder::{Recorder, is_folder, metadata};
 
 /// Watch the actuators of a configuration until SIGINT or SIGTERM.
@@ -28,6 +29,9 @@ pub struct Args {
     /// MCAP file for all records and frames, or a folder (it is one, or ends with "/") for segments that survive.
     #[arg(short, long, value_name = "OUT.mcap|FOLDER/")]
     output: Option<PathBuf>,
+    /// Prometheus metrics as a text file, replaced every ten seconds.
+    #[arg(long, value_name = "FILE.prom")]
+    metrics: Option<PathBuf>,
     /// One JSON line per window instead of a table.
     #[arg(long)]
     json: bool,
@@ -52,6 +56,8 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         alone: args.output.is_none(),
         headed: AtomicBool::new(false),
         heard: AtomicBool::new(true),
+        metrics: args.metrics.clone(),
+        metrics_failed: AtomicBool::new(false),
     };
     let mut exit = Exit::Done;
     loop {
@@ -131,6 +137,9 @@ struct Printer {
     headed: AtomicBool,
     /// Somebody reads stdout.
     heard: AtomicBool,
+    metrics: Option<PathBuf>,
+    /// The last metrics could not be written; told once.
+    metrics_failed: AtomicBool,
 }
 
 impl Observer for Printer {
@@ -158,6 +167,17 @@ impl Observer for Printer {
 
     fn notice(&self, message: &str) {
         eprintln!("{message}");
+    }
+
+    fn status(&self, status: &Status) {
+        let Some(path) = &self.metrics else { return };
+        let written = write_textfile(path, status);
+        let failed_before = self.metrics_failed.swap(written.is_err(), Ordering::Relaxed);
+        if let Err(cause) = written
+            && !failed_before
+        {
+            self.notice(&format!("{}: metrics cannot be written: {cause}", path.display()));
+        }
     }
 
     fn ready(&self) {

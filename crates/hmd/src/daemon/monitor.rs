@@ -11,9 +11,9 @@ use super::{DaemonError, Observer, Shared, lock};
 use crate::frame::BusNames;
 use crate::front::{Notice, WindowJob};
 use crate::ingest::live::{Input, LinkState, LiveLoss, now_ns};
-use crate::judge::WindowCounts;
 use crate::pipeline::Pipeline;
 use crate::record::{LogLevel, Status};
+use crate::recorder::Recorder;
 
 /// Inputs taken at once, during which identification cannot write records.
 const BATCH: usize = 1024;
@@ -37,6 +37,8 @@ pub(super) struct Monitor {
     store_raw: bool,
     /// Buses whose source has not said yet how it stands; `None` once all have, and the observer knows.
     unheard: Option<BTreeSet<u16>>,
+    /// Inputs and windows that waited when the newest inputs were taken.
+    queued: (u64, u64),
 }
 
 impl Monitor {
@@ -50,6 +52,7 @@ impl Monitor {
             fresh_drops: 0,
             ticks: 0,
             store_raw,
+            queued: (0, 0),
         }
     }
 
@@ -67,6 +70,7 @@ impl Monitor {
             if windows.is_closed() {
                 return Ok(());
             }
+            self.queued = (inputs.len() as u64, windows.len() as u64);
             let mut shared = lock(shared);
             for input in batch.drain(..) {
                 let is_tick = matches!(input, Input::Tick { .. });
@@ -97,12 +101,22 @@ impl Monitor {
     }
 
     /// The counters as they stand.
-    pub(super) fn status(&self, windows: WindowCounts) -> Status {
+    pub(super) fn status(&self, shared: &Shared) -> Status {
         let link = |bus: u16| self.links.get(&bus).map(ToString::to_string).unwrap_or_default();
-        Status {
+        let (identification, longest) = shared.judging;
+        let mut status = Status {
             link: (0..self.names.len()).map(|bus| link(bus as u16)).collect(),
-            ..self.pipeline.status(&self.names, windows)
+            queued_inputs: self.queued.0,
+            queued_windows: self.queued.1,
+            identification_s: identification.as_secs_f64(),
+            identification_max_s: longest.as_secs_f64(),
+            record_age_s: shared.last_record.map(|at| at.elapsed().as_secs_f64()),
+            ..self.pipeline.status(&self.names, shared.windows)
+        };
+        if let Some(store) = shared.recorder.as_ref().and_then(Recorder::store_status) {
+            status.set_storage(&store);
         }
+        status
     }
 
     /// Whether every source has been heard of, which is told once.
@@ -152,7 +166,7 @@ impl Monitor {
                     LinkState::Down | LinkState::Missing => LogLevel::Warning,
                 };
                 tell(&Notice { stamp_ns, message }, level, shared, observer)?;
-                self.write_status(stamp_ns, shared)?;
+                self.write_status(stamp_ns, shared, observer)?;
             }
             Input::Lost { bus, loss, frames } => {
                 match loss {
@@ -165,7 +179,7 @@ impl Monitor {
                 self.tell_losses(stamp_ns, shared, observer)?;
                 self.tend_storage(stamp_ns, shared, observer)?;
                 if self.ticks.is_multiple_of(STATUS_TICKS) {
-                    self.write_status(stamp_ns, shared)?;
+                    self.write_status(stamp_ns, shared, observer)?;
                 }
                 self.ticks += 1;
             }
@@ -173,8 +187,9 @@ impl Monitor {
         Ok(())
     }
 
-    fn write_status(&self, stamp_ns: u64, shared: &mut Shared) -> Result<(), DaemonError> {
-        let status = self.status(shared.windows);
+    fn write_status(&self, stamp_ns: u64, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
+        let status = self.status(shared);
+        observer.status(&status);
         if let Some(recorder) = &mut shared.recorder {
             recorder.status(stamp_ns, &status)?;
         }

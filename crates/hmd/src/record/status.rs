@@ -51,15 +51,25 @@ message! {
         /// Link, live only: `up`, `down` or `missing`.
         link: Vec<String> = 33 string repeated;
         /// Storage in a folder: `ok`, `raw-paused` for want of room, or `failing`; empty without one.
-        storage: String = 41 string;
+        storage: String = 51 string;
         /// Bytes of all segments.
-        storage_used_bytes: u64 = 42 uint64;
+        storage_used_bytes: u64 = 52 uint64;
         /// Bytes free on their file system.
-        storage_free_bytes: u64 = 43 uint64;
+        storage_free_bytes: u64 = 53 uint64;
         /// Segments.
-        storage_segments: u64 = 44 uint64;
+        storage_segments: u64 = 54 uint64;
         /// Segments deleted to make room.
-        storage_deleted: u64 = 45 uint64;
+        storage_deleted: u64 = 55 uint64;
+        /// Live only: inputs that wait for the pipeline.
+        queued_inputs: u64 = 61 uint64;
+        /// Live only: windows that wait for identification.
+        queued_windows: u64 = 62 uint64;
+        /// Live only: time spent on identification, s.
+        identification_s: f64 = 63 double;
+        /// Live only: the longest that one window took, s.
+        identification_max_s: f64 = 64 double;
+        /// Live only: time since the newest health record was stored, s; absent before the first.
+        record_age_s: Option<f64> = 65 double optional;
     }
 }
 

@@ -356,6 +356,11 @@ fn write_a_sample() {
         storage_free_bytes: 21,
         storage_segments: 22,
         storage_deleted: 23,
+        queued_inputs: 24,
+        queued_windows: 25,
+        identification_s: 2.5,
+        identification_max_s: 0.5,
+        record_age_s: Some(1.5),
     };
     sink.write(frames[0].stamp_ns, &status).unwrap();
     let dropped = Dropped {

@@ -18,11 +18,14 @@ use hmd::sink::{METADATA_NAME, Sink};
 const FRAMES: u64 = 2000;
 const CHUNKS: u64 = 4;
 
+/// Topic, time and content of a message.
+type Plain = (String, u64, Vec<u8>);
+
 /// One chunk: where it lies in the file, and what is in it.
 struct Chunk {
     start: usize,
     end: usize,
-    messages: Vec<(String, u64, Vec<u8>)>,
+    messages: Vec<Plain>,
 }
 
 /// A finished recording of [`CHUNKS`] windows.
@@ -50,7 +53,7 @@ fn recording() -> Vec<u8> {
     sink.finish().unwrap().0.into_inner()
 }
 
-fn messages(file: &[u8]) -> Vec<(usize, (String, u64, Vec<u8>))> {
+fn messages(file: &[u8]) -> Vec<(usize, Plain)> {
     let messages = McapMessages::new(Cursor::new(file), "a.mcap").unwrap();
     let messages = messages.map(Result::unwrap);
     let plain = messages.map(|m| (m.at_byte as usize, (m.topic.to_string(), m.log_time_ns, m.data)));

@@ -39,7 +39,7 @@ impl Disk for RealDisk {
 
     fn free_bytes(&self, folder: &Path) -> io::Result<u64> {
         let about = nix::sys::statvfs::statvfs(folder)?;
-        Ok(u64::from(about.blocks_available()).saturating_mul(u64::from(about.fragment_size())))
+        Ok(about.blocks_available().saturating_mul(about.fragment_size()))
     }
 }
 

@@ -24,14 +24,14 @@ pub fn render(status: &Status) -> String {
     out
 }
 
-/// Puts the metrics into a file in one step: a reader sees the old or the new ones.
+/// Puts rendered metrics into a file in one step: a reader sees the old or the new ones.
 ///
 /// # Errors
 /// What the system says.
-pub fn write_textfile(path: &Path, status: &Status) -> io::Result<()> {
+pub fn write_textfile(path: &Path, metrics: &str) -> io::Result<()> {
     let mut beside = path.as_os_str().to_owned();
     beside.push(".tmp");
-    File::create(&beside)?.write_all(render(status).as_bytes())?;
+    File::create(&beside)?.write_all(metrics.as_bytes())?;
     std::fs::rename(beside, path)
 }
 
@@ -227,8 +227,8 @@ mod tests {
     fn the_textfile_is_replaced_as_a_whole() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("hmd.prom");
-        write_textfile(&path, &Status::default()).unwrap();
-        write_textfile(&path, &status()).unwrap();
+        write_textfile(&path, &render(&Status::default())).unwrap();
+        write_textfile(&path, &render(&status())).unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), render(&status()));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }

@@ -1,7 +1,8 @@
 //! `hmd run` under a service manager: this test is the manager, and hears what it is told.
 #![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
 use std::os::unix::net::UnixDatagram;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, Command, Stdio};
@@ -17,7 +18,7 @@ struct Manager {
 const CONFIG: &str = "[[actuator]]\nid = 3\nbus = \"nosuchbus0\"\n";
 
 impl Manager {
-    fn start(output: &str) -> Self {
+    fn start(output: &str, more: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         std::fs::write(at("hmd.toml"), CONFIG).unwrap();
@@ -29,6 +30,8 @@ impl Manager {
             .args(["run", "-c"])
             .arg(at("hmd.toml"))
             .args(["-o", &output])
+            .args(more)
+            .current_dir(folder.path())
             .env("NOTIFY_SOCKET", at("notify"))
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
@@ -71,17 +74,15 @@ impl Manager {
         assert!(Command::new("kill").args([name, &id]).status().unwrap().success());
     }
 
-    /// Reads stderr up to a line with this text.
-    fn until_said(&mut self, text: &str) {
+    /// Reads stderr up to a line with this text, and returns it.
+    fn until_said(&mut self, text: &str) -> String {
         let mut line = String::new();
         while !line.contains(text) {
             line.clear();
-            assert_ne!(
-                self.said.read_line(&mut line).unwrap(),
-                0,
-                "ended without saying {text:?}"
-            );
+            let read = self.said.read_line(&mut line).unwrap();
+            assert_ne!(read, 0, "ended without saying {text:?}");
         }
+        line
     }
 
     fn stop(&mut self) {
@@ -89,6 +90,35 @@ impl Manager {
         assert_eq!(self.told().0, "STOPPING=1");
         assert_eq!(self.child.wait().unwrap().code(), Some(0));
     }
+}
+
+#[test]
+fn metrics_come_to_a_file_and_over_http_on_this_computer() {
+    let more = ["--metrics", "hmd.prom", "--metrics-listen", "127.0.0.1:0"];
+    let mut manager = Manager::start("segments/", &more);
+    let line = manager.until_said("metrics: http://");
+    let address = line.trim().strip_prefix("metrics: http://").unwrap();
+    let address = address.strip_suffix("/metrics").unwrap();
+    assert_eq!(manager.told().0, "READY=1");
+    manager.alive();
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream
+        .write_all(b"GET /metrics HTTP/1.1\r\nHost: here\r\n\r\n")
+        .unwrap();
+    let mut served = String::new();
+    stream.read_to_string(&mut served).unwrap();
+    let file = std::fs::read_to_string(manager.at("hmd.prom")).unwrap();
+    for text in [served, file] {
+        assert!(text.contains("hmd_link_up{interface=\"nosuchbus0\"} 0"), "{text}");
+        assert!(text.contains("hmd_storage_state{state=\"ok\"} 1"), "{text}");
+    }
+    manager.stop();
+
+    let everybody = Command::new(env!("CARGO_BIN_EXE_hmd"))
+        .args(["run", "-c", "hmd.toml", "--metrics-listen", "0.0.0.0:9464"])
+        .output()
+        .unwrap();
+    assert_eq!(everybody.status.code(), Some(2));
 }
 
 fn segments(folder: &Path) -> usize {
@@ -103,7 +133,7 @@ fn segments(folder: &Path) -> usize {
 #[test]
 fn the_manager_hears_of_readiness_progress_reload_and_end() {
     let since = Instant::now();
-    let mut manager = Manager::start("segments/");
+    let mut manager = Manager::start("segments/", &[]);
     assert_eq!(manager.told(), ("READY=1".to_owned(), 0));
     assert!(since.elapsed() < Duration::from_secs(5), "{:?}", since.elapsed());
     manager.alive();
@@ -127,7 +157,7 @@ fn the_manager_hears_of_readiness_progress_reload_and_end() {
 
 #[test]
 fn one_file_belongs_to_one_configuration() {
-    let mut manager = Manager::start("one.mcap");
+    let mut manager = Manager::start("one.mcap", &[]);
     assert_eq!(manager.told().0, "READY=1");
     manager.signal("-HUP");
     assert!(manager.told().0.starts_with("RELOADING=1"));

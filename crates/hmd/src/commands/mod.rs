@@ -6,6 +6,7 @@ pub mod check_config;
 pub mod demo;
 pub mod evaluate;
 mod live;
+mod metrics_http;
 mod progress;
 pub mod record;
 pub mod recover;

@@ -1,6 +1,7 @@
 //! `hmd run`: the daemon. SIGHUP lets it go on with the configuration as it is then, unless that is a bad one.
 
 use std::io::{self, Write};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,6 +10,7 @@ use anyhow::Context;
 use tokio::sync::mpsc;
 
 use super::live::{Asked, report, signals};
+use super::metrics_http::{Page, loopback, serve};
 use super::table::{HEALTH_HEAD, health_row};
 use super::{Exit, check_calibrations, load_config, service, use_threads};
 use crate::config::Config;
@@ -16,7 +18,7 @@ use crate::daemon::{Daemon, DaemonError, Observer};
 use crate::ingest::can::{CanSource, Wanted};
 use crate::ingest::live::LiveSource;
 use crate::judge::Judged;
-use crate::metrics::write_textfile;
+use crate::metrics::{render, write_textfile};
 use crate::record::{HealthLine, Status};
 use crate::recorder::{Recorder, is_folder, metadata};
 
@@ -32,6 +34,9 @@ pub struct Args {
     /// Prometheus metrics as a text file, replaced every ten seconds.
     #[arg(long, value_name = "FILE.prom")]
     metrics: Option<PathBuf>,
+    /// Serve the metrics at http://ADDRESS:PORT/metrics, for this computer alone.
+    #[arg(long, value_name = "ADDRESS:PORT", value_parser = loopback)]
+    metrics_listen: Option<SocketAddr>,
     /// One JSON line per window instead of a table.
     #[arg(long)]
     json: bool,
@@ -58,7 +63,12 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         heard: AtomicBool::new(true),
         metrics: args.metrics.clone(),
         metrics_failed: AtomicBool::new(false),
+        page: args.metrics_listen.map(|_| Page::default()),
     };
+    if let (Some(address), Some(page)) = (args.metrics_listen, &printer.page) {
+        let address = serve(address, page.clone()).with_context(|| format!("--metrics-listen {address}"))?;
+        printer.notice(&format!("metrics: http://{address}/metrics"));
+    }
     let mut exit = Exit::Done;
     loop {
         let mut next = None;
@@ -140,6 +150,8 @@ struct Printer {
     metrics: Option<PathBuf>,
     /// The last metrics could not be written; told once.
     metrics_failed: AtomicBool,
+    /// What is served over HTTP, if anything.
+    page: Option<Page>,
 }
 
 impl Observer for Printer {
@@ -170,8 +182,15 @@ impl Observer for Printer {
     }
 
     fn status(&self, status: &Status) {
+        if self.metrics.is_none() && self.page.is_none() {
+            return;
+        }
+        let metrics = render(status);
+        if let Some(page) = &self.page {
+            page.set(metrics.clone());
+        }
         let Some(path) = &self.metrics else { return };
-        let written = write_textfile(path, status);
+        let written = write_textfile(path, &metrics);
         let failed_before = self.metrics_failed.swap(written.is_err(), Ordering::Relaxed);
         if let Err(cause) = written
             && !failed_before

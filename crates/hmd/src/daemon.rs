@@ -24,12 +24,13 @@ use tokio::task::JoinSet;
 
 use crate::config::Config;
 use crate::frame::{BusError, BusNames};
+use crate::front::Notice;
 use crate::ingest::live::{Feed, Input, LiveSource, QUEUE_INPUTS, now_ns};
 use crate::judge::{Judge, JudgeError, Judged, WindowCounts};
 use crate::pipeline::Pipeline;
 use crate::record::Status;
 use crate::recorder::{RecordError, Recorder};
-use monitor::Monitor;
+use monitor::{Monitor, tell};
 pub use window_queue::QUEUE_WINDOWS;
 use window_queue::WindowQueue;
 
@@ -63,11 +64,18 @@ pub enum DaemonError {
 
 /// What is told while the daemon runs; from several threads.
 pub trait Observer: Sync {
-    /// One window has been judged.
+    /// One window has been judged, and its records, if any are kept, are on the disk.
     ///
     /// # Errors
     /// When nobody takes the records any more; the daemon then ends.
     fn judged(&self, judged: &Judged) -> io::Result<()>;
+    /// One window has been judged, but its records could not be stored; by default told like any other.
+    ///
+    /// # Errors
+    /// As [`Observer::judged`].
+    fn unstored(&self, judged: &Judged) -> io::Result<()> {
+        self.judged(judged)
+    }
     /// Something an operator should read.
     fn notice(&self, message: &str);
     /// The counters as they are recorded, with those of the storage: every ten seconds, and at the end.
@@ -204,25 +212,41 @@ fn judge_all(
         let since = Instant::now();
         let judged = judge.judge(job)?;
         let took = since.elapsed();
-        {
+        let stored = {
             let mut shared = lock(shared);
             shared.windows = judge.counts();
             let (total, longest) = shared.judging;
             shared.judging = (total + took, longest.max(took));
-            let stored = match &mut shared.recorder {
-                Some(recorder) => recorder.judged(&judged)?,
-                None => true,
-            };
+            let (mut stored, mut messages) = (true, Vec::new());
+            if let Some(recorder) = &mut shared.recorder {
+                // At the end there are no ticks any more, and the storage is tended here.
+                if windows.is_closed() {
+                    messages = recorder.tick(Instant::now())?;
+                }
+                stored = recorder.judged(&judged)?;
+                messages.append(&mut recorder.take_messages());
+            }
+            // Said before the line of a window that is not stored.
+            for (level, message) in messages {
+                let stamp_ns = now_ns();
+                tell(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
+            }
             if stored {
                 shared.last_record = Some(Instant::now());
             }
-        }
+            stored
+        };
         if windows.is_closed() {
             // There are no ticks any more.
             observer.alive();
         }
-        // Told only now: what was told is on the disk, unless the storage has said that it fails.
-        observer.judged(&judged).map_err(DaemonError::Stdout)?;
+        // Told only now: what was told as judged is on the disk.
+        let told = if stored {
+            observer.judged(&judged)
+        } else {
+            observer.unstored(&judged)
+        };
+        told.map_err(DaemonError::Stdout)?;
     }
     Ok(())
 }

@@ -187,6 +187,14 @@ impl Recorder {
         }
     }
 
+    /// What an operator should read about the storage, since the last time.
+    pub fn take_messages(&mut self) -> Vec<(LogLevel, String)> {
+        match &mut self.0 {
+            Output::Folder(store) => store.take_messages(),
+            Output::File { .. } => Vec::new(),
+        }
+    }
+
     /// How a folder stands; `None` for a file.
     #[must_use]
     pub fn store_status(&self) -> Option<StoreStatus> {

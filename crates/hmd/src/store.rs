@@ -204,6 +204,11 @@ impl Store {
             );
             self.messages.push((LogLevel::Info, text));
         }
+        self.take_messages()
+    }
+
+    /// What an operator should read, since the last time.
+    pub fn take_messages(&mut self) -> Vec<(LogLevel, String)> {
         std::mem::take(&mut self.messages)
     }
 

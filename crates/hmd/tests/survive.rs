@@ -38,11 +38,20 @@ const RUN: &str = "HMD_SURVIVE_RUN";
 /// File of the load, in the folder.
 const LOAD: &str = "load.log";
 
+/// Set where the disk is meant to fail.
+const FAILING: &str = "HMD_SURVIVE_FAILING";
+
 fn config() -> Arc<Config> {
     let text = "[type.slow]\nbased_on = \"bench\"\n[type.slow.sensors]\nsample_rate_hz = 400\n\
                 [[actuator]]\nid = 0\nbus = \"can0\"\ntype = \"slow\"\n\
-                [identification]\npopulation = 8\ngenerations = 1\nevaluations_max = 100\n";
-    Arc::new(Config::from_toml_str(text, "hmd.toml").unwrap())
+                [identification]\npopulation = 8\ngenerations = ";
+    // A slow search where somebody has to fill the disk meanwhile.
+    let search = if std::env::var(FAILING).is_ok() {
+        "1000\nevaluations_max = 5000"
+    } else {
+        "1\nevaluations_max = 100"
+    };
+    Arc::new(Config::from_toml_str(&format!("{text}{search}\n"), "hmd.toml").unwrap())
 }
 
 /// The load, made once: actuations of one actuator, a second apart.
@@ -82,9 +91,16 @@ impl Observer for Teller {
         io::stderr().write_all(line.as_bytes())
     }
 
+    fn unstored(&self, _: &Judged) -> io::Result<()> {
+        io::stderr().write_all(b"unstored\n")
+    }
+
     fn notice(&self, message: &str) {
-        // Not of interest here; a message of the storage is in its records.
-        assert!(!message.contains("tried again"), "{message}");
+        assert!(
+            !message.contains("tried again") || std::env::var(FAILING).is_ok(),
+            "{message}"
+        );
+        eprintln!("{message}");
     }
 }
 
@@ -110,12 +126,19 @@ fn writer() {
     eprintln!("ended");
 }
 
-/// Starts the writer and kills it after `wait`, or lets it come to its end without; what it told as stored, and whether it came to its end.
-fn killed(folder: &Path, run: u64, wait: Option<Duration>) -> (Vec<(u64, u64)>, bool) {
-    let mut child = Command::new(std::env::current_exe().unwrap())
+/// This program again, as the writer.
+fn writer_of(folder: &Path, run: u64) -> Command {
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command
         .args(["writer", "--exact", "--ignored", "--nocapture", "--test-threads=1"])
         .env(FOLDER, folder)
-        .env(RUN, run.to_string())
+        .env(RUN, run.to_string());
+    command
+}
+
+/// Starts the writer and kills it after `wait`, or lets it come to its end without; what it told as stored, and whether it came to its end.
+fn killed(folder: &Path, run: u64, wait: Option<Duration>) -> (Vec<(u64, u64)>, bool) {
+    let mut child = writer_of(folder, run)
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()
@@ -216,4 +239,51 @@ fn a_handful_of_kills_costs_nothing_that_was_stored() {
 #[ignore = "minutes; cargo xtask survive"]
 fn five_hundred_kills_cost_nothing_that_was_stored() {
     survives(500, Duration::from_millis(1500));
+}
+
+/// A file system of its own that somebody fills and empties again. Needs root, for the mount.
+#[test]
+#[ignore = "needs root; cargo xtask survive"]
+fn a_disk_that_is_really_full_for_a_while_ends_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    write_load(&folder.path().join(LOAD));
+    for name in ["segments", "kept"] {
+        std::fs::create_dir(folder.path().join(name)).unwrap();
+    }
+    let writer = writer_of(folder.path(), 0);
+    // One actuation takes some tenths of a second to identify, so the run is in the midst of it.
+    let script = "mount -t tmpfs -o size=4m none segments && { \"$@\" & } && sleep 1.5 && \
+                  { cat /dev/zero > segments/full; ls -l segments >&2; sleep 2; rm segments/full; wait && cp segments/hmd-* kept; }";
+    let output = Command::new("unshare")
+        .args(["--mount", "sh", "-c", script, "sh"])
+        .arg(writer.get_program())
+        .args(writer.get_args())
+        .envs(writer.get_envs().filter_map(|(key, value)| Some((key, value?))))
+        .env(FAILING, "1")
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    eprintln!("{said}");
+    assert!(output.status.success() && said.contains("ended"), "{said}");
+    // The next start repairs the segments that were given up.
+    let kept = folder.path().join("kept");
+    let next = Recorder::open_folder(&kept, &BTreeMap::new(), Limits::new(1, 60, 1000, 0)).unwrap();
+    next.finish().unwrap();
+    let found = read(&kept);
+    let (mut stored, mut after, mut lost) = (0, 0, 0);
+    for line in said.lines() {
+        if line == "unstored" {
+            lost += 1;
+        } else if let Some((start, window)) = line.strip_prefix("stored ").and_then(|line| line.split_once(' ')) {
+            let is_there = found.contains_key(&(start.parse().unwrap(), window.parse().unwrap()));
+            assert!(is_there, "told as stored and not found: {line}");
+            stored += 1;
+            after += u32::from(lost > 0);
+        }
+    }
+    eprintln!("{stored} records stored and found, {after} of them after the disk was full; {lost} lost and told so");
+    assert!(lost > 0, "the disk was never full");
+    assert!(after > 0, "no record after the disk was full");
+    assert!(said.contains("No space left on device") && said.contains("written again"));
 }

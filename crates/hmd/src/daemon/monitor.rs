@@ -244,7 +244,13 @@ impl Monitor {
     }
 }
 
-fn tell(notice: &Notice, level: LogLevel, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
+/// Says something to the operator and into the records.
+pub(super) fn tell(
+    notice: &Notice,
+    level: LogLevel,
+    shared: &mut Shared,
+    observer: &impl Observer,
+) -> Result<(), DaemonError> {
     observer.notice(&notice.message);
     if let Some(recorder) = &mut shared.recorder {
         recorder.notice(notice, level)?;

@@ -25,7 +25,7 @@ impl Default for OutputConfig {
     fn default() -> Self {
         Self {
             raw_frames: true,
-            segment_mib: 32,
+            segment_mib: 16,
             segment_age_s: 3600,
             disk_budget_mib: 2048,
             disk_free_min_mib: 256,

@@ -2,7 +2,7 @@
 //!
 //! Every chunk whose checksum is right is kept, message by message and with its definitions; everything else is left out
 //! and reported. The result has a summary again, so that any reader takes it. Bounded like the reader below
-//! ([`McapMessages`]): one record in memory, a list of at most [`LISTED_MAX`] losses.
+//! ([`McapMessages`]), with a list of at most [`LISTED_MAX`] losses.
 
 use std::collections::HashMap;
 use std::io::{self, Read, Seek, Write};

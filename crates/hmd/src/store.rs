@@ -297,8 +297,8 @@ impl Store {
     /// After a failed step the lane gives its segment up.
     fn check(&mut self, kind: Kind, step: Result<(), SinkError>) {
         let Err(error) = step else { return };
-        let now = self.now;
-        if let Some((name, bytes)) = self.lane(kind).fail(now) {
+        let (now, folder) = (self.now, self.folder.clone());
+        if let Some((name, bytes)) = self.lane(kind).fail(&folder, now) {
             self.keep(name, bytes);
         }
         self.tell_once(format!(

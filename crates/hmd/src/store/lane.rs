@@ -28,6 +28,8 @@ struct Open {
     since: Instant,
     /// Taken and not yet known to be on the disk.
     unsynced: u64,
+    /// Something was.
+    any_synced: bool,
 }
 
 /// What a lane needs to begin a segment.
@@ -103,6 +105,7 @@ impl Lane {
             sink,
             since: with.now,
             unsynced: 0,
+            any_synced: false,
         });
         self.segment += 1;
         self.retry_at = None;
@@ -127,6 +130,7 @@ impl Lane {
         if let Some(open) = self.open.as_mut().filter(|open| open.unsynced > 0) {
             open.sink.flush_window()?;
             open.unsynced = 0;
+            open.any_synced = true;
             // Only what came to the disk shows that the disk is back.
             self.pause.reset();
         }
@@ -148,13 +152,19 @@ impl Lane {
     }
 
     /// After a failure: gives the segment up and waits before the next. Whatever is not known to be on the disk is lost,
-    /// though a repair may still find some of it. The segment's name, if there was one, and its size.
-    pub(super) fn fail(&mut self, now: Instant) -> Option<(Name, u64)> {
+    /// though a repair may still find some of it. The segment's name and size, if anything in it is worth a repair; else it
+    /// is removed, so that a disk that fails for days leaves no file for each attempt.
+    pub(super) fn fail(&mut self, folder: &Path, now: Instant) -> Option<(Name, u64)> {
         self.segment += 1;
         self.retry_at = Some(now + self.pause.take());
         let open = self.open.take()?;
         self.lost += open.unsynced;
-        Some((open.name, open.sink.bytes()))
+        let (name, bytes, kept) = (open.name, open.sink.bytes(), open.any_synced);
+        drop(open);
+        if !kept {
+            let _ = std::fs::remove_file(folder.join(name.to_string()));
+        }
+        kept.then_some((name, bytes))
     }
 }
 

@@ -368,6 +368,21 @@ fn a_disk_that_fails_for_a_while_costs_what_is_counted() {
 }
 
 #[test]
+fn a_disk_that_fails_for_long_leaves_no_file_for_each_attempt() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    for _ in 0..20 {
+        // Segments begin well and fail with the first frames.
+        bench.disk.set(None);
+        bench.put_frames(&mut store, 10);
+        bench.disk.set(Some(io::ErrorKind::Other));
+        bench.tick(&mut store, 1);
+    }
+    assert!(store.status().lost_frames >= 100);
+    assert!(bench.names().len() <= 1, "{:?}", bench.names());
+}
+
+#[test]
 fn a_disk_that_is_full_at_the_start_is_waited_for() {
     let mut bench = Bench::new();
     bench.disk.set(Some(io::ErrorKind::StorageFull));

@@ -19,6 +19,8 @@ use std::sync::Arc;
 
 /// Most metadata records that are kept.
 const METADATA_LIMIT: usize = 64;
+/// Longest metadata record that is kept, bytes.
+const METADATA_BYTES: usize = 1 << 20;
 
 /// One message of an intact chunk.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -144,7 +146,7 @@ impl<R: Read + Seek> McapMessages<R> {
                     self.lose(at_byte, fault);
                 }
             }
-            What::Metadata(data) => match records::metadata(&data) {
+            What::Metadata(data) => match records::metadata(&data).filter(|_| data.len() <= METADATA_BYTES) {
                 Some((name, content)) if self.metadata.len() < METADATA_LIMIT => {
                     let name = name.to_owned();
                     self.metadata.push(McapMetadata { at_byte, name, content });

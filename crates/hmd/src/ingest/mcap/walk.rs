@@ -5,7 +5,7 @@
 //! is searched, byte by byte, for the next chunk whose own lengths agree with each other; so one broken record costs no
 //! chunk behind it, with or without a summary.
 //!
-//! Memory: one record of at most [`RECORD_LIMIT`] and its decompressed content of as much. Time: what the search tries
+//! Memory: one record of at most [`RECORD_LIMIT`], its decompressed content of as much, and the decoder's buffers for both. Time: what the search tries
 //! to decode is bounded by a multiple of the file's size ([`SEARCH_FACTOR`]).
 
 use super::chunk::{Content, RECORD_LIMIT, verify};

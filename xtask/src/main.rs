@@ -1,16 +1,19 @@
 //! The verbs that CI uses, in plain Rust, so that a fresh machine needs nothing but cargo (and Python for two of them).
 //!
-//! `cargo xtask VERB`; `cargo xtask ci` runs all of them but the tests.
+//! `cargo xtask VERB`; `cargo xtask ci` runs all of them but the tests, the fuzzing and the long forms.
 
 mod can;
 mod ci;
 mod deny;
+mod fuzz;
 mod no_std;
 mod oracle;
 mod python;
 mod readers;
 mod results;
 mod shell;
+mod survive;
+mod systemd;
 
 use std::process::ExitCode;
 
@@ -42,9 +45,17 @@ enum Verb {
     Oracle,
     /// The daemon on real SocketCAN, in a user-mode Linux.
     Can,
+    /// Fuzzing of every reader, seconds each; needs a nightly compiler.
+    Fuzz,
+    /// The same for half an hour each.
+    FuzzLong,
+    /// The shipped systemd unit: understood by systemd, and hardened as promised.
+    Systemd,
+    /// Storage under kill -9, cuts and flips: the long forms.
+    Survive,
     /// Runs every command whose output stands in a document, and draws the figures, again.
     Results,
-    /// Everything but the tests.
+    /// Everything but the tests, the fuzzing and the long forms.
     Ci,
 }
 
@@ -58,6 +69,10 @@ fn main() -> ExitCode {
         Verb::Readers => readers::check(),
         Verb::Oracle => oracle::check(),
         Verb::Can => can::check(),
+        Verb::Fuzz => fuzz::check(false),
+        Verb::FuzzLong => fuzz::check(true),
+        Verb::Systemd => systemd::check(),
+        Verb::Survive => survive::check(),
         Verb::Results => results::update(),
         Verb::Ci => ci::run_all(),
     };

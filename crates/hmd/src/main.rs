@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use hmd::commands::{
-    bench, calibrate, check_config, code_of, demo, evaluate, event, inspect, record, replay, run, simulate,
+    bench, calibrate, check_config, code_of, demo, evaluate, event, inspect, record, recover, replay, run, simulate,
 };
 
 /// Health monitoring of electromechanical actuators: which part wears, how far, and how sure.
@@ -25,6 +25,7 @@ enum Verb {
     Run(run::Args),
     Record(record::Args),
     Replay(replay::Args),
+    Recover(recover::Args),
     Event(event::Args),
     Inspect(inspect::Args),
     Simulate(simulate::Args),
@@ -40,6 +41,7 @@ fn main() -> ExitCode {
         Verb::Run(args) => run::run(&args),
         Verb::Record(args) => record::run(&args),
         Verb::Replay(args) => replay::run(&args),
+        Verb::Recover(args) => recover::run(&args),
         Verb::Inspect(args) => inspect::run(&args),
         Verb::Event(args) => event::run(&args),
         Verb::Simulate(args) => simulate::run(&args),

@@ -16,6 +16,8 @@ use crate::judge::{Judge, JudgeError, Judged};
 use crate::pipeline::Pipeline;
 use crate::record::{Dropped, LogLevel, Record, Status};
 use crate::recorder::{RecordError, Recorder, metadata};
+use crate::seal::is_sealed;
+use crate::sink::METADATA_NAME;
 
 /// Why a replay failed.
 #[derive(Debug, thiserror::Error)]
@@ -99,6 +101,8 @@ struct Run<'a, O> {
     damaged_places: u64,
     /// Serial numbers by actuator, as the logs so far told.
     serial_numbers: BTreeMap<String, String>,
+    /// Run and number of the segment read last, if it was one.
+    segment: Option<(String, u64)>,
 }
 
 impl Replay<'_> {
@@ -130,6 +134,7 @@ impl Replay<'_> {
             newest_ns: BTreeMap::new(),
             damaged_places: 0,
             serial_numbers: BTreeMap::new(),
+            segment: None,
         };
         let mut read_before = 0;
         for log in self.logs {
@@ -137,9 +142,15 @@ impl Replay<'_> {
                 Some(source) => source,
                 None => open_with(log, names)?,
             };
+            let continued = run.continues(&source);
+            if !continued {
+                run.end_windows()?;
+            }
             run.follow_units(log)?;
-            names = run.one_log(log, source, &mut read_before, self.config.output().raw_frames)?;
+            let store_raw = self.config.output().raw_frames;
+            names = run.one_log(log, source, continued, &mut read_before, store_raw)?;
         }
+        run.end_windows()?;
         run.finish(&names)
     }
 
@@ -162,12 +173,18 @@ impl<O: Observer> Run<'_, O> {
         &mut self,
         log: &Path,
         mut source: FrameSource,
+        continued: bool,
         read_before: &mut u64,
         store_raw: bool,
     ) -> Result<BusNames, ReplayError> {
         let mut ended = Vec::new();
         let mut frames = 0u64;
-        let seen_ns = self.newest_ns.clone();
+        // The clock may have stepped back between two segments of one run; no frame is in both.
+        let seen_ns = if continued {
+            BTreeMap::new()
+        } else {
+            self.newest_ns.clone()
+        };
         let mut overlapping = 0u64;
         while let Some(item) = source.next() {
             match item {
@@ -199,8 +216,6 @@ impl<O: Observer> Run<'_, O> {
             let stamp_ns = self.pipeline.last_stamp_ns();
             self.notice(&Notice { stamp_ns, message }, LogLevel::Error)?;
         }
-        self.pipeline.finish(&mut ended);
-        self.judge_all(&mut ended)?;
         Ok(source.into_bus_names())
     }
 
@@ -218,6 +233,25 @@ impl<O: Observer> Run<'_, O> {
             }
         }
         Ok(())
+    }
+
+    /// Whether a log goes on where the one before ended: the next segment of the same run, and none lost between.
+    fn continues(&mut self, source: &FrameSource) -> bool {
+        let metadata = source.metadata(METADATA_NAME).filter(|found| is_sealed(found));
+        let segment = metadata.and_then(|found| {
+            let number = found.get("segment")?.parse().ok()?;
+            Some((found.get("run")?.clone(), number))
+        });
+        let next = self.segment.take().map(|(run, number)| (run, number + 1));
+        let continued = segment.is_some() && next == segment;
+        self.segment = segment;
+        continued
+    }
+
+    fn end_windows(&mut self) -> Result<(), ReplayError> {
+        let mut ended = Vec::new();
+        self.pipeline.finish(&mut ended);
+        self.judge_all(&mut ended)
     }
 
     fn judge_all(&mut self, ended: &mut Vec<WindowJob>) -> Result<(), ReplayError> {
@@ -301,7 +335,8 @@ fn serial_numbers(log: &Path) -> BTreeMap<String, String> {
     };
     // The metadata stand before the first message.
     let _ = messages.next();
-    for (key, value) in messages.metadata().values().flatten() {
+    let metadata = messages.metadata(METADATA_NAME).filter(|found| is_sealed(found));
+    for (key, value) in metadata.into_iter().flatten() {
         if let Some(actuator) = key.strip_suffix(".serial_number") {
             found.insert(actuator.to_owned(), value.clone());
         }
@@ -351,6 +386,11 @@ mod tests {
         recorder.finish().unwrap();
         let expected = BTreeMap::from([("ema0".to_owned(), "S7".to_owned())]);
         assert_eq!(serial_numbers(&path), expected);
+        let mut bytes = std::fs::read(&path).unwrap();
+        let at = bytes.windows(2).position(|two| two == b"S7").unwrap();
+        bytes[at + 1] = b'8';
+        std::fs::write(&path, bytes).unwrap();
+        assert_eq!(serial_numbers(&path), BTreeMap::new(), "no checksum vouches for S8");
         std::fs::write(&path, "no log").unwrap();
         assert_eq!(serial_numbers(&path), BTreeMap::new());
     }
@@ -377,6 +417,7 @@ mod tests {
             newest_ns: BTreeMap::new(),
             damaged_places: 0,
             serial_numbers: BTreeMap::new(),
+            segment: None,
         };
         let log = |serial: &str| {
             let path = folder.path().join(format!("{serial}.mcap"));

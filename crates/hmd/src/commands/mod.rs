@@ -8,10 +8,13 @@ pub mod evaluate;
 pub mod event;
 pub mod inspect;
 mod live;
+mod metrics_http;
 mod progress;
 pub mod record;
+pub mod recover;
 pub mod replay;
 pub mod run;
+mod service;
 pub mod simulate;
 mod table;
 

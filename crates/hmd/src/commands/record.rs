@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use super::Exit;
 use super::live::{report, stop_signal};
+use crate::config::OutputConfig;
 use crate::daemon::{Daemon, Observer};
 use crate::ingest::can::{CanSource, Wanted};
 use crate::ingest::live::LiveSource;
@@ -18,8 +19,8 @@ pub struct Args {
     /// CAN interfaces.
     #[arg(required = true)]
     interfaces: Vec<String>,
-    /// MCAP file for the frames.
-    #[arg(short, long, value_name = "OUT.mcap")]
+    /// MCAP file for the frames, or a folder (it is one, or ends with "/") for segments that survive.
+    #[arg(short, long, value_name = "OUT.mcap|FOLDER/")]
     output: PathBuf,
 }
 
@@ -42,7 +43,11 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         .collect();
     let daemon = Daemon {
         sources: sources.collect(),
-        recorder: Some(Recorder::create(&args.output, &metadata)?),
+        recorder: Some(Recorder::open(
+            &args.output,
+            &metadata,
+            OutputConfig::default().limits(),
+        )?),
         watch: None,
     };
     Ok(report(&daemon.run(stop_signal(), &Teller)?))

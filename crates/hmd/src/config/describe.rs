@@ -35,14 +35,13 @@ fn write_all(out: &mut String, config: &Config) -> fmt::Result {
     )?;
     write_health(out, config)?;
     write_rul(out, config)?;
+    let output = config.output();
+    let stored = if output.raw_frames { "stored" } else { "not stored" };
+    writeln!(out, "raw frames: {stored}")?;
     writeln!(
         out,
-        "raw frames: {}",
-        if config.output().raw_frames {
-            "stored"
-        } else {
-            "not stored"
-        }
+        "output in a folder: segments of {} MiB or {} s, at most {} MiB of them, {} MiB left free",
+        output.segment_mib, output.segment_age_s, output.disk_budget_mib, output.disk_free_min_mib
     )?;
     writeln!(out, "hash: {}", config.hash())
 }

@@ -149,7 +149,7 @@ fn a_silent_first_bus_does_not_change_the_indices() {
     let mut reader = McapFrames::new(Cursor::new(file), "a.mcap", BusNames::new()).unwrap();
     assert_eq!(reader.next(), Some(Ok(frame.with_bus(0))));
     assert_eq!(reader.bus_names().name(0), Some("vcan1"));
-    assert_eq!(reader.messages().metadata()[METADATA_NAME]["seed"], "1");
+    assert_eq!(reader.messages().metadata(METADATA_NAME).unwrap()["seed"], "1");
 }
 
 #[test]
@@ -355,6 +355,18 @@ fn write_a_sample() {
         interface: vec!["can0".to_owned()],
         bus_state: vec!["error-passive".to_owned()],
         link: vec!["down".to_owned()],
+        lost_storage_frames: 18,
+        lost_storage_records: 19,
+        storage: "failing".to_owned(),
+        storage_used_bytes: 20,
+        storage_free_bytes: 21,
+        storage_segments: 22,
+        storage_deleted: 23,
+        queued_inputs: 24,
+        queued_windows: 25,
+        identification_s: 2.5,
+        identification_max_s: 0.5,
+        record_age_s: Some(1.5),
     };
     sink.write(frames[0].stamp_ns, &status).unwrap();
     let dropped = Dropped {

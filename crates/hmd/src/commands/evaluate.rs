@@ -7,8 +7,10 @@ use super::{Exit, Misuse, load_config, progress, say, unknown_type, use_threads}
 use crate::calibration::MonitorForm;
 use crate::config::SearchMethod;
 use crate::evaluate::{
-    Case, DetectionReport, NOISE_RATES_HZ, NoiseReport, PaperReport, RandomReport, detection, noise, paper, random,
+    Case, DetectionReport, NOISE_RATES_HZ, NoiseReport, PaperReport, RandomReport, RulReport, Scores, detection, noise,
+    paper, random, rul,
 };
+use crate::health::FAULTS;
 use crate::judge::{Judge, levels};
 
 /// Measure the accuracy of the identification.
@@ -17,7 +19,8 @@ pub struct Args {
     /// The suite.
     #[arg(value_enum)]
     suite: Suite,
-    /// Number of random fault vectors, 200 without it; the suite `paper` has a fixed content.
+    /// Number of random fault vectors, of motors (`detection`) or of histories per fault (`rul`); 200 without it, 100
+    /// motors. The suite `paper` has a fixed content.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     n: Option<u64>,
     /// Seed of the suite.
@@ -54,6 +57,8 @@ enum Suite {
     Noise,
     /// Verdicts of single windows, healthy and faulty, of 100 motors.
     Detection,
+    /// Remaining life foretold over whole histories of estimates, beside an oracle.
+    Rul,
 }
 
 /// Runs the verb.
@@ -69,6 +74,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     }
     let config = load_config(args.config.as_deref())?;
     use_threads(args.threads.map(usize::from))?;
+    if args.suite == Suite::Rul {
+        return run_rul(args);
+    }
     let levels = levels(config.health());
     let mut judge = Judge::new(Arc::new(config), args.seed);
     let Some(identifier) = judge.identifier(&args.actuator, args.monitor, args.method)? else {
@@ -118,7 +126,23 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
                 detection_table(&report)
             })?;
         }
+        // It needs no identifier, and has run.
+        Suite::Rul => {}
     }
+    Ok(Exit::Done)
+}
+
+/// The one suite that identifies nothing: its estimates are drawn.
+fn run_rul(args: &Args) -> anyhow::Result<Exit> {
+    let n = args.n.unwrap_or(200);
+    let bar = progress::over_pieces(n * FAULTS as u64);
+    let report = rul(n, args.seed, &|| bar.inc(1))?;
+    bar.finish_and_clear();
+    say(&if args.json {
+        serde_json::to_string(&report)?
+    } else {
+        rul_table(&report)
+    })?;
     Ok(Exit::Done)
 }
 
@@ -204,4 +228,30 @@ fn detection_table(report: &DetectionReport) -> String {
         100.0 * report.false_alarm_rate
     );
     text
+}
+
+/// Our scores and the oracle's, `ours / oracle`.
+fn rul_table(report: &RulReport) -> String {
+    let mut text =
+        "| histories | α-λ passed, % | horizon, % of life | cumulative relative accuracy | 80 % interval covers, % \
+                    | convergence |\n|---|---|---|---|---|---|"
+            .to_owned();
+    let mut row = |name: &str, histories: usize, ours: &Scores, oracle: &Scores| {
+        let percent = |of: fn(&Scores) -> f64| format!("{:.1} / {:.1}", 100.0 * of(ours), 100.0 * of(oracle));
+        let share = |of: fn(&Scores) -> f64| format!("{:.3} / {:.3}", of(ours), of(oracle));
+        text += &format!(
+            "\n| {name} ({histories}) | {} | {} | {} | {} | {} |",
+            percent(|s| s.alpha_lambda_pass_rate),
+            percent(|s| s.prognostic_horizon_fraction),
+            share(|s| s.cra),
+            percent(|s| s.coverage_80),
+            share(|s| s.convergence),
+        );
+    };
+    for group in &report.groups {
+        row(&group.name, group.histories, &group.scores, &group.oracle);
+    }
+    let all = report.histories_per_fault as usize * FAULTS;
+    row("**all**", all, &report.scores, &report.oracle);
+    text + "\n\nEach cell: this monitor / an oracle that knows the true law and how its parameters are distributed."
 }

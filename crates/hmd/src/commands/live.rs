@@ -8,19 +8,6 @@ use tokio::sync::mpsc;
 use super::Exit;
 use crate::record::Status;
 
-/// Resolves at the first SIGINT or SIGTERM.
-pub(super) async fn stop_signal() {
-    let (interrupt, terminate) = (signal(SignalKind::interrupt()), signal(SignalKind::terminate()));
-    match (interrupt, terminate) {
-        (Ok(mut interrupt), Ok(mut terminate)) => tokio::select! {
-            _ = interrupt.recv() => {}
-            _ = terminate.recv() => {}
-        },
-        // Without handlers the signals end the process at once; there is nothing to wait for.
-        _ => std::future::pending().await,
-    }
-}
-
 /// What an operator asks of a running daemon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Asked {
@@ -33,19 +20,24 @@ pub(super) enum Asked {
 /// Requests that wait while one is carried out; more say nothing new.
 const WAITING_MAX: usize = 8;
 
-/// Signals from now on, on a thread of their own: between two runs of the daemon none is missed.
+/// Signals from now on, on a thread of their own: none is missed before the daemon runs, or between two runs of it.
 pub(super) fn signals() -> io::Result<mpsc::Receiver<Asked>> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
     let (sender, receiver) = mpsc::channel(WAITING_MAX);
-    let mut hangup = {
+    let [mut interrupt, mut terminate, mut hangup] = {
         let _inside = runtime.enter();
-        signal(SignalKind::hangup())?
+        [
+            signal(SignalKind::interrupt())?,
+            signal(SignalKind::terminate())?,
+            signal(SignalKind::hangup())?,
+        ]
     };
     std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
         runtime.block_on(async {
             loop {
                 let asked = tokio::select! {
-                    () = stop_signal() => Asked::Stop,
+                    _ = interrupt.recv() => Asked::Stop,
+                    _ = terminate.recv() => Asked::Stop,
                     _ = hangup.recv() => Asked::Reload,
                 };
                 // A full channel asks for all there is already.

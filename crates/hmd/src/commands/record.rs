@@ -4,8 +4,10 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
+
 use super::Exit;
-use super::live::{report, stop_signal};
+use super::live::{report, signals};
 use crate::config::{DEFAULT_BITRATE_BIT_S, OutputConfig};
 use crate::daemon::{Daemon, Observer};
 use crate::frame::BusNames;
@@ -48,6 +50,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         .into_iter()
         .map(|(key, value)| (key.to_owned(), value.to_owned()))
         .collect();
+    let mut asked = signals().context("signals")?;
     let daemon = Daemon {
         sources: sources.collect(),
         recorder: Some(Recorder::open(
@@ -57,7 +60,10 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         )?),
         watch: None,
     };
-    Ok(report(&daemon.run(stop_signal(), &Teller)?))
+    let end = async {
+        asked.recv().await;
+    };
+    Ok(report(&daemon.run(end, &Teller)?))
 }
 
 fn serial_line(text: &str) -> Result<(String, SerialSource), String> {

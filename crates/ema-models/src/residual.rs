@@ -1,5 +1,9 @@
 //! Residuals: measured minus modelled, per sample and signal, and the costs made of them.
 
+mod sensitivity;
+
+pub use sensitivity::{PerSignal, Sensitivity};
+
 use crate::dispatch::{InstructionSet, Numbers, Work};
 use crate::fault::FaultVector;
 use crate::lanes::Lanes;
@@ -99,6 +103,19 @@ pub struct Prior {
 const KNOWN: [usize; 4] = [8, 9, MOTOR_COORDINATES[0], MOTOR_COORDINATES[1]];
 
 impl Prior {
+    /// Information about each coordinate that is known beforehand, as part of `JᵀJ`.
+    #[must_use]
+    pub fn information(&self, params: &ActuatorParams, conditions: &Conditions) -> [[f64; UNKNOWN_COUNT]; UNKNOWN_COUNT] {
+        let (_, known) = self.terms(&Scale::new(params), conditions, &Coordinates([0.0; UNKNOWN_COUNT]));
+        let mut information = [[0.0; UNKNOWN_COUNT]; UNKNOWN_COUNT];
+        for (r, &p) in KNOWN.iter().enumerate() {
+            for (c, &q) in KNOWN.iter().enumerate() {
+                information[p][q] = known[r][c];
+            }
+        }
+        information
+    }
+
     /// Distance from what is expected, and information matrix, in the order of [`KNOWN`].
     fn terms(&self, scale: &Scale, conditions: &Conditions, at: &Coordinates) -> ([f64; 4], [[f64; 4]; 4]) {
         let unit = Unknowns {
@@ -153,7 +170,14 @@ impl Comparison<'_> {
     /// The monitor of this window for one set of unknowns.
     #[must_use]
     pub fn monitor(&self, unknowns: &Unknowns) -> Monitor<f64> {
-        Monitor::new(self.params, self.calibration, self.conditions.v_dc, unknowns).with_feedback(self.feedback)
+        let warm = Unknowns {
+            motor: match self.conditions.winding_temp_deg_c {
+                Some(temperature) => unknowns.motor.at_temperature(temperature),
+                None => unknowns.motor,
+            },
+            ..*unknowns
+        };
+        Monitor::new(self.params, self.calibration, self.conditions.v_dc, &warm).with_feedback(self.feedback)
     }
 
     /// Runs a monitor (or several, in lanes) over the window and shows the residuals of each measured sample by its index.
@@ -288,13 +312,8 @@ impl Comparison<'_> {
         sum / samples.len().max(1) as f64
     }
 
-    /// Normal equations at a point, by forward differences of monitors run side by side.
-    ///
-    /// The differences go by `step` towards the inside of the box, so nothing leaves it. A long step sees over the cost's
-    /// small unevenness from afar, a short one follows its curvature. What is known beforehand of load and integral
-    /// ([`Prior`]) is part of the equations.
-    #[must_use]
-    pub fn normal_equations(&self, at: &Coordinates, step: f64) -> NormalEquations {
+    /// Monitors at a point and one step along each coordinate, towards the inside of the box.
+    fn linearising(&self, at: &Coordinates, step: f64) -> Linearising {
         let scale = Scale::new(self.params);
         let steps: [f64; UNKNOWN_COUNT] = core::array::from_fn(|p| match p {
             // Beyond this the turns are held, so a short step would see nothing.
@@ -304,7 +323,7 @@ impl Comparison<'_> {
             _ if at.0[p] > 0.5 * Coordinates::UPPER[p] => -step,
             _ => step,
         });
-        let monitors: [Monitor<f64>; SLOPE_LANES] = core::array::from_fn(|lane| {
+        let monitors = core::array::from_fn(|lane| {
             let mut x = *at;
             // Lane 0 and the spare ones stay at the point itself.
             if (1..=UNKNOWN_COUNT).contains(&lane) {
@@ -312,10 +331,26 @@ impl Comparison<'_> {
             }
             self.monitor(&scale.unknowns(&x))
         });
+        let mut per_step = [0.0; SLOPE_LANES];
+        for (p, step) in steps.into_iter().enumerate() {
+            per_step[p + 1] = 1.0 / step;
+        }
+        Linearising { monitors, per_step }
+    }
+
+    /// Normal equations at a point, by forward differences of monitors run side by side.
+    ///
+    /// The differences go by `step` towards the inside of the box, so nothing leaves it. A long step sees over the cost's
+    /// small unevenness from afar, a short one follows its curvature. What is known beforehand of load and integral
+    /// ([`Prior`]) is part of the equations.
+    #[must_use]
+    pub fn normal_equations(&self, at: &Coordinates, step: f64) -> NormalEquations {
+        let scale = Scale::new(self.params);
+        let Linearising { monitors, per_step } = self.linearising(at, step);
         let mut sums = InstructionSet::best().run(Linearised {
             comparison: self,
             monitors: &monitors,
-            steps,
+            per_step,
         });
         let (distance, information) = self.prior.terms(&scale, &self.conditions, at);
         for (r, &p) in KNOWN.iter().enumerate() {
@@ -373,11 +408,17 @@ impl Work for HalfMeanSquares<'_> {
     }
 }
 
+/// Monitors side by side for finite differences, and the inverse of each lane's step; 0 where a lane takes none.
+struct Linearising {
+    monitors: [Monitor<f64>; SLOPE_LANES],
+    per_step: [f64; SLOPE_LANES],
+}
+
 /// The sums of the normal equations without what is known beforehand.
 struct Linearised<'a> {
     comparison: &'a Comparison<'a>,
     monitors: &'a [Monitor<f64>; SLOPE_LANES],
-    steps: [f64; UNKNOWN_COUNT],
+    per_step: [f64; SLOPE_LANES],
 }
 
 impl Work for Linearised<'_> {
@@ -387,11 +428,7 @@ impl Work for Linearised<'_> {
     fn run<N: Numbers>(self) -> NormalEquations {
         let monitor = Monitor::side_by_side(self.monitors, N::Double::from_lanes);
         let weights = self.comparison.weights.to_array();
-        let mut per_step = [0.0; SLOPE_LANES];
-        for (p, step) in self.steps.into_iter().enumerate() {
-            per_step[p + 1] = 1.0 / step;
-        }
-        let per_step = N::Double::from_lanes(per_step);
+        let per_step = N::Double::from_lanes(self.per_step);
         let zero = N::Double::zero();
         let (mut cost, mut jtr, mut jtj) = (0.0, zero, [zero; UNKNOWN_COUNT]);
         self.comparison.run(&monitor, |_, residuals| {

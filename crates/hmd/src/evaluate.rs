@@ -4,6 +4,7 @@ mod detection;
 mod matched;
 mod motors;
 mod noise;
+mod profiles;
 
 use ema_ga::ConfigError;
 use ema_models::{FAULT_COUNT, FaultVector, Profile, eq15_pct, rss_pct};
@@ -19,6 +20,7 @@ use crate::simulated::SimulatedWindow;
 
 pub use detection::{ByFault, DetectionError, DetectionReport, Wrong, detection};
 pub use noise::{NOISE_RATES_HZ, NoiseAtRate, NoiseReport, noise};
+pub use profiles::{CONDITION_ROWS, PROFILE_ROWS, ProfileRow, ProfilesError, ProfilesReport, conditions, profiles};
 
 /// Random vector of the paper's Table III.
 pub const TABLE_III: [f64; FAULT_COUNT] = [0.2383, 0.5003, 5.32e-7, 0.4503, 0.0404, 0.0028, 0.2785, 0.5];

@@ -2,8 +2,11 @@
 
 mod population;
 mod refine;
+mod rivals;
+mod spread;
+mod unmodelled;
 
-use ema_ga::{Bounds, CmaConfig, ConfigError, Control, DeConfig, GaConfig, Parallel, Search, evolve_owned};
+use ema_ga::{Bounds, CmaConfig, ConfigError, Control, DeConfig, GaConfig, Parallel, Search, StopReason, evolve_owned};
 use ema_models::{
     ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector,
     Feedback, MotorKnowledge, Prior, Recording, SIGNAL_COUNT, Scale, SensedSample, Signals, UNKNOWN_COUNT, Unknowns,
@@ -13,8 +16,11 @@ use ema_models::{
 use crate::calibration::TypeCalibration;
 use crate::turns::align;
 use population::PaperCost;
-use refine::{FINE_STEP, data_variance, descend, hold_known_motor, refine, starts};
+use refine::{End, UNLIMITED, descend, refine, starts};
 pub use refine::{bound, pull_from, refine_from};
+pub use spread::{KINDS, Spread};
+use unmodelled::WeakMagnet;
+pub use unmodelled::{Unmodelled, is_unmodelled};
 
 /// How the fault vector is searched. `docs/search.md` compares them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,24 +95,25 @@ pub struct Estimate {
     pub residual_rms_a: f64,
     /// Monitor evaluations spent.
     pub evaluations: u64,
-}
-
-/// A cost above this says that no fault vector explains the window: weighted residuals of four times their expected
-/// size. Good windows of every profile cost 1.0 to 1.5 without sensor noise, 2.0 to 2.7 with 50 mA rms on the currents and
-/// 5.5 to 6.3 with 100 mA.
-const UNMODELLED_COST: f64 = 15.0;
-
-/// Whether a cost says that the data are of something the monitor does not know.
-#[must_use]
-pub fn is_unmodelled(cost: f64) -> bool {
-    cost.is_nan() || cost > UNMODELLED_COST
+    /// Whether the budget of evaluations was spent before the search had ended: the best so far.
+    pub cut: bool,
+    /// Another fault vector, far from this one, that explains the window as well; the sigmas reach as far as it.
+    pub rival: Option<FaultVector>,
+    /// Back-EMF coefficient of the motor beyond what was expected of it, as a share of the type's.
+    pub back_emf_off: f64,
+    /// Whether another motor than the one expected explains the window clearly better.
+    pub other_motor: bool,
+    /// Mean square of the speed's or the output angle's residual over the expected one, the larger of both.
+    pub misfit: f64,
+    /// Whether the motor stood while it was told to move.
+    pub locked: bool,
 }
 
 impl Estimate {
-    /// Whether the fit is so bad that the data, though good, are of something the monitor does not know.
+    /// Whether the data, though good, are of something the monitor does not know.
     #[must_use]
     pub fn is_unmodelled(&self) -> bool {
-        is_unmodelled(self.cost)
+        self.unmodelled().is_some()
     }
 
     /// One standard deviation of each damage (see [`FaultVector::damage`]); infinite where the window shows nothing.
@@ -141,6 +148,9 @@ const OBSERVABLE_SIGMA: f64 = 0.1;
 
 /// Monitor runs of one set of normal equations: the point and one step along each coordinate.
 const RUNS_PER_LINEARISATION: u64 = UNKNOWN_COUNT as u64 + 1;
+
+/// Monitor runs after the search: those of the last weighing and of stating how sure the end is.
+const JUDGING_RUNS: u64 = RUNS_PER_LINEARISATION + 3;
 
 /// A window made ready for comparison, owning its samples.
 #[derive(Clone, Debug)]
@@ -207,22 +217,32 @@ impl Identifier {
                 };
                 let found = evolve_owned(&search, &config, |_| Control::Continue)?;
                 let best = all.with_fault(FaultVector::from_array(found.genes));
-                Ok(self.judge(&all, scale.coordinates(&best), found.evaluations))
+                let cut = found.stop == StopReason::MaxEvaluations;
+                let estimate = self.judge(&all, scale.coordinates(&best), None, found.evaluations);
+                Ok(Estimate { cut, ..estimate })
             }
             Method::Population(population) => {
                 let found = population.search(all, seed)?;
                 let best = all.with_fault(FaultVector::from_array(found.genes));
-                Ok(self.judge(&all, scale.coordinates(&best), found.evaluations))
+                let cut = found.stop == StopReason::MaxEvaluations;
+                let estimate = self.judge(&all, scale.coordinates(&best), None, found.evaluations);
+                Ok(Estimate { cut, ..estimate })
             }
             Method::LeastSquares => {
-                let (best, spent) = refine(&all, &starts(&all, &scale, &[FaultVector::NOMINAL]));
-                Ok(self.finish(&all, best, spent))
+                let starts = starts(&all, &scale, &[FaultVector::NOMINAL]);
+                Ok(self.finish(&all, &refine(&all, &starts, UNLIMITED), 0, UNLIMITED))
             }
             Method::Hybrid(population) => {
                 let found = population.search(all, seed)?;
                 let faults = [FaultVector::from_array(found.genes), FaultVector::NOMINAL];
-                let (best, spent) = refine(&all, &starts(&all, &scale, &faults));
-                Ok(self.finish(&all, best, found.evaluations + spent))
+                let starts = starts(&all, &scale, &faults);
+                // The same share for each descent and for the last one, whichever of them needs it.
+                let share = population.budget().map_or(UNLIMITED, |budget| {
+                    budget.saturating_sub(found.evaluations + JUDGING_RUNS) / (starts.len() as u64 + 1)
+                });
+                let estimate = self.finish(&all, &refine(&all, &starts, share), found.evaluations, share);
+                let cut = estimate.cut || found.stop == StopReason::MaxEvaluations;
+                Ok(Estimate { cut, ..estimate })
             }
         }
     }
@@ -248,15 +268,44 @@ impl Identifier {
     /// Weighs the signals by what noise this window has, refines once more and states how sure the end is.
     ///
     /// The cost stays that of the calibration's weights: it is what says whether the fit is a good one at all.
-    fn finish(&self, comparison: &Comparison<'_>, found: Coordinates, evaluations: u64) -> Estimate {
-        let weighed = Comparison {
-            weights: self.weights_by_noise(comparison, &found),
-            ..*comparison
+    fn finish(&self, comparison: &Comparison<'_>, ends: &[End], evaluations: u64, budget: u64) -> Estimate {
+        let weighed = self.weighed(comparison, &ends[0].at);
+        let end = descend(&weighed, ends[0].at, budget);
+        let rival = rivals::find(comparison, ends);
+        let spent = evaluations + ends.iter().map(|end| end.spent).sum::<u64>() + end.spent + 2;
+        let cut = end.cut || ends.iter().any(|end| end.cut);
+        let estimate = match unmodelled::weak_magnet(&weighed, &end, budget) {
+            WeakMagnet::No(more) => self.judge(&weighed, end.at, rival, spent + more),
+            WeakMagnet::Perhaps(other) => self.judge(&weighed, end.at, rival.or(Some(other.at)), spent + other.spent),
+            WeakMagnet::Yes(other) => Estimate {
+                other_motor: true,
+                ..self.judge(&weighed, other.at, rival, spent + other.spent)
+            },
         };
-        let end = descend(&weighed, found);
-        let estimate = self.judge(&weighed, end.at, evaluations + end.spent + 2);
-        let cost = comparison.least_squares(&estimate.unknowns);
-        Estimate { cost, ..estimate }
+        Estimate {
+            cost: comparison.least_squares(&estimate.unknowns),
+            cut,
+            ..estimate
+        }
+    }
+
+    fn weighed<'a>(&self, comparison: &Comparison<'a>, at: &Coordinates) -> Comparison<'a> {
+        Comparison {
+            weights: self.weights_by_noise(comparison, at),
+            ..*comparison
+        }
+    }
+
+    /// How far the monitor's mismatch pulls an estimate that starts at the truth, in fault coordinates, and the spread there.
+    #[must_use]
+    pub fn pull(&self, window: &Prepared, conditions: Conditions, truth: &FaultVector) -> ([f64; FAULT_COUNT], Spread) {
+        let coefficients = self.calibration.coefficients();
+        let all = self.comparison(window, &coefficients, conditions);
+        let start = Scale::new(&self.params).coordinates(&all.with_fault(*truth));
+        let found = descend(&all, start, UNLIMITED).at;
+        let weighed = self.weighed(&all, &found);
+        let end = descend(&weighed, found, UNLIMITED).at;
+        (std::array::from_fn(|p| end.0[p] - start.0[p]), Spread::of(&weighed, &end))
     }
 
     /// The calibration's weights, less where a signal is noisier than in the windows it was made from: sensors differ, and
@@ -279,33 +328,28 @@ impl Identifier {
         Signals::from_array(weights)
     }
 
-    /// States how sure a point is.
-    fn judge(&self, comparison: &Comparison<'_>, at: Coordinates, evaluations: u64) -> Estimate {
+    /// States how sure a point is; each component at least as unsure as a rival is far.
+    fn judge(
+        &self,
+        comparison: &Comparison<'_>,
+        at: Coordinates,
+        rival: Option<Coordinates>,
+        evaluations: u64,
+    ) -> Estimate {
         let scale = Scale::new(&self.params);
         let unknowns = scale.unknowns(&at);
         // The point may lie outside the disc of eccentricities; what is judged is what is reported.
         let at = scale.coordinates(&unknowns);
-        let normal = hold_known_motor(comparison.normal_equations(&at, FINE_STEP), &comparison.prior.motor);
+        let spread = Spread::of(comparison, &at);
         let fault = unknowns.fault;
-        let (mut current, mut n) = (0.0, 0.0_f64);
-        comparison.residuals(&unknowns, |_, r| {
-            current += r.i_q * r.i_q;
-            n += 1.0;
+        let mismatch = self.calibration.at(self.params.sensors.sample_rate);
+        let variance = spread.variance(mismatch);
+        let total: [f64; UNKNOWN_COUNT] = std::array::from_fn(|p| {
+            let far = rival.map_or(0.0, |rival| rival.0[p] - at.0[p]);
+            (variance[p] + far * far).sqrt()
         });
-        let n = n.max(1.0);
-
-        // Correlated residuals are already weighted down, so the weighted ones count as independent of unit size; a
-        // worse fit than the calibration's widens the interval.
-        let signals = comparison.weights.to_array().iter().filter(|w| **w > 0.0).count() as f64;
-        let excess = (2.0 * normal.cost / (n * signals)).max(1.0);
-        let variance = data_variance(&normal, excess);
         let mut sigma = [None; FAULT_COUNT];
         let mut observable = [false; FAULT_COUNT];
-        let model_sigma = self.calibration.at(self.params.sensors.sample_rate).model_sigma;
-        let mut total = [f64::INFINITY; FAULT_COUNT];
-        for p in 0..FAULT_COUNT {
-            total[p] = (variance[p] + model_sigma[p].powi(2)).sqrt();
-        }
         for p in [0, 1, 2, 3, 4, 7] {
             observable[p] = total[p] <= OBSERVABLE_SIGMA;
             sigma[p] = observable[p].then_some(total[p]);
@@ -324,9 +368,15 @@ impl Identifier {
             unknowns,
             sigma,
             observable,
-            cost: normal.cost / n,
-            residual_rms_a: (current / n).sqrt(),
+            cost: comparison.least_squares(&unknowns),
+            residual_rms_a: spread.mean_square[1].sqrt(),
             evaluations: evaluations + RUNS_PER_LINEARISATION + 1,
+            cut: false,
+            rival: rival.map(|rival| scale.unknowns(&rival).fault),
+            back_emf_off: unknowns.motor.back_emf - comparison.prior.motor.mean.back_emf,
+            other_motor: false,
+            misfit: unmodelled::misfit(&spread.mean_square, mismatch),
+            locked: unmodelled::is_locked(comparison),
         }
     }
 

@@ -83,6 +83,9 @@ pub struct Conditions {
     pub load_torque: Option<f64>,
     /// DC link voltage, V.
     pub v_dc: f64,
+    /// Measured winding temperature, °C. `None` where nobody measures it: the motor is then taken to be at 20 °C, and how far
+    /// it is from that is part of its unknown deviation.
+    pub winding_temp_deg_c: Option<f64>,
 }
 
 /// One monitor, or one lane each of several that differ in their fault vectors.

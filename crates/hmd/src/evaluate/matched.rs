@@ -3,7 +3,7 @@
 use ema_ga::ConfigError;
 use ema_models::reference::CurrentSensing;
 use ema_models::{
-    FaultVector, Profile, Real, SIGNAL_COUNT, Scale, abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc,
+    FaultVector, Profile, Real, SIGNAL_COUNT, Scale, Signals, abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc,
 };
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -37,7 +37,8 @@ pub(super) fn crlb_ratio(of_type: &Identifier, rate: f64, n: u64, seed: u64) -> 
     let currents = (2.0_f64 / 3.0).sqrt() * NOISE_RMS_A.hypot(sensors.current_lsb() / 12.0_f64.sqrt());
     let only_noise = Mismatch {
         sample_rate_hz: rate,
-        model_sigma: Default::default(),
+        ripple_share: 1.0,
+        drift_rms: SignalTable::from(Signals::from_array([0.0; SIGNAL_COUNT])),
         residual_rms: SignalTable {
             i_d: currents,
             i_q: currents,

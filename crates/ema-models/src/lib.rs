@@ -57,8 +57,6 @@ pub use recording::{ComparedSample, Recording, SensedSample, prepare};
 pub use residual::{
     COST_LANES, Comparison, NormalEquations, PerSignal, Prior, RANK_LANES, SIGNAL_COUNT, Sensitivity, Signals, Weights,
 };
-pub use temperature::{
-    BACK_EMF_PER_KELVIN, REFERENCE_TEMPERATURE_DEG_C, RESISTANCE_PER_KELVIN, temperature_factors,
-};
+pub use temperature::{BACK_EMF_PER_KELVIN, REFERENCE_TEMPERATURE_DEG_C, RESISTANCE_PER_KELVIN, temperature_factors};
 pub use unknowns::{Coordinates, MOTOR_COORDINATES, MotorDeviation, MotorKnowledge, Scale, UNKNOWN_COUNT, Unknowns};
 pub use winding::{DerivedShape, PaperShape, Winding, derived_shape};

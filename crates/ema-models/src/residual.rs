@@ -105,7 +105,11 @@ const KNOWN: [usize; 4] = [8, 9, MOTOR_COORDINATES[0], MOTOR_COORDINATES[1]];
 impl Prior {
     /// Information about each coordinate that is known beforehand, as part of `JᵀJ`.
     #[must_use]
-    pub fn information(&self, params: &ActuatorParams, conditions: &Conditions) -> [[f64; UNKNOWN_COUNT]; UNKNOWN_COUNT] {
+    pub fn information(
+        &self,
+        params: &ActuatorParams,
+        conditions: &Conditions,
+    ) -> [[f64; UNKNOWN_COUNT]; UNKNOWN_COUNT] {
         let (_, known) = self.terms(&Scale::new(params), conditions, &Coordinates([0.0; UNKNOWN_COUNT]));
         let mut information = [[0.0; UNKNOWN_COUNT]; UNKNOWN_COUNT];
         for (r, &p) in KNOWN.iter().enumerate() {

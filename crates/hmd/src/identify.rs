@@ -144,7 +144,7 @@ pub struct Fit {
 }
 
 /// A standard deviation above this says that the window does not show the component.
-const OBSERVABLE_SIGMA: f64 = 0.1;
+pub const OBSERVABLE_SIGMA: f64 = 0.1;
 
 /// Monitor runs of one set of normal equations: the point and one step along each coordinate.
 const RUNS_PER_LINEARISATION: u64 = UNKNOWN_COUNT as u64 + 1;
@@ -296,16 +296,26 @@ impl Identifier {
         }
     }
 
-    /// How far the monitor's mismatch pulls an estimate that starts at the truth, in fault coordinates, and the spread there.
+    /// Error of an estimate by least squares from health, in fault coordinates, and the spread there.
     #[must_use]
-    pub fn pull(&self, window: &Prepared, conditions: Conditions, truth: &FaultVector) -> ([f64; FAULT_COUNT], Spread) {
+    pub fn error(
+        &self,
+        window: &Prepared,
+        conditions: Conditions,
+        truth: &FaultVector,
+    ) -> ([f64; FAULT_COUNT], Spread) {
         let coefficients = self.calibration.coefficients();
         let all = self.comparison(window, &coefficients, conditions);
-        let start = Scale::new(&self.params).coordinates(&all.with_fault(*truth));
-        let found = descend(&all, start, UNLIMITED).at;
+        let scale = Scale::new(&self.params);
+        let starts = starts(&all, &scale, &[FaultVector::NOMINAL]);
+        let found = refine(&all, &starts, UNLIMITED)[0].at;
         let weighed = self.weighed(&all, &found);
         let end = descend(&weighed, found, UNLIMITED).at;
-        (std::array::from_fn(|p| end.0[p] - start.0[p]), Spread::of(&weighed, &end))
+        let truth = scale.coordinates(&all.with_fault(*truth));
+        (
+            std::array::from_fn(|p| end.0[p] - truth.0[p]),
+            Spread::of(&weighed, &end),
+        )
     }
 
     /// The calibration's weights, less where a signal is noisier than in the windows it was made from: sensors differ, and

@@ -18,7 +18,9 @@ impl Alien {
     /// What the resolver shows at a motor angle, rad.
     #[must_use]
     pub fn resolver(alien: Option<Self>, theta_m: f64) -> f64 {
-        let Some(Self::ResolverTooth(height)) = alien else { return theta_m };
+        let Some(Self::ResolverTooth(height)) = alien else {
+            return theta_m;
+        };
         let place = (theta_m / core::f64::consts::TAU).rem_euclid(1.0) / TOOTH;
         // One hump of a raised cosine.
         let hump = if place < 1.0 {

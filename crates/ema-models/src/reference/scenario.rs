@@ -171,7 +171,10 @@ impl Iterator for ScenarioRun {
         let sample = SensedSample {
             seq: self.seq,
             currents: self.scenario.sensing.read(sensors, self.state.i, &mut self.rng),
-            motor_counts: count(Alien::resolver(self.scenario.alien, self.state.theta_m), sensors.motor_lsb()),
+            motor_counts: count(
+                Alien::resolver(self.scenario.alien, self.state.theta_m),
+                sensors.motor_lsb(),
+            ),
             output_counts: count(self.state.theta_out, sensors.output_lsb()),
             setpoint,
         };

@@ -2,7 +2,9 @@
 //! measures, and known from five healthy windows.
 
 use ema_models::reference::{Actuations, CurrentSensing, Scenario};
-use ema_models::{ActuatorParams, FaultVector, MotorDeviation, MotorKnowledge, Profile, REFERENCE_TEMPERATURE_DEG_C, Scale};
+use ema_models::{
+    ActuatorParams, FaultVector, MotorDeviation, MotorKnowledge, Profile, REFERENCE_TEMPERATURE_DEG_C, Scale,
+};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -12,7 +14,7 @@ use crate::simulated::SimulatedWindow;
 use crate::unit::fit_motor;
 
 /// Current noise of each phase, A rms, beside 12-bit converters.
-pub(super) const NOISE_RMS_A: f64 = 0.05;
+pub(crate) const NOISE_RMS_A: f64 = 0.05;
 
 /// Largest deviation of a motor's resistance and back-EMF from its type's.
 const TOLERANCE: MotorDeviation = MotorDeviation {
@@ -28,20 +30,20 @@ const HEALTHY_WINDOWS: u64 = 5;
 
 /// What a window is taken under, beside noise and load.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Surroundings {
+pub(crate) struct Surroundings {
     /// What is commanded.
-    pub(super) profile: Profile,
+    pub(crate) profile: Profile,
     /// Winding temperature, °C.
-    pub(super) winding_temp_deg_c: f64,
+    pub(crate) winding_temp_deg_c: f64,
     /// Whether the monitor is told the temperature.
-    pub(super) temperature_measured: bool,
+    pub(crate) temperature_measured: bool,
     /// DC link voltage as a share of the nominal one; always measured.
-    pub(super) supply: f64,
+    pub(crate) supply: f64,
 }
 
 impl Surroundings {
     /// Those of the suites `noise` and `detection`.
-    pub(super) const USUAL: Self = Self {
+    pub(crate) const USUAL: Self = Self {
         profile: Profile::Mixed,
         winding_temp_deg_c: REFERENCE_TEMPERATURE_DEG_C,
         temperature_measured: true,
@@ -50,9 +52,9 @@ impl Surroundings {
 }
 
 /// One motor of a type, sampled at one rate.
-pub(super) struct Motor {
+pub(crate) struct Motor {
     /// The type as the monitor knows it.
-    pub(super) nominal: ActuatorParams,
+    pub(crate) nominal: ActuatorParams,
     unit: ActuatorParams,
     load_nm: f64,
     seed: u64,
@@ -60,7 +62,7 @@ pub(super) struct Motor {
 
 impl Motor {
     /// Draws a motor.
-    pub(super) fn draw(params: &ActuatorParams, sample_rate: f64, seed: u64) -> Self {
+    pub(crate) fn draw(params: &ActuatorParams, sample_rate: f64, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(mix(seed, &[0]));
         let mut nominal = *params;
         nominal.sensors.sample_rate = sample_rate;
@@ -76,12 +78,12 @@ impl Motor {
     }
 
     /// One mixed actuation of it in some state of wear, under a constant load that is not measured.
-    pub(super) fn window(&self, fault: FaultVector, seed: u64) -> SimulatedWindow {
+    pub(crate) fn window(&self, fault: FaultVector, seed: u64) -> SimulatedWindow {
         self.actuation(&Surroundings::USUAL, fault, seed)
     }
 
     /// The same under other circumstances.
-    pub(super) fn actuation(&self, around: &Surroundings, fault: FaultVector, seed: u64) -> SimulatedWindow {
+    pub(crate) fn actuation(&self, around: &Surroundings, fault: FaultVector, seed: u64) -> SimulatedWindow {
         let load = ChaCha8Rng::seed_from_u64(mix(seed, &[1])).random_range(-self.load_nm..self.load_nm);
         let mut unit = self.unit;
         unit.motor.v_dc *= around.supply;
@@ -104,7 +106,7 @@ impl Motor {
     }
 
     /// The type's identifier with what healthy windows tell of this motor.
-    pub(super) fn calibrated(&self, of_type: &Identifier) -> Identifier {
+    pub(crate) fn calibrated(&self, of_type: &Identifier) -> Identifier {
         let identifier = Identifier {
             params: self.nominal,
             motor: MotorKnowledge {

@@ -181,10 +181,22 @@ pub fn conditions(
                 rate,
             })
         });
-    report(identifier, levels, "conditions", actuator, n, seed, kinds.collect(), done)
+    report(
+        identifier,
+        levels,
+        "conditions",
+        actuator,
+        n,
+        seed,
+        kinds.collect(),
+        done,
+    )
 }
 
-#[expect(clippy::too_many_arguments, reason = "what both suites are given, and what tells them apart")]
+#[expect(
+    clippy::too_many_arguments,
+    reason = "what both suites are given, and what tells them apart"
+)]
 fn report(
     identifier: &Identifier,
     levels: [Levels; FAULTS],
@@ -265,7 +277,9 @@ impl Pair {
 
     fn outcome(&self, which: usize, levels: [Levels; FAULTS]) -> Result<Outcome, ProfilesError> {
         let window = &self.windows[which];
-        let estimate = self.identifier.identify(&window.prepared, window.conditions, self.seed)?;
+        let estimate = self
+            .identifier
+            .identify(&window.prepared, window.conditions, self.seed)?;
         let explained = (!estimate.is_unmodelled()).then(|| judgement(&estimate));
         let decision = Health::new(levels, 1)?.update(0, explained.as_ref());
         Ok(Outcome {
@@ -324,7 +338,15 @@ fn row(kind: &Kind, outcomes: &[[Outcome; 2]]) -> ProfileRow {
         false_faults: outcomes.iter().filter(|[_, healthy]| healthy.named).count() as u64,
         unmodelled: outcomes.iter().flatten().filter(|outcome| outcome.unmodelled).count() as u64,
         ambiguous: outcomes.iter().flatten().filter(|outcome| outcome.ambiguous).count() as u64,
-        max_cost: outcomes.iter().flatten().map(|outcome| outcome.cost).fold(0.0, f64::max),
-        max_misfit: outcomes.iter().flatten().map(|outcome| outcome.misfit).fold(0.0, f64::max),
+        max_cost: outcomes
+            .iter()
+            .flatten()
+            .map(|outcome| outcome.cost)
+            .fold(0.0, f64::max),
+        max_misfit: outcomes
+            .iter()
+            .flatten()
+            .map(|outcome| outcome.misfit)
+            .fold(0.0, f64::max),
     }
 }

@@ -14,6 +14,9 @@ use crate::calibration::Mismatch;
 /// Time after which the monitor's slow errors have forgotten themselves, s: a tenth of a window.
 const DRIFT_TIME_S: f64 = 0.05;
 
+/// Information that a coordinate without any influence is given, so that the others can be found.
+const VANISHING: f64 = 1e-9;
+
 type Matrix = SMatrix<f64, UNKNOWN_COUNT, UNKNOWN_COUNT>;
 
 /// Variances of each coordinate for errors of unit variance, by kind and signal.
@@ -21,6 +24,8 @@ type Matrix = SMatrix<f64, UNKNOWN_COUNT, UNKNOWN_COUNT>;
 pub struct Spread {
     /// Of what is known beforehand being wrong by as much as it says.
     known: [f64; UNKNOWN_COUNT],
+    /// Of coordinates that nothing says anything of being anywhere.
+    unseen: [f64; UNKNOWN_COUNT],
     /// Of errors that are white.
     white: [[f64; UNKNOWN_COUNT]; SIGNAL_COUNT],
     /// Of errors that drift.
@@ -46,8 +51,7 @@ impl Spread {
             ..NormalEquations::default()
         };
         for p in 0..UNKNOWN_COUNT {
-            // A coordinate without influence gets a vanishing information, so that the others can be inverted.
-            normal.jtj[p][p] += 1e-9;
+            normal.jtj[p][p] += VANISHING;
             for q in 0..UNKNOWN_COUNT {
                 normal.jtj[p][q] += (0..SIGNAL_COUNT).map(|s| squares[s] * sums.white[s][p][q]).sum::<f64>();
             }
@@ -64,8 +68,13 @@ impl Spread {
             }
             None => [f64::INFINITY; UNKNOWN_COUNT],
         };
+        let mut vanishing = [[0.0; UNKNOWN_COUNT]; UNKNOWN_COUNT];
+        for (p, row) in vanishing.iter_mut().enumerate() {
+            row[p] = VANISHING;
+        }
         Self {
             known: through(&prior, 1.0),
+            unseen: through(&vanishing, 1.0),
             white: std::array::from_fn(|s| through(&sums.white[s], squares[s] * squares[s])),
             drift: std::array::from_fn(|s| through(&sums.drift[s], squares[s] * squares[s])),
             mean_square: sums.mean_square,
@@ -79,7 +88,7 @@ impl Spread {
     #[must_use]
     pub fn kinds(&self, mismatch: &Mismatch) -> ([f64; UNKNOWN_COUNT], [[f64; UNKNOWN_COUNT]; KINDS]) {
         let expected = Signals::from(mismatch.residual_rms).to_array().map(|rms| rms * rms);
-        let mut fixed = self.known;
+        let mut fixed: [f64; UNKNOWN_COUNT] = std::array::from_fn(|p| self.known[p] + self.unseen[p]);
         let mut kinds = [[0.0; UNKNOWN_COUNT]; KINDS];
         for s in 0..SIGNAL_COUNT {
             let current = CURRENTS.contains(&s);

@@ -1,6 +1,8 @@
 //! What no fault vector explains.
 
-use ema_models::{Comparison, Coordinates, MOTOR_COORDINATES, MotorKnowledge, Recording, SIGNAL_COUNT, Setpoint, Signals};
+use ema_models::{
+    Comparison, Coordinates, MOTOR_COORDINATES, MotorKnowledge, Recording, SIGNAL_COUNT, Setpoint, Signals,
+};
 
 use super::refine::{End, descend};
 use super::{Estimate, rivals};
@@ -37,8 +39,15 @@ impl std::fmt::Display for Unmodelled {
         match self {
             Self::Locked => write!(f, "the motor does not turn as it is told"),
             Self::Cost(cost) => write!(f, "no fault vector explains the data: cost {cost:.0}"),
-            Self::Angles(misfit) => write!(f, "no fault vector explains the angles: {misfit:.0} times the expected square"),
-            Self::Magnets(off) => write!(f, "no motor of this type: back-EMF {:+.0} % off what is expected", 100.0 * off),
+            Self::Angles(misfit) => write!(
+                f,
+                "no fault vector explains the angles: {misfit:.0} times the expected square"
+            ),
+            Self::Magnets(off) => write!(
+                f,
+                "no motor of this type: back-EMF {:+.0} % off what is expected",
+                100.0 * off
+            ),
         }
     }
 }

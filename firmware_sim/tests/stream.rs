@@ -80,7 +80,7 @@ fn assert_same(received: &Sample, sensed: &SensedSample) {
 #[test]
 fn the_stream_deframes_into_the_simulated_samples() {
     let scenario = scenario();
-    let mut deframer: Deframer = Deframer::new();
+    let mut deframer = Deframer::new();
     let (mut samples, mut status) = (Vec::new(), Vec::new());
     // In chunks of 13 bytes: frames never lie whole in one.
     for chunk in stream(&scenario).chunks(13) {
@@ -137,7 +137,7 @@ fn a_flipped_bit_costs_one_packet() {
         .find(|&n| bytes[n] > 1)
         .expect("some byte above 1");
     bytes[flipped] ^= 1;
-    let mut deframer: Deframer = Deframer::new();
+    let mut deframer = Deframer::new();
     let good = deframer.push_slice(&bytes).count();
     assert_eq!(deframer.stats().dropped(), 1);
     assert_eq!(good, packets(&scenario, ema3()).count() - 1);

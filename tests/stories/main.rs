@@ -3,6 +3,7 @@
 //! Time is virtual throughout, seeds are fixed, one window costs about a second of one core in the dev profile.
 
 mod alien;
+mod bad_link;
 mod bench;
 mod link;
 
@@ -249,7 +250,7 @@ fn the_serial_line_carries_the_same_samples_as_the_bus() {
     let mut line = Vec::new();
     firmware_sim::write_stream(&scenario, actuator, &mut line).expect("a Vec takes everything");
 
-    let mut deframer: Deframer = Deframer::new();
+    let mut deframer = Deframer::new();
     let mut frames_of_line: Vec<(u32, Vec<u8>)> = Vec::new();
     for packet in deframer.push_slice(&line) {
         let frames = match packet {

@@ -31,18 +31,20 @@ pub(crate) fn check() -> anyhow::Result<()> {
     fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     logs::streams(&hmd, &folder)?;
     logs::shorts(&folder)?;
-    let results = guest::start(&folder, &hmd)?;
+    logs::slcan(&hmd, &folder)?;
+    let python = Python::with_packages(&PACKAGES)?;
+    let results = guest::start(&folder, &hmd, python.interpreter())?;
     stream(&results, &hmd, &folder).context("stream")?;
     bus(&results, &folder).context("bus")?;
     link(&results).context("link")?;
     record(&results, &folder).context("record")?;
-    read_by_others(&results, &folder)
+    slcan(&results, &folder).context("slcan")?;
+    read_by_others(&results, &folder, &python)
 }
 
 /// The MCAP reference library finds as many frames in each file as the daemon says it received.
-fn read_by_others(results: &Results, folder: &Path) -> anyhow::Result<()> {
-    let python = Python::with_packages(&PACKAGES)?;
-    for name in ["stream", "bus", "link", "record"] {
+fn read_by_others(results: &Results, folder: &Path, python: &Python) -> anyhow::Result<()> {
+    for name in ["stream", "bus", "link", "record", "slcan"] {
         let frames = results.counted(name, "frames received")?;
         let file = folder.join(name).with_extension("mcap");
         python.script_with(
@@ -236,6 +238,29 @@ fn record(results: &Results, folder: &Path) -> anyhow::Result<()> {
     equal("frames received", results.counted("record", "frames received")?, played)?;
     equal("exit code", results.number("record.exit")?, 0)?;
     eprintln!("record: {played} frames");
+    Ok(())
+}
+
+/// A serial adapter behind the kernel's line discipline: an interface like any other.
+fn slcan(results: &Results, folder: &Path) -> anyhow::Result<()> {
+    let played = logs::frames(&folder.join("slcan.log"))?;
+    equal("frames of the adapter", results.number("slcan.played")?, played)?;
+    equal("frames received", results.counted("slcan", "frames received")?, played)?;
+    equal("decoded", results.counted("slcan", "decoded")?, played)?;
+    equal("frames to send", results.number("slcan.asked")?, 0)?;
+    let lines = results.said("slcan.jsonl")?;
+    // As in the stream: the guest may tear a sample apart, and then its window is not judged.
+    let judged = lines.lines().filter(|line| !line.contains("\"k\":null")).count();
+    let right = lines
+        .lines()
+        .filter(|line| line.contains("\"faults\":[\"friction\"]"))
+        .count();
+    equal("windows", lines.lines().count() as u64, logs::SLCAN_WINDOWS.into())?;
+    ensure!(
+        judged > 0 && right == judged,
+        "expected friction in every window that was judged, found {lines}"
+    );
+    eprintln!("slcan: {played} frames, none sent; {judged} windows judged, all right");
     Ok(())
 }
 

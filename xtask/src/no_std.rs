@@ -2,7 +2,7 @@
 
 use crate::shell::{cargo, program, run};
 
-const CRATES: [&str; 3] = ["ema-models", "ema-ga", "ema-wire"];
+const CRATES: [&str; 4] = ["ema-models", "ema-ga", "ema-wire", "firmware_sim"];
 
 /// A Cortex-M7 with double-precision floating point.
 const TARGET: &str = "thumbv7em-none-eabihf";

@@ -31,6 +31,11 @@ impl Python {
         Ok(python)
     }
 
+    /// Its interpreter.
+    pub(crate) fn interpreter(&self) -> &Path {
+        &self.program
+    }
+
     /// Runs a script of this workspace.
     ///
     /// # Errors

@@ -24,6 +24,7 @@ fn monitor(c: &mut Criterion) {
     let comparison = Comparison {
         recording: Recording {
             samples: &samples,
+            drive: &samples,
             initial,
         },
         params: &params,

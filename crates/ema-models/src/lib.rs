@@ -3,7 +3,9 @@
 //! - [`params`](ActuatorParams), [`fault`](FaultVector): what is known of a type, and what may be worn.
 //! - `frames`, `winding`, `friction`, `backlash`, `control`, `command`: one source for each law, used by both models.
 //! - `monitor`: the low-fidelity [`Monitor`], `no_std`, without allocation, generic over the number type [`Real`].
-//! - `reference` (feature `std`): the high-fidelity three-phase switched actuator.
+//! - `reference`: the high-fidelity three-phase switched actuator, in plain `f64`.
+//!
+//! Nothing here needs the standard library or allocates; feature `std` lets the monitor choose its instruction set.
 //!
 //! \[P\] in the documentation is the paper the method comes from; see `docs/references.md`.
 #![no_std]
@@ -25,7 +27,6 @@ mod params;
 mod play;
 mod real;
 mod recording;
-#[cfg(feature = "std")]
 pub mod reference;
 mod residual;
 #[cfg(all(feature = "std", target_arch = "x86_64"))]
@@ -54,9 +55,7 @@ pub use params::{
 };
 pub use real::Real;
 pub use recording::{ComparedSample, Recording, SensedSample, prepare};
-pub use residual::{
-    COST_LANES, Comparison, NormalEquations, PerSignal, Prior, RANK_LANES, SIGNAL_COUNT, Sensitivity, Signals, Weights,
-};
+pub use residual::{COST_LANES, Comparison, NormalEquations, Prior, RANK_LANES, SIGNAL_COUNT, Signals, Weights};
 pub use temperature::{BACK_EMF_PER_KELVIN, REFERENCE_TEMPERATURE_DEG_C, RESISTANCE_PER_KELVIN, temperature_factors};
 pub use unknowns::{Coordinates, MOTOR_COORDINATES, MotorDeviation, MotorKnowledge, Scale, UNKNOWN_COUNT, Unknowns};
 pub use winding::{DerivedShape, PaperShape, Winding, derived_shape};

@@ -48,8 +48,11 @@ pub struct ComparedSample {
 /// Samples of a window and the state it starts from.
 #[derive(Clone, Copy, Debug)]
 pub struct Recording<'a> {
-    /// Equally spaced samples, one sample period apart.
+    /// Equally spaced samples, one sample period apart: what the monitor is compared with.
     pub samples: &'a [ComparedSample],
+    /// What drives the monitor: setpoints, and the measured angles of [`Feedback::Measured`](crate::Feedback). The very
+    /// same samples, as many, unless data are made up to follow from given inputs.
+    pub drive: &'a [ComparedSample],
     /// State at the first sample.
     pub initial: InitialState,
 }

@@ -1,9 +1,5 @@
 //! Residuals: measured minus modelled, per sample and signal, and the costs made of them.
 
-mod sensitivity;
-
-pub use sensitivity::{PerSignal, Sensitivity};
-
 use crate::dispatch::{InstructionSet, Numbers, Work};
 use crate::fault::FaultVector;
 use crate::lanes::Lanes;
@@ -103,23 +99,6 @@ pub struct Prior {
 const KNOWN: [usize; 4] = [8, 9, MOTOR_COORDINATES[0], MOTOR_COORDINATES[1]];
 
 impl Prior {
-    /// Information about each coordinate that is known beforehand, as part of `JᵀJ`.
-    #[must_use]
-    pub fn information(
-        &self,
-        params: &ActuatorParams,
-        conditions: &Conditions,
-    ) -> [[f64; UNKNOWN_COUNT]; UNKNOWN_COUNT] {
-        let (_, known) = self.terms(&Scale::new(params), conditions, &Coordinates([0.0; UNKNOWN_COUNT]));
-        let mut information = [[0.0; UNKNOWN_COUNT]; UNKNOWN_COUNT];
-        for (r, &p) in KNOWN.iter().enumerate() {
-            for (c, &q) in KNOWN.iter().enumerate() {
-                information[p][q] = known[r][c];
-            }
-        }
-        information
-    }
-
     /// Distance from what is expected, and information matrix, in the order of [`KNOWN`].
     fn terms(&self, scale: &Scale, conditions: &Conditions, at: &Coordinates) -> ([f64; 4], [[f64; 4]; 4]) {
         let unit = Unknowns {
@@ -191,14 +170,18 @@ impl Comparison<'_> {
     /// where the earlier angle was filled in.
     #[inline(always)]
     fn run<R: Real>(&self, monitor: &Monitor<R>, mut visit: impl FnMut(usize, Signals<R>)) {
-        let Recording { samples, initial } = &self.recording;
-        let Some(first) = samples.first() else { return };
+        let Recording {
+            samples,
+            drive,
+            initial,
+        } = &self.recording;
+        let Some(first) = drive.first() else { return };
         let rate = self.params.sensors.sample_rate;
         let span = (libm::round(rate * SPEED_SPAN) as usize).clamp(1, LONGEST_SPAN);
         let per_span = R::splat(rate / span as f64);
         let mut state = monitor.start(initial, first);
         let mut angles = [R::zero(); LONGEST_SPAN];
-        for (n, sample) in samples.iter().enumerate() {
+        for (n, (sample, now)) in samples.iter().zip(*drive).enumerate() {
             let output = monitor.output(&state);
             let theta_m = R::splat(sample.theta_m) - output.theta_m;
             let omega_m = if n < span || !samples[n - span].measured {
@@ -219,8 +202,8 @@ impl Comparison<'_> {
                     },
                 );
             }
-            let next = samples.get(n + 1).unwrap_or(sample);
-            monitor.sample(&mut state, initial, sample, next);
+            let next = drive.get(n + 1).unwrap_or(now);
+            monitor.sample(&mut state, initial, now, next);
         }
     }
 
@@ -316,8 +299,13 @@ impl Comparison<'_> {
         sum / samples.len().max(1) as f64
     }
 
-    /// Monitors at a point and one step along each coordinate, towards the inside of the box.
-    fn linearising(&self, at: &Coordinates, step: f64) -> Linearising {
+    /// Normal equations at a point, by forward differences of monitors run side by side.
+    ///
+    /// The differences go by `step` towards the inside of the box, so nothing leaves it. A long step sees over the cost's
+    /// small unevenness from afar, a short one follows its curvature. What is known beforehand of load and integral
+    /// ([`Prior`]) is part of the equations.
+    #[must_use]
+    pub fn normal_equations(&self, at: &Coordinates, step: f64) -> NormalEquations {
         let scale = Scale::new(self.params);
         let steps: [f64; UNKNOWN_COUNT] = core::array::from_fn(|p| match p {
             // Beyond this the turns are held, so a short step would see nothing.
@@ -327,7 +315,7 @@ impl Comparison<'_> {
             _ if at.0[p] > 0.5 * Coordinates::UPPER[p] => -step,
             _ => step,
         });
-        let monitors = core::array::from_fn(|lane| {
+        let monitors: [Monitor<f64>; SLOPE_LANES] = core::array::from_fn(|lane| {
             let mut x = *at;
             // Lane 0 and the spare ones stay at the point itself.
             if (1..=UNKNOWN_COUNT).contains(&lane) {
@@ -335,26 +323,10 @@ impl Comparison<'_> {
             }
             self.monitor(&scale.unknowns(&x))
         });
-        let mut per_step = [0.0; SLOPE_LANES];
-        for (p, step) in steps.into_iter().enumerate() {
-            per_step[p + 1] = 1.0 / step;
-        }
-        Linearising { monitors, per_step }
-    }
-
-    /// Normal equations at a point, by forward differences of monitors run side by side.
-    ///
-    /// The differences go by `step` towards the inside of the box, so nothing leaves it. A long step sees over the cost's
-    /// small unevenness from afar, a short one follows its curvature. What is known beforehand of load and integral
-    /// ([`Prior`]) is part of the equations.
-    #[must_use]
-    pub fn normal_equations(&self, at: &Coordinates, step: f64) -> NormalEquations {
-        let scale = Scale::new(self.params);
-        let Linearising { monitors, per_step } = self.linearising(at, step);
         let mut sums = InstructionSet::best().run(Linearised {
             comparison: self,
             monitors: &monitors,
-            per_step,
+            steps,
         });
         let (distance, information) = self.prior.terms(&scale, &self.conditions, at);
         for (r, &p) in KNOWN.iter().enumerate() {
@@ -412,17 +384,11 @@ impl Work for HalfMeanSquares<'_> {
     }
 }
 
-/// Monitors side by side for finite differences, and the inverse of each lane's step; 0 where a lane takes none.
-struct Linearising {
-    monitors: [Monitor<f64>; SLOPE_LANES],
-    per_step: [f64; SLOPE_LANES],
-}
-
 /// The sums of the normal equations without what is known beforehand.
 struct Linearised<'a> {
     comparison: &'a Comparison<'a>,
     monitors: &'a [Monitor<f64>; SLOPE_LANES],
-    per_step: [f64; SLOPE_LANES],
+    steps: [f64; UNKNOWN_COUNT],
 }
 
 impl Work for Linearised<'_> {
@@ -432,7 +398,11 @@ impl Work for Linearised<'_> {
     fn run<N: Numbers>(self) -> NormalEquations {
         let monitor = Monitor::side_by_side(self.monitors, N::Double::from_lanes);
         let weights = self.comparison.weights.to_array();
-        let per_step = N::Double::from_lanes(self.per_step);
+        let mut per_step = [0.0; SLOPE_LANES];
+        for (p, step) in self.steps.into_iter().enumerate() {
+            per_step[p + 1] = 1.0 / step;
+        }
+        let per_step = N::Double::from_lanes(per_step);
         let zero = N::Double::zero();
         let (mut cost, mut jtr, mut jtj) = (0.0, zero, [zero; UNKNOWN_COUNT]);
         self.comparison.run(&monitor, |_, residuals| {

@@ -138,6 +138,7 @@ fn residuals(params: &ActuatorParams, row: &Row, fault: &FaultVector, seed: u64)
     let comparison = Comparison {
         recording: Recording {
             samples: &ready,
+            drive: &ready,
             initial,
         },
         params,

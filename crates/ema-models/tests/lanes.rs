@@ -84,6 +84,7 @@ fn every_instruction_set_ranks_with_the_same_bits() {
         let comparison = Comparison {
             recording: Recording {
                 samples: &samples,
+                drive: &samples,
                 initial,
             },
             params: &params,

@@ -7,6 +7,7 @@
 //! bytes the three are 111, 120 and 135 bits.
 
 use crate::can::{CLASSIC_LEN, FD_LEN, SampleFd};
+use crate::serial::MAX_FRAME_LEN;
 
 /// Rate of the status frame, 1/s.
 pub const STATUS_RATE_HZ: f64 = 10.0;
@@ -94,6 +95,20 @@ pub fn fd_bus_load(rate_hz: f64, actuators: u32, bitrate_bit_s: f64, data_bitrat
     let per_actuator =
         rate_hz / SampleFd::MAX_SAMPLES as f64 * frame_s + STATUS_RATE_HZ * classic_frame_seconds(bitrate_bit_s);
     f64::from(actuators) * per_actuator
+}
+
+/// Share of a serial line that `actuators` take at `rate_hz` samples per second each, with their status packets; eight data
+/// bits with a start and a stop bit, every frame as long as it can be.
+///
+/// ```
+/// use ema_wire::bus_load::serial_load;
+/// assert!((serial_load(2_000.0, 1, 921_600.0) - 0.85).abs() < 0.005);
+/// ```
+#[must_use]
+pub fn serial_load(rate_hz: f64, actuators: u32, bitrate_bit_s: f64) -> f64 {
+    const BITS_PER_BYTE: f64 = 10.0;
+    let frames_per_s = f64::from(actuators) * (rate_hz + STATUS_RATE_HZ);
+    frames_per_s * MAX_FRAME_LEN as f64 * BITS_PER_BYTE / bitrate_bit_s
 }
 
 fn classic_frame_seconds(bitrate_bit_s: f64) -> f64 {

@@ -16,7 +16,7 @@
 //! | [`can`] | identifiers, the five messages, [`can::Frame`] with `parse` and `emit` |
 //! | [`sample`] | [`Sample`]: everything latched at one instant, split into frames |
 //! | [`assembler`] | [`Assembler`]: frames back into samples, never mixing two instants |
-//! | [`serial`] | [`serial::SerialPacket`] and [`serial::Deframer`] for the serial line |
+//! | [`serial`] | [`serial::SerialPacket`]; [`serial::Splitter`] and [`serial::Deframer`] find them on the serial line |
 //! | [`quantity`] | LSB of every quantity, conversions that saturate |
 //! | [`unwrap`] | counters that wrap on the wire, continued as `i64` |
 //! | [`bus_load`] | how full a bus will be |
@@ -45,5 +45,5 @@ pub use can::{
     ActuatorId, BatchError, Command, Currents, FdSlot, Frame, Message, Mode, ParseError, Position, SampleFd, Status,
 };
 pub use sample::Sample;
-pub use serial::{Deframer, DeframerStats, SerialPacket};
+pub use serial::{Deframer, DeframerStats, FrameFault, SerialPacket, Splitter};
 pub use unwrap::{unwrap_motor_counts, unwrap_output_counts, unwrap_seq, unwrap_time_us};

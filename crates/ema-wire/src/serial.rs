@@ -59,6 +59,40 @@ impl SerialPacket {
         frame.map(|bytes: &mut [u8]| &*bytes).map_err(|_| too_small)
     }
 
+    /// Reads one frame, without the zero that ends it.
+    ///
+    /// ```
+    /// use ema_wire::{FrameFault, SerialPacket};
+    /// assert_eq!(SerialPacket::parse(b"not a packet"), Err(FrameFault::Cobs));
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// The [`FrameFault`] of the first layer that refuses it. Nothing is interpreted before the CRC is right.
+    pub fn parse(frame: &[u8]) -> Result<Self, FrameFault> {
+        let mut buffer = [0; MAX_FRAME_LEN - 1];
+        let frame = match buffer.get_mut(..frame.len()) {
+            Some(copy) => {
+                copy.copy_from_slice(frame);
+                copy
+            }
+            None => return Err(FrameFault::TooLong),
+        };
+        let len = cobs::decode_in_place(frame).ok_or(FrameFault::Cobs)?;
+        let (content, crc) = frame[..len].split_last_chunk::<CRC_LEN>().ok_or(FrameFault::Crc)?;
+        if CRC.checksum(content) != u32::from_le_bytes(*crc) {
+            return Err(FrameFault::Crc);
+        }
+        let (version, packet) = content.split_first().ok_or(FrameFault::Decode)?;
+        if *version != VERSION {
+            return Err(FrameFault::Version);
+        }
+        match postcard::take_from_bytes(packet) {
+            Ok((packet, [])) => Ok(packet),
+            _ => Err(FrameFault::Decode),
+        }
+    }
+
     /// The packet with the limits that the CAN fields have, so that a sample is the same whichever way it came.
     fn as_on_can(self) -> Self {
         match self {
@@ -91,14 +125,39 @@ impl fmt::Display for BufferTooSmall {
 
 impl core::error::Error for BufferTooSmall {}
 
-/// Why a frame was dropped.
+/// Why a frame was dropped: the first layer that refuses it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum BadFrame {
+pub enum FrameFault {
+    /// Longer than any packet.
+    TooLong,
+    /// No COBS.
     Cobs,
+    /// The CRC is wrong, or there is no room for one.
     Crc,
+    /// The CRC is right, and the version not ours.
     Version,
+    /// The CRC is right, and the content no packet of this version.
     Decode,
 }
+
+impl FrameFault {
+    /// All of them, in the order of the layers.
+    pub const ALL: [Self; 5] = [Self::TooLong, Self::Cobs, Self::Crc, Self::Version, Self::Decode];
+}
+
+impl fmt::Display for FrameFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::TooLong => "longer than any packet",
+            Self::Cobs => "no COBS",
+            Self::Crc => "wrong CRC",
+            Self::Version => "another version",
+            Self::Decode => "not a packet of this version",
+        })
+    }
+}
+
+impl core::error::Error for FrameFault {}
 
 /// Counts of good and dropped frames, since the start.
 ///
@@ -111,7 +170,7 @@ pub struct DeframerStats {
     pub crc: u64,
     /// Frames that are no COBS.
     pub cobs: u64,
-    /// Frames longer than the buffer.
+    /// Frames longer than any packet.
     pub too_long: u64,
     /// Frames whose CRC is right and whose version is not ours.
     pub version: u64,
@@ -122,6 +181,31 @@ pub struct DeframerStats {
 }
 
 impl DeframerStats {
+    /// Counts one frame by what came of it.
+    pub fn count(&mut self, parsed: &Result<SerialPacket, FrameFault>) {
+        let count = match parsed {
+            Ok(_) => &mut self.packets,
+            Err(FrameFault::TooLong) => &mut self.too_long,
+            Err(FrameFault::Cobs) => &mut self.cobs,
+            Err(FrameFault::Crc) => &mut self.crc,
+            Err(FrameFault::Version) => &mut self.version,
+            Err(FrameFault::Decode) => &mut self.decode,
+        };
+        *count += 1;
+    }
+
+    /// Frames dropped for this reason.
+    #[must_use]
+    pub const fn dropped_for(&self, fault: FrameFault) -> u64 {
+        match fault {
+            FrameFault::TooLong => self.too_long,
+            FrameFault::Cobs => self.cobs,
+            FrameFault::Crc => self.crc,
+            FrameFault::Version => self.version,
+            FrameFault::Decode => self.decode,
+        }
+    }
+
     /// All dropped frames.
     #[must_use]
     pub const fn dropped(&self) -> u64 {
@@ -129,7 +213,54 @@ impl DeframerStats {
     }
 }
 
-/// Finds the packets in a stream of bytes, in chunks of any size, with a buffer of `N` bytes and no other memory.
+/// Cuts a stream of bytes into frames at its zeros, in chunks of any size, with a buffer of `N` bytes and no other memory.
+///
+/// A frame that does not fit comes out as its first `N` bytes, which are more than any packet has: whoever parses it sees
+/// that it was too long.
+#[derive(Debug, Clone)]
+pub struct Splitter<const N: usize = 64> {
+    buffer: [u8; N],
+    /// Bytes of the frame so far, at most `N`.
+    len: usize,
+}
+
+impl<const N: usize> Splitter<N> {
+    const TELLS_WHAT_IS_TOO_LONG: () = assert!(N >= MAX_FRAME_LEN);
+
+    /// Empty, as if the last byte had been a zero.
+    #[must_use]
+    pub const fn new() -> Self {
+        const { Self::TELLS_WHAT_IS_TOO_LONG };
+        Self { buffer: [0; N], len: 0 }
+    }
+
+    /// Takes the next byte; the frame comes out, without its zero, with the zero that ends it. Zeros in a row are no
+    /// frames.
+    pub fn push(&mut self, byte: u8) -> Option<&[u8]> {
+        if byte == 0 {
+            return self.finish();
+        }
+        if let Some(free) = self.buffer.get_mut(self.len) {
+            *free = byte;
+            self.len += 1;
+        }
+        None
+    }
+
+    /// End of the stream, or a known break in it: what there is of an unfinished frame.
+    pub fn finish(&mut self) -> Option<&[u8]> {
+        let len = core::mem::take(&mut self.len);
+        self.buffer.get(..len).filter(|frame| !frame.is_empty())
+    }
+}
+
+impl<const N: usize> Default for Splitter<N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Finds the packets in a stream of bytes, in chunks of any size and in fixed memory.
 ///
 /// ```
 /// use ema_wire::{ActuatorId, Deframer, SerialPacket, Status};
@@ -139,33 +270,24 @@ impl DeframerStats {
 /// let mut buffer = [0; ema_wire::serial::MAX_FRAME_LEN];
 /// let frame = packet.emit(&mut buffer)?;
 ///
-/// let mut deframer: Deframer = Deframer::new();
+/// let mut deframer = Deframer::new();
 /// let line = [b"noise\0", frame, &frame[..5], b"\0", frame].concat();
 /// let packets: Vec<SerialPacket> = deframer.push_slice(&line).collect();
 /// assert_eq!(packets, [packet, packet]);
 /// assert_eq!(deframer.stats().dropped(), 2);
 /// # Ok::<(), ema_wire::serial::BufferTooSmall>(())
 /// ```
-#[derive(Debug, Clone)]
-pub struct Deframer<const N: usize = 64> {
-    buffer: [u8; N],
-    /// Bytes of the frame so far; `N + 1` once it did not fit.
-    len: usize,
+#[derive(Debug, Clone, Default)]
+pub struct Deframer {
+    splitter: Splitter,
     stats: DeframerStats,
 }
 
-impl<const N: usize> Deframer<N> {
-    const HOLDS_EVERY_FRAME: () = assert!(N >= MAX_FRAME_LEN - 1);
-
+impl Deframer {
     /// Empty, as if the last byte had been a zero.
     #[must_use]
     pub fn new() -> Self {
-        const { Self::HOLDS_EVERY_FRAME };
-        Self {
-            buffer: [0; N],
-            len: 0,
-            stats: DeframerStats::default(),
-        }
+        Self::default()
     }
 
     /// Counts so far.
@@ -176,32 +298,9 @@ impl<const N: usize> Deframer<N> {
 
     /// Takes the next byte; a packet comes out with the zero that ends a good frame. Zeros in a row are no frames.
     pub fn push(&mut self, byte: u8) -> Option<SerialPacket> {
-        if byte != 0 {
-            if let Some(free) = self.buffer.get_mut(self.len) {
-                *free = byte;
-            }
-            self.len = (self.len + 1).min(N + 1);
-            return None;
-        }
-        let len = core::mem::take(&mut self.len);
-        if len == 0 {
-            return None;
-        }
-        let Some(frame) = self.buffer.get_mut(..len) else {
-            self.stats.too_long += 1;
-            return None;
-        };
-        match decode(frame) {
-            Ok(packet) => {
-                self.stats.packets += 1;
-                return Some(packet);
-            }
-            Err(BadFrame::Cobs) => self.stats.cobs += 1,
-            Err(BadFrame::Crc) => self.stats.crc += 1,
-            Err(BadFrame::Version) => self.stats.version += 1,
-            Err(BadFrame::Decode) => self.stats.decode += 1,
-        }
-        None
+        let parsed = SerialPacket::parse(self.splitter.push(byte)?);
+        self.stats.count(&parsed);
+        parsed.ok()
     }
 
     /// Takes a chunk and yields its packets. Bytes are consumed as the iterator is: run it to its end.
@@ -211,31 +310,8 @@ impl<const N: usize> Deframer<N> {
 
     /// End of the stream, or a known break in it: an unfinished frame counts as truncated.
     pub fn finish(&mut self) {
-        if core::mem::take(&mut self.len) > 0 {
+        if self.splitter.finish().is_some() {
             self.stats.truncated += 1;
         }
-    }
-}
-
-impl<const N: usize> Default for Deframer<N> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-/// Checks in the order of the layers: COBS, CRC, version, content. Nothing is interpreted before the CRC is right.
-fn decode(frame: &mut [u8]) -> Result<SerialPacket, BadFrame> {
-    let len = cobs::decode_in_place(frame).ok_or(BadFrame::Cobs)?;
-    let (content, crc) = frame[..len].split_last_chunk::<CRC_LEN>().ok_or(BadFrame::Crc)?;
-    if CRC.checksum(content) != u32::from_le_bytes(*crc) {
-        return Err(BadFrame::Crc);
-    }
-    let (version, packet) = content.split_first().ok_or(BadFrame::Decode)?;
-    if *version != VERSION {
-        return Err(BadFrame::Version);
-    }
-    match postcard::take_from_bytes(packet) {
-        Ok((packet, [])) => Ok(packet),
-        _ => Err(BadFrame::Decode),
     }
 }

@@ -3,7 +3,7 @@
 mod common;
 
 use ema_wire::serial::{BufferTooSmall, MAX_FRAME_LEN, VERSION};
-use ema_wire::{ActuatorId, Deframer, Mode, Sample, SerialPacket};
+use ema_wire::{ActuatorId, Deframer, FrameFault, Mode, Sample, SerialPacket, Splitter};
 use proptest::prelude::*;
 
 fn frame(packet: &SerialPacket) -> Vec<u8> {
@@ -14,7 +14,7 @@ fn frame(packet: &SerialPacket) -> Vec<u8> {
 }
 
 fn all(bytes: &[u8]) -> (Vec<SerialPacket>, u64) {
-    let mut deframer: Deframer = Deframer::new();
+    let mut deframer = Deframer::new();
     let packets = deframer.push_slice(bytes).collect();
     deframer.finish();
     (packets, deframer.stats().dropped())
@@ -47,7 +47,7 @@ proptest! {
         let line: Vec<u8> = packets.iter().flat_map(frame).collect();
         let mut cuts: Vec<usize> = cuts.into_iter().map(|cut| cut.min(line.len())).chain([0, line.len()]).collect();
         cuts.sort_unstable();
-        let mut deframer: Deframer = Deframer::new();
+        let mut deframer = Deframer::new();
         let mut got = Vec::new();
         for chunk in cuts.windows(2) {
             got.extend(deframer.push_slice(&line[chunk[0]..chunk[1]]));
@@ -140,7 +140,7 @@ fn every_kind_of_bad_frame_is_counted_as_what_it_is() {
     let good = frame(&SerialPacket::Sample(common::nth_sample(1)));
     let mut bad_crc = good.clone();
     bad_crc[4] ^= 0x10;
-    let mut deframer: Deframer = Deframer::new();
+    let mut deframer = Deframer::new();
     let line = [
         &bad_crc[..],
         &[5, 1, 1, 0],                                                  // code byte past the end
@@ -161,4 +161,28 @@ fn every_kind_of_bad_frame_is_counted_as_what_it_is() {
     let stats = deframer.stats();
     assert_eq!((stats.crc, stats.cobs, stats.too_long, stats.version), (1, 1, 1, 1));
     assert_eq!((stats.decode, stats.truncated, stats.packets), (5, 1, 1));
+}
+
+#[test]
+fn frames_that_were_cut_out_say_the_same_later() {
+    let good = frame(&SerialPacket::Sample(common::nth_sample(1)));
+    let line = [&[7; 300][..], b"\0", &good, &[9; MAX_FRAME_LEN - 1], b"\0", &good[..9]].concat();
+    let mut splitter: Splitter = Splitter::new();
+    let mut frames: Vec<Vec<u8>> = Vec::new();
+    for byte in line {
+        frames.extend(splitter.push(byte).map(<[u8]>::to_vec));
+    }
+    frames.extend(splitter.finish().map(<[u8]>::to_vec));
+    assert_eq!(splitter.finish(), None);
+    assert_eq!(
+        frames.iter().map(Vec::len).collect::<Vec<_>>(),
+        [64, good.len() - 1, MAX_FRAME_LEN - 1, 9]
+    );
+    let parsed: Vec<_> = frames.iter().map(|frame| SerialPacket::parse(frame)).collect();
+    assert_eq!(parsed[0], Err(FrameFault::TooLong));
+    assert_eq!(parsed[1], Ok(SerialPacket::Sample(common::nth_sample(1))));
+    assert!(
+        matches!(parsed[2..], [Err(FrameFault::Cobs | FrameFault::Crc), Err(_)]),
+        "{parsed:?}"
+    );
 }

@@ -1,7 +1,5 @@
 //! Calibration of a monitor against the reference, for one type of actuator (\[P\] section 5.2, eqs. 12 and 13).
 
-mod drift;
-
 use ema_ga::{Bounds, Control, GaConfig, Objective, Parallel, Search, evolve_owned};
 use ema_models::reference::{Reference, ReferenceState};
 use ema_models::{
@@ -50,7 +48,6 @@ pub fn calibrate_type(name: &str, params: &ActuatorParams, monitor: MonitorForm,
         let slower = mismatch(&calibration, &slow, &self::windows(&slow, seed));
         calibration.at_rate.push(slower);
     }
-    drift::measure(&mut calibration, params, seed);
     calibration.quality = Quality {
         healthy_before_a2: current_error(params, &bare, healthy),
         healthy_after_a2: current_error(params, &coefficients, healthy),
@@ -265,10 +262,9 @@ fn mismatch(calibration: &TypeCalibration, params: &ActuatorParams, windows: &[S
     let mut best: Option<(f64, Mismatch)> = None;
     for theta in [0.2, 1.0, 5.0] {
         for omega in [1.0, 5.0, 25.0] {
-            let table = Mismatch {
+            let mut table = Mismatch {
                 sample_rate_hz: params.sensors.sample_rate,
-                ripple_share: 1.0,
-                drift_rms: SignalTable::from(Signals::from_array([0.0; SIGNAL_COUNT])),
+                model_sigma: [0.0; FAULT_COUNT],
                 residual_rms: statistics.rms.into(),
                 correlation_samples: SignalTable {
                     theta_m: measured.theta_m * theta,
@@ -280,7 +276,8 @@ fn mismatch(calibration: &TypeCalibration, params: &ActuatorParams, windows: &[S
                 at_rate: vec![table],
                 ..calibration.clone()
             };
-            let total = pulls(&tried, params, windows).iter().map(|s| s * s).sum::<f64>();
+            table.model_sigma = pulls(&tried, params, windows);
+            let total = table.model_sigma.iter().map(|s| s * s).sum::<f64>();
             if best.is_none_or(|(least, _)| total < least) {
                 best = Some((total, table));
             }

@@ -3,13 +3,11 @@
 
 use std::path::Path;
 
-use ema_models::{Calibration, Form, PaperShape, RIPPLE_DEFAULT, RIPPLE_KNOTS, Signals, Weights};
+use ema_models::{Calibration, FAULT_COUNT, Form, PaperShape, RIPPLE_DEFAULT, RIPPLE_KNOTS, Signals, Weights};
 use serde::{Deserialize, Serialize};
 
-use crate::identify::KINDS;
-
 /// Version of the file's layout.
-pub const CALIBRATION_VERSION: u32 = 3;
+pub const CALIBRATION_VERSION: u32 = 2;
 
 /// Which monitor a calibration belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -55,30 +53,13 @@ pub struct TypeCalibration {
 pub struct Mismatch {
     /// Sample rate, Hz.
     pub sample_rate_hz: f64,
-    /// Share of the currents' residual variance that acts on estimates as white noise of this variance would. Below one where
-    /// the comparators bring an error back at once, above where the ripple beats with the sampling.
-    pub ripple_share: f64,
-    /// Root mean square of what the monitor's error in each signal drifts by; what makes estimates wrong by more than noise.
-    pub drift_rms: SignalTable,
+    /// Root-mean-square error of an estimate that the monitor's own mismatch causes, in fault coordinates
+    /// `[k1…k5, ζ cos φ, ζ sin φ, k8]`.
+    pub model_sigma: [f64; FAULT_COUNT],
     /// Root-mean-square residual at the true fault vector.
     pub residual_rms: SignalTable,
     /// Samples after which residuals of a signal are independent; a residual that drifts counts for less.
     pub correlation_samples: SignalTable,
-}
-
-/// Drift that an uncalibrated monitor is taken to have, as a share of its residuals.
-const UNKNOWN_DRIFT: f64 = 0.5;
-
-impl Mismatch {
-    /// Sizes of the kinds of errors, in the order of [`crate::identify::Spread::kinds`].
-    #[must_use]
-    pub fn sizes(&self) -> [f64; KINDS] {
-        let drift = Signals::from(self.drift_rms).to_array();
-        std::array::from_fn(|kind| match kind {
-            0 => self.ripple_share,
-            _ => drift[kind - 1] * drift[kind - 1],
-        })
-    }
 }
 
 /// One number per compared signal.
@@ -195,13 +176,6 @@ impl TypeCalibration {
     pub fn uncalibrated(actuator_type: &str, monitor: MonitorForm, params: &ema_models::ActuatorParams) -> Self {
         let ripple = 0.7 * params.controller.hysteresis;
         let sensors = &params.sensors;
-        let residuals = [
-            ripple,
-            ripple,
-            10.0 * sensors.motor_lsb(),
-            0.3 * sensors.motor_lsb() * sensors.sample_rate,
-            0.3 * sensors.output_lsb(),
-        ];
         Self {
             version: CALIBRATION_VERSION,
             actuator_type: actuator_type.to_owned(),
@@ -219,9 +193,14 @@ impl TypeCalibration {
             },
             at_rate: vec![Mismatch {
                 sample_rate_hz: sensors.sample_rate,
-                ripple_share: 1.0,
-                drift_rms: SignalTable::from(Signals::from_array(residuals.map(|rms| UNKNOWN_DRIFT * rms))),
-                residual_rms: SignalTable::from(Signals::from_array(residuals)),
+                model_sigma: [0.02; FAULT_COUNT],
+                residual_rms: SignalTable {
+                    i_d: ripple,
+                    i_q: ripple,
+                    theta_m: 10.0 * sensors.motor_lsb(),
+                    omega_m: 0.3 * sensors.motor_lsb() * sensors.sample_rate,
+                    theta_out: 0.3 * sensors.output_lsb(),
+                },
                 correlation_samples: SignalTable {
                     i_d: 1.0,
                     i_q: 1.0,
@@ -283,10 +262,7 @@ impl TypeCalibration {
             for signal in Signals::from(table.correlation_samples).to_array() {
                 positive.push(("at_rate.correlation_samples", signal));
             }
-            not_negative.push(("at_rate.ripple_share", table.ripple_share));
-            for signal in Signals::from(table.drift_rms).to_array() {
-                not_negative.push(("at_rate.drift_rms", signal));
-            }
+            not_negative.extend(table.model_sigma.iter().map(|&x| ("at_rate.model_sigma", x)));
         }
         if let Some(&(key, found)) = positive.iter().find(|(_, x)| !(x.is_finite() && *x > 0.0)) {
             return Err(refused(key, "above zero", found));

@@ -40,6 +40,15 @@ pub struct MeasuredConditions {
     pub load_torque_nm: Option<f64>,
 }
 
+/// The rate of an actuator's samples.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SampleRate {
+    /// Samples per second.
+    pub hz: f64,
+    /// Whether the device's own time told it; else it is the nominal one.
+    pub told: bool,
+}
+
 #[derive(Debug)]
 enum Rate {
     /// Samples so far and the periods between them, µs.
@@ -47,10 +56,7 @@ enum Rate {
         waiting: Vec<TimedSample>,
         periods_us: Vec<u16>,
     },
-    /// Told by the device's time.
-    Known(f64),
-    /// Nominal, because the device's time told none.
-    Assumed(f64),
+    Known(SampleRate),
 }
 
 impl Channel {
@@ -70,11 +76,17 @@ impl Channel {
         }
     }
 
-    /// Takes one frame; shows each sample that it completes, in order, to `deliver` with the sample rate, Hz.
+    /// Takes one frame; shows each sample that it completes, in order, to `deliver` with the sample rate.
     ///
     /// The first samples are delivered together, as soon as device time and counter have told the rate, or after 64 of
     /// them at `nominal_rate`.
-    pub fn push(&mut self, frame: &Frame, stamp_ns: u64, nominal_rate: f64, mut deliver: impl FnMut(f64, TimedSample)) {
+    pub fn push(
+        &mut self,
+        frame: &Frame,
+        stamp_ns: u64,
+        nominal_rate: f64,
+        mut deliver: impl FnMut(SampleRate, TimedSample),
+    ) {
         match frame {
             Frame::Status(status) => self.conditions = MeasuredConditions::from(status),
             Frame::Currents(currents) => self.currents_stamp = Some((currents.seq, stamp_ns)),
@@ -101,9 +113,9 @@ impl Channel {
     }
 
     /// Delivers what was kept back for a rate that never became known, at the rate given.
-    pub fn finish(&mut self, nominal_rate: f64, mut deliver: impl FnMut(f64, TimedSample)) {
+    pub fn finish(&mut self, nominal_rate: f64, mut deliver: impl FnMut(SampleRate, TimedSample)) {
         self.assembler.close();
-        self.rate.settle(Rate::Assumed(nominal_rate), &mut deliver);
+        self.rate.settle(SampleRate::assumed(nominal_rate), &mut deliver);
     }
 
     /// Times the sample counter went back.
@@ -121,7 +133,7 @@ impl Channel {
     /// Whether the rate is the nominal one because the device's time told none.
     #[must_use]
     pub fn rate_is_assumed(&self) -> bool {
-        matches!(self.rate, Rate::Assumed(_))
+        matches!(self.rate, Rate::Known(SampleRate { told: false, .. }))
     }
 
     /// What the status frames last said.
@@ -174,16 +186,25 @@ impl Channel {
     }
 }
 
+impl SampleRate {
+    fn assumed(nominal_hz: f64) -> Self {
+        Self {
+            hz: nominal_hz,
+            told: false,
+        }
+    }
+}
+
 impl Rate {
     fn push(
         &mut self,
         sample: TimedSample,
         since_last: Option<(TimedSample, u16)>,
         nominal_rate: f64,
-        deliver: &mut impl FnMut(f64, TimedSample),
+        deliver: &mut impl FnMut(SampleRate, TimedSample),
     ) {
         match self {
-            Self::Known(rate) | Self::Assumed(rate) => deliver(*rate, sample),
+            Self::Known(rate) => deliver(*rate, sample),
             Self::Learning { waiting, periods_us } => {
                 if let (Some(previous), Some((_, elapsed_us))) = (waiting.last(), since_last) {
                     let steps = sample.seq.wrapping_sub(previous.seq);
@@ -196,20 +217,21 @@ impl Rate {
                     // The median, so that one bad stamp decides nothing.
                     periods_us.sort_unstable();
                     let period_us = f64::from(periods_us[periods_us.len() / 2]);
-                    self.settle(Self::Known(1e6 / period_us), deliver);
+                    let hz = 1e6 / period_us;
+                    self.settle(SampleRate { hz, told: true }, deliver);
                 } else if waiting.len() >= RATE_SAMPLES_MAX {
                     // No two samples in a row with a period between them: the nominal rate will have to do.
-                    self.settle(Self::Assumed(nominal_rate), deliver);
+                    self.settle(SampleRate::assumed(nominal_rate), deliver);
                 }
             }
         }
     }
 
-    fn settle(&mut self, settled: Self, deliver: &mut impl FnMut(f64, TimedSample)) {
-        let (Self::Known(rate) | Self::Assumed(rate)) = settled else {
-            return;
-        };
-        if let Self::Learning { waiting, .. } = std::mem::replace(self, settled) {
+    /// Nothing more is learnt: delivers what has waited.
+    fn settle(&mut self, rate: SampleRate, deliver: &mut impl FnMut(SampleRate, TimedSample)) {
+        if let Self::Learning { waiting, .. } = self {
+            let waiting = std::mem::take(waiting);
+            *self = Self::Known(rate);
             for sample in waiting {
                 deliver(rate, sample);
             }

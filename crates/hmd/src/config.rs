@@ -13,6 +13,7 @@ mod health;
 mod identification;
 mod params;
 mod reader;
+mod serial;
 mod spelling;
 mod window;
 
@@ -22,6 +23,7 @@ pub use bus::{BusConfig, BusLoad, LOAD_MAX};
 pub use error::ConfigError;
 pub use health::{HealthConfig, HealthLevels};
 pub use identification::{IdentificationConfig, MONITOR_NAMES, SearchMethod};
+pub use serial::{DEFAULT_BITRATE_BIT_S, SerialConfig};
 pub use window::WindowConfig;
 
 use std::collections::BTreeMap;
@@ -47,6 +49,8 @@ pub struct Config {
     health: HealthConfig,
     output: OutputConfig,
     bus: BusConfig,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    serial: Vec<SerialConfig>,
     /// Where relative paths start. Not part of the hash: moving a configuration does not change it.
     #[serde(skip)]
     directory: PathBuf,
@@ -84,6 +88,7 @@ impl Config {
         "health",
         "output",
         "bus",
+        "serial",
     ];
 
     /// Reads and checks a file. Relative paths inside it start at its directory.
@@ -129,6 +134,7 @@ impl Config {
         let configured = actuator::read_all(&root, &types)?;
         let auto = configured.is_none();
         let actuators = configured.unwrap_or_else(|| actuator::every_one(&types));
+        let serial = serial::read_all(&root, &actuators)?;
         let sample_rates_hz = actuators.iter().map(|actuator| actuator.params.sensors.sample_rate);
         let window = WindowConfig::read(&root.section("window", WindowConfig::KEYS)?, sample_rates_hz)?;
         let config = Self {
@@ -140,6 +146,7 @@ impl Config {
             health: HealthConfig::read(&root.section("health", HealthConfig::KEYS)?)?,
             output: OutputConfig::read(&root.section("output", OutputConfig::KEYS)?)?,
             bus: BusConfig::read(&root.section("bus", BusConfig::KEYS)?)?,
+            serial,
             directory: parent(Path::new(file_name)),
         };
         match config.bus_loads().into_iter().find(|bus| bus.load > LOAD_MAX) {
@@ -148,7 +155,7 @@ impl Config {
                 bus: bus.name().to_owned(),
                 actuators: bus.actuators,
                 load_percent: 100.0 * bus.load,
-                bitrate_bit_s: config.bus.bitrate_bit_s,
+                bitrate_bit_s: bus.bitrate_bit_s,
             }),
             None => Ok(config),
         }
@@ -241,6 +248,12 @@ impl Config {
         &self.bus
     }
 
+    /// The serial line that is called `bus`; every other bus is CAN.
+    #[must_use]
+    pub fn serial(&self, bus: &str) -> Option<&SerialConfig> {
+        self.serial.iter().find(|line| line.bus == bus)
+    }
+
     /// Load of each interface by the configured actuators, in order of name; empty when [`Config::is_auto`].
     ///
     /// Actuators without a `bus` count as sharing one.
@@ -249,7 +262,7 @@ impl Config {
         if self.auto {
             Vec::new()
         } else {
-            self.bus.loads(&self.actuators)
+            self.bus.loads(&self.actuators, &self.serial)
         }
     }
 

@@ -11,6 +11,7 @@
 //! frames, replayed, give the same health records.
 
 mod monitor;
+mod notices;
 mod window_queue;
 
 use std::future::Future;

@@ -19,7 +19,6 @@ use crate::seed::mix;
 use crate::simulated::SimulatedWindow;
 
 pub use detection::{ByFault, DetectionError, DetectionReport, Wrong, detection};
-pub(crate) use motors::{Motor, Surroundings};
 pub use noise::{NOISE_RATES_HZ, NoiseAtRate, NoiseReport, noise};
 pub use profiles::{CONDITION_ROWS, PROFILE_ROWS, ProfileRow, ProfilesError, ProfilesReport, conditions, profiles};
 

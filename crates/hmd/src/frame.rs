@@ -1,4 +1,4 @@
-//! One frame as it came from a bus, before anything is known about its meaning.
+//! One frame as it came from a CAN bus or a serial line, before anything is known about its meaning.
 //!
 //! A frame is 80 bytes, `Copy` and without heap, so that queues of frames have a known size. Interfaces are an index
 //! into a small table of names; the table is bounded because a garbled log may invent a new name on every line.
@@ -36,15 +36,17 @@ impl FrameFlags {
     pub const ERROR_STATE: Self = Self(1 << 5);
     /// Sent by this host (the `T` suffix of candump), not received.
     pub const SENT: Self = Self(1 << 6);
+    /// Not of a CAN bus: what stood between two zeros on a serial line. Excludes every other flag.
+    pub const SERIAL: Self = Self(1 << 7);
 
     /// The flags as stored in a record.
     pub const fn bits(self) -> u8 {
         self.0
     }
 
-    /// The flags with the stored form `bits`; `None` if an unknown bit is set.
-    pub const fn from_bits(bits: u8) -> Option<Self> {
-        if bits < 1 << 7 { Some(Self(bits)) } else { None }
+    /// The flags with the stored form `bits`.
+    pub const fn from_bits(bits: u8) -> Self {
+        Self(bits)
     }
 
     /// Whether every flag of `other` is set.
@@ -65,7 +67,7 @@ impl FrameFlags {
 
 impl fmt::Debug for FrameFlags {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const NAMES: [&str; 7] = ["EXT", "RTR", "ERR", "FD", "BRS", "ESI", "TX"];
+        const NAMES: [&str; 8] = ["EXT", "RTR", "ERR", "FD", "BRS", "ESI", "TX", "SERIAL"];
         let set = NAMES
             .iter()
             .enumerate()
@@ -124,21 +126,26 @@ impl RawFrame {
     /// [`FrameError`] when identifier, length and flags do not fit together.
     pub fn new(stamp_ns: u64, bus: u16, id: u32, flags: FrameFlags, data: &[u8]) -> Result<Self, FrameError> {
         let has = |flag| flags.contains(flag);
-        let fd = has(FrameFlags::FD);
+        let (fd, serial) = (has(FrameFlags::FD), has(FrameFlags::SERIAL));
         let kinds = u8::from(has(FrameFlags::REMOTE)) + u8::from(has(FrameFlags::ERROR)) + u8::from(fd);
         let fd_bits = has(FrameFlags::BIT_RATE_SWITCH) || has(FrameFlags::ERROR_STATE);
-        if kinds > 1 || (fd_bits && !fd) || (has(FrameFlags::ERROR) && has(FrameFlags::EXTENDED)) {
+        let mixed = serial && flags != FrameFlags::SERIAL;
+        if mixed || kinds > 1 || (fd_bits && !fd) || (has(FrameFlags::ERROR) && has(FrameFlags::EXTENDED)) {
             return Err(FrameError::Flags { flags });
         }
         let wide = has(FrameFlags::EXTENDED) || has(FrameFlags::ERROR);
-        let max = if wide { MAX_EXTENDED_ID } else { MAX_STANDARD_ID };
+        let max = match (serial, wide) {
+            (true, _) => 0,
+            (false, true) => MAX_EXTENDED_ID,
+            (false, false) => MAX_STANDARD_ID,
+        };
         if id > max {
             return Err(FrameError::Id { got: id, max });
         }
-        let fits = if fd {
-            is_fd_length(data.len())
-        } else {
-            data.len() <= MAX_CLASSIC_DATA
+        let fits = match (serial, fd) {
+            (true, _) => data.len() <= MAX_DATA,
+            (false, true) => is_fd_length(data.len()),
+            (false, false) => data.len() <= MAX_CLASSIC_DATA,
         };
         if !fits {
             return Err(FrameError::Length { got: data.len(), fd });
@@ -176,6 +183,23 @@ impl RawFrame {
             .with(FrameFlags::EXTENDED, !error && can_id & socketcan::EFF != 0)
             .with(FrameFlags::REMOTE, !error && can_id & socketcan::RTR != 0);
         Self::new(stamp_ns, bus, can_id & MAX_EXTENDED_ID, flags, data)
+    }
+
+    /// What stood between two zeros on a serial line. Its first 64 bytes are kept, which is more than any packet has, so
+    /// that a longer one stays recognisable as too long.
+    #[must_use]
+    pub fn of_serial(stamp_ns: u64, bus: u16, bytes: &[u8]) -> Self {
+        let len = bytes.len().min(MAX_DATA);
+        let mut data = [0; MAX_DATA];
+        data[..len].copy_from_slice(&bytes[..len]);
+        Self {
+            stamp_ns,
+            bus,
+            id: 0,
+            flags: FrameFlags::SERIAL,
+            len: len as u8,
+            data,
+        }
     }
 
     /// The same frame on another interface.
@@ -230,6 +254,11 @@ impl RawFrame {
     /// Whether this is an error frame of the controller.
     pub fn is_error(&self) -> bool {
         self.flags.contains(FrameFlags::ERROR)
+    }
+
+    /// Whether this came from a serial line.
+    pub fn is_serial(&self) -> bool {
+        self.flags.contains(FrameFlags::SERIAL)
     }
 
     /// Whether this is a CAN FD frame.
@@ -339,7 +368,7 @@ impl BusNames {
     }
 }
 
-/// Any valid frame on bus 0 with a stamp of whole microseconds, for property tests.
+/// Any valid CAN frame on bus 0 with a stamp of whole microseconds, for property tests.
 #[cfg(test)]
 pub(crate) fn any_frame() -> impl proptest::strategy::Strategy<Value = RawFrame> {
     use proptest::prelude::*;
@@ -409,6 +438,25 @@ mod tests {
             new(1, FrameFlags::BIT_RATE_SWITCH, 0),
             Err(FrameError::Flags { .. })
         ));
+        assert_eq!(new(1, FrameFlags::SERIAL, 9), Err(FrameError::Id { got: 1, max: 0 }));
+        assert!(new(0, FrameFlags::SERIAL, 65).is_err() && new(0, FrameFlags::SERIAL, 37).is_ok());
+        assert!(matches!(
+            new(0, FrameFlags::SERIAL.union(FrameFlags::ERROR), 0),
+            Err(FrameError::Flags { .. })
+        ));
+    }
+
+    #[test]
+    fn a_stretch_of_a_line_is_a_frame_of_its_own_kind() {
+        let bytes: Vec<u8> = (1..=100).collect();
+        for len in [0, 38, 64] {
+            let frame = RawFrame::new(5, 1, 0, FrameFlags::SERIAL, &bytes[..len]);
+            assert_eq!(Ok(RawFrame::of_serial(5, 1, &bytes[..len])), frame);
+        }
+        assert_eq!(
+            RawFrame::of_serial(5, 1, &bytes),
+            RawFrame::of_serial(5, 1, &bytes[..64])
+        );
     }
 
     #[test]
@@ -427,7 +475,7 @@ mod tests {
     proptest! {
         #[test]
         fn the_socketcan_identifier_keeps_the_frame(frame in any_frame()) {
-            let more = FrameFlags::from_bits(frame.flags().bits() & !0b111).unwrap();
+            let more = FrameFlags::from_bits(frame.flags().bits() & !0b111);
             let data = &[frame.data(), &[0; 8]].concat()[..frame.announced_len()];
             let again = RawFrame::from_socketcan(frame.stamp_ns, frame.bus, frame.socketcan_id(), more, data);
             prop_assert_eq!(again, Ok(frame));

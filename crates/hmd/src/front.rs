@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use ema_models::ActuatorParams;
-use ema_wire::{ActuatorId, Frame};
+use ema_wire::{ActuatorId, DeframerStats, Frame, SampleFd, SerialPacket};
 
-use crate::channel::{Channel, MeasuredConditions};
+use crate::channel::{Channel, MeasuredConditions, SampleRate};
 use crate::config::{ActuatorConfig, Config};
 use crate::frame::{BusNames, RawFrame};
 use crate::window::{TimedSample, Window, Windower};
@@ -33,7 +33,7 @@ pub struct Notice {
     pub message: String,
 }
 
-/// Frames in, by what became of them. `received = decoded + filtered + error + malformed`.
+/// Frames in, by what became of them. `received = decoded + filtered + error + malformed + unreadable`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameCounts {
     /// All frames.
@@ -46,6 +46,8 @@ pub struct FrameCounts {
     pub error: u64,
     /// Frames with an identifier of ours whose content is impossible.
     pub malformed: u64,
+    /// Frames of serial lines that are no packets.
+    pub unreadable: u64,
     /// Of the decoded ones: frames with currents.
     pub currents: u64,
     /// Frames with counts.
@@ -60,6 +62,8 @@ pub struct Front {
     config: Arc<Config>,
     lanes: BTreeMap<(u16, ActuatorId), Lane>,
     counts: FrameCounts,
+    /// What came of the frames of each serial line.
+    serial: BTreeMap<u16, DeframerStats>,
     notices: Vec<Notice>,
 }
 
@@ -93,6 +97,7 @@ impl Front {
             config,
             lanes: BTreeMap::new(),
             counts: FrameCounts::default(),
+            serial: BTreeMap::new(),
             notices: Vec::new(),
         }
     }
@@ -104,7 +109,12 @@ impl Front {
             self.counts.error += 1;
             return;
         }
-        let Some((actuator, parsed)) = self.parse(frame) else {
+        let parsed = if frame.is_serial() {
+            self.parse_serial(frame)
+        } else {
+            self.parse(frame)
+        };
+        let Some((actuator, parsed)) = parsed else {
             return;
         };
         let key = (frame.bus, actuator);
@@ -144,6 +154,23 @@ impl Front {
         }
     }
 
+    /// What a packet of a serial line says. A sample there is whole, as in CAN FD.
+    fn parse_serial(&mut self, frame: &RawFrame) -> Option<(ActuatorId, Frame)> {
+        let packet = SerialPacket::parse(frame.data());
+        self.serial.entry(frame.bus).or_default().count(&packet);
+        match packet {
+            Ok(SerialPacket::Sample(sample)) => {
+                let one = SampleFd::from_samples(&[sample]).ok()?;
+                Some((sample.actuator, Frame::SampleFd(one)))
+            }
+            Ok(SerialPacket::Status { actuator, status }) => Some((actuator, Frame::Status(status))),
+            Err(_) => {
+                self.counts.unreadable += 1;
+                None
+            }
+        }
+    }
+
     /// End of the traffic: ends every open window, in the order of interface names and numbers. (The index of an
     /// interface depends on the source, and would tell live from replay.)
     pub fn finish(&mut self, ended: &mut Vec<WindowJob>) {
@@ -158,6 +185,11 @@ impl Front {
     #[must_use]
     pub fn counts(&self) -> FrameCounts {
         self.counts
+    }
+
+    /// What came of the frames of each serial line, by its index.
+    pub fn serial(&self) -> impl Iterator<Item = (u16, DeframerStats)> {
+        self.serial.iter().map(|(&bus, &stats)| (bus, stats))
     }
 
     /// Names of the actuators seen so far, with the number of samples delivered and lost: missing, or
@@ -261,7 +293,7 @@ impl Cutter {
     fn push(
         &mut self,
         actuator: &Arc<ActuatorConfig>,
-        rate: f64,
+        rate: SampleRate,
         sample: TimedSample,
         config: &Config,
         conditions: MeasuredConditions,
@@ -287,21 +319,28 @@ impl Cutter {
         }
     }
 
-    fn new(actuator: &ActuatorConfig, rate: f64, config: &Config, stamp_ns: u64, notices: &mut Vec<Notice>) -> Self {
+    fn new(
+        actuator: &ActuatorConfig,
+        rate: SampleRate,
+        config: &Config,
+        stamp_ns: u64,
+        notices: &mut Vec<Notice>,
+    ) -> Self {
         let name = &actuator.name;
         let nominal = actuator.params.sensors.sample_rate;
         let mut params = actuator.params;
-        params.sensors.sample_rate = rate;
-        if (rate - nominal).abs() > 1e-3 * nominal {
+        params.sensors.sample_rate = rate.hz;
+        if (rate.hz - nominal).abs() > 1e-3 * nominal {
+            let found = rate.hz;
             let message =
-                format!("{name}: expected {nominal} samples/s, found {rate:.1}; windows are cut at the rate found");
+                format!("{name}: expected {nominal} samples/s, found {found:.1}; windows are cut at the rate found");
             notices.push(Notice { stamp_ns, message });
         }
         let made = match params.checked() {
             Ok(params) => Windower::new(config.window().in_si(), &params)
                 .map(|windower| Self::Ready {
                     params: Box::new(params),
-                    windower: Box::new(windower),
+                    windower: Box::new(if rate.told { windower.at_device_time() } else { windower }),
                 })
                 .map_err(|e| e.to_string()),
             Err(e) => Err(e.to_string()),

@@ -3,10 +3,11 @@
 mod population;
 mod refine;
 mod rivals;
-mod spread;
 mod unmodelled;
 
-use ema_ga::{Bounds, CmaConfig, ConfigError, Control, DeConfig, GaConfig, Parallel, Search, StopReason, evolve_owned};
+use ema_ga::{
+    Bounds, CmaConfig, ConfigError, Control, DeConfig, GaConfig, Outcome, Parallel, Search, StopReason, evolve_owned,
+};
 use ema_models::{
     ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector,
     Feedback, MotorKnowledge, Prior, Recording, SIGNAL_COUNT, Scale, SensedSample, Signals, UNKNOWN_COUNT, Unknowns,
@@ -16,9 +17,8 @@ use ema_models::{
 use crate::calibration::TypeCalibration;
 use crate::turns::align;
 use population::PaperCost;
-use refine::{End, UNLIMITED, descend, refine, starts};
+use refine::{End, FINE_STEP, UNLIMITED, data_variance, descend, hold_known_motor, refine, starts};
 pub use refine::{bound, pull_from, refine_from};
-pub use spread::{KINDS, Spread};
 use unmodelled::WeakMagnet;
 pub use unmodelled::{Unmodelled, is_unmodelled};
 
@@ -144,7 +144,7 @@ pub struct Fit {
 }
 
 /// A standard deviation above this says that the window does not show the component.
-pub const OBSERVABLE_SIGMA: f64 = 0.1;
+const OBSERVABLE_SIGMA: f64 = 0.1;
 
 /// Monitor runs of one set of normal equations: the point and one step along each coordinate.
 const RUNS_PER_LINEARISATION: u64 = UNKNOWN_COUNT as u64 + 1;
@@ -171,21 +171,37 @@ impl Prepared {
         Self { samples, initial }
     }
 
-    /// Other samples with the same initial state.
-    #[must_use]
-    pub fn with_samples(&self, samples: Vec<ComparedSample>) -> Self {
-        Self {
-            samples,
-            initial: self.initial,
-        }
-    }
-
     /// The samples and their initial state.
     #[must_use]
     pub fn recording(&self) -> Recording<'_> {
         Recording {
             samples: &self.samples,
+            drive: &self.samples,
             initial: self.initial,
+        }
+    }
+}
+
+/// Where a search ended.
+struct Found {
+    /// At least one end, the best first.
+    ends: Vec<End>,
+    /// Monitor runs spent.
+    evaluations: u64,
+    /// Whether the budget cut it short anywhere.
+    cut: bool,
+    /// Monitor runs that each further descent may take.
+    share: u64,
+}
+
+impl Found {
+    /// Adds up what a population and the descents after it spent.
+    fn new(ends: Vec<End>, evaluations: u64, cut: bool, share: u64) -> Self {
+        Self {
+            evaluations: evaluations + ends.iter().map(|end| end.spent).sum::<u64>(),
+            cut: cut || ends.iter().any(|end| end.cut),
+            ends,
+            share,
         }
     }
 }
@@ -200,13 +216,41 @@ impl Identifier {
     pub fn identify(&self, window: &Prepared, conditions: Conditions, seed: u64) -> Result<Estimate, ConfigError> {
         let coefficients = self.calibration.coefficients();
         let all = self.comparison(window, &coefficients, conditions);
+        let found = self.ends(&all, seed)?;
+        Ok(match self.method {
+            Method::PaperGa(_) | Method::Population(_) => Estimate {
+                cut: found.cut,
+                ..self.judge(&all, found.ends[0].at, None, found.evaluations)
+            },
+            Method::LeastSquares | Method::Hybrid(_) => self.finish(&all, &found),
+        })
+    }
+
+    /// Where the search ends, before the signals are weighed by the window's own noise.
+    ///
+    /// # Errors
+    /// As [`Identifier::identify`].
+    pub fn search(&self, all: &Comparison<'_>, seed: u64) -> Result<Coordinates, ConfigError> {
+        Ok(self.ends(all, seed)?.ends[0].at)
+    }
+
+    fn ends(&self, all: &Comparison<'_>, seed: u64) -> Result<Found, ConfigError> {
         let scale = Scale::new(&self.params);
-        match self.method {
+        let of_population = |found: &Outcome<FAULT_COUNT>| {
+            let end = End {
+                cost: found.cost,
+                at: scale.coordinates(&all.with_fault(FaultVector::from_array(found.genes))),
+                spent: found.evaluations,
+                cut: found.stop == StopReason::MaxEvaluations,
+            };
+            Found::new(vec![end], 0, false, 0)
+        };
+        Ok(match self.method {
             Method::PaperGa(config) => {
                 let alone = Comparison {
                     weights: Weights::CURRENT_ONLY,
                     feedback: Feedback::Simulated,
-                    ..all
+                    ..*all
                 };
                 let objective = PaperCost::new(alone, &self.params);
                 let search = Search {
@@ -216,35 +260,25 @@ impl Identifier {
                     initial: &[],
                 };
                 let found = evolve_owned(&search, &config, |_| Control::Continue)?;
-                let best = all.with_fault(FaultVector::from_array(found.genes));
-                let cut = found.stop == StopReason::MaxEvaluations;
-                let estimate = self.judge(&all, scale.coordinates(&best), None, found.evaluations);
-                Ok(Estimate { cut, ..estimate })
+                of_population(&found)
             }
-            Method::Population(population) => {
-                let found = population.search(all, seed)?;
-                let best = all.with_fault(FaultVector::from_array(found.genes));
-                let cut = found.stop == StopReason::MaxEvaluations;
-                let estimate = self.judge(&all, scale.coordinates(&best), None, found.evaluations);
-                Ok(Estimate { cut, ..estimate })
-            }
+            Method::Population(population) => of_population(&population.search(*all, seed)?),
             Method::LeastSquares => {
-                let starts = starts(&all, &scale, &[FaultVector::NOMINAL]);
-                Ok(self.finish(&all, &refine(&all, &starts, UNLIMITED), 0, UNLIMITED))
+                let ends = refine(all, &starts(all, &scale, &[FaultVector::NOMINAL]), UNLIMITED);
+                Found::new(ends, 0, false, UNLIMITED)
             }
             Method::Hybrid(population) => {
-                let found = population.search(all, seed)?;
+                let found = population.search(*all, seed)?;
                 let faults = [FaultVector::from_array(found.genes), FaultVector::NOMINAL];
-                let starts = starts(&all, &scale, &faults);
+                let starts = starts(all, &scale, &faults);
                 // The same share for each descent and for the last one, whichever of them needs it.
                 let share = population.budget().map_or(UNLIMITED, |budget| {
                     budget.saturating_sub(found.evaluations + JUDGING_RUNS) / (starts.len() as u64 + 1)
                 });
-                let estimate = self.finish(&all, &refine(&all, &starts, share), found.evaluations, share);
-                let cut = estimate.cut || found.stop == StopReason::MaxEvaluations;
-                Ok(Estimate { cut, ..estimate })
+                let cut = found.stop == StopReason::MaxEvaluations;
+                Found::new(refine(all, &starts, share), found.evaluations, cut, share)
             }
-        }
+        })
     }
 
     /// The comparison of one window, all signals with their weights.
@@ -268,13 +302,16 @@ impl Identifier {
     /// Weighs the signals by what noise this window has, refines once more and states how sure the end is.
     ///
     /// The cost stays that of the calibration's weights: it is what says whether the fit is a good one at all.
-    fn finish(&self, comparison: &Comparison<'_>, ends: &[End], evaluations: u64, budget: u64) -> Estimate {
-        let weighed = self.weighed(comparison, &ends[0].at);
-        let end = descend(&weighed, ends[0].at, budget);
-        let rival = rivals::find(comparison, ends);
-        let spent = evaluations + ends.iter().map(|end| end.spent).sum::<u64>() + end.spent + 2;
-        let cut = end.cut || ends.iter().any(|end| end.cut);
-        let estimate = match unmodelled::weak_magnet(&weighed, &end, budget) {
+    fn finish(&self, comparison: &Comparison<'_>, found: &Found) -> Estimate {
+        let best = found.ends[0].at;
+        let weighed = Comparison {
+            weights: self.weights_by_noise(comparison, &best),
+            ..*comparison
+        };
+        let end = descend(&weighed, best, found.share);
+        let rival = rivals::find(comparison, &found.ends);
+        let spent = found.evaluations + end.spent + 2;
+        let estimate = match unmodelled::weak_magnet(&weighed, &end, found.share) {
             WeakMagnet::No(more) => self.judge(&weighed, end.at, rival, spent + more),
             WeakMagnet::Perhaps(other) => self.judge(&weighed, end.at, rival.or(Some(other.at)), spent + other.spent),
             WeakMagnet::Yes(other) => Estimate {
@@ -284,38 +321,9 @@ impl Identifier {
         };
         Estimate {
             cost: comparison.least_squares(&estimate.unknowns),
-            cut,
+            cut: found.cut || end.cut,
             ..estimate
         }
-    }
-
-    fn weighed<'a>(&self, comparison: &Comparison<'a>, at: &Coordinates) -> Comparison<'a> {
-        Comparison {
-            weights: self.weights_by_noise(comparison, at),
-            ..*comparison
-        }
-    }
-
-    /// Error of an estimate by least squares from health, in fault coordinates, and the spread there.
-    #[must_use]
-    pub fn error(
-        &self,
-        window: &Prepared,
-        conditions: Conditions,
-        truth: &FaultVector,
-    ) -> ([f64; FAULT_COUNT], Spread) {
-        let coefficients = self.calibration.coefficients();
-        let all = self.comparison(window, &coefficients, conditions);
-        let scale = Scale::new(&self.params);
-        let starts = starts(&all, &scale, &[FaultVector::NOMINAL]);
-        let found = refine(&all, &starts, UNLIMITED)[0].at;
-        let weighed = self.weighed(&all, &found);
-        let end = descend(&weighed, found, UNLIMITED).at;
-        let truth = scale.coordinates(&all.with_fault(*truth));
-        (
-            std::array::from_fn(|p| end.0[p] - truth.0[p]),
-            Spread::of(&weighed, &end),
-        )
     }
 
     /// The calibration's weights, less where a signal is noisier than in the windows it was made from: sensors differ, and
@@ -350,13 +358,27 @@ impl Identifier {
         let unknowns = scale.unknowns(&at);
         // The point may lie outside the disc of eccentricities; what is judged is what is reported.
         let at = scale.coordinates(&unknowns);
-        let spread = Spread::of(comparison, &at);
+        let normal = hold_known_motor(comparison.normal_equations(&at, FINE_STEP), &comparison.prior.motor);
         let fault = unknowns.fault;
+        let (mut mean_square, mut n) = ([0.0; SIGNAL_COUNT], 0.0_f64);
+        comparison.residuals(&unknowns, |_, r| {
+            for (sum, r) in mean_square.iter_mut().zip(r.to_array()) {
+                *sum += r * r;
+            }
+            n += 1.0;
+        });
+        let n = n.max(1.0);
+        let mean_square = mean_square.map(|sum| sum / n);
+
+        // Correlated residuals are already weighted down, so the weighted ones count as independent of unit size; a
+        // worse fit than the calibration's widens the interval.
+        let signals = comparison.weights.to_array().iter().filter(|w| **w > 0.0).count() as f64;
+        let excess = (2.0 * normal.cost / (n * signals)).max(1.0);
+        let variance = data_variance(&normal, excess);
         let mismatch = self.calibration.at(self.params.sensors.sample_rate);
-        let variance = spread.variance(mismatch);
-        let total: [f64; UNKNOWN_COUNT] = std::array::from_fn(|p| {
+        let total: [f64; FAULT_COUNT] = std::array::from_fn(|p| {
             let far = rival.map_or(0.0, |rival| rival.0[p] - at.0[p]);
-            (variance[p] + far * far).sqrt()
+            (variance[p] + mismatch.model_sigma[p].powi(2) + far * far).sqrt()
         });
         let mut sigma = [None; FAULT_COUNT];
         let mut observable = [false; FAULT_COUNT];
@@ -378,14 +400,14 @@ impl Identifier {
             unknowns,
             sigma,
             observable,
-            cost: comparison.least_squares(&unknowns),
-            residual_rms_a: spread.mean_square[1].sqrt(),
+            cost: normal.cost / n,
+            residual_rms_a: mean_square[1].sqrt(),
             evaluations: evaluations + RUNS_PER_LINEARISATION + 1,
             cut: false,
             rival: rival.map(|rival| scale.unknowns(&rival).fault),
             back_emf_off: unknowns.motor.back_emf - comparison.prior.motor.mean.back_emf,
             other_motor: false,
-            misfit: unmodelled::misfit(&spread.mean_square, mismatch),
+            misfit: unmodelled::misfit(&mean_square, mismatch),
             locked: unmodelled::is_locked(comparison),
         }
     }

@@ -5,6 +5,8 @@
 
 use std::sync::Arc;
 
+use ema_wire::{DeframerStats, FrameFault};
+
 use crate::bus_state::BusStates;
 use crate::config::Config;
 use crate::frame::{BusNames, RawFrame};
@@ -15,7 +17,8 @@ use crate::record::Status;
 /// What was lost around the frames themselves. Counted by whoever sees it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Losses {
-    /// Lines of a text log, or frames of a byte stream, that could not be read.
+    /// Lines of a text log, or frames that no bus carries, that could not be read; those of serial lines are counted
+    /// with the frames.
     pub unreadable: u64,
     /// Frames in damaged or missing parts of a recorded file.
     pub damaged: u64,
@@ -117,6 +120,11 @@ impl Pipeline {
         &self.states
     }
 
+    /// What came of the frames of each serial line, by its index.
+    pub fn serial(&self) -> impl Iterator<Item = (u16, DeframerStats)> {
+        self.front.iter().flat_map(Front::serial)
+    }
+
     /// Actuators seen.
     #[must_use]
     pub fn actuators(&self) -> u64 {
@@ -127,6 +135,7 @@ impl Pipeline {
     #[must_use]
     pub fn status(&self, names: &BusNames, windows: WindowCounts) -> Status {
         let (frames, losses) = (self.frames(), &self.losses);
+        let unreadable = |fault| self.serial().map(|(_, stats)| stats.dropped_for(fault)).sum();
         let (mut samples, mut missing) = (0, 0);
         for (_, delivered, lost) in self.front.iter().flat_map(Front::actuators) {
             samples += delivered;
@@ -138,7 +147,12 @@ impl Pipeline {
             frames_filtered: frames.filtered,
             frames_error: frames.error,
             samples,
-            lost_unreadable: losses.unreadable,
+            lost_unreadable: losses.unreadable + frames.unreadable,
+            unreadable_too_long: unreadable(FrameFault::TooLong),
+            unreadable_cobs: unreadable(FrameFault::Cobs),
+            unreadable_crc: unreadable(FrameFault::Crc),
+            unreadable_version: unreadable(FrameFault::Version),
+            unreadable_decode: unreadable(FrameFault::Decode),
             lost_damaged: losses.damaged,
             lost_socket_queue: losses.socket_queue,
             lost_samples: missing,

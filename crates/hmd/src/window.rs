@@ -183,6 +183,13 @@ impl Windower {
         })
     }
 
+    /// The same for samples whose rate the device's own time has told: stamps then say nothing about it.
+    #[must_use]
+    pub fn at_device_time(mut self) -> Self {
+        self.limits.rate_is_unconfirmed = false;
+        self
+    }
+
     /// Counts since the start.
     #[must_use]
     pub fn counts(&self) -> StreamCounts {

@@ -355,7 +355,7 @@ fn an_unreadable_line_and_a_short_frame_are_counted() {
     assert!(
         ended
             .stderr
-            .contains("data lost: 1 unreadable lines, 0 damaged places of a file with 0 frames missing by count, 1 malformed frames, 1 samples")
+            .contains("data lost: 1 unreadable lines or frames, 0 damaged places of a file with 0 frames missing by count, 1 malformed frames, 1 samples")
     );
 }
 

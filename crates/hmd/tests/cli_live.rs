@@ -46,6 +46,43 @@ fn a_missing_bus_is_waited_for_until_a_signal_ends_the_run() {
 }
 
 #[test]
+fn a_missing_serial_line_is_waited_for_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let [config, output] = ["hmd.toml", "out.mcap"].map(|name| folder.path().join(name));
+    let text = "[[actuator]]\nid = 3\nbus = \"uart1\"\n[[serial]]\nbus = \"uart1\"\ndevice = \"nosuchtty\"\n";
+    std::fs::write(&config, text).unwrap();
+    let (code, said) = until_told(hmd().arg("run").arg("-c").arg(&config).arg("-o").arg(&output));
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.starts_with("uart1: missing (No such file"), "{said}");
+    is_whole(&output);
+
+    // What is there and no terminal is down.
+    let line = format!("uart1={}@400000", config.display());
+    let (code, said) = until_told(hmd().args(["record", "--serial", &line, "-o"]).arg(&output));
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.starts_with("uart1: down (Inappropriate ioctl"), "{said}");
+    is_whole(&output);
+}
+
+#[test]
+fn a_serial_line_without_a_name_or_a_rate_is_refused() {
+    for (line, expected) in [
+        ("/dev/ttyS0", "expected BUS=DEVICE"),
+        ("a/b=/dev/ttyS0", "1 to 15 printable characters"),
+        ("uart1=/dev/ttyS0@fast", "expected a bit rate after @"),
+        ("uart1=/dev/ttyS0@0", "expected a bit rate after @"),
+    ] {
+        let output = hmd()
+            .args(["record", "-o", "out.mcap", "--serial", line])
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(said.contains(expected), "{said}");
+    }
+}
+
+#[test]
 fn a_configuration_that_says_not_where_to_listen_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let config = folder.path().join("hmd.toml");

@@ -2,7 +2,9 @@
 
 use ema_models::ActuatorParams;
 use ema_wire::ActuatorId;
-use hmd::config::{Config, HealthConfig, IdentificationConfig, LOAD_MAX, SearchMethod, WindowConfig};
+use hmd::config::{
+    Config, DEFAULT_BITRATE_BIT_S, HealthConfig, IdentificationConfig, LOAD_MAX, SearchMethod, WindowConfig,
+};
 use hmd::record::FAULT_NAMES;
 use proptest::prelude::*;
 use serde_json::Value;
@@ -201,6 +203,54 @@ fn bus_load_counts_the_actuators_of_each_interface() {
     read(&format!("{}{}", six_at_400_hz("can0"), seventh.replace("can0", "can1")));
     read(&format!("{}{seventh}[bus]\nfd = true", six_at_400_hz("can0")));
     assert!(refusal("[[actuator]]\nid = 0\n[[actuator]]\nid = 1").contains("bus (any): expected a load of at most"));
+}
+
+#[test]
+fn a_serial_line_is_a_bus_with_a_device() {
+    let on_uart = "[[actuator]]\nid = 0\nbus = \"uart1\"\n[[serial]]\nbus = \"uart1\"\ndevice = \"ttyACM0\"\n";
+    let config = read(on_uart);
+    let line = config.serial("uart1").unwrap();
+    assert_eq!(
+        (line.bitrate_bit_s, line.device.to_str()),
+        (DEFAULT_BITRATE_BIT_S, Some("ttyACM0"))
+    );
+    assert_eq!(config.serial("can0"), None);
+    let said = config.describe();
+    assert!(
+        said.contains("serial line: uart1 at ttyACM0\nbus load: uart1 85 % of 921600 bit/s"),
+        "{said}"
+    );
+
+    let second = on_uart.replace("[[serial]]", "[[actuator]]\nid = 1\nbus = \"uart1\"\n[[serial]]");
+    assert!(refusal(&second).contains("bus uart1: expected a load of at most 90 %, found 170 % of 921600 bit/s"));
+    read(&format!("{second}bitrate_bit_s = 2_000_000"));
+
+    let line = "[[serial]]\nbus = \"uart1\"\n";
+    for (text, expected) in [
+        (
+            format!("{on_uart}{line}device = \"b\""),
+            "serial[1].bus: expected a name that no other serial line has",
+        ),
+        (
+            format!("{line}device = \"b\""),
+            "hmd.toml:2: serial[0].bus: expected the bus of an [[actuator]]",
+        ),
+        (
+            line.to_owned(),
+            "serial[0].device: expected the path of a terminal, found no such key",
+        ),
+        (
+            line.replace("uart1", "a/b"),
+            "serial[0].bus: expected a name of 1 to 15 printable characters",
+        ),
+        (
+            format!("{on_uart}bitrate_bit_s = 0"),
+            "serial[0].bitrate_bit_s: expected a whole number from 1200",
+        ),
+    ] {
+        let said = refusal(&text);
+        assert!(said.contains(expected), "{said}");
+    }
 }
 
 fn six_at_400_hz(bus: &str) -> String {

@@ -160,6 +160,26 @@ fn a_sample_that_was_filled_in_is_in_no_array_of_the_window() {
 }
 
 #[test]
+fn a_host_that_reads_late_and_then_a_lot_at_once_spoils_no_window() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut traffic = frames(0, 2);
+    // What came in 300 ms is read at their end; no sample is torn apart.
+    const PERIOD_NS: u64 = 2_500_000;
+    const STALL_NS: u64 = 300_000_000;
+    for frame in &mut traffic {
+        let sampled_ns = (frame.stamp_ns - EPOCH_NS) / PERIOD_NS * PERIOD_NS;
+        frame.stamp_ns = EPOCH_NS + sampled_ns.next_multiple_of(STALL_NS);
+    }
+    let (lines, _) = run(vec![("can1", traffic)], &folder.path().join("live.mcap"));
+    let health = lines.health.into_inner().unwrap();
+    assert!(
+        health[0].contains("\"reason\":\"type slow is not calibrated\""),
+        "{}",
+        health[0]
+    );
+}
+
+#[test]
 fn a_bus_state_is_told_live_and_in_replay() {
     let folder = tempfile::tempdir().unwrap();
     let [live, again] = ["live", "again"].map(|name| folder.path().join(name).with_extension("mcap"));

@@ -545,6 +545,14 @@ fn another_sample_rate_than_configured_is_found() {
         Invalidity::SampleRate { by_stamps_hz } => assert!((by_stamps_hz - 1000.0).abs() < 1e-6),
         other => panic!("{other:?}"),
     }
+    // Against a rate that the device's own time has told, stamps have no say.
+    let windower = Windower::new(WindowConfig::default(), &bench(2000.0)).expect("default settings");
+    let mut windower = windower.at_device_time();
+    let window = samples
+        .iter()
+        .find_map(|&sample| windower.push(sample))
+        .expect("a window");
+    assert_eq!(window.verdict, Verdict::Complete);
     // Stamps that come in bursts of 10 ms are none.
     for sample in &mut samples {
         sample.stamp_ns = T_0 + 500_000 * sample.seq.next_multiple_of(20);

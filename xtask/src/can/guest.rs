@@ -60,10 +60,17 @@ pub(super) struct Results {
     numbers: BTreeMap<String, u64>,
 }
 
-/// Starts the guest, which sees the files of this computer, and waits for its end.
-pub(super) fn start(folder: &Path, hmd: &Path) -> anyhow::Result<Results> {
+/// Starts the guest, which sees the files of this computer, and waits for its end. `python` runs the serial adapter.
+pub(super) fn start(folder: &Path, hmd: &Path, python: &Path) -> anyhow::Result<Results> {
     let init = folder.join("init.sh");
-    let head = format!("#!/bin/sh\nWORK='{}'\nHMD='{}'\n", folder.display(), hmd.display());
+    let adapter = fs::canonicalize("fixtures/slcan.py").context("fixtures/slcan.py")?;
+    let head = format!(
+        "#!/bin/sh\nWORK='{}'\nHMD='{}'\nPYTHON='{}'\nADAPTER='{}'\n",
+        folder.display(),
+        hmd.display(),
+        python.display(),
+        adapter.display()
+    );
     fs::write(&init, head + include_str!("guest.sh"))?;
     fs::set_permissions(&init, fs::Permissions::from_mode(0o755))?;
     let results = folder.join("results");

@@ -1,11 +1,14 @@
-# Runs as init of the user-mode Linux; WORK and HMD are set above. Writes what happened into $WORK; judges nothing.
+# Runs as init of the user-mode Linux; WORK, HMD, PYTHON and ADAPTER are set above. Writes what happened into $WORK; judges nothing.
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin
 mount -t proc proc /proc
 mount -t sysfs sys /sys
 modules=/usr/lib/uml/modules/$(uname -r)/kernel
-for module in net/can/can net/can/can-raw drivers/net/can/dev/can-dev drivers/net/can/vcan; do
+for module in net/can/can net/can/can-raw drivers/net/can/dev/can-dev drivers/net/can/vcan \
+    drivers/net/can/slcan/slcan; do
     busybox insmod $modules/$module.ko
 done
+mkdir -p /dev/pts
+mount -t devpts devpts /dev/pts -o ptmxmode=0666
 ip link set lo up
 cd "$WORK"
 
@@ -109,6 +112,25 @@ canplayer -I foreign.log
 sleep 1
 stop record
 echo "record.sent0 $(($(sent vcan0) - before))" >>results
+
+# 5. A serial adapter, which the kernel makes an interface of. It prints how many frames it had, and was asked to send.
+rm -f adapter
+"$PYTHON" "$ADAPTER" slcan.log adapter >adapter.counts 2>adapter.err &
+adapter=$!
+tries=0
+while [ ! -e adapter ] && [ $tries -lt 100 ]; do
+    sleep 0.1
+    tries=$((tries + 1))
+done
+slcand -o -s8 "$(readlink adapter)" slcan0
+sleep 1
+ip link set slcan0 up
+start slcan run -c slcan.toml -o slcan.mcap --json
+wait $adapter
+stop slcan
+read -r played asked <adapter.counts
+echo "slcan.played $played" >>results
+echo "slcan.asked $asked" >>results
 
 echo "done 1" >>results
 halt -f

@@ -122,6 +122,30 @@ pub(super) fn shorts(folder: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Windows of the log that comes through a serial adapter.
+pub(super) const SLCAN_WINDOWS: u32 = 8;
+
+/// Makes the log that comes through a serial adapter, of an actuator with friction, and its configuration.
+pub(super) fn slcan(hmd: &Path, folder: &Path) -> anyhow::Result<()> {
+    let mut simulate = program(
+        hmd,
+        [
+            "simulate",
+            "--rate",
+            "400",
+            "--noise",
+            "0.05",
+            "--fault",
+            "friction=0.4",
+        ],
+    );
+    simulate.args(["--windows", &SLCAN_WINDOWS.to_string()]);
+    run(simulate.arg("-o").arg(folder.join("slcan.log")))?;
+    let actuator = "[[actuator]]\nid = 0\nbus = \"slcan0\"\n";
+    fs::write(folder.join("slcan.toml"), AT_400_HZ.to_owned() + actuator)?;
+    Ok(())
+}
+
 /// Frames in a log.
 pub(super) fn frames(log: &Path) -> anyhow::Result<u64> {
     let text = fs::read_to_string(log).with_context(|| log.display().to_string())?;

@@ -155,6 +155,8 @@ pub struct MonitorState<R> {
     i_ref: [R; 2],
     /// Speed gained in the last step, rad/s.
     gained: R,
+    /// Torque that the shaft lacked to break away at the end of the last step, Nm.
+    slack: R,
     /// Motor angle of the motor model, rad: the one that the last step foresaw; and the electrical angle's sine and cosine.
     foreseen: R,
     sin_cos: (R, R),
@@ -368,6 +370,7 @@ impl<R: Real> Monitor<R> {
             ),
             i_ref: [d, q],
             gained: R::zero(),
+            slack: R::zero(),
             foreseen: theta_m,
             sin_cos,
             emf_shapes,
@@ -496,7 +499,9 @@ impl<R: Real> Monitor<R> {
         };
         state.sin_cos = sin_cos;
 
-        state.omega_m = self.friction.step(omega, torque - m.viscous * omega, m.dt_over_j);
+        state.omega_m = self
+            .friction
+            .long_step(omega, torque - m.viscous * omega, m.dt_over_j, &mut state.slack);
         state.gained = state.omega_m - omega;
         state.theta_m = state.theta_m + (omega + state.omega_m) * m.half_dt;
         if self.feedback == Feedback::Simulated {

@@ -118,7 +118,7 @@ impl Reference {
             viscous: unit.motor.c,
             step,
             step_over_j: step / unit.motor.j,
-            steps_per_period: (nominal.controller.period / step).round() as u64,
+            steps_per_period: libm::round(nominal.controller.period / step) as u64,
             phases: Phases::new(&unit.motor, winding.turns),
             winding,
             friction: DryFriction::new(&unit.transmission, fault, load_torque),

@@ -36,29 +36,35 @@ impl Actuations {
         }
     }
 
+    /// Time from one actuation to the next, s.
+    #[must_use]
+    pub fn period(&self) -> f64 {
+        self.length + self.rest
+    }
+
     /// Duration of the whole series, s.
     #[must_use]
     pub fn duration(&self) -> f64 {
-        self.rest + f64::from(self.count) * (self.length + self.rest)
+        self.rest + f64::from(self.count) * self.period()
     }
 
     /// What is commanded at time t, for a first direction `sign`, from the rest position `rest_angle` on, rad.
     fn setpoint(&self, t: f64, sign: f64, rest_angle: f64) -> Setpoint {
-        let cycle = self.length + self.rest;
+        let cycle = self.period();
         let since_first = t - self.rest;
-        let done = ((since_first / cycle).floor()).clamp(0.0, f64::from(self.count) - 1.0);
+        let done = libm::floor(since_first / cycle).clamp(0.0, f64::from(self.count) - 1.0);
         let tau = since_first - done * cycle;
         let direction = if done % 2.0 == 0.0 { sign } else { -sign };
         // Between two actuations in speed mode the motor is told to stand.
         if let Some(speed) = self.profile.speed(tau) {
             let speed = if tau > self.length { 0.0 } else { direction * speed };
-            return Setpoint::Speed((speed / SPEED_LSB).round() * SPEED_LSB);
+            return Setpoint::Speed(libm::round(speed / SPEED_LSB) * SPEED_LSB);
         }
         let travel = self.profile.angle(self.length);
         // Directions alternate, so after an odd number of actuations one travel is left over.
         let base = if done % 2.0 == 0.0 { 0.0 } else { sign * travel };
-        let commanded = rest_angle + base + direction * self.profile.angle(tau.min(self.length));
-        Setpoint::Position((commanded / POSITION_LSB).round() * POSITION_LSB)
+        let commanded = rest_angle + (base + direction * self.profile.angle(tau.min(self.length)));
+        Setpoint::Position(libm::round(commanded / POSITION_LSB) * POSITION_LSB)
     }
 }
 
@@ -112,11 +118,7 @@ impl Scenario {
     #[must_use]
     pub fn run(&self) -> ScenarioRun {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
-        let warm = ActuatorParams {
-            motor: self.unit.motor.at_temperature(self.winding_temp_deg_c),
-            ..self.unit
-        };
-        let reference = Reference::new(&warm, &self.nominal, &self.fault, self.load_torque).with_alien(self.alien);
+        let reference = self.reference();
         let theta_m = rng.random_range(0.0..core::f64::consts::TAU);
         let place = rng.random_range(-1.0..1.0);
         let sign = if rng.random_bool(0.5) { 1.0 } else { -1.0 };
@@ -129,10 +131,19 @@ impl Scenario {
             rest_angle: count(theta_out, lsb) as f64 * lsb,
             sign,
             seq: 0,
-            samples: (self.actuations.duration() * self.nominal.sensors.sample_rate).round() as u64,
-            steps_per_sample: (1.0 / (self.nominal.sensors.sample_rate * REFERENCE_STEP)).round() as u64,
+            samples: libm::round(self.actuations.duration() * self.nominal.sensors.sample_rate) as u64,
+            steps_per_sample: libm::round(1.0 / (self.nominal.sensors.sample_rate * REFERENCE_STEP)) as u64,
             rng,
         }
+    }
+
+    /// The unit at its temperature, in its state of wear.
+    fn reference(&self) -> Reference {
+        let warm = ActuatorParams {
+            motor: self.unit.motor.at_temperature(self.winding_temp_deg_c),
+            ..self.unit
+        };
+        Reference::new(&warm, &self.nominal, &self.fault, self.load_torque).with_alien(self.alien)
     }
 }
 
@@ -155,6 +166,12 @@ impl ScenarioRun {
     #[must_use]
     pub fn state(&self) -> &ReferenceState {
         &self.state
+    }
+
+    /// The unit is in another state of wear from now on; its motion goes on.
+    pub fn wear(&mut self, fault: FaultVector) {
+        self.scenario.fault = fault;
+        self.reference = self.scenario.reference();
     }
 }
 

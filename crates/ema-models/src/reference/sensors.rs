@@ -34,7 +34,7 @@ impl CurrentSensing {
             }
             let lsb = sensors.current_lsb();
             let half_range = f64::from(1u32 << (sensors.current_bits - 1));
-            (noisy / lsb).round().clamp(-half_range, half_range - 1.0) * lsb
+            libm::round(noisy / lsb).clamp(-half_range, half_range - 1.0) * lsb
         })
     }
 }
@@ -42,5 +42,5 @@ impl CurrentSensing {
 /// Counter reading `floor(theta / lsb)` of an angle, multi-turn.
 #[must_use]
 pub fn count(theta: f64, lsb: f64) -> i64 {
-    (theta / lsb).floor() as i64
+    libm::floor(theta / lsb) as i64
 }

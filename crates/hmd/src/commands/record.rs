@@ -2,22 +2,28 @@
 
 use std::collections::BTreeMap;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::Exit;
 use super::live::{report, stop_signal};
+use crate::config::DEFAULT_BITRATE_BIT_S;
 use crate::daemon::{Daemon, Observer};
+use crate::frame::BusNames;
 use crate::ingest::can::{CanSource, Wanted};
 use crate::ingest::live::LiveSource;
+use crate::ingest::serial::SerialSource;
 use crate::judge::Judged;
 use crate::recorder::Recorder;
 
-/// Record every frame of some interfaces until SIGINT or SIGTERM; nothing is filtered and nothing judged.
+/// Record every frame of some buses until SIGINT or SIGTERM; nothing is filtered and nothing judged.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// CAN interfaces.
-    #[arg(required = true)]
+    #[arg(required_unless_present = "serial")]
     interfaces: Vec<String>,
+    /// A serial line and the name of its bus; the bit rate, bit/s, is 921600 unless given.
+    #[arg(long, value_name = "BUS=DEVICE[@BITRATE]", value_parser = serial_line)]
+    serial: Vec<(String, SerialSource)>,
     /// MCAP file for the frames.
     #[arg(short, long, value_name = "OUT.mcap")]
     output: PathBuf,
@@ -28,10 +34,12 @@ pub struct Args {
 /// # Errors
 /// An output that cannot be written. A bad bus is no error: it is waited for.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
-    let sources = args.interfaces.iter().map(|name| {
+    let on_can = args.interfaces.iter().map(|name| {
         let source = LiveSource::Can(CanSource::new(name, Wanted::All));
         (name.clone(), source)
     });
+    let lines = args.serial.iter().cloned();
+    let sources = on_can.chain(lines.map(|(bus, source)| (bus, LiveSource::Serial(source))));
     let metadata = [
         ("build", concat!("hmd ", env!("CARGO_PKG_VERSION"))),
         ("clock_source", "host"),
@@ -46,6 +54,17 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         watch: None,
     };
     Ok(report(&daemon.run(stop_signal(), &Teller)?))
+}
+
+fn serial_line(text: &str) -> Result<(String, SerialSource), String> {
+    let (bus, device) = text.split_once('=').ok_or("expected BUS=DEVICE")?;
+    let (device, rate) = match device.rsplit_once('@') {
+        Some((device, rate)) => (device, rate.parse().ok().filter(|&rate| rate > 0)),
+        None => (device, Some(DEFAULT_BITRATE_BIT_S)),
+    };
+    let rate = rate.ok_or("expected a bit rate after @, as in 921600")?;
+    BusNames::new().intern(bus).map_err(|error| error.to_string())?;
+    Ok((bus.to_owned(), SerialSource::new(Path::new(device), rate)))
 }
 
 struct Teller;

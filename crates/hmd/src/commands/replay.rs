@@ -104,7 +104,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     }
     if summary.data_lost() {
         eprintln!(
-            "{logs}: data lost: {} unreadable lines, {} damaged places of a file with {} frames missing by count, {} malformed frames, {} samples, {} frames out of order",
+            "{logs}: data lost: {} unreadable lines or frames, {} damaged places of a file with {} frames missing by count, {} malformed frames, {} samples, {} frames out of order",
             status.lost_unreadable,
             summary.damaged_places,
             status.lost_damaged,

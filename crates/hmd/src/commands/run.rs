@@ -11,6 +11,7 @@ use super::{Exit, check_calibrations, load_config, use_threads};
 use crate::daemon::{Daemon, DaemonError, Observer};
 use crate::ingest::can::{CanSource, Wanted};
 use crate::ingest::live::LiveSource;
+use crate::ingest::serial::SerialSource;
 use crate::judge::Judged;
 use crate::record::HealthLine;
 use crate::recorder::{Recorder, metadata};
@@ -18,7 +19,7 @@ use crate::recorder::{Recorder, metadata};
 /// Watch the actuators of a configuration until SIGINT or SIGTERM.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Configuration: the interfaces and what is on them.
+    /// Configuration: the buses and what is on them.
     #[arg(short, long)]
     config: PathBuf,
     /// MCAP file for all records and frames.
@@ -45,6 +46,10 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     use_threads(args.threads.map(usize::from))?;
     let interfaces = config.interfaces(&args.config.display().to_string())?;
     let sources = interfaces.iter().map(|name| {
+        if let Some(line) = config.serial(name) {
+            let source = SerialSource::new(&config.resolve(&line.device), line.bitrate_bit_s);
+            return (name.to_owned(), LiveSource::Serial(source));
+        }
         let on_it = config
             .actuators()
             .iter()

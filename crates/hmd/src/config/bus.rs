@@ -1,4 +1,4 @@
-//! Section `[bus]`: bit rates, and how full the configured actuators make each interface.
+//! Section `[bus]`: bit rates of CAN, and how full the configured actuators make each bus.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use ema_wire::bus_load::{bus_load, fd_bus_load};
 use serde::Serialize;
 
 use super::reader::Section;
-use super::{ActuatorConfig, ConfigError};
+use super::{ActuatorConfig, ConfigError, SerialConfig};
 
 /// Largest load of an interface that is accepted; 1.0 is a full bus.
 pub const LOAD_MAX: f64 = 0.9;
@@ -29,8 +29,10 @@ pub struct BusLoad {
     pub bus: Option<String>,
     /// Actuators on it.
     pub actuators: usize,
-    /// Load with nominal bit stuffing; 1.0 is full.
+    /// Load with nominal bit stuffing, of a serial line with the longest frames; 1.0 is full.
     pub load: f64,
+    /// Its bit rate, bit/s.
+    pub bitrate_bit_s: u32,
 }
 
 impl BusLoad {
@@ -85,17 +87,23 @@ impl BusConfig {
         }
     }
 
-    pub(super) fn loads(&self, actuators: &[ActuatorConfig]) -> Vec<BusLoad> {
+    pub(super) fn loads(&self, actuators: &[ActuatorConfig], serial: &[SerialConfig]) -> Vec<BusLoad> {
+        let line = |bus: Option<&str>| serial.iter().find(|line| Some(line.bus.as_str()) == bus);
         let mut by_bus: BTreeMap<Option<&str>, (usize, f64)> = BTreeMap::new();
         for actuator in actuators {
             let (count, load) = by_bus.entry(actuator.bus.as_deref()).or_default();
             *count += 1;
-            *load += self.load_of_one(actuator.params.sensors.sample_rate);
+            let sample_rate_hz = actuator.params.sensors.sample_rate;
+            *load += match line(actuator.bus.as_deref()) {
+                Some(line) => line.load_of_one(sample_rate_hz),
+                None => self.load_of_one(sample_rate_hz),
+            };
         }
         let to_load = |(bus, (actuators, load)): (Option<&str>, _)| BusLoad {
             bus: bus.map(str::to_owned),
             actuators,
             load,
+            bitrate_bit_s: line(bus).map_or(self.bitrate_bit_s, |line| line.bitrate_bit_s),
         };
         by_bus.into_iter().map(to_load).collect()
     }

@@ -81,9 +81,12 @@ fn write_actuators(out: &mut String, config: &Config) -> fmt::Result {
         }
         writeln!(out)?;
     }
+    for line in &config.serial {
+        writeln!(out, "serial line: {} at {}", line.bus, line.device.display())?;
+    }
     for load in config.bus_loads() {
         let (name, percent) = (load.name(), 100.0 * load.load);
-        writeln!(out, "bus load: {name} {percent:.0} % of {} bit/s", bus.bitrate_bit_s)?;
+        writeln!(out, "bus load: {name} {percent:.0} % of {} bit/s", load.bitrate_bit_s)?;
     }
     Ok(())
 }

@@ -3,8 +3,10 @@
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 
+use ema_wire::{DeframerStats, FrameFault};
 use tokio::sync::mpsc;
 
+use super::notices::Notices;
 use super::window_queue::WindowQueue;
 use super::{DaemonError, Observer, Shared, lock};
 use crate::frame::BusNames;
@@ -27,8 +29,11 @@ pub(super) struct Monitor {
     links: BTreeMap<u16, LinkState>,
     /// Frames lost since the last tick, by bus and kind.
     fresh_losses: BTreeMap<(u16, LiveLoss), u64>,
+    /// What had come of the frames of each serial line at the last tick.
+    told: BTreeMap<u16, DeframerStats>,
     /// Windows dropped since the last tick.
     fresh_drops: u64,
+    notices: Notices,
     ticks: u64,
     store_raw: bool,
 }
@@ -40,7 +45,9 @@ impl Monitor {
             pipeline,
             links: BTreeMap::new(),
             fresh_losses: BTreeMap::new(),
+            told: BTreeMap::new(),
             fresh_drops: 0,
+            notices: Notices::default(),
             ticks: 0,
             store_raw,
         }
@@ -75,6 +82,9 @@ impl Monitor {
         let mut last = lock(shared);
         self.tell_losses(now_ns(), &mut last, observer)?;
         self.tell_notices(&mut last, observer)?;
+        for (notice, level) in self.notices.last_summaries(now_ns()) {
+            write_notice(&notice, level, &mut last, observer)?;
+        }
         // Identification needs it to make room.
         drop(last);
         for job in ended.drain(..) {
@@ -124,7 +134,7 @@ impl Monitor {
                     LinkState::Up => LogLevel::Info,
                     LinkState::Down | LinkState::Missing => LogLevel::Warning,
                 };
-                tell(&Notice { stamp_ns, message }, level, shared, observer)?;
+                self.tell(&Notice { stamp_ns, message }, level, shared, observer)?;
                 self.write_status(stamp_ns, shared)?;
             }
             Input::Lost { bus, loss, frames } => {
@@ -136,6 +146,9 @@ impl Monitor {
             }
             Input::Tick { stamp_ns } => {
                 self.tell_losses(stamp_ns, shared, observer)?;
+                for (notice, level) in self.notices.summaries(stamp_ns) {
+                    write_notice(&notice, level, shared, observer)?;
+                }
                 if self.ticks.is_multiple_of(STATUS_TICKS) {
                     self.write_status(stamp_ns, shared)?;
                 }
@@ -162,9 +175,23 @@ impl Monitor {
         Ok(())
     }
 
+    /// Tells it, unless there were many of its kind lately.
+    fn tell(
+        &mut self,
+        notice: &Notice,
+        level: LogLevel,
+        shared: &mut Shared,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
+        if self.notices.pass(notice, level) {
+            write_notice(notice, level, shared, observer)?;
+        }
+        Ok(())
+    }
+
     fn tell_notices(&mut self, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
         for notice in self.pipeline.take_notices() {
-            tell(&notice, LogLevel::Warning, shared, observer)?;
+            self.tell(&notice, LogLevel::Warning, shared, observer)?;
         }
         Ok(())
     }
@@ -174,18 +201,43 @@ impl Monitor {
         for ((bus, loss), frames) in std::mem::take(&mut self.fresh_losses) {
             let name = self.names.name(bus).unwrap_or_default();
             let message = format!("{name}: {frames} frames lost: {loss}");
-            tell(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
+            self.tell(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
+        }
+        for (bus, stats) in self.pipeline.serial().collect::<Vec<_>>() {
+            let told = self.told.insert(bus, stats).unwrap_or_default();
+            if let Some(unreadable) = unreadable_since(told, stats) {
+                let name = self.names.name(bus).unwrap_or_default();
+                let message = format!("{name}: {unreadable}");
+                self.tell(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
+            }
         }
         let windows = std::mem::take(&mut self.fresh_drops);
         if windows > 0 {
             let message = format!("{windows} windows dropped: identification does not keep up");
-            tell(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
+            self.tell(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
         }
         Ok(())
     }
 }
 
-fn tell(notice: &Notice, level: LogLevel, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
+/// The frames of a serial line that could not be read since then, by cause; `None` if there are none.
+fn unreadable_since(then: DeframerStats, now: DeframerStats) -> Option<String> {
+    let fresh = FrameFault::ALL.map(|fault| (now.dropped_for(fault) - then.dropped_for(fault), fault));
+    let said: Vec<String> = fresh
+        .iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, fault)| format!("{count} {fault}"))
+        .collect();
+    let frames: u64 = fresh.iter().map(|(count, _)| count).sum();
+    (frames > 0).then(|| format!("{frames} frames lost: {}", said.join(", ")))
+}
+
+fn write_notice(
+    notice: &Notice,
+    level: LogLevel,
+    shared: &mut Shared,
+    observer: &impl Observer,
+) -> Result<(), DaemonError> {
     observer.notice(&notice.message);
     if let Some(recorder) = &mut shared.recorder {
         recorder.notice(notice, level)?;

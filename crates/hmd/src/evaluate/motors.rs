@@ -14,7 +14,7 @@ use crate::simulated::SimulatedWindow;
 use crate::unit::fit_motor;
 
 /// Current noise of each phase, A rms, beside 12-bit converters.
-pub(crate) const NOISE_RMS_A: f64 = 0.05;
+pub(super) const NOISE_RMS_A: f64 = 0.05;
 
 /// Largest deviation of a motor's resistance and back-EMF from its type's.
 const TOLERANCE: MotorDeviation = MotorDeviation {
@@ -30,20 +30,20 @@ const HEALTHY_WINDOWS: u64 = 5;
 
 /// What a window is taken under, beside noise and load.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Surroundings {
+pub(super) struct Surroundings {
     /// What is commanded.
-    pub(crate) profile: Profile,
+    pub(super) profile: Profile,
     /// Winding temperature, °C.
-    pub(crate) winding_temp_deg_c: f64,
+    pub(super) winding_temp_deg_c: f64,
     /// Whether the monitor is told the temperature.
-    pub(crate) temperature_measured: bool,
+    pub(super) temperature_measured: bool,
     /// DC link voltage as a share of the nominal one; always measured.
-    pub(crate) supply: f64,
+    pub(super) supply: f64,
 }
 
 impl Surroundings {
     /// Those of the suites `noise` and `detection`.
-    pub(crate) const USUAL: Self = Self {
+    pub(super) const USUAL: Self = Self {
         profile: Profile::Mixed,
         winding_temp_deg_c: REFERENCE_TEMPERATURE_DEG_C,
         temperature_measured: true,
@@ -52,9 +52,9 @@ impl Surroundings {
 }
 
 /// One motor of a type, sampled at one rate.
-pub(crate) struct Motor {
+pub(super) struct Motor {
     /// The type as the monitor knows it.
-    pub(crate) nominal: ActuatorParams,
+    pub(super) nominal: ActuatorParams,
     unit: ActuatorParams,
     load_nm: f64,
     seed: u64,
@@ -62,7 +62,7 @@ pub(crate) struct Motor {
 
 impl Motor {
     /// Draws a motor.
-    pub(crate) fn draw(params: &ActuatorParams, sample_rate: f64, seed: u64) -> Self {
+    pub(super) fn draw(params: &ActuatorParams, sample_rate: f64, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(mix(seed, &[0]));
         let mut nominal = *params;
         nominal.sensors.sample_rate = sample_rate;
@@ -78,12 +78,12 @@ impl Motor {
     }
 
     /// One mixed actuation of it in some state of wear, under a constant load that is not measured.
-    pub(crate) fn window(&self, fault: FaultVector, seed: u64) -> SimulatedWindow {
+    pub(super) fn window(&self, fault: FaultVector, seed: u64) -> SimulatedWindow {
         self.actuation(&Surroundings::USUAL, fault, seed)
     }
 
     /// The same under other circumstances.
-    pub(crate) fn actuation(&self, around: &Surroundings, fault: FaultVector, seed: u64) -> SimulatedWindow {
+    pub(super) fn actuation(&self, around: &Surroundings, fault: FaultVector, seed: u64) -> SimulatedWindow {
         let load = ChaCha8Rng::seed_from_u64(mix(seed, &[1])).random_range(-self.load_nm..self.load_nm);
         let mut unit = self.unit;
         unit.motor.v_dc *= around.supply;
@@ -106,7 +106,7 @@ impl Motor {
     }
 
     /// The type's identifier with what healthy windows tell of this motor.
-    pub(crate) fn calibrated(&self, of_type: &Identifier) -> Identifier {
+    pub(super) fn calibrated(&self, of_type: &Identifier) -> Identifier {
         let identifier = Identifier {
             params: self.nominal,
             motor: MotorKnowledge {

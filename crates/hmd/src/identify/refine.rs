@@ -35,7 +35,7 @@ pub(super) fn starts(comparison: &Comparison<'_>, scale: &Scale, faults: &[Fault
 /// Steps of the finite differences: far from the solution, and near it.
 const COARSE_STEP: f64 = 2e-2;
 
-pub(super) const FINE_STEP: f64 = 2e-3;
+pub(super) const FINE_STEP: f64 = 1e-7;
 
 /// Where a refinement ended: cost, place, the monitor runs spent, and whether a budget cut it short.
 #[derive(Clone, Copy, Debug)]
@@ -84,7 +84,7 @@ pub(super) fn descend(comparison: &Comparison<'_>, start: Coordinates, budget: u
         let config = LmConfig {
             max_iterations: iterations,
             max_evaluations: trials.min(u64::from(MAX_EVALUATIONS)) as u32,
-            step_tolerance: 2e-5,
+            step_tolerance: 1e-9,
             cost_tolerance: 1e-6,
             ..LmConfig::default()
         };

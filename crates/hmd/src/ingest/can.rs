@@ -8,7 +8,6 @@ mod receive;
 mod stamp;
 
 use std::io;
-use std::time::Duration;
 
 use ::socketcan::{CanFdSocket, CanFilter, Socket, SocketOptions};
 use ema_wire::ActuatorId;
@@ -17,16 +16,12 @@ use nix::errno::Errno;
 use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
 
-use super::live::{Closed, Feed, LinkState, LiveLoss, Pause, QUEUE_INPUTS, now_ns};
+use super::live::{COALESCE, Closed, Feed, Link, LinkState, LiveLoss, Pause, QUEUE_INPUTS, now_ns};
 use crate::frame::{MAX_STANDARD_ID, socketcan};
 use receive::{Received, Receiver};
 
 /// Frames taken from a socket before other tasks get their turn.
 const BATCH: usize = 256;
-
-/// How long an emptied socket is left to fill, so that one wake-up serves many frames. Its buffer holds some hundred
-/// times as much.
-const COALESCE: Duration = Duration::from_millis(2);
 
 /// One interface, and which of its frames are wanted.
 #[derive(Clone, Debug)]
@@ -138,7 +133,7 @@ impl CanSource {
             pause.reset();
         }
         loop {
-            let down = link.state != Some(LinkState::Up);
+            let down = !link.is_up();
             let mut ready = tokio::select! {
                 biased;
                 () = feed.closing() => return drain(fd.get_mut(), feed, link, pause).await,
@@ -207,7 +202,7 @@ async fn pass_on(received: Received, feed: &Feed, link: &mut Link, pause: &mut P
     if received.dropped > 0 {
         feed.lost(LiveLoss::SocketQueue, received.dropped).await?;
     }
-    if link.state != Some(LinkState::Up) {
+    if !link.is_up() {
         link.change(feed, LinkState::Up, None).await?;
         pause.reset();
     }
@@ -216,22 +211,6 @@ async fn pass_on(received: Received, feed: &Feed, link: &mut Link, pause: &mut P
         Err(_) => feed.lost(LiveLoss::Unreadable, 1).await?,
     }
     Ok(())
-}
-
-/// What was last said about the link, so that each change is said once.
-#[derive(Debug, Default)]
-struct Link {
-    state: Option<LinkState>,
-}
-
-impl Link {
-    async fn change(&mut self, feed: &Feed, state: LinkState, cause: Option<&str>) -> Result<(), Closed> {
-        if self.state == Some(state) {
-            return Ok(());
-        }
-        self.state = Some(state);
-        feed.link(state, cause).await
-    }
 }
 
 /// The kernel's filters for some actuators: the 11-bit data frames of each.

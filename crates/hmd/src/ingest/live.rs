@@ -10,6 +10,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tokio::sync::{mpsc, watch};
 
 use super::can::CanSource;
+use super::serial::SerialSource;
 use crate::frame::RawFrame;
 
 /// Inputs that wait for the pipeline: 2.7 s of three full buses of 1 Mbit/s, about 6 MB.
@@ -18,11 +19,17 @@ use crate::frame::RawFrame;
 /// counts, and the source reports it as [`Input::Lost`]. Nothing is ever dropped here.
 pub const QUEUE_INPUTS: usize = 1 << 16;
 
+/// How long an emptied socket or terminal is left to fill, so that one wake-up serves many frames. Buffers hold some ten
+/// times as much and more.
+pub(super) const COALESCE: Duration = Duration::from_millis(2);
+
 /// A source of frames that goes on until it is told to end.
 #[derive(Clone, Debug)]
 pub enum LiveSource {
     /// A SocketCAN interface.
     Can(CanSource),
+    /// A serial line.
+    Serial(SerialSource),
     /// Frames from memory, as fast as they are taken; ends with the last.
     Playback(Vec<RawFrame>),
 }
@@ -32,6 +39,7 @@ impl LiveSource {
     pub async fn run(self, feed: Feed) {
         match self {
             Self::Can(source) => source.run(feed).await,
+            Self::Serial(source) => source.run(feed).await,
             Self::Playback(frames) => {
                 for frame in frames {
                     if feed.frame(frame.with_bus(feed.bus())).await.is_err() {
@@ -101,7 +109,7 @@ impl fmt::Display for LinkState {
 pub enum LiveLoss {
     /// The receive queue of the socket was full.
     SocketQueue,
-    /// A frame of a byte stream that its checksum does not vouch for.
+    /// Something was received that no bus can have carried.
     Unreadable,
 }
 
@@ -111,6 +119,28 @@ impl fmt::Display for LiveLoss {
             Self::SocketQueue => "the receive queue was full",
             Self::Unreadable => "they cannot be read",
         })
+    }
+}
+
+/// What was last said about a link, so that each change is said once.
+#[derive(Debug, Default)]
+pub(super) struct Link {
+    state: Option<LinkState>,
+}
+
+impl Link {
+    /// Whether frames can come, as far as it was said.
+    pub(super) fn is_up(&self) -> bool {
+        self.state == Some(LinkState::Up)
+    }
+
+    /// Says what the link is now, unless it was so before.
+    pub(super) async fn change(&mut self, feed: &Feed, state: LinkState, cause: Option<&str>) -> Result<(), Closed> {
+        if self.state == Some(state) {
+            return Ok(());
+        }
+        self.state = Some(state);
+        feed.link(state, cause).await
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! A reader yields `Result<RawFrame, Loss>`: an unreadable line or chunk is an item like any other, so that the caller
 //! counts it, reports it and goes on. Only what makes a whole source useless is an error of `open`.
-//! Live sources ([`live`], [`can`]) never end by themselves: what is missing or fails is said and tried again.
+//! Live sources ([`live`], [`can`], [`serial`]) never end by themselves: what is missing or fails is said and tried again.
 //! Time stamps that step back are passed on as they are; later stages judge them.
 
 pub mod can;
@@ -10,6 +10,7 @@ pub mod candump;
 pub mod file;
 pub mod live;
 pub mod mcap;
+pub mod serial;
 
 pub use candump::{BadLine, CandumpReader, LineFault};
 pub use file::{FrameSource, IngestError, LogFormat, open, open_with};

@@ -23,9 +23,9 @@ message! {
         first_stamp_ns: u64 = 5 uint64;
         /// Stamp of each further frame minus the one before, ns; negative when the host clock stepped back.
         stamp_step_ns: Vec<i64> = 6 sint64 repeated;
-        /// Identifier without flags.
+        /// Identifier without flags; 0 of a serial line.
         id: Vec<u32> = 7 uint32 repeated;
-        /// Bits: 1 extended, 2 remote, 4 error, 8 FD, 16 BRS, 32 ESI, 64 sent by this host.
+        /// Bits: 1 extended, 2 remote, 4 error, 8 FD, 16 BRS, 32 ESI, 64 sent by this host; 128 alone: of a serial line.
         flags: Vec<u32> = 8 uint32 repeated;
         /// Data length, bytes; for a remote request the length it asks for.
         length: Vec<u32> = 9 uint32 repeated;
@@ -131,8 +131,8 @@ impl RawBatch {
                     .ok_or(BatchError::Range { frame: at })?;
                 stamp_ns = stamp_ns.wrapping_add(self.stamp_step_ns[before] as u64);
             }
-            let flags = u8::try_from(self.flags[at]).ok().and_then(FrameFlags::from_bits);
-            let flags = flags.ok_or(BatchError::Range { frame: at })?;
+            let flags = u8::try_from(self.flags[at]).map_err(|_| BatchError::Range { frame: at })?;
+            let flags = FrameFlags::from_bits(flags);
             let length = usize::try_from(self.length[at]).unwrap_or(usize::MAX);
             let asked = [0; crate::frame::MAX_DATA];
             let data = if flags.contains(FrameFlags::REMOTE) {
@@ -184,6 +184,21 @@ mod tests {
                 let _ = batch.unpack(0);
             }
         }
+    }
+
+    #[test]
+    fn serial_frames_come_back() {
+        let frames = [&b"abc"[..], &[], &[1; 64]].map(|bytes| RawFrame::of_serial(9, 0, bytes));
+        let placed: Vec<_> = frames
+            .iter()
+            .enumerate()
+            .map(|(at, frame)| (at as u64, frame))
+            .collect();
+        let unpacked = RawBatch::pack("uart1", 0, &placed).unpack(0).unwrap();
+        assert_eq!(
+            unpacked,
+            placed.into_iter().map(|(at, frame)| (at, *frame)).collect::<Vec<_>>()
+        );
     }
 
     #[test]

@@ -3,7 +3,8 @@
 use super::schema::message;
 
 message! {
-    /// Totals since the start (or since the start of a replay). Received = decoded + filtered + error + malformed frames.
+    /// Totals since the start (or since the start of a replay). Received = decoded + filtered + error + malformed
+    /// frames, and the unreadable ones of serial lines.
     pub struct Status {
         /// Frames received from all sources.
         frames_received: u64 = 1 uint64;
@@ -45,6 +46,16 @@ message! {
         bus_state: Vec<String> = 32 string repeated;
         /// Link, live only: `up`, `down` or `missing`.
         link: Vec<String> = 33 string repeated;
+        /// Of the unreadable: serial frames longer than any packet.
+        unreadable_too_long: u64 = 41 uint64;
+        /// Of the unreadable: serial frames that are no COBS.
+        unreadable_cobs: u64 = 42 uint64;
+        /// Of the unreadable: serial frames with a wrong CRC.
+        unreadable_crc: u64 = 43 uint64;
+        /// Of the unreadable: serial frames of another version.
+        unreadable_version: u64 = 44 uint64;
+        /// Of the unreadable: serial frames whose CRC is right and whose content is no packet.
+        unreadable_decode: u64 = 45 uint64;
     }
 }
 

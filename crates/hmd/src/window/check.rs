@@ -26,6 +26,8 @@ pub(super) struct Limits {
     output: CounterLimits,
     thresholds: Thresholds,
     clock_jump_s: f64,
+    /// Whether nothing but the stamps can tell that the rate is wrong.
+    pub(super) rate_is_unconfirmed: bool,
     unsteady_rad_s: f64,
 }
 
@@ -68,6 +70,7 @@ impl Limits {
             },
             thresholds: Thresholds::new(config),
             clock_jump_s: config.clock_jump_s,
+            rate_is_unconfirmed: true,
             unsteady_rad_s: 0.2 * params.controller.omega_max,
         }
     }
@@ -198,8 +201,9 @@ fn unsteady_start(slots: &[Slot], limits: &Limits) -> Option<f64> {
 
 /// Jumps of the stamps against the counter, and whether they advance at another rate than the type's.
 ///
-/// Stamps may be late by the jitter of a host, but over a window they advance as the samples do; if not, the wrong rate
-/// was configured, and every speed and time constant would be judged by it. Stamps that never advance say nothing.
+/// Where the rate is only believed, stamps that advance otherwise over a window say that it is the wrong one, and every speed
+/// and time constant would be judged by it. Stamps that never advance say nothing. A rate that the device's own time told
+/// needs no such proof: stamps are those of a host, which may have read late, or of a device that runs slower than time.
 fn clock(slots: &[Slot], limits: &Limits) -> (u64, Option<Invalidity>) {
     let mut jumps = 0;
     let (mut intervals, mut by_stamps, mut by_counter) = (0, 0.0, 0.0);
@@ -223,5 +227,5 @@ fn clock(slots: &[Slot], limits: &Limits) -> (u64, Option<Invalidity>) {
     let rate = Invalidity::SampleRate {
         by_stamps_hz: limits.sample_rate * by_counter / by_stamps,
     };
-    (jumps, wrong.then_some(rate))
+    (jumps, (wrong && limits.rate_is_unconfirmed).then_some(rate))
 }

@@ -249,8 +249,12 @@ pub enum Decimals {
 
 /// Appends the line of `frame` on `interface`, with its line end.
 ///
-/// `parse` gives the same frame back, provided that the stamp has no more decimals than `decimals`.
+/// `parse` gives the same frame back, provided that the stamp has no more decimals than `decimals`. A frame of a serial
+/// line has no form here: nothing is appended.
 pub fn emit(frame: &RawFrame, interface: &str, decimals: Decimals, line: &mut Vec<u8>) {
+    if frame.is_serial() {
+        return;
+    }
     let (seconds, ns) = (frame.stamp_ns / 1_000_000_000, frame.stamp_ns % 1_000_000_000);
     line.push(b'(');
     push_decimal(line, seconds, 10);

@@ -349,6 +349,11 @@ fn write_a_sample() {
         interface: vec!["can0".to_owned()],
         bus_state: vec!["error-passive".to_owned()],
         link: vec!["down".to_owned()],
+        unreadable_too_long: 18,
+        unreadable_cobs: 19,
+        unreadable_crc: 20,
+        unreadable_version: 21,
+        unreadable_decode: 22,
     };
     sink.write(frames[0].stamp_ns, &status).unwrap();
     let dropped = Dropped {

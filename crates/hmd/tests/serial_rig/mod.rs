@@ -1,0 +1,179 @@
+//! A device on a pseudo-terminal that can be pulled out, and what the daemon says.
+
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use ema_models::reference::{Actuations, Scenario};
+use ema_models::{ActuatorParams, FaultVector, Profile};
+use ema_wire::ActuatorId;
+use firmware_sim::{Plan, SerialFrame, SerialFrames, Timed};
+use hmd::daemon::Observer;
+use hmd::judge::Judged;
+use hmd::record::HealthLine;
+use hmd::replay;
+use rustix::fs::{OFlags, fcntl_setfl};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
+/// Longest wait for anything.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// One end of a serial line; the other is found under a path that stays the same.
+pub(crate) struct Plug {
+    path: PathBuf,
+    master: Option<File>,
+}
+
+impl Plug {
+    /// Nothing is plugged in yet.
+    pub(crate) fn new(folder: &Path) -> Self {
+        Self {
+            path: folder.join("line"),
+            master: None,
+        }
+    }
+
+    /// The same path, with nothing to plug.
+    pub(crate) fn clone_path(&self) -> Self {
+        Self {
+            path: self.path.clone(),
+            master: None,
+        }
+    }
+
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub(crate) fn plug(&mut self) {
+        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
+        grantpt(&master).unwrap();
+        unlockpt(&master).unwrap();
+        fcntl_setfl(&master, OFlags::NONBLOCK).unwrap();
+        let name = ptsname(&master, Vec::new()).unwrap();
+        symlink(name.to_str().unwrap(), &self.path).unwrap();
+        self.master = Some(File::from(master));
+    }
+
+    pub(crate) fn unplug(&mut self) {
+        fs::remove_file(&self.path).unwrap();
+        self.master = None;
+    }
+
+    /// Sends, if it is plugged in; what nobody reads in time is lost, as on a wire.
+    pub(crate) fn write(&self, bytes: &[u8]) {
+        let sent = self.master.as_ref().map(|mut master| master.write_all(bytes));
+        match sent {
+            Some(Err(e)) if e.kind() != io::ErrorKind::WouldBlock => panic!("pseudo-terminal: {e}"),
+            _ => {}
+        }
+    }
+}
+
+/// A healthy actuator at 400 Hz: 40 ms of rest, half a second of motion, over and over.
+pub(crate) struct Device(Box<dyn Iterator<Item = Timed<SerialFrame>>>);
+
+impl Device {
+    pub(crate) fn start(seed: u64) -> Self {
+        let mut params = ActuatorParams::bench();
+        params.sensors.sample_rate = 400.0;
+        let scenario = Scenario {
+            actuations: Actuations {
+                count: 1000,
+                ..Actuations::one(Profile::Step)
+            },
+            ..Scenario::new(params, FaultVector::NOMINAL, seed)
+        };
+        let plan = Plan::new(ActuatorId::new(0).unwrap(), scenario);
+        Self(Box::new(SerialFrames(plan.start())))
+    }
+
+    /// Goes on for some time, in real time.
+    pub(crate) fn play(&mut self, plug: &Plug, duration: Duration) {
+        let start = Instant::now();
+        let mut first_us = None;
+        for frame in &mut self.0 {
+            let since = Duration::from_micros(frame.at_us - *first_us.get_or_insert(frame.at_us));
+            std::thread::sleep(since.saturating_sub(start.elapsed()));
+            plug.write(frame.what.bytes());
+            if since >= duration {
+                return;
+            }
+        }
+    }
+}
+
+/// What was said and judged.
+#[derive(Default)]
+pub(crate) struct Lines {
+    health: Mutex<Vec<String>>,
+    notices: Mutex<Vec<String>>,
+}
+
+impl Lines {
+    pub(crate) fn health(&self) -> Vec<String> {
+        self.health.lock().unwrap().clone()
+    }
+
+    /// Windows that gave an estimate.
+    pub(crate) fn judged(&self) -> usize {
+        self.health().iter().filter(|line| !line.contains("\"k\":null")).count()
+    }
+
+    pub(crate) fn wait_for_health(&self, count: usize) {
+        self.wait_until(|| self.health().len() >= count, &format!("{count} windows"));
+    }
+
+    pub(crate) fn wait_for_notice(&self, count: usize, part: &str) {
+        let said = || {
+            self.notices
+                .lock()
+                .unwrap()
+                .iter()
+                .filter(|line| line.contains(part))
+                .count()
+        };
+        self.wait_until(|| said() >= count, &format!("{part:?}, {count} times"));
+    }
+
+    pub(crate) fn wait_until(&self, reached: impl Fn() -> bool, what: &str) {
+        let start = Instant::now();
+        while !reached() {
+            if start.elapsed() > PATIENCE {
+                panic!(
+                    "expected {what}, found {:?} {:?}",
+                    self.notices.lock().unwrap(),
+                    self.health()
+                );
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
+impl Observer for Lines {
+    fn judged(&self, judged: &Judged) -> io::Result<()> {
+        let line = HealthLine::from((&judged.health, &judged.rul)).to_json();
+        self.health.lock().unwrap().push(line);
+        Ok(())
+    }
+
+    fn notice(&self, message: &str) {
+        self.notices.lock().unwrap().push(message.to_owned());
+    }
+}
+
+impl replay::Observer for &Lines {
+    fn judged(&mut self, judged: &Judged) -> io::Result<()> {
+        Observer::judged(*self, judged)
+    }
+
+    fn notice(&mut self, message: &str) {
+        Observer::notice(*self, message);
+    }
+
+    fn progress(&mut self, _: u64) {}
+}

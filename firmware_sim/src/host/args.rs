@@ -1,0 +1,198 @@
+//! The command line, and what it means.
+
+use std::path::PathBuf;
+
+use clap::{Parser, ValueEnum};
+use ema_models::reference::{Actuations, CurrentSensing, Scenario};
+use ema_models::{ActuatorParams, FAULT_COUNT, FaultVector, Profile};
+use ema_wire::ActuatorId;
+use firmware_sim::{LinkFaults, Plan};
+
+use crate::output::Output;
+
+/// Send a simulated actuator's samples and status on a serial line or a CAN bus.
+#[derive(Debug, Parser)]
+#[command(version, about)]
+pub(crate) struct Args {
+    /// File or serial device to write to; stdout without it. The speed of a device is the one that it has.
+    #[arg(short, long, value_name = "PATH", group = "where")]
+    output: Option<PathBuf>,
+    /// Make a pseudo-terminal and this link to it; what nobody reads in time is lost, as on a wire.
+    #[arg(long, value_name = "LINK", group = "where")]
+    pty: Option<PathBuf>,
+    /// CAN interface to send on.
+    #[arg(long, value_name = "INTERFACE", group = "where")]
+    can: Option<String>,
+    /// In real time (default on a device, a pseudo-terminal and CAN), or as fast as it goes (default for the others).
+    #[arg(long, value_enum)]
+    pub(crate) pace: Option<Pace>,
+    /// The fault vector, k1,…,k8.
+    #[arg(long, value_parser = fault_vector, default_value = "0,0,0,0,0,0,0.5,0.5", value_name = "K1,…,K8")]
+    k: FaultVector,
+    /// Wear: what each actuation adds to the fault vector.
+    #[arg(long, value_parser = numbers, value_name = "K1,…,K8", allow_hyphen_values = true)]
+    growth: Option<[f64; FAULT_COUNT]>,
+    /// What each actuation commands.
+    #[arg(long, value_parser = profile, default_value = "mixed", value_name = "step|ramp|chirp|mixed")]
+    profile: Profile,
+    /// Number of actuations, one a second, their direction alternating.
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    windows: u32,
+    /// Sampling rate, Hz; default that of the type.
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
+    /// Current noise, A rms; above 0 the 12-bit converters are in the path too.
+    #[arg(long, default_value_t = 0.0, value_parser = not_negative)]
+    noise: f64,
+    /// Constant load at the output, Nm; positive opposes positive motion.
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite, value_name = "NM")]
+    load: f64,
+    /// Type of the actuator.
+    #[arg(long, default_value = "bench", value_parser = ["bench", "servo28"])]
+    actuator: String,
+    /// Number of the actuator in its frames.
+    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..16))]
+    id: u8,
+    /// Draws rotor angle, place in the backlash, first direction, noise and link faults.
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// Probability that a frame is lost.
+    #[arg(long, default_value_t = 0.0, value_parser = probability, help_heading = "Link faults")]
+    drop: f64,
+    /// Probability that a frame arrives twice.
+    #[arg(long, default_value_t = 0.0, value_parser = probability, help_heading = "Link faults")]
+    duplicate: f64,
+    /// Probability that a frame arrives after the one that follows it.
+    #[arg(long, default_value_t = 0.0, value_parser = probability, help_heading = "Link faults")]
+    reorder: f64,
+    /// Probability that a bit of a frame arrives wrong; on CAN an error frame, or a value wrong by 1 A or 50 counts.
+    #[arg(long, default_value_t = 0.0, value_parser = probability, help_heading = "Link faults")]
+    flip: f64,
+    /// Probability that a signal gets stuck at a sample, for up to 8 of them.
+    #[arg(long, default_value_t = 0.0, value_parser = probability, help_heading = "Link faults")]
+    stuck: f64,
+    /// Each frame is late by up to this, ms.
+    #[arg(long, default_value_t = 0.0, value_parser = not_negative, value_name = "MS", help_heading = "Link faults")]
+    delay: f64,
+    /// The device's clock is fast by this, ppm.
+    #[arg(
+        long, default_value_t = 0.0, allow_negative_numbers = true, value_parser = ppm, value_name = "PPM",
+        help_heading = "Link faults"
+    )]
+    drift: f64,
+}
+
+/// When frames are sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Pace {
+    /// Each in its time.
+    RealTime,
+    /// At once.
+    Fast,
+}
+
+impl Args {
+    pub(crate) fn plan(&self) -> Result<Plan, String> {
+        let mut params = match self.actuator.as_str() {
+            "servo28" => ActuatorParams::servo28(),
+            _ => ActuatorParams::bench(),
+        };
+        if let Some(rate) = self.rate {
+            params.sensors.sample_rate = rate;
+            params = params.checked().map_err(|e| format!("--rate: {e}"))?;
+        }
+        let scenario = Scenario {
+            load_torque: self.load,
+            sensing: CurrentSensing {
+                quantised: self.noise > 0.0,
+                noise_rms: self.noise,
+            },
+            actuations: Actuations {
+                profile: self.profile,
+                count: self.windows,
+                rest: 0.5,
+                length: 0.5,
+            },
+            ..Scenario::new(params, self.k, self.seed)
+        };
+        Ok(Plan {
+            growth: self.growth.unwrap_or_default(),
+            ..Plan::new(ActuatorId::new(self.id).ok_or("--id: expected 0 to 15")?, scenario)
+        })
+    }
+
+    pub(crate) fn faults(&self) -> LinkFaults {
+        LinkFaults {
+            drop: self.drop,
+            duplicate: self.duplicate,
+            reorder: self.reorder,
+            flip: self.flip,
+            stuck: self.stuck,
+            delay_us: (1e3 * self.delay) as u64,
+            drift_ppm: self.drift,
+        }
+    }
+
+    pub(crate) fn output(&self) -> Result<Output, String> {
+        match (&self.output, &self.pty, &self.can) {
+            (Some(path), _, _) => Output::path(path),
+            (_, Some(link), _) => Output::pty(link),
+            (_, _, Some(interface)) => Output::can(interface),
+            _ => Ok(Output::stdout()),
+        }
+    }
+}
+
+fn numbers(text: &str) -> Result<[f64; FAULT_COUNT], String> {
+    let k: Vec<f64> = text
+        .split(',')
+        .map(|number| finite(number.trim()).map_err(|expected| format!("{expected}, found {number:?}")))
+        .collect::<Result<_, _>>()?;
+    let found = k.len();
+    k.try_into()
+        .map_err(|_| format!("expected {FAULT_COUNT} numbers, found {found}"))
+}
+
+fn fault_vector(text: &str) -> Result<FaultVector, String> {
+    let fault = FaultVector::from_array(numbers(text)?);
+    if fault.is_valid() {
+        Ok(fault)
+    } else {
+        Err("expected numbers from 0 to 1".to_owned())
+    }
+}
+
+fn profile(text: &str) -> Result<Profile, String> {
+    let found = Profile::NAMES.into_iter().find(|(name, _)| *name == text);
+    found
+        .map(|(_, profile)| profile)
+        .ok_or_else(|| "expected step, ramp, chirp or mixed".to_owned())
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|x: &f64| x.is_finite())
+        .ok_or_else(|| "expected a finite number".to_owned())
+}
+
+fn within(text: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64, String> {
+    let x = finite(text)?;
+    if range.contains(&x) {
+        Ok(x)
+    } else {
+        Err(format!("expected a number from {} to {}", range.start(), range.end()))
+    }
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    within(text, 0.0..=1e6)
+}
+
+fn probability(text: &str) -> Result<f64, String> {
+    within(text, 0.0..=1.0)
+}
+
+fn ppm(text: &str) -> Result<f64, String> {
+    within(text, -1e5..=1e5)
+}

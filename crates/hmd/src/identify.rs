@@ -103,8 +103,6 @@ pub struct Estimate {
     pub back_emf_off: f64,
     /// Whether another motor than the one expected explains the window clearly better.
     pub other_motor: bool,
-    /// Mean square of the speed's or the output angle's residual over the expected one, the larger of both.
-    pub misfit: f64,
     /// Whether the motor stood while it was told to move.
     pub locked: bool,
 }
@@ -360,25 +358,22 @@ impl Identifier {
         let at = scale.coordinates(&unknowns);
         let normal = hold_known_motor(comparison.normal_equations(&at, FINE_STEP), &comparison.prior.motor);
         let fault = unknowns.fault;
-        let (mut mean_square, mut n) = ([0.0; SIGNAL_COUNT], 0.0_f64);
+        let (mut current, mut n) = (0.0, 0.0_f64);
         comparison.residuals(&unknowns, |_, r| {
-            for (sum, r) in mean_square.iter_mut().zip(r.to_array()) {
-                *sum += r * r;
-            }
+            current += r.i_q * r.i_q;
             n += 1.0;
         });
         let n = n.max(1.0);
-        let mean_square = mean_square.map(|sum| sum / n);
 
         // Correlated residuals are already weighted down, so the weighted ones count as independent of unit size; a
         // worse fit than the calibration's widens the interval.
         let signals = comparison.weights.to_array().iter().filter(|w| **w > 0.0).count() as f64;
         let excess = (2.0 * normal.cost / (n * signals)).max(1.0);
         let variance = data_variance(&normal, excess);
-        let mismatch = self.calibration.at(self.params.sensors.sample_rate);
+        let model_sigma = self.calibration.at(self.params.sensors.sample_rate).model_sigma;
         let total: [f64; FAULT_COUNT] = std::array::from_fn(|p| {
             let far = rival.map_or(0.0, |rival| rival.0[p] - at.0[p]);
-            (variance[p] + mismatch.model_sigma[p].powi(2) + far * far).sqrt()
+            (variance[p] + model_sigma[p].powi(2) + far * far).sqrt()
         });
         let mut sigma = [None; FAULT_COUNT];
         let mut observable = [false; FAULT_COUNT];
@@ -401,13 +396,12 @@ impl Identifier {
             sigma,
             observable,
             cost: normal.cost / n,
-            residual_rms_a: mean_square[1].sqrt(),
+            residual_rms_a: (current / n).sqrt(),
             evaluations: evaluations + RUNS_PER_LINEARISATION + 1,
             cut: false,
             rival: rival.map(|rival| scale.unknowns(&rival).fault),
             back_emf_off: unknowns.motor.back_emf - comparison.prior.motor.mean.back_emf,
             other_motor: false,
-            misfit: unmodelled::misfit(&mean_square, mismatch),
             locked: unmodelled::is_locked(comparison),
         }
     }

@@ -85,10 +85,8 @@ pub struct ProfileRow {
     pub unmodelled: u64,
     /// Healthy and faulty windows that are called ambiguous.
     pub ambiguous: u64,
-    /// Largest cost and largest misfit of the angles, of both: how near good windows come to being unmodelled.
+    /// Largest cost of both: how near good windows come to being unmodelled.
     pub max_cost: f64,
-    /// See there.
-    pub max_misfit: f64,
 }
 
 /// Why the suite could not run.
@@ -111,7 +109,6 @@ struct Outcome {
     unmodelled: bool,
     ambiguous: bool,
     cost: f64,
-    misfit: f64,
 }
 
 /// What windows are taken under.
@@ -290,7 +287,6 @@ impl Pair {
             unmodelled: estimate.is_unmodelled(),
             ambiguous: estimate.rival.is_some(),
             cost: estimate.cost,
-            misfit: estimate.misfit,
         })
     }
 }
@@ -342,11 +338,6 @@ fn row(kind: &Kind, outcomes: &[[Outcome; 2]]) -> ProfileRow {
             .iter()
             .flatten()
             .map(|outcome| outcome.cost)
-            .fold(0.0, f64::max),
-        max_misfit: outcomes
-            .iter()
-            .flatten()
-            .map(|outcome| outcome.misfit)
             .fold(0.0, f64::max),
     }
 }

@@ -1,21 +1,14 @@
 //! What no fault vector explains.
 
-use ema_models::{
-    Comparison, Coordinates, MOTOR_COORDINATES, MotorKnowledge, Recording, SIGNAL_COUNT, Setpoint, Signals,
-};
+use ema_models::{Comparison, Coordinates, MOTOR_COORDINATES, MotorKnowledge, Recording, Setpoint};
 
 use super::refine::{End, descend};
 use super::{Estimate, rivals};
-use crate::calibration::Mismatch;
 
 /// A cost above this says that no fault vector explains the window: weighted residuals of four times their expected
 /// size. Good windows of every profile cost 1.0 to 1.5 without sensor noise, 2.0 to 2.7 with 50 mA rms on the currents and
 /// 5.5 to 6.3 with 100 mA.
 const UNMODELLED_COST: f64 = 15.0;
-
-/// Mean square of the speed's or the output angle's residual over the expected one, above which the same is said. No
-/// current sensor is part of these two, so that they may be asked for more than the cost, which has room for noise.
-const UNMODELLED_MISFIT: f64 = 60.0;
 
 /// A back-EMF coefficient this far from what was expected, as a share, is no motor of the type: it is twice what
 /// manufacturers guarantee, and what the temperature explains is part of what is expected.
@@ -26,10 +19,8 @@ const BACK_EMF_OFF: f64 = 0.15;
 pub enum Unmodelled {
     /// The motor does not turn as it is told.
     Locked,
-    /// No fault vector explains the currents and angles: the cost.
+    /// No fault vector explains the data: the cost.
     Cost(f64),
-    /// No fault vector explains the angles: their misfit.
-    Angles(f64),
     /// The motor is none of its type: its back-EMF coefficient beyond what was expected, as a share.
     Magnets(f64),
 }
@@ -39,10 +30,6 @@ impl std::fmt::Display for Unmodelled {
         match self {
             Self::Locked => write!(f, "the motor does not turn as it is told"),
             Self::Cost(cost) => write!(f, "no fault vector explains the data: cost {cost:.0}"),
-            Self::Angles(misfit) => write!(
-                f,
-                "no fault vector explains the angles: {misfit:.0} times the expected square"
-            ),
             Self::Magnets(off) => write!(
                 f,
                 "no motor of this type: back-EMF {:+.0} % off what is expected",
@@ -66,21 +53,12 @@ impl Estimate {
             Some(Unmodelled::Locked)
         } else if is_unmodelled(self.cost) {
             Some(Unmodelled::Cost(self.cost))
-        } else if self.misfit > UNMODELLED_MISFIT {
-            Some(Unmodelled::Angles(self.misfit))
         } else if self.back_emf_off.abs() > BACK_EMF_OFF || self.other_motor {
             Some(Unmodelled::Magnets(self.back_emf_off))
         } else {
             None
         }
     }
-}
-
-/// Mean square of the speed's and the output angle's residuals over the expected ones, the larger. (The motor angle drifts
-/// and says nothing that the speed does not.)
-pub(super) fn misfit(mean_square: &[f64; SIGNAL_COUNT], mismatch: &Mismatch) -> f64 {
-    let expected = Signals::from(mismatch.residual_rms);
-    (mean_square[3] / expected.omega_m.powi(2)).max(mean_square[4] / expected.theta_out.powi(2))
 }
 
 /// Share of what was commanded that the motor must have turned.

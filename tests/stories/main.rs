@@ -6,6 +6,7 @@ mod alien;
 mod bad_link;
 mod bench;
 mod link;
+mod onboard;
 
 use bench::{frames, unit, watch, watch_all};
 use ema_models::FaultVector;

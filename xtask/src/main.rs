@@ -4,6 +4,7 @@
 
 mod can;
 mod ci;
+mod debian;
 mod deny;
 mod no_std;
 mod oracle;
@@ -11,6 +12,7 @@ mod python;
 mod readers;
 mod results;
 mod shell;
+mod target;
 
 use std::process::ExitCode;
 
@@ -42,6 +44,8 @@ enum Verb {
     Oracle,
     /// The daemon on real SocketCAN, in a user-mode Linux.
     Can,
+    /// Identification on an emulated Cortex-M7, bit for bit, and what it costs.
+    Target,
     /// Runs every command whose output stands in a document, and draws the figures, again.
     Results,
     /// Everything but the tests.
@@ -58,6 +62,7 @@ fn main() -> ExitCode {
         Verb::Readers => readers::check(),
         Verb::Oracle => oracle::check(),
         Verb::Can => can::check(),
+        Verb::Target => target::check(),
         Verb::Results => results::update(),
         Verb::Ci => ci::run_all(),
     };

@@ -2,10 +2,10 @@
 
 use crate::shell::{cargo, program, run};
 
-const CRATES: [&str; 4] = ["ema-models", "ema-ga", "ema-wire", "firmware_sim"];
+const CRATES: [&str; 5] = ["ema-models", "ema-ga", "ema-wire", "firmware_sim", "firmware_image"];
 
 /// A Cortex-M7 with double-precision floating point.
-const TARGET: &str = "thumbv7em-none-eabihf";
+pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// Builds them for the host and for the target.
 pub(crate) fn build() -> anyhow::Result<()> {

@@ -7,14 +7,27 @@ use crate::real::Real;
 
 /// What the ACE is told to do.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub enum Setpoint {
+pub enum Setpoint<T = f64> {
     /// Drive off: no current.
     #[default]
     Idle,
     /// Position mode: output angle, rad.
-    Position(f64),
+    Position(T),
     /// Speed mode: motor speed, rad/s.
-    Speed(f64),
+    Speed(T),
+}
+
+impl<T> Setpoint<T> {
+    /// The same setpoint in another number type.
+    #[inline(always)]
+    #[must_use]
+    pub fn map<S>(self, f: impl FnOnce(T) -> S) -> Setpoint<S> {
+        match self {
+            Self::Idle => Setpoint::Idle,
+            Self::Position(theta_cmd) => Setpoint::Position(f(theta_cmd)),
+            Self::Speed(omega_cmd) => Setpoint::Speed(f(omega_cmd)),
+        }
+    }
 }
 
 /// Output encoder as the electronics read it: whole counts, rounded down.
@@ -139,7 +152,7 @@ impl<R: Real> Ace<R> {
 
     /// Memory of a controller that, in a steady state, asks for the given torque, Nm.
     #[inline(always)]
-    pub fn steady(&self, torque: R, setpoint: Setpoint, theta_out: R, omega_m: R) -> AceState<R> {
+    pub fn steady(&self, torque: R, setpoint: Setpoint<R>, theta_out: R, omega_m: R) -> AceState<R> {
         match self.speed_error(setpoint, theta_out, omega_m) {
             Some(error) => AceState {
                 integral: torque - self.k_p * error,
@@ -151,11 +164,11 @@ impl<R: Real> Ace<R> {
 
     /// Error of the speed loop, rad/s; `None` while the drive is off.
     #[inline(always)]
-    fn speed_error(&self, setpoint: Setpoint, theta_out: R, omega_m: R) -> Option<R> {
+    fn speed_error(&self, setpoint: Setpoint<R>, theta_out: R, omega_m: R) -> Option<R> {
         let omega_ref = match setpoint {
             Setpoint::Idle => return None,
-            Setpoint::Position(theta_cmd) => (self.g_p * (R::splat(theta_cmd) - theta_out)).clamp_abs(self.omega_max),
-            Setpoint::Speed(omega_cmd) => R::splat(omega_cmd),
+            Setpoint::Position(theta_cmd) => (self.g_p * (theta_cmd - theta_out)).clamp_abs(self.omega_max),
+            Setpoint::Speed(omega_cmd) => omega_cmd,
         };
         Some(omega_ref - omega_m)
     }
@@ -167,7 +180,7 @@ impl<R: Real> Ace<R> {
     /// the integrator frozen while the torque saturates; `T_ref = clamp(PID, ±G_T I_max)`;
     /// `I_ref = T_ref / G_T`.
     #[inline(always)]
-    pub fn step(&self, state: &mut AceState<R>, setpoint: Setpoint, theta_out: R, omega_m: R) -> R {
+    pub fn step(&self, state: &mut AceState<R>, setpoint: Setpoint<R>, theta_out: R, omega_m: R) -> R {
         let Some(error) = self.speed_error(setpoint, theta_out, omega_m) else {
             *state = AceState::default();
             return R::zero();

@@ -47,15 +47,18 @@ pub use friction::DryFriction;
 pub use lanes::{Lanes32, Lanes64, Mask32, Mask64};
 pub use monitor::{
     Calibration, Conditions, Feedback, Form, InitialState, Monitor, MonitorState, Origin, Output, RIPPLE_DEFAULT,
-    RIPPLE_KNOTS, RIPPLE_SPACING, STEPS_PER_CONTROL,
+    RIPPLE_KNOTS, RIPPLE_SPACING, STEPS_PER_CONTROL, output_read,
 };
 pub use params::{
     ActuatorParams, ControllerParams, Expected, MotorParams, ParamsError, REFERENCE_STEP, SensorParams,
     TransmissionParams,
 };
+pub use play::{OutputReader, Reading};
 pub use real::Real;
-pub use recording::{ComparedSample, Recording, SensedSample, prepare};
-pub use residual::{COST_LANES, Comparison, NormalEquations, Prior, RANK_LANES, SIGNAL_COUNT, Signals, Weights};
+pub use recording::{ComparedSample, Recording, SensedSample, WindowFrame, prepare};
+pub use residual::{
+    COST_LANES, Comparison, NormalEquations, Prior, RANK_LANES, ResidualState, SIGNAL_COUNT, Signals, Weights,
+};
 pub use temperature::{BACK_EMF_PER_KELVIN, REFERENCE_TEMPERATURE_DEG_C, RESISTANCE_PER_KELVIN, temperature_factors};
 pub use unknowns::{Coordinates, MOTOR_COORDINATES, MotorDeviation, MotorKnowledge, Scale, UNKNOWN_COUNT, Unknowns};
 pub use winding::{DerivedShape, PaperShape, Winding, derived_shape};

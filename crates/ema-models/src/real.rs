@@ -36,6 +36,13 @@ pub trait Real:
     /// Square root, correctly rounded; NaN below zero.
     fn sqrt(self) -> Self;
 
+    /// Whether a comparison is known to hold, for shortcuts that change no bit; lanes, which may go different ways, do not
+    /// look.
+    #[inline(always)]
+    fn holds(_mask: Self::Mask) -> bool {
+        false
+    }
+
     /// Zero.
     #[inline(always)]
     fn zero() -> Self {
@@ -178,6 +185,10 @@ macro_rules! scalar {
                 (self + $magic) - $magic
             }
             #[inline(always)]
+            fn holds(mask: bool) -> bool {
+                mask
+            }
+            #[inline(always)]
             fn sqrt(self) -> Self {
                 // Both are rounded correctly, so the same bits; the first is one instruction.
                 #[cfg(feature = "std")]
@@ -190,7 +201,31 @@ macro_rules! scalar {
 }
 
 scalar!(f64, 6_755_399_441_055_744.0, libm::sqrt);
-scalar!(f32, 12_582_912.0, libm::sqrtf);
+scalar!(f32, 12_582_912.0, square_root);
+
+/// Without `std` no function of the core library is the processor's instruction, which is rounded correctly too.
+#[cfg(all(not(feature = "std"), target_arch = "arm", target_abi = "eabihf"))]
+#[inline(always)]
+fn square_root(x: f32) -> f32 {
+    let mut bits = x.to_bits();
+    // SAFETY: every processor of this ABI has the instruction; one register changes beside the one named, and neither
+    // memory nor flags do. The compiler takes no floating-point register here, so the number goes through another.
+    #[expect(unsafe_code, reason = "see above")]
+    unsafe {
+        core::arch::asm!(
+            "vmov s0, {bits}",
+            "vsqrt.f32 s0, s0",
+            "vmov {bits}, s0",
+            bits = inout(reg) bits,
+            out("s0") _,
+            options(pure, nomem, nostack, preserves_flags),
+        );
+    }
+    f32::from_bits(bits)
+}
+
+#[cfg(all(not(feature = "std"), not(all(target_arch = "arm", target_abi = "eabihf"))))]
+use libm::sqrtf as square_root;
 
 #[cfg(test)]
 mod tests {

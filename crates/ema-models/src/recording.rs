@@ -86,37 +86,11 @@ pub fn prepare(
     let Some(first) = sensed.first() else {
         return InitialState::default();
     };
-    let sensors = &params.sensors;
-    let (motor_lsb, output_lsb) = (sensors.motor_lsb(), sensors.output_lsb());
-    let motor_angle = |s: &SensedSample| ((s.motor_counts - first.motor_counts) as f64 + 0.5) * motor_lsb;
-    let output_origin = first.output_counts as f64 * output_lsb;
-    // Whole turns leave theta_e and its precision alone.
-    let theta_e_0 =
-        params.motor.pole_pairs * first.motor_counts.rem_euclid(sensors.motor_counts_per_rev as i64) as f64 * motor_lsb;
-
+    let frame = WindowFrame::new(params, first);
     let last = sensed.len().saturating_sub(1);
     for (n, (s, ready)) in sensed.iter().zip(into.iter_mut()).enumerate() {
-        let theta_m = motor_angle(s);
-        let theta_e = theta_e_0 + params.motor.pole_pairs * theta_m;
-        let [i_d, i_q] = dq_from_abc(s.currents, theta_e.sin_cos_poly());
-        let (before, after) = (&sensed[n.saturating_sub(1)], &sensed[(n + 1).min(last)]);
-        let span = after.seq.saturating_sub(before.seq).max(1) as f64 / sensors.sample_rate;
-        *ready = ComparedSample {
-            i_d,
-            i_q,
-            theta_m,
-            omega_m: (after.motor_counts - before.motor_counts) as f64 * motor_lsb / span,
-            theta_out: ((s.output_counts - first.output_counts) as f64 + 0.5) * output_lsb,
-            turning: 0.5 * (after.motor_counts - before.motor_counts) as f64 * motor_lsb,
-            theta_read: 0.0,
-            setpoint: match s.setpoint {
-                Setpoint::Position(angle) => Setpoint::Position(angle - output_origin),
-                other => other,
-            },
-            measured: true,
-        };
+        *ready = frame.compared(&sensed[n.saturating_sub(1)], s, &sensed[(n + 1).min(last)]);
     }
-
     for &n in filled {
         if let Some(ready) = into.get_mut(n) {
             ready.measured = false;
@@ -127,28 +101,110 @@ pub fn prepare(
     if rest == 0 {
         return InitialState::default();
     }
-    let i_dq = [
-        value_at_start(into[..rest].iter().map(|s| s.i_d)),
-        value_at_start(into[..rest].iter().map(|s| s.i_q)),
-    ];
-    let turned = sensed[rest - 1].motor_counts - first.motor_counts;
-    // One count of dither is not motion.
-    let omega_m = if turned.abs() > 1 {
-        turned as f64 * motor_lsb * sensors.sample_rate / (rest.max(2) - 1) as f64
-    } else {
-        0.0
-    };
-    let origin = Origin {
-        theta_e: theta_e_0,
-        play_centre: first.motor_counts as f64 * motor_lsb / params.transmission.gear_ratio - output_origin,
-    };
     let ready = sensed.len().min(into.len());
-    read_output(params, &origin, &mut into[..ready]);
-    InitialState {
-        origin,
-        theta_m: 0.5 * motor_lsb,
-        omega_m,
-        i_dq,
+    read_output(params, &frame.origin, &mut into[..ready]);
+    frame.initial_state(&sensed[rest - 1], into[..rest].iter().map(|s| [s.i_d, s.i_q]))
+}
+
+/// Turns sensed samples of one window into the monitor's terms, one at a time.
+#[derive(Clone, Copy, Debug)]
+pub struct WindowFrame {
+    origin: Origin,
+    motor_lsb: f64,
+    output_lsb: f64,
+    pole_pairs: f64,
+    sample_rate: f64,
+    first_motor_counts: i64,
+    first_output_counts: i64,
+}
+
+impl WindowFrame {
+    /// For the window whose first sample is given.
+    #[must_use]
+    pub fn new(params: &ActuatorParams, first: &SensedSample) -> Self {
+        let sensors = &params.sensors;
+        let (motor_lsb, output_lsb) = (sensors.motor_lsb(), sensors.output_lsb());
+        // Whole turns leave theta_e and its precision alone.
+        let within_turn = first.motor_counts.rem_euclid(sensors.motor_counts_per_rev as i64) as f64;
+        Self {
+            origin: Origin {
+                theta_e: params.motor.pole_pairs * within_turn * motor_lsb,
+                play_centre: first.motor_counts as f64 * motor_lsb / params.transmission.gear_ratio
+                    - first.output_counts as f64 * output_lsb,
+            },
+            motor_lsb,
+            output_lsb,
+            pole_pairs: params.motor.pole_pairs,
+            sample_rate: sensors.sample_rate,
+            first_motor_counts: first.motor_counts,
+            first_output_counts: first.output_counts,
+        }
+    }
+
+    /// Where the window's relative angles start.
+    #[must_use]
+    pub fn origin(&self) -> Origin {
+        self.origin
+    }
+
+    /// Relative angles of motor and output, rad, each at the middle of its count.
+    #[must_use]
+    pub fn angles(&self, s: &SensedSample) -> [f64; 2] {
+        [
+            ((s.motor_counts - self.first_motor_counts) as f64 + 0.5) * self.motor_lsb,
+            ((s.output_counts - self.first_output_counts) as f64 + 0.5) * self.output_lsb,
+        ]
+    }
+
+    /// One sample between its neighbours (itself at either end), as measured; [`ComparedSample::theta_read`] is left open.
+    #[must_use]
+    pub fn compared(&self, before: &SensedSample, s: &SensedSample, after: &SensedSample) -> ComparedSample {
+        let [theta_m, theta_out] = self.angles(s);
+        let theta_e = self.origin.theta_e + self.pole_pairs * theta_m;
+        let [i_d, i_q] = dq_from_abc(s.currents, theta_e.sin_cos_poly());
+        let span = after.seq.saturating_sub(before.seq).max(1) as f64 / self.sample_rate;
+        ComparedSample {
+            i_d,
+            i_q,
+            theta_m,
+            omega_m: (after.motor_counts - before.motor_counts) as f64 * self.motor_lsb / span,
+            theta_out,
+            turning: 0.5 * (after.motor_counts - before.motor_counts) as f64 * self.motor_lsb,
+            theta_read: 0.0,
+            setpoint: match s.setpoint {
+                Setpoint::Position(angle) => {
+                    Setpoint::Position(angle - self.first_output_counts as f64 * self.output_lsb)
+                }
+                other => other,
+            },
+            measured: true,
+        }
+    }
+
+    /// State at the first sample, from the samples at rest: the last of them, and the direct and quadrature currents of all.
+    #[must_use]
+    pub fn initial_state(
+        &self,
+        last_at_rest: &SensedSample,
+        currents: impl ExactSizeIterator<Item = [f64; 2]> + Clone,
+    ) -> InitialState {
+        let rest = currents.len();
+        let turned = last_at_rest.motor_counts - self.first_motor_counts;
+        // One count of dither is not motion.
+        let omega_m = if turned.abs() > 1 {
+            turned as f64 * self.motor_lsb * self.sample_rate / (rest.max(2) - 1) as f64
+        } else {
+            0.0
+        };
+        InitialState {
+            origin: self.origin,
+            theta_m: 0.5 * self.motor_lsb,
+            omega_m,
+            i_dq: [
+                value_at_start(currents.clone().map(|i| i[0])),
+                value_at_start(currents.map(|i| i[1])),
+            ],
+        }
     }
 }
 

@@ -3,10 +3,10 @@
 use crate::dispatch::{InstructionSet, Numbers, Work};
 use crate::fault::FaultVector;
 use crate::lanes::Lanes;
-use crate::monitor::{Calibration, Conditions, Feedback, Monitor};
+use crate::monitor::{Calibration, Conditions, Feedback, Monitor, Output};
 use crate::params::ActuatorParams;
 use crate::real::Real;
-use crate::recording::Recording;
+use crate::recording::{ComparedSample, Recording};
 use crate::unknowns::{Coordinates, MOTOR_COORDINATES, MotorKnowledge, Scale, UNKNOWN_COUNT, Unknowns};
 
 /// Number of signals that can be compared.
@@ -30,7 +30,35 @@ pub struct Signals<T> {
     pub theta_out: T,
 }
 
+impl Signals<f64> {
+    /// What was measured.
+    #[inline(always)]
+    #[must_use]
+    pub fn of(sample: &ComparedSample) -> Self {
+        Self {
+            i_d: sample.i_d,
+            i_q: sample.i_q,
+            theta_m: sample.theta_m,
+            omega_m: sample.omega_m,
+            theta_out: sample.theta_out,
+        }
+    }
+}
+
 impl<T: Copy> Signals<T> {
+    /// The same in another number type.
+    #[inline(always)]
+    #[must_use]
+    pub fn map<S>(self, mut f: impl FnMut(T) -> S) -> Signals<S> {
+        Signals {
+            i_d: f(self.i_d),
+            i_q: f(self.i_q),
+            theta_m: f(self.theta_m),
+            omega_m: f(self.omega_m),
+            theta_out: f(self.theta_out),
+        }
+    }
+
     /// As an array, in the order of the fields.
     #[must_use]
     pub fn to_array(self) -> [T; SIGNAL_COUNT] {
@@ -46,6 +74,62 @@ impl<T: Copy> Signals<T> {
             theta_m: a[2],
             omega_m: a[3],
             theta_out: a[4],
+        }
+    }
+}
+
+/// Residuals of one monitor (or several, in lanes), sample by sample.
+///
+/// The speed's residual is the difference of two residuals of the angle about 1 ms apart, at least one sample, over
+/// that time: measured and modelled speed are then means over the same time, however slow the sampling. It is zero
+/// where the earlier angle was filled in.
+#[derive(Clone, Copy, Debug)]
+pub struct ResidualState<R> {
+    per_span: R,
+    span: usize,
+    /// Residuals of the angle of the last samples, and where the next one goes.
+    angles: [R; LONGEST_SPAN],
+    place: usize,
+}
+
+impl<R: Real> ResidualState<R> {
+    /// Before the first sample, at a sample rate in Hz.
+    #[must_use]
+    #[inline(always)]
+    pub fn new(sample_rate: f64) -> Self {
+        let span = (libm::round(sample_rate * SPEED_SPAN) as usize).clamp(1, LONGEST_SPAN);
+        Self {
+            per_span: R::splat(sample_rate / span as f64),
+            span,
+            angles: [R::zero(); LONGEST_SPAN],
+            place: 0,
+        }
+    }
+
+    /// Samples over which speed is measured.
+    #[must_use]
+    #[inline(always)]
+    pub fn span(&self) -> usize {
+        self.span
+    }
+
+    /// Residuals of the next sample, unweighted; `earlier` says whether the one a span before it is there and measured.
+    #[inline(always)]
+    pub fn next(&mut self, measured: &Signals<R>, output: &Output<R>, earlier: bool) -> Signals<R> {
+        let theta_m = measured.theta_m - output.theta_m;
+        let omega_m = if earlier {
+            (theta_m - self.angles[self.place]) * self.per_span
+        } else {
+            R::zero()
+        };
+        self.angles[self.place] = theta_m;
+        self.place = (self.place + 1) % self.span;
+        Signals {
+            i_d: measured.i_d - output.i_d,
+            i_q: measured.i_q - output.i_q,
+            theta_m,
+            omega_m,
+            theta_out: measured.theta_out - output.theta_out,
         }
     }
 }
@@ -99,6 +183,31 @@ pub struct Prior {
 const KNOWN: [usize; 4] = [8, 9, MOTOR_COORDINATES[0], MOTOR_COORDINATES[1]];
 
 impl Prior {
+    /// Adds what is known beforehand to normal equations at a point.
+    pub fn add_to(&self, sums: &mut NormalEquations, scale: &Scale, conditions: &Conditions, at: &Coordinates) {
+        let (distance, information) = self.terms(scale, conditions, at);
+        for (r, &p) in KNOWN.iter().enumerate() {
+            for (c, &q) in KNOWN.iter().enumerate() {
+                sums.jtj[p][q] += information[r][c];
+                sums.jtr[p] += information[r][c] * distance[c];
+                sums.cost += 0.5 * distance[r] * information[r][c] * distance[c];
+            }
+        }
+    }
+
+    /// Cost of a point's distance from what is known beforehand.
+    #[must_use]
+    pub fn cost(&self, scale: &Scale, conditions: &Conditions, at: &Coordinates) -> f64 {
+        let (distance, information) = self.terms(scale, conditions, at);
+        let mut known = 0.0;
+        for (row, d) in information.iter().zip(distance) {
+            for (weight, other) in row.iter().zip(distance) {
+                known += 0.5 * d * weight * other;
+            }
+        }
+        known
+    }
+
     /// Distance from what is expected, and information matrix, in the order of [`KNOWN`].
     fn terms(&self, scale: &Scale, conditions: &Conditions, at: &Coordinates) -> ([f64; 4], [[f64; 4]; 4]) {
         let unit = Unknowns {
@@ -138,6 +247,25 @@ pub struct NormalEquations {
     pub cost: f64,
 }
 
+impl NormalEquations {
+    /// Takes a motor that is known exactly out of the equations: its coordinates stay where they are and make nothing
+    /// uncertain.
+    #[must_use]
+    pub fn holding_known_motor(mut self, motor: &MotorKnowledge) -> Self {
+        if motor.information().is_none() {
+            for p in MOTOR_COORDINATES {
+                for q in 0..UNKNOWN_COUNT {
+                    self.jtj[p][q] = 0.0;
+                    self.jtj[q][p] = 0.0;
+                }
+                self.jtj[p][p] = 1.0;
+                self.jtr[p] = 0.0;
+            }
+        }
+        self
+    }
+}
+
 impl Comparison<'_> {
     /// The unknowns with a fault vector, and nothing else than is measured.
     #[must_use]
@@ -164,10 +292,6 @@ impl Comparison<'_> {
     }
 
     /// Runs a monitor (or several, in lanes) over the window and shows the residuals of each measured sample by its index.
-    ///
-    /// The speed's residual is the difference of two residuals of the angle about 1 ms apart, at least one sample, over
-    /// that time: measured and modelled speed are then means over the same time, however slow the sampling. It is zero
-    /// where the earlier angle was filled in.
     #[inline(always)]
     fn run<R: Real>(&self, monitor: &Monitor<R>, mut visit: impl FnMut(usize, Signals<R>)) {
         let Recording {
@@ -176,31 +300,14 @@ impl Comparison<'_> {
             initial,
         } = &self.recording;
         let Some(first) = drive.first() else { return };
-        let rate = self.params.sensors.sample_rate;
-        let span = (libm::round(rate * SPEED_SPAN) as usize).clamp(1, LONGEST_SPAN);
-        let per_span = R::splat(rate / span as f64);
+        let mut residual = ResidualState::new(self.params.sensors.sample_rate);
         let mut state = monitor.start(initial, first);
-        let mut angles = [R::zero(); LONGEST_SPAN];
         for (n, (sample, now)) in samples.iter().zip(*drive).enumerate() {
-            let output = monitor.output(&state);
-            let theta_m = R::splat(sample.theta_m) - output.theta_m;
-            let omega_m = if n < span || !samples[n - span].measured {
-                R::zero()
-            } else {
-                (theta_m - angles[n % span]) * per_span
-            };
-            angles[n % span] = theta_m;
+            let earlier = n >= residual.span() && samples[n - residual.span()].measured;
+            let measured = Signals::of(sample).map(R::splat);
+            let signals = residual.next(&measured, &monitor.output(&state), earlier);
             if sample.measured {
-                visit(
-                    n,
-                    Signals {
-                        i_d: R::splat(sample.i_d) - output.i_d,
-                        i_q: R::splat(sample.i_q) - output.i_q,
-                        theta_m,
-                        omega_m,
-                        theta_out: R::splat(sample.theta_out) - output.theta_out,
-                    },
-                );
+                visit(n, signals);
             }
             let next = drive.get(n + 1).unwrap_or(now);
             monitor.sample(&mut state, initial, now, next);
@@ -233,13 +340,7 @@ impl Comparison<'_> {
 
     /// A mean cost as a sum, with that of what is known beforehand.
     fn with_known(&self, scale: &Scale, at: &Coordinates, mean: f64) -> f64 {
-        let (distance, information) = self.prior.terms(scale, &self.conditions, at);
-        let mut known = 0.0;
-        for (row, d) in information.iter().zip(distance) {
-            for (weight, other) in row.iter().zip(distance) {
-                known += 0.5 * d * weight * other;
-            }
-        }
+        let known = self.prior.cost(scale, &self.conditions, at);
         mean * self.recording.samples.len() as f64 + known
     }
 
@@ -307,14 +408,7 @@ impl Comparison<'_> {
     #[must_use]
     pub fn normal_equations(&self, at: &Coordinates, step: f64) -> NormalEquations {
         let scale = Scale::new(self.params);
-        let steps: [f64; UNKNOWN_COUNT] = core::array::from_fn(|p| match p {
-            // Beyond this the turns are held, so a short step would see nothing.
-            2..=4 if at.0[p] > 1.0 - FULL_SHORT => -step.max(FULL_SHORT),
-            // Towards the middle of the disc.
-            5 | 6 => -step.copysign(at.0[p]),
-            _ if at.0[p] > 0.5 * Coordinates::UPPER[p] => -step,
-            _ => step,
-        });
+        let steps = at.inward_steps(step);
         let monitors: [Monitor<f64>; SLOPE_LANES] = core::array::from_fn(|lane| {
             let mut x = *at;
             // Lane 0 and the spare ones stay at the point itself.
@@ -328,20 +422,10 @@ impl Comparison<'_> {
             monitors: &monitors,
             steps,
         });
-        let (distance, information) = self.prior.terms(&scale, &self.conditions, at);
-        for (r, &p) in KNOWN.iter().enumerate() {
-            for (c, &q) in KNOWN.iter().enumerate() {
-                sums.jtj[p][q] += information[r][c];
-                sums.jtr[p] += information[r][c] * distance[c];
-                sums.cost += 0.5 * distance[r] * information[r][c] * distance[c];
-            }
-        }
+        self.prior.add_to(&mut sums, &scale, &self.conditions, at);
         sums
     }
 }
-
-/// Distance from a full short circuit within which the fraction of intact turns is next to nothing.
-const FULL_SHORT: f64 = 0.02;
 
 /// Individuals that [`Comparison::rank`] takes at once: one register of sixteen, or two of eight.
 pub const RANK_LANES: usize = 32;

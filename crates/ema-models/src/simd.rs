@@ -25,7 +25,7 @@ fn proof<S: Simd>() -> S {
     };
     // SAFETY: the type has no size, so reading it reads nothing. What it promises holds because the numbers of this
     // module are private to the crate and named by `dispatch` alone, after pulp has found the instructions of `S`.
-    #[expect(unsafe_code, reason = "see above; the only place in the crate")]
+    #[expect(unsafe_code, reason = "see above")]
     unsafe {
         core::ptr::NonNull::<S>::dangling().read()
     }

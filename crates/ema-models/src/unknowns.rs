@@ -152,7 +152,23 @@ impl Coordinates {
     pub const LOWER: [f64; UNKNOWN_COUNT] = [0.0, 0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0, -0.5, -0.5, -0.5, -0.5];
     /// Upper corner of the box.
     pub const UPPER: [f64; UNKNOWN_COUNT] = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.5];
+
+    /// Steps of finite differences of length `step` along each coordinate, towards the inside of the box.
+    #[must_use]
+    pub fn inward_steps(&self, step: f64) -> [f64; UNKNOWN_COUNT] {
+        core::array::from_fn(|p| match p {
+            // Beyond this the turns are held, so a short step would see nothing.
+            2..=4 if self.0[p] > 1.0 - FULL_SHORT => -step.max(FULL_SHORT),
+            // Towards the middle of the disc.
+            5 | 6 => -step.copysign(self.0[p]),
+            _ if self.0[p] > 0.5 * Self::UPPER[p] => -step,
+            _ => step,
+        })
+    }
 }
+
+/// Distance from a full short circuit within which the fraction of intact turns is next to nothing.
+const FULL_SHORT: f64 = 0.02;
 
 #[cfg(test)]
 mod tests {

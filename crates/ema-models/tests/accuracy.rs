@@ -50,7 +50,7 @@ const TABLE: &[Row] = &[
     // Unequal phases at the voltage limit: the middle phase of the six-step pattern is the monitor's approximation.
     Row { name: "short_a",      faults: || single(2, DAMAGE),        bench: [0.047, 0.044, 1.36, 122.0], servo28: [0.048, 0.048, 4.63, 121.0], ..ROW },
     Row { name: "short_b",      faults: || single(3, DAMAGE),        bench: [0.047, 0.044, 5.04, 122.0], servo28: [0.048, 0.049, 10.54, 121.0], ..ROW },
-    Row { name: "short_c",      faults: || single(4, DAMAGE),        bench: [0.046, 0.046, 1.32, 120.0], servo28: [0.048, 0.048, 4.51, 120.0], ..ROW },
+    Row { name: "short_c",      faults: || single(4, DAMAGE),        bench: [0.046, 0.046, 1.32, 120.0], servo28: [0.048, 0.048, 7.20, 120.0], ..ROW },
     Row { name: "eccentricity", faults: || single(5, DAMAGE),        bench: [0.042, 0.047, 1.52, 122.0], servo28: [0.043, 0.043, 2.83, 116.0], ..ROW },
     Row { name: "gain",         faults: || single(7, GAINS),         bench: [0.042, 0.046, 0.72, 120.0], servo28: [0.043, 0.043, 1.35, 120.0], ..ROW },
     Row { name: "multiple",     faults: multiple,                    bench: [0.049, 0.049, 3.07, 129.0], servo28: [0.052, 0.049, 11.80, 129.0], ..ROW },

@@ -17,7 +17,7 @@ use ema_models::{
 use crate::calibration::TypeCalibration;
 use crate::turns::align;
 use population::PaperCost;
-use refine::{End, FINE_STEP, UNLIMITED, data_variance, descend, hold_known_motor, refine, starts};
+use refine::{End, FINE_STEP, UNLIMITED, data_variance, descend, refine, starts};
 pub use refine::{bound, pull_from, refine_from};
 use unmodelled::WeakMagnet;
 pub use unmodelled::{Unmodelled, is_unmodelled};
@@ -356,7 +356,9 @@ impl Identifier {
         let unknowns = scale.unknowns(&at);
         // The point may lie outside the disc of eccentricities; what is judged is what is reported.
         let at = scale.coordinates(&unknowns);
-        let normal = hold_known_motor(comparison.normal_equations(&at, FINE_STEP), &comparison.prior.motor);
+        let normal = comparison
+            .normal_equations(&at, FINE_STEP)
+            .holding_known_motor(&comparison.prior.motor);
         let fault = unknowns.fault;
         let (mut current, mut n) = (0.0, 0.0_f64);
         comparison.residuals(&unknowns, |_, r| {

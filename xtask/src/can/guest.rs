@@ -6,9 +6,10 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, bail};
 
-use crate::shell::{program, run, succeeds};
+use crate::debian;
+use crate::shell::program;
 
 /// What the guest needs, as Debian packages, with a file of each that tells whether it is there.
 const PACKAGES: [(&str, &str); 4] = [
@@ -21,37 +22,9 @@ const PACKAGES: [(&str, &str); 4] = [
 /// Longest run, s: a hung guest would stay for ever.
 const LIMIT_S: u32 = 900;
 
-/// Installs what is missing, as root on Debian; else says what to install.
+/// Installs what is missing.
 pub(super) fn install() -> anyhow::Result<()> {
-    let there = |file: &str| Path::new(file).exists() || Path::new(&file.replacen("/usr", "", 1)).exists();
-    let missing = || {
-        PACKAGES
-            .iter()
-            .filter(|(_, file)| !there(file))
-            .map(|(package, _)| *package)
-    };
-    let wanted: Vec<_> = missing().collect();
-    if wanted.is_empty() {
-        return Ok(());
-    }
-    let may = succeeds(program("sh", ["-c", "test $(id -u) = 0 && command -v apt-get"]));
-    ensure!(
-        may,
-        "expected the Debian packages {}; not installed here",
-        wanted.join(", ")
-    );
-    run(program("apt-get", ["update", "-qq"]))?;
-    let install = ["install", "-qq", "--yes", "--no-install-recommends"];
-    run(program("apt-get", install)
-        .args(&wanted)
-        .env("DEBIAN_FRONTEND", "noninteractive"))?;
-    let wanted: Vec<_> = missing().collect();
-    ensure!(
-        wanted.is_empty(),
-        "installed, but not where expected: {}",
-        wanted.join(", ")
-    );
-    Ok(())
+    debian::install(&PACKAGES)
 }
 
 /// What the guest wrote down: `name number` on each line.

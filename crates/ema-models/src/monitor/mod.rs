@@ -10,7 +10,7 @@ mod three_phase;
 pub use ripple::{RIPPLE_DEFAULT, RIPPLE_KNOTS, RIPPLE_SPACING};
 
 use crate::backlash::follow_through_play;
-use crate::control::{Ace, AceState, Encoder};
+use crate::control::{Ace, AceState, Encoder, Setpoint};
 use crate::frames::{abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc, per_phase, phase_shapes};
 use crate::friction::DryFriction;
 use crate::params::ActuatorParams;
@@ -364,7 +364,7 @@ impl<R: Real> Monitor<R> {
             theta_out: R::splat(0.5) * (lower + upper),
             ace: self.ace.steady(
                 q * self.torque_gain + self.integral,
-                first.setpoint,
+                first.setpoint.map(R::splat),
                 count,
                 R::splat(initial.omega_m),
             ),
@@ -410,28 +410,62 @@ impl<R: Real> Monitor<R> {
         now: &ComparedSample,
         next: &ComparedSample,
     ) {
-        // Turned from step to step, and made afresh before that adds up.
-        state.sin_cos = self.angle(initial, state.foreseen).sin_cos_poly();
+        let setpoint = now.setpoint.map(R::splat);
+        // A copy of its own stays in registers.
+        let mut own = *state;
+        self.turn_afresh(&mut own, initial);
         for control in 0..self.controls_per_sample {
             let counted = match self.feedback {
-                Feedback::Simulated => self.encoder.counted(state.theta_out),
+                Feedback::Simulated => self.encoder.counted(own.theta_out),
                 Feedback::Measured => {
-                    let share = share_of_turn(now, next, f64::from(control) / f64::from(self.controls_per_sample));
-                    self.encoder
-                        .counted(R::splat(now.theta_read + share * (next.theta_read - now.theta_read)))
+                    let read = output_read(now, next, control, self.controls_per_sample);
+                    self.encoder.counted(R::splat(read))
                 }
             };
-            let i_ref = self.ace.step(&mut state.ace, now.setpoint, counted, state.omega_m);
-            state.i_ref = match self.form {
-                Form::ThreePhase => self.mean_currents(state, i_ref),
-                Form::Paper(_) | Form::OneAxis => [R::zero(), i_ref],
-            };
-            for _ in 0..self.steps_per_control {
-                self.step(state, initial);
-            }
+            self.control_period(&mut own, initial, setpoint, counted);
         }
         if self.feedback == Feedback::Measured {
-            self.turn_output(state, initial, R::splat(next.theta_m));
+            self.turn_output(&mut own, initial, R::splat(next.theta_m));
+        }
+        *state = own;
+    }
+
+    /// [`Monitor::sample`] by the measured angles, with what it takes from the samples ready-made, for monitors that share
+    /// it: the setpoint, the output angle of each control period ([`output_read`], counted), and the motor angle at the end.
+    #[inline(always)]
+    pub fn sample_by(
+        &self,
+        state: &mut MonitorState<R>,
+        initial: &InitialState,
+        setpoint: Setpoint<R>,
+        counted: &[R],
+        theta_m: R,
+    ) {
+        let mut own = *state;
+        self.turn_afresh(&mut own, initial);
+        for &counted in counted {
+            self.control_period(&mut own, initial, setpoint, counted);
+        }
+        self.turn_output(&mut own, initial, theta_m);
+        *state = own;
+    }
+
+    /// Sine and cosine are turned from step to step, and made afresh before that adds up.
+    #[inline(always)]
+    fn turn_afresh(&self, state: &mut MonitorState<R>, initial: &InitialState) {
+        state.sin_cos = self.angle(initial, state.foreseen).sin_cos_poly();
+    }
+
+    /// The controller's step at the start of its period, and the motor's steps within it.
+    #[inline(always)]
+    fn control_period(&self, state: &mut MonitorState<R>, initial: &InitialState, setpoint: Setpoint<R>, counted: R) {
+        let i_ref = self.ace.step(&mut state.ace, setpoint, counted, state.omega_m);
+        state.i_ref = match self.form {
+            Form::ThreePhase => self.mean_currents(state, i_ref),
+            Form::Paper(_) | Form::OneAxis => [R::zero(), i_ref],
+        };
+        for _ in 0..self.steps_per_control {
+            self.step(state, initial);
         }
     }
 
@@ -522,6 +556,14 @@ impl<R: Real> Monitor<R> {
 #[inline(always)]
 fn pull<R: Real>([a, b, c]: [R; 3], [i_a, i_b, i_c]: [R; 3]) -> R {
     a * i_a + b * i_b + c * i_c
+}
+
+/// Where the output stands at one of the control periods from one sample to the next, rad: it turns as the motor does.
+#[inline(always)]
+#[must_use]
+pub fn output_read(now: &ComparedSample, next: &ComparedSample, control: u32, controls: u32) -> f64 {
+    let share = share_of_turn(now, next, f64::from(control) / f64::from(controls));
+    now.theta_read + share * (next.theta_read - now.theta_read)
 }
 
 /// Share of the turn from one sample to the next that the motor has made at `x` of the time between them, from the cubic

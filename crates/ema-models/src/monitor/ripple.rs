@@ -14,6 +14,17 @@ pub const RIPPLE_KNOTS: usize = 11;
 /// Distance of the knots.
 pub const RIPPLE_SPACING: f64 = 0.1;
 
+/// Places of the knots.
+const KNOTS: [f64; RIPPLE_KNOTS] = {
+    let mut knots = [0.0; RIPPLE_KNOTS];
+    let mut n = 0;
+    while n < RIPPLE_KNOTS {
+        knots[n] = (n + 1) as f64 * RIPPLE_SPACING;
+        n += 1;
+    }
+    knots
+};
+
 /// The curve before a type's own calibration: mean of the two shipped actuators.
 pub const RIPPLE_DEFAULT: [f64; RIPPLE_KNOTS] = [
     0.062, 0.080, 0.100, 0.140, 0.146, 0.120, 0.074, 0.070, 0.150, 0.186, 0.220,
@@ -60,8 +71,8 @@ impl<R: Real> RippleCurve<R> {
     #[inline(always)]
     pub(crate) fn shortfall(&self, m: R) -> R {
         let mut sum = self.bends[0] * m - self.offset;
-        for n in 1..=RIPPLE_KNOTS {
-            sum = sum + self.bends[n] * m.max(R::splat(n as f64 * RIPPLE_SPACING));
+        for n in 0..RIPPLE_KNOTS {
+            sum = sum + self.bends[n + 1] * m.max(R::splat(KNOTS[n]));
         }
         sum
     }

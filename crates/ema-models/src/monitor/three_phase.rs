@@ -22,18 +22,24 @@ use crate::real::Real;
 #[inline(always)]
 pub(super) fn step<R: Real>(m: &Derived<R>, i: [R; 3], target: [R; 3], emf: [R; 3]) -> [R; 3] {
     let needed = per_phase!(|j| (m.ohms[j] * target[j] - m.ohms_before[j] * i[j]) + emf[j]);
-    // What n each phase has room for.
-    let up = per_phase!(|j| m.half_v_dc - needed[j]);
-    let down = per_phase!(|j| up[j] - m.v_dc);
-
     let [a, b, c] = needed;
     let highest = a.max(b).max(c);
     let lowest = a.min(b).min(c);
+    let zero = R::zero();
+    // With ample voltage n lies between the rails by far more than rounding, and the long way ends in adding nothing. Not
+    // so for two equal extremes, which leave n at a rail.
+    let ample = (highest - lowest).le(R::splat(0.9) * m.v_dc);
+    if R::holds(ample & (a.lt(b) | b.lt(a))) {
+        return per_phase!(|j| target[j] + zero);
+    }
+
+    // What n each phase has room for.
+    let up = per_phase!(|j| m.half_v_dc - needed[j]);
+    let down = per_phase!(|j| up[j] - m.v_dc);
     let spare = per_phase!(|j| R::select(highest.le(needed[j]), up[j], down[j]) * m.siemens[j]);
     // The middle phase: of several that need the same, the last.
     let a_extreme = highest.le(a) | a.le(lowest);
     let b_extreme = highest.le(b) | b.le(lowest);
-    let zero = R::zero();
     let sum = R::select(a_extreme, spare[0], zero)
         + R::select(b_extreme, spare[1], zero)
         + R::select(a_extreme & b_extreme, zero, spare[2]);
@@ -43,4 +49,48 @@ pub(super) fn step<R: Real>(m: &Derived<R>, i: [R; 3], target: [R; 3], emf: [R; 
     let lacking = per_phase!(|j| star.min(up[j]).max(down[j]) - star);
     let correction = (lacking[0] * m.siemens[0] + lacking[1] * m.siemens[1] + lacking[2] * m.siemens[2]) * m.star_ohms;
     per_phase!(|j| target[j] + (lacking[j] - correction) * m.siemens[j])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lanes::Lanes64;
+    use crate::monitor::Monitor;
+    use crate::params::ActuatorParams;
+    use crate::unknowns::{MotorDeviation, Unknowns};
+    use crate::{Calibration, FaultVector};
+
+    /// Lanes always go the long way.
+    #[test]
+    fn the_shortcut_of_ample_voltage_changes_no_bit() {
+        let params = ActuatorParams::bench();
+        let levels = [0.0, -0.0, 1e-9, 0.4, -3.0, 10.7];
+        for fault in [[0.0; 3], [0.3, 0.0, 0.6], [0.99, 0.5, 0.0]] {
+            let [a, b, c] = fault;
+            let unknowns = Unknowns {
+                fault: FaultVector::from_array([0.0, 0.0, a, b, c, 0.0, 0.5, 0.5]),
+                load_torque: 0.0,
+                integral: 0.0,
+                motor: MotorDeviation::default(),
+            };
+            let monitor = Monitor::new(&params, &Calibration::default(), params.motor.v_dc, &unknowns);
+            let lane = monitor.map(|x| Lanes64([x]));
+            for n in 0..levels.len().pow(4) {
+                let level = |place: u32| levels[n / levels.len().pow(place) % levels.len()];
+                let i = [level(0), level(1), -level(0) - level(1)];
+                let target = [i[0] + 0.01 * level(2), i[1] + 0.01 * level(3), i[2]];
+                let emf = [10.0 * level(2), 10.0 * level(3), 10.0 * level(0)];
+                let short = step(&monitor.derived, i, target, emf);
+                let wide = |x: [f64; 3]| x.map(|x| Lanes64([x]));
+                let long = step(&lane.derived, wide(i), wide(target), wide(emf));
+                for j in 0..3 {
+                    assert_eq!(
+                        short[j].to_bits(),
+                        long[j].0[0].to_bits(),
+                        "{fault:?} {i:?} {target:?} {emf:?}"
+                    );
+                }
+            }
+        }
+    }
 }

@@ -2,8 +2,7 @@
 
 use ema_ga::{LmConfig, LmStop, Residuals, levenberg_marquardt};
 use ema_models::{
-    COST_LANES, Comparison, Coordinates, FAULT_COUNT, FaultVector, MOTOR_COORDINATES, MotorKnowledge, NormalEquations,
-    Scale, UNKNOWN_COUNT, Unknowns,
+    COST_LANES, Comparison, Coordinates, FAULT_COUNT, FaultVector, NormalEquations, Scale, UNKNOWN_COUNT, Unknowns,
 };
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
@@ -125,26 +124,13 @@ pub fn pull_from(comparison: &Comparison<'_>, truth: &FaultVector) -> [f64; FAUL
     std::array::from_fn(|p| end.0[p] - start.0[p])
 }
 
-/// Takes a motor that is known exactly out of the equations: its coordinates stay where they are and make nothing uncertain.
-pub(super) fn hold_known_motor(mut normal: NormalEquations, motor: &MotorKnowledge) -> NormalEquations {
-    if motor.information().is_none() {
-        for p in MOTOR_COORDINATES {
-            for q in 0..UNKNOWN_COUNT {
-                normal.jtj[p][q] = 0.0;
-                normal.jtj[q][p] = 0.0;
-            }
-            normal.jtj[p][p] = 1.0;
-            normal.jtr[p] = 0.0;
-        }
-    }
-    normal
-}
-
 /// Cramér–Rao bound of each coordinate at a point, as a standard deviation: what the weights alone allow, with no model
 /// error.
 #[must_use]
 pub fn bound(comparison: &Comparison<'_>, at: &Coordinates) -> [f64; UNKNOWN_COUNT] {
-    let normal = hold_known_motor(comparison.normal_equations(at, FINE_STEP), &comparison.prior.motor);
+    let normal = comparison
+        .normal_equations(at, FINE_STEP)
+        .holding_known_motor(&comparison.prior.motor);
     data_variance(&normal, 1.0).map(f64::sqrt)
 }
 
@@ -176,10 +162,10 @@ impl Residuals<UNKNOWN_COUNT> for Refinement<'_, '_> {
         jtj: &mut SMatrix<f64, UNKNOWN_COUNT, UNKNOWN_COUNT>,
         jtr: &mut SVector<f64, UNKNOWN_COUNT>,
     ) -> f64 {
-        let normal = hold_known_motor(
-            self.comparison.normal_equations(&Coordinates(*genes), self.step),
-            &self.comparison.prior.motor,
-        );
+        let normal = self
+            .comparison
+            .normal_equations(&Coordinates(*genes), self.step)
+            .holding_known_motor(&self.comparison.prior.motor);
         for p in 0..UNKNOWN_COUNT {
             jtr[p] = normal.jtr[p];
             for q in 0..UNKNOWN_COUNT {

@@ -1,0 +1,225 @@
+//! Identification on an emulated Cortex-M7: the same bits as here, and what it costs, written into `docs/target.md`.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context, ensure};
+
+use crate::debian;
+use crate::no_std::TARGET;
+use crate::shell::{cargo, program, root, run, target_dir};
+
+const PACKAGES: [(&str, &str); 1] = [("qemu-system-arm", "/usr/bin/qemu-system-arm")];
+
+/// For the processor, whose unit computes single and double precision.
+const FLAGS: &str = "-Clink-arg=-Tlink.x -Ctarget-cpu=cortex-m7";
+
+const DOCUMENT: &str = "docs/target.md";
+const BEGIN: &str = "<!-- $ cargo xtask target -->\n";
+const END: &str = "<!-- end -->\n";
+
+/// Longest run of the emulator, s.
+const LIMIT_S: &str = "900";
+
+/// Clock of the processor, Hz; an instruction counts as one cycle.
+const CLOCK_HZ: f64 = 480e6;
+
+/// Targets.
+const MOST_PER_STEP: f64 = 300.0;
+const MOST_RAM_KIB: f64 = 48.0;
+
+/// Builds, runs, compares, and writes the table.
+pub(crate) fn check() -> anyhow::Result<()> {
+    debian::install(&PACKAGES)?;
+    run(program("rustup", ["target", "add", TARGET]))?;
+    let case = target_dir()?.join("target_case.rs");
+    let here = numbers(
+        cargo([
+            "run",
+            "--quiet",
+            "--package",
+            "hmd-tests",
+            "--example",
+            "target_case",
+            "--",
+        ])
+        .arg(&case),
+    )?;
+    let there = on_target(&case)?;
+    same_bits(&here, &there)?;
+    let figures = Figures::of(&there)?;
+    let table = table(&here, &figures)?;
+    eprint!("{table}");
+    let path = root().join(DOCUMENT);
+    let text = std::fs::read_to_string(&path).context(DOCUMENT)?;
+    std::fs::write(&path, with_table(&text, &table)?).context(DOCUMENT)?;
+    ensure!(
+        figures.per_step <= MOST_PER_STEP,
+        "expected at most {MOST_PER_STEP} instructions per step, found {:.1}",
+        figures.per_step
+    );
+    ensure!(
+        figures.ram_kib() <= MOST_RAM_KIB,
+        "expected at most {MOST_RAM_KIB} KiB of RAM, found {:.1}",
+        figures.ram_kib()
+    );
+    Ok(())
+}
+
+/// `name value` lines that a program prints.
+type Numbers = BTreeMap<String, String>;
+
+fn numbers(command: &mut std::process::Command) -> anyhow::Result<Numbers> {
+    let name = command.get_program().to_string_lossy().into_owned();
+    eprintln!("$ {name} …");
+    let output = command.output().with_context(|| name.clone())?;
+    let mut text = String::from_utf8_lossy(&output.stdout).into_owned();
+    text += &String::from_utf8_lossy(&output.stderr);
+    ensure!(output.status.success(), "{name}: {}: {text}", output.status);
+    let pairs = text.lines().filter_map(|line| line.split_once(' '));
+    Ok(pairs.map(|(name, value)| (name.to_owned(), value.to_owned())).collect())
+}
+
+/// Builds the image with the window in it and runs it.
+fn on_target(case: &Path) -> anyhow::Result<Numbers> {
+    let build = ["build", "--quiet", "--profile", "image", "--package", "firmware_image"];
+    run(cargo(build)
+        .args(["--bin", "identify", "--features", "image", "--target", TARGET])
+        .env("HMD_TARGET_CASE", case)
+        .env("RUSTFLAGS", FLAGS))?;
+    let image = target_dir()?.join(TARGET).join("image/identify");
+    numbers(
+        program(
+            "timeout",
+            [LIMIT_S, "qemu-system-arm", "-M", "mps2-an500", "-cpu", "cortex-m7"],
+        )
+        .args(["-nographic", "-monitor", "none", "-serial", "null", "-semihosting"])
+        // Each instruction lasts one nanosecond.
+        .args(["-icount", "shift=0", "-kernel"])
+        .arg(image),
+    )
+}
+
+/// The result is the host's, bit for bit.
+fn same_bits(here: &Numbers, there: &Numbers) -> anyhow::Result<()> {
+    let result = |name: &String| name.starts_with('x') || ["cost", "linearisations", "runs"].contains(&name.as_str());
+    let mut compared = 0;
+    for (name, expected) in here.iter().filter(|(name, _)| result(name)) {
+        let found = there.get(name).with_context(|| format!("expected a line {name}"))?;
+        ensure!(
+            found == expected,
+            "{name}: expected the host's {expected}, found {found}"
+        );
+        compared += 1;
+    }
+    ensure!(compared == 15, "expected 15 numbers to compare, found {compared}");
+    Ok(())
+}
+
+/// What one build costs.
+struct Figures {
+    per_step: f64,
+    per_step_in_full: f64,
+    prepare: f64,
+    linearisation: f64,
+    identify: f64,
+    window_bytes: f64,
+    ram_bytes: f64,
+    flash_bytes: f64,
+}
+
+impl Figures {
+    fn of(numbers: &Numbers) -> anyhow::Result<Self> {
+        let expected = number(numbers, "loop_expected")?;
+        let counted = number(numbers, "loop_counted")?;
+        ensure!(
+            (counted - expected).abs() <= 200.0,
+            "a loop of {expected} instructions was counted as {counted}"
+        );
+        let steps = number(numbers, "monitor_steps")?;
+        let linearisation = number(numbers, "linearisation_instructions")?;
+        Ok(Self {
+            per_step: number(numbers, "monitor_instructions")? / steps,
+            per_step_in_full: linearisation / (MONITORS * steps),
+            prepare: number(numbers, "prepare_instructions")?,
+            linearisation,
+            identify: number(numbers, "identify_instructions")?,
+            window_bytes: number(numbers, "window_bytes")?,
+            ram_bytes: number(numbers, "static_bytes")? + number(numbers, "stack_bytes")?,
+            flash_bytes: number(numbers, "flash_bytes")? - number(numbers, "case_bytes")?,
+        })
+    }
+
+    fn ram_kib(&self) -> f64 {
+        self.ram_bytes / 1024.0
+    }
+}
+
+/// Monitors of one linearisation.
+const MONITORS: f64 = 13.0;
+
+fn number(numbers: &Numbers, name: &str) -> anyhow::Result<f64> {
+    let text = numbers.get(name).with_context(|| format!("expected a line {name}"))?;
+    text.parse().with_context(|| format!("{name} {text}"))
+}
+
+fn table(here: &Numbers, f: &Figures) -> anyhow::Result<String> {
+    let rows = [
+        ("instructions per monitor step", format!("{:.0}", f.per_step)),
+        (
+            "the same with its share of sensor words, residuals and sums",
+            format!("{:.0}", f.per_step_in_full),
+        ),
+        (
+            "making the window ready, million instructions",
+            format!("{:.1}", f.prepare / 1e6),
+        ),
+        (
+            "one linearisation, million instructions",
+            format!("{:.1}", f.linearisation / 1e6),
+        ),
+        (
+            "one identification, million instructions",
+            format!("{:.0}", f.identify / 1e6),
+        ),
+        (
+            "one identification at 480 MHz, s",
+            format!("{:.2}", f.identify / CLOCK_HZ),
+        ),
+        ("recorded window, KiB", format!("{:.1}", f.window_bytes / 1024.0)),
+        (
+            "all RAM: window, monitors, search and stack, KiB",
+            format!("{:.1}", f.ram_kib()),
+        ),
+        (
+            "flash: program and constants, KiB",
+            format!("{:.1}", f.flash_bytes / 1024.0),
+        ),
+        ("result", "the host's, bit for bit".to_owned()),
+    ];
+    let mut text = String::from("| figure | emulated Cortex-M7 |\n|---|---|\n");
+    for (name, value) in rows {
+        text += &format!("| {name} | {value} |\n");
+    }
+    let said = |name: &str| {
+        here.get(name)
+            .cloned()
+            .with_context(|| format!("expected a line {name}"))
+    };
+    text += &format!(
+        "\n{} linearisations, {} monitor runs over the window. Error: {} % (root sum of squares); of `hmd` in double \
+         precision, searching the same way: {} %; the two are {} % apart.\n",
+        said("linearisations")?,
+        said("runs")?,
+        said("single_rss_pct")?,
+        said("double_rss_pct")?,
+        said("apart_rss_pct")?
+    );
+    Ok(text)
+}
+
+fn with_table(text: &str, table: &str) -> anyhow::Result<String> {
+    let (before, rest) = text.split_once(BEGIN).with_context(|| format!("expected {BEGIN}"))?;
+    let (_, after) = rest.split_once(END).with_context(|| format!("expected {END}"))?;
+    Ok(format!("{before}{BEGIN}{table}{END}{after}"))
+}

@@ -88,6 +88,20 @@ pub struct Conditions {
     pub winding_temp_deg_c: Option<f64>,
 }
 
+impl Conditions {
+    /// Unknowns, whose motor is at 20 °C, with the motor at the measured temperature.
+    #[must_use]
+    pub fn warmed(&self, unknowns: &Unknowns) -> Unknowns {
+        Unknowns {
+            motor: match self.winding_temp_deg_c {
+                Some(temperature) => unknowns.motor.at_temperature(temperature),
+                None => unknowns.motor,
+            },
+            ..*unknowns
+        }
+    }
+}
+
 /// One monitor, or one lane each of several that differ in their fault vectors.
 #[derive(Clone, Copy, Debug)]
 pub struct Monitor<R> {

@@ -44,7 +44,6 @@ impl DryFriction<f64> {
     }
 }
 
-#[cfg(feature = "std")]
 impl DryFriction<f64> {
     /// The same with a brake that drags by `torque`, Nm, moving or not.
     #[must_use]

@@ -21,7 +21,8 @@ impl Alien {
         let Some(Self::ResolverTooth(height)) = alien else {
             return theta_m;
         };
-        let place = (theta_m / core::f64::consts::TAU).rem_euclid(1.0) / TOOTH;
+        let turns = theta_m / core::f64::consts::TAU;
+        let place = (turns - libm::floor(turns)) / TOOTH;
         // One hump of a raised cosine.
         let hump = if place < 1.0 {
             0.5 * (1.0 - libm::cos(core::f64::consts::TAU * place))

@@ -1,17 +1,20 @@
 //! The verbs that CI uses, in plain Rust, so that a fresh machine needs nothing but cargo (and Python for two of them).
 //!
-//! `cargo xtask VERB`; `cargo xtask ci` runs all of them but the tests.
+//! `cargo xtask VERB`; `cargo xtask ci` runs all of them but the tests, the fuzzing and the long forms.
 
 mod can;
 mod ci;
 mod debian;
 mod deny;
+mod fuzz;
 mod no_std;
 mod oracle;
 mod python;
 mod readers;
 mod results;
 mod shell;
+mod survive;
+mod systemd;
 mod target;
 
 use std::process::ExitCode;
@@ -46,9 +49,17 @@ enum Verb {
     Can,
     /// Identification on an emulated Cortex-M7, bit for bit, and what it costs.
     Target,
+    /// Fuzzing of every reader, seconds each; needs a nightly compiler.
+    Fuzz,
+    /// The same for half an hour each.
+    FuzzLong,
+    /// The shipped systemd unit: understood by systemd, and hardened as promised.
+    Systemd,
+    /// Storage under kill -9, cuts and flips: the long forms.
+    Survive,
     /// Runs every command whose output stands in a document, and draws the figures, again.
     Results,
-    /// Everything but the tests.
+    /// Everything but the tests, the fuzzing and the long forms.
     Ci,
 }
 
@@ -63,6 +74,10 @@ fn main() -> ExitCode {
         Verb::Oracle => oracle::check(),
         Verb::Can => can::check(),
         Verb::Target => target::check(),
+        Verb::Fuzz => fuzz::check(false),
+        Verb::FuzzLong => fuzz::check(true),
+        Verb::Systemd => systemd::check(),
+        Verb::Survive => survive::check(),
         Verb::Results => results::update(),
         Verb::Ci => ci::run_all(),
     };

@@ -10,7 +10,7 @@ use anyhow::{Context, bail};
 use crate::shell::{cargo, root, run, target_dir};
 
 /// Documents with such lines.
-const DOCUMENTS: [&str; 2] = ["README.md", "docs/accuracy.md"];
+const DOCUMENTS: [&str; 3] = ["README.md", "docs/accuracy.md", "docs/prognosis.md"];
 
 const BEGIN: &str = "<!-- $ hmd ";
 const END: &str = "<!-- end -->";

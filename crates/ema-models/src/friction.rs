@@ -107,8 +107,14 @@ impl<R: Real> DryFriction<R> {
         let net = drive - self.load;
         let at_rest = omega.le(zero) & zero.le(omega);
         let against = |direction: R| R::select(direction.lt(zero), -self.moving_negative, self.moving_positive);
+        let braked = (net - against(omega)) * dt_over_j;
+        let onward = omega + braked;
+        if R::holds(zero.lt(onward * omega)) {
+            *slack = zero;
+            return onward;
+        }
         let started = (net - against(net)) * dt_over_j;
-        let gained = R::select(at_rest, started, (net - against(omega)) * dt_over_j);
+        let gained = R::select(at_rest, started, braked);
         let moved = omega + gained;
         let reversed = (moved * omega).lt(zero);
         let excess = net.abs() - self.stuck;

@@ -8,12 +8,16 @@ mod actuator;
 mod actuator_type;
 mod bus;
 mod describe;
+mod dropins;
 mod error;
 mod health;
 mod identification;
+mod output;
 mod params;
 mod reader;
+mod rul;
 mod serial;
+mod specification;
 mod spelling;
 mod window;
 
@@ -23,7 +27,10 @@ pub use bus::{BusConfig, BusLoad, LOAD_MAX};
 pub use error::ConfigError;
 pub use health::{HealthConfig, HealthLevels};
 pub use identification::{IdentificationConfig, MONITOR_NAMES, SearchMethod};
+pub use output::OutputConfig;
+pub use rul::{HoursOf, RulConfig};
 pub use serial::{DEFAULT_BITRATE_BIT_S, SerialConfig};
+pub use specification::Specification;
 pub use window::WindowConfig;
 
 use std::collections::BTreeMap;
@@ -47,6 +54,7 @@ pub struct Config {
     window: WindowConfig,
     identification: IdentificationConfig,
     health: HealthConfig,
+    rul: RulConfig,
     output: OutputConfig,
     bus: BusConfig,
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -56,29 +64,6 @@ pub struct Config {
     directory: PathBuf,
 }
 
-/// What is written besides the results.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct OutputConfig {
-    /// Store every frame as received, so that the log can be replayed.
-    pub raw_frames: bool,
-}
-
-impl Default for OutputConfig {
-    fn default() -> Self {
-        Self { raw_frames: true }
-    }
-}
-
-impl OutputConfig {
-    const KEYS: &'static [&'static str] = &["raw_frames"];
-
-    fn read(section: &Section<'_>) -> Result<Self, ConfigError> {
-        Ok(Self {
-            raw_frames: section.flag("raw_frames", Self::default().raw_frames)?,
-        })
-    }
-}
-
 impl Config {
     const KEYS: &'static [&'static str] = &[
         "actuator",
@@ -86,28 +71,26 @@ impl Config {
         "window",
         "identification",
         "health",
+        "rul",
         "output",
         "bus",
         "serial",
     ];
 
-    /// Reads and checks a file. Relative paths inside it start at its directory.
+    /// Reads and checks a file, with the drop-ins `conf.d/*.toml` beside it in the order of their names: what a later
+    /// one sets again holds, and its `[[actuator]]`s are further ones. Relative paths start at the file's directory.
     ///
     /// # Errors
     /// [`ConfigError`] with file, line, key, what was expected and what was found.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, ConfigError> {
-        let file_name = path.as_ref().display().to_string();
-        match std::fs::read_to_string(&path) {
-            Ok(text) => {
-                let mut config = Self::from_toml_str(&text, &file_name)?;
-                config.directory = parent(path.as_ref());
-                Ok(config)
-            }
-            Err(source) => Err(ConfigError::Read {
-                file: file_name,
-                source,
-            }),
+        let path = path.as_ref();
+        let mut files = vec![dropins::read(path)?];
+        for dropin in dropins::list(path)? {
+            files.push(dropins::read(&dropin)?);
         }
+        let mut config = Self::from_files(&files, &path.display().to_string())?;
+        config.directory = parent(path);
+        Ok(config)
     }
 
     /// Checks `text`; `file_name` is what errors call it, and relative paths start at its directory.
@@ -127,7 +110,11 @@ impl Config {
     /// # Errors
     /// [`ConfigError`] for the first thing that is wrong.
     pub fn from_toml_str(text: &str, file_name: &str) -> Result<Self, ConfigError> {
-        let document = Document::new(text, file_name);
+        Self::from_files(&[(file_name.to_owned(), text.to_owned())], file_name)
+    }
+
+    fn from_files(files: &[(String, String)], file_name: &str) -> Result<Self, ConfigError> {
+        let document = Document::new(files);
         let table = document.parse()?;
         let root = Section::root(&document, &table, Self::KEYS)?;
         let types = actuator_type::read_all(&root)?;
@@ -144,6 +131,7 @@ impl Config {
             window,
             identification: IdentificationConfig::read(&root.section("identification", IdentificationConfig::KEYS)?)?,
             health: HealthConfig::read(&root.section("health", HealthConfig::KEYS)?)?,
+            rul: RulConfig::read(&root.section("rul", RulConfig::KEYS)?)?,
             output: OutputConfig::read(&root.section("output", OutputConfig::KEYS)?)?,
             bus: BusConfig::read(&root.section("bus", BusConfig::KEYS)?)?,
             serial,
@@ -234,6 +222,12 @@ impl Config {
     #[must_use]
     pub fn health(&self) -> &HealthConfig {
         &self.health
+    }
+
+    /// Section `[rul]`.
+    #[must_use]
+    pub fn rul(&self) -> &RulConfig {
+        &self.rul
     }
 
     /// Section `[output]`.

@@ -18,19 +18,20 @@ use std::future::Future;
 use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 
 use crate::config::Config;
 use crate::frame::{BusError, BusNames};
+use crate::front::Notice;
 use crate::ingest::live::{Feed, Input, LiveSource, QUEUE_INPUTS, now_ns};
 use crate::judge::{Judge, JudgeError, Judged, WindowCounts};
 use crate::pipeline::Pipeline;
-use crate::record::Status;
+use crate::record::{LogLevel, Status};
 use crate::recorder::{RecordError, Recorder};
-use monitor::Monitor;
+use monitor::{Monitor, tell};
 pub use window_queue::QUEUE_WINDOWS;
 use window_queue::WindowQueue;
 
@@ -64,13 +65,26 @@ pub enum DaemonError {
 
 /// What is told while the daemon runs; from several threads.
 pub trait Observer: Sync {
-    /// One window has been judged.
+    /// One window has been judged, and its records, if any are kept, are on the disk.
     ///
     /// # Errors
     /// When nobody takes the records any more; the daemon then ends.
     fn judged(&self, judged: &Judged) -> io::Result<()>;
+    /// One window has been judged, but its records could not be stored; by default told like any other.
+    ///
+    /// # Errors
+    /// As [`Observer::judged`].
+    fn unstored(&self, judged: &Judged) -> io::Result<()> {
+        self.judged(judged)
+    }
     /// Something an operator should read.
     fn notice(&self, message: &str);
+    /// The counters as they are recorded, with those of the storage: every ten seconds, and at the end.
+    fn status(&self, _: &Status) {}
+    /// Every source has said how it stands, and the output is open: once.
+    fn ready(&self) {}
+    /// Ingest, pipeline, writer and identification have all made progress; about every second, and not otherwise.
+    fn alive(&self) {}
 }
 
 /// What a live run is made of.
@@ -87,6 +101,10 @@ pub struct Daemon {
 struct Shared {
     recorder: Option<Recorder>,
     windows: WindowCounts,
+    /// Time spent on identification, and the longest that one window took.
+    judging: (Duration, Duration),
+    /// When the newest health record was stored, or told where nothing is stored.
+    last_record: Option<Instant>,
 }
 
 impl Daemon {
@@ -110,6 +128,8 @@ impl Daemon {
         let shared = Mutex::new(Shared {
             recorder: self.recorder,
             windows: WindowCounts::default(),
+            judging: (Duration::ZERO, Duration::ZERO),
+            last_record: None,
         });
         let windows = WindowQueue::new();
         let (queue, inputs) = mpsc::channel(QUEUE_INPUTS);
@@ -139,15 +159,18 @@ impl Daemon {
             (join(watching), judging.map_or(Ok(()), join))
         });
         let shared = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let status = monitor.status(shared.windows);
-        let written = shared.recorder.map_or(Ok(()), |mut recorder| {
+        let mut status = monitor.status(&shared);
+        let written = shared.recorder.map_or(Ok(None), |mut recorder| {
             recorder.status(now_ns(), &status)?;
             recorder.finish()
         });
         // The file is ended whatever went wrong before; the first error is the one to tell.
         judged?;
         watched?;
-        written?;
+        if let Some(store) = written? {
+            status.set_storage(&store);
+        }
+        observer.status(&status);
         Ok(status)
     }
 }
@@ -186,14 +209,56 @@ fn judge_all(
     shared: &Mutex<Shared>,
     observer: &impl Observer,
 ) -> Result<(), DaemonError> {
+    judge.lives().keep();
     while let Some(job) = windows.pop() {
+        // Events may have come since the last window; the file is short. One that is damaged does not end the watch.
+        let events = judge.follow_events().err().map(|error| error.to_string());
+        let since = Instant::now();
         let judged = judge.judge(job)?;
-        observer.judged(&judged).map_err(DaemonError::Stdout)?;
-        let mut shared = lock(shared);
-        shared.windows = judge.counts();
-        if let Some(recorder) = &mut shared.recorder {
-            recorder.judged(&judged)?;
+        let took = since.elapsed();
+        // Before the lock is taken: frames need not wait for this file.
+        let saved = judge.lives().save(&judged.health.actuator);
+        let troubles = events.into_iter().chain(saved.err().map(|error| error.to_string()));
+        let of_life: Vec<String> = judge.lives().take_notices().into_iter().chain(troubles).collect();
+        let stored = {
+            let mut shared = lock(shared);
+            shared.windows = judge.counts();
+            let (total, longest) = shared.judging;
+            shared.judging = (total + took, longest.max(took));
+            for message in of_life {
+                let stamp_ns = judged.health.t_start_ns;
+                tell(&Notice { stamp_ns, message }, LogLevel::Warning, &mut shared, observer)?;
+            }
+            let (mut stored, mut messages) = (true, Vec::new());
+            if let Some(recorder) = &mut shared.recorder {
+                // At the end there are no ticks any more, and the storage is tended here.
+                if windows.is_closed() {
+                    messages = recorder.tick(Instant::now())?;
+                }
+                stored = recorder.judged(&judged)?;
+                messages.append(&mut recorder.take_messages());
+            }
+            // Said before the line of a window that is not stored.
+            for (level, message) in messages {
+                let stamp_ns = now_ns();
+                tell(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
+            }
+            if stored {
+                shared.last_record = Some(Instant::now());
+            }
+            stored
+        };
+        if windows.is_closed() {
+            // There are no ticks any more.
+            observer.alive();
         }
+        // Told only now: what was told as judged is on the disk.
+        let told = if stored {
+            observer.judged(&judged)
+        } else {
+            observer.unstored(&judged)
+        };
+        told.map_err(DaemonError::Stdout)?;
     }
     Ok(())
 }

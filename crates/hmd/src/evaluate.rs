@@ -5,6 +5,7 @@ mod matched;
 mod motors;
 mod noise;
 mod profiles;
+mod rul;
 
 use ema_ga::ConfigError;
 use ema_models::{FAULT_COUNT, FaultVector, Profile, eq15_pct, rss_pct};
@@ -21,6 +22,7 @@ use crate::simulated::SimulatedWindow;
 pub use detection::{ByFault, DetectionError, DetectionReport, Wrong, detection};
 pub use noise::{NOISE_RATES_HZ, NoiseAtRate, NoiseReport, noise};
 pub use profiles::{CONDITION_ROWS, PROFILE_ROWS, ProfileRow, ProfilesError, ProfilesReport, conditions, profiles};
+pub use rul::{AtLambda, Group as RulGroup, Growth, History, RulReport, Scored, Scores, Seen, rul};
 
 /// Random vector of the paper's Table III.
 pub const TABLE_III: [f64; FAULT_COUNT] = [0.2383, 0.5003, 5.32e-7, 0.4503, 0.0404, 0.0028, 0.2785, 0.5];
@@ -39,6 +41,8 @@ pub struct Case {
     pub truth: [f64; FAULT_COUNT],
     /// Estimated fault vector.
     pub k: [f64; FAULT_COUNT],
+    /// Its standard deviations; `None` where the window shows nothing.
+    pub sigma: [Option<f64>; FAULT_COUNT],
     /// Root sum of squares of the errors, percent.
     pub rss_pct: f64,
     /// The paper's eq. 15, percent.
@@ -218,6 +222,7 @@ fn case(name: String, seed: u64, truth: &FaultVector, estimate: &Estimate) -> Ca
         seed,
         truth: truth.to_array(),
         k: estimate.fault.to_array(),
+        sigma: estimate.sigma,
         rss_pct: rss_pct(&estimate.fault, truth),
         eq15_pct: eq15_pct(&estimate.fault, truth),
         evaluations: estimate.evaluations,

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use ema_models::ActuatorParams;
+use ema_models::{ActuatorParams, Setpoint};
 use ema_wire::{ActuatorId, DeframerStats, Frame, SampleFd, SerialPacket};
 
 use crate::channel::{Channel, MeasuredConditions, SampleRate};
@@ -22,6 +22,9 @@ pub struct WindowJob {
     pub window: Window,
     /// What the status frames said when it ended.
     pub conditions: MeasuredConditions,
+    /// How long the actuator has been operating, with a mode other than idle, since its first frame; s. Missing samples
+    /// do not count.
+    pub operating_s: f64,
 }
 
 /// Something an operator should read; goes into the log topic.
@@ -84,6 +87,8 @@ enum Cutter {
     Ready {
         params: Box<ActuatorParams>,
         windower: Box<Windower>,
+        /// Samples with a mode other than idle.
+        operating: u64,
     },
     /// Not monitored; the samples dropped since.
     Refused(u64),
@@ -272,7 +277,11 @@ impl Lane {
         self.channel.finish(nominal, |rate, sample| {
             cutter.push(actuator, rate, sample, config, conditions, ended, notices);
         });
-        if let Cutter::Ready { params, windower } = cutter
+        if let Cutter::Ready {
+            params,
+            windower,
+            operating,
+        } = cutter
             && let Some(window) = windower.finish()
         {
             ended.push(WindowJob {
@@ -280,6 +289,7 @@ impl Lane {
                 params: **params,
                 window,
                 conditions,
+                operating_s: *operating as f64 / params.sensors.sample_rate,
             });
         }
     }
@@ -306,13 +316,19 @@ impl Cutter {
         match self {
             Self::Waiting => {}
             Self::Refused(dropped) => *dropped += 1,
-            Self::Ready { params, windower } => {
+            Self::Ready {
+                params,
+                windower,
+                operating,
+            } => {
+                *operating += u64::from(sample.sensed.setpoint != Setpoint::Idle);
                 if let Some(window) = windower.push(sample) {
                     ended.push(WindowJob {
                         actuator: actuator.clone(),
                         params: **params,
                         window,
                         conditions,
+                        operating_s: *operating as f64 / params.sensors.sample_rate,
                     });
                 }
             }
@@ -341,6 +357,7 @@ impl Cutter {
                 .map(|windower| Self::Ready {
                     params: Box::new(params),
                     windower: Box::new(if rate.told { windower.at_device_time() } else { windower }),
+                    operating: 0,
                 })
                 .map_err(|e| e.to_string()),
             Err(e) => Err(e.to_string()),

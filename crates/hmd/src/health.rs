@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 pub const FAULTS: usize = 7;
 
 /// Where each fault stands in the fault vector.
-const INDEX: [usize; FAULTS] = [0, 1, 2, 3, 4, 5, 7];
+pub(crate) const INDEX: [usize; FAULTS] = [0, 1, 2, 3, 4, 5, 7];
 
 /// Name of a fault, by its number 0…6: friction, backlash, short_a, short_b, short_c, eccentricity, gain.
 #[must_use]
@@ -174,7 +174,7 @@ pub struct HealthDecision {
 /// assert_eq!((decision.state, decision.faults), (HealthState::Watch, vec!["friction"]));
 /// # Ok::<(), hmd::health::LevelsError>(())
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Health {
     levels: [Levels; FAULTS],
     persistence: u32,
@@ -183,7 +183,7 @@ pub struct Health {
     faults: [FaultMemory; FAULTS],
 }
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct FaultMemory {
     /// Levels reached: index into [`STATES`].
     reached: usize,
@@ -210,6 +210,21 @@ impl Health {
             last: (HealthState::Unknown, [HealthState::Unknown; FAULTS]),
             faults: [FaultMemory::default(); FAULTS],
         })
+    }
+
+    /// The same memory under the levels and persistence of another.
+    #[must_use]
+    pub(crate) fn with_rules_of(self, other: &Self) -> Self {
+        Self {
+            levels: other.levels,
+            persistence: other.persistence,
+            ..self
+        }
+    }
+
+    /// Windows in a row that a worse state needs.
+    pub(crate) fn persistence(&self) -> u32 {
+        self.persistence
     }
 
     /// State after the last window.
@@ -264,7 +279,7 @@ fn is_fault(state: HealthState) -> bool {
 
 impl Judgement {
     /// Damage and sigma of a fault, if it was observable.
-    fn of(&self, fault: usize) -> Option<(f64, f64)> {
+    pub(crate) fn of(&self, fault: usize) -> Option<(f64, f64)> {
         let damage = self.damage[INDEX[fault]];
         let sigma = self.sigma.map_or(0.0, |sigma| sigma[INDEX[fault]]);
         (damage.is_finite() && sigma.is_finite() && sigma >= 0.0).then_some((damage, sigma))

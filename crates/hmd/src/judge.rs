@@ -4,24 +4,25 @@ mod records;
 mod types;
 
 use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
 use ema_ga::ConfigError as SearchError;
 use ema_ga::GaConfig;
-use ema_models::{Conditions, FAULT_COUNT, MotorDeviation, MotorKnowledge, Scale};
+use ema_models::{Conditions, FAULT_COUNT, FaultVector, MotorDeviation, MotorKnowledge, Scale};
 
 use crate::calibration::{CalibrationError, MonitorForm};
 use crate::config::{ActuatorConfig, Config, HealthConfig, IdentificationConfig, SearchMethod};
 use crate::front::WindowJob;
-use crate::health::{FAULTS, Health, Judgement, Levels, LevelsError};
+use crate::function::shortfall;
+use crate::health::{FAULTS, Judgement, Levels, LevelsError};
 use crate::identify::{Estimate, Fit, Identifier, Method, Population};
+use crate::life::{EventError, Lives, Shown, events_of};
 use crate::outliers::identify_without_outliers;
 use crate::record;
 use crate::seed::mix;
 use crate::unit::{UnitCalibration, UnitError};
 use crate::window::Verdict;
-use records::{dominant_fault, health_record, window_record};
+use records::{health_record, rul_record, window_record};
 use types::KnownType;
 pub use types::model_hash;
 
@@ -50,6 +51,9 @@ pub enum JudgeError {
     /// The health levels contradict each other.
     #[error("health: {0}")]
     Levels(#[from] LevelsError),
+    /// The maintenance events cannot be read.
+    #[error("rul.events: {0}")]
+    Events(#[from] EventError),
 }
 
 /// Judges the windows of all actuators, in the order in which they come.
@@ -60,7 +64,7 @@ pub struct Judge {
     seed: u64,
     types: BTreeMap<String, KnownType>,
     motors: BTreeMap<String, MotorKnowledge>,
-    units: BTreeMap<String, Health>,
+    lives: Lives,
     counts: WindowCounts,
 }
 
@@ -94,14 +98,28 @@ impl Judge {
     pub fn new(config: Arc<Config>, seed: u64) -> Self {
         let method = method(config.identification());
         Self {
+            lives: Lives::new(config.clone()),
             config,
             method,
             seed,
             types: BTreeMap::new(),
             motors: BTreeMap::new(),
-            units: BTreeMap::new(),
             counts: WindowCounts::default(),
         }
+    }
+
+    /// Reads the maintenance events of the configuration, again if they were read before.
+    ///
+    /// # Errors
+    /// A file that is there and cannot be read.
+    pub fn follow_events(&mut self) -> Result<(), JudgeError> {
+        self.lives.follow(events_of(&self.config)?);
+        Ok(())
+    }
+
+    /// Lives of all actuators.
+    pub fn lives(&mut self) -> &mut Lives {
+        &mut self.lives
     }
 
     /// Windows so far.
@@ -164,21 +182,24 @@ impl Judge {
             "unmodelled" => self.counts.unmodelled += 1,
             _ => self.counts.invalid += 1,
         }
-        let decision = self
-            .unit(&job.actuator.name)?
-            .update(job.window.number, explained.map(judgement).as_ref());
+        let config = self.config.clone();
+        let specification = job.actuator.specification;
+        let coefficients = self.known_type(&job.actuator)?.calibration.coefficients();
+        let falls_short = |fault: &FaultVector| shortfall(&job.params, &coefficients, &specification, fault);
+        let judged = explained.map(judgement);
+        let shown = Shown {
+            judgement: judged.as_ref(),
+            fault: explained.map(|estimate| &estimate.fault),
+            fit: &fit,
+            shortfall: specification.is_set().then_some(&falls_short as _),
+        };
+        let life = self.lives.at(&job.actuator, job.window.t_start_ns)?;
+        let decision = life.update(&job, &shown, &config);
         let reason = reasons.join("; ");
         Ok(Judged {
             window: window_record(&job, status, &reason, fit),
             health: health_record(&job, status, &reason, found.as_ref(), &decision),
-            rul: record::Rul {
-                actuator: job.actuator.name.clone(),
-                window: job.window.number,
-                t_start_ns: job.window.t_start_ns,
-                dominant_fault: dominant_fault(&decision, found.as_ref()),
-                reason: "no trend yet".to_owned(),
-                ..record::Rul::default()
-            },
+            rul: rul_record(&job, found.as_ref(), &decision, config.rul().horizon_h),
         })
     }
 
@@ -247,13 +268,6 @@ impl Judge {
         self.motors.insert(actuator.name.clone(), found);
         Ok(found)
     }
-
-    fn unit(&mut self, name: &str) -> Result<&mut Health, JudgeError> {
-        match self.units.entry(name.to_owned()) {
-            Entry::Occupied(known) => Ok(known.into_mut()),
-            Entry::Vacant(new) => Ok(new.insert(new_health(self.config.health())?)),
-        }
-    }
 }
 
 /// The search that a configuration asks for.
@@ -282,11 +296,10 @@ pub fn levels(section: &HealthConfig) -> [Levels; FAULTS] {
     })
 }
 
-fn new_health(section: &HealthConfig) -> Result<Health, LevelsError> {
-    Health::new(
-        levels(section),
-        section.levels().iter().map(|l| l.persistence).max().unwrap_or(1),
-    )
+/// Windows in a row that a worse state needs: the most that any fault asks for.
+#[must_use]
+pub fn persistence(section: &HealthConfig) -> u32 {
+    section.levels().iter().map(|l| l.persistence).max().unwrap_or(1)
 }
 
 /// What is known of a unit that nobody calibrated: resistance within ±5 % of its type and back-EMF within ±3 %, as the

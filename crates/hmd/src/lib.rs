@@ -2,7 +2,7 @@
 //!
 //! The data path, in order: [`ingest`] turns a source into timed [`frame`]s; [`front`] decodes them ([`channel`]) and cuts
 //! actuation windows ([`window`]); [`judge`] identifies each window ([`identify`], with a type's [`calibration`]) and
-//! decides on [`health`]; [`recorder`] writes the [`record`]s through [`sink`]. [`replay`] drives the [`pipeline`] from files,
+//! decides on [`health`] and on how long it will last ([`mod@rul`]); [`recorder`] writes the [`record`]s through [`sink`]. [`replay`] drives the [`pipeline`] from files,
 //! [`daemon`] from live sources. [`simulate`] makes traffic from the reference model, [`calibrate`] and [`evaluate`] measure
 //! the monitor against it, [`mod@bench`] how fast it is.
 
@@ -17,19 +17,26 @@ pub mod daemon;
 pub mod evaluate;
 pub mod frame;
 pub mod front;
+pub mod function;
 pub mod health;
 pub mod identify;
 pub mod ingest;
 pub mod judge;
+pub mod life;
+pub mod metrics;
 pub mod outliers;
 pub mod pipeline;
 pub mod record;
 pub mod recorder;
+pub mod recover;
 pub mod replay;
+pub mod rul;
+pub mod seal;
 pub mod seed;
 pub mod simulate;
 pub mod simulated;
 pub mod sink;
+pub mod store;
 mod turns;
 pub mod unit;
 pub mod window;

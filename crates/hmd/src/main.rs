@@ -3,7 +3,9 @@
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use hmd::commands::{bench, calibrate, check_config, code_of, demo, evaluate, record, replay, run, simulate};
+use hmd::commands::{
+    bench, calibrate, check_config, code_of, demo, evaluate, event, inspect, record, recover, replay, run, simulate,
+};
 
 /// Health monitoring of electromechanical actuators: which part wears, how far, and how sure.
 #[derive(Debug, Parser)]
@@ -23,6 +25,9 @@ enum Verb {
     Run(run::Args),
     Record(record::Args),
     Replay(replay::Args),
+    Recover(recover::Args),
+    Event(event::Args),
+    Inspect(inspect::Args),
     Simulate(simulate::Args),
     Calibrate(calibrate::Args),
     Evaluate(evaluate::Args),
@@ -36,6 +41,9 @@ fn main() -> ExitCode {
         Verb::Run(args) => run::run(&args),
         Verb::Record(args) => record::run(&args),
         Verb::Replay(args) => replay::run(&args),
+        Verb::Recover(args) => recover::run(&args),
+        Verb::Inspect(args) => inspect::run(&args),
+        Verb::Event(args) => event::run(&args),
         Verb::Simulate(args) => simulate::run(&args),
         Verb::Calibrate(args) => calibrate::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),

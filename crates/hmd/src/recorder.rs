@@ -1,9 +1,12 @@
-//! Where live and replay put what they find: the records of a run in one MCAP file.
+//! Where live and replay put what they find: the records of a run in one MCAP file, or in a folder of segments.
+//!
+//! A file that cannot be written ends the run; a folder survives it ([`Store`]), counts what it loses and says so.
 
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io;
 use std::path::Path;
+use std::time::Instant;
 
 use crate::config::Config;
 use crate::frame::{BusNames, RawFrame};
@@ -11,6 +14,7 @@ use crate::front::{Notice, WindowJob};
 use crate::judge::Judged;
 use crate::record::{Dropped, Log, LogLevel, Record, Status};
 use crate::sink::{Sink, SinkError, SyncedFile};
+use crate::store::{Limits, RealDisk, Store, StoreError, StoreStatus};
 
 /// Why records cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -23,6 +27,9 @@ pub enum RecordError {
         /// What the system said.
         source: io::Error,
     },
+    /// There is no such folder for us.
+    #[error(transparent)]
+    Store(#[from] StoreError),
     /// The file cannot be written.
     #[error("{path}: {source}")]
     Sink {
@@ -33,10 +40,17 @@ pub enum RecordError {
     },
 }
 
-/// A record file in progress. Call [`Recorder::finish`].
-pub struct Recorder {
-    path: String,
-    sink: Sink<SyncedFile>,
+/// Records in progress. Call [`Recorder::finish`].
+pub struct Recorder(Output);
+
+enum Output {
+    File {
+        path: String,
+        // Much larger than the other variant's own size.
+        sink: Box<Sink<SyncedFile>>,
+        unsynced: bool,
+    },
+    Folder(Box<Store>),
 }
 
 impl Recorder {
@@ -50,9 +64,39 @@ impl Recorder {
             path: name.clone(),
             source,
         })?;
-        match Sink::new(SyncedFile::new(file), metadata) {
-            Ok(sink) => Ok(Self { path: name, sink }),
-            Err(source) => Err(RecordError::Sink { path: name, source }),
+        let sink = Sink::new(SyncedFile::new(file), metadata).map_err(|source| RecordError::Sink {
+            path: name.clone(),
+            source,
+        })?;
+        Ok(Self(Output::File {
+            path: name,
+            sink: Box::new(sink),
+            unsynced: false,
+        }))
+    }
+
+    /// Begins segments in a folder.
+    ///
+    /// # Errors
+    /// When there is no such folder for us.
+    pub fn open_folder(
+        folder: &Path,
+        metadata: &BTreeMap<String, String>,
+        limits: Limits,
+    ) -> Result<Self, RecordError> {
+        let store = Store::open(folder, metadata, limits, Box::new(RealDisk), Instant::now())?;
+        Ok(Self(Output::Folder(Box::new(store))))
+    }
+
+    /// A folder if the path is one or ends with a slash, else a file.
+    ///
+    /// # Errors
+    /// Those of [`Recorder::create`] and [`Recorder::open_folder`].
+    pub fn open(path: &Path, metadata: &BTreeMap<String, String>, limits: Limits) -> Result<Self, RecordError> {
+        if is_folder(path) {
+            Self::open_folder(path, metadata, limits)
+        } else {
+            Self::create(path, metadata)
         }
     }
 
@@ -61,23 +105,38 @@ impl Recorder {
     /// # Errors
     /// When the file cannot be written.
     pub fn raw(&mut self, frame: &RawFrame, names: &BusNames) -> Result<(), RecordError> {
-        let written = self.sink.raw(frame, names);
-        self.named(written)
+        match &mut self.0 {
+            Output::Folder(store) => {
+                store.raw(frame, names);
+                Ok(())
+            }
+            Output::File { .. } => self.file(|sink| sink.raw(frame, names)),
+        }
     }
 
-    /// Writes the records of a judged window, and brings all so far to the disk.
+    /// Writes the records of a judged window, and brings all records so far to the disk. Whether they are there.
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn judged(&mut self, judged: &Judged) -> Result<(), RecordError> {
+    pub fn judged(&mut self, judged: &Judged) -> Result<bool, RecordError> {
         let at = judged.health.t_start_ns;
-        let written = self
-            .sink
-            .write(at, &judged.window)
-            .and_then(|()| self.sink.write(at, &judged.health))
-            .and_then(|()| self.sink.write(at, &judged.rul))
-            .and_then(|()| self.sink.flush_window());
-        self.named(written)
+        match &mut self.0 {
+            Output::Folder(store) => {
+                store.write(at, &judged.window);
+                store.write(at, &judged.health);
+                store.write(at, &judged.rul);
+                Ok(store.sync_records())
+            }
+            Output::File { .. } => {
+                self.file(|sink| {
+                    sink.write(at, &judged.window)?;
+                    sink.write(at, &judged.health)?;
+                    sink.write(at, &judged.rul)
+                })?;
+                self.sync_file()?;
+                Ok(true)
+            }
+        }
     }
 
     /// Says that a window was dropped.
@@ -91,7 +150,13 @@ impl Recorder {
             window: job.window.number,
             t_start_ns: at,
         };
-        self.write(at, &record)
+        match &mut self.0 {
+            Output::Folder(store) => {
+                store.write_to_both(at, &record);
+                Ok(())
+            }
+            Output::File { .. } => self.write(at, &record),
+        }
     }
 
     /// Writes a line for an operator.
@@ -111,31 +176,84 @@ impl Recorder {
         self.write(stamp_ns, status)
     }
 
-    /// Ends the file.
+    /// To be called every second: brings what was taken to the disk. What an operator should read about the storage.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn tick(&mut self, now: Instant) -> Result<Vec<(LogLevel, String)>, RecordError> {
+        match &mut self.0 {
+            Output::Folder(store) => Ok(store.tick(now)),
+            Output::File { .. } => self.sync_file().map(|()| Vec::new()),
+        }
+    }
+
+    /// What an operator should read about the storage, since the last time.
+    pub fn take_messages(&mut self) -> Vec<(LogLevel, String)> {
+        match &mut self.0 {
+            Output::Folder(store) => store.take_messages(),
+            Output::File { .. } => Vec::new(),
+        }
+    }
+
+    /// How a folder stands; `None` for a file.
+    #[must_use]
+    pub fn store_status(&self) -> Option<StoreStatus> {
+        match &self.0 {
+            Output::Folder(store) => Some(store.status()),
+            Output::File { .. } => None,
+        }
+    }
+
+    /// Ends the file or the segments; how a folder stands then.
     ///
     /// # Errors
     /// When the file cannot be written; it can then be read up to its last whole chunk.
-    pub fn finish(self) -> Result<(), RecordError> {
-        match self.sink.finish() {
-            Ok(_) => Ok(()),
-            Err(source) => Err(RecordError::Sink {
-                path: self.path,
-                source,
-            }),
+    pub fn finish(self) -> Result<Option<StoreStatus>, RecordError> {
+        match self.0 {
+            Output::Folder(store) => Ok(Some(store.finish())),
+            Output::File { path, sink, .. } => match sink.finish() {
+                Ok(_) => Ok(None),
+                Err(source) => Err(RecordError::Sink { path, source }),
+            },
         }
     }
 
     fn write<R: Record>(&mut self, at_ns: u64, record: &R) -> Result<(), RecordError> {
-        let written = self.sink.write(at_ns, record);
-        self.named(written)
+        match &mut self.0 {
+            Output::Folder(store) => {
+                store.write(at_ns, record);
+                Ok(())
+            }
+            Output::File { .. } => self.file(|sink| sink.write(at_ns, record)),
+        }
     }
 
-    fn named(&self, written: Result<(), SinkError>) -> Result<(), RecordError> {
-        written.map_err(|source| RecordError::Sink {
-            path: self.path.clone(),
+    fn file(&mut self, put: impl FnOnce(&mut Sink<SyncedFile>) -> Result<(), SinkError>) -> Result<(), RecordError> {
+        let Output::File { path, sink, unsynced } = &mut self.0 else {
+            unreachable!("only called for a file")
+        };
+        *unsynced = true;
+        put(sink).map_err(|source| RecordError::Sink {
+            path: path.clone(),
             source,
         })
     }
+
+    fn sync_file(&mut self) -> Result<(), RecordError> {
+        if matches!(&self.0, Output::File { unsynced: true, .. }) {
+            self.file(Sink::flush_window)?;
+            if let Output::File { unsynced, .. } = &mut self.0 {
+                *unsynced = false;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether an output is meant as a folder: it is one, or its name ends with a slash.
+#[must_use]
+pub fn is_folder(path: &Path) -> bool {
+    path.is_dir() || path.as_os_str().as_encoded_bytes().ends_with(b"/")
 }
 
 /// Metadata of a record file.

@@ -16,6 +16,8 @@ use crate::judge::{Judge, JudgeError, Judged};
 use crate::pipeline::Pipeline;
 use crate::record::{Dropped, LogLevel, Record, Status};
 use crate::recorder::{RecordError, Recorder, metadata};
+use crate::seal::is_sealed;
+use crate::sink::METADATA_NAME;
 
 /// Why a replay failed.
 #[derive(Debug, thiserror::Error)]
@@ -97,6 +99,10 @@ struct Run<'a, O> {
     /// Newest stamp of each interface, ns: frames of a later log up to it have been seen or come out of order.
     newest_ns: BTreeMap<u16, u64>,
     damaged_places: u64,
+    /// Serial numbers by actuator, as the logs so far told.
+    serial_numbers: BTreeMap<String, String>,
+    /// Run and number of the segment read last, if it was one.
+    segment: Option<(String, u64)>,
 }
 
 impl Replay<'_> {
@@ -116,15 +122,19 @@ impl Replay<'_> {
             Some(path) => Some(self.create(path)?),
             None => None,
         };
+        let mut judge = Judge::new(self.config.clone(), self.seed);
+        judge.follow_events()?;
         let mut run = Run {
             pipeline: Pipeline::new(self.config.clone()),
-            judge: Judge::new(self.config.clone(), self.seed),
+            judge,
             recorder,
             observer,
             windows: 0,
             dropped: dropped_windows(self.logs),
             newest_ns: BTreeMap::new(),
             damaged_places: 0,
+            serial_numbers: BTreeMap::new(),
+            segment: None,
         };
         let mut read_before = 0;
         for log in self.logs {
@@ -132,8 +142,15 @@ impl Replay<'_> {
                 Some(source) => source,
                 None => open_with(log, names)?,
             };
-            names = run.one_log(log, source, &mut read_before, self.config.output().raw_frames)?;
+            let continued = run.continues(&source);
+            if !continued {
+                run.end_windows()?;
+            }
+            run.follow_units(log)?;
+            let store_raw = self.config.output().raw_frames;
+            names = run.one_log(log, source, continued, &mut read_before, store_raw)?;
         }
+        run.end_windows()?;
         run.finish(&names)
     }
 
@@ -156,12 +173,18 @@ impl<O: Observer> Run<'_, O> {
         &mut self,
         log: &Path,
         mut source: FrameSource,
+        continued: bool,
         read_before: &mut u64,
         store_raw: bool,
     ) -> Result<BusNames, ReplayError> {
         let mut ended = Vec::new();
         let mut frames = 0u64;
-        let seen_ns = self.newest_ns.clone();
+        // The clock may have stepped back between two segments of one run; no frame is in both.
+        let seen_ns = if continued {
+            BTreeMap::new()
+        } else {
+            self.newest_ns.clone()
+        };
         let mut overlapping = 0u64;
         while let Some(item) = source.next() {
             match item {
@@ -193,9 +216,42 @@ impl<O: Observer> Run<'_, O> {
             let stamp_ns = self.pipeline.last_stamp_ns();
             self.notice(&Notice { stamp_ns, message }, LogLevel::Error)?;
         }
-        self.pipeline.finish(&mut ended);
-        self.judge_all(&mut ended)?;
         Ok(source.into_bus_names())
+    }
+
+    /// A unit whose serial number is another than in the logs before begins a life of its own.
+    fn follow_units(&mut self, log: &Path) -> Result<(), ReplayError> {
+        for (actuator, serial) in serial_numbers(log) {
+            let before = self.serial_numbers.insert(actuator.clone(), serial.clone());
+            let Some(before) = before.filter(|before| *before != serial) else {
+                continue;
+            };
+            if self.judge.lives().end(&actuator) {
+                let message = format!("{actuator}: a new life begins, unit {serial} after {before}");
+                let stamp_ns = self.pipeline.last_stamp_ns();
+                self.notice(&Notice { stamp_ns, message }, LogLevel::Info)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a log goes on where the one before ended: the next segment of the same run, and none lost between.
+    fn continues(&mut self, source: &FrameSource) -> bool {
+        let metadata = source.metadata(METADATA_NAME).filter(|found| is_sealed(found));
+        let segment = metadata.and_then(|found| {
+            let number = found.get("segment")?.parse().ok()?;
+            Some((found.get("run")?.clone(), number))
+        });
+        let next = self.segment.take().map(|(run, number)| (run, number + 1));
+        let continued = segment.is_some() && next == segment;
+        self.segment = segment;
+        continued
+    }
+
+    fn end_windows(&mut self) -> Result<(), ReplayError> {
+        let mut ended = Vec::new();
+        self.pipeline.finish(&mut ended);
+        self.judge_all(&mut ended)
     }
 
     fn judge_all(&mut self, ended: &mut Vec<WindowJob>) -> Result<(), ReplayError> {
@@ -213,6 +269,10 @@ impl<O: Observer> Run<'_, O> {
                 continue;
             }
             let judged = self.judge.judge(job)?;
+            for message in self.judge.lives().take_notices() {
+                let stamp_ns = judged.health.t_start_ns;
+                self.notice(&Notice { stamp_ns, message }, LogLevel::Info)?;
+            }
             if let Some(recorder) = &mut self.recorder {
                 recorder.judged(&judged)?;
             }
@@ -262,6 +322,28 @@ impl<O: Observer> Run<'_, O> {
     }
 }
 
+/// Serial numbers of the actuators in a log, as its writer's configuration said; none in a text log.
+fn serial_numbers(log: &Path) -> BTreeMap<String, String> {
+    let mut found = BTreeMap::new();
+    // Nothing else than a regular file can be read twice.
+    if !log.metadata().is_ok_and(|of| of.is_file()) {
+        return found;
+    }
+    let Ok(file) = File::open(log) else { return found };
+    let Ok(mut messages) = McapMessages::new(BufReader::new(file), &log.display().to_string()) else {
+        return found;
+    };
+    // The metadata stand before the first message.
+    let _ = messages.next();
+    let metadata = messages.metadata(METADATA_NAME).filter(|found| is_sealed(found));
+    for (key, value) in metadata.into_iter().flatten() {
+        if let Some(actuator) = key.strip_suffix(".serial_number") {
+            found.insert(actuator.to_owned(), value.clone());
+        }
+    }
+    found
+}
+
 /// The windows that a live run dropped, out of the logs that it wrote.
 ///
 /// They must be known before they are met, and a run says so only later. A log that cannot be read has none; it is
@@ -287,4 +369,73 @@ fn dropped_windows(logs: &[PathBuf]) -> BTreeSet<(String, u64)> {
         dropped.extend(records.map(|record| (record.actuator, record.t_start_ns)));
     }
     dropped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_tells_the_serial_numbers_of_its_units() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("unit.mcap");
+        let text = "[[actuator]]\nid = 0\nserial_number = \"S7\"";
+        let config = Config::from_toml_str(text, "test").unwrap();
+        let mut recorder = Recorder::create(&path, &metadata(&config, "log", 1)).unwrap();
+        recorder.status(1, &Status::default()).unwrap();
+        recorder.finish().unwrap();
+        let expected = BTreeMap::from([("ema0".to_owned(), "S7".to_owned())]);
+        assert_eq!(serial_numbers(&path), expected);
+        let mut bytes = std::fs::read(&path).unwrap();
+        let at = bytes.windows(2).position(|two| two == b"S7").unwrap();
+        bytes[at + 1] = b'8';
+        std::fs::write(&path, bytes).unwrap();
+        assert_eq!(serial_numbers(&path), BTreeMap::new(), "no checksum vouches for S8");
+        std::fs::write(&path, "no log").unwrap();
+        assert_eq!(serial_numbers(&path), BTreeMap::new());
+    }
+
+    #[test]
+    fn another_unit_begins_its_own_life() {
+        struct Nobody;
+        impl Observer for Nobody {
+            fn judged(&mut self, _: &Judged) -> io::Result<()> {
+                Ok(())
+            }
+            fn notice(&mut self, _: &str) {}
+            fn progress(&mut self, _: u64) {}
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let config = Arc::new(Config::default());
+        let mut run = Run {
+            pipeline: Pipeline::new(config.clone()),
+            judge: Judge::new(config.clone(), 1),
+            recorder: None,
+            observer: &mut Nobody,
+            windows: 0,
+            dropped: BTreeSet::new(),
+            newest_ns: BTreeMap::new(),
+            damaged_places: 0,
+            serial_numbers: BTreeMap::new(),
+            segment: None,
+        };
+        let log = |serial: &str| {
+            let path = folder.path().join(format!("{serial}.mcap"));
+            let text = format!("[[actuator]]\nid = 0\nserial_number = \"{serial}\"");
+            let of = Config::from_toml_str(&text, "test").unwrap();
+            let mut recorder = Recorder::create(&path, &metadata(&of, "log", 1)).unwrap();
+            recorder.status(1, &Status::default()).unwrap();
+            recorder.finish().unwrap();
+            path
+        };
+        let actuator = config.actuator_named("ema0").unwrap();
+        let (first, second) = (log("S1"), log("S2"));
+        run.follow_units(&first).unwrap();
+        run.judge.lives().at(actuator, 1).unwrap();
+        run.follow_units(&first).unwrap();
+        assert!(run.judge.lives().end("ema0"), "the same unit goes on");
+        run.judge.lives().at(actuator, 2).unwrap();
+        run.follow_units(&second).unwrap();
+        assert!(!run.judge.lives().end("ema0"), "another one does not");
+    }
 }

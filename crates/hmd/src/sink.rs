@@ -9,6 +9,7 @@
 
 use crate::frame::{BusError, BusNames, RawFrame};
 use crate::record::{RawBatch, Record, SCHEMA_VERSION};
+use crate::seal::seal;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapError, WriteOptions, Writer};
 use prost::Message;
@@ -62,6 +63,16 @@ pub enum SinkError {
     },
 }
 
+/// How every MCAP file of ours is written.
+pub(crate) fn write_options() -> WriteOptions {
+    WriteOptions::new()
+        .library(concat!("hmd/", env!("CARGO_PKG_VERSION")))
+        .compression(Some(mcap::Compression::Zstd))
+        .compression_threads(0)
+        .chunk_size(Some(CHUNK_BYTES))
+        .disable_seeking(true)
+}
+
 fn root_cause(error: &McapError) -> String {
     match error {
         McapError::Io(io) => io.to_string(),
@@ -102,12 +113,15 @@ impl<W: Write + Seek> Sink<W> {
     /// # Errors
     /// When `out` cannot be written.
     pub fn new(out: W, metadata: &BTreeMap<String, String>) -> Result<Self, SinkError> {
-        let options = WriteOptions::new()
-            .library(concat!("hmd/", env!("CARGO_PKG_VERSION")))
-            .compression(Some(mcap::Compression::Zstd))
-            .compression_threads(0)
-            .chunk_size(Some(CHUNK_BYTES))
-            .disable_seeking(true);
+        Self::with_profile(out, metadata, "")
+    }
+
+    /// The same with a profile in the header, by which a file is known again.
+    ///
+    /// # Errors
+    /// When `out` cannot be written.
+    pub fn with_profile(out: W, metadata: &BTreeMap<String, String>, profile: &str) -> Result<Self, SinkError> {
+        let options = write_options().profile(profile);
         let bytes = Arc::new(AtomicU64::new(0));
         let mut sink = Self {
             writer: options.create(Counting {
@@ -125,14 +139,16 @@ impl<W: Write + Seek> Sink<W> {
         Ok(sink)
     }
 
-    /// Adds a further metadata record, for what is known only later.
+    /// Adds a further metadata record, for what is known only later; it gets a checksum ([`mod@crate::seal`]).
     ///
     /// # Errors
     /// When the file cannot be written.
     pub fn metadata(&mut self, name: &str, metadata: &BTreeMap<String, String>) -> Result<(), SinkError> {
+        let mut metadata = metadata.clone();
+        seal(&mut metadata);
         Ok(self.writer.write_metadata(&Metadata {
             name: name.to_owned(),
-            metadata: metadata.clone(),
+            metadata,
         })?)
     }
 

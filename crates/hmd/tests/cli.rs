@@ -872,3 +872,121 @@ fn a_unit_is_calibrated_from_healthy_windows_only() {
         refused.stderr
     );
 }
+
+#[test]
+fn the_demo_wears_out_in_order_and_its_forecast_converges() {
+    let folder = Folder::new();
+    let ended = folder.command("demo").output().expect("hmd starts");
+    assert_eq!(ended.status.code(), Some(0));
+    let text = String::from_utf8(ended.stdout).expect("text");
+    let rows: Vec<&str> = text.lines().filter(|line| line.contains(" ema0 ")).collect();
+    let mut states: Vec<&str> = rows
+        .iter()
+        .filter_map(|row| {
+            ["nominal", "watch", "warning", "critical"]
+                .into_iter()
+                .find(|state| row.contains(state))
+        })
+        .collect();
+    assert_eq!(states.len(), rows.len(), "every row has its state: {text}");
+    states.dedup();
+    assert_eq!(states, ["nominal", "watch", "warning", "critical"]);
+    // Friction reaches 80 % at 0.8 / 0.75 of the hours shown.
+    let hours = |row: &str| row.split_whitespace().next().and_then(|h| h.parse::<f64>().ok());
+    let end = rows.last().and_then(|row| hours(row)).expect("hours") * 0.8 / 0.75;
+    for row in &rows[rows.len() / 2..] {
+        let now = hours(row).expect("hours");
+        let left: f64 = row
+            .split_whitespace()
+            .nth(1)
+            .and_then(|left| left.parse().ok())
+            .expect("a forecast");
+        assert!(
+            (now + left - end).abs() < 0.1 * end,
+            "{row}: expected the end at {end:.0} h"
+        );
+    }
+}
+
+#[test]
+fn an_event_needs_a_place_and_a_known_actuator() {
+    let folder = Folder::new();
+    fs::write(folder.path("none.toml"), "").expect("a file");
+    assert!(
+        folder
+            .refused("event --reset ema0 -c none.toml", 2)
+            .contains("rul.events")
+    );
+    fs::write(folder.path("hmd.toml"), "[rul]\nevents = \"events.jsonl\"\n").expect("a file");
+    assert!(folder.refused("event --reset nobody -c hmd.toml", 2).contains("nobody"));
+    let told = folder
+        .command("event --reset ema0 -c hmd.toml --at 5")
+        .output()
+        .expect("hmd starts");
+    assert_eq!(told.status.code(), Some(0));
+    let line = fs::read_to_string(folder.path("events.jsonl")).expect("the events");
+    assert_eq!(line, "{\"t_ns\":5,\"actuator\":\"ema0\",\"event\":\"reset\"}\n");
+    fs::write(folder.path("events.jsonl"), "nonsense\n").expect("a file");
+    fs::write(folder.path("empty.log"), "").expect("a file");
+    assert!(
+        folder
+            .refused("replay empty.log -c hmd.toml", 78)
+            .contains("events.jsonl:1: expected a maintenance event")
+    );
+}
+
+#[test]
+fn a_recorded_history_is_shown_in_three_forms() {
+    let folder = Folder::new();
+    assert!(
+        folder
+            .command("demo -o life.mcap")
+            .output()
+            .expect("hmd starts")
+            .status
+            .success()
+    );
+    let shown = |options: &str| {
+        let ended = folder
+            .command(&format!("inspect life.mcap {options}"))
+            .output()
+            .expect("hmd starts");
+        assert_eq!(ended.status.code(), Some(0));
+        String::from_utf8(ended.stdout).expect("text")
+    };
+    let (table, json, csv) = (shown(""), shown("--json"), shown("--csv"));
+    let windows = json.lines().count();
+    assert!(windows > 10 && csv.lines().count() == windows + 1 && table.lines().count() == windows + 1);
+    let last: serde_json::Value = serde_json::from_str(json.lines().last().expect("a line")).expect("JSON");
+    assert_eq!(last["health"], "critical");
+    assert_eq!(last["dominant_fault"], "friction");
+    assert!(last["rul_h"]["p50"].is_f64() && last["damage"]["friction"].is_f64());
+    let columns = |line: &str| line.split(',').count();
+    assert!(
+        csv.lines()
+            .all(|line| columns(line) == columns(csv.lines().next().expect("a head")))
+    );
+    // Replay of the same frames says the same.
+    let config = "[rul]\nhours = \"elapsed\"\nwarning_h = 500\ncritical_h = 200\n";
+    fs::write(folder.path("hmd.toml"), config).expect("a file");
+    let replayed = folder
+        .command("replay life.mcap -c hmd.toml --json")
+        .output()
+        .expect("hmd starts");
+    let replayed = String::from_utf8(replayed.stdout).expect("text");
+    assert_eq!(replayed.lines().count(), windows);
+    for (shown, replayed) in json.lines().zip(replayed.lines()) {
+        let [shown, replayed]: [serde_json::Value; 2] =
+            [shown, replayed].map(|line| serde_json::from_str(line).expect("JSON"));
+        for key in ["window", "health", "rul_h", "rul_cycles"] {
+            assert_eq!(shown[key], replayed[key], "{key}");
+        }
+    }
+    folder.refused("inspect missing.mcap", 1);
+    fs::write(folder.path("text.log"), "no log\n").expect("a file");
+    assert!(
+        folder
+            .refused("inspect text.log", 1)
+            .contains("expected records of windows")
+    );
+}

@@ -108,7 +108,7 @@ fn every_parameter_can_be_overridden() {
             count += 1;
         }
     }
-    assert_eq!(count, 26);
+    assert_eq!(count, 32);
 }
 
 #[test]
@@ -523,4 +523,52 @@ proptest! {
             prop_assert_eq!(config.hash(), Config::from_toml_str(&text, "hmd.toml").unwrap().hash());
         }
     }
+}
+
+/// Requirement S-13 of `docs/safety.md`.
+#[test]
+fn drop_ins_add_to_the_file_and_errors_name_theirs() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::create_dir(at("conf.d")).unwrap();
+    let write = |name: &str, text: &str| std::fs::write(at(name), text).unwrap();
+    write(
+        "hmd.toml",
+        "[[actuator]]\nid = 0\nbus = \"can0\"\n[health]\nwatch = 0.04\nwarning = 0.2\n[type.x]\nbased_on = \"bench\"\n",
+    );
+    write(
+        "conf.d/10-more.toml",
+        "[[actuator]]\nid = 1\n[health]\nwarning = 0.25\n",
+    );
+    write(
+        "conf.d/20-last.toml",
+        "health.warning = 0.27\n[type.x.motor]\npole_pairs = 3\n",
+    );
+    write("conf.d/notes.txt", "not TOML");
+    let load = || Config::load(at("hmd.toml"));
+    let config = load().unwrap();
+    assert_eq!(config.actuators().len(), 2);
+    let levels = config.health().levels()[0];
+    let motor = config.actuator_type("x").unwrap().params.motor;
+    let found = format!("{} {} {}", levels.watch, levels.warning, motor.pole_pairs);
+    assert_eq!(found, "0.04 0.27 3");
+
+    let refused = |text: &str| {
+        write("conf.d/20-last.toml", text);
+        let error = load().unwrap_err().to_string();
+        error.replace(&format!("{}/", folder.path().display()), "")
+    };
+    assert_eq!(
+        refused("# a line\n[health]\nwarning = 7\n"),
+        "conf.d/20-last.toml:3: health.warning: expected a number from 0.001 to 1, found 7"
+    );
+    assert!(refused("\nhelth = 1\n").starts_with("conf.d/20-last.toml:2: helth: unknown key; did you mean health?"));
+    assert!(refused("[[actuator]]\nid = 1\n").starts_with("conf.d/20-last.toml:2: actuator[2].id: expected a number"));
+    assert!(
+        refused("\n\n= 1").starts_with("conf.d/20-last.toml:3: not valid TOML"),
+        "{}",
+        refused("\n\n= 1")
+    );
+    // A table against a value.
+    assert!(refused("health = 3\n").starts_with("conf.d/20-last.toml:1: health: expected a table"));
 }

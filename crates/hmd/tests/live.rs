@@ -5,19 +5,21 @@ use std::future::pending;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 
 use ema_models::reference::{Actuations, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
 use hmd::config::Config;
 use hmd::daemon::{Daemon, Observer};
-use hmd::frame::{FrameFlags, RawFrame};
+use hmd::frame::{BusNames, FrameFlags, RawFrame};
 use hmd::ingest::live::LiveSource;
 use hmd::judge::Judged;
 use hmd::record::{HealthLine, Status};
 use hmd::recorder::{Recorder, metadata};
 use hmd::replay::{self, Replay};
 use hmd::simulate::{EPOCH_NS, traffic};
+use hmd::store::Limits;
 
 const SEED: u64 = 7;
 
@@ -136,6 +138,66 @@ fn a_run_replays_to_the_same_lines() {
         status.windows_ok + status.windows_degraded + status.windows_invalid + status.windows_unmodelled,
         6
     );
+}
+
+/// Health lines of a replay of several logs.
+fn lines_of(logs: &[PathBuf]) -> Vec<String> {
+    let lines = Lines::default();
+    let replay = Replay {
+        logs,
+        output: None,
+        config: config(),
+        seed: SEED,
+    };
+    replay.run(&mut &lines).unwrap();
+    lines.health.into_inner().unwrap()
+}
+
+/// Windows lie across the ends of segments, and the clock steps back at one of them.
+#[test]
+fn segments_of_one_run_replay_like_one_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let one = folder.path().join("one.mcap");
+    let several = folder.path().join("several");
+    let limits = Limits {
+        segment_bytes: 1,
+        ..Limits::new(1, 3600, 1000, 0)
+    };
+    let metadata = metadata(&config(), "test", SEED);
+    let mut recorders = [
+        Recorder::create(&one, &metadata).unwrap(),
+        Recorder::open_folder(&several, &metadata, limits).unwrap(),
+    ];
+    let mut names = BusNames::new();
+    names.intern("can1").unwrap();
+    let mut now = Instant::now();
+    let mut traffic = frames(0, 4);
+    for frame in &mut traffic[800..] {
+        frame.stamp_ns -= 100_000_000;
+    }
+    for part in traffic.chunks(400) {
+        for recorder in &mut recorders {
+            for frame in part {
+                recorder.raw(frame, &names).unwrap();
+            }
+            assert_eq!(recorder.tick(now).unwrap(), []);
+        }
+        now += Duration::from_secs(1);
+    }
+    for recorder in recorders {
+        recorder.finish().unwrap();
+    }
+    let entries = std::fs::read_dir(&several).unwrap();
+    let mut logs: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+    logs.retain(|log| log.to_string_lossy().ends_with("-raw.mcap"));
+    logs.sort();
+    assert!(logs.len() > 5, "{logs:?}");
+    let expected = lines_of(&[one]);
+    assert_eq!(expected.len(), 4);
+    assert_eq!(lines_of(&logs), expected);
+    // Without one of them, what was open ends there.
+    logs.remove(logs.len() / 2);
+    assert_ne!(lines_of(&logs), expected);
 }
 
 #[test]

@@ -8,8 +8,9 @@ use crate::calibration::MonitorForm;
 use crate::config::SearchMethod;
 use crate::evaluate::{
     CONDITION_ROWS, Case, DetectionReport, NOISE_RATES_HZ, NoiseReport, PROFILE_ROWS, PaperReport, ProfilesReport,
-    RandomReport, conditions, detection, noise, paper, profiles, random,
+    RandomReport, RulReport, Scores, conditions, detection, noise, paper, profiles, random, rul,
 };
+use crate::health::FAULTS;
 use crate::judge::{Judge, levels};
 
 /// Measure the accuracy of the identification.
@@ -18,8 +19,8 @@ pub struct Args {
     /// The suite.
     #[arg(value_enum)]
     suite: Suite,
-    /// Number of random fault vectors, 200 without it (`detection`: motors, 100; `profiles`, `conditions`: 20 for
-    /// each row); the suite `paper` has a fixed content.
+    /// Number of random fault vectors, of motors (`detection`), of histories per fault (`rul`) or of pairs of windows for
+    /// each row (`profiles`, `conditions`); 200 without it, 100 motors, 20 pairs. The suite `paper` has a fixed content.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     n: Option<u64>,
     /// Seed of the suite.
@@ -60,6 +61,8 @@ enum Suite {
     Profiles,
     /// Cold and hot motors, high and low supply, with noise, at 2 kHz and 400 Hz.
     Conditions,
+    /// Remaining life foretold over whole histories of estimates, beside an oracle.
+    Rul,
 }
 
 /// Runs the verb.
@@ -75,6 +78,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     }
     let config = load_config(args.config.as_deref())?;
     use_threads(args.threads.map(usize::from))?;
+    if args.suite == Suite::Rul {
+        return run_rul(args);
+    }
     let levels = levels(config.health());
     let mut judge = Judge::new(Arc::new(config), args.seed);
     let Some(identifier) = judge.identifier(&args.actuator, args.monitor, args.method)? else {
@@ -142,7 +148,23 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
                 profiles_table(&report)
             })?;
         }
+        // It needs no identifier, and has run.
+        Suite::Rul => {}
     }
+    Ok(Exit::Done)
+}
+
+/// The one suite that identifies nothing: its estimates are drawn.
+fn run_rul(args: &Args) -> anyhow::Result<Exit> {
+    let n = args.n.unwrap_or(200);
+    let bar = progress::over_pieces(n * FAULTS as u64);
+    let report = rul(n, args.seed, &|| bar.inc(1))?;
+    bar.finish_and_clear();
+    say(&if args.json {
+        serde_json::to_string(&report)?
+    } else {
+        rul_table(&report)
+    })?;
     Ok(Exit::Done)
 }
 
@@ -258,4 +280,30 @@ fn profiles_table(report: &ProfilesReport) -> String {
         );
     }
     text
+}
+
+/// Our scores and the oracle's, `ours / oracle`.
+fn rul_table(report: &RulReport) -> String {
+    let mut text =
+        "| histories | α-λ passed, % | horizon, % of life | cumulative relative accuracy | 80 % interval covers, % \
+                    | convergence |\n|---|---|---|---|---|---|"
+            .to_owned();
+    let mut row = |name: &str, histories: usize, ours: &Scores, oracle: &Scores| {
+        let percent = |of: fn(&Scores) -> f64| format!("{:.1} / {:.1}", 100.0 * of(ours), 100.0 * of(oracle));
+        let share = |of: fn(&Scores) -> f64| format!("{:.3} / {:.3}", of(ours), of(oracle));
+        text += &format!(
+            "\n| {name} ({histories}) | {} | {} | {} | {} | {} |",
+            percent(|s| s.alpha_lambda_pass_rate),
+            percent(|s| s.prognostic_horizon_fraction),
+            share(|s| s.cra),
+            percent(|s| s.coverage_80),
+            share(|s| s.convergence),
+        );
+    };
+    for group in &report.groups {
+        row(&group.name, group.histories, &group.scores, &group.oracle);
+    }
+    let all = report.histories_per_fault as usize * FAULTS;
+    row("**all**", all, &report.scores, &report.oracle);
+    text + "\n\nEach cell: this monitor / an oracle that knows the true law and how its parameters are distributed."
 }

@@ -1,6 +1,9 @@
 //! What the verbs that run until they are told to stop have in common.
 
+use std::io;
+
 use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::mpsc;
 
 use super::Exit;
 use crate::record::Status;
@@ -18,6 +21,41 @@ pub(super) async fn stop_signal() {
     }
 }
 
+/// What an operator asks of a running daemon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Asked {
+    /// SIGINT or SIGTERM.
+    Stop,
+    /// SIGHUP.
+    Reload,
+}
+
+/// Requests that wait while one is carried out; more say nothing new.
+const WAITING_MAX: usize = 8;
+
+/// Signals from now on, on a thread of their own: between two runs of the daemon none is missed.
+pub(super) fn signals() -> io::Result<mpsc::Receiver<Asked>> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
+    let (sender, receiver) = mpsc::channel(WAITING_MAX);
+    let mut hangup = {
+        let _inside = runtime.enter();
+        signal(SignalKind::hangup())?
+    };
+    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
+        runtime.block_on(async {
+            loop {
+                let asked = tokio::select! {
+                    () = stop_signal() => Asked::Stop,
+                    _ = hangup.recv() => Asked::Reload,
+                };
+                // A full channel asks for all there is already.
+                let _ = sender.try_send(asked);
+            }
+        });
+    })?;
+    Ok(receiver)
+}
+
 /// Says what came in and what was lost.
 pub(super) fn report(status: &Status) -> Exit {
     eprintln!(
@@ -29,13 +67,15 @@ pub(super) fn report(status: &Status) -> Exit {
     }
     eprintln!(
         "data lost: {} frames by full receive queues, {} unreadable frames, {} malformed frames, {} samples, {} frames \
-         out of order, {} windows",
+         out of order, {} windows, {} frames and {} records not stored",
         status.lost_socket_queue,
         status.lost_unreadable,
         status.lost_malformed,
         status.lost_samples,
         status.lost_late,
-        status.lost_windows
+        status.lost_windows,
+        status.lost_storage_frames,
+        status.lost_storage_records
     );
     Exit::DataLost
 }

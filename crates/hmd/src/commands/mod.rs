@@ -5,11 +5,16 @@ pub mod calibrate;
 pub mod check_config;
 pub mod demo;
 pub mod evaluate;
+pub mod event;
+pub mod inspect;
 mod live;
+mod metrics_http;
 mod progress;
 pub mod record;
+pub mod recover;
 pub mod replay;
 pub mod run;
+mod service;
 pub mod simulate;
 mod table;
 
@@ -21,6 +26,7 @@ use anyhow::Context;
 use crate::calibration::TypeCalibration;
 use crate::config::{Config, ConfigError};
 use crate::judge::JudgeError;
+use crate::life::events_of;
 use crate::unit::UnitCalibration;
 
 /// How a verb ended; the number is the exit code.
@@ -71,8 +77,9 @@ fn load_config(path: Option<&Path>) -> Result<Config, ConfigError> {
     path.map_or_else(|| Ok(Config::default()), Config::load)
 }
 
-/// Whether every calibration that the configuration names can be used, before a log is read.
-fn check_calibrations(config: &Config) -> anyhow::Result<()> {
+/// Whether every calibration and the events that the configuration names can be used, before a log is read.
+fn check_files(config: &Config) -> anyhow::Result<()> {
+    events_of(config).map_err(JudgeError::from)?;
     let expected = config.identification().monitor;
     for (name, found) in config.types() {
         let Some(path) = &found.calibration else { continue };

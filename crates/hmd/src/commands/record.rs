@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::Exit;
 use super::live::{report, stop_signal};
-use crate::config::DEFAULT_BITRATE_BIT_S;
+use crate::config::{DEFAULT_BITRATE_BIT_S, OutputConfig};
 use crate::daemon::{Daemon, Observer};
 use crate::frame::BusNames;
 use crate::ingest::can::{CanSource, Wanted};
@@ -24,8 +24,8 @@ pub struct Args {
     /// A serial line and the name of its bus; the bit rate, bit/s, is 921600 unless given.
     #[arg(long, value_name = "BUS=DEVICE[@BITRATE]", value_parser = serial_line)]
     serial: Vec<(String, SerialSource)>,
-    /// MCAP file for the frames.
-    #[arg(short, long, value_name = "OUT.mcap")]
+    /// MCAP file for the frames, or a folder (it is one, or ends with "/") for segments that survive.
+    #[arg(short, long, value_name = "OUT.mcap|FOLDER/")]
     output: PathBuf,
 }
 
@@ -50,7 +50,11 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         .collect();
     let daemon = Daemon {
         sources: sources.collect(),
-        recorder: Some(Recorder::create(&args.output, &metadata)?),
+        recorder: Some(Recorder::open(
+            &args.output,
+            &metadata,
+            OutputConfig::default().limits(),
+        )?),
         watch: None,
     };
     Ok(report(&daemon.run(stop_signal(), &Teller)?))

@@ -10,7 +10,7 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, check_calibrations, load_config, progress, use_threads};
+use super::{Exit, check_files, load_config, progress, use_threads};
 use crate::judge::Judged;
 use crate::record::HealthLine;
 use crate::replay::{Observer, Replay};
@@ -47,7 +47,7 @@ pub struct Args {
 /// A bad configuration, a log that cannot be read at all or holds no actuator, an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = Arc::new(load_config(args.config.as_deref())?);
-    check_calibrations(&config)?;
+    check_files(&config)?;
     use_threads(args.threads.map(usize::from))?;
     let total = args
         .logs

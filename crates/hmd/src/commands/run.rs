@@ -1,20 +1,27 @@
-//! `hmd run`: the daemon.
+//! `hmd run`: the daemon. SIGHUP lets it go on with the configuration as it is then, unless that is a bad one.
 
 use std::io::{self, Write};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::live::{report, stop_signal};
+use anyhow::Context;
+use tokio::sync::mpsc;
+
+use super::live::{Asked, report, signals};
+use super::metrics_http::{Page, loopback, serve};
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, check_calibrations, load_config, use_threads};
+use super::{Exit, check_files, load_config, service, use_threads};
+use crate::config::Config;
 use crate::daemon::{Daemon, DaemonError, Observer};
 use crate::ingest::can::{CanSource, Wanted};
 use crate::ingest::live::LiveSource;
 use crate::ingest::serial::SerialSource;
 use crate::judge::Judged;
-use crate::record::HealthLine;
-use crate::recorder::{Recorder, metadata};
+use crate::metrics::{render, write_textfile};
+use crate::record::{HealthLine, Status};
+use crate::recorder::{Recorder, is_folder, metadata};
 
 /// Watch the actuators of a configuration until SIGINT or SIGTERM.
 #[derive(Debug, clap::Args)]
@@ -22,9 +29,15 @@ pub struct Args {
     /// Configuration: the buses and what is on them.
     #[arg(short, long)]
     config: PathBuf,
-    /// MCAP file for all records and frames.
-    #[arg(short, long, value_name = "OUT.mcap")]
+    /// MCAP file for all records and frames, or a folder (it is one, or ends with "/") for segments that survive.
+    #[arg(short, long, value_name = "OUT.mcap|FOLDER/")]
     output: Option<PathBuf>,
+    /// Prometheus metrics as a text file, replaced every ten seconds.
+    #[arg(long, value_name = "FILE.prom")]
+    metrics: Option<PathBuf>,
+    /// Serve the metrics at http://ADDRESS:PORT/metrics, for this computer alone.
+    #[arg(long, value_name = "ADDRESS:PORT", value_parser = loopback)]
+    metrics_listen: Option<SocketAddr>,
     /// One JSON line per window instead of a table.
     #[arg(long)]
     json: bool,
@@ -39,11 +52,71 @@ pub struct Args {
 /// Runs the verb.
 ///
 /// # Errors
-/// A bad configuration, or an output that cannot be written. A bad bus is no error: it is waited for.
+/// A bad configuration at the start, or an output that cannot be written. A bad bus is no error: it is waited for.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
-    let config = Arc::new(load_config(Some(&args.config))?);
-    check_calibrations(&config)?;
+    let mut config = load(args)?;
     use_threads(args.threads.map(usize::from))?;
+    let mut asked = signals().context("signals")?;
+    let printer = Printer {
+        json: args.json,
+        alone: args.output.is_none(),
+        headed: AtomicBool::new(false),
+        heard: AtomicBool::new(true),
+        metrics: args.metrics.clone(),
+        metrics_failed: AtomicBool::new(false),
+        page: args.metrics_listen.map(|_| Page::default()),
+    };
+    if let (Some(address), Some(page)) = (args.metrics_listen, &printer.page) {
+        let address = serve(address, page.clone()).with_context(|| format!("--metrics-listen {address}"))?;
+        printer.notice(&format!("metrics: http://{address}/metrics"));
+    }
+    let mut exit = Exit::Done;
+    loop {
+        let mut next = None;
+        let told = async {
+            next = new_config(args, &mut asked, &printer).await;
+        };
+        match daemon(args, config)?.run(told, &printer) {
+            Ok(status) if report(&status) == Exit::DataLost => exit = Exit::DataLost,
+            Ok(_) => {}
+            Err(DaemonError::Stdout(e)) if e.kind() == io::ErrorKind::BrokenPipe => return Ok(exit),
+            Err(error) => return Err(error.into()),
+        }
+        match next {
+            Some(new) => config = new,
+            None => return Ok(exit),
+        }
+    }
+}
+
+/// The configuration, if the daemon can run with it.
+fn load(args: &Args) -> anyhow::Result<Arc<Config>> {
+    let config = load_config(Some(&args.config))?;
+    check_files(&config)?;
+    config.interfaces(&args.config.display().to_string())?;
+    Ok(Arc::new(config))
+}
+
+/// Waits until the daemon shall stop (`None`), or go on with another configuration. A bad one changes nothing.
+async fn new_config(args: &Args, asked: &mut mpsc::Receiver<Asked>, printer: &Printer) -> Option<Arc<Config>> {
+    while asked.recv().await? == Asked::Reload {
+        service::reloading();
+        if args.output.as_ref().is_some_and(|path| !is_folder(path)) {
+            printer.notice("not reloaded: the output is one file, which belongs to one configuration");
+        } else {
+            match load(args) {
+                // Ready again once it runs.
+                Ok(config) => return Some(config),
+                Err(error) => printer.notice(&format!("not reloaded, the configuration stays as it was: {error:#}")),
+            }
+        }
+        service::ready();
+    }
+    service::stopping();
+    None
+}
+
+fn daemon(args: &Args, config: Arc<Config>) -> anyhow::Result<Daemon> {
     let interfaces = config.interfaces(&args.config.display().to_string())?;
     let sources = interfaces.iter().map(|name| {
         if let Some(line) = config.serial(name) {
@@ -59,25 +132,17 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     });
     let sources = sources.collect();
     let recorder = match &args.output {
-        Some(path) => Some(Recorder::create(path, &metadata(&config, "host", args.seed))?),
+        Some(path) => {
+            let metadata = metadata(&config, "host", args.seed);
+            Some(Recorder::open(path, &metadata, config.output().limits())?)
+        }
         None => None,
     };
-    let printer = Printer {
-        json: args.json,
-        alone: recorder.is_none(),
-        headed: AtomicBool::new(false),
-        heard: AtomicBool::new(true),
-    };
-    let daemon = Daemon {
+    Ok(Daemon {
         sources,
         recorder,
         watch: Some((config, args.seed)),
-    };
-    match daemon.run(stop_signal(), &printer) {
-        Ok(status) => Ok(report(&status)),
-        Err(DaemonError::Stdout(e)) if e.kind() == io::ErrorKind::BrokenPipe => Ok(Exit::Done),
-        Err(error) => Err(error.into()),
-    }
+    })
 }
 
 struct Printer {
@@ -87,6 +152,11 @@ struct Printer {
     headed: AtomicBool,
     /// Somebody reads stdout.
     heard: AtomicBool,
+    metrics: Option<PathBuf>,
+    /// The last metrics could not be written; told once.
+    metrics_failed: AtomicBool,
+    /// What is served over HTTP, if anything.
+    page: Option<Page>,
 }
 
 impl Observer for Printer {
@@ -114,5 +184,31 @@ impl Observer for Printer {
 
     fn notice(&self, message: &str) {
         eprintln!("{message}");
+    }
+
+    fn status(&self, status: &Status) {
+        if self.metrics.is_none() && self.page.is_none() {
+            return;
+        }
+        let metrics = render(status);
+        if let Some(page) = &self.page {
+            page.set(metrics.clone());
+        }
+        let Some(path) = &self.metrics else { return };
+        let written = write_textfile(path, &metrics);
+        let failed_before = self.metrics_failed.swap(written.is_err(), Ordering::Relaxed);
+        if let Err(cause) = written
+            && !failed_before
+        {
+            self.notice(&format!("{}: metrics cannot be written: {cause}", path.display()));
+        }
+    }
+
+    fn ready(&self) {
+        service::ready();
+    }
+
+    fn alive(&self) {
+        service::alive();
     }
 }

@@ -6,6 +6,14 @@ use crate::record;
 pub(super) const HEALTH_HEAD: &str =
     "actuator window status   health   friction backlash short A short B short C eccentr.    gain  faults";
 
+/// Hours left: median and the 80 % interval, a dot where there is no trend.
+pub(super) fn left_cell(rul: &record::Rul) -> String {
+    match (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) {
+        (Some(p10), Some(p50), Some(p90)) => format!("{p50:.0} ({p10:.0}…{p90:.0})"),
+        _ => "·".to_owned(),
+    }
+}
+
 /// One window: damage of each fault in percent with its 95 % half width, a dot where the window does not show it.
 pub(super) fn health_row(health: &record::Health) -> String {
     let mut row = format!(

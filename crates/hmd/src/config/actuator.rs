@@ -10,6 +10,7 @@ use serde::Serialize;
 use super::ConfigError;
 use super::actuator_type::{ActuatorType, DEFAULT_TYPE};
 use super::reader::Section;
+use super::specification::Specification;
 
 const KEYS: &[&str] = &[
     "name",
@@ -45,6 +46,9 @@ pub struct ActuatorConfig {
     /// Calibration of its type, as written in the file.
     #[serde(skip)]
     pub type_calibration: Option<PathBuf>,
+    /// What its type must still do.
+    #[serde(skip)]
+    pub specification: Specification,
     /// Calibration of this very unit, as written in the file.
     pub calibration: Option<PathBuf>,
     /// Part number, for the records.
@@ -62,6 +66,7 @@ impl ActuatorConfig {
             type_name: type_name.to_owned(),
             params: found.params,
             type_calibration: found.calibration.clone(),
+            specification: found.specification,
             calibration: None,
             part_number: None,
             serial_number: None,

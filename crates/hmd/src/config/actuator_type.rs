@@ -9,6 +9,7 @@ use serde::{Serialize, Serializer};
 use super::ConfigError;
 use super::params::{self, GROUPS};
 use super::reader::Section;
+use super::specification::Specification;
 
 /// Type of an actuator that names none.
 pub(super) const DEFAULT_TYPE: &str = "bench";
@@ -22,6 +23,8 @@ pub struct ActuatorType {
     /// Calibration of the monitor against the reference for this type, as written in the file; see
     /// [`Config::resolve`](super::Config::resolve).
     pub calibration: Option<PathBuf>,
+    /// What it must still do when it is worn.
+    pub specification: Specification,
 }
 
 /// The built-in types by name.
@@ -42,11 +45,12 @@ pub(super) fn read_all(root: &Section<'_>) -> Result<BTreeMap<String, ActuatorTy
                 ActuatorType {
                     params,
                     calibration: None,
+                    specification: Specification::default(),
                 },
             )
         })
         .into();
-    let keys = [&["based_on", "calibration"], GROUPS.as_slice()].concat();
+    let keys = [&["based_on", "calibration", "specification"], GROUPS.as_slice()].concat();
     for (name, section) in root.named_sections("type", &keys)? {
         if !super::actuator::is_name(name) {
             return Err(section.refuse_self(super::actuator::NAME_EXPECTED, name));
@@ -63,7 +67,13 @@ pub(super) fn read_all(root: &Section<'_>) -> Result<BTreeMap<String, ActuatorTy
         };
         let params = params::read(&section, base)?;
         let calibration = section.text("calibration")?.map(PathBuf::from);
-        types.insert(name.to_owned(), ActuatorType { params, calibration });
+        let specification = Specification::read(&section.section("specification", Specification::KEYS)?)?;
+        let found = ActuatorType {
+            params,
+            calibration,
+            specification,
+        };
+        types.insert(name.to_owned(), found);
     }
     Ok(types)
 }

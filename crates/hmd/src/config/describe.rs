@@ -3,7 +3,7 @@
 use std::fmt::{self, Write};
 
 use super::actuator_type::DEFAULT_TYPE;
-use super::{Config, HealthLevels, LOAD_MAX, MONITOR_NAMES, SearchMethod};
+use super::{Config, HealthLevels, HoursOf, LOAD_MAX, MONITOR_NAMES, RulConfig, SearchMethod};
 use crate::record::FAULT_NAMES;
 
 pub(super) fn describe(config: &Config) -> String {
@@ -34,14 +34,14 @@ fn write_all(out: &mut String, config: &Config) -> fmt::Result {
         search.evaluations_max
     )?;
     write_health(out, config)?;
+    write_rul(out, config)?;
+    let output = config.output();
+    let stored = if output.raw_frames { "stored" } else { "not stored" };
+    writeln!(out, "raw frames: {stored}")?;
     writeln!(
         out,
-        "raw frames: {}",
-        if config.output().raw_frames {
-            "stored"
-        } else {
-            "not stored"
-        }
+        "output in a folder: segments of {} MiB or {} s, at most {} MiB of them, {} MiB left free",
+        output.segment_mib, output.segment_age_s, output.disk_budget_mib, output.disk_free_min_mib
     )?;
     writeln!(out, "hash: {}", config.hash())
 }
@@ -117,6 +117,28 @@ fn write_levels(out: &mut String, which: &str, levels: &HealthLevels) -> fmt::Re
         "health, {which}: watch {watch}, warning {warning}, critical {critical}, end of life {end_of_life}, \
          hysteresis {hysteresis}, persistence {persistence}"
     )
+}
+
+fn write_rul(out: &mut String, config: &Config) -> fmt::Result {
+    let RulConfig {
+        hours,
+        horizon_h,
+        warning_h,
+        critical_h,
+        state,
+        events,
+    } = config.rul();
+    write!(
+        out,
+        "remaining life: {} hours, horizon {horizon_h} h, warning below {warning_h} h, critical below {critical_h} h",
+        name_of(*hours, &HoursOf::NAMES)
+    )?;
+    for (what, path) in [("state", state), ("events", events)] {
+        if let Some(path) = path {
+            write!(out, ", {what} in {}", path.display())?;
+        }
+    }
+    writeln!(out)
 }
 
 fn name_of<T: PartialEq>(value: T, names: &[(&'static str, T)]) -> &'static str {

@@ -16,30 +16,59 @@ const QUOTED_MAX: usize = 40;
 /// Longest name or path that is accepted, characters.
 const TEXT_MAX: usize = 256;
 
-/// The text of a configuration and what it is called.
-pub(super) struct Document<'a> {
-    text: &'a str,
-    file: &'a str,
+/// The text of a configuration, of one file or several, and what they are called.
+///
+/// A place is a byte in all texts end to end, so that a message can name the file it is in.
+pub(super) struct Document {
+    /// All texts end to end.
+    text: String,
+    /// Where each file starts, and its name.
+    files: Vec<(usize, String)>,
+    /// Each text behind as many line ends as there are bytes before it: its places are then those of `text`.
+    padded: Vec<String>,
 }
 
-impl<'a> Document<'a> {
-    pub(super) fn new(text: &'a str, file: &'a str) -> Self {
-        Self { text, file }
+impl Document {
+    /// Names and texts; a later file adds to the earlier ones, and what it sets again holds.
+    pub(super) fn new(files: &[(String, String)]) -> Self {
+        let mut document = Self {
+            text: String::new(),
+            files: Vec::new(),
+            padded: Vec::new(),
+        };
+        for (name, text) in files {
+            let start = document.text.len();
+            document.files.push((start, name.clone()));
+            document.padded.push("\n".repeat(start) + text);
+            document.text.push_str(text);
+        }
+        document
     }
 
-    pub(super) fn parse(&self) -> Result<DeTable<'a>, ConfigError> {
-        DeTable::parse(self.text)
-            .map(Spanned::into_inner)
-            .map_err(|error| ConfigError::Syntax {
-                file: self.file.to_owned(),
-                line: self.line(error.span().map_or(0, |span| span.start)),
+    pub(super) fn parse(&self) -> Result<DeTable<'_>, ConfigError> {
+        let mut whole = DeTable::new();
+        for (padded, (start, name)) in self.padded.iter().zip(&self.files) {
+            let table = DeTable::parse(padded).map_err(|error| ConfigError::Syntax {
+                file: name.clone(),
+                line: self.line(error.span().map_or(*start, |span| span.start.max(*start))),
                 message: error.message().lines().collect::<Vec<_>>().join("; "),
-            })
+            })?;
+            merge(&mut whole, table.into_inner());
+        }
+        Ok(whole)
     }
 
-    /// Line of a byte, from 1.
+    /// The file that a byte is in.
+    fn file(&self, offset: usize) -> &(usize, String) {
+        let later = self.files.iter().rposition(|(start, _)| *start <= offset);
+        &self.files[later.unwrap_or(0)]
+    }
+
+    /// Line of a byte in its file, from 1.
     fn line(&self, offset: usize) -> usize {
-        1 + self.text.bytes().take(offset).filter(|&byte| byte == b'\n').count()
+        let start = self.file(offset).0;
+        let before = self.text.get(start..offset).unwrap_or_default();
+        1 + before.bytes().filter(|&byte| byte == b'\n').count()
     }
 
     fn quote(&self, span: Range<usize>) -> String {
@@ -50,7 +79,7 @@ impl<'a> Document<'a> {
 /// One table of the document, or the absence of it, which reads as an empty one.
 #[derive(Clone)]
 pub(super) struct Section<'a> {
-    document: &'a Document<'a>,
+    document: &'a Document,
     /// Key path, empty for the root.
     path: String,
     table: Option<&'a DeTable<'a>>,
@@ -59,7 +88,7 @@ pub(super) struct Section<'a> {
 }
 
 impl<'a> Section<'a> {
-    pub(super) fn root(document: &'a Document<'a>, table: &'a DeTable<'a>, keys: &[&str]) -> Result<Self, ConfigError> {
+    pub(super) fn root(document: &'a Document, table: &'a DeTable<'a>, keys: &[&str]) -> Result<Self, ConfigError> {
         let root = Self {
             document,
             path: String::new(),
@@ -220,7 +249,7 @@ impl<'a> Section<'a> {
     }
 
     fn value_error(&self, start: usize, key: String, expected: &str, found: String) -> ConfigError {
-        let (file, line) = (self.document.file.to_owned(), self.document.line(start));
+        let (file, line) = (self.document.file(start).1.clone(), self.document.line(start));
         ConfigError::Value {
             file,
             line,
@@ -242,7 +271,7 @@ impl<'a> Section<'a> {
             None => format!("known here: {}", keys.join(", ")),
         };
         Err(ConfigError::UnknownKey {
-            file: self.document.file.to_owned(),
+            file: self.document.file(key.span().start).1.clone(),
             line: self.document.line(key.span().start),
             key: self.path_of(key.get_ref()),
             hint,
@@ -278,6 +307,24 @@ impl<'a> Section<'a> {
             key
         } else {
             format!("{}.{key}", self.path)
+        }
+    }
+}
+
+/// Adds a later file: tables go together key by key, arrays of tables one behind the other; anything else is replaced.
+fn merge<'a>(whole: &mut DeTable<'a>, later: DeTable<'a>) {
+    for (key, value) in later {
+        match (
+            whole.get_mut(&key).map(Spanned::get_mut),
+            (value.span(), value.into_inner()),
+        ) {
+            (Some(DeValue::Table(known)), (_, DeValue::Table(more))) => merge(known, more),
+            (Some(DeValue::Array(known)), (_, DeValue::Array(more))) => {
+                more.into_iter().for_each(|item| known.push(item));
+            }
+            (_, (span, value)) => {
+                whole.insert(key, Spanned::new(span, value));
+            }
         }
     }
 }

@@ -1,7 +1,8 @@
 //! The thread between the sources and identification: records what comes, cuts windows, keeps the books.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Mutex;
+use std::time::{Duration, Instant};
 
 use ema_wire::{DeframerStats, FrameFault};
 use tokio::sync::mpsc;
@@ -12,12 +13,15 @@ use super::{DaemonError, Observer, Shared, lock};
 use crate::frame::BusNames;
 use crate::front::{Notice, WindowJob};
 use crate::ingest::live::{Input, LinkState, LiveLoss, now_ns};
-use crate::judge::WindowCounts;
 use crate::pipeline::Pipeline;
 use crate::record::{LogLevel, Status};
+use crate::recorder::Recorder;
 
 /// Inputs taken at once, during which identification cannot write records.
 const BATCH: usize = 1024;
+
+/// Longest that one window may be judged before identification counts as stuck: hundreds of times what it takes.
+const JUDGING_MAX: Duration = Duration::from_secs(60);
 
 /// Ticks between two status records.
 const STATUS_TICKS: u64 = 10;
@@ -36,11 +40,16 @@ pub(super) struct Monitor {
     notices: Notices,
     ticks: u64,
     store_raw: bool,
+    /// Buses whose source has not said yet how it stands; `None` once all have, and the observer knows.
+    unheard: Option<BTreeSet<u16>>,
+    /// Inputs and windows that waited when the newest inputs were taken.
+    queued: (u64, u64),
 }
 
 impl Monitor {
     pub(super) fn new(pipeline: Pipeline, names: BusNames, store_raw: bool) -> Self {
         Self {
+            unheard: Some((0..names.len() as u16).collect()),
             names,
             pipeline,
             links: BTreeMap::new(),
@@ -50,6 +59,7 @@ impl Monitor {
             notices: Notices::default(),
             ticks: 0,
             store_raw,
+            queued: (0, 0),
         }
     }
 
@@ -67,9 +77,16 @@ impl Monitor {
             if windows.is_closed() {
                 return Ok(());
             }
+            self.queued = (inputs.len() as u64, windows.len() as u64);
             let mut shared = lock(shared);
             for input in batch.drain(..) {
+                let is_tick = matches!(input, Input::Tick { .. });
+                self.hear(&input, observer);
                 self.take(input, &mut ended, &mut shared, observer)?;
+                // A tick came through the I/O thread and the queue, and the writer has synced or said that it cannot.
+                if is_tick && windows.busy_for() < JUDGING_MAX {
+                    observer.alive();
+                }
             }
             self.tell_notices(&mut shared, observer)?;
             for job in ended.drain(..) {
@@ -83,7 +100,7 @@ impl Monitor {
         self.tell_losses(now_ns(), &mut last, observer)?;
         self.tell_notices(&mut last, observer)?;
         for (notice, level) in self.notices.last_summaries(now_ns()) {
-            write_notice(&notice, level, &mut last, observer)?;
+            tell(&notice, level, &mut last, observer)?;
         }
         // Identification needs it to make room.
         drop(last);
@@ -94,11 +111,35 @@ impl Monitor {
     }
 
     /// The counters as they stand.
-    pub(super) fn status(&self, windows: WindowCounts) -> Status {
+    pub(super) fn status(&self, shared: &Shared) -> Status {
         let link = |bus: u16| self.links.get(&bus).map(ToString::to_string).unwrap_or_default();
-        Status {
+        let (identification, longest) = shared.judging;
+        let mut status = Status {
             link: (0..self.names.len()).map(|bus| link(bus as u16)).collect(),
-            ..self.pipeline.status(&self.names, windows)
+            queued_inputs: self.queued.0,
+            queued_windows: self.queued.1,
+            identification_s: identification.as_secs_f64(),
+            identification_max_s: longest.as_secs_f64(),
+            record_age_s: shared.last_record.map(|at| at.elapsed().as_secs_f64()),
+            ..self.pipeline.status(&self.names, shared.windows)
+        };
+        if let Some(store) = shared.recorder.as_ref().and_then(Recorder::store_status) {
+            status.set_storage(&store);
+        }
+        status
+    }
+
+    /// Whether every source has been heard of, which is told once.
+    fn hear(&mut self, input: &Input, observer: &impl Observer) {
+        let Some(unheard) = &mut self.unheard else { return };
+        match input {
+            Input::Frame(frame) => unheard.remove(&frame.bus),
+            Input::Link { bus, .. } => unheard.remove(bus),
+            Input::Lost { .. } | Input::Tick { .. } => false,
+        };
+        if unheard.is_empty() {
+            self.unheard = None;
+            observer.ready();
         }
     }
 
@@ -135,7 +176,7 @@ impl Monitor {
                     LinkState::Down | LinkState::Missing => LogLevel::Warning,
                 };
                 self.tell(&Notice { stamp_ns, message }, level, shared, observer)?;
-                self.write_status(stamp_ns, shared)?;
+                self.write_status(stamp_ns, shared, observer)?;
             }
             Input::Lost { bus, loss, frames } => {
                 match loss {
@@ -147,10 +188,11 @@ impl Monitor {
             Input::Tick { stamp_ns } => {
                 self.tell_losses(stamp_ns, shared, observer)?;
                 for (notice, level) in self.notices.summaries(stamp_ns) {
-                    write_notice(&notice, level, shared, observer)?;
+                    tell(&notice, level, shared, observer)?;
                 }
+                self.tend_storage(stamp_ns, shared, observer)?;
                 if self.ticks.is_multiple_of(STATUS_TICKS) {
-                    self.write_status(stamp_ns, shared)?;
+                    self.write_status(stamp_ns, shared, observer)?;
                 }
                 self.ticks += 1;
             }
@@ -158,10 +200,27 @@ impl Monitor {
         Ok(())
     }
 
-    fn write_status(&self, stamp_ns: u64, shared: &mut Shared) -> Result<(), DaemonError> {
-        let status = self.status(shared.windows);
+    fn write_status(&self, stamp_ns: u64, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
+        let status = self.status(shared);
+        observer.status(&status);
         if let Some(recorder) = &mut shared.recorder {
             recorder.status(stamp_ns, &status)?;
+        }
+        Ok(())
+    }
+
+    /// Brings what was taken to the disk, and says how the storage fares.
+    fn tend_storage(
+        &mut self,
+        stamp_ns: u64,
+        shared: &mut Shared,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
+        let Some(recorder) = &mut shared.recorder else {
+            return Ok(());
+        };
+        for (level, message) in recorder.tick(Instant::now())? {
+            tell(&Notice { stamp_ns, message }, level, shared, observer)?;
         }
         Ok(())
     }
@@ -184,7 +243,7 @@ impl Monitor {
         observer: &impl Observer,
     ) -> Result<(), DaemonError> {
         if self.notices.pass(notice, level) {
-            write_notice(notice, level, shared, observer)?;
+            tell(notice, level, shared, observer)?;
         }
         Ok(())
     }
@@ -232,7 +291,8 @@ fn unreadable_since(then: DeframerStats, now: DeframerStats) -> Option<String> {
     (frames > 0).then(|| format!("{frames} frames lost: {}", said.join(", ")))
 }
 
-fn write_notice(
+/// Says something to the operator and into the records.
+pub(super) fn tell(
     notice: &Notice,
     level: LogLevel,
     shared: &mut Shared,

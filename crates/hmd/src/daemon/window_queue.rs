@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use crate::front::WindowJob;
 
@@ -12,25 +13,34 @@ use crate::front::WindowJob;
 pub const QUEUE_WINDOWS: usize = 64;
 
 /// A bounded queue that keeps the newest.
-#[derive(Debug, Default)]
-pub(super) struct WindowQueue {
-    state: Mutex<State>,
+#[derive(Debug)]
+pub(super) struct WindowQueue<T = WindowJob> {
+    state: Mutex<State<T>>,
     changed: Condvar,
 }
 
-#[derive(Debug, Default)]
-struct State {
-    waiting: VecDeque<WindowJob>,
+#[derive(Debug)]
+struct State<T> {
+    waiting: VecDeque<T>,
     closed: bool,
+    /// When the window was taken that is being judged.
+    busy_since: Option<Instant>,
 }
 
-impl WindowQueue {
+impl<T> WindowQueue<T> {
     pub(super) fn new() -> Self {
-        Self::default()
+        Self {
+            state: Mutex::new(State {
+                waiting: VecDeque::new(),
+                closed: false,
+                busy_since: None,
+            }),
+            changed: Condvar::new(),
+        }
     }
 
     /// Takes a window; gives back the oldest one when that is one too many.
-    pub(super) fn push(&self, job: WindowJob) -> Option<WindowJob> {
+    pub(super) fn push(&self, job: T) -> Option<T> {
         let mut state = self.lock();
         state.waiting.push_back(job);
         let dropped = if state.waiting.len() > QUEUE_WINDOWS {
@@ -43,7 +53,7 @@ impl WindowQueue {
     }
 
     /// Takes a window when there is room for it, for the end of a run, when no newer one can come.
-    pub(super) fn push_waiting(&self, job: WindowJob) {
+    pub(super) fn push_waiting(&self, job: T) {
         let mut state = self.lock();
         while state.waiting.len() >= QUEUE_WINDOWS && !state.closed {
             state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
@@ -53,10 +63,12 @@ impl WindowQueue {
     }
 
     /// The oldest window; waits for one. `None` when the queue is closed and empty.
-    pub(super) fn pop(&self) -> Option<WindowJob> {
+    pub(super) fn pop(&self) -> Option<T> {
         let mut state = self.lock();
+        state.busy_since = None;
         loop {
             if let Some(job) = state.waiting.pop_front() {
+                state.busy_since = Some(Instant::now());
                 self.changed.notify_all();
                 return Some(job);
             }
@@ -65,6 +77,16 @@ impl WindowQueue {
             }
             state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
+    }
+
+    /// Windows that wait.
+    pub(super) fn len(&self) -> usize {
+        self.lock().waiting.len()
+    }
+
+    /// For how long the window that was taken last has been judged; zero when none is.
+    pub(super) fn busy_for(&self) -> Duration {
+        self.lock().busy_since.map_or(Duration::ZERO, |since| since.elapsed())
     }
 
     /// No further windows will be pushed, or taken: either end may say so.
@@ -78,7 +100,36 @@ impl WindowQueue {
         self.lock().closed
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, State<T>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_one_who_judges_is_busy_until_it_asks_again() {
+        let queue = WindowQueue::new();
+        assert_eq!(queue.busy_for(), Duration::ZERO);
+        assert_eq!(queue.push(1), None);
+        assert_eq!(queue.busy_for(), Duration::ZERO, "waiting is not busy");
+        assert_eq!(queue.pop(), Some(1));
+        std::thread::sleep(Duration::from_millis(20));
+        assert!(queue.busy_for() >= Duration::from_millis(20));
+        queue.close();
+        assert_eq!(queue.pop(), None);
+        assert_eq!(queue.busy_for(), Duration::ZERO);
+    }
+
+    #[test]
+    fn the_oldest_gives_way() {
+        let queue = WindowQueue::new();
+        for n in 0..QUEUE_WINDOWS {
+            assert_eq!(queue.push(n), None);
+        }
+        assert_eq!(queue.push(QUEUE_WINDOWS), Some(0));
+        assert_eq!((queue.len(), queue.pop()), (QUEUE_WINDOWS, Some(1)));
     }
 }

@@ -270,7 +270,7 @@ impl FrameSource {
     pub fn metadata(&self, name: &str) -> Option<&std::collections::BTreeMap<String, String>> {
         match &self.frames {
             Frames::Candump(_) => None,
-            Frames::Mcap(reader) => reader.messages().metadata().get(name),
+            Frames::Mcap(reader) => reader.messages().metadata(name),
         }
     }
 

@@ -4,10 +4,12 @@
 //! what live saw. At most one round and one chunk are in memory.
 
 mod chunk;
+pub(crate) mod definitions;
 mod fault;
-mod messages;
+pub(crate) mod messages;
 mod records;
 mod summary;
+mod walk;
 
 pub use fault::{McapFault, McapLoss};
 pub use messages::{McapMessage, McapMessages};
@@ -67,7 +69,7 @@ impl<R: Read + Seek> McapFrames<R> {
         self.names
     }
 
-    /// The messages below, for their position, topics and metadata.
+    /// The messages below, for their position, topics, chunks and metadata.
     pub fn messages(&self) -> &McapMessages<R> {
         &self.messages
     }

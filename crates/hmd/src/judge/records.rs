@@ -3,11 +3,13 @@
 use ema_models::{FAULT_COUNT, Setpoint};
 
 use crate::front::WindowJob;
-use crate::health::{HealthDecision, HealthState};
+use crate::health::{HealthDecision, HealthState, fault_name};
 use crate::identify::{Estimate, Fit};
+use crate::life::LifeDecision;
 use crate::record;
+use crate::rul::Life;
 
-pub(super) fn dominant_fault(decision: &HealthDecision, estimate: Option<&Estimate>) -> String {
+fn largest_fault(decision: &HealthDecision, estimate: Option<&Estimate>) -> String {
     let Some(estimate) = estimate else { return String::new() };
     let damage = estimate.fault.damage();
     let of = |name: &str| {
@@ -25,15 +27,16 @@ pub(super) fn health_record(
     status: &str,
     reason: &str,
     estimate: Option<&Estimate>,
-    decision: &HealthDecision,
+    life: &LifeDecision,
 ) -> record::Health {
+    let decision = &life.health;
     let mut health = record::Health {
         actuator: job.actuator.name.clone(),
         window: job.window.number,
         t_start_ns: job.window.t_start_ns,
         status: status.to_owned(),
         reason: reason.to_owned(),
-        health: reported_state(decision, estimate).to_string(),
+        health: reported_state(life.state, estimate).to_string(),
         cost: estimate.map(|e| e.cost),
         residual_rms_a: estimate.map(|e| e.residual_rms_a),
         evaluations: estimate.map_or(0, |e| e.evaluations),
@@ -57,20 +60,65 @@ pub(super) fn health_record(
 }
 
 /// Nobody is called nominal while an estimate says damage that the window does not show well enough to count.
-fn reported_state(decision: &HealthDecision, estimate: Option<&Estimate>) -> HealthState {
+fn reported_state(state: HealthState, estimate: Option<&Estimate>) -> HealthState {
     let hidden = estimate.is_some_and(|e| {
         let damage = e.fault.damage();
         (0..FAULT_COUNT).any(|p| p != 6 && !e.observable[p] && damage[p] > HIDDEN_DAMAGE)
     });
-    if hidden && decision.state == HealthState::Nominal {
+    if hidden && state == HealthState::Nominal {
         HealthState::Unknown
     } else {
-        decision.state
+        state
     }
 }
 
 /// Damage that is worth a doubt even where a window hardly shows it.
 const HIDDEN_DAMAGE: f64 = 0.3;
+
+pub(super) fn rul_record(
+    job: &WindowJob,
+    estimate: Option<&Estimate>,
+    life: &LifeDecision,
+    horizon_h: f64,
+) -> record::Rul {
+    let forecast = &life.forecast;
+    let mut rul = record::Rul {
+        actuator: job.actuator.name.clone(),
+        window: job.window.number,
+        t_start_ns: job.window.t_start_ns,
+        operating_h: Some(life.used.hours),
+        operating_cycles: Some(life.used.cycles),
+        operating_work_j: Some(life.used.work_j),
+        horizon_h: Some(horizon_h),
+        dominant_fault: match forecast.dominant {
+            Some(fault) => fault_name(fault).to_owned(),
+            None => largest_fault(&life.health, estimate),
+        },
+        ..record::Rul::default()
+    };
+    match &forecast.actuator {
+        Ok(Life {
+            hours,
+            cycles,
+            fails_within_horizon,
+        }) => {
+            (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(hours.p10), Some(hours.p50), Some(hours.p90));
+            (rul.rul_p10_cycles, rul.rul_p50_cycles, rul.rul_p90_cycles) =
+                (cycles.map(|c| c.p10), cycles.map(|c| c.p50), cycles.map(|c| c.p90));
+            rul.failure_probability = Some(*fails_within_horizon);
+            rul.governed_by = life.governs.name().to_owned();
+        }
+        Err(none) => rul.reason = none.to_string(),
+    }
+    rul.set_faults(forecast.faults.map(|life| {
+        let life = life.ok()?;
+        Some((
+            [life.hours.p10, life.hours.p50, life.hours.p90],
+            life.fails_within_horizon,
+        ))
+    }));
+    rul
+}
 
 pub(super) fn window_record(job: &WindowJob, status: &str, reason: &str, fit: Fit) -> record::Window {
     let (window, rate) = (&job.window, job.params.sensors.sample_rate);

@@ -15,7 +15,7 @@ pub struct Interval {
 }
 
 impl Interval {
-    fn new(p10: Option<f64>, p50: Option<f64>, p90: Option<f64>) -> Option<Self> {
+    pub(crate) fn new(p10: Option<f64>, p50: Option<f64>, p90: Option<f64>) -> Option<Self> {
         let finite = |value: Option<f64>| value.and_then(finite);
         Some(Self {
             p10: finite(p10)?,

@@ -1,6 +1,7 @@
 //! Counters of the whole process: loss is data.
 
 use super::schema::message;
+use crate::store::StoreStatus;
 
 message! {
     /// Totals since the start (or since the start of a replay). Received = decoded + filtered + error + malformed
@@ -32,6 +33,10 @@ message! {
         lost_windows: u64 = 17 uint64;
         /// Losses: frames that came after a newer sample of their actuator had begun, or in a log given after a later one.
         lost_late: u64 = 18 uint64;
+        /// Losses: frames that were not stored, or are not known to be, because the storage failed or had no room.
+        lost_storage_frames: u64 = 19 uint64;
+        /// Losses: records of all other kinds, the same.
+        lost_storage_records: u64 = 20 uint64;
         /// Windows with status `ok`.
         windows_ok: u64 = 21 uint64;
         /// Windows with status `degraded`.
@@ -56,6 +61,26 @@ message! {
         unreadable_version: u64 = 44 uint64;
         /// Of the unreadable: serial frames whose CRC is right and whose content is no packet.
         unreadable_decode: u64 = 45 uint64;
+        /// Storage in a folder: `ok`, `raw-paused` for want of room, or `failing`; empty without one.
+        storage: String = 51 string;
+        /// Bytes of all segments.
+        storage_used_bytes: u64 = 52 uint64;
+        /// Bytes free on their file system.
+        storage_free_bytes: u64 = 53 uint64;
+        /// Segments.
+        storage_segments: u64 = 54 uint64;
+        /// Segments deleted to make room.
+        storage_deleted: u64 = 55 uint64;
+        /// Live only: inputs that wait for the pipeline.
+        queued_inputs: u64 = 61 uint64;
+        /// Live only: windows that wait for identification.
+        queued_windows: u64 = 62 uint64;
+        /// Live only: time spent on identification, s.
+        identification_s: f64 = 63 double;
+        /// Live only: the longest that one window took, s.
+        identification_max_s: f64 = 64 double;
+        /// Live only: time since the newest health record was stored, s; absent before the first.
+        record_age_s: Option<f64> = 65 double optional;
     }
 }
 
@@ -71,7 +96,20 @@ impl Status {
             + self.lost_malformed
             + self.lost_windows
             + self.lost_late
+            + self.lost_storage_frames
+            + self.lost_storage_records
             > 0
+    }
+
+    /// Takes over how the storage stands.
+    pub fn set_storage(&mut self, store: &StoreStatus) {
+        self.lost_storage_frames = store.lost_frames;
+        self.lost_storage_records = store.lost_records;
+        self.storage = store.state.to_owned();
+        self.storage_used_bytes = store.used_bytes;
+        self.storage_free_bytes = store.free_bytes;
+        self.storage_segments = store.segments;
+        self.storage_deleted = store.deleted;
     }
 }
 

@@ -99,6 +99,12 @@ pub enum McapFault {
         /// Why it is refused.
         cause: crate::frame::BusError,
     },
+    /// A metadata record that no checksum vouches for, or that cannot be read.
+    #[error("expected metadata with a checksum, found \"{name}\" without a right one")]
+    Metadata {
+        /// Its name; empty when not even that can be read.
+        name: String,
+    },
     /// The file cannot be read further.
     #[error("expected to read on, found an input error: {0}")]
     Io(io::ErrorKind),

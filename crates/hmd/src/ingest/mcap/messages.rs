@@ -1,24 +1,27 @@
 //! Messages of an MCAP file, as far as a checksum vouches for them.
 //!
-//! Chunks are read one by one and decoded only after their CRC was checked; whatever else stands in the file (bare
-//! messages, chunks without a CRC) is not trusted. A damaged chunk costs that chunk. When the chain of records breaks,
-//! reading goes on at the next chunk that the summary knows; without a summary (a file that was cut) it ends there.
+//! Chunks are decoded only after their CRC was checked; whatever else stands in the file (bare messages, chunks without
+//! a CRC) is not trusted. A damaged chunk costs that chunk, and a broken record costs none behind it ([`super::walk`]).
 //!
 //! Tried and dropped: the crate's `MessageStream` and `IndexedReader`. A flipped byte gave silently wrong messages or
 //! allocations that ended the process.
 
-use super::chunk::{Channels, RECORD_LIMIT, read_chunk, read_some};
+use super::chunk::malformed;
+use super::definitions::{Channel, Definitions};
 use super::fault::{McapFault, McapLoss};
 use super::records;
-use super::summary::{Summary, read_summary};
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use mcap::{McapError, records::op};
+use super::summary::read_summary;
+use super::walk::{Found, Walk, What};
+use mcap::records::op;
 use std::collections::{BTreeMap, VecDeque};
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{self, Read, Seek};
 use std::sync::Arc;
 
 /// Most metadata records that are kept.
 const METADATA_LIMIT: usize = 64;
+/// Longest metadata record that is kept, bytes.
+const METADATA_BYTES: usize = 1 << 20;
+
 /// One message of an intact chunk.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct McapMessage {
@@ -28,35 +31,38 @@ pub struct McapMessage {
     pub schema: Arc<str>,
     /// UTC time of the record, ns.
     pub log_time_ns: u64,
+    /// Time at which it was published, ns.
+    pub publish_time_ns: u64,
+    /// Its number in the channel.
+    pub sequence: u32,
     /// Place of its chunk in the file.
     pub at_byte: u64,
     /// The encoded message.
     pub data: Vec<u8>,
+    pub(crate) channel: Arc<Channel>,
 }
+
+/// A metadata record; it has no checksum of its own.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct McapMetadata {
+    pub(crate) at_byte: u64,
+    pub(crate) name: String,
+    pub(crate) content: BTreeMap<String, String>,
+}
+
 /// Iterates over the messages of an MCAP file in bounded memory.
 #[derive(Debug)]
 pub struct McapMessages<R> {
-    input: R,
+    walk: Walk<R>,
     file: Arc<str>,
-    outer: Outer,
-    summary: Summary,
-    channels: Channels,
-    metadata: BTreeMap<String, BTreeMap<String, String>>,
+    definitions: Definitions,
+    summary: Definitions,
+    metadata: Vec<McapMetadata>,
     queue: VecDeque<Result<McapMessage, McapLoss>>,
-    /// Place of the next record.
-    at_byte: u64,
-    /// Place of the last chunk that was looked at.
-    tried: u64,
+    chunks: u64,
+    attachments: u64,
+    all_verified: bool,
     any_loss: bool,
-    ended: bool,
-}
-
-struct Outer(LinearReader);
-
-impl std::fmt::Debug for Outer {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("LinearReader")
-    }
 }
 
 impl<R: Read + Seek> McapMessages<R> {
@@ -66,23 +72,17 @@ impl<R: Read + Seek> McapMessages<R> {
     /// When the input cannot be read or sought.
     pub fn new(mut input: R, file: &str) -> io::Result<Self> {
         let summary = read_summary(&mut input)?.unwrap_or_default();
-        input.rewind()?;
-        let options = LinearReaderOptions::default()
-            .with_emit_chunks(true)
-            .with_validate_data_section_crc(true)
-            .with_record_length_limit(RECORD_LIMIT);
         Ok(Self {
-            input,
+            walk: Walk::new(input)?,
             file: file.into(),
-            outer: Outer(LinearReader::new_with_options(options)),
+            definitions: Definitions::default(),
             summary,
-            channels: Channels::default(),
-            metadata: BTreeMap::new(),
+            metadata: Vec::new(),
             queue: VecDeque::new(),
-            at_byte: mcap::MAGIC.len() as u64,
-            tried: 0,
+            chunks: 0,
+            attachments: 0,
+            all_verified: false,
             any_loss: false,
-            ended: false,
         })
     }
 
@@ -93,118 +93,106 @@ impl<R: Read + Seek> McapMessages<R> {
 
     /// Place in the file up to which records were read.
     pub fn position(&self) -> u64 {
-        self.at_byte
+        self.walk.position()
     }
 
-    /// Metadata records read so far, by name. They have no checksum of their own.
-    pub fn metadata(&self) -> &BTreeMap<String, BTreeMap<String, String>> {
+    /// The newest metadata record of this name read so far. It has no checksum of its own.
+    pub fn metadata(&self, name: &str) -> Option<&BTreeMap<String, String>> {
+        let named = self.metadata.iter().rev().find(|metadata| metadata.name == name);
+        named.map(|metadata| &metadata.content)
+    }
+
+    /// All metadata records read so far.
+    pub(crate) fn all_metadata(&self) -> &[McapMetadata] {
         &self.metadata
+    }
+
+    /// Intact chunks so far.
+    pub fn chunks(&self) -> u64 {
+        self.chunks
+    }
+
+    /// Attachments so far; they are not read.
+    pub fn attachments(&self) -> u64 {
+        self.attachments
+    }
+
+    /// Whether the checksum over all data was found right: then metadata are too.
+    pub fn all_verified(&self) -> bool {
+        self.all_verified
     }
 
     /// Topics known so far, sorted.
     pub fn topics(&self) -> Vec<String> {
-        let mut topics: Vec<String> = self.channels.topics().chain(self.summary.channels.topics()).collect();
+        let mut topics: Vec<String> = self.definitions.topics().chain(self.summary.topics()).collect();
         topics.sort_unstable();
         topics.dedup();
         topics
     }
 
-    /// Reads one record of the file into the queue.
-    fn advance(&mut self) {
-        match self.outer.0.next_event() {
-            None => {
-                self.at_byte += mcap::MAGIC.len() as u64;
-                self.resume_or_end();
-            }
-            Some(Ok(LinearReadEvent::ReadRequest(need))) => match read_some(&mut self.input, &mut self.outer.0, need) {
-                Ok(()) => {}
-                Err(error) => {
-                    self.lose(McapFault::Io(error.kind()));
-                    self.ended = true;
+    fn take(&mut self, found: Found) {
+        let at_byte = found.at_byte;
+        match found.what {
+            What::Chunk(content) => {
+                self.chunks += 1;
+                let mut unknown = None;
+                for (opcode, data) in content.records() {
+                    if let Err(fault) = self.take_record(at_byte, opcode, data) {
+                        // Said once for each chunk: all of them have the same cause.
+                        unknown = unknown.or(Some(fault));
+                    }
                 }
+                if let Some(fault) = unknown {
+                    self.lose(at_byte, fault);
+                }
+            }
+            What::Metadata(data) => match records::metadata(&data).filter(|_| data.len() <= METADATA_BYTES) {
+                Some((name, content)) if self.metadata.len() < METADATA_LIMIT => {
+                    let name = name.to_owned();
+                    self.metadata.push(McapMetadata { at_byte, name, content });
+                }
+                Some(_) => {}
+                None => self.lose(at_byte, McapFault::Metadata { name: String::new() }),
             },
-            Some(Ok(LinearReadEvent::Record { opcode, data })) => {
-                let at_byte = self.at_byte;
-                self.at_byte += 9 + data.len() as u64;
-                let fault = match opcode {
-                    op::CHUNK => {
-                        self.tried = at_byte;
-                        read_chunk(
-                            data,
-                            at_byte,
-                            &mut self.channels,
-                            &self.summary.channels,
-                            &mut self.queue,
-                        )
-                    }
-                    op::MESSAGE => Err(McapFault::NoCrc),
-                    op::METADATA => {
-                        if let Some((name, content)) = records::metadata(data)
-                            && self.metadata.len() < METADATA_LIMIT
-                        {
-                            self.metadata.insert(name.to_owned(), content);
-                        }
-                        Ok(())
-                    }
-                    _ => Ok(()),
-                };
-                if let Err(fault) = fault {
-                    self.queue.push_back(Err(McapLoss {
-                        file: self.file.clone(),
-                        at_byte,
-                        fault,
-                    }));
-                    self.any_loss = true;
-                }
-            }
-            Some(Err(error)) => {
-                let fault = match error {
-                    McapError::UnexpectedEof => Some(McapFault::Truncated),
-                    McapError::RecordTooLarge { len, .. } => Some(McapFault::TooLarge { got: len }),
-                    // After a damaged chunk the sum over all data is wrong as well: nothing new.
-                    McapError::BadDataCrc { .. } if self.any_loss => None,
-                    McapError::BadDataCrc { saved, calculated } => Some(McapFault::DataCrc {
-                        expected: saved,
-                        got: calculated,
-                    }),
-                    other => Some(McapFault::Broken(other.to_string())),
-                };
-                if let Some(fault) = fault {
-                    self.lose(fault);
-                }
-                self.resume_or_end();
-            }
+            What::AllVerified => self.all_verified = true,
+            What::Attachment => self.attachments += 1,
+            // After a damaged chunk the sum over all data is wrong as well: nothing new.
+            What::Fault(McapFault::DataCrc { .. }) if self.any_loss => {}
+            What::Fault(fault) => self.lose(at_byte, fault),
         }
     }
 
-    fn lose(&mut self, fault: McapFault) {
+    fn take_record(&mut self, at_byte: u64, opcode: u8, data: &[u8]) -> Result<(), McapFault> {
+        match opcode {
+            op::SCHEMA | op::CHANNEL => self.definitions.add(opcode, data).ok_or_else(malformed),
+            op::MESSAGE => {
+                let message = records::message(data).ok_or_else(malformed)?;
+                let id = message.channel_id;
+                let known = self.definitions.channel(id).or_else(|| self.summary.channel(id));
+                let channel = known.cloned().ok_or(McapFault::UnknownChannel { id })?;
+                self.queue.push_back(Ok(McapMessage {
+                    topic: channel.topic.clone(),
+                    schema: channel.protobuf_schema(),
+                    log_time_ns: message.log_time_ns,
+                    publish_time_ns: message.publish_time_ns,
+                    sequence: message.sequence,
+                    at_byte,
+                    data: message.data.to_vec(),
+                    channel,
+                }));
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn lose(&mut self, at_byte: u64, fault: McapFault) {
         self.queue.push_back(Err(McapLoss {
             file: self.file.clone(),
-            at_byte: self.at_byte,
+            at_byte,
             fault,
         }));
         self.any_loss = true;
-    }
-
-    /// Goes on at the next chunk that the summary knows and that was not looked at yet.
-    fn resume_or_end(&mut self) {
-        let next = self
-            .summary
-            .chunk_offsets
-            .iter()
-            .copied()
-            .find(|&offset| offset > self.tried);
-        let Some(offset) = next.filter(|&offset| self.input.seek(SeekFrom::Start(offset)).is_ok()) else {
-            self.ended = true;
-            return;
-        };
-        let options = LinearReaderOptions::default()
-            .with_emit_chunks(true)
-            .with_skip_start_magic(true)
-            .with_record_length_limit(RECORD_LIMIT);
-        self.outer = Outer(LinearReader::new_with_options(options));
-        self.at_byte = offset;
-        self.tried = offset;
     }
 }
 
@@ -216,10 +204,8 @@ impl<R: Read + Seek> Iterator for McapMessages<R> {
             if let Some(item) = self.queue.pop_front() {
                 return Some(item);
             }
-            if self.ended {
-                return None;
-            }
-            self.advance();
+            let found = self.walk.next()?;
+            self.take(found);
         }
     }
 }

@@ -51,10 +51,28 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// Number and name of a schema.
-pub(super) fn schema(record: &[u8]) -> Option<(u16, &str)> {
+/// Definition of a schema.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct SchemaRecord<'a> {
+    pub(super) id: u16,
+    pub(super) name: &'a str,
+    pub(super) encoding: &'a str,
+    pub(super) data: &'a [u8],
+}
+
+/// A schema.
+pub(super) fn schema(record: &[u8]) -> Option<SchemaRecord<'_>> {
     let mut fields = Fields::of(record);
-    Some((fields.u16()?, fields.text()?))
+    let id = fields.u16()?;
+    let (name, encoding) = (fields.text()?, fields.text()?);
+    let length = fields.u32()?;
+    let data = fields.bytes(usize::try_from(length).ok()?)?;
+    Some(SchemaRecord {
+        id,
+        name,
+        encoding,
+        data,
+    })
 }
 
 /// Definition of a channel.
@@ -63,9 +81,10 @@ pub(super) struct ChannelRecord<'a> {
     pub(super) schema_id: u16,
     pub(super) topic: &'a str,
     pub(super) encoding: &'a str,
+    pub(super) metadata: BTreeMap<String, String>,
 }
 
-/// A channel, without its metadata.
+/// A channel.
 pub(super) fn channel(record: &[u8]) -> Option<ChannelRecord<'_>> {
     let mut fields = Fields::of(record);
     let (id, schema_id) = (fields.u16()?, fields.u16()?);
@@ -74,30 +93,35 @@ pub(super) fn channel(record: &[u8]) -> Option<ChannelRecord<'_>> {
         schema_id,
         topic: fields.text()?,
         encoding: fields.text()?,
+        metadata: fields.map()?,
     })
 }
 
-/// Channel number, log time (ns) and content of a message.
-pub(super) fn message(record: &[u8]) -> Option<(u16, u64, &[u8])> {
+/// One message.
+pub(super) struct MessageRecord<'a> {
+    pub(super) channel_id: u16,
+    pub(super) sequence: u32,
+    pub(super) log_time_ns: u64,
+    pub(super) publish_time_ns: u64,
+    pub(super) data: &'a [u8],
+}
+
+/// A message.
+pub(super) fn message(record: &[u8]) -> Option<MessageRecord<'_>> {
     let mut fields = Fields::of(record);
-    let id = fields.u16()?;
-    let _sequence = fields.u32()?;
-    let log_time_ns = fields.u64()?;
-    let _publish_time_ns = fields.u64()?;
-    Some((id, log_time_ns, fields.0))
+    Some(MessageRecord {
+        channel_id: fields.u16()?,
+        sequence: fields.u32()?,
+        log_time_ns: fields.u64()?,
+        publish_time_ns: fields.u64()?,
+        data: fields.0,
+    })
 }
 
 /// Name and content of a metadata record.
 pub(super) fn metadata(record: &[u8]) -> Option<(&str, BTreeMap<String, String>)> {
     let mut fields = Fields::of(record);
     Some((fields.text()?, fields.map()?))
-}
-
-/// Place of the chunk that a chunk index describes.
-pub(super) fn chunk_offset(record: &[u8]) -> Option<u64> {
-    let mut fields = Fields::of(record);
-    let _start_and_end_time: [u8; 16] = fields.number()?;
-    fields.u64()
 }
 
 /// Checksum of a chunk's decompressed content; 0 when it has none.
@@ -113,7 +137,15 @@ mod tests {
 
     #[test]
     fn a_length_beyond_the_record_is_refused() {
-        assert_eq!(schema(&[1, 0, 2, 0, 0, 0, b'a', b'b']), Some((1, "ab")));
+        let whole = [1, 0, 2, 0, 0, 0, b'a', b'b', 1, 0, 0, 0, b'e', 1, 0, 0, 0, 7];
+        let expected = SchemaRecord {
+            id: 1,
+            name: "ab",
+            encoding: "e",
+            data: &[7],
+        };
+        assert_eq!(schema(&whole), Some(expected));
+        assert_eq!(schema(&whole[..17]), None);
         assert_eq!(schema(&[1, 0, 0xFF, 0xFF, 0xFF, 0xFF, b'a', b'b']), None);
         assert_eq!(schema(&[1, 0, 1, 0, 0, 0, 0xFF]), None, "not UTF-8");
         assert_eq!(metadata(&[1, 0, 0, 0, b'n', 0, 0, 0, 0]), Some(("n", BTreeMap::new())));

@@ -1,19 +1,13 @@
-//! The summary at the end of an MCAP file: a second copy of the channels, and the way to the chunks.
+//! The summary at the end of an MCAP file: a second copy of the channels.
 
-use super::chunk::{Channels, RECORD_LIMIT, read_some};
-use super::records;
+use super::chunk::{RECORD_LIMIT, read_some};
+use super::definitions::Definitions;
 use mcap::records::op;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::io::{self, Read, Seek, SeekFrom};
 
-/// What the summary at the end of the file knows; empty when there is none or its checksum is wrong.
-#[derive(Debug, Default)]
-pub(super) struct Summary {
-    pub(super) channels: Channels,
-    pub(super) chunk_offsets: Vec<u64>,
-}
-/// Reads the summary, from the end of the file; `None` when it is not there or not intact.
-pub(super) fn read_summary<R: Read + Seek>(input: &mut R) -> io::Result<Option<Summary>> {
+/// Reads the definitions of the summary, from the end of the file; `None` when it is not there or not intact.
+pub(super) fn read_summary<R: Read + Seek>(input: &mut R) -> io::Result<Option<Definitions>> {
     // Data end (13 bytes) stands before the summary; footer (9 + 20) and magic (8) end the file.
     const DATA_END: u64 = 13;
     const FOOTER: u64 = 37;
@@ -45,7 +39,7 @@ pub(super) fn read_summary<R: Read + Seek>(input: &mut R) -> io::Result<Option<S
             Err(_) => return Ok(None),
             Ok(LinearReadEvent::ReadRequest(need)) => read_some(input, &mut reader, need)?,
             Ok(LinearReadEvent::Record {
-                opcode: opcode @ (op::SCHEMA | op::CHANNEL | op::CHUNK_INDEX),
+                opcode: opcode @ (op::SCHEMA | op::CHANNEL),
                 data,
             }) => {
                 kept.push((opcode, data.to_vec()));
@@ -53,14 +47,11 @@ pub(super) fn read_summary<R: Read + Seek>(input: &mut R) -> io::Result<Option<S
             Ok(LinearReadEvent::Record { .. }) => {}
         }
     }
-    let mut summary = Summary::default();
+    let mut definitions = Definitions::default();
     for (opcode, data) in kept {
-        if opcode == op::CHUNK_INDEX {
-            summary.chunk_offsets.extend(records::chunk_offset(&data));
-        } else if summary.channels.add(opcode, &data).is_none() {
+        if definitions.add(opcode, &data).is_none() {
             return Ok(None);
         }
     }
-    summary.chunk_offsets.sort_unstable();
-    Ok(Some(summary))
+    Ok(Some(definitions))
 }

@@ -149,7 +149,7 @@ fn a_silent_first_bus_does_not_change_the_indices() {
     let mut reader = McapFrames::new(Cursor::new(file), "a.mcap", BusNames::new()).unwrap();
     assert_eq!(reader.next(), Some(Ok(frame.with_bus(0))));
     assert_eq!(reader.bus_names().name(0), Some("vcan1"));
-    assert_eq!(reader.messages().metadata()[METADATA_NAME]["seed"], "1");
+    assert_eq!(reader.messages().metadata(METADATA_NAME).unwrap()["seed"], "1");
 }
 
 #[test]
@@ -307,7 +307,7 @@ fn write_a_sample() {
         health.set_damage([some; 7]);
         health.set_faults(&["friction", "gain"]);
         sink.write(t_end_ns, &health).unwrap();
-        let rul = Rul {
+        let mut rul = Rul {
             actuator: actuator(),
             window,
             t_start_ns,
@@ -321,7 +321,13 @@ fn write_a_sample() {
             rul_p90_cycles: Some(30.0),
             dominant_fault: "friction".to_owned(),
             reason: "all fields".to_owned(),
+            operating_work_j: some,
+            failure_probability: some,
+            horizon_h: some,
+            governed_by: "damage".to_owned(),
+            ..Rul::default()
         };
+        rul.set_faults([Some(([1.0, 2.0, 3.0], 0.5)); 7]);
         sink.write(t_end_ns, &rul).unwrap();
         sink.flush_window().unwrap();
     }
@@ -354,6 +360,18 @@ fn write_a_sample() {
         unreadable_crc: 20,
         unreadable_version: 21,
         unreadable_decode: 22,
+        lost_storage_frames: 18,
+        lost_storage_records: 19,
+        storage: "failing".to_owned(),
+        storage_used_bytes: 20,
+        storage_free_bytes: 21,
+        storage_segments: 22,
+        storage_deleted: 23,
+        queued_inputs: 24,
+        queued_windows: 25,
+        identification_s: 2.5,
+        identification_max_s: 0.5,
+        record_age_s: Some(1.5),
     };
     sink.write(frames[0].stamp_ns, &status).unwrap();
     let dropped = Dropped {

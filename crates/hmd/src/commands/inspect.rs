@@ -1,0 +1,218 @@
+//! `hmd inspect`: the history of an actuator for people: trend, remaining life, events.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::PathBuf;
+
+use anyhow::{Context, ensure};
+use prost::Message;
+use serde::Serialize;
+
+use super::table::{HEALTH_HEAD, health_row, left_cell};
+use super::{Exit, say};
+use crate::ingest::McapMessages;
+use crate::record::{FAULT_NAMES, Health, Interval, Log, Record, Rul};
+
+/// Print the history in recorded files: damage, remaining life, events.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// MCAP files that hmd wrote, in the order of time.
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// Print a JSON object per line.
+    #[arg(long, conflicts_with = "csv")]
+    json: bool,
+    /// Print comma-separated values; events are left out.
+    #[arg(long)]
+    csv: bool,
+}
+
+/// One line of the history.
+#[derive(Debug, Serialize)]
+struct Line<'a> {
+    actuator: &'a str,
+    window: u64,
+    t_start_ns: u64,
+    status: &'a str,
+    health: &'a str,
+    damage: BTreeMap<&'static str, Option<f64>>,
+    operating_h: Option<f64>,
+    operating_cycles: Option<f64>,
+    rul_h: Option<Interval>,
+    rul_cycles: Option<Interval>,
+    failure_probability: Option<f64>,
+    dominant_fault: &'a str,
+    governed_by: &'a str,
+    reason: &'a str,
+}
+
+/// What is printed, in which form.
+struct Printer {
+    json: bool,
+    csv: bool,
+    /// The head stands above the first window.
+    headed: bool,
+}
+
+/// What a file had.
+#[derive(Default)]
+struct Shown {
+    windows: u64,
+    damaged: bool,
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// A file that is none of ours.
+pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    let mut printer = Printer {
+        json: args.json,
+        csv: args.csv,
+        headed: false,
+    };
+    let mut damaged = false;
+    for path in &args.files {
+        let name = path.display().to_string();
+        let file = File::open(path).with_context(|| name.clone())?;
+        let messages = McapMessages::new(BufReader::new(file), &name).with_context(|| name.clone())?;
+        let shown = printer.print(messages).with_context(|| name.clone())?;
+        ensure!(shown.windows > 0, "{name}: expected records of windows, found none");
+        damaged |= shown.damaged;
+    }
+    Ok(if damaged { Exit::DataLost } else { Exit::Done })
+}
+
+impl Printer {
+    /// Prints a file.
+    fn print(&mut self, messages: McapMessages<BufReader<File>>) -> anyhow::Result<Shown> {
+        let mut shown = Shown::default();
+        // The health of each actuator's newest window, until its remaining life comes.
+        let mut waiting: BTreeMap<String, Health> = BTreeMap::new();
+        for message in messages {
+            let Ok(message) = message else {
+                shown.damaged = true;
+                continue;
+            };
+            let data = message.data.as_slice();
+            if *message.schema == *Health::SCHEMA_NAME {
+                let health = Health::decode(data)?;
+                waiting.insert(health.actuator.clone(), health);
+            } else if *message.schema == *Rul::SCHEMA_NAME {
+                let rul = Rul::decode(data)?;
+                if let Some(health) = waiting.remove(&rul.actuator).filter(|h| h.window == rul.window) {
+                    self.window(&health, &rul)?;
+                    shown.windows += 1;
+                }
+            } else if *message.schema == *Log::SCHEMA_NAME {
+                self.event(message.log_time_ns, &Log::decode(data)?.message)?;
+            }
+        }
+        Ok(shown)
+    }
+
+    fn window(&mut self, health: &Health, rul: &Rul) -> anyhow::Result<()> {
+        if !std::mem::replace(&mut self.headed, true) {
+            if self.csv {
+                say(&csv_head())?;
+            } else if !self.json {
+                say(&format!("{:>10} {:<22} {HEALTH_HEAD}", "used, h", "left (10…90 %), h"))?;
+            }
+        }
+        if self.json {
+            say(&serde_json::to_string(&line(health, rul))?)
+        } else if self.csv {
+            say(&csv_row(health, rul))
+        } else {
+            let used = rul.operating_h.map_or_else(String::new, |hours| format!("{hours:.1}"));
+            let mut row = format!("{used:>10} {:<22} {}", left_cell(rul), health_row(health));
+            if !rul.governed_by.is_empty() && rul.governed_by != "damage" {
+                row += &format!("  (ends by {})", rul.governed_by);
+            }
+            say(&row)
+        }
+    }
+
+    fn event(&self, t_ns: u64, message: &str) -> anyhow::Result<()> {
+        if self.json {
+            say(&serde_json::json!({ "t_ns": t_ns, "event": message }).to_string())
+        } else if self.csv {
+            Ok(())
+        } else {
+            say(&format!("{:>10} {message}", ""))
+        }
+    }
+}
+
+fn damages(health: &Health) -> [Option<f64>; FAULT_NAMES.len()] {
+    [
+        health.damage_friction,
+        health.damage_backlash,
+        health.damage_short_a,
+        health.damage_short_b,
+        health.damage_short_c,
+        health.damage_eccentricity,
+        health.damage_gain,
+    ]
+}
+
+fn line<'a>(health: &'a Health, rul: &'a Rul) -> Line<'a> {
+    Line {
+        actuator: &health.actuator,
+        window: health.window,
+        t_start_ns: health.t_start_ns,
+        status: &health.status,
+        health: &health.health,
+        damage: FAULT_NAMES.into_iter().zip(damages(health)).collect(),
+        operating_h: rul.operating_h,
+        operating_cycles: rul.operating_cycles,
+        rul_h: Interval::new(rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h),
+        rul_cycles: Interval::new(rul.rul_p10_cycles, rul.rul_p50_cycles, rul.rul_p90_cycles),
+        failure_probability: rul.failure_probability,
+        dominant_fault: &rul.dominant_fault,
+        governed_by: &rul.governed_by,
+        reason: if health.reason.is_empty() {
+            &rul.reason
+        } else {
+            &health.reason
+        },
+    }
+}
+
+fn csv_head() -> String {
+    let faults = FAULT_NAMES.map(|fault| format!("damage_{fault}")).join(",");
+    format!(
+        "actuator,window,t_start_ns,status,health,{faults},operating_h,operating_cycles,rul_p10_h,rul_p50_h,rul_p90_h,\
+         rul_p10_cycles,rul_p50_cycles,rul_p90_cycles,failure_probability,dominant_fault,governed_by"
+    )
+}
+
+/// Names have no commas, so nothing needs quotes; what does not exist is empty.
+fn csv_row(health: &Health, rul: &Rul) -> String {
+    let cell = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+    let mut cells = vec![
+        health.actuator.clone(),
+        health.window.to_string(),
+        health.t_start_ns.to_string(),
+        health.status.clone(),
+        health.health.clone(),
+    ];
+    cells.extend(damages(health).map(cell));
+    cells.extend(
+        [
+            rul.operating_h,
+            rul.operating_cycles,
+            rul.rul_p10_h,
+            rul.rul_p50_h,
+            rul.rul_p90_h,
+            rul.rul_p10_cycles,
+            rul.rul_p50_cycles,
+            rul.rul_p90_cycles,
+            rul.failure_probability,
+        ]
+        .map(cell),
+    );
+    cells.extend([rul.dominant_fault.clone(), rul.governed_by.clone()]);
+    cells.join(",")
+}

@@ -1,0 +1,155 @@
+//! The metrics over HTTP, on this computer alone, and only when asked for.
+//!
+//! One thread of its own: nothing that a client does reaches the daemon. At most [`CLIENTS_MAX`] connections at once, further
+//! ones wait in the kernel; a client that says nothing for [`PATIENCE`] is dropped.
+
+use std::convert::Infallible;
+use std::io;
+use std::net::{SocketAddr, TcpListener};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use http_body_util::Full;
+use hyper::body::{Bytes, Incoming};
+use hyper::header::{CONTENT_TYPE, HeaderValue};
+use hyper::server::conn::http1;
+use hyper::service::service_fn;
+use hyper::{Method, Request, Response, StatusCode};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use tokio::sync::Semaphore;
+
+/// Connections at once.
+const CLIENTS_MAX: usize = 4;
+
+/// Longest wait for a request, and longest answer.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// What `prometheus-client` writes.
+const OPEN_METRICS: HeaderValue =
+    HeaderValue::from_static("application/openmetrics-text; version=1.0.0; charset=utf-8");
+
+/// The newest metrics, shared with the thread that serves them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Page(Arc<Mutex<String>>);
+
+impl Page {
+    /// Replaces the text.
+    pub(super) fn set(&self, text: String) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = text;
+    }
+
+    fn get(&self) -> String {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+/// An address of this computer alone.
+///
+/// # Errors
+/// One sentence for the command line.
+pub(super) fn loopback(text: &str) -> Result<SocketAddr, String> {
+    let address: SocketAddr = text.parse().map_err(|_| "expected ADDRESS:PORT".to_owned())?;
+    if address.ip().is_loopback() {
+        Ok(address)
+    } else {
+        Err("expected an address of this computer alone, as 127.0.0.1:9464 or [::1]:9464".to_owned())
+    }
+}
+
+/// Serves the page at `/metrics` from now on; the address with the port that was taken.
+///
+/// # Errors
+/// When the address cannot be bound or the thread cannot be started.
+pub(super) fn serve(address: SocketAddr, page: Page) -> io::Result<SocketAddr> {
+    let listener = TcpListener::bind(address)?;
+    listener.set_nonblocking(true)?;
+    let bound = listener.local_addr()?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let listener = {
+        let _inside = runtime.enter();
+        tokio::net::TcpListener::from_std(listener)?
+    };
+    let accept = async move {
+        let clients = Arc::new(Semaphore::new(CLIENTS_MAX));
+        while let Ok(permit) = clients.clone().acquire_owned().await {
+            let Ok((stream, _)) = listener.accept().await else {
+                // Out of descriptors, for one: not a reason to spin.
+                tokio::time::sleep(PATIENCE).await;
+                continue;
+            };
+            let page = page.clone();
+            tokio::spawn(async move {
+                let answered = http1::Builder::new()
+                    .keep_alive(false)
+                    .timer(TokioTimer::new())
+                    .header_read_timeout(PATIENCE)
+                    .serve_connection(TokioIo::new(stream), service_fn(|request| answer(request, page.get())));
+                // A client that goes away or is too slow is its own affair.
+                let _ = tokio::time::timeout(2 * PATIENCE, answered).await;
+                drop(permit);
+            });
+        }
+    };
+    let thread = std::thread::Builder::new().name("metrics".to_owned());
+    thread.spawn(move || runtime.block_on(accept))?;
+    Ok(bound)
+}
+
+async fn answer(request: Request<Incoming>, page: String) -> Result<Response<Full<Bytes>>, Infallible> {
+    let mut response = Response::new(Full::default());
+    if request.uri().path() != "/metrics" {
+        *response.status_mut() = StatusCode::NOT_FOUND;
+    } else if !matches!(*request.method(), Method::GET | Method::HEAD) {
+        *response.status_mut() = StatusCode::METHOD_NOT_ALLOWED;
+    } else {
+        response.headers_mut().insert(CONTENT_TYPE, OPEN_METRICS);
+        *response.body_mut() = Full::from(page);
+    }
+    Ok(response)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Read, Write};
+    use std::net::TcpStream;
+
+    use super::*;
+
+    fn ask(address: SocketAddr, request: &str) -> String {
+        let mut stream = TcpStream::connect(address).unwrap();
+        stream.write_all(request.as_bytes()).unwrap();
+        let mut text = String::new();
+        stream.read_to_string(&mut text).unwrap();
+        text
+    }
+
+    #[test]
+    fn the_page_is_served_and_nothing_else() {
+        let page = Page::default();
+        let address = serve("127.0.0.1:0".parse().unwrap(), page.clone()).unwrap();
+        page.set("hmd_samples_total 3\n# EOF\n".to_owned());
+        // Clients that say nothing do not keep others out while there is room.
+        let _silent = [(); CLIENTS_MAX - 1].map(|()| TcpStream::connect(address).unwrap());
+        let text = ask(address, "GET /metrics HTTP/1.1\r\nHost: here\r\n\r\n");
+        assert!(text.starts_with("HTTP/1.1 200 OK\r\n"), "{text}");
+        assert!(text.contains("application/openmetrics-text"), "{text}");
+        assert!(text.ends_with("hmd_samples_total 3\n# EOF\n"), "{text}");
+        let other = ask(address, "GET / HTTP/1.1\r\nHost: here\r\n\r\n");
+        assert!(other.starts_with("HTTP/1.1 404"), "{other}");
+        let post = ask(
+            address,
+            "POST /metrics HTTP/1.1\r\nHost: here\r\nContent-Length: 0\r\n\r\n",
+        );
+        assert!(post.starts_with("HTTP/1.1 405"), "{post}");
+        assert!(ask(address, "rubbish\r\n\r\n").starts_with("HTTP/1.1 400"));
+    }
+
+    #[test]
+    fn only_this_computer_may_ask() {
+        assert!(loopback("127.0.0.1:9464").is_ok());
+        assert!(loopback("[::1]:9464").is_ok());
+        for refused in ["0.0.0.0:9464", "192.168.1.2:9464", "[::]:9464", "localhost", "9464"] {
+            assert!(loopback(refused).is_err(), "{refused}");
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! `hmd recover`: what is left of a damaged recording.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+
+use super::{Exit, Misuse, say};
+use crate::recover::{Recovered, count_frames, recover};
+use crate::sink::SyncedFile;
+
+/// Copy everything intact of a damaged MCAP file into a whole one, and say what is lost.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Damaged MCAP file; it is not changed.
+    #[arg(value_name = "LOG.mcap")]
+    log: PathBuf,
+    /// File for what is intact.
+    #[arg(short, long, value_name = "OUT.mcap")]
+    output: PathBuf,
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// A file that cannot be read at all or has nothing intact, or an output that cannot be written.
+pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    let name = args.log.display().to_string();
+    let input = File::open(&args.log).with_context(|| name.clone())?;
+    if !input.metadata().with_context(|| name.clone())?.is_file() {
+        bail!("{name}: expected a file that can be sought, found another kind");
+    }
+    if is_same(&args.log, &args.output) {
+        return Err(Misuse(format!("-o: expected another file than the log, found {name}")).into());
+    }
+    let path = args.output.display().to_string();
+    let out = File::create(&args.output).with_context(|| path.clone())?;
+    let (_, report) = recover(input, &name, SyncedFile::new(out), "").with_context(|| path.clone())?;
+    // What was written is read again: the copy must be whole, and it tells how many frames are missing.
+    let copy = File::open(&args.output).with_context(|| path.clone())?;
+    let (frames, missing) = count_frames(BufReader::new(copy), &path).with_context(|| path.clone())?;
+    tell(&report, &name, &path, frames, missing)
+}
+
+fn tell(report: &Recovered, name: &str, path: &str, frames: u64, missing: u64) -> anyhow::Result<Exit> {
+    say(&format!(
+        "{name}: kept {} chunks with {} messages and {frames} raw frames, and {} metadata records, in {path}",
+        report.chunks, report.messages, report.metadata
+    ))?;
+    if report.is_whole() && missing == 0 {
+        return Ok(Exit::Done);
+    }
+    for loss in &report.losses {
+        eprintln!("{loss}");
+    }
+    let more = report.losses_total - report.losses.len() as u64;
+    if more > 0 {
+        eprintln!("{name}: {more} more damaged places");
+    }
+    eprintln!(
+        "{name}: data lost: {} damaged places, {missing} raw frames missing between those kept, {} attachments",
+        report.losses_total, report.attachments_lost
+    );
+    if report.chunks == 0 {
+        bail!("{name}: expected an intact chunk, found none");
+    }
+    Ok(Exit::DataLost)
+}
+
+fn is_same(one: &Path, other: &Path) -> bool {
+    matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
+}

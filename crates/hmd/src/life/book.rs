@@ -1,0 +1,119 @@
+//! The lives of all actuators, with the maintenance events that end them.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::events::{self, Event};
+use super::{Life, StateError, state};
+use crate::config::{ActuatorConfig, Config};
+use crate::health::LevelsError;
+
+/// All lives of a run. At most one for each of 16 actuators on each of 64 interfaces.
+#[derive(Debug)]
+pub struct Lives {
+    config: Arc<Config>,
+    lives: BTreeMap<String, Life>,
+    /// Maintenance events, as told last.
+    events: Vec<Event>,
+    /// Where lives are kept, if anywhere.
+    directory: Option<PathBuf>,
+    notices: Vec<String>,
+}
+
+impl Lives {
+    /// Lives that begin with the run; they are neither read nor kept.
+    #[must_use]
+    pub fn new(config: Arc<Config>) -> Self {
+        Self {
+            config,
+            lives: BTreeMap::new(),
+            events: Vec::new(),
+            directory: None,
+            notices: Vec::new(),
+        }
+    }
+
+    /// Lives that go on from the directory of the configuration, if it names one, and are kept there.
+    pub fn keep(&mut self) {
+        self.directory = self.config.rul().state.as_ref().map(|path| self.config.resolve(path));
+    }
+
+    /// Takes the maintenance events as they stand. Each is followed when the frames have come to it, and once.
+    pub fn follow(&mut self, events: Vec<Event>) {
+        self.events = events;
+    }
+
+    /// The life of an actuator at the time of a window. Events up to then are followed first.
+    ///
+    /// # Errors
+    /// Levels that contradict each other.
+    pub fn at(&mut self, actuator: &ActuatorConfig, t_ns: u64) -> Result<&mut Life, LevelsError> {
+        let (config, serial_number) = (&self.config, &actuator.serial_number);
+        let life = match self.lives.entry(actuator.name.clone()) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => new.insert(
+                match kept(self.directory.as_deref(), &actuator.name, &mut self.notices) {
+                    Some(life) => life.resumed(config, serial_number.clone())?,
+                    None => Life::new(config, serial_number.clone())?,
+                },
+            ),
+        };
+        let is_due =
+            |event: &&Event| event.actuator == actuator.name && event.t_ns <= t_ns && event.t_ns > life.begun_ns;
+        if let Some(begun_ns) = self.events.iter().filter(is_due).map(|event| event.t_ns).max() {
+            *life = Life {
+                begun_ns,
+                ..Life::new(config, serial_number.clone())?
+            };
+            let notice = format!("{}: a new life begins by a maintenance event", actuator.name);
+            self.notices.push(notice);
+        }
+        Ok(life)
+    }
+
+    /// Ends the life of an actuator whose unit turns out to be another one; says whether there was one.
+    pub fn end(&mut self, actuator: &str) -> bool {
+        self.lives.remove(actuator).is_some()
+    }
+
+    /// Keeps the life of an actuator, if lives are kept.
+    ///
+    /// # Errors
+    /// [`StateError`].
+    pub fn save(&self, actuator: &str) -> Result<(), StateError> {
+        match (&self.directory, self.lives.get(actuator)) {
+            (Some(directory), Some(life)) => state::save(directory, actuator, life),
+            _ => Ok(()),
+        }
+    }
+
+    /// What an operator should read, since the last call.
+    pub fn take_notices(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notices)
+    }
+}
+
+/// A life that was kept. A file that cannot be used is told and put aside.
+fn kept(directory: Option<&Path>, actuator: &str, notices: &mut Vec<String>) -> Option<Life> {
+    let directory = directory?;
+    state::load(directory, actuator).unwrap_or_else(|error| {
+        notices.push(format!("{error}; a new life begins"));
+        if let Err(error) = state::put_aside(directory, actuator) {
+            notices.push(error.to_string());
+        }
+        None
+    })
+}
+
+/// The maintenance events of a configuration.
+///
+/// # Errors
+/// A file that is there and cannot be read.
+pub fn events_of(config: &Config) -> Result<Vec<Event>, events::EventError> {
+    match &config.rul().events {
+        Some(path) => events::read(&config.resolve(path)),
+        None => Ok(Vec::new()),
+    }
+}

@@ -1,0 +1,217 @@
+use std::sync::Arc;
+
+use ema_models::ActuatorParams;
+
+use super::*;
+use crate::channel::MeasuredConditions;
+use crate::function::Shortfall;
+use crate::window::{Verdict, Window};
+
+const HOUR_NS: u64 = 3_600_000_000_000;
+
+/// A window of `ema0` that began after some hours, and the operating time shown by the frames.
+fn job(config: &Config, number: u64, hours: f64, operating_s: f64) -> WindowJob {
+    let actuator = config.actuator_named("ema0").expect("every number is watched").clone();
+    WindowJob {
+        params: actuator.params,
+        actuator: Arc::new(actuator),
+        window: Window {
+            number,
+            t_start_ns: 1_700_000_000_000_000_000 + (hours * HOUR_NS as f64) as u64,
+            trigger: 0,
+            samples: Vec::new(),
+            expected: 0,
+            verdict: Verdict::Complete,
+            lost: 0,
+            rejected: 0,
+            filled: Vec::new(),
+            duplicates: 0,
+            clock_jumps: 0,
+        },
+        conditions: MeasuredConditions::default(),
+        operating_s,
+    }
+}
+
+fn friction(damage: f64) -> Judgement {
+    let mut all = [0.0; FAULT_COUNT];
+    all[0] = damage;
+    Judgement {
+        damage: all,
+        sigma: Some([0.003; FAULT_COUNT]),
+    }
+}
+
+fn shown<'a>(judgement: Option<&'a Judgement>, fit: &'a Fit) -> Shown<'a> {
+    Shown {
+        judgement,
+        fault: None,
+        fit,
+        shortfall: None,
+    }
+}
+
+fn config(rul: &str) -> Arc<Config> {
+    Arc::new(Config::from_toml_str(&format!("[rul]\n{rul}"), "test").expect("a configuration"))
+}
+
+/// Friction that grows by 0.008 each 10 h, from window `from` to before `to`.
+fn wear_out(lives: &mut Lives, config: &Config, from: u64, to: u64) -> Vec<LifeDecision> {
+    (from..to)
+        .map(|n| {
+            let job = job(config, n, 10.0 * n as f64, 0.0);
+            let life = lives.at(&job.actuator, job.window.t_start_ns).expect("levels");
+            life.update(&job, &shown(Some(&friction(0.008 * n as f64)), &Fit::default()), config)
+        })
+        .collect()
+}
+
+#[test]
+fn a_whole_life_goes_through_all_states_in_order_and_its_end_is_foretold() {
+    let config = config("hours = \"elapsed\"\nwarning_h = 300\ncritical_h = 100");
+    let told = wear_out(&mut Lives::new(config.clone()), &config, 0, 100);
+    let mut states: Vec<HealthState> = told.iter().map(|t| t.state).collect();
+    states.dedup();
+    use HealthState::{Critical, Nominal, Warning, Watch};
+    assert_eq!(states, [Nominal, Watch, Warning, Critical]);
+    for (n, told) in told.iter().enumerate().skip(50) {
+        let left = told.forecast.actuator.expect("a trend").hours;
+        let truth = 1000.0 - 10.0 * n as f64;
+        assert!(
+            (left.p50 - truth).abs() <= 0.2 * truth,
+            "window {n}: {left:?}, truth {truth}"
+        );
+    }
+    assert!((told[99].used.hours - 990.0).abs() < 1e-6 && told[99].used.cycles.round() as u32 == 100);
+}
+
+#[test]
+fn what_is_left_can_be_worse_than_the_damage() {
+    let config = config("hours = \"elapsed\"\nwarning_h = 10000\ncritical_h = 100");
+    let told = wear_out(&mut Lives::new(config.clone()), &config, 0, 20);
+    assert_eq!(told[19].health.state, HealthState::Watch);
+    assert_eq!(told[19].state, HealthState::Warning);
+}
+
+#[test]
+fn operating_hours_follow_the_frames_and_dropped_windows_are_cycles() {
+    let config = config("");
+    let mut life = Life::new(&config, None).expect("levels");
+    let mut used = |number, operating_s| {
+        let job = job(&config, number, 0.0, operating_s);
+        life.update(&job, &shown(None, &Fit::default()), &config).used
+    };
+    assert!((used(0, 3600.0).hours - 1.0).abs() < 1e-12);
+    // Two windows were dropped.
+    let second = used(3, 7200.0);
+    assert!((second.hours - 2.0).abs() < 1e-12 && (second.cycles - 4.0).abs() < 1e-12);
+    // The source began anew.
+    let third = used(0, 1800.0);
+    assert!((third.hours - 2.5).abs() < 1e-12 && (third.cycles - 5.0).abs() < 1e-12);
+}
+
+#[test]
+fn work_is_measured_and_others_count_as_the_mean() {
+    let config = config("");
+    let mut life = Life::new(&config, None).expect("levels");
+    let fit = Fit {
+        i_q_measured: vec![2.0; 1000],
+        omega_measured: vec![-50.0; 1000],
+        ..Fit::default()
+    };
+    // 1.5 × 0.9 Nm/A × 2 A × 50 rad/s for half a second.
+    let expected = 1.5 * ActuatorParams::bench().motor.k * 2.0 * 50.0 * 0.5;
+    let first = life
+        .update(&job(&config, 0, 0.0, 1.0), &shown(None, &fit), &config)
+        .used
+        .work_j;
+    assert!((first / expected - 1.0).abs() < 1e-6, "{first} J");
+    let second = life
+        .update(&job(&config, 1, 0.0, 2.0), &shown(None, &Fit::default()), &config)
+        .used
+        .work_j;
+    assert!((second / expected - 2.0).abs() < 1e-6, "{second} J");
+}
+
+#[test]
+fn a_maintenance_event_begins_a_new_life_once() {
+    let config = config("hours = \"elapsed\"");
+    let mut lives = Lives::new(config.clone());
+    let event = |hours: f64, actuator: &str| Event {
+        t_ns: job(&config, 0, hours, 0.0).window.t_start_ns,
+        actuator: actuator.to_owned(),
+        event: EventKind::Reset,
+    };
+    lives.follow(vec![event(405.0, "ema0"), event(605.0, "ema1")]);
+    let told = wear_out(&mut lives, &config, 0, 100);
+    assert!(told[40].forecast.actuator.is_ok());
+    assert!(told[41].forecast.actuator.is_err() && told[41].used.cycles.round() as u32 == 1);
+    assert!(
+        told[99].forecast.actuator.is_ok(),
+        "not again by another's event, nor by the same"
+    );
+    assert_eq!(lives.take_notices().len(), 1);
+}
+
+#[test]
+fn a_kept_life_goes_on_and_a_new_unit_begins_its_own() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = format!("hours = \"elapsed\"\nstate = {:?}", folder.path().display().to_string());
+    let config = config(&text);
+    let in_one = wear_out(&mut Lives::new(config.clone()), &config, 0, 60);
+    let mut first = Lives::new(config.clone());
+    first.keep();
+    wear_out(&mut first, &config, 0, 30);
+    first.save("ema0").expect("a place");
+    let mut second = Lives::new(config.clone());
+    second.keep();
+    let rest = wear_out(&mut second, &config, 30, 60);
+    let [whole, kept] = [&in_one[59], &rest[29]].map(|told| told.forecast.actuator.expect("a trend").hours);
+    assert_eq!(whole, kept);
+
+    let life = state::load(folder.path(), "ema0").expect("a state").expect("a life");
+    let other = life.resumed(&config, Some("another".to_owned())).expect("levels");
+    assert_eq!(other.used, Odometer::default());
+
+    // A file that cannot be used is told and put aside.
+    std::fs::write(state::path(folder.path(), "ema0"), "{").expect("a file");
+    let mut third = Lives::new(config.clone());
+    third.keep();
+    let told = wear_out(&mut third, &config, 60, 61);
+    assert!(told[0].forecast.actuator.is_err());
+    assert_eq!(third.take_notices().len(), 1);
+    assert!(folder.path().join("ema0.life.json.unusable").exists());
+}
+
+#[test]
+fn the_function_ends_a_life_before_the_damage_does() {
+    let config = config("hours = \"elapsed\"");
+    let mut life = Life::new(&config, None).expect("levels");
+    // Useless from a friction of 0.5 on: 625 h after the beginning instead of 1000 h.
+    let useless = |fault: &FaultVector| (fault.friction >= 0.5).then_some(Shortfall::SlewRate);
+    for n in 0..70_u64 {
+        let damage = 0.008 * n as f64;
+        let fault = FaultVector {
+            friction: damage,
+            ..FaultVector::NOMINAL
+        };
+        let shown = Shown {
+            judgement: Some(&friction(damage)),
+            fault: Some(&fault),
+            fit: &Fit::default(),
+            shortfall: Some(&useless),
+        };
+        let told = life.update(&job(&config, n, 10.0 * n as f64, 0.0), &shown, &config);
+        let Ok(left) = told.forecast.actuator else { continue };
+        let truth = (625.0 - 10.0 * n as f64).max(0.0);
+        if n >= 20 {
+            assert_eq!(told.governs, Governs::Function(Shortfall::SlewRate));
+            assert!(
+                (left.hours.p50 - truth).abs() <= 0.05 * truth + 5.0,
+                "window {n}: {left:?}, truth {truth}"
+            );
+            assert!(left.hours.p10 <= left.hours.p50 && left.hours.p50 <= left.hours.p90);
+            assert!(told.forecast.faults[0].expect("a trend").hours.p50 > left.hours.p50);
+        }
+    }
+}

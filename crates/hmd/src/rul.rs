@@ -1,0 +1,18 @@
+//! Estimates of one actuator, window by window -> how long it will last, and how sure that is. No clock.
+//!
+//! [`Prognosis`] keeps a [`Trend`] for each fault: a bank of [`Law`]s of growth, each a Kalman filter whose rate is held
+//! fixed, weighed by how well it foretold the estimates. [`Remaining`] is the distribution of the hours until their
+//! mixture reaches the end of life. `docs/prognosis.md` gives the equations.
+
+mod forecast;
+mod law;
+mod prognosis;
+mod trend;
+mod usage;
+
+pub(crate) use forecast::normal_cdf;
+pub use forecast::{Remaining, quantile};
+pub use law::{Clock, Law};
+pub use prognosis::{Forecast, Life, NoTrend, Prognosis, Quantiles};
+pub use trend::Trend;
+pub use usage::{Odometer, Usage, UseRate};

@@ -1,0 +1,287 @@
+//! The trend of one fault: all laws of growth at once, weighed by how well each foretold the estimates.
+
+use serde::{Deserialize, Serialize};
+
+use super::law::{Clock, Law};
+use super::usage::Odometer;
+
+/// Ratio of neighbouring exponential rates. At 1.1 the nearest rate misses the true one by enough to spoil the intervals.
+const RATE_STEP: f64 = 1.04;
+
+/// An exponential is told from a straight line once rate × time reaches this…
+const CURVED: f64 = 0.05;
+
+/// …and has lost when rate × time reaches this: no life is so long of its rate.
+const EXHAUSTED: f64 = 16.0;
+
+/// Largest rate × life of an exponential growth; beyond it is a shock, not a trend.
+const RATE_LIFE_MAX: f64 = 8.0;
+
+/// Evidence is kept to this below the best law's, so that one which has lost can win again when growth changes.
+const LOG_EVIDENCE_FLOOR: f64 = 30.0;
+
+/// No estimate is believed to be better than this: the monitor's own error moves slowly from window to window.
+const SIGMA_MIN: f64 = 1e-3;
+
+/// Estimates with which a trend begins: so many tell whether the first is an outlier.
+const START: usize = 3;
+
+/// Keeps the squares of slopes in the machine's range, for estimates that are next to no time apart.
+const SLOPE_SIGMA_MAX: f64 = 1e100;
+
+/// Two estimates further apart than this, in standard deviations, do not agree.
+const APART: f64 = 5.0;
+
+/// Estimates in a row that fit no law, after which a new trend begins.
+const JUMP_AFTER: u32 = 4;
+
+/// Windows over which the scatter is compared with the stated sigma.
+const SCATTER_MEMORY: f64 = 20.0;
+
+/// Most that a single estimate says about the scatter, in variances.
+const SCATTER_CAP: f64 = 9.0;
+
+/// Filter over the estimates of one fault, of bounded size: at most about 150 laws.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Trend {
+    /// Damage at the end of life.
+    pub(super) end_of_life: f64,
+    /// The first estimates, until there are enough to begin with.
+    start: Vec<Estimate>,
+    /// Straight over hours, straight over work, then exponentials over hours, fastest first.
+    pub(super) laws: Vec<Law>,
+    /// Number of the slowest exponential: its rate is `RATE_STEP^−number` per hour.
+    slowest: Option<i32>,
+    /// The estimate with which the laws began.
+    pub(super) first: Estimate,
+    /// Where the laws stand.
+    laws_at: Odometer,
+    /// Where the last estimate was taken.
+    pub(super) last: Odometer,
+    /// Estimates taken in since the trend began.
+    pub(super) estimates: u64,
+    /// Estimates in a row that fit no law.
+    misfits: u32,
+    /// Variance of the estimates over the stated one, at least 1.
+    scatter: f64,
+    /// Trends before this one that broke off.
+    pub(super) jumps: u32,
+}
+
+/// Damage at some use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Estimate {
+    pub(super) at: Odometer,
+    pub(super) damage: f64,
+    variance: f64,
+}
+
+impl Trend {
+    /// A trend to this damage.
+    #[must_use]
+    pub fn new(end_of_life: f64) -> Self {
+        Self {
+            end_of_life,
+            start: Vec::new(),
+            laws: Vec::new(),
+            slowest: None,
+            first: Estimate::default(),
+            laws_at: Odometer::default(),
+            last: Odometer::default(),
+            estimates: 0,
+            misfits: 0,
+            scatter: 1.0,
+            jumps: 0,
+        }
+    }
+
+    /// Takes an estimate and its standard deviation. One that is no number, or not taken later than the one before, is
+    /// passed over.
+    pub fn update(&mut self, at: Odometer, damage: f64, sigma: f64) {
+        if !(damage.is_finite() && sigma.is_finite() && sigma >= 0.0) {
+            return;
+        }
+        if self.estimates > 0 && !at.is_after(&self.last) {
+            return;
+        }
+        let variance = self.scatter * sigma.max(SIGMA_MIN).powi(2);
+        let estimate = Estimate { at, damage, variance };
+        self.last = at;
+        self.estimates += 1;
+        if !self.laws.is_empty() {
+            self.take(&estimate);
+            return;
+        }
+        self.start.push(estimate);
+        if self.start.len() == START {
+            let start = std::mem::take(&mut self.start);
+            self.begin(&start);
+        }
+    }
+
+    /// Begins with the first estimates; the very first is left out if the two after it agree against it.
+    fn begin(&mut self, start: &[Estimate]) {
+        let apart =
+            |a: &Estimate, b: &Estimate| (a.damage - b.damage).powi(2) > APART * APART * (a.variance + b.variance);
+        let [a, b, c] = [&start[0], &start[1], &start[2]];
+        let outlier = apart(a, b) && apart(a, c) && !apart(b, c);
+        let begun = &start[usize::from(outlier)..];
+        self.first = begun[0];
+        self.laws_at = begun[0].at;
+        for clock in [Clock::Hours, Clock::Work] {
+            // Between the first two estimates the damage moves by no more than about 1.
+            let passed = begun[1].at.since(&begun[0].at).on(clock);
+            let slope_sigma = if passed > 0.0 {
+                (1.0 / passed).min(SLOPE_SIGMA_MAX)
+            } else {
+                0.0
+            };
+            self.laws
+                .push(Law::new(clock, 0.0, begun[0].damage, begun[0].variance, slope_sigma));
+        }
+        for estimate in &begun[1..] {
+            self.take(estimate);
+        }
+    }
+
+    /// Lets the laws go on to an estimate and learn from it.
+    fn take(&mut self, estimate: &Estimate) {
+        let passed = estimate.at.since(&self.laws_at);
+        self.add_exponentials(estimate.at.since(&self.first.at).hours);
+        let (mut weight, mut inlier, mut squared) = (0.0, 0.0, f64::INFINITY);
+        let best = self.best_evidence();
+        for law in &mut self.laws {
+            let w = (law.log_evidence - best).exp();
+            law.advance(passed.on(law.clock));
+            let (p, s) = law.observe(estimate.damage, estimate.variance);
+            weight += w;
+            inlier += w * p;
+            squared = squared.min(s);
+        }
+        self.laws_at = estimate.at;
+        let best = self.best_evidence();
+        for law in &mut self.laws {
+            law.log_evidence = (law.log_evidence - best).max(-LOG_EVIDENCE_FLOOR);
+        }
+        self.scatter += (self.scatter * squared.min(SCATTER_CAP) - self.scatter) / SCATTER_MEMORY;
+        self.scatter = self.scatter.max(1.0);
+        self.misfits = if inlier < 0.5 * weight { self.misfits + 1 } else { 0 };
+        if self.misfits >= JUMP_AFTER {
+            let (end_of_life, scatter, jumps) = (self.end_of_life, self.scatter, self.jumps.saturating_add(1));
+            *self = Self {
+                scatter,
+                jumps,
+                start: vec![*estimate],
+                last: estimate.at,
+                estimates: 1,
+                ..Self::new(end_of_life)
+            };
+        }
+    }
+
+    /// An exponential whose curvature cannot have shown yet is the straight line; it starts as that line's copy.
+    fn add_exponentials(&mut self, hours: f64) {
+        let number_for = |curvature: f64| ((hours / curvature).ln() / RATE_STEP.ln()).floor() as i32;
+        let newest = number_for(CURVED);
+        let oldest = number_for(EXHAUSTED) + 1;
+        for number in self.slowest.map_or(oldest, |slowest| oldest.max(slowest + 1))..=newest {
+            let rate = RATE_STEP.powi(-number);
+            self.laws.push(Law {
+                rate,
+                ..self.laws[0].clone()
+            });
+            self.slowest = Some(number);
+        }
+        self.laws.retain(|law| law.rate * hours <= EXHAUSTED);
+    }
+
+    /// Damage at the last estimate: the laws' mean, or before there are any the last estimate itself.
+    pub(super) fn damage(&self) -> f64 {
+        let mean = |weights: Vec<f64>| {
+            self.laws
+                .iter()
+                .zip(weights)
+                .map(|(law, weight)| weight * law.damage)
+                .sum()
+        };
+        match self.start.last() {
+            Some(estimate) => estimate.damage,
+            None if self.laws.is_empty() => 0.0,
+            None => mean(self.weights()),
+        }
+    }
+
+    fn best_evidence(&self) -> f64 {
+        self.laws
+            .iter()
+            .map(|law| law.log_evidence)
+            .fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Weights of the laws, which sum to 1, in their order: evidence times what is known beforehand.
+    ///
+    /// Beforehand straight growth over hours, straight growth over work and exponential growth are equally likely, the
+    /// life is of any order of magnitude, and rate × life of an exponential is anything up to `RATE_LIFE_MAX`. The filters
+    /// begin with a wide normal slope v₀ instead; the difference is a factor 1/v₀, and for exponentials
+    /// `(1 − e^−κ) d(ln rate) / κ_max` with κ = rate × life.
+    pub(super) fn weights(&self) -> Vec<f64> {
+        let since = self.laws_at.since(&self.first.at);
+        let best = self.best_evidence();
+        let weigh = |law: &Law| {
+            let elapsed = since.on(law.clock);
+            if elapsed <= 0.0 {
+                return 0.0;
+            }
+            let slope = law.slope.max(law.slope_sigma()).max(f64::MIN_POSITIVE);
+            // Growth of all that has passed at the first slope, so that no unit is left.
+            let first_growth = slope * (-law.rate * elapsed).exp() * elapsed;
+            let evidence = (law.log_evidence - best).exp() / first_growth;
+            if law.rate > 0.0 {
+                let left = law.time_to((self.end_of_life - law.damage).max(0.0) / slope);
+                let kappa = law.rate * (elapsed + left);
+                let possible = (RATE_LIFE_MAX - kappa).min(0.0).exp();
+                evidence * possible * -(-kappa).exp_m1() * RATE_STEP.ln() / RATE_LIFE_MAX
+            } else {
+                evidence
+            }
+        };
+        let mut weights: Vec<f64> = self.laws.iter().map(weigh).collect();
+        let sum: f64 = weights.iter().sum();
+        // Slopes beyond the machine's range have no weight that is a number; then nothing is known.
+        let scale = if sum > 0.0 && sum.is_finite() { 1.0 / sum } else { 0.0 };
+        for weight in &mut weights {
+            *weight = if scale > 0.0 { *weight * scale } else { 0.0 };
+        }
+        weights
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The cost of an update is that of its laws.
+    #[test]
+    fn laws_are_few_on_every_time_scale() {
+        for unit_h in [1e-6, 1.0, 1e4] {
+            let mut trend = Trend::new(0.8);
+            for n in 0..3000 {
+                let hours = unit_h * f64::from(n) * if n < 1500 { 1.0 } else { 3.0 };
+                let at = Odometer {
+                    hours,
+                    cycles: f64::from(n),
+                    work_j: f64::from(n),
+                };
+                trend.update(at, 2e-4 * f64::from(n), 0.005);
+                assert!(
+                    trend.laws.len() <= 150,
+                    "{} laws after {n} of {unit_h} h",
+                    trend.laws.len()
+                );
+            }
+            assert_eq!(trend.estimates, 3000);
+            let sum: f64 = trend.weights().iter().sum();
+            assert!((sum - 1.0).abs() < 1e-9, "{sum}");
+        }
+    }
+}

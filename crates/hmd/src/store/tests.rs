@@ -1,0 +1,430 @@
+use super::*;
+use crate::frame::FrameFlags;
+use crate::ingest::{McapFrames, McapMessages};
+use crate::record::{Health, Log, RawBatch};
+use std::io::{Seek, SeekFrom, Write};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+/// A disk that can be made to fail; what it holds is real.
+#[derive(Clone, Default)]
+struct BadDisk {
+    /// What the next writes and syncs say; all is well without it.
+    error: Arc<Mutex<Option<io::ErrorKind>>>,
+    /// Free bytes told; plenty when 0.
+    free: Arc<AtomicU64>,
+}
+
+impl BadDisk {
+    fn set(&self, error: Option<io::ErrorKind>) {
+        *self.error.lock().unwrap() = error;
+    }
+
+    fn check(&self) -> io::Result<()> {
+        self.error.lock().unwrap().map_or(Ok(()), |kind| Err(kind.into()))
+    }
+}
+
+struct BadFile(BadDisk, Box<dyn Out>);
+
+impl Write for BadFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.check()?;
+        self.1.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.check()?;
+        self.1.flush()
+    }
+}
+
+impl Seek for BadFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.1.seek(to)
+    }
+}
+
+impl Disk for BadDisk {
+    fn create(&self, path: &Path) -> io::Result<Box<dyn Out>> {
+        self.check()?;
+        Ok(Box::new(BadFile(self.clone(), RealDisk.create(path)?)))
+    }
+
+    fn free_bytes(&self, _: &Path) -> io::Result<u64> {
+        let free = self.free.load(Relaxed);
+        Ok(if free == 0 { u64::MAX } else { free })
+    }
+}
+
+/// A store, with a clock that the test turns.
+struct Bench {
+    folder: tempfile::TempDir,
+    disk: BadDisk,
+    names: BusNames,
+    now: Instant,
+    frames: u64,
+    said: Vec<String>,
+}
+
+const LIMITS: Limits = Limits {
+    segment_bytes: 20_000,
+    segment_age: Duration::from_secs(60),
+    budget_bytes: 200_000,
+    free_bytes_min: 1_000_000,
+};
+
+impl Bench {
+    fn new() -> Self {
+        let mut names = BusNames::new();
+        names.intern("can0").unwrap();
+        Self {
+            folder: tempfile::tempdir().unwrap(),
+            disk: BadDisk::default(),
+            names,
+            now: Instant::now(),
+            frames: 0,
+            said: Vec::new(),
+        }
+    }
+
+    fn open(&self) -> Store {
+        let disk = Box::new(self.disk.clone());
+        Store::open(self.folder.path(), &BTreeMap::new(), LIMITS, disk, self.now).unwrap()
+    }
+
+    fn put_frames(&mut self, store: &mut Store, count: u64) {
+        for _ in 0..count {
+            let data = crate::seed::mix(3, &[self.frames]).to_le_bytes();
+            let frame = RawFrame::new(self.frames * 1000, 0, 0x100, FrameFlags::NONE, &data).unwrap();
+            store.raw(&frame, &self.names);
+            self.frames += 1;
+        }
+    }
+
+    fn put_health(store: &mut Store, window: u64) -> bool {
+        let health = Health {
+            actuator: "ema0".to_owned(),
+            window,
+            ..Health::default()
+        };
+        store.write(window, &health);
+        store.sync_records()
+    }
+
+    fn tick(&mut self, store: &mut Store, seconds: u64) {
+        self.now += Duration::from_secs(seconds);
+        let messages = store.tick(self.now);
+        self.said.extend(messages.into_iter().map(|(_, text)| text));
+    }
+
+    fn names(&self) -> Vec<String> {
+        let entries = fs::read_dir(self.folder.path()).unwrap();
+        let mut names: Vec<_> = entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    /// Frames, and numbers of the health records, that are in the folder; every file must be whole.
+    fn read(&self) -> (u64, Vec<u64>) {
+        let (mut frames, mut windows) = (0, Vec::new());
+        for name in self.names().iter().filter(|name| name.ends_with(".mcap")) {
+            let open = || File::open(self.folder.path().join(name)).unwrap();
+            for message in McapMessages::new(open(), name).unwrap() {
+                let message = message.unwrap();
+                if *message.schema == *Health::SCHEMA_NAME {
+                    windows.push(message.log_time_ns);
+                } else if *message.schema == *RawBatch::SCHEMA_NAME {
+                    assert!(name.ends_with("-raw.mcap"));
+                }
+            }
+            frames += McapFrames::new(open(), name, BusNames::new())
+                .unwrap()
+                .map(Result::unwrap)
+                .count() as u64;
+        }
+        (frames, windows)
+    }
+}
+
+#[test]
+fn segments_are_closed_by_size_and_by_age() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    assert_eq!(
+        bench.names(),
+        ["hmd-00000000-records.mcap.part"],
+        "open from the start; raw with the first frame"
+    );
+    for _ in 0..10 {
+        bench.put_frames(&mut store, 1000);
+        bench.tick(&mut store, 1);
+    }
+    let by_size = bench.names().len();
+    assert!(by_size > 3, "{:?}", bench.names());
+    bench.tick(&mut store, 60);
+    bench.put_frames(&mut store, 1);
+    assert!(bench.names().len() > by_size);
+    assert!(Bench::put_health(&mut store, 1));
+    let status = store.finish();
+    assert!(!bench.names().iter().any(|name| name.ends_with(".part")));
+    assert_eq!(bench.read(), (10_001, vec![1]));
+    assert_eq!((status.lost_frames, status.lost_records, status.state), (0, 0, "ok"));
+    let sizes = bench
+        .names()
+        .iter()
+        .map(|name| fs::metadata(bench.folder.path().join(name)).unwrap().len())
+        .max();
+    assert!(sizes.unwrap() < 2 * LIMITS.segment_bytes, "{sizes:?}");
+}
+
+#[test]
+fn what_a_killed_process_had_synced_is_repaired_and_said() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    bench.put_frames(&mut store, 100);
+    assert!(Bench::put_health(&mut store, 1));
+    bench.tick(&mut store, 1);
+    // The open segments as a killed process leaves them, one torn in a chunk.
+    let copies: Vec<_> = bench
+        .names()
+        .into_iter()
+        .map(|name| (fs::read(bench.folder.path().join(&name)).unwrap(), name))
+        .collect();
+    drop(store);
+    let place = |name: &str| bench.folder.path().join(name);
+    for name in bench.names() {
+        fs::remove_file(place(&name)).unwrap();
+    }
+    for (bytes, name) in &copies {
+        fs::write(place(name), [bytes.as_slice(), &[6, 200, 0, 0]].concat()).unwrap();
+    }
+    fs::write(place("hmd-00000001-raw.mcap.repair"), b"\x89MCAP").unwrap();
+
+    let mut store = bench.open();
+    assert_eq!(
+        bench.names(),
+        [
+            "hmd-00000000-records.mcap",
+            "hmd-00000001-raw.mcap",
+            "hmd-00000002-records.mcap.part"
+        ]
+    );
+    bench.tick(&mut store, 1);
+    assert!(
+        bench.said[0].contains("hmd-00000000-records.mcap.part was cut: 1 records kept"),
+        "{:?}",
+        bench.said
+    );
+    assert!(bench.said[1].contains("1 damaged places"), "{:?}", bench.said);
+    store.finish();
+    assert_eq!(bench.read(), (100, vec![1]));
+}
+
+#[test]
+fn a_segment_that_was_cut_in_its_header_is_removed() {
+    let bench = Bench::new();
+    fs::write(bench.folder.path().join("hmd-00000007-raw.mcap.part"), b"\x89MCAP0").unwrap();
+    drop(bench.open());
+    assert_eq!(bench.names(), ["hmd-00000008-records.mcap.part"]);
+}
+
+#[test]
+fn files_of_others_are_never_touched() {
+    let mut bench = Bench::new();
+    let foreign = [
+        "flight.mcap",
+        "hmd-00000003-raw.mcap",
+        "hmd-00000004-raw.mcap.part",
+        "notes.txt",
+    ];
+    for name in foreign {
+        fs::write(bench.folder.path().join(name), vec![7; 300_000]).unwrap();
+    }
+    std::os::unix::fs::symlink(
+        bench.folder.path().join("notes.txt"),
+        bench.folder.path().join("hmd-00000005-raw.mcap"),
+    )
+    .unwrap();
+    let mut store = bench.open();
+    for _ in 0..20 {
+        bench.put_frames(&mut store, 5000);
+        bench.tick(&mut store, 1);
+    }
+    assert!(store.status().deleted > 0);
+    assert!(
+        bench
+            .said
+            .iter()
+            .any(|text| text.contains("hmd-00000003-raw.mcap is not one of our segments"))
+    );
+    store.finish();
+    for name in foreign.iter().chain(&["hmd-00000005-raw.mcap"]) {
+        assert_eq!(
+            fs::read(bench.folder.path().join(name)).unwrap(),
+            vec![7; 300_000],
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn the_budget_is_kept_and_raw_frames_go_before_records() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    for window in 0..100 {
+        bench.put_frames(&mut store, 2000);
+        assert!(Bench::put_health(&mut store, window));
+        bench.tick(&mut store, 5);
+        let used: u64 = bench
+            .names()
+            .iter()
+            .map(|name| fs::metadata(bench.folder.path().join(name)).unwrap().len())
+            .sum();
+        assert!(used <= LIMITS.budget_bytes, "{used} bytes");
+        assert_eq!(store.status().used_bytes, used);
+    }
+    let status = store.finish();
+    assert!(status.deleted > 5, "{status:?}");
+    let (frames, windows) = bench.read();
+    assert!(frames < bench.frames / 2);
+    assert_eq!(windows, (0..100).collect::<Vec<_>>(), "records go last");
+}
+
+#[test]
+fn too_little_free_space_costs_raw_frames_and_never_the_records() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    bench.put_frames(&mut store, 5000);
+    assert!(Bench::put_health(&mut store, 1));
+    bench.disk.free.store(LIMITS.free_bytes_min - 1, Relaxed);
+    bench.tick(&mut store, 1);
+    assert_eq!(store.status().state, "raw-paused");
+    bench.put_frames(&mut store, 10);
+    assert_eq!(store.status().lost_frames, 10);
+    assert!(Bench::put_health(&mut store, 2));
+    bench
+        .disk
+        .free
+        .store(LIMITS.free_bytes_min + LIMITS.segment_bytes, Relaxed);
+    bench.tick(&mut store, 1);
+    bench.put_frames(&mut store, 10);
+    let status = store.finish();
+    assert_eq!((status.state, status.lost_frames), ("ok", 10));
+    assert_eq!(bench.read(), (10, vec![1, 2]));
+    assert_eq!(
+        bench.said,
+        [
+            "storage: no room: raw frames are not stored, and counted",
+            "storage: room again: raw frames are stored"
+        ]
+    );
+}
+
+#[test]
+fn a_disk_that_fails_for_a_while_costs_what_is_counted() {
+    for kind in [
+        io::ErrorKind::StorageFull,
+        io::ErrorKind::ReadOnlyFilesystem,
+        io::ErrorKind::Other,
+    ] {
+        let mut bench = Bench::new();
+        let mut store = bench.open();
+        bench.put_frames(&mut store, 100);
+        assert!(Bench::put_health(&mut store, 1));
+        bench.tick(&mut store, 1);
+        bench.disk.set(Some(kind));
+        for window in 2..5 {
+            bench.put_frames(&mut store, 100);
+            assert!(!Bench::put_health(&mut store, window), "not told as stored");
+            bench.tick(&mut store, 1);
+        }
+        assert_eq!(store.status().state, "failing");
+        bench.disk.set(None);
+        bench.tick(&mut store, 1);
+        assert!(Bench::put_health(&mut store, 5));
+        bench.put_frames(&mut store, 100);
+        bench.tick(&mut store, 1);
+        let status = store.finish();
+        assert_eq!(
+            (status.lost_frames, status.lost_records, status.state),
+            (300, 3, "ok"),
+            "{kind:?}"
+        );
+        let failures = bench
+            .said
+            .iter()
+            .filter(|text| text.contains("tried again every second"))
+            .count();
+        assert!(failures <= 2, "each is told once: {:?}", bench.said);
+        let last = "storage: written again; not stored since the start: 300 frames, 3 records";
+        assert_eq!(bench.said.last().unwrap(), last);
+        drop(bench.open());
+        assert_eq!(bench.read(), (200, vec![1, 5]), "{kind:?}");
+    }
+}
+
+#[test]
+fn a_disk_that_fails_for_long_leaves_no_file_for_each_attempt() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    for _ in 0..20 {
+        // Segments begin well and fail with the first frames.
+        bench.disk.set(None);
+        bench.put_frames(&mut store, 10);
+        bench.disk.set(Some(io::ErrorKind::Other));
+        bench.tick(&mut store, 1);
+    }
+    assert!(store.status().lost_frames >= 100);
+    assert!(bench.names().len() <= 1, "{:?}", bench.names());
+}
+
+#[test]
+fn a_disk_that_is_full_at_the_start_is_waited_for() {
+    let mut bench = Bench::new();
+    bench.disk.set(Some(io::ErrorKind::StorageFull));
+    let mut store = bench.open();
+    assert!(!Bench::put_health(&mut store, 1));
+    bench.disk.set(None);
+    bench.tick(&mut store, 1);
+    assert!(Bench::put_health(&mut store, 2));
+    assert_eq!(store.finish().lost_records, 1);
+    assert_eq!(bench.read(), (0, vec![2]));
+}
+
+#[test]
+fn a_folder_has_one_writer() {
+    let bench = Bench::new();
+    let _store = bench.open();
+    let second = Store::open(
+        bench.folder.path(),
+        &BTreeMap::new(),
+        LIMITS,
+        Box::new(RealDisk),
+        bench.now,
+    );
+    assert!(matches!(second, Err(StoreError::InUse { .. })));
+}
+
+#[test]
+fn a_record_is_on_the_disk_within_a_tick() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    bench.put_frames(&mut store, 3);
+    store.write(1, &Log::new(1, LogLevel::Info, "hmd", "a line"));
+    bench.tick(&mut store, 1);
+    // As another process sees it, before anything is closed.
+    let (mut messages, mut frames) = (0, 0);
+    for name in bench.names() {
+        let open = || File::open(bench.folder.path().join(&name)).unwrap();
+        messages += McapMessages::new(open(), &name).unwrap().flatten().count();
+        frames += McapFrames::new(open(), &name, BusNames::new())
+            .unwrap()
+            .flatten()
+            .count();
+    }
+    assert_eq!((messages, frames), (2, 3));
+}

@@ -1,0 +1,22 @@
+//! Any bytes as an MCAP file: frames, and what recovery makes of it, which must be whole.
+#![no_main]
+
+use std::io::Cursor;
+
+use hmd::frame::BusNames;
+use hmd::ingest::{McapFrames, McapMessages};
+use hmd::recover::recover;
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| {
+    if let Ok(frames) = McapFrames::new(Cursor::new(bytes), "a.mcap", BusNames::new()) {
+        frames.for_each(drop);
+    }
+    let Ok((out, report)) = recover(Cursor::new(bytes), "a.mcap", Cursor::new(Vec::new()), "") else {
+        return;
+    };
+    let out = Cursor::new(out.into_inner());
+    let copy = McapMessages::new(out, "copy").expect("memory can be read");
+    let messages = copy.map(|item| item.expect("a recovered file is whole")).count();
+    assert_eq!(messages as u64, report.messages);
+});

@@ -2,6 +2,7 @@
 //!
 //! Time is virtual throughout, seeds are fixed, one window costs about a second of one core in the dev profile.
 
+mod alien;
 mod bad_link;
 mod bench;
 mod link;

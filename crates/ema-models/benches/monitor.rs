@@ -32,6 +32,7 @@ fn monitor(c: &mut Criterion) {
         conditions: Conditions {
             load_torque: Some(0.0),
             v_dc: params.motor.v_dc,
+            winding_temp_deg_c: None,
         },
         weights: Weights {
             i_d: 0.5,

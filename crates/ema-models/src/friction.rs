@@ -44,6 +44,19 @@ impl DryFriction<f64> {
     }
 }
 
+impl DryFriction<f64> {
+    /// The same with a brake that drags by `torque`, Nm, moving or not.
+    #[must_use]
+    pub(crate) fn with_drag(self, torque: f64) -> Self {
+        Self {
+            load: self.load,
+            moving_positive: self.moving_positive + torque,
+            moving_negative: self.moving_negative + torque,
+            stuck: self.stuck + torque,
+        }
+    }
+}
+
 impl<R: Real> DryFriction<R> {
     /// The same friction in another number type, one field at a time.
     #[must_use]

@@ -281,7 +281,8 @@ impl Comparison<'_> {
     /// The monitor of this window for one set of unknowns.
     #[must_use]
     pub fn monitor(&self, unknowns: &Unknowns) -> Monitor<f64> {
-        Monitor::new(self.params, self.calibration, self.conditions.v_dc, unknowns).with_feedback(self.feedback)
+        let unknowns = self.conditions.warmed(unknowns);
+        Monitor::new(self.params, self.calibration, self.conditions.v_dc, &unknowns).with_feedback(self.feedback)
     }
 
     /// Runs a monitor (or several, in lanes) over the window and shows the residuals of each measured sample by its index.

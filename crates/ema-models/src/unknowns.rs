@@ -2,6 +2,7 @@
 
 use crate::fault::{FAULT_COUNT, FaultVector};
 use crate::params::ActuatorParams;
+use crate::temperature::{BACK_EMF_PER_KELVIN, RESISTANCE_PER_KELVIN};
 
 /// Number of unknowns of one window.
 pub const UNKNOWN_COUNT: usize = FAULT_COUNT + 4;
@@ -28,6 +29,19 @@ pub struct MotorKnowledge {
 }
 
 impl MotorKnowledge {
+    /// The same of a motor whose temperature nobody measures: 20 °C give or take `sigma_k`. A warm motor is one of more
+    /// resistance and less back-EMF, both together.
+    #[must_use]
+    pub fn at_unknown_temperature(mut self, sigma_k: f64) -> Self {
+        let rise = [RESISTANCE_PER_KELVIN * sigma_k, BACK_EMF_PER_KELVIN * sigma_k];
+        for (row, a) in self.covariance.iter_mut().zip(rise) {
+            for (covariance, b) in row.iter_mut().zip(rise) {
+                *covariance += a * b;
+            }
+        }
+        self
+    }
+
     /// Inverse of the covariance; `None` where the deviation is known exactly.
     #[must_use]
     pub fn information(&self) -> Option<[[f64; 2]; 2]> {
@@ -134,10 +148,10 @@ impl Scale {
 
 impl Coordinates {
     /// Lower corner of the box: the Cartesian eccentricity goes from −1, load and integral by half the largest torque,
-    /// R and k by a fifth.
-    pub const LOWER: [f64; UNKNOWN_COUNT] = [0.0, 0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0, -0.5, -0.5, -0.2, -0.2];
+    /// R and k by half.
+    pub const LOWER: [f64; UNKNOWN_COUNT] = [0.0, 0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0, -0.5, -0.5, -0.5, -0.5];
     /// Upper corner of the box.
-    pub const UPPER: [f64; UNKNOWN_COUNT] = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 0.2, 0.2];
+    pub const UPPER: [f64; UNKNOWN_COUNT] = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.5];
 
     /// Steps of finite differences of length `step` along each coordinate, towards the inside of the box.
     #[must_use]

@@ -146,6 +146,7 @@ fn residuals(params: &ActuatorParams, row: &Row, fault: &FaultVector, seed: u64)
         conditions: Conditions {
             load_torque: Some(scenario.load_torque),
             v_dc: params.motor.v_dc,
+            winding_temp_deg_c: None,
         },
         weights: Weights::CURRENT_ONLY,
         feedback: row.feedback,

@@ -92,6 +92,7 @@ fn every_instruction_set_ranks_with_the_same_bits() {
             conditions: Conditions {
                 load_torque: Some(0.0),
                 v_dc: params.motor.v_dc,
+                winding_temp_deg_c: None,
             },
             weights: Weights {
                 i_d: 0.5,

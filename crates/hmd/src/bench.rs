@@ -198,6 +198,7 @@ impl Bench<'_> {
         Conditions {
             load_torque: Some(0.0),
             v_dc: self.identifier.params.motor.v_dc,
+            winding_temp_deg_c: None,
         }
     }
 

@@ -4,6 +4,7 @@ mod detection;
 mod matched;
 mod motors;
 mod noise;
+mod profiles;
 mod rul;
 
 use ema_ga::ConfigError;
@@ -20,6 +21,7 @@ use crate::simulated::SimulatedWindow;
 
 pub use detection::{ByFault, DetectionError, DetectionReport, Wrong, detection};
 pub use noise::{NOISE_RATES_HZ, NoiseAtRate, NoiseReport, noise};
+pub use profiles::{CONDITION_ROWS, PROFILE_ROWS, ProfileRow, ProfilesError, ProfilesReport, conditions, profiles};
 pub use rul::{AtLambda, Group as RulGroup, Growth, History, RulReport, Scored, Scores, Seen, rul};
 
 /// Random vector of the paper's Table III.

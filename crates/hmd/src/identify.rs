@@ -2,8 +2,12 @@
 
 mod population;
 mod refine;
+mod rivals;
+mod unmodelled;
 
-use ema_ga::{Bounds, CmaConfig, ConfigError, Control, DeConfig, GaConfig, Parallel, Search, evolve_owned};
+use ema_ga::{
+    Bounds, CmaConfig, ConfigError, Control, DeConfig, GaConfig, Outcome, Parallel, Search, StopReason, evolve_owned,
+};
 use ema_models::{
     ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector,
     Feedback, MotorKnowledge, Prior, Recording, SIGNAL_COUNT, Scale, SensedSample, Signals, UNKNOWN_COUNT, Unknowns,
@@ -13,8 +17,10 @@ use ema_models::{
 use crate::calibration::TypeCalibration;
 use crate::turns::align;
 use population::PaperCost;
-use refine::{FINE_STEP, data_variance, descend, refine, starts};
+use refine::{End, FINE_STEP, UNLIMITED, data_variance, descend, refine, starts};
 pub use refine::{bound, pull_from, refine_from};
+use unmodelled::WeakMagnet;
+pub use unmodelled::{Unmodelled, is_unmodelled};
 
 /// How the fault vector is searched. `docs/search.md` compares them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,24 +95,23 @@ pub struct Estimate {
     pub residual_rms_a: f64,
     /// Monitor evaluations spent.
     pub evaluations: u64,
-}
-
-/// A cost above this says that no fault vector explains the window: weighted residuals of four times their expected
-/// size. Good windows of every profile cost 1.0 to 1.5 without sensor noise, 2.0 to 2.7 with 50 mA rms on the currents and
-/// 5.5 to 6.3 with 100 mA.
-const UNMODELLED_COST: f64 = 15.0;
-
-/// Whether a cost says that the data are of something the monitor does not know.
-#[must_use]
-pub fn is_unmodelled(cost: f64) -> bool {
-    cost.is_nan() || cost > UNMODELLED_COST
+    /// Whether the budget of evaluations was spent before the search had ended: the best so far.
+    pub cut: bool,
+    /// Another fault vector, far from this one, that explains the window as well; the sigmas reach as far as it.
+    pub rival: Option<FaultVector>,
+    /// Back-EMF coefficient of the motor beyond what was expected of it, as a share of the type's.
+    pub back_emf_off: f64,
+    /// Whether another motor than the one expected explains the window clearly better.
+    pub other_motor: bool,
+    /// Whether the motor stood while it was told to move.
+    pub locked: bool,
 }
 
 impl Estimate {
-    /// Whether the fit is so bad that the data, though good, are of something the monitor does not know.
+    /// Whether the data, though good, are of something the monitor does not know.
     #[must_use]
     pub fn is_unmodelled(&self) -> bool {
-        is_unmodelled(self.cost)
+        self.unmodelled().is_some()
     }
 
     /// One standard deviation of each damage (see [`FaultVector::damage`]); infinite where the window shows nothing.
@@ -142,6 +147,9 @@ const OBSERVABLE_SIGMA: f64 = 0.1;
 /// Monitor runs of one set of normal equations: the point and one step along each coordinate.
 const RUNS_PER_LINEARISATION: u64 = UNKNOWN_COUNT as u64 + 1;
 
+/// Monitor runs after the search: those of the last weighing and of stating how sure the end is.
+const JUDGING_RUNS: u64 = RUNS_PER_LINEARISATION + 3;
+
 /// A window made ready for comparison, owning its samples.
 #[derive(Clone, Debug)]
 pub struct Prepared {
@@ -172,6 +180,30 @@ impl Prepared {
     }
 }
 
+/// Where a search ended.
+struct Found {
+    /// At least one end, the best first.
+    ends: Vec<End>,
+    /// Monitor runs spent.
+    evaluations: u64,
+    /// Whether the budget cut it short anywhere.
+    cut: bool,
+    /// Monitor runs that each further descent may take.
+    share: u64,
+}
+
+impl Found {
+    /// Adds up what a population and the descents after it spent.
+    fn new(ends: Vec<End>, evaluations: u64, cut: bool, share: u64) -> Self {
+        Self {
+            evaluations: evaluations + ends.iter().map(|end| end.spent).sum::<u64>(),
+            cut: cut || ends.iter().any(|end| end.cut),
+            ends,
+            share,
+        }
+    }
+}
+
 impl Identifier {
     /// Estimates the fault vector of one window.
     ///
@@ -182,20 +214,35 @@ impl Identifier {
     pub fn identify(&self, window: &Prepared, conditions: Conditions, seed: u64) -> Result<Estimate, ConfigError> {
         let coefficients = self.calibration.coefficients();
         let all = self.comparison(window, &coefficients, conditions);
-        let (found, spent) = self.search(&all, seed)?;
+        let found = self.ends(&all, seed)?;
         Ok(match self.method {
-            Method::PaperGa(_) | Method::Population(_) => self.judge(&all, found, spent),
-            Method::LeastSquares | Method::Hybrid(_) => self.finish(&all, found, spent),
+            Method::PaperGa(_) | Method::Population(_) => Estimate {
+                cut: found.cut,
+                ..self.judge(&all, found.ends[0].at, None, found.evaluations)
+            },
+            Method::LeastSquares | Method::Hybrid(_) => self.finish(&all, &found),
         })
     }
 
-    /// Where the search ends, and the monitor runs it spent.
+    /// Where the search ends, before the signals are weighed by the window's own noise.
     ///
     /// # Errors
     /// As [`Identifier::identify`].
-    pub fn search(&self, all: &Comparison<'_>, seed: u64) -> Result<(Coordinates, u64), ConfigError> {
+    pub fn search(&self, all: &Comparison<'_>, seed: u64) -> Result<Coordinates, ConfigError> {
+        Ok(self.ends(all, seed)?.ends[0].at)
+    }
+
+    fn ends(&self, all: &Comparison<'_>, seed: u64) -> Result<Found, ConfigError> {
         let scale = Scale::new(&self.params);
-        let at = |genes| scale.coordinates(&all.with_fault(FaultVector::from_array(genes)));
+        let of_population = |found: &Outcome<FAULT_COUNT>| {
+            let end = End {
+                cost: found.cost,
+                at: scale.coordinates(&all.with_fault(FaultVector::from_array(found.genes))),
+                spent: found.evaluations,
+                cut: found.stop == StopReason::MaxEvaluations,
+            };
+            Found::new(vec![end], 0, false, 0)
+        };
         Ok(match self.method {
             Method::PaperGa(config) => {
                 let alone = Comparison {
@@ -211,18 +258,23 @@ impl Identifier {
                     initial: &[],
                 };
                 let found = evolve_owned(&search, &config, |_| Control::Continue)?;
-                (at(found.genes), found.evaluations)
+                of_population(&found)
             }
-            Method::Population(population) => {
-                let found = population.search(*all, seed)?;
-                (at(found.genes), found.evaluations)
+            Method::Population(population) => of_population(&population.search(*all, seed)?),
+            Method::LeastSquares => {
+                let ends = refine(all, &starts(all, &scale, &[FaultVector::NOMINAL]), UNLIMITED);
+                Found::new(ends, 0, false, UNLIMITED)
             }
-            Method::LeastSquares => refine(all, &starts(all, &scale, &[FaultVector::NOMINAL])),
             Method::Hybrid(population) => {
                 let found = population.search(*all, seed)?;
                 let faults = [FaultVector::from_array(found.genes), FaultVector::NOMINAL];
-                let (best, spent) = refine(all, &starts(all, &scale, &faults));
-                (best, found.evaluations + spent)
+                let starts = starts(all, &scale, &faults);
+                // The same share for each descent and for the last one, whichever of them needs it.
+                let share = population.budget().map_or(UNLIMITED, |budget| {
+                    budget.saturating_sub(found.evaluations + JUDGING_RUNS) / (starts.len() as u64 + 1)
+                });
+                let cut = found.stop == StopReason::MaxEvaluations;
+                Found::new(refine(all, &starts, share), found.evaluations, cut, share)
             }
         })
     }
@@ -248,15 +300,28 @@ impl Identifier {
     /// Weighs the signals by what noise this window has, refines once more and states how sure the end is.
     ///
     /// The cost stays that of the calibration's weights: it is what says whether the fit is a good one at all.
-    fn finish(&self, comparison: &Comparison<'_>, found: Coordinates, evaluations: u64) -> Estimate {
+    fn finish(&self, comparison: &Comparison<'_>, found: &Found) -> Estimate {
+        let best = found.ends[0].at;
         let weighed = Comparison {
-            weights: self.weights_by_noise(comparison, &found),
+            weights: self.weights_by_noise(comparison, &best),
             ..*comparison
         };
-        let end = descend(&weighed, found);
-        let estimate = self.judge(&weighed, end.at, evaluations + end.spent + 2);
-        let cost = comparison.least_squares(&estimate.unknowns);
-        Estimate { cost, ..estimate }
+        let end = descend(&weighed, best, found.share);
+        let rival = rivals::find(comparison, &found.ends);
+        let spent = found.evaluations + end.spent + 2;
+        let estimate = match unmodelled::weak_magnet(&weighed, &end, found.share) {
+            WeakMagnet::No(more) => self.judge(&weighed, end.at, rival, spent + more),
+            WeakMagnet::Perhaps(other) => self.judge(&weighed, end.at, rival.or(Some(other.at)), spent + other.spent),
+            WeakMagnet::Yes(other) => Estimate {
+                other_motor: true,
+                ..self.judge(&weighed, other.at, rival, spent + other.spent)
+            },
+        };
+        Estimate {
+            cost: comparison.least_squares(&estimate.unknowns),
+            cut: found.cut || end.cut,
+            ..estimate
+        }
     }
 
     /// The calibration's weights, less where a signal is noisier than in the windows it was made from: sensors differ, and
@@ -279,8 +344,14 @@ impl Identifier {
         Signals::from_array(weights)
     }
 
-    /// States how sure a point is.
-    fn judge(&self, comparison: &Comparison<'_>, at: Coordinates, evaluations: u64) -> Estimate {
+    /// States how sure a point is; each component at least as unsure as a rival is far.
+    fn judge(
+        &self,
+        comparison: &Comparison<'_>,
+        at: Coordinates,
+        rival: Option<Coordinates>,
+        evaluations: u64,
+    ) -> Estimate {
         let scale = Scale::new(&self.params);
         let unknowns = scale.unknowns(&at);
         // The point may lie outside the disc of eccentricities; what is judged is what is reported.
@@ -301,13 +372,13 @@ impl Identifier {
         let signals = comparison.weights.to_array().iter().filter(|w| **w > 0.0).count() as f64;
         let excess = (2.0 * normal.cost / (n * signals)).max(1.0);
         let variance = data_variance(&normal, excess);
+        let model_sigma = self.calibration.at(self.params.sensors.sample_rate).model_sigma;
+        let total: [f64; FAULT_COUNT] = std::array::from_fn(|p| {
+            let far = rival.map_or(0.0, |rival| rival.0[p] - at.0[p]);
+            (variance[p] + model_sigma[p].powi(2) + far * far).sqrt()
+        });
         let mut sigma = [None; FAULT_COUNT];
         let mut observable = [false; FAULT_COUNT];
-        let model_sigma = self.calibration.at(self.params.sensors.sample_rate).model_sigma;
-        let mut total = [f64::INFINITY; FAULT_COUNT];
-        for p in 0..FAULT_COUNT {
-            total[p] = (variance[p] + model_sigma[p].powi(2)).sqrt();
-        }
         for p in [0, 1, 2, 3, 4, 7] {
             observable[p] = total[p] <= OBSERVABLE_SIGMA;
             sigma[p] = observable[p].then_some(total[p]);
@@ -329,6 +400,11 @@ impl Identifier {
             cost: normal.cost / n,
             residual_rms_a: (current / n).sqrt(),
             evaluations: evaluations + RUNS_PER_LINEARISATION + 1,
+            cut: false,
+            rival: rival.map(|rival| scale.unknowns(&rival).fault),
+            back_emf_off: unknowns.motor.back_emf - comparison.prior.motor.mean.back_emf,
+            other_motor: false,
+            locked: unmodelled::is_locked(comparison),
         }
     }
 

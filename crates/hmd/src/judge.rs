@@ -158,6 +158,11 @@ impl Judge {
                 if let Some(unseen) = unseen(&estimate) {
                     reasons.push(unseen);
                 }
+                reasons.extend(estimate.rival.as_ref().map(|rival| ambiguous(&estimate, rival)));
+                if estimate.cut {
+                    let budget = self.config.identification().evaluations_max;
+                    reasons.push(format!("best of {budget} evaluations, the search had not ended"));
+                }
                 found = Some(estimate);
             }
         }
@@ -165,7 +170,7 @@ impl Judge {
         let status = match (&found, explained, reasons.is_empty()) {
             (None, _, _) => "invalid",
             (Some(estimate), None, _) => {
-                reasons.push(format!("no fault vector explains the data: cost {:.0}", estimate.cost));
+                reasons.extend(estimate.unmodelled().as_ref().map(ToString::to_string));
                 "unmodelled"
             }
             (Some(_), Some(_), true) => "ok",
@@ -234,7 +239,7 @@ impl Judge {
             params: job.params,
             calibration: self.known_type(&job.actuator)?.calibration.clone(),
             method: self.method,
-            motor: self.motor(&job.actuator)?,
+            motor: known_at(self.motor(&job.actuator)?, job.conditions.winding_temp_deg_c),
         })
     }
 
@@ -308,7 +313,17 @@ pub const TYPE_TOLERANCE: MotorKnowledge = MotorKnowledge {
     covariance: [[0.05 * 0.05 / 3.0, 0.0], [0.0, 0.03 * 0.03 / 3.0]],
 };
 
-/// Load and supply as measured; without a measurement the load is left open and the supply is nominal.
+/// What is known of a motor under a temperature that is measured or not.
+#[must_use]
+pub fn known_at(motor: MotorKnowledge, winding_temp_deg_c: Option<f64>) -> MotorKnowledge {
+    match winding_temp_deg_c {
+        Some(_) => motor,
+        None => motor.at_unknown_temperature(WINDING_TEMP_SIGMA_K),
+    }
+}
+
+/// Load, supply and temperature as measured; without a measurement the load is left open, the supply is nominal and the
+/// temperature widens what is known of the motor ([`known_at`]).
 ///
 /// # Errors
 /// A sentence when a measurement is beyond what the actuator can have been working with: then the sensor is bad.
@@ -326,11 +341,28 @@ pub fn conditions(job: &WindowJob) -> Result<Conditions, String> {
             "load_torque: expected at most {load_max:.0} Nm, found {load:.1} Nm"
         ));
     }
-    Ok(Conditions { load_torque, v_dc })
+    let winding_temp_deg_c = job.conditions.winding_temp_deg_c;
+    let [low, high] = WINDING_TEMP_DEG_C;
+    if let Some(temperature) = winding_temp_deg_c.filter(|temperature| !(low..=high).contains(temperature)) {
+        return Err(format!(
+            "winding_temp: expected {low:.0} to {high:.0} °C, found {temperature:.1} °C"
+        ));
+    }
+    Ok(Conditions {
+        load_torque,
+        v_dc,
+        winding_temp_deg_c,
+    })
 }
 
 /// DC link voltages that a drive works with, as shares of the nominal one.
 const DC_LINK_SHARES: [f64; 2] = [0.5, 1.5];
+
+/// Temperatures that a winding can have, °C: from the coldest air to where its insulation fails.
+const WINDING_TEMP_DEG_C: [f64; 2] = [-80.0, 250.0];
+
+/// What a temperature that nobody measures may be off 20 °C, K, as a standard deviation: −40 to 120 °C are within two.
+const WINDING_TEMP_SIGMA_K: f64 = 45.0;
 
 /// Largest load as a share of what the motor can lift without losses; a lossy gear holds more than the motor can lift.
 const LOAD_MAX_SHARE: f64 = 2.0;
@@ -352,6 +384,19 @@ fn unseen(estimate: &Estimate) -> Option<String> {
         .collect();
     (!names.is_empty()).then(|| format!("not excited: {}", names.join(", ")))
 }
+
+/// Says which other values explain the window as well.
+fn ambiguous(estimate: &Estimate, rival: &ema_models::FaultVector) -> String {
+    let (k, other) = (estimate.fault.to_array(), rival.to_array());
+    let names: Vec<String> = (0..FAULT_COUNT)
+        .filter(|&p| p != 6 && (k[p] - other[p]).abs() > RIVAL_DIFFERENCE)
+        .map(|p| format!("{} {:.2} or {:.2}", ema_models::FaultVector::NAMES[p], k[p], other[p]))
+        .collect();
+    format!("ambiguous: {}", names.join(", "))
+}
+
+/// Difference of two explanations that is worth a word.
+const RIVAL_DIFFERENCE: f64 = 0.02;
 
 /// FNV-1a, so that an actuator's searches do not depend on which others are there.
 fn name_hash(name: &str) -> u64 {

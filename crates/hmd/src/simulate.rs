@@ -16,9 +16,6 @@ const FRAME_TIME_NS: u64 = 120_000;
 /// Period of the status frames, s.
 const STATUS_PERIOD_S: f64 = 0.1;
 
-/// Winding temperature at which the motor's resistance holds, °C.
-const REFERENCE_TEMPERATURE_C: f64 = 20.0;
-
 /// Frames of one simulated actuator, in bus order.
 #[derive(Debug)]
 pub struct Traffic<I> {
@@ -47,7 +44,7 @@ pub fn traffic(
         status_every: ((STATUS_PERIOD_S * rate).round() as u64).max(1),
         status: Status {
             dc_link_dv: quantity::dc_link_dv(scenario.unit.motor.v_dc),
-            winding_temp_dc: quantity::winding_temp_dc(REFERENCE_TEMPERATURE_C),
+            winding_temp_dc: quantity::winding_temp_dc(scenario.winding_temp_deg_c),
             load_torque_dnm: Some(quantity::load_torque_dnm(scenario.load_torque)),
             fault_flags: 0,
             seq8: 0,

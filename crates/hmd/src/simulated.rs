@@ -46,19 +46,21 @@ impl SimulatedWindow {
             conditions: Conditions {
                 load_torque: Some(scenario.load_torque),
                 v_dc: scenario.unit.motor.v_dc,
+                winding_temp_deg_c: Some(scenario.winding_temp_deg_c),
             },
         }
     }
 }
 
-/// Index of the first sample whose setpoint has left its resting value by more than 1 mrad.
+/// Index of the first sample whose setpoint has left its resting value by more than 1 mrad, in speed mode 1 rad/s.
 fn trigger(samples: &[SensedSample]) -> usize {
-    let angle = |s: &SensedSample| match s.setpoint {
-        Setpoint::Position(angle) => angle,
-        Setpoint::Idle | Setpoint::Speed(_) => 0.0,
+    let share = |s: &SensedSample| match s.setpoint {
+        Setpoint::Idle => 0.0,
+        Setpoint::Position(angle) => angle / 1e-3,
+        Setpoint::Speed(speed) => speed,
     };
     samples
         .iter()
-        .position(|s| (angle(s) - angle(&samples[0])).abs() > 1e-3)
+        .position(|s| (share(s) - share(&samples[0])).abs() > 1.0)
         .unwrap_or(0)
 }

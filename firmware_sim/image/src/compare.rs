@@ -39,7 +39,8 @@ impl Identification {
     /// The monitor for one set of unknowns; it is made in double precision and then runs in single.
     #[must_use]
     pub fn monitor(&self, unknowns: &Unknowns) -> Monitor<f32> {
-        Monitor::new(&self.params, &self.calibration, self.conditions.v_dc, unknowns).map(|x| x as f32)
+        let unknowns = self.conditions.warmed(unknowns);
+        Monitor::new(&self.params, &self.calibration, self.conditions.v_dc, &unknowns).map(|x| x as f32)
     }
 
     /// Runs monitors in lock-step over a window and shows their unweighted residuals, sample by sample.

@@ -83,6 +83,23 @@ pub struct Conditions {
     pub load_torque: Option<f64>,
     /// DC link voltage, V.
     pub v_dc: f64,
+    /// Measured winding temperature, °C. `None` where nobody measures it: the motor is then taken to be at 20 °C, and how far
+    /// it is from that is part of its unknown deviation.
+    pub winding_temp_deg_c: Option<f64>,
+}
+
+impl Conditions {
+    /// Unknowns, whose motor is at 20 °C, with the motor at the measured temperature.
+    #[must_use]
+    pub fn warmed(&self, unknowns: &Unknowns) -> Unknowns {
+        Unknowns {
+            motor: match self.winding_temp_deg_c {
+                Some(temperature) => unknowns.motor.at_temperature(temperature),
+                None => unknowns.motor,
+            },
+            ..*unknowns
+        }
+    }
 }
 
 /// One monitor, or one lane each of several that differ in their fault vectors.

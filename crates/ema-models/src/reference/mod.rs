@@ -4,11 +4,13 @@
 //! friction, backlash. Nothing of the monitor's averaging is used here. Signals of one sample are latched together,
 //! before the step that starts at that instant; the ACE holds the setpoint latched with the last sample.
 
+mod alien;
 mod inverter;
 mod pmsm;
 mod scenario;
 mod sensors;
 
+pub use alien::Alien;
 pub use inverter::Inverter;
 pub use pmsm::Phases;
 pub use scenario::{Actuations, Scenario, ScenarioRun};
@@ -41,6 +43,7 @@ pub struct Reference {
     friction: DryFriction<f64>,
     gear_ratio: f64,
     half_play: f64,
+    alien: Option<Alien>,
 }
 
 /// State of the simulated actuator.
@@ -121,6 +124,17 @@ impl Reference {
             friction: DryFriction::new(&unit.transmission, fault, load_torque),
             gear_ratio: unit.transmission.gear_ratio,
             half_play: 0.5 * unit.transmission.backlash * fault.backlash_factor(),
+            alien: None,
+        }
+    }
+
+    /// The same actuator with a fault that the fault vector does not have.
+    #[must_use]
+    pub fn with_alien(self, alien: Option<Alien>) -> Self {
+        Self {
+            friction: self.friction.with_drag(Alien::drag(alien)),
+            alien,
+            ..self
         }
     }
 
@@ -131,7 +145,11 @@ impl Reference {
             state.i_ref = self.ace.step(&mut state.ace, setpoint, counted, state.omega_m);
         }
         let sin_cos = (self.pole_pairs * state.theta_m).sin_cos_poly();
-        let i_ref = phase_shapes(sin_cos).map(|s| state.i_ref * s);
+        let seen = match self.alien {
+            None => sin_cos,
+            alien => (self.pole_pairs * Alien::resolver(alien, state.theta_m)).sin_cos_poly(),
+        };
+        let i_ref = phase_shapes(seen).map(|s| state.i_ref * s);
         state.v = state.inverter.switch(i_ref, state.i, self.half_band, self.v_dc);
 
         let k_j = self.winding.emf_shapes(sin_cos).map(|shape| self.k * shape);

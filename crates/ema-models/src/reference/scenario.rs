@@ -1,12 +1,13 @@
 //! Actuations one after the other, sampled as the control electronics would send them.
 
 use super::sensors::{CurrentSensing, count};
-use super::{Reference, ReferenceState};
+use super::{Alien, Reference, ReferenceState};
 use crate::command::Profile;
 use crate::control::Setpoint;
 use crate::fault::FaultVector;
 use crate::params::{ActuatorParams, REFERENCE_STEP};
 use crate::recording::SensedSample;
+use crate::temperature::REFERENCE_TEMPERATURE_DEG_C;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -47,19 +48,23 @@ impl Actuations {
         self.rest + f64::from(self.count) * self.period()
     }
 
-    /// Commanded angle at time t relative to the first rest position, rad, for a first direction `sign`.
-    fn angle(&self, t: f64, sign: f64) -> f64 {
+    /// What is commanded at time t, for a first direction `sign`, from the rest position `rest_angle` on, rad.
+    fn setpoint(&self, t: f64, sign: f64, rest_angle: f64) -> Setpoint {
         let cycle = self.period();
         let since_first = t - self.rest;
-        if since_first < 0.0 {
-            return 0.0;
+        let done = libm::floor(since_first / cycle).clamp(0.0, f64::from(self.count) - 1.0);
+        let tau = since_first - done * cycle;
+        let direction = if done % 2.0 == 0.0 { sign } else { -sign };
+        // Between two actuations in speed mode the motor is told to stand.
+        if let Some(speed) = self.profile.speed(tau) {
+            let speed = if tau > self.length { 0.0 } else { direction * speed };
+            return Setpoint::Speed(libm::round(speed / SPEED_LSB) * SPEED_LSB);
         }
-        let done = libm::floor(since_first / cycle).min(f64::from(self.count) - 1.0);
         let travel = self.profile.angle(self.length);
         // Directions alternate, so after an odd number of actuations one travel is left over.
         let base = if done % 2.0 == 0.0 { 0.0 } else { sign * travel };
-        let direction = if done % 2.0 == 0.0 { sign } else { -sign };
-        base + direction * self.profile.angle((since_first - done * cycle).min(self.length))
+        let commanded = rest_angle + (base + direction * self.profile.angle(tau.min(self.length)));
+        Setpoint::Position(libm::round(commanded / POSITION_LSB) * POSITION_LSB)
     }
 }
 
@@ -74,6 +79,10 @@ pub struct Scenario {
     pub fault: FaultVector,
     /// Constant load at the output, Nm; positive opposes positive motion.
     pub load_torque: f64,
+    /// Winding temperature, °C; the unit's motor is given at 20 °C.
+    pub winding_temp_deg_c: f64,
+    /// A fault that the fault vector does not have.
+    pub alien: Option<Alien>,
     /// Current sensors.
     pub sensing: CurrentSensing,
     /// What is commanded.
@@ -83,7 +92,10 @@ pub struct Scenario {
 }
 
 /// Resolution of a transmitted position setpoint, rad.
-const SETPOINT_LSB: f64 = 1e-6;
+const POSITION_LSB: f64 = 1e-6;
+
+/// Resolution of a transmitted speed setpoint, rad/s.
+const SPEED_LSB: f64 = 1e-3;
 
 impl Scenario {
     /// A healthy `bench`-like unit of one type with ideal current sensors, one mixed actuation.
@@ -94,6 +106,8 @@ impl Scenario {
             unit: params,
             fault,
             load_torque: 0.0,
+            winding_temp_deg_c: REFERENCE_TEMPERATURE_DEG_C,
+            alien: None,
             sensing: CurrentSensing::IDEAL,
             actuations: Actuations::one(Profile::Mixed),
             seed,
@@ -104,7 +118,7 @@ impl Scenario {
     #[must_use]
     pub fn run(&self) -> ScenarioRun {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
-        let reference = Reference::new(&self.unit, &self.nominal, &self.fault, self.load_torque);
+        let reference = self.reference();
         let theta_m = rng.random_range(0.0..core::f64::consts::TAU);
         let place = rng.random_range(-1.0..1.0);
         let sign = if rng.random_bool(0.5) { 1.0 } else { -1.0 };
@@ -121,6 +135,15 @@ impl Scenario {
             steps_per_sample: libm::round(1.0 / (self.nominal.sensors.sample_rate * REFERENCE_STEP)) as u64,
             rng,
         }
+    }
+
+    /// The unit at its temperature, in its state of wear.
+    fn reference(&self) -> Reference {
+        let warm = ActuatorParams {
+            motor: self.unit.motor.at_temperature(self.winding_temp_deg_c),
+            ..self.unit
+        };
+        Reference::new(&warm, &self.nominal, &self.fault, self.load_torque).with_alien(self.alien)
     }
 }
 
@@ -147,14 +170,8 @@ impl ScenarioRun {
 
     /// The unit is in another state of wear from now on; its motion goes on.
     pub fn wear(&mut self, fault: FaultVector) {
-        let Scenario {
-            nominal,
-            unit,
-            load_torque,
-            ..
-        } = &self.scenario;
-        self.reference = Reference::new(unit, nominal, &fault, *load_torque);
         self.scenario.fault = fault;
+        self.reference = self.scenario.reference();
     }
 }
 
@@ -167,12 +184,14 @@ impl Iterator for ScenarioRun {
         }
         let sensors = &self.scenario.nominal.sensors;
         let t = self.seq as f64 / sensors.sample_rate;
-        let commanded = self.rest_angle + self.scenario.actuations.angle(t, self.sign);
-        let setpoint = Setpoint::Position(libm::round(commanded / SETPOINT_LSB) * SETPOINT_LSB);
+        let setpoint = self.scenario.actuations.setpoint(t, self.sign, self.rest_angle);
         let sample = SensedSample {
             seq: self.seq,
             currents: self.scenario.sensing.read(sensors, self.state.i, &mut self.rng),
-            motor_counts: count(self.state.theta_m, sensors.motor_lsb()),
+            motor_counts: count(
+                Alien::resolver(self.scenario.alien, self.state.theta_m),
+                sensors.motor_lsb(),
+            ),
             output_counts: count(self.state.theta_out, sensors.output_lsb()),
             setpoint,
         };

@@ -11,7 +11,7 @@ use crate::calibration::MonitorForm;
 use crate::config::{Config, MONITOR_NAMES};
 use crate::health::Health;
 use crate::identify::is_unmodelled;
-use crate::judge::{Judge, TYPE_TOLERANCE, conditions, judgement, levels};
+use crate::judge::{Judge, TYPE_TOLERANCE, conditions, judgement, known_at, levels};
 use crate::outliers::identify_without_outliers;
 use crate::unit::{UnitCalibration, fit_motor, windows_of};
 
@@ -85,7 +85,7 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
     let mut prepared = Vec::new();
     for job in &mut jobs {
         let mut identifier = judge.of_job(job)?;
-        identifier.motor = TYPE_TOLERANCE;
+        identifier.motor = known_at(TYPE_TOLERANCE, job.conditions.winding_temp_deg_c);
         let conditions = conditions(job).map_err(anyhow::Error::msg)?;
         let (window, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, args.seed)?;
         let verdict = Health::new(levels, 1)?.update(0, Some(&judgement(&estimate)));

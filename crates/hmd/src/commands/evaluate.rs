@@ -7,8 +7,8 @@ use super::{Exit, Misuse, load_config, progress, say, unknown_type, use_threads}
 use crate::calibration::MonitorForm;
 use crate::config::SearchMethod;
 use crate::evaluate::{
-    Case, DetectionReport, NOISE_RATES_HZ, NoiseReport, PaperReport, RandomReport, RulReport, Scores, detection, noise,
-    paper, random, rul,
+    CONDITION_ROWS, Case, DetectionReport, NOISE_RATES_HZ, NoiseReport, PROFILE_ROWS, PaperReport, ProfilesReport,
+    RandomReport, RulReport, Scores, conditions, detection, noise, paper, profiles, random, rul,
 };
 use crate::health::FAULTS;
 use crate::judge::{Judge, levels};
@@ -19,8 +19,8 @@ pub struct Args {
     /// The suite.
     #[arg(value_enum)]
     suite: Suite,
-    /// Number of random fault vectors, of motors (`detection`) or of histories per fault (`rul`); 200 without it, 100
-    /// motors. The suite `paper` has a fixed content.
+    /// Number of random fault vectors, of motors (`detection`), of histories per fault (`rul`) or of pairs of windows for
+    /// each row (`profiles`, `conditions`); 200 without it, 100 motors, 20 pairs. The suite `paper` has a fixed content.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     n: Option<u64>,
     /// Seed of the suite.
@@ -57,6 +57,10 @@ enum Suite {
     Noise,
     /// Verdicts of single windows, healthy and faulty, of 100 motors.
     Detection,
+    /// Every kind of command, without and with noise, at 2 kHz and 400 Hz.
+    Profiles,
+    /// Cold and hot motors, high and low supply, with noise, at 2 kHz and 400 Hz.
+    Conditions,
     /// Remaining life foretold over whole histories of estimates, beside an oracle.
     Rul,
 }
@@ -124,6 +128,24 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
                 serde_json::to_string(&report)?
             } else {
                 detection_table(&report)
+            })?;
+        }
+        Suite::Profiles | Suite::Conditions => {
+            let n = args.n.unwrap_or(20);
+            let all = args.suite == Suite::Profiles;
+            let bar = progress::over_pieces(n * if all { PROFILE_ROWS } else { CONDITION_ROWS });
+            let (name, seed) = (args.actuator.as_str(), args.seed);
+            let done = || bar.inc(1);
+            let report = if all {
+                profiles(&identifier, levels, name, n, seed, &done)?
+            } else {
+                conditions(&identifier, levels, name, n, seed, &done)?
+            };
+            bar.finish_and_clear();
+            say(&if args.json {
+                serde_json::to_string(&report)?
+            } else {
+                profiles_table(&report)
             })?;
         }
         // It needs no identifier, and has run.
@@ -227,6 +249,36 @@ fn detection_table(report: &DetectionReport) -> String {
         100.0 * report.isolation_rate,
         100.0 * report.false_alarm_rate
     );
+    text
+}
+
+fn profiles_table(report: &ProfilesReport) -> String {
+    let mut text = "| windows | noise | rate, Hz | median rss, % | p95 rss, % | covers, % | covers healthy, % | shows k1 | k2 | \
+                    k3…k5 | k6 | k8, % | false faults | unmodelled | ambiguous | max cost |\n|---|---|---|---|---|---|---|---|---|---|---|---\
+                    |---|---|---|---|"
+        .to_owned();
+    for row in &report.rows {
+        let shown = row.observable.map(|share| 100.0 * share);
+        text += &format!(
+            "\n| {} | {} | {:.0} | {:.2} | {:.2} | {:.1} | {:.1} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} | {} | {} | {} | {:.1} |",
+            row.name,
+            if row.noise { "yes" } else { "no" },
+            row.sample_rate_hz,
+            row.median_rss_pct,
+            row.p95_rss_pct,
+            100.0 * row.coverage_95,
+            100.0 * row.healthy_coverage_95,
+            shown[0],
+            shown[1],
+            (shown[2] + shown[3] + shown[4]) / 3.0,
+            shown[5],
+            shown[7],
+            row.false_faults,
+            row.unmodelled,
+            row.ambiguous,
+            row.max_cost
+        );
+    }
     text
 }
 

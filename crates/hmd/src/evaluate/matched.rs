@@ -105,7 +105,7 @@ fn sharpest_fit(
         weights: ordinary,
         ..*exact
     };
-    let (found, _) = identifier.search(&blurred, seed)?;
+    let found = identifier.search(&blurred, seed)?;
     Ok((1..=STAGES).fold(found, |at, stage| {
         let weights = between(ordinary, exact.weights, f64::from(stage) / f64::from(STAGES));
         refine_from(&Comparison { weights, ..*exact }, at)

@@ -1,8 +1,10 @@
 //! Motors as they leave the factory and are installed: off their type, behind real sensors, under a load that nobody
 //! measures, and known from five healthy windows.
 
-use ema_models::reference::{CurrentSensing, Scenario};
-use ema_models::{ActuatorParams, FaultVector, MotorDeviation, MotorKnowledge, Scale};
+use ema_models::reference::{Actuations, CurrentSensing, Scenario};
+use ema_models::{
+    ActuatorParams, FaultVector, MotorDeviation, MotorKnowledge, Profile, REFERENCE_TEMPERATURE_DEG_C, Scale,
+};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -25,6 +27,29 @@ const LOAD_NM: f64 = 10.0;
 
 /// Healthy windows from which a motor is learnt.
 const HEALTHY_WINDOWS: u64 = 5;
+
+/// What a window is taken under, beside noise and load.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Surroundings {
+    /// What is commanded.
+    pub(super) profile: Profile,
+    /// Winding temperature, °C.
+    pub(super) winding_temp_deg_c: f64,
+    /// Whether the monitor is told the temperature.
+    pub(super) temperature_measured: bool,
+    /// DC link voltage as a share of the nominal one; always measured.
+    pub(super) supply: f64,
+}
+
+impl Surroundings {
+    /// Those of the suites `noise` and `detection`.
+    pub(super) const USUAL: Self = Self {
+        profile: Profile::Mixed,
+        winding_temp_deg_c: REFERENCE_TEMPERATURE_DEG_C,
+        temperature_measured: true,
+        supply: 1.0,
+    };
+}
 
 /// One motor of a type, sampled at one rate.
 pub(super) struct Motor {
@@ -54,17 +79,29 @@ impl Motor {
 
     /// One mixed actuation of it in some state of wear, under a constant load that is not measured.
     pub(super) fn window(&self, fault: FaultVector, seed: u64) -> SimulatedWindow {
+        self.actuation(&Surroundings::USUAL, fault, seed)
+    }
+
+    /// The same under other circumstances.
+    pub(super) fn actuation(&self, around: &Surroundings, fault: FaultVector, seed: u64) -> SimulatedWindow {
         let load = ChaCha8Rng::seed_from_u64(mix(seed, &[1])).random_range(-self.load_nm..self.load_nm);
+        let mut unit = self.unit;
+        unit.motor.v_dc *= around.supply;
         let mut window = SimulatedWindow::of(&Scenario {
-            unit: self.unit,
+            unit,
             load_torque: load,
+            winding_temp_deg_c: around.winding_temp_deg_c,
             sensing: CurrentSensing {
                 quantised: true,
                 noise_rms: NOISE_RMS_A,
             },
+            actuations: Actuations::one(around.profile),
             ..Scenario::new(self.nominal, fault, seed)
         });
         window.conditions.load_torque = None;
+        if !around.temperature_measured {
+            window.conditions.winding_temp_deg_c = None;
+        }
         window
     }
 

@@ -118,7 +118,7 @@ fn at_rate(
 }
 
 /// Whether the 95 % interval of each component holds the truth; `None` where none is stated.
-fn covered(estimate: &Estimate, truth: &FaultVector) -> [Option<bool>; FAULT_COUNT] {
+pub(super) fn covered(estimate: &Estimate, truth: &FaultVector) -> [Option<bool>; FAULT_COUNT] {
     let (k, t) = (estimate.fault.to_array(), truth.to_array());
     std::array::from_fn(|p| {
         let off = if p == 6 {

@@ -9,6 +9,15 @@ use ema_models::{ActuatorParams, Comparison, FAULT_COUNT, FaultVector, RANK_LANE
 use super::{Population, box_of};
 
 impl Population {
+    /// Monitor runs that one identification may take; `None` without a limit.
+    pub(super) fn budget(&self) -> Option<u64> {
+        match self {
+            Self::Genetic(config) => config.stop.max_evaluations,
+            Self::Differential(config) => config.stop.max_evaluations,
+            Self::CmaEs(config) => config.stop.max_evaluations,
+        }
+    }
+
     /// The best of all individuals, one of the first being health.
     pub(super) fn search(&self, comparison: Comparison<'_>, seed: u64) -> Result<Outcome<FAULT_COUNT>, ConfigError> {
         let objective = LeastSquares {

@@ -1,6 +1,6 @@
 //! Levenberg–Marquardt on the residuals of all signals, from several starts.
 
-use ema_ga::{LmConfig, Residuals, levenberg_marquardt};
+use ema_ga::{LmConfig, LmStop, Residuals, levenberg_marquardt};
 use ema_models::{
     COST_LANES, Comparison, Coordinates, FAULT_COUNT, FaultVector, NormalEquations, Scale, UNKNOWN_COUNT, Unknowns,
 };
@@ -36,62 +36,83 @@ const COARSE_STEP: f64 = 2e-2;
 
 pub(super) const FINE_STEP: f64 = 1e-7;
 
-/// Where a refinement ended: cost, place, and the monitor runs spent.
+/// Where a refinement ended: cost, place, the monitor runs spent, and whether a budget cut it short.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct End {
-    cost: f64,
+    pub(super) cost: f64,
     pub(super) at: Coordinates,
     pub(super) spent: u64,
+    pub(super) cut: bool,
 }
 
-/// Refines from several starts, side by side; the best end and the monitor runs spent.
+/// Monitor runs that no descent reaches.
+pub(super) const UNLIMITED: u64 = u64::MAX;
+
+/// Refines from several starts, side by side, each with `budget` monitor runs at most; the ends, the best first.
 ///
 /// Each start is refined with coarse differences and then with fine ones: what a fine slope takes for a valley's floor, a
 /// coarse one often walks out of.
-pub(super) fn refine(comparison: &Comparison<'_>, starts: &[Coordinates]) -> (Coordinates, u64) {
-    let ends: Vec<End> = starts.par_iter().map(|&start| descend(comparison, start)).collect();
-    let spent = ends.iter().map(|end| end.spent).sum();
+pub(super) fn refine(comparison: &Comparison<'_>, starts: &[Coordinates], budget: u64) -> Vec<End> {
+    let mut ends: Vec<End> = starts
+        .par_iter()
+        .map(|&start| descend(comparison, start, budget))
+        .collect();
     // Of equal ends the first, whichever thread was quicker.
-    let better = |best: End, end: End| if end.cost < best.cost { end } else { best };
-    let nowhere = End {
-        cost: f64::INFINITY,
-        at: starts[0],
-        spent: 0,
-    };
-    (ends.into_iter().fold(nowhere, better).at, spent)
+    ends.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    ends
 }
 
-/// One descent, coarse and then fine; the better of both ends.
-pub(super) fn descend(comparison: &Comparison<'_>, start: Coordinates) -> End {
+/// One descent, coarse and then fine; the better of both ends. With a budget too small for one step, the start itself.
+pub(super) fn descend(comparison: &Comparison<'_>, start: Coordinates, budget: u64) -> End {
     let bounds = box_of(Coordinates::LOWER, Coordinates::UPPER);
-    let config = LmConfig {
-        max_iterations: 25,
-        max_evaluations: 60,
-        step_tolerance: 1e-9,
-        cost_tolerance: 1e-6,
-        ..LmConfig::default()
-    };
-    let mut from = start.0;
     let mut end = End {
         cost: f64::INFINITY,
         at: start,
         spent: 0,
+        cut: false,
     };
     for step in [COARSE_STEP, FINE_STEP] {
-        let found = levenberg_marquardt(&Refinement { comparison, step }, &bounds, from, &config);
+        let left = budget.saturating_sub(end.spent);
+        let iterations = (left / (RUNS_PER_LINEARISATION + TRIALS_PER_STEP)).min(u64::from(MAX_ITERATIONS)) as u32;
+        let trials = left.saturating_sub(u64::from(iterations) * (RUNS_PER_LINEARISATION - 1));
+        let limited = iterations < MAX_ITERATIONS || trials < u64::from(MAX_EVALUATIONS);
+        if iterations == 0 {
+            end.cut = true;
+            break;
+        }
+        let config = LmConfig {
+            max_iterations: iterations,
+            max_evaluations: trials.min(u64::from(MAX_EVALUATIONS)) as u32,
+            step_tolerance: 1e-9,
+            cost_tolerance: 1e-6,
+            ..LmConfig::default()
+        };
+        let found = levenberg_marquardt(&Refinement { comparison, step }, &bounds, end.at.0, &config);
         end.spent +=
             u64::from(found.iterations) * RUNS_PER_LINEARISATION + u64::from(found.evaluations - found.iterations);
-        from = found.genes;
+        end.cut |= limited && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations);
         if found.cost < end.cost {
-            (end.cost, end.at) = (found.cost, Coordinates(from));
+            (end.cost, end.at) = (found.cost, Coordinates(found.genes));
         }
+    }
+    if end.cost.is_infinite() {
+        end.cost = comparison.cost(&end.at);
+        end.spent += 1;
     }
     end
 }
 
+/// Linearisations, and those and trials together, of one descent with one step at most.
+const MAX_ITERATIONS: u32 = 25;
+const MAX_EVALUATIONS: u32 = 60;
+
+/// Trials that a step takes as a rule.
+const TRIALS_PER_STEP: u64 = 2;
+
 /// Where a refinement that starts at a point ends.
 #[must_use]
 pub fn refine_from(comparison: &Comparison<'_>, start: Coordinates) -> Coordinates {
-    descend(comparison, start).at
+    descend(comparison, start, UNLIMITED).at
 }
 
 /// Distance from the truth, in fault coordinates, to where a refinement started there ends: the pull of whatever the
@@ -99,7 +120,7 @@ pub fn refine_from(comparison: &Comparison<'_>, start: Coordinates) -> Coordinat
 #[must_use]
 pub fn pull_from(comparison: &Comparison<'_>, truth: &FaultVector) -> [f64; FAULT_COUNT] {
     let start = Scale::new(comparison.params).coordinates(&comparison.with_fault(*truth));
-    let (end, _) = refine(comparison, &[start]);
+    let end = descend(comparison, start, UNLIMITED).at;
     std::array::from_fn(|p| end.0[p] - start.0[p])
 }
 

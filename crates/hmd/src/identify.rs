@@ -373,10 +373,11 @@ impl Identifier {
         let excess = (2.0 * normal.cost / (n * signals)).max(1.0);
         let variance = data_variance(&normal, excess);
         let model_sigma = self.calibration.at(self.params.sensors.sample_rate).model_sigma;
-        let total: [f64; FAULT_COUNT] = std::array::from_fn(|p| {
-            let far = rival.map_or(0.0, |rival| rival.0[p] - at.0[p]);
-            (variance[p] + model_sigma[p].powi(2) + far * far).sqrt()
-        });
+        let alone: [f64; FAULT_COUNT] = std::array::from_fn(|p| variance[p].sqrt().hypot(model_sigma[p]));
+        // What the window does not show needs no rival to be open.
+        let rival = rival.filter(|rival| rivals::apart(rival, &at, |p| alone[p] <= OBSERVABLE_SIGMA));
+        let total: [f64; FAULT_COUNT] =
+            std::array::from_fn(|p| alone[p].hypot(rival.map_or(0.0, |rival| rival.0[p] - at.0[p])));
         let mut sigma = [None; FAULT_COUNT];
         let mut observable = [false; FAULT_COUNT];
         for p in [0, 1, 2, 3, 4, 7] {

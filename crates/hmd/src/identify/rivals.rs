@@ -20,7 +20,7 @@ pub(super) fn find(comparison: &Comparison<'_>, ends: &[End]) -> Option<Coordina
     others
         .iter()
         .take_while(|end| end.cost - best.cost < allowed)
-        .find(|end| apart(&end.at, &best.at))
+        .find(|end| apart(&end.at, &best.at, |_| true))
         .map(|end| end.at)
 }
 
@@ -31,9 +31,9 @@ pub(super) fn undecided(comparison: &Comparison<'_>, cost: f64) -> f64 {
     0.5 * UNDECIDED * (cost / expected).max(1.0)
 }
 
-/// Whether two points are different explanations.
-pub(super) fn apart(a: &Coordinates, b: &Coordinates) -> bool {
-    (0..FAULT_COUNT).any(|p| (a.0[p] - b.0[p]).abs() > APART)
+/// Whether two points are different explanations by the coordinates that count.
+pub(super) fn apart(a: &Coordinates, b: &Coordinates, counts: impl Fn(usize) -> bool) -> bool {
+    (0..FAULT_COUNT).any(|p| counts(p) && (a.0[p] - b.0[p]).abs() > APART)
 }
 
 #[cfg(test)]

@@ -77,6 +77,9 @@ impl<R: Real> Encoder<R> {
     }
 }
 
+/// So steep that the integrator is frozen or free, 1/Nm.
+const AT_ONCE: f64 = 1e12;
+
 /// The control law's constants; the position gain carries the fault k8.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ace<R> {
@@ -87,6 +90,8 @@ pub struct Ace<R> {
     omega_max: R,
     torque_max: R,
     amps_per_torque: R,
+    /// One over the torque across which the integrator freezes, 1/Nm.
+    per_freeze: R,
 }
 
 /// What the control law remembers from one period to the next.
@@ -119,6 +124,7 @@ impl<R> Ace<R> {
             omega_max: f(self.omega_max),
             torque_max: f(self.torque_max),
             amps_per_torque: f(self.amps_per_torque),
+            per_freeze: f(self.per_freeze),
         }
     }
 }
@@ -147,6 +153,22 @@ impl<R: Real> Ace<R> {
             omega_max: R::splat(omega_max),
             torque_max: R::splat(torque_gain * params.motor.i_max),
             amps_per_torque: R::splat(1.0 / torque_gain),
+            per_freeze: R::splat(AT_ONCE),
+        }
+    }
+
+    /// The same law, smooth in everything that moves the instant at which the torque saturates: the integrator freezes
+    /// across the torque by which the demand changes in one period under full torque, `K_P Δt T_max / J`.
+    ///
+    /// The firmware freezes it for whole periods. One period sooner or later is a step of the window's cost, and a search
+    /// may end on its wrong side. Derived here.
+    #[must_use]
+    pub fn freezing_gradually(self, params: &ActuatorParams) -> Self {
+        let ControllerParams { period, k_p, .. } = params.controller;
+        let change = k_p * period / params.motor.j;
+        Self {
+            per_freeze: R::splat(1.0 / change) / self.torque_max,
+            ..self
         }
     }
 
@@ -187,8 +209,10 @@ impl<R: Real> Ace<R> {
         };
         let torque = self.k_p * error + state.integral + self.k_d_over_dt * (error - state.previous_error);
         state.previous_error = error;
-        let saturated = self.torque_max.lt(torque.abs());
-        state.integral = R::select(saturated, state.integral, state.integral + self.k_i_dt * error);
+        let free = (R::splat(0.5) + (self.torque_max - torque.abs()) * self.per_freeze)
+            .max(R::zero())
+            .min(R::splat(1.0));
+        state.integral = state.integral + free * (self.k_i_dt * error);
         torque.clamp_abs(self.torque_max) * self.amps_per_torque
     }
 }
@@ -207,6 +231,18 @@ mod tests {
         let i_ref = ace().step(&mut state, Setpoint::Position(0.25), 0.0, 0.0);
         assert!((i_ref - 10.7).abs() < 1e-12);
         assert!(state.integral.abs() < 1e-12);
+    }
+
+    #[test]
+    fn freezing_gradually_is_freezing_at_once_away_from_the_limit_and_half_at_it() {
+        let gradual = ace().freezing_gradually(&ActuatorParams::bench());
+        // The limit is 14.445 Nm, reached at 36.1125 rad/s; the law freezes across 4 % of it.
+        for (speed, share) in [(30.0, 1.0), (35.0, 1.0), (36.1125, 0.5), (37.0, 0.0), (50.0, 0.0)] {
+            let mut state = AceState::default();
+            gradual.step(&mut state, Setpoint::Speed(speed), 0.0, 0.0);
+            let freely = 6.0 * 100e-6 * speed;
+            assert!((state.integral - share * freely).abs() < 1e-9, "{speed}: {state:?}");
+        }
     }
 
     #[test]

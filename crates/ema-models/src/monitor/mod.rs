@@ -243,7 +243,7 @@ impl Monitor<f64> {
         Self {
             form: calibration.form,
             feedback: Feedback::default(),
-            ace: Ace::new(params, fault.gain_factor()),
+            ace: Ace::new(params, fault.gain_factor()).freezing_gradually(params),
             encoder: Encoder::new(params.sensors.output_lsb()),
             friction: DryFriction::new(transmission, fault, unknowns.load_torque),
             winding,

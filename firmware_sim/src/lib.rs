@@ -18,6 +18,7 @@ extern crate std;
 mod device;
 mod frames;
 mod link;
+mod settings;
 mod stuck;
 #[cfg(feature = "std")]
 mod writer;
@@ -25,6 +26,7 @@ mod writer;
 pub use device::{Device, Plan, Timed};
 pub use frames::{CanFrame, CanFrames, SerialFrame, SerialFrames};
 pub use link::{Link, LinkFaults, LinkFrame};
+pub use settings::{ActuatorKind, BadSetting, Settings};
 pub use stuck::Stuck;
 #[cfg(feature = "std")]
 pub use writer::{packets, write_stream};

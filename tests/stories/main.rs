@@ -5,6 +5,7 @@
 mod alien;
 mod bad_link;
 mod bench;
+mod foreign_bus;
 mod link;
 mod onboard;
 

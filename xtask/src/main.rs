@@ -6,6 +6,7 @@ mod can;
 mod ci;
 mod debian;
 mod deny;
+mod firmware;
 mod fuzz;
 mod no_std;
 mod oracle;
@@ -49,6 +50,8 @@ enum Verb {
     Can,
     /// Identification on an emulated Cortex-M7, bit for bit, and what it costs.
     Target,
+    /// Firmware on an emulated Cortex-M7, its serial port, and the daemon, until a growing fault is found.
+    Firmware,
     /// Fuzzing of every reader, seconds each; needs a nightly compiler.
     Fuzz,
     /// The same for half an hour each.
@@ -74,6 +77,7 @@ fn main() -> ExitCode {
         Verb::Oracle => oracle::check(),
         Verb::Can => can::check(),
         Verb::Target => target::check(),
+        Verb::Firmware => firmware::check(),
         Verb::Fuzz => fuzz::check(false),
         Verb::FuzzLong => fuzz::check(true),
         Verb::Systemd => systemd::check(),

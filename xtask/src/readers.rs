@@ -14,13 +14,17 @@ pub(crate) const PACKAGES: [&str; 3] = ["mcap==1.6.0", "mcap-protobuf-support==0
 /// Actuations in the simulated log.
 const WINDOWS: usize = 2;
 
+/// Random DBC files, of sixty messages each.
+const RANDOM_DBCS: u32 = 10;
+
 /// Makes a log, replays it, and lets the others read all of it.
 pub(crate) fn check() -> anyhow::Result<()> {
     let python = Python::with_packages(&PACKAGES)?;
     let folder = target_dir()?.join("readers");
     fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     mcap(&python, &folder)?;
-    dbc(&python, &folder)
+    dbc(&python, &folder)?;
+    any_dbc(&python, &folder)
 }
 
 /// One run as text and as MCAP: both replay to the same records, and the reference library reads every file.
@@ -86,6 +90,33 @@ fn dbc(python: &Python, folder: &Path) -> anyhow::Result<()> {
         let decoded = log.with_extension("decoded.jsonl");
         run_to_file(example("decode_candump"), Some(log), &decoded)?;
         python.script("fixtures/check_dbc.py", &[Path::new("fixtures/ema.dbc"), log, &decoded])?;
+    }
+    Ok(())
+}
+
+/// Random frames of random DBC files, each signal decoded here and by `cantools`.
+fn any_dbc(python: &Python, folder: &Path) -> anyhow::Result<()> {
+    run(cargo([
+        "build",
+        "--quiet",
+        "--package",
+        "hmd",
+        "--example",
+        "decode_dbc",
+    ]))?;
+    let decode = target_dir()?.join("debug/examples/decode_dbc");
+    let [database, frames, decoded] = ["any.dbc", "any.txt", "any.jsonl"].map(|name| folder.join(name));
+    for seed in 1..=RANDOM_DBCS {
+        run(program(
+            python.interpreter(),
+            ["fixtures/random_dbc.py", "make", &seed.to_string()],
+        )
+        .arg(&database)
+        .arg(&frames))
+        .with_context(|| format!("seed {seed}"))?;
+        run_to_file(program(&decode, [&database]), Some(&frames), &decoded)?;
+        run(program(python.interpreter(), ["fixtures/random_dbc.py", "check"]).args([&database, &frames, &decoded]))
+            .with_context(|| format!("seed {seed}"))?;
     }
     Ok(())
 }

@@ -9,10 +9,11 @@ use crate::debian;
 use crate::no_std::TARGET;
 use crate::shell::{cargo, program, root, run, target_dir};
 
-const PACKAGES: [(&str, &str); 1] = [("qemu-system-arm", "/usr/bin/qemu-system-arm")];
+/// The emulator.
+pub(crate) const PACKAGES: [(&str, &str); 1] = [("qemu-system-arm", "/usr/bin/qemu-system-arm")];
 
 /// For the processor, whose unit computes single and double precision.
-const FLAGS: &str = "-Clink-arg=-Tlink.x -Ctarget-cpu=cortex-m7";
+pub(crate) const FLAGS: &str = "-Clink-arg=-Tlink.x -Ctarget-cpu=cortex-m7";
 
 const DOCUMENT: &str = "docs/target.md";
 const BEGIN: &str = "<!-- $ cargo xtask target -->\n";

@@ -87,14 +87,21 @@ pub fn bus_load(rate_hz: f64, actuators: u32, bitrate_bit_s: f64) -> f64 {
 /// ```
 #[must_use]
 pub fn fd_bus_load(rate_hz: f64, actuators: u32, bitrate_bit_s: f64, data_bitrate_bit_s: f64) -> f64 {
-    let stuffing = Stuffing::Nominal;
-    let slow = FD_ARBITRATION_BITS + stuffing.bits(FD_ARBITRATION_BITS) + UNSTUFFED_TAIL_BITS;
-    let stuffable = FD_CONTROL_BITS + 8 * FD_LEN as u32;
-    let fast = stuffable + stuffing.bits(stuffable) + FD_CRC_BITS;
-    let frame_s = f64::from(slow) / bitrate_bit_s + f64::from(fast) / data_bitrate_bit_s;
+    let frame_s = fd_frame_seconds(FD_LEN as u32, bitrate_bit_s, data_bitrate_bit_s);
     let per_actuator =
         rate_hz / SampleFd::MAX_SAMPLES as f64 * frame_s + STATUS_RATE_HZ * classic_frame_seconds(bitrate_bit_s);
     f64::from(actuators) * per_actuator
+}
+
+/// Time that a CAN FD frame with an 11-bit identifier and bit rate switching takes, s; nominal stuffing, and the checksum of
+/// frames of more than 16 bytes.
+#[must_use]
+pub fn fd_frame_seconds(data_bytes: u32, bitrate_bit_s: f64, data_bitrate_bit_s: f64) -> f64 {
+    let stuffing = Stuffing::Nominal;
+    let slow = FD_ARBITRATION_BITS + stuffing.bits(FD_ARBITRATION_BITS) + UNSTUFFED_TAIL_BITS;
+    let stuffable = FD_CONTROL_BITS + 8 * data_bytes;
+    let fast = stuffable + stuffing.bits(stuffable) + FD_CRC_BITS;
+    f64::from(slow) / bitrate_bit_s + f64::from(fast) / data_bitrate_bit_s
 }
 
 /// Share of a serial line that `actuators` take at `rate_hz` samples per second each, with their status packets; eight data

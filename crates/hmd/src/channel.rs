@@ -142,6 +142,11 @@ impl Channel {
         self.conditions
     }
 
+    /// What a bus with a layout of its own says.
+    pub fn set_conditions(&mut self, conditions: MeasuredConditions) {
+        self.conditions = conditions;
+    }
+
     /// Counts of samples delivered and lost.
     #[must_use]
     pub fn stats(&self) -> AssemblerStats {

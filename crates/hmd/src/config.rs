@@ -17,6 +17,7 @@ mod params;
 mod reader;
 mod rul;
 mod serial;
+mod signals;
 mod specification;
 mod spelling;
 mod window;
@@ -118,7 +119,7 @@ impl Config {
         let table = document.parse()?;
         let root = Section::root(&document, &table, Self::KEYS)?;
         let types = actuator_type::read_all(&root)?;
-        let configured = actuator::read_all(&root, &types)?;
+        let configured = actuator::read_all(&root, &types, &parent(Path::new(file_name)))?;
         let auto = configured.is_none();
         let actuators = configured.unwrap_or_else(|| actuator::every_one(&types));
         let serial = serial::read_all(&root, &actuators)?;

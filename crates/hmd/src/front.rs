@@ -1,13 +1,15 @@
 //! From frames to windows: decoding, sample assembly and windowing of every actuator. Cheap, bounded, without I/O.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
 use ema_models::{ActuatorParams, Setpoint};
-use ema_wire::{ActuatorId, DeframerStats, Frame, SampleFd, SerialPacket};
+use ema_wire::{ActuatorId, DeframerStats, Frame, Message, SampleFd, SerialPacket};
 
 use crate::channel::{Channel, MeasuredConditions, SampleRate};
 use crate::config::{ActuatorConfig, Config};
+use crate::dbc::{Heard, MappedBus};
 use crate::frame::{BusNames, RawFrame};
 use crate::window::{TimedSample, Window, Windower};
 
@@ -64,6 +66,9 @@ pub struct FrameCounts {
 pub struct Front {
     config: Arc<Config>,
     lanes: BTreeMap<(u16, ActuatorId), Lane>,
+    /// Whether any actuator has a map; then, for each bus seen, those that have.
+    any_mapped: bool,
+    mapped: BTreeMap<u16, Option<MappedBus>>,
     counts: FrameCounts,
     /// What came of the frames of each serial line.
     serial: BTreeMap<u16, DeframerStats>,
@@ -99,8 +104,10 @@ impl Front {
     #[must_use]
     pub fn new(config: Arc<Config>) -> Self {
         Self {
+            any_mapped: config.actuators().iter().any(|actuator| actuator.map.is_some()),
             config,
             lanes: BTreeMap::new(),
+            mapped: BTreeMap::new(),
             counts: FrameCounts::default(),
             serial: BTreeMap::new(),
             notices: Vec::new(),
@@ -112,6 +119,9 @@ impl Front {
         self.counts.received += 1;
         if frame.is_error() {
             self.counts.error += 1;
+            return;
+        }
+        if self.any_mapped && !frame.is_serial() && self.push_mapped(frame, names, ended) {
             return;
         }
         let parsed = if frame.is_serial() {
@@ -140,6 +150,47 @@ impl Front {
         if let Some(lane) = self.lanes.get_mut(&key) {
             lane.push(&parsed, frame.stamp_ns, &self.config, ended, &mut self.notices);
         }
+    }
+
+    /// Takes a frame of a bus with mapped actuators, unless it is to be read by the built-in dictionary; then false.
+    fn push_mapped(&mut self, frame: &RawFrame, names: &BusNames, ended: &mut Vec<WindowJob>) -> bool {
+        let Self {
+            config,
+            lanes,
+            mapped,
+            counts,
+            notices,
+            ..
+        } = self;
+        let bus = names.name(frame.bus).unwrap_or("");
+        let Some(mapped) = mapped.entry(frame.bus).or_insert_with(|| MappedBus::new(config, bus)) else {
+            return false;
+        };
+        let mut understood = false;
+        let used = mapped.push(frame, |id, heard| {
+            let Some(heard) = heard else { return };
+            let lane = match lanes.entry((frame.bus, id)) {
+                Entry::Occupied(known) => known.into_mut(),
+                Entry::Vacant(place) => match Lane::new(config, bus, id) {
+                    Some(lane) => place.insert(lane),
+                    None => return,
+                },
+            };
+            understood = true;
+            lane.hear(&heard, config, ended, notices);
+        });
+        if used {
+            *(if understood {
+                &mut counts.decoded
+            } else {
+                &mut counts.malformed
+            }) += 1;
+            return true;
+        }
+        let ours = u16::try_from(frame.id()).ok().and_then(Message::from_id);
+        let watched = ours.is_some_and(|(id, _)| !mapped.has(id) && config.actuator_for(bus, id).is_some());
+        counts.filtered += u64::from(!watched);
+        !watched
     }
 
     fn parse(&mut self, frame: &RawFrame) -> Option<(ActuatorId, Frame)> {
@@ -213,7 +264,8 @@ impl Front {
     /// Frames dropped because a newer sample had begun.
     #[must_use]
     pub fn late(&self) -> u64 {
-        self.lanes.values().map(|lane| lane.channel.stats().late).sum()
+        let joined: u64 = self.mapped.values().flatten().map(MappedBus::late).sum();
+        joined + self.lanes.values().map(|lane| lane.channel.stats().late).sum::<u64>()
     }
 
     /// Notices since the last call.
@@ -231,6 +283,18 @@ impl Lane {
             channel: Channel::new(id),
             cutter: Cutter::Waiting,
         })
+    }
+
+    /// Takes what a frame of a mapped bus told. A sample there is whole, as in CAN FD.
+    fn hear(&mut self, heard: &Heard, config: &Config, ended: &mut Vec<WindowJob>, notices: &mut Vec<Notice>) {
+        if let Some(conditions) = heard.conditions {
+            self.channel.set_conditions(conditions);
+        }
+        if let Some((sample, stamp_ns)) = heard.sample
+            && let Ok(one) = SampleFd::from_samples(&[sample])
+        {
+            self.push(&Frame::SampleFd(one), stamp_ns, config, ended, notices);
+        }
     }
 
     fn push(

@@ -1,6 +1,7 @@
 //! Health monitoring of electromechanical actuators: from bus frames to health records.
 //!
-//! The data path, in order: [`ingest`] turns a source into timed [`frame`]s; [`front`] decodes them ([`channel`]) and cuts
+//! The data path, in order: [`ingest`] turns a source into timed [`frame`]s; [`front`] decodes them ([`channel`], a bus
+//! with a layout of its own by its [`dbc`]) and cuts
 //! actuation windows ([`window`]); [`judge`] identifies each window ([`identify`], with a type's [`calibration`]) and
 //! decides on [`health`] and on how long it will last ([`mod@rul`]); [`recorder`] writes the [`record`]s through [`sink`]. [`replay`] drives the [`pipeline`] from files,
 //! [`daemon`] from live sources. [`simulate`] makes traffic from the reference model, [`calibrate`] and [`evaluate`] measure
@@ -14,6 +15,7 @@ pub mod channel;
 pub mod commands;
 pub mod config;
 pub mod daemon;
+pub mod dbc;
 pub mod evaluate;
 pub mod frame;
 pub mod front;

@@ -3,10 +3,9 @@
 use std::path::PathBuf;
 
 use clap::{Parser, ValueEnum};
-use ema_models::reference::{Actuations, CurrentSensing, Scenario};
-use ema_models::{ActuatorParams, FAULT_COUNT, FaultVector, Profile};
+use ema_models::{FAULT_COUNT, FaultVector, Profile};
 use ema_wire::ActuatorId;
-use firmware_sim::{LinkFaults, Plan};
+use firmware_sim::{ActuatorKind, LinkFaults, Plan, Settings};
 
 use crate::output::Output;
 
@@ -93,32 +92,18 @@ pub(crate) enum Pace {
 
 impl Args {
     pub(crate) fn plan(&self) -> Result<Plan, String> {
-        let mut params = match self.actuator.as_str() {
-            "servo28" => ActuatorParams::servo28(),
-            _ => ActuatorParams::bench(),
-        };
-        if let Some(rate) = self.rate {
-            params.sensors.sample_rate = rate;
-            params = params.checked().map_err(|e| format!("--rate: {e}"))?;
-        }
-        let scenario = Scenario {
-            load_torque: self.load,
-            sensing: CurrentSensing {
-                quantised: self.noise > 0.0,
-                noise_rms: self.noise,
-            },
-            actuations: Actuations {
-                profile: self.profile,
-                count: self.windows,
-                rest: 0.5,
-                length: 0.5,
-            },
-            ..Scenario::new(params, self.k, self.seed)
-        };
-        Ok(Plan {
+        let settings = Settings {
+            actuator: ActuatorKind::named(&self.actuator).unwrap_or_default(),
+            k: self.k,
             growth: self.growth.unwrap_or_default(),
-            ..Plan::new(ActuatorId::new(self.id).ok_or("--id: expected 0 to 15")?, scenario)
-        })
+            profile: self.profile,
+            windows: self.windows,
+            rate_hz: self.rate,
+            noise_a: self.noise,
+            load_nm: self.load,
+            ..Settings::new(ActuatorId::new(self.id).ok_or("--id: expected 0 to 15")?, self.seed)
+        };
+        settings.plan().map_err(|e| format!("--{e}"))
     }
 
     pub(crate) fn faults(&self) -> LinkFaults {

@@ -123,11 +123,7 @@ fn daemon(args: &Args, config: Arc<Config>) -> anyhow::Result<Daemon> {
             let source = SerialSource::new(&config.resolve(&line.device), line.bitrate_bit_s);
             return (name.to_owned(), LiveSource::Serial(source));
         }
-        let on_it = config
-            .actuators()
-            .iter()
-            .filter(|actuator| actuator.is_at(name, actuator.id));
-        let wanted = Wanted::Actuators(on_it.map(|actuator| actuator.id).collect());
+        let wanted = Wanted::on(&config, name);
         (name.to_owned(), LiveSource::Can(CanSource::new(name, wanted)))
     });
     let sources = sources.collect();

@@ -1,7 +1,8 @@
 //! The actuators that are watched: every `[[actuator]]`, or whatever is seen when there is none.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use ema_models::ActuatorParams;
 use ema_wire::ActuatorId;
@@ -10,7 +11,9 @@ use serde::Serialize;
 use super::ConfigError;
 use super::actuator_type::{ActuatorType, DEFAULT_TYPE};
 use super::reader::Section;
+use super::signals::{self, DbcFiles};
 use super::specification::Specification;
+use crate::dbc::SignalMap;
 
 const KEYS: &[&str] = &[
     "name",
@@ -18,6 +21,8 @@ const KEYS: &[&str] = &[
     "bus",
     "type",
     "calibration",
+    "dbc",
+    "signals",
     "part_number",
     "serial_number",
 ];
@@ -33,7 +38,7 @@ const RESERVED_NAMES: [&str; 3] = ["bus", "hmd", "log"];
 pub struct ActuatorConfig {
     /// Name in records and topics.
     pub name: String,
-    /// Number in its CAN identifiers.
+    /// Number in its CAN identifiers; of a mapped one, on its interface.
     pub id: ActuatorId,
     /// Interface it is on; `None`: any.
     pub bus: Option<String>,
@@ -51,6 +56,12 @@ pub struct ActuatorConfig {
     pub specification: Specification,
     /// Calibration of this very unit, as written in the file.
     pub calibration: Option<PathBuf>,
+    /// DBC file of the bus that it is on, as written in the file; `None`: the built-in dictionary.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dbc: Option<PathBuf>,
+    /// Its signals in there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub map: Option<Arc<SignalMap>>,
     /// Part number, for the records.
     pub part_number: Option<String>,
     /// Serial number of the unit, for the records.
@@ -68,12 +79,18 @@ impl ActuatorConfig {
             type_calibration: found.calibration.clone(),
             specification: found.specification,
             calibration: None,
+            dbc: None,
+            map: None,
             part_number: None,
             serial_number: None,
         }
     }
 
-    fn read(section: &Section<'_>, types: &BTreeMap<String, ActuatorType>) -> Result<Self, ConfigError> {
+    fn read(
+        section: &Section<'_>,
+        types: &BTreeMap<String, ActuatorType>,
+        files: &mut DbcFiles<'_>,
+    ) -> Result<Self, ConfigError> {
         let last = ActuatorId::COUNT - 1;
         let index = section
             .whole("id", 0..=u32::from(last))?
@@ -95,6 +112,8 @@ impl ActuatorConfig {
         }
         actuator.bus = section.text("bus")?;
         actuator.calibration = section.text("calibration")?.map(PathBuf::from);
+        actuator.dbc = section.text("dbc")?.map(PathBuf::from);
+        actuator.map = signals::read(section, &actuator.params, files)?.map(Arc::new);
         actuator.part_number = section.text("part_number")?;
         actuator.serial_number = section.text("serial_number")?;
         Ok(actuator)
@@ -116,13 +135,15 @@ impl ActuatorConfig {
 pub(super) fn read_all(
     root: &Section<'_>,
     types: &BTreeMap<String, ActuatorType>,
+    directory: &Path,
 ) -> Result<Option<Vec<ActuatorConfig>>, ConfigError> {
+    let mut files = DbcFiles::new(directory);
     let Some(sections) = root.list("actuator", KEYS)? else {
         return Ok(None);
     };
     let mut actuators: Vec<ActuatorConfig> = Vec::with_capacity(sections.len());
     for section in &sections {
-        let actuator = ActuatorConfig::read(section, types)?;
+        let actuator = ActuatorConfig::read(section, types, &mut files)?;
         if let Some(other) = actuators.iter().find(|other| other.overlaps(&actuator)) {
             let place = other.bus.as_deref().or(actuator.bus.as_deref()).unwrap_or("any bus");
             let expected = format!("a number that {} on {place} does not have", other.name);

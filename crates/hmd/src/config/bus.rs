@@ -2,11 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use ema_wire::bus_load::{bus_load, fd_bus_load};
+use ema_wire::bus_load::{Stuffing, bus_load, classic_frame_bits, fd_bus_load, fd_frame_seconds};
+use ema_wire::can::CLASSIC_LEN;
 use serde::Serialize;
 
 use super::reader::Section;
 use super::{ActuatorConfig, ConfigError, SerialConfig};
+use crate::dbc::{MessageUse, SignalMap};
 
 /// Largest load of an interface that is accepted; 1.0 is a full bus.
 pub const LOAD_MAX: f64 = 0.9;
@@ -87,6 +89,34 @@ impl BusConfig {
         }
     }
 
+    /// Load of a bus by the samples of one mapped actuator, one frame of each of their messages and multiplexor values.
+    fn load_of_map(&self, map: &SignalMap, sample_rate_hz: f64) -> f64 {
+        let per_sample: f64 = map
+            .messages
+            .iter()
+            .map(|message| message.frames_per_sample() as f64 * self.frame_s(message))
+            .sum();
+        per_sample * sample_rate_hz
+    }
+
+    /// Time that a frame takes, s; of more than eight bytes it can only be FD.
+    fn frame_s(&self, message: &MessageUse) -> f64 {
+        /// Further bits of a long identifier, stuffing included.
+        const EXTENSION_BITS: f64 = 22.0;
+        let (bitrate, bytes) = (f64::from(self.bitrate_bit_s), message.length as u32);
+        let frame_s = if message.length > CLASSIC_LEN {
+            fd_frame_seconds(bytes, bitrate, f64::from(self.data_bitrate_bit_s))
+        } else {
+            f64::from(classic_frame_bits(bytes, Stuffing::Nominal)) / bitrate
+        };
+        let extension_s = if message.extended {
+            EXTENSION_BITS / bitrate
+        } else {
+            0.0
+        };
+        frame_s + extension_s
+    }
+
     pub(super) fn loads(&self, actuators: &[ActuatorConfig], serial: &[SerialConfig]) -> Vec<BusLoad> {
         let line = |bus: Option<&str>| serial.iter().find(|line| Some(line.bus.as_str()) == bus);
         let mut by_bus: BTreeMap<Option<&str>, (usize, f64)> = BTreeMap::new();
@@ -96,7 +126,10 @@ impl BusConfig {
             let sample_rate_hz = actuator.params.sensors.sample_rate;
             *load += match line(actuator.bus.as_deref()) {
                 Some(line) => line.load_of_one(sample_rate_hz),
-                None => self.load_of_one(sample_rate_hz),
+                None => match &actuator.map {
+                    Some(map) => self.load_of_map(map, sample_rate_hz),
+                    None => self.load_of_one(sample_rate_hz),
+                },
             };
         }
         let to_load = |(bus, (actuators, load)): (Option<&str>, _)| BusLoad {

@@ -1,9 +1,11 @@
 //! What is configured, in words, for `hmd check-config`.
 
 use std::fmt::{self, Write};
+use std::path::Path;
 
 use super::actuator_type::DEFAULT_TYPE;
-use super::{Config, HealthLevels, HoursOf, LOAD_MAX, MONITOR_NAMES, RulConfig, SearchMethod};
+use super::{ActuatorConfig, Config, HealthLevels, HoursOf, LOAD_MAX, MONITOR_NAMES, RulConfig, SearchMethod};
+use crate::dbc::{Role, SignalMap};
 use crate::record::FAULT_NAMES;
 
 pub(super) fn describe(config: &Config) -> String {
@@ -80,6 +82,9 @@ fn write_actuators(out: &mut String, config: &Config) -> fmt::Result {
             }
         }
         writeln!(out)?;
+        if let Some(map) = &actuator.map {
+            write_map(out, actuator, map)?;
+        }
     }
     for line in &config.serial {
         writeln!(out, "serial line: {} at {}", line.bus, line.device.display())?;
@@ -87,6 +92,43 @@ fn write_actuators(out: &mut String, config: &Config) -> fmt::Result {
     for load in config.bus_loads() {
         let (name, percent) = (load.name(), 100.0 * load.load);
         writeln!(out, "bus load: {name} {percent:.0} % of {} bit/s", load.bitrate_bit_s)?;
+    }
+    Ok(())
+}
+
+/// What a map has, and what comes of what it lacks.
+fn write_map(out: &mut String, actuator: &ActuatorConfig, map: &SignalMap) -> fmt::Result {
+    let file = actuator.dbc.as_deref().unwrap_or(Path::new(""));
+    writeln!(out, "    mapped by {}:", file.display())?;
+    for message in &map.messages {
+        let digits = if message.extended { 8 } else { 3 };
+        write!(out, "    {} {:0digits$X}:", message.name, message.id)?;
+        for binding in &message.bindings {
+            write!(out, " {}", binding.role.key())?;
+        }
+        for counter in &message.counters {
+            write!(out, " sample.counter of {} bits", counter.layout.size)?;
+        }
+        writeln!(out)?;
+    }
+    let rate_hz = actuator.params.sensors.sample_rate;
+    for message in map.uncounted() {
+        writeln!(
+            out,
+            "    {} has no counter: its frames join a sample by their stamps, at most {} ms apart",
+            message.name,
+            500.0 / rate_hz
+        )?;
+    }
+    let lacking = [
+        (Role::CurrentC, "it is what the other two leave".to_owned()),
+        (Role::Time, format!("the rate is taken to be {rate_hz} Hz")),
+        (Role::DcLink, "the nominal voltage of the type holds".to_owned()),
+        (Role::WindingTemp, "the motor is known less well".to_owned()),
+        (Role::LoadTorque, "it is an unknown of every window".to_owned()),
+    ];
+    for (role, consequence) in lacking.iter().filter(|(role, _)| !map.has(*role)) {
+        writeln!(out, "    no {}: {consequence}", role.key())?;
     }
     Ok(())
 }

@@ -205,6 +205,27 @@ impl<'a> Section<'a> {
         }
     }
 
+    /// Whether the document sets `key`, and to a table.
+    pub(super) fn is_table(&self, key: &str) -> bool {
+        self.get(key)
+            .is_some_and(|value| matches!(value.get_ref(), DeValue::Table(_)))
+    }
+
+    /// Whether the document sets `key`.
+    pub(super) fn has(&self, key: &str) -> bool {
+        self.get(key).is_some()
+    }
+
+    /// One text, or an array of them; empty if the document does not set `key`.
+    pub(super) fn texts(&self, key: &str) -> Result<Vec<String>, ConfigError> {
+        let Some(DeValue::Array(items)) = self.get(key).map(Spanned::get_ref) else {
+            return Ok(self.text(key)?.into_iter().collect());
+        };
+        let text = |item: &Spanned<DeValue<'_>>| item.get_ref().as_str().map(str::to_owned);
+        let texts: Option<Vec<_>> = items.iter().map(text).collect();
+        texts.ok_or_else(|| self.refuse(key, "a text in quotes, or an array of them"))
+    }
+
     /// One of the given words.
     pub(super) fn choice<T: Copy>(&self, key: &str, default: T, choices: &[(&str, T)]) -> Result<T, ConfigError> {
         let word = match self.get(key).map(Spanned::get_ref) {

@@ -14,6 +14,14 @@ pub(super) fn closest<'k>(key: &str, known: &[&'k str]) -> Option<&'k str> {
     (distance <= (key.chars().count() / 3).max(1) || unit_missing).then_some(best)
 }
 
+/// The `most` known names that differ least from `name`, whatever their case; the closest first.
+pub(super) fn nearest(name: &str, known: impl Iterator<Item = String>, most: usize) -> Vec<String> {
+    let name: String = name.to_lowercase().chars().take(LONGEST_KEY).collect();
+    let mut by_distance: Vec<_> = known.map(|of| (edit_distance(&name, &of.to_lowercase()), of)).collect();
+    by_distance.sort();
+    by_distance.into_iter().take(most).map(|(_, of)| of).collect()
+}
+
 /// Fewest insertions, deletions and replacements of characters (Levenshtein).
 fn edit_distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
@@ -41,5 +49,7 @@ mod tests {
         assert_eq!(closest("duration_m", &known), Some("duration_ms"));
         assert_eq!(closest("duration", &known), Some("duration_ms"));
         assert_eq!(closest("colour", &known), None);
+        let offered = nearest("rest", known.into_iter().map(str::to_owned), 2);
+        assert_eq!(offered, ["rest_ms", "duration_ms"]);
     }
 }

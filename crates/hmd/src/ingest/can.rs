@@ -7,17 +7,18 @@
 mod receive;
 mod stamp;
 
+use std::collections::BTreeSet;
 use std::io;
 
 use ::socketcan::{CanFdSocket, CanFilter, Socket, SocketOptions};
-use ema_wire::ActuatorId;
 use ema_wire::can::Message;
 use nix::errno::Errno;
 use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
 
 use super::live::{COALESCE, Closed, Feed, Link, LinkState, LiveLoss, Pause, QUEUE_INPUTS, now_ns};
-use crate::frame::{MAX_STANDARD_ID, socketcan};
+use crate::config::Config;
+use crate::frame::{MAX_EXTENDED_ID, MAX_STANDARD_ID, socketcan};
 use receive::{Received, Receiver};
 
 /// Frames taken from a socket before other tasks get their turn.
@@ -35,8 +36,38 @@ pub struct CanSource {
 pub enum Wanted {
     /// All of them.
     All,
-    /// Those of these actuators; the kernel drops the others before they reach the queue.
-    Actuators(Vec<ActuatorId>),
+    /// Data frames with these identifiers; the kernel drops the others before they reach the queue.
+    Ids(BTreeSet<CanId>),
+}
+
+/// Identifier of a data frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct CanId {
+    /// The number.
+    pub id: u32,
+    /// Whether it has 29 bits.
+    pub extended: bool,
+}
+
+impl Wanted {
+    /// Frames of the actuators that a configuration has on an interface: those of its map, or of the built-in dictionary.
+    #[must_use]
+    pub fn on(config: &Config, interface: &str) -> Self {
+        let mut ids = BTreeSet::new();
+        for actuator in config.actuators().iter().filter(|of| of.is_at(interface, of.id)) {
+            match &actuator.map {
+                Some(map) => ids.extend(map.messages.iter().map(|of| CanId {
+                    id: of.id,
+                    extended: of.extended,
+                })),
+                None => ids.extend(Message::ALL.map(|message| CanId {
+                    id: u32::from(message.id(actuator.id)),
+                    extended: false,
+                })),
+            }
+        }
+        Self::Ids(ids)
+    }
 }
 
 /// Why a socket is not read any more.
@@ -82,7 +113,7 @@ impl CanSource {
 
     fn open(&self) -> io::Result<Receiver> {
         let socket = CanFdSocket::open(&self.interface)?;
-        if let Wanted::Actuators(ids) = &self.wanted {
+        if let Wanted::Ids(ids) = &self.wanted {
             socket.set_filters(&filters(ids))?;
         }
         socket.set_error_filter_accept_all()?;
@@ -213,17 +244,24 @@ async fn pass_on(received: Received, feed: &Feed, link: &mut Link, pause: &mut P
     Ok(())
 }
 
-/// The kernel's filters for some actuators: the 11-bit data frames of each.
-fn filters(ids: &[ActuatorId]) -> Vec<CanFilter> {
-    /// The flags take part in the comparison, so that extended and remote frames do not pass.
-    const EXACT: u32 = MAX_STANDARD_ID | socketcan::EFF | socketcan::RTR;
-    ids.iter()
-        .flat_map(|&id| Message::ALL.map(|message| CanFilter::new(u32::from(message.id(id)), EXACT)))
-        .collect()
+/// The kernel's filters for some identifiers. At most 512, which is what it takes.
+fn filters(ids: &BTreeSet<CanId>) -> Vec<CanFilter> {
+    /// The flags take part in the comparison, so that remote frames and the other length of identifier do not pass.
+    const FLAGS: u32 = socketcan::EFF | socketcan::RTR;
+    let filter = |of: &CanId| {
+        if of.extended {
+            CanFilter::new(of.id | socketcan::EFF, MAX_EXTENDED_ID | FLAGS)
+        } else {
+            CanFilter::new(of.id, MAX_STANDARD_ID | FLAGS)
+        }
+    };
+    ids.iter().map(filter).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use ema_wire::ActuatorId;
+
     use super::*;
 
     /// What the kernel does with a filter.
@@ -234,13 +272,34 @@ mod tests {
 
     #[test]
     fn the_filters_pass_the_frames_of_the_configured_actuators_and_nothing_else() {
+        let text = "[[actuator]]\nid = 0\n[[actuator]]\nid = 7\nbus = \"can0\"\n[[actuator]]\nid = 15\n\
+                    [[actuator]]\nid = 8\nbus = \"can1\"\n[type.bench.sensors]\nsample_rate_hz = 400\n";
+        let config = Config::from_toml_str(text, "hmd.toml").expect("valid");
+        let Wanted::Ids(wanted) = Wanted::on(&config, "can0") else {
+            panic!("expected identifiers")
+        };
         let ids: Vec<ActuatorId> = [0, 7, 15].into_iter().filter_map(ActuatorId::new).collect();
-        let filters = filters(&ids);
+        let filters = filters(&wanted);
         for can_id in 0..=MAX_STANDARD_ID {
             let ours = Message::from_id(can_id as u16).is_some_and(|(id, _)| ids.contains(&id));
             assert_eq!(passes(&filters, can_id), ours, "{can_id:#x}");
             assert!(!passes(&filters, can_id | socketcan::EFF), "{can_id:#x} extended");
             assert!(!passes(&filters, can_id | socketcan::RTR), "{can_id:#x} remote");
+        }
+    }
+
+    #[test]
+    fn an_identifier_of_29_bits_passes_as_such_only() {
+        let ids = [(0x123, false), (0x0123_4567, true)].map(|(id, extended)| CanId { id, extended });
+        let filters = filters(&ids.into());
+        for (can_id, expected) in [
+            (0x123, true),
+            (0x123 | socketcan::EFF, false),
+            (0x0123_4567 | socketcan::EFF, true),
+            (0x0123_4567 | socketcan::EFF | socketcan::RTR, false),
+            (0x167, false),
+        ] {
+            assert_eq!(passes(&filters, can_id), expected, "{can_id:#x}");
         }
     }
 }

@@ -1,0 +1,346 @@
+//! [`Joiner`]: frames of a mapped bus back into samples, never mixing two instants.
+//!
+//! A sample is delivered when every mapped part of it is in (of two commands, the one that the mode asks for). Parts belong
+//! together if
+//! - both have a counter, equal in the bits that both have, and their stamps are at most 20 ms apart, and at most a quarter
+//!   of the time in which the narrowest counter comes round;
+//! - or one of them has none, their stamps are at most half a sample period apart, and neither is there already.
+//!
+//! A part that belongs to no open sample begins a new one, unless its counter is behind: then it is late and dropped. If a
+//! part comes twice and says something else, two senders share an identifier, and the sample is rejected. One sample is
+//! held, nothing is queued.
+//!
+//! A counter of 16 bits and more is passed on as it is. A narrower one is continued: of the numbers that it may stand for,
+//! the one nearest to the time that has passed by the stamps.
+
+use std::sync::Arc;
+
+use ema_wire::quantity;
+use ema_wire::{ActuatorId, Mode, Sample};
+
+use super::map::{Binding, MessageUse, Role, SignalMap};
+use crate::channel::MeasuredConditions;
+
+/// Longest distance between the stamps of one sample's frames, ns; as in `ema_wire`.
+const SPAN_MAX_NS: f64 = 20e6;
+
+/// What one frame told.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Heard {
+    /// The sample that it completed, and the stamp of the sample's first frame, ns.
+    pub sample: Option<(Sample, u64)>,
+    /// The conditions that it changed.
+    pub conditions: Option<MeasuredConditions>,
+}
+
+/// Collects the frames of one mapped actuator into samples.
+#[derive(Clone, Debug)]
+pub struct Joiner {
+    actuator: ActuatorId,
+    map: Arc<SignalMap>,
+    rate_hz: f64,
+    /// Most between two stamps of one sample, ns: with counters, and without.
+    counted_span_ns: u64,
+    uncounted_span_ns: u64,
+    open: Option<Open>,
+    /// Of the sample delivered last: its counter as far as it goes, its number, its stamp.
+    last: Option<(u64, u64, u64)>,
+    turns: [Turns; 2],
+    conditions: MeasuredConditions,
+    late: u64,
+}
+
+/// The sample that is being collected.
+#[derive(Clone, Copy, Debug)]
+struct Open {
+    since_ns: u64,
+    /// The widest counter so far, and its bits.
+    counter: Option<(u64, u16)>,
+    values: [f64; Role::SAMPLED],
+    filled: u16,
+    /// Delivered or rejected: nothing more comes of it.
+    over: bool,
+}
+
+/// An angle that begins again.
+#[derive(Clone, Copy, Debug, Default)]
+struct Turns {
+    last: Option<f64>,
+    done: f64,
+}
+
+/// Where a part stands relative to the open sample.
+enum Place {
+    Here,
+    New,
+    Late,
+}
+
+impl Joiner {
+    /// For one actuator, sampled `rate_hz` times a second.
+    #[must_use]
+    pub fn new(actuator: ActuatorId, map: Arc<SignalMap>, rate_hz: f64) -> Self {
+        let period_ns = 1e9 / rate_hz;
+        let round_ns = f64::powi(2.0, i32::from(map.counter_bits.0)) * period_ns;
+        Self {
+            actuator,
+            rate_hz,
+            counted_span_ns: f64::min(SPAN_MAX_NS, round_ns / 4.0) as u64,
+            uncounted_span_ns: f64::min(SPAN_MAX_NS, period_ns / 2.0) as u64,
+            open: None,
+            last: None,
+            turns: [Turns::default(); 2],
+            conditions: MeasuredConditions::default(),
+            late: 0,
+            map,
+        }
+    }
+
+    /// Its map.
+    #[must_use]
+    pub fn map(&self) -> &SignalMap {
+        &self.map
+    }
+
+    /// Frames that came after a newer sample had begun.
+    #[must_use]
+    pub fn late(&self) -> u64 {
+        self.late
+    }
+
+    /// Takes the data of one frame of message `message` of the map; `None` if it is too short, or one of its floats is no
+    /// number.
+    pub fn push(&mut self, message: usize, data: &[u8], stamp_ns: u64) -> Option<Heard> {
+        let map = self.map.clone();
+        let message = map
+            .messages
+            .get(message)
+            .filter(|message| data.len() >= message.length)?;
+        let mut part = Part::default();
+        let mut heard = Heard::default();
+        for binding in &message.bindings {
+            let Some(value) = binding.signal.value(data) else {
+                continue;
+            };
+            let value = Some(binding.unit.ours(value)).filter(|value| value.is_finite())?;
+            if binding.role.is_sampled() {
+                part.values[binding.role as usize] = value;
+                part.filled |= bit(binding.role);
+            } else {
+                self.set_condition(binding.role, value);
+                heard.conditions = Some(self.conditions);
+            }
+        }
+        part.counter = counter(message, data);
+        if part.filled != 0 || part.counter.is_some() {
+            heard.sample = self.join(&part, stamp_ns);
+        }
+        Some(heard)
+    }
+
+    fn set_condition(&mut self, role: Role, value: f64) {
+        // By way of the built-in dictionary's steps, so that a bus tells the same in either.
+        let conditions = &mut self.conditions;
+        match role {
+            Role::DcLink => {
+                let told = quantity::dc_link_dv(value);
+                conditions.dc_link_v = (told > 0).then(|| quantity::dc_link_v(told));
+            }
+            Role::WindingTemp => {
+                let told = quantity::winding_temp_dc(value);
+                conditions.winding_temp_deg_c = Some(quantity::winding_temp_deg_c(told));
+            }
+            _ => conditions.load_torque_nm = Some(quantity::load_torque_nm(quantity::load_torque_dnm(value))),
+        }
+    }
+
+    fn join(&mut self, part: &Part, stamp_ns: u64) -> Option<(Sample, u64)> {
+        match self.place(part, stamp_ns) {
+            Place::Here => {}
+            Place::New => {
+                self.open = Some(Open {
+                    since_ns: stamp_ns,
+                    counter: None,
+                    values: [0.0; Role::SAMPLED],
+                    filled: 0,
+                    over: false,
+                });
+            }
+            Place::Late => {
+                self.late += 1;
+                return None;
+            }
+        }
+        let open = self.open.as_mut()?;
+        open.add(part);
+        if open.over || !open.is_complete(&self.map) {
+            return None;
+        }
+        open.over = true;
+        let open = *open;
+        Some((self.sample(&open), open.since_ns))
+    }
+
+    fn place(&self, part: &Part, stamp_ns: u64) -> Place {
+        let Some(open) = &self.open else { return Place::New };
+        let apart_ns = open.since_ns.abs_diff(stamp_ns);
+        match (open.counter, part.counter) {
+            (Some((theirs, their_bits)), Some((ours, our_bits))) => {
+                if apart_ns > self.counted_span_ns {
+                    return Place::New;
+                }
+                let bits = their_bits.min(our_bits).min(64);
+                let ahead = ours.wrapping_sub(theirs) << (64 - bits);
+                match ahead.cast_signed() {
+                    0 => Place::Here,
+                    1.. => Place::New,
+                    _ => Place::Late,
+                }
+            }
+            _ if apart_ns <= self.uncounted_span_ns && open.filled & part.filled == 0 => Place::Here,
+            _ => Place::New,
+        }
+    }
+
+    fn sample(&mut self, open: &Open) -> Sample {
+        let value = |role: Role| open.values[role as usize];
+        let has = |role: Role| open.filled & bit(role) != 0;
+        let [a, b] = [value(Role::CurrentA), value(Role::CurrentB)];
+        let c = if has(Role::CurrentC) {
+            value(Role::CurrentC)
+        } else {
+            -a - b
+        };
+        let mode = open.mode(&self.map);
+        let setpoint = match mode {
+            Mode::Idle => 0,
+            Mode::Position => quantity::position_setpoint_urad(value(Role::CommandPosition)),
+            Mode::Speed => quantity::speed_setpoint_mrad_s(value(Role::CommandSpeed)),
+        };
+        let mut counts = [0; 2];
+        for (n, role) in [Role::MotorPosition, Role::OutputPosition].into_iter().enumerate() {
+            let wraps_after = binding(&self.map, role).and_then(|of| of.wraps_after);
+            counts[n] = self.turns[n].continued(value(role), wraps_after).round() as i64;
+        }
+        Sample {
+            actuator: self.actuator,
+            seq: self.number(open),
+            time_us: value(Role::Time).rem_euclid(65_536.0) as u16,
+            i_a_ma: quantity::current_ma(a),
+            i_b_ma: quantity::current_ma(b),
+            i_c_ma: quantity::current_ma(c),
+            motor_counts: counts[0] as i32,
+            output_counts: quantity::wrap_s24(counts[1]),
+            setpoint,
+            mode,
+        }
+    }
+
+    /// The sample's number, its low 16 bits.
+    fn number(&mut self, open: &Open) -> u16 {
+        let (counter, bits) = open.counter.unwrap_or_default();
+        if bits >= 16 {
+            return counter as u16;
+        }
+        let number = self.last.map_or(counter, |(last_counter, last_number, last_ns)| {
+            let round = 1_u64 << bits;
+            let ahead = counter.wrapping_sub(last_counter) % round;
+            let periods = open.since_ns.saturating_sub(last_ns) as f64 * 1e-9 * self.rate_hz;
+            let rounds = f64::round((periods - ahead as f64) / round as f64).max(0.0) as u64;
+            last_number.wrapping_add(ahead).wrapping_add(rounds.wrapping_mul(round))
+        });
+        self.last = Some((counter, number, open.since_ns));
+        number as u16
+    }
+}
+
+/// What one frame adds to a sample.
+#[derive(Default)]
+struct Part {
+    counter: Option<(u64, u16)>,
+    values: [f64; Role::SAMPLED],
+    filled: u16,
+}
+
+impl Open {
+    fn add(&mut self, part: &Part) {
+        for n in 0..Role::SAMPLED {
+            let both = self.filled & part.filled & (1 << n) != 0;
+            self.over |= both && self.values[n].to_bits() != part.values[n].to_bits();
+            if part.filled & (1 << n) != 0 {
+                self.values[n] = part.values[n];
+            }
+        }
+        self.filled |= part.filled;
+        let bits = |counter: Option<(u64, u16)>| counter.map_or(0, |(_, bits)| bits);
+        if bits(part.counter) > bits(self.counter) {
+            self.counter = part.counter;
+        }
+    }
+
+    fn is_complete(&self, map: &SignalMap) -> bool {
+        let commands = bit(Role::CommandPosition) | bit(Role::CommandSpeed);
+        let needed = map
+            .roles()
+            .filter(|role| role.is_sampled())
+            .fold(0, |bits, role| bits | bit(role));
+        let command = match self.mode(map) {
+            Mode::Idle => 0,
+            Mode::Position => bit(Role::CommandPosition),
+            Mode::Speed => bit(Role::CommandSpeed),
+        };
+        let wanted = needed & !commands | command;
+        // The widest counter numbers the sample.
+        let counted = self.counter.is_some_and(|(_, bits)| bits == map.counter_bits.1);
+        counted && self.filled & wanted == wanted
+    }
+
+    /// What is commanded; a mode whose command is not mapped counts as idle.
+    fn mode(&self, map: &SignalMap) -> Mode {
+        let told = if map.has(Role::Mode) {
+            let code = self.values[Role::Mode as usize].round() as i64;
+            let modes = [(map.modes.position, Mode::Position), (map.modes.speed, Mode::Speed)];
+            modes
+                .into_iter()
+                .find(|(of, _)| *of == code)
+                .map_or(Mode::Idle, |(_, mode)| mode)
+        } else if map.has(Role::CommandPosition) {
+            Mode::Position
+        } else {
+            Mode::Speed
+        };
+        match told {
+            Mode::Position if map.has(Role::CommandPosition) => told,
+            Mode::Speed if map.has(Role::CommandSpeed) => told,
+            _ => Mode::Idle,
+        }
+    }
+}
+
+impl Turns {
+    /// The value with all the turns before it: the nearest to the one before.
+    fn continued(&mut self, value: f64, wraps_after: Option<f64>) -> f64 {
+        let Some(range) = wraps_after else { return value };
+        if let Some(last) = self.last {
+            self.done += f64::round((last - value) / range);
+        }
+        self.last = Some(value);
+        value + self.done * range
+    }
+}
+
+fn bit(role: Role) -> u16 {
+    1 << role as u16
+}
+
+fn binding(map: &SignalMap, role: Role) -> Option<&Binding> {
+    map.messages
+        .iter()
+        .flat_map(|of| &of.bindings)
+        .find(|of| of.role == role)
+}
+
+fn counter(message: &MessageUse, data: &[u8]) -> Option<(u64, u16)> {
+    let counter = message.counters.iter().find(|counter| counter.is_in(data))?;
+    Some((counter.layout.raw(data)?, counter.layout.size))
+}

@@ -1,0 +1,250 @@
+//! What is simulated, as it can be told at run time: by the host program's options or by a line of text.
+
+use core::str::FromStr;
+
+use ema_models::reference::{Actuations, CurrentSensing, Scenario};
+use ema_models::{ActuatorParams, FAULT_COUNT, FaultVector, Profile};
+use ema_wire::ActuatorId;
+
+use crate::device::Plan;
+
+/// Rest before the first actuation and after each, and length of each, s.
+const REST_S: f64 = 0.5;
+const LENGTH_S: f64 = 0.5;
+
+/// Everything that decides what the device sends, in the units in which one says it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Type of the actuator.
+    pub actuator: ActuatorKind,
+    /// Number of the actuator in its frames.
+    pub id: ActuatorId,
+    /// The fault vector of the first actuation.
+    pub k: FaultVector,
+    /// Wear: what each actuation adds to it.
+    pub growth: [f64; FAULT_COUNT],
+    /// What each actuation commands.
+    pub profile: Profile,
+    /// Number of actuations, one a second, their direction alternating.
+    pub windows: u32,
+    /// Sampling rate, Hz; `None`: that of the type.
+    pub rate_hz: Option<f64>,
+    /// Current noise, A rms; above 0 the 12-bit converters are in the path too.
+    pub noise_a: f64,
+    /// Constant load at the output, Nm; positive opposes positive motion.
+    pub load_nm: f64,
+    /// Draws rotor angle, place in the backlash, first direction and noise.
+    pub seed: u64,
+}
+
+/// The built-in types.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ActuatorKind {
+    /// [`ActuatorParams::bench`].
+    #[default]
+    Bench,
+    /// [`ActuatorParams::servo28`].
+    Servo28,
+}
+
+/// The setting that is refused, by its name in the text; `""` for a word that is none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BadSetting(pub &'static str);
+
+impl core::fmt::Display for BadSetting {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self.0 {
+            "" => write!(f, "expected settings {NAMES}, found another word"),
+            name => write!(f, "{name}: value refused"),
+        }
+    }
+}
+
+impl core::error::Error for BadSetting {}
+
+/// Names of the settings in text.
+const NAMES: &str = "actuator=, id=, k=, growth=, profile=, windows=, rate=, noise=, load=, seed=";
+
+impl Settings {
+    /// A healthy `bench` actuator, number 0, without noise and load, one mixed actuation.
+    #[must_use]
+    pub fn new(id: ActuatorId, seed: u64) -> Self {
+        Self {
+            actuator: ActuatorKind::Bench,
+            id,
+            k: FaultVector::NOMINAL,
+            growth: [0.0; FAULT_COUNT],
+            profile: Profile::Mixed,
+            windows: 1,
+            rate_hz: None,
+            noise_a: 0.0,
+            load_nm: 0.0,
+            seed,
+        }
+    }
+
+    /// Reads `name=value` words, in any order and separated by blanks; what is not said stays as in `self`.
+    ///
+    /// ```
+    /// use ema_wire::ActuatorId;
+    /// use firmware_sim::{BadSetting, Settings};
+    /// let settings = Settings::new(ActuatorId::new(0).expect("0 to 15"), 1);
+    /// let told = settings.told("k=0.4,0,0,0,0,0,0.5,0.5 profile=ramp rate=400 seed=7")?;
+    /// assert_eq!((told.k.friction, told.rate_hz, told.seed), (0.4, Some(400.0), 7));
+    /// assert_eq!(settings.told("k=1"), Err(BadSetting("k")));
+    /// # Ok::<(), BadSetting>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`BadSetting`] for the first word that is no setting or whose value cannot be read.
+    pub fn told(mut self, text: &str) -> Result<Self, BadSetting> {
+        for word in text.split_ascii_whitespace() {
+            let (name, value) = word.split_once('=').ok_or(BadSetting(""))?;
+            match name {
+                "actuator" => self.actuator = read("actuator", ActuatorKind::named(value))?,
+                "id" => self.id = read("id", parsed(value).and_then(ActuatorId::new))?,
+                "k" => self.k = read("k", numbers(value).map(FaultVector::from_array))?,
+                "growth" => self.growth = read("growth", numbers(value))?,
+                "profile" => self.profile = read("profile", profile(value))?,
+                "windows" => self.windows = read("windows", parsed(value))?,
+                "rate" => self.rate_hz = Some(read("rate", parsed(value))?),
+                "noise" => self.noise_a = read("noise", parsed(value))?,
+                "load" => self.load_nm = read("load", parsed(value))?,
+                "seed" => self.seed = read("seed", parsed(value))?,
+                _ => return Err(BadSetting("")),
+            }
+        }
+        Ok(self)
+    }
+
+    /// The plan of a device with these settings.
+    ///
+    /// # Errors
+    /// [`BadSetting`] for the first value that is out of its range.
+    pub fn plan(&self) -> Result<Plan, BadSetting> {
+        let mut params = match self.actuator {
+            ActuatorKind::Bench => ActuatorParams::bench(),
+            ActuatorKind::Servo28 => ActuatorParams::servo28(),
+        };
+        if let Some(rate_hz) = self.rate_hz {
+            params.sensors.sample_rate = rate_hz;
+            params = params.checked().map_err(|_| BadSetting("rate"))?;
+        }
+        let in_range = [
+            ("k", self.k.is_valid()),
+            ("growth", self.growth.iter().all(|x| x.is_finite())),
+            ("windows", self.windows > 0),
+            ("noise", self.noise_a >= 0.0 && self.noise_a.is_finite()),
+            ("load", self.load_nm.is_finite()),
+        ];
+        if let Some((name, _)) = in_range.iter().find(|(_, good)| !good) {
+            return Err(BadSetting(name));
+        }
+        let scenario = Scenario {
+            load_torque: self.load_nm,
+            sensing: CurrentSensing {
+                quantised: self.noise_a > 0.0,
+                noise_rms: self.noise_a,
+            },
+            actuations: Actuations {
+                profile: self.profile,
+                count: self.windows,
+                rest: REST_S,
+                length: LENGTH_S,
+            },
+            ..Scenario::new(params, self.k, self.seed)
+        };
+        Ok(Plan {
+            growth: self.growth,
+            ..Plan::new(self.id, scenario)
+        })
+    }
+}
+
+impl ActuatorKind {
+    /// The type of this name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        match name {
+            "bench" => Some(Self::Bench),
+            "servo28" => Some(Self::Servo28),
+            _ => None,
+        }
+    }
+}
+
+fn read<T>(name: &'static str, value: Option<T>) -> Result<T, BadSetting> {
+    value.ok_or(BadSetting(name))
+}
+
+fn parsed<T: FromStr>(text: &str) -> Option<T> {
+    text.parse().ok()
+}
+
+fn profile(name: &str) -> Option<Profile> {
+    let found = Profile::NAMES.into_iter().find(|(known, _)| *known == name);
+    found.map(|(_, profile)| profile)
+}
+
+/// As many numbers as a fault vector has, separated by commas.
+fn numbers(text: &str) -> Option<[f64; FAULT_COUNT]> {
+    let mut words = text.split(',');
+    let mut numbers = [0.0; FAULT_COUNT];
+    for number in &mut numbers {
+        *number = parsed(words.next()?)?;
+    }
+    words.next().is_none().then_some(numbers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings() -> Settings {
+        Settings::new(ActuatorId::new(0).expect("0 to 15"), 1)
+    }
+
+    #[test]
+    fn every_setting_can_be_told() {
+        let text = "actuator=servo28 id=3 k=0.1,0,0,0,0,0,0.5,0.5 growth=0,0.1,0,0,0,0,0,0 \
+                    profile=chirp windows=9 rate=500 noise=0.05 load=-2 seed=18446744073709551615";
+        let told = settings().told(text).expect("all of it is right");
+        let expected = Settings {
+            actuator: ActuatorKind::Servo28,
+            id: ActuatorId::new(3).expect("0 to 15"),
+            k: FaultVector {
+                friction: 0.1,
+                ..FaultVector::NOMINAL
+            },
+            growth: [0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            profile: Profile::Chirp,
+            windows: 9,
+            rate_hz: Some(500.0),
+            noise_a: 0.05,
+            load_nm: -2.0,
+            seed: u64::MAX,
+        };
+        assert_eq!(told, expected);
+        assert!(told.plan().is_ok());
+    }
+
+    #[test]
+    fn what_is_wrong_is_refused_by_its_name() {
+        let wrong = [
+            ("k=0,0,0,0,0,0,0.5,0.5,0", "k"),
+            ("k=0,0,0,0,0,0,0.5,2", "k"),
+            ("id=16", "id"),
+            ("profile=sine", "profile"),
+            ("windows=0", "windows"),
+            ("noise=nan", "noise"),
+            ("rate=3", "rate"),
+            ("growth=inf,0,0,0,0,0,0,0", "growth"),
+            ("colour=red", ""),
+            ("seed", ""),
+        ];
+        for (text, name) in wrong {
+            let plan = settings().told(text).and_then(|told| told.plan());
+            assert_eq!(plan.err(), Some(BadSetting(name)), "{text}");
+        }
+    }
+}

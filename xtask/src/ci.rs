@@ -8,8 +8,17 @@ use anyhow::Context;
 use crate::shell::run;
 
 /// In the order of what fails soonest.
-const VERBS: [&str; 9] = [
-    "check", "no-std", "docs", "systemd", "readers", "oracle", "deny", "target", "can",
+const VERBS: [&str; 10] = [
+    "check",
+    "no-std",
+    "docs",
+    "systemd",
+    "readers",
+    "oracle",
+    "deny",
+    "power-cut",
+    "target",
+    "can",
 ];
 
 /// Runs them, with a heading and the seconds each took.

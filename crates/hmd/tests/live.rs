@@ -85,7 +85,7 @@ fn run(sources: Vec<(&str, Vec<RawFrame>)>, output: &Path) -> (Lines, Status) {
     let daemon = Daemon {
         sources: sources
             .into_iter()
-            .map(|(name, frames)| (name.to_owned(), LiveSource::Playback(frames)))
+            .map(|(name, frames)| (name.to_owned(), LiveSource::Playback(Box::new(frames.into_iter()))))
             .collect(),
         recorder: Some(Recorder::create(output, &metadata(&config, "test", SEED)).unwrap()),
         watch: Some((config, SEED)),

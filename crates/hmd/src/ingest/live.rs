@@ -24,14 +24,13 @@ pub const QUEUE_INPUTS: usize = 1 << 16;
 pub(super) const COALESCE: Duration = Duration::from_millis(2);
 
 /// A source of frames that goes on until it is told to end.
-#[derive(Clone, Debug)]
 pub enum LiveSource {
     /// A SocketCAN interface.
     Can(CanSource),
     /// A serial line.
     Serial(SerialSource),
-    /// Frames from memory, as fast as they are taken; ends with the last.
-    Playback(Vec<RawFrame>),
+    /// Frames from memory or made on the way, as fast as they are taken; ends with the last.
+    Playback(Box<dyn Iterator<Item = RawFrame> + Send>),
 }
 
 impl LiveSource {

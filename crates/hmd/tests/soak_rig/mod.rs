@@ -7,6 +7,7 @@ use ema_models::{ActuatorParams, FaultVector, Profile, REFERENCE_TEMPERATURE_DEG
 use ema_wire::can::Status;
 use ema_wire::{ActuatorId, Frame, Sample, quantity};
 use hmd::frame::{FrameFlags, RawFrame};
+use hmd::ingest::live::Input;
 use hmd::simulate::{EPOCH_NS, encode};
 
 /// Actuators, on buses with as many each, so that none runs ahead of the others.
@@ -98,14 +99,15 @@ impl Template {
     }
 }
 
-/// Frames of one bus, in its order.
+/// Traffic of one bus, in its order; the first has a tick each second as well, so that everything that the daemon does in the
+/// course of time is compressed with it.
 pub(crate) struct Bus {
     templates: Arc<[Template; 4]>,
     ids: std::ops::Range<u8>,
     seq: u64,
     end: u64,
-    /// The frames of one sample of all actuators, last first.
-    waiting: Vec<RawFrame>,
+    /// What one sample of all actuators brings, last first.
+    waiting: Vec<Input>,
     /// Called before each second of traffic, with its number.
     before: Box<dyn FnMut(u64) + Send>,
 }
@@ -129,9 +131,9 @@ impl Bus {
 }
 
 impl Iterator for Bus {
-    type Item = RawFrame;
+    type Item = Input;
 
-    fn next(&mut self) -> Option<RawFrame> {
+    fn next(&mut self) -> Option<Input> {
         if self.waiting.is_empty() {
             if self.seq == self.end {
                 return None;
@@ -150,9 +152,13 @@ impl Iterator for Bus {
                     let mut bytes = [0; 64];
                     let id = u32::from(frame.message().id(sample.actuator));
                     let frame = RawFrame::new(stamp_ns, 0, id, FrameFlags::NONE, frame.emit(&mut bytes));
-                    self.waiting.push(frame.expect("a classic frame"));
+                    self.waiting.push(Input::Frame(frame.expect("a classic frame")));
                     stamp_ns += FRAME_NS;
                 }
+            }
+            // One of them has the clock.
+            if self.ids.start == 0 && self.seq.is_multiple_of(RATE_HZ) {
+                self.waiting.push(Input::Tick { stamp_ns });
             }
             self.waiting.reverse();
             self.seq += 1;

@@ -16,7 +16,7 @@ use hmd::config::Config;
 use hmd::daemon::{Daemon, Observer};
 use hmd::frame::{BusNames, RawFrame};
 use hmd::ingest::candump::{Decimals, emit};
-use hmd::ingest::live::LiveSource;
+use hmd::ingest::live::{Input, LiveSource};
 use hmd::ingest::{McapFrames, McapMessages};
 use hmd::judge::Judged;
 use hmd::record::{Health, Record};
@@ -124,7 +124,7 @@ pub(crate) fn write() {
         if paced && n.is_multiple_of(PACE.0) {
             std::thread::sleep(PACE.1);
         }
-        frame
+        Input::Frame(frame)
     });
     let daemon = Daemon {
         sources: vec![("can0".to_owned(), LiveSource::Playback(Box::new(frames)))],

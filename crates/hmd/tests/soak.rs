@@ -25,10 +25,16 @@ use hmd::record::{Health, Record, Status};
 use hmd::recorder::{Recorder, metadata};
 use hmd::store::Limits;
 use prost::Message;
-use soak_rig::{ACTUATORS, ACTUATORS_PER_BUS, BUSES, Bus, FRAMES_PER_SECOND, Template, config};
+use soak_rig::{ACTUATORS, ACTUATORS_PER_BUS, BUSES, Bus, FRAMES_PER_SECOND, Template, config, kib, program};
 
 /// Most that the resident memory may grow after the warm-up, KiB.
 const GROWTH_MAX_KIB: u64 = 1024;
+
+/// Most that the program may hold with sixteen actuators at 400 Hz, KiB.
+const RESIDENT_MAX_KIB: u64 = 32 * 1024;
+
+/// Longest from the start to ready, and from the end of a window to its record on the disk.
+const PROMPT: Duration = Duration::from_secs(1);
 
 /// Windows that identification may lie behind: its queue holds 64, and a bus is in the midst of its minute.
 const BEHIND: u64 = 2 * ACTUATORS;
@@ -53,9 +59,7 @@ impl Minute {
 }
 
 fn resident_kib() -> u64 {
-    let status = fs::read_to_string("/proc/self/status").unwrap();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap();
-    line.trim().strip_suffix(" kB").unwrap().parse().unwrap()
+    kib(&fs::read_to_string("/proc/self/status").unwrap(), "VmRSS:")
 }
 
 /// What is told.
@@ -229,4 +233,25 @@ fn a_day_grows_by_nothing_and_loses_nothing() {
     let minutes = std::env::var("HMD_SOAK_MINUTES").map_or(1440, |text| text.parse().unwrap());
     // An age of some forty simulated minutes: it is the one thing that follows the real clock.
     soak(minutes, 10, Limits::new(16, 60, 2048, 256));
+}
+
+/// Requirement S-28.
+#[test]
+#[ignore = "a minute of real time; cargo xtask soak"]
+fn the_program_is_ready_soon_and_small_and_its_records_are_prompt() {
+    let folder = tempfile::tempdir().unwrap();
+    let shown = program::run(folder.path());
+    let longest = shown.records.iter().max().unwrap();
+    eprintln!(
+        "ready after {:.3} s; {} records synced and told, at most {:.3} s after the last sample of their windows; resident \
+         memory at most {} KiB",
+        shown.ready.as_secs_f64(),
+        shown.records.len(),
+        longest.as_secs_f64(),
+        shown.resident_kib
+    );
+    assert_eq!(shown.records.len() as u64, ACTUATORS);
+    assert!(shown.ready <= PROMPT, "ready after {:?}", shown.ready);
+    assert!(*longest <= PROMPT, "a record after {longest:?}");
+    assert!(shown.resident_kib <= RESIDENT_MAX_KIB, "{} KiB", shown.resident_kib);
 }

@@ -1,5 +1,7 @@
 //! Sixteen actuators on four buses at 400 Hz for any length of time: two recorded minutes of each kind of unit, looped.
 
+pub(crate) mod program;
+
 use std::sync::Arc;
 
 use ema_models::reference::{Actuations, CurrentSensing, Scenario};
@@ -30,6 +32,9 @@ const REST: u64 = RATE_HZ;
 
 /// Samples from one status frame to the next: 10 Hz.
 const STATUS_EVERY: u64 = 40;
+
+/// Samples from the trigger to the end of a window, as configured without a word: 500 ms, 20 ms of them before it.
+const ACTUATION_SAMPLES: u64 = 480 * RATE_HZ / 1000;
 
 /// Current noise of the sensors, rms, A.
 const NOISE_A: f64 = 0.05;
@@ -179,4 +184,14 @@ fn status(sample: &Sample) -> Status {
         fault_flags: 0,
         seq8: sample.seq8(),
     }
+}
+
+/// A figure of the kernel's account of a process, KiB.
+pub(crate) fn kib(status: &str, key: &str) -> u64 {
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix(key))
+        .expect("a status");
+    let number = line.trim().strip_suffix(" kB").expect("a unit");
+    number.parse().expect("a number")
 }

@@ -8,8 +8,18 @@ use anyhow::Context;
 use crate::shell::run;
 
 /// In the order of what fails soonest.
-const VERBS: [&str; 10] = [
-    "check", "no-std", "docs", "systemd", "readers", "oracle", "deny", "target", "firmware", "can",
+const VERBS: [&str; 11] = [
+    "check",
+    "no-std",
+    "docs",
+    "systemd",
+    "readers",
+    "oracle",
+    "deny",
+    "power-cut",
+    "target",
+    "firmware",
+    "can",
 ];
 
 /// Runs them, with a heading and the seconds each took.

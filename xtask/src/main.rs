@@ -10,10 +10,12 @@ mod firmware;
 mod fuzz;
 mod no_std;
 mod oracle;
+mod power_cut;
 mod python;
 mod readers;
 mod results;
 mod shell;
+mod soak;
 mod survive;
 mod systemd;
 mod target;
@@ -60,6 +62,18 @@ enum Verb {
     Systemd,
     /// Storage under kill -9, cuts and flips: the long forms.
     Survive,
+    /// The power cut while the daemon writes to ext4 in a user-mode Linux.
+    PowerCut {
+        /// How many times; a hundred is the long form.
+        #[arg(default_value_t = 5)]
+        cuts: u32,
+    },
+    /// Sixteen actuators in compressed time: memory, descriptors, records and the disk budget.
+    Soak {
+        /// Simulated minutes; a day without it.
+        #[arg(long, default_value_t = 1440, value_parser = clap::value_parser!(u32).range(11..))]
+        minutes: u32,
+    },
     /// Runs every command whose output stands in a document, and draws the figures, again.
     Results,
     /// Everything but the tests, the fuzzing and the long forms.
@@ -82,6 +96,8 @@ fn main() -> ExitCode {
         Verb::FuzzLong => fuzz::check(true),
         Verb::Systemd => systemd::check(),
         Verb::Survive => survive::check(),
+        Verb::PowerCut { cuts } => power_cut::check(cuts),
+        Verb::Soak { minutes } => soak::check(minutes),
         Verb::Results => results::update(),
         Verb::Ci => ci::run_all(),
     };

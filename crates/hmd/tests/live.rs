@@ -13,7 +13,7 @@ use ema_wire::ActuatorId;
 use hmd::config::Config;
 use hmd::daemon::{Daemon, Observer};
 use hmd::frame::{BusNames, FrameFlags, RawFrame};
-use hmd::ingest::live::LiveSource;
+use hmd::ingest::live::{Input, LiveSource};
 use hmd::judge::Judged;
 use hmd::record::{HealthLine, Status};
 use hmd::recorder::{Recorder, metadata};
@@ -85,7 +85,10 @@ fn run(sources: Vec<(&str, Vec<RawFrame>)>, output: &Path) -> (Lines, Status) {
     let daemon = Daemon {
         sources: sources
             .into_iter()
-            .map(|(name, frames)| (name.to_owned(), LiveSource::Playback(frames)))
+            .map(|(name, frames)| {
+                let inputs = frames.into_iter().map(Input::Frame);
+                (name.to_owned(), LiveSource::Playback(Box::new(inputs)))
+            })
             .collect(),
         recorder: Some(Recorder::create(output, &metadata(&config, "test", SEED)).unwrap()),
         watch: Some((config, SEED)),

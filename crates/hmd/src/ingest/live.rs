@@ -24,14 +24,14 @@ pub const QUEUE_INPUTS: usize = 1 << 16;
 pub(super) const COALESCE: Duration = Duration::from_millis(2);
 
 /// A source of frames that goes on until it is told to end.
-#[derive(Clone, Debug)]
 pub enum LiveSource {
     /// A SocketCAN interface.
     Can(CanSource),
     /// A serial line.
     Serial(SerialSource),
-    /// Frames from memory, as fast as they are taken; ends with the last.
-    Playback(Vec<RawFrame>),
+    /// What lies in memory or is made on the way, as fast as it is taken; ends with the last. Frames are of this bus
+    /// whatever they say; ticks are those of another clock, beside the driver's own.
+    Playback(Box<dyn Iterator<Item = Input> + Send>),
 }
 
 impl LiveSource {
@@ -40,9 +40,13 @@ impl LiveSource {
         match self {
             Self::Can(source) => source.run(feed).await,
             Self::Serial(source) => source.run(feed).await,
-            Self::Playback(frames) => {
-                for frame in frames {
-                    if feed.frame(frame.with_bus(feed.bus())).await.is_err() {
+            Self::Playback(inputs) => {
+                for input in inputs {
+                    let sent = match input {
+                        Input::Frame(frame) => feed.frame(frame.with_bus(feed.bus())).await,
+                        other => feed.send(other).await,
+                    };
+                    if sent.is_err() {
                         return;
                     }
                 }
@@ -76,7 +80,7 @@ pub enum Input {
         /// How many frames.
         frames: u64,
     },
-    /// Time goes on; sent by the driver, not by sources.
+    /// Time goes on; sent by the driver, and by a playback with a clock of its own.
     Tick {
         /// UTC, ns.
         stamp_ns: u64,
@@ -175,7 +179,11 @@ impl Feed {
     /// # Errors
     /// [`Closed`].
     pub async fn frame(&self, frame: RawFrame) -> Result<(), Closed> {
-        self.queue.send(Input::Frame(frame)).await.map_err(|_| Closed)
+        self.send(Input::Frame(frame)).await
+    }
+
+    async fn send(&self, input: Input) -> Result<(), Closed> {
+        self.queue.send(input).await.map_err(|_| Closed)
     }
 
     /// Says that the link came or went, now.
@@ -191,7 +199,7 @@ impl Feed {
             state,
             cause,
         };
-        self.queue.send(input).await.map_err(|_| Closed)
+        self.send(input).await
     }
 
     /// Says that frames were lost.
@@ -200,8 +208,7 @@ impl Feed {
     /// [`Closed`].
     pub async fn lost(&self, loss: LiveLoss, frames: u64) -> Result<(), Closed> {
         let bus = self.bus;
-        let input = Input::Lost { bus, loss, frames };
-        self.queue.send(input).await.map_err(|_| Closed)
+        self.send(Input::Lost { bus, loss, frames }).await
     }
 
     /// Resolves when the source shall end. Cancel-safe: made for `select!` beside the wait for data.

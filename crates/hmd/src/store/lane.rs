@@ -28,9 +28,12 @@ struct Open {
     since: Instant,
     /// Taken and not yet known to be on the disk.
     unsynced: u64,
-    /// Something was.
-    any_synced: bool,
+    /// How often something was; each time adds a chunk, and an entry to the index that is held until the end.
+    syncs: u32,
 }
+
+/// Most syncs of a segment, which bounds its index to some 0.3 MB.
+const SYNCS_MAX: u32 = 512;
 
 /// What a lane needs to begin a segment.
 pub(super) struct Begin<'a> {
@@ -76,7 +79,9 @@ impl Lane {
     /// Whether the segment in progress is full or old.
     pub(super) fn is_due(&self, limits: &Limits, now: Instant) -> bool {
         self.open.as_ref().is_some_and(|open| {
-            open.sink.bytes() >= limits.segment_bytes || now.duration_since(open.since) >= limits.segment_age
+            open.sink.bytes() >= limits.segment_bytes
+                || open.syncs >= SYNCS_MAX
+                || now.duration_since(open.since) >= limits.segment_age
         })
     }
 
@@ -105,7 +110,7 @@ impl Lane {
             sink,
             since: with.now,
             unsynced: 0,
-            any_synced: false,
+            syncs: 0,
         });
         self.segment += 1;
         self.retry_at = None;
@@ -130,7 +135,7 @@ impl Lane {
         if let Some(open) = self.open.as_mut().filter(|open| open.unsynced > 0) {
             open.sink.flush_window()?;
             open.unsynced = 0;
-            open.any_synced = true;
+            open.syncs += 1;
             // Only what came to the disk shows that the disk is back.
             self.pause.reset();
         }
@@ -159,7 +164,7 @@ impl Lane {
         self.retry_at = Some(now + self.pause.take());
         let open = self.open.take()?;
         self.lost += open.unsynced;
-        let (name, bytes, kept) = (open.name, open.sink.bytes(), open.any_synced);
+        let (name, bytes, kept) = (open.name, open.sink.bytes(), open.syncs > 0);
         drop(open);
         if !kept {
             let _ = std::fs::remove_file(folder.join(name.to_string()));

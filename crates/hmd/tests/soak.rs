@@ -1,0 +1,257 @@
+//! A day in compressed time: the whole live chain but the sockets, on sixteen actuators at 400 Hz with a window a minute.
+//!
+//! Requirement S-26 of `docs/safety.md`. What must not grow does not, what was told is read back, and the disk budget holds.
+//! `HMD_SOAK_MINUTES` says how long the long form is.
+#![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
+
+mod soak_rig;
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::future::pending;
+use std::io;
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use hmd::config::Config;
+use hmd::daemon::{Daemon, Observer};
+use hmd::frame::BusNames;
+use hmd::ingest::live::LiveSource;
+use hmd::ingest::{McapFrames, McapMessages};
+use hmd::judge::Judged;
+use hmd::record::{Health, Record, Status};
+use hmd::recorder::{Recorder, metadata};
+use hmd::store::Limits;
+use prost::Message;
+use soak_rig::{ACTUATORS, ACTUATORS_PER_BUS, BUSES, Bus, FRAMES_PER_SECOND, Template, config, kib, program};
+
+/// Most that the resident memory may grow after the warm-up, KiB.
+const GROWTH_MAX_KIB: u64 = 1024;
+
+/// Most that the program may hold with sixteen actuators at 400 Hz, KiB.
+const RESIDENT_MAX_KIB: u64 = 32 * 1024;
+
+/// Longest from the start to ready, and from the end of a window to its record on the disk.
+const PROMPT: Duration = Duration::from_secs(1);
+
+/// Windows that identification may lie behind: its queue holds 64, and a bus is in the midst of its minute.
+const BEHIND: u64 = 2 * ACTUATORS;
+
+/// Minutes between two lines of progress.
+const SAY_EVERY_MINUTES: u64 = 60;
+
+/// What the process holds in a minute: the highest of what each of its seconds began with.
+#[derive(Clone, Copy, Debug, Default)]
+struct Minute {
+    resident_kib: u64,
+    /// The lowest: a segment that is being ended holds some for a moment.
+    descriptors: Option<usize>,
+}
+
+impl Minute {
+    fn look(&mut self) {
+        self.resident_kib = self.resident_kib.max(resident_kib());
+        let open = fs::read_dir("/proc/self/fd").unwrap().count();
+        self.descriptors = Some(self.descriptors.map_or(open, |least| least.min(open)));
+    }
+}
+
+fn resident_kib() -> u64 {
+    kib(&fs::read_to_string("/proc/self/status").unwrap(), "VmRSS:")
+}
+
+/// What is told.
+#[derive(Default)]
+struct Told {
+    judged: Arc<AtomicU64>,
+    /// Highest use of the disk that a status named, bytes.
+    used: AtomicU64,
+    /// Windows by actuator and status.
+    statuses: Mutex<BTreeMap<(String, String), u64>>,
+}
+
+impl Observer for Told {
+    fn judged(&self, judged: &Judged) -> io::Result<()> {
+        let health = &judged.health;
+        let key = (health.actuator.clone(), health.status.to_string());
+        *self.statuses.lock().unwrap().entry(key).or_default() += 1;
+        self.judged.fetch_add(1, Ordering::Release);
+        Ok(())
+    }
+
+    fn unstored(&self, judged: &Judged) -> io::Result<()> {
+        panic!(
+            "not stored: window {} of {}",
+            judged.health.window, judged.health.actuator
+        );
+    }
+
+    fn notice(&self, message: &str) {
+        eprintln!("{message}");
+    }
+
+    fn status(&self, status: &Status) {
+        self.used.fetch_max(status.storage_used_bytes, Ordering::Relaxed);
+    }
+}
+
+/// Runs some minutes; memory at the end is compared with that of minute `warm`.
+fn soak(minutes: u64, warm: u64, limits: Limits) {
+    let folder = tempfile::tempdir().unwrap();
+    let config = Arc::new(Config::from_toml_str(&config(), "hmd.toml").unwrap());
+    let recorder = Recorder::open_folder(folder.path(), &metadata(&config, "test", 1), limits).unwrap();
+    let (told, templates) = (Told::default(), Template::all());
+    let seen = Arc::new(Mutex::new([Minute::default(); 2]));
+    let since = Instant::now();
+    let ended = Arc::new(AtomicU64::new(0));
+    let sources = (0..BUSES).map(|bus| {
+        let (judged, ended, seen) = (told.judged.clone(), ended.clone(), seen.clone());
+        let before = move |second: u64| {
+            let minute = second / 60;
+            if second > 0 && second.is_multiple_of(60) {
+                ended.fetch_add(ACTUATORS_PER_BUS, Ordering::Relaxed);
+            }
+            // Compressed time has no pace of its own: nothing is dropped, so nothing may fall behind.
+            while ended.load(Ordering::Relaxed) > judged.load(Ordering::Acquire) + BEHIND {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            if bus > 0 {
+                return;
+            }
+            let which = [warm, minutes].iter().position(|at| minute + 1 == *at);
+            if let Some(which) = which {
+                seen.lock().unwrap()[which].look();
+            }
+            if second.is_multiple_of(60 * SAY_EVERY_MINUTES) {
+                eprintln!(
+                    "minute {minute}: {} s, {} KiB",
+                    since.elapsed().as_secs(),
+                    resident_kib()
+                );
+            }
+        };
+        let frames = Bus::new(templates.clone(), bus, minutes, Box::new(before));
+        (format!("can{bus}"), LiveSource::Playback(Box::new(frames)))
+    });
+    let daemon = Daemon {
+        sources: sources.collect(),
+        recorder: Some(recorder),
+        watch: Some((config, 1)),
+    };
+    let status = daemon.run(pending(), &told).unwrap();
+    let took = since.elapsed();
+
+    let expected = ACTUATORS * minutes;
+    let [early, late] = *seen.lock().unwrap();
+    let growth = late.resident_kib.saturating_sub(early.resident_kib);
+    let (health, frames) = read(folder.path());
+    let found: u64 = health.values().sum();
+    let on_disk: u64 = fs::read_dir(folder.path())
+        .unwrap()
+        .map(|entry| entry.unwrap().metadata().unwrap().len())
+        .sum();
+    eprintln!(
+        "{minutes} minutes in {:.1} s: {} frames, {expected} records expected, {} told, {found} read back; resident in \
+         minute {warm} {} KiB, in the last {} KiB; {:?} and {:?} descriptors; at most {} bytes on the disk, {} segments \
+         deleted, {frames} frames left",
+        took.as_secs_f64(),
+        status.frames_received,
+        told.judged.load(Ordering::Acquire),
+        early.resident_kib,
+        late.resident_kib,
+        early.descriptors.unwrap(),
+        late.descriptors.unwrap(),
+        told.used.load(Ordering::Relaxed),
+        status.storage_deleted,
+    );
+    eprintln!("{:?}", told.statuses.lock().unwrap());
+    assert_eq!(status.frames_received, FRAMES_PER_SECOND * 60 * minutes);
+    assert!(!status.data_lost(), "{status:?}");
+    assert_eq!(told.judged.load(Ordering::Acquire), expected);
+    for id in 0..ACTUATORS {
+        assert_eq!(health.get(&format!("ema{id}")), Some(&minutes), "ema{id}");
+    }
+    assert_eq!(found, expected);
+    assert_eq!(status.windows_ok + status.windows_degraded, expected, "{status:?}");
+    assert!(growth <= GROWTH_MAX_KIB, "grew by {growth} KiB");
+    assert_eq!(early.descriptors, late.descriptors);
+    // Each tick looks after the budget.
+    assert!(
+        on_disk <= limits.budget_bytes + 2 * limits.segment_bytes,
+        "{on_disk} bytes on the disk"
+    );
+    assert!(status.storage_deleted > 0 || minutes < 600, "no rotation");
+}
+
+/// Health records of each actuator, whose numbers must have no gap, and frames that are left, which must be whole.
+fn read(folder: &Path) -> (BTreeMap<String, u64>, u64) {
+    let (mut health, mut frames) = (BTreeMap::new(), 0);
+    let mut paths: Vec<_> = fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
+    paths.sort();
+    for path in paths {
+        let name = path.display().to_string();
+        assert!(name.ends_with(".mcap"), "{name} is left over");
+        if name.ends_with("-raw.mcap") {
+            let all = McapFrames::new(File::open(&path).unwrap(), &name, BusNames::new()).unwrap();
+            frames += all.map(|frame| assert!(frame.is_ok(), "{frame:?}")).count() as u64;
+            continue;
+        }
+        for message in McapMessages::new(File::open(&path).unwrap(), &name).unwrap() {
+            let message = message.unwrap();
+            if *message.schema == *Health::SCHEMA_NAME {
+                let record = Health::decode(message.data.as_slice()).unwrap();
+                let windows = health.entry(record.actuator).or_insert(0);
+                assert_eq!(record.window, *windows, "{}", message.topic);
+                *windows += 1;
+            }
+        }
+    }
+    (health, frames)
+}
+
+#[test]
+fn a_few_minutes_lose_nothing() {
+    // Small segments, so that they are closed and deleted as in a day.
+    soak(
+        4,
+        2,
+        Limits {
+            segment_bytes: 1 << 20,
+            ..Limits::new(1, 3600, 8, 0)
+        },
+    );
+}
+
+#[test]
+#[ignore = "an hour; cargo xtask soak"]
+fn a_day_grows_by_nothing_and_loses_nothing() {
+    let minutes = std::env::var("HMD_SOAK_MINUTES").map_or(1440, |text| text.parse().unwrap());
+    // An age of some forty simulated minutes: it is the one thing that follows the real clock.
+    soak(minutes, 10, Limits::new(16, 60, 2048, 256));
+}
+
+/// Requirement S-28.
+#[test]
+#[ignore = "a minute of real time; cargo xtask soak"]
+fn the_program_is_ready_soon_and_small_and_its_records_are_prompt() {
+    let folder = tempfile::tempdir().unwrap();
+    let shown = program::run(folder.path());
+    let longest = shown.records.iter().max().unwrap();
+    eprintln!(
+        "ready after {:.3} s; {} records synced and told, at most {:.3} s after the last sample of their windows; resident \
+         memory at most {} KiB",
+        shown.ready.as_secs_f64(),
+        shown.records.len(),
+        longest.as_secs_f64(),
+        shown.resident_kib
+    );
+    assert_eq!(shown.records.len() as u64, ACTUATORS);
+    assert!(shown.ready <= PROMPT, "ready after {:?}", shown.ready);
+    assert!(*longest <= PROMPT, "a record after {longest:?}");
+    assert!(shown.resident_kib <= RESIDENT_MAX_KIB, "{} KiB", shown.resident_kib);
+}

@@ -1,0 +1,18 @@
+//! The power goes while the daemon writes to ext4 in a user-mode Linux.
+
+use crate::debian;
+use crate::shell::{cargo, run};
+
+/// What it takes, each with a file of it.
+const PACKAGES: [(&str, &str); 2] = [
+    ("user-mode-linux", "/usr/bin/linux.uml"),
+    ("e2fsprogs", "/usr/sbin/e2fsck"),
+];
+
+/// Cuts the power so many times; the test says what was told as synced and what was found.
+pub(crate) fn check(cuts: u32) -> anyhow::Result<()> {
+    debian::install(&PACKAGES)?;
+    let test = ["test", "--package", "hmd", "--test", "power_cut", "--"];
+    let long = ["what_was_synced", "--ignored", "--nocapture"];
+    run(cargo(test).args(long).env("HMD_POWER_CUTS", cuts.to_string()))
+}

@@ -5,6 +5,7 @@
 mod alien;
 mod bad_link;
 mod bench;
+mod function;
 mod link;
 mod onboard;
 

@@ -51,7 +51,15 @@ pub(crate) fn watch(frames: impl IntoIterator<Item = RawFrame>) -> Outcome {
 
 /// The same over one stream after the other, each to its end, as the logs of several sorties.
 pub(crate) fn watch_all(streams: impl IntoIterator<Item = impl IntoIterator<Item = RawFrame>>) -> Outcome {
-    let config = Arc::new(Config::default());
+    watch_all_with(Config::default(), streams)
+}
+
+/// The same with other settings.
+pub(crate) fn watch_all_with(
+    config: Config,
+    streams: impl IntoIterator<Item = impl IntoIterator<Item = RawFrame>>,
+) -> Outcome {
+    let config = Arc::new(config);
     let mut names = BusNames::new();
     names.intern("can0").expect("room for one interface");
     let (mut front, mut judge) = (Front::new(config.clone()), Judge::new(config, 1));

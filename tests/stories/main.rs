@@ -6,6 +6,7 @@ mod alien;
 mod bad_link;
 mod bench;
 mod foreign_bus;
+mod function;
 mod link;
 mod onboard;
 

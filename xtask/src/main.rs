@@ -1,4 +1,4 @@
-//! The verbs that CI uses, in plain Rust, so that a fresh machine needs nothing but cargo (and Python for two of them).
+//! The verbs that CI uses, in plain Rust, so that a fresh machine needs nothing but cargo (and Python for three of them).
 //!
 //! `cargo xtask VERB`; `cargo xtask ci` runs all of them but the tests, the fuzzing and the long forms.
 
@@ -11,6 +11,7 @@ mod fuzz;
 mod no_std;
 mod oracle;
 mod power_cut;
+mod progpy;
 mod python;
 mod readers;
 mod results;
@@ -48,6 +49,8 @@ enum Verb {
     Readers,
     /// A drive model that nobody here wrote against the reference.
     Oracle,
+    /// Our forecasts beside those of NASA's progpy, on the same histories.
+    Progpy,
     /// The daemon on real SocketCAN, in a user-mode Linux.
     Can,
     /// Identification on an emulated Cortex-M7, bit for bit, and what it costs.
@@ -89,6 +92,7 @@ fn main() -> ExitCode {
         Verb::Deny => deny::check(),
         Verb::Readers => readers::check(),
         Verb::Oracle => oracle::check(),
+        Verb::Progpy => progpy::compare(),
         Verb::Can => can::check(),
         Verb::Target => target::check(),
         Verb::Firmware => firmware::check(),

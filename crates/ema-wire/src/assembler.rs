@@ -103,6 +103,11 @@ impl Assembler {
         }
     }
 
+    /// Takes another span from here on; see [`Assembler::with_max_span_ns`].
+    pub const fn set_max_span_ns(&mut self, max_span_ns: u64) {
+        self.max_span_ns = max_span_ns;
+    }
+
     /// Whose frames it expects.
     #[must_use]
     pub const fn actuator(&self) -> ActuatorId {

@@ -1,6 +1,11 @@
-//! One update and forecast of the prognosis late in a life with all faults growing: the dearest case.
+//! One update and forecast of the prognosis late in a life with all faults growing: the dearest case. And one trial of a
+//! specification, of which a window takes at most thirty where something is required.
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use ema_models::{ActuatorParams, FaultVector};
+use hmd::calibration::{MonitorForm, TypeCalibration};
+use hmd::config::Specification;
+use hmd::function::shortfall;
 use hmd::health::FAULTS;
 use hmd::rul::{Odometer, Prognosis};
 
@@ -26,5 +31,19 @@ fn update(c: &mut Criterion) {
     c.bench_function("rul/forecast", |b| b.iter(|| prognosis.forecast(100.0)));
 }
 
-criterion_group!(benches, update);
+fn trial(c: &mut Criterion) {
+    let calibration = TypeCalibration::built_in("bench", MonitorForm::ThreePhase)
+        .expect("it is shipped")
+        .coefficients();
+    let specification = Specification {
+        slew_rate_min_rad_s: 0.1,
+        ..Specification::default()
+    };
+    let params = ActuatorParams::bench();
+    c.bench_function("rul/specification_trial", |b| {
+        b.iter(|| shortfall(&params, &calibration, &specification, &FaultVector::NOMINAL));
+    });
+}
+
+criterion_group!(benches, update, trial);
 criterion_main!(benches);

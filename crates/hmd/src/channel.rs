@@ -14,6 +14,9 @@ const RATE_SAMPLES: usize = 16;
 /// Samples after which a rate that the device's time does not tell is taken as nominal.
 const RATE_SAMPLES_MAX: usize = 64;
 
+/// Samples after which the counter byte of position and command frames repeats.
+const COUNTER_ROUND: f64 = 256.0;
+
 /// Longest sample period that 16 bits of microseconds can show, µs; longer ones are not measured.
 const LONGEST_PERIOD_US: u16 = 32_768;
 
@@ -109,6 +112,9 @@ impl Channel {
                 &mut deliver,
             );
             self.last = Some((timed, sample.time_us));
+            if let Rate::Known(rate) = self.rate {
+                self.assembler.set_max_span_ns(rate.longest_sample_ns());
+            }
         }
     }
 
@@ -198,6 +204,15 @@ impl SampleRate {
             told: false,
         }
     }
+
+    /// Largest distance between the stamps of one sample's frames, ns: an eighth of the counter byte's round, so that a
+    /// stalled receiver tears few samples apart, and never less than the default. Of a rate that is only assumed, the default.
+    fn longest_sample_ns(&self) -> u64 {
+        if !self.told {
+            return Assembler::DEFAULT_MAX_SPAN_NS;
+        }
+        ((COUNTER_ROUND / 8.0 / self.hz * 1e9) as u64).max(Assembler::DEFAULT_MAX_SPAN_NS)
+    }
 }
 
 impl Rate {
@@ -251,5 +266,47 @@ impl From<&Status> for MeasuredConditions {
             winding_temp_deg_c: Some(quantity::winding_temp_deg_c(status.winding_temp_dc)),
             load_torque_nm: status.load_torque_dnm.map(quantity::load_torque_nm),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ema_wire::Mode;
+
+    use super::*;
+
+    /// Frames of a 400 Hz stream whose last sample takes `torn_ns` to come in; how many samples came out.
+    fn delivered(torn_ns: u64) -> usize {
+        let actuator = ActuatorId::new(0).expect("0 to 15");
+        let mut channel = Channel::new(actuator);
+        let mut count = 0;
+        for n in 0..40_u16 {
+            let sample = Sample {
+                actuator,
+                seq: n,
+                time_us: n.wrapping_mul(2500),
+                i_a_ma: 0,
+                i_b_ma: 0,
+                i_c_ma: 0,
+                motor_counts: 0,
+                output_counts: 0,
+                setpoint: 0,
+                mode: Mode::Idle,
+            };
+            let sent_ns = u64::from(n) * 2_500_000;
+            let torn_ns = if n == 39 { torn_ns } else { 0 };
+            for (place, frame) in sample.to_frames().iter().enumerate() {
+                let stamp_ns = sent_ns + if place == 0 { 0 } else { torn_ns };
+                channel.push(frame, stamp_ns, 400.0, |_, _| count += 1);
+            }
+        }
+        count
+    }
+
+    #[test]
+    fn a_stall_of_the_receiver_tears_no_sample_apart() {
+        assert_eq!(delivered(0), 40);
+        assert_eq!(delivered(79_000_000), 40, "32 periods of 2.5 ms");
+        assert_eq!(delivered(81_000_000), 39);
     }
 }

@@ -22,7 +22,10 @@ use crate::simulated::SimulatedWindow;
 pub use detection::{ByFault, DetectionError, DetectionReport, Wrong, detection};
 pub use noise::{NOISE_RATES_HZ, NoiseAtRate, NoiseReport, noise};
 pub use profiles::{CONDITION_ROWS, PROFILE_ROWS, ProfileRow, ProfilesError, ProfilesReport, conditions, profiles};
-pub use rul::{AtLambda, Group as RulGroup, Growth, History, RulReport, Scored, Scores, Seen, rul};
+pub use rul::{
+    AtLambda, BesideError, Group as RulGroup, Growth, History, Lives, Pair, RulReport, Scored, Scores, Seen, rul,
+    rul_beside, rul_histories,
+};
 
 /// Random vector of the paper's Table III.
 pub const TABLE_III: [f64; FAULT_COUNT] = [0.2383, 0.5003, 5.32e-7, 0.4503, 0.0404, 0.0028, 0.2785, 0.5];

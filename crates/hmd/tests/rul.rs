@@ -177,6 +177,22 @@ fn no_number_without_a_trend() {
 }
 
 #[test]
+fn what_comes_twice_or_late_changes_nothing() {
+    let clean = after(steady(60), SIGMA).forecast(1.0);
+    let (mut twice, mut late) = (Vec::new(), Vec::new());
+    for (n, estimate) in steady(60).enumerate() {
+        twice.extend([estimate, estimate]);
+        late.push(estimate);
+        if n > 20 {
+            // What an older window says comes once more, with another damage.
+            late.push((10.0 * (n as f64 - 15.0), 0.7));
+        }
+    }
+    assert_eq!(after(twice, SIGMA).forecast(1.0), clean);
+    assert_eq!(after(late, SIGMA).forecast(1.0), clean);
+}
+
+#[test]
 fn a_jump_begins_a_new_trend_and_says_so() {
     let jumped = || steady(50).chain((50..).map(|n| (10.0 * f64::from(n), 0.5 + error(n as usize))));
     let prognosis = after(jumped().take(55), SIGMA);

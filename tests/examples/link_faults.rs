@@ -1,5 +1,5 @@
-//! Verdicts behind a bad link: the worst mix and a mild one over healthy windows, and a few drops over windows with one
-//! fault each.
+//! Verdicts behind a bad link: the worst mix and a mild one over healthy windows and windows with one fault each, and a few
+//! drops over the latter.
 //!
 //! ```text
 //! cargo run --release -p hmd-tests --example link_faults [WINDOWS [SEED]]
@@ -21,7 +21,6 @@ fn main() {
         drop: 0.001,
         ..LinkFaults::NONE
     };
-    // Mild enough for windows to be judged on CAN too, where a sample is three frames.
     let mild = LinkFaults {
         drop: 0.002,
         flip: 0.002,
@@ -33,6 +32,10 @@ fn main() {
         report(
             &format!("{kind:?}, worst mix, healthy"),
             &watch(kind, LinkFaults::WORST, windows, seed, |_| None),
+        );
+        report(
+            &format!("{kind:?}, worst mix, one fault"),
+            &watch(kind, LinkFaults::WORST, windows, seed, one_fault(seed)),
         );
         report(
             &format!("{kind:?}, mild mix, healthy"),

@@ -13,6 +13,7 @@ use hmd::ingest::serial::SerialSource;
 use hmd::record::Status;
 use hmd::recorder::{Recorder, metadata};
 use hmd::replay::Replay;
+use hmd::seed::mix;
 use serial_rig::{Device, Lines, Plug};
 use std::path::{Path, PathBuf};
 
@@ -166,8 +167,8 @@ fn whatever_happens_to_the_device_the_next_actuation_is_judged() {
         Garbage,
     }
     use Event::{DeviceRestarted, Garbage, Replugged};
-    // Every event after every other, and after itself.
-    let events = [
+    // Every event after every other, and after itself; then in an order drawn from the seed.
+    let pairs = [
         Replugged,
         Replugged,
         DeviceRestarted,
@@ -179,6 +180,8 @@ fn whatever_happens_to_the_device_the_next_actuation_is_judged() {
         DeviceRestarted,
         Replugged,
     ];
+    let drawn = (0..6).map(|n| [Replugged, DeviceRestarted, Garbage][(mix(SEED, &[n]) % 3) as usize]);
+    let events = pairs.into_iter().chain(drawn);
     let folder = tempfile::tempdir().unwrap();
     let (mut plug, log, lines) = (
         Plug::new(folder.path()),
@@ -190,7 +193,7 @@ fn whatever_happens_to_the_device_the_next_actuation_is_judged() {
     let status = watching(&plug.clone_path(), &log, &lines, || {
         lines.wait_for_notice(1, "uart1: up");
         let mut ups = 1;
-        for (n, event) in events.into_iter().enumerate() {
+        for (n, event) in events.enumerate() {
             device.play(&plug, Duration::from_millis(250));
             match event {
                 Replugged => {
@@ -211,7 +214,7 @@ fn whatever_happens_to_the_device_the_next_actuation_is_judged() {
             device.play(&plug, Duration::from_millis(1150));
             lines.wait_until(
                 || lines.judged() > before,
-                &format!("a window after {event:?}, number {n}"),
+                &format!("a window after {event:?}, number {n}, seed {SEED}"),
             );
         }
     });

@@ -33,14 +33,16 @@ pub(super) struct Results {
     numbers: BTreeMap<String, u64>,
 }
 
-/// Starts the guest, which sees the files of this computer, and waits for its end. `python` runs the serial adapter.
-pub(super) fn start(folder: &Path, hmd: &Path, python: &Path) -> anyhow::Result<Results> {
+/// Starts the guest, which sees the files of this computer, and waits for its end. `python` runs the serial adapter; `seed`
+/// draws the order in which things come and go.
+pub(super) fn start(folder: &Path, hmd: &Path, firmware: &Path, python: &Path, seed: u32) -> anyhow::Result<Results> {
     let init = folder.join("init.sh");
     let adapter = fs::canonicalize("fixtures/slcan.py").context("fixtures/slcan.py")?;
     let head = format!(
-        "#!/bin/sh\nWORK='{}'\nHMD='{}'\nPYTHON='{}'\nADAPTER='{}'\n",
+        "#!/bin/sh\nWORK='{}'\nHMD='{}'\nFIRMWARE='{}'\nPYTHON='{}'\nADAPTER='{}'\nSEED={seed}\n",
         folder.display(),
         hmd.display(),
+        firmware.display(),
         python.display(),
         adapter.display()
     );

@@ -1,4 +1,4 @@
-# Runs as init of the user-mode Linux; WORK, HMD, PYTHON and ADAPTER are set above. Writes what happened into $WORK; judges nothing.
+# Runs as init of the user-mode Linux; WORK, HMD, FIRMWARE, PYTHON, ADAPTER and SEED are set above. Writes what happened into $WORK; judges nothing.
 export PATH=/usr/sbin:/usr/bin:/sbin:/bin
 mount -t proc proc /proc
 mount -t sysfs sys /sys
@@ -131,6 +131,88 @@ stop slcan
 read -r played asked <adapter.counts
 echo "slcan.played $played" >>results
 echo "slcan.asked $asked" >>results
+
+# 6. Interface, actuator and daemon come, go and start again in an order drawn from the seed. After each event two more
+# actuations must be judged, without another hand.
+ip link del vcan0
+actuator() { # starts again by itself when its bus is gone
+    number=0
+    while [ ! -e order.over ]; do
+        number=$((number + 1))
+        "$FIRMWARE" --can vcan0 --rate 400 --profile step --windows 1000 --seed $number 2>/dev/null &
+        echo $! >order.actuator
+        wait $!
+        sleep 0.1
+    done
+}
+restart_actuator() {
+    kill $(cat order.actuator)
+}
+watch() {
+    runs=$((runs + 1))
+    "$HMD" run -c link.toml -o order$runs.mcap --json >>order.jsonl 2>>order.err &
+    daemon=$!
+}
+restart_daemon() {
+    kill -TERM $daemon
+    wait $daemon
+    ended=$?
+    # Data were lost, or not.
+    [ $ended = 0 ] || [ $ended = 3 ] || failed=$((failed + 1))
+    watch
+}
+judged() {
+    grep -c '"k":\[' order.jsonl
+}
+until_judged() { # at most 20 s
+    wanted=$(($(judged) + 2))
+    tries=0
+    while [ $(judged) -lt $wanted ] && [ $tries -lt 200 ]; do
+        sleep 0.1
+        tries=$((tries + 1))
+    done
+    [ $(judged) -ge $wanted ]
+}
+draw() { # number of possibilities
+    SEED=$(((SEED * 1103515245 + 12345) & 0x7fffffff))
+    drawn=$(((SEED >> 16) % $1))
+}
+runs=0
+failed=0
+good=0
+events=0
+: >order.jsonl
+watch
+actuator &
+add vcan0
+until_judged && good=$((good + 1))
+while [ $events -lt 16 ]; do
+    events=$((events + 1))
+    draw 10
+    sleep 0.$drawn
+    draw 6
+    case $drawn in
+    0) ip link set vcan0 down; sleep 0.5; ip link set vcan0 up ;;
+    1) ip link del vcan0; sleep 0.5; add vcan0 ;;
+    2) restart_actuator ;;
+    3) restart_daemon ;;
+    4) ip link del vcan0; restart_actuator; sleep 0.5; add vcan0 ;;
+    5) ip link del vcan0; restart_daemon; sleep 0.5; add vcan0 ;;
+    esac
+    if until_judged; then
+        good=$((good + 1))
+    else
+        echo "event $events, $drawn: nothing judged" >>order.missed
+    fi
+done
+: >order.over
+restart_actuator
+restart_daemon
+kill -TERM $daemon
+wait $daemon
+echo "order.events $events" >>results
+echo "order.good $good" >>results
+echo "order.failed $failed" >>results
 
 echo "done 1" >>results
 halt -f

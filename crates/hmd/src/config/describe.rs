@@ -19,10 +19,12 @@ fn write_all(out: &mut String, config: &Config) -> fmt::Result {
     let window = config.window();
     writeln!(
         out,
-        "window: {} ms, {} ms of it before the trigger; invalid above {} % missing samples or a gap of {} ms",
+        "window: {} ms, {} ms of it before the trigger; invalid above {} % missing samples ({} % if scattered) or a gap \
+         of {} ms",
         window.duration_ms,
         window.pre_trigger_ms,
         100.0 * window.max_gap_fraction,
+        100.0 * window.in_si().scattered_max_fraction(),
         window.longest_gap_ms
     )?;
     let search = config.identification();

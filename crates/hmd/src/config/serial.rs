@@ -56,11 +56,15 @@ pub(super) fn read_all(root: &Section<'_>, actuators: &[ActuatorConfig]) -> Resu
         if lines.iter().any(|other| other.bus == line.bus) {
             return Err(section.refuse("bus", "a name that no other serial line has"));
         }
-        if !actuators
+        let mut on_it = actuators
             .iter()
-            .any(|actuator| actuator.bus.as_ref() == Some(&line.bus))
-        {
+            .filter(|actuator| actuator.bus.as_ref() == Some(&line.bus))
+            .peekable();
+        if on_it.peek().is_none() {
             return Err(section.refuse("bus", "the bus of an [[actuator]]"));
+        }
+        if on_it.any(|actuator| actuator.map.is_some()) {
+            return Err(section.refuse("bus", "the bus of actuators without a DBC file, which is of CAN"));
         }
         lines.push(line);
     }

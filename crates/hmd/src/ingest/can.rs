@@ -113,7 +113,9 @@ impl CanSource {
 
     fn open(&self) -> io::Result<Receiver> {
         let socket = CanFdSocket::open(&self.interface)?;
-        if let Wanted::Ids(ids) = &self.wanted {
+        if let Wanted::Ids(ids) = &self.wanted
+            && ids.len() <= FILTERS_MAX
+        {
             socket.set_filters(&filters(ids))?;
         }
         socket.set_error_filter_accept_all()?;
@@ -244,7 +246,10 @@ async fn pass_on(received: Received, feed: &Feed, link: &mut Link, pause: &mut P
     Ok(())
 }
 
-/// The kernel's filters for some identifiers. At most 512, which is what it takes.
+/// As many filters as the kernel takes (`CAN_RAW_FILTER_MAX`); with more, all frames come, and the pipeline drops the others.
+const FILTERS_MAX: usize = 512;
+
+/// The kernel's filters for some identifiers.
 fn filters(ids: &BTreeSet<CanId>) -> Vec<CanFilter> {
     /// The flags take part in the comparison, so that remote frames and the other length of identifier do not pass.
     const FLAGS: u32 = socketcan::EFF | socketcan::RTR;

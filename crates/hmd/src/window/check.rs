@@ -1,6 +1,6 @@
 //! Whether the samples of a window are fit to be judged.
 
-use super::config::{Lengths, WindowConfig};
+use super::config::{Lengths, SCATTERED_RUN, WindowConfig};
 use super::counters::{CounterLimits, refuse_spikes};
 use super::fill::Rotor;
 use super::ring::Slot;
@@ -126,7 +126,12 @@ fn too_many_flawed(slots: &[Slot], lengths: &Lengths) -> Option<Invalidity> {
             run = 0;
         }
     }
-    if count <= lengths.missing_max && longest <= lengths.longest_gap {
+    let most = if longest <= SCATTERED_RUN {
+        lengths.scattered_max
+    } else {
+        lengths.missing_max
+    };
+    if count <= most && longest <= lengths.longest_gap {
         return None;
     }
     let most = by_defect.iter().copied().max()?;

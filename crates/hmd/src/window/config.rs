@@ -63,6 +63,12 @@ pub struct WindowConfigError {
 }
 
 impl WindowConfig {
+    /// Largest fraction of a window's samples that may be missing or refused while no more than three are in a row.
+    #[must_use]
+    pub fn scattered_max_fraction(&self) -> f64 {
+        (SCATTERED_FACTOR * self.missing_max_fraction).min(1.0)
+    }
+
     /// The same settings, if every one is possible at a sample rate, Hz.
     ///
     /// # Errors
@@ -92,6 +98,13 @@ impl WindowConfig {
     }
 }
 
+/// Longest run of missing samples that are called scattered.
+pub(super) const SCATTERED_RUN: usize = 3;
+
+/// Scattered samples may be this many times as many: what lies between two good samples that are near is known well, and
+/// they have no weight.
+const SCATTERED_FACTOR: f64 = 5.0;
+
 /// Times of the settings as whole sample periods.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Lengths {
@@ -103,6 +116,8 @@ pub(super) struct Lengths {
     pub(super) rest: usize,
     /// Samples that may lack in all.
     pub(super) missing_max: usize,
+    /// Samples that may lack in all while no more than [`SCATTERED_RUN`] of them are in a row.
+    pub(super) scattered_max: usize,
     /// Samples that may lack in one run.
     pub(super) longest_gap: usize,
     /// Samples after which a constant signal may be called stuck.
@@ -121,6 +136,7 @@ impl Lengths {
             window,
             rest: nearest(config.rest_s),
             missing_max: whole(config.missing_max_fraction * window as f64),
+            scattered_max: whole(config.scattered_max_fraction() * window as f64),
             longest_gap: whole(config.longest_gap_s * sample_rate_hz),
             // Fewer than eight equal readings in a row happen by chance at low current and coarse converters.
             stuck: nearest(config.stuck_s).max(8),
@@ -140,6 +156,7 @@ mod tests {
             window: 1001,
             rest: 40,
             missing_max: 20,
+            scattered_max: 100,
             longest_gap: 10,
             stuck: 40,
         };
@@ -148,6 +165,7 @@ mod tests {
             window: 201,
             rest: 8,
             missing_max: 4,
+            scattered_max: 20,
             longest_gap: 2,
             stuck: 8,
         };

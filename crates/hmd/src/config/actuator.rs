@@ -20,6 +20,7 @@ const KEYS: &[&str] = &[
     "calibration",
     "part_number",
     "serial_number",
+    "passive",
 ];
 
 /// What [`is_name`] asks for, in words.
@@ -55,6 +56,9 @@ pub struct ActuatorConfig {
     pub part_number: Option<String>,
     /// Serial number of the unit, for the records.
     pub serial_number: Option<String>,
+    /// Watched and recorded like any other, but a change of its state alarms nobody: for a unit that is being tried.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub passive: bool,
 }
 
 impl ActuatorConfig {
@@ -70,6 +74,7 @@ impl ActuatorConfig {
             calibration: None,
             part_number: None,
             serial_number: None,
+            passive: false,
         }
     }
 
@@ -97,6 +102,7 @@ impl ActuatorConfig {
         actuator.calibration = section.text("calibration")?.map(PathBuf::from);
         actuator.part_number = section.text("part_number")?;
         actuator.serial_number = section.text("serial_number")?;
+        actuator.passive = section.flag("passive", false)?;
         Ok(actuator)
     }
 

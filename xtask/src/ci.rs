@@ -8,7 +8,7 @@ use anyhow::Context;
 use crate::shell::run;
 
 /// In the order of what fails soonest.
-const VERBS: [&str; 10] = [
+const VERBS: [&str; 11] = [
     "check",
     "no-std",
     "docs",
@@ -16,6 +16,7 @@ const VERBS: [&str; 10] = [
     "readers",
     "oracle",
     "deny",
+    "model",
     "power-cut",
     "target",
     "can",

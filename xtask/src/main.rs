@@ -9,6 +9,7 @@ mod debian;
 mod deny;
 mod dist;
 mod fuzz;
+mod model;
 mod no_std;
 mod oracle;
 mod power_cut;
@@ -78,6 +79,8 @@ enum Verb {
     Dist,
     /// The Debian packages of these builds, with manual pages, completions and a bill of materials.
     Deb,
+    /// Model checking of what runs concurrently.
+    Model,
     /// Runs every command whose output stands in a document, and draws the figures, again.
     Results,
     /// Everything but the tests, the fuzzing and the long forms.
@@ -100,6 +103,7 @@ fn main() -> ExitCode {
         Verb::Systemd => systemd::check(),
         Verb::Survive => survive::check(),
         Verb::PowerCut { cuts } => power_cut::check(cuts),
+        Verb::Model => model::check(),
         Verb::Dist => dist::check(),
         Verb::Deb => deb::make(),
         Verb::Soak { minutes } => soak::check(minutes),

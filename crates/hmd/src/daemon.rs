@@ -15,6 +15,13 @@ mod monitor;
 mod notices;
 mod standing;
 mod window_queue;
+#[cfg(test)]
+mod window_queue_tests;
+
+/// What the queue of windows locks with.
+mod sync {
+    pub(super) use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+}
 
 use std::future::Future;
 use std::io;
@@ -27,7 +34,7 @@ use tokio::task::JoinSet;
 
 use crate::config::Config;
 use crate::frame::{BusError, BusNames};
-use crate::front::Notice;
+use crate::front::{Notice, WindowJob};
 use crate::ingest::live::{Feed, Input, LiveSource, QUEUE_INPUTS, now_ns};
 use crate::judge::{Judge, JudgeError, Judged, WindowCounts};
 use crate::pipeline::Pipeline;
@@ -37,7 +44,8 @@ pub use freshness::STALE_AFTER;
 use monitor::{Monitor, tell};
 use standing::Standings;
 pub use window_queue::QUEUE_WINDOWS;
-use window_queue::WindowQueue;
+
+type WindowQueue = window_queue::WindowQueue<WindowJob>;
 
 /// Time between two ticks, each of which reports fresh losses.
 const TICK: Duration = Duration::from_secs(1);

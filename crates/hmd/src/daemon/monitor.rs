@@ -9,8 +9,7 @@ use tokio::sync::mpsc;
 
 use super::freshness::Freshness;
 use super::notices::Notices;
-use super::window_queue::WindowQueue;
-use super::{DaemonError, Observer, Shared, lock};
+use super::{DaemonError, Observer, Shared, WindowQueue, lock};
 use crate::config::Config;
 use crate::frame::BusNames;
 use crate::front::{Notice, WindowJob};

@@ -69,7 +69,7 @@ pub(crate) fn make() -> anyhow::Result<()> {
 fn package(platform: &Platform, hmd: &Path) -> anyhow::Result<PathBuf> {
     let folder = target_dir()?.join("deb").join(platform.architecture);
     let _ = fs::remove_dir_all(&folder);
-    put(&folder, "usr/bin/hmd", &fs::read(build(platform, "dist")?)?, 0o755)?;
+    put(&folder, "usr/bin/hmd", &fs::read(build(platform, "dist1")?)?, 0o755)?;
     for (from, to, mode) in FILES {
         put(&folder, to, &fs::read(root().join(from)).context(from)?, mode)?;
     }

@@ -35,7 +35,7 @@ pub(crate) const PLATFORMS: [Platform; 2] = [
 /// Builds for every platform twice, in different folders and without anything of the first left, and compares.
 pub(crate) fn check() -> anyhow::Result<()> {
     for platform in &PLATFORMS {
-        let [one, other] = ["dist", "dist-again"].map(|name| build(platform, name));
+        let [one, other] = ["dist1", "dist2"].map(|name| build(platform, name));
         let (one, other) = (one?, other?);
         let same = fs::read(&one)? == fs::read(&other)?;
         ensure!(same, "{} and {} differ", one.display(), other.display());

@@ -16,6 +16,7 @@ const VERBS: [&str; 11] = [
     "readers",
     "oracle",
     "deny",
+    "model",
     "power-cut",
     "target",
     "firmware",

@@ -4,10 +4,13 @@
 
 mod can;
 mod ci;
+mod deb;
 mod debian;
 mod deny;
 mod firmware;
+mod dist;
 mod fuzz;
+mod model;
 mod no_std;
 mod oracle;
 mod power_cut;
@@ -15,6 +18,7 @@ mod progpy;
 mod python;
 mod readers;
 mod results;
+mod sbom;
 mod shell;
 mod soak;
 mod survive;
@@ -77,6 +81,12 @@ enum Verb {
         #[arg(long, default_value_t = 1440, value_parser = clap::value_parser!(u32).range(11..))]
         minutes: u32,
     },
+    /// Static release builds for x86-64 and aarch64, each made twice and compared byte by byte.
+    Dist,
+    /// The Debian packages of these builds, with manual pages, completions and a bill of materials.
+    Deb,
+    /// Model checking of what runs concurrently.
+    Model,
     /// Runs every command whose output stands in a document, and draws the figures, again.
     Results,
     /// Everything but the tests, the fuzzing and the long forms.
@@ -101,6 +111,9 @@ fn main() -> ExitCode {
         Verb::Systemd => systemd::check(),
         Verb::Survive => survive::check(),
         Verb::PowerCut { cuts } => power_cut::check(cuts),
+        Verb::Model => model::check(),
+        Verb::Dist => dist::check(),
+        Verb::Deb => deb::make(),
         Verb::Soak { minutes } => soak::check(minutes),
         Verb::Results => results::update(),
         Verb::Ci => ci::run_all(),

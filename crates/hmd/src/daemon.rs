@@ -10,9 +10,18 @@
 //! ([`QUEUE_WINDOWS`]); that is recorded, and replay leaves them out as well. Nothing else depends on time, so the recorded
 //! frames, replayed, give the same health records.
 
+mod freshness;
 mod monitor;
 mod notices;
+mod standing;
 mod window_queue;
+#[cfg(test)]
+mod window_queue_tests;
+
+/// What the queue of windows locks with.
+mod sync {
+    pub(super) use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+}
 
 use std::future::Future;
 use std::io;
@@ -25,15 +34,18 @@ use tokio::task::JoinSet;
 
 use crate::config::Config;
 use crate::frame::{BusError, BusNames};
-use crate::front::Notice;
+use crate::front::{Notice, WindowJob};
 use crate::ingest::live::{Feed, Input, LiveSource, QUEUE_INPUTS, now_ns};
 use crate::judge::{Judge, JudgeError, Judged, WindowCounts};
 use crate::pipeline::Pipeline;
 use crate::record::{LogLevel, Status};
 use crate::recorder::{RecordError, Recorder};
+pub use freshness::STALE_AFTER;
 use monitor::{Monitor, tell};
+use standing::Standings;
 pub use window_queue::QUEUE_WINDOWS;
-use window_queue::WindowQueue;
+
+type WindowQueue = window_queue::WindowQueue<WindowJob>;
 
 /// Time between two ticks, each of which reports fresh losses.
 const TICK: Duration = Duration::from_secs(1);
@@ -79,6 +91,10 @@ pub trait Observer: Sync {
     }
     /// Something an operator should read.
     fn notice(&self, message: &str);
+    /// The same with how grave it is; by default that is left out.
+    fn notice_of(&self, _: LogLevel, message: &str) {
+        self.notice(message);
+    }
     /// The counters as they are recorded, with those of the storage: every ten seconds, and at the end.
     fn status(&self, _: &Status) {}
     /// Every source has said how it stands, and the output is open: once.
@@ -105,6 +121,8 @@ struct Shared {
     judging: (Duration, Duration),
     /// When the newest health record was stored, or told where nothing is stored.
     last_record: Option<Instant>,
+    /// What the verdicts made of the actuators.
+    standings: Standings,
 }
 
 impl Daemon {
@@ -130,6 +148,7 @@ impl Daemon {
             windows: WindowCounts::default(),
             judging: (Duration::ZERO, Duration::ZERO),
             last_record: None,
+            standings: Standings::default(),
         });
         let windows = WindowQueue::new();
         let (queue, inputs) = mpsc::channel(QUEUE_INPUTS);
@@ -138,7 +157,8 @@ impl Daemon {
             None => Pipeline::capture(),
         };
         let store_raw = self.watch.as_ref().is_none_or(|(config, _)| config.output().raw_frames);
-        let mut monitor = Monitor::new(pipeline, names, store_raw);
+        let config = self.watch.as_ref().map(|(config, _)| config.clone());
+        let mut monitor = Monitor::new(pipeline, names, store_raw, config);
         let judge = self.watch.map(|(config, seed)| Judge::new(config, seed));
 
         let (watched, judged) = thread::scope(|scope| {
@@ -214,11 +234,13 @@ fn judge_all(
         // Events may have come since the last window; the file is short. One that is damaged does not end the watch.
         let events = judge.follow_events().err().map(|error| error.to_string());
         let since = Instant::now();
+        let passive = job.actuator.passive;
         let judged = judge.judge(job)?;
         let took = since.elapsed();
         // Before the lock is taken: frames need not wait for this file.
         let saved = judge.lives().save(&judged.health.actuator);
         let troubles = events.into_iter().chain(saved.err().map(|error| error.to_string()));
+        let pending = judge.lives().pending(&judged.health.actuator);
         let of_life: Vec<String> = judge.lives().take_notices().into_iter().chain(troubles).collect();
         let stored = {
             let mut shared = lock(shared);
@@ -228,6 +250,10 @@ fn judge_all(
             for message in of_life {
                 let stamp_ns = judged.health.t_start_ns;
                 tell(&Notice { stamp_ns, message }, LogLevel::Warning, &mut shared, observer)?;
+            }
+            if let Some((level, message)) = shared.standings.take(&judged.health, pending, passive) {
+                let stamp_ns = judged.health.t_start_ns;
+                tell(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
             }
             let (mut stored, mut messages) = (true, Vec::new());
             if let Some(recorder) = &mut shared.recorder {

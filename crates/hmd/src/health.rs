@@ -227,6 +227,12 @@ impl Health {
         self.persistence
     }
 
+    /// Judged windows in a row that ask for a worse state than the one reached; 0 when none does.
+    pub(crate) fn pending(&self) -> u32 {
+        let next = |memory: &FaultMemory| memory.above.get(memory.reached).copied();
+        self.faults.iter().filter_map(next).max().unwrap_or(0)
+    }
+
     /// State after the last window.
     #[must_use]
     pub fn state(&self) -> HealthState {
@@ -339,6 +345,20 @@ mod tests {
             HealthState::Critical => 'C',
         };
         history.iter().enumerate().map(decide).map(initial).collect()
+    }
+
+    #[test]
+    fn what_asks_for_a_worse_state_is_counted() {
+        let mut health = health(3);
+        let pending = [0.0, 0.25, 0.25, 0.25, 0.25, 0.0].map(|damage| {
+            health.update(0, Some(&friction(damage)));
+            health.pending()
+        });
+        assert_eq!(
+            pending,
+            [0, 1, 2, 0, 0, 0],
+            "counted towards the next level, and reached with the third"
+        );
     }
 
     #[test]

@@ -155,6 +155,11 @@ impl Life {
         }
     }
 
+    /// Windows in a row that ask for a worse state by damage.
+    pub(crate) fn pending(&self) -> u32 {
+        self.health.pending()
+    }
+
     /// Counts hours, cycles and work.
     fn count(&mut self, job: &WindowJob, fit: &Fit, hours_of: HoursOf) {
         let now = Last {

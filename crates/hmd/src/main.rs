@@ -2,9 +2,10 @@
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use hmd::commands::{
-    bench, calibrate, check_config, code_of, demo, evaluate, event, inspect, record, recover, replay, run, simulate,
+    bench, calibrate, check_config, code_of, demo, evaluate, event, inspect, manual, record, recover, replay, run,
+    simulate,
 };
 
 /// Health monitoring of electromechanical actuators: which part wears, how far, and how sure.
@@ -33,6 +34,8 @@ enum Verb {
     Evaluate(evaluate::Args),
     Bench(bench::Args),
     CheckConfig(check_config::Args),
+    Completions(manual::Completions),
+    Man(manual::Man),
 }
 
 fn main() -> ExitCode {
@@ -49,6 +52,8 @@ fn main() -> ExitCode {
         Verb::Evaluate(args) => evaluate::run(&args),
         Verb::Bench(args) => bench::run(&args),
         Verb::CheckConfig(args) => check_config::run(&args),
+        Verb::Completions(args) => manual::completions(&args, Cli::command()),
+        Verb::Man(args) => manual::man(&args, Cli::command()),
     };
     match ended {
         Ok(exit) => ExitCode::from(exit as u8),

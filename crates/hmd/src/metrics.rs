@@ -132,6 +132,7 @@ impl Collector for Snapshot {
             "state",
             states,
         )?;
+        of_actuators(out, status)?;
         let links = status.interface.iter().zip(&status.link);
         let links = links.map(|(name, link)| (name.as_str(), u64::from(link == "up")));
         gauges(
@@ -143,6 +144,50 @@ impl Collector for Snapshot {
         )
     }
 }
+
+/// How old the data of each actuator are, and what was made of them.
+fn of_actuators(out: &mut DescriptorEncoder<'_>, status: &Status) -> fmt::Result {
+    let names = || status.actuator.iter().map(String::as_str);
+    if status.actuator.is_empty() {
+        return Ok(());
+    }
+    let help = "Time since the newest sample of an actuator, or since the start";
+    let mut ages = out.encode_descriptor("data_age_seconds", help, None, MetricType::Gauge)?;
+    for (name, age) in names().zip(&status.data_age_s) {
+        ConstGauge::new(*age).encode(ages.encode_family(&[("actuator", name)])?)?;
+    }
+    let stale = names().zip(status.data_state.iter().map(|state| u64::from(state == "STALE")));
+    gauges(
+        out,
+        "data_stale",
+        "1 for an actuator whose data are stale",
+        "actuator",
+        stale,
+    )?;
+    let rank = |state: &String| HEALTH.iter().position(|of| of == state).unwrap_or(0) as u64;
+    let help = "Health by the last window: 0 unknown, 1 nominal, 2 watch, 3 warning, 4 critical";
+    gauges(
+        out,
+        "health",
+        help,
+        "actuator",
+        names().zip(status.health.iter().map(rank)),
+    )?;
+    let help = "Windows in a row that ask for a worse health";
+    let pending = names().zip(status.persistence.iter().copied());
+    gauges(out, "persistence", help, "actuator", pending)?;
+    let passive = names().zip(status.passive.iter().map(|passive| u64::from(*passive)));
+    gauges(
+        out,
+        "passive",
+        "1 for an actuator whose health alarms nobody",
+        "actuator",
+        passive,
+    )
+}
+
+/// In the order of their numbers.
+const HEALTH: [&str; 5] = ["unknown", "nominal", "watch", "warning", "critical"];
 
 fn counter(out: &mut DescriptorEncoder<'_>, name: &str, help: &str, value: f64) -> fmt::Result {
     let metric = out.encode_descriptor(name, help, None, MetricType::Counter)?;
@@ -192,6 +237,12 @@ mod tests {
             storage_free_bytes: 1 << 40,
             interface: vec!["can0".to_owned()],
             link: vec!["up".to_owned()],
+            actuator: vec!["ema3".to_owned()],
+            data_age_s: vec![4.5],
+            data_state: vec!["STALE".to_owned()],
+            health: vec!["watch".to_owned()],
+            persistence: vec![2],
+            passive: vec![true],
             ..Status::default()
         }
     }
@@ -210,6 +261,11 @@ mod tests {
             "hmd_storage_state{state=\"ok\"} 1",
             "hmd_storage_state{state=\"failing\"} 0",
             "hmd_link_up{interface=\"can0\"} 1",
+            "hmd_data_age_seconds{actuator=\"ema3\"} 4.5",
+            "hmd_data_stale{actuator=\"ema3\"} 1",
+            "hmd_health{actuator=\"ema3\"} 2",
+            "hmd_persistence{actuator=\"ema3\"} 2",
+            "hmd_passive{actuator=\"ema3\"} 1",
         ] {
             assert_eq!(
                 text.lines().filter(|found| *found == line).count(),

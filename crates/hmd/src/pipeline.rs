@@ -125,6 +125,12 @@ impl Pipeline {
         self.front.iter().flat_map(Front::serial)
     }
 
+    /// Names of the actuators seen, with their complete samples so far.
+    pub fn samples(&self) -> impl Iterator<Item = (&str, u64)> {
+        let of = self.front.iter().flat_map(Front::actuators);
+        of.map(|(name, samples, _)| (name, samples))
+    }
+
     /// Actuators seen.
     #[must_use]
     pub fn actuators(&self) -> u64 {

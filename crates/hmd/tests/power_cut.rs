@@ -1,6 +1,6 @@
 //! The power goes at random moments under load: every record told as synced is on the disk after fsck and a restart.
 //!
-//! Requirement S-2 of `docs/safety.md`. The load of `survive.rs` writes to ext4 in a user-mode Linux, which is killed with
+//! Requirement S-27 of `docs/safety.md`. The load of `survive.rs` writes to ext4 in a user-mode Linux, which is killed with
 //! its page cache: what was written and not synced is gone, what the disk was in the midst of is torn. The image lies in this
 //! computer's page cache, so a disk that acknowledges a flush that it has not done is not shown.
 #![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]

@@ -1,12 +1,17 @@
 //! `hmd run` under a service manager: this test is the manager, and hears what it is told.
 #![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
 
+use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::os::unix::net::UnixDatagram;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, Command, Stdio};
 use std::time::{Duration, Instant};
+
+use hmd::ingest::McapMessages;
+use hmd::record::{Record, Status};
+use prost::Message;
 
 struct Manager {
     folder: tempfile::TempDir,
@@ -15,7 +20,7 @@ struct Manager {
     said: BufReader<ChildStderr>,
 }
 
-const CONFIG: &str = "[[actuator]]\nid = 3\nbus = \"nosuchbus0\"\n";
+const CONFIG: &str = "[[actuator]]\nid = 3\nbus = \"nosuchbus0\"\npassive = true\n";
 
 impl Manager {
     fn start(output: &str, more: &[&str]) -> Self {
@@ -119,6 +124,49 @@ fn metrics_come_to_a_file_and_over_http_on_this_computer() {
         .output()
         .unwrap();
     assert_eq!(everybody.status.code(), Some(2));
+}
+
+/// The newest status records of a folder of closed segments.
+fn last_status(folder: &Path) -> Status {
+    let mut last = None;
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        for message in McapMessages::new(File::open(&path).unwrap(), "segment").unwrap() {
+            let message = message.unwrap();
+            if *message.schema == *Status::SCHEMA_NAME {
+                last = Some(Status::decode(message.data.as_slice()).unwrap());
+            }
+        }
+    }
+    last.unwrap()
+}
+
+/// Requirement S-29.
+#[test]
+fn a_silent_actuator_is_stale_in_log_status_and_metrics() {
+    let mut manager = Manager::start("segments/", &["--metrics", "hmd.prom"]);
+    let line = manager.until_said("STALE");
+    assert!(
+        line.starts_with("ema3: STALE, no sample for ") && line.ends_with("since the start\n"),
+        "{line}"
+    );
+    // The status follows the word.
+    let since = Instant::now();
+    let stale = "hmd_data_stale{actuator=\"ema3\"} 1";
+    while !std::fs::read_to_string(manager.at("hmd.prom")).unwrap().contains(stale) {
+        assert!(since.elapsed() < Duration::from_secs(5), "no {stale}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert_eq!(manager.told().0, "READY=1");
+    manager.stop();
+    let status = last_status(&manager.at("segments"));
+    assert_eq!(status.actuator, ["ema3"]);
+    assert_eq!(
+        (status.data_state, status.health),
+        (vec!["STALE".to_owned()], vec!["unknown".to_owned()])
+    );
+    assert!(status.data_age_s[0] >= 2.5, "{:?}", status.data_age_s);
+    assert_eq!((status.persistence, status.passive), (vec![0], vec![true]));
 }
 
 fn segments(folder: &Path) -> usize {

@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::Context;
 use tokio::sync::mpsc;
 
+use super::journal::Journal;
 use super::live::{Asked, report, signals};
 use super::metrics_http::{Page, loopback, serve};
 use super::table::{HEALTH_HEAD, health_row};
@@ -20,7 +21,7 @@ use crate::ingest::live::LiveSource;
 use crate::ingest::serial::SerialSource;
 use crate::judge::Judged;
 use crate::metrics::{render, write_textfile};
-use crate::record::{HealthLine, Status};
+use crate::record::{HealthLine, LogLevel, Status};
 use crate::recorder::{Recorder, is_folder, metadata};
 
 /// Watch the actuators of a configuration until SIGINT or SIGTERM.
@@ -65,6 +66,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         metrics: args.metrics.clone(),
         metrics_failed: AtomicBool::new(false),
         page: args.metrics_listen.map(|_| Page::default()),
+        journal: Journal::of_stderr(),
     };
     if let (Some(address), Some(page)) = (args.metrics_listen, &printer.page) {
         let address = serve(address, page.clone()).with_context(|| format!("--metrics-listen {address}"))?;
@@ -102,12 +104,18 @@ async fn new_config(args: &Args, asked: &mut mpsc::Receiver<Asked>, printer: &Pr
     while asked.recv().await? == Asked::Reload {
         service::reloading();
         if args.output.as_ref().is_some_and(|path| !is_folder(path)) {
-            printer.notice("not reloaded: the output is one file, which belongs to one configuration");
+            printer.notice_of(
+                LogLevel::Error,
+                "not reloaded: the output is one file, which belongs to one configuration",
+            );
         } else {
             match load(args) {
                 // Ready again once it runs.
                 Ok(config) => return Some(config),
-                Err(error) => printer.notice(&format!("not reloaded, the configuration stays as it was: {error:#}")),
+                Err(error) => printer.notice_of(
+                    LogLevel::Error,
+                    &format!("not reloaded, the configuration stays as it was: {error:#}"),
+                ),
             }
         }
         service::ready();
@@ -153,6 +161,8 @@ struct Printer {
     metrics_failed: AtomicBool,
     /// What is served over HTTP, if anything.
     page: Option<Page>,
+    /// Where stderr is the journal.
+    journal: Option<Journal>,
 }
 
 impl Observer for Printer {
@@ -179,7 +189,17 @@ impl Observer for Printer {
     }
 
     fn notice(&self, message: &str) {
-        eprintln!("{message}");
+        self.notice_of(LogLevel::Info, message);
+    }
+
+    fn notice_of(&self, level: LogLevel, message: &str) {
+        if !self
+            .journal
+            .as_ref()
+            .is_some_and(|journal| journal.write(level, message))
+        {
+            eprintln!("{message}");
+        }
     }
 
     fn status(&self, status: &Status) {
@@ -196,7 +216,10 @@ impl Observer for Printer {
         if let Err(cause) = written
             && !failed_before
         {
-            self.notice(&format!("{}: metrics cannot be written: {cause}", path.display()));
+            self.notice_of(
+                LogLevel::Error,
+                &format!("{}: metrics cannot be written: {cause}", path.display()),
+            );
         }
     }
 

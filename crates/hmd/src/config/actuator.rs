@@ -25,6 +25,7 @@ const KEYS: &[&str] = &[
     "signals",
     "part_number",
     "serial_number",
+    "passive",
 ];
 
 /// What [`is_name`] asks for, in words.
@@ -66,6 +67,9 @@ pub struct ActuatorConfig {
     pub part_number: Option<String>,
     /// Serial number of the unit, for the records.
     pub serial_number: Option<String>,
+    /// Watched and recorded like any other, but a change of its state alarms nobody: for a unit that is being tried.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub passive: bool,
 }
 
 impl ActuatorConfig {
@@ -83,6 +87,7 @@ impl ActuatorConfig {
             map: None,
             part_number: None,
             serial_number: None,
+            passive: false,
         }
     }
 
@@ -116,6 +121,7 @@ impl ActuatorConfig {
         actuator.map = signals::read(section, &actuator.params, files)?.map(Arc::new);
         actuator.part_number = section.text("part_number")?;
         actuator.serial_number = section.text("serial_number")?;
+        actuator.passive = section.flag("passive", false)?;
         Ok(actuator)
     }
 

@@ -1,15 +1,16 @@
 //! The thread between the sources and identification: records what comes, cuts windows, keeps the books.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use ema_wire::{DeframerStats, FrameFault};
 use tokio::sync::mpsc;
 
+use super::freshness::Freshness;
 use super::notices::Notices;
-use super::window_queue::WindowQueue;
-use super::{DaemonError, Observer, Shared, lock};
+use super::{DaemonError, Observer, Shared, WindowQueue, lock};
+use crate::config::Config;
 use crate::frame::BusNames;
 use crate::front::{Notice, WindowJob};
 use crate::ingest::live::{Input, LinkState, LiveLoss, now_ns};
@@ -44,10 +45,16 @@ pub(super) struct Monitor {
     unheard: Option<BTreeSet<u16>>,
     /// Inputs and windows that waited when the newest inputs were taken.
     queued: (u64, u64),
+    freshness: Freshness,
+    /// Names of the actuators whose changes alarm nobody.
+    passive: BTreeSet<String>,
 }
 
 impl Monitor {
-    pub(super) fn new(pipeline: Pipeline, names: BusNames, store_raw: bool) -> Self {
+    /// With the actuators of a configuration, or without one for a capture.
+    pub(super) fn new(pipeline: Pipeline, names: BusNames, store_raw: bool, config: Option<Arc<Config>>) -> Self {
+        let actuators = || config.iter().flat_map(|config| config.actuators());
+        let passive = actuators().filter(|actuator| actuator.passive);
         Self {
             unheard: Some((0..names.len() as u16).collect()),
             names,
@@ -60,6 +67,8 @@ impl Monitor {
             ticks: 0,
             store_raw,
             queued: (0, 0),
+            freshness: Freshness::new(actuators().map(|actuator| actuator.name.clone()), Instant::now()),
+            passive: passive.map(|actuator| actuator.name.clone()).collect(),
         }
     }
 
@@ -123,6 +132,20 @@ impl Monitor {
             record_age_s: shared.last_record.map(|at| at.elapsed().as_secs_f64()),
             ..self.pipeline.status(&self.names, shared.windows)
         };
+        for (name, age_s, stale) in self.freshness.ages(Instant::now()) {
+            let standing = shared.standings.of(name);
+            let changed = standing.changed.unwrap_or_default();
+            status.actuator.push(name.to_owned());
+            status.data_age_s.push(age_s);
+            status.data_state.push(if stale { "STALE" } else { "fresh" }.to_owned());
+            status.health.push(standing.health);
+            status.persistence.push(standing.persistence.into());
+            status.changed_ns.push(changed.t_ns);
+            status.changed_from.push(changed.from);
+            status.changed_faults.push(changed.faults);
+            status.changed_damage.push(changed.damage);
+            status.passive.push(self.passive.contains(name));
+        }
         if let Some(store) = shared.recorder.as_ref().and_then(Recorder::store_status) {
             status.set_storage(&store);
         }
@@ -190,6 +213,7 @@ impl Monitor {
                 for (notice, level) in self.notices.summaries(stamp_ns) {
                     tell(&notice, level, shared, observer)?;
                 }
+                self.tell_stale(stamp_ns, shared, observer)?;
                 self.tend_storage(stamp_ns, shared, observer)?;
                 if self.ticks.is_multiple_of(STATUS_TICKS) {
                     self.write_status(stamp_ns, shared, observer)?;
@@ -221,6 +245,20 @@ impl Monitor {
         };
         for (level, message) in recorder.tick(Instant::now())? {
             tell(&Notice { stamp_ns, message }, level, shared, observer)?;
+        }
+        Ok(())
+    }
+
+    /// Says whose data have become stale, or fresh again; the next status record does not wait for its turn.
+    fn tell_stale(&mut self, stamp_ns: u64, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
+        let changes = self.freshness.look(Instant::now(), self.pipeline.samples());
+        for (stale, message) in &changes {
+            let level = if *stale { LogLevel::Warning } else { LogLevel::Info };
+            let message = message.clone();
+            self.tell(&Notice { stamp_ns, message }, level, shared, observer)?;
+        }
+        if !changes.is_empty() {
+            self.write_status(stamp_ns, shared, observer)?;
         }
         Ok(())
     }
@@ -298,7 +336,7 @@ pub(super) fn tell(
     shared: &mut Shared,
     observer: &impl Observer,
 ) -> Result<(), DaemonError> {
-    observer.notice(&notice.message);
+    observer.notice_of(level, &notice.message);
     if let Some(recorder) = &mut shared.recorder {
         recorder.notice(notice, level)?;
     }

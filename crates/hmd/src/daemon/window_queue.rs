@@ -1,10 +1,10 @@
 //! The windows that wait for identification.
 
 use std::collections::VecDeque;
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use crate::front::WindowJob;
+// The model checker of `model/` compiles this file with locks of its own.
+use super::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
 /// Windows that may wait: four from each of sixteen actuators, some 80 kB each at 2 kHz.
 ///
@@ -14,7 +14,7 @@ pub const QUEUE_WINDOWS: usize = 64;
 
 /// A bounded queue that keeps the newest.
 #[derive(Debug)]
-pub(super) struct WindowQueue<T = WindowJob> {
+pub(super) struct WindowQueue<T> {
     state: Mutex<State<T>>,
     changed: Condvar,
 }
@@ -102,34 +102,5 @@ impl<T> WindowQueue<T> {
 
     fn lock(&self) -> MutexGuard<'_, State<T>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_one_who_judges_is_busy_until_it_asks_again() {
-        let queue = WindowQueue::new();
-        assert_eq!(queue.busy_for(), Duration::ZERO);
-        assert_eq!(queue.push(1), None);
-        assert_eq!(queue.busy_for(), Duration::ZERO, "waiting is not busy");
-        assert_eq!(queue.pop(), Some(1));
-        std::thread::sleep(Duration::from_millis(20));
-        assert!(queue.busy_for() >= Duration::from_millis(20));
-        queue.close();
-        assert_eq!(queue.pop(), None);
-        assert_eq!(queue.busy_for(), Duration::ZERO);
-    }
-
-    #[test]
-    fn the_oldest_gives_way() {
-        let queue = WindowQueue::new();
-        for n in 0..QUEUE_WINDOWS {
-            assert_eq!(queue.push(n), None);
-        }
-        assert_eq!(queue.push(QUEUE_WINDOWS), Some(0));
-        assert_eq!((queue.len(), queue.pop()), (QUEUE_WINDOWS, Some(1)));
     }
 }

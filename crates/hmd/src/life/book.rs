@@ -73,6 +73,11 @@ impl Lives {
         Ok(life)
     }
 
+    /// Windows in a row that ask for a worse state of an actuator than it has; 0 without a life.
+    pub(crate) fn pending(&self, actuator: &str) -> u32 {
+        self.lives.get(actuator).map_or(0, Life::pending)
+    }
+
     /// Ends the life of an actuator whose unit turns out to be another one; says whether there was one.
     pub fn end(&mut self, actuator: &str) -> bool {
         self.lives.remove(actuator).is_some()

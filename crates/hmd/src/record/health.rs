@@ -158,6 +158,20 @@ impl Health {
         Some(Estimate { k, sigma, observable })
     }
 
+    /// Damages in the order of [`FAULT_NAMES`]; `None` where unknown.
+    #[must_use]
+    pub fn damages(&self) -> [Option<f64>; FAULT_NAMES.len()] {
+        [
+            self.damage_friction,
+            self.damage_backlash,
+            self.damage_short_a,
+            self.damage_short_b,
+            self.damage_short_c,
+            self.damage_eccentricity,
+            self.damage_gain,
+        ]
+    }
+
     /// Fills the damages, in the order of [`FAULT_NAMES`]; a value that is not a number is left out.
     pub fn set_damage(&mut self, damage: [Option<f64>; FAULT_NAMES.len()]) {
         let damage = damage.map(|damage| damage.and_then(finite));

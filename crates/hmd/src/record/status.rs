@@ -81,6 +81,26 @@ message! {
         identification_max_s: f64 = 64 double;
         /// Live only: time since the newest health record was stored, s; absent before the first.
         record_age_s: Option<f64> = 65 double optional;
+        /// Live only: actuators that are watched; the lists below have one entry for each.
+        actuator: Vec<String> = 71 string repeated;
+        /// Time since the newest sample, or since the start, s; to a second.
+        data_age_s: Vec<f64> = 72 double repeated;
+        /// `fresh` or `STALE`.
+        data_state: Vec<String> = 73 string repeated;
+        /// State by the last window: `nominal`, `watch`, `warning`, `critical` or `unknown`.
+        health: Vec<String> = 74 string repeated;
+        /// Windows in a row that ask for a worse state.
+        persistence: Vec<u64> = 75 uint64 repeated;
+        /// Last change of the state: start of its window, UTC ns; 0 before the first.
+        changed_ns: Vec<u64> = 76 uint64 repeated;
+        /// State before the last change; empty before the first.
+        changed_from: Vec<String> = 77 string repeated;
+        /// Faults after the last change, joined by commas.
+        changed_faults: Vec<String> = 78 string repeated;
+        /// Largest damage in the window of the last change, 0…1.
+        changed_damage: Vec<f64> = 79 double repeated;
+        /// Whether changes of its state alarm nobody.
+        passive: Vec<bool> = 80 bool repeated;
     }
 }
 

@@ -372,6 +372,16 @@ fn write_a_sample() {
         identification_s: 2.5,
         identification_max_s: 0.5,
         record_age_s: Some(1.5),
+        actuator: vec!["ema1".to_owned()],
+        data_age_s: vec![0.5],
+        data_state: vec!["fresh".to_owned()],
+        health: vec!["watch".to_owned()],
+        persistence: vec![2],
+        changed_ns: vec![frames[0].stamp_ns],
+        changed_from: vec!["nominal".to_owned()],
+        changed_faults: vec!["friction".to_owned()],
+        changed_damage: vec![0.25],
+        passive: vec![true],
     };
     sink.write(frames[0].stamp_ns, &status).unwrap();
     let dropped = Dropped {

@@ -1,0 +1,15 @@
+//! Nothing but its tests: the queue of windows, compiled from the daemon's own source, under a scheduler that tries orders.
+
+#[cfg(test)]
+mod sync {
+    pub(super) use shuttle::sync::{Condvar, Mutex, MutexGuard};
+    pub(super) use std::sync::PoisonError;
+}
+
+#[cfg(test)]
+#[path = "../crates/hmd/src/daemon/window_queue.rs"]
+#[allow(dead_code, reason = "the daemon uses all of it")]
+mod window_queue;
+
+#[cfg(test)]
+mod tests;

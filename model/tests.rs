@@ -1,0 +1,80 @@
+//! Orders of pushing, judging and closing, drawn at random from a fixed seed, and by a scheduler that prefers rare ones.
+
+use shuttle::scheduler::{PctScheduler, RandomScheduler, Scheduler};
+use shuttle::sync::Arc;
+use shuttle::{Config, Runner, thread};
+
+use crate::window_queue::{QUEUE_WINDOWS, WindowQueue};
+
+/// Orders of each scheduler.
+const ORDERS: usize = 20_000;
+const SEED: u64 = 1;
+/// Preemptions that the second scheduler places.
+const DEPTH: usize = 3;
+
+fn in_any_order(body: impl Fn() + Send + Sync + Clone + 'static) {
+    fn run(scheduler: impl Scheduler + 'static, body: impl Fn() + Send + Sync + 'static) {
+        Runner::new(scheduler, Config::new()).run(body);
+    }
+    run(RandomScheduler::new_from_seed(SEED, ORDERS), body.clone());
+    run(PctScheduler::new_from_seed(SEED, DEPTH, ORDERS), body);
+}
+
+/// Windows that are more than the queue holds.
+const WINDOWS: usize = QUEUE_WINDOWS + 6;
+
+#[test]
+fn every_window_is_judged_or_given_back_once_and_in_order() {
+    in_any_order(|| {
+        let queue = Arc::new(WindowQueue::new());
+        let judge = {
+            let queue = queue.clone();
+            thread::spawn(move || std::iter::from_fn(|| queue.pop()).collect::<Vec<usize>>())
+        };
+        let dropped: Vec<usize> = (0..WINDOWS).filter_map(|n| queue.push(n)).collect();
+        queue.close();
+        let judged = judge.join().unwrap();
+        assert!(judged.is_sorted() && dropped.is_sorted(), "{judged:?} {dropped:?}");
+        assert_eq!(judged.last(), Some(&(WINDOWS - 1)), "the newest is judged");
+        let mut all = [judged, dropped].concat();
+        all.sort_unstable();
+        assert_eq!(all, (0..WINDOWS).collect::<Vec<_>>());
+    });
+}
+
+#[test]
+fn the_last_windows_wait_for_room_and_nobody_waits_for_ever() {
+    in_any_order(|| {
+        let queue = Arc::new(WindowQueue::new());
+        let judge = {
+            let queue = queue.clone();
+            thread::spawn(move || std::iter::from_fn(|| queue.pop()).count())
+        };
+        for n in 0..WINDOWS {
+            queue.push_waiting(n);
+        }
+        queue.close();
+        assert_eq!(judge.join().unwrap(), WINDOWS);
+    });
+}
+
+#[test]
+fn a_judge_that_gives_up_sets_everybody_free() {
+    in_any_order(|| {
+        let queue = Arc::new(WindowQueue::new());
+        let judge = {
+            let queue = queue.clone();
+            thread::spawn(move || {
+                let first = queue.pop();
+                queue.close();
+                first
+            })
+        };
+        for n in 0..WINDOWS {
+            queue.push_waiting(n);
+        }
+        assert!(queue.len() <= WINDOWS);
+        queue.close();
+        assert_eq!(judge.join().unwrap(), Some(0));
+    });
+}

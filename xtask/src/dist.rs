@@ -1,0 +1,86 @@
+//! Release builds that are the same wherever and whenever they are made: static, for two processors.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, ensure};
+
+use crate::debian;
+use crate::shell::{cargo, program, root, run, target_dir};
+
+/// A processor that is shipped for.
+pub(crate) struct Platform {
+    /// In Rust's words.
+    pub(crate) target: &'static str,
+    /// In Debian's.
+    pub(crate) architecture: &'static str,
+    /// Compiler of the C code, with the package that has it.
+    compiler: (&'static str, &'static str),
+}
+
+/// All of them.
+pub(crate) const PLATFORMS: [Platform; 2] = [
+    Platform {
+        target: "x86_64-unknown-linux-musl",
+        architecture: "amd64",
+        compiler: ("musl-gcc", "musl-tools"),
+    },
+    Platform {
+        target: "aarch64-unknown-linux-musl",
+        architecture: "arm64",
+        compiler: ("aarch64-linux-gnu-gcc", "gcc-aarch64-linux-gnu"),
+    },
+];
+
+/// Builds for every platform twice, in different folders and without anything of the first left, and compares.
+pub(crate) fn check() -> anyhow::Result<()> {
+    for platform in &PLATFORMS {
+        let [one, other] = ["dist1", "dist2"].map(|name| build(platform, name));
+        let (one, other) = (one?, other?);
+        let same = fs::read(&one)? == fs::read(&other)?;
+        ensure!(same, "{} and {} differ", one.display(), other.display());
+        run(program("sha256sum", [&one, &other]))?;
+    }
+    Ok(())
+}
+
+/// The program for a platform, built in a folder of this name below the target directory.
+pub(crate) fn build(platform: &Platform, folder: &str) -> anyhow::Result<PathBuf> {
+    let (compiler, package) = platform.compiler;
+    debian::install(&[(package, &format!("/usr/bin/{compiler}"))])?;
+    run(program("rustup", ["target", "add", platform.target]))?;
+    let folder = target_dir()?.join(folder);
+    let under = platform.target.replace('-', "_");
+    let paths = [(root(), "/hmd"), (&cargo_home()?, "/cargo"), (&folder, "/target")];
+    let of_paths = |option: &str| -> String {
+        let renamed = paths
+            .iter()
+            .map(|(path, name)| format!("{option}={}={name}", path.display()));
+        renamed.collect::<Vec<_>>().join(" ")
+    };
+    let build = [
+        "build",
+        "--locked",
+        "--profile",
+        "dist",
+        "--package",
+        "hmd",
+        "--target",
+        platform.target,
+    ];
+    run(cargo(build)
+        .env("CARGO_TARGET_DIR", &folder)
+        .env("RUSTFLAGS", of_paths("--remap-path-prefix"))
+        .env("CFLAGS", of_paths("-ffile-prefix-map"))
+        .env("SOURCE_DATE_EPOCH", "0")
+        .env(format!("CC_{under}"), compiler)
+        // The one that comes with the compiler, so that the system's has no say.
+        .env(format!("CARGO_TARGET_{}_LINKER", under.to_uppercase()), "rust-lld"))?;
+    Ok(folder.join(platform.target).join("dist/hmd"))
+}
+
+fn cargo_home() -> anyhow::Result<PathBuf> {
+    let home = || std::env::var_os("HOME").map(|home| Path::new(&home).join(".cargo"));
+    let given = std::env::var_os("CARGO_HOME").map(PathBuf::from);
+    given.or_else(home).context("expected CARGO_HOME or HOME")
+}

@@ -4,7 +4,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use hmd::commands::{
-    bench, calibrate, check_config, code_of, demo, evaluate, event, inspect, record, recover, replay, run, simulate,
+    bench, calibrate, check_config, code_of, demo, evaluate, event, inspect, record, recover, replay, report, run,
+    simulate,
 };
 
 /// Health monitoring of electromechanical actuators: which part wears, how far, and how sure.
@@ -28,6 +29,7 @@ enum Verb {
     Recover(recover::Args),
     Event(event::Args),
     Inspect(inspect::Args),
+    Report(report::Args),
     Simulate(simulate::Args),
     Calibrate(calibrate::Args),
     Evaluate(evaluate::Args),
@@ -43,6 +45,7 @@ fn main() -> ExitCode {
         Verb::Replay(args) => replay::run(&args),
         Verb::Recover(args) => recover::run(&args),
         Verb::Inspect(args) => inspect::run(&args),
+        Verb::Report(args) => report::run(&args),
         Verb::Event(args) => event::run(&args),
         Verb::Simulate(args) => simulate::run(&args),
         Verb::Calibrate(args) => calibrate::run(&args),

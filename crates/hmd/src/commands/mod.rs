@@ -13,6 +13,7 @@ mod progress;
 pub mod record;
 pub mod recover;
 pub mod replay;
+pub mod report;
 pub mod run;
 mod service;
 pub mod simulate;

@@ -16,6 +16,7 @@ pub mod commands;
 pub mod config;
 pub mod daemon;
 pub mod evaluate;
+pub mod export;
 pub mod frame;
 pub mod front;
 pub mod function;

@@ -6,6 +6,7 @@ pub mod check_config;
 pub mod demo;
 pub mod evaluate;
 pub mod event;
+pub mod export;
 pub mod inspect;
 mod live;
 mod metrics_http;

@@ -35,8 +35,11 @@ fn csv(folder: &TempDir, name: &str) -> (Vec<String>, Vec<Vec<String>>) {
     )
 }
 
+/// Keys and values of a file's metadata.
+type Pairs = Vec<(String, Option<String>)>;
+
 /// The same of a Parquet file, each value as CSV spells it, and its metadata.
-fn parquet(folder: &TempDir, name: &str) -> (Vec<String>, Vec<Vec<String>>, Vec<(String, Option<String>)>) {
+fn parquet(folder: &TempDir, name: &str) -> (Vec<String>, Vec<Vec<String>>, Pairs) {
     let reader = SerializedFileReader::new(File::open(folder.path().join(name)).expect("a file")).expect("Parquet");
     let metadata = reader.metadata().file_metadata();
     let head = metadata

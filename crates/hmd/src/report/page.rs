@@ -26,7 +26,7 @@ pub fn page(files: &Files, history: &History) -> String {
         verdict(history)
     );
     let mut section = |heading: &str, content: String| {
-        let _ = write!(body, "<section><h2>{heading}</h2>\n{content}</section>\n");
+        let _ = writeln!(body, "<section><h2>{heading}</h2>\n{content}</section>");
     };
     section("Faults", faults(history));
     section(
@@ -121,9 +121,9 @@ fn faults(history: &History) -> String {
             || "no trend".to_owned(),
             |[p10, p50, p90]| format!("{p50:.0} ({p10:.0} … {p90:.0})"),
         );
-        let _ = write!(
+        let _ = writeln!(
             rows,
-            "<tr><th scope=\"row\">{}</th><td class=\"n\">{damage}</td><td>{detected}</td><td class=\"n\">{left}</td></tr>\n",
+            "<tr><th scope=\"row\">{}</th><td class=\"n\">{damage}</td><td>{detected}</td><td class=\"n\">{left}</td></tr>",
             words(name)
         );
     }
@@ -153,9 +153,9 @@ fn fitted(history: &History) -> String {
 fn quality(files: &Files, history: &History) -> String {
     let mut rows = String::new();
     let mut row = |what: &str, count: u64| {
-        let _ = write!(
+        let _ = writeln!(
             rows,
-            "<tr><th scope=\"row\">{}</th><td class=\"n\">{count}</td></tr>\n",
+            "<tr><th scope=\"row\">{}</th><td class=\"n\">{count}</td></tr>",
             escaped(what)
         );
     };
@@ -183,16 +183,16 @@ fn quality(files: &Files, history: &History) -> String {
     for source in &files.sources {
         for (what, count) in losses(&source.status).into_iter().filter(|(_, count)| *count > 0) {
             let file = escaped(&source.file);
-            let _ = write!(
+            let _ = writeln!(
                 rows,
-                "<tr><td>{file}</td><td>{what}</td><td class=\"n\">{count}</td></tr>\n"
+                "<tr><td>{file}</td><td>{what}</td><td class=\"n\">{count}</td></tr>"
             );
         }
         if source.damaged {
             let file = escaped(&source.file);
-            let _ = write!(
+            let _ = writeln!(
                 rows,
-                "<tr><td>{file}</td><td>parts of the file are damaged</td><td class=\"n\">yes</td></tr>\n"
+                "<tr><td>{file}</td><td>parts of the file are damaged</td><td class=\"n\">yes</td></tr>"
             );
         }
     }

@@ -59,7 +59,7 @@ impl Axis {
     }
 
     /// Begins no higher than 0.
-    pub(super) fn from_zero(mut self) -> Self {
+    pub(super) fn down_to_zero(mut self) -> Self {
         self.low = self.low.min(0.0);
         self
     }

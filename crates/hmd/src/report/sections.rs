@@ -47,16 +47,12 @@ pub(super) fn fit(window: &Window) -> String {
             .collect();
         let drawn = thinned(&rows, SAMPLES_MAX);
         let along = || Axis::over("time, s", time.iter().copied());
-        let axis = |values: &dyn Fn(&(f64, f64, f64)) -> [f64; 2], label: &str| {
-            Axis::over(label, rows.iter().flat_map(values))
-        };
-
         let label = format!("{name}, {unit}");
         let mut both = Plot::new(
             &format!("Measured and fitted {name}"),
             HEIGHT,
             along(),
-            axis(&|r| [r.1, r.2], &label),
+            Axis::over(&label, rows.iter().flat_map(|r| [r.1, r.2])),
         );
         both.line("measured", drawn.iter().map(|r| (r.0, Some(r.1))));
         both.line("fitted", drawn.iter().map(|r| (r.0, Some(r.2))));
@@ -69,7 +65,7 @@ pub(super) fn fit(window: &Window) -> String {
             &format!("Residual of the {name}"),
             HEIGHT,
             along(),
-            axis(&|r| [r.1 - r.2, 0.0], &format!("residual, {unit}")),
+            Axis::over(&format!("residual, {unit}"), rows.iter().flat_map(|r| [r.1 - r.2, 0.0])),
         );
         residual.line("residual", drawn.iter().map(|r| (r.0, Some(r.1 - r.2))));
         let square: f64 = rows.iter().map(|r| (r.1 - r.2).powi(2)).sum();
@@ -171,7 +167,7 @@ pub(super) fn remaining(history: &History) -> String {
         "Remaining useful life with its 80 % interval",
         HEIGHT,
         x,
-        Axis::over("hours left", values).from_zero(),
+        Axis::over("hours left", values).down_to_zero(),
     );
     plot.band(
         "band",
@@ -193,7 +189,7 @@ pub(super) fn remaining(history: &History) -> String {
 pub(super) fn residuals(history: &History) -> String {
     let (x, points) = drawn(history);
     let values = points.iter().filter_map(|(_, point)| point.residual_rms_a);
-    let y = Axis::over("residual, A rms", values).from_zero();
+    let y = Axis::over("residual, A rms", values).down_to_zero();
     let mut plot = Plot::new("Current residual over the life", HEIGHT, x, y);
     plot.line("value", points.iter().map(|(at, point)| (*at, point.residual_rms_a)));
     figure(&plot, "What the fit leaves of the current, in each window")

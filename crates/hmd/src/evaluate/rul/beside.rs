@@ -145,12 +145,12 @@ mod tests {
             assert!((hours - 100.0 * share).abs() < 1e-9, "{hours}");
             assert!((probability_within(&lives, hours) - share).abs() < 1e-9);
         }
-        assert_eq!(probability_within(&lives, 0.0), 0.0);
-        assert_eq!(probability_within(&lives, 200.0), 1.0);
+        assert!(probability_within(&lives, 0.0).abs() < 1e-12);
+        assert!((probability_within(&lives, 200.0) - 1.0).abs() < 1e-12);
         let never = [10.0, f64::INFINITY];
         assert!(quantile_of(&never, 0.9).is_infinite());
         assert!((probability_within(&never, 1e9) - 0.5).abs() < 1e-12);
-        assert_eq!(probability_within(&[], 1.0), 0.0);
+        assert!(probability_within(&[], 1.0).abs() < 1e-12);
     }
 
     #[test]

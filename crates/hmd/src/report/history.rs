@@ -111,7 +111,7 @@ impl Files {
     /// Reads files in the order of time.
     ///
     /// # Errors
-    /// A file that cannot be read, or a record that is none. Damaged parts are passed over and told in [`Source::damaged`].
+    /// A file that cannot be read, or a record that is none. Damaged parts are passed over and told on the page.
     pub fn read<P: AsRef<Path>>(paths: &[P]) -> Result<Self, ReportError> {
         let mut files = Self::default();
         for path in paths {

@@ -1,4 +1,4 @@
-//! The verbs that CI uses, in plain Rust, so that a fresh machine needs nothing but cargo (and Python for three of them).
+//! The verbs that CI uses, in plain Rust, so that a fresh machine needs nothing but cargo (and Python for four of them).
 //!
 //! `cargo xtask VERB`; `cargo xtask ci` runs all of them but the tests, the fuzzing and the long forms.
 
@@ -17,6 +17,7 @@ mod power_cut;
 mod progpy;
 mod python;
 mod readers;
+mod report;
 mod results;
 mod sbom;
 mod shell;
@@ -53,6 +54,8 @@ enum Verb {
     Readers,
     /// A drive model that nobody here wrote against the reference.
     Oracle,
+    /// A report in headless Chromium: no console message, no request, accessible; with pictures.
+    Report,
     /// Our forecasts beside those of NASA's progpy, on the same histories.
     Progpy,
     /// The daemon on real SocketCAN, in a user-mode Linux.
@@ -102,6 +105,7 @@ fn main() -> ExitCode {
         Verb::Deny => deny::check(),
         Verb::Readers => readers::check(),
         Verb::Oracle => oracle::check(),
+        Verb::Report => report::check(),
         Verb::Progpy => progpy::compare(),
         Verb::Can => can::check(),
         Verb::Target => target::check(),

@@ -1,4 +1,4 @@
-//! Readers that nobody here wrote read what hmd writes: the MCAP reference library and `cantools`.
+//! Readers that nobody here wrote read what hmd writes: the MCAP reference library, `cantools` and `pyarrow`.
 
 use std::fs;
 use std::path::Path;
@@ -9,7 +9,12 @@ use crate::python::Python;
 use crate::shell::{cargo, program, run, run_to_file, target_dir};
 
 /// What the readers are made of.
-pub(crate) const PACKAGES: [&str; 3] = ["mcap==1.6.0", "mcap-protobuf-support==0.6.0", "cantools==45.1.0"];
+pub(crate) const PACKAGES: [&str; 4] = [
+    "mcap==1.6.0",
+    "mcap-protobuf-support==0.6.0",
+    "cantools==45.1.0",
+    "pyarrow==26.0.1",
+];
 
 /// Actuations in the simulated log.
 const WINDOWS: usize = 2;
@@ -23,6 +28,7 @@ pub(crate) fn check() -> anyhow::Result<()> {
     let folder = target_dir()?.join("readers");
     fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     mcap(&python, &folder)?;
+    tables(&python, &folder)?;
     dbc(&python, &folder)?;
     any_dbc(&python, &folder)
 }
@@ -76,6 +82,22 @@ fn mcap(python: &Python, folder: &Path) -> anyhow::Result<()> {
         !records[0].is_empty() && records[0] == records[1],
         "the text log and the MCAP file replay differently"
     );
+    Ok(())
+}
+
+/// Both tables of a replayed log in both forms.
+fn tables(python: &Python, folder: &Path) -> anyhow::Result<()> {
+    let hmd = target_dir()?.join("debug/hmd");
+    let recorded = folder.join("text.replayed.mcap");
+    for table in ["health", "samples"] {
+        let [csv, parquet] = ["csv", "parquet"].map(|form| folder.join(table).with_extension(form));
+        for out in [&csv, &parquet] {
+            run(program(&hmd, ["export", "--table", table, "-o"])
+                .arg(out)
+                .arg(&recorded))?;
+        }
+        python.script("fixtures/check_table.py", &[&csv, &parquet])?;
+    }
     Ok(())
 }
 

@@ -4,8 +4,8 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 use hmd::commands::{
-    bench, calibrate, check_config, code_of, demo, evaluate, event, inspect, manual, record, recover, replay, run,
-    simulate,
+    bench, calibrate, check_config, code_of, demo, evaluate, event, export, inspect, manual, record, recover, replay,
+    report, run, simulate,
 };
 
 /// Health monitoring of electromechanical actuators: which part wears, how far, and how sure.
@@ -29,6 +29,8 @@ enum Verb {
     Recover(recover::Args),
     Event(event::Args),
     Inspect(inspect::Args),
+    Report(report::Args),
+    Export(export::Args),
     Simulate(simulate::Args),
     Calibrate(calibrate::Args),
     Evaluate(evaluate::Args),
@@ -46,6 +48,8 @@ fn main() -> ExitCode {
         Verb::Replay(args) => replay::run(&args),
         Verb::Recover(args) => recover::run(&args),
         Verb::Inspect(args) => inspect::run(&args),
+        Verb::Export(args) => export::run(&args),
+        Verb::Report(args) => report::run(&args),
         Verb::Event(args) => event::run(&args),
         Verb::Simulate(args) => simulate::run(&args),
         Verb::Calibrate(args) => calibrate::run(&args),

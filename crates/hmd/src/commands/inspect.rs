@@ -1,4 +1,6 @@
-//! `hmd inspect`: the history of an actuator for people: trend, remaining life, events.
+//! `hmd inspect`: the history of an actuator for people: trend, remaining life, events; and the catalogue of fault modes.
+
+mod summary;
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -10,15 +12,17 @@ use prost::Message;
 use serde::Serialize;
 
 use super::table::{HEALTH_HEAD, health_row, left_cell};
-use super::{Exit, say};
+use super::{Exit, load_config, say};
+use crate::catalogue::catalogue;
 use crate::ingest::McapMessages;
+use crate::judge::{levels, persistence};
 use crate::record::{FAULT_NAMES, Health, Interval, Log, Record, Rul};
 
 /// Print the history in recorded files: damage, remaining life, events.
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// MCAP files that hmd wrote, in the order of time.
-    #[arg(required = true)]
+    #[arg(required_unless_present = "catalogue")]
     files: Vec<PathBuf>,
     /// Print a JSON object per line.
     #[arg(long, conflicts_with = "csv")]
@@ -26,6 +30,15 @@ pub struct Args {
     /// Print comma-separated values; events are left out.
     #[arg(long)]
     csv: bool,
+    /// Print the newest state of each actuator as one line of at most 220 characters, fit for a downlink.
+    #[arg(long, conflicts_with_all = ["json", "csv"])]
+    summary: bool,
+    /// Print the catalogue of fault modes as JSON instead of any file.
+    #[arg(long, conflicts_with_all = ["files", "csv", "summary"])]
+    catalogue: bool,
+    /// Configuration whose levels the catalogue has; the defaults without one.
+    #[arg(short, long, requires = "catalogue")]
+    config: Option<PathBuf>,
 }
 
 /// One line of the history.
@@ -47,12 +60,30 @@ struct Line<'a> {
     reason: &'a str,
 }
 
+/// How a history is printed.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Form {
+    Table,
+    Json,
+    Csv,
+    /// Only the newest window of each actuator, at the end.
+    Summary,
+}
+
 /// What is printed, in which form.
 struct Printer {
-    json: bool,
-    csv: bool,
+    form: Form,
     /// The head stands above the first window.
     headed: bool,
+    /// The newest line of each actuator.
+    summaries: BTreeMap<String, Summarised>,
+}
+
+/// The newest window of an actuator, with the damages of the newest that was judged.
+#[derive(Default)]
+struct Summarised {
+    damage: [Option<f64>; FAULT_NAMES.len()],
+    line: String,
 }
 
 /// What a file had.
@@ -65,12 +96,27 @@ struct Shown {
 /// Runs the verb.
 ///
 /// # Errors
-/// A file that is none of ours.
+/// A file that is none of ours; a bad configuration.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    if args.catalogue {
+        let config = load_config(args.config.as_deref())?;
+        let health = config.health();
+        say(&serde_json::to_string_pretty(&catalogue(
+            &levels(health),
+            persistence(health),
+        ))?)?;
+        return Ok(Exit::Done);
+    }
+    let form = match (args.json, args.csv, args.summary) {
+        (true, ..) => Form::Json,
+        (_, true, _) => Form::Csv,
+        (.., true) => Form::Summary,
+        _ => Form::Table,
+    };
     let mut printer = Printer {
-        json: args.json,
-        csv: args.csv,
+        form,
         headed: false,
+        summaries: BTreeMap::new(),
     };
     let mut damaged = false;
     for path in &args.files {
@@ -80,6 +126,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         let shown = printer.print(messages).with_context(|| name.clone())?;
         ensure!(shown.windows > 0, "{name}: expected records of windows, found none");
         damaged |= shown.damaged;
+    }
+    for summarised in printer.summaries.values() {
+        say(&summarised.line)?;
     }
     Ok(if damaged { Exit::DataLost } else { Exit::Done })
 }
@@ -113,36 +162,48 @@ impl Printer {
     }
 
     fn window(&mut self, health: &Health, rul: &Rul) -> anyhow::Result<()> {
-        if !std::mem::replace(&mut self.headed, true) {
-            if self.csv {
-                say(&csv_head())?;
-            } else if !self.json {
-                say(&format!("{:>10} {:<22} {HEALTH_HEAD}", "used, h", "left (10…90 %), h"))?;
+        let is_first = !std::mem::replace(&mut self.headed, true);
+        match self.form {
+            Form::Table => {
+                if is_first {
+                    say(&format!("{:>10} {:<22} {HEALTH_HEAD}", "used, h", "left (10…90 %), h"))?;
+                }
+                say(&table_row(health, rul))
             }
-        }
-        if self.json {
-            say(&serde_json::to_string(&line(health, rul))?)
-        } else if self.csv {
-            say(&csv_row(health, rul))
-        } else {
-            let used = rul.operating_h.map_or_else(String::new, |hours| format!("{hours:.1}"));
-            let mut row = format!("{used:>10} {:<22} {}", left_cell(rul), health_row(health));
-            if !rul.governed_by.is_empty() && rul.governed_by != "damage" {
-                row += &format!("  (ends by {})", rul.governed_by);
+            Form::Json => say(&serde_json::to_string(&line(health, rul))?),
+            Form::Csv => {
+                if is_first {
+                    say(&csv_head())?;
+                }
+                say(&csv_row(health, rul))
             }
-            say(&row)
+            Form::Summary => {
+                let newest = self.summaries.entry(health.actuator.clone()).or_default();
+                if health.estimate().is_some() {
+                    newest.damage = damages(health);
+                }
+                newest.line = summary::summary_line(health, &newest.damage, rul);
+                Ok(())
+            }
         }
     }
 
     fn event(&self, t_ns: u64, message: &str) -> anyhow::Result<()> {
-        if self.json {
-            say(&serde_json::json!({ "t_ns": t_ns, "event": message }).to_string())
-        } else if self.csv {
-            Ok(())
-        } else {
-            say(&format!("{:>10} {message}", ""))
+        match self.form {
+            Form::Table => say(&format!("{:>10} {message}", "")),
+            Form::Json => say(&serde_json::json!({ "t_ns": t_ns, "event": message }).to_string()),
+            Form::Csv | Form::Summary => Ok(()),
         }
     }
+}
+
+fn table_row(health: &Health, rul: &Rul) -> String {
+    let used = rul.operating_h.map_or_else(String::new, |hours| format!("{hours:.1}"));
+    let mut row = format!("{used:>10} {:<22} {}", left_cell(rul), health_row(health));
+    if !rul.governed_by.is_empty() && rul.governed_by != "damage" {
+        row += &format!("  (ends by {})", rul.governed_by);
+    }
+    row
 }
 
 fn damages(health: &Health) -> [Option<f64>; FAULT_NAMES.len()] {

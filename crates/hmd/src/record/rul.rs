@@ -157,4 +157,23 @@ impl Rul {
         );
         set!(gain, gain_p10_h, gain_p50_h, gain_p90_h, gain_failure_probability);
     }
+
+    /// Hours left to each fault alone, in the order of [`super::FAULT_NAMES`]: quantiles 10, 50 and 90 %.
+    #[must_use]
+    pub fn faults(&self) -> [Option<[f64; 3]>; super::FAULT_NAMES.len()] {
+        [
+            (self.friction_p10_h, self.friction_p50_h, self.friction_p90_h),
+            (self.backlash_p10_h, self.backlash_p50_h, self.backlash_p90_h),
+            (self.short_a_p10_h, self.short_a_p50_h, self.short_a_p90_h),
+            (self.short_b_p10_h, self.short_b_p50_h, self.short_b_p90_h),
+            (self.short_c_p10_h, self.short_c_p50_h, self.short_c_p90_h),
+            (
+                self.eccentricity_p10_h,
+                self.eccentricity_p50_h,
+                self.eccentricity_p90_h,
+            ),
+            (self.gain_p10_h, self.gain_p50_h, self.gain_p90_h),
+        ]
+        .map(|(p10, p50, p90)| Some([p10?, p50?, p90?]))
+    }
 }

@@ -1,0 +1,48 @@
+//! `hmd export`: recorded files as a table.
+
+use std::path::PathBuf;
+
+use super::{Exit, Misuse};
+use crate::export::{CsvTable, ParquetTable, Table, TableKind, export};
+
+/// Write what was recorded as a table: CSV or Parquet, wide by time, units in the metadata.
+///
+/// Example: hmd export flight.mcap -o flight.parquet
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// MCAP files that hmd wrote, in the order of time.
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// The table, `.csv` or `.parquet`; beside a CSV file, `FILE.metadata.json` holds the units.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// What makes a row: a window with its health and remaining life, or a stored sample of it.
+    #[arg(long, value_enum, default_value_t = TableKind::Health)]
+    table: TableKind,
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// A file that is none of ours or has nothing for the table, an output that cannot be written.
+pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    let heads = args.table.heads();
+    let extension = args.output.extension().and_then(|extension| extension.to_str());
+    let table: Box<dyn Table> = match extension {
+        Some("csv") => Box::new(CsvTable::new(&args.output, heads)?),
+        Some("parquet") => Box::new(ParquetTable::new(&args.output, heads)?),
+        _ => {
+            let output = args.output.display();
+            return Err(Misuse(format!(
+                "--output: expected a name that ends in .csv or .parquet, found {output}"
+            ))
+            .into());
+        }
+    };
+    let exported = export(&args.files, args.table, table)?;
+    if exported.rows == 0 {
+        let files: Vec<String> = args.files.iter().map(|file| file.display().to_string()).collect();
+        anyhow::bail!("{}: expected records of windows, found none", files.join(", "));
+    }
+    Ok(if exported.damaged { Exit::DataLost } else { Exit::Done })
+}

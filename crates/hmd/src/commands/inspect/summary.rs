@@ -1,0 +1,128 @@
+//! The newest state of an actuator as one line for a downlink.
+
+use crate::record::{FAULT_NAMES, Health, Rul};
+use crate::utc::compact_minute;
+
+/// Longest line, characters: the text of one ACARS block.
+pub(super) const LENGTH_MAX: usize = 220;
+
+/// Longest name of an actuator; a longer one is cut.
+const NAME_MAX: usize = 16;
+
+/// Largest number of hours; more is said as this.
+const HOURS_MAX: f64 = 99_999.0;
+
+/// Names of the faults that fit, in the order of [`FAULT_NAMES`].
+const SHORT_NAMES: [&str; FAULT_NAMES.len()] = ["FRIC", "BKLSH", "SHORT-A", "SHORT-B", "SHORT-C", "ECC", "GAIN"];
+
+/// Actuator, window, time, health, faults with damage in percent, hours left, probability of failing within the horizon, and
+/// what ends the life. Capital letters, digits, space, hyphen, comma, stop and slash only, which every air-ground link carries.
+pub(super) fn summary_line(health: &Health, damage: &[Option<f64>; FAULT_NAMES.len()], rul: &Rul) -> String {
+    let mut fields = vec![
+        "HMD1".to_owned(),
+        health.actuator.chars().take(NAME_MAX).collect(),
+        format!("W{}", health.window),
+        compact_minute(health.t_start_ns),
+        health.health.clone(),
+    ];
+    if health.status != "ok" {
+        fields.push(health.status.clone());
+    }
+    let faults: Vec<String> = health
+        .fault_list
+        .iter()
+        .filter_map(|fault| {
+            let n = FAULT_NAMES.iter().position(|name| name == fault)?;
+            Some(format!(
+                "{} {:.0}",
+                SHORT_NAMES[n],
+                (100.0 * damage[n]?).clamp(0.0, 100.0)
+            ))
+        })
+        .collect();
+    fields.push(if faults.is_empty() {
+        "NO FAULT".to_owned()
+    } else {
+        faults.join(" ")
+    });
+    match (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) {
+        (Some(p10), Some(p50), Some(p90)) => {
+            let [p10, p50, p90] = [p10, p50, p90].map(|hours| hours.clamp(0.0, HOURS_MAX));
+            fields.push(format!("RUL {p10:.0}-{p50:.0}-{p90:.0} H"));
+            if let (Some(probability), Some(horizon)) = (rul.failure_probability, rul.horizon_h) {
+                fields.push(format!("PF {probability:.2} IN {:.0} H", horizon.clamp(0.0, HOURS_MAX)));
+            }
+            fields.push(format!("BY {}", rul.governed_by));
+        }
+        _ => fields.push("NO RUL".to_owned()),
+    }
+    fields.join("/").chars().map(sent).take(LENGTH_MAX).collect()
+}
+
+/// A character that the link carries.
+fn sent(c: char) -> char {
+    match c.to_ascii_uppercase() {
+        c if c.is_ascii_uppercase() || c.is_ascii_digit() || " -,./".contains(c) => c,
+        _ => '-',
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn full() -> (Health, Rul) {
+        let mut health = Health {
+            actuator: "left_inner_élevon_of_the_test_rig".to_owned(),
+            window: u64::from(u32::MAX),
+            t_start_ns: 1_700_000_000_000_000_000,
+            status: "degraded".to_owned(),
+            health: "critical".to_owned(),
+            ..Health::default()
+        };
+        health.set_faults(&FAULT_NAMES);
+        let rul = Rul {
+            rul_p10_h: Some(1e9),
+            rul_p50_h: Some(1e9),
+            rul_p90_h: Some(1e9),
+            failure_probability: Some(0.998),
+            horizon_h: Some(1e9),
+            governed_by: "response_time".to_owned(),
+            ..Rul::default()
+        };
+        (health, rul)
+    }
+
+    #[test]
+    fn the_longest_line_fits_whole_and_has_only_what_links_carry() {
+        let (health, rul) = full();
+        let line = summary_line(&health, &[Some(1.0); 7], &rul);
+        assert!(line.ends_with("/BY RESPONSE-TIME"), "{line}");
+        assert!(line.len() <= LENGTH_MAX, "{} characters: {line}", line.len());
+        assert!(line.chars().all(|c| sent(c) == c), "{line}");
+    }
+
+    #[test]
+    fn a_line_says_what_is_known() {
+        let (mut health, mut rul) = full();
+        health.actuator = "ema0".to_owned();
+        health.window = 7;
+        health.status = "ok".to_owned();
+        health.set_faults(&["friction"]);
+        (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(140.0), Some(165.2), Some(191.0));
+        rul.horizon_h = Some(100.0);
+        rul.governed_by = "damage".to_owned();
+        let mut damage = [None; 7];
+        damage[0] = Some(0.748);
+        assert_eq!(
+            summary_line(&health, &damage, &rul),
+            "HMD1/EMA0/W7/20231114T2213Z/CRITICAL/FRIC 75/RUL 140-165-191 H/PF 1.00 IN 100 H/BY DAMAGE"
+        );
+        health.set_faults::<&str>(&[]);
+        health.health = "nominal".to_owned();
+        assert_eq!(
+            summary_line(&health, &damage, &Rul::default()),
+            "HMD1/EMA0/W7/20231114T2213Z/NOMINAL/NO FAULT/NO RUL"
+        );
+    }
+}

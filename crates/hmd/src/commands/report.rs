@@ -1,0 +1,36 @@
+//! `hmd report`: one page about one actuator.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+
+use super::Exit;
+use crate::report::{Files, page};
+
+/// Write a report of an actuator: one HTML file that needs nothing else.
+///
+/// Example: hmd replay flight.log -o flight.mcap && hmd report flight.mcap -o ema0.html
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// MCAP files that hmd wrote, in the order of time.
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// The HTML file.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// The actuator; needed where the files have several.
+    #[arg(long, value_name = "NAME")]
+    actuator: Option<String>,
+}
+
+/// Runs the verb.
+///
+/// # Errors
+/// A file that is none of ours, an actuator that it does not have, an output that cannot be written.
+pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    let files = Files::read(&args.files)?;
+    let history = files.actuator(args.actuator.as_deref())?;
+    std::fs::write(&args.output, page(&files, history)).with_context(|| args.output.display().to_string())?;
+    let damaged = files.sources.iter().any(|source| source.damaged);
+    Ok(if damaged { Exit::DataLost } else { Exit::Done })
+}

@@ -1,0 +1,142 @@
+//! Recorded files -> one table, wide by time, as CSV or Parquet, with units in its metadata. Bounded memory, no clock.
+
+mod csv;
+mod parquet;
+mod table;
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+use prost::Message;
+
+use crate::ingest::McapMessages;
+use crate::record::{Health, Record, Rul, Window};
+
+pub use csv::CsvTable;
+pub use parquet::ParquetTable;
+pub use table::{Head, Kind, TableKind, Value};
+
+/// Why there is no table.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// A file that cannot be read or written.
+    #[error("{file}: {source}")]
+    Io {
+        /// The file.
+        file: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A record that is not what its schema says.
+    #[error("{file}: {source}")]
+    Record {
+        /// The file.
+        file: String,
+        /// Why.
+        source: prost::DecodeError,
+    },
+    /// A row that CSV cannot take.
+    #[error(transparent)]
+    Csv(#[from] ::csv::Error),
+    /// A row that Parquet cannot take.
+    #[error(transparent)]
+    Parquet(#[from] ::parquet::errors::ParquetError),
+    /// The names of columns as JSON.
+    #[error(transparent)]
+    Json(#[from] serde_json::Error),
+}
+
+/// Takes rows.
+pub trait Table {
+    /// Adds a row, with a value for each column.
+    ///
+    /// # Errors
+    /// What cannot be written.
+    fn row(&mut self, row: Vec<Value>) -> Result<(), ExportError>;
+
+    /// Writes what is left; `sources` are the metadata of the files that were read.
+    ///
+    /// # Errors
+    /// What cannot be written.
+    fn finish(self: Box<Self>, sources: &Sources) -> Result<(), ExportError>;
+}
+
+/// Metadata of each file, by its name and then by key.
+pub type Sources = BTreeMap<String, BTreeMap<String, String>>;
+
+/// What came of an export.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Exported {
+    /// Rows written.
+    pub rows: u64,
+    /// Parts of a file were damaged and passed over.
+    pub damaged: bool,
+}
+
+/// Reads files in the order of time into a table.
+///
+/// # Errors
+/// A file that cannot be read, a record that is none, a row that cannot be written.
+pub fn export<P: AsRef<Path>>(
+    paths: &[P],
+    kind: TableKind,
+    mut table: Box<dyn Table>,
+) -> Result<Exported, ExportError> {
+    let (mut exported, mut sources) = (Exported::default(), Sources::new());
+    for path in paths {
+        let name = path.as_ref().display().to_string();
+        let io = |source| ExportError::Io {
+            file: name.clone(),
+            source,
+        };
+        let record = |source| ExportError::Record {
+            file: name.clone(),
+            source,
+        };
+        let file = File::open(path).map_err(io)?;
+        let mut messages = McapMessages::new(BufReader::new(file), &name).map_err(io)?;
+        // The health of each actuator's newest window, until its remaining life comes.
+        let mut waiting: BTreeMap<String, Health> = BTreeMap::new();
+        for message in messages.by_ref() {
+            let Ok(message) = message else {
+                exported.damaged = true;
+                continue;
+            };
+            let data = message.data.as_slice();
+            let rows = match (kind, &*message.schema) {
+                (TableKind::Health, Health::SCHEMA_NAME) => {
+                    let health = Health::decode(data).map_err(record)?;
+                    waiting.insert(health.actuator.clone(), health);
+                    Vec::new()
+                }
+                (TableKind::Health, Rul::SCHEMA_NAME) => {
+                    let rul = Rul::decode(data).map_err(record)?;
+                    let health = waiting
+                        .remove(&rul.actuator)
+                        .filter(|health| health.window == rul.window);
+                    health
+                        .map(|health| table::health_row(&health, &rul))
+                        .into_iter()
+                        .collect()
+                }
+                (TableKind::Samples, Window::SCHEMA_NAME) => table::sample_rows(&Window::decode(data).map_err(record)?),
+                _ => Vec::new(),
+            };
+            for row in rows {
+                table.row(row)?;
+                exported.rows += 1;
+            }
+        }
+        let file = path
+            .as_ref()
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
+        sources.insert(file, messages.metadata("hmd").cloned().unwrap_or_default());
+    }
+    table.finish(&sources)?;
+    Ok(exported)
+}

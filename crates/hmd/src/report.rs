@@ -1,0 +1,11 @@
+//! One page about one actuator: recorded files -> one HTML file that needs nothing else. No clock, no network.
+//!
+//! [`History`] is what the files say of the actuator, [`page`] makes the text, with plots as inline SVG.
+
+mod history;
+mod page;
+mod plot;
+mod sections;
+
+pub use history::{Files, History, Point, ReportError};
+pub use page::page;

@@ -1,0 +1,150 @@
+//! Tables as a shell gets them: CSV and Parquet hold the same, and what `inspect --json` says.
+
+use std::fs::{self, File};
+use std::process::Command;
+
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::record::Field;
+use tempfile::TempDir;
+
+fn code_of(folder: &TempDir, line: &str) -> (Option<i32>, String, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hmd"));
+    let ended = command
+        .args(line.split_whitespace())
+        .current_dir(folder.path())
+        .output()
+        .expect("hmd starts");
+    let text = |bytes| String::from_utf8(bytes).expect("text");
+    (ended.status.code(), text(ended.stdout), text(ended.stderr))
+}
+
+fn done(folder: &TempDir, line: &str) -> String {
+    let (code, stdout, stderr) = code_of(folder, line);
+    assert_eq!(code, Some(0), "hmd {line}: {stderr}");
+    stdout
+}
+
+/// Rows of a CSV file, and its head.
+fn csv(folder: &TempDir, name: &str) -> (Vec<String>, Vec<Vec<String>>) {
+    let mut reader = csv::Reader::from_path(folder.path().join(name)).expect("CSV");
+    let words = |record: &csv::StringRecord| record.iter().map(str::to_owned).collect::<Vec<_>>();
+    let head = words(reader.headers().expect("a head"));
+    (
+        head,
+        reader.records().map(|record| words(&record.expect("a row"))).collect(),
+    )
+}
+
+/// Keys and values of a file's metadata.
+type Pairs = Vec<(String, Option<String>)>;
+
+/// The same of a Parquet file, each value as CSV spells it, and its metadata.
+fn parquet(folder: &TempDir, name: &str) -> (Vec<String>, Vec<Vec<String>>, Pairs) {
+    let reader = SerializedFileReader::new(File::open(folder.path().join(name)).expect("a file")).expect("Parquet");
+    let metadata = reader.metadata().file_metadata();
+    let head = metadata
+        .schema()
+        .get_fields()
+        .iter()
+        .map(|field| field.name().to_owned())
+        .collect();
+    let pairs = metadata.key_value_metadata().expect("metadata").iter();
+    let pairs = pairs.map(|pair| (pair.key.clone(), pair.value.clone())).collect();
+    let spelt = |field: &Field| match field {
+        Field::Null => String::new(),
+        Field::Bool(flag) => flag.to_string(),
+        Field::Long(n) => n.to_string(),
+        Field::Double(x) => x.to_string(),
+        Field::Str(text) => text.clone(),
+        other => panic!("{other:?}"),
+    };
+    let rows = reader.get_row_iter(None).expect("rows");
+    let rows = rows
+        .map(|row| {
+            row.expect("a row")
+                .get_column_iter()
+                .map(|(_, field)| spelt(field))
+                .collect()
+        })
+        .collect();
+    (head, rows, pairs)
+}
+
+#[test]
+fn both_forms_hold_what_was_recorded() {
+    let folder = tempfile::tempdir().expect("a folder");
+    done(&folder, "demo -o life.mcap");
+    done(&folder, "export life.mcap -o life.csv");
+    done(&folder, "export life.mcap -o life.parquet");
+    let (head, rows) = csv(&folder, "life.csv");
+    let (parquet_head, parquet_rows, metadata) = parquet(&folder, "life.parquet");
+    assert_eq!(head, parquet_head);
+    assert_eq!(rows, parquet_rows);
+    assert_eq!(rows.len(), 24);
+
+    let column = |name: &str| head.iter().position(|known| known == name).expect("a column");
+    let json = done(&folder, "inspect life.mcap --json");
+    for (row, line) in rows.iter().zip(json.lines()) {
+        let told: serde_json::Value = serde_json::from_str(line).expect("JSON");
+        assert_eq!(row[column("t_start_ns")], told["t_start_ns"].to_string());
+        assert_eq!(row[column("health")], told["health"].as_str().expect("text"));
+        for (name, value) in [
+            ("damage_friction", &told["damage"]["friction"]),
+            ("rul_p50_h", &told["rul_h"]["p50"]),
+            ("operating_h", &told["operating_h"]),
+        ] {
+            // serde_json reads a number to within its last digit.
+            let (found, expected) = (row[column(name)].parse::<f64>().ok(), value.as_f64());
+            let close = found
+                .zip(expected)
+                .is_none_or(|(a, b)| (a - b).abs() <= 1e-12 * b.abs());
+            assert!(
+                found.is_some() == expected.is_some() && close,
+                "{name}: {found:?}, {expected:?}"
+            );
+        }
+    }
+    let units = |text: &str| -> serde_json::Value { serde_json::from_str(text).expect("JSON") };
+    let beside = units(&fs::read_to_string(folder.path().join("life.csv.metadata.json")).expect("metadata"));
+    let inside = metadata
+        .iter()
+        .find(|(key, _)| key == "units")
+        .and_then(|(_, text)| text.clone())
+        .expect("units");
+    assert_eq!(beside["units"], units(&inside));
+    assert_eq!(beside["units"]["residual_rms_a"], "A");
+    assert!(beside["sources"]["life.mcap"]["config_hash"].is_string());
+
+    // More samples than a row group holds.
+    done(&folder, "export life.mcap --table samples -o samples.parquet");
+    done(&folder, "export life.mcap --table samples -o samples.csv");
+    let (head, rows) = csv(&folder, "samples.csv");
+    let (parquet_head, parquet_rows, _) = parquet(&folder, "samples.parquet");
+    assert!(rows.len() > 20_000, "{}", rows.len());
+    assert!(head == parquet_head && rows == parquet_rows);
+    assert!(rows.is_sorted_by_key(|row| row[0].parse::<u64>().expect("a time")));
+}
+
+#[test]
+fn what_cannot_be_a_table_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    fs::write(folder.path().join("text.log"), "no log\n").expect("a file");
+    for (line, code, said) in [
+        (
+            "export text.log -o out.xlsx",
+            2,
+            "expected a name that ends in .csv or .parquet, found out.xlsx",
+        ),
+        (
+            "export text.log -o out.csv",
+            1,
+            "text.log: expected records of windows, found none",
+        ),
+        ("export missing.mcap -o out.csv", 1, "missing.mcap"),
+        ("export text.log -o none/out.csv", 1, "none/out.csv"),
+    ] {
+        let (found, _, stderr) = code_of(&folder, line);
+        assert_eq!(found, Some(code), "{line}: {stderr}");
+        assert!(stderr.contains(said), "{line}: {stderr}");
+    }
+}

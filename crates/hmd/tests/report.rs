@@ -1,0 +1,106 @@
+//! The report, the summary and the catalogue, as a shell gets them.
+
+use std::fs;
+use std::process::{Command, Output};
+
+use tempfile::TempDir;
+
+fn hmd(folder: &TempDir, line: &str) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hmd"));
+    let command = command.args(line.split_whitespace()).current_dir(folder.path());
+    command.output().expect("hmd starts")
+}
+
+fn done(folder: &TempDir, line: &str) -> String {
+    let ended = hmd(folder, line);
+    let stderr = String::from_utf8_lossy(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(0), "hmd {line}: {stderr}");
+    String::from_utf8(ended.stdout).expect("text")
+}
+
+fn refused(folder: &TempDir, line: &str, code: i32) -> String {
+    let ended = hmd(folder, line);
+    assert_eq!(ended.status.code(), Some(code), "hmd {line}");
+    String::from_utf8(ended.stderr).expect("text")
+}
+
+#[test]
+fn a_whole_wear_out_is_one_small_page_and_one_short_line() {
+    let folder = tempfile::tempdir().expect("a folder");
+    done(&folder, "demo -o life.mcap");
+    done(&folder, "report life.mcap -o ema0.html");
+    let page = fs::read_to_string(folder.path().join("ema0.html")).expect("a page");
+    assert!(page.len() < 1 << 20, "{} bytes", page.len());
+    // Every part that was promised, and nothing that is fetched or run.
+    for expected in [
+        "Health report of ema0",
+        "<strong>critical</strong>",
+        "Measured and fitted quadrature current",
+        "Measured and fitted motor speed",
+        "Measured and fitted output position",
+        "Residual of the output position",
+        "History of k1, friction",
+        "History of k8, gain",
+        "State of health over the life",
+        "Remaining useful life with its 80 % interval",
+        "Data quality",
+        "config_hash",
+        "model_hash",
+        "seed",
+        "build",
+    ] {
+        assert!(page.contains(expected), "{expected}");
+    }
+    for forbidden in ["<script", "<link", "http:", "https:", "url(", "NaN", "inf "] {
+        assert!(!page.contains(forbidden), "{forbidden}");
+    }
+    let drawings = page.matches("<svg ").count();
+    assert_eq!(drawings, 2 + 8 + 6 + 1);
+    assert_eq!(page.matches("role=\"img\" aria-label=").count(), drawings);
+    // The same files make the same page.
+    done(&folder, "report life.mcap -o again.html");
+    assert_eq!(
+        fs::read_to_string(folder.path().join("again.html")).expect("a page"),
+        page
+    );
+
+    let summary = done(&folder, "inspect life.mcap --summary");
+    assert_eq!(summary.lines().count(), 1);
+    let line = summary.trim_end();
+    assert!(line.len() <= 220 && line.starts_with("HMD1/EMA0/W23/"), "{line}");
+    assert!(
+        line.contains("/CRITICAL/FRIC 7") && line.contains("/RUL ") && line.ends_with("/BY DAMAGE"),
+        "{line}"
+    );
+
+    assert!(
+        refused(&folder, "report life.mcap -o no.html --actuator ema7", 1)
+            .contains("expected one of ema0, found \"ema7\"")
+    );
+    fs::write(folder.path().join("text.log"), "no log\n").expect("a file");
+    assert!(refused(&folder, "report text.log -o no.html", 1).contains("expected records of windows, found none"));
+    assert!(refused(&folder, "report missing.mcap -o no.html", 1).contains("missing.mcap"));
+    assert!(!folder.path().join("no.html").exists());
+}
+
+#[test]
+fn the_catalogue_has_the_levels_of_the_configuration() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let catalogue = |line: &str| -> serde_json::Value { serde_json::from_str(&done(&folder, line)).expect("JSON") };
+    let usual = catalogue("inspect --catalogue");
+    assert_eq!(usual["version"], 1);
+    assert_eq!(usual["fault_modes"].as_array().map(Vec::len), Some(7));
+    assert_eq!(usual["fault_modes"][1]["name"], "backlash");
+    assert_eq!(usual["fault_modes"][1]["severity"][1]["damage"], 0.3);
+    fs::write(
+        folder.path().join("hmd.toml"),
+        "[health]\npersistence = 3\n[health.fault.backlash]\nwarning = 0.25\n",
+    )
+    .expect("a file");
+    let own = catalogue("inspect --catalogue -c hmd.toml");
+    assert_eq!(own["fault_modes"][1]["severity"][1]["damage"], 0.25);
+    assert_eq!(own["fault_modes"][0]["severity"][1]["damage"], 0.3);
+    assert_eq!(own["confidence"]["persistence_windows"], 3);
+    refused(&folder, "inspect", 2);
+    refused(&folder, "inspect --catalogue life.mcap", 2);
+}

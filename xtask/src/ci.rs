@@ -8,7 +8,7 @@ use anyhow::Context;
 use crate::shell::run;
 
 /// In the order of what fails soonest.
-const VERBS: [&str; 11] = [
+const VERBS: [&str; 12] = [
     "check",
     "no-std",
     "docs",

@@ -14,6 +14,9 @@ const RATE_SAMPLES: usize = 16;
 /// Samples after which a rate that the device's time does not tell is taken as nominal.
 const RATE_SAMPLES_MAX: usize = 64;
 
+/// A measured rate this near the nominal one, as a share of it, is the nominal one.
+const ROUNDING: f64 = 0.002;
+
 /// Samples after which the counter byte of position and command frames repeats.
 const COUNTER_ROUND: f64 = 256.0;
 
@@ -205,6 +208,28 @@ impl SampleRate {
         }
     }
 
+    /// By the periods that the device's time shows, µs: the mean of those near their median, so that neither one bad stamp
+    /// nor the steps of a coarse clock decide. Within a clock's rounding of the nominal rate it is the nominal rate; a
+    /// clock that stands still from one sample to the next is too coarse to tell any.
+    fn told(periods_us: &mut [u16], nominal_hz: f64) -> Self {
+        periods_us.sort_unstable();
+        if periods_us[0] == 0 {
+            return Self::assumed(nominal_hz);
+        }
+        let median = f64::from(periods_us[periods_us.len() / 2]);
+        let near = periods_us
+            .iter()
+            .map(|&us| f64::from(us))
+            .filter(|us| (0.4 * median..=2.5 * median).contains(us));
+        let (count, sum) = near.fold((0.0, 0.0), |(count, sum), us| (count + 1.0, sum + us));
+        let hz = 1e6 * count / sum;
+        let is_nominal = (hz - nominal_hz).abs() < ROUNDING * nominal_hz;
+        Self {
+            hz: if is_nominal { nominal_hz } else { hz },
+            told: true,
+        }
+    }
+
     /// Largest distance between the stamps of one sample's frames, ns: an eighth of the counter byte's round, so that a
     /// stalled receiver tears few samples apart, and never less than the default. Of a rate that is only assumed, the default.
     fn longest_sample_ns(&self) -> u64 {
@@ -228,17 +253,14 @@ impl Rate {
             Self::Learning { waiting, periods_us } => {
                 if let (Some(previous), Some((_, elapsed_us))) = (waiting.last(), since_last) {
                     let steps = sample.seq.wrapping_sub(previous.seq);
-                    if steps == 1 && (1..LONGEST_PERIOD_US).contains(&elapsed_us) {
+                    if steps == 1 && elapsed_us < LONGEST_PERIOD_US {
                         periods_us.push(elapsed_us);
                     }
                 }
                 waiting.push(sample);
-                if waiting.len() >= RATE_SAMPLES && !periods_us.is_empty() {
-                    // The median, so that one bad stamp decides nothing.
-                    periods_us.sort_unstable();
-                    let period_us = f64::from(periods_us[periods_us.len() / 2]);
-                    let hz = 1e6 / period_us;
-                    self.settle(SampleRate { hz, told: true }, deliver);
+                if waiting.len() >= RATE_SAMPLES && periods_us.iter().any(|&period_us| period_us > 0) {
+                    let rate = SampleRate::told(periods_us, nominal_rate);
+                    self.settle(rate, deliver);
                 } else if waiting.len() >= RATE_SAMPLES_MAX {
                     // No two samples in a row with a period between them: the nominal rate will have to do.
                     self.settle(SampleRate::assumed(nominal_rate), deliver);
@@ -301,6 +323,26 @@ mod tests {
             }
         }
         count
+    }
+
+    /// The rate by a device clock of so many microseconds, sampled at `hz`, where 400 Hz are expected.
+    fn rate(hz: f64, lsb_us: f64) -> SampleRate {
+        let count = |n: usize| (((n as f64 * 1e6 / hz) / lsb_us).floor() * lsb_us) as u16;
+        let mut periods: Vec<u16> = (1..RATE_SAMPLES).map(|n| count(n) - count(n - 1)).collect();
+        SampleRate::told(&mut periods, 400.0)
+    }
+
+    #[test]
+    fn a_coarse_device_clock_tells_the_nominal_rate() {
+        for lsb_us in [1.0, 16.0, 32.0, 64.0, 100.0, 500.0] {
+            assert_eq!(rate(400.0, lsb_us).hz, 400.0, "{lsb_us}");
+        }
+        let too_coarse = rate(400.0, 4000.0);
+        assert!(!too_coarse.told);
+        assert_eq!(too_coarse.hz, 400.0);
+        // Another rate is no rounding.
+        assert!((rate(402.3, 1.0).hz - 402.3).abs() < 0.1);
+        assert!((rate(625.0, 100.0).hz - 625.0).abs() < 6.0);
     }
 
     #[test]

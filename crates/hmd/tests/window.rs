@@ -283,6 +283,31 @@ fn another_actuation_in_the_window_is_named_and_opens_none() {
 }
 
 #[test]
+fn who_joins_an_actuation_judges_nothing_of_it() {
+    let mut scenario = Scenario {
+        sensing: NOISY,
+        ..Scenario::new(bench(2000.0), FaultVector::NOMINAL, 43)
+    };
+    scenario.load_torque = 20.0;
+    scenario.actuations.length = 1.5;
+    let full = simulate(&scenario);
+    let mut in_motion = 0;
+    for joined in (90..full.len()).step_by(30) {
+        for window in windows(&bench(2000.0), &full[joined..]) {
+            match &window.verdict {
+                Verdict::Invalid(Invalidity::StartInMotion { turned_rad }) => {
+                    assert!(*turned_rad > 0.1);
+                    in_motion += 1;
+                }
+                Verdict::Invalid(Invalidity::CutShort(_)) => {}
+                other => panic!("joined at {joined}: {other:?}"),
+            }
+        }
+    }
+    assert!(in_motion > 5, "{in_motion}");
+}
+
+#[test]
 fn a_motor_that_is_not_where_its_setpoint_rests_is_a_handicap() {
     let mut samples = mixed();
     samples[..80]

@@ -51,14 +51,17 @@ impl<'a> DbcFiles<'a> {
 }
 
 fn read_file(path: &Path) -> Result<Database, String> {
-    let length = std::fs::metadata(path).map_err(|e| e.to_string())?.len();
-    if length > FILE_MAX {
-        return Err(format!("it has {length} bytes"));
+    let metadata = std::fs::metadata(path).map_err(|e| e.to_string())?;
+    if !metadata.is_file() {
+        return Err("it is no file".to_owned());
+    }
+    if metadata.len() > FILE_MAX {
+        return Err(format!("it has {} bytes", metadata.len()));
     }
     let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
     // The editors of such files write UTF-8 or the code page of Western Europe, which matters for units alone.
     let text = String::from_utf8(bytes).unwrap_or_else(|e| e.into_bytes().into_iter().map(char::from).collect());
-    Database::parse(&text).map_err(|e| e.to_string())
+    Database::parse(text.trim_start_matches('\u{feff}')).map_err(|e| e.to_string())
 }
 
 /// The map of one `[[actuator]]`; `None` if it has no DBC file.

@@ -80,7 +80,12 @@ impl Database {
     /// [`DbcError::Syntax`].
     pub fn parse(text: &str) -> Result<Self, DbcError> {
         let dbc = Dbc::try_from(text).map_err(|e| DbcError::Syntax(first_line(&e.to_string())))?;
-        let messages = dbc.messages.iter().map(|message| read_message(&dbc, message)).collect();
+        let identifiers = identifiers(text);
+        let messages = dbc
+            .messages
+            .iter()
+            .map(|message| read_message(&dbc, message, &identifiers))
+            .collect();
         Ok(Self { messages })
     }
 
@@ -95,10 +100,25 @@ fn first_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-fn read_message(dbc: &Dbc, message: &can_dbc::Message) -> DbcMessage {
-    let (id, extended) = match message.id {
-        MessageId::Standard(id) => (u32::from(id), false),
-        MessageId::Extended(id) => (id, true),
+/// Identifiers as the file writes them, by the messages' names: the parser cuts them to 11 or 29 bits, and one that does not
+/// fit would become another message's.
+fn identifiers(text: &str) -> BTreeMap<&str, u64> {
+    let mut found = BTreeMap::new();
+    for line in text.lines().filter_map(|line| line.trim_start().strip_prefix("BO_ ")) {
+        let mut words = line.split([' ', '\t', ':']).filter(|word| !word.is_empty());
+        if let (Some(Ok(id)), Some(name)) = (words.next().map(str::parse), words.next()) {
+            found.entry(name).or_insert(id);
+        }
+    }
+    found
+}
+
+fn read_message(dbc: &Dbc, message: &can_dbc::Message, identifiers: &BTreeMap<&str, u64>) -> DbcMessage {
+    const EXTENDED: u64 = 0x8000_0000;
+    let (id, extended) = match (identifiers.get(message.name.as_str()), message.id) {
+        (Some(&id), _) => (u32::try_from(id & !EXTENDED).unwrap_or(u32::MAX), id & EXTENDED != 0),
+        (None, MessageId::Standard(id)) => (u32::from(id), false),
+        (None, MessageId::Extended(id)) => (id, true),
     };
     let read = |signal: &can_dbc::Signal| {
         let unit = signal.unit.clone();
@@ -213,6 +233,22 @@ mod tests {
         \u{20}SG_ f m3M : 32|32@1- (1,0) [0|0] \"A\" A\n SG_ y m0 : 8|8@1+ (1,0) [0|0] \"\" A\n\
         \u{20}SG_ out : 60|8@1+ (1,0) [0|0] \"\" A\n\n\
         SIG_VALTYPE_ 2147483653 f : 1;\n\nSG_MUL_VAL_ 2147483653 y f 1-2, 7-7;\n";
+
+    #[test]
+    fn identifiers_are_those_of_the_file() {
+        // 29 bits without the flag, more than 29 bits with it, more than 32.
+        for (written, id, extended) in [
+            (419_299_584_u64, 0x18fe_0100, false),
+            (3_758_096_389, 0x6000_0005, true),
+            (291, 0x123, false),
+        ] {
+            let text = TEXT.replace("BO_ 2147483653", &format!("BO_ {written}"));
+            let text = text.split("SIG_VALTYPE_").next().expect("before it");
+            let database = Database::parse(text).expect("valid");
+            let message = database.message("Wide").expect("there");
+            assert_eq!((message.id, message.extended), (id, extended), "{written}");
+        }
+    }
 
     #[test]
     fn orders_signs_floats_and_multiplexors_are_understood() {

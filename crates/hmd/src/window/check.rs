@@ -103,7 +103,8 @@ pub(super) fn examine(slots: &mut [Slot], limits: &Limits) -> Findings {
         .or_else(|| command_in_gap(slots, &limits.thresholds))
         .or_else(|| stuck(slots, limits).map(Invalidity::Stuck))
         .or_else(|| jumps.into_iter().flatten().next())
-        .or_else(|| counters_disagree(slots, limits));
+        .or_else(|| counters_disagree(slots, limits))
+        .or_else(|| start_in_motion(slots, limits));
     Findings {
         lost,
         rejected,
@@ -186,6 +187,38 @@ fn counters_disagree(slots: &[Slot], limits: &Limits) -> Option<Invalidity> {
     }
     (max - min > limits.play_max_rad).then_some(Invalidity::CountersDisagree { range_rad: max - min })
 }
+
+/// Range of the motor angle before the trigger, if the setpoint was not held there and the motor turned.
+///
+/// The turning point of a commanded oscillation looks like rest to the trigger. One who joins there knows neither the play's
+/// side nor what the integrator carries, and wear would be read out of both.
+fn start_in_motion(slots: &[Slot], limits: &Limits) -> Option<Invalidity> {
+    let rest = slots.get(..limits.lengths.pre_trigger)?;
+    let range = |values: &mut dyn Iterator<Item = f64>| {
+        let (min, max) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), x| {
+            (min.min(x), max.max(x))
+        });
+        max - min
+    };
+    let first = rest.first()?.sample;
+    let commanded = range(
+        &mut rest
+            .iter()
+            .filter(|slot| slot.is_good(Part::Setpoint))
+            .map(|slot| value(slot.sample.setpoint)),
+    );
+    let turned_rad = range(
+        &mut rest
+            .iter()
+            .filter(|slot| slot.is_good(Part::Motor))
+            .map(|slot| slot.sample.motor_counts.saturating_sub(first.motor_counts) as f64 * limits.rotor.motor_lsb),
+    );
+    (commanded > limits.thresholds.held(first.setpoint) && turned_rad > STILL_RAD)
+        .then_some(Invalidity::StartInMotion { turned_rad })
+}
+
+/// Motor angle within which a shaft at rest may be moved by a setpoint that trembles, rad.
+const STILL_RAD: f64 = 0.1;
 
 /// Mean speed before the trigger, in speed mode less the setpoint, if it is more than a fifth of ω_max: the speed loop
 /// is then at work, and its integrator not known.

@@ -36,6 +36,11 @@ impl Thresholds {
         }
     }
 
+    /// Range of a setpoint that is held, in the unit of its mode; see [`Held`].
+    pub(super) fn held(&self, setpoint: Setpoint) -> f64 {
+        HELD_SHARE * self.of(setpoint)
+    }
+
     /// Whether two setpoints of the same mode are further apart than the threshold.
     pub(super) fn differ(&self, a: Setpoint, b: Setpoint) -> bool {
         (value(a) - value(b)).abs() > self.of(a)
@@ -91,6 +96,9 @@ impl Trigger {
     }
 }
 
+/// Share of the trigger's threshold within which a setpoint is held.
+const HELD_SHARE: f64 = 0.01;
+
 /// Whether the setpoint has been held inside the running actuation.
 ///
 /// A stricter rest than the trigger's: a hundredth of its threshold. The turning points of a commanded oscillation stand
@@ -107,7 +115,7 @@ pub(super) struct Held {
 impl Held {
     pub(super) fn new(trigger: &Trigger) -> Self {
         Self {
-            band: trigger.thresholds.scaled(0.01),
+            band: trigger.thresholds.scaled(HELD_SHARE),
             needed: trigger.rest,
             anchor: None,
             run: 0,

@@ -78,6 +78,11 @@ pub enum Invalidity {
         /// Range of the difference of the two angles, rad at the output.
         range_rad: f64,
     },
+    /// Command and motor were moving before the trigger: what came before is not known, and acts on.
+    StartInMotion {
+        /// Range of the motor angle before the trigger, rad.
+        turned_rad: f64,
+    },
     /// The stamps do not advance at the sample rate that the type has.
     SampleRate {
         /// The rate by the stamps, Hz.
@@ -186,6 +191,12 @@ impl fmt::Display for Invalidity {
             Self::CounterJumped { counter, at } => write!(f, "counter jump: {counter} at sample {at}"),
             Self::CountersDisagree { range_rad } => {
                 write!(f, "counters disagree: resolver and encoder by {range_rad:.4} rad")
+            }
+            Self::StartInMotion { turned_rad } => {
+                write!(
+                    f,
+                    "start in motion: the command moved before the trigger, and the motor by {turned_rad:.2} rad"
+                )
             }
             Self::SampleRate { by_stamps_hz } => write!(f, "sample rate: {by_stamps_hz:.1} Hz by the stamps"),
         }

@@ -1,4 +1,4 @@
-//! [`Joiner`]: frames of a mapped bus back into samples, never mixing two instants.
+//! [`Joiner`]: frames of a mapped bus back into samples, never mixing two instants that their counters tell apart.
 //!
 //! A sample is delivered when every mapped part of it is in (of two commands, the one that the mode asks for). Parts belong
 //! together if

@@ -1,5 +1,5 @@
 //! One update and forecast of the prognosis late in a life with all faults growing: the dearest case. And one trial of a
-//! specification, of which a window takes at most thirty where something is required.
+//! specification, of which a window takes at most thirty where something is required, and as many again where a stall load is.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use ema_models::{ActuatorParams, FaultVector};

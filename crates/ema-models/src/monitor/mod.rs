@@ -3,6 +3,7 @@
 //! Controller, friction, backlash and windings are the reference's own; the current loop and the step are not. The step
 //! is written once, generic over [`Real`]. No allocation, no `std`.
 
+mod build;
 mod one_axis;
 mod ripple;
 mod three_phase;
@@ -13,7 +14,6 @@ use crate::backlash::follow_through_play;
 use crate::control::{Ace, AceState, Encoder, Setpoint};
 use crate::frames::{abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc, per_phase, phase_shapes};
 use crate::friction::DryFriction;
-use crate::params::ActuatorParams;
 use crate::real::Real;
 use crate::recording::ComparedSample;
 use crate::unknowns::Unknowns;
@@ -218,138 +218,10 @@ pub struct InitialState {
     pub i_dq: [f64; 2],
 }
 
-/// Numbers that [`Monitor::map`] visits, at most.
-const MONITOR_NUMBERS: usize = 96;
-
 /// Integration steps of the monitor per control period.
 pub const STEPS_PER_CONTROL: u32 = 2;
 
-impl Monitor<f64> {
-    /// A monitor of one actuator in one state of wear, on a DC link of `v_dc`, V.
-    #[must_use]
-    pub fn new(params: &ActuatorParams, calibration: &Calibration, v_dc: f64, unknowns: &Unknowns) -> Self {
-        let fault = &unknowns.fault;
-        let (motor, transmission) = (&params.motor, &params.transmission);
-        let winding = Winding::new(fault);
-        let r_s = motor.r_s * (1.0 + unknowns.motor.resistance);
-        let k = motor.k * (1.0 + unknowns.motor.back_emf);
-        let dt = params.controller.period / f64::from(STEPS_PER_CONTROL);
-        let r = winding.turns.map(|n| n * r_s);
-        let ohms: [f64; 3] =
-            core::array::from_fn(|j| winding.turns[j] * winding.turns[j] * motor.l_s / dt + 0.5 * r[j]);
-        let ohms_before = per_phase!(|j| ohms[j] - r[j]);
-        let siemens = ohms.map(|x| 1.0 / x);
-        let sum: f64 = siemens.iter().sum();
-        Self {
-            form: calibration.form,
-            feedback: Feedback::default(),
-            ace: Ace::new(params, fault.gain_factor()).freezing_gradually(params),
-            encoder: Encoder::new(params.sensors.output_lsb()),
-            friction: DryFriction::new(transmission, fault, unknowns.load_torque),
-            winding,
-            half_play: 0.5 * transmission.backlash * fault.backlash_factor(),
-            ripple: RippleCurve::new(&calibration.ripple, params.controller.hysteresis),
-            derived: Derived {
-                dt,
-                half_dt: 0.5 * dt,
-                per_dt: 1.0 / dt,
-                dt_over_j: dt / motor.j,
-                viscous: motor.c,
-                per_gear: 1.0 / transmission.gear_ratio,
-                pole_pairs: motor.pole_pairs,
-                v_dc,
-                half_v_dc: 0.5 * v_dc,
-                per_half_v_dc: 2.0 / v_dc,
-                phase_r: r_s,
-                phase_l: motor.l_s,
-                back_emf: k * calibration.back_emf,
-                half_back_emf: 0.5 * k * calibration.back_emf,
-                torque: k * calibration.torque,
-                half_torque: 0.5 * k * calibration.torque,
-                r,
-                reactance: winding.turns.map(|n| motor.pole_pairs * n * n * motor.l_s),
-                ohms,
-                ohms_before,
-                siemens,
-                star_ohms: 1.0 / sum,
-                star_ohms_without: siemens.map(|s| 1.0 / (sum - s)),
-            },
-            steps_per_control: STEPS_PER_CONTROL,
-            controls_per_sample: libm::round(1.0 / (params.sensors.sample_rate * params.controller.period)) as u32,
-            torque_gain: motor.torque_gain(),
-            integral: unknowns.integral,
-        }
-    }
-}
-
 impl<R: Real> Monitor<R> {
-    /// The same monitor in another number type, one number at a time: `monitor.map(|x| x as f32)` on the target.
-    #[must_use]
-    pub fn map<S: Real>(self, mut f: impl FnMut(R) -> S) -> Monitor<S> {
-        let d = self.derived;
-        Monitor {
-            form: self.form,
-            feedback: self.feedback,
-            ace: self.ace.map(&mut f),
-            encoder: self.encoder.map(&mut f),
-            friction: self.friction.map(&mut f),
-            winding: self.winding.map(&mut f),
-            half_play: f(self.half_play),
-            ripple: self.ripple.map(&mut f),
-            derived: Derived {
-                dt: f(d.dt),
-                half_dt: f(d.half_dt),
-                per_dt: f(d.per_dt),
-                dt_over_j: f(d.dt_over_j),
-                viscous: f(d.viscous),
-                per_gear: f(d.per_gear),
-                pole_pairs: f(d.pole_pairs),
-                v_dc: f(d.v_dc),
-                half_v_dc: f(d.half_v_dc),
-                per_half_v_dc: f(d.per_half_v_dc),
-                phase_r: f(d.phase_r),
-                phase_l: f(d.phase_l),
-                back_emf: f(d.back_emf),
-                half_back_emf: f(d.half_back_emf),
-                torque: f(d.torque),
-                half_torque: f(d.half_torque),
-                r: d.r.map(&mut f),
-                reactance: d.reactance.map(&mut f),
-                ohms: d.ohms.map(&mut f),
-                ohms_before: d.ohms_before.map(&mut f),
-                siemens: d.siemens.map(&mut f),
-                star_ohms: f(d.star_ohms),
-                star_ohms_without: d.star_ohms_without.map(&mut f),
-            },
-            steps_per_control: self.steps_per_control,
-            controls_per_sample: self.controls_per_sample,
-            torque_gain: f(self.torque_gain),
-            integral: f(self.integral),
-        }
-    }
-
-    /// Monitors of the same actuator side by side, one in each lane; `lane` makes a lane's number out of all of them.
-    ///
-    /// They share form, feedback and timing, which are those of the first.
-    #[must_use]
-    pub fn side_by_side<S: Real, const N: usize>(monitors: &[Self; N], lane: impl Fn([R; N]) -> S) -> Monitor<S> {
-        // Every number of every monitor in the order of `map`, then the same walk once more to lay them side by side.
-        let mut numbers = [[R::zero(); N]; MONITOR_NUMBERS];
-        for (n, monitor) in monitors.iter().enumerate() {
-            let mut place = 0;
-            let _ = monitor.map(|x| {
-                numbers[place][n] = x;
-                place += 1;
-                x
-            });
-        }
-        let mut place = 0;
-        monitors[0].map(|_| {
-            place += 1;
-            lane(numbers[place - 1])
-        })
-    }
-
     /// The same monitor with another source of its position feedback.
     #[must_use]
     pub fn with_feedback(self, feedback: Feedback) -> Self {

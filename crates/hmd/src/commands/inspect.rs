@@ -180,7 +180,7 @@ impl Printer {
             Form::Summary => {
                 let newest = self.summaries.entry(health.actuator.clone()).or_default();
                 if health.estimate().is_some() {
-                    newest.damage = damages(health);
+                    newest.damage = health.damages();
                 }
                 newest.line = summary::summary_line(health, &newest.damage, rul);
                 Ok(())
@@ -206,18 +206,6 @@ fn table_row(health: &Health, rul: &Rul) -> String {
     row
 }
 
-fn damages(health: &Health) -> [Option<f64>; FAULT_NAMES.len()] {
-    [
-        health.damage_friction,
-        health.damage_backlash,
-        health.damage_short_a,
-        health.damage_short_b,
-        health.damage_short_c,
-        health.damage_eccentricity,
-        health.damage_gain,
-    ]
-}
-
 fn line<'a>(health: &'a Health, rul: &'a Rul) -> Line<'a> {
     Line {
         actuator: &health.actuator,
@@ -225,7 +213,7 @@ fn line<'a>(health: &'a Health, rul: &'a Rul) -> Line<'a> {
         t_start_ns: health.t_start_ns,
         status: &health.status,
         health: &health.health,
-        damage: FAULT_NAMES.into_iter().zip(damages(health)).collect(),
+        damage: FAULT_NAMES.into_iter().zip(health.damages()).collect(),
         operating_h: rul.operating_h,
         operating_cycles: rul.operating_cycles,
         rul_h: Interval::new(rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h),
@@ -259,7 +247,7 @@ fn csv_row(health: &Health, rul: &Rul) -> String {
         health.status.clone(),
         health.health.clone(),
     ];
-    cells.extend(damages(health).map(cell));
+    cells.extend(health.damages().map(cell));
     cells.extend(
         [
             rul.operating_h,

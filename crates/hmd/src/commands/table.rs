@@ -20,15 +20,7 @@ pub(super) fn health_row(health: &record::Health) -> String {
         "{:<8} {:>6} {:<8} {:<8}",
         health.actuator, health.window, health.status, health.health
     );
-    let damage = [
-        health.damage_friction,
-        health.damage_backlash,
-        health.damage_short_a,
-        health.damage_short_b,
-        health.damage_short_c,
-        health.damage_eccentricity,
-        health.damage_gain,
-    ];
+    let damage = health.damages();
     let estimate = health.estimate();
     for (column, p) in [0, 1, 2, 3, 4, 5, 7].into_iter().enumerate() {
         let shown = estimate.is_some_and(|e| e.observable[p]);

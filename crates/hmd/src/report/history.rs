@@ -8,7 +8,7 @@ use std::path::Path;
 use prost::Message;
 
 use crate::ingest::McapMessages;
-use crate::record::{Estimate, FAULT_NAMES, Health, Log, Record, Rul, Status, Window};
+use crate::record::{Estimate, Health, Log, Record, Rul, Status, Window};
 
 /// Why there is no report.
 #[derive(Debug, thiserror::Error)]
@@ -224,21 +224,5 @@ impl Files {
             };
             history.newest.1 = rul;
         }
-    }
-}
-
-impl History {
-    /// Damages of the newest health record, in the order of [`FAULT_NAMES`].
-    pub(super) fn damages(&self) -> [Option<f64>; FAULT_NAMES.len()] {
-        let health = &self.newest.0;
-        [
-            health.damage_friction,
-            health.damage_backlash,
-            health.damage_short_a,
-            health.damage_short_b,
-            health.damage_short_c,
-            health.damage_eccentricity,
-            health.damage_gain,
-        ]
     }
 }

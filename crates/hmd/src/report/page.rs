@@ -110,7 +110,7 @@ fn faults(history: &History) -> String {
     let (health, rul) = &history.newest;
     let lives = rul.faults();
     let mut rows = String::new();
-    for ((name, damage), life) in FAULT_NAMES.iter().zip(history.damages()).zip(lives) {
+    for ((name, damage), life) in FAULT_NAMES.iter().zip(history.newest.0.damages()).zip(lives) {
         let damage = damage.map_or_else(|| "not known".to_owned(), |d| format!("{:.1} %", 100.0 * d));
         let detected = if health.fault_list.iter().any(|fault| fault == name) {
             "yes"

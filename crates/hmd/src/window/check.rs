@@ -29,6 +29,8 @@ pub(super) struct Limits {
     /// Whether nothing but the stamps can tell that the rate is wrong.
     pub(super) rate_is_unconfirmed: bool,
     unsteady_rad_s: f64,
+    /// Motor angle by which a setpoint that trembles within the trigger's threshold moves the shaft, rad.
+    still_rad: f64,
 }
 
 impl Limits {
@@ -72,6 +74,7 @@ impl Limits {
             clock_jump_s: config.clock_jump_s,
             rate_is_unconfirmed: true,
             unsteady_rad_s: 0.2 * params.controller.omega_max,
+            still_rad: config.trigger_position_rad * gear_ratio,
         }
     }
 }
@@ -213,12 +216,9 @@ fn start_in_motion(slots: &[Slot], limits: &Limits) -> Option<Invalidity> {
             .filter(|slot| slot.is_good(Part::Motor))
             .map(|slot| slot.sample.motor_counts.saturating_sub(first.motor_counts) as f64 * limits.rotor.motor_lsb),
     );
-    (commanded > limits.thresholds.held(first.setpoint) && turned_rad > STILL_RAD)
+    (commanded > limits.thresholds.held(first.setpoint) && turned_rad > limits.still_rad)
         .then_some(Invalidity::StartInMotion { turned_rad })
 }
-
-/// Motor angle within which a shaft at rest may be moved by a setpoint that trembles, rad.
-const STILL_RAD: f64 = 0.1;
 
 /// Mean speed before the trigger, in speed mode less the setpoint, if it is more than a fifth of ω_max: the speed loop
 /// is then at work, and its integrator not known.

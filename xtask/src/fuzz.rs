@@ -1,6 +1,8 @@
 //! Coverage-guided fuzzing of every reader, with `cargo-fuzz` and a nightly compiler.
 
-use std::fs;
+use std::fs::{self, File};
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
 
 use anyhow::{Context, ensure};
 
@@ -10,18 +12,21 @@ use crate::shell::{program, root, run, succeeds, target_dir};
 const VERSION: &str = "0.13.2";
 
 /// Targets of `fuzz/targets`, each with a file that its reader takes, to begin with.
-const TARGETS: [(&str, Option<&str>); 5] = [
+const TARGETS: [(&str, Option<&str>); 6] = [
     ("can", None),
     ("serial", None),
     ("config", Some("fixtures/hmd.toml")),
     ("candump", None),
+    ("dbc", Some("fixtures/foreign.dbc")),
     ("mcap", Some("fixtures/logs/backlash-low.mcap")),
 ];
 
 /// Seconds of each target in the short form, which finds what is broken outright.
 const SHORT_S: u32 = 20;
-/// Seconds of each target in the long form.
+/// Seconds, and runs, after which each target has had enough in the long form.
 const LONG_S: u32 = 1800;
+/// See [`LONG_S`].
+const LONG_RUNS: u32 = 10_000_000;
 
 /// Longest input, bytes; the files to begin with fit.
 const INPUT_MAX: u32 = 1 << 16;
@@ -30,50 +35,104 @@ const MEMORY_MIB: u32 = 1024;
 /// Longest single run, s.
 const RUN_S: u32 = 10;
 
-/// Runs every target for its time; a crash, a hang or too much memory ends the verb.
+/// Runs all targets beside each other for their time; a crash, a hang or too much memory fails the verb.
 pub(crate) fn check(long: bool) -> anyhow::Result<()> {
-    let nightly = succeeds(program("cargo", ["+nightly", "--version"]));
-    ensure!(
-        nightly,
-        "expected a nightly toolchain: rustup toolchain install nightly"
-    );
-    let tools = target_dir()?.join("tools");
-    if !succeeds(program(tools.join("bin/cargo-fuzz"), ["--version"])) {
-        let install = [
-            "+nightly",
-            "install",
-            "cargo-fuzz",
-            "--version",
-            VERSION,
-            "--locked",
-            "--debug",
-            "--root",
-        ];
-        run(program("cargo", install).arg(&tools))?;
-    }
-    let seconds = if long { LONG_S } else { SHORT_S };
-    let path = std::env::var("PATH").unwrap_or_default();
-    let path = format!("{}:{path}", tools.join("bin").display());
+    let fuzz = Fuzz::install()?;
+    run(fuzz.cargo(["build"]))?;
+    let mut running = Vec::new();
     for (target, seed) in TARGETS {
+        running.push((target, fuzz.start(target, seed, long)?));
+    }
+    let mut failed = Vec::new();
+    for (target, (mut child, log)) in running {
+        let status = child.wait().with_context(|| target.to_owned())?;
+        let said = fs::read_to_string(&log).with_context(|| log.display().to_string())?;
+        let told = |key: &str| {
+            said.lines()
+                .find_map(|line| line.strip_prefix(key))
+                .unwrap_or("?")
+                .trim()
+        };
+        let (runs, peak) = (told("stat::number_of_executed_units:"), told("stat::peak_rss_mb:"));
+        println!("{target}: {runs} runs, at most {peak} MiB, {status}");
+        if !status.success() {
+            failed.push(log.display().to_string());
+        }
+    }
+    ensure!(
+        failed.is_empty(),
+        "expected no crash, found some: see {}",
+        failed.join(", ")
+    );
+    Ok(())
+}
+
+/// The installed fuzzer.
+struct Fuzz {
+    tools: PathBuf,
+}
+
+impl Fuzz {
+    fn install() -> anyhow::Result<Self> {
+        let nightly = succeeds(program("cargo", ["+nightly", "--version"]));
+        ensure!(
+            nightly,
+            "expected a nightly toolchain: rustup toolchain install nightly"
+        );
+        let tools = target_dir()?.join("tools");
+        if !succeeds(program(tools.join("bin/cargo-fuzz"), ["--version"])) {
+            let install = [
+                "+nightly",
+                "install",
+                "cargo-fuzz",
+                "--version",
+                VERSION,
+                "--locked",
+                "--debug",
+                "--root",
+            ];
+            run(program("cargo", install).arg(&tools))?;
+        }
+        Ok(Self { tools })
+    }
+
+    fn cargo<const N: usize>(&self, args: [&str; N]) -> Command {
+        let path = std::env::var("PATH").unwrap_or_default();
+        let path = format!("{}:{path}", self.tools.join("bin").display());
+        let mut command = program("cargo", ["+nightly", "fuzz"]);
+        command
+            .args(args)
+            .env("PATH", &path)
+            // The toolchain of this workspace must not override the one asked for.
+            .env_remove("RUSTUP_TOOLCHAIN")
+            .env_remove("CARGO");
+        command
+    }
+
+    /// Starts a target, and tells where its words go.
+    fn start(&self, target: &str, seed: Option<&str>, long: bool) -> anyhow::Result<(Child, PathBuf)> {
         // What earlier runs found stays there, for the next to begin with.
         let corpus = target_dir()?.join("fuzz").join(target);
         fs::create_dir_all(&corpus).with_context(|| corpus.display().to_string())?;
         if let Some(seed) = seed {
             fs::copy(root().join(seed), corpus.join("seed")).with_context(|| seed.to_owned())?;
         }
-        let mut fuzz = program("cargo", ["+nightly", "fuzz", "run", target]);
-        fuzz.arg(&corpus)
+        let log = corpus.with_extension("log");
+        let file = File::create(&log).with_context(|| log.display().to_string())?;
+        let mut command = self.cargo(["run", target]);
+        command
+            .arg(&corpus)
             .arg("--")
-            .arg(format!("-max_total_time={seconds}"))
             .arg(format!("-max_len={INPUT_MAX}"))
             .arg(format!("-rss_limit_mb={MEMORY_MIB}"))
             .arg(format!("-timeout={RUN_S}"))
-            .arg("-print_final_stats=1")
-            .env("PATH", &path)
-            // The toolchain of this workspace must not override the one asked for.
-            .env_remove("RUSTUP_TOOLCHAIN")
-            .env_remove("CARGO");
-        run(fuzz)?;
+            .arg("-print_final_stats=1");
+        if long {
+            command.args([format!("-max_total_time={LONG_S}"), format!("-runs={LONG_RUNS}")]);
+        } else {
+            command.arg(format!("-max_total_time={SHORT_S}"));
+        }
+        let child = command.stdout(Stdio::null()).stderr(file).spawn();
+        Ok((child.with_context(|| target.to_owned())?, log))
     }
-    Ok(())
 }

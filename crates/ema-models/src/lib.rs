@@ -60,5 +60,7 @@ pub use residual::{
     COST_LANES, Comparison, NormalEquations, Prior, RANK_LANES, ResidualState, SIGNAL_COUNT, Signals, Weights,
 };
 pub use temperature::{BACK_EMF_PER_KELVIN, REFERENCE_TEMPERATURE_DEG_C, RESISTANCE_PER_KELVIN, temperature_factors};
-pub use unknowns::{Coordinates, MOTOR_COORDINATES, MotorDeviation, MotorKnowledge, Scale, UNKNOWN_COUNT, Unknowns};
+pub use unknowns::{
+    Coordinates, LOAD_COORDINATE, MOTOR_COORDINATES, MotorDeviation, MotorKnowledge, Scale, UNKNOWN_COUNT, Unknowns,
+};
 pub use winding::{DerivedShape, PaperShape, Winding, derived_shape};

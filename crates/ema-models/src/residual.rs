@@ -7,7 +7,9 @@ use crate::monitor::{Calibration, Conditions, Feedback, Monitor, Output};
 use crate::params::ActuatorParams;
 use crate::real::Real;
 use crate::recording::{ComparedSample, Recording};
-use crate::unknowns::{Coordinates, MOTOR_COORDINATES, MotorKnowledge, Scale, UNKNOWN_COUNT, Unknowns};
+use crate::unknowns::{
+    Coordinates, LOAD_COORDINATE, MOTOR_COORDINATES, MotorKnowledge, Scale, UNKNOWN_COUNT, Unknowns,
+};
 
 /// Number of signals that can be compared.
 pub const SIGNAL_COUNT: usize = 5;
@@ -180,7 +182,7 @@ pub struct Prior {
 }
 
 /// Coordinates about which something is known beforehand: load, integral, motor.
-const KNOWN: [usize; 4] = [8, 9, MOTOR_COORDINATES[0], MOTOR_COORDINATES[1]];
+const KNOWN: [usize; 4] = [LOAD_COORDINATE, 9, MOTOR_COORDINATES[0], MOTOR_COORDINATES[1]];
 
 impl Prior {
     /// Adds what is known beforehand to normal equations at a point.
@@ -225,7 +227,7 @@ impl Prior {
             })
             .0;
         let mut information = [[0.0; 4]; 4];
-        information[0][0] = 1.0 / (sigma[8] * sigma[8]);
+        information[0][0] = 1.0 / (sigma[LOAD_COORDINATE] * sigma[LOAD_COORDINATE]);
         information[1][1] = 1.0 / (sigma[9] * sigma[9]);
         if let Some(motor) = self.motor.information() {
             for (r, row) in motor.into_iter().enumerate() {

@@ -67,6 +67,9 @@ pub struct Unknowns {
     pub motor: MotorDeviation,
 }
 
+/// Place of the load among the coordinates.
+pub const LOAD_COORDINATE: usize = 8;
+
 /// Places of the motor's deviation among the coordinates.
 pub const MOTOR_COORDINATES: [usize; 2] = [UNKNOWN_COUNT - 2, UNKNOWN_COUNT - 1];
 
@@ -153,7 +156,8 @@ impl Coordinates {
     /// Upper corner of the box.
     pub const UPPER: [f64; UNKNOWN_COUNT] = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.5];
 
-    /// Steps of finite differences of length `step` along each coordinate, towards the inside of the box.
+    /// Steps of finite differences of length `step` along each coordinate, towards the inside of the box, and of the load
+    /// away from zero, where the gear's losses bend.
     #[must_use]
     pub fn inward_steps(&self, step: f64) -> [f64; UNKNOWN_COUNT] {
         core::array::from_fn(|p| match p {
@@ -161,6 +165,7 @@ impl Coordinates {
             2..=4 if self.0[p] > 1.0 - FULL_SHORT => -step.max(FULL_SHORT),
             // Towards the middle of the disc.
             5 | 6 => -step.copysign(self.0[p]),
+            LOAD_COORDINATE if self.0[p] < 0.0 && self.0[p] > 0.5 * Self::LOWER[p] => -step,
             _ if self.0[p] > 0.5 * Self::UPPER[p] => -step,
             _ => step,
         })

@@ -125,7 +125,7 @@ impl Real for Counted {
 }
 
 #[test]
-fn a_step_costs_at_most_250_operations() {
+fn a_step_costs_at_most_265_operations() {
     let params = ActuatorParams::bench();
     let sensed: Vec<SensedSample> = Scenario::new(params, FaultVector::NOMINAL, 3).run().collect();
     let mut samples = vec![ComparedSample::default(); sensed.len()];
@@ -152,5 +152,5 @@ fn a_step_costs_at_most_250_operations() {
         "per step: {sums:.1} sums, {products:.1} products, {roots:.1} roots and divisions, {choices:.1} choices, {masks:.1} of masks"
     );
     let all = sums + products + roots + choices + masks;
-    assert!((100.0..250.0).contains(&all), "{all}");
+    assert!((100.0..265.0).contains(&all), "{all}");
 }

@@ -13,6 +13,9 @@ use crate::winding::Winding;
 /// Numbers that [`Monitor::map`] visits, at most.
 const MONITOR_NUMBERS: usize = 96;
 
+/// Mean over all angles of the inverter's reach over V_dc: `√3 ln 3 / π`, from the hexagon with an inner radius of 1/√3.
+const HEXAGON_MEAN: f64 = 0.605_696_699_608_195_9;
+
 impl Monitor<f64> {
     /// A monitor of one actuator in one state of wear, on a DC link of `v_dc`, V.
     #[must_use]
@@ -49,6 +52,8 @@ impl Monitor<f64> {
                 v_dc,
                 half_v_dc: 0.5 * v_dc,
                 per_half_v_dc: 2.0 / v_dc,
+                v_max_squared: (HEXAGON_MEAN * v_dc) * (HEXAGON_MEAN * v_dc),
+                mean_ohms: motor.l_s * winding.turns.map(|n| n * n).iter().sum::<f64>() / (3.0 * dt),
                 phase_r: r_s,
                 phase_l: motor.l_s,
                 back_emf: k * calibration.back_emf,
@@ -96,6 +101,8 @@ impl<R: Real> Monitor<R> {
                 v_dc: f(d.v_dc),
                 half_v_dc: f(d.half_v_dc),
                 per_half_v_dc: f(d.per_half_v_dc),
+                v_max_squared: f(d.v_max_squared),
+                mean_ohms: f(d.mean_ohms),
                 phase_r: f(d.phase_r),
                 phase_l: f(d.phase_l),
                 back_emf: f(d.back_emf),

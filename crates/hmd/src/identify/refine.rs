@@ -1,8 +1,9 @@
 //! Levenberg–Marquardt on the residuals of all signals, from several starts.
 
-use ema_ga::{LmConfig, LmStop, Residuals, levenberg_marquardt};
+use ema_ga::{Bounds, LmConfig, LmStop, Residuals, levenberg_marquardt};
 use ema_models::{
-    COST_LANES, Comparison, Coordinates, FAULT_COUNT, FaultVector, NormalEquations, Scale, UNKNOWN_COUNT, Unknowns,
+    COST_LANES, Comparison, Coordinates, FAULT_COUNT, FaultVector, LOAD_COORDINATE, NormalEquations, Scale,
+    UNKNOWN_COUNT, Unknowns,
 };
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
@@ -62,9 +63,46 @@ pub(super) fn refine(comparison: &Comparison<'_>, starts: &[Coordinates], budget
     ends
 }
 
-/// One descent, coarse and then fine; the better of both ends. With a budget too small for one step, the start itself.
+/// A load next to none, in its coordinate.
+const NO_LOAD: f64 = 1e-12;
+
+/// Side of the bend that the gear's losses make at zero load. A descent across it gets stuck in the bend, short of the
+/// valley that leads along it; on either side the problem is smooth.
+#[derive(Clone, Copy, PartialEq)]
+enum LoadSide {
+    Opposing,
+    Driving,
+}
+
+impl LoadSide {
+    fn of(at: &Coordinates) -> Self {
+        if at.0[LOAD_COORDINATE] < 0.0 {
+            Self::Driving
+        } else {
+            Self::Opposing
+        }
+    }
+
+    fn other(self) -> Self {
+        match self {
+            Self::Opposing => Self::Driving,
+            Self::Driving => Self::Opposing,
+        }
+    }
+
+    fn bounds(self) -> Bounds<UNKNOWN_COUNT> {
+        let (mut lower, mut upper) = (Coordinates::LOWER, Coordinates::UPPER);
+        match self {
+            Self::Opposing => lower[LOAD_COORDINATE] = NO_LOAD,
+            Self::Driving => upper[LOAD_COORDINATE] = -NO_LOAD,
+        }
+        box_of(lower, upper)
+    }
+}
+
+/// One descent, coarse and then fine, each on one side of zero load and, from an end at zero load, on the other; the best
+/// of the ends. With a budget too small for one step, the start itself.
 pub(super) fn descend(comparison: &Comparison<'_>, start: Coordinates, budget: u64) -> End {
-    let bounds = box_of(Coordinates::LOWER, Coordinates::UPPER);
     let mut end = End {
         cost: f64::INFINITY,
         at: start,
@@ -72,27 +110,10 @@ pub(super) fn descend(comparison: &Comparison<'_>, start: Coordinates, budget: u
         cut: false,
     };
     for step in [COARSE_STEP, FINE_STEP] {
-        let left = budget.saturating_sub(end.spent);
-        let iterations = (left / (RUNS_PER_LINEARISATION + TRIALS_PER_STEP)).min(u64::from(MAX_ITERATIONS)) as u32;
-        let trials = left.saturating_sub(u64::from(iterations) * (RUNS_PER_LINEARISATION - 1));
-        let limited = iterations < MAX_ITERATIONS || trials < u64::from(MAX_EVALUATIONS);
-        if iterations == 0 {
-            end.cut = true;
-            break;
-        }
-        let config = LmConfig {
-            max_iterations: iterations,
-            max_evaluations: trials.min(u64::from(MAX_EVALUATIONS)) as u32,
-            step_tolerance: 1e-9,
-            cost_tolerance: 1e-6,
-            ..LmConfig::default()
-        };
-        let found = levenberg_marquardt(&Refinement { comparison, step }, &bounds, end.at.0, &config);
-        end.spent +=
-            u64::from(found.iterations) * RUNS_PER_LINEARISATION + u64::from(found.evaluations - found.iterations);
-        end.cut |= limited && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations);
-        if found.cost < end.cost {
-            (end.cost, end.at) = (found.cost, Coordinates(found.genes));
+        let side = LoadSide::of(&end.at);
+        go_on(comparison, &mut end, step, side, budget);
+        if end.at.0[LOAD_COORDINATE].abs() <= NO_LOAD {
+            go_on(comparison, &mut end, step, side.other(), budget);
         }
     }
     if end.cost.is_infinite() {
@@ -100,6 +121,31 @@ pub(super) fn descend(comparison: &Comparison<'_>, start: Coordinates, budget: u
         end.spent += 1;
     }
     end
+}
+
+/// Goes on from an end, with one step of the differences and on one side of zero load.
+fn go_on(comparison: &Comparison<'_>, end: &mut End, step: f64, side: LoadSide, budget: u64) {
+    let left = budget.saturating_sub(end.spent);
+    let iterations = (left / (RUNS_PER_LINEARISATION + TRIALS_PER_STEP)).min(u64::from(MAX_ITERATIONS)) as u32;
+    let trials = left.saturating_sub(u64::from(iterations) * (RUNS_PER_LINEARISATION - 1));
+    let limited = iterations < MAX_ITERATIONS || trials < u64::from(MAX_EVALUATIONS);
+    if iterations == 0 {
+        end.cut = true;
+        return;
+    }
+    let config = LmConfig {
+        max_iterations: iterations,
+        max_evaluations: trials.min(u64::from(MAX_EVALUATIONS)) as u32,
+        step_tolerance: 1e-9,
+        cost_tolerance: 1e-6,
+        ..LmConfig::default()
+    };
+    let found = levenberg_marquardt(&Refinement { comparison, step }, &side.bounds(), end.at.0, &config);
+    end.spent += u64::from(found.iterations) * RUNS_PER_LINEARISATION + u64::from(found.evaluations - found.iterations);
+    end.cut |= limited && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations);
+    if found.cost < end.cost {
+        (end.cost, end.at) = (found.cost, Coordinates(found.genes));
+    }
 }
 
 /// Linearisations, and those and trials together, of one descent with one step at most.

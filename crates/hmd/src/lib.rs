@@ -42,6 +42,7 @@ pub mod simulate;
 pub mod simulated;
 pub mod sink;
 pub mod store;
+pub mod top;
 mod turns;
 pub mod unit;
 pub mod utc;

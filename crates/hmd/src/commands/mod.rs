@@ -21,6 +21,7 @@ pub mod run;
 mod service;
 pub mod simulate;
 mod table;
+pub mod top;
 
 use std::io::Write;
 use std::path::Path;

@@ -15,3 +15,6 @@ pub use draw::{Colours, Cursor, HEIGHT_MIN, WIDTH_MIN, draw, full_height};
 pub use follow::{Follow, FollowError, Progress};
 pub use model::{Condition, Freshness, Model, NEWS_MAX_S, Row};
 pub use state::{Event, Known, State};
+
+#[cfg(test)]
+mod tests;

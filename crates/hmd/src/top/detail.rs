@@ -2,6 +2,7 @@
 
 use super::model::Row;
 use crate::record::Estimate;
+use crate::utc::minute;
 
 /// Names of k1…k8 that fit beside a bar.
 const NAMES: [&str; 8] = [
@@ -35,10 +36,7 @@ pub(super) fn lines(row: &Row<'_>) -> Vec<String> {
     lines.push(window(row));
     lines.push(life(row));
     lines.push(used(row));
-    lines.push(format!(
-        "changed  {}",
-        row.changed.as_deref().unwrap_or("not since the start")
-    ));
+    lines.extend(row.changed.iter().map(|changed| format!("changed  {changed}")));
     lines
 }
 
@@ -71,9 +69,10 @@ fn window(row: &Row<'_>) -> String {
     if !health.reason.is_empty() {
         said += &format!(" ({})", health.reason);
     }
-    if let Some(age) = row.window_age_s {
-        said += &format!(", began {} ago", duration(age));
+    if let Some(judged) = known.judged.as_ref().filter(|judged| judged.window != health.window) {
+        said += &format!(", k of window {}", judged.window);
     }
+    said += &format!(", began {}", minute(health.t_start_ns));
     if let Some(window) = known.window.as_ref().filter(|window| window.window == health.window) {
         said += &format!(", {} of {} samples", window.samples, window.samples_expected);
     }
@@ -92,14 +91,14 @@ fn life(row: &Row<'_>) -> String {
         return format!("left     unknown: {why}");
     };
     let mut said = format!(
-        "left     {p50:.0} h, 10...90 %: {p10:.0}...{p90:.0} h, by {}",
+        "left     {p50:.0} h, 80 % in {p10:.0}..{p90:.0} h, by {}",
         rul.governed_by
     );
     if rul.governed_by == "damage" {
         said += &format!(" of {}", rul.dominant_fault);
     }
     if let (Some(probability), Some(horizon)) = (rul.failure_probability, rul.horizon_h) {
-        said += &format!("; {:.0} % within {horizon:.0} h", 100.0 * probability);
+        said += &format!("; P {probability:.2} in {horizon:.0} h");
     }
     said
 }
@@ -121,12 +120,12 @@ fn used(row: &Row<'_>) -> String {
     said
 }
 
-/// A time in its largest unit.
+/// A time in at most six characters.
 pub(super) fn duration(seconds: f64) -> String {
     match seconds {
-        s if s < 120.0 => format!("{s:.0} s"),
-        s if s < 7200.0 => format!("{:.0} min", s / 60.0),
-        s if s < 172_800.0 => format!("{:.0} h", s / 3600.0),
+        s if s < 99.5 => format!("{s:.0} s"),
+        s if s < 99.5 * 60.0 => format!("{:.0} min", s / 60.0),
+        s if s < 99.5 * 3600.0 => format!("{:.0} h", s / 3600.0),
         s => format!("{:.0} d", s / 86_400.0),
     }
 }

@@ -1,5 +1,7 @@
 //! The model on a screen: plain ASCII but for names, and never by colour alone.
 
+use std::ops::Range;
+
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
@@ -45,10 +47,14 @@ pub struct Cursor {
 #[must_use]
 pub fn full_height(model: &Model<'_>) -> u16 {
     let rows = u16::try_from(model.rows.len().max(1)).unwrap_or(u16::MAX);
-    let events = u16::try_from(model.state.events().len()).unwrap_or(u16::MAX);
     (HEAD + 1 + 1 + detail::LINES + 1)
         .saturating_add(rows)
-        .saturating_add(events)
+        .saturating_add(event_lines(model))
+}
+
+/// Lines of all events, or of the word that there are none.
+fn event_lines(model: &Model<'_>) -> u16 {
+    u16::try_from(model.state.events().len().max(1)).unwrap_or(u16::MAX)
 }
 
 /// Draws the model; how many actuators the table shows at once.
@@ -69,13 +75,15 @@ pub fn draw(model: &Model<'_>, cursor: Cursor, colours: Colours, buffer: &mut Bu
     // Detail and events go first where there is little room.
     let detail = if body > detail::LINES + 1 { detail::LINES + 1 } else { 0 };
     let left = body - detail;
-    let events = if left > EVENTS_MIN + 2 { EVENTS_MIN + 1 } else { 0 };
+    let events = (1 + EVENTS_MIN).min(1 + event_lines(model));
+    let events = if left > events { events } else { 0 };
     let shown = usize::from(left - events).min(model.rows.len()).max(1);
 
-    page.head(model);
     // Whole pages, so that the rows stand still while the cursor moves.
     let first = cursor.row / shown * shown;
-    page.table(model, cursor.row, first, shown);
+    let last = (first + shown).min(model.rows.len());
+    page.head(model, first..last);
+    page.table(model, cursor.row, first..last);
     if detail > 0
         && let Some(row) = model.rows.get(cursor.row)
     {
@@ -149,7 +157,7 @@ impl Page<'_> {
         self.line(&format!("--{title}{}", "-".repeat(rest)), Style::new());
     }
 
-    fn head(&mut self, model: &Model<'_>) {
+    fn head(&mut self, model: &Model<'_>, rows: Range<usize>) {
         let (said, style) = condition(model);
         self.spans(&[
             ("hmd top  ", bold()),
@@ -157,7 +165,7 @@ impl Page<'_> {
             ("  ", Style::new()),
             (model.place, Style::new()),
         ]);
-        self.actuators(model);
+        self.actuators(model, rows);
         match model.state.status() {
             Some((_, status)) => {
                 let style = if status.link.iter().any(|link| !link.is_empty() && link != "up") {
@@ -180,13 +188,17 @@ impl Page<'_> {
         }
     }
 
-    fn actuators(&mut self, model: &Model<'_>) {
+    fn actuators(&mut self, model: &Model<'_>, rows: Range<usize>) {
         let counts: Vec<(String, Style)> = model
             .counts
             .iter()
             .map(|(health, count)| (format!("  {count} {health}"), of_health(*health)))
             .collect();
-        let total = format!("{} actuators", model.rows.len());
+        let total = match model.rows.len() {
+            1 => "1 actuator".to_owned(),
+            several if rows.len() < several => format!("{several} actuators, {}-{} shown", rows.start + 1, rows.end),
+            several => format!("{several} actuators"),
+        };
         let stale = format!("  {} STALE", model.stale);
         let refused = format!("  {} records of further ones left out", model.state.refused);
         let mut spans = vec![(total.as_str(), Style::new())];
@@ -200,27 +212,16 @@ impl Page<'_> {
         self.spans(&spans);
     }
 
-    fn table(&mut self, model: &Model<'_>, selected: usize, first: usize, shown: usize) {
+    fn table(&mut self, model: &Model<'_>, selected: usize, rows: Range<usize>) {
         let head = format!(
-            "  {:<12} {:<11} {:<9} {:<20} {:<17} {:>5}",
-            "ACTUATOR", "DATA", "HEALTH", "LEFT, h (10...90 %)", "LARGEST DAMAGE", "AGO"
+            "  {:<10} {:<12} {:<9} {:<18} {:<18} {:>6}",
+            "ACTUATOR", "DATA", "HEALTH", "LEFT, h (10..90 %)", "LARGEST DAMAGE", "AGO"
         );
-        let place = format!(
-            "{}-{}/{}",
-            first + 1,
-            (first + shown).min(model.rows.len()),
-            model.rows.len()
-        );
-        let head = if shown < model.rows.len() {
-            format!("{head} {place}")
-        } else {
-            head
-        };
         self.line(&head, bold());
         if model.rows.is_empty() {
             self.line("  no actuator told of yet", Style::new());
         }
-        for (n, row) in model.rows.iter().enumerate().skip(first).take(shown) {
+        for (n, row) in model.rows.iter().enumerate().skip(rows.start).take(rows.len()) {
             self.row(row, n == selected);
         }
     }
@@ -234,12 +235,12 @@ impl Page<'_> {
         let marked = if row.persistence > 0 { "+" } else { "" };
         let health = format!("{}{marked}", row.health.name());
         let ago = row.window_age_s.map_or_else(|| "-".to_owned(), duration);
-        let name = format!("{} {:<12} ", if is_selected { ">" } else { " " }, fit(row.name, 12));
-        let rest = format!(" {:<20} {:<17} {ago:>5}", left(row), worst(row));
+        let name = format!("{} {:<10} ", if is_selected { ">" } else { " " }, fit(row.name, 10));
+        let rest = format!(" {:<18} {:<18} {ago:>6}", left(row), worst(row));
         let name_style = if is_selected { bold() } else { Style::new() };
         self.spans(&[
             (&name, name_style),
-            (&format!("{data:<11} "), data_style),
+            (&format!("{data:<12} "), data_style),
             (&format!("{health:<9}"), of_health(row.health)),
             (&rest, Style::new()),
         ]);
@@ -287,12 +288,12 @@ fn condition(model: &Model<'_>) -> (String, Style) {
 fn left(row: &Row<'_>) -> String {
     let rul = row.known.and_then(|known| known.rul.as_ref());
     match rul.and_then(|rul| Some((rul.rul_p10_h?, rul.rul_p50_h?, rul.rul_p90_h?))) {
-        Some((p10, p50, p90)) => fit(&format!("{p50:.0} ({p10:.0}...{p90:.0})"), 20),
+        Some((p10, p50, p90)) => fit(&format!("{p50:.0} ({p10:.0}..{p90:.0})"), 18),
         None => "-".to_owned(),
     }
 }
 
-/// `friction   [###..] 59`.
+/// `friction      59 %`.
 fn worst(row: &Row<'_>) -> String {
     let Some((fault, damage)) = row.worst else {
         return "-".to_owned();

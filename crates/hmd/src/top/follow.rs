@@ -54,7 +54,7 @@ pub enum Progress {
     Waiting,
     /// Of a folder: all was read, and its last segment was closed in order.
     Closed,
-    /// Of a file: its own end was read.
+    /// Of a file: its writer has ended it, and all was read.
     Finished,
 }
 
@@ -131,7 +131,7 @@ impl Follow {
         if !self.is_newest && self.next_segment()? {
             return Ok(Progress::Reading(0.0));
         }
-        if self.tail.is_finished() && !self.is_folder {
+        if self.tail.is_complete() && !self.is_folder {
             if state.records == 0 {
                 let file = self.place.display().to_string();
                 return Err(FollowError::NoRecords { file });

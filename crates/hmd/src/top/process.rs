@@ -28,10 +28,13 @@ pub(super) fn buses(status: &Status) -> String {
         said.push("none told of".to_owned());
     }
     let mut said = format!("buses    {}", said.join(", "));
-    said += &format!(
-        "; queues {} inputs, {} windows",
-        status.queued_inputs, status.queued_windows
-    );
+    // A replay has none.
+    if !status.actuator.is_empty() {
+        said += &format!(
+            "; queues {} inputs, {} windows",
+            status.queued_inputs, status.queued_windows
+        );
+    }
     if !status.storage.is_empty() {
         said += &format!(
             "; storage {}, {} free",

@@ -85,11 +85,6 @@ impl<R: Read + Seek> McapMessages<R> {
         self.walk.grow(length, last);
     }
 
-    /// Whether the file's own end was read.
-    pub(super) fn is_finished(&self) -> bool {
-        self.walk.is_finished()
-    }
-
     fn over(walk: Walk<R>, summary: Definitions, file: &str) -> Self {
         Self {
             walk,

@@ -10,6 +10,7 @@ use std::time::SystemTime;
 
 use thiserror::Error;
 
+use super::chunk::RECORD_LIMIT;
 use super::messages::{McapMessage, McapMessages};
 use super::{McapLoss, walk};
 
@@ -40,6 +41,8 @@ pub struct McapTail {
     file: File,
     /// As far as whole records go.
     whole: u64,
+    /// Its last magic is there: nobody writes to it any more.
+    is_complete: bool,
     messages: McapMessages<File>,
 }
 
@@ -64,11 +67,19 @@ impl McapTail {
         if start.is_empty() || !magic.starts_with(&start) {
             return Err(TailError::Foreign { file: name });
         }
-        let messages = McapMessages::growing(File::open(path).map_err(io)?, &name, 0);
+        let is_complete = ends_in_magic(&mut file).map_err(io)?;
+        let input = File::open(path).map_err(io)?;
+        let messages = if is_complete {
+            // With its summary, which stands in for what is damaged.
+            McapMessages::new(input, &name).map_err(io)?
+        } else {
+            McapMessages::growing(input, &name, 0)
+        };
         Ok(Self {
             name,
             file,
             whole: 0,
+            is_complete,
             messages,
         })
     }
@@ -78,20 +89,18 @@ impl McapTail {
     /// # Errors
     /// When the file cannot be read.
     pub fn grow(&mut self, last: bool) -> Result<(), TailError> {
-        let length = self.length();
-        let whole = length.and_then(|length| {
-            self.whole = self.whole_records(length)?;
-            Ok(if last { length } else { self.whole })
-        });
-        let whole = whole.map_err(|source| self.error(source))?;
-        self.messages.grow(whole, last);
+        if self.is_complete {
+            return Ok(());
+        }
+        let whole = self.reach(last).map_err(|source| self.error(source))?;
+        self.messages.grow(whole, last || self.is_complete);
         Ok(())
     }
 
-    /// Whether the file's own end was read.
+    /// Whether the file was ended by its writer.
     #[must_use]
-    pub fn is_finished(&self) -> bool {
-        self.messages.is_finished()
+    pub fn is_complete(&self) -> bool {
+        self.is_complete
     }
 
     /// How much of what is there was read, 0…1.
@@ -129,6 +138,15 @@ impl McapTail {
         }
     }
 
+    /// How far may be read now.
+    fn reach(&mut self, last: bool) -> io::Result<u64> {
+        let length = self.length()?;
+        // Lengths lead astray in a damaged file, but nobody writes behind the last magic.
+        self.is_complete = ends_in_magic(&mut self.file)?;
+        self.whole = self.whole_records(length)?;
+        Ok(if last || self.is_complete { length } else { self.whole })
+    }
+
     /// End of the last whole record; the end of the file where its records are broken, for the reader to tell.
     fn whole_records(&mut self, length: u64) -> io::Result<u64> {
         let magic = mcap::MAGIC.len() as u64;
@@ -143,16 +161,12 @@ impl McapTail {
             let mut head = [0; walk::HEAD as usize];
             self.file.seek(SeekFrom::Start(at))?;
             self.file.read_exact(&mut head)?;
-            if !walk::is_opcode(head[0]) {
+            if !walk::is_opcode(head[0]) || walk::length_of(&head) > RECORD_LIMIT as u64 {
                 return Ok(length);
             }
             // Behind the footer stands only the magic.
-            let end = at.saturating_add(walk::HEAD).saturating_add(walk::length_of(&head));
-            let end = if head[0] == mcap::records::op::FOOTER {
-                end.saturating_add(magic)
-            } else {
-                end
-            };
+            let is_footer = head[0] == mcap::records::op::FOOTER;
+            let end = at + walk::HEAD + walk::length_of(&head) + if is_footer { magic } else { 0 };
             if end > length {
                 break;
             }
@@ -167,11 +181,23 @@ impl Iterator for McapTail {
 
     fn next(&mut self) -> Option<Self::Item> {
         // Nothing is there yet; the reader would take that for the end.
-        if self.whole == 0 {
+        if self.whole == 0 && !self.is_complete {
             return None;
         }
         self.messages.next()
     }
+}
+
+/// Whether it does, and has something before that.
+fn ends_in_magic(file: &mut File) -> io::Result<bool> {
+    let mut end = [0; mcap::MAGIC.len()];
+    let length = file.metadata()?.len();
+    if length <= end.len() as u64 {
+        return Ok(false);
+    }
+    file.seek(SeekFrom::Start(length - end.len() as u64))?;
+    file.read_exact(&mut end)?;
+    Ok(end == mcap::MAGIC)
 }
 
 #[cfg(test)]
@@ -211,13 +237,13 @@ mod tests {
             let mut tail = McapTail::open(&path).unwrap();
             let mut found = times(&mut tail, false);
             for piece in pieces {
-                assert!(!tail.is_finished());
+                assert!(!tail.is_complete());
                 out.write_all(piece).unwrap();
                 found.extend(times(&mut tail, false));
             }
             assert_eq!(found, [0, 1, 2, 3, 4], "pieces of {piece} bytes");
-            assert!(tail.is_finished());
-            assert_eq!(times(&mut tail, true), [], "no complaint behind the footer");
+            assert!(tail.is_complete());
+            assert!(times(&mut tail, true).is_empty(), "no complaint behind the footer");
         }
     }
 

@@ -100,11 +100,6 @@ impl<R: Read + Seek> Walk<R> {
         self.ended = self.finished;
     }
 
-    /// Whether the file's own end was read.
-    pub(super) fn is_finished(&self) -> bool {
-        self.finished
-    }
-
     /// Place up to which the file was read.
     pub(super) fn position(&self) -> u64 {
         self.at
@@ -334,7 +329,8 @@ impl<R: Read + Seek> Walk<R> {
             let got = read_up_to(&mut self.input, &mut block)?;
             for (offset, _) in block[..got].iter().enumerate().filter(|(_, byte)| **byte == op::CHUNK) {
                 let at = from + offset as u64;
-                let fits = |&length: &u64| length <= self.length - at - HEAD;
+                // A file that grows has more than that already.
+                let fits = |&length: &u64| at + HEAD + length <= self.length;
                 if let Some(length) = chunk_length(&block[offset..got]).filter(fits) {
                     // What a wrong guess costs: this stretch again, and the chunk.
                     let cost = BLOCK as u64 + length;

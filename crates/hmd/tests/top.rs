@@ -182,11 +182,19 @@ fn the_screen_follows_the_size_of_the_terminal() {
         !screen.contains("k1 friction") && screen.contains("> ema0")
     });
     terminal.resize(20, 5);
-    terminal.wait_for("hmd top: expected 60");
+    terminal.wait_for("60x8 needed, q ends");
     terminal.resize(120, 40);
     terminal.wait_for("last events");
     terminal.press("q");
     assert_eq!(terminal.end().0.code(), Some(0));
+}
+
+#[test]
+fn a_terminal_that_hangs_up_ends_the_watch() {
+    let folder = tempfile::tempdir().unwrap();
+    let terminal = top(&demo(folder.path()));
+    terminal.wait_for("RECORDED");
+    assert_eq!(terminal.hang_up().code(), Some(0));
 }
 
 #[test]

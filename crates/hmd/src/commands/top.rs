@@ -2,14 +2,18 @@
 
 use std::io::{self, IsTerminal, Write};
 use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::{Duration, Instant, SystemTime};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
+use ratatui::DefaultTerminal;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use tokio::sync::mpsc;
 
-use super::live::signals;
+use super::live::{Asked, signals};
 use super::{Exit, Misuse};
 use crate::top::{Colours, Condition, Cursor, Follow, Model, Progress, State, draw, full_height};
 
@@ -33,6 +37,9 @@ pub struct Args {
 /// Time between two looks at the files.
 const PERIOD: Duration = Duration::from_millis(500);
 
+/// Keys that wait; then the terminal does.
+const EVENTS_WAITING: usize = 16;
+
 /// Columns of `--once`.
 const ONCE_WIDTH: u16 = 80;
 
@@ -50,16 +57,28 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     }
     // What is no log is told on the terminal as it was.
     watch.read()?;
-    let mut asked = signals().context("signals")?;
+    let asked = signals().context("signals")?;
     let restore = Restore;
     let mut terminal = ratatui::try_init().context("terminal")?;
+    let ended = show(&mut watch, &mut terminal, asked);
+    if has_hung_up() {
+        // There is nothing to give back and nobody to tell, which would be an error of its own.
+        std::process::exit(Exit::Done as i32);
+    }
+    drop(restore);
+    ended.map(|()| Exit::Done)
+}
+
+/// Shows what there is until a key or a signal ends it.
+fn show(watch: &mut Watch, terminal: &mut DefaultTerminal, mut asked: mpsc::Receiver<Asked>) -> anyhow::Result<()> {
+    let events = events()?;
     let colours = if std::env::var_os("NO_COLOR").is_some_and(|set| !set.is_empty()) {
         Colours::Off
     } else {
         Colours::On
     };
     let mut selection = Selection::default();
-    while asked.try_recv().is_err() {
+    while asked.try_recv().is_err() && !has_hung_up() {
         let progress = watch.read()?;
         let model = watch.model(selection.worst_first);
         selection.follow(&model);
@@ -73,16 +92,37 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         } else {
             PERIOD
         };
-        if event::poll(patience).context("terminal")?
-            && let Event::Key(key) = event::read().context("terminal")?
-            && key.kind != KeyEventKind::Release
-            && selection.press(key, &model)
-        {
-            break;
+        match events.recv_timeout(patience) {
+            Ok(Event::Key(key)) if key.kind != KeyEventKind::Release && selection.press(key, &model) => break,
+            Ok(_) | Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => bail!("terminal: it cannot be read"),
         }
     }
-    drop(restore);
-    Ok(Exit::Done)
+    Ok(())
+}
+
+/// Keys and sizes of the terminal, from a thread of its own: at the end of a terminal that has gone, crossterm reads for ever.
+fn events() -> anyhow::Result<Receiver<Event>> {
+    let (sender, receiver) = sync_channel(EVENTS_WAITING);
+    let read = move || {
+        while let Ok(event) = event::read() {
+            if sender.send(event).is_err() {
+                return;
+            }
+        }
+    };
+    std::thread::Builder::new()
+        .name("keys".to_owned())
+        .spawn(read)
+        .context("thread")?;
+    Ok(receiver)
+}
+
+/// Whether nobody is at the other end any more, as when a connection breaks.
+fn has_hung_up() -> bool {
+    let stdout = io::stdout();
+    let mut ends = [PollFd::new(&stdout, PollFlags::empty())];
+    poll(&mut ends, Some(&Timespec::default())).is_ok() && ends[0].revents().contains(PollFlags::HUP)
 }
 
 /// Gives the terminal back, whatever ended the watch.

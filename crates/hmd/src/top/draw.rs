@@ -66,7 +66,7 @@ pub fn draw(model: &Model<'_>, cursor: Cursor, colours: Colours, buffer: &mut Bu
         next: 0,
     };
     if page.area.width < WIDTH_MIN || page.area.height < HEIGHT_MIN {
-        let text = format!("hmd top: expected {WIDTH_MIN}x{HEIGHT_MIN} at least, q ends");
+        let text = format!("{WIDTH_MIN}x{HEIGHT_MIN} needed, q ends");
         page.line(&text, Style::new());
         return 1;
     }

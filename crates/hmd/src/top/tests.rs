@@ -210,7 +210,7 @@ fn any_size_is_drawn() {
         }
     }
     let small = shown(1, 0, (70, 7)).join("\n");
-    assert!(small.contains("expected 60x8 at least, q ends"), "{small}");
+    assert!(small.contains("60x8 needed, q ends"), "{small}");
 }
 
 #[test]

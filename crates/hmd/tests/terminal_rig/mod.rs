@@ -4,9 +4,12 @@ use std::fs::File;
 use std::io::{Read, Write};
 use std::num::NonZero;
 use std::process::{Child, Command, ExitStatus};
+use std::sync::mpsc::{Sender, TryRecvError, channel};
 use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags, open};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{LocalModes, Winsize, tcgetattr, tcsetwinsize};
@@ -16,11 +19,13 @@ const PATIENCE: Duration = Duration::from_secs(30);
 
 /// A terminal with a program on it.
 pub(crate) struct Terminal {
-    keys: File,
+    keys: Option<File>,
     /// The program's end, kept open to look at its modes.
-    end: File,
+    end: Option<File>,
     screen: Arc<Mutex<vt100::Parser>>,
     child: Child,
+    /// What ends the thread that reads, and the thread.
+    reader: Option<(Sender<()>, JoinHandle<()>)>,
 }
 
 impl Terminal {
@@ -42,18 +47,31 @@ impl Terminal {
         let child = command.stdin(stdio()).stdout(stdio()).stderr(stdio()).spawn().unwrap();
         let screen = Arc::new(Mutex::new(vt100::Parser::new(size(24), size(80), 0)));
         let (mut out, seen) = (keys.try_clone().unwrap(), screen.clone());
-        std::thread::spawn(move || {
+        let (hung_up, gone) = channel::<()>();
+        let reader = std::thread::spawn(move || {
             let mut bytes = [0; 4096];
-            // Ends with the last handle of the program's end.
-            while let Ok(got @ 1..) = out.read(&mut bytes) {
-                seen.lock().unwrap().process(&bytes[..got]);
+            while gone.try_recv() == Err(TryRecvError::Empty) {
+                let mut ends = [PollFd::new(&out, PollFlags::IN)];
+                let ready = poll(
+                    &mut ends,
+                    Some(&Timespec {
+                        tv_sec: 0,
+                        tv_nsec: 10_000_000,
+                    }),
+                )
+                .unwrap();
+                if ready > 0 {
+                    let Ok(got @ 1..) = out.read(&mut bytes) else { return };
+                    seen.lock().unwrap().process(&bytes[..got]);
+                }
             }
         });
         Self {
-            keys,
-            end,
+            keys: Some(keys),
+            end: Some(end),
             screen,
             child,
+            reader: Some((hung_up, reader)),
         }
     }
 
@@ -97,7 +115,7 @@ impl Terminal {
     }
 
     pub(crate) fn press(&mut self, keys: &str) {
-        self.keys.write_all(keys.as_bytes()).unwrap();
+        self.keys.as_mut().unwrap().write_all(keys.as_bytes()).unwrap();
     }
 
     pub(crate) fn resize(&mut self, columns: u16, rows: u16) {
@@ -106,7 +124,7 @@ impl Terminal {
             .unwrap()
             .screen_mut()
             .set_size(size(rows), size(columns));
-        set_size(&self.keys, columns, rows);
+        set_size(self.keys.as_ref().unwrap(), columns, rows);
     }
 
     pub(crate) fn id(&self) -> u32 {
@@ -115,10 +133,26 @@ impl Terminal {
 
     /// Whether the program has the terminal to itself: its own screen, keys without a line end.
     pub(crate) fn is_taken(&self) -> bool {
-        let modes = tcgetattr(&self.end).unwrap().local_modes;
+        let modes = tcgetattr(self.end.as_ref().unwrap()).unwrap().local_modes;
         let parser = self.screen.lock().unwrap();
         assert_eq!(parser.screen().alternate_screen(), !modes.contains(LocalModes::ICANON));
         parser.screen().alternate_screen()
+    }
+
+    /// Pulls the plug, and waits for the end of the program.
+    pub(crate) fn hang_up(mut self) -> ExitStatus {
+        let (hung_up, reader) = self.reader.take().unwrap();
+        drop(hung_up);
+        reader.join().unwrap();
+        (self.keys, self.end) = (None, None);
+        let since = Instant::now();
+        loop {
+            match self.child.try_wait().unwrap() {
+                Some(status) => return status,
+                None => assert!(since.elapsed() < PATIENCE, "it goes on without a terminal"),
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
     }
 
     /// Waits for the end of the program, which must have given the terminal back; its exit code and what it left.
@@ -130,6 +164,13 @@ impl Terminal {
         assert!(!self.is_taken());
         assert!(!self.screen.lock().unwrap().screen().hide_cursor());
         (status, self.text())
+    }
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }
 

@@ -38,6 +38,8 @@ pub mod report;
 pub mod rul;
 pub mod seal;
 pub mod seed;
+#[cfg(feature = "serve")]
+pub mod serve;
 pub mod simulate;
 pub mod simulated;
 pub mod sink;

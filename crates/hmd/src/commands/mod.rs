@@ -18,6 +18,8 @@ pub mod recover;
 pub mod replay;
 pub mod report;
 pub mod run;
+#[cfg_attr(not(feature = "serve"), path = "no_serve.rs")]
+mod serve;
 mod service;
 pub mod simulate;
 mod table;

@@ -209,10 +209,21 @@ fn what_cannot_be_shown_is_said_in_one_sentence_on_the_terminal_as_it_was() {
         .unwrap()
         .finish()
         .unwrap();
+    let frames = folder.path().join("frames.mcap");
+    assert!(
+        hmd()
+            .args(["simulate", "-o"])
+            .arg(&frames)
+            .stderr(Stdio::null())
+            .status()
+            .unwrap()
+            .success()
+    );
     for (place, expected) in [
+        (&frames, "expected records of windows or of a live run, found none"),
         (&empty, "expected a folder that hmd run writes to, found no segment"),
         (&text, "expected an MCAP file, found one that begins differently"),
-        (&foreign, "expected records of hmd, found none"),
+        (&foreign, "expected records of windows or of a live run, found none"),
     ] {
         for args in [&["top", "--once"][..], &["top"]] {
             let terminal = Terminal::start(hmd().args(args).arg(place));

@@ -200,3 +200,129 @@ async fn send(socket: &mut Socket, message: Message) -> Result<(), tokio_websock
         Err(_) => Err(io::Error::from(io::ErrorKind::TimedOut).into()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Read, Write};
+    use std::net::TcpStream;
+    use std::time::Instant;
+
+    use super::*;
+    use crate::record::{Log, Record};
+    use crate::recorder::{Tap, Told};
+
+    fn hub() -> (Hub, SocketAddr) {
+        let hub = Hub::default();
+        let address = listen("127.0.0.1:0".parse().unwrap(), hub.clone(), "1").unwrap();
+        (hub, address)
+    }
+
+    /// What is answered to a request with these headers, and the connection.
+    fn ask(address: SocketAddr, headers: &str) -> (String, TcpStream) {
+        let mut stream = TcpStream::connect(address).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+        let request = format!("GET / HTTP/1.1\r\nHost: here\r\n{headers}\r\n");
+        stream.write_all(request.as_bytes()).unwrap();
+        let mut head = Vec::new();
+        while !head.ends_with(b"\r\n\r\n") {
+            let mut byte = [0];
+            stream.read_exact(&mut byte).unwrap();
+            head.push(byte[0]);
+        }
+        (String::from_utf8(head).unwrap().to_lowercase(), stream)
+    }
+
+    /// The key is the example of RFC 6455, section 1.3.
+    const HEADERS: &str = "Upgrade: websocket\r\nConnection: keep-alive, Upgrade\r\nSec-WebSocket-Version: 13\r\n\
+                           Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
+                           Sec-WebSocket-Protocol: other, foxglove.sdk.v1\r\n";
+
+    /// One frame of the server: whether it is text, and what is in it.
+    fn frame(stream: &mut TcpStream) -> (bool, Vec<u8>) {
+        let mut head = [0; 2];
+        stream.read_exact(&mut head).unwrap();
+        let mut length = [0; 8];
+        let long = match head[1] {
+            126 => 2,
+            127 => 8,
+            short => {
+                length[7] = short;
+                0
+            }
+        };
+        stream.read_exact(&mut length[8 - long..]).unwrap();
+        let mut data = vec![0; u64::from_be_bytes(length) as usize];
+        stream.read_exact(&mut data).unwrap();
+        (head[0] & 0xf == 1, data)
+    }
+
+    fn told(at_ns: u64, bytes: usize) -> Told {
+        Told {
+            at_ns,
+            topic: "/log".to_owned(),
+            schema: Log::SCHEMA_NAME,
+            descriptor: Log::descriptor,
+            data: vec![0; bytes],
+        }
+    }
+
+    #[test]
+    fn only_a_client_with_our_protocol_is_let_in() {
+        let (_, address) = hub();
+        let (head, mut stream) = ask(address, HEADERS);
+        assert!(head.starts_with("http/1.1 101"), "{head}");
+        assert!(
+            head.contains("sec-websocket-accept: s3pplmbitxaq9kygzzhzrbk+xoo="),
+            "{head}"
+        );
+        assert!(head.contains("sec-websocket-protocol: foxglove.sdk.v1"), "{head}");
+        let (is_text, info) = frame(&mut stream);
+        assert!(is_text && String::from_utf8(info).unwrap().contains("serverInfo"));
+        for headers in [
+            String::new(),
+            HEADERS.replace("foxglove.sdk.v1", "foxglove.sdk.v9"),
+            HEADERS.replace("13", "8"),
+            HEADERS.replace("websocket\r", "h2c\r"),
+        ] {
+            let (head, _) = ask(address, &headers);
+            assert!(head.starts_with("http/1.1 400"), "{head}");
+        }
+    }
+
+    #[test]
+    fn a_client_that_does_not_read_holds_nobody_back() {
+        const RECORDS: u64 = 200;
+        let (hub, address) = hub();
+        hub.take(told(0, 1));
+        let (_, mut stream) = ask(address, HEADERS);
+        // The channels come; they are asked for in one frame, masked with zeros.
+        let told_of: Vec<_> = (0..2).map(|_| frame(&mut stream).1).collect();
+        assert!(String::from_utf8_lossy(&told_of[1]).contains("advertise"));
+        let subscribe = br#"{"op":"subscribe","subscriptions":[{"id":7,"channelId":0}]}"#;
+        let mut asked = vec![0x81, 0x80 | subscribe.len() as u8, 0, 0, 0, 0];
+        asked.extend(subscribe);
+        stream.write_all(&asked).unwrap();
+        assert_eq!(
+            frame(&mut stream),
+            (false, super::super::protocol::message_data(7, 0, &[0]))
+        );
+
+        let since = Instant::now();
+        for n in 1..=RECORDS {
+            hub.take(told(n, 1 << 20));
+        }
+        let took = since.elapsed();
+        // Where 200 MiB went through the socket, or waited for it, this would be for ever.
+        assert!(took < Duration::from_secs(5), "{took:?}");
+        let (mut newest, mut left_out) = (0, false);
+        while newest < RECORDS {
+            let (is_text, data) = frame(&mut stream);
+            if is_text {
+                left_out |= String::from_utf8(data).unwrap().contains("messages left out");
+            } else {
+                newest = u64::from_le_bytes(data[5..13].try_into().unwrap());
+            }
+        }
+        assert!(left_out, "what was missed is told");
+    }
+}

@@ -37,8 +37,8 @@ pub enum FollowError {
         /// The folder.
         folder: String,
     },
-    /// A file without any record of ours.
-    #[error("{file}: expected records of hmd, found none")]
+    /// A file without anything of an actuator.
+    #[error("{file}: expected records of windows or of a live run, found none")]
     NoRecords {
         /// The file.
         file: String,
@@ -112,7 +112,7 @@ impl Follow {
     /// Reads on for a while, and puts what comes into `state`. How far it came.
     ///
     /// # Errors
-    /// When the folder or a file cannot be read any more, or a finished file has no record of ours.
+    /// When the folder or a file cannot be read any more, or a finished file has nothing of an actuator.
     pub fn read(&mut self, state: &mut State) -> Result<Progress, FollowError> {
         if self.is_folder {
             self.look()?;
@@ -132,7 +132,7 @@ impl Follow {
             return Ok(Progress::Reading(0.0));
         }
         if self.tail.is_complete() && !self.is_folder {
-            if state.records == 0 {
+            if state.names().is_empty() {
                 let file = self.place.display().to_string();
                 return Err(FollowError::NoRecords { file });
             }

@@ -6,6 +6,7 @@ mod serial_rig;
 mod terminal_rig;
 
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -97,7 +98,7 @@ fn a_running_daemon_is_watched_across_segments_until_it_ends() {
     let mut terminal = top(&records);
     terminal.wait_for("LIVE, newest record written");
     let playing = std::thread::spawn(move || {
-        Device::start(3).play(&plug, Duration::from_secs(14));
+        Device::start(3).play(&plug, Duration::from_secs(16));
         plug
     });
     // Nothing was ever heard of the second.
@@ -108,20 +109,15 @@ fn a_running_daemon_is_watched_across_segments_until_it_ends() {
         "{screen}"
     );
     terminal.wait_for("k1 friction [");
-    terminal.wait_until("a later window", |screen| {
-        screen
-            .split("window   ")
-            .nth(1)
-            .and_then(|rest| rest.split(' ').next()?.parse().ok())
-            .is_some_and(|n: u32| n >= 18)
-    });
     let segments = || {
-        let names = fs::read_dir(&records)
-            .unwrap()
-            .map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let names = fs::read_dir(&records).unwrap();
+        let names = names.map(|entry| entry.unwrap().file_name().into_string().unwrap());
         names.filter(|name| name.contains("-records.mcap")).count()
     };
-    assert!(segments() > 1, "the segment that was read first was closed meanwhile");
+    terminal.wait_until("another segment", |_| segments() > 1);
+    let window = |screen: &str| -> Option<u32> { screen.split("window   ").nth(1)?.split(' ').next()?.parse().ok() };
+    let before = window(&terminal.text());
+    terminal.wait_until("a later window", |screen| window(screen) > before.map(|n| n + 1));
     let plug = playing.join().unwrap();
     terminal.wait_for("> left_inne~ STALE");
     drop(plug);
@@ -170,6 +166,27 @@ fn a_recording_is_shown_as_it_stood_at_its_end() {
     assert!(!plain.has_colour());
     signal(plain.id(), "-TERM");
     assert_eq!(plain.end().0.code(), Some(0));
+}
+
+#[test]
+fn a_file_is_followed_until_its_writer_ends_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = fs::read(demo(folder.path())).unwrap();
+    let path = folder.path().join("growing.mcap");
+    let (begun, rest) = whole.split_at(whole.len() / 2);
+    fs::write(&path, begun).unwrap();
+    let mut terminal = top(&path);
+    let screen = terminal.wait_for("LIVE, newest record written");
+    assert!(screen.contains("> ema0") && !screen.contains("critical"), "{screen}");
+    terminal.wait_for("SILENT: nothing written for");
+    let mut out = fs::OpenOptions::new().append(true).open(&path).unwrap();
+    for piece in rest.chunks(100_000) {
+        out.write_all(piece).unwrap();
+    }
+    terminal.wait_for("RECORDED until 2024-02-18 18:13 UTC");
+    terminal.wait_for("critical");
+    terminal.press("q");
+    assert_eq!(terminal.end().0.code(), Some(0));
 }
 
 #[test]

@@ -73,6 +73,8 @@ struct Client {
     queue: VecDeque<(u32, Arc<Item>)>,
     queue_bytes: usize,
     missed: u64,
+    /// What it was given last is still on its way.
+    is_sending: bool,
     wake: Arc<Notify>,
 }
 
@@ -108,10 +110,11 @@ impl Hub {
         self.0.arrived.notified().await;
     }
 
-    /// Whether nothing waits for any client.
+    /// Whether every client was sent all that there is for it.
     #[must_use]
     pub fn is_idle(&self) -> bool {
-        self.lock().clients.values().all(|client| client.queue.is_empty())
+        let idle = |client: &Client| client.queue.is_empty() && !client.is_sending;
+        self.lock().clients.values().all(idle)
     }
 
     /// A client has come: its number, and what wakes it.
@@ -160,26 +163,13 @@ impl Hub {
         }
     }
 
-    /// What a client is to be sent next: channels before their data, and losses before what comes after them.
+    /// What a client is to be sent next, after the last was: channels before their data, losses before what comes after them.
     pub(super) fn next(&self, number: u64) -> Option<Next> {
         let inner = &mut *self.lock();
         let client = inner.clients.get_mut(&number)?;
-        let fresh = &inner.channels[client.advertised..];
-        if !fresh.is_empty() {
-            client.advertised = inner.channels.len();
-            let channels = fresh.iter().map(|channel| channel.advertised.as_str());
-            return Some(Next::Text(protocol::advertise(channels)));
-        }
-        if client.missed > 0 {
-            return Some(Next::Text(protocol::missed(std::mem::take(&mut client.missed))));
-        }
-        let (subscription, item) = client.queue.pop_front()?;
-        client.queue_bytes -= item.data.len();
-        Some(Next::Binary(protocol::message_data(
-            subscription,
-            item.at_ns,
-            &item.data,
-        )))
+        let next = client.next(&inner.channels);
+        client.is_sending = next.is_some();
+        next
     }
 
     /// A panic elsewhere leaves whole queues behind.
@@ -227,6 +217,25 @@ impl Inner {
 }
 
 impl Client {
+    fn next(&mut self, channels: &[Channel]) -> Option<Next> {
+        let fresh = &channels[self.advertised..];
+        if !fresh.is_empty() {
+            self.advertised = channels.len();
+            let channels = fresh.iter().map(|channel| channel.advertised.as_str());
+            return Some(Next::Text(protocol::advertise(channels)));
+        }
+        if self.missed > 0 {
+            return Some(Next::Text(protocol::missed(std::mem::take(&mut self.missed))));
+        }
+        let (subscription, item) = self.queue.pop_front()?;
+        self.queue_bytes -= item.data.len();
+        Some(Next::Binary(protocol::message_data(
+            subscription,
+            item.at_ns,
+            &item.data,
+        )))
+    }
+
     fn numbers(&self, channel: usize) -> impl Iterator<Item = u32> {
         let of_channel = self.subscriptions.iter().filter(move |(_, of)| **of == channel);
         of_channel.map(|(number, _)| *number)
@@ -281,6 +290,7 @@ mod tests {
         let Some(Next::Text(text)) = hub.next(client) else {
             panic!("a channel first")
         };
+        assert!(!hub.is_idle(), "it may be on its way");
         assert!(
             text.contains(r#""op":"advertise""#) && text.contains(r#""topic":"/a""#),
             "{text}"

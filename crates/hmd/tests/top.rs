@@ -9,7 +9,7 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use serial_rig::{Device, Plug};
 use terminal_rig::Terminal;
@@ -125,10 +125,16 @@ fn a_running_daemon_is_watched_across_segments_until_it_ends() {
     terminal.wait_for("ENDED ");
     terminal.press("q");
     assert_eq!(terminal.end().0.code(), Some(0));
+    // Of several segments the age of the newest counts.
+    let hour_ago = SystemTime::now() - Duration::from_secs(3600);
+    for segment in fs::read_dir(&records).unwrap() {
+        let segment = fs::File::options().write(true).open(segment.unwrap().path()).unwrap();
+        segment.set_modified(hour_ago).unwrap();
+    }
     let again = hmd().args(["top", "--once"]).arg(&records).output().unwrap();
     let text = String::from_utf8(again.stdout).unwrap();
     assert!(
-        text.starts_with("hmd top  ENDED ") && text.contains("left_inne~"),
+        text.starts_with("hmd top  ENDED 60 min ago") && text.contains("left_inne~"),
         "{text}"
     );
     // Somebody who watches holds no lock: a daemon begins anew in the same folder.

@@ -141,8 +141,10 @@ struct Watch {
     follow: Follow,
     state: State,
     progress: Progress,
-    /// What is known of the records at which time: how many there were, and how old the newest was then.
-    heard: Option<(u64, Instant, Duration)>,
+    /// Records so far, when that was found, and how old the newest was then.
+    heard: (u64, Instant, Duration),
+    /// All that was there at the start was read.
+    has_caught_up: bool,
 }
 
 impl Watch {
@@ -152,27 +154,40 @@ impl Watch {
             follow: Follow::open(&args.place)?,
             state: State::default(),
             progress: Progress::Reading(0.0),
-            heard: None,
+            heard: (0, Instant::now(), Duration::ZERO),
+            has_caught_up: false,
         })
     }
 
     fn read(&mut self) -> anyhow::Result<Progress> {
         self.progress = self.follow.read(&mut self.state)?;
-        if self.heard.is_none_or(|(records, ..)| records != self.state.records) {
-            // Later on, age is measured without the clock, which may be set.
-            let age = match self.heard {
-                None => SystemTime::now()
-                    .duration_since(self.follow.written_at()?)
-                    .unwrap_or_default(),
-                Some(_) => Duration::ZERO,
-            };
-            self.heard = Some((self.state.records, Instant::now(), age));
+        if !self.has_caught_up {
+            self.heard = (self.state.records, Instant::now(), self.age_by_clock()?);
+            self.has_caught_up = !matches!(self.progress, Progress::Reading(_));
+        } else if self.heard.0 != self.state.records {
+            // From here on age is measured without the clock, which may be set.
+            self.heard = (self.state.records, Instant::now(), Duration::ZERO);
         }
         Ok(self.progress)
     }
 
+    /// Age of the newest record as the clock has it: by the file, or by the record itself where a copy made the file young.
+    fn age_by_clock(&self) -> anyhow::Result<Duration> {
+        let now = SystemTime::now();
+        let of_file = now.duration_since(self.follow.written_at()?).unwrap_or_default();
+        // The stamps of a replay are those of its log.
+        let is_live = self
+            .state
+            .status()
+            .is_some_and(|(_, status)| !status.actuator.is_empty());
+        let stamp = SystemTime::UNIX_EPOCH + Duration::from_nanos(self.state.newest_ns());
+        let of_record = now.duration_since(stamp).unwrap_or_default();
+        Ok(if is_live { of_file.max(of_record) } else { of_file })
+    }
+
     fn model(&self, worst_first: bool) -> Model<'_> {
-        let silent = self.heard.map_or(Duration::ZERO, |(_, then, age)| then.elapsed() + age);
+        let (_, then, age) = self.heard;
+        let silent = then.elapsed() + age;
         let condition = Condition::new(self.progress, silent.as_secs_f64());
         Model::new(&self.place, &self.state, condition, worst_first)
     }

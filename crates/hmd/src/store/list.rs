@@ -15,16 +15,16 @@ pub struct RecordsSegment {
     pub is_open: bool,
 }
 
-/// The segments with records, by number, which is the order of their writing. Nothing is locked or changed.
+/// The segments with records from number `first` on; the numbers are the order of their writing. Nothing is locked or changed.
 ///
 /// # Errors
 /// When the folder cannot be listed.
-pub fn records_segments(folder: &Path) -> io::Result<BTreeMap<u64, RecordsSegment>> {
+pub fn records_segments(folder: &Path, first: u64) -> io::Result<BTreeMap<u64, RecordsSegment>> {
     let mut segments = BTreeMap::new();
     for entry in std::fs::read_dir(folder)? {
         let entry = entry?;
         let name = entry.file_name().to_str().and_then(Name::parse);
-        let Some(name) = name.filter(|name| name.kind == Kind::Records && name.stage != Stage::Repair) else {
+        let Some(name) = name.filter(|name| is_records(name) && name.number >= first) else {
             continue;
         };
         // One that has gone or is somebody else's is none.
@@ -40,6 +40,11 @@ pub fn records_segments(folder: &Path) -> io::Result<BTreeMap<u64, RecordsSegmen
         segments.insert(name.number, RecordsSegment { path, is_open });
     }
     Ok(segments)
+}
+
+/// Whether it holds records and is no copy that is being made.
+fn is_records(name: &Name) -> bool {
+    name.kind == Kind::Records && name.stage != Stage::Repair
 }
 
 #[cfg(test)]
@@ -63,11 +68,12 @@ mod tests {
             std::fs::write(folder.path().join(name), &ours).unwrap();
         }
         std::fs::write(folder.path().join("hmd-00000004-records.mcap"), b"a letter").unwrap();
-        let found = records_segments(folder.path()).unwrap();
+        let found = records_segments(folder.path(), 0).unwrap();
         let open: Vec<_> = found
             .iter()
             .map(|(number, segment)| (*number, segment.is_open))
             .collect();
         assert_eq!(open, [(2, false), (10, true)]);
+        assert_eq!(records_segments(folder.path(), 3).unwrap().len(), 1);
     }
 }

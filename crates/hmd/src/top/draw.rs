@@ -174,7 +174,7 @@ impl Page<'_> {
                     Style::new()
                 };
                 self.line(&super::process::buses(status), style);
-                let style = if status.data_lost() { alarm() } else { Style::new() };
+                let style = if status.data_lost() { caution() } else { Style::new() };
                 let damaged = model.state.damaged;
                 self.line(&super::process::losses(status, damaged), style);
             }
@@ -262,7 +262,7 @@ impl Page<'_> {
     fn event(&mut self, event: &Event) {
         let (mark, style) = match event.level {
             LogLevel::Fatal | LogLevel::Error => ("ERROR ", alarm()),
-            LogLevel::Warning => ("WARN  ", Style::new().fg(Color::Yellow)),
+            LogLevel::Warning => ("WARN  ", caution()),
             LogLevel::Info | LogLevel::Debug | LogLevel::Unknown => ("", Style::new()),
         };
         let seconds = event.at_ns / 1_000_000_000 % 60;
@@ -318,12 +318,17 @@ fn alarm() -> Style {
     Style::new().fg(Color::Red).add_modifier(Modifier::REVERSED)
 }
 
+/// What is worth a look; a count of losses stays until the next start.
+fn caution() -> Style {
+    Style::new().fg(Color::Yellow).add_modifier(Modifier::BOLD)
+}
+
 fn of_health(health: HealthState) -> Style {
     match health {
         HealthState::Unknown => Style::new(),
         HealthState::Nominal => Style::new().fg(Color::Green),
         HealthState::Watch => Style::new().fg(Color::Cyan).add_modifier(Modifier::BOLD),
-        HealthState::Warning => Style::new().fg(Color::Yellow).add_modifier(Modifier::BOLD),
+        HealthState::Warning => caution(),
         HealthState::Critical => alarm(),
     }
 }

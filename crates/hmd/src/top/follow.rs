@@ -87,7 +87,7 @@ impl Follow {
                 is_closed: false,
             });
         }
-        let segments = list(place)?;
+        let segments = list(place, 0)?;
         let newest = segments.iter().rev().take(SEGMENTS_AT_START);
         // One that is deleted in this moment gives way to the next.
         let mut oldest_first: Vec<_> = newest.collect();
@@ -155,7 +155,7 @@ impl Follow {
 
     /// Whether the segment that is read was closed, and whether there is a newer one.
     fn look(&mut self) -> Result<(), FollowError> {
-        let segments = list(&self.place)?;
+        let segments = list(&self.place, self.number)?;
         self.is_newest = segments
             .last_key_value()
             .is_none_or(|(number, _)| *number <= self.number);
@@ -165,7 +165,7 @@ impl Follow {
 
     /// Whether there was one that could be opened.
     fn next_segment(&mut self) -> Result<bool, FollowError> {
-        let segments = list(&self.place)?;
+        let segments = list(&self.place, self.number)?;
         for (number, segment) in segments.range(self.number + 1..) {
             if let Some(tail) = open(segment)? {
                 (self.tail, self.number) = (tail, *number);
@@ -176,8 +176,8 @@ impl Follow {
     }
 }
 
-fn list(folder: &Path) -> Result<BTreeMap<u64, RecordsSegment>, FollowError> {
-    records_segments(folder).map_err(|source| FollowError::Folder {
+fn list(folder: &Path, first: u64) -> Result<BTreeMap<u64, RecordsSegment>, FollowError> {
+    records_segments(folder, first).map_err(|source| FollowError::Folder {
         folder: folder.display().to_string(),
         source,
     })

@@ -1,4 +1,4 @@
-//! The verbs that CI uses, in plain Rust, so that a fresh machine needs nothing but cargo (and Python for four of them).
+//! The verbs that CI uses, in plain Rust, so that a fresh machine needs nothing but cargo (and Python for five of them).
 //!
 //! `cargo xtask VERB`; `cargo xtask ci` runs all of them but the tests, the fuzzing and the long forms.
 
@@ -25,6 +25,7 @@ mod soak;
 mod survive;
 mod systemd;
 mod target;
+mod viewers;
 
 use std::process::ExitCode;
 
@@ -56,6 +57,8 @@ enum Verb {
     Oracle,
     /// A report in headless Chromium: no console message, no request, accessible; with pictures.
     Report,
+    /// A viewer beside the program with the feature `serve`: it is told what is recorded.
+    Viewers,
     /// Our forecasts beside those of NASA's progpy, on the same histories.
     Progpy,
     /// The daemon on real SocketCAN, in a user-mode Linux.
@@ -106,6 +109,7 @@ fn main() -> ExitCode {
         Verb::Readers => readers::check(),
         Verb::Oracle => oracle::check(),
         Verb::Report => report::check(),
+        Verb::Viewers => viewers::check(),
         Verb::Progpy => progpy::compare(),
         Verb::Can => can::check(),
         Verb::Target => target::check(),

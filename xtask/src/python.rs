@@ -1,4 +1,4 @@
-//! The Python environment of the readers, the oracle, progpy and the report, under the target directory.
+//! The Python environment of the readers, the viewers, the oracle, progpy and the report, under the target directory.
 
 use std::path::{Path, PathBuf};
 

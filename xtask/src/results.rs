@@ -10,7 +10,13 @@ use anyhow::{Context, bail};
 use crate::shell::{cargo, root, run, target_dir};
 
 /// Documents with such lines.
-const DOCUMENTS: [&str; 3] = ["README.md", "docs/accuracy.md", "docs/prognosis.md"];
+const DOCUMENTS: [&str; 4] = [
+    "README.md",
+    "docs/accuracy.md",
+    "docs/prognosis.md",
+    // After README.md, which makes its file.
+    "docs/viewers.md",
+];
 
 const BEGIN: &str = "<!-- $ hmd ";
 const END: &str = "<!-- end -->";

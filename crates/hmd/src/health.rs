@@ -33,6 +33,16 @@ pub enum HealthState {
 }
 
 impl HealthState {
+    /// From good to bad.
+    pub const ALL: [Self; 5] = [Self::Unknown, Self::Nominal, Self::Watch, Self::Warning, Self::Critical];
+
+    /// The state that a record names; unknown for any other word.
+    #[must_use]
+    pub fn named(name: &str) -> Self {
+        let found = Self::ALL.into_iter().find(|state| state.name() == name);
+        found.unwrap_or_default()
+    }
+
     /// The name that records and the command line use.
     #[must_use]
     pub const fn name(self) -> &'static str {

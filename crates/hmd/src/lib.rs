@@ -5,7 +5,7 @@
 //! actuation windows ([`window`]); [`judge`] identifies each window ([`identify`], with a type's [`calibration`]) and
 //! decides on [`health`] and on how long it will last ([`mod@rul`]); [`recorder`] writes the [`record`]s through [`sink`]. [`replay`] drives the [`pipeline`] from files,
 //! [`daemon`] from live sources. [`simulate`] makes traffic from the reference model, [`calibrate`] and [`evaluate`] measure
-//! the monitor against it, [`mod@bench`] how fast it is.
+//! the monitor against it, [`mod@bench`] how fast it is. [`top`] shows how all actuators stand, by their records.
 
 pub mod bench;
 pub mod bus_state;
@@ -38,10 +38,13 @@ pub mod report;
 pub mod rul;
 pub mod seal;
 pub mod seed;
+#[cfg(feature = "serve")]
+pub mod serve;
 pub mod simulate;
 pub mod simulated;
 pub mod sink;
 pub mod store;
+pub mod top;
 mod turns;
 pub mod unit;
 pub mod utc;

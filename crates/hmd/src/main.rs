@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory, Parser, Subcommand};
 use hmd::commands::{
     bench, calibrate, check_config, code_of, demo, evaluate, event, export, inspect, manual, record, recover, replay,
-    report, run, simulate,
+    report, run, simulate, top,
 };
 
 /// Health monitoring of electromechanical actuators: which part wears, how far, and how sure.
@@ -26,6 +26,7 @@ enum Verb {
     Run(run::Args),
     Record(record::Args),
     Replay(replay::Args),
+    Top(top::Args),
     Recover(recover::Args),
     Event(event::Args),
     Inspect(inspect::Args),
@@ -46,6 +47,7 @@ fn main() -> ExitCode {
         Verb::Run(args) => run::run(&args),
         Verb::Record(args) => record::run(&args),
         Verb::Replay(args) => replay::run(&args),
+        Verb::Top(args) => top::run(&args),
         Verb::Recover(args) => recover::run(&args),
         Verb::Inspect(args) => inspect::run(&args),
         Verb::Export(args) => export::run(&args),

@@ -54,20 +54,8 @@ impl Collector for Snapshot {
             "outcome",
             &frames,
         )?;
-        let lost = [
-            ("unreadable", status.lost_unreadable),
-            ("damaged", status.lost_damaged),
-            ("socket_queue", status.lost_socket_queue),
-            ("own_queue", status.lost_own_queue),
-            ("samples", status.lost_samples),
-            ("malformed", status.lost_malformed),
-            ("windows", status.lost_windows),
-            ("late", status.lost_late),
-            ("storage_frames", status.lost_storage_frames),
-            ("storage_records", status.lost_storage_records),
-        ];
         let help = "What was lost, by cause: the counts of the status record";
-        counters(out, "lost", help, "cause", &lost)?;
+        counters(out, "lost", help, "cause", &status.losses())?;
         let windows = [
             ("ok", status.windows_ok),
             ("degraded", status.windows_degraded),

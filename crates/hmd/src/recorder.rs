@@ -8,6 +8,8 @@ use std::io;
 use std::path::Path;
 use std::time::Instant;
 
+use prost_types::FileDescriptorSet;
+
 use crate::config::Config;
 use crate::frame::{BusNames, RawFrame};
 use crate::front::{Notice, WindowJob};
@@ -40,10 +42,36 @@ pub enum RecordError {
     },
 }
 
+/// One record as it is written.
+#[derive(Clone, Debug)]
+pub struct Told {
+    /// Its time, UTC, ns.
+    pub at_ns: u64,
+    /// Where it goes.
+    pub topic: String,
+    /// Name of its schema.
+    pub schema: &'static str,
+    /// Descriptor of its schema.
+    pub descriptor: fn() -> FileDescriptorSet,
+    /// The encoded message.
+    pub data: Vec<u8>,
+}
+
+/// Who hears every record but raw frames, after it was handed to the output. It must not wait: those who write do.
+pub trait Tap: Send {
+    /// Takes one record.
+    fn take(&self, told: Told);
+}
+
 /// Records in progress. Call [`Recorder::finish`].
-pub struct Recorder(Output);
+pub struct Recorder {
+    output: Output,
+    tap: Option<Box<dyn Tap>>,
+}
 
 enum Output {
+    /// Only the tap hears.
+    Nowhere,
     File {
         path: String,
         // Much larger than the other variant's own size.
@@ -68,11 +96,27 @@ impl Recorder {
             path: name.clone(),
             source,
         })?;
-        Ok(Self(Output::File {
+        Ok(Self::to(Output::File {
             path: name,
             sink: Box::new(sink),
             unsynced: false,
         }))
+    }
+
+    /// Writes nothing; for a tap alone.
+    #[must_use]
+    pub fn nowhere() -> Self {
+        Self::to(Output::Nowhere)
+    }
+
+    /// The same with somebody who hears all records.
+    #[must_use]
+    pub fn with_tap(self, tap: Box<dyn Tap>) -> Self {
+        Self { tap: Some(tap), ..self }
+    }
+
+    fn to(output: Output) -> Self {
+        Self { output, tap: None }
     }
 
     /// Begins segments in a folder.
@@ -85,7 +129,7 @@ impl Recorder {
         limits: Limits,
     ) -> Result<Self, RecordError> {
         let store = Store::open(folder, metadata, limits, Box::new(RealDisk), Instant::now())?;
-        Ok(Self(Output::Folder(Box::new(store))))
+        Ok(Self::to(Output::Folder(Box::new(store))))
     }
 
     /// A folder if the path is one or ends with a slash, else a file.
@@ -105,12 +149,13 @@ impl Recorder {
     /// # Errors
     /// When the file cannot be written.
     pub fn raw(&mut self, frame: &RawFrame, names: &BusNames) -> Result<(), RecordError> {
-        match &mut self.0 {
+        match &mut self.output {
             Output::Folder(store) => {
                 store.raw(frame, names);
                 Ok(())
             }
             Output::File { .. } => self.file(|sink| sink.raw(frame, names)),
+            Output::Nowhere => Ok(()),
         }
     }
 
@@ -120,12 +165,12 @@ impl Recorder {
     /// When the file cannot be written.
     pub fn judged(&mut self, judged: &Judged) -> Result<bool, RecordError> {
         let at = judged.health.t_start_ns;
-        match &mut self.0 {
+        let stored = match &mut self.output {
             Output::Folder(store) => {
                 store.write(at, &judged.window);
                 store.write(at, &judged.health);
                 store.write(at, &judged.rul);
-                Ok(store.sync_records())
+                store.sync_records()
             }
             Output::File { .. } => {
                 self.file(|sink| {
@@ -134,9 +179,14 @@ impl Recorder {
                     sink.write(at, &judged.rul)
                 })?;
                 self.sync_file()?;
-                Ok(true)
+                true
             }
-        }
+            Output::Nowhere => true,
+        };
+        self.tell(at, &judged.window);
+        self.tell(at, &judged.health);
+        self.tell(at, &judged.rul);
+        Ok(stored)
     }
 
     /// Says that a window was dropped.
@@ -150,12 +200,13 @@ impl Recorder {
             window: job.window.number,
             t_start_ns: at,
         };
-        match &mut self.0 {
+        match &mut self.output {
             Output::Folder(store) => {
                 store.write_to_both(at, &record);
+                self.tell(at, &record);
                 Ok(())
             }
-            Output::File { .. } => self.write(at, &record),
+            Output::File { .. } | Output::Nowhere => self.write(at, &record),
         }
     }
 
@@ -181,26 +232,27 @@ impl Recorder {
     /// # Errors
     /// When the file cannot be written.
     pub fn tick(&mut self, now: Instant) -> Result<Vec<(LogLevel, String)>, RecordError> {
-        match &mut self.0 {
+        match &mut self.output {
             Output::Folder(store) => Ok(store.tick(now)),
             Output::File { .. } => self.sync_file().map(|()| Vec::new()),
+            Output::Nowhere => Ok(Vec::new()),
         }
     }
 
     /// What an operator should read about the storage, since the last time.
     pub fn take_messages(&mut self) -> Vec<(LogLevel, String)> {
-        match &mut self.0 {
+        match &mut self.output {
             Output::Folder(store) => store.take_messages(),
-            Output::File { .. } => Vec::new(),
+            Output::File { .. } | Output::Nowhere => Vec::new(),
         }
     }
 
     /// How a folder stands; `None` for a file.
     #[must_use]
     pub fn store_status(&self) -> Option<StoreStatus> {
-        match &self.0 {
+        match &self.output {
             Output::Folder(store) => Some(store.status()),
-            Output::File { .. } => None,
+            Output::File { .. } | Output::Nowhere => None,
         }
     }
 
@@ -209,8 +261,9 @@ impl Recorder {
     /// # Errors
     /// When the file cannot be written; it can then be read up to its last whole chunk.
     pub fn finish(self) -> Result<Option<StoreStatus>, RecordError> {
-        match self.0 {
+        match self.output {
             Output::Folder(store) => Ok(Some(store.finish())),
+            Output::Nowhere => Ok(None),
             Output::File { path, sink, .. } => match sink.finish() {
                 Ok(_) => Ok(None),
                 Err(source) => Err(RecordError::Sink { path, source }),
@@ -219,17 +272,29 @@ impl Recorder {
     }
 
     fn write<R: Record>(&mut self, at_ns: u64, record: &R) -> Result<(), RecordError> {
-        match &mut self.0 {
-            Output::Folder(store) => {
-                store.write(at_ns, record);
-                Ok(())
-            }
-            Output::File { .. } => self.file(|sink| sink.write(at_ns, record)),
+        match &mut self.output {
+            Output::Folder(store) => store.write(at_ns, record),
+            Output::File { .. } => self.file(|sink| sink.write(at_ns, record))?,
+            Output::Nowhere => {}
+        }
+        self.tell(at_ns, record);
+        Ok(())
+    }
+
+    fn tell<R: Record>(&self, at_ns: u64, record: &R) {
+        if let Some(tap) = &self.tap {
+            tap.take(Told {
+                at_ns,
+                topic: record.topic(),
+                schema: R::SCHEMA_NAME,
+                descriptor: R::descriptor,
+                data: record.encode_to_vec(),
+            });
         }
     }
 
     fn file(&mut self, put: impl FnOnce(&mut Sink<SyncedFile>) -> Result<(), SinkError>) -> Result<(), RecordError> {
-        let Output::File { path, sink, unsynced } = &mut self.0 else {
+        let Output::File { path, sink, unsynced } = &mut self.output else {
             unreachable!("only called for a file")
         };
         *unsynced = true;
@@ -240,9 +305,9 @@ impl Recorder {
     }
 
     fn sync_file(&mut self) -> Result<(), RecordError> {
-        if matches!(&self.0, Output::File { unsynced: true, .. }) {
+        if matches!(&self.output, Output::File { unsynced: true, .. }) {
             self.file(Sink::flush_window)?;
-            if let Output::File { unsynced, .. } = &mut self.0 {
+            if let Output::File { unsynced, .. } = &mut self.output {
                 *unsynced = false;
             }
         }

@@ -15,7 +15,7 @@ use crate::ingest::{FrameSource, IngestError, Loss, McapMessages, open_with};
 use crate::judge::{Judge, JudgeError, Judged};
 use crate::pipeline::Pipeline;
 use crate::record::{Dropped, LogLevel, Record, Status};
-use crate::recorder::{RecordError, Recorder, metadata};
+use crate::recorder::{RecordError, Recorder, Tap, metadata};
 use crate::seal::is_sealed;
 use crate::sink::METADATA_NAME;
 
@@ -112,6 +112,14 @@ impl Replay<'_> {
     /// [`ReplayError`] when a log cannot be read at all, the configuration cannot be used, or the output cannot be
     /// written. Damaged data are counted in the summary instead.
     pub fn run(&self, observer: &mut impl Observer) -> Result<Summary, ReplayError> {
+        self.run_heard(observer, None)
+    }
+
+    /// The same, and `tap` hears all records.
+    ///
+    /// # Errors
+    /// As [`Replay::run`].
+    pub fn run_heard(&self, observer: &mut impl Observer, tap: Option<Box<dyn Tap>>) -> Result<Summary, ReplayError> {
         let mut names = BusNames::new();
         // An output is begun only once the first log has turned out to be one.
         let mut opened = None;
@@ -120,7 +128,11 @@ impl Replay<'_> {
         }
         let recorder = match self.output {
             Some(path) => Some(self.create(path)?),
-            None => None,
+            None => tap.as_ref().map(|_| Recorder::nowhere()),
+        };
+        let recorder = match tap {
+            Some(tap) => recorder.map(|recorder| recorder.with_tap(tap)),
+            None => recorder,
         };
         let mut judge = Judge::new(self.config.clone(), self.seed);
         judge.follow_events()?;

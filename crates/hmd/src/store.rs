@@ -11,11 +11,13 @@
 mod disk;
 mod lane;
 mod limits;
+mod list;
 mod name;
 mod repair;
 
 pub use disk::{Disk, Out, RealDisk};
 pub use limits::Limits;
+pub use list::{RecordsSegment, records_segments};
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};

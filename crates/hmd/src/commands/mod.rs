@@ -18,9 +18,12 @@ pub mod recover;
 pub mod replay;
 pub mod report;
 pub mod run;
+#[cfg_attr(not(feature = "serve"), path = "no_serve.rs")]
+mod serve;
 mod service;
 pub mod simulate;
 mod table;
+pub mod top;
 
 use std::io::Write;
 use std::path::Path;

@@ -9,6 +9,7 @@ use anyhow::bail;
 use indicatif::ProgressBar;
 use serde::Serialize;
 
+use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
 use super::{Exit, check_files, load_config, progress, use_threads};
 use crate::judge::Judged;
@@ -39,6 +40,8 @@ pub struct Args {
     /// Seed of the search.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    #[command(flatten)]
+    serve: Serve,
 }
 
 /// Runs the verb.
@@ -46,6 +49,15 @@ pub struct Args {
 /// # Errors
 /// A bad configuration, a log that cannot be read at all or holds no actuator, an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    let viewers = args.serve.open(|message| eprintln!("{message}"))?;
+    viewers.wait()?;
+    let exit = replay(args, &viewers)?;
+    viewers.stay(|message| eprintln!("{message}"))?;
+    viewers.finish();
+    Ok(exit)
+}
+
+fn replay(args: &Args, viewers: &Viewers) -> anyhow::Result<Exit> {
     let config = Arc::new(load_config(args.config.as_deref())?);
     check_files(&config)?;
     use_threads(args.threads.map(usize::from))?;
@@ -70,7 +82,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         config,
         seed: args.seed,
     };
-    let summary = replay.run(&mut printer);
+    let summary = replay.run_heard(&mut printer, viewers.tap());
     printer.bar.finish_and_clear();
     let summary = summary?;
 

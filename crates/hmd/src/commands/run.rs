@@ -11,7 +11,8 @@ use tokio::sync::mpsc;
 
 use super::journal::Journal;
 use super::live::{Asked, report, signals};
-use super::metrics_http::{Page, loopback, serve};
+use super::metrics_http::{self, Page, loopback};
+use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
 use super::{Exit, check_files, load_config, service, use_threads};
 use crate::config::Config;
@@ -39,6 +40,8 @@ pub struct Args {
     /// Serve the metrics at http://ADDRESS:PORT/metrics, for this computer alone.
     #[arg(long, value_name = "ADDRESS:PORT", value_parser = loopback)]
     metrics_listen: Option<SocketAddr>,
+    #[command(flatten)]
+    serve: Serve,
     /// One JSON line per window instead of a table.
     #[arg(long)]
     json: bool,
@@ -69,16 +72,18 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         journal: Journal::of_stderr(),
     };
     if let (Some(address), Some(page)) = (args.metrics_listen, &printer.page) {
-        let address = serve(address, page.clone()).with_context(|| format!("--metrics-listen {address}"))?;
+        let address =
+            metrics_http::serve(address, page.clone()).with_context(|| format!("--metrics-listen {address}"))?;
         printer.notice(&format!("metrics: http://{address}/metrics"));
     }
+    let viewers = args.serve.open(|message| printer.notice(message))?;
     let mut exit = Exit::Done;
     loop {
         let mut next = None;
         let told = async {
             next = new_config(args, &mut asked, &printer).await;
         };
-        match daemon(args, config)?.run(told, &printer) {
+        match daemon(args, config, &viewers)?.run(told, &printer) {
             Ok(status) if report(&status) == Exit::DataLost => exit = Exit::DataLost,
             Ok(_) => {}
             Err(DaemonError::Stdout(e)) if e.kind() == io::ErrorKind::BrokenPipe => return Ok(exit),
@@ -86,7 +91,10 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         }
         match next {
             Some(new) => config = new,
-            None => return Ok(exit),
+            None => {
+                viewers.finish();
+                return Ok(exit);
+            }
         }
     }
 }
@@ -124,7 +132,7 @@ async fn new_config(args: &Args, asked: &mut mpsc::Receiver<Asked>, printer: &Pr
     None
 }
 
-fn daemon(args: &Args, config: Arc<Config>) -> anyhow::Result<Daemon> {
+fn daemon(args: &Args, config: Arc<Config>, viewers: &Viewers) -> anyhow::Result<Daemon> {
     let interfaces = config.interfaces(&args.config.display().to_string())?;
     let sources = interfaces.iter().map(|name| {
         if let Some(line) = config.serial(name) {
@@ -141,6 +149,10 @@ fn daemon(args: &Args, config: Arc<Config>) -> anyhow::Result<Daemon> {
             Some(Recorder::open(path, &metadata, config.output().limits())?)
         }
         None => None,
+    };
+    let recorder = match viewers.tap() {
+        Some(tap) => Some(recorder.unwrap_or_else(Recorder::nowhere).with_tap(tap)),
+        None => recorder,
     };
     Ok(Daemon {
         sources,

@@ -9,10 +9,12 @@ mod fault;
 pub(crate) mod messages;
 mod records;
 mod summary;
+mod tail;
 mod walk;
 
 pub use fault::{McapFault, McapLoss};
 pub use messages::{McapMessage, McapMessages};
+pub use tail::{McapTail, TailError};
 
 use crate::frame::{BusNames, RawFrame};
 use crate::record::{RawBatch, Record};

@@ -105,20 +105,27 @@ message! {
 }
 
 impl Status {
+    /// What was lost, by cause.
+    #[must_use]
+    pub fn losses(&self) -> [(&'static str, u64); 10] {
+        [
+            ("unreadable", self.lost_unreadable),
+            ("damaged", self.lost_damaged),
+            ("socket_queue", self.lost_socket_queue),
+            ("own_queue", self.lost_own_queue),
+            ("samples", self.lost_samples),
+            ("malformed", self.lost_malformed),
+            ("windows", self.lost_windows),
+            ("late", self.lost_late),
+            ("storage_frames", self.lost_storage_frames),
+            ("storage_records", self.lost_storage_records),
+        ]
+    }
+
     /// Whether anything was lost on the way.
     #[must_use]
     pub fn data_lost(&self) -> bool {
-        self.lost_unreadable
-            + self.lost_damaged
-            + self.lost_socket_queue
-            + self.lost_own_queue
-            + self.lost_samples
-            + self.lost_malformed
-            + self.lost_windows
-            + self.lost_late
-            + self.lost_storage_frames
-            + self.lost_storage_records
-            > 0
+        self.losses().iter().any(|(_, count)| *count > 0)
     }
 
     /// Takes over how the storage stands.

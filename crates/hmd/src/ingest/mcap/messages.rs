@@ -72,8 +72,22 @@ impl<R: Read + Seek> McapMessages<R> {
     /// When the input cannot be read or sought.
     pub fn new(mut input: R, file: &str) -> io::Result<Self> {
         let summary = read_summary(&mut input)?.unwrap_or_default();
-        Ok(Self {
-            walk: Walk::new(input)?,
+        Ok(Self::over(Walk::new(input)?, summary, file))
+    }
+
+    /// A reader of a file that is being written: as far as `length`, where a record must end.
+    pub(super) fn growing(input: R, file: &str, length: u64) -> Self {
+        Self::over(Walk::growing(input, length), Definitions::default(), file)
+    }
+
+    /// Goes on as far as `length`, where a record must end unless nothing more will come.
+    pub(super) fn grow(&mut self, length: u64, last: bool) {
+        self.walk.grow(length, last);
+    }
+
+    fn over(walk: Walk<R>, summary: Definitions, file: &str) -> Self {
+        Self {
+            walk,
             file: file.into(),
             definitions: Definitions::default(),
             summary,
@@ -83,7 +97,7 @@ impl<R: Read + Seek> McapMessages<R> {
             attachments: 0,
             all_verified: false,
             any_loss: false,
-        })
+        }
     }
 
     /// The file's name, as given.

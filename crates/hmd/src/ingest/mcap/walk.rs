@@ -15,7 +15,7 @@ use mcap::records::op;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 
 /// Opcode and length.
-const HEAD: u64 = 9;
+pub(super) const HEAD: u64 = 9;
 /// Bytes of a chunk, head included, that [`chunk_length`] looks at.
 const CHUNK_HEAD: usize = 53;
 /// Bytes read at once.
@@ -58,6 +58,10 @@ pub(super) struct Walk<R> {
     /// Sum over the data so far; `None` once something was left out or the data have ended.
     sum: Option<Hasher>,
     ended: bool,
+    /// The file may go on behind `length`.
+    growing: bool,
+    /// Its footer was read.
+    finished: bool,
 }
 
 impl<R: Read + Seek> Walk<R> {
@@ -65,6 +69,14 @@ impl<R: Read + Seek> Walk<R> {
         let length = input.seek(SeekFrom::End(0))?;
         input.rewind()?;
         Ok(Self {
+            growing: false,
+            ..Self::growing(input, length)
+        })
+    }
+
+    /// Of a file that is being written: as far as `length`, where a record must end, and then as [`Walk::grow`] says.
+    pub(super) fn growing(input: R, length: u64) -> Self {
+        Self {
             input: BufReader::with_capacity(BLOCK, input),
             length,
             at: 0,
@@ -72,7 +84,20 @@ impl<R: Read + Seek> Walk<R> {
             search_bytes_left: length.saturating_mul(SEARCH_FACTOR) + RECORD_LIMIT as u64,
             sum: Some(Hasher::new()),
             ended: false,
-        })
+            growing: true,
+            finished: false,
+        }
+    }
+
+    /// Goes on as far as `length`, where a record must end unless nothing more will come.
+    pub(super) fn grow(&mut self, length: u64, last: bool) {
+        let more = length.saturating_sub(self.length);
+        self.search_bytes_left = self
+            .search_bytes_left
+            .saturating_add(more.saturating_mul(SEARCH_FACTOR));
+        self.length += more;
+        self.growing = !last;
+        self.ended = self.finished;
     }
 
     /// Place up to which the file was read.
@@ -112,6 +137,10 @@ impl<R: Read + Seek> Walk<R> {
         }
         let at_byte = self.at;
         let left = self.length - at_byte;
+        if left == 0 && self.growing {
+            self.ended = true;
+            return Ok(None);
+        }
         if left < HEAD {
             self.ended = true;
             self.at = self.length;
@@ -205,6 +234,7 @@ impl<R: Read + Seek> Walk<R> {
             .read_to_end(&mut tail)?;
         if length == LENGTH && tail == mcap::MAGIC {
             self.ended = true;
+            self.finished = true;
             self.at = self.length;
             return Ok(None);
         }
@@ -299,7 +329,8 @@ impl<R: Read + Seek> Walk<R> {
             let got = read_up_to(&mut self.input, &mut block)?;
             for (offset, _) in block[..got].iter().enumerate().filter(|(_, byte)| **byte == op::CHUNK) {
                 let at = from + offset as u64;
-                let fits = |&length: &u64| length <= self.length - at - HEAD;
+                // A file that grows has more than that already.
+                let fits = |&length: &u64| at + HEAD + length <= self.length;
                 if let Some(length) = chunk_length(&block[offset..got]).filter(fits) {
                     // What a wrong guess costs: this stretch again, and the chunk.
                     let cost = BLOCK as u64 + length;
@@ -342,11 +373,11 @@ fn fault(at_byte: u64, fault: McapFault) -> Found {
 }
 
 /// Records of the format, and private ones.
-fn is_opcode(opcode: u8) -> bool {
+pub(super) fn is_opcode(opcode: u8) -> bool {
     (op::HEADER..=op::DATA_END).contains(&opcode) || opcode >= 0x80
 }
 
-fn length_of(head: &[u8; 9]) -> u64 {
+pub(super) fn length_of(head: &[u8; 9]) -> u64 {
     let mut length = [0; 8];
     length.copy_from_slice(&head[1..]);
     u64::from_le_bytes(length)

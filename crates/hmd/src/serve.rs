@@ -1,0 +1,12 @@
+//! Records for viewers, as they are written: the Foxglove WebSocket protocol, on this computer alone.
+//!
+//! A [`Hub`] hears the recorder and holds a bounded queue for each client; [`listen`] serves it on a thread of its own. The
+//! recorder hands a record over and goes on: no client makes it wait, and what a slow one misses is counted and told to it.
+
+mod hub;
+mod listen;
+mod protocol;
+
+pub use hub::Hub;
+pub use listen::{CLIENTS_MAX, listen};
+pub use protocol::SUBPROTOCOLS;

@@ -1,0 +1,328 @@
+//! The server: one thread of its own, as that of the metrics.
+
+use std::convert::Infallible;
+use std::future::poll_fn;
+use std::io;
+use std::net::{SocketAddr, TcpListener};
+use std::sync::Arc;
+use std::task::Poll;
+use std::time::Duration;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use futures_util::{SinkExt, StreamExt};
+use http_body_util::Full;
+use hyper::body::{Bytes, Incoming};
+use hyper::header::{
+    CONNECTION, HeaderMap, HeaderName, HeaderValue, SEC_WEBSOCKET_ACCEPT, SEC_WEBSOCKET_KEY, SEC_WEBSOCKET_PROTOCOL,
+    SEC_WEBSOCKET_VERSION, UPGRADE,
+};
+use hyper::server::conn::http1;
+use hyper::service::service_fn;
+use hyper::upgrade::{OnUpgrade, Upgraded};
+use hyper::{Method, Request, Response, StatusCode};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use sha1_smol::Sha1;
+use tokio::sync::Semaphore;
+use tokio_websockets::{Limits, Message, ServerBuilder, WebSocketStream};
+
+use super::hub::{Hub, Next};
+use super::protocol::{SUBPROTOCOLS, request, server_info};
+
+/// Connections at once; further ones wait in the kernel.
+pub const CLIENTS_MAX: usize = 8;
+
+/// Longest wait for a handshake.
+const HANDSHAKE_MAX: Duration = Duration::from_secs(5);
+
+/// Longest time that one message may take to a client; a dead one is dropped then.
+const SEND_MAX: Duration = Duration::from_secs(30);
+
+/// Longest message of a client, bytes: a subscription to everything.
+const REQUEST_MAX: usize = 1 << 20;
+
+/// What a key is joined with, by RFC 6455, section 1.3.
+const KEY_SUFFIX: &str = "258EAFA5-E914-47DA-95CA-C5AB0DC85B11";
+
+type Socket = WebSocketStream<TokioIo<Upgraded>>;
+
+/// Serves the hub from now on; the address with the port that was taken. `session` tells runs apart.
+///
+/// # Errors
+/// When the address cannot be bound or the thread cannot be started.
+pub fn listen(address: SocketAddr, hub: Hub, session: &str) -> io::Result<SocketAddr> {
+    let listener = TcpListener::bind(address)?;
+    listener.set_nonblocking(true)?;
+    let bound = listener.local_addr()?;
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let listener = {
+        let _inside = runtime.enter();
+        tokio::net::TcpListener::from_std(listener)?
+    };
+    let session = session.to_owned();
+    let accept = async move {
+        let clients = Arc::new(Semaphore::new(CLIENTS_MAX));
+        while let Ok(permit) = clients.clone().acquire_owned().await {
+            let Ok((stream, _)) = listener.accept().await else {
+                // Out of descriptors, for one: not a reason to spin.
+                tokio::time::sleep(HANDSHAKE_MAX).await;
+                continue;
+            };
+            let (hub, session) = (hub.clone(), session.clone());
+            tokio::spawn(async move {
+                if let Some(upgrade) = shake_hands(stream).await
+                    && let Ok(Ok(upgraded)) = tokio::time::timeout(HANDSHAKE_MAX, upgrade).await
+                {
+                    let limits = Limits::default().max_payload_len(Some(REQUEST_MAX));
+                    let socket = ServerBuilder::new().limits(limits).serve(TokioIo::new(upgraded));
+                    let (number, wake) = hub.enter();
+                    // A client that goes away or breaks the protocol is its own affair.
+                    let _ = attend(socket, &hub, number, &wake, &session).await;
+                    hub.leave(number);
+                }
+                drop(permit);
+            });
+        }
+    };
+    let thread = std::thread::Builder::new().name("viewers".to_owned());
+    thread.spawn(move || runtime.block_on(accept))?;
+    Ok(bound)
+}
+
+/// Answers the first request; what becomes of the connection if that is ours.
+async fn shake_hands(stream: tokio::net::TcpStream) -> Option<OnUpgrade> {
+    let upgrade = std::sync::Mutex::new(None);
+    let service = service_fn(|mut asked: Request<Incoming>| {
+        let answer = answer(&asked);
+        if answer.status() == StatusCode::SWITCHING_PROTOCOLS
+            && let Ok(mut upgrade) = upgrade.lock()
+        {
+            *upgrade = Some(hyper::upgrade::on(&mut asked));
+        }
+        async { Ok::<_, Infallible>(answer) }
+    });
+    let connection = http1::Builder::new()
+        .keep_alive(false)
+        .timer(TokioTimer::new())
+        .header_read_timeout(HANDSHAKE_MAX)
+        .serve_connection(TokioIo::new(stream), service)
+        .with_upgrades();
+    tokio::time::timeout(2 * HANDSHAKE_MAX, connection).await.ok()?.ok()?;
+    upgrade.into_inner().ok()?
+}
+
+/// The handshake of RFC 6455, section 4.2, with one of our protocols.
+fn answer(request: &Request<Incoming>) -> Response<Full<Bytes>> {
+    let headers = request.headers();
+    let mut response = Response::new(Full::default());
+    let has = |name: HeaderName, token: &str| tokens(headers, &name).any(|found| found.eq_ignore_ascii_case(token));
+    let is_websocket = *request.method() == Method::GET
+        && has(UPGRADE, "websocket")
+        && has(CONNECTION, "upgrade")
+        && has(SEC_WEBSOCKET_VERSION, "13");
+    let offered =
+        tokens(headers, &SEC_WEBSOCKET_PROTOCOL).find_map(|name| SUBPROTOCOLS.into_iter().find(|of| *of == name));
+    let (true, Some(key), Some(protocol)) = (is_websocket, headers.get(SEC_WEBSOCKET_KEY), offered) else {
+        *response.status_mut() = StatusCode::BAD_REQUEST;
+        let said = format!(
+            "expected a WebSocket with one of the protocols {}\n",
+            SUBPROTOCOLS.join(", ")
+        );
+        *response.body_mut() = Full::from(said);
+        return response;
+    };
+    let mut sum = Sha1::from(key.as_bytes());
+    sum.update(KEY_SUFFIX.as_bytes());
+    *response.status_mut() = StatusCode::SWITCHING_PROTOCOLS;
+    let accept = HeaderValue::from_str(&STANDARD.encode(sum.digest().bytes()));
+    let headers = response.headers_mut();
+    headers.insert(UPGRADE, HeaderValue::from_static("websocket"));
+    headers.insert(CONNECTION, HeaderValue::from_static("Upgrade"));
+    headers.insert(SEC_WEBSOCKET_ACCEPT, accept.expect("base64 is printable"));
+    headers.insert(SEC_WEBSOCKET_PROTOCOL, HeaderValue::from_static(protocol));
+    response
+}
+
+/// The words of a header that is a list.
+fn tokens<'a>(headers: &'a HeaderMap, name: &HeaderName) -> impl Iterator<Item = &'a str> {
+    let values = headers
+        .get_all(name)
+        .into_iter()
+        .filter_map(|value| value.to_str().ok());
+    values.flat_map(|value| value.split(',')).map(str::trim)
+}
+
+/// Sends what the hub has for a client, and does what it asks, until it goes.
+async fn attend(
+    mut socket: Socket,
+    hub: &Hub,
+    number: u64,
+    wake: &tokio::sync::Notify,
+    session: &str,
+) -> Result<(), tokio_websockets::Error> {
+    send(&mut socket, Message::text(server_info(session))).await?;
+    loop {
+        let received = if let Some(next) = hub.next(number) {
+            let message = match next {
+                Next::Text(text) => Message::text(text),
+                Next::Binary(data) => Message::binary(data),
+            };
+            send(&mut socket, message).await?;
+            // What is asked meanwhile is heard however much there is to send.
+            let at_once = poll_fn(|context| match socket.poll_next_unpin(context) {
+                Poll::Ready(received) => Poll::Ready(Some(received)),
+                Poll::Pending => Poll::Ready(None),
+            });
+            let Some(received) = at_once.await else { continue };
+            received
+        } else {
+            tokio::select! {
+                received = socket.next() => received,
+                () = wake.notified() => continue,
+            }
+        };
+        match received {
+            Some(Ok(message)) if message.is_close() => return Ok(()),
+            Some(Ok(message)) => {
+                if let Some(request) = message.as_text().and_then(request) {
+                    hub.request(number, request);
+                }
+            }
+            Some(Err(error)) => return Err(error),
+            None => return Ok(()),
+        }
+    }
+}
+
+async fn send(socket: &mut Socket, message: Message) -> Result<(), tokio_websockets::Error> {
+    match tokio::time::timeout(SEND_MAX, socket.send(message)).await {
+        Ok(sent) => sent,
+        Err(_) => Err(io::Error::from(io::ErrorKind::TimedOut).into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Read, Write};
+    use std::net::TcpStream;
+    use std::time::Instant;
+
+    use super::*;
+    use crate::record::{Log, Record};
+    use crate::recorder::{Tap, Told};
+
+    fn hub() -> (Hub, SocketAddr) {
+        let hub = Hub::default();
+        let address = listen("127.0.0.1:0".parse().unwrap(), hub.clone(), "1").unwrap();
+        (hub, address)
+    }
+
+    /// What is answered to a request with these headers, and the connection.
+    fn ask(address: SocketAddr, headers: &str) -> (String, TcpStream) {
+        let mut stream = TcpStream::connect(address).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+        let request = format!("GET / HTTP/1.1\r\nHost: here\r\n{headers}\r\n");
+        stream.write_all(request.as_bytes()).unwrap();
+        let mut head = Vec::new();
+        while !head.ends_with(b"\r\n\r\n") {
+            let mut byte = [0];
+            stream.read_exact(&mut byte).unwrap();
+            head.push(byte[0]);
+        }
+        (String::from_utf8(head).unwrap().to_lowercase(), stream)
+    }
+
+    /// The key is the example of RFC 6455, section 1.3.
+    const HEADERS: &str = "Upgrade: websocket\r\nConnection: keep-alive, Upgrade\r\nSec-WebSocket-Version: 13\r\n\
+                           Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
+                           Sec-WebSocket-Protocol: other, foxglove.sdk.v1\r\n";
+
+    /// One frame of the server: whether it is text, and what is in it.
+    fn frame(stream: &mut TcpStream) -> (bool, Vec<u8>) {
+        let mut head = [0; 2];
+        stream.read_exact(&mut head).unwrap();
+        let mut length = [0; 8];
+        let long = match head[1] {
+            126 => 2,
+            127 => 8,
+            short => {
+                length[7] = short;
+                0
+            }
+        };
+        stream.read_exact(&mut length[8 - long..]).unwrap();
+        let mut data = vec![0; u64::from_be_bytes(length) as usize];
+        stream.read_exact(&mut data).unwrap();
+        (head[0] & 0xf == 1, data)
+    }
+
+    fn told(at_ns: u64, bytes: usize) -> Told {
+        Told {
+            at_ns,
+            topic: "/log".to_owned(),
+            schema: Log::SCHEMA_NAME,
+            descriptor: Log::descriptor,
+            data: vec![0; bytes],
+        }
+    }
+
+    #[test]
+    fn only_a_client_with_our_protocol_is_let_in() {
+        let (_, address) = hub();
+        let (head, mut stream) = ask(address, HEADERS);
+        assert!(head.starts_with("http/1.1 101"), "{head}");
+        assert!(
+            head.contains("sec-websocket-accept: s3pplmbitxaq9kygzzhzrbk+xoo="),
+            "{head}"
+        );
+        assert!(head.contains("sec-websocket-protocol: foxglove.sdk.v1"), "{head}");
+        let (is_text, info) = frame(&mut stream);
+        assert!(is_text && String::from_utf8(info).unwrap().contains("serverInfo"));
+        for headers in [
+            String::new(),
+            HEADERS.replace("foxglove.sdk.v1", "foxglove.sdk.v9"),
+            HEADERS.replace("13", "8"),
+            HEADERS.replace("websocket\r", "h2c\r"),
+        ] {
+            let (head, _) = ask(address, &headers);
+            assert!(head.starts_with("http/1.1 400"), "{head}");
+        }
+    }
+
+    #[test]
+    fn a_client_that_does_not_read_holds_nobody_back() {
+        const RECORDS: u64 = 200;
+        let (hub, address) = hub();
+        hub.take(told(0, 1));
+        let (_, mut stream) = ask(address, HEADERS);
+        // The channels come; they are asked for in one frame, masked with zeros.
+        let told_of: Vec<_> = (0..2).map(|_| frame(&mut stream).1).collect();
+        assert!(String::from_utf8_lossy(&told_of[1]).contains("advertise"));
+        let subscribe = br#"{"op":"subscribe","subscriptions":[{"id":7,"channelId":0}]}"#;
+        let mut asked = vec![0x81, 0x80 | subscribe.len() as u8, 0, 0, 0, 0];
+        asked.extend(subscribe);
+        stream.write_all(&asked).unwrap();
+        assert_eq!(
+            frame(&mut stream),
+            (false, super::super::protocol::message_data(7, 0, &[0]))
+        );
+
+        let since = Instant::now();
+        for n in 1..=RECORDS {
+            hub.take(told(n, 1 << 20));
+        }
+        let took = since.elapsed();
+        // Where 200 MiB went through the socket, or waited for it, this would be for ever.
+        assert!(took < Duration::from_secs(5), "{took:?}");
+        let (mut newest, mut left_out) = (0, false);
+        while newest < RECORDS {
+            let (is_text, data) = frame(&mut stream);
+            if is_text {
+                left_out |= String::from_utf8(data).unwrap().contains("messages left out");
+            } else {
+                newest = u64::from_le_bytes(data[5..13].try_into().unwrap());
+            }
+        }
+        assert!(left_out, "what was missed is told");
+    }
+}

@@ -81,7 +81,10 @@ def test_arrays_that_make_no_sense_are_refused(worn: Path) -> None:
         ({"currents_a": samples["currents_a"][:, :2]}, "currents_a: expected the shape (n, 3), found (1000, 2)"),
         ({"setpoint": samples["setpoint"][:-1]}, "columns: expected 1000 values in each, found 999"),
         ({"mode": "fast"}, "mode: expected idle, position or speed, found 'fast'"),
-        ({"motor_counts": samples["motor_counts"] + 0.5}, "motor_counts: expected whole numbers, found a fraction or none"),
+        (
+            {"motor_counts": samples["motor_counts"] + 0.5},
+            "motor_counts: expected whole numbers, found a fraction or none",
+        ),
         ({"seq": -samples["seq"].astype(np.int64)}, "seq[0]: expected a number from 0, found"),
         ({"actuator": "nobody"}, 'actuator: expected one of the configuration, found "nobody"'),
     ]
@@ -105,7 +108,8 @@ def test_raw_samples_have_units_and_go_to_polars(worn: Path) -> None:
     assert set(frame["actuator"]) == {"ema0"}
     assert frame["seq"].diff().drop_nulls().unique().to_list() == [1]
     currents = frame.select(polars.sum_horizontal("i_a_a", "i_b_a", "i_c_a").abs().max()).item()
-    assert currents < 0.2, "three currents without a way out sum to zero"
+    # Three currents without a way out sum to zero; each has 30 mA of noise and a converter of 12 bits.
+    assert currents < 0.4
     assert frame["sample_rate_hz"].unique().to_list() == [400.0]
 
 
@@ -129,12 +133,12 @@ def test_records_are_those_of_the_export(program: str, worn: Path, tmp_path: Pat
 def test_damage_is_warned_of(worn: Path, tmp_path: Path) -> None:
     torn = tmp_path / "torn.log"
     torn.write_text(worn.read_text() + "no frame\n")
-    with pytest.warns(hmd.DataLossWarning, match="torn.log"):
+    with pytest.warns(hmd.DataLossWarning, match=r"torn\.log"):
         rows = hmd.read_raw(torn)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert rows.equals(hmd.read_raw(worn))
-    with pytest.raises(hmd.Error, match="missing.mcap"):
+    with pytest.raises(hmd.Error, match=r"missing\.mcap"):
         hmd.read_records(tmp_path / "missing.mcap")
 
 
@@ -154,7 +158,7 @@ def test_a_simulation_is_that_of_the_program(program: str, tmp_path: Path) -> No
         ({"windows": 0}, "invalid value '0' for '--windows <WINDOWS>': 0 is not in 1..=100000"),
         ({"faults": {"rust": 1.0}}, "invalid value 'rust=1.0' for '--fault <NAME=K>': expected one of friction"),
         ({"noise_a": math.nan}, "invalid value 'nan' for '--noise <NOISE>': expected a number"),
-        ({"rate_hz": 1e6}, "--rate: expected at most 90 % of a 1 Mbit/s bus"),
+        ({"rate_hz": 5000}, "--rate: expected at most 90 % of a 1 Mbit/s bus"),
         ({"k": [2.0] * 8}, "friction: expected a number from 0 to 1, found 2"),
         ({"actuator": "none"}, "--actuator: expected bench, servo28 or a type of the configuration"),
     ],
@@ -165,5 +169,3 @@ def test_a_simulation_that_cannot_be_is_refused(tmp_path: Path, options: dict[st
     assert str(caught.value).startswith(text)
     assert len(str(caught.value).splitlines()) == 1
     assert not (tmp_path / "no.log").exists()
-
-

@@ -18,7 +18,7 @@ LOGS = [
     REPOSITORY / "fixtures/logs/random-03.mcap",
     REPOSITORY / "fixtures/logs/short-c-low-400hz.mcap",
 ]
-STRICT = "[health]\nwatch = 0.01\nwarning = 0.02\n[identification]\nevaluations_max = 300\n"
+STRICT = "[health]\nwatch = 0.03\nwarning = 0.05\n[identification]\nevaluations_max = 300\n"
 
 
 def command(program: str, *words: str | Path) -> subprocess.CompletedProcess[str]:

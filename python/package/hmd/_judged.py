@@ -25,7 +25,7 @@ class Judged:
 
     @property
     def windows(self) -> list[dict[str, Any]]:
-        """The same as objects: actuator, window, status, k, sigma, observable, cost, evaluations, health, faults and so on."""
+        """The same as objects: actuator, window, status, k, sigma, observable, cost, evaluations, health and so on."""
         return [json.loads(line) for line in self._judged.lines]
 
     @property
@@ -84,8 +84,8 @@ def identify(
     - `motor_counts`, `output_counts`: resolver and encoder, whole counts, continued over their wraps;
     - `setpoint`: rad at the output shaft (mode `"position"`) or rad/s at the motor shaft (`"speed"`); NaN when idle;
     - `mode`: one word for all samples or one for each: `"idle"`, `"position"` or `"speed"`;
-    - `rate_hz`: samples per second; `seq`: sample numbers, where some are missing; `t_ns`: UTC of each sample, without it
-      from 0 on;
+    - `rate_hz`: samples per second; `seq`: sample numbers, where some are missing; `t_ns`: UTC of each sample, from 0 on
+      without it;
     - supply, winding temperature and load at the output, if they were measured.
 
     `actuator` is a name of the configuration, which tells its type and calibration; without a configuration `ema0` to
@@ -141,4 +141,3 @@ def _rounded(name: str, given: Any) -> Any:
     if given.size and not (np.isfinite(given).all() and (given == np.rint(given)).all()):
         raise UsageError(f"{name}: expected whole numbers, found a fraction or none")
     return np.ascontiguousarray(given, dtype=np.int64)
-

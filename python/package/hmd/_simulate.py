@@ -26,12 +26,17 @@ def simulate(
     """Writes `log` (`.mcap` or `.log`) with simulated actuations, and the truth as `LOG.truth.jsonl`: `hmd simulate`.
 
     `k` is the whole fault vector; `faults` sets single ones by name (friction, backlash, short_a, short_b, short_c,
-    eccentricity, eccentricity_phase, gain). `rate_hz` without a value is the type's; `noise_a` is the current noise, A rms;
+    eccentricity, eccentricity_phase, gain). Without `rate_hz` it is the type's; `noise_a` is the current noise, A rms,
     `load_nm` a constant load at the output.
 
     Raises `UsageError` with the command's own sentence, `Error` for a file that cannot be written.
     """
-    options = [f"--output={os.fspath(log)}", f"--profile={profile}", f"--windows={windows}", f"--noise={float(noise_a)!r}"]
+    options = [
+        f"--output={os.fspath(log)}",
+        f"--profile={profile}",
+        f"--windows={windows}",
+        f"--noise={float(noise_a)!r}",
+    ]
     options += [f"--load={float(load_nm)!r}", f"--actuator={actuator}", f"--id={id}", f"--seed={seed}"]
     if k is not None:
         options.append("--k=" + ",".join(repr(float(value)) for value in k))

@@ -33,8 +33,8 @@ def to_pyarrow(table: _hmd.ArrowTable) -> "pyarrow.Table":
 def read_records(files: Paths, table: Literal["health", "samples"] = "health") -> "pyarrow.Table":
     """The records of MCAP files that `hmd` wrote, in the order of time, as `hmd export` gives them.
 
-    `health` has a row for each window: status, health, faults, k1 to k8 with sigmas, damage, remaining life. `samples` has a
-    row for each stored sample of each window: setpoint, measured and fitted current, speed and position.
+    `health` has a row for each window: status, health, faults, k1 to k8 with sigmas, damage, remaining life. `samples`
+    has a row for each stored sample of each window: setpoint, measured and fitted current, speed and position.
 
     Raises `Error` for a file that is none of ours. Warns with `DataLossWarning` where parts of a file are damaged.
     """

@@ -15,11 +15,12 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
+from conftest import REPOSITORY
 
 import hmd
 from hmd.fleet import Job, cluster, contract, find_logs, one_log
 from hmd.fleet.__main__ import run
-from hmd.fleet.look import outliers, read_units, trends, worst
+from hmd.fleet.look import outliers, read_units, silent, trends, worst
 
 UNITS, DAYS = 6, 10
 DAY_S = 86_400
@@ -246,6 +247,25 @@ def test_the_report_finds_the_unit_that_wears(fleet: Path, tmp_path: Path) -> No
     Balanced().feed(text)
 
 
+def test_a_unit_that_was_never_judged_is_listed_as_such(fleet: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "logs"
+    for day in range(3):
+        log = fleet / f"unit-1/day-{day:02}.log"
+        shifted(folder / f"good/{day}.log", log.read_text(), 1)
+    # Every second currents frame is missing.
+    lines = (fleet / "unit-1/day-00.log").read_text().splitlines(keepends=True)
+    currents = [n for n, line in enumerate(lines) if " 100#" in line]
+    for n in currents[::2]:
+        lines[n] = ""
+    (folder / "dumb").mkdir()
+    (folder / "dumb/0.log").write_text("".join(lines))
+    assert run(folder, tmp_path / "out", workers=0) == 3
+    units = read_units(tmp_path / "out/fleet.parquet")
+    assert [unit.name for unit in silent(units)] == ["dumb/ema0"]
+    assert [unit.name for unit in worst(units)] == ["good/ema0"]
+    assert "Hardly judged" in (tmp_path / "out/report.html").read_text()
+
+
 class Balanced(HTMLParser):
     """Every element that is opened is closed, in order."""
 
@@ -270,6 +290,23 @@ def test_names_from_logs_cannot_write_html(fleet: Path, tmp_path: Path) -> None:
     (folder / "<b>unit" / "a.log").write_bytes((fleet / "unit-2/day-09.log").read_bytes())
     assert run(folder, tmp_path / "out", workers=1) == 0
     assert "<b>" not in (tmp_path / "out/report.html").read_text()
+
+
+@pytest.mark.parametrize("recipe", ["parallel.sh", "slurm.sh"])
+def test_the_recipes_give_the_same(fleet: Path, tmp_path: Path, recipe: str) -> None:
+    calm, out = tmp_path / "calm", tmp_path / "out"
+    assert run(fleet, calm, workers=0) == 0
+    expected = results(calm)
+    script = ["bash", str(REPOSITORY / "python/recipes" / recipe), str(fleet), str(out)]
+    # What Slurm sets in the tasks of an array.
+    tasks = 3 if recipe == "slurm.sh" else 1
+    python = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    for task in range(tasks):
+        environment = {"SLURM_ARRAY_TASK_ID": str(task), "SLURM_ARRAY_TASK_COUNT": str(tasks), "PATH": python}
+        subprocess.run(script, env={**os.environ, **environment}, check=True)
+    assert results(out) == expected
+    assert run(fleet, out, workers=0) == 0
+    assert pq.read_table(out / "fleet.parquet").equals(pq.read_table(calm / "fleet.parquet"))
 
 
 def test_an_array_of_tasks_gives_the_same(fleet: Path, tmp_path: Path) -> None:

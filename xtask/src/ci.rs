@@ -8,13 +8,14 @@ use anyhow::Context;
 use crate::shell::run;
 
 /// In the order of what fails soonest.
-const VERBS: [&str; 12] = [
+const VERBS: [&str; 13] = [
     "check",
     "no-std",
     "docs",
     "systemd",
     "readers",
     "oracle",
+    "python",
     "deny",
     "model",
     "power-cut",

@@ -84,7 +84,7 @@ def identify(
     - `motor_counts`, `output_counts`: resolver and encoder, whole counts, continued over their wraps;
     - `setpoint`: rad at the output shaft (mode `"position"`) or rad/s at the motor shaft (`"speed"`); NaN when idle;
     - `mode`: one word for all samples or one for each: `"idle"`, `"position"` or `"speed"`;
-    - `rate_hz`: samples per second; `seq`: sample numbers, where some are missing; `t_ns`: UTC of each sample, from 0 on
+    - `rate_hz`: samples per second; `seq`: sample numbers, where some are missing; `t_ns`: UTC of each sample, from 0
       without it;
     - supply, winding temperature and load at the output, if they were measured.
 

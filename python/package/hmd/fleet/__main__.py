@@ -28,7 +28,7 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("-c", "--config", type=Path, help="configuration")
     parser.add_argument("--seed", type=int, default=1, help="seed of the search")
     parser.add_argument("--scheduler", metavar="ADDR", help="a Dask scheduler; this computer's cores without it")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="local workers, one thread each")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="local workers; 0: no Dask")
     args = parser.parse_args(words)
     try:
         return run(args.folder, args.output, args.config, args.seed, args.scheduler, args.workers)

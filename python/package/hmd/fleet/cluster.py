@@ -23,9 +23,13 @@ def judge_all(
 ) -> None:
     """Judges logs on a cluster, showing each outcome as it comes.
 
-    A task whose worker dies goes to another one; where that happens four times, its logs go one by one, and one that dies
-    again so is an outcome without a key.
+    A task whose worker dies goes to another one; where that happens four times, its logs go one by one, and one that
+    kills its workers again is an outcome without a key. No worker at all is this process, without Dask.
     """
+    if scheduler is None and workers == 0:
+        for log in logs:
+            each(one_log(log, job))
+        return
     try:
         import dask
         from distributed import Client, LocalCluster

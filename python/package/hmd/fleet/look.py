@@ -48,8 +48,15 @@ class Unit:
 
     @property
     def level(self) -> NDArray[np.float64]:
-        """Median damage of the newest windows."""
+        """Median damage of the newest windows; not a number where none was judged."""
+        if not len(self.damage):
+            return np.full(len(FAULTS), np.nan)
         return np.median(self.damage[-LEVEL_WINDOWS:], axis=0)
+
+    @property
+    def largest(self) -> float:
+        """Largest of these; below any damage where none was judged."""
+        return float(self.level.max()) if len(self.damage) else -1.0
 
 
 @dataclass(frozen=True)
@@ -104,7 +111,13 @@ def read_units(table: Path) -> list[Unit]:
 def worst(units: list[Unit]) -> list[Unit]:
     """The units that are not nominal, the worst first: by health, then by their largest damage."""
     found = [unit for unit in units if HEALTH.index(unit.health) > HEALTH.index("nominal")]
-    return sorted(found, key=lambda unit: (-HEALTH.index(unit.health), -float(unit.level.max()), unit.name))
+    return sorted(found, key=lambda unit: (-HEALTH.index(unit.health), -unit.largest, unit.name))
+
+
+def silent(units: list[Unit]) -> list[Unit]:
+    """The units of whose windows half or more could not be judged, the most silent first."""
+    found = [unit for unit in units if 2 * unit.refused >= unit.windows]
+    return sorted(found, key=lambda unit: (-unit.refused / unit.windows, -unit.windows, unit.name))
 
 
 def trends(units: list[Unit]) -> list[Trend]:

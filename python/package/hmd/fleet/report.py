@@ -13,6 +13,7 @@ from .look import (
     Trend,
     Unit,
     outliers,
+    silent,
     trends,
     worst,
 )
@@ -51,6 +52,9 @@ def page(units: list[Unit], summary: dict[str, Any]) -> str:
         "<h2>Unlike the fleet</h2>",
         f"<p>More than {OUTLIER_Z:.0f} robust standard deviations from the median of all units.</p>",
         _list(outliers(units), ["unit", "fault", "damage", "fleet's median", "distance"], _outlier, (2, 3, 4)),
+        "<h2>Hardly judged</h2>",
+        "<p>Half of the windows or more were not fit to be judged, or nothing that is known explains them.</p>",
+        _list(silent(units), ["unit", "windows", "not judged"], _silent, (1, 2)),
         "<h2>Logs without a result</h2>",
         _list(summary["bad"], ["log", "why"], lambda bad: [bad["log"], bad["message"]]),
         "<h2>Logs with losses</h2>",
@@ -91,16 +95,19 @@ def _table(kind: str, heads: list[str], rows: list[list[str]], numbers: tuple[in
 
 
 def _worst(unit: Unit) -> list[str]:
-    level = unit.level
-    fault = int(np.argmax(level))
+    fault = FAULTS[int(np.argmax(unit.level))]
     return [
         unit.name,
         unit.health,
         unit.faults.replace(",", ", "),
-        f"{FAULTS[fault]} {100 * level[fault]:.1f} %",
+        f"{fault} {100 * unit.largest:.1f} %" if len(unit.damage) else "",
         str(unit.windows),
         str(unit.refused),
     ]
+
+
+def _silent(unit: Unit) -> list[str]:
+    return [unit.name, str(unit.windows), str(unit.refused)]
 
 
 def _trend(trend: Trend) -> list[str]:

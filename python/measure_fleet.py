@@ -5,6 +5,7 @@ worker and with four, with four of which one is killed half-way, and once more.
 """
 
 import os
+import resource
 import shutil
 import signal
 import subprocess
@@ -43,11 +44,13 @@ def make(unit: int, folder: Path) -> None:
 def judge(folder: Path, out: Path, workers: int) -> float:
     """Seconds of a run, with everything: the start of Python and of the cluster, table and report."""
     load = Path("/proc/loadavg").read_text().split()[0]
-    since = time.monotonic()
+    before, since = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
     words = [sys.executable, "-m", "hmd.fleet", str(folder), "-o", str(out), "--workers", str(workers)]
     subprocess.run(words, check=True)
     seconds = time.monotonic() - since
-    print(f"  {workers} workers: {seconds:.1f} s (load before: {load})", flush=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    print(f"  {workers} workers: {seconds:.1f} s, {cpu:.0f} s of processors (load before: {load})", flush=True)
     return seconds
 
 

@@ -82,23 +82,30 @@ class Outlier:
 
 def read_units(table: Path) -> list[Unit]:
     """Units of a table, by name."""
-    columns = ["unit", "t_start_ns", "status", "health", "faults", *(f"damage_{fault}" for fault in FAULTS)]
-    rows = pq.read_table(table, columns=columns).sort_by([("unit", "ascending"), ("t_start_ns", "ascending")])
-    names = rows["unit"].to_numpy(zero_copy_only=False)
-    time_s = rows["t_start_ns"].cast("int64").to_numpy() / 1e9
-    damage = np.column_stack([rows[f"damage_{fault}"].to_numpy(zero_copy_only=False) for fault in FAULTS])
-    health, faults = (rows[name].to_numpy(zero_copy_only=False) for name in ("health", "faults"))
-    starts = np.flatnonzero(np.r_[True, names[1:] != names[:-1]]) if len(names) else np.array([], dtype=int)
+    # Words as numbers: a word of its own for each row would be most of the memory.
+    words = ["unit", "health", "faults"]
+    rows = pq.read_table(
+        table, columns=["t_start_ns", *words, *(f"damage_{fault}" for fault in FAULTS)], read_dictionary=words
+    ).unify_dictionaries()
+    columns = {name: rows[name].combine_chunks() for name in words}
+    of, health, faults = (columns[name].indices.to_numpy() for name in words)
+    known = {name: columns[name].dictionary.to_pylist() for name in words}
+    rank = np.argsort(np.argsort(np.array(known["unit"], dtype=object)))[of] if len(of) else of
+    order = np.lexsort((rows["t_start_ns"].cast("int64").to_numpy(), rank))
+    of, health, faults = of[order], health[order], faults[order]
+    time_s = rows["t_start_ns"].cast("int64").to_numpy()[order] / 1e9
+    damage = np.column_stack([rows[f"damage_{fault}"].to_numpy()[order] for fault in FAULTS])
+    starts = np.flatnonzero(np.r_[True, of[1:] != of[:-1]]) if len(of) else np.array([], dtype=int)
     units = []
-    for start, end in zip(starts, [*starts[1:], len(names)], strict=True):
+    for start, end in zip(starts, [*starts[1:], len(of)], strict=True):
         judged = start + np.flatnonzero(np.isfinite(damage[start:end]).all(axis=1))
         told = judged[-NEWEST:]
         last = judged[-1] if len(judged) else end - 1
         units.append(
             Unit(
-                name=str(names[start]),
-                health=str(health[last]),
-                faults=str(faults[last]),
+                name=known["unit"][of[start]],
+                health=known["health"][health[last]],
+                faults=known["faults"][faults[last]],
                 time_s=time_s[told],
                 damage=damage[told],
                 windows=int(end - start),

@@ -1,7 +1,7 @@
 //! Rows of `hmd`'s tables as Arrow record batches; names, units and kinds of columns are those of `hmd export`.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use arrow_array::ffi_stream::FFI_ArrowArrayStream;
 use arrow_array::{
@@ -47,13 +47,15 @@ impl Batches {
         }
     }
 
-    pub(crate) fn finish(mut self) -> PyResult<ArrowTable> {
+    /// The table of all rows so far; begins anew.
+    pub(crate) fn finish(&mut self) -> PyResult<ArrowTable> {
         if !self.held[0].is_empty() {
             self.end_batch();
         }
+        let batches = std::mem::replace(&mut self.done, Ok(Vec::new())).map_err(raised)?;
         Ok(ArrowTable {
-            schema: self.schema,
-            batches: self.done.map_err(raised)?,
+            schema: self.schema.clone(),
+            batches,
         })
     }
 
@@ -73,27 +75,26 @@ impl Batches {
 
 /// [`Batches`] behind the export's own door, which keeps what it is given.
 #[derive(Clone)]
-pub(crate) struct Shared(Arc<Mutex<Option<Batches>>>);
+pub(crate) struct Shared(Arc<Mutex<Batches>>);
 
 impl Shared {
     pub(crate) fn new(heads: Vec<Head>) -> Self {
-        Self(Arc::new(Mutex::new(Some(Batches::new(heads)))))
+        Self(Arc::new(Mutex::new(Batches::new(heads))))
     }
 
     /// The table, once the export has ended.
     pub(crate) fn into_table(self) -> PyResult<ArrowTable> {
-        let batches = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
-        let batches = batches.ok_or_else(|| crate::error::misuse("a table is taken once"))?;
-        batches.finish()
+        self.batches().finish()
+    }
+
+    fn batches(&self) -> MutexGuard<'_, Batches> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Table for Shared {
     fn row(&mut self, row: Vec<Value>) -> Result<(), ExportError> {
-        let mut batches = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(batches) = batches.as_mut() {
-            batches.row(row);
-        }
+        self.batches().row(row);
         Ok(())
     }
 

@@ -60,7 +60,7 @@ impl Gathered {
         self.rows.row(health_row(&judged.health, &judged.rul));
     }
 
-    fn into_judged(self, py: Python<'_>, loss: Option<String>) -> PyResult<Judged> {
+    fn into_judged(mut self, py: Python<'_>, loss: Option<String>) -> PyResult<Judged> {
         Ok(Judged {
             lines: self.lines,
             notices: self.notices,

@@ -10,9 +10,6 @@ from pathlib import Path
 from .._hmd import VERSION, ConfigError
 from .cluster import judge_all
 from .contract import Index, Job, Outcome, find_logs, write_whole
-from .look import read_units
-from .report import page
-from .table import Results, inputs_of, is_current, write_table
 
 STALE_S = 3600
 """Age at which a temporary file belongs to nobody any more."""
@@ -79,6 +76,11 @@ def run(
 
 
 def _write_tables(folder: Path, out: Path, job: Job, outcomes: list[Outcome]) -> dict[str, dict[str, int]]:
+    # Here, because each worker that is started imports this file, and needs no tables.
+    from .look import read_units
+    from .report import page
+    from .table import Results, inputs_of, is_current, write_table
+
     table, told = out / "fleet.parquet", out / "fleet.json"
     inputs = inputs_of(job, outcomes)
     if is_current(table, inputs) and told.exists() and (out / "report.html").exists():

@@ -42,9 +42,10 @@ def judge_all(
         return
     options = {"n_workers": workers, "threads_per_worker": 1, "processes": True, "host": "127.0.0.1"}
     # A worker has one task at a time, so that one which kills its worker is not mixed up with those that wait there.
-    saturation = {"distributed.scheduler.worker-saturation": 1.0}
+    # Nor does it look a hundred times a second where it is.
+    settings = {"distributed.scheduler.worker-saturation": 1.0, "distributed.worker.profile.enabled": False}
     with (
-        dask.config.set(saturation),
+        dask.config.set(settings),
         LocalCluster(**options, dashboard_address="127.0.0.1:0") as cluster,
         Client(cluster) as client,
     ):

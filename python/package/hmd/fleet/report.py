@@ -48,7 +48,7 @@ def page(units: list[Unit], summary: dict[str, Any]) -> str:
         "<h2>Growing damage</h2>",
         "<p>Theil–Sen slope over calendar time where the Mann–Kendall score exceeds chance;"
         f" units with fewer than {TREND_WINDOWS} judged windows show none.</p>",
-        _list(trends(units), ["unit", "fault", "growth in 30 days", "now", "score", "history"], _trend, (2, 3, 4)),
+        _list(trends(units), ["unit", "fault", "growth in 30 days", "level", "score", "history"], _trend, (2, 3, 4)),
         "<h2>Unlike the fleet</h2>",
         f"<p>More than {OUTLIER_Z:.0f} robust standard deviations from the median of all units.</p>",
         _list(outliers(units), ["unit", "fault", "damage", "fleet's median", "distance"], _outlier, (2, 3, 4)),

@@ -43,15 +43,21 @@ def make(unit: int, folder: Path) -> None:
 
 def judge(folder: Path, out: Path, workers: int) -> float:
     """Seconds of a run, with everything: the start of Python and of the cluster, table and report."""
-    load = Path("/proc/loadavg").read_text().split()[0]
-    before, since = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
+    before, busy_before, since = resource.getrusage(resource.RUSAGE_CHILDREN), busy_s(), time.monotonic()
     words = [sys.executable, "-m", "hmd.fleet", str(folder), "-o", str(out), "--workers", str(workers)]
     subprocess.run(words, check=True)
     seconds = time.monotonic() - since
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    print(f"  {workers} workers: {seconds:.1f} s, {cpu:.0f} s of processors (load before: {load})", flush=True)
+    others = max(0.0, busy_s() - busy_before - cpu) / seconds
+    print(f"  {workers} workers: {seconds:.1f} s, {cpu:.0f} s of processors; others kept {others:.1f} busy", flush=True)
     return seconds
+
+
+def busy_s() -> float:
+    """Seconds that all processors together have worked, for anybody."""
+    user, nice, system, _idle, _waiting, *interrupts = Path("/proc/stat").read_text().splitlines()[0].split()[1:9]
+    return sum(map(int, [user, nice, system, *interrupts])) / os.sysconf("SC_CLK_TCK")
 
 
 def kill_one(out: Path, results: int, coordinator_of: Path) -> None:

@@ -16,6 +16,7 @@ const VERBS: [&str; 13] = [
     "readers",
     "viewers",
     "oracle",
+    "python",
     "deny",
     "model",
     "power-cut",

@@ -1,4 +1,4 @@
-//! The verbs that CI uses, in plain Rust, so that a fresh machine needs nothing but cargo (and Python for five of them).
+//! The verbs that CI uses, in plain Rust, so that a fresh machine needs nothing but cargo (and Python for some of them).
 //!
 //! `cargo xtask VERB`; `cargo xtask ci` runs all of them but the tests, the fuzzing and the long forms.
 
@@ -9,6 +9,7 @@ mod debian;
 mod deny;
 mod dist;
 mod firmware;
+mod fleet;
 mod fuzz;
 mod model;
 mod no_std;
@@ -26,6 +27,7 @@ mod survive;
 mod systemd;
 mod target;
 mod viewers;
+mod wheel;
 
 use std::process::ExitCode;
 
@@ -61,6 +63,14 @@ enum Verb {
     Viewers,
     /// Our forecasts beside those of NASA's progpy, on the same histories.
     Progpy,
+    /// The Python package: built, installed in a fresh environment, tested, its notebook run.
+    Python,
+    /// Two thousand logs on a local Dask cluster: one worker, four, one of them killed, and again.
+    Fleet {
+        /// Logs.
+        #[arg(long, default_value_t = 2000)]
+        logs: u32,
+    },
     /// The daemon on real SocketCAN, in a user-mode Linux.
     Can,
     /// Identification on an emulated Cortex-M7, bit for bit, and what it costs.
@@ -111,6 +121,8 @@ fn main() -> ExitCode {
         Verb::Report => report::check(),
         Verb::Viewers => viewers::check(),
         Verb::Progpy => progpy::compare(),
+        Verb::Python => wheel::check(),
+        Verb::Fleet { logs } => fleet::measure(logs),
         Verb::Can => can::check(),
         Verb::Target => target::check(),
         Verb::Firmware => firmware::check(),

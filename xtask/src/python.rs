@@ -1,4 +1,5 @@
-//! The Python environment of the readers, the viewers, the oracle, progpy and the report, under the target directory.
+//! Python environments under the target directory: one for the readers, the viewers, the oracle, progpy and the report, others made
+//! anew.
 
 use std::path::{Path, PathBuf};
 
@@ -18,17 +19,35 @@ impl Python {
     /// No Python, no `venv` module, no network.
     pub(crate) fn with_packages(packages: &[&str]) -> anyhow::Result<Self> {
         let folder = target_dir()?.join("python");
-        let program_path = folder.join("bin/python");
         // pip is the last thing that goes into an environment; without it, a run was interrupted.
-        if !folder.join("bin/pip").exists() {
-            run(program("python3", ["-m", "venv", "--clear"]).arg(&folder)).context(
-                "expected a Python 3 with its venv module (Debian: apt-get install python3-venv), found none that works",
-            )?;
+        if folder.join("bin/pip").exists() {
+            Self::at(&folder).install(packages)
+        } else {
+            Self::fresh(&folder, packages)
         }
-        let python = Self { program: program_path };
+    }
+
+    /// Makes an environment anew, with these packages and what they need.
+    ///
+    /// # Errors
+    /// No Python, no `venv` module, no network.
+    pub(crate) fn fresh(folder: &Path, packages: &[&str]) -> anyhow::Result<Self> {
+        run(program("python3", ["-m", "venv", "--clear"]).arg(folder)).context(
+            "expected a Python 3 with its venv module (Debian: apt-get install python3-venv), found none that works",
+        )?;
+        Self::at(folder).install(packages)
+    }
+
+    fn at(folder: &Path) -> Self {
+        Self {
+            program: folder.join("bin/python"),
+        }
+    }
+
+    fn install(self, packages: &[&str]) -> anyhow::Result<Self> {
         let quiet = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
-        run(program(&python.program, quiet).args(packages)).context("cannot install Python packages")?;
-        Ok(python)
+        run(program(&self.program, quiet).args(packages)).context("cannot install Python packages")?;
+        Ok(self)
     }
 
     /// Its interpreter.

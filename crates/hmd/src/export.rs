@@ -2,6 +2,7 @@
 
 mod csv;
 mod parquet;
+mod raw;
 mod table;
 
 use std::collections::BTreeMap;
@@ -11,12 +12,13 @@ use std::path::Path;
 
 use prost::Message;
 
-use crate::ingest::McapMessages;
+use crate::ingest::{IngestError, McapMessages};
 use crate::record::{Health, Record, Rul, Window};
 
 pub use csv::CsvTable;
 pub use parquet::ParquetTable;
-pub use table::{Head, Kind, TableKind, Value};
+pub use raw::export_raw;
+pub use table::{Head, Kind, TableKind, Value, health_row, raw_heads};
 
 /// Why there is no table.
 #[derive(Debug, thiserror::Error)]
@@ -43,6 +45,9 @@ pub enum ExportError {
     /// A row that Parquet cannot take.
     #[error(transparent)]
     Parquet(#[from] ::parquet::errors::ParquetError),
+    /// A log that cannot be read at all.
+    #[error(transparent)]
+    Ingest(#[from] IngestError),
     /// The names of columns as JSON.
     #[error(transparent)]
     Json(#[from] serde_json::Error),
@@ -71,7 +76,7 @@ pub type Sources = BTreeMap<String, BTreeMap<String, String>>;
 pub struct Exported {
     /// Rows written.
     pub rows: u64,
-    /// Parts of a file were damaged and passed over.
+    /// Parts of a file could not be read and were passed over.
     pub damaged: bool,
 }
 

@@ -29,6 +29,19 @@ pub struct WindowJob {
     pub operating_s: f64,
 }
 
+/// One sample as it was taken in.
+#[derive(Clone, Debug)]
+pub struct TakenSample {
+    /// The actuator.
+    pub actuator: Arc<ActuatorConfig>,
+    /// Rate of its samples.
+    pub rate: SampleRate,
+    /// The sample.
+    pub sample: TimedSample,
+    /// What the status frames last said.
+    pub conditions: MeasuredConditions,
+}
+
 /// Something an operator should read; goes into the log topic.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Notice {
@@ -73,6 +86,8 @@ pub struct Front {
     /// What came of the frames of each serial line.
     serial: BTreeMap<u16, DeframerStats>,
     notices: Vec<Notice>,
+    /// Whether samples are kept to be taken.
+    keeps: bool,
 }
 
 /// One actuator. There are at most 16 on each of at most 64 interfaces.
@@ -83,6 +98,8 @@ struct Lane {
     actuator: Arc<ActuatorConfig>,
     channel: Channel,
     cutter: Cutter,
+    /// Samples since they were last taken, if they are kept.
+    kept: Option<Vec<TakenSample>>,
 }
 
 /// Made when the sample rate is known.
@@ -111,7 +128,21 @@ impl Front {
             counts: FrameCounts::default(),
             serial: BTreeMap::new(),
             notices: Vec::new(),
+            keeps: false,
         }
+    }
+
+    /// The same, keeping every sample until [`Front::take_samples`]: whoever asks for them also bounds them.
+    #[must_use]
+    pub fn keeping_samples(mut self) -> Self {
+        self.keeps = true;
+        self
+    }
+
+    /// Samples since the last call, of one actuator after the other.
+    pub fn take_samples(&mut self) -> Vec<TakenSample> {
+        let kept = self.lanes.values_mut().filter_map(|lane| lane.kept.as_mut());
+        kept.flat_map(std::mem::take).collect()
     }
 
     /// Takes one frame and appends the windows that it ends.
@@ -134,7 +165,8 @@ impl Front {
         };
         let key = (frame.bus, actuator);
         if !self.lanes.contains_key(&key) {
-            let Some(lane) = Lane::new(&self.config, names.name(frame.bus).unwrap_or(""), actuator) else {
+            let bus = names.name(frame.bus).unwrap_or("");
+            let Some(lane) = Lane::new(&self.config, bus, actuator, self.keeps) else {
                 self.counts.filtered += 1;
                 return;
             };
@@ -160,6 +192,7 @@ impl Front {
             mapped,
             counts,
             notices,
+            keeps,
             ..
         } = self;
         let bus = names.name(frame.bus).unwrap_or("");
@@ -171,7 +204,7 @@ impl Front {
             let Some(heard) = heard else { return };
             let lane = match lanes.entry((frame.bus, id)) {
                 Entry::Occupied(known) => known.into_mut(),
-                Entry::Vacant(place) => match Lane::new(config, bus, id) {
+                Entry::Vacant(place) => match Lane::new(config, bus, id, *keeps) {
                     Some(lane) => place.insert(lane),
                     None => return,
                 },
@@ -275,13 +308,14 @@ impl Front {
 }
 
 impl Lane {
-    fn new(config: &Config, bus: &str, id: ActuatorId) -> Option<Self> {
+    fn new(config: &Config, bus: &str, id: ActuatorId, keeps: bool) -> Option<Self> {
         let actuator = Arc::new(config.actuator_for(bus, id)?.clone());
         Some(Self {
             bus: bus.into(),
             actuator,
             channel: Channel::new(id),
             cutter: Cutter::Waiting,
+            kept: keeps.then(Vec::new),
         })
     }
 
@@ -306,11 +340,12 @@ impl Lane {
         notices: &mut Vec<Notice>,
     ) {
         let conditions = self.channel.conditions();
-        let (actuator, cutter) = (&self.actuator, &mut self.cutter);
+        let (actuator, cutter, kept) = (&self.actuator, &mut self.cutter, &mut self.kept);
         let nominal = actuator.params.sensors.sample_rate;
         let restarts = self.channel.restarts();
         let learning = !self.channel.rate_is_settled();
         self.channel.push(frame, stamp_ns, nominal, |rate, sample| {
+            keep(kept, actuator, rate, sample, conditions);
             cutter.push(actuator, rate, sample, config, conditions, ended, notices);
         });
         if self.channel.restarts() > restarts {
@@ -336,27 +371,50 @@ impl Lane {
 
     fn finish(&mut self, config: &Config, ended: &mut Vec<WindowJob>, notices: &mut Vec<Notice>) {
         let conditions = self.channel.conditions();
-        let (actuator, cutter) = (&self.actuator, &mut self.cutter);
+        let (actuator, cutter, kept) = (&self.actuator, &mut self.cutter, &mut self.kept);
         let nominal = actuator.params.sensors.sample_rate;
         self.channel.finish(nominal, |rate, sample| {
+            keep(kept, actuator, rate, sample, conditions);
             cutter.push(actuator, rate, sample, config, conditions, ended, notices);
         });
-        if let Cutter::Ready {
-            params,
-            windower,
-            operating,
-        } = cutter
-            && let Some(window) = windower.finish()
-        {
-            ended.push(WindowJob {
-                actuator: actuator.clone(),
-                params: **params,
-                window,
-                conditions,
-                operating_s: *operating as f64 / params.sensors.sample_rate,
-            });
-        }
+        cutter.finish(actuator, conditions, ended);
     }
+}
+
+fn keep(
+    kept: &mut Option<Vec<TakenSample>>,
+    actuator: &Arc<ActuatorConfig>,
+    rate: SampleRate,
+    sample: TimedSample,
+    conditions: MeasuredConditions,
+) {
+    if let Some(kept) = kept {
+        let actuator = actuator.clone();
+        kept.push(TakenSample {
+            actuator,
+            rate,
+            sample,
+            conditions,
+        });
+    }
+}
+
+/// Windows of samples of one actuator that were assembled elsewhere, cut as those of a log are, and what an operator
+/// should read about them.
+#[must_use]
+pub fn cut(
+    config: &Config,
+    actuator: &Arc<ActuatorConfig>,
+    rate: SampleRate,
+    conditions: MeasuredConditions,
+    samples: impl IntoIterator<Item = TimedSample>,
+) -> (Vec<WindowJob>, Vec<Notice>) {
+    let (mut cutter, mut ended, mut notices) = (Cutter::Waiting, Vec::new(), Vec::new());
+    for sample in samples {
+        cutter.push(actuator, rate, sample, config, conditions, &mut ended, &mut notices);
+    }
+    cutter.finish(actuator, conditions, &mut ended);
+    (ended, notices)
 }
 
 impl Cutter {
@@ -396,6 +454,24 @@ impl Cutter {
                     });
                 }
             }
+        }
+    }
+
+    fn finish(&mut self, actuator: &Arc<ActuatorConfig>, conditions: MeasuredConditions, ended: &mut Vec<WindowJob>) {
+        if let Self::Ready {
+            params,
+            windower,
+            operating,
+        } = self
+            && let Some(window) = windower.finish()
+        {
+            ended.push(WindowJob {
+                actuator: actuator.clone(),
+                params: **params,
+                window,
+                conditions,
+                operating_s: *operating as f64 / params.sensors.sample_rate,
+            });
         }
     }
 

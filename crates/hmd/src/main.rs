@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory, Parser, Subcommand};
 use hmd::commands::{
     bench, calibrate, check_config, code_of, demo, evaluate, event, export, inspect, manual, record, recover, replay,
-    report, run, simulate, top,
+    report, run, sentence, simulate, top,
 };
 
 /// Health monitoring of electromechanical actuators: which part wears, how far, and how sure.
@@ -64,22 +64,8 @@ fn main() -> ExitCode {
     match ended {
         Ok(exit) => ExitCode::from(exit as u8),
         Err(error) => {
-            // One sentence: what failed, then why, without repeating what a cause already says.
             eprintln!("hmd: {}", sentence(&error));
             ExitCode::from(code_of(&error))
         }
     }
-}
-
-/// The chain of causes, up to the one that the text already ends with.
-fn sentence(error: &anyhow::Error) -> String {
-    let root = error.root_cause().to_string();
-    let mut text = error.to_string();
-    for cause in error.chain().skip(1) {
-        if text.contains(&root) {
-            break;
-        }
-        text = format!("{text}: {cause}");
-    }
-    text
 }

@@ -40,6 +40,26 @@ pub enum ReplayError {
     /// Stdout cannot be written.
     #[error("stdout: {0}")]
     Stdout(io::Error),
+    /// No frame of an actuator that is watched.
+    #[error("{logs}: expected frames of an actuator, found none ({found})")]
+    NoActuator {
+        /// The logs.
+        logs: String,
+        /// What there was instead.
+        found: String,
+    },
+    /// Frames, but no three that make a sample.
+    #[error(
+        "{logs}: expected currents, position and command of one sample, found {} frames with currents, {} with \
+         position, {} with command, and no three that belong together",
+        found.currents, found.position, found.command
+    )]
+    NoSample {
+        /// The logs.
+        logs: String,
+        /// Frames by what they carry.
+        found: FrameCounts,
+    },
 }
 
 /// What a replay is made of.
@@ -75,6 +95,47 @@ impl Summary {
     #[must_use]
     pub fn data_lost(&self) -> bool {
         self.status.data_lost() || self.damaged_places > 0
+    }
+
+    /// Whether the logs had anything to judge.
+    ///
+    /// # Errors
+    /// No actuator, or no sample of one.
+    pub fn check(&self, logs: &[PathBuf]) -> Result<(), ReplayError> {
+        let logs = || {
+            let logs: Vec<String> = logs.iter().map(|log| log.display().to_string()).collect();
+            logs.join(", ")
+        };
+        if self.actuators == 0 {
+            let found = match (self.status.frames_filtered, self.status.lost_malformed) {
+                (other, 0) => format!("{other} other frames"),
+                (0, malformed) => format!("{malformed} malformed frames"),
+                (other, malformed) => format!("{malformed} malformed and {other} other frames"),
+            };
+            return Err(ReplayError::NoActuator { logs: logs(), found });
+        }
+        if self.status.samples == 0 {
+            let found = self.frames;
+            return Err(ReplayError::NoSample { logs: logs(), found });
+        }
+        Ok(())
+    }
+
+    /// What was lost, in one sentence.
+    #[must_use]
+    pub fn loss(&self) -> Option<String> {
+        let status = &self.status;
+        self.data_lost().then(|| {
+            format!(
+                "data lost: {} unreadable lines or frames, {} damaged places of a file with {} frames missing by count, {} malformed frames, {} samples, {} frames out of order",
+                status.lost_unreadable,
+                self.damaged_places,
+                status.lost_damaged,
+                status.lost_malformed,
+                status.lost_samples,
+                status.lost_late
+            )
+        })
     }
 }
 
@@ -335,7 +396,8 @@ impl<O: Observer> Run<'_, O> {
 }
 
 /// Serial numbers of the actuators in a log, as its writer's configuration said; none in a text log.
-fn serial_numbers(log: &Path) -> BTreeMap<String, String> {
+#[must_use]
+pub fn serial_numbers(log: &Path) -> BTreeMap<String, String> {
     let mut found = BTreeMap::new();
     // Nothing else than a regular file can be read twice.
     if !log.metadata().is_ok_and(|of| of.is_file()) {

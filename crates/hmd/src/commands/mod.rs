@@ -72,6 +72,20 @@ pub fn code_of(error: &anyhow::Error) -> u8 {
     }
 }
 
+/// An error in one sentence: what failed, then why, without repeating what a cause already says.
+#[must_use]
+pub fn sentence(error: &anyhow::Error) -> String {
+    let root = error.root_cause().to_string();
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1) {
+        if text.contains(&root) {
+            break;
+        }
+        text = format!("{text}: {cause}");
+    }
+    text
+}
+
 /// An unknown `--actuator`.
 fn unknown_type(name: &str) -> Misuse {
     Misuse(format!(
@@ -80,12 +94,18 @@ fn unknown_type(name: &str) -> Misuse {
 }
 
 /// The configuration of a file, or the defaults.
-fn load_config(path: Option<&Path>) -> Result<Config, ConfigError> {
+///
+/// # Errors
+/// The first thing that is wrong with it.
+pub fn load_config(path: Option<&Path>) -> Result<Config, ConfigError> {
     path.map_or_else(|| Ok(Config::default()), Config::load)
 }
 
 /// Whether every calibration and the events that the configuration names can be used, before a log is read.
-fn check_files(config: &Config) -> anyhow::Result<()> {
+///
+/// # Errors
+/// The first file that cannot.
+pub fn check_files(config: &Config) -> anyhow::Result<()> {
     events_of(config).map_err(JudgeError::from)?;
     let expected = config.identification().monitor;
     for (name, found) in config.types() {

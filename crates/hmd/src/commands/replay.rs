@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::bail;
 use indicatif::ProgressBar;
 use serde::Serialize;
 
@@ -86,44 +85,15 @@ fn replay(args: &Args, viewers: &Viewers) -> anyhow::Result<Exit> {
     printer.bar.finish_and_clear();
     let summary = summary?;
 
-    let status = &summary.status;
+    summary.check(&args.logs)?;
     let logs: Vec<String> = args.logs.iter().map(|log| log.display().to_string()).collect();
     let logs = logs.join(", ");
-    if summary.actuators == 0 {
-        let (filtered, malformed) = (status.frames_filtered, status.lost_malformed);
-        let found = match (filtered, malformed) {
-            (other, 0) => format!("{other} other frames"),
-            (0, malformed) => format!("{malformed} malformed frames"),
-            (other, malformed) => format!("{malformed} malformed and {other} other frames"),
-        };
-        bail!("{logs}: expected frames of an actuator, found none ({found})");
-    }
-    if status.samples == 0 {
-        let found = &summary.frames;
-        bail!(
-            "{logs}: expected currents, position and command of one sample, found {} frames with currents, {} with \
-             position, {} with command, and no three that belong together",
-            found.currents,
-            found.position,
-            found.command
-        );
-    }
     if summary.windows == 0 {
-        eprintln!(
-            "{logs}: expected an actuation, found none in {} samples",
-            status.samples
-        );
+        let samples = summary.status.samples;
+        eprintln!("{logs}: expected an actuation, found none in {samples} samples");
     }
-    if summary.data_lost() {
-        eprintln!(
-            "{logs}: data lost: {} unreadable lines or frames, {} damaged places of a file with {} frames missing by count, {} malformed frames, {} samples, {} frames out of order",
-            status.lost_unreadable,
-            summary.damaged_places,
-            status.lost_damaged,
-            status.lost_malformed,
-            status.lost_samples,
-            status.lost_late
-        );
+    if let Some(loss) = summary.loss() {
+        eprintln!("{logs}: {loss}");
         return Ok(Exit::DataLost);
     }
     Ok(Exit::Done)

@@ -39,6 +39,7 @@ impl Table for CsvTable {
     fn row(&mut self, row: Vec<Value>) -> Result<(), ExportError> {
         let cells = row.into_iter().map(|value| match value {
             Value::Time(n) | Value::Count(n) => n.to_string(),
+            Value::Signed(n) => n.to_string(),
             Value::Text(text) => text,
             Value::Flag(flag) => flag.to_string(),
             Value::Number(number) => number.map_or_else(String::new, |number| number.to_string()),

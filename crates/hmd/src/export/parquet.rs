@@ -95,7 +95,7 @@ impl Table for ParquetTable {
 fn field(head: &Head) -> Result<Type, ParquetError> {
     let (physical, logical) = match head.kind {
         Kind::Time => (Physical::INT64, Some(LogicalType::timestamp(true, TimeUnit::NANOS))),
-        Kind::Count => (Physical::INT64, None),
+        Kind::Count | Kind::Signed => (Physical::INT64, None),
         Kind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
         Kind::Flag => (Physical::BOOLEAN, None),
         Kind::Number => (Physical::DOUBLE, None),
@@ -114,7 +114,7 @@ fn field(head: &Head) -> Result<Type, ParquetError> {
 /// Values of one kind; the heads say of which.
 fn write_column(column: &mut SerializedColumnWriter<'_>, kind: Kind, values: Vec<Value>) -> Result<(), ParquetError> {
     match kind {
-        Kind::Time | Kind::Count => {
+        Kind::Time | Kind::Count | Kind::Signed => {
             let values: Vec<i64> = values.into_iter().filter_map(whole).collect();
             column.typed::<Int64Type>().write_batch(&values, None, None)?;
         }
@@ -162,6 +162,7 @@ fn write_column(column: &mut SerializedColumnWriter<'_>, kind: Kind, values: Vec
 fn whole(value: Value) -> Option<i64> {
     match value {
         Value::Time(n) | Value::Count(n) => Some(i64::try_from(n).unwrap_or(i64::MAX)),
+        Value::Signed(n) => Some(n),
         _ => None,
     }
 }

@@ -1,6 +1,10 @@
 //! The columns of both tables, with their units, and how a record becomes a row.
 
+use ema_models::{SensedSample, Setpoint};
+
+use crate::channel::{MeasuredConditions, SampleRate};
 use crate::record::{Health, Rul, Window};
+use crate::window::TimedSample;
 
 /// Which table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -18,6 +22,8 @@ pub enum Value {
     Time(u64),
     /// A count.
     Count(u64),
+    /// A count that may be negative.
+    Signed(i64),
     /// Text.
     Text(String),
     /// Yes or no.
@@ -33,6 +39,8 @@ pub enum Kind {
     Time,
     /// [`Value::Count`].
     Count,
+    /// [`Value::Signed`].
+    Signed,
     /// [`Value::Text`].
     Text,
     /// [`Value::Flag`].
@@ -71,6 +79,7 @@ fn heads(columns: &[(&'static str, &'static str)], row: &[Value]) -> Vec<Head> {
         kind: match value {
             Value::Time(_) => Kind::Time,
             Value::Count(_) => Kind::Count,
+            Value::Signed(_) => Kind::Signed,
             Value::Text(_) => Kind::Text,
             Value::Flag(_) => Kind::Flag,
             Value::Number(_) => Kind::Number,
@@ -81,11 +90,12 @@ fn heads(columns: &[(&'static str, &'static str)], row: &[Value]) -> Vec<Head> {
 
 /// One table of columns: name, unit, value.
 macro_rules! columns {
-    ($(#[$meta:meta])* $names:ident, fn $row:ident($($arg:ident: $type:ty),*), $count:literal: $($name:literal $unit:literal $value:expr;)*) => {
+    ($(#[$meta:meta])* $names:ident, $vis:vis fn $row:ident($($arg:ident: $type:ty),*), $count:literal: $($name:literal $unit:literal $value:expr;)*) => {
         const $names: [(&str, &str); $count] = [$(($name, $unit)),*];
 
         $(#[$meta])*
-        pub(super) fn $row($($arg: $type),*) -> Vec<Value> {
+        #[must_use]
+        $vis fn $row($($arg: $type),*) -> Vec<Value> {
             use Value::{Count, Number, Text, Time};
             vec![$($value),*]
         }
@@ -94,7 +104,7 @@ macro_rules! columns {
 
 columns! {
     /// What one window says.
-    HEALTH, fn health_row(health: &Health, rul: &Rul), 83:
+    HEALTH, pub fn health_row(health: &Health, rul: &Rul), 83:
     "t_start_ns" "ns, UTC" Time(health.t_start_ns);
     "actuator" "" Text(health.actuator.clone());
     "window" "" Count(health.window);
@@ -182,7 +192,7 @@ columns! {
 
 columns! {
     /// One stored sample.
-    SAMPLES, fn sample_row(window: &Window, n: usize), 13:
+    SAMPLES, pub(super) fn sample_row(window: &Window, n: usize), 13:
     "t_ns" "ns, UTC" Time(window.t_start_ns.saturating_add(nanoseconds(window, n)));
     "actuator" "" Text(window.actuator.clone());
     "window" "" Count(window.window);
@@ -196,6 +206,53 @@ columns! {
     "fitted_speed_rad_s" "rad/s" Number(at(&window.fitted_speed_rad_s, n));
     "measured_position_rad" "rad" Number(at(&window.measured_position_rad, n));
     "fitted_position_rad" "rad" Number(at(&window.fitted_position_rad, n));
+}
+
+columns! {
+    /// One sample of a log.
+    RAW, pub(super) fn raw_row(actuator: &str, rate: SampleRate, sample: &TimedSample, conditions: &MeasuredConditions), 14:
+    "t_ns" "ns, UTC" Time(sample.stamp_ns);
+    "actuator" "" Text(actuator.to_owned());
+    "seq" "" Count(sample.seq);
+    "sample_rate_hz" "Hz" Number(Some(rate.hz));
+    "i_a_a" "A" Number(Some(sample.sensed.currents[0]));
+    "i_b_a" "A" Number(Some(sample.sensed.currents[1]));
+    "i_c_a" "A" Number(Some(sample.sensed.currents[2]));
+    "motor_counts" "" Value::Signed(sample.sensed.motor_counts);
+    "output_counts" "" Value::Signed(sample.sensed.output_counts);
+    "mode" "" Text(commanded(sample.sensed.setpoint).0.to_owned());
+    "setpoint" "rad at the output (position), rad/s at the motor (speed)" Number(commanded(sample.sensed.setpoint).1);
+    "dc_link_v" "V" Number(conditions.dc_link_v);
+    "winding_temp_c" "°C" Number(conditions.winding_temp_deg_c);
+    "load_torque_nm" "Nm" Number(conditions.load_torque_nm);
+}
+
+/// The columns of the table of a log's samples.
+#[must_use]
+pub fn raw_heads() -> Vec<Head> {
+    let rate = SampleRate { hz: 0.0, told: false };
+    let sensed = SensedSample {
+        seq: 0,
+        currents: [0.0; 3],
+        motor_counts: 0,
+        output_counts: 0,
+        setpoint: Setpoint::Idle,
+    };
+    let sample = TimedSample {
+        seq: 0,
+        stamp_ns: 0,
+        sensed,
+    };
+    heads(&RAW, &raw_row("", rate, &sample, &MeasuredConditions::default()))
+}
+
+/// Mode and setpoint; there is none when idle.
+fn commanded(setpoint: Setpoint) -> (&'static str, Option<f64>) {
+    match setpoint {
+        Setpoint::Idle => ("idle", None),
+        Setpoint::Position(angle) => ("position", Some(angle)),
+        Setpoint::Speed(speed) => ("speed", Some(speed)),
+    }
 }
 
 /// All stored samples of a window.
@@ -222,8 +279,7 @@ mod tests {
 
     #[test]
     fn every_column_has_its_own_name_and_a_unit_that_fits() {
-        for table in [TableKind::Health, TableKind::Samples] {
-            let heads = table.heads();
+        for heads in [TableKind::Health.heads(), TableKind::Samples.heads(), raw_heads()] {
             let mut names: Vec<&str> = heads.iter().map(|head| head.name).collect();
             names.sort_unstable();
             names.dedup();
@@ -240,8 +296,12 @@ mod tests {
                     ("_rad_s", "rad/s"),
                     ("_rad", "rad"),
                     ("_cycles", "cycles"),
+                    ("_hz", "Hz"),
+                    ("_v", "V"),
+                    ("_c", "°C"),
+                    ("_nm", "Nm"),
                 ] {
-                    let damage = head.name.starts_with("damage_");
+                    let damage = head.name.starts_with("damage_") || head.name.starts_with("short_c");
                     assert!(damage || !head.name.ends_with(end) || head.unit == unit, "{head:?}");
                 }
             }

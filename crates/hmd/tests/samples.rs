@@ -1,0 +1,107 @@
+//! Samples out of logs and into windows again: what the Python package stands on.
+
+use std::sync::{Arc, Mutex};
+
+use ema_models::reference::{Actuations, Scenario};
+use ema_models::{ActuatorParams, FaultVector, Profile};
+use ema_wire::ActuatorId;
+use hmd::config::Config;
+use hmd::export::{ExportError, Sources, Table, Value, export_raw, raw_heads};
+use hmd::frame::BusNames;
+use hmd::front::{Front, cut};
+use hmd::ingest::candump::{Decimals, emit};
+use hmd::simulate::{EPOCH_NS, traffic};
+
+fn scenario() -> Scenario {
+    let mut params = ActuatorParams::bench();
+    params.sensors.sample_rate = 400.0;
+    Scenario {
+        actuations: Actuations {
+            profile: Profile::Mixed,
+            count: 2,
+            rest: 0.5,
+            length: 0.5,
+        },
+        ..Scenario::new(params, FaultVector::NOMINAL, 3)
+    }
+}
+
+#[test]
+fn windows_cut_from_taken_samples_are_those_of_the_frames() {
+    let config = Arc::new(Config::default());
+    let mut names = BusNames::new();
+    names.intern("can0").unwrap();
+    let mut front = Front::new(config.clone()).keeping_samples();
+    let (mut ended, mut taken) = (Vec::new(), Vec::new());
+    for frame in traffic(&scenario(), ActuatorId::new(2).unwrap(), EPOCH_NS) {
+        front.push(&frame, &names, &mut ended);
+        taken.extend(front.take_samples());
+    }
+    front.finish(&mut ended);
+    assert!(front.take_samples().is_empty(), "nothing is delivered twice");
+    let (_, samples, lost) = front.actuators().next().unwrap();
+    assert_eq!((taken.len() as u64, lost), (samples, 0));
+    assert!(taken.windows(2).all(|two| two[1].sample.seq == two[0].sample.seq + 1));
+
+    let last = taken.last().unwrap();
+    assert_eq!(last.actuator.name, "ema2");
+    let samples = taken.iter().map(|taken| taken.sample);
+    let (again, notices) = cut(&config, &last.actuator, last.rate, last.conditions, samples);
+    assert_eq!((ended.len(), again.len()), (2, 2));
+    assert_eq!(notices, front.take_notices());
+    for (ours, theirs) in again.iter().zip(&ended) {
+        assert_eq!(ours.window, theirs.window);
+        assert_eq!(ours.params, theirs.params);
+        assert_eq!(ours.operating_s.to_bits(), theirs.operating_s.to_bits());
+    }
+}
+
+#[test]
+fn a_front_keeps_no_samples_unless_asked() {
+    let mut names = BusNames::new();
+    names.intern("can0").unwrap();
+    let mut front = Front::new(Arc::new(Config::default()));
+    for frame in traffic(&scenario(), ActuatorId::new(0).unwrap(), EPOCH_NS) {
+        front.push(&frame, &names, &mut Vec::new());
+    }
+    assert!(front.take_samples().is_empty());
+}
+
+#[derive(Clone, Default)]
+struct Rows(Arc<Mutex<Vec<Vec<Value>>>>);
+
+impl Table for Rows {
+    fn row(&mut self, row: Vec<Value>) -> Result<(), ExportError> {
+        self.0.lock().expect("nobody panicked").push(row);
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>, _: &Sources) -> Result<(), ExportError> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_log_is_a_table_of_samples() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("a.log");
+    let mut text = Vec::new();
+    for frame in traffic(&scenario(), ActuatorId::new(0).unwrap(), EPOCH_NS) {
+        emit(&frame, "can0", Decimals::Six, &mut text);
+    }
+    std::fs::write(&log, &text).unwrap();
+    let rows = Rows::default();
+    let exported = export_raw(&[&log], Arc::new(Config::default()), Box::new(rows.clone())).unwrap();
+    let rows = rows.0.lock().unwrap();
+    assert_eq!((exported.rows, exported.damaged), (rows.len() as u64, false));
+    assert_eq!(rows.len(), scenario().run().count());
+    let place = |name: &str| raw_heads().iter().position(|head| head.name == name).unwrap();
+    assert_eq!(rows[0][place("t_ns")], Value::Time(EPOCH_NS));
+    assert_eq!(rows[0][place("sample_rate_hz")], Value::Number(Some(400.0)));
+    assert_eq!(rows[0][place("mode")], Value::Text("position".to_owned()));
+
+    text.extend(b"no frame\n");
+    std::fs::write(&log, text).unwrap();
+    let damaged = export_raw(&[&log], Arc::new(Config::default()), Box::new(Rows::default())).unwrap();
+    assert_eq!((damaged.rows, damaged.damaged), (exported.rows, true));
+}

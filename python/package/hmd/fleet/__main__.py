@@ -1,0 +1,117 @@
+"""`python -m hmd.fleet FOLDER -o OUT`: a folder of logs on a Dask cluster, a table and a report of them."""
+
+import argparse
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+from .._hmd import VERSION, ConfigError
+from .cluster import judge_all
+from .contract import Index, Job, Outcome, find_logs, write_whole
+
+STALE_S = 3600
+"""Age at which a temporary file belongs to nobody any more."""
+
+
+def main(words: list[str] | None = None) -> int:
+    """Exit codes: 0 done, 1 no log at all, 3 done but some logs are bad or lost data, 78 bad configuration."""
+    parser = argparse.ArgumentParser(
+        prog="python -m hmd.fleet", description="Judge a folder of logs on a Dask cluster."
+    )
+    parser.add_argument("folder", type=Path, help="logs, *.mcap and *.log, in folders of any depth")
+    parser.add_argument("-o", "--output", required=True, type=Path, help="folder of the results")
+    parser.add_argument("-c", "--config", type=Path, help="configuration")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the search")
+    parser.add_argument("--scheduler", metavar="ADDR", help="a Dask scheduler; this computer's cores without it")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="local workers; 0: no Dask")
+    args = parser.parse_args(words)
+    try:
+        return run(args.folder, args.output, args.config, args.seed, args.scheduler, args.workers)
+    except ConfigError as error:
+        print(f"hmd.fleet: {error}", file=sys.stderr)
+        return 78
+
+
+def run(
+    folder: Path, out: Path, config: Path | None = None, seed: int = 1, scheduler: str | None = None, workers: int = 1
+) -> int:
+    """Judges what has no result yet, then writes `fleet.parquet`, `fleet.json` and `report.html`, unless they stand."""
+    since = time.monotonic()
+    folder, out = folder.absolute(), out.absolute()
+    job = Job.prepared(out, config, seed)
+    out.mkdir(parents=True, exist_ok=True)
+    logs = find_logs(folder, out)
+    if not logs:
+        print(f"hmd.fleet: {folder}: expected logs (*.mcap, *.log), found none", file=sys.stderr)
+        return 1
+    index = Index(out)
+    outcomes = {str(log): found for log in logs if (found := index.find(log, job))}
+    todo = [log for log in logs if str(log) not in outcomes]
+    computed = 0
+
+    def each(outcome: Outcome) -> None:
+        nonlocal computed
+        outcomes[outcome.log] = outcome
+        computed += outcome.computed
+        if sys.stderr.isatty():
+            print(f"\r{len(outcomes)} of {len(logs)} logs", end="", file=sys.stderr, flush=True)
+
+    if todo:
+        try:
+            judge_all(todo, job, scheduler=scheduler, workers=min(workers, len(todo)), each=each)
+        finally:
+            index.write([outcomes[log] for log in sorted(outcomes)])
+            _sweep(out)
+    judged_s = time.monotonic() - since
+    summary = _write_tables(folder, out, job, [outcomes[str(log)] for log in logs])
+    counts = summary["counts"]
+    print(
+        f"{counts['logs']} logs: {computed} judged now, {len(logs) - len(todo)} were done, {counts['bad']} bad, "
+        f"{counts['with_losses']} with losses, {counts['windows']} windows of {counts['units']} units; "
+        f"{judged_s:.1f} s to judge, {time.monotonic() - since:.1f} s in all"
+    )
+    return 3 if counts["bad"] or counts["with_losses"] else 0
+
+
+def _write_tables(folder: Path, out: Path, job: Job, outcomes: list[Outcome]) -> dict[str, dict[str, int]]:
+    # Here, because each worker that is started imports this file, and needs no tables.
+    from .look import read_units
+    from .report import page
+    from .table import Results, inputs_of, is_current, write_table
+
+    table, told = out / "fleet.parquet", out / "fleet.json"
+    inputs = inputs_of(job, outcomes)
+    if is_current(table, inputs) and told.exists() and (out / "report.html").exists():
+        found: dict[str, dict[str, int]] = json.loads(told.read_text(encoding="utf-8"))
+        return found
+    results = Results(folder, job, outcomes)
+    windows = write_table(table, inputs, results.rows())
+    units = read_units(table)
+    counts = {
+        "logs": len(outcomes),
+        "judged": results.judged,
+        "bad": len(results.bad),
+        "with_losses": len(results.lossy),
+        "same_twice": len(results.twice),
+        "windows": windows,
+        "units": len(units),
+    }
+    made = {"version": VERSION, "configuration": job.identity, "seed": job.seed, "inputs": inputs}
+    lists = {"bad": results.bad, "lossy": results.lossy, "twice": results.twice}
+    summary = {"counts": counts, "made": made, **lists}
+    write_whole(out / "report.html", page(units, summary))
+    write_whole(told, json.dumps(summary, indent=1) + "\n")
+    return {"counts": counts}
+
+
+def _sweep(out: Path) -> None:
+    """Removes what killed workers left behind; a younger file may still be written."""
+    for left in out.glob("results/*/*.tmp"):
+        if time.time() - left.stat().st_mtime > STALE_S:
+            left.unlink(missing_ok=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,188 @@
+"""One log in, one result out. Nothing here knows what engine runs it; nothing needs more than the standard library."""
+
+import hashlib
+import json
+import os
+import socket
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from .. import _hmd
+from .._hmd import ConfigError, Error
+from .._judged import replay
+
+CONTRACT = 1
+"""Version of the result files; a part of their names."""
+
+LOGS = (".mcap", ".log")
+"""How the names of logs end."""
+
+CHUNK = 1 << 20
+"""Bytes of a log that are held while it is hashed."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a run does with every log; the same on every computer of it."""
+
+    out: str
+    """Folder of the results, which all computers see."""
+    config: str | None
+    seed: int
+    identity: str
+    """Hash of the configuration as checked, of the calibrations that it leads to, and of the files that it names."""
+
+    @classmethod
+    def prepared(cls, out: Path, config: Path | None, seed: int) -> "Job":
+        """Checks the configuration before any log is read.
+
+        Raises `ConfigError` where it is bad.
+        """
+        checked, model, files = _hmd.config_identity(config)
+        digest = hashlib.sha256(f"{checked} {model}".encode())
+        for file in files:
+            # A file of events need not be there yet.
+            digest.update(f" {hash_of(Path(file)) if os.path.exists(file) else None}".encode())
+        name = None if config is None else str(Path(config).resolve())
+        return cls(str(out.resolve()), name, seed, digest.hexdigest())
+
+    def key(self, content: str) -> str:
+        """Name of the result for a log with these bytes."""
+        made_of = {
+            "contract": CONTRACT,
+            "content": content,
+            "config": self.identity,
+            "version": _hmd.VERSION,
+            "seed": self.seed,
+        }
+        return hashlib.sha256(json.dumps(made_of, sort_keys=True).encode()).hexdigest()
+
+    def result(self, key: str) -> Path:
+        """Where the result of that name stands; in one of 256 folders, because a folder of 100 000 files is slow."""
+        return Path(self.out, "results", key[:2], f"{key}.jsonl")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a log. Without a key there is no result: the log could not be read at all, and is tried again."""
+
+    log: str
+    size: int = 0
+    mtime_ns: int = 0
+    content: str = ""
+    key: str = ""
+    computed: bool = False
+    message: str = ""
+
+
+def find_logs(folder: Path, out: Path) -> list[Path]:
+    """All logs below a folder, by name; none of the results."""
+    found = []
+    for place, folders, files in os.walk(folder):
+        folders[:] = [name for name in folders if Path(place, name).resolve() != out.resolve()]
+        found += [Path(place, name) for name in files if name.endswith(LOGS)]
+    return sorted(found)
+
+
+def hash_of(path: Path) -> str:
+    """SHA-256 of a file, in hex."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while chunk := file.read(CHUNK):
+            digest.update(chunk)
+    return digest.hexdigest()
+
+
+def one_log(log: Path, job: Job) -> Outcome:
+    """Judges a log unless its result is there already. May be run again, or twice at the same time.
+
+    A log that `hmd` refuses has a result too, which says why. Raises `ConfigError`, which is no log's fault.
+    """
+    try:
+        before = log.stat()
+        content = hash_of(log)
+        key = job.key(content)
+        place = job.result(key)
+        computed = not place.exists()
+        if computed:
+            text = _judge(log, content, job)
+            after = log.stat()
+            if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
+                return Outcome(str(log), message="expected a log that nobody writes, found one that changed")
+            write_whole(place, text)
+    except OSError as error:
+        return Outcome(str(log), message=f"{error.strerror or error}")
+    return Outcome(str(log), before.st_size, before.st_mtime_ns, content, key, computed)
+
+
+def _judge(log: Path, content: str, job: Job) -> str:
+    """A line about the result, then those of `hmd replay --json`."""
+    lines: list[str] = []
+    code, message = 0, ""
+    try:
+        judged = replay(log, config=job.config, seed=job.seed, threads=1)
+        lines = judged.lines
+        if judged.loss is not None:
+            code, message = 3, judged.loss
+    except ConfigError:
+        raise
+    except Error as error:
+        # What the bytes mean does not depend on where they lie.
+        code, message = 1, str(error).replace(str(log), "log")
+    head = {
+        "contract": CONTRACT,
+        "content": content,
+        "config": job.identity,
+        "version": _hmd.VERSION,
+        "seed": job.seed,
+        "exit": code,
+        "message": message,
+        "serial_numbers": _hmd.serial_numbers(log),
+    }
+    return "".join(f"{line}\n" for line in [json.dumps(head), *lines])
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Writes a file that is there as a whole or not at all, even after a power cut."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f"{path.name}.{socket.gethostname()}.{os.getpid()}.tmp")
+    with temporary.open("w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    temporary.replace(path)
+
+
+class Index:
+    """What is known of logs without reading them: a file of the same size and time of change has the same bytes.
+
+    A cache only: without it, every log is hashed again.
+    """
+
+    def __init__(self, out: Path) -> None:
+        self.path = out / "index.jsonl"
+        self.known: dict[str, Outcome] = {}
+        if self.path.exists():
+            with self.path.open(encoding="utf-8") as file:
+                for line in file:
+                    outcome = Outcome(**json.loads(line))
+                    self.known[outcome.log] = outcome
+
+    def find(self, log: Path, job: Job) -> Outcome | None:
+        """The log's outcome if its result is there."""
+        known = self.known.get(str(log))
+        if known is None:
+            return None
+        try:
+            now = log.stat()
+        except OSError:
+            return None
+        if (known.size, known.mtime_ns) != (now.st_size, now.st_mtime_ns):
+            return None
+        key = job.key(known.content)
+        return Outcome(known.log, known.size, known.mtime_ns, known.content, key) if job.result(key).exists() else None
+
+    def write(self, outcomes: list[Outcome]) -> None:
+        """Stores what was read."""
+        kept = (asdict(outcome) | {"computed": False} for outcome in outcomes if outcome.content)
+        write_whole(self.path, "".join(json.dumps(line) + "\n" for line in kept))

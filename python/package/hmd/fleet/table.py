@@ -1,0 +1,157 @@
+"""All results as one Parquet table, a row for each window, in the order of logs."""
+
+import hashlib
+import json
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from .contract import Job, Outcome
+
+ROWS = 50_000
+"""Rows that are held in memory."""
+
+FAULTS = ("friction", "backlash", "short_a", "short_b", "short_c", "eccentricity", "gain")
+
+
+def _unit(unit: str) -> dict[str, str]:
+    return {"unit": unit}
+
+
+def _schema() -> pa.Schema:
+    number, flag, text = pa.float64(), pa.bool_(), pa.string()
+    fields = [
+        pa.field("log", text, nullable=False),
+        pa.field("unit", text, nullable=False),
+        pa.field("actuator", text, nullable=False),
+        pa.field("window", pa.uint64(), nullable=False),
+        pa.field("t_start_ns", pa.timestamp("ns", "UTC"), nullable=False, metadata=_unit("ns, UTC")),
+        pa.field("status", text, nullable=False),
+        pa.field("reason", text, nullable=False),
+        pa.field("health", text, nullable=False),
+        pa.field("faults", text, nullable=False),
+    ]
+    fields += [pa.field(f"k{n}", number, metadata=_unit("1")) for n in range(1, 9)]
+    fields += [pa.field(f"k{n}_sigma", number, metadata=_unit("1")) for n in range(1, 9)]
+    fields += [pa.field(f"k{n}_observable", flag) for n in range(1, 9)]
+    fields += [pa.field(f"damage_{fault}", number, metadata=_unit("1")) for fault in FAULTS]
+    fields += [
+        pa.field("cost", number, metadata=_unit("1")),
+        pa.field("residual_rms_a", number, metadata=_unit("A")),
+        pa.field("evaluations", pa.uint64(), nullable=False),
+    ]
+    for unit in ("h", "cycles"):
+        fields += [pa.field(f"rul_{p}_{unit}", number, metadata=_unit(unit)) for p in ("p10", "p50", "p90")]
+    return pa.schema(fields)
+
+
+SCHEMA = _schema()
+
+
+def row(log: str, unit: str, window: dict[str, Any]) -> dict[str, Any]:
+    """A row out of a line of `hmd replay --json`."""
+    found = {name: window[name] for name in ("actuator", "window", "t_start_ns", "status", "health")}
+    found |= {name: window[name] for name in ("cost", "residual_rms_a", "evaluations")}
+    found |= {"log": log, "unit": unit, "reason": window.get("reason", ""), "faults": ",".join(window["faults"])}
+    k = window["k"] or [None] * 8
+    for n in range(8):
+        found[f"k{n + 1}"] = k[n]
+        found[f"k{n + 1}_sigma"] = (window["sigma"] or [None] * 8)[n]
+        found[f"k{n + 1}_observable"] = (window["observable"] or [None] * 8)[n]
+    # The gain's damage is its distance from ½; k7 is a direction and no damage.
+    damages = [*k[:6], None if k[7] is None else 2 * abs(k[7] - 0.5)]
+    found |= {f"damage_{fault}": damage for fault, damage in zip(FAULTS, damages, strict=True)}
+    for kind in ("h", "cycles"):
+        rul = window[f"rul_{kind}"] or {}
+        found |= {f"rul_{p}_{kind}": rul.get(p) for p in ("p10", "p50", "p90")}
+    return found
+
+
+def unit_of(log: str, actuator: str, serial_numbers: dict[str, str]) -> str:
+    """Whose windows these are: the serial number if the log tells one, else the log's folder, else its own name."""
+    if actuator in serial_numbers:
+        return serial_numbers[actuator]
+    place = Path(log)
+    owner = place.parent if place.parent.name else place.with_suffix("")
+    return f"{owner.as_posix()}/{actuator}"
+
+
+def inputs_of(job: Job, outcomes: Iterable[Outcome]) -> str:
+    """Hash of what a table is made of: which log has which result."""
+    digest = hashlib.sha256(job.identity.encode())
+    for outcome in outcomes:
+        digest.update(f"{outcome.log}\0{outcome.key}\0{outcome.message}\n".encode())
+    return digest.hexdigest()
+
+
+def is_current(path: Path, inputs: str) -> bool:
+    """Whether a table is made of exactly that."""
+    if not path.exists():
+        return False
+    try:
+        metadata = pq.read_schema(path).metadata or {}
+    except pa.ArrowInvalid:
+        return False
+    return metadata.get(b"inputs") == inputs.encode()
+
+
+def write_table(path: Path, inputs: str, rows: Iterator[dict[str, Any]]) -> int:
+    """Writes the table, as a whole or not at all; its number of rows."""
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    metadata = {
+        "inputs": inputs,
+        "units": json.dumps({f.name: f.metadata[b"unit"].decode() for f in SCHEMA if f.metadata}),
+    }
+    written = 0
+    schema = SCHEMA.with_metadata(metadata)
+    with pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
+        held: list[dict[str, Any]] = []
+        for found in rows:
+            held.append(found)
+            if len(held) == ROWS:
+                writer.write_table(pa.Table.from_pylist(held, schema))
+                written, held = written + len(held), []
+        if held:
+            writer.write_table(pa.Table.from_pylist(held, schema))
+            written += len(held)
+    temporary.replace(path)
+    return written
+
+
+class Results:
+    """Reads the results of a run, one file at a time, and counts what they say of their logs."""
+
+    def __init__(self, folder: Path, job: Job, outcomes: list[Outcome]) -> None:
+        self.folder, self.job, self.outcomes = folder, job, outcomes
+        self.bad: list[dict[str, str]] = []
+        self.lossy: list[dict[str, str]] = []
+        self.twice: list[dict[str, str]] = []
+        self.judged = 0
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """Rows of all windows; those of the same bytes under a second name only once."""
+        first: dict[str, str] = {}
+        for outcome in self.outcomes:
+            log = Path(outcome.log).relative_to(self.folder).as_posix()
+            if not outcome.key:
+                self.bad.append({"log": log, "message": outcome.message})
+                continue
+            if outcome.key in first:
+                self.twice.append({"log": log, "same_as": first[outcome.key]})
+                continue
+            first[outcome.key] = log
+            with self.job.result(outcome.key).open(encoding="utf-8") as lines:
+                head = json.loads(next(lines))
+                if head["exit"] == 1:
+                    self.bad.append({"log": log, "message": head["message"]})
+                    continue
+                if head["exit"] == 3:
+                    self.lossy.append({"log": log, "message": head["message"]})
+                self.judged += 1
+                for line in lines:
+                    window = json.loads(line)
+                    yield row(log, unit_of(log, window["actuator"], head["serial_numbers"]), window)

@@ -1,0 +1,258 @@
+//! Windows judged: of logs (`replay`), and of samples in arrays (`identify`).
+
+use std::io;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::Context;
+use ema_models::{SensedSample, Setpoint};
+use hmd::channel::{MeasuredConditions, SampleRate};
+use hmd::commands::{check_files, load_config};
+use hmd::config::Config;
+use hmd::export::{TableKind, health_row};
+use hmd::front::cut;
+use hmd::judge::{self, Judge};
+use hmd::record::HealthLine;
+use hmd::replay::{Observer, Replay};
+use hmd::window::TimedSample;
+use pyo3::buffer::PyBuffer;
+use pyo3::prelude::*;
+
+use crate::arrow::{ArrowTable, Batches};
+use crate::error::{misuse, raised};
+
+/// What was judged, and what was said about it.
+#[pyclass(frozen)]
+pub(crate) struct Judged {
+    /// The lines of `hmd replay --json`.
+    #[pyo3(get)]
+    lines: Vec<String>,
+    /// What an operator should read.
+    #[pyo3(get)]
+    notices: Vec<String>,
+    /// What was lost, in a sentence; none if nothing was.
+    #[pyo3(get)]
+    loss: Option<String>,
+    /// A row for each line, as `hmd export` writes it.
+    #[pyo3(get)]
+    table: Py<ArrowTable>,
+}
+
+/// Keeps what a replay tells.
+struct Gathered {
+    lines: Vec<String>,
+    notices: Vec<String>,
+    rows: Batches,
+}
+
+impl Gathered {
+    fn new() -> Self {
+        Self {
+            lines: Vec::new(),
+            notices: Vec::new(),
+            rows: Batches::new(TableKind::Health.heads()),
+        }
+    }
+
+    fn take(&mut self, judged: &judge::Judged) {
+        self.lines
+            .push(HealthLine::from((&judged.health, &judged.rul)).to_json());
+        self.rows.row(health_row(&judged.health, &judged.rul));
+    }
+
+    fn into_judged(mut self, py: Python<'_>, loss: Option<String>) -> PyResult<Judged> {
+        Ok(Judged {
+            lines: self.lines,
+            notices: self.notices,
+            loss,
+            table: Py::new(py, self.rows.finish()?)?,
+        })
+    }
+}
+
+impl Observer for Gathered {
+    fn judged(&mut self, judged: &judge::Judged) -> io::Result<()> {
+        self.take(judged);
+        Ok(())
+    }
+
+    fn notice(&mut self, message: &str) {
+        self.notices.push(message.to_owned());
+    }
+
+    fn progress(&mut self, _: u64) {}
+}
+
+/// Computes on threads of its own, which a fork later cannot hang on; without the interpreter's lock.
+fn compute<T: Send>(py: Python<'_>, threads: usize, work: impl FnOnce() -> anyhow::Result<T> + Send) -> PyResult<T> {
+    let computed = py.detach(|| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.context("cannot start threads")?.install(work)
+    });
+    computed.map_err(raised)
+}
+
+/// The configuration of a file and all that it names, or the defaults.
+fn checked_config(path: Option<&PathBuf>) -> anyhow::Result<Arc<Config>> {
+    let config = load_config(path.map(PathBuf::as_path))?;
+    check_files(&config)?;
+    Ok(Arc::new(config))
+}
+
+/// Judges logs.
+#[pyfunction]
+pub(crate) fn replay(
+    py: Python<'_>,
+    logs: Vec<PathBuf>,
+    config: Option<PathBuf>,
+    output: Option<PathBuf>,
+    seed: u64,
+    threads: usize,
+) -> PyResult<Judged> {
+    if logs.is_empty() {
+        return Err(misuse("expected a log, found none"));
+    }
+    let (gathered, loss) = compute(py, threads, || {
+        let mut gathered = Gathered::new();
+        let replay = Replay {
+            logs: &logs,
+            output: output.as_deref(),
+            config: checked_config(config.as_ref())?,
+            seed,
+        };
+        let summary = replay.run(&mut gathered)?;
+        summary.check(&logs)?;
+        Ok((gathered, summary.loss()))
+    })?;
+    gathered.into_judged(py, loss)
+}
+
+/// Samples of one actuator, a value of each column for each sample.
+#[derive(FromPyObject)]
+pub(crate) struct Columns {
+    #[pyo3(item)]
+    seq: PyBuffer<i64>,
+    #[pyo3(item)]
+    t_ns: PyBuffer<i64>,
+    #[pyo3(item)]
+    i_a_a: PyBuffer<f64>,
+    #[pyo3(item)]
+    i_b_a: PyBuffer<f64>,
+    #[pyo3(item)]
+    i_c_a: PyBuffer<f64>,
+    #[pyo3(item)]
+    motor_counts: PyBuffer<i64>,
+    #[pyo3(item)]
+    output_counts: PyBuffer<i64>,
+    /// 0 idle, 1 position, 2 speed.
+    #[pyo3(item)]
+    mode: PyBuffer<i64>,
+    #[pyo3(item)]
+    setpoint: PyBuffer<f64>,
+}
+
+impl Columns {
+    fn samples(&self, py: Python<'_>) -> PyResult<Vec<TimedSample>> {
+        let (seq, t_ns) = (self.seq.to_vec(py)?, self.t_ns.to_vec(py)?);
+        let currents = [&self.i_a_a, &self.i_b_a, &self.i_c_a].map(|column| column.to_vec(py));
+        let [i_a, i_b, i_c] = currents;
+        let (i_a, i_b, i_c) = (i_a?, i_b?, i_c?);
+        let (motor, output) = (self.motor_counts.to_vec(py)?, self.output_counts.to_vec(py)?);
+        let (mode, setpoint) = (self.mode.to_vec(py)?, self.setpoint.to_vec(py)?);
+        let lengths = [
+            t_ns.len(),
+            i_a.len(),
+            i_b.len(),
+            i_c.len(),
+            motor.len(),
+            output.len(),
+            mode.len(),
+            setpoint.len(),
+        ];
+        if let Some(found) = lengths.iter().find(|length| **length != seq.len()) {
+            return Err(misuse(format!(
+                "columns: expected {} values in each, found {found}",
+                seq.len()
+            )));
+        }
+        let unsigned = |name: &str, n: usize, value: i64| {
+            u64::try_from(value).map_err(|_| misuse(format!("{name}[{n}]: expected a number from 0, found {value}")))
+        };
+        let sample = |n: usize| {
+            let seq = unsigned("seq", n, seq[n])?;
+            let sensed = SensedSample {
+                seq,
+                currents: [i_a[n], i_b[n], i_c[n]],
+                motor_counts: motor[n],
+                output_counts: output[n],
+                setpoint: match mode[n] {
+                    1 => Setpoint::Position(setpoint[n]),
+                    2 => Setpoint::Speed(setpoint[n]),
+                    _ => Setpoint::Idle,
+                },
+            };
+            Ok(TimedSample {
+                seq,
+                stamp_ns: unsigned("t_ns", n, t_ns[n])?,
+                sensed,
+            })
+        };
+        (0..seq.len()).map(sample).collect()
+    }
+}
+
+/// What was measured beside the samples.
+#[derive(FromPyObject)]
+pub(crate) struct Measured {
+    #[pyo3(item)]
+    dc_link_v: Option<f64>,
+    #[pyo3(item)]
+    winding_temp_c: Option<f64>,
+    #[pyo3(item)]
+    load_torque_nm: Option<f64>,
+}
+
+/// Cuts samples into windows and judges them, as those of a log are.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the Python side names them")]
+pub(crate) fn identify(
+    py: Python<'_>,
+    columns: Columns,
+    rate_hz: f64,
+    measured: Measured,
+    actuator: &str,
+    config: Option<PathBuf>,
+    seed: u64,
+    threads: usize,
+) -> PyResult<Judged> {
+    let samples = columns.samples(py)?;
+    let rate = SampleRate {
+        hz: rate_hz,
+        told: true,
+    };
+    let conditions = MeasuredConditions {
+        dc_link_v: measured.dc_link_v,
+        winding_temp_deg_c: measured.winding_temp_c,
+        load_torque_nm: measured.load_torque_nm,
+    };
+    let config = checked_config(config.as_ref()).map_err(raised)?;
+    let Some(known) = config.actuator_named(actuator).cloned().map(Arc::new) else {
+        return Err(misuse(format!(
+            "actuator: expected one of the configuration, found {actuator:?}"
+        )));
+    };
+    let gathered = compute(py, threads, || {
+        let mut gathered = Gathered::new();
+        let (jobs, notices) = cut(&config, &known, rate, conditions, samples);
+        gathered
+            .notices
+            .extend(notices.into_iter().map(|notice| notice.message));
+        let mut judge = Judge::new(config, seed);
+        judge.follow_events()?;
+        for job in jobs {
+            gathered.take(&judge.judge(job)?);
+        }
+        Ok(gathered)
+    })?;
+    gathered.into_judged(py, None)
+}

@@ -1,0 +1,31 @@
+//! What the Python package `hmd` calls: the program's own code, with the interpreter's lock released while it computes.
+//!
+//! The Python side (`package/hmd/__init__.py`) holds the documentation and the types; here are thin functions that take
+//! plain values and give back text and Arrow streams.
+
+mod arrow;
+mod error;
+mod judged;
+mod logs;
+mod simulate;
+
+use pyo3::prelude::*;
+
+/// The compiled half of the package.
+#[pymodule]
+mod _hmd {
+    #[pymodule_export]
+    use super::arrow::ArrowTable;
+    #[pymodule_export]
+    use super::error::{ConfigError, Error, UsageError};
+    #[pymodule_export]
+    use super::judged::{Judged, identify, replay};
+    #[pymodule_export]
+    use super::logs::{config_identity, read_raw, read_records, serial_numbers};
+    #[pymodule_export]
+    use super::simulate::simulate;
+
+    /// Version of the program.
+    #[pymodule_export]
+    const VERSION: &str = env!("CARGO_PKG_VERSION");
+}

@@ -8,7 +8,7 @@ use anyhow::Context;
 use crate::shell::run;
 
 /// In the order of what fails soonest.
-const VERBS: [&str; 13] = [
+const VERBS: &[&str] = &[
     "check",
     "no-std",
     "docs",
@@ -29,7 +29,7 @@ const VERBS: [&str; 13] = [
 pub(crate) fn run_all() -> anyhow::Result<()> {
     let this = std::env::current_exe().context("path of this program")?;
     let mut table = Vec::new();
-    for verb in VERBS {
+    for &verb in VERBS {
         eprintln!("\n== xtask {verb}");
         let since = Instant::now();
         run(Command::new(&this).arg(verb))?;

@@ -16,6 +16,10 @@ pub trait Residuals<const D: usize> {
     /// The cost alone.
     fn cost(&self, genes: &[f64; D]) -> f64;
 
+    /// Moves a point of the box that stands for another one to that: where a part of the box is no part of the problem. The
+    /// costs of both must be the same.
+    fn fold(&self, _genes: &mut [f64; D]) {}
+
     /// Points whose costs [`Residuals::costs`] finds in about the time of one; 1 where there is no such way.
     const SIDE_BY_SIDE: usize = 1;
 
@@ -173,7 +177,12 @@ pub fn levenberg_marquardt<const D: usize>(
             if damping > MAX_DAMPING {
                 return at.ended(LmStop::Step);
             }
-            if let Some(trial) = model.trial(&at.genes, bounds, frozen, damping) {
+            let next = |damping| {
+                let mut trial = model.trial(&at.genes, bounds, frozen, damping)?;
+                residuals.fold(&mut trial);
+                Some(trial)
+            };
+            if let Some(trial) = next(damping) {
                 if (0..D).all(|i| (trial[i] - at.genes[i]).abs() <= config.step_tolerance * bounds.width(i)) {
                     return at.ended(LmStop::Step);
                 }
@@ -198,7 +207,7 @@ pub fn levenberg_marquardt<const D: usize>(
                         damping *= growth;
                         growth *= 2.0;
                     }
-                    (damping <= MAX_DAMPING).then(|| model.trial(&at.genes, bounds, frozen, damping))?
+                    (damping <= MAX_DAMPING).then(|| next(damping))?
                 });
             }
         }

@@ -156,6 +156,18 @@ impl Coordinates {
     /// Upper corner of the box.
     pub const UPPER: [f64; UNKNOWN_COUNT] = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.5];
 
+    /// The point of the disc ζ ≤ 1 that this one stands for ([`Scale::unknowns`] takes no more than ζ = 1): outside it, nothing
+    /// changes with ζ, and a descent that strays there is lost.
+    #[must_use]
+    pub fn inside_the_disc(mut self) -> Self {
+        let amplitude = libm::hypot(self.0[5], self.0[6]);
+        if amplitude > 1.0 {
+            self.0[5] /= amplitude;
+            self.0[6] /= amplitude;
+        }
+        self
+    }
+
     /// Steps of finite differences of length `step` along each coordinate, towards the inside of the box, and of the load
     /// away from zero, where the gear's losses bend.
     #[must_use]

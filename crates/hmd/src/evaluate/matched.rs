@@ -147,3 +147,25 @@ fn written_by_the_monitor(inputs: &Comparison<'_>, truth: FaultVector, seed: u64
 }
 
 const _: () = assert!(SIGNAL_COUNT == 5, "every signal has its noise above");
+
+#[cfg(test)]
+mod tests {
+    use ema_models::{ActuatorParams, MotorKnowledge};
+
+    use super::*;
+    use crate::calibration::MonitorForm;
+    use crate::identify::Method;
+
+    /// No load is a bend of the cost, and a descent across it ended five bounds away in the last of these windows.
+    #[test]
+    fn the_bend_at_zero_load_stops_no_descent() {
+        let identifier = Identifier {
+            params: ActuatorParams::bench(),
+            calibration: TypeCalibration::built_in("bench", MonitorForm::ThreePhase).expect("shipped"),
+            method: Method::hybrid(),
+            motor: MotorKnowledge::default(),
+        };
+        let ratio = crlb_ratio(&identifier, 2000.0, 7, 1).expect("valid settings");
+        assert!((0.3..1.3).contains(&ratio), "{ratio}");
+    }
+}

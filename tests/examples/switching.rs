@@ -1,0 +1,106 @@
+//! How far the switching alone moves an estimate: `cargo run --release -p hmd-tests --example switching [seeds]`.
+//!
+//! Two units that differ by a millionth of the DC link's voltage switch at other instants. No monitor that averages over the
+//! switching can tell them apart, so half the square of their estimates' distance is an error that no such monitor avoids.
+//! Prints the table of `docs/monitor.md`: that floor beside the error, for the vectors of the suites `paper` and `random`.
+
+use ema_models::reference::{Actuations, Scenario};
+use ema_models::{ActuatorParams, FaultVector, MotorKnowledge, Profile, rss_pct};
+use hmd::calibrate::random_faults;
+use hmd::calibration::{MonitorForm, TypeCalibration};
+use hmd::identify::{Identifier, Method};
+use hmd::simulated::SimulatedWindow;
+use rayon::prelude::*;
+
+/// Change of the supply that nothing but the switching notices.
+const NUDGE: f64 = 1e-6;
+
+/// [P] Table III.
+const TABLE_III: [f64; 8] = [0.2383, 0.5003, 0.0, 0.4503, 0.0404, 0.0028, 0.2785, 0.5];
+
+/// Faults of the suite `paper`: place in the vector, and its values; all three shorts in turn.
+const SINGLE: [(usize, [f64; 3]); 7] = [
+    (0, [0.25, 0.5, 0.75]),
+    (1, [0.25, 0.5, 0.75]),
+    (2, [0.25, 0.5, 0.75]),
+    (3, [0.25, 0.5, 0.75]),
+    (4, [0.25, 0.5, 0.75]),
+    (5, [0.25, 0.5, 0.75]),
+    (7, [0.625, 0.75, 0.875]),
+];
+
+fn main() {
+    let seeds: u64 = std::env::args()
+        .nth(1)
+        .map_or(10, |n| n.parse().expect("a number of seeds"));
+    println!(
+        "| actuator | vectors | windows | floor of the switching, %: mean, median, p95, max | error, %: the same |"
+    );
+    println!("|---|---|---|---|---|");
+    for (name, params) in [
+        ("bench", ActuatorParams::bench()),
+        ("servo28", ActuatorParams::servo28()),
+    ] {
+        let identifier = Identifier {
+            params,
+            calibration: TypeCalibration::built_in(name, MonitorForm::ThreePhase).expect("shipped"),
+            method: Method::hybrid(),
+            motor: MotorKnowledge::default(),
+        };
+        for (vectors, truths) in [
+            ("single", single(seeds)),
+            (
+                "Table III",
+                vec![FaultVector::from_array(TABLE_III); 10 * seeds as usize],
+            ),
+            ("random", (0..20 * seeds).map(|n| random_faults(70_000 + n)).collect()),
+        ] {
+            let (floors, errors) = pairs(&identifier, &truths);
+            let (floors, errors) = (figures(floors), figures(errors));
+            println!("| {name} | {vectors} | {} | {floors} | {errors} |", truths.len());
+        }
+    }
+}
+
+fn single(seeds: u64) -> Vec<FaultVector> {
+    let mut all = Vec::new();
+    for (place, values) in SINGLE {
+        for value in values {
+            let mut k = FaultVector::NOMINAL.to_array();
+            k[place] = value;
+            all.extend((0..seeds).map(|_| FaultVector::from_array(k)));
+        }
+    }
+    all
+}
+
+/// Floor and error of each vector, percent.
+fn pairs(identifier: &Identifier, truths: &[FaultVector]) -> (Vec<f64>, Vec<f64>) {
+    truths
+        .par_iter()
+        .enumerate()
+        .map(|(n, truth)| {
+            let seed = 80_000 + n as u64;
+            let [one, other] = [0.0, NUDGE].map(|nudge| estimate(identifier, *truth, seed, nudge));
+            (rss_pct(&one, &other) / std::f64::consts::SQRT_2, rss_pct(&one, truth))
+        })
+        .unzip()
+}
+
+fn estimate(identifier: &Identifier, truth: FaultVector, seed: u64, nudge: f64) -> FaultVector {
+    let mut scenario = Scenario {
+        actuations: Actuations::one(Profile::Mixed),
+        ..Scenario::new(identifier.params, truth, seed)
+    };
+    scenario.unit.motor.v_dc *= 1.0 + nudge;
+    let window = SimulatedWindow::of(&scenario);
+    let found = identifier.identify(&window.prepared, window.conditions, seed);
+    found.expect("valid settings").fault
+}
+
+fn figures(mut all: Vec<f64>) -> String {
+    all.sort_by(f64::total_cmp);
+    let at = |share: f64| all[((all.len() - 1) as f64 * share).round() as usize];
+    let mean = all.iter().sum::<f64>() / all.len() as f64;
+    format!("{mean:.2}, {:.2}, {:.2}, {:.2}", at(0.5), at(0.95), at(1.0))
+}

@@ -168,8 +168,7 @@ impl Coordinates {
         self
     }
 
-    /// Steps of finite differences of length `step` along each coordinate, towards the inside of the box, and of the load
-    /// away from zero, where the gear's losses bend.
+    /// Steps of finite differences of length `step` along each coordinate, towards the inside of the box.
     #[must_use]
     pub fn inward_steps(&self, step: f64) -> [f64; UNKNOWN_COUNT] {
         core::array::from_fn(|p| match p {
@@ -177,7 +176,6 @@ impl Coordinates {
             2..=4 if self.0[p] > 1.0 - FULL_SHORT => -step.max(FULL_SHORT),
             // Towards the middle of the disc.
             5 | 6 => -step.copysign(self.0[p]),
-            LOAD_COORDINATE if self.0[p] < 0.0 && self.0[p] > 0.5 * Self::LOWER[p] => -step,
             _ if self.0[p] > 0.5 * Self::UPPER[p] => -step,
             _ => step,
         })

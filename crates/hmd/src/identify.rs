@@ -17,7 +17,7 @@ use ema_models::{
 use crate::calibration::TypeCalibration;
 use crate::turns::align;
 use population::PaperCost;
-use refine::{End, FINE_STEP, UNLIMITED, data_variance, descend, refine, starts};
+use refine::{End, FINE_STEP, UNLIMITED, data_variance, polish, refine, starts};
 pub use refine::{bound, pull_from, refine_from};
 use unmodelled::WeakMagnet;
 pub use unmodelled::{Unmodelled, is_unmodelled};
@@ -306,7 +306,7 @@ impl Identifier {
             weights: self.weights_by_noise(comparison, &best),
             ..*comparison
         };
-        let end = descend(&weighed, best, found.share);
+        let end = polish(&weighed, best, found.share);
         let rival = rivals::find(comparison, &found.ends);
         let spent = found.evaluations + end.spent + 2;
         let estimate = match unmodelled::weak_magnet(&weighed, &end, found.share) {

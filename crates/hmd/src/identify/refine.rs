@@ -63,45 +63,10 @@ pub(super) fn refine(comparison: &Comparison<'_>, starts: &[Coordinates], budget
     ends
 }
 
-/// A load next to none, in its coordinate.
-const NO_LOAD: f64 = 1e-12;
+/// Loads next to none, in their coordinate: in the bend of the gear's losses, and clear of it.
+const NO_LOAD: [f64; 2] = [1e-6, 1e-12];
 
-/// Side of the bend that the gear's losses make at zero load. A descent across it gets stuck in the bend, short of the
-/// valley that leads along it; on either side the problem is smooth.
-#[derive(Clone, Copy, PartialEq)]
-enum LoadSide {
-    Opposing,
-    Driving,
-}
-
-impl LoadSide {
-    fn of(at: &Coordinates) -> Self {
-        if at.0[LOAD_COORDINATE] < 0.0 {
-            Self::Driving
-        } else {
-            Self::Opposing
-        }
-    }
-
-    fn other(self) -> Self {
-        match self {
-            Self::Opposing => Self::Driving,
-            Self::Driving => Self::Opposing,
-        }
-    }
-
-    fn bounds(self) -> Bounds<UNKNOWN_COUNT> {
-        let (mut lower, mut upper) = (Coordinates::LOWER, Coordinates::UPPER);
-        match self {
-            Self::Opposing => lower[LOAD_COORDINATE] = NO_LOAD,
-            Self::Driving => upper[LOAD_COORDINATE] = -NO_LOAD,
-        }
-        box_of(lower, upper)
-    }
-}
-
-/// One descent, coarse and then fine, each on one side of zero load and, from an end at zero load, on the other; the best
-/// of the ends. With a budget too small for one step, the start itself.
+/// One descent, coarse and then fine; the better of both ends. With a budget too small for one step, the start itself.
 pub(super) fn descend(comparison: &Comparison<'_>, start: Coordinates, budget: u64) -> End {
     let mut end = End {
         cost: f64::INFINITY,
@@ -110,11 +75,8 @@ pub(super) fn descend(comparison: &Comparison<'_>, start: Coordinates, budget: u
         cut: false,
     };
     for step in [COARSE_STEP, FINE_STEP] {
-        let side = LoadSide::of(&end.at);
-        go_on(comparison, &mut end, step, side, budget);
-        if end.at.0[LOAD_COORDINATE].abs() <= NO_LOAD {
-            go_on(comparison, &mut end, step, side.other(), budget);
-        }
+        let whole = box_of(Coordinates::LOWER, Coordinates::UPPER);
+        go_on(comparison, &mut end, step, &whole, budget);
     }
     if end.cost.is_infinite() {
         end.cost = comparison.cost(&end.at);
@@ -123,8 +85,24 @@ pub(super) fn descend(comparison: &Comparison<'_>, start: Coordinates, budget: u
     end
 }
 
-/// Goes on from an end, with one step of the differences and on one side of zero load.
-fn go_on(comparison: &Comparison<'_>, end: &mut End, step: f64, side: LoadSide, budget: u64) {
+/// A descent, and from an end at zero load a fine one that stays on the side of opposing loads.
+///
+/// The gear's losses bend there, and a descent across the bend gets stuck in it, short of the valley that leads along it. On
+/// one side the problem is smooth.
+pub(super) fn polish(comparison: &Comparison<'_>, start: Coordinates, budget: u64) -> End {
+    let mut end = descend(comparison, start, budget);
+    let [in_the_bend, clear_of_it] = NO_LOAD;
+    if end.at.0[LOAD_COORDINATE].abs() <= in_the_bend {
+        let mut lower = Coordinates::LOWER;
+        lower[LOAD_COORDINATE] = clear_of_it;
+        let opposing = box_of(lower, Coordinates::UPPER);
+        go_on(comparison, &mut end, FINE_STEP, &opposing, budget);
+    }
+    end
+}
+
+/// Goes on from an end, with one step of the differences and inside a box.
+fn go_on(comparison: &Comparison<'_>, end: &mut End, step: f64, bounds: &Bounds<UNKNOWN_COUNT>, budget: u64) {
     let left = budget.saturating_sub(end.spent);
     let iterations = (left / (RUNS_PER_LINEARISATION + TRIALS_PER_STEP)).min(u64::from(MAX_ITERATIONS)) as u32;
     let trials = left.saturating_sub(u64::from(iterations) * (RUNS_PER_LINEARISATION - 1));
@@ -140,7 +118,7 @@ fn go_on(comparison: &Comparison<'_>, end: &mut End, step: f64, side: LoadSide, 
         cost_tolerance: 1e-6,
         ..LmConfig::default()
     };
-    let found = levenberg_marquardt(&Refinement { comparison, step }, &side.bounds(), end.at.0, &config);
+    let found = levenberg_marquardt(&Refinement { comparison, step }, bounds, end.at.0, &config);
     end.spent += u64::from(found.iterations) * RUNS_PER_LINEARISATION + u64::from(found.evaluations - found.iterations);
     end.cut |= limited && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations);
     if found.cost < end.cost {
@@ -158,7 +136,7 @@ const TRIALS_PER_STEP: u64 = 2;
 /// Where a refinement that starts at a point ends.
 #[must_use]
 pub fn refine_from(comparison: &Comparison<'_>, start: Coordinates) -> Coordinates {
-    descend(comparison, start, UNLIMITED).at
+    polish(comparison, start, UNLIMITED).at
 }
 
 /// Distance from the truth, in fault coordinates, to where a refinement started there ends: the pull of whatever the

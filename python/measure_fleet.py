@@ -21,6 +21,8 @@ import hmd
 
 DAYS = 10
 DAY_S = 86_400
+PAIRS = 3
+"""Runs with one worker and with four, in turn: the clock of a shared host changes from minute to minute."""
 EPOCH_S = 1_700_000_000
 
 
@@ -87,12 +89,16 @@ def main() -> None:
         list(pool.map(make, range(units), [logs] * units))
     print(f"{units * DAYS} logs of {units} units, made in {time.monotonic() - since:.0f} s")
     outs = {name: folder / name for name in ("one", "four", "killed")}
-    for out in outs.values():
-        shutil.rmtree(out, ignore_errors=True)
+    shutil.rmtree(outs["killed"], ignore_errors=True)
 
-    one = judge(logs, outs["one"], 1)
-    four = judge(logs, outs["four"], 4)
-    print(f"four workers: {one / four:.2f} times one; {1e3 * one / count:.0f} ms of one worker for each log")
+    pairs = []
+    for _ in range(PAIRS):
+        shutil.rmtree(outs["one"], ignore_errors=True)
+        shutil.rmtree(outs["four"], ignore_errors=True)
+        pairs.append((judge(logs, outs["one"], 1), judge(logs, outs["four"], 4)))
+        print(f"four workers: {pairs[-1][0] / pairs[-1][1]:.2f} times one", flush=True)
+    one, four = (min(times) for times in zip(*pairs, strict=True))
+    print(f"fastest of each: {one / four:.2f} times; {1e3 * one / count:.0f} ms of one worker for each log")
     killer = threading.Thread(target=kill_one, args=(outs["killed"], count // 2, outs["killed"]))
     killer.start()
     judge(logs, outs["killed"], 4)

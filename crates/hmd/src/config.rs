@@ -42,6 +42,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use crate::frame::BusNames;
+use crate::seal::hex;
 use reader::{Document, Section};
 
 /// Everything that the user decides, checked.
@@ -138,6 +139,7 @@ impl Config {
             serial,
             directory: parent(Path::new(file_name)),
         };
+        config.named_buses(file_name)?;
         match config.bus_loads().into_iter().find(|bus| bus.load > LOAD_MAX) {
             Some(bus) => Err(ConfigError::BusLoad {
                 file: file_name.to_owned(),
@@ -161,14 +163,21 @@ impl Config {
     /// The interfaces that the actuators are on, in the order of the file; `file_name` is what errors call it.
     ///
     /// # Errors
-    /// [`ConfigError`] when an actuator has no bus, because nothing says where to listen for it, or an impossible one.
+    /// [`ConfigError`] when an actuator has no bus, because nothing says where to listen for it.
     pub fn interfaces(&self, file_name: &str) -> Result<BusNames, ConfigError> {
-        let mut names = BusNames::new();
-        for actuator in &self.actuators {
-            let bus = actuator.bus.as_ref().ok_or_else(|| ConfigError::NoBus {
+        match self.actuators.iter().find(|actuator| actuator.bus.is_none()) {
+            Some(actuator) => Err(ConfigError::NoBus {
                 file: file_name.to_owned(),
                 actuator: actuator.name.clone(),
-            })?;
+            }),
+            None => self.named_buses(file_name),
+        }
+    }
+
+    /// The interfaces that actuators name.
+    fn named_buses(&self, file_name: &str) -> Result<BusNames, ConfigError> {
+        let mut names = BusNames::new();
+        for bus in self.actuators.iter().filter_map(|actuator| actuator.bus.as_ref()) {
             names.intern(bus).map_err(|cause| ConfigError::BadBus {
                 file: file_name.to_owned(),
                 bus: bus.clone(),
@@ -271,10 +280,7 @@ impl Config {
     #[must_use]
     pub fn hash(&self) -> String {
         let canonical = serde_json::to_vec(self).expect("numbers are finite, and the keys of every map are strings");
-        Sha256::digest(canonical)
-            .iter()
-            .map(|byte| format!("{byte:02x}"))
-            .collect()
+        hex(&Sha256::digest(canonical))
     }
 
     /// The checked configuration with its hash and bus loads, for `hmd check-config --json`.

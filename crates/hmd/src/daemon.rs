@@ -165,15 +165,13 @@ impl Daemon {
             let (windows, shared) = (&windows, &shared);
             let judging = judge.map(|judge| {
                 scope.spawn(move || {
-                    let ended = judge_all(judge, windows, shared, observer);
-                    windows.close();
-                    ended
+                    let _closed = CloseAtEnd(windows);
+                    judge_all(judge, windows, shared, observer)
                 })
             });
             let watching = scope.spawn(|| {
-                let ended = monitor.run(inputs, windows, shared, observer);
-                windows.close();
-                ended
+                let _closed = CloseAtEnd(windows);
+                monitor.run(inputs, windows, shared, observer)
             });
             runtime.block_on(receive(sources, queue, shutdown));
             (join(watching), judging.map_or(Ok(()), join))
@@ -188,7 +186,10 @@ impl Daemon {
         judged?;
         watched?;
         if let Some(store) = written? {
-            status.set_storage(&store);
+            status.set_storage(&store.status);
+            for (level, message) in store.messages {
+                observer.notice_of(level, &message);
+            }
         }
         observer.status(&status);
         Ok(status)
@@ -220,6 +221,15 @@ async fn receive(sources: Vec<(u16, LiveSource)>, queue: mpsc::Sender<Input>, sh
     // A source ends as soon as it notices; what it has received by then it still sends.
     let _ = close.send(true);
     while tasks.join_next().await.is_some() {}
+}
+
+/// Closes the queue however its thread ends, so that a panic does not leave the other one waiting for ever.
+struct CloseAtEnd<'a>(&'a WindowQueue);
+
+impl Drop for CloseAtEnd<'_> {
+    fn drop(&mut self) {
+        self.0.close();
+    }
 }
 
 /// The dear half, on a thread of its own.

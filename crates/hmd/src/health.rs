@@ -232,6 +232,11 @@ impl Health {
         }
     }
 
+    /// Whether it could have come about: a file may say anything.
+    pub(crate) fn is_possible(&self) -> bool {
+        self.faults.iter().all(|memory| memory.reached <= STEPS)
+    }
+
     /// Windows in a row that a worse state needs.
     pub(crate) fn persistence(&self) -> u32 {
         self.persistence

@@ -7,6 +7,9 @@
 //! [`daemon`] from live sources. [`simulate`] makes traffic from the reference model, [`calibrate`] and [`evaluate`] measure
 //! the monitor against it, [`mod@bench`] how fast it is. [`top`] shows how all actuators stand, by their records.
 
+// Both panic where the stream cannot be written: `commands::say` and `commands::warn` do not.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
 pub mod bench;
 pub mod bus_state;
 pub mod calibrate;
@@ -36,6 +39,7 @@ pub mod recover;
 pub mod replay;
 pub mod report;
 pub mod rul;
+pub mod same_file;
 pub mod seal;
 pub mod seed;
 #[cfg(feature = "serve")]

@@ -20,7 +20,7 @@ use crate::rul::{Forecast, Odometer, Prognosis};
 use urgency::Urgency;
 
 pub use book::{Lives, events_of};
-pub use events::{Event, EventError, EventKind, append};
+pub use events::{Event, EventError, EventKind, Events, append};
 pub use functional::Governs;
 pub use state::StateError;
 
@@ -103,6 +103,11 @@ impl Life {
             last: None,
             fault: None,
         })
+    }
+
+    /// Whether it could have come about: a file may say anything.
+    fn is_possible(&self) -> bool {
+        self.health.is_possible() && self.prognosis.is_possible() && self.urgency.is_possible()
     }
 
     /// A life that was kept goes on under a configuration, after a pause that counts for nothing; a unit with another

@@ -1,11 +1,13 @@
 //! `hmd`: health monitoring of electromechanical actuators.
 
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 use hmd::commands::{
     bench, calibrate, check_config, code_of, demo, evaluate, event, export, inspect, manual, record, recover, replay,
-    report, run, sentence, simulate, top,
+    report, run, sentence, simulate, top, warn,
 };
 
 /// Health monitoring of electromechanical actuators: which part wears, how far, and how sure.
@@ -64,7 +66,7 @@ fn main() -> ExitCode {
     match ended {
         Ok(exit) => ExitCode::from(exit as u8),
         Err(error) => {
-            eprintln!("hmd: {}", sentence(&error));
+            warn(format_args!("hmd: {}", sentence(&error)));
             ExitCode::from(code_of(&error))
         }
     }

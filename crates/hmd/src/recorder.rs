@@ -16,7 +16,7 @@ use crate::front::{Notice, WindowJob};
 use crate::judge::Judged;
 use crate::record::{Dropped, Log, LogLevel, Record, Status};
 use crate::sink::{Sink, SinkError, SyncedFile};
-use crate::store::{Limits, RealDisk, Store, StoreError, StoreStatus};
+use crate::store::{Limits, RealDisk, Store, StoreEnd, StoreError, StoreStatus};
 
 /// Why records cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -256,11 +256,11 @@ impl Recorder {
         }
     }
 
-    /// Ends the file or the segments; how a folder stands then.
+    /// Ends the file or the segments; how a folder ended.
     ///
     /// # Errors
     /// When the file cannot be written; it can then be read up to its last whole chunk.
-    pub fn finish(self) -> Result<Option<StoreStatus>, RecordError> {
+    pub fn finish(self) -> Result<Option<StoreEnd>, RecordError> {
         match self.output {
             Output::Folder(store) => Ok(Some(store.finish())),
             Output::Nowhere => Ok(None),

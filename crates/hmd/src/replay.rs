@@ -16,6 +16,7 @@ use crate::judge::{Judge, JudgeError, Judged};
 use crate::pipeline::Pipeline;
 use crate::record::{Dropped, LogLevel, Record, Status};
 use crate::recorder::{RecordError, Recorder, Tap, metadata};
+use crate::same_file::is_same_file;
 use crate::seal::is_sealed;
 use crate::sink::METADATA_NAME;
 
@@ -228,12 +229,7 @@ impl Replay<'_> {
     }
 
     fn create(&self, path: &Path) -> Result<Recorder, ReplayError> {
-        if let Ok(place) = path.canonicalize()
-            && self
-                .logs
-                .iter()
-                .any(|log| log.canonicalize().is_ok_and(|log| log == place))
-        {
+        if self.logs.iter().any(|log| is_same_file(log, path)) {
             let path = path.display().to_string();
             return Err(ReplayError::OutputIsLog { path });
         }

@@ -29,7 +29,12 @@ fn checksum(metadata: &BTreeMap<String, String>) -> String {
         sum.update((text.len() as u64).to_le_bytes());
         sum.update(text);
     }
-    sum.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    hex(&sum.finalize())
+}
+
+/// Bytes as hexadecimal digits.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[cfg(test)]

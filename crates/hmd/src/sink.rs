@@ -16,6 +16,7 @@ use prost::Message;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
+use std::os::unix::fs::MetadataExt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use thiserror::Error;
@@ -296,30 +297,51 @@ impl<W: Seek> Seek for Counting<W> {
 }
 
 /// A file whose `flush` brings the data to the disk, so that a power cut costs at most the window in progress.
+///
+/// What is written to a file that somebody removed goes with it, so a `flush` then fails.
 #[derive(Debug)]
-pub struct SyncedFile(BufWriter<File>);
+pub struct SyncedFile {
+    file: BufWriter<File>,
+    /// The file system counts the names of its files.
+    counts_names: bool,
+}
 
 impl SyncedFile {
     /// Wraps a file that is open for writing.
     pub fn new(file: File) -> Self {
-        Self(BufWriter::new(file))
+        Self {
+            counts_names: names_of(&file).is_ok_and(|names| names > 0),
+            file: BufWriter::new(file),
+        }
     }
+}
+
+fn names_of(file: &File) -> io::Result<u64> {
+    Ok(file.metadata()?.nlink())
 }
 
 impl Write for SyncedFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.write(bytes)
+        self.file.write(bytes)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.0.flush()?;
-        self.0.get_ref().sync_data()
+        self.file.flush()?;
+        let file = self.file.get_ref();
+        file.sync_data()?;
+        if self.counts_names && names_of(file)? == 0 {
+            return Err(io::Error::new(
+                io::ErrorKind::NotFound,
+                "somebody has removed it while it was written",
+            ));
+        }
+        Ok(())
     }
 }
 
 impl Seek for SyncedFile {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        self.0.seek(to)
+        self.file.seek(to)
     }
 }
 

@@ -22,6 +22,7 @@ pub use list::{RecordsSegment, records_segments};
 use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
 use std::io;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -29,7 +30,7 @@ use crate::frame::{BusNames, RawFrame};
 use crate::ingest::live::now_ns;
 use crate::record::{LogLevel, Record};
 use crate::sink::SinkError;
-use lane::{Begin, Lane};
+use lane::{Begin, Lane, is_gone};
 use name::{Kind, Name, Stage};
 
 /// Why a store cannot be opened.
@@ -70,14 +71,23 @@ pub struct StoreStatus {
     pub state: &'static str,
 }
 
+/// How a store ended.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct StoreEnd {
+    /// How things stand then.
+    pub status: StoreStatus,
+    /// What an operator should read.
+    pub messages: Vec<(LogLevel, String)>,
+}
+
 /// The folder. Call [`Store::finish`]; a store that is only dropped leaves its segments to the next start.
 pub struct Store {
     folder: PathBuf,
     limits: Limits,
     metadata: BTreeMap<String, String>,
     disk: Box<dyn Disk>,
-    /// Holds the lock on the folder.
-    _lock: File,
+    /// The folder, locked.
+    lock: File,
     now: Instant,
     next_number: u64,
     raw: Lane,
@@ -111,13 +121,9 @@ impl Store {
             folder: name.clone(),
             cause,
         };
-        fs::create_dir_all(folder).map_err(error)?;
-        let lock = File::open(folder).map_err(error)?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(StoreError::InUse { folder: name }),
-            Err(TryLockError::Error(cause)) => return Err(error(cause)),
-        }
+        let Some(lock) = hold(folder).map_err(error)? else {
+            return Err(StoreError::InUse { folder: name });
+        };
         let found = repair::look(folder, &*disk).map_err(error)?;
         let mut metadata = metadata.clone();
         // Which segments belong together: no two runs have both numbers in common.
@@ -127,9 +133,9 @@ impl Store {
             limits,
             metadata,
             disk,
-            _lock: lock,
+            lock,
             now,
-            next_number: found.next_number,
+            next_number: 0,
             raw: Lane::new(Kind::Raw),
             records: Lane::new(Kind::Records),
             closed: BTreeMap::new(),
@@ -137,11 +143,9 @@ impl Store {
             deleted: 0,
             raw_paused: false,
             told: Vec::new(),
-            messages: found.messages,
+            messages: Vec::new(),
         };
-        for (name, bytes) in found.segments {
-            store.keep(name, bytes);
-        }
+        store.take(found);
         store.make_room();
         store.begin(Kind::Records);
         Ok(store)
@@ -215,10 +219,13 @@ impl Store {
     }
 
     /// Ends all segments. What could not be ended is repaired by the next start.
-    pub fn finish(mut self) -> StoreStatus {
+    pub fn finish(mut self) -> StoreEnd {
         self.end(Kind::Raw);
         self.end(Kind::Records);
-        self.status()
+        StoreEnd {
+            status: self.status(),
+            messages: self.take_messages(),
+        }
     }
 
     /// How things stand.
@@ -264,6 +271,10 @@ impl Store {
         if !self.lane(kind).may_begin(now) {
             return;
         }
+        if let Err(cause) = self.hold_folder() {
+            self.check(kind, Err(SinkError::Io(cause)));
+            return;
+        }
         let number = self.next_number;
         self.next_number += 1;
         let with = Begin {
@@ -281,6 +292,31 @@ impl Store {
         self.check(kind, begun);
     }
 
+    /// Goes on in a new folder where somebody has removed ours or put another in its place.
+    fn hold_folder(&mut self) -> io::Result<()> {
+        let is = |found: &fs::Metadata, held: &fs::Metadata| (found.dev(), found.ino()) == (held.dev(), held.ino());
+        if let (Ok(found), Ok(held)) = (fs::metadata(&self.folder), self.lock.metadata())
+            && is(&found, &held)
+        {
+            return Ok(());
+        }
+        self.lock = hold(&self.folder)?.ok_or(io::ErrorKind::ResourceBusy)?;
+        let found = repair::look(&self.folder, &*self.disk)?;
+        self.closed.clear();
+        self.take(found);
+        let text = format!("storage: {} was removed; it is made anew", self.folder.display());
+        self.messages.push((LogLevel::Error, text));
+        Ok(())
+    }
+
+    fn take(&mut self, found: repair::Found) {
+        self.next_number = self.next_number.max(found.next_number);
+        self.messages.extend(found.messages);
+        for (name, bytes) in found.segments {
+            self.keep(name, bytes);
+        }
+    }
+
     fn end(&mut self, kind: Kind) {
         let folder = self.folder.clone();
         let before = self.lane(kind).name().map(|name| (name, self.lane(kind).bytes()));
@@ -288,7 +324,9 @@ impl Store {
             Ok(Some((name, bytes))) => self.keep(name, bytes),
             Ok(None) => {}
             Err(error) => {
-                if let (Some((name, bytes)), None) = (before, self.lane(kind).name()) {
+                if let (Some((name, bytes)), None) = (before, self.lane(kind).name())
+                    && !is_gone(&folder, name)
+                {
                     self.keep(name, bytes);
                 }
                 self.check(kind, Err(error));
@@ -368,6 +406,17 @@ impl Store {
         }
         self.closed.remove(&key);
         true
+    }
+}
+
+/// The folder, made if need be and locked; `None` if another process has it.
+fn hold(folder: &Path) -> io::Result<Option<File>> {
+    fs::create_dir_all(folder)?;
+    let lock = File::open(folder)?;
+    match lock.try_lock() {
+        Ok(()) => Ok(Some(lock)),
+        Err(TryLockError::WouldBlock) => Ok(None),
+        Err(TryLockError::Error(cause)) => Err(cause),
     }
 }
 

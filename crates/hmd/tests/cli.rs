@@ -990,3 +990,41 @@ fn a_recorded_history_is_shown_in_three_forms() {
             .contains("expected records of windows")
     );
 }
+
+#[test]
+fn no_verb_writes_over_what_it_reads_by_whatever_name() {
+    let folder = Folder::new();
+    folder.actuation();
+    folder.done("replay actuation.log -o a.mcap");
+    fs::hard_link(folder.path("a.mcap"), folder.path("hard.mcap")).expect("a link");
+    fs::hard_link(folder.path("a.mcap"), folder.path("hard.csv")).expect("a link");
+    fs::hard_link(folder.path("actuation.log"), folder.path("hard.log")).expect("a link");
+    std::os::unix::fs::symlink("a.mcap", folder.path("soft.html")).expect("a link");
+    let before = [folder.read("a.mcap"), folder.read("actuation.log")];
+    for line in [
+        "report a.mcap -o a.mcap",
+        "report a.mcap -o soft.html",
+        "recover a.mcap -o hard.mcap",
+        "export a.mcap -o hard.csv",
+        "calibrate actuation.log -o hard.log",
+    ] {
+        let said = folder.refused(line, 2);
+        assert!(
+            said.contains("expected another file than those to be read"),
+            "{line}: {said}"
+        );
+    }
+    folder.refused("replay actuation.log -o hard.log", 1);
+    assert_eq!([folder.read("a.mcap"), folder.read("actuation.log")], before);
+}
+
+#[test]
+fn a_bus_that_cannot_be_is_seen_by_the_check_of_the_configuration() {
+    let folder = Folder::new();
+    folder.write("hmd.toml", "[[actuator]]\nid = 0\nbus = \"a_name_too_long_0\"\n");
+    let said = folder.refused("check-config -c hmd.toml", 78);
+    assert!(said.contains("a_name_too_long_0"), "{said}");
+    let many = (0..65).map(|n| format!("[[actuator]]\nid = 0\nname = \"a{n}\"\nbus = \"can{n}\""));
+    folder.write_lines("hmd.toml", many);
+    folder.refused("check-config -c hmd.toml", 78);
+}

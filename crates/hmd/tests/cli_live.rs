@@ -40,6 +40,7 @@ fn a_missing_bus_is_waited_for_until_a_signal_ends_the_run() {
     assert!(said.ends_with("0 frames received: 0 decoded, 0 of no actuator that is watched, 0 error frames\n"));
     is_whole(&output);
 
+    let output = folder.path().join("raw.mcap");
     let (code, said) = until_told(hmd().args(["record", "nosuchbus0", "-o"]).arg(&output));
     assert_eq!(code, Some(0), "{said}");
     is_whole(&output);
@@ -57,6 +58,7 @@ fn a_missing_serial_line_is_waited_for_too() {
     is_whole(&output);
 
     // What is there and no terminal is down.
+    let output = folder.path().join("raw.mcap");
     let line = format!("uart1={}@400000", config.display());
     let (code, said) = until_told(hmd().args(["record", "--serial", &line, "-o"]).arg(&output));
     assert_eq!(code, Some(0), "{said}");
@@ -97,4 +99,22 @@ fn a_configuration_that_says_not_where_to_listen_is_refused() {
     let said = refused("[[actuator]]\nid = 3\nbus = \"a/b\"\n");
     assert!(said.contains("bus \"a/b\""), "{said}");
     refused("");
+}
+
+#[test]
+fn a_recording_is_not_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let [config, output] = ["hmd.toml", "out.mcap"].map(|name| folder.path().join(name));
+    std::fs::write(&config, "[[actuator]]\nid = 3\nbus = \"nosuchbus0\"\n").unwrap();
+    std::fs::write(&output, "a recording").unwrap();
+    for command in [
+        hmd().arg("run").arg("-c").arg(&config).arg("-o").arg(&output),
+        hmd().args(["record", "nosuchbus0", "-o"]).arg(&output),
+    ] {
+        let ended = command.output().unwrap();
+        let said = String::from_utf8(ended.stderr).unwrap();
+        assert_eq!(ended.status.code(), Some(2), "{said}");
+        assert!(said.contains("11 bytes: it is not replaced"), "{said}");
+    }
+    assert_eq!(std::fs::read(&output).unwrap(), b"a recording");
 }

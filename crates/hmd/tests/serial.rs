@@ -269,3 +269,93 @@ fn a_capture_of_a_line_is_judged_later() {
         "a capture decodes nothing"
     );
 }
+
+/// Somebody who panics instead of listening.
+enum Faulty {
+    AtNotice,
+    AtWindow,
+}
+
+impl hmd::daemon::Observer for Faulty {
+    fn judged(&self, _: &hmd::judge::Judged) -> std::io::Result<()> {
+        panic!("at a window")
+    }
+
+    fn notice(&self, _: &str) {
+        assert!(!matches!(self, Self::AtNotice), "at a notice");
+    }
+}
+
+#[test]
+fn a_panic_of_either_thread_ends_the_daemon_instead_of_leaving_it_waiting() {
+    for faulty in [Faulty::AtNotice, Faulty::AtWindow] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut plug = Plug::new(folder.path());
+        plug.plug();
+        let line = SerialSource::new(plug.path(), config().serial("uart1").unwrap().bitrate_bit_s);
+        let daemon = Daemon {
+            sources: vec![("uart1".to_owned(), LiveSource::Serial(line))],
+            recorder: None,
+            watch: Some((config(), SEED)),
+        };
+        let running = std::thread::spawn(move || daemon.run(std::future::pending(), &faulty).map(|_| ()));
+        let mut device = Device::start(1);
+        let start = std::time::Instant::now();
+        while !running.is_finished() {
+            assert!(start.elapsed() < Duration::from_secs(60), "it still runs");
+            device.play(&plug, Duration::from_millis(100));
+        }
+        assert!(running.join().is_err(), "the panic is passed on");
+    }
+}
+
+#[test]
+fn a_stdout_that_cannot_be_written_costs_no_record_where_there_is_an_output() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut plug = Plug::new(folder.path());
+    plug.plug();
+    let text = "[type.slow]\nbased_on = \"bench\"\n[type.slow.sensors]\nsample_rate_hz = 400\n\
+                [[actuator]]\nid = 0\nname = \"a\"\nbus = \"uart1\"\ntype = \"slow\"\n\
+                [[serial]]\nbus = \"uart1\"\ndevice = \"line\"\n\
+                [identification]\npopulation = 8\ngenerations = 1\n";
+    std::fs::write(folder.path().join("hmd.toml"), text).unwrap();
+    let full = || std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let mut program = std::process::Command::new(env!("CARGO_BIN_EXE_hmd"))
+        .args(["run", "--json", "-c", "hmd.toml", "-o", "records/"])
+        .current_dir(folder.path())
+        .stdout(full())
+        .stderr(full())
+        .spawn()
+        .unwrap();
+    let mut device = Device::start(1);
+    let windows = || {
+        let logs = hmd::store::records_segments(&folder.path().join("records"), 0).unwrap_or_default();
+        let files = logs
+            .into_values()
+            .map(|segment| std::fs::read(segment.path).unwrap_or_default());
+        let count = |bytes| {
+            let messages = hmd::ingest::McapMessages::new(std::io::Cursor::new(bytes), "records").unwrap();
+            let is_health = |message: &hmd::ingest::McapMessage| *message.topic == *"/a/health";
+            messages.flatten().filter(is_health).count()
+        };
+        files.map(count).sum::<usize>()
+    };
+    let start = std::time::Instant::now();
+    while windows() < 3 {
+        assert_eq!(program.try_wait().unwrap(), None, "it goes on");
+        assert!(start.elapsed() < Duration::from_secs(60), "{} windows", windows());
+        device.play(&plug, Duration::from_millis(200));
+    }
+    let told = std::process::Command::new("kill")
+        .arg(program.id().to_string())
+        .status();
+    assert!(told.unwrap().success());
+    let ended = loop {
+        assert!(start.elapsed() < Duration::from_secs(90), "it does not stop");
+        match program.try_wait().unwrap() {
+            Some(status) => break status,
+            None => device.play(&plug, Duration::from_millis(50)),
+        }
+    };
+    assert_eq!(ended.code(), Some(0));
+}

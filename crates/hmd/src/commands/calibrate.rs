@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, bail};
 
-use super::{Exit, load_config, unknown_type, use_threads};
+use super::{Exit, load_config, no_input, unknown_type, use_threads, warn};
 use crate::calibrate::calibrate_type;
 use crate::calibration::MonitorForm;
 use crate::config::{Config, MONITOR_NAMES};
@@ -52,6 +52,7 @@ pub struct Args {
 /// # Errors
 /// A bad configuration, or a file that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    no_input(&args.output, args.logs.iter().chain(&args.config))?;
     let config = load_config(args.config.as_deref())?;
     if !args.of_type {
         return unit(args, config);
@@ -62,15 +63,15 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     use_threads(args.threads.map(usize::from))?;
     let calibration = calibrate_type(&args.actuator, &found.params, args.monitor, args.seed);
     let q = &calibration.quality;
-    eprintln!("mean squared error of i_q, A²   before      after");
-    eprintln!(
+    warn(format_args!("mean squared error of i_q, A²   before      after"));
+    warn(format_args!(
         "healthy                       {:.5}    {:.5}",
         q.healthy_before_a2, q.healthy_after_a2
-    );
-    eprintln!(
+    ));
+    warn(format_args!(
         "faulty                        {:.5}    {:.5}",
         q.faulty_before_a2, q.faulty_after_a2
-    );
+    ));
     std::fs::write(&args.output, calibration.emit()).with_context(|| args.output.display().to_string())?;
     Ok(Exit::Done)
 }
@@ -120,7 +121,7 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
         );
     }
     let calibration = UnitCalibration::new(&jobs[0].actuator.type_name, jobs.len() as u32, &fit.motor);
-    eprintln!(
+    warn(format_args!(
         "{}: resistance {:+.2} % ± {:.2} %, back-EMF {:+.3} % ± {:.3} % of type {}, from {} windows",
         jobs[0].actuator.name,
         100.0 * calibration.resistance,
@@ -129,7 +130,7 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
         100.0 * calibration.back_emf_sigma,
         calibration.actuator_type,
         calibration.windows
-    );
+    ));
     std::fs::write(&args.output, calibration.emit()).with_context(|| args.output.display().to_string())?;
     Ok(Exit::Done)
 }

@@ -6,6 +6,9 @@ use super::{Exit, Misuse, load_config};
 use crate::ingest::live::now_ns;
 use crate::life::{Event, EventKind, append};
 
+/// The year 2262, as far as other programs count nanoseconds.
+const AT_MAX_NS: u64 = i64::MAX as u64;
+
 /// Tell of maintenance: a part was replaced, and a new life begins.
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -16,7 +19,7 @@ pub struct Args {
     #[arg(short, long)]
     config: PathBuf,
     /// When it happened, UTC ns; now without it.
-    #[arg(long, value_name = "NS")]
+    #[arg(long, value_name = "NS", value_parser = clap::value_parser!(u64).range(..=AT_MAX_NS))]
     at: Option<u64>,
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Exit, Misuse};
+use super::{Exit, Misuse, no_input};
 use crate::export::{CsvTable, ParquetTable, Table, TableKind, export};
 
 /// Write what was recorded as a table: CSV or Parquet, wide by time, units in the metadata.
@@ -26,6 +26,7 @@ pub struct Args {
 /// # Errors
 /// A file that is none of ours or has nothing for the table, an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    no_input(&args.output, &args.files)?;
     let heads = args.table.heads();
     let extension = args.output.extension().and_then(|extension| extension.to_str());
     let table: Box<dyn Table> = match extension {

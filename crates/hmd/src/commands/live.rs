@@ -5,7 +5,7 @@ use std::io;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc;
 
-use super::Exit;
+use super::{Exit, warn};
 use crate::record::Status;
 
 /// What an operator asks of a running daemon.
@@ -50,14 +50,14 @@ pub(super) fn signals() -> io::Result<mpsc::Receiver<Asked>> {
 
 /// Says what came in and what was lost.
 pub(super) fn report(status: &Status) -> Exit {
-    eprintln!(
+    warn(format_args!(
         "{} frames received: {} decoded, {} of no actuator that is watched, {} error frames",
         status.frames_received, status.frames_decoded, status.frames_filtered, status.frames_error
-    );
+    ));
     if !status.data_lost() {
         return Exit::Done;
     }
-    eprintln!(
+    warn(format_args!(
         "data lost: {} frames by full receive queues, {} unreadable frames, {} malformed frames, {} samples, {} frames \
          out of order, {} windows, {} frames and {} records not stored",
         status.lost_socket_queue,
@@ -68,6 +68,6 @@ pub(super) fn report(status: &Status) -> Exit {
         status.lost_windows,
         status.lost_storage_frames,
         status.lost_storage_records
-    );
+    ));
     Exit::DataLost
 }

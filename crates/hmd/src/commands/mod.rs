@@ -34,6 +34,7 @@ use crate::calibration::TypeCalibration;
 use crate::config::{Config, ConfigError};
 use crate::judge::JudgeError;
 use crate::life::events_of;
+use crate::same_file::is_same_file;
 use crate::unit::UnitCalibration;
 
 /// How a verb ended; the number is the exit code.
@@ -132,10 +133,38 @@ pub fn check_files(config: &Config) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Refuses an output that is one of the files to be read, by whatever name.
+fn no_input(output: &Path, inputs: impl IntoIterator<Item = impl AsRef<Path>>) -> Result<(), Misuse> {
+    if inputs.into_iter().any(|input| is_same_file(output, input.as_ref())) {
+        let output = output.display();
+        return Err(Misuse(format!(
+            "--output: expected another file than those to be read, found {output}"
+        )));
+    }
+    Ok(())
+}
+
+/// Refuses to begin a recording in a file that has something in it: what was recorded is not to be replaced.
+fn no_recording(output: &Path) -> Result<(), Misuse> {
+    match std::fs::metadata(output) {
+        Ok(about) if about.is_file() && about.len() > 0 => Err(Misuse(format!(
+            "--output: expected a file that is not there yet, or a folder, found {}, {} bytes: it is not replaced",
+            output.display(),
+            about.len()
+        ))),
+        _ => Ok(()),
+    }
+}
+
 /// Sets the number of threads of this process; all cores without one.
 fn use_threads(threads: Option<usize>) -> anyhow::Result<()> {
     let builder = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0));
     builder.build_global().context("cannot start threads")
+}
+
+/// Writes a line to stderr. Where that cannot be written, nobody is left to be told.
+pub fn warn(line: impl std::fmt::Display) {
+    let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
 /// Writes a line to stdout; a reader that has gone away is no failure.

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
-use super::Exit;
 use super::live::{report, signals};
+use super::{Exit, no_recording, warn};
 use crate::config::{DEFAULT_BITRATE_BIT_S, OutputConfig};
 use crate::daemon::{Daemon, Observer};
 use crate::frame::BusNames;
@@ -50,6 +50,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         .into_iter()
         .map(|(key, value)| (key.to_owned(), value.to_owned()))
         .collect();
+    no_recording(&args.output)?;
     let mut asked = signals().context("signals")?;
     let daemon = Daemon {
         sources: sources.collect(),
@@ -85,6 +86,6 @@ impl Observer for Teller {
     }
 
     fn notice(&self, message: &str) {
-        eprintln!("{message}");
+        warn(message);
     }
 }

@@ -2,11 +2,11 @@
 
 use std::fs::File;
 use std::io::BufReader;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 
-use super::{Exit, Misuse, say};
+use super::{Exit, no_input, say, warn};
 use crate::recover::{Recovered, count_frames, recover};
 use crate::sink::SyncedFile;
 
@@ -31,9 +31,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     if !input.metadata().with_context(|| name.clone())?.is_file() {
         bail!("{name}: expected a file that can be sought, found another kind");
     }
-    if is_same(&args.log, &args.output) {
-        return Err(Misuse(format!("-o: expected another file than the log, found {name}")).into());
-    }
+    no_input(&args.output, [&args.log])?;
     let path = args.output.display().to_string();
     let out = File::create(&args.output).with_context(|| path.clone())?;
     let (_, report) = recover(input, &name, SyncedFile::new(out), "").with_context(|| path.clone())?;
@@ -52,22 +50,18 @@ fn tell(report: &Recovered, name: &str, path: &str, frames: u64, missing: u64) -
         return Ok(Exit::Done);
     }
     for loss in &report.losses {
-        eprintln!("{loss}");
+        warn(loss);
     }
     let more = report.losses_total - report.losses.len() as u64;
     if more > 0 {
-        eprintln!("{name}: {more} more damaged places");
+        warn(format_args!("{name}: {more} more damaged places"));
     }
-    eprintln!(
+    warn(format_args!(
         "{name}: data lost: {} damaged places, {missing} raw frames missing between those kept, {} attachments",
         report.losses_total, report.attachments_lost
-    );
+    ));
     if report.chunks == 0 {
         bail!("{name}: expected an intact chunk, found none");
     }
     Ok(Exit::DataLost)
-}
-
-fn is_same(one: &Path, other: &Path) -> bool {
-    matches!((one.canonicalize(), other.canonicalize()), (Ok(one), Ok(other)) if one == other)
 }

@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, check_files, load_config, progress, use_threads};
+use super::{Exit, check_files, load_config, progress, use_threads, warn};
 use crate::judge::Judged;
 use crate::record::HealthLine;
 use crate::replay::{Observer, Replay};
@@ -48,10 +48,10 @@ pub struct Args {
 /// # Errors
 /// A bad configuration, a log that cannot be read at all or holds no actuator, an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
-    let viewers = args.serve.open(|message| eprintln!("{message}"))?;
+    let viewers = args.serve.open(|message| warn(message))?;
     viewers.wait()?;
     let exit = replay(args, &viewers)?;
-    viewers.stay(|message| eprintln!("{message}"))?;
+    viewers.stay(|message| warn(message))?;
     viewers.finish();
     Ok(exit)
 }
@@ -90,10 +90,12 @@ fn replay(args: &Args, viewers: &Viewers) -> anyhow::Result<Exit> {
     let logs = logs.join(", ");
     if summary.windows == 0 {
         let samples = summary.status.samples;
-        eprintln!("{logs}: expected an actuation, found none in {samples} samples");
+        warn(format_args!(
+            "{logs}: expected an actuation, found none in {samples} samples"
+        ));
     }
     if let Some(loss) = summary.loss() {
-        eprintln!("{logs}: {loss}");
+        warn(format_args!("{logs}: {loss}"));
         return Ok(Exit::DataLost);
     }
     Ok(Exit::Done)
@@ -152,7 +154,7 @@ impl Observer for Printer {
     }
 
     fn notice(&mut self, message: &str) {
-        self.bar.suspend(|| eprintln!("{message}"));
+        self.bar.suspend(|| warn(message));
     }
 
     fn progress(&mut self, position: u64) {

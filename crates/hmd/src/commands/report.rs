@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 
-use super::Exit;
+use super::{Exit, no_input};
 use crate::report::{Files, page};
 
 /// Write a report of an actuator: one HTML file that needs nothing else.
@@ -28,6 +28,7 @@ pub struct Args {
 /// # Errors
 /// A file that is none of ours, an actuator that it does not have, an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    no_input(&args.output, &args.files)?;
     let files = Files::read(&args.files)?;
     let history = files.actuator(args.actuator.as_deref())?;
     std::fs::write(&args.output, page(&files, history)).with_context(|| args.output.display().to_string())?;

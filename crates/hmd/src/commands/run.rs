@@ -14,7 +14,7 @@ use super::live::{Asked, report, signals};
 use super::metrics_http::{self, Page, loopback};
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, check_files, load_config, service, use_threads};
+use super::{Exit, check_files, load_config, no_recording, service, use_threads, warn};
 use crate::config::Config;
 use crate::daemon::{Daemon, DaemonError, Observer};
 use crate::ingest::can::{CanSource, Wanted};
@@ -59,6 +59,9 @@ pub struct Args {
 /// A bad configuration at the start, or an output that cannot be written. A bad bus is no error: it is waited for.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let mut config = load(args)?;
+    if let Some(output) = &args.output {
+        no_recording(output)?;
+    }
     use_threads(args.threads.map(usize::from))?;
     let mut asked = signals().context("signals")?;
     let printer = Printer {
@@ -191,9 +194,15 @@ impl Observer for Printer {
             head.and_then(|()| writeln!(out, "{}", health_row(&judged.health)))
         };
         match printed.and_then(|()| out.flush()) {
-            // The file still takes the records.
-            Err(e) if e.kind() == io::ErrorKind::BrokenPipe && !self.alone => {
+            // The output still takes the records.
+            Err(e) if !self.alone => {
                 self.heard.store(false, Ordering::Relaxed);
+                if e.kind() != io::ErrorKind::BrokenPipe {
+                    self.notice_of(
+                        LogLevel::Error,
+                        &format!("stdout: {e}; the records go to the output alone"),
+                    );
+                }
                 Ok(())
             }
             other => other,
@@ -210,7 +219,7 @@ impl Observer for Printer {
             .as_ref()
             .is_some_and(|journal| journal.write(level, message))
         {
-            eprintln!("{message}");
+            warn(message);
         }
     }
 

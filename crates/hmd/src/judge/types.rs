@@ -8,6 +8,7 @@ use sha2::{Digest, Sha256};
 use super::JudgeError;
 use crate::calibration::{MonitorForm, TypeCalibration};
 use crate::config::Config;
+use crate::seal::hex;
 
 /// A type's calibration, and whether anybody made it.
 #[derive(Clone, Debug)]
@@ -82,5 +83,5 @@ pub fn model_hash(config: &Config) -> String {
             }
         }
     }
-    hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    hex(&hash.finalize())
 }

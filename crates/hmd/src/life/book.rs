@@ -5,7 +5,7 @@ use std::collections::btree_map::Entry;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::events::{self, Event};
+use super::events::{self, Event, Events};
 use super::{Life, StateError, state};
 use crate::config::{ActuatorConfig, Config};
 use crate::health::LevelsError;
@@ -16,7 +16,7 @@ pub struct Lives {
     config: Arc<Config>,
     lives: BTreeMap<String, Life>,
     /// Maintenance events, as told last.
-    events: Vec<Event>,
+    events: Events,
     /// Where lives are kept, if anywhere.
     directory: Option<PathBuf>,
     notices: Vec<String>,
@@ -29,7 +29,7 @@ impl Lives {
         Self {
             config,
             lives: BTreeMap::new(),
-            events: Vec::new(),
+            events: Events::default(),
             directory: None,
             notices: Vec::new(),
         }
@@ -41,7 +41,13 @@ impl Lives {
     }
 
     /// Takes the maintenance events as they stand. Each is followed when the frames have come to it, and once.
-    pub fn follow(&mut self, events: Vec<Event>) {
+    pub fn follow(&mut self, events: Events) {
+        let told = &self.events.unfinished;
+        for line in events.unfinished.iter().filter(|line| !told.contains(line)) {
+            self.notices.push(format!(
+                "maintenance events, line {line}: never finished and passed over; tell of that event again"
+            ));
+        }
         self.events = events;
     }
 
@@ -62,7 +68,7 @@ impl Lives {
         };
         let is_due =
             |event: &&Event| event.actuator == actuator.name && event.t_ns <= t_ns && event.t_ns > life.begun_ns;
-        if let Some(begun_ns) = self.events.iter().filter(is_due).map(|event| event.t_ns).max() {
+        if let Some(begun_ns) = self.events.list.iter().filter(is_due).map(|event| event.t_ns).max() {
             *life = Life {
                 begun_ns,
                 ..Life::new(config, serial_number.clone())?
@@ -116,9 +122,9 @@ fn kept(directory: Option<&Path>, actuator: &str, notices: &mut Vec<String>) -> 
 ///
 /// # Errors
 /// A file that is there and cannot be read.
-pub fn events_of(config: &Config) -> Result<Vec<Event>, events::EventError> {
+pub fn events_of(config: &Config) -> Result<Events, events::EventError> {
     match &config.rul().events {
         Some(path) => events::read(&config.resolve(path)),
-        None => Ok(Vec::new()),
+        None => Ok(Events::default()),
     }
 }

@@ -1,7 +1,7 @@
 //! Maintenance events: a part was replaced, and a new life begins. A file of lines, in JSON, that only grows.
 
-use std::fs::OpenOptions;
-use std::io::{self, Write};
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -24,6 +24,15 @@ pub struct Event {
 pub enum EventKind {
     /// The unit was replaced or overhauled: what was known of its wear is void.
     Reset,
+}
+
+/// The events of a file.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Events {
+    /// In the order of time.
+    pub list: Vec<Event>,
+    /// Lines that were never finished, as when the power went while one was written; from 1.
+    pub unfinished: Vec<usize>,
 }
 
 /// Why events cannot be read or written.
@@ -49,27 +58,32 @@ pub enum EventError {
     },
 }
 
-/// Reads all events in the order of time; none if there is no file.
+/// Reads all events; none if there is no file.
 ///
 /// # Errors
 /// [`EventError`].
-pub(super) fn read(path: &Path) -> Result<Vec<Event>, EventError> {
+pub(super) fn read(path: &Path) -> Result<Events, EventError> {
     let name = || path.display().to_string();
     let text = match std::fs::read_to_string(path) {
         Ok(text) => text,
-        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Events::default()),
         Err(source) => return Err(EventError::Io { path: name(), source }),
     };
-    let mut events = Vec::new();
+    let mut events = Events::default();
     for (n, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
-        let event: Event = serde_json::from_str(line).map_err(|e| EventError::Line {
-            path: name(),
-            line: n + 1,
-            found: e.to_string(),
-        })?;
-        events.push(event);
+        match serde_json::from_str::<Event>(line) {
+            Ok(event) => events.list.push(event),
+            Err(e) if e.is_eof() => events.unfinished.push(n + 1),
+            Err(e) => {
+                return Err(EventError::Line {
+                    path: name(),
+                    line: n + 1,
+                    found: e.to_string(),
+                });
+            }
+        }
     }
-    events.sort_by_key(|event| event.t_ns);
+    events.list.sort_by_key(|event| event.t_ns);
     Ok(events)
 }
 
@@ -79,15 +93,27 @@ pub(super) fn read(path: &Path) -> Result<Vec<Event>, EventError> {
 /// [`EventError::Io`].
 pub fn append(path: &Path, event: &Event) -> Result<(), EventError> {
     let put = || {
-        let mut file = OpenOptions::new().create(true).append(true).open(path)?;
-        // One write: a line is there as a whole or not at all.
-        file.write_all(format!("{}\n", serde_json::to_string(event)?).as_bytes())?;
+        let mut file = OpenOptions::new().create(true).read(true).append(true).open(path)?;
+        // After a line that was never finished.
+        let begin = if ends_a_line(&mut file)? { "" } else { "\n" };
+        file.write_all(format!("{begin}{}\n", serde_json::to_string(event)?).as_bytes())?;
         file.sync_data()
     };
     put().map_err(|source| EventError::Io {
         path: path.display().to_string(),
         source,
     })
+}
+
+/// Whether the next line can begin at the end of a file.
+fn ends_a_line(file: &mut File) -> io::Result<bool> {
+    if file.seek(SeekFrom::End(0))? == 0 {
+        return Ok(true);
+    }
+    let mut last = [0];
+    file.seek(SeekFrom::End(-1))?;
+    file.read_exact(&mut last)?;
+    Ok(last == *b"\n")
 }
 
 #[cfg(test)]
@@ -98,7 +124,8 @@ mod tests {
     fn events_are_read_in_the_order_of_time_and_a_bad_line_is_told() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("events.jsonl");
-        assert_eq!(read(&path).unwrap(), []);
+        assert_eq!(read(&path).unwrap(), Events::default());
+        let found = |list, unfinished| assert_eq!(read(&path).unwrap(), Events { list, unfinished });
         let event = |t_ns| Event {
             t_ns,
             actuator: "ema0".to_owned(),
@@ -107,7 +134,24 @@ mod tests {
         for t_ns in [2, 1] {
             append(&path, &event(t_ns)).unwrap();
         }
-        assert_eq!(read(&path).unwrap(), [event(1), event(2)]);
+        found(vec![event(1), event(2)], vec![]);
+        // The power goes at any byte of a third, and somebody tells of it again.
+        let two = std::fs::read(&path).unwrap();
+        append(&path, &event(3)).unwrap();
+        let three = std::fs::read(&path).unwrap();
+        for cut in two.len() + 1..three.len() - 1 {
+            std::fs::write(&path, &three[..cut]).unwrap();
+            found(vec![event(1), event(2)], vec![3]);
+            append(&path, &event(4)).unwrap();
+            found(vec![event(1), event(2), event(4)], vec![3]);
+        }
+        std::fs::write(&path, &three[..three.len() - 1]).unwrap();
+        append(&path, &event(4)).unwrap();
+        assert_eq!(
+            read(&path).unwrap().list.len(),
+            4,
+            "only the end of the line was missing"
+        );
         std::fs::write(&path, "{\"t_ns\":1,\"actuator\":\"ema0\",\"event\":\"party\"}\n").unwrap();
         let error = read(&path).unwrap_err().to_string();
         assert!(

@@ -5,11 +5,17 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use serde_json::value::RawValue;
+use sha2::{Digest, Sha256};
 
 use super::Life;
+use crate::seal::hex;
 
-/// Version of what is in a file; a file of another one is not read.
-const VERSION: u32 = 1;
+/// Version of what is written. Version 1 had no checksum and is read as well; a file of another one is not.
+const VERSION: u32 = 2;
+
+/// Files that are put aside for each actuator; with more, the newest replaces the last.
+const ASIDE_MAX: usize = 8;
 
 /// Why a life that was kept cannot be used, or not be kept.
 #[derive(Debug, thiserror::Error)]
@@ -31,7 +37,7 @@ pub enum StateError {
         found: String,
     },
     /// It was written by a program that keeps lives in another form.
-    #[error("{path}: expected version {VERSION}, found {found}")]
+    #[error("{path}: expected version 1 to {VERSION}, found {found}")]
     Version {
         /// The file.
         path: String,
@@ -40,16 +46,27 @@ pub enum StateError {
     },
 }
 
+/// What version a file has, read before anything else of it.
+#[derive(Deserialize)]
+struct Versioned {
+    version: u64,
+}
+
 #[derive(Serialize)]
 struct Written<'a> {
     version: u32,
     actuator: &'a str,
-    life: &'a Life,
+    /// Of the text of `life`.
+    sha256: String,
+    life: &'a RawValue,
 }
 
 #[derive(Deserialize)]
-struct Read {
-    life: Life,
+struct Read<'a> {
+    actuator: String,
+    sha256: Option<String>,
+    #[serde(borrow)]
+    life: &'a RawValue,
 }
 
 /// Where the life of an actuator is.
@@ -58,24 +75,32 @@ pub(super) fn path(directory: &Path, actuator: &str) -> PathBuf {
     directory.join(format!("{actuator}.life.json"))
 }
 
-/// Writes a life: to a file beside, then onto its place, so that there is always a whole one.
+fn checksum(life: &RawValue) -> String {
+    hex(&Sha256::digest(life.get()))
+}
+
+/// Writes a life: to a file beside, then onto its place, so that there is always a whole one, and on the disk when this
+/// returns.
 ///
 /// # Errors
 /// [`StateError::Io`].
 pub(super) fn save(directory: &Path, actuator: &str, life: &Life) -> Result<(), StateError> {
     let place = path(directory, actuator);
     let beside = place.with_extension("json.new");
-    let written = Written {
-        version: VERSION,
-        actuator,
-        life,
-    };
     let put = || {
+        let life = serde_json::value::to_raw_value(life)?;
+        let written = Written {
+            version: VERSION,
+            actuator,
+            sha256: checksum(&life),
+            life: &life,
+        };
         fs::create_dir_all(directory)?;
         let mut file = File::create(&beside)?;
         file.write_all(&serde_json::to_vec(&written)?)?;
         file.sync_data()?;
-        fs::rename(&beside, &place)
+        fs::rename(&beside, &place)?;
+        File::open(directory)?.sync_all()
     };
     put().map_err(|source| StateError::Io {
         path: place.display().to_string(),
@@ -96,24 +121,38 @@ pub(super) fn load(directory: &Path, actuator: &str) -> Result<Option<Life>, Sta
         Err(source) => return Err(StateError::Io { path: name(), source }),
     };
     let content = |found: String| StateError::Content { path: name(), found };
-    let value: serde_json::Value = serde_json::from_slice(&bytes).map_err(|e| content(e.to_string()))?;
-    let version = value.get("version").and_then(serde_json::Value::as_u64);
-    match version {
-        Some(version) if version == u64::from(VERSION) => {}
-        Some(found) => return Err(StateError::Version { path: name(), found }),
-        None => return Err(content("no version".to_owned())),
+    let unreadable = |e: serde_json::Error| content(e.to_string());
+    let found = serde_json::from_slice::<Versioned>(&bytes).map_err(unreadable)?.version;
+    if !(1..=u64::from(VERSION)).contains(&found) {
+        return Err(StateError::Version { path: name(), found });
     }
-    let read: Read = serde_json::from_value(value).map_err(|e| content(e.to_string()))?;
-    Ok(Some(read.life))
+    let read: Read<'_> = serde_json::from_slice(&bytes).map_err(unreadable)?;
+    if read.actuator != actuator {
+        return Err(content(format!("that of {:?}", read.actuator)));
+    }
+    match &read.sha256 {
+        Some(sum) if *sum != checksum(read.life) => {
+            return Err(content("another checksum than its text has".to_owned()));
+        }
+        None if found > 1 => return Err(content("no checksum".to_owned())),
+        _ => {}
+    }
+    let life: Life = serde_json::from_str(read.life.get()).map_err(unreadable)?;
+    if !life.is_possible() {
+        return Err(content("numbers that no life has".to_owned()));
+    }
+    Ok(Some(life))
 }
 
-/// Puts a file that cannot be used aside, as `….unusable`, so that nothing is lost and a new life can be kept.
+/// Puts a file that cannot be used aside, as `….unusable-1` and so on, so that nothing is lost and a new life can be kept.
 ///
 /// # Errors
 /// [`StateError::Io`].
 pub(super) fn put_aside(directory: &Path, actuator: &str) -> Result<(), StateError> {
     let place = path(directory, actuator);
-    fs::rename(&place, place.with_extension("json.unusable")).map_err(|source| StateError::Io {
+    let aside = |n: usize| place.with_extension(format!("json.unusable-{n}"));
+    let free = (1..=ASIDE_MAX).map(aside).find(|path| !path.exists());
+    fs::rename(&place, free.unwrap_or_else(|| aside(ASIDE_MAX))).map_err(|source| StateError::Io {
         path: place.display().to_string(),
         source,
     })
@@ -137,16 +176,25 @@ mod tests {
             serde_json::to_string(&life).unwrap()
         );
         let file = path(folder.path(), "ema0");
+        let good = fs::read_to_string(&file).unwrap();
         for (content, expected) in [
             ("{", "expected the life of an actuator"),
             ("{\"version\":1}", "expected the life of an actuator"),
-            ("{\"version\":99}", "expected version 1, found 99"),
+            ("{\"version\":99}", "expected version 1 to 2, found 99"),
+            (&good.replace("ema0", "ema1"), "found that of \"ema1\""),
+            (&good.replace("\"S1\"", "\"S2\""), "found another checksum"),
+            (&good.replace("sha256", "sha255"), "found no checksum"),
         ] {
             fs::write(&file, content).unwrap();
             let error = load(folder.path(), "ema0").unwrap_err().to_string();
             assert!(error.contains(expected), "{error}");
         }
-        put_aside(folder.path(), "ema0").unwrap();
-        assert!(load(folder.path(), "ema0").unwrap().is_none());
+        for n in 1..=ASIDE_MAX + 1 {
+            fs::write(&file, n.to_string()).unwrap();
+            put_aside(folder.path(), "ema0").unwrap();
+            assert!(load(folder.path(), "ema0").unwrap().is_none());
+        }
+        let aside = |n: usize| fs::read_to_string(file.with_extension(format!("json.unusable-{n}"))).unwrap();
+        assert_eq!([aside(1), aside(ASIDE_MAX - 1), aside(ASIDE_MAX)], ["1", "7", "9"]);
     }
 }

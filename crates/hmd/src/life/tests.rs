@@ -142,7 +142,10 @@ fn a_maintenance_event_begins_a_new_life_once() {
         actuator: actuator.to_owned(),
         event: EventKind::Reset,
     };
-    lives.follow(vec![event(405.0, "ema0"), event(605.0, "ema1")]);
+    lives.follow(Events {
+        list: vec![event(405.0, "ema0"), event(605.0, "ema1")],
+        unfinished: vec![],
+    });
     let told = wear_out(&mut lives, &config, 0, 100);
     assert!(told[40].forecast.actuator.is_ok());
     assert!(told[41].forecast.actuator.is_err() && told[41].used.cycles.round() as u32 == 1);
@@ -180,7 +183,61 @@ fn a_kept_life_goes_on_and_a_new_unit_begins_its_own() {
     let told = wear_out(&mut third, &config, 60, 61);
     assert!(told[0].forecast.actuator.is_err());
     assert_eq!(third.take_notices().len(), 1);
-    assert!(folder.path().join("ema0.life.json.unusable").exists());
+    assert!(folder.path().join("ema0.life.json.unusable-1").exists());
+}
+
+/// Whatever a file says: it is refused, or the life goes on.
+#[test]
+fn a_kept_life_with_any_number_in_it_does_not_bring_the_daemon_down() {
+    fn numbers(value: &mut serde_json::Value) -> Vec<&mut serde_json::Value> {
+        match value {
+            serde_json::Value::Array(items) => items.iter_mut().flat_map(numbers).collect(),
+            serde_json::Value::Object(items) => items.values_mut().flat_map(numbers).collect(),
+            serde_json::Value::Number(_) => vec![value],
+            _ => vec![],
+        }
+    }
+    let config = config("hours = \"elapsed\"\nwarning_h = 100");
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut lives = Lives::new(config.clone());
+    wear_out(&mut lives, &config, 0, 12);
+    let actuator = config.actuator_named("ema0").expect("watched");
+    let life = serde_json::to_value(lives.at(actuator, 0).expect("levels")).expect("numbers");
+    let count = numbers(&mut life.clone()).len();
+    let (mut refused, mut taken) = (0, 0);
+    // The first and the last fields, and of the laws, which are thousands, every so many.
+    for n in (0..40).chain((40..count).step_by(97)).chain(count - 40..count) {
+        for extreme in [
+            "0",
+            "1",
+            "99",
+            "-1",
+            "18446744073709551615",
+            "-9223372036854775808",
+            "1e308",
+            "-1e308",
+            "1e-308",
+        ] {
+            let mut bad = life.clone();
+            *numbers(&mut bad)[n] = serde_json::from_str(extreme).expect("a number");
+            // As version 1 wrote it: without a checksum.
+            let text = serde_json::json!({"version": 1, "actuator": "ema0", "life": bad}).to_string();
+            std::fs::write(state::path(folder.path(), "ema0"), text).expect("a file");
+            match state::load(folder.path(), "ema0") {
+                Err(_) => refused += 1,
+                Ok(life) => {
+                    taken += 1;
+                    let mut life = life.expect("a life").resumed(&config, None).expect("levels");
+                    for number in 12..20 {
+                        let job = job(&config, number, 10.0 * number as f64, 0.0);
+                        let judgement = friction(0.05 * number as f64);
+                        life.update(&job, &shown(Some(&judgement), &Fit::default()), &config);
+                    }
+                }
+            }
+        }
+    }
+    assert!(refused > 50 && taken > 50, "{refused} refused, {taken} taken");
 }
 
 #[test]

@@ -19,6 +19,11 @@ pub(super) struct Urgency {
 }
 
 impl Urgency {
+    /// Whether it could have come about: a file may say anything.
+    pub(super) fn is_possible(&self) -> bool {
+        self.reached <= self.below.len()
+    }
+
     pub(super) fn update(&mut self, left_h: Option<f64>, config: &RulConfig, persistence: u32) -> HealthState {
         if let Some(left_h) = left_h {
             let levels = [config.warning_h, config.critical_h];

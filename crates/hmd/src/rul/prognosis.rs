@@ -109,6 +109,11 @@ impl Prognosis {
         }
     }
 
+    /// Whether it could have come about: a file may say anything.
+    pub(crate) fn is_possible(&self) -> bool {
+        self.usage.is_possible() && self.trends.iter().all(Trend::is_possible)
+    }
+
     /// Damage at the end of life of each fault.
     #[must_use]
     pub fn end_of_life(&self) -> [f64; FAULTS] {

@@ -41,6 +41,15 @@ const SCATTER_MEMORY: f64 = 20.0;
 /// Most that a single estimate says about the scatter, in variances.
 const SCATTER_CAP: f64 = 9.0;
 
+/// Laws that no trend has: there are about 150.
+const LAWS_MAX: usize = 200;
+
+/// Beyond this `RATE_STEP^number` is no longer a number of the machine.
+const NUMBER_MAX: u32 = 18_000;
+
+/// More estimates than any life has.
+const ESTIMATES_MAX: u64 = 1 << 53;
+
 /// Filter over the estimates of one fault, of bounded size: at most about 150 laws.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Trend {
@@ -93,6 +102,17 @@ impl Trend {
             scatter: 1.0,
             jumps: 0,
         }
+    }
+
+    /// Whether it could have come about: a file may say anything.
+    pub(super) fn is_possible(&self) -> bool {
+        let straight = |law: &Law| law.rate == 0.0;
+        let begun = self.laws.len() >= 2 && self.laws.len() <= LAWS_MAX && self.laws[..2].iter().all(straight);
+        (self.laws.is_empty() || begun)
+            && self.start.len() < START
+            && self.slowest.is_none_or(|number| number.unsigned_abs() <= NUMBER_MAX)
+            && self.misfits < JUMP_AFTER
+            && self.estimates <= ESTIMATES_MAX
     }
 
     /// Takes an estimate and its standard deviation. One that is no number, or not taken later than the one before, is
@@ -181,7 +201,11 @@ impl Trend {
 
     /// An exponential whose curvature cannot have shown yet is the straight line; it starts as that line's copy.
     fn add_exponentials(&mut self, hours: f64) {
-        let number_for = |curvature: f64| ((hours / curvature).ln() / RATE_STEP.ln()).floor() as i32;
+        let limit = f64::from(NUMBER_MAX);
+        let number_for = |curvature: f64| {
+            let number = (hours / curvature).ln() / RATE_STEP.ln();
+            number.floor().clamp(-limit, limit) as i32
+        };
         let newest = number_for(CURVED);
         let oldest = number_for(EXHAUSTED) + 1;
         for number in self.slowest.map_or(oldest, |slowest| oldest.max(slowest + 1))..=newest {

@@ -77,6 +77,11 @@ pub struct UseRate {
 }
 
 impl Usage {
+    /// Whether it could have come about: a file may say anything.
+    pub(super) fn is_possible(&self) -> bool {
+        self.readings.len() <= READINGS
+    }
+
     /// Takes a reading; one that is not later than the one before is passed over.
     pub fn update(&mut self, at: Odometer) {
         if let Some(last) = self.readings.last() {

@@ -26,7 +26,9 @@ struct Open {
     name: Name,
     sink: Sink<Box<dyn Out>>,
     since: Instant,
-    /// Taken and not yet known to be on the disk.
+    /// Frames or records taken.
+    taken: u64,
+    /// Those of them that are not yet known to be on the disk.
     unsynced: u64,
     /// How often something was; each time adds a chunk, and an entry to the index that is held until the end.
     syncs: u32,
@@ -109,6 +111,7 @@ impl Lane {
             name,
             sink,
             since: with.now,
+            taken: 0,
             unsynced: 0,
             syncs: 0,
         });
@@ -126,6 +129,7 @@ impl Lane {
             self.lost += 1;
             return Ok(());
         };
+        open.taken += 1;
         open.unsynced += 1;
         put(&mut open.sink)
     }
@@ -148,8 +152,13 @@ impl Lane {
         let Some(open) = self.open.take() else { return Ok(None) };
         let closed = open.name.at(Stage::Closed);
         // What is in it is on the disk already; without its end it is repaired by the next start.
-        open.sink.finish()?;
-        rename(folder, open.name, closed)?;
+        let ended = open.sink.finish().map(|_| ());
+        if let Err(error) = ended.and_then(|()| Ok(rename(folder, open.name, closed)?)) {
+            if is_gone(folder, open.name) {
+                self.lost += open.taken;
+            }
+            return Err(error);
+        }
         let bytes = std::fs::metadata(folder.join(closed.to_string()))
             .map_err(SinkError::Io)?
             .len();
@@ -157,20 +166,27 @@ impl Lane {
     }
 
     /// After a failure: gives the segment up and waits before the next. Whatever is not known to be on the disk is lost,
-    /// though a repair may still find some of it. The segment's name and size, if anything in it is worth a repair; else it
-    /// is removed, so that a disk that fails for days leaves no file for each attempt.
+    /// though a repair may still find some of it; all that it held, where somebody has removed it. The segment's name and
+    /// size, if anything in it is worth a repair; else it is removed, so that a disk that fails for days leaves no file for
+    /// each attempt.
     pub(super) fn fail(&mut self, folder: &Path, now: Instant) -> Option<(Name, u64)> {
         self.segment += 1;
         self.retry_at = Some(now + self.pause.take());
         let open = self.open.take()?;
-        self.lost += open.unsynced;
-        let (name, bytes, kept) = (open.name, open.sink.bytes(), open.syncs > 0);
+        let (name, bytes, gone) = (open.name, open.sink.bytes(), is_gone(folder, open.name));
+        self.lost += if gone { open.taken } else { open.unsynced };
+        let kept = open.syncs > 0 && !gone;
         drop(open);
         if !kept {
             let _ = std::fs::remove_file(folder.join(name.to_string()));
         }
         kept.then_some((name, bytes))
     }
+}
+
+/// Whether there is no file of that name any more.
+pub(super) fn is_gone(folder: &Path, name: Name) -> bool {
+    matches!(folder.join(name.to_string()).try_exists(), Ok(false))
 }
 
 /// A segment with its header and metadata, all of it and its name on the disk.

@@ -169,7 +169,7 @@ fn segments_are_closed_by_size_and_by_age() {
     bench.put_frames(&mut store, 1);
     assert!(bench.names().len() > by_size);
     assert!(Bench::put_health(&mut store, 1));
-    let status = store.finish();
+    let status = store.finish().status;
     assert!(!bench.names().iter().any(|name| name.ends_with(".part")));
     assert_eq!(bench.read(), (10_001, vec![1]));
     assert_eq!((status.lost_frames, status.lost_records, status.state), (0, 0, "ok"));
@@ -287,7 +287,7 @@ fn the_budget_is_kept_and_raw_frames_go_before_records() {
         assert!(used <= LIMITS.budget_bytes, "{used} bytes");
         assert_eq!(store.status().used_bytes, used);
     }
-    let status = store.finish();
+    let status = store.finish().status;
     assert!(status.deleted > 5, "{status:?}");
     let (frames, windows) = bench.read();
     assert!(frames < bench.frames / 2);
@@ -312,7 +312,7 @@ fn too_little_free_space_costs_raw_frames_and_never_the_records() {
         .store(LIMITS.free_bytes_min + LIMITS.segment_bytes, Relaxed);
     bench.tick(&mut store, 1);
     bench.put_frames(&mut store, 10);
-    let status = store.finish();
+    let status = store.finish().status;
     assert_eq!((status.state, status.lost_frames), ("ok", 10));
     assert_eq!(bench.read(), (10, vec![1, 2]));
     assert_eq!(
@@ -348,7 +348,7 @@ fn a_disk_that_fails_for_a_while_costs_what_is_counted() {
         assert!(Bench::put_health(&mut store, 5));
         bench.put_frames(&mut store, 100);
         bench.tick(&mut store, 1);
-        let status = store.finish();
+        let status = store.finish().status;
         assert_eq!(
             (status.lost_frames, status.lost_records, status.state),
             (300, 3, "ok"),
@@ -391,8 +391,46 @@ fn a_disk_that_is_full_at_the_start_is_waited_for() {
     bench.disk.set(None);
     bench.tick(&mut store, 1);
     assert!(Bench::put_health(&mut store, 2));
-    assert_eq!(store.finish().lost_records, 1);
+    assert_eq!(store.finish().status.lost_records, 1);
     assert_eq!(bench.read(), (0, vec![2]));
+}
+
+#[test]
+fn segments_that_somebody_removes_are_lost_and_said() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    bench.put_frames(&mut store, 100);
+    assert!(Bench::put_health(&mut store, 1));
+    bench.tick(&mut store, 1);
+    fs::remove_dir_all(bench.folder.path()).unwrap();
+    bench.put_frames(&mut store, 10);
+    assert!(!Bench::put_health(&mut store, 2), "not told as stored");
+    bench.tick(&mut store, 1);
+    assert_eq!((store.status().lost_frames, store.status().lost_records), (110, 2));
+    bench.tick(&mut store, 1);
+    assert!(Bench::put_health(&mut store, 3), "goes on in a new folder");
+    bench.put_frames(&mut store, 10);
+    bench.tick(&mut store, 1);
+    let said = bench.said.join("\n");
+    assert!(said.contains("somebody has removed it"), "{said}");
+    assert!(said.contains("was removed; it is made anew"), "{said}");
+    let status = store.finish().status;
+    assert_eq!((status.lost_frames, status.lost_records), (110, 2));
+    assert_eq!(bench.read(), (10, vec![3]));
+    // Once more, with nothing that could fail before the end.
+    let mut store = bench.open();
+    bench.put_frames(&mut store, 10);
+    assert!(Bench::put_health(&mut store, 4));
+    bench.tick(&mut store, 1);
+    fs::remove_dir_all(bench.folder.path()).unwrap();
+    let StoreEnd { status, messages } = store.finish();
+    assert_eq!((status.lost_frames, status.lost_records), (10, 1));
+    assert!(
+        messages
+            .iter()
+            .any(|(_, text)| text.contains("somebody has removed it")),
+        "{messages:?}"
+    );
 }
 
 #[test]

@@ -6,7 +6,7 @@
 use std::error::Error;
 use std::time::Instant;
 
-use hmd::evaluate::{History, Lives, Pair, Scores, rul_beside, rul_histories};
+use hmd::evaluate::{Beside, History, Lives, Scores, rul_beside, rul_histories};
 use hmd::health::FAULTS;
 use hmd::rul::Prognosis;
 
@@ -38,32 +38,34 @@ fn print_scores(histories: &[History], file: &str) -> Result<(), Box<dyn Error>>
         "| histories | α-λ passed, % | horizon, % of life | cumulative relative accuracy | 80 % interval covers, % | convergence |"
     );
     println!("|---|---|---|---|---|---|");
-    for pair in rul_beside(histories, &theirs)? {
-        println!("{}", row(&pair));
+    for beside in rul_beside(histories, &theirs)? {
+        println!("{}", row(&beside));
     }
     let windows = histories.iter().map(|history| history.windows.len()).sum::<usize>() as f64;
     println!(
-        "\nEach cell: this monitor / `progpy`. Time of one window, update and forecast, on one core: {:.2} ms / {:.1} ms.",
+        "\nEach cell: this monitor / `progpy` / an oracle that knows the true law. Time of one window, update and forecast, on one core: {:.2} ms / {:.1} ms.",
         1e3 * our_seconds(histories) / windows,
         1e3 * seconds / windows
     );
     Ok(())
 }
 
-fn row(pair: &Pair) -> String {
+fn row(beside: &Beside) -> String {
     let cell = |of: fn(&Scores) -> f64, factor: f64, digits: usize| {
         format!(
-            "{:.*} / {:.*}",
+            "{:.*} / {:.*} / {:.*}",
             digits,
-            factor * of(&pair.ours),
+            factor * of(&beside.ours),
             digits,
-            factor * of(&pair.theirs)
+            factor * of(&beside.theirs),
+            digits,
+            factor * of(&beside.oracle)
         )
     };
-    let name = if pair.name == "all" { "**all**" } else { &pair.name };
+    let name = if beside.name == "all" { "**all**" } else { &beside.name };
     format!(
         "| {name} ({}) | {} | {} | {} | {} | {} |",
-        pair.histories,
+        beside.histories,
         cell(|s| s.alpha_lambda_pass_rate, 100.0, 1),
         cell(|s| s.prognostic_horizon_fraction, 100.0, 1),
         cell(|s| s.cra, 1.0, 3),

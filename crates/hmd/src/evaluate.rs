@@ -23,7 +23,7 @@ pub use detection::{ByFault, DetectionError, DetectionReport, Wrong, detection};
 pub use noise::{NOISE_RATES_HZ, NoiseAtRate, NoiseReport, noise};
 pub use profiles::{CONDITION_ROWS, PROFILE_ROWS, ProfileRow, ProfilesError, ProfilesReport, conditions, profiles};
 pub use rul::{
-    AtLambda, BesideError, Group as RulGroup, Growth, History, Lives, Pair, RulReport, Scored, Scores, Seen, rul,
+    AtLambda, Beside, BesideError, Group as RulGroup, Growth, History, Lives, RulReport, Scored, Scores, Seen, rul,
     rul_beside, rul_histories,
 };
 

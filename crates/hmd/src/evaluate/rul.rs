@@ -17,7 +17,7 @@ use history::{END_OF_LIFE, LIFE_H};
 use metrics::{ALPHA, LAMBDAS, Medians, convergence, horizon_fraction};
 use oracle::Oracle;
 
-pub use beside::{BesideError, Lives, Pair, rul_beside, rul_histories};
+pub use beside::{Beside, BesideError, Lives, rul_beside, rul_histories};
 pub use history::{Growth, History, Seen};
 pub use metrics::{AtLambda, Scored, Scores};
 

@@ -4,7 +4,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::errors::ErrorTable;
-use super::{FAULTS, Growth, History, Scored, Scores, draw, fault_name, ours, score};
+use super::{FAULTS, Growth, History, Scored, Scores, by_oracle, draw, fault_name, ours, score};
+use crate::seed::mix;
 
 /// Hours left after each window of a history, as equally likely values in rising order: with n of them the m-th, from 0, is
 /// the quantile (m + ½)/n. A value of `None` is longer than any, and stands behind all others. A window without a forecast is `None`.
@@ -22,9 +23,9 @@ pub struct BesideError {
     pub found: usize,
 }
 
-/// Both on some of the histories.
+/// Both on some of the histories, and what knows the true law.
 #[derive(Clone, Debug, Serialize)]
-pub struct Pair {
+pub struct Beside {
     /// Fault, law or all.
     pub name: String,
     /// Their number.
@@ -33,6 +34,17 @@ pub struct Pair {
     pub ours: Scores,
     /// Of the other program.
     pub theirs: Scores,
+    /// Of the oracle.
+    pub oracle: Scores,
+}
+
+/// One history, scored for each.
+struct ScoredAll {
+    fault: usize,
+    growth: Growth,
+    ours: Scored,
+    theirs: Scored,
+    oracle: Scored,
 }
 
 /// The first `n` histories of each fault of the suite, fault by fault.
@@ -45,11 +57,11 @@ pub fn rul_histories(n: u64, seed: u64) -> Result<Vec<History>, serde_json::Erro
     Ok((0..FAULTS as u64 * n).map(each).collect())
 }
 
-/// Scores of both, by fault, by law of growth and over all; one entry of `theirs` for each of [`rul_histories`].
+/// Scores of all, by fault, by law of growth and over all; one entry of `theirs` for each of [`rul_histories`].
 ///
 /// # Errors
 /// Forecasts that are too few or too many.
-pub fn rul_beside(histories: &[History], theirs: &[Lives]) -> Result<Vec<Pair>, BesideError> {
+pub fn rul_beside(histories: &[History], theirs: &[Lives]) -> Result<Vec<Beside>, BesideError> {
     if histories.len() != theirs.len() {
         return Err(BesideError {
             history: None,
@@ -58,7 +70,7 @@ pub fn rul_beside(histories: &[History], theirs: &[Lives]) -> Result<Vec<Pair>, 
         });
     }
     let each = histories.len() / FAULTS;
-    let scored: Vec<(usize, Growth, Scored, Scored)> = histories
+    let scored: Vec<ScoredAll> = histories
         .par_iter()
         .zip(theirs)
         .enumerate()
@@ -69,27 +81,31 @@ pub fn rul_beside(histories: &[History], theirs: &[Lives]) -> Result<Vec<Pair>, 
                 expected: history.windows.len(),
                 found,
             })?;
-            Ok((fault, history.growth, ours(history, fault), theirs))
+            Ok(ScoredAll {
+                fault,
+                growth: history.growth,
+                ours: ours(history, fault),
+                theirs,
+                oracle: by_oracle(history, mix(fault as u64, &[8, n as u64])),
+            })
         })
         .collect::<Result<_, BesideError>>()?;
-    let pair = |name: &str, belongs: &dyn Fn(usize, Growth) -> bool| {
-        let members: Vec<_> = scored
-            .iter()
-            .filter(|(fault, growth, ..)| belongs(*fault, *growth))
-            .collect();
-        Pair {
+    let group = |name: &str, belongs: &dyn Fn(&ScoredAll) -> bool| {
+        let members: Vec<_> = scored.iter().filter(|member| belongs(member)).collect();
+        Beside {
             name: name.to_owned(),
             histories: members.len(),
-            ours: Scores::of(members.iter().map(|member| &member.2)),
-            theirs: Scores::of(members.iter().map(|member| &member.3)),
+            ours: Scores::of(members.iter().map(|member| &member.ours)),
+            theirs: Scores::of(members.iter().map(|member| &member.theirs)),
+            oracle: Scores::of(members.iter().map(|member| &member.oracle)),
         }
     };
-    let mut pairs: Vec<Pair> = (0..FAULTS)
-        .map(|f| pair(fault_name(f), &|fault, _| fault == f))
+    let mut groups: Vec<Beside> = (0..FAULTS)
+        .map(|fault| group(fault_name(fault), &|member| member.fault == fault))
         .collect();
-    pairs.extend(Growth::ALL.map(|law| pair(law.name(), &|_, growth| growth == law)));
-    pairs.push(pair("all", &|_, _| true));
-    Ok(pairs)
+    groups.extend(Growth::ALL.map(|law| group(law.name(), &|member| member.growth == law)));
+    groups.push(group("all", &|_| true));
+    Ok(groups)
 }
 
 /// A history as somebody else told it; the number of forecasts where it is wrong.

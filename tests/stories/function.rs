@@ -5,7 +5,7 @@ use ema_wire::ActuatorId;
 use hmd::calibration::{MonitorForm, TypeCalibration};
 use hmd::config::{Config, Specification};
 use hmd::frame::RawFrame;
-use hmd::function::{Shortfall, shortfall};
+use hmd::function::{Shortfall, TRIED, shortfalls};
 use hmd::simulate::{EPOCH_NS, traffic};
 
 use crate::bench::{unit, watch_all_with};
@@ -57,7 +57,7 @@ fn faults_that_are_harmless_one_by_one_end_the_life_together() {
         stall_load_nm: STALL_LOAD_NM,
         ..Specification::default()
     };
-    let missed = |fault: &FaultVector| shortfall(&params, &calibration, &spec, fault);
+    let missed = |fault: &FaultVector| shortfalls(&params, &calibration, &spec, &[*fault; TRIED])[0];
     let end_h = true_end_h(|fault| missed(fault).is_some());
     let at_end = damage_after(end_h);
     assert!(at_end < 0.5, "all damages are far from their own ends: {at_end}");

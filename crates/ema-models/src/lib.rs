@@ -31,6 +31,7 @@ pub mod reference;
 mod residual;
 #[cfg(all(feature = "std", target_arch = "x86_64"))]
 mod simd;
+mod step_response;
 mod temperature;
 mod unknowns;
 mod winding;
@@ -59,6 +60,7 @@ pub use recording::{ComparedSample, Recording, SensedSample, WindowFrame, prepar
 pub use residual::{
     COST_LANES, Comparison, NormalEquations, Prior, RANK_LANES, ResidualState, SIGNAL_COUNT, Signals, Weights,
 };
+pub use step_response::{StepResponse, StepTrial};
 pub use temperature::{BACK_EMF_PER_KELVIN, REFERENCE_TEMPERATURE_DEG_C, RESISTANCE_PER_KELVIN, temperature_factors};
 pub use unknowns::{
     Coordinates, LOAD_COORDINATE, MOTOR_COORDINATES, MotorDeviation, MotorKnowledge, Scale, UNKNOWN_COUNT, Unknowns,

@@ -1,9 +1,6 @@
 //! Whether an actuator in some state of wear still does what its specification asks for: the monitor tries a step.
 
-use ema_models::{
-    ActuatorParams, Calibration, ComparedSample, FaultVector, Feedback, InitialState, Monitor, MotorDeviation,
-    Setpoint, Unknowns,
-};
+use ema_models::{ActuatorParams, Calibration, FaultVector, RANK_LANES, StepResponse, StepTrial};
 
 use crate::config::Specification;
 
@@ -33,109 +30,57 @@ impl Shortfall {
     }
 }
 
-/// A specification that fault vectors are tried on.
-pub type Trial<'a> = dyn Fn(&FaultVector) -> Option<Shortfall> + 'a;
+/// Fault vectors that are tried at once.
+pub const TRIED: usize = RANK_LANES;
+
+/// A specification that fault vectors are tried on: for each the first requirement that it makes the actuator miss.
+pub type Trial<'a> = dyn Fn(&[FaultVector; TRIED]) -> [Option<Shortfall>; TRIED] + 'a;
 
 /// How long a step is watched, s; twice the response time if that is longer.
 const WATCHED_S: f64 = 1.0;
 
-/// Share of the step within which the output has arrived.
-const ARRIVED: f64 = 0.05;
-
-/// Share of the time watched, at its end, in which the error that remains is averaged.
-const SETTLED: f64 = 0.1;
-
 /// Share of the step that the output must make against the stall load.
 const UNDER_WAY: f64 = 0.5;
 
-/// What a step shows.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Step {
-    /// Largest speed of the output, rad/s.
-    slew_rate_rad_s: f64,
-    /// Time after which the output stays near the setpoint, s; infinite if it does not.
-    response_time_s: f64,
-    /// Mean distance from the setpoint at the end, rad.
-    steady_error_rad: f64,
-    /// Largest angle reached, rad.
-    reached_rad: f64,
-}
-
-/// The first requirement that a fault vector makes the actuator miss; `None` if it meets all that are set.
+/// The first requirement that each fault vector makes the actuator miss; `None` if it meets all that are set.
 #[must_use]
-pub fn shortfall(
+pub fn shortfalls(
     params: &ActuatorParams,
     calibration: &Calibration,
     specification: &Specification,
-    fault: &FaultVector,
-) -> Option<Shortfall> {
+    faults: &[FaultVector; TRIED],
+) -> [Option<Shortfall>; TRIED] {
     let spec = specification;
-    let step = try_step(params, calibration, spec, fault, spec.load_nm);
+    let steps = |load_nm| {
+        let trial = StepTrial {
+            params,
+            calibration,
+            step_rad: spec.step_rad,
+            load_nm,
+            watched_s: WATCHED_S.max(2.0 * spec.response_time_max_s),
+        };
+        trial.responses(faults)
+    };
+    let (working, stalled) = (
+        steps(spec.load_nm),
+        (spec.stall_load_nm > 0.0).then(|| steps(spec.stall_load_nm)),
+    );
+    std::array::from_fn(|n| {
+        let stalls = |steps: &[StepResponse; TRIED]| steps[n].reached_rad < UNDER_WAY * spec.step_rad;
+        missed(spec, &working[n]).or(stalled.as_ref().is_some_and(stalls).then_some(Shortfall::Stall))
+    })
+}
+
+/// What a step under the working load does not meet.
+fn missed(spec: &Specification, step: &StepResponse) -> Option<Shortfall> {
     if spec.slew_rate_min_rad_s > 0.0 && step.slew_rate_rad_s < spec.slew_rate_min_rad_s {
         return Some(Shortfall::SlewRate);
     }
     if spec.response_time_max_s > 0.0 && step.response_time_s > spec.response_time_max_s {
         return Some(Shortfall::ResponseTime);
     }
-    if spec.steady_error_max_rad > 0.0 && step.steady_error_rad > spec.steady_error_max_rad {
-        return Some(Shortfall::SteadyError);
-    }
-    let stalls = |load_nm| try_step(params, calibration, spec, fault, load_nm).reached_rad < UNDER_WAY * spec.step_rad;
-    (spec.stall_load_nm > 0.0 && stalls(spec.stall_load_nm)).then_some(Shortfall::Stall)
-}
-
-fn try_step(
-    params: &ActuatorParams,
-    calibration: &Calibration,
-    spec: &Specification,
-    fault: &FaultVector,
-    load_torque: f64,
-) -> Step {
-    let unknowns = Unknowns {
-        fault: *fault,
-        load_torque,
-        integral: 0.0,
-        motor: MotorDeviation::default(),
-    };
-    let monitor = Monitor::new(params, calibration, params.motor.v_dc, &unknowns).with_feedback(Feedback::Simulated);
-    let initial = InitialState::default();
-    let rest = ComparedSample {
-        setpoint: Setpoint::Position(0.0),
-        ..ComparedSample::default()
-    };
-    let stepped = ComparedSample {
-        setpoint: Setpoint::Position(spec.step_rad),
-        ..rest
-    };
-    let rate = params.sensors.sample_rate;
-    let watched_s = WATCHED_S.max(2.0 * spec.response_time_max_s);
-    let samples = (watched_s * rate).ceil() as usize;
-    let settled_from = samples - (SETTLED * samples as f64) as usize;
-    let mut state = monitor.start(&initial, &rest);
-    let mut step = Step {
-        slew_rate_rad_s: 0.0,
-        response_time_s: 0.0,
-        steady_error_rad: 0.0,
-        reached_rad: 0.0,
-    };
-    for n in 0..samples {
-        monitor.sample(&mut state, &initial, &stepped, &stepped);
-        let out = monitor.output(&state);
-        let error = (spec.step_rad - out.theta_out).abs();
-        step.slew_rate_rad_s = step.slew_rate_rad_s.max(out.omega_m / params.transmission.gear_ratio);
-        step.reached_rad = step.reached_rad.max(out.theta_out);
-        let has_arrived = error <= ARRIVED * spec.step_rad;
-        if !has_arrived {
-            step.response_time_s = (n + 1) as f64 / rate;
-        }
-        if n >= settled_from {
-            step.steady_error_rad += error / (samples - settled_from) as f64;
-        }
-    }
-    if step.response_time_s >= (samples - 1) as f64 / rate {
-        step.response_time_s = f64::INFINITY;
-    }
-    step
+    (spec.steady_error_max_rad > 0.0 && step.steady_error_rad > spec.steady_error_max_rad)
+        .then_some(Shortfall::SteadyError)
 }
 
 #[cfg(test)]
@@ -149,13 +94,14 @@ mod tests {
         let calibration = TypeCalibration::built_in("bench", MonitorForm::ThreePhase)
             .expect("it is shipped")
             .coefficients();
-        let healthy = try_step(
-            &params,
-            &calibration,
-            &Specification::default(),
-            &FaultVector::NOMINAL,
-            10.0,
-        );
+        let healthy = StepTrial {
+            params: &params,
+            calibration: &calibration,
+            step_rad: Specification::default().step_rad,
+            load_nm: 10.0,
+            watched_s: WATCHED_S,
+        }
+        .responses(&[FaultVector::NOMINAL; TRIED])[0];
         assert!(
             healthy.slew_rate_rad_s > 1.0 && healthy.response_time_s < 0.3,
             "{healthy:?}"
@@ -204,12 +150,11 @@ mod tests {
                 Shortfall::Stall,
             ),
         ] {
-            assert_eq!(
-                shortfall(&params, &calibration, &spec, &FaultVector::NOMINAL),
-                None,
-                "{expected:?}"
-            );
-            assert_eq!(shortfall(&params, &calibration, &spec, &fault), Some(expected));
+            let mut tried = [FaultVector::NOMINAL; TRIED];
+            tried[TRIED - 1] = fault;
+            let mut found = [None; TRIED];
+            found[TRIED - 1] = Some(expected);
+            assert_eq!(shortfalls(&params, &calibration, &spec, &tried), found, "{expected:?}");
         }
     }
 }

@@ -13,7 +13,7 @@ use ema_models::{Conditions, FAULT_COUNT, FaultVector, MotorDeviation, MotorKnow
 use crate::calibration::{CalibrationError, MonitorForm};
 use crate::config::{ActuatorConfig, Config, HealthConfig, IdentificationConfig, SearchMethod};
 use crate::front::WindowJob;
-use crate::function::shortfall;
+use crate::function::{TRIED, shortfalls};
 use crate::health::{FAULTS, Judgement, Levels, LevelsError};
 use crate::identify::{Estimate, Fit, Identifier, Method, Population};
 use crate::life::{EventError, Lives, Shown, events_of};
@@ -185,7 +185,8 @@ impl Judge {
         let config = self.config.clone();
         let specification = job.actuator.specification;
         let coefficients = self.known_type(&job.actuator)?.calibration.coefficients();
-        let falls_short = |fault: &FaultVector| shortfall(&job.params, &coefficients, &specification, fault);
+        let falls_short =
+            |faults: &[FaultVector; TRIED]| shortfalls(&job.params, &coefficients, &specification, faults);
         let judged = explained.map(judgement);
         let shown = Shown {
             judgement: judged.as_ref(),

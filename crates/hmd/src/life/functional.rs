@@ -2,12 +2,64 @@
 
 use ema_models::FaultVector;
 
-use crate::function::{Shortfall, Trial};
+use crate::function::{Shortfall, TRIED, Trial};
 use crate::health::{FAULTS, INDEX};
 use crate::rul::{Forecast, Prognosis, Quantiles, normal_cdf};
 
-/// Halvings of the time to the end of life by damage: the functional one is found to 1/256 of it.
-const HALVINGS: u32 = 8;
+/// Times at which each quantile is tried at once.
+const TIMES: usize = 10;
+
+/// The first search: from now to the end of life by damage, both included; the second: between two of its times.
+/// Together they find the functional end to 1/99 of the life by damage.
+const ROUNDS: [Round; 2] = [Round { offset: 0, parts: 9 }, Round { offset: 1, parts: 11 }];
+
+/// Which times between two others are tried.
+#[derive(Clone, Copy)]
+struct Round {
+    /// Parts before the first.
+    offset: usize,
+    /// Equal parts.
+    parts: usize,
+}
+
+/// Where the functional end of one quantile is sought.
+#[derive(Clone, Copy)]
+struct Search {
+    /// Quantile of every damage.
+    share: f64,
+    /// Hours at which the actuator does its work.
+    from: f64,
+    /// Hours at which it misses `missed`, or the end of life by damage.
+    to: f64,
+    missed: Option<Shortfall>,
+}
+
+impl Search {
+    fn new(share: f64, end: f64) -> Self {
+        Self {
+            share,
+            from: 0.0,
+            to: end,
+            missed: None,
+        }
+    }
+
+    fn time(&self, round: Round, n: usize) -> f64 {
+        self.from + (self.to - self.from) * (n + round.offset) as f64 / round.parts as f64
+    }
+
+    /// What the trial says of the times of a round, the earliest first.
+    fn narrow(&mut self, round: Round, tried: &[Option<Shortfall>]) {
+        let first = tried.iter().position(Option::is_some);
+        let last_good = first.unwrap_or(tried.len()).checked_sub(1);
+        let from = last_good.map_or(self.from, |n| self.time(round, n));
+        if let Some(n) = first {
+            (self.to, self.missed) = (self.time(round, n), tried[n]);
+        }
+        // Missed at once, the end is now.
+        self.from = from.min(self.to);
+    }
+}
 
 /// Normal deviate of the 90 % quantile.
 const NORMAL_90: f64 = 1.281_552;
@@ -40,12 +92,12 @@ pub(super) fn bring_forward(
     forecast: &mut Forecast,
     prognosis: &Prognosis,
     seen: &FaultVector,
-    shortfall: &Trial<'_>,
+    shortfalls: &Trial<'_>,
 ) -> Governs {
-    let at = |hours: f64, share: f64| shortfall(&foretold(prognosis, seen, hours, share));
+    let at = |hours: f64, share: f64| foretold(prognosis, seen, hours, share);
     let Ok(by_damage) = forecast.actuator else {
         // Without a trend only the present counts.
-        return match at(0.0, 0.5) {
+        return match shortfalls(&[at(0.0, 0.5); TRIED])[0] {
             Some(missed) => {
                 forecast.actuator = Ok(prognosis.life_of(
                     Quantiles {
@@ -60,30 +112,33 @@ pub(super) fn bring_forward(
             None => Governs::Damage,
         };
     };
-    let (hours, mut governs) = (by_damage.hours, Governs::Damage);
-    let mut earlier = |damage_share: f64, end: f64| {
-        let Some(mut missed) = at(end, damage_share) else {
-            return end;
-        };
-        let (mut low, mut high) = (0.0, end);
-        if let Some(now) = at(0.0, damage_share) {
-            (high, missed) = (0.0, now);
-        }
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (low + high);
-            match at(middle, damage_share) {
-                Some(then) => (high, missed) = (middle, then),
-                None => low = middle,
+    let hours = by_damage.hours;
+    let mut searches = [
+        Search::new(0.5, hours.p50),
+        Search::new(0.9, hours.p10),
+        Search::new(0.1, hours.p90),
+    ];
+    for round in ROUNDS {
+        // The two that are left over try the first again.
+        let mut faults = [at(searches[0].time(round, 0), searches[0].share); TRIED];
+        for (m, search) in searches.iter().enumerate() {
+            for n in 0..TIMES {
+                faults[m * TIMES + n] = at(search.time(round, n), search.share);
             }
         }
-        if damage_share.total_cmp(&0.5).is_eq() {
-            governs = Governs::Function(missed);
+        let tried = shortfalls(&faults);
+        for (m, search) in searches.iter_mut().enumerate() {
+            search.narrow(round, &tried[m * TIMES..(m + 1) * TIMES]);
         }
-        high
-    };
-    let p50 = earlier(0.5, hours.p50);
-    let p10 = earlier(0.9, hours.p10).min(p50);
-    let p90 = earlier(0.1, hours.p90).max(p50);
+        if searches.iter().all(|search| search.missed.is_none()) {
+            break;
+        }
+    }
+    let [half, pessimist, optimist] = searches;
+    let governs = half.missed.map_or(Governs::Damage, Governs::Function);
+    let p50 = half.to;
+    let p10 = pessimist.to.min(p50);
+    let p90 = optimist.to.max(p50);
     if governs != Governs::Damage {
         let hours = Quantiles { p10, p50, p90 };
         let within = by_damage

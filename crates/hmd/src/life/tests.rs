@@ -4,7 +4,7 @@ use ema_models::ActuatorParams;
 
 use super::*;
 use crate::channel::MeasuredConditions;
-use crate::function::Shortfall;
+use crate::function::{Shortfall, TRIED};
 use crate::window::{Verdict, Window};
 
 const HOUR_NS: u64 = 3_600_000_000_000;
@@ -245,7 +245,8 @@ fn the_function_ends_a_life_before_the_damage_does() {
     let config = config("hours = \"elapsed\"");
     let mut life = Life::new(&config, None).expect("levels");
     // Useless from a friction of 0.5 on: 625 h after the beginning instead of 1000 h.
-    let useless = |fault: &FaultVector| (fault.friction >= 0.5).then_some(Shortfall::SlewRate);
+    let useless =
+        |faults: &[FaultVector; TRIED]| faults.map(|fault| (fault.friction >= 0.5).then_some(Shortfall::SlewRate));
     for n in 0..70_u64 {
         let damage = 0.008 * n as f64;
         let fault = FaultVector {

@@ -17,6 +17,7 @@ pub mod commands;
 pub mod config;
 pub mod daemon;
 pub mod dbc;
+pub mod definition;
 pub mod evaluate;
 pub mod export;
 pub mod frame;

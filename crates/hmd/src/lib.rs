@@ -34,6 +34,7 @@ pub mod pipeline;
 pub mod record;
 pub mod recorder;
 pub mod recover;
+mod regular;
 pub mod replay;
 pub mod report;
 pub mod rul;

@@ -5,7 +5,7 @@
 //! as a sealed metadata record as well ([`mod@crate::seal`]), before the chunk that defines it.
 //!
 //! The numbers in such a record hold only in the file that it was written for: a reader believes it only below a header
-//! of ours ([`LIBRARY_START`]), because other programs copy metadata into files whose channels they number anew.
+//! of ours (`LIBRARY_START`), because other programs copy metadata into files whose channels they number anew.
 
 use std::collections::BTreeMap;
 

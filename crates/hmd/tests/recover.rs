@@ -130,10 +130,10 @@ fn check_flip_of_cut(file: &[u8], chunks: &[Chunk], end: usize, at: usize, bits:
     damaged[at] ^= bits;
     let is_hit = |chunk: &Chunk| (chunk.start..chunk.end).contains(&at);
     let report = check(&damaged, chunks, |chunk| chunk.end <= end && !is_hit(chunk), &what);
-    let there = chunks.iter().filter(|chunk| chunk.end <= end);
+    let mut there = chunks.iter().filter(|chunk| chunk.end <= end);
     let lost = there.clone().map(|chunk| chunk.messages.len() as u64).sum::<u64>() > report.messages;
     // The last one, hit in its length, looks like a torn one.
-    let is_inner = there.clone().any(is_hit) && !there.last().is_some_and(is_hit);
+    let is_inner = there.clone().any(is_hit) && !there.next_back().is_some_and(is_hit);
     let least = 1 + u64::from(lost && is_inner);
     assert!(report.losses_total >= least, "{what}: not told, {:?}", report.losses);
 }

@@ -282,9 +282,10 @@ impl<R: Read + Seek> Walk<R> {
             op::DATA_END => data.len() == 4,
             _ => true,
         };
-        let leads_on = fits && self.is_record_next()?;
         // A record that its own checksum vouches for has the right length, whatever stands behind it.
-        if !leads_on && !(opcode == op::METADATA && is_sealed_metadata(&data)) {
+        let is_sealed = || opcode == op::METADATA && is_sealed_metadata(&data);
+        let is_right = fits && (self.is_record_next()? || is_sealed());
+        if !is_right {
             let text = "its length leads to no other".to_owned();
             return Ok(Some(self.broken(McapFault::Broken(text))));
         }

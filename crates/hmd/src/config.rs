@@ -88,7 +88,7 @@ impl Config {
         let path = path.as_ref();
         let mut files = vec![dropins::read(path)?];
         for dropin in dropins::list(path)? {
-            files.push(dropins::read(&dropin)?);
+            files.push(dropins::read_dropin(&dropin)?);
         }
         let mut config = Self::from_files(&files, &path.display().to_string())?;
         config.directory = parent(path);

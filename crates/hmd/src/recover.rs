@@ -44,7 +44,8 @@ pub struct Recovered {
     pub chunks: u64,
     /// Messages in them, all kept.
     pub messages: u64,
-    /// Metadata records that a checksum vouches for, kept.
+    /// Metadata records that a checksum vouches for, kept; copies of definitions apart, which the summary takes the
+    /// place of.
     pub metadata: u64,
     /// Attachments, which are left out (`hmd` writes none).
     pub attachments_lost: u64,
@@ -88,13 +89,14 @@ pub fn recover<R: Read + Seek, W: Write + Seek>(
         writer: write_options().profile(profile).create(out)?,
         channels: HashMap::new(),
         chunk_at: None,
+        chunk_bytes: 0,
     };
     let mut report = Recovered::default();
     let (mut seen, mut unsealed) = (0, Vec::new());
     loop {
         let item = messages.next();
         for metadata in &messages.all_metadata()[seen..] {
-            if is_sealed(&metadata.content) {
+            if is_sealed(&metadata.name, &metadata.content) {
                 copy.metadata(metadata)?;
                 report.metadata += 1;
             } else {
@@ -153,14 +155,22 @@ struct Copy<W: Write + Seek> {
     channels: HashMap<*const Channel, (Arc<Channel>, u16)>,
     /// Chunk of the newest message.
     chunk_at: Option<u64>,
+    /// Written since the last chunk was ended.
+    chunk_bytes: usize,
 }
 
+/// Chunks of the source that are smaller go together into one: each adds an entry to the index that is held until the end.
+const CHUNK_BYTES_MIN: usize = 4096;
+
 impl<W: Write + Seek> Copy<W> {
-    /// Ends the chunk where the source did.
+    /// Ends the chunk where the source did, unless it is very small.
     fn message(&mut self, message: &McapMessage) -> Result<(), McapError> {
-        if self.chunk_at.replace(message.at_byte) != Some(message.at_byte) {
+        let is_new = self.chunk_at.replace(message.at_byte) != Some(message.at_byte);
+        if is_new && self.chunk_bytes >= CHUNK_BYTES_MIN {
             self.writer.flush()?;
+            self.chunk_bytes = 0;
         }
+        self.chunk_bytes += message.data.len();
         let channel_id = self.channel(&message.channel)?;
         let header = MessageHeader {
             channel_id,

@@ -306,7 +306,9 @@ impl<O: Observer> Run<'_, O> {
 
     /// Whether a log goes on where the one before ended: the next segment of the same run, and none lost between.
     fn continues(&mut self, source: &FrameSource) -> bool {
-        let metadata = source.metadata(METADATA_NAME).filter(|found| is_sealed(found));
+        let metadata = source
+            .metadata(METADATA_NAME)
+            .filter(|found| is_sealed(METADATA_NAME, found));
         let segment = metadata.and_then(|found| {
             let number = found.get("segment")?.parse().ok()?;
             Some((found.get("run")?.clone(), number))
@@ -405,7 +407,9 @@ pub fn serial_numbers(log: &Path) -> BTreeMap<String, String> {
     };
     // The metadata stand before the first message.
     let _ = messages.next();
-    let metadata = messages.metadata(METADATA_NAME).filter(|found| is_sealed(found));
+    let metadata = messages
+        .metadata(METADATA_NAME)
+        .filter(|found| is_sealed(METADATA_NAME, found));
     for (key, value) in metadata.into_iter().flatten() {
         if let Some(actuator) = key.strip_suffix(".serial_number") {
             found.insert(actuator.to_owned(), value.clone());

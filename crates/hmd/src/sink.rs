@@ -4,9 +4,12 @@
 //! [`record::RawBatch`](crate::record::RawBatch)) and reach the file when a round is full or long enough, or with the
 //! next record of another kind, so that a window never precedes its frames. The same input gives the same bytes:
 //! nothing here reads a clock, and zstd runs on the calling thread (its default is one more thread per core).
+//! Each schema and channel is defined twice: in the chunk of its first message, and before it in a metadata record
+//! ([`mod@crate::definition`]).
 //!
 //! A chunk is written in one piece when it is complete, so that a file that was cut holds whole chunks and one torn one.
 
+use crate::definition::{CHANNEL_NAME, ChannelCopy, LIBRARY_START, SCHEMA_NAME, SchemaCopy};
 use crate::frame::{BusError, BusNames, RawFrame};
 use crate::record::{RawBatch, Record, SCHEMA_VERSION};
 use crate::seal::seal;
@@ -67,7 +70,7 @@ pub enum SinkError {
 /// How every MCAP file of ours is written.
 pub(crate) fn write_options() -> WriteOptions {
     WriteOptions::new()
-        .library(concat!("hmd/", env!("CARGO_PKG_VERSION")))
+        .library(format!("{LIBRARY_START}{}", env!("CARGO_PKG_VERSION")))
         .compression(Some(mcap::Compression::Zstd))
         .compression_threads(0)
         .chunk_size(Some(CHUNK_BYTES))
@@ -96,6 +99,9 @@ pub struct SinkCounts {
 pub struct Sink<W: Write + Seek> {
     writer: Writer<Counting<W>>,
     bytes: Arc<AtomicU64>,
+    /// Numbers of the schemas, by their names.
+    schemas: BTreeMap<&'static str, u16>,
+    /// By their topics.
     channels: BTreeMap<String, Channel>,
     interfaces: BusNames,
     round: Vec<RawFrame>,
@@ -106,6 +112,8 @@ pub struct Sink<W: Write + Seek> {
 struct Channel {
     id: u16,
     sequence: u32,
+    /// What its first chunk has to define.
+    definition: Option<(SchemaCopy, ChannelCopy)>,
 }
 
 impl<W: Write + Seek> Sink<W> {
@@ -130,6 +138,7 @@ impl<W: Write + Seek> Sink<W> {
                 bytes: bytes.clone(),
             })?,
             bytes,
+            schemas: BTreeMap::new(),
             channels: BTreeMap::new(),
             interfaces: BusNames::new(),
             round: Vec::with_capacity(ROUND_FRAMES),
@@ -146,7 +155,7 @@ impl<W: Write + Seek> Sink<W> {
     /// When the file cannot be written.
     pub fn metadata(&mut self, name: &str, metadata: &BTreeMap<String, String>) -> Result<(), SinkError> {
         let mut metadata = metadata.clone();
-        seal(&mut metadata);
+        seal(name, &mut metadata);
         Ok(self.writer.write_metadata(&Metadata {
             name: name.to_owned(),
             metadata,
@@ -229,6 +238,7 @@ impl<W: Write + Seek> Sink<W> {
         }
         let round = std::mem::take(&mut self.round);
         let first_index = self.counts.frames - round.len() as u64;
+        let mut batches = Vec::new();
         for bus in 0..self.interfaces.len() as u16 {
             let placed: Vec<_> = (first_index..)
                 .zip(&round)
@@ -237,8 +247,14 @@ impl<W: Write + Seek> Sink<W> {
             let (Some((_, first)), Some(interface)) = (placed.first(), self.interfaces.name(bus)) else {
                 continue;
             };
-            let batch = RawBatch::pack(interface, self.rounds, &placed);
-            self.put(first.stamp_ns, &batch)?;
+            batches.push((first.stamp_ns, RawBatch::pack(interface, self.rounds, &placed)));
+        }
+        // All definitions first: they end a chunk, and a round shall not lie in several.
+        for (_, batch) in &batches {
+            self.define(batch)?;
+        }
+        for (stamp_ns, batch) in batches {
+            self.put(stamp_ns, &batch)?;
             self.counts.batches += 1;
         }
         self.rounds += 1;
@@ -247,20 +263,62 @@ impl<W: Write + Seek> Sink<W> {
         Ok(())
     }
 
-    fn put<R: Record>(&mut self, log_time_ns: u64, record: &R) -> Result<(), SinkError> {
+    /// Writes the first copy of the definition of a record's channel, and of its schema, if they are new. It ends the chunk
+    /// in progress, so that it stands before the one with the second copy.
+    fn define<R: Record>(&mut self, record: &R) -> Result<(), SinkError> {
         let topic = record.topic();
-        if !self.channels.contains_key(&topic) {
-            check_topic(&topic)?;
-            let schema = self
-                .writer
-                .add_schema(R::SCHEMA_NAME, "protobuf", &R::descriptor().encode_to_vec())?;
-            let metadata = BTreeMap::from([("schema_version".to_owned(), SCHEMA_VERSION.to_owned())]);
-            let id = self.writer.add_channel(schema, &topic, "protobuf", &metadata)?;
-            self.channels.insert(topic.clone(), Channel { id, sequence: 0 });
+        if self.channels.contains_key(&topic) {
+            return Ok(());
         }
-        let Some(channel) = self.channels.get_mut(&topic) else {
-            unreachable!("added above")
+        check_topic(&topic)?;
+        let known = self.schemas.get(R::SCHEMA_NAME).copied();
+        // Numbers from 1 on: a schema 0 means none.
+        let next = |known: usize| u16::try_from(known + 1).ok();
+        let schema = SchemaCopy {
+            id: known.or(next(self.schemas.len())).ok_or(McapError::TooManySchemas)?,
+            name: R::SCHEMA_NAME.to_owned(),
+            encoding: "protobuf".to_owned(),
+            data: R::descriptor().encode_to_vec(),
         };
+        let channel = ChannelCopy {
+            id: next(self.channels.len()).ok_or(McapError::TooManyChannels)?,
+            schema_id: schema.id,
+            topic: topic.clone(),
+            encoding: "protobuf".to_owned(),
+            metadata: BTreeMap::from([("schema_version".to_owned(), SCHEMA_VERSION.to_owned())]),
+        };
+        if known.is_none() {
+            self.metadata(SCHEMA_NAME, &schema.emit())?;
+            self.schemas.insert(R::SCHEMA_NAME, schema.id);
+        }
+        self.metadata(CHANNEL_NAME, &channel.emit())?;
+        let channel = Channel {
+            id: channel.id,
+            sequence: 0,
+            definition: Some((schema, channel)),
+        };
+        self.channels.insert(topic, channel);
+        Ok(())
+    }
+
+    fn put<R: Record>(&mut self, log_time_ns: u64, record: &R) -> Result<(), SinkError> {
+        self.define(record)?;
+        let Some(channel) = self.channels.get_mut(&record.topic()) else {
+            unreachable!("defined above")
+        };
+        if let Some((schema, channel)) = channel.definition.take() {
+            // One that the file has already is not written again.
+            self.writer
+                .add_schema_with_id(schema.id, &schema.name, &schema.encoding, &schema.data)?;
+            let ChannelCopy {
+                topic,
+                encoding,
+                metadata,
+                ..
+            } = &channel;
+            self.writer
+                .add_channel_with_id(channel.id, schema.id, topic, encoding, metadata)?;
+        }
         let header = MessageHeader {
             channel_id: channel.id,
             sequence: channel.sequence,
@@ -466,11 +524,18 @@ mod tests {
                 Ok(0)
             }
         }
-        let mut sink = Sink::new(Full(500), &BTreeMap::new()).unwrap();
         let health = Health {
             actuator: "ema0".to_owned(),
             ..Health::default()
         };
+        let mut sink = Sink::new(Full(usize::MAX), &BTreeMap::new()).unwrap();
+        let before = sink.bytes();
+        sink.write(0, &health).unwrap();
+        let definitions = sink.bytes();
+        assert!(definitions > before, "written before the chunk");
+        let mut sink = Sink::new(Full(definitions as usize - 1), &BTreeMap::new()).unwrap();
+        sink.write(0, &health).unwrap_err();
+        let mut sink = Sink::new(Full(definitions as usize), &BTreeMap::new()).unwrap();
         sink.write(0, &health).unwrap();
         let error = sink.flush_window().unwrap_err();
         assert_eq!(error.to_string(), "cannot write the MCAP file: no storage space");

@@ -526,6 +526,22 @@ proptest! {
 }
 
 /// Requirement S-13 of `docs/safety.md`.
+/// Whoever reads a FIFO waits for its other end; nobody asked for that one.
+#[test]
+fn a_drop_in_that_is_no_file_is_refused_and_not_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("hmd.toml");
+    std::fs::write(&file, "").unwrap();
+    std::fs::create_dir(folder.path().join("conf.d")).unwrap();
+    let dropin = folder.path().join("conf.d/1.toml");
+    nix::unistd::mkfifo(&dropin, nix::sys::stat::Mode::S_IRWXU).unwrap();
+    let error = Config::load(&file).unwrap_err().to_string();
+    assert!(
+        error.contains("1.toml") && error.contains("expected a regular file"),
+        "{error}"
+    );
+}
+
 #[test]
 fn drop_ins_add_to_the_file_and_errors_name_theirs() {
     let folder = tempfile::tempdir().unwrap();

@@ -123,14 +123,19 @@ fn check_flip(file: &[u8], chunks: &[Chunk], data_end: usize, at: usize, bits: u
     assert!(at >= data_end || !report.is_whole(), "{what}: not noticed");
 }
 
-/// Flips of a file without a summary may cost the definitions as well, but nothing silently.
-fn check_flip_of_cut(cut: &[u8], chunks: &[Chunk], at: usize, bits: u8) {
-    let what = format!("cut, and byte {at} flipped by {bits:#04x}");
-    let mut damaged = cut.to_vec();
+/// The same in a file that was cut at `end`, so that it has no summary: `at` is before the cut.
+fn check_flip_of_cut(file: &[u8], chunks: &[Chunk], end: usize, at: usize, bits: u8) {
+    let what = format!("cut at {end}, and byte {at} flipped by {bits:#04x}");
+    let mut damaged = file[..end].to_vec();
     damaged[at] ^= bits;
-    let first_is_hit = at < chunks[0].end;
-    let whole = |chunk: &Chunk| !first_is_hit && !(chunk.start..chunk.end).contains(&at);
-    assert!(!check(&damaged, chunks, whole, &what).is_whole(), "{what}: not noticed");
+    let is_hit = |chunk: &Chunk| (chunk.start..chunk.end).contains(&at);
+    let report = check(&damaged, chunks, |chunk| chunk.end <= end && !is_hit(chunk), &what);
+    let mut there = chunks.iter().filter(|chunk| chunk.end <= end);
+    let lost = there.clone().map(|chunk| chunk.messages.len() as u64).sum::<u64>() > report.messages;
+    // The last one, hit in its length, looks like a torn one.
+    let is_inner = there.clone().any(is_hit) && !there.next_back().is_some_and(is_hit);
+    let least = 1 + u64::from(lost && is_inner);
+    assert!(report.losses_total >= least, "{what}: not told, {:?}", report.losses);
 }
 
 /// Where the data section ends: behind the last chunk and its message indexes.
@@ -145,12 +150,13 @@ fn data_end(file: &[u8], chunks: &[Chunk]) -> usize {
 fn flips(file: &[u8], count: u64) {
     let chunks = chunks(file);
     let data_end = data_end(file, &chunks);
-    let cut = &file[..data_end];
     for n in 0..count {
         let draw = mix(11, &[n]);
         let bits = 1 << (draw % 8);
         check_flip(file, &chunks, data_end, (draw / 8) as usize % file.len(), bits);
-        check_flip_of_cut(cut, &chunks, (draw / 8) as usize % cut.len(), bits);
+        check_flip_of_cut(file, &chunks, data_end, (draw / 8) as usize % data_end, bits);
+        let end = 8 + (mix(13, &[n]) as usize) % (data_end - 8);
+        check_flip_of_cut(file, &chunks, end, (draw / 8) as usize % end, bits);
     }
 }
 
@@ -161,8 +167,8 @@ fn a_whole_file_is_kept_whole() {
     assert!(report.is_whole(), "{report:?}");
     assert_eq!(
         (report.chunks, report.metadata),
-        (CHUNKS + 1, 1),
-        "and the log line's own chunk"
+        (CHUNKS + 2, 1),
+        "and those of the first health record and of the log line, which begin with a definition"
     );
     let plain = |file| {
         messages(file)
@@ -206,7 +212,49 @@ fn a_flipped_length_costs_its_chunk_alone() {
         .filter(|at| at % 3 == 0 || *at < 200)
     {
         check_flip(&file, &chunks, data_end, at, 1 << (at % 8));
+        check_flip_of_cut(&file, &chunks, data_end, at, 1 << (at % 8));
     }
+}
+
+/// The chunk that defines the channels, lost from a file without a summary: the metadata record stands in for it.
+#[test]
+fn the_definitions_outlive_their_chunk() {
+    let file = recording();
+    let chunks = chunks(&file);
+    let data_end = data_end(&file, &chunks);
+    for chunk in &chunks {
+        for at in [
+            chunk.start,
+            chunk.start + 2,
+            chunk.start + 30,
+            chunk.start + 60,
+            chunk.end - 1,
+        ] {
+            check_flip_of_cut(&file, &chunks, data_end, at, 0x10);
+        }
+    }
+    // Both copies: the later chunks cannot be named, and that is told.
+    let mut damaged = file[..data_end].to_vec();
+    damaged[chunks[0].start - 20] ^= 1;
+    damaged[chunks[0].start + 100] ^= 1;
+    let (_, report) = recovered(&damaged);
+    let said: Vec<_> = report.losses.iter().map(|loss| loss.fault.to_string()).collect();
+    assert!(said.iter().any(|text| text.contains("\"hmd-channel\"")), "{said:?}");
+    assert!(said.iter().any(|text| text.contains("unknown channel 1")), "{said:?}");
+}
+
+/// Other programs number the channels anew and keep the metadata: below their header a copy is not believed.
+#[test]
+fn a_copied_definition_counts_only_below_our_header() {
+    let file = recording();
+    let chunks = chunks(&file);
+    let data_end = data_end(&file, &chunks);
+    let mut damaged = file[..data_end].to_vec();
+    damaged[chunks[0].start + 100] ^= 1;
+    let at = damaged.windows(4).position(|bytes| bytes == b"hmd/").unwrap();
+    damaged[at..at + 4].copy_from_slice(b"xmd/");
+    let (copy, _) = recovered(&damaged);
+    assert!(messages(&copy).iter().all(|(_, (topic, ..))| topic != "/bus/can0/raw"));
 }
 
 #[test]
@@ -298,16 +346,16 @@ fn the_verb_says_what_is_lost_and_exits_with_3() {
     let (code, [told, lost]) = run(&[&log, dash_o, &out]);
     assert_eq!((code, lost.as_str()), (Some(0), ""), "{told}");
     assert!(
-        told.contains("kept 5 chunks with 9 messages and 8000 raw frames, and 1 metadata records"),
+        told.contains("kept 6 chunks with 9 messages and 8000 raw frames, and 1 metadata records"),
         "{told}"
     );
 
     let mut damaged = file[..file.len() - 9].to_vec();
-    damaged[chunks(&file)[1].start + 500] ^= 1;
+    damaged[chunks(&file)[2].start + 500] ^= 1;
     std::fs::write(&log, &damaged).unwrap();
     let (code, [told, lost]) = run(&[&log, dash_o, &out]);
     assert_eq!(code, Some(3), "{told}{lost}");
-    assert!(told.contains("kept 4 chunks"), "{told}");
+    assert!(told.contains("kept 5 chunks"), "{told}");
     assert!(lost.contains("2000 raw frames missing"), "{lost}");
 
     let (code, [_, said]) = run(&[&log, dash_o, &log]);

@@ -4,14 +4,24 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::ConfigError;
+use crate::regular::open_regular;
 
 /// Folder of the drop-ins, beside the file.
 const FOLDER: &str = "conf.d";
 
-/// Name and text of a file.
+/// Name and text of the file that was asked for; it may be a pipe.
 pub(super) fn read(path: &Path) -> Result<(String, String), ConfigError> {
+    named(path, std::fs::read_to_string(path))
+}
+
+/// Name and text of a drop-in. Nobody named it: what is no regular file is refused, not waited for.
+pub(super) fn read_dropin(path: &Path) -> Result<(String, String), ConfigError> {
+    named(path, open_regular(path).and_then(io::read_to_string))
+}
+
+fn named(path: &Path, text: io::Result<String>) -> Result<(String, String), ConfigError> {
     let file = path.display().to_string();
-    match std::fs::read_to_string(path) {
+    match text {
         Ok(text) => Ok((file, text)),
         Err(source) => Err(ConfigError::Read { file, source }),
     }

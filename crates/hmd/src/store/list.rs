@@ -42,9 +42,9 @@ pub fn records_segments(folder: &Path, first: u64) -> io::Result<BTreeMap<u64, R
     Ok(segments)
 }
 
-/// Whether it holds records and is no copy that is being made.
+/// Whether it holds records, and is no copy that is being made or was kept.
 fn is_records(name: &Name) -> bool {
-    name.kind == Kind::Records && name.stage != Stage::Repair
+    name.kind == Kind::Records && matches!(name.stage, Stage::Open | Stage::Closed)
 }
 
 #[cfg(test)]
@@ -63,11 +63,15 @@ mod tests {
             "hmd-00000002-records.mcap.part",
             "hmd-00000010-records.mcap.part",
             "hmd-00000001-records.mcap.repair",
+            "hmd-00000001-records.mcap.damaged",
             "hmd-00000003-raw.mcap",
         ] {
             std::fs::write(folder.path().join(name), &ours).unwrap();
         }
         std::fs::write(folder.path().join("hmd-00000004-records.mcap"), b"a letter").unwrap();
+        // Whoever opens it waits for its other end.
+        let fifo = folder.path().join("hmd-00000005-records.mcap.part");
+        nix::unistd::mkfifo(&fifo, nix::sys::stat::Mode::S_IRWXU).unwrap();
         let found = records_segments(folder.path(), 0).unwrap();
         let open: Vec<_> = found
             .iter()

@@ -1,9 +1,10 @@
 //! Names of segments, and how one of ours is known again.
 
 use std::fmt;
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
+
+use crate::regular::open_regular;
 
 /// Profile in the header of every segment: a file without it is somebody else's, whatever its name.
 pub(super) const PROFILE: &str = "hmd-segment";
@@ -35,9 +36,28 @@ pub(super) enum Stage {
     Open,
     /// The copy of a cut one, while it is repaired.
     Repair,
+    /// A cut one as it was, kept because the repair lost more than the torn end.
+    Damaged,
 }
 
-/// `hmd-00000012-raw.mcap`, with `.part` while it is written and `.repair` while it is repaired.
+impl Stage {
+    /// What stands behind `.mcap`.
+    fn end(self) -> &'static str {
+        match self {
+            Self::Closed => "",
+            Self::Open => ".part",
+            Self::Repair => ".repair",
+            Self::Damaged => ".damaged",
+        }
+    }
+}
+
+/// Largest number that is read from a name: a segment each second for thirty million years. One above could leave no
+/// numbers for those to come.
+pub(super) const NUMBER_MAX: u64 = 999_999_999_999_999;
+
+/// `hmd-00000012-raw.mcap`, with `.part` while it is written, `.repair` while it is repaired and
+/// `.damaged` for what is kept of one that was damaged.
 ///
 /// Numbers only grow, so the order of the names is that of the writing, whatever the clock said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -49,13 +69,11 @@ pub(super) struct Name {
 
 impl Name {
     pub(super) fn parse(text: &str) -> Option<Self> {
-        let (rest, stage) = match text.strip_suffix(".part") {
-            Some(rest) => (rest, Stage::Open),
-            None => match text.strip_suffix(".repair") {
-                Some(rest) => (rest, Stage::Repair),
-                None => (text, Stage::Closed),
-            },
-        };
+        let ends = [Stage::Open, Stage::Repair, Stage::Damaged];
+        let ended = ends
+            .into_iter()
+            .find_map(|stage| Some((text.strip_suffix(stage.end())?, stage)));
+        let (rest, stage) = ended.unwrap_or((text, Stage::Closed));
         let (number, kind) = rest.strip_prefix("hmd-")?.strip_suffix(".mcap")?.split_once('-')?;
         let kind = match kind {
             "raw" => Kind::Raw,
@@ -63,7 +81,7 @@ impl Name {
             _ => return None,
         };
         let name = Self {
-            number: number.parse().ok()?,
+            number: number.parse().ok().filter(|number| *number <= NUMBER_MAX)?,
             kind,
             stage,
         };
@@ -78,16 +96,12 @@ impl Name {
 
 impl fmt::Display for Name {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let end = match self.stage {
-            Stage::Closed => "",
-            Stage::Open => ".part",
-            Stage::Repair => ".repair",
-        };
-        write!(f, "hmd-{:08}-{}.mcap{end}", self.number, self.kind)
+        write!(f, "hmd-{:08}-{}.mcap{}", self.number, self.kind, self.stage.end())
     }
 }
 
-/// Whether a file begins as a segment of ours does. One that was cut within that beginning is ours too: it is empty.
+/// Whether a regular file begins as a segment of ours does. One that was cut within that beginning is nobody's: there is
+/// nothing in it that says whose it is.
 pub(super) fn is_ours(path: &Path) -> io::Result<bool> {
     let mut expected = mcap::MAGIC.to_vec();
     expected.push(mcap::records::op::HEADER);
@@ -97,9 +111,8 @@ pub(super) fn is_ours(path: &Path) -> io::Result<bool> {
     profile.extend(PROFILE.as_bytes());
     let mut start = Vec::new();
     let most = (profile_at + profile.len()) as u64;
-    File::open(path)?.take(most).read_to_end(&mut start)?;
-    let begins = |found: &[u8], expected: &[u8]| found.iter().zip(expected).all(|(a, b)| a == b);
-    Ok(begins(&start, &expected) && begins(start.get(profile_at..).unwrap_or_default(), &profile))
+    open_regular(path)?.take(most).read_to_end(&mut start)?;
+    Ok(start.starts_with(&expected) && start.get(profile_at..) == Some(&profile))
 }
 
 #[cfg(test)]
@@ -112,6 +125,8 @@ mod tests {
             "hmd-00000012-raw.mcap",
             "hmd-123456789-records.mcap.part",
             "hmd-00000001-raw.mcap.repair",
+            "hmd-00000001-raw.mcap.damaged",
+            "hmd-999999999999999-raw.mcap",
         ] {
             assert_eq!(Name::parse(text).unwrap().to_string(), text);
         }
@@ -121,6 +136,8 @@ mod tests {
             "hmd-00000012-other.mcap",
             "hmd-+0000012-raw.mcap",
             "hmd-00000012-raw.mcap.part.part",
+            "hmd-1000000000000000-raw.mcap",
+            "hmd-18446744073709551615-records.mcap",
             "flight.mcap",
         ] {
             assert_eq!(Name::parse(text), None, "{text}");
@@ -139,8 +156,9 @@ mod tests {
             std::fs::write(&path, bytes).unwrap();
             is_ours(&path).unwrap()
         };
+        let header = mcap::MAGIC.len() + 9 + 4 + PROFILE.len();
         for length in 0..ours.len() {
-            assert!(is(&ours[..length]), "{length} bytes");
+            assert_eq!(is(&ours[..length]), length >= header, "{length} bytes");
         }
         let other = crate::sink::Sink::new(io::Cursor::new(Vec::new()), &Default::default()).unwrap();
         assert!(!is(&other.finish().unwrap().0.into_inner()));

@@ -202,7 +202,7 @@ fn what_a_killed_process_had_synced_is_repaired_and_said() {
     for (bytes, name) in &copies {
         fs::write(place(name), [bytes.as_slice(), &[6, 200, 0, 0]].concat()).unwrap();
     }
-    fs::write(place("hmd-00000001-raw.mcap.repair"), b"\x89MCAP").unwrap();
+    fs::write(place("hmd-00000001-raw.mcap.repair"), b"").unwrap();
 
     let mut store = bench.open();
     assert_eq!(
@@ -224,12 +224,179 @@ fn what_a_killed_process_had_synced_is_repaired_and_said() {
     assert_eq!(bench.read(), (100, vec![1]));
 }
 
+/// What a killed process leaves of a raw segment of 4 chunks with 2000 frames each.
+fn cut_segment() -> Vec<u8> {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    for _ in 0..4 {
+        bench.put_frames(&mut store, 500);
+        store.raw.sync().unwrap();
+    }
+    fs::read(bench.folder.path().join("hmd-00000001-raw.mcap.part")).unwrap()
+}
+
+/// Places of the chunks.
+fn chunks(file: &[u8]) -> Vec<(usize, usize)> {
+    let (mut at, mut chunks) = (mcap::MAGIC.len(), Vec::new());
+    while let Some(head) = file.get(at..at + 9) {
+        let end = at + 9 + u64::from_le_bytes(head[1..].try_into().unwrap()) as usize;
+        if head[0] == mcap::records::op::CHUNK {
+            chunks.push((at, end));
+        }
+        at = end;
+    }
+    chunks
+}
+
 #[test]
-fn a_segment_that_was_cut_in_its_header_is_removed() {
+fn a_segment_without_any_record_is_removed() {
     let bench = Bench::new();
-    fs::write(bench.folder.path().join("hmd-00000007-raw.mcap.part"), b"\x89MCAP0").unwrap();
+    let name = "hmd-00000007-raw.mcap.part";
+    let file = cut_segment();
+    let first = chunks(&file)[0].0;
+    fs::write(bench.folder.path().join(name), &file[..first]).unwrap();
     drop(bench.open());
     assert_eq!(bench.names(), ["hmd-00000008-records.mcap.part"]);
+    // With a torn chunk there was something in it.
+    fs::write(bench.folder.path().join(name), &file[..first + 100]).unwrap();
+    drop(bench.open());
+    assert!(bench.names().contains(&"hmd-00000007-raw.mcap.damaged".to_owned()));
+}
+
+/// The gravest find: the chunk with the definitions was hit, and the start removed all the others.
+#[test]
+fn a_flip_in_any_chunk_costs_that_chunk_and_the_source_is_kept() {
+    let file = cut_segment();
+    let chunks = chunks(&file);
+    assert_eq!(chunks.len(), 4);
+    for (start, end) in chunks {
+        let mut bench = Bench::new();
+        let place = bench.folder.path().join("hmd-00000007-raw.mcap.part");
+        let mut damaged = file.clone();
+        damaged[(start + end) / 2] ^= 1;
+        fs::write(place, &damaged).unwrap();
+        let mut store = bench.open();
+        bench.tick(&mut store, 1);
+        store.finish();
+        let kept = fs::read(bench.folder.path().join("hmd-00000007-raw.mcap.damaged")).unwrap();
+        assert_eq!(kept, damaged);
+        let said = bench.said.concat();
+        assert!(
+            said.contains("hmd-00000007-raw.mcap.part was damaged, and is kept as"),
+            "{said}"
+        );
+        let repaired = File::open(bench.folder.path().join("hmd-00000007-raw.mcap")).unwrap();
+        let frames = McapFrames::new(repaired, "", BusNames::new()).unwrap();
+        assert_eq!(frames.filter(Result::is_ok).count(), 1500);
+    }
+}
+
+#[test]
+fn a_start_that_was_cut_after_the_repair_keeps_a_damaged_source_too() {
+    let file = cut_segment();
+    let mut damaged = file.clone();
+    let (start, end) = chunks(&file)[1];
+    damaged[(start + end) / 2] ^= 1;
+    for (source, kept) in [(&file, 0), (&damaged, 1)] {
+        let bench = Bench::new();
+        for end in ["", ".part"] {
+            let name = format!("hmd-00000007-raw.mcap{end}");
+            fs::write(bench.folder.path().join(name), source).unwrap();
+        }
+        drop(bench.open());
+        let names = bench.names();
+        assert!(!names.contains(&"hmd-00000007-raw.mcap.part".to_owned()), "{names:?}");
+        assert_eq!(
+            names.iter().filter(|name| name.ends_with(".damaged")).count(),
+            kept,
+            "{names:?}"
+        );
+    }
+}
+
+#[test]
+fn the_newest_damaged_segments_are_kept() {
+    let mut bench = Bench::new();
+    let file = cut_segment();
+    for number in 0..20 {
+        let name = format!("hmd-{number:08}-raw.mcap.damaged");
+        fs::write(bench.folder.path().join(name), &file).unwrap();
+    }
+    fs::write(bench.folder.path().join("hmd-00000020-raw.mcap.damaged"), b"a letter").unwrap();
+    let mut store = bench.open();
+    bench.tick(&mut store, 1);
+    let names = bench.names();
+    let left: Vec<_> = names.iter().filter(|name| name.ends_with(".damaged")).collect();
+    assert_eq!(left.len(), 9, "{left:?}");
+    assert_eq!(left[0], "hmd-00000012-raw.mcap.damaged");
+    assert_eq!(bench.said.iter().filter(|text| text.contains("is removed")).count(), 12);
+    assert_eq!(names.last().unwrap(), "hmd-00000021-records.mcap.part");
+}
+
+/// An empty copy is what a power cut during a repair leaves; without its source it may be anybody's.
+#[test]
+fn an_empty_copy_is_ours_only_beside_its_source() {
+    let bench = Bench::new();
+    let place = |name: &str| bench.folder.path().join(name);
+    fs::write(place("hmd-00000007-raw.mcap.part"), cut_segment()).unwrap();
+    for number in [7, 8] {
+        fs::write(place(&format!("hmd-{number:08}-raw.mcap.repair")), b"").unwrap();
+    }
+    // Not ours, and in the way: the source stays as it is.
+    fs::write(place("hmd-00000009-raw.mcap.part"), cut_segment()).unwrap();
+    fs::write(place("hmd-00000009-raw.mcap.repair"), b"a letter").unwrap();
+    drop(bench.open());
+    assert_eq!(
+        bench.names(),
+        [
+            "hmd-00000007-raw.mcap",
+            "hmd-00000008-raw.mcap.repair",
+            "hmd-00000009-raw.mcap.part",
+            "hmd-00000009-raw.mcap.repair",
+            "hmd-00000010-records.mcap.part",
+        ]
+    );
+    assert_eq!(fs::read(place("hmd-00000009-raw.mcap.repair")).unwrap(), b"a letter");
+}
+
+#[test]
+fn what_nothing_says_is_ours_is_left_alone_and_no_number_runs_out() {
+    let mut bench = Bench::new();
+    let place = |name: &str| bench.folder.path().join(name);
+    let foreign = [
+        ("hmd-00000003-raw.mcap.part", &b""[..]),
+        ("hmd-00000004-raw.mcap.part", b"\x89MCAP0"),
+        ("hmd-00000005-records.mcap", mcap::MAGIC),
+        ("hmd-00000006-records.mcap.repair", mcap::MAGIC),
+        ("hmd-18446744073709551615-raw.mcap", b"x"),
+        ("hmd-999999999999999-raw.mcap", b"x"),
+    ];
+    for (name, content) in foreign {
+        fs::write(place(name), content).unwrap();
+    }
+    let fifo = place("hmd-00000007-raw.mcap.part");
+    nix::unistd::mkfifo(&fifo, nix::sys::stat::Mode::S_IRWXU).unwrap();
+    for number in 100..130 {
+        fs::write(place(&format!("hmd-{number:08}-raw.mcap")), b"x").unwrap();
+    }
+    let mut store = bench.open();
+    bench.tick(&mut store, 1);
+    store.finish();
+    for (name, content) in foreign {
+        assert_eq!(fs::read(bench.folder.path().join(name)).unwrap(), content, "{name}");
+    }
+    assert!(
+        bench.names().contains(&"hmd-00000130-records.mcap".to_owned()),
+        "{:?}",
+        bench.names()
+    );
+    let about_others = bench.said.iter().filter(|text| text.contains("left alone")).count();
+    assert_eq!(about_others, 17, "{:?}", bench.said);
+    assert!(
+        bench.said.iter().any(|text| text.contains("20 more files")),
+        "{:?}",
+        bench.said
+    );
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! The program itself for a minute of real time, on four serial lines, as a service.
+//! The program itself in real time, on four serial lines, as a service.
 
 use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Write};
@@ -16,9 +16,6 @@ use super::{
     Template, config, status,
 };
 
-/// Real time of the run: all actuations of a minute, and their records.
-const RUN: Duration = Duration::from_secs(62);
-
 /// What the run showed.
 pub(crate) struct Shown {
     /// From the start of the process to its word that it is ready.
@@ -29,8 +26,8 @@ pub(crate) struct Shown {
     pub(crate) resident_kib: u64,
 }
 
-/// Runs the program; all files in `folder`.
-pub(crate) fn run(folder: &Path) -> Shown {
+/// Runs the program for so long; all files in `folder`.
+pub(crate) fn run(folder: &Path, time: Duration) -> Shown {
     let lines: Vec<(File, String)> = (0..BUSES).map(|_| line()).collect();
     let mut text = config();
     for (bus, (_, device)) in lines.iter().enumerate() {
@@ -64,7 +61,7 @@ pub(crate) fn run(folder: &Path) -> Shown {
             }
         })
     };
-    let ended = play(&lines);
+    let ended = play(&lines, time);
     let resident_kib = highest_kib(&program);
     stop(&mut program);
     reader.join().unwrap();
@@ -90,12 +87,12 @@ fn line() -> (File, String) {
     (File::from(master), device)
 }
 
-/// Sends everything in real time; when the last sample of each actuator's window had been sent.
-fn play(lines: &[(File, String)]) -> Vec<(u8, Instant)> {
+/// Sends everything in real time for so long; when the last sample of each actuator's window had been sent.
+fn play(lines: &[(File, String)], time: Duration) -> Vec<(u8, Instant)> {
     let templates = Template::all();
     let mut ended = Vec::new();
     let start = Instant::now();
-    for seq in 0..RUN.as_nanos() as u64 / PERIOD_NS {
+    for seq in 0..time.as_nanos() as u64 / PERIOD_NS {
         std::thread::sleep(Duration::from_nanos(seq * PERIOD_NS).saturating_sub(start.elapsed()));
         for id in 0..ACTUATORS as u8 {
             let sample = templates[usize::from(id % 4)].sample(id, seq);

@@ -6,26 +6,38 @@ use crate::ingest::shown;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{McapError, records::op};
 use std::io::{self, Read};
-use std::ops::Range;
 
 /// Longest record and longest decompressed chunk that is read, bytes.
 pub(super) const RECORD_LIMIT: usize = 64 << 20;
 /// Bytes asked for at least in one read.
 const BLOCK: usize = 64 << 10;
 
-/// The records of a chunk.
+/// The records of a chunk, front to back: a list of their places would take several times the room of small ones.
 #[derive(Debug, Default)]
 pub(super) struct Content {
+    /// Opcode, length and content of each.
     bytes: Vec<u8>,
-    records: Vec<(u8, Range<usize>)>,
+    /// Where the next one begins.
+    at: usize,
 }
 
 impl Content {
-    /// Opcode and content of each record.
-    pub(super) fn records(&self) -> impl Iterator<Item = (u8, &[u8])> {
-        self.records
-            .iter()
-            .map(|(opcode, place)| (*opcode, &self.bytes[place.clone()]))
+    /// Opcode and length.
+    const HEAD: usize = 5;
+
+    /// Opcode and content of the next record.
+    pub(super) fn next(&mut self) -> Option<(u8, &[u8])> {
+        let (head, rest) = self.bytes.get(self.at..)?.split_at_checked(Self::HEAD)?;
+        let length = u32::from_le_bytes(head[1..].try_into().ok()?) as usize;
+        self.at += Self::HEAD + length;
+        Some((head[0], rest.get(..length)?))
+    }
+
+    fn push(&mut self, opcode: u8, data: &[u8]) {
+        self.bytes.push(opcode);
+        // No record is longer than RECORD_LIMIT.
+        self.bytes.extend_from_slice(&(data.len() as u32).to_le_bytes());
+        self.bytes.extend_from_slice(data);
     }
 }
 
@@ -51,9 +63,7 @@ pub(super) fn verify(chunk: &[u8]) -> Result<Content, McapFault> {
                 read_some(&mut input, &mut reader, need).map_err(|error| McapFault::Io(error.kind()))?;
             }
             LinearReadEvent::Record { opcode, data } => {
-                let start = content.bytes.len();
-                content.bytes.extend_from_slice(data);
-                content.records.push((opcode, start..content.bytes.len()));
+                content.push(opcode, data);
             }
         }
     }

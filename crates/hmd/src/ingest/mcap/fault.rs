@@ -1,6 +1,8 @@
 //! What can be wrong in an MCAP file.
 
 use super::chunk::RECORD_LIMIT;
+use super::definitions::{BYTES_MAX, ENTRIES_MAX};
+use super::messages::{METADATA_BYTES_MAX, METADATA_MAX};
 use std::io;
 use std::sync::Arc;
 use thiserror::Error;
@@ -70,6 +72,13 @@ pub enum McapFault {
         /// Number of the channel.
         id: u16,
     },
+    /// A definition beyond what is held; its channel is unknown from here on.
+    #[error(
+        "expected at most {} definitions of schemas and channels with {} bytes in all, found more",
+        ENTRIES_MAX,
+        BYTES_MAX
+    )]
+    Definitions,
     /// Raw frames are missing by their count.
     #[error("expected raw frame number {first_index}, found a gap: {count} frames are missing")]
     MissingFrames {
@@ -104,6 +113,16 @@ pub enum McapFault {
     Metadata {
         /// Its name; empty when not even that can be read.
         name: String,
+    },
+    /// A metadata record beyond what is held.
+    #[error(
+        "expected at most {} metadata records with {} bytes in all, found more: one of {got} bytes is left out",
+        METADATA_MAX,
+        METADATA_BYTES_MAX
+    )]
+    MetadataLimit {
+        /// Its length.
+        got: usize,
     },
     /// The file cannot be read further.
     #[error("expected to read on, found an input error: {0}")]

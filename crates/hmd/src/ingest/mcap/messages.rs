@@ -6,21 +6,23 @@
 //! Tried and dropped: the crate's `MessageStream` and `IndexedReader`. A flipped byte gave silently wrong messages or
 //! allocations that ended the process.
 
-use super::chunk::malformed;
+use super::chunk::{Content, malformed};
 use super::definitions::{Channel, Definitions};
 use super::fault::{McapFault, McapLoss};
 use super::records;
 use super::summary::read_summary;
 use super::walk::{Found, Walk, What};
+use crate::definition::{CHANNEL_NAME, LIBRARY_START, SCHEMA_NAME};
+use crate::seal::is_sealed;
 use mcap::records::op;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::io::{self, Read, Seek};
 use std::sync::Arc;
 
-/// Most metadata records that are kept.
-const METADATA_LIMIT: usize = 64;
-/// Longest metadata record that is kept, bytes.
-const METADATA_BYTES: usize = 1 << 20;
+/// Most metadata records that are kept, definitions apart; each further one is a loss.
+pub(super) const METADATA_MAX: usize = 1024;
+/// Most bytes of all of them together, as they stand in the file; in memory it is some ten times that.
+pub(super) const METADATA_BYTES_MAX: usize = 1 << 20;
 
 /// One message of an intact chunk.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -58,11 +60,26 @@ pub struct McapMessages<R> {
     definitions: Definitions,
     summary: Definitions,
     metadata: Vec<McapMetadata>,
-    queue: VecDeque<Result<McapMessage, McapLoss>>,
+    metadata_bytes: usize,
+    /// The header is one of ours, so that its copies of definitions are believed.
+    is_ours: bool,
+    /// The chunk that is being read: its messages are handed out one by one, not all held at once.
+    chunk: Option<Open>,
+    /// To be handed out next.
+    loss: Option<McapLoss>,
     chunks: u64,
     attachments: u64,
     all_verified: bool,
     any_loss: bool,
+}
+
+/// A chunk that is being read.
+#[derive(Debug)]
+struct Open {
+    at_byte: u64,
+    content: Content,
+    /// The first thing wrong in it; said once, because all of them have the same cause.
+    fault: Option<McapFault>,
 }
 
 impl<R: Read + Seek> McapMessages<R> {
@@ -92,7 +109,10 @@ impl<R: Read + Seek> McapMessages<R> {
             definitions: Definitions::default(),
             summary,
             metadata: Vec::new(),
-            queue: VecDeque::new(),
+            metadata_bytes: 0,
+            is_ours: false,
+            chunk: None,
+            loss: None,
             chunks: 0,
             attachments: 0,
             all_verified: false,
@@ -149,25 +169,20 @@ impl<R: Read + Seek> McapMessages<R> {
         match found.what {
             What::Chunk(content) => {
                 self.chunks += 1;
-                let mut unknown = None;
-                for (opcode, data) in content.records() {
-                    if let Err(fault) = self.take_record(at_byte, opcode, data) {
-                        // Said once for each chunk: all of them have the same cause.
-                        unknown = unknown.or(Some(fault));
-                    }
-                }
-                if let Some(fault) = unknown {
+                self.chunk = Some(Open {
+                    at_byte,
+                    content,
+                    fault: None,
+                });
+            }
+            What::Header(data) => {
+                self.is_ours = records::library(&data).is_some_and(|library| library.starts_with(LIBRARY_START));
+            }
+            What::Metadata(data) => {
+                if let Err(fault) = self.take_metadata(at_byte, &data) {
                     self.lose(at_byte, fault);
                 }
             }
-            What::Metadata(data) => match records::metadata(&data).filter(|_| data.len() <= METADATA_BYTES) {
-                Some((name, content)) if self.metadata.len() < METADATA_LIMIT => {
-                    let name = name.to_owned();
-                    self.metadata.push(McapMetadata { at_byte, name, content });
-                }
-                Some(_) => {}
-                None => self.lose(at_byte, McapFault::Metadata { name: String::new() }),
-            },
             What::AllVerified => self.all_verified = true,
             What::Attachment => self.attachments += 1,
             // After a damaged chunk the sum over all data is wrong as well: nothing new.
@@ -176,36 +191,68 @@ impl<R: Read + Seek> McapMessages<R> {
         }
     }
 
-    fn take_record(&mut self, at_byte: u64, opcode: u8, data: &[u8]) -> Result<(), McapFault> {
-        match opcode {
-            op::SCHEMA | op::CHANNEL => self.definitions.add(opcode, data).ok_or_else(malformed),
-            op::MESSAGE => {
-                let message = records::message(data).ok_or_else(malformed)?;
-                let id = message.channel_id;
-                let known = self.definitions.channel(id).or_else(|| self.summary.channel(id));
-                let channel = known.cloned().ok_or(McapFault::UnknownChannel { id })?;
-                self.queue.push_back(Ok(McapMessage {
-                    topic: channel.topic.clone(),
-                    schema: channel.protobuf_schema(),
-                    log_time_ns: message.log_time_ns,
-                    publish_time_ns: message.publish_time_ns,
-                    sequence: message.sequence,
-                    at_byte,
-                    data: message.data.to_vec(),
-                    channel,
-                }));
-                Ok(())
-            }
-            _ => Ok(()),
+    fn take_metadata(&mut self, at_byte: u64, data: &[u8]) -> Result<(), McapFault> {
+        let limit = McapFault::MetadataLimit { got: data.len() };
+        if data.len() > METADATA_BYTES_MAX {
+            return Err(limit);
         }
+        let (name, content) = records::metadata(data).ok_or(McapFault::Metadata { name: String::new() })?;
+        if [SCHEMA_NAME, CHANNEL_NAME].contains(&name) {
+            return match is_sealed(name, &content) {
+                false => Err(McapFault::Metadata { name: name.to_owned() }),
+                true if self.is_ours => self.definitions.add_copy(name, &content),
+                // The numbers in it may be those of another file.
+                true => Ok(()),
+            };
+        }
+        if self.metadata.len() == METADATA_MAX || self.metadata_bytes + data.len() > METADATA_BYTES_MAX {
+            return Err(limit);
+        }
+        self.metadata_bytes += data.len();
+        let name = name.to_owned();
+        self.metadata.push(McapMetadata { at_byte, name, content });
+        Ok(())
+    }
+
+    /// The next message of a chunk; what stands before it is taken.
+    fn next_of(&mut self, chunk: &mut Open) -> Option<McapMessage> {
+        while let Some((opcode, data)) = chunk.content.next() {
+            let taken = match opcode {
+                op::SCHEMA | op::CHANNEL => self.definitions.add(opcode, data),
+                op::MESSAGE => match self.message(chunk.at_byte, data) {
+                    Ok(message) => return Some(message),
+                    Err(fault) => Err(fault),
+                },
+                _ => Ok(()),
+            };
+            chunk.fault = chunk.fault.take().or(taken.err());
+        }
+        None
+    }
+
+    fn message(&self, at_byte: u64, data: &[u8]) -> Result<McapMessage, McapFault> {
+        let message = records::message(data).ok_or_else(malformed)?;
+        let id = message.channel_id;
+        let known = self.definitions.channel(id).or_else(|| self.summary.channel(id));
+        let channel = known.cloned().ok_or(McapFault::UnknownChannel { id })?;
+        Ok(McapMessage {
+            topic: channel.topic.clone(),
+            schema: channel.protobuf_schema(),
+            log_time_ns: message.log_time_ns,
+            publish_time_ns: message.publish_time_ns,
+            sequence: message.sequence,
+            at_byte,
+            data: message.data.to_vec(),
+            channel,
+        })
     }
 
     fn lose(&mut self, at_byte: u64, fault: McapFault) {
-        self.queue.push_back(Err(McapLoss {
+        self.loss = Some(McapLoss {
             file: self.file.clone(),
             at_byte,
             fault,
-        }));
+        });
         self.any_loss = true;
     }
 }
@@ -215,11 +262,25 @@ impl<R: Read + Seek> Iterator for McapMessages<R> {
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
-            if let Some(item) = self.queue.pop_front() {
-                return Some(item);
+            if let Some(loss) = self.loss.take() {
+                return Some(Err(loss));
             }
-            let found = self.walk.next()?;
-            self.take(found);
+            let Some(mut chunk) = self.chunk.take() else {
+                let found = self.walk.next()?;
+                self.take(found);
+                continue;
+            };
+            match self.next_of(&mut chunk) {
+                Some(message) => {
+                    self.chunk = Some(chunk);
+                    return Some(Ok(message));
+                }
+                None => {
+                    if let Some(fault) = chunk.fault {
+                        self.lose(chunk.at_byte, fault);
+                    }
+                }
+            }
         }
     }
 }

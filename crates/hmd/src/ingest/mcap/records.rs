@@ -51,6 +51,11 @@ impl<'a> Fields<'a> {
     }
 }
 
+/// The number that a definition begins with.
+pub(super) fn first_number(record: &[u8]) -> Option<u16> {
+    Fields::of(record).u16()
+}
+
 /// Definition of a schema.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct SchemaRecord<'a> {
@@ -118,10 +123,18 @@ pub(super) fn message(record: &[u8]) -> Option<MessageRecord<'_>> {
     })
 }
 
-/// Name and content of a metadata record.
+/// Name and content of a metadata record; nothing may follow them, so that a right checksum vouches for the length too.
 pub(super) fn metadata(record: &[u8]) -> Option<(&str, BTreeMap<String, String>)> {
     let mut fields = Fields::of(record);
-    Some((fields.text()?, fields.map()?))
+    let (name, content) = (fields.text()?, fields.map()?);
+    fields.0.is_empty().then_some((name, content))
+}
+
+/// What wrote a file, by its header.
+pub(super) fn library(record: &[u8]) -> Option<&str> {
+    let mut fields = Fields::of(record);
+    let _profile = fields.text()?;
+    fields.text()
 }
 
 /// Checksum of a chunk's decompressed content; 0 when it has none.
@@ -150,5 +163,6 @@ mod tests {
         assert_eq!(schema(&[1, 0, 1, 0, 0, 0, 0xFF]), None, "not UTF-8");
         assert_eq!(metadata(&[1, 0, 0, 0, b'n', 0, 0, 0, 0]), Some(("n", BTreeMap::new())));
         assert_eq!(metadata(&[1, 0, 0, 0, b'n', 9, 0, 0, 0]), None);
+        assert_eq!(metadata(&[1, 0, 0, 0, b'n', 0, 0, 0, 0, 0]), None, "bytes left over");
     }
 }

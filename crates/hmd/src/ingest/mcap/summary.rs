@@ -1,12 +1,13 @@
 //! The summary at the end of an MCAP file: a second copy of the channels.
 
 use super::chunk::{RECORD_LIMIT, read_some};
-use super::definitions::Definitions;
+use super::definitions::{BYTES_MAX, Definitions, ENTRIES_MAX};
 use mcap::records::op;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::io::{self, Read, Seek, SeekFrom};
 
-/// Reads the definitions of the summary, from the end of the file; `None` when it is not there or not intact.
+/// Reads the definitions of the summary, from the end of the file; `None` when it is not there, not intact, or
+/// defines more than is held.
 pub(super) fn read_summary<R: Read + Seek>(input: &mut R) -> io::Result<Option<Definitions>> {
     // Data end (13 bytes) stands before the summary; footer (9 + 20) and magic (8) end the file.
     const DATA_END: u64 = 13;
@@ -34,6 +35,7 @@ pub(super) fn read_summary<R: Read + Seek>(input: &mut R) -> io::Result<Option<D
     let mut reader = LinearReader::new_with_options(options);
     // Nothing is parsed before the whole summary has passed its checksum.
     let mut kept = Vec::new();
+    let mut kept_bytes = 0;
     while let Some(event) = reader.next_event() {
         match event {
             Err(_) => return Ok(None),
@@ -42,6 +44,10 @@ pub(super) fn read_summary<R: Read + Seek>(input: &mut R) -> io::Result<Option<D
                 opcode: opcode @ (op::SCHEMA | op::CHANNEL),
                 data,
             }) => {
+                kept_bytes += data.len();
+                if kept.len() == ENTRIES_MAX || kept_bytes > BYTES_MAX {
+                    return Ok(None);
+                }
                 kept.push((opcode, data.to_vec()));
             }
             Ok(LinearReadEvent::Record { .. }) => {}
@@ -49,7 +55,7 @@ pub(super) fn read_summary<R: Read + Seek>(input: &mut R) -> io::Result<Option<D
     }
     let mut definitions = Definitions::default();
     for (opcode, data) in kept {
-        if definitions.add(opcode, &data).is_none() {
+        if definitions.add(opcode, &data).is_err() {
             return Ok(None);
         }
     }

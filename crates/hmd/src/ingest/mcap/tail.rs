@@ -13,6 +13,7 @@ use thiserror::Error;
 use super::chunk::RECORD_LIMIT;
 use super::messages::{McapMessage, McapMessages};
 use super::{McapLoss, walk};
+use crate::regular::open_regular;
 
 /// Why a file cannot be followed.
 #[derive(Debug, Error)]
@@ -57,7 +58,7 @@ impl McapTail {
             file: name.clone(),
             source,
         };
-        let mut file = File::open(path).map_err(io)?;
+        let mut file = open_regular(path).map_err(io)?;
         let mut start = Vec::new();
         let magic = mcap::MAGIC;
         (&mut file)
@@ -68,7 +69,7 @@ impl McapTail {
             return Err(TailError::Foreign { file: name });
         }
         let is_complete = ends_in_magic(&mut file).map_err(io)?;
-        let input = File::open(path).map_err(io)?;
+        let input = open_regular(path).map_err(io)?;
         let messages = if is_complete {
             // With its summary, which stands in for what is damaged.
             McapMessages::new(input, &name).map_err(io)?

@@ -42,7 +42,8 @@ fn frames(count: u64) -> Vec<RawFrame> {
         .collect()
 }
 
-/// A recording with a chunk per `per_window` frames, each ended by a health record.
+/// A recording with a chunk per `per_window` frames, each ended by a health record; the first of those is in a chunk of
+/// its own, the second one, because it begins with a definition.
 fn record(frames: &[RawFrame], per_window: usize, finish: bool) -> Vec<u8> {
     let metadata = BTreeMap::from([("seed".to_owned(), "1".to_owned())]);
     let mut out = Cursor::new(Vec::new());
@@ -175,7 +176,8 @@ fn a_file_cut_anywhere_gives_the_frames_of_its_whole_chunks() {
     for end in 0..file.len() {
         let (read, losses) = read(&file[..end]);
         let whole = chunks.iter().filter(|chunk| chunk.1 <= end).count();
-        assert_eq!(read, frames[..(30 * whole).min(90)], "cut at {end}");
+        let with_frames = whole - usize::from(whole > 1);
+        assert_eq!(read, frames[..(30 * with_frames).min(90)], "cut at {end}");
         assert!(!losses.is_empty(), "cut at {end}");
     }
 }
@@ -221,7 +223,9 @@ fn a_flipped_byte_costs_its_chunk_and_nothing_else() {
 fn missing_frames_are_counted() {
     let frames = frames(120);
     let file = record(&frames, 30, true);
-    for (window, &(start, end)) in chunks(&file).iter().take(4).enumerate() {
+    let mut chunks = chunks(&file);
+    chunks.remove(1);
+    for (window, &(start, end)) in chunks.iter().take(4).enumerate() {
         let mut bad = file.clone();
         bad[(start + end) / 2] ^= 0x10;
         let (read, losses) = read(&bad);

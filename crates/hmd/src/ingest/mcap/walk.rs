@@ -1,7 +1,8 @@
 //! The way through an MCAP file that may be damaged: from chunk to chunk, and over what is broken.
 //!
 //! A chunk counts only when its checksum is right. The lengths that lead from record to record have no checksum, so
-//! none is believed alone: a record is passed only when what follows looks like a record too. Where that fails, the file
+//! none is believed alone: a record is passed only when what follows looks like a record too, or when it is metadata with
+//! the right checksum in it. Where that fails, the file
 //! is searched, byte by byte, for the next chunk whose own lengths agree with each other; so one broken record costs no
 //! chunk behind it, with or without a summary.
 //!
@@ -10,6 +11,9 @@
 
 use super::chunk::{Content, RECORD_LIMIT, verify};
 use super::fault::McapFault;
+use super::messages::METADATA_BYTES_MAX;
+use super::records;
+use crate::seal::is_sealed;
 use crc32fast::Hasher;
 use mcap::records::op;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -36,6 +40,8 @@ pub(super) struct Found {
 pub(super) enum What {
     /// A chunk with the right checksum.
     Chunk(Content),
+    /// The header, which has no checksum of its own.
+    Header(Vec<u8>),
     /// A metadata record, which has no checksum of its own.
     Metadata(Vec<u8>),
     /// An attachment; not read here.
@@ -162,7 +168,17 @@ impl<R: Read + Seek> Walk<R> {
             };
             return Ok(Some(self.broken(fault)));
         }
+        let agreed = self.agreed_chunk_length(head)?;
+        if opcode != op::CHUNK && agreed == Some(length) {
+            // Passed as what it claims to be, it would be lost untold.
+            let text = format!("it is one but for its opcode {opcode:#04x}");
+            return Ok(Some(self.broken(McapFault::Chunk(text))));
+        }
         match opcode {
+            op::CHUNK if agreed != Some(length) => {
+                let text = "its lengths contradict each other".to_owned();
+                Ok(Some(self.broken(McapFault::Chunk(text))))
+            }
             op::CHUNK => self.chunk(head, length).map(Some),
             op::FOOTER => self.footer(length),
             _ => self.other(head, length),
@@ -188,16 +204,18 @@ impl<R: Read + Seek> Walk<R> {
         Ok(None)
     }
 
-    fn chunk(&mut self, head: [u8; 9], length: u64) -> io::Result<Found> {
-        let at_byte = self.at;
+    /// What [`chunk_length`] says of the record whose head was read, whatever its opcode.
+    fn agreed_chunk_length(&mut self, head: [u8; 9]) -> io::Result<Option<u64>> {
         let mut shown = [0; CHUNK_HEAD];
         shown[..9].copy_from_slice(&head);
-        let got = 9 + read_up_to(&mut self.input, &mut shown[9..])?;
-        if chunk_length(&shown[..got]) != Some(length) {
-            let text = "its lengths contradict each other".to_owned();
-            return Ok(self.broken(McapFault::Chunk(text)));
-        }
-        self.input.seek_relative(9 - got as i64)?;
+        shown[0] = op::CHUNK;
+        let got = read_up_to(&mut self.input, &mut shown[9..])?;
+        self.input.seek_relative(-(got as i64))?;
+        Ok(chunk_length(&shown[..9 + got]))
+    }
+
+    fn chunk(&mut self, head: [u8; 9], length: u64) -> io::Result<Found> {
+        let at_byte = self.at;
         let mut chunk = vec![0; length as usize];
         self.input.read_exact(&mut chunk)?;
         let end = at_byte + HEAD + length;
@@ -250,7 +268,8 @@ impl<R: Read + Seek> Walk<R> {
     fn other(&mut self, head: [u8; 9], length: u64) -> io::Result<Option<Found>> {
         let at_byte = self.at;
         let opcode = head[0];
-        let keep = matches!(opcode, op::METADATA | op::DATA_END | op::MESSAGE_INDEX) && length <= RECORD_LIMIT as u64;
+        let is_read = matches!(opcode, op::HEADER | op::METADATA | op::DATA_END | op::MESSAGE_INDEX);
+        let keep = is_read && length <= RECORD_LIMIT as u64;
         let mut data = Vec::new();
         if keep {
             data.resize(length as usize, 0);
@@ -263,7 +282,10 @@ impl<R: Read + Seek> Walk<R> {
             op::DATA_END => data.len() == 4,
             _ => true,
         };
-        if !fits || !self.is_record_next()? {
+        // A record that its own checksum vouches for has the right length, whatever stands behind it.
+        let is_sealed = || opcode == op::METADATA && is_sealed_metadata(&data);
+        let is_right = fits && (self.is_record_next()? || is_sealed());
+        if !is_right {
             let text = "its length leads to no other".to_owned();
             return Ok(Some(self.broken(McapFault::Broken(text))));
         }
@@ -280,6 +302,7 @@ impl<R: Read + Seek> Walk<R> {
             }
         }
         let what = match opcode {
+            op::HEADER => What::Header(data),
             op::METADATA => What::Metadata(data),
             op::MESSAGE => What::Fault(McapFault::NoCrc),
             op::ATTACHMENT => What::Attachment,
@@ -381,6 +404,12 @@ pub(super) fn length_of(head: &[u8; 9]) -> u64 {
     let mut length = [0; 8];
     length.copy_from_slice(&head[1..]);
     u64::from_le_bytes(length)
+}
+
+fn is_sealed_metadata(record: &[u8]) -> bool {
+    let bounded = record.len() <= METADATA_BYTES_MAX;
+    let parsed = bounded.then(|| records::metadata(record)).flatten();
+    parsed.is_some_and(|(name, content)| is_sealed(name, &content))
 }
 
 /// A channel number and a list whose length fits.

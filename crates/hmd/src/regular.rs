@@ -1,0 +1,50 @@
+//! Opening what turns up in a folder: regular files alone.
+//!
+//! A FIFO with a likely name would make the reader wait for its other end, and a device may do anything.
+
+use std::fs::{File, OpenOptions};
+use std::io;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::Path;
+
+/// Opens a regular file for reading, or a link to one.
+///
+/// # Errors
+/// What the system says, or [`io::ErrorKind::InvalidInput`] for anything that is no regular file.
+pub(crate) fn open_regular(path: &Path) -> io::Result<File> {
+    let check = |about: std::fs::Metadata| {
+        let error = || io::Error::new(io::ErrorKind::InvalidInput, "expected a regular file");
+        about.is_file().then_some(()).ok_or_else(error)
+    };
+    // A device is not even opened; what takes the file's place meanwhile is not waited for.
+    check(std::fs::metadata(path)?)?;
+    let file = OpenOptions::new()
+        .read(true)
+        .custom_flags(libc::O_NONBLOCK | libc::O_NOCTTY)
+        .open(path)?;
+    check(file.metadata()?)?;
+    Ok(file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_but_a_file_is_opened() {
+        let folder = tempfile::tempdir().unwrap();
+        let [fifo, file, link] = ["fifo", "file", "link"].map(|name| folder.path().join(name));
+        nix::unistd::mkfifo(&fifo, nix::sys::stat::Mode::S_IRWXU).unwrap();
+        std::fs::write(&file, "a").unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        for path in [fifo.as_path(), folder.path(), Path::new("/dev/zero")] {
+            let error = open_regular(path).unwrap_err();
+            assert_eq!(error.to_string(), "expected a regular file", "{}", path.display());
+        }
+        assert!(open_regular(&file).is_ok() && open_regular(&link).is_ok());
+        assert_eq!(
+            open_regular(&folder.path().join("none")).unwrap_err().kind(),
+            io::ErrorKind::NotFound
+        );
+    }
+}

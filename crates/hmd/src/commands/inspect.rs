@@ -20,6 +20,10 @@ use crate::record::{FAULT_NAMES, Health, Interval, Log, Record, Rul};
 
 /// Print the history in recorded files: damage, remaining life, events.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n\
+    \x20 hmd inspect flight.mcap\n\
+    \x20 hmd inspect --csv monday.mcap tuesday.mcap > week.csv\n\
+    \x20 hmd inspect --catalogue -c hmd.toml")]
 pub struct Args {
     /// MCAP files that hmd wrote, in the order of time.
     #[arg(required_unless_present = "catalogue")]
@@ -124,7 +128,10 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         let file = File::open(path).with_context(|| name.clone())?;
         let messages = McapMessages::new(BufReader::new(file), &name).with_context(|| name.clone())?;
         let shown = printer.print(messages).with_context(|| name.clone())?;
-        ensure!(shown.windows > 0, "{name}: expected records of windows, found none");
+        ensure!(
+            shown.windows > 0,
+            "{name}: expected records of windows, found none; hmd replay LOG -o OUT.mcap makes them"
+        );
         damaged |= shown.damaged;
     }
     for summarised in printer.summaries.values() {

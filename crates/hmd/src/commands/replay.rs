@@ -17,6 +17,10 @@ use crate::replay::{Observer, Replay};
 
 /// Judge recorded logs.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n\
+    \x20 hmd replay flight.log\n\
+    \x20 hmd replay monday.mcap tuesday.mcap -c hmd.toml -o week.mcap\n\
+    \x20 hmd replay flight.log --json > flight.jsonl")]
 pub struct Args {
     /// Logs in the order of time: candump text or MCAP.
     #[arg(required = true)]
@@ -85,12 +89,15 @@ fn replay(args: &Args, viewers: &Viewers) -> anyhow::Result<Exit> {
     printer.bar.finish_and_clear();
     let summary = summary?;
 
-    summary.check(&args.logs)?;
+    summary.check(&args.logs, &replay.config)?;
     let logs: Vec<String> = args.logs.iter().map(|log| log.display().to_string()).collect();
     let logs = logs.join(", ");
     if summary.windows == 0 {
         let samples = summary.status.samples;
-        eprintln!("{logs}: expected an actuation, found none in {samples} samples");
+        eprintln!(
+            "{logs}: expected an actuation, found none in {samples} samples: a setpoint that rests and then moves, in a \
+             mode that is not idle"
+        );
     }
     if let Some(loss) = summary.loss() {
         eprintln!("{logs}: {loss}");

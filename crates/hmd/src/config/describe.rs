@@ -103,8 +103,7 @@ fn write_map(out: &mut String, actuator: &ActuatorConfig, map: &SignalMap) -> fm
     let file = actuator.dbc.as_deref().unwrap_or(Path::new(""));
     writeln!(out, "    mapped by {}:", file.display())?;
     for message in &map.messages {
-        let digits = if message.extended { 8 } else { 3 };
-        write!(out, "    {} {:0digits$X}:", message.name, message.id)?;
+        write!(out, "    {} {}:", message.name, message.shown_id())?;
         for binding in &message.bindings {
             write!(out, " {}", binding.role.key())?;
         }

@@ -30,7 +30,7 @@ pub enum ReportError {
         source: prost::DecodeError,
     },
     /// Files without records of windows.
-    #[error("{files}: expected records of windows, found none")]
+    #[error("{files}: expected records of windows, found none; hmd replay LOG -o OUT.mcap makes them")]
     Empty {
         /// The files.
         files: String,

@@ -9,7 +9,7 @@ use ema_wire::{ActuatorId, DeframerStats, Frame, Message, SampleFd, SerialPacket
 
 use crate::channel::{Channel, MeasuredConditions, SampleRate};
 use crate::config::{ActuatorConfig, Config};
-use crate::dbc::{Heard, MappedBus};
+use crate::dbc::{Heard, MappedBus, Role};
 use crate::frame::{BusNames, RawFrame};
 use crate::window::{TimedSample, Window, Windower};
 
@@ -362,11 +362,16 @@ impl Lane {
             });
         }
         if learning && self.channel.rate_is_assumed() {
+            let has_clock = actuator.map.as_ref().is_none_or(|map| map.has(Role::Time));
+            let why = if has_clock {
+                "expected a device time that advances with the samples, found none in the first samples"
+            } else {
+                "no sample.time is mapped"
+            };
             notices.push(Notice {
                 stamp_ns,
                 message: format!(
-                    "{}: expected a device time that advances with the samples, found none in the first samples; \
-                     windows are cut at the nominal {nominal} samples/s{}",
+                    "{}: {why}; windows are cut at the nominal {nominal} samples/s{}",
                     actuator.name,
                     heard.doubt(nominal, &actuator.type_name)
                 ),

@@ -78,6 +78,11 @@ fn write_actuators(out: &mut String, config: &Config) -> fmt::Result {
             actuator.type_name,
             actuator.params.sensors.sample_rate
         )?;
+        for (what, file) in [("type", &actuator.type_calibration), ("unit", &actuator.calibration)] {
+            if let Some(file) = file {
+                write!(out, ", {what} calibrated by {}", file.display())?;
+            }
+        }
         for (what, value) in [("part", &actuator.part_number), ("serial", &actuator.serial_number)] {
             if let Some(value) = value {
                 write!(out, ", {what} {value}")?;

@@ -86,3 +86,35 @@ fn when_nothing_is_commanded_it_is_said_what_begins_a_window() {
         "{said}"
     );
 }
+
+#[test]
+fn a_folder_or_a_form_that_another_verb_makes_is_refused_with_the_way_to_go() {
+    let folder = tempfile::tempdir().expect("a temporary directory");
+    fs::create_dir(folder.path().join("records")).expect("a folder");
+    let refused = |line: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_hmd"));
+        let output = command
+            .current_dir(folder.path())
+            .args(line.split_whitespace())
+            .output()
+            .expect("hmd starts");
+        assert!(!output.status.success(), "hmd {line}");
+        String::from_utf8(output.stderr).expect("hmd prints UTF-8")
+    };
+    for line in [
+        "inspect records",
+        "export records -o out.csv",
+        "report records -o out.html",
+    ] {
+        assert_eq!(
+            refused(line),
+            "hmd: records: expected files, found a folder; the records of hmd run are in records/*-records.mcap\n",
+            "hmd {line}"
+        );
+    }
+    assert_eq!(
+        refused("replay any.log -o judged.csv"),
+        "hmd: --output: expected a name that ends in .mcap, found judged.csv; hmd export and hmd report make other forms of it\n"
+    );
+    assert!(!folder.path().join("judged.csv").exists());
+}

@@ -14,7 +14,7 @@ use serde::Serialize;
 use super::table::{HEALTH_HEAD, health_row, left_cell};
 use super::{Exit, load_config, say};
 use crate::catalogue::catalogue;
-use crate::ingest::McapMessages;
+use crate::ingest::{McapMessages, open_recorded};
 use crate::judge::{levels, persistence};
 use crate::record::{FAULT_NAMES, Health, Interval, Log, Record, Rul};
 
@@ -125,7 +125,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let mut damaged = false;
     for path in &args.files {
         let name = path.display().to_string();
-        let file = File::open(path).with_context(|| name.clone())?;
+        let file = open_recorded(path).with_context(|| name.clone())?;
         let messages = McapMessages::new(BufReader::new(file), &name).with_context(|| name.clone())?;
         let shown = printer.print(messages).with_context(|| name.clone())?;
         ensure!(

@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, check_files, load_config, progress, use_threads};
+use super::{Exit, Misuse, check_files, load_config, progress, use_threads};
 use crate::judge::Judged;
 use crate::record::HealthLine;
 use crate::replay::{Observer, Replay};
@@ -60,7 +60,18 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     Ok(exit)
 }
 
+/// Names that ask for what other verbs make of a recording.
+const OTHER_FORMS: [&str; 5] = ["csv", "parquet", "html", "json", "jsonl"];
+
 fn replay(args: &Args, viewers: &Viewers) -> anyhow::Result<Exit> {
+    let extension = args.output.as_ref().and_then(|output| output.extension()?.to_str());
+    if let (Some(output), true) = (&args.output, extension.is_some_and(|of| OTHER_FORMS.contains(&of))) {
+        let found = output.display();
+        return Err(Misuse(format!(
+            "--output: expected a name that ends in .mcap, found {found}; hmd export and hmd report make other forms of it"
+        ))
+        .into());
+    }
     let config = Arc::new(load_config(args.config.as_deref())?);
     check_files(&config)?;
     use_threads(args.threads.map(usize::from))?;

@@ -65,7 +65,7 @@ enum Verb {
     Readers,
     /// A drive model that nobody here wrote against the reference.
     Oracle,
-    /// A report in headless Chromium: no console message, no request, accessible; with pictures.
+    /// A report, and that of a fleet, in headless Chromium: no console message, no request, accessible; with pictures.
     Report,
     /// A viewer beside the program with the feature `serve`: it is told what is recorded.
     Viewers,

@@ -121,7 +121,7 @@ pub(crate) fn replay(
             seed,
         };
         let summary = replay.run(&mut gathered)?;
-        summary.check(&logs)?;
+        summary.check(&logs, &replay.config)?;
         Ok((gathered, summary.loss()))
     })?;
     gathered.into_judged(py, loss)

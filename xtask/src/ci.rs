@@ -12,6 +12,7 @@ const VERBS: &[&str] = &[
     "check",
     "no-std",
     "docs",
+    "book",
     "systemd",
     "readers",
     "viewers",

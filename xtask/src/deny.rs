@@ -1,9 +1,15 @@
 //! `cargo-deny` with the rules of `deny.toml`.
 
-use crate::shell::{cargo, program, run, succeeds, target_dir};
+use crate::shell::{cargo, program, run, succeeds};
+use crate::tools::Tool;
 
-/// Version that is installed where there is none.
-const VERSION: &str = "0.20.2";
+/// What is built where there is none.
+const DENY: Tool = Tool {
+    krate: "cargo-deny",
+    version: "0.20.2",
+    program: "cargo-deny",
+    options: &[],
+};
 
 /// Licences, duplicates and sources, of the workspace and of the Python package. Not advisories: their database changes under a fixed commit.
 pub(crate) fn check() -> anyhow::Result<()> {
@@ -13,21 +19,7 @@ pub(crate) fn check() -> anyhow::Result<()> {
         run(cargo(["deny"]).args(CHECK))?;
         return run(cargo(["deny"]).args(PYTHON).args(CHECK));
     }
-    let folder = target_dir()?.join("tools");
-    let deny = folder.join("bin/cargo-deny");
-    if !succeeds(program(&deny, ["--version"])) {
-        // Unoptimised: it takes a minute to build instead of three, and a second to run.
-        let install = [
-            "install",
-            "cargo-deny",
-            "--version",
-            VERSION,
-            "--locked",
-            "--debug",
-            "--root",
-        ];
-        run(cargo(install).arg(&folder))?;
-    }
+    let deny = DENY.path()?;
     run(program(&deny, CHECK))?;
     run(program(&deny, PYTHON).args(CHECK))
 }

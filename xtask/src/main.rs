@@ -2,6 +2,7 @@
 //!
 //! `cargo xtask VERB`; `cargo xtask ci` runs all of them but the tests, the fuzzing and the long forms.
 
+mod book;
 mod can;
 mod ci;
 mod deb;
@@ -26,6 +27,7 @@ mod soak;
 mod survive;
 mod systemd;
 mod target;
+mod tools;
 mod viewers;
 mod wheel;
 
@@ -51,13 +53,19 @@ enum Verb {
     NoStd,
     /// Documentation; a broken link is an error.
     Docs,
+    /// The book: built without a warning, its links followed, the commands in it run and their output compared.
+    Book {
+        /// Put what the commands print now into the pages.
+        #[arg(long)]
+        update: bool,
+    },
     /// Licences, duplicate versions and sources of all dependencies.
     Deny,
     /// Readers that nobody here wrote read what hmd writes.
     Readers,
     /// A drive model that nobody here wrote against the reference.
     Oracle,
-    /// A report in headless Chromium: no console message, no request, accessible; with pictures.
+    /// A report, and that of a fleet, in headless Chromium: no console message, no request, accessible; with pictures.
     Report,
     /// A viewer beside the program with the feature `serve`: it is told what is recorded.
     Viewers,
@@ -115,6 +123,7 @@ fn main() -> ExitCode {
         Verb::Test => run(cargo(["test", "--workspace"])),
         Verb::NoStd => no_std::build(),
         Verb::Docs => run(cargo(["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings")),
+        Verb::Book { update } => book::check(update),
         Verb::Deny => deny::check(),
         Verb::Readers => readers::check(),
         Verb::Oracle => oracle::check(),

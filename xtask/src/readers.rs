@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Context, ensure};
 
 use crate::python::Python;
-use crate::shell::{cargo, program, run, run_to_file, target_dir};
+use crate::shell::{cargo, program, root, run, run_to_file, target_dir};
 
 /// What the readers are made of.
 pub(crate) const PACKAGES: [&str; 4] = [
@@ -14,6 +14,13 @@ pub(crate) const PACKAGES: [&str; 4] = [
     "mcap-protobuf-support==0.6.0",
     "cantools==45.1.0",
     "pyarrow==26.0.1",
+];
+
+/// Recorded buses with layouts of their own, and the simulated logs behind them: options of `hmd simulate`.
+const BUSES: [(&str, &str); 3] = [
+    ("flap", "--rate 400 --noise 0.03 --fault friction=0.35 --seed 31"),
+    ("rudder", "--rate 400 --noise 0.03 --fault backlash=0.2 --seed 32"),
+    ("aileron", "--rate 400 --noise 0.03 --fault short_b=0.2 --seed 33"),
 ];
 
 /// Actuations in the simulated log.
@@ -30,6 +37,7 @@ pub(crate) fn check() -> anyhow::Result<()> {
     mcap(&python, &folder)?;
     tables(&python, &folder)?;
     dbc(&python, &folder)?;
+    buses(&python, &folder)?;
     any_dbc(&python, &folder)
 }
 
@@ -112,6 +120,26 @@ fn dbc(python: &Python, folder: &Path) -> anyhow::Result<()> {
         let decoded = log.with_extension("decoded.jsonl");
         run_to_file(example("decode_candump"), Some(log), &decoded)?;
         python.script("fixtures/check_dbc.py", &[Path::new("fixtures/ema.dbc"), log, &decoded])?;
+    }
+    Ok(())
+}
+
+/// The recordings of other buses are what `cantools` encodes of simulated ones by their DBC files.
+fn buses(python: &Python, folder: &Path) -> anyhow::Result<()> {
+    let hmd = target_dir()?.join("debug/hmd");
+    for (bus, options) in BUSES {
+        let ours = folder.join(format!("{bus}.simulated.log"));
+        run(program(&hmd, ["simulate", "-o"])
+            .arg(&ours)
+            .args(options.split_whitespace()))?;
+        let theirs = folder.join(format!("{bus}.log"));
+        let translate = ["fixtures/buses/translate.py", bus];
+        let mut translate = program(python.interpreter(), translate);
+        translate.arg(&ours);
+        run_to_file(translate, None, &theirs)?;
+        let recorded = root().join("fixtures/buses").join(format!("{bus}.log"));
+        let same = fs::read(&recorded).with_context(|| recorded.display().to_string())? == fs::read(&theirs)?;
+        ensure!(same, "{}: expected what {} has", recorded.display(), theirs.display());
     }
     Ok(())
 }

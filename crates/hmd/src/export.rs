@@ -6,13 +6,12 @@ mod raw;
 mod table;
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
 use prost::Message;
 
-use crate::ingest::{IngestError, McapMessages};
+use crate::ingest::{IngestError, McapMessages, open_recorded};
 use crate::record::{Health, Record, Rul, Window};
 
 pub use csv::CsvTable;
@@ -100,7 +99,7 @@ pub fn export<P: AsRef<Path>>(
             file: name.clone(),
             source,
         };
-        let file = File::open(path).map_err(io)?;
+        let file = open_recorded(path.as_ref()).map_err(io)?;
         let mut messages = McapMessages::new(BufReader::new(file), &name).map_err(io)?;
         // The health of each actuator's newest window, until its remaining life comes.
         let mut waiting: BTreeMap<String, Health> = BTreeMap::new();

@@ -9,7 +9,7 @@ use ema_wire::{ActuatorId, DeframerStats, Frame, Message, SampleFd, SerialPacket
 
 use crate::channel::{Channel, MeasuredConditions, SampleRate};
 use crate::config::{ActuatorConfig, Config};
-use crate::dbc::{Heard, MappedBus};
+use crate::dbc::{Heard, MappedBus, Role};
 use crate::frame::{BusNames, RawFrame};
 use crate::window::{TimedSample, Window, Windower};
 
@@ -344,7 +344,11 @@ impl Lane {
         let nominal = actuator.params.sensors.sample_rate;
         let restarts = self.channel.restarts();
         let learning = !self.channel.rate_is_settled();
+        let mut heard = StampedRate::default();
         self.channel.push(frame, stamp_ns, nominal, |rate, sample| {
+            if learning {
+                heard.push(&sample);
+            }
             keep(kept, actuator, rate, sample, conditions);
             cutter.push(actuator, rate, sample, config, conditions, ended, notices);
         });
@@ -358,12 +362,18 @@ impl Lane {
             });
         }
         if learning && self.channel.rate_is_assumed() {
+            let has_clock = actuator.map.as_ref().is_none_or(|map| map.has(Role::Time));
+            let why = if has_clock {
+                "expected a device time that advances with the samples, found none in the first samples"
+            } else {
+                "no sample.time is mapped"
+            };
             notices.push(Notice {
                 stamp_ns,
                 message: format!(
-                    "{}: expected a device time that advances with the samples, found none in the first samples; \
-                     windows are cut at the nominal {nominal} samples/s",
-                    actuator.name
+                    "{}: {why}; windows are cut at the nominal {nominal} samples/s{}",
+                    actuator.name,
+                    heard.doubt(nominal, &actuator.type_name)
                 ),
             });
         }
@@ -378,6 +388,33 @@ impl Lane {
             cutter.push(actuator, rate, sample, config, conditions, ended, notices);
         });
         cutter.finish(actuator, conditions, ended);
+    }
+}
+
+/// The rate of samples by their stamps: no measure, but enough to doubt a configured one.
+#[derive(Debug, Default)]
+struct StampedRate {
+    /// Number and stamp, ns.
+    first: Option<(u64, u64)>,
+    last: (u64, u64),
+}
+
+impl StampedRate {
+    fn push(&mut self, sample: &TimedSample) {
+        self.last = (sample.seq, sample.stamp_ns);
+        self.first.get_or_insert(self.last);
+    }
+
+    /// What to say beside a nominal rate that is off by more than a tenth; nothing if it is not.
+    fn doubt(&self, nominal_hz: f64, type_name: &str) -> String {
+        let (seq, stamp_ns) = self.first.unwrap_or(self.last);
+        let samples = self.last.0.saturating_sub(seq) as f64;
+        let hz = samples * 1e9 / self.last.1.saturating_sub(stamp_ns) as f64;
+        if hz.is_finite() && (hz - nominal_hz).abs() > 0.1 * nominal_hz {
+            format!("; by their stamps they come at {hz:.0}: is sample_rate_hz of type {type_name} right?")
+        } else {
+            String::new()
+        }
     }
 }
 

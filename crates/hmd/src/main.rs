@@ -15,7 +15,11 @@ use hmd::commands::{
 #[command(
     version,
     about,
-    after_help = "Exit codes: 0 done, 1 failed, 2 usage, 3 finished but data were lost, 78 bad config."
+    after_help = "Examples:\n\
+                  \x20 hmd demo                         see what it does, without hardware\n\
+                  \x20 hmd replay flight.log            judge a recorded log\n\
+                  \x20 hmd help replay                  options and examples of a verb\n\n\
+                  Exit codes: 0 done, 1 failed, 2 usage, 3 finished but data were lost, 78 bad config."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -68,6 +72,33 @@ fn main() -> ExitCode {
         Err(error) => {
             warn(format_args!("hmd: {}", sentence(&error)));
             ExitCode::from(code_of(&error))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every verb shows how it is used, and every example is one that the program takes.
+    #[test]
+    fn every_verb_has_examples_that_parse() {
+        let mut program = Cli::command();
+        program.build();
+        for verb in program.get_subcommands().filter(|verb| verb.get_name() != "help") {
+            let help = verb.get_after_help().map(ToString::to_string).unwrap_or_default();
+            let lines = help.lines().filter_map(|line| line.strip_prefix("  hmd "));
+            let examples: Vec<&str> = lines.flat_map(|line| line.split(" && ")).collect();
+            assert!(!examples.is_empty(), "hmd {}: no example", verb.get_name());
+            let own = examples.iter().filter(|example| example.contains(verb.get_name()));
+            assert!(own.count() > 0, "hmd {}: examples of others only", verb.get_name());
+            for example in examples.iter().filter(|example| !example.starts_with("man ")) {
+                let example = example.trim_start_matches("hmd ");
+                let arguments = example.split(" > ").next().unwrap_or_default().split_whitespace();
+                if let Err(error) = Cli::try_parse_from(std::iter::once("hmd").chain(arguments)) {
+                    panic!("hmd {example}: {error}");
+                }
+            }
         }
     }
 }

@@ -14,7 +14,7 @@ use prometheus_client::registry::Registry;
 
 use crate::record::Status;
 
-/// The metrics of `docs/deploy.md`.
+/// The metrics of `docs/metrics.md`, which is made from them.
 #[must_use]
 pub fn render(status: &Status) -> String {
     let mut registry = Registry::with_prefix("hmd");

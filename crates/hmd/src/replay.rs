@@ -8,7 +8,8 @@ use std::sync::Arc;
 
 use prost::Message;
 
-use crate::config::Config;
+use crate::config::{ActuatorConfig, Config};
+use crate::dbc::MessageUse;
 use crate::frame::BusNames;
 use crate::front::{FrameCounts, Notice, WindowJob};
 use crate::ingest::{FrameSource, IngestError, Loss, McapMessages, open_with};
@@ -42,10 +43,12 @@ pub enum ReplayError {
     #[error("stdout: {0}")]
     Stdout(io::Error),
     /// No frame of an actuator that is watched.
-    #[error("{logs}: expected frames of an actuator, found none ({found})")]
+    #[error("{logs}: expected frames of {expected}, found none ({found})")]
     NoActuator {
         /// The logs.
         logs: String,
+        /// What is watched.
+        expected: String,
         /// What there was instead.
         found: String,
     },
@@ -102,7 +105,7 @@ impl Summary {
     ///
     /// # Errors
     /// No actuator, or no sample of one.
-    pub fn check(&self, logs: &[PathBuf]) -> Result<(), ReplayError> {
+    pub fn check(&self, logs: &[PathBuf], config: &Config) -> Result<(), ReplayError> {
         let logs = || {
             let logs: Vec<String> = logs.iter().map(|log| log.display().to_string()).collect();
             logs.join(", ")
@@ -113,7 +116,11 @@ impl Summary {
                 (0, malformed) => format!("{malformed} malformed frames"),
                 (other, malformed) => format!("{malformed} malformed and {other} other frames"),
             };
-            return Err(ReplayError::NoActuator { logs: logs(), found });
+            return Err(ReplayError::NoActuator {
+                logs: logs(),
+                expected: watched(config),
+                found: format!("{found} on {}", self.status.interface.join(", ")),
+            });
         }
         if self.status.samples == 0 {
             let found = self.frames;
@@ -138,6 +145,29 @@ impl Summary {
             )
         })
     }
+}
+
+/// What is watched, in words: which frames on which bus.
+fn watched(config: &Config) -> String {
+    if config.is_auto() {
+        return "an actuator with the identifiers of ema.dbc, or a configuration (-c) that maps the DBC file of this bus"
+            .to_owned();
+    }
+    let one = |actuator: &ActuatorConfig| {
+        let bus = actuator.bus.as_deref().unwrap_or("any bus");
+        let ids: Vec<String> = actuator
+            .map
+            .iter()
+            .flat_map(|map| &map.messages)
+            .map(MessageUse::shown_id)
+            .collect();
+        match ids.as_slice() {
+            [] => format!("{} on {bus}", actuator.name),
+            ids => format!("{} on {bus} ({})", actuator.name, ids.join(", ")),
+        }
+    };
+    let all: Vec<String> = config.actuators().iter().map(one).collect();
+    all.join(", ")
 }
 
 /// What a replay tells while it runs.

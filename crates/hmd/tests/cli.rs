@@ -274,7 +274,8 @@ fn a_log_without_what_is_needed_says_what_is_missing() {
     );
     let sentence = folder.refused("replay --json unknown.log", 1);
     let expected = format!(
-        "hmd: unknown.log: expected frames of an actuator, found none ({} other frames)",
+        "hmd: unknown.log: expected frames of an actuator with the identifiers of ema.dbc, or a configuration (-c) that \
+         maps the DBC file of this bus, found none ({} other frames on can0)",
         lines.len()
     );
     assert_eq!(sentence, expected);
@@ -291,9 +292,10 @@ fn a_log_without_what_is_needed_says_what_is_missing() {
     let ended = folder.hmd("replay --json rest.log");
     assert_eq!((ended.code, ended.stdout.as_str()), (0, ""), "{}", ended.stderr);
     assert!(
-        ended
-            .stderr
-            .ends_with("rest.log: expected an actuation, found none in 150 samples\n"),
+        ended.stderr.ends_with(
+            "rest.log: expected an actuation, found none in 150 samples: a setpoint that rests and then moves, in a \
+                 mode that is not idle\n"
+        ),
         "{}",
         ended.stderr
     );
@@ -754,7 +756,7 @@ fn malformed_frames_alone_are_counted_as_such() {
     folder.write_lines("short.log", short);
     let sentence = folder.refused("replay --json short.log", 1);
     assert!(
-        sentence.ends_with(&format!("found none ({} malformed frames)", lines.len())),
+        sentence.ends_with(&format!("found none ({} malformed frames on can0)", lines.len())),
         "{sentence}"
     );
 }

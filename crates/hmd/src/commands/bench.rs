@@ -7,6 +7,9 @@ use crate::bench::{BenchReport, bench, figures};
 
 /// Measure how fast this computer evaluates monitors and identifies windows.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n\
+    \x20 hmd bench\n\
+    \x20 hmd bench --threads 1 --json")]
 pub struct Args {
     /// Threads; all cores without it.
     #[arg(long)]

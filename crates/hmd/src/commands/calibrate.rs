@@ -17,6 +17,9 @@ use crate::unit::{UnitCalibration, fit_motor, windows_of};
 
 /// Calibrate the monitor for a type of actuator, or for one unit from logs in which it was healthy.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n\
+    \x20 hmd calibrate healthy.mcap -c hmd.toml -o unit.calibration.toml\n\
+    \x20 hmd calibrate --type --actuator own -c hmd.toml -o own.calibration.toml")]
 pub struct Args {
     /// Logs of one unit in health, five windows or more; without them --type.
     #[arg(required_unless_present = "of_type")]

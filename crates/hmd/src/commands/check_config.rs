@@ -6,6 +6,9 @@ use super::{Exit, check_files, load_config, say};
 
 /// Check a configuration and say what it means.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n\
+    \x20 hmd check-config -c hmd.toml\n\
+    \x20 hmd check-config -c hmd.toml --json")]
 pub struct Args {
     /// Configuration file; without it the defaults are shown.
     #[arg(short, long)]

@@ -22,6 +22,9 @@ use crate::sink::{Sink, SyncedFile};
 
 /// Watch a simulated actuator wear out.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n\
+    \x20 hmd demo\n\
+    \x20 hmd demo -o demo.mcap && hmd report demo.mcap -o demo.html")]
 pub struct Args {
     /// MCAP file for all records.
     #[arg(short, long, default_value = "hmd-demo.mcap")]

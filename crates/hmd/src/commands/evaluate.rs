@@ -15,6 +15,9 @@ use crate::judge::{Judge, levels};
 
 /// Measure the accuracy of the identification.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n\
+    \x20 hmd evaluate paper\n\
+    \x20 hmd evaluate random --n 50 --seed 2 --json")]
 pub struct Args {
     /// The suite.
     #[arg(value_enum)]

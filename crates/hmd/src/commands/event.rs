@@ -11,6 +11,7 @@ const AT_MAX_NS: u64 = i64::MAX as u64;
 
 /// Tell of maintenance: a part was replaced, and a new life begins.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  hmd event --reset flap-left -c hmd.toml")]
 pub struct Args {
     /// The actuator that was replaced or overhauled; what is known of its wear is void.
     #[arg(long, value_name = "ACTUATOR")]

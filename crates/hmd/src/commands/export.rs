@@ -6,9 +6,10 @@ use super::{Exit, Misuse, no_input};
 use crate::export::{CsvTable, ParquetTable, Table, TableKind, export};
 
 /// Write what was recorded as a table: CSV or Parquet, wide by time, units in the metadata.
-///
-/// Example: hmd export flight.mcap -o flight.parquet
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n\
+    \x20 hmd export flight.mcap -o flight.parquet\n\
+    \x20 hmd export --table samples flight.mcap -o samples.csv")]
 pub struct Args {
     /// MCAP files that hmd wrote, in the order of time.
     #[arg(required = true)]
@@ -43,7 +44,10 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let exported = export(&args.files, args.table, table)?;
     if exported.rows == 0 {
         let files: Vec<String> = args.files.iter().map(|file| file.display().to_string()).collect();
-        anyhow::bail!("{}: expected records of windows, found none", files.join(", "));
+        anyhow::bail!(
+            "{}: expected records of windows, found none; hmd replay LOG -o OUT.mcap makes them",
+            files.join(", ")
+        );
     }
     Ok(if exported.damaged { Exit::DataLost } else { Exit::Done })
 }

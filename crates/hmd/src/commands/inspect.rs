@@ -14,12 +14,16 @@ use serde::Serialize;
 use super::table::{HEALTH_HEAD, health_row, left_cell};
 use super::{Exit, load_config, say};
 use crate::catalogue::catalogue;
-use crate::ingest::McapMessages;
+use crate::ingest::{McapMessages, open_recorded};
 use crate::judge::{levels, persistence};
 use crate::record::{FAULT_NAMES, Health, Interval, Log, Record, Rul};
 
 /// Print the history in recorded files: damage, remaining life, events.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n\
+    \x20 hmd inspect flight.mcap\n\
+    \x20 hmd inspect --csv monday.mcap tuesday.mcap > week.csv\n\
+    \x20 hmd inspect --catalogue -c hmd.toml")]
 pub struct Args {
     /// MCAP files that hmd wrote, in the order of time.
     #[arg(required_unless_present = "catalogue")]
@@ -121,10 +125,13 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let mut damaged = false;
     for path in &args.files {
         let name = path.display().to_string();
-        let file = File::open(path).with_context(|| name.clone())?;
+        let file = open_recorded(path).with_context(|| name.clone())?;
         let messages = McapMessages::new(BufReader::new(file), &name).with_context(|| name.clone())?;
         let shown = printer.print(messages).with_context(|| name.clone())?;
-        ensure!(shown.windows > 0, "{name}: expected records of windows, found none");
+        ensure!(
+            shown.windows > 0,
+            "{name}: expected records of windows, found none; hmd replay LOG -o OUT.mcap makes them"
+        );
         damaged |= shown.damaged;
     }
     for summarised in printer.summaries.values() {

@@ -10,6 +10,7 @@ use super::Exit;
 
 /// Print a completion script for a shell.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  hmd completions bash > /etc/bash_completion.d/hmd")]
 pub struct Completions {
     /// The shell.
     shell: Shell,
@@ -17,6 +18,7 @@ pub struct Completions {
 
 /// Write the manual pages of hmd and of each of its verbs.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  hmd man man1 && man -l man1/hmd-replay.1")]
 pub struct Man {
     /// Folder for them; made if need be.
     folder: PathBuf,

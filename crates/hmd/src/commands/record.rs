@@ -19,6 +19,9 @@ use crate::recorder::Recorder;
 
 /// Record every frame of some buses until SIGINT or SIGTERM; nothing is filtered and nothing judged.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n\
+    \x20 hmd record can0 -o capture.mcap\n\
+    \x20 hmd record can0 can1 --serial uart1=/dev/ttyUSB0@921600 -o captures/")]
 pub struct Args {
     /// CAN interfaces.
     #[arg(required_unless_present = "serial")]

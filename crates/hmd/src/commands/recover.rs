@@ -12,6 +12,7 @@ use crate::sink::SyncedFile;
 
 /// Copy everything intact of a damaged MCAP file into a whole one, and say what is lost.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  hmd recover damaged.mcap -o whole.mcap")]
 pub struct Args {
     /// Damaged MCAP file; it is not changed.
     #[arg(value_name = "LOG.mcap")]

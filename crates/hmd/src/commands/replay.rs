@@ -10,13 +10,17 @@ use serde::Serialize;
 
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, check_files, load_config, progress, use_threads, warn};
+use super::{Exit, Misuse, check_files, load_config, progress, use_threads, warn};
 use crate::judge::Judged;
 use crate::record::HealthLine;
 use crate::replay::{Observer, Replay};
 
 /// Judge recorded logs.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n\
+    \x20 hmd replay flight.log\n\
+    \x20 hmd replay monday.mcap tuesday.mcap -c hmd.toml -o week.mcap\n\
+    \x20 hmd replay flight.log --json > flight.jsonl")]
 pub struct Args {
     /// Logs in the order of time: candump text or MCAP.
     #[arg(required = true)]
@@ -56,7 +60,18 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     Ok(exit)
 }
 
+/// Names that ask for what other verbs make of a recording.
+const OTHER_FORMS: [&str; 5] = ["csv", "parquet", "html", "json", "jsonl"];
+
 fn replay(args: &Args, viewers: &Viewers) -> anyhow::Result<Exit> {
+    let extension = args.output.as_ref().and_then(|output| output.extension()?.to_str());
+    if let (Some(output), true) = (&args.output, extension.is_some_and(|of| OTHER_FORMS.contains(&of))) {
+        let found = output.display();
+        return Err(Misuse(format!(
+            "--output: expected a name that ends in .mcap, found {found}; hmd export and hmd report make other forms of it"
+        ))
+        .into());
+    }
     let config = Arc::new(load_config(args.config.as_deref())?);
     check_files(&config)?;
     use_threads(args.threads.map(usize::from))?;
@@ -85,13 +100,14 @@ fn replay(args: &Args, viewers: &Viewers) -> anyhow::Result<Exit> {
     printer.bar.finish_and_clear();
     let summary = summary?;
 
-    summary.check(&args.logs)?;
+    summary.check(&args.logs, &replay.config)?;
     let logs: Vec<String> = args.logs.iter().map(|log| log.display().to_string()).collect();
     let logs = logs.join(", ");
     if summary.windows == 0 {
         let samples = summary.status.samples;
         warn(format_args!(
-            "{logs}: expected an actuation, found none in {samples} samples"
+            "{logs}: expected an actuation, found none in {samples} samples: a setpoint that rests and then moves, in a \
+             mode that is not idle"
         ));
     }
     if let Some(loss) = summary.loss() {

@@ -8,9 +8,10 @@ use super::{Exit, no_input};
 use crate::report::{Files, page};
 
 /// Write a report of an actuator: one HTML file that needs nothing else.
-///
-/// Example: hmd replay flight.log -o flight.mcap && hmd report flight.mcap -o ema0.html
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n\
+    \x20 hmd replay flight.log -o flight.mcap && hmd report flight.mcap -o ema0.html\n\
+    \x20 hmd report --actuator flap-left monday.mcap tuesday.mcap -o flap-left.html")]
 pub struct Args {
     /// MCAP files that hmd wrote, in the order of time.
     #[arg(required = true)]

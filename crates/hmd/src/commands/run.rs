@@ -27,6 +27,9 @@ use crate::recorder::{Recorder, is_folder, metadata};
 
 /// Watch the actuators of a configuration until SIGINT or SIGTERM.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n\
+    \x20 hmd run -c hmd.toml -o flight.mcap\n\
+    \x20 hmd run -c /etc/hmd/hmd.toml -o /var/lib/hmd/ --metrics-listen 127.0.0.1:9464")]
 pub struct Args {
     /// Configuration: the buses and what is on them.
     #[arg(short, long)]

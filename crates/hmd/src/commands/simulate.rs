@@ -26,6 +26,9 @@ const INTERFACE: &str = "can0";
 
 /// Write a log of simulated actuations.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n\
+    \x20 hmd simulate -o worn.log --fault friction=0.4 --noise 0.05 --seed 7\n\
+    \x20 hmd simulate -o slow.mcap --rate 400 --windows 5 --k 0.2,0,0,0.1,0,0,0.5,0.5")]
 pub struct Args {
     /// Log to write: `.mcap`, or `.log` for candump text.
     #[arg(short, long)]

@@ -18,12 +18,12 @@ use super::{Exit, Misuse};
 use crate::top::{Colours, Condition, Cursor, Follow, Model, Progress, State, draw, full_height};
 
 /// Watch all actuators of a running daemon, or the end of a recording, on the terminal.
-///
-/// Example: hmd top /var/lib/hmd/records
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Keys: Up/Down or k/j select, PgUp/PgDn, Home/End, w worst first, q, Esc or Ctrl-C end. \
-                        NO_COLOR is honoured."
+                        NO_COLOR is honoured.\n\nExamples:\n\
+                        \x20 hmd top /var/lib/hmd\n\
+                        \x20 hmd top flight.mcap --once"
 )]
 pub struct Args {
     /// Folder that hmd run writes to, or an MCAP file that hmd wrote or writes.

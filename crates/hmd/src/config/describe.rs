@@ -78,6 +78,11 @@ fn write_actuators(out: &mut String, config: &Config) -> fmt::Result {
             actuator.type_name,
             actuator.params.sensors.sample_rate
         )?;
+        for (what, file) in [("type", &actuator.type_calibration), ("unit", &actuator.calibration)] {
+            if let Some(file) = file {
+                write!(out, ", {what} calibrated by {}", file.display())?;
+            }
+        }
         for (what, value) in [("part", &actuator.part_number), ("serial", &actuator.serial_number)] {
             if let Some(value) = value {
                 write!(out, ", {what} {value}")?;
@@ -103,8 +108,7 @@ fn write_map(out: &mut String, actuator: &ActuatorConfig, map: &SignalMap) -> fm
     let file = actuator.dbc.as_deref().unwrap_or(Path::new(""));
     writeln!(out, "    mapped by {}:", file.display())?;
     for message in &map.messages {
-        let digits = if message.extended { 8 } else { 3 };
-        write!(out, "    {} {:0digits$X}:", message.name, message.id)?;
+        write!(out, "    {} {}:", message.name, message.shown_id())?;
         for binding in &message.bindings {
             write!(out, " {}", binding.role.key())?;
         }

@@ -191,6 +191,7 @@ impl Monitor {
                 self.links.insert(bus, state);
                 let name = self.names.name(bus).unwrap_or_default();
                 let message = match cause {
+                    Some(cause) if state != LinkState::Up => format!("{name}: {state} ({cause}); it is waited for"),
                     Some(cause) => format!("{name}: {state} ({cause})"),
                     None => format!("{name}: {state}"),
                 };

@@ -286,6 +286,13 @@ impl SignalMap {
 }
 
 impl MessageUse {
+    /// Its identifier as `candump` shows it: three or eight hexadecimal digits.
+    #[must_use]
+    pub fn shown_id(&self) -> String {
+        let digits = if self.extended { 8 } else { 3 };
+        format!("{:0digits$X}", self.id)
+    }
+
     /// Whether it carries parts of a sample.
     #[must_use]
     pub fn is_sampled(&self) -> bool {

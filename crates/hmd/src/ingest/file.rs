@@ -58,7 +58,7 @@ pub enum IngestError {
         file: String,
     },
     /// A text (or anything else) without one line that is a frame.
-    #[error("{file}: expected a candump or MCAP log, found no valid line in {lines}{}", first.as_ref().map(|loss| format!("; the first: {loss}")).unwrap_or_default())]
+    #[error("{file}: expected a candump or MCAP log, found no valid line in {lines}{}; candump -L writes such a log, can.logconvert of python-can makes one of others", first.as_ref().map(|loss| format!("; the first: {loss}")).unwrap_or_default())]
     NoGoodLine {
         /// The path.
         file: String,
@@ -168,6 +168,20 @@ impl Read for Counted {
 /// [`IngestError`] when nothing in the file can be used.
 pub fn open(path: &Path) -> Result<FrameSource, IngestError> {
     open_with(path, BusNames::new())
+}
+
+/// Opens a file that hmd wrote.
+///
+/// # Errors
+/// What the system says; of a folder, which files in it are meant.
+pub fn open_recorded(path: &Path) -> io::Result<File> {
+    let file = File::open(path)?;
+    if file.metadata()?.is_dir() {
+        let folder = path.display();
+        let what = format!("expected files, found a folder; the records of hmd run are in {folder}/*-records.mcap");
+        return Err(io::Error::new(io::ErrorKind::IsADirectory, what));
+    }
+    Ok(file)
 }
 
 /// Opens a log; `names` is the table of interfaces of the log before, so that an interface keeps its index.
@@ -342,11 +356,13 @@ mod tests {
         assert_eq!(
             refused("a.log", b"hello\nworld\n"),
             "F: expected a candump or MCAP log, found no valid line in 2; the first: F:1: \
-             expected a stamp \"(seconds.fraction)\" with 6 or 9 decimals, found \"hello\""
+             expected a stamp \"(seconds.fraction)\" with 6 or 9 decimals, found \"hello\"; candump -L writes such a log, can.logconvert of python-can \
+             makes one of others"
         );
         assert_eq!(
             refused("a.log", b"\n\n"),
-            "F: expected a candump or MCAP log, found no valid line in 2"
+            "F: expected a candump or MCAP log, found no valid line in 2; candump -L writes such a log, can.logconvert of \
+             python-can makes one of others"
         );
         assert_eq!(
             refused("a.mcap", mcap::MAGIC),

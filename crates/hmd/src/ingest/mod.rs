@@ -13,7 +13,7 @@ pub mod mcap;
 pub mod serial;
 
 pub use candump::{BadLine, CandumpReader, LineFault};
-pub use file::{FrameSource, IngestError, LogFormat, open, open_with};
+pub use file::{FrameSource, IngestError, LogFormat, open, open_recorded, open_with};
 pub use mcap::{McapFault, McapFrames, McapLoss, McapMessage, McapMessages, McapTail, TailError};
 
 use thiserror::Error;

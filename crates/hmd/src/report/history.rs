@@ -1,13 +1,12 @@
 //! What recorded files say of an actuator.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
 use prost::Message;
 
-use crate::ingest::McapMessages;
+use crate::ingest::{McapMessages, open_recorded};
 use crate::record::{Estimate, Health, Log, Record, Rul, Status, Window};
 
 /// Why there is no report.
@@ -30,7 +29,7 @@ pub enum ReportError {
         source: prost::DecodeError,
     },
     /// Files without records of windows.
-    #[error("{files}: expected records of windows, found none")]
+    #[error("{files}: expected records of windows, found none; hmd replay LOG -o OUT.mcap makes them")]
     Empty {
         /// The files.
         files: String,
@@ -120,7 +119,7 @@ impl Files {
                 file: name.clone(),
                 source,
             };
-            let file = File::open(path).map_err(io)?;
+            let file = open_recorded(path.as_ref()).map_err(io)?;
             let mut messages = McapMessages::new(BufReader::new(file), &name).map_err(io)?;
             let mut source = Source {
                 file: path

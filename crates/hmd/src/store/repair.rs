@@ -104,36 +104,29 @@ impl Found {
         self.segments.insert(name, size);
     }
 
+    /// What cannot be removed is not counted: the closed one of the same number is, and the next start tries again.
     fn remove(&mut self, folder: &Path, name: Name) {
         if let Err(cause) = fs::remove_file(folder.join(name.to_string())) {
             self.tell(LogLevel::Error, &format!("{name} cannot be removed: {cause}"));
-            self.add(folder, name);
         }
     }
 
     fn repair(&mut self, folder: &Path, name: Name, disk: &dyn Disk) {
         match repaired(folder, name, disk) {
             Ok(repaired) => {
-                let Recovered {
-                    messages, losses_total, ..
-                } = repaired.report;
-                let text = if messages > 0 {
-                    let closed = name.at(Stage::Closed);
+                let closed = name.at(Stage::Closed);
+                let (bytes, is_spent) = (repaired.bytes, repaired.is_source_spent);
+                let (messages, lost) = (repaired.report.messages, repaired.report.losses_total);
+                let text = match messages {
+                    0 if is_spent => format!("before its first record, after {bytes} bytes"),
+                    0 => format!("none of its {bytes} bytes could be kept; {lost} damaged places"),
+                    _ => format!("{messages} records kept in {closed}; {lost} damaged places in its {bytes} bytes"),
+                };
+                self.tell(LogLevel::Warning, &format!("{name} was cut: {text}"));
+                if messages > 0 {
                     self.add(folder, closed);
-                    format!("{messages} records kept in {closed}; {losses_total} damaged places")
-                } else if repaired.is_source_spent {
-                    "before its first record".to_owned()
-                } else {
-                    format!("no record could be kept; {losses_total} damaged places")
-                };
-                let cut = if messages == 0 && repaired.is_source_spent {
-                    "was cut"
-                } else {
-                    "was cut:"
-                };
-                let bytes = repaired.bytes;
-                self.tell(LogLevel::Warning, &format!("{name} {cut} {text} in its {bytes} bytes"));
-                self.dispose(folder, name, repaired.is_source_spent);
+                }
+                self.dispose(folder, name, is_spent);
             }
             Err(cause) => {
                 // It may be repaired by the next start, or by hand.

@@ -152,6 +152,9 @@ pub(crate) fn read(folder: &Path) -> BTreeMap<(u64, u64), u64> {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         let name = path.display().to_string();
+        if is_left_by_a_cut(&path) {
+            continue;
+        }
         assert!(name.ends_with(".mcap"), "{name} is left over");
         for message in McapMessages::new(File::open(&path).unwrap(), &name).unwrap() {
             let message = message.unwrap();
@@ -166,6 +169,19 @@ pub(crate) fn read(folder: &Path) -> BTreeMap<(u64, u64), u64> {
         }
     }
     found
+}
+
+/// Whether a segment ended before it had a header, or in its first chunk: nothing in it had been synced, and neither is
+/// removed by a start.
+fn is_left_by_a_cut(path: &Path) -> bool {
+    match path.extension().and_then(|end| end.to_str()) {
+        Some("part") => std::fs::metadata(path).unwrap().len() == 0,
+        Some("damaged") => {
+            let mut messages = McapMessages::new(File::open(path).unwrap(), "damaged").unwrap();
+            !messages.any(|message| message.is_ok())
+        }
+        _ => false,
+    }
 }
 
 /// Start and number of the window that a line tells as stored, if it is whole.

@@ -2,10 +2,12 @@
 
 use ema_models::{ActuatorParams, Calibration, FaultVector, RANK_LANES, StepResponse, StepTrial};
 
+use serde::{Deserialize, Serialize};
+
 use crate::config::Specification;
 
 /// The requirement that is not met.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Shortfall {
     /// The output does not reach the speed.
     SlewRate,

@@ -40,6 +40,9 @@ pub struct Life {
     last: Option<Last>,
     /// The newest fault vector.
     fault: Option<[f64; FAULT_COUNT]>,
+    /// The last trial of the function; files of version 1 had none.
+    #[serde(default)]
+    tried: Option<functional::Tried>,
 }
 
 /// What a window shows of an actuator.
@@ -102,6 +105,7 @@ impl Life {
             measured: Measured::default(),
             last: None,
             fault: None,
+            tried: None,
         })
     }
 
@@ -122,6 +126,8 @@ impl Life {
         }
         Ok(Self {
             health: self.health.with_rules_of(&new.health),
+            // The specification may be another one.
+            tried: None,
             prognosis: self.prognosis.with_end_of_life(new.prognosis.end_of_life()),
             // Frames are counted from the start of the daemon; elapsed hours go on.
             last: self.last.map(|last| Last {
@@ -144,7 +150,7 @@ impl Life {
         let governs = match (shown.shortfall, self.fault) {
             (Some(shortfall), Some(fault)) => {
                 let fault = FaultVector::from_array(fault);
-                functional::bring_forward(&mut forecast, &self.prognosis, &fault, shortfall)
+                functional::bring_forward(&mut forecast, &self.prognosis, &fault, shortfall, &mut self.tried)
             }
             _ => Governs::Damage,
         };

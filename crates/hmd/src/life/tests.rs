@@ -1,3 +1,4 @@
+use std::cell::Cell;
 use std::sync::Arc;
 
 use ema_models::ActuatorParams;
@@ -245,8 +246,11 @@ fn the_function_ends_a_life_before_the_damage_does() {
     let config = config("hours = \"elapsed\"");
     let mut life = Life::new(&config, None).expect("levels");
     // Useless from a friction of 0.5 on: 625 h after the beginning instead of 1000 h.
-    let useless =
-        |faults: &[FaultVector; TRIED]| faults.map(|fault| (fault.friction >= 0.5).then_some(Shortfall::SlewRate));
+    let trials = Cell::new(0);
+    let useless = |faults: &[FaultVector; TRIED]| {
+        trials.set(trials.get() + 1);
+        faults.map(|fault| (fault.friction >= 0.5).then_some(Shortfall::SlewRate))
+    };
     for n in 0..70_u64 {
         let damage = 0.008 * n as f64;
         let fault = FaultVector {
@@ -272,4 +276,57 @@ fn the_function_ends_a_life_before_the_damage_does() {
             assert!(told.forecast.faults[0].expect("a trend").hours.p50 > left.hours.p50);
         }
     }
+    assert!(trials.get() <= 2 * 70 / 3 + 2, "{} trials", trials.get());
+    // A part that breaks now is tried now.
+    let broken = FaultVector {
+        friction: 0.9,
+        ..FaultVector::NOMINAL
+    };
+    let mut fresh = Life::new(&config, None).expect("levels");
+    for (n, (fault, governs)) in [
+        (FaultVector::NOMINAL, Governs::Damage),
+        (broken, Governs::Function(Shortfall::SlewRate)),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let shown = Shown {
+            judgement: Some(&friction(fault.friction)),
+            fault: Some(&fault),
+            fit: &Fit::default(),
+            shortfall: Some(&useless),
+        };
+        let told = fresh.update(&job(&config, n as u64, n as f64, 0.0), &shown, &config);
+        assert_eq!(told.governs, governs, "window {n}");
+    }
+}
+
+#[test]
+fn a_slow_wear_is_tried_every_eighth_window() {
+    let config = config("hours = \"elapsed\"");
+    let mut life = Life::new(&config, None).expect("levels");
+    let trials = Cell::new(0);
+    let useless = |faults: &[FaultVector; TRIED]| {
+        trials.set(trials.get() + 1);
+        faults.map(|fault| (fault.friction >= 0.5).then_some(Shortfall::SlewRate))
+    };
+    for n in 0..240_u64 {
+        let damage = 0.002 * n as f64;
+        let fault = FaultVector {
+            friction: damage,
+            ..FaultVector::NOMINAL
+        };
+        let shown = Shown {
+            judgement: Some(&friction(damage)),
+            fault: Some(&fault),
+            fit: &Fit::default(),
+            shortfall: Some(&useless),
+        };
+        life.update(&job(&config, n, 10.0 * n as f64, 0.0), &shown, &config);
+    }
+    assert!(
+        (40..=2 * 240 / 8 + 4).contains(&trials.get()),
+        "{} trials",
+        trials.get()
+    );
 }

@@ -221,9 +221,19 @@ impl SampleRate {
             .iter()
             .map(|&us| f64::from(us))
             .filter(|us| (0.4 * median..=2.5 * median).contains(us));
-        let (count, sum) = near.fold((0.0, 0.0), |(count, sum), us| (count + 1.0, sum + us));
+        let (count, sum) = near
+            .clone()
+            .fold((0.0, 0.0), |(count, sum), us| (count + 1.0, sum + us));
         let hz = 1e6 * count / sum;
-        let is_nominal = (hz - nominal_hz).abs() < ROUNDING * nominal_hz;
+        // The clock's own step, where it shows: the mean is off by at most one step in all the time summed up.
+        let step = near.clone().fold(0, |step, us| gcd(step, us as u16));
+        let coarse = near.clone().any(|us| us as u16 != step);
+        let rounding = if coarse {
+            ROUNDING.max(f64::from(step) / sum)
+        } else {
+            ROUNDING
+        };
+        let is_nominal = (hz - nominal_hz).abs() <= rounding * nominal_hz;
         Self {
             hz: if is_nominal { nominal_hz } else { hz },
             told: true,
@@ -238,6 +248,11 @@ impl SampleRate {
         }
         ((COUNTER_ROUND / 8.0 / self.hz * 1e9) as u64).max(Assembler::DEFAULT_MAX_SPAN_NS)
     }
+}
+
+/// Greatest common divisor; of 0 and a number the number.
+fn gcd(a: u16, b: u16) -> u16 {
+    if b == 0 { a } else { gcd(b, a % b) }
 }
 
 impl Rate {
@@ -334,12 +349,15 @@ mod tests {
 
     #[test]
     fn a_coarse_device_clock_tells_the_nominal_rate() {
-        for lsb_us in [1.0, 16.0, 32.0, 64.0, 100.0, 500.0] {
+        for lsb_us in [1.0, 16.0, 32.0, 64.0, 100.0, 500.0, 1000.0] {
             assert_eq!(rate(400.0, lsb_us).hz.to_bits(), 400f64.to_bits(), "{lsb_us}");
         }
         let too_coarse = rate(400.0, 4000.0);
         assert!(!too_coarse.told);
         assert_eq!(too_coarse.hz.to_bits(), 400f64.to_bits());
+        // Jitter does not make the clock coarse: a step of 1 µs.
+        let mut jitter: Vec<u16> = (0..15).map(|n| 2490 + 3 * (n % 3)).collect();
+        assert!((SampleRate::told(&mut jitter, 402.0).hz - 401.1).abs() < 0.1);
         // Another rate is no rounding.
         assert!((rate(402.3, 1.0).hz - 402.3).abs() < 0.1);
         assert!((rate(625.0, 100.0).hz - 625.0).abs() < 6.0);

@@ -61,6 +61,9 @@ pub struct Config {
     bus: BusConfig,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     serial: Vec<SerialConfig>,
+    /// The files that were read. Not part of the hash.
+    #[serde(skip)]
+    files: Vec<PathBuf>,
     /// Where relative paths start. Not part of the hash: moving a configuration does not change it.
     #[serde(skip)]
     directory: PathBuf,
@@ -92,6 +95,7 @@ impl Config {
         }
         let mut config = Self::from_files(&files, &path.display().to_string())?;
         config.directory = parent(path);
+        config.files = files.iter().map(|(name, _)| PathBuf::from(name)).collect();
         Ok(config)
     }
 
@@ -137,6 +141,7 @@ impl Config {
             output: OutputConfig::read(&root.section("output", OutputConfig::KEYS)?)?,
             bus: BusConfig::read(&root.section("bus", BusConfig::KEYS)?)?,
             serial,
+            files: Vec::new(),
             directory: parent(Path::new(file_name)),
         };
         config.named_buses(file_name)?;
@@ -274,6 +279,19 @@ impl Config {
     #[must_use]
     pub fn resolve(&self, path: &Path) -> PathBuf {
         self.directory.join(path)
+    }
+
+    /// Every file that a run with this configuration reads: itself with its drop-ins, calibrations, DBC files, events.
+    #[must_use]
+    pub fn files(&self) -> Vec<PathBuf> {
+        let calibrations = self.types.values().filter_map(|of_type| of_type.calibration.as_ref());
+        let units = self
+            .actuators
+            .iter()
+            .flat_map(|unit| unit.calibration.iter().chain(&unit.dbc));
+        let named = calibrations.chain(units).chain(&self.rul.events);
+        let named = named.map(|path| self.resolve(path));
+        self.files.iter().cloned().chain(named).collect()
     }
 
     /// SHA-256 in hex of the checked configuration: equal for two files that mean the same.

@@ -13,6 +13,9 @@ use crate::dbc::{Heard, MappedBus, Role};
 use crate::frame::{BusNames, RawFrame};
 use crate::window::{TimedSample, Window, Windower};
 
+/// A rate that a device's clock tells and that is this near, as a share, to one of whole control periods is that one.
+const RATE_ROUNDING: f64 = 0.002;
+
 /// One cut window and whose it is.
 #[derive(Clone, Debug)]
 pub struct WindowJob {
@@ -522,6 +525,15 @@ impl Cutter {
         let name = &actuator.name;
         let nominal = actuator.params.sensors.sample_rate;
         let mut params = actuator.params;
+        // The device samples in whole control periods; its clock and its sender jitter by more than that is off.
+        let control_s = params.controller.period;
+        let whole = (1.0 / (rate.hz * control_s)).round().max(1.0);
+        let whole_hz = 1.0 / (whole * control_s);
+        let is_whole = rate.told && (whole_hz / rate.hz - 1.0).abs() < RATE_ROUNDING;
+        let rate = SampleRate {
+            hz: if is_whole { whole_hz } else { rate.hz },
+            ..rate
+        };
         params.sensors.sample_rate = rate.hz;
         if (rate.hz - nominal).abs() > 1e-3 * nominal {
             let found = rate.hz;
@@ -537,6 +549,13 @@ impl Cutter {
                     operating: 0,
                 })
                 .map_err(|e| e.to_string()),
+            Err(_) if rate.told => Err(format!(
+                "its clock tells {:.1} samples/s, of a period that is no whole number of control periods of {} ms; if that is \
+                 wrong, leave sample.time out of the map and set sensors.sample_rate_hz of type {}",
+                rate.hz,
+                1e3 * control_s,
+                actuator.type_name
+            )),
             Err(e) => Err(e.to_string()),
         };
         made.unwrap_or_else(|why| {

@@ -111,7 +111,12 @@ impl Life {
 
     /// Whether it could have come about: a file may say anything.
     fn is_possible(&self) -> bool {
-        self.health.is_possible() && self.prognosis.is_possible() && self.urgency.is_possible()
+        let used = [self.used.hours, self.used.cycles, self.used.work_j];
+        used.iter().all(|used| *used >= 0.0)
+            && i64::try_from(self.begun_ns).is_ok()
+            && self.health.is_possible()
+            && self.prognosis.is_possible()
+            && self.urgency.is_possible()
     }
 
     /// A life that was kept goes on under a configuration, after a pause that counts for nothing; a unit with another

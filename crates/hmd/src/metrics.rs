@@ -1,8 +1,9 @@
 //! The counters of a [`Status`] as Prometheus metrics, in the text form that scrapers and the textfile collector read.
 
 use std::fmt;
-use std::fs::File;
+use std::fs::Permissions;
 use std::io::{self, Write};
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
 use prometheus_client::collector::Collector;
@@ -13,6 +14,7 @@ use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::Registry;
 
 use crate::record::Status;
+use crate::regular::create_beside;
 
 /// The metrics of `docs/metrics.md`, which is made from them.
 #[must_use]
@@ -31,7 +33,10 @@ pub fn render(status: &Status) -> String {
 pub fn write_textfile(path: &Path, metrics: &str) -> io::Result<()> {
     let mut beside = path.as_os_str().to_owned();
     beside.push(".tmp");
-    File::create(&beside)?.write_all(metrics.as_bytes())?;
+    let mut file = create_beside(Path::new(&beside))?;
+    file.write_all(metrics.as_bytes())?;
+    // Its reader is another user, whatever the mask of the service.
+    file.set_permissions(Permissions::from_mode(0o644))?;
     std::fs::rename(beside, path)
 }
 

@@ -3,7 +3,7 @@
 //! A FIFO with a likely name would make the reader wait for its other end, and a device may do anything.
 
 use std::fs::{File, OpenOptions};
-use std::io;
+use std::io::{self, Read};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 
@@ -26,6 +26,32 @@ pub(crate) fn open_regular(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
+/// All of a regular file, or of a link to one, of at most `most` bytes.
+///
+/// # Errors
+/// Those of [`open_regular`], or [`io::ErrorKind::FileTooLarge`].
+pub(crate) fn read_regular(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open_regular(path)?.take(most + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most {
+        let text = format!("expected at most {most} bytes, found more");
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, text));
+    }
+    Ok(bytes)
+}
+
+/// Makes a file anew beside the one that it is to replace; what was there under that name goes, and is not followed.
+///
+/// # Errors
+/// What the system says.
+pub(crate) fn create_beside(path: &Path) -> io::Result<File> {
+    match std::fs::remove_file(path) {
+        Err(cause) if cause.kind() != io::ErrorKind::NotFound => return Err(cause),
+        _ => {}
+    }
+    OpenOptions::new().write(true).create_new(true).open(path)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -46,5 +72,18 @@ mod tests {
             open_regular(&folder.path().join("none")).unwrap_err().kind(),
             io::ErrorKind::NotFound
         );
+    }
+
+    #[test]
+    fn large_files_are_refused_and_links_are_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let [file, link] = ["file", "link"].map(|name| folder.path().join(name));
+        std::fs::write(&file, "four").unwrap();
+        assert_eq!(read_regular(&file, 4).unwrap(), b"four");
+        assert_eq!(read_regular(&file, 3).unwrap_err().kind(), io::ErrorKind::FileTooLarge);
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        drop(create_beside(&link).unwrap());
+        assert_eq!(std::fs::read(&file).unwrap(), b"four", "what the link led to");
+        assert_eq!(std::fs::read(&link).unwrap(), b"");
     }
 }

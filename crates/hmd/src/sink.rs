@@ -31,6 +31,8 @@ pub const METADATA_NAME: &str = "hmd";
 pub const ROUND_FRAMES: usize = 2048;
 /// Longest stretch of time in one round, ns.
 pub const ROUND_SPAN_NS: u64 = 500_000_000;
+/// Distance to the last copy of a definition, bytes: more than a block of any disk, which may go as a whole.
+const COPIES_APART_BYTES: u64 = 8192;
 /// Uncompressed size at which a chunk is closed, bytes.
 const CHUNK_BYTES: u64 = 1 << 20;
 
@@ -107,6 +109,16 @@ pub struct Sink<W: Write + Seek> {
     round: Vec<RawFrame>,
     rounds: u64,
     counts: SinkCounts,
+    /// In the order of `at_byte`.
+    copies: Vec<Copy>,
+}
+
+/// A definition that is to be written once more: at most one for each schema and channel.
+struct Copy {
+    /// Where the last copy ends.
+    at_byte: u64,
+    name: &'static str,
+    content: BTreeMap<String, String>,
 }
 
 struct Channel {
@@ -144,6 +156,7 @@ impl<W: Write + Seek> Sink<W> {
             round: Vec::with_capacity(ROUND_FRAMES),
             rounds: 0,
             counts: SinkCounts::default(),
+            copies: Vec::new(),
         };
         sink.metadata(METADATA_NAME, metadata)?;
         Ok(sink)
@@ -206,7 +219,16 @@ impl<W: Write + Seek> Sink<W> {
     /// When the file cannot be written.
     pub fn flush_window(&mut self) -> Result<(), SinkError> {
         self.end_round()?;
-        Ok(self.writer.flush()?)
+        self.writer.flush()?;
+        let far_enough = self.bytes().saturating_sub(COPIES_APART_BYTES);
+        let due = self.copies.partition_point(|copy| copy.at_byte <= far_enough);
+        if due > 0 {
+            for copy in self.copies.drain(..due).collect::<Vec<_>>() {
+                self.metadata(copy.name, &copy.content)?;
+            }
+            self.writer.flush()?;
+        }
+        Ok(())
     }
 
     /// Ends the file with its summary and returns the flushed output, for the caller to sync, and what went in.
@@ -288,16 +310,24 @@ impl<W: Write + Seek> Sink<W> {
             metadata: BTreeMap::from([("schema_version".to_owned(), SCHEMA_VERSION.to_owned())]),
         };
         if known.is_none() {
-            self.metadata(SCHEMA_NAME, &schema.emit())?;
+            self.copy(SCHEMA_NAME, schema.emit())?;
             self.schemas.insert(R::SCHEMA_NAME, schema.id);
         }
-        self.metadata(CHANNEL_NAME, &channel.emit())?;
+        self.copy(CHANNEL_NAME, channel.emit())?;
         let channel = Channel {
             id: channel.id,
             sequence: 0,
             definition: Some((schema, channel)),
         };
         self.channels.insert(topic, channel);
+        Ok(())
+    }
+
+    /// Writes the copy of a definition now, and notes it to be written again.
+    fn copy(&mut self, name: &'static str, content: BTreeMap<String, String>) -> Result<(), SinkError> {
+        self.metadata(name, &content)?;
+        let at_byte = self.bytes();
+        self.copies.push(Copy { at_byte, name, content });
         Ok(())
     }
 

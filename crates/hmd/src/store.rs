@@ -19,7 +19,7 @@ pub use disk::{Disk, Out, RealDisk};
 pub use limits::Limits;
 pub use list::{RecordsSegment, records_segments};
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::os::unix::fs::MetadataExt;
@@ -97,6 +97,8 @@ pub struct Store {
     free_bytes: u64,
     deleted: u64,
     raw_paused: bool,
+    /// A segment could not be deleted when room was made last.
+    undeletable: bool,
     /// Failures told already, so that each is told once until all is well again; at most [`MESSAGES_MAX`].
     told: Vec<String>,
     messages: Vec<(LogLevel, String)>,
@@ -142,6 +144,7 @@ impl Store {
             free_bytes: 0,
             deleted: 0,
             raw_paused: false,
+            undeletable: false,
             told: Vec::new(),
             messages: Vec::new(),
         };
@@ -202,7 +205,7 @@ impl Store {
         }
         self.make_room();
         self.begin(Kind::Records);
-        if !self.told.is_empty() && !self.records.has_failed() && !self.raw.has_failed() {
+        if !self.told.is_empty() && !self.undeletable && !self.records.has_failed() && !self.raw.has_failed() {
             self.told.clear();
             let text = format!(
                 "storage: written again; not stored since the start: {} frames, {} records",
@@ -358,24 +361,28 @@ impl Store {
     fn make_room(&mut self) {
         let mut free = self.disk.free_bytes(&self.folder).ok();
         let too_little = |free: Option<u64>, least: u64| free.is_some_and(|free| free < least);
+        let mut stays = BTreeSet::new();
         loop {
             let over = self.used_bytes() > self.limits.budget_bytes;
             if !over && !too_little(free, self.limits.free_bytes_min) {
                 break;
             }
-            if !self.closed.keys().any(|(kind, _)| *kind == Kind::Raw) && self.raw.name().is_some() {
+            let has_raw = |key: &(Kind, u64)| key.0 == Kind::Raw && !stays.contains(key);
+            if !self.closed.keys().any(has_raw) && self.raw.name().is_some() {
                 self.end(Kind::Raw);
             }
             // Raw sorts before records, and small numbers before large ones.
-            let oldest = self.closed.iter().next().map(|(key, (stage, _))| (*key, *stage));
+            let mut left = self.closed.iter().filter(|(key, _)| !stays.contains(*key));
+            let oldest = left.next().map(|(key, (stage, _))| (*key, *stage));
             let Some((key, stage)) = oldest.filter(|(key, _)| over || key.0 == Kind::Raw) else {
                 break;
             };
             if !self.delete(key, stage) {
-                break;
+                stays.insert(key);
             }
             free = self.disk.free_bytes(&self.folder).ok();
         }
+        self.undeletable = !stays.is_empty();
         let used = self.used_bytes();
         let short = used > self.limits.budget_bytes || too_little(free, self.limits.free_bytes_min);
         let room = used + self.limits.segment_bytes <= self.limits.budget_bytes

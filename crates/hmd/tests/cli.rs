@@ -1012,12 +1012,21 @@ fn no_verb_writes_over_what_it_reads_by_whatever_name() {
     ] {
         let said = folder.refused(line, 2);
         assert!(
-            said.contains("expected another file than those to be read"),
+            said.contains("expected another output than a file that is read"),
             "{line}: {said}"
         );
     }
     folder.refused("replay actuation.log -o hard.log", 1);
     assert_eq!([folder.read("a.mcap"), folder.read("actuation.log")], before);
+    let config = "[rul]\nevents = \"events.jsonl\"\n[[actuator]]\nid = 0\nbus = \"can0\"\n";
+    fs::create_dir(folder.path("conf.d")).expect("a folder");
+    for (name, text) in [("hmd.toml", config), ("conf.d/a.toml", ""), ("events.jsonl", "\n")] {
+        folder.write(name, text);
+        folder.refused(&format!("replay actuation.log -c hmd.toml -o {name}"), 2);
+        folder.refused(&format!("run -c hmd.toml --metrics {name} -o records/"), 2);
+        assert_eq!(folder.read(name), text.as_bytes());
+    }
+    folder.refused("simulate -c hmd.toml -o hmd.toml", 2);
 }
 
 #[test]

@@ -118,3 +118,37 @@ fn a_recording_is_not_replaced() {
     }
     assert_eq!(std::fs::read(&output).unwrap(), b"a recording");
 }
+
+#[test]
+fn a_stop_is_not_lost_behind_many_reloads() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("hmd.toml");
+    std::fs::write(&config, "[[actuator]]\nid = 3\nbus = \"nosuchbus0\"\n").unwrap();
+    let mut child = hmd()
+        .arg("run")
+        .arg("-c")
+        .arg(&config)
+        .args(["-o", "records/"])
+        .current_dir(folder.path())
+        .stderr(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut stderr = BufReader::new(child.stderr.take().unwrap());
+    stderr.read_line(&mut String::new()).unwrap();
+    let reader = std::thread::spawn(move || stderr.read_to_string(&mut String::new()).unwrap());
+    let id = child.id().to_string();
+    for name in std::iter::repeat_n("-HUP", 40).chain(["-TERM"]) {
+        assert!(Command::new("kill").args([name, &id]).status().unwrap().success());
+    }
+    let start = std::time::Instant::now();
+    let ended = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status;
+        }
+        assert!(start.elapsed() < std::time::Duration::from_secs(30), "it does not stop");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    };
+    assert_eq!(ended.code(), Some(0));
+    reader.join().unwrap();
+}

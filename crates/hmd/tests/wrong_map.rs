@@ -75,6 +75,61 @@ fn map() -> String {
     map.replace("FCU_Phase.IC", "FCU_Phase.Ic")
 }
 
+/// What a replay prints by the map in a folder.
+fn replayed(folder: &Path, log: &Path) -> String {
+    let replayed = Command::new(env!("CARGO_BIN_EXE_hmd"))
+        .args(["replay", "-c", "flap.toml"])
+        .arg(log)
+        .current_dir(folder)
+        .output()
+        .expect("hmd starts");
+    String::from_utf8(replayed.stdout).expect("hmd prints UTF-8") + &String::from_utf8_lossy(&replayed.stderr)
+}
+
+/// The rate is nowhere but in the device's clock, whose steps no real device makes to the microsecond; or to the
+/// millisecond, and then the map must do without it.
+#[test]
+fn a_clock_that_jitters_tells_the_rate_and_a_coarse_one_is_told_apart() {
+    let folder = tempfile::tempdir().expect("a temporary directory");
+    let buses = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/buses");
+    fs::copy(buses.join("flap.dbc"), folder.path().join("flap.dbc")).expect("flap.dbc");
+    fs::write(folder.path().join("flap.toml"), map()).expect("flap.toml");
+    let recorded = fs::read_to_string(buses.join("flap.log")).expect("flap.log");
+    let with_clock = |change: &dyn Fn(u64, u16) -> u16| {
+        let lines = recorded
+            .lines()
+            .enumerate()
+            .map(|(n, line)| match line.split_once(" 212#") {
+                Some((before, data)) => {
+                    let clock = u16::from_str_radix(&data[10..14], 16).expect("a clock");
+                    let clock = change(n as u64, clock);
+                    format!("{before} 212#{}{clock:04X}{}\n", &data[..10], &data[14..])
+                }
+                None => format!("{line}\n"),
+            });
+        let log = folder.path().join("own.log");
+        fs::write(&log, lines.collect::<String>()).expect("own.log");
+        replayed(folder.path(), &log)
+    };
+    for most in [1, 3, 20] {
+        let jitter = |n: u64, clock: u16| clock.wrapping_add((hmd::seed::mix(7, &[n]) % (2 * most + 1)) as u16);
+        let printed = with_clock(&jitter);
+        assert!(
+            printed.lines().nth(1).is_some_and(|line| line.ends_with("friction")),
+            "{most}: {printed}"
+        );
+    }
+    let printed = with_clock(&|_, clock| clock / 1000 * 1000);
+    assert!(printed.contains("not monitored: its clock tells 4"), "{printed}");
+    let text = map() + "\n[type.bench.sensors]\nsample_rate_hz = 400\n";
+    fs::write(folder.path().join("flap.toml"), text).expect("flap.toml");
+    let printed = with_clock(&|_, clock| clock / 1000 * 1000);
+    assert!(
+        printed.lines().nth(1).is_some_and(|line| line.ends_with("friction")),
+        "{printed}"
+    );
+}
+
 #[test]
 fn each_wrong_thing_is_told_by_what_the_tutorial_says() {
     let folder = tempfile::tempdir().expect("a temporary directory");
@@ -84,13 +139,7 @@ fn each_wrong_thing_is_told_by_what_the_tutorial_says() {
     for (wrong, from, to, status, reason) in WRONG {
         assert!(database.contains(from), "{wrong}: {from}");
         fs::write(folder.path().join("flap.dbc"), database.replace(from, to)).expect("flap.dbc");
-        let replayed = Command::new(env!("CARGO_BIN_EXE_hmd"))
-            .args(["replay", "-c", "flap.toml"])
-            .arg(buses.join("flap.log"))
-            .current_dir(folder.path())
-            .output()
-            .expect("hmd starts");
-        let printed = String::from_utf8(replayed.stdout).expect("hmd prints UTF-8");
+        let printed = replayed(folder.path(), &buses.join("flap.log"));
         let window = printed.lines().nth(1).unwrap_or_default();
         let found = window.split_whitespace().nth(2);
         assert_eq!(found, Some(status), "{wrong}: {printed}");

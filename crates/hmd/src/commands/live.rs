@@ -17,19 +17,22 @@ pub(super) enum Asked {
     Reload,
 }
 
-/// Requests that wait while one is carried out; more say nothing new.
-const WAITING_MAX: usize = 8;
+/// Requests that wait while one is carried out: a reload takes the configuration as it is then, so that a second says nothing
+/// new, and there is always room for a stop.
+const WAITING_MAX: usize = 2;
 
 /// Signals from now on, on a thread of their own: none is missed before the daemon runs, or between two runs of it.
 pub(super) fn signals() -> io::Result<mpsc::Receiver<Asked>> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
     let (sender, receiver) = mpsc::channel(WAITING_MAX);
-    let [mut interrupt, mut terminate, mut hangup] = {
+    let [mut interrupt, mut terminate, mut hangup, _too_large] = {
         let _inside = runtime.enter();
         [
             signal(SignalKind::interrupt())?,
             signal(SignalKind::terminate())?,
             signal(SignalKind::hangup())?,
+            // A file larger than the limit of the process is an error of the write, which costs a segment, not the run.
+            signal(SignalKind::from_raw(libc::SIGXFSZ))?,
         ]
     };
     std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
@@ -40,8 +43,10 @@ pub(super) fn signals() -> io::Result<mpsc::Receiver<Asked>> {
                     _ = terminate.recv() => Asked::Stop,
                     _ = hangup.recv() => Asked::Reload,
                 };
-                // A full channel asks for all there is already.
-                let _ = sender.try_send(asked);
+                if asked == Asked::Stop || sender.capacity() == WAITING_MAX {
+                    // A full channel asks for the stop already.
+                    let _ = sender.try_send(asked);
+                }
             }
         });
     })?;

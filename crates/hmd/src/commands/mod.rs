@@ -138,7 +138,7 @@ fn no_input(output: &Path, inputs: impl IntoIterator<Item = impl AsRef<Path>>) -
     if inputs.into_iter().any(|input| is_same_file(output, input.as_ref())) {
         let output = output.display();
         return Err(Misuse(format!(
-            "--output: expected another file than those to be read, found {output}"
+            "expected another output than a file that is read, found {output}"
         )));
     }
     Ok(())

@@ -14,7 +14,7 @@ use super::live::{Asked, report, signals};
 use super::metrics_http::{self, Page, loopback};
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, check_files, load_config, no_recording, service, use_threads, warn};
+use super::{Exit, check_files, load_config, no_input, no_recording, service, use_threads, warn};
 use crate::config::Config;
 use crate::daemon::{Daemon, DaemonError, Observer};
 use crate::ingest::can::{CanSource, Wanted};
@@ -64,6 +64,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let mut config = load(args)?;
     if let Some(output) = &args.output {
         no_recording(output)?;
+    }
+    if let Some(metrics) = &args.metrics {
+        no_input(metrics, config.files())?;
     }
     use_threads(args.threads.map(usize::from))?;
     let mut asked = signals().context("signals")?;

@@ -11,7 +11,7 @@ use ema_wire::ActuatorId;
 use ema_wire::bus_load::bus_load;
 use serde::Serialize;
 
-use super::{Exit, Misuse, load_config, unknown_type};
+use super::{Exit, Misuse, load_config, no_input, unknown_type};
 use crate::config::LOAD_MAX;
 use crate::frame::BusNames;
 use crate::ingest::candump::{Decimals, emit};
@@ -81,6 +81,8 @@ struct Truth<'a> {
 /// # Errors
 /// A bad configuration or argument, or a file that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    no_input(&args.output, &args.config)?;
+    no_input(&truth_path(&args.output), &args.config)?;
     let config = load_config(args.config.as_deref())?;
     let Some(found) = config.actuator_type(&args.actuator) else {
         return Err(unknown_type(&args.actuator).into());

@@ -4,10 +4,13 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::ConfigError;
-use crate::regular::open_regular;
+use crate::regular::read_regular;
 
 /// Folder of the drop-ins, beside the file.
 const FOLDER: &str = "conf.d";
+
+/// Most bytes of a drop-in.
+const DROPIN_BYTES_MAX: u64 = 1 << 20;
 
 /// Name and text of the file that was asked for; it may be a pipe.
 pub(super) fn read(path: &Path) -> Result<(String, String), ConfigError> {
@@ -16,7 +19,9 @@ pub(super) fn read(path: &Path) -> Result<(String, String), ConfigError> {
 
 /// Name and text of a drop-in. Nobody named it: what is no regular file is refused, not waited for.
 pub(super) fn read_dropin(path: &Path) -> Result<(String, String), ConfigError> {
-    named(path, open_regular(path).and_then(io::read_to_string))
+    let text = read_regular(path, DROPIN_BYTES_MAX)
+        .and_then(|bytes| String::from_utf8(bytes).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e)));
+    named(path, text)
 }
 
 fn named(path: &Path, text: io::Result<String>) -> Result<(String, String), ConfigError> {

@@ -6,6 +6,11 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use crate::regular::read_regular;
+
+/// Most bytes of a file: a hundred thousand events.
+const BYTES_MAX: u64 = 16 << 20;
+
 /// One event.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -64,16 +69,19 @@ pub enum EventError {
 /// [`EventError`].
 pub(super) fn read(path: &Path) -> Result<Events, EventError> {
     let name = || path.display().to_string();
-    let text = match std::fs::read_to_string(path) {
-        Ok(text) => text,
+    let bytes = match read_regular(path, BYTES_MAX) {
+        Ok(bytes) => bytes,
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Events::default()),
         Err(source) => return Err(EventError::Io { path: name(), source }),
     };
     let mut events = Events::default();
-    for (n, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
-        match serde_json::from_str::<Event>(line) {
+    let lines: Vec<&[u8]> = bytes.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii).collect();
+    for (n, line) in lines.iter().enumerate().filter(|(_, line)| !line.is_empty()) {
+        // Behind the last end of a line; a power cut may leave zeros there as well.
+        let is_torn = n + 1 == lines.len() || line.contains(&0);
+        match serde_json::from_slice::<Event>(line) {
             Ok(event) => events.list.push(event),
-            Err(e) if e.is_eof() => events.unfinished.push(n + 1),
+            Err(e) if e.is_eof() || is_torn => events.unfinished.push(n + 1),
             Err(e) => {
                 return Err(EventError::Line {
                     path: name(),
@@ -152,6 +160,8 @@ mod tests {
             4,
             "only the end of the line was missing"
         );
+        std::fs::write(&path, [two.as_slice(), &[0, 0, 0xff]].concat()).unwrap();
+        found(vec![event(1), event(2)], vec![3]);
         std::fs::write(&path, "{\"t_ns\":1,\"actuator\":\"ema0\",\"event\":\"party\"}\n").unwrap();
         let error = read(&path).unwrap_err().to_string();
         assert!(

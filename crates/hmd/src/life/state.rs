@@ -9,10 +9,14 @@ use serde_json::value::RawValue;
 use sha2::{Digest, Sha256};
 
 use super::Life;
+use crate::regular::{create_beside, read_regular};
 use crate::seal::hex;
 
 /// Version of what is written. Version 1 had no checksum and is read as well; a file of another one is not.
 const VERSION: u32 = 2;
+
+/// Most bytes of a file: a life has less than one MiB.
+const BYTES_MAX: u64 = 16 << 20;
 
 /// Files that are put aside for each actuator; with more, the newest replaces the last.
 const ASIDE_MAX: usize = 8;
@@ -96,7 +100,7 @@ pub(super) fn save(directory: &Path, actuator: &str, life: &Life) -> Result<(), 
             life: &life,
         };
         fs::create_dir_all(directory)?;
-        let mut file = File::create(&beside)?;
+        let mut file = create_beside(&beside)?;
         file.write_all(&serde_json::to_vec(&written)?)?;
         file.sync_data()?;
         fs::rename(&beside, &place)?;
@@ -115,7 +119,7 @@ pub(super) fn save(directory: &Path, actuator: &str, life: &Life) -> Result<(), 
 pub(super) fn load(directory: &Path, actuator: &str) -> Result<Option<Life>, StateError> {
     let place = path(directory, actuator);
     let name = || place.display().to_string();
-    let bytes = match fs::read(&place) {
+    let bytes = match read_regular(&place, BYTES_MAX) {
         Ok(bytes) => bytes,
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
         Err(source) => return Err(StateError::Io { path: name(), source }),

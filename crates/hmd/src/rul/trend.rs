@@ -108,7 +108,9 @@ impl Trend {
     pub(super) fn is_possible(&self) -> bool {
         let straight = |law: &Law| law.rate == 0.0;
         let begun = self.laws.len() >= 2 && self.laws.len() <= LAWS_MAX && self.laws[..2].iter().all(straight);
+        let variances = |law: &Law| law.covariance[0] >= 0.0 && law.covariance[2] >= 0.0;
         (self.laws.is_empty() || begun)
+            && self.laws.iter().all(variances)
             && self.start.len() < START
             && self.slowest.is_none_or(|number| number.unsigned_abs() <= NUMBER_MAX)
             && self.misfits < JUMP_AFTER

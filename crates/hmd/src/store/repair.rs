@@ -45,8 +45,8 @@ pub(super) fn look(folder: &Path, disk: &dyn Disk) -> io::Result<Found> {
         };
         let regular = entry.metadata().is_ok_and(|about| about.is_file());
         let is_ours = regular && is_ours(&entry.path()).unwrap_or(false);
-        // A file of others must not use our numbers up.
-        if is_ours || name.number < NUMBER_MAX / 2 {
+        // No file must use our numbers up, whoever gave it its name.
+        if name.number < NUMBER_MAX / 2 {
             found.next_number = found.next_number.max(name.number + 1);
         }
         if is_ours { &mut ours } else { &mut others }.push(name);

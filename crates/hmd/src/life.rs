@@ -29,6 +29,10 @@ pub use state::StateError;
 pub struct Life {
     /// Time of the maintenance event with which it began, UTC ns; 0 without one.
     begun_ns: u64,
+    /// Maintenance events up to then that are followed, counted: one that was told of later may lie earlier, because a
+    /// clock was wrong. Files of version 1 had no count.
+    #[serde(default)]
+    events_followed: Option<u64>,
     /// Serial number of the unit whose life this is.
     serial_number: Option<String>,
     health: Health,
@@ -97,6 +101,7 @@ impl Life {
         let levels = levels(config.health());
         Ok(Self {
             begun_ns: 0,
+            events_followed: None,
             serial_number,
             health: Health::new(levels, persistence(config.health()))?,
             prognosis: Prognosis::new(levels.map(|l| l.end_of_life)),

@@ -2,11 +2,14 @@
 
 use std::io::{self, Write};
 use std::net::SocketAddr;
+use std::os::fd::AsFd;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use anyhow::Context;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use tokio::sync::mpsc;
 
 use super::journal::Journal;
@@ -170,6 +173,17 @@ fn daemon(args: &Args, config: Arc<Config>, viewers: &Viewers) -> anyhow::Result
     })
 }
 
+/// How long whoever reads stdout may leave a line waiting, where the records go to an output as well: judging waits for it.
+const STDOUT_STALLED: Duration = Duration::from_secs(5);
+
+/// Whether a stream takes a line within some time. A pipe that is ready has room for a page, which is longer.
+fn takes_a_line(stream: impl AsFd, within: Duration) -> bool {
+    let within = Timespec::try_from(within).ok();
+    let mut streams = [PollFd::new(&stream, PollFlags::OUT)];
+    // An error is told by the write.
+    !matches!(poll(&mut streams, within.as_ref()), Ok(0))
+}
+
 struct Printer {
     json: bool,
     /// Nothing but stdout takes the records.
@@ -189,6 +203,12 @@ struct Printer {
 impl Observer for Printer {
     fn judged(&self, judged: &Judged) -> io::Result<()> {
         if !self.heard.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        if !self.alone && !takes_a_line(io::stdout(), STDOUT_STALLED) {
+            self.heard.store(false, Ordering::Relaxed);
+            let text = format!("stdout: not read for {STDOUT_STALLED:?}; the records go to the output alone");
+            self.notice_of(LogLevel::Error, &text);
             return Ok(());
         }
         let mut out = io::stdout().lock();
@@ -256,5 +276,23 @@ impl Observer for Printer {
 
     fn alive(&self) {
         service::alive();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pipe_that_nobody_reads_takes_no_line() {
+        let (reader, mut writer) = io::pipe().unwrap();
+        let soon = Duration::from_millis(10);
+        assert!(takes_a_line(&writer, soon));
+        // A page at a time, until the next would wait.
+        while takes_a_line(&writer, soon) {
+            writer.write_all(&[b'x'; 4096]).unwrap();
+        }
+        drop(reader);
+        assert!(takes_a_line(&writer, soon), "the write says that it is broken");
     }
 }

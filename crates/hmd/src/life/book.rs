@@ -66,11 +66,17 @@ impl Lives {
                 },
             ),
         };
-        let is_due =
-            |event: &&Event| event.actuator == actuator.name && event.t_ns <= t_ns && event.t_ns > life.begun_ns;
-        if let Some(begun_ns) = self.events.list.iter().filter(is_due).map(|event| event.t_ns).max() {
+        let has_come = |event: &&Event| event.actuator == actuator.name && event.t_ns <= t_ns;
+        let come = || self.events.list.iter().filter(has_come).map(|event| event.t_ns);
+        let count = come().count() as u64;
+        let begun_ns = life.begun_ns;
+        let before = || come().filter(|t_ns| *t_ns <= begun_ns).count() as u64;
+        // The file only grows, so that one more is a new one, whatever time it tells.
+        let followed = *life.events_followed.get_or_insert_with(before);
+        if let Some(begun_ns) = come().max().filter(|_| count > followed) {
             *life = Life {
                 begun_ns,
+                events_followed: Some(count),
                 ..Life::new(config, serial_number.clone())?
             };
             let notice = format!("{}: a new life begins by a maintenance event", actuator.name);

@@ -157,6 +157,30 @@ fn a_maintenance_event_begins_a_new_life_once() {
     assert_eq!(lives.take_notices().len(), 1);
 }
 
+/// The technician's clock was in 1970, or behind the one before.
+#[test]
+fn an_event_told_of_later_counts_even_if_it_lies_earlier() {
+    let config = config("hours = \"elapsed\"");
+    let mut lives = Lives::new(config.clone());
+    let event = |t_ns: u64| Event {
+        t_ns,
+        actuator: "ema0".to_owned(),
+        event: EventKind::Reset,
+    };
+    let first = event(job(&config, 0, 105.0, 0.0).window.t_start_ns);
+    let list = |list| Events {
+        list,
+        unfinished: vec![],
+    };
+    lives.follow(list(vec![first.clone()]));
+    wear_out(&mut lives, &config, 0, 30);
+    assert_eq!(lives.take_notices().len(), 1);
+    lives.follow(list(vec![event(3_600_000_000_000), first]));
+    let told = wear_out(&mut lives, &config, 30, 60);
+    assert!(told[0].forecast.actuator.is_err() && told[29].forecast.actuator.is_ok());
+    assert_eq!(lives.take_notices().len(), 1, "once");
+}
+
 #[test]
 fn a_kept_life_goes_on_and_a_new_unit_begins_its_own() {
     let folder = tempfile::tempdir().expect("a folder");

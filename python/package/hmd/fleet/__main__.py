@@ -67,8 +67,10 @@ def run(
     judged_s = time.monotonic() - since
     summary = _write_tables(folder, out, job, [outcomes[str(log)] for log in logs])
     counts = summary["counts"]
+    # Also those that a worker had done before it died.
+    done = sum(bool(outcome.key) for outcome in outcomes.values()) - computed
     print(
-        f"{counts['logs']} logs: {computed} judged now, {len(logs) - len(todo)} were done, {counts['bad']} bad, "
+        f"{counts['logs']} logs: {computed} judged now, {done} were done, {counts['bad']} bad, "
         f"{counts['with_losses']} with losses, {counts['windows']} windows of {counts['units']} units; "
         f"{judged_s:.1f} s to judge, {time.monotonic() - since:.1f} s in all"
     )

@@ -37,7 +37,11 @@ def judge_all(
         raise SystemExit("hmd.fleet: expected Dask (pip install 'hmd[dask]'), found none") from error
 
     if scheduler is not None:
-        with Client(scheduler) as client:
+        try:
+            client = Client(scheduler)
+        except OSError as error:
+            raise SystemExit(f"hmd.fleet: {scheduler}: expected a Dask scheduler, found none: {error}") from error
+        with client:
             _run(client, logs, job, each)
         return
     options = {"n_workers": workers, "threads_per_worker": 1, "processes": True, "host": "127.0.0.1"}

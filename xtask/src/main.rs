@@ -157,6 +157,11 @@ fn main() -> ExitCode {
 }
 
 fn check() -> anyhow::Result<()> {
+    // The packages beside the workspace, whose lock files follow ours only by hand.
+    for beside in ["python", "fuzz", "model"] {
+        let manifest = format!("{beside}/Cargo.toml");
+        run(cargo(["tree", "--quiet", "--locked", "--depth", "0", "--manifest-path"]).arg(manifest))?;
+    }
     run(cargo(["fmt", "--all", "--", "--check"]))?;
     run(cargo([
         "clippy",

@@ -1,8 +1,9 @@
-//! The second copy of a channel's definition, outside the chunks.
+//! The further copies of a channel's definition, outside the chunks.
 //!
 //! MCAP defines a channel once, in the chunk where it is first used, and again in the summary, which a file that was cut
 //! has not. One flipped bit in that chunk would take every message behind it. So each schema and each channel is written
-//! as a sealed metadata record as well ([`mod@crate::seal`]), before the chunk that defines it.
+//! as a sealed metadata record as well ([`mod@crate::seal`]), before the chunk that defines it, and once more some kilobytes
+//! on, since a disk may lose a block as a whole.
 //!
 //! The numbers in such a record hold only in the file that it was written for: a reader believes it only below a header
 //! of ours (`LIBRARY_START`), because other programs copy metadata into files whose channels they number anew.

@@ -30,9 +30,9 @@ pub enum ReplayError {
     /// The windows cannot be judged.
     #[error(transparent)]
     Judge(#[from] JudgeError),
-    /// The output is one of the logs.
-    #[error("{path}: expected an output that is none of the logs, found a log")]
-    OutputIsLog {
+    /// The output is a log, the configuration or a file that it names.
+    #[error("{path}: expected another output than a file that is read, found one")]
+    OutputIsInput {
         /// The file.
         path: String,
     },
@@ -259,9 +259,10 @@ impl Replay<'_> {
     }
 
     fn create(&self, path: &Path) -> Result<Recorder, ReplayError> {
-        if self.logs.iter().any(|log| is_same_file(log, path)) {
+        let files = self.config.files();
+        if self.logs.iter().chain(&files).any(|input| is_same_file(input, path)) {
             let path = path.display().to_string();
-            return Err(ReplayError::OutputIsLog { path });
+            return Err(ReplayError::OutputIsInput { path });
         }
         Ok(Recorder::create(path, &metadata(&self.config, "log", self.seed))?)
     }

@@ -4,8 +4,8 @@
 //! [`record::RawBatch`](crate::record::RawBatch)) and reach the file when a round is full or long enough, or with the
 //! next record of another kind, so that a window never precedes its frames. The same input gives the same bytes:
 //! nothing here reads a clock, and zstd runs on the calling thread (its default is one more thread per core).
-//! Each schema and channel is defined twice: in the chunk of its first message, and before it in a metadata record
-//! ([`mod@crate::definition`]).
+//! Each schema and channel is defined in the chunk of its first message, and in metadata records before it and some
+//! kilobytes on ([`mod@crate::definition`]).
 //!
 //! A chunk is written in one piece when it is complete, so that a file that was cut holds whole chunks and one torn one.
 

@@ -5,7 +5,7 @@ use ema_models::ActuatorParams;
 
 use super::*;
 use crate::channel::MeasuredConditions;
-use crate::function::{Shortfall, TRIED};
+use crate::function::{Shortfall, TRIED, Trial};
 use crate::window::{Verdict, Window};
 
 const HOUR_NS: u64 = 3_600_000_000_000;
@@ -265,29 +265,45 @@ fn a_kept_life_with_any_number_in_it_does_not_bring_the_daemon_down() {
     assert!(refused > 50 && taken > 50, "{refused} refused, {taken} taken");
 }
 
+/// A requirement that is missed from a friction of 0.5 on, and how often it was tried.
+fn useless(trials: &Cell<u32>) -> impl Fn(&[FaultVector; TRIED]) -> [Option<Shortfall>; TRIED] {
+    |faults| {
+        trials.set(trials.get() + 1);
+        faults.map(|fault| (fault.friction >= 0.5).then_some(Shortfall::SlewRate))
+    }
+}
+
+/// What is said after a window that shows this friction, where a requirement is tried.
+fn tried_after(life: &mut Life, job: &WindowJob, damage: f64, trial: &Trial<'_>, config: &Config) -> LifeDecision {
+    let fault = FaultVector {
+        friction: damage,
+        ..FaultVector::NOMINAL
+    };
+    let shown = Shown {
+        judgement: Some(&friction(damage)),
+        fault: Some(&fault),
+        fit: &Fit::default(),
+        shortfall: Some(trial),
+    };
+    life.update(job, &shown, config)
+}
+
 #[test]
 fn the_function_ends_a_life_before_the_damage_does() {
     let config = config("hours = \"elapsed\"");
     let mut life = Life::new(&config, None).expect("levels");
     // Useless from a friction of 0.5 on: 625 h after the beginning instead of 1000 h.
     let trials = Cell::new(0);
-    let useless = |faults: &[FaultVector; TRIED]| {
-        trials.set(trials.get() + 1);
-        faults.map(|fault| (fault.friction >= 0.5).then_some(Shortfall::SlewRate))
-    };
+    let useless = useless(&trials);
     for n in 0..70_u64 {
         let damage = 0.008 * n as f64;
-        let fault = FaultVector {
-            friction: damage,
-            ..FaultVector::NOMINAL
-        };
-        let shown = Shown {
-            judgement: Some(&friction(damage)),
-            fault: Some(&fault),
-            fit: &Fit::default(),
-            shortfall: Some(&useless),
-        };
-        let told = life.update(&job(&config, n, 10.0 * n as f64, 0.0), &shown, &config);
+        let told = tried_after(
+            &mut life,
+            &job(&config, n, 10.0 * n as f64, 0.0),
+            damage,
+            &useless,
+            &config,
+        );
         let Ok(left) = told.forecast.actuator else { continue };
         let truth = (625.0 - 10.0 * n as f64).max(0.0);
         if n >= 20 {
@@ -302,25 +318,12 @@ fn the_function_ends_a_life_before_the_damage_does() {
     }
     assert!(trials.get() <= 2 * 70 / 3 + 2, "{} trials", trials.get());
     // A part that breaks now is tried now.
-    let broken = FaultVector {
-        friction: 0.9,
-        ..FaultVector::NOMINAL
-    };
     let mut fresh = Life::new(&config, None).expect("levels");
-    for (n, (fault, governs)) in [
-        (FaultVector::NOMINAL, Governs::Damage),
-        (broken, Governs::Function(Shortfall::SlewRate)),
-    ]
-    .into_iter()
-    .enumerate()
-    {
-        let shown = Shown {
-            judgement: Some(&friction(fault.friction)),
-            fault: Some(&fault),
-            fit: &Fit::default(),
-            shortfall: Some(&useless),
-        };
-        let told = fresh.update(&job(&config, n as u64, n as f64, 0.0), &shown, &config);
+    for (n, damage, governs) in [
+        (0, 0.0, Governs::Damage),
+        (1, 0.9, Governs::Function(Shortfall::SlewRate)),
+    ] {
+        let told = tried_after(&mut fresh, &job(&config, n, n as f64, 0.0), damage, &useless, &config);
         assert_eq!(told.governs, governs, "window {n}");
     }
 }
@@ -330,23 +333,16 @@ fn a_slow_wear_is_tried_every_eighth_window() {
     let config = config("hours = \"elapsed\"");
     let mut life = Life::new(&config, None).expect("levels");
     let trials = Cell::new(0);
-    let useless = |faults: &[FaultVector; TRIED]| {
-        trials.set(trials.get() + 1);
-        faults.map(|fault| (fault.friction >= 0.5).then_some(Shortfall::SlewRate))
-    };
+    let useless = useless(&trials);
     for n in 0..240_u64 {
         let damage = 0.002 * n as f64;
-        let fault = FaultVector {
-            friction: damage,
-            ..FaultVector::NOMINAL
-        };
-        let shown = Shown {
-            judgement: Some(&friction(damage)),
-            fault: Some(&fault),
-            fit: &Fit::default(),
-            shortfall: Some(&useless),
-        };
-        life.update(&job(&config, n, 10.0 * n as f64, 0.0), &shown, &config);
+        tried_after(
+            &mut life,
+            &job(&config, n, 10.0 * n as f64, 0.0),
+            damage,
+            &useless,
+            &config,
+        );
     }
     assert!(
         (40..=2 * 240 / 8 + 4).contains(&trials.get()),

@@ -1,6 +1,9 @@
 //! Programs from crates.io, built under the target directory where they are missing.
 
+use std::fs;
 use std::path::PathBuf;
+
+use anyhow::Context;
 
 use crate::shell::{cargo, program, run, succeeds, target_dir};
 
@@ -30,11 +33,14 @@ impl Tool {
         if !succeeds(program(&path, ["--version"])) {
             // Unoptimised: it takes a minute to build instead of three, and a second to run.
             let install = ["install", self.krate, "--version", self.version, "--locked", "--debug"];
+            let build = folder.join("build");
             run(cargo(install)
                 .args(self.options)
                 .arg("--root")
                 .arg(&root)
-                .env("CARGO_TARGET_DIR", folder.join("build")))?;
+                .env("CARGO_TARGET_DIR", &build))?;
+            // Gigabytes that nothing reads again.
+            fs::remove_dir_all(&build).with_context(|| build.display().to_string())?;
         }
         Ok(path)
     }

@@ -12,7 +12,9 @@ pub use ripple::{RIPPLE_DEFAULT, RIPPLE_KNOTS, RIPPLE_SPACING};
 
 use crate::backlash::follow_through_play;
 use crate::control::{Ace, AceState, Encoder, Setpoint};
-use crate::frames::{abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc, per_phase, phase_shapes};
+use crate::frames::{
+    abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc, per_phase, phase_shapes, quadrature_of_star,
+};
 use crate::friction::DryFriction;
 use crate::real::Real;
 use crate::recording::ComparedSample;
@@ -146,6 +148,8 @@ pub(crate) struct Derived<R> {
     half_back_emf: R,
     torque: R,
     half_torque: R,
+    /// Mean over all angles of the pull that a quadrature current makes: half the sum of the turns.
+    pull_per_amp: R,
     /// R_j and P L_j.
     r: [R; 3],
     reactance: [R; 3],
@@ -350,20 +354,19 @@ impl<R: Real> Monitor<R> {
     #[inline(always)]
     fn control_period(&self, state: &mut MonitorState<R>, initial: &InitialState, setpoint: Setpoint<R>, counted: R) {
         let i_ref = self.ace.step(&mut state.ace, setpoint, counted, state.omega_m);
-        // Share of the coming step that the currents take to slew to a new reference.
-        let mut slewing = R::splat(1.0);
+        let mut jump = R::zero();
         state.i_ref = match self.form {
             Form::ThreePhase => {
                 let v = self.carrying_voltage(state, i_ref);
                 let mean = self.mean_currents(i_ref, v);
-                slewing = self.slewing(mean[1] - R::splat(2.0 / 3.0) * state.pull, v);
+                jump = self.jump(mean[1] - quadrature_of_star(state.i, state.sin_cos), v);
                 mean
             }
             Form::Paper(_) | Form::OneAxis => [R::zero(), i_ref],
         };
         for _ in 0..self.steps_per_control {
-            self.step(state, initial, slewing);
-            slewing = R::splat(1.0);
+            self.step(state, initial, jump);
+            jump = R::zero();
         }
     }
 
@@ -398,26 +401,26 @@ impl<R: Real> Monitor<R> {
         [-per_volt * v_d, i_ref - per_volt * v_q]
     }
 
-    /// Share of a step for which the quadrature current, switched to the rails, slews by `change`, A; at most all of it.
+    /// What the pull has over the mean of both ends of a step, twice, A, because the quadrature current, switched to the rails,
+    /// changes by `change` in the first share of the step and waits: `(1 − f) Σ N_j/2 Δi_q`.
     ///
-    /// `L |Δi_q| / (Δt (√(v_max² − v_d²) ∓ v_q))`, v being the voltage that carries the new reference: what is left along q
-    /// drives the change, and the back-EMF helps one against itself. The present current is what the pull stands for at
-    /// nominal turns; with its own turns `table III` was at 1.5 % instead of 1.2 %. v_max is the mean over all angles of what the
+    /// `f = L |Δi_q| / (Δt (√(v_max² − v_d²) ∓ v_q))`, at most one, v being the voltage that carries the new reference: what is
+    /// left along q drives the change, and the back-EMF helps one against itself. v_max is the mean over all angles of what the
     /// inverter's hexagon reaches, L the mean of the phases'. Derived here.
     #[inline(always)]
-    fn slewing(&self, change: R, [v_d, v_q]: [R; 2]) -> R {
+    fn jump(&self, change: R, [v_d, v_q]: [R; 2]) -> R {
         let m = &self.derived;
         let reach = (m.v_max_squared - v_d * v_d).max(R::zero()).sqrt();
         let against = R::select(R::zero().lt(change), v_q, -v_q);
         let share = change.abs() * m.mean_ohms / (reach - against).max(R::splat(1e-6));
-        share.min(R::splat(1.0))
+        (R::splat(1.0) - share.min(R::splat(1.0))) * m.pull_per_amp * change
     }
 
     /// One integration step: currents to the predicted angle, then mechanics with the mean torque of both ends.
     ///
-    /// The currents are on their way for the first share `slewing` of the step, and wait at its end.
+    /// `jump` is what the pull has over the mean of both ends, twice ([`Monitor::jump`]).
     #[inline(always)]
-    fn step(&self, state: &mut MonitorState<R>, initial: &InitialState, slewing: R) {
+    fn step(&self, state: &mut MonitorState<R>, initial: &InitialState, jump: R) {
         let m = &self.derived;
         let half = R::splat(0.5);
         let omega = state.omega_m;
@@ -436,7 +439,7 @@ impl<R: Real> Monitor<R> {
                 state.emf_shapes = shapes;
                 let before = state.pull;
                 state.pull = pull(shapes, state.i);
-                m.half_torque * (state.pull + state.pull + slewing * (before - state.pull))
+                m.half_torque * (before + state.pull + jump)
             }
             Form::OneAxis => self.one_axis(state, &derived_shape(&self.winding, state.sin_cos), omega_mid),
             Form::Paper(paper) => {

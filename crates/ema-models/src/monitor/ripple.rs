@@ -3,7 +3,8 @@
 //! Three comparators on one star do not hold the mean current at the reference: it falls short of it by a vector along
 //! the inverter's mean voltage, `−h g(m) v/|v|`, where m is the voltage over V_dc/2. Found here by sweeping speed and
 //! load of the reference on two very different actuators: the component across the voltage is an order smaller, and the
-//! curve g is nearly the same on both (`hmd calibrate --type` measures it; `docs/monitor.md` shows it).
+//! curve g is nearly the same on both (`hmd calibrate --type` measures it; `docs/monitor.md` shows it). A phase with fewer turns
+//! than the others adds a hump at low voltage ([`unequal`]).
 
 use crate::real::Real;
 
@@ -14,45 +15,82 @@ pub const RIPPLE_KNOTS: usize = 11;
 /// Distance of the knots.
 pub const RIPPLE_SPACING: f64 = 0.1;
 
-/// Places of the knots.
-const KNOTS: [f64; RIPPLE_KNOTS] = {
-    let mut knots = [0.0; RIPPLE_KNOTS];
-    let mut n = 0;
-    while n < RIPPLE_KNOTS {
-        knots[n] = (n + 1) as f64 * RIPPLE_SPACING;
+/// Relative voltages at which the curve bends: the top of the hump, and the knots.
+const BENDS: [f64; RIPPLE_KNOTS + 1] = {
+    let mut bends = [0.02; RIPPLE_KNOTS + 1];
+    let mut n = 1;
+    while n <= RIPPLE_KNOTS {
+        bends[n] = n as f64 * RIPPLE_SPACING;
         n += 1;
     }
-    knots
+    bends
 };
+
+/// Relative voltage at which the hump ends.
+const HUMP_END: f64 = 0.26;
 
 /// The curve before a type's own calibration: mean of the two shipped actuators.
 pub const RIPPLE_DEFAULT: [f64; RIPPLE_KNOTS] = [
     0.062, 0.080, 0.100, 0.140, 0.146, 0.120, 0.074, 0.070, 0.150, 0.186, 0.220,
 ];
 
-/// The curve as a sum of hinges, `Σ bend max(m, knot) − Σ bend knot`, ready for any number type.
+/// Height of the hump that unequal phases add to g at low voltage, from the turns that each has left:
+/// `1.4 x² (1 − x) ((1 − 3.5 a²)⁺)²`, x being how far the share of the largest 1/N² in the sum of all three is from a third
+/// (0) to all of it (1), a the difference of the other two over their sum. One phase that stands apart makes it; two that stand
+/// apart alike do not. Smooth in the turns, which are searched.
+///
+/// Shape from sweeps of the reference at constant speed on both actuators; there it is twice as high as in actuations, where
+/// the reference of the current does not stand still (derived here, `docs/monitor.md`).
+fn unequal(turns: [f64; 3]) -> f64 {
+    let [a, b, c] = turns.map(|n| 1.0 / (n * n));
+    let largest = a.max(b).max(c);
+    let smallest = a.min(b).min(c);
+    let all = a + b + c;
+    let middle = all - largest - smallest;
+    let lead = 1.5 * largest / all - 0.5;
+    let apart = (middle - smallest) / (middle + smallest);
+    let alone = (1.0 - 3.5 * apart * apart).max(0.0);
+    1.4 * lead * lead * (1.0 - lead) * alone * alone
+}
+
+/// The curve as a sum of hinges, `Σ bend max(m, place) − Σ bend place`, ready for any number type.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RippleCurve<R> {
-    /// Change of slope at m = 0, 0.1, …, in A.
+    /// Slope at m = 0, A.
+    slope: R,
+    /// Changes of slope at [`BENDS`], A.
     bends: [R; RIPPLE_KNOTS + 1],
-    /// `Σ bend knot`, A.
+    /// `Σ bend place`, A.
     offset: R,
 }
 
 impl RippleCurve<f64> {
-    /// From the knots of g and the half band h, A.
-    pub(crate) fn new(knots: &[f64; RIPPLE_KNOTS], half_band: f64) -> Self {
+    /// From the knots of g, the half band h, A, and the turns that each phase has left.
+    pub(crate) fn new(knots: &[f64; RIPPLE_KNOTS], half_band: f64, turns: [f64; 3]) -> Self {
+        let height = unequal(turns);
+        let g = |n: usize| {
+            let equal = if n == 0 {
+                knots[0] * BENDS[0] / RIPPLE_SPACING
+            } else {
+                knots[n - 1]
+            };
+            half_band * (equal + height * (1.0 - BENDS[n] / HUMP_END).max(0.0))
+        };
+        let first = g(0) / BENDS[0];
         let mut bends = [0.0; RIPPLE_KNOTS + 1];
-        let (mut last, mut slope) = (0.0, 0.0);
-        for (n, &g) in knots.iter().enumerate() {
-            let next = half_band * (g - last) / RIPPLE_SPACING;
+        let mut slope = first;
+        for n in 0..RIPPLE_KNOTS {
+            let next = (g(n + 1) - g(n)) / (BENDS[n + 1] - BENDS[n]);
             bends[n] = next - slope;
-            (last, slope) = (g, next);
+            slope = next;
         }
         bends[RIPPLE_KNOTS] = -slope;
-        let knots = bends.iter().enumerate();
-        let offset = knots.map(|(n, bend)| bend * (n as f64 * RIPPLE_SPACING)).sum();
-        Self { bends, offset }
+        let offset = bends.iter().zip(BENDS).map(|(bend, place)| bend * place).sum();
+        Self {
+            slope: first,
+            bends,
+            offset,
+        }
     }
 }
 
@@ -60,6 +98,7 @@ impl<R> RippleCurve<R> {
     /// The same curve in another number type.
     pub(crate) fn map<S>(self, mut f: impl FnMut(R) -> S) -> RippleCurve<S> {
         RippleCurve {
+            slope: f(self.slope),
             bends: self.bends.map(&mut f),
             offset: f(self.offset),
         }
@@ -70,9 +109,9 @@ impl<R: Real> RippleCurve<R> {
     /// Shortfall of the mean current, A, at the relative voltage m ≥ 0.
     #[inline(always)]
     pub(crate) fn shortfall(&self, m: R) -> R {
-        let mut sum = self.bends[0] * m - self.offset;
-        for n in 0..RIPPLE_KNOTS {
-            sum = sum + self.bends[n + 1] * m.max(R::splat(KNOTS[n]));
+        let mut sum = self.slope * m - self.offset;
+        for n in 0..=RIPPLE_KNOTS {
+            sum = sum + self.bends[n] * m.max(R::splat(BENDS[n]));
         }
         sum
     }
@@ -84,11 +123,34 @@ mod tests {
 
     #[test]
     fn the_hinges_pass_through_the_knots() {
-        let curve = RippleCurve::new(&RIPPLE_DEFAULT, 0.05);
+        let curve = RippleCurve::new(&RIPPLE_DEFAULT, 0.05, [1.0; 3]);
         assert!(curve.shortfall(0.0).abs() < 1e-12);
         for (n, g) in RIPPLE_DEFAULT.iter().enumerate() {
             assert!((curve.shortfall((n + 1) as f64 * RIPPLE_SPACING) - 0.05 * g).abs() < 1e-12);
         }
         assert!((curve.shortfall(5.0) - 0.05 * RIPPLE_DEFAULT[RIPPLE_KNOTS - 1]).abs() < 1e-9);
+    }
+
+    #[test]
+    fn one_phase_apart_lifts_low_voltages_alone() {
+        let equal = RippleCurve::new(&RIPPLE_DEFAULT, 0.05, [0.5; 3]);
+        let apart = RippleCurve::new(&RIPPLE_DEFAULT, 0.05, [1.0, 1.0, 0.5]);
+        let lift = |m| (apart.shortfall(m) - equal.shortfall(m)) / 0.05;
+        // Two thirds of the sum of 1/N² is halfway: 1.4 / 8.
+        let height = 0.175;
+        assert!(lift(0.0).abs() < 1e-12 && lift(0.3).abs() < 1e-9 && lift(2.0).abs() < 1e-9);
+        assert!(
+            (lift(0.1) - height * (1.0 - 0.1 / HUMP_END)).abs() < 1e-5,
+            "{}",
+            lift(0.1)
+        );
+        assert!(
+            (lift(0.02) - height * (1.0 - 0.02 / HUMP_END)).abs() < 1e-5,
+            "{}",
+            lift(0.02)
+        );
+        for turns in [[1.0, 0.5, 0.5], [0.9, 1.0, 0.9], [0.01, 0.01, 1.0]] {
+            assert!(unequal(turns) < 0.02, "{turns:?}: {}", unequal(turns));
+        }
     }
 }

@@ -74,12 +74,6 @@ pub fn dq_from_abc<R: Real>(abc: [R; 3], sin_cos: (R, R)) -> [R; 2] {
     dq_from_alpha_beta(alpha_beta_from_abc(abc), sin_cos)
 }
 
-/// Quadrature component of three quantities whose sum is zero, like the currents of a star: `(b − c)/√3 cos − a sin`.
-#[inline(always)]
-pub(crate) fn quadrature_of_star<R: Real>([a, b, c]: [R; 3], (sin, cos): (R, R)) -> R {
-    cos * ((b - c) * R::splat(SQRT3_2 * 2.0 / 3.0)) - sin * a
-}
-
 /// Phase shapes `s_j = −sin(theta_e − 2πj/3)`, j = A, B, C: the q axis seen by each phase.
 #[inline(always)]
 pub fn phase_shapes<R: Real>((sin, cos): (R, R)) -> [R; 3] {
@@ -103,7 +97,6 @@ mod tests {
             let abc = [a, b, -a - b];
             let sin_cos = theta.sin_cos_poly();
             let dq = dq_from_abc(abc, sin_cos);
-            prop_assert!((quadrature_of_star(abc, sin_cos) - dq[1]).abs() < 1e-9);
             let back = abc_from_alpha_beta(alpha_beta_from_dq(dq, sin_cos));
             for j in 0..3 {
                 prop_assert!((back[j] - abc[j]).abs() < 1e-9);

@@ -12,9 +12,7 @@ pub use ripple::{RIPPLE_DEFAULT, RIPPLE_KNOTS, RIPPLE_SPACING};
 
 use crate::backlash::follow_through_play;
 use crate::control::{Ace, AceState, Encoder, Setpoint};
-use crate::frames::{
-    abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc, per_phase, phase_shapes, quadrature_of_star,
-};
+use crate::frames::{abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc, per_phase, phase_shapes};
 use crate::friction::DryFriction;
 use crate::real::Real;
 use crate::recording::ComparedSample;
@@ -183,7 +181,7 @@ pub struct MonitorState<R> {
     foreseen: R,
     sin_cos: (R, R),
     emf_shapes: [R; 3],
-    /// Σ over the phases of back-EMF shape times current, A.
+    /// Σ over the phases of back-EMF shape times current, A; at the start of a control period after its jump.
     pull: R,
 }
 
@@ -354,19 +352,17 @@ impl<R: Real> Monitor<R> {
     #[inline(always)]
     fn control_period(&self, state: &mut MonitorState<R>, initial: &InitialState, setpoint: Setpoint<R>, counted: R) {
         let i_ref = self.ace.step(&mut state.ace, setpoint, counted, state.omega_m);
-        let mut jump = R::zero();
         state.i_ref = match self.form {
             Form::ThreePhase => {
                 let v = self.carrying_voltage(state, i_ref);
                 let mean = self.mean_currents(i_ref, v);
-                jump = self.jump(mean[1] - quadrature_of_star(state.i, state.sin_cos), v);
+                state.pull = state.pull + self.jump(mean[1] - state.i_ref[1], v);
                 mean
             }
             Form::Paper(_) | Form::OneAxis => [R::zero(), i_ref],
         };
         for _ in 0..self.steps_per_control {
-            self.step(state, initial, jump);
-            jump = R::zero();
+            self.step(state, initial);
         }
     }
 
@@ -383,12 +379,12 @@ impl<R: Real> Monitor<R> {
         let m = &self.derived;
         let (sin, cos) = state.sin_cos;
         let shapes = phase_shapes((sin, cos));
-        // ds_j/dtheta_e = −cos(theta_e − 2πj/3).
-        let slopes = abc_from_alpha_beta([-cos, -sin]);
+        // cos(theta_e − 2πj/3) = −ds_j/dtheta_e.
+        let slopes = abc_from_alpha_beta([cos, sin]);
         let back_emf = m.back_emf * state.omega_m;
         let v = per_phase!(|j| {
             let reactance = m.reactance[j] * state.omega_m;
-            i_ref * (m.r[j] * shapes[j] + reactance * slopes[j]) + back_emf * state.emf_shapes[j]
+            i_ref * (m.r[j] * shapes[j] - reactance * slopes[j]) + back_emf * state.emf_shapes[j]
         });
         dq_from_abc(v, state.sin_cos)
     }
@@ -396,13 +392,14 @@ impl<R: Real> Monitor<R> {
     /// Mean direct and quadrature current that the comparators hold for a reference, A, under the voltage that carries it.
     #[inline(always)]
     fn mean_currents(&self, i_ref: R, [v_d, v_q]: [R; 2]) -> [R; 2] {
-        let length = (v_d * v_d + v_q * v_q).sqrt();
-        let per_volt = self.ripple.shortfall(length * self.derived.per_half_v_dc) / length.max(R::splat(1e-6));
+        // Never zero, which has no direction.
+        let length = (v_d * v_d + v_q * v_q + R::splat(1e-12)).sqrt();
+        let per_volt = self.ripple.shortfall(length * self.derived.per_half_v_dc) / length;
         [-per_volt * v_d, i_ref - per_volt * v_q]
     }
 
-    /// What the pull has over the mean of both ends of a step, twice, A, because the quadrature current, switched to the rails,
-    /// changes by `change` in the first share of the step and waits: `(1 − f) Σ N_j/2 Δi_q`.
+    /// What of the pull, A, a step seems to start with already, because the quadrature current, switched to the rails, changes by
+    /// `change` in its first share `f` and waits: `(1 − f) Σ N_j/2 Δi_q`. Its mean torque is then that of both ends.
     ///
     /// `f = L |Δi_q| / (Δt (√(v_max² − v_d²) ∓ v_q))`, at most one, v being the voltage that carries the new reference: what is
     /// left along q drives the change, and the back-EMF helps one against itself. v_max is the mean over all angles of what the
@@ -411,16 +408,16 @@ impl<R: Real> Monitor<R> {
     fn jump(&self, change: R, [v_d, v_q]: [R; 2]) -> R {
         let m = &self.derived;
         let reach = (m.v_max_squared - v_d * v_d).max(R::zero()).sqrt();
-        let against = R::select(R::zero().lt(change), v_q, -v_q);
-        let share = change.abs() * m.mean_ohms / (reach - against).max(R::splat(1e-6));
+        // Both sides of the fraction times |Δi_q|, which makes the sign of v_q that of its product.
+        let driving = reach * change.abs() - v_q * change;
+        let share = change * change * m.mean_ohms / driving.max(R::splat(1e-6));
         (R::splat(1.0) - share.min(R::splat(1.0))) * m.pull_per_amp * change
     }
 
     /// One integration step: currents to the predicted angle, then mechanics with the mean torque of both ends.
     ///
-    /// `jump` is what the pull has over the mean of both ends, twice ([`Monitor::jump`]).
     #[inline(always)]
-    fn step(&self, state: &mut MonitorState<R>, initial: &InitialState, jump: R) {
+    fn step(&self, state: &mut MonitorState<R>, initial: &InitialState) {
         let m = &self.derived;
         let half = R::splat(0.5);
         let omega = state.omega_m;
@@ -439,7 +436,7 @@ impl<R: Real> Monitor<R> {
                 state.emf_shapes = shapes;
                 let before = state.pull;
                 state.pull = pull(shapes, state.i);
-                m.half_torque * (before + state.pull + jump)
+                m.half_torque * (before + state.pull)
             }
             Form::OneAxis => self.one_axis(state, &derived_shape(&self.winding, state.sin_cos), omega_mid),
             Form::Paper(paper) => {

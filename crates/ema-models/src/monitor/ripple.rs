@@ -15,18 +15,19 @@ pub const RIPPLE_KNOTS: usize = 11;
 /// Distance of the knots.
 pub const RIPPLE_SPACING: f64 = 0.1;
 
-/// Relative voltages at which the curve bends: the top of the hump, and the knots.
-const BENDS: [f64; RIPPLE_KNOTS + 1] = {
-    let mut bends = [0.02; RIPPLE_KNOTS + 1];
-    let mut n = 1;
-    while n <= RIPPLE_KNOTS {
-        bends[n] = n as f64 * RIPPLE_SPACING;
+/// Places of the knots.
+const KNOTS: [f64; RIPPLE_KNOTS] = {
+    let mut knots = [0.0; RIPPLE_KNOTS];
+    let mut n = 0;
+    while n < RIPPLE_KNOTS {
+        knots[n] = (n + 1) as f64 * RIPPLE_SPACING;
         n += 1;
     }
-    bends
+    knots
 };
 
-/// Relative voltage at which the hump ends.
+/// Relative voltages at which the hump is highest and at which it ends.
+const HUMP_TOP: f64 = 0.02;
 const HUMP_END: f64 = 0.26;
 
 /// The curve before a type's own calibration: mean of the two shipped actuators.
@@ -58,8 +59,10 @@ fn unequal(turns: [f64; 3]) -> f64 {
 pub(crate) struct RippleCurve<R> {
     /// Slope at m = 0, A.
     slope: R,
-    /// Changes of slope at [`BENDS`], A.
-    bends: [R; RIPPLE_KNOTS + 1],
+    /// Change of slope at [`HUMP_TOP`], A.
+    top: R,
+    /// Changes of slope at [`KNOTS`], A.
+    bends: [R; RIPPLE_KNOTS],
     /// `Σ bend place`, A.
     offset: R,
 }
@@ -68,26 +71,24 @@ impl RippleCurve<f64> {
     /// From the knots of g, the half band h, A, and the turns that each phase has left.
     pub(crate) fn new(knots: &[f64; RIPPLE_KNOTS], half_band: f64, turns: [f64; 3]) -> Self {
         let height = unequal(turns);
-        let g = |n: usize| {
-            let equal = if n == 0 {
-                knots[0] * BENDS[0] / RIPPLE_SPACING
-            } else {
-                knots[n - 1]
-            };
-            half_band * (equal + height * (1.0 - BENDS[n] / HUMP_END).max(0.0))
-        };
-        let first = g(0) / BENDS[0];
-        let mut bends = [0.0; RIPPLE_KNOTS + 1];
-        let mut slope = first;
+        let hump = |m: f64| height * (1.0 - m / HUMP_END).max(0.0);
+        let at_top = half_band * (knots[0] * HUMP_TOP / RIPPLE_SPACING + hump(HUMP_TOP));
+        let rise = at_top / HUMP_TOP;
+        let (mut place, mut last, mut slope) = (HUMP_TOP, at_top, rise);
+        let mut changes = [0.0; RIPPLE_KNOTS];
         for n in 0..RIPPLE_KNOTS {
-            let next = (g(n + 1) - g(n)) / (BENDS[n + 1] - BENDS[n]);
-            bends[n] = next - slope;
-            slope = next;
+            let g = half_band * (knots[n] + hump(KNOTS[n]));
+            changes[n] = (g - last) / (KNOTS[n] - place) - slope;
+            slope += changes[n];
+            (place, last) = (KNOTS[n], g);
         }
-        bends[RIPPLE_KNOTS] = -slope;
-        let offset = bends.iter().zip(BENDS).map(|(bend, place)| bend * place).sum();
+        // Each slope begins where the one before it ends, and the last one ends the curve.
+        let top = changes[0];
+        let bends: [f64; RIPPLE_KNOTS] = core::array::from_fn(|n| changes.get(n + 1).map_or(-slope, |change| *change));
+        let offset = top * HUMP_TOP + bends.iter().zip(KNOTS).map(|(bend, knot)| bend * knot).sum::<f64>();
         Self {
-            slope: first,
+            slope: rise,
+            top,
             bends,
             offset,
         }
@@ -99,6 +100,7 @@ impl<R> RippleCurve<R> {
     pub(crate) fn map<S>(self, mut f: impl FnMut(R) -> S) -> RippleCurve<S> {
         RippleCurve {
             slope: f(self.slope),
+            top: f(self.top),
             bends: self.bends.map(&mut f),
             offset: f(self.offset),
         }
@@ -109,9 +111,9 @@ impl<R: Real> RippleCurve<R> {
     /// Shortfall of the mean current, A, at the relative voltage m ≥ 0.
     #[inline(always)]
     pub(crate) fn shortfall(&self, m: R) -> R {
-        let mut sum = self.slope * m - self.offset;
-        for n in 0..=RIPPLE_KNOTS {
-            sum = sum + self.bends[n] * m.max(R::splat(BENDS[n]));
+        let mut sum = self.slope * m - self.offset + self.top * m.max(R::splat(HUMP_TOP));
+        for n in 0..RIPPLE_KNOTS {
+            sum = sum + self.bends[n] * m.max(R::splat(KNOTS[n]));
         }
         sum
     }
@@ -145,9 +147,9 @@ mod tests {
             lift(0.1)
         );
         assert!(
-            (lift(0.02) - height * (1.0 - 0.02 / HUMP_END)).abs() < 1e-5,
+            (lift(HUMP_TOP) - height * (1.0 - HUMP_TOP / HUMP_END)).abs() < 1e-5,
             "{}",
-            lift(0.02)
+            lift(HUMP_TOP)
         );
         for turns in [[1.0, 0.5, 0.5], [0.9, 1.0, 0.9], [0.01, 0.01, 1.0]] {
             assert!(unequal(turns) < 0.02, "{turns:?}: {}", unequal(turns));

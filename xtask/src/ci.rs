@@ -19,7 +19,7 @@ const VERBS: &[(&str, &[&str])] = &[
     ("readers", &["readers"]),
     ("viewers", &["viewers"]),
     ("oracle", &[]),
-    ("python", &["wheel", "python"]),
+    ("python", &["wheel"]),
     ("deny", &["tools"]),
     ("model", &["model"]),
     ("power-cut", &[]),

@@ -415,7 +415,6 @@ impl<R: Real> Monitor<R> {
     }
 
     /// One integration step: currents to the predicted angle, then mechanics with the mean torque of both ends.
-    ///
     #[inline(always)]
     fn step(&self, state: &mut MonitorState<R>, initial: &InitialState) {
         let m = &self.derived;

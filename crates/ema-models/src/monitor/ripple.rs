@@ -40,7 +40,7 @@ pub const RIPPLE_DEFAULT: [f64; RIPPLE_KNOTS] = [
 /// (0) to all of it (1), a the difference of the other two over their sum. One phase that stands apart makes it; two that stand
 /// apart alike do not. Smooth in the turns, which are searched.
 ///
-/// Shape from sweeps of the reference at constant speed on both actuators; there it is twice as high as in actuations, where
+/// Shape from sweeps of the reference at constant speed on both actuators; there it is two and a half times as high as in actuations, where
 /// the reference of the current does not stand still (derived here, `docs/monitor.md`).
 fn unequal(turns: [f64; 3]) -> f64 {
     let [a, b, c] = turns.map(|n| 1.0 / (n * n));

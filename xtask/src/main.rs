@@ -12,6 +12,7 @@ mod dist;
 mod firmware;
 mod fleet;
 mod fuzz;
+mod guest_state;
 mod model;
 mod no_std;
 mod oracle;

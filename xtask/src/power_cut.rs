@@ -1,7 +1,7 @@
 //! The power goes while the daemon writes to ext4 in a user-mode Linux.
 
-use crate::debian;
 use crate::shell::{cargo, run};
+use crate::{debian, guest_state};
 
 /// What it takes, each with a file of it.
 const PACKAGES: [(&str, &str); 2] = [
@@ -14,5 +14,9 @@ pub(crate) fn check(cuts: u32) -> anyhow::Result<()> {
     debian::install(&PACKAGES)?;
     let test = ["test", "--package", "hmd", "--test", "power_cut", "--"];
     let long = ["what_was_synced", "--ignored", "--nocapture"];
-    run(cargo(test).args(long).env("HMD_POWER_CUTS", cuts.to_string()))
+    let preload = guest_state::library()?;
+    run(cargo(test)
+        .args(long)
+        .env("HMD_POWER_CUTS", cuts.to_string())
+        .env("HMD_GUEST_PRELOAD", preload))
 }

@@ -16,6 +16,8 @@ pub struct DryFriction<R> {
     moving_negative: R,
     /// Torque up to which the shaft stays stuck: T_s plus the gear's loss with the load opposing.
     stuck: R,
+    /// Torque over which a shaft that comes to rest hesitates to pass through it ([`DryFriction::long_step`]).
+    hesitation: R,
 }
 
 impl DryFriction<f64> {
@@ -40,6 +42,7 @@ impl DryFriction<f64> {
             moving_positive: dynamic + positive,
             moving_negative: dynamic + negative,
             stuck,
+            hesitation: 0.0,
         }
     }
 }
@@ -49,13 +52,30 @@ impl DryFriction<f64> {
     #[must_use]
     pub(crate) fn with_drag(self, torque: f64) -> Self {
         Self {
-            load: self.load,
             moving_positive: self.moving_positive + torque,
             moving_negative: self.moving_negative + torque,
             stuck: self.stuck + torque,
+            ..self
+        }
+    }
+
+    /// The same for a torque that is given as its mean, and swings about that by `swing`, Nm: a peak is enough to break away.
+    ///
+    /// The static torque that the mean has to exceed is lower by the swing; never below the dynamic one, at which the shaft would
+    /// stop again. Derived here.
+    #[must_use]
+    pub(crate) fn under_swinging_torque(self, swing: f64) -> Self {
+        Self {
+            stuck: (self.stuck - swing).max(self.moving_positive.max(self.moving_negative)),
+            hesitation: HESITATION * swing,
+            ..self
         }
     }
 }
+
+/// Share of the swing over which a stop and a passage through rest go over into one another. Measured as the cost's smoothness:
+/// half as much leaves jumps in it, twice as much changes no figure.
+const HESITATION: f64 = 0.2;
 
 impl<R: Real> DryFriction<R> {
     /// The same friction in another number type, one field at a time.
@@ -66,6 +86,7 @@ impl<R: Real> DryFriction<R> {
             moving_positive: f(self.moving_positive),
             moving_negative: f(self.moving_negative),
             stuck: f(self.stuck),
+            hesitation: f(self.hesitation),
         }
     }
 
@@ -97,10 +118,13 @@ impl<R: Real> DryFriction<R> {
 
     /// The same for long steps, with the instants inside the step at which the shaft stops and breaks away.
     ///
-    /// A step that passes through rest goes on in the direction of the torque for what is left of it, if that exceeds the
-    /// static one. `slack` is what was lacking for that at the end of the step before, Nm (0 when moving): a shaft breaks
-    /// away at the share of the step at which a torque that rises evenly passes the static one. So speed depends
-    /// continuously on every torque, which [`DryFriction::step`] leaves to the shortness of the step. Derived here.
+    /// A shaft at rest breaks away when the mean of this step's torque and those before passes the static one, each step's
+    /// counting half of what was before; `slack` is what that mean lacked at the end of the step before, Nm (the hesitation when
+    /// moving). Risen evenly, it passes at a share of the step, and the shaft moves for what is left of it. The mean, and not the
+    /// torque itself, because a torque that stands still for several steps, as the controller's does, would break away at once
+    /// or not at all. A step that passes through rest goes on in the direction of the torque for what is left of it, at most as
+    /// long as if it had rested. So speed depends continuously on every torque, which [`DryFriction::step`] leaves to the
+    /// shortness of the step. Derived here.
     #[inline(always)]
     pub(crate) fn long_step(&self, omega: R, drive: R, dt_over_j: R, slack: &mut R) -> R {
         let zero = R::zero();
@@ -110,17 +134,18 @@ impl<R: Real> DryFriction<R> {
         let braked = (net - against(omega)) * dt_over_j;
         let onward = omega + braked;
         if R::holds(zero.lt(onward * omega)) {
-            *slack = zero;
+            *slack = self.hesitation;
             return onward;
         }
         let started = (net - against(net)) * dt_over_j;
         let gained = R::select(at_rest, started, braked);
         let moved = omega + gained;
         let reversed = (moved * omega).lt(zero);
-        let excess = net.abs() - self.stuck;
-        let left = R::select(reversed, moved, excess) / R::select(reversed, gained, excess + *slack);
+        let excess = R::splat(0.5) * (net.abs() - self.stuck - *slack);
+        let share = excess / (excess + *slack);
+        let left = R::select(reversed, (moved / gained).min(share), share);
         let rests = at_rest | reversed;
-        *slack = R::select(rests, (-excess).max(zero), zero);
+        *slack = R::select(rests, (-excess).max(zero), self.hesitation);
         R::select(rests, R::select(zero.lt(excess), started * left, zero), moved)
     }
 }

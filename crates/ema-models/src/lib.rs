@@ -47,8 +47,8 @@ pub use frames::{
 pub use friction::DryFriction;
 pub use lanes::{Lanes32, Lanes64, Mask32, Mask64};
 pub use monitor::{
-    Calibration, Conditions, Feedback, Form, InitialState, Monitor, MonitorState, Origin, Output, RIPPLE_DEFAULT,
-    RIPPLE_KNOTS, RIPPLE_SPACING, STEPS_PER_CONTROL, output_read,
+    Calibration, Conditions, Feedback, Form, InitialState, Monitor, MonitorState, Origin, Output, RIPPLE_KNOTS,
+    RIPPLE_PLACES, Ripple, STEPS_PER_CONTROL, output_read,
 };
 pub use params::{
     ActuatorParams, ControllerParams, Expected, MotorParams, ParamsError, REFERENCE_STEP, SensorParams,

@@ -7,7 +7,7 @@
 use ema_models::reference::{Reference, ReferenceState, Scenario};
 use ema_models::{
     ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, FaultVector, Feedback, Form, MotorKnowledge,
-    PaperShape, Prior, Profile, RIPPLE_DEFAULT, RIPPLE_SPACING, Real, Recording, SensedSample, Setpoint, Weights,
+    PaperShape, Prior, Profile, RIPPLE_KNOTS, RIPPLE_PLACES, Real, Recording, Ripple, SensedSample, Setpoint, Weights,
     dq_from_abc, prepare,
 };
 use rand::{RngExt, SeedableRng};
@@ -241,10 +241,11 @@ fn shortfall(params: &ActuatorParams, speed: f64, load: f64) -> [f64; 3] {
 
 #[test]
 fn the_hysteresis_band_costs_current_along_the_voltage() {
+    let knots = Ripple::default().knots;
     let curve = |m: f64| {
-        let place = m / RIPPLE_SPACING - 1.0;
-        let n = (place.floor().max(0.0) as usize).min(RIPPLE_DEFAULT.len() - 2);
-        RIPPLE_DEFAULT[n] + (place - n as f64) * (RIPPLE_DEFAULT[n + 1] - RIPPLE_DEFAULT[n])
+        let n = RIPPLE_PLACES.iter().take(RIPPLE_KNOTS - 1).filter(|&&place| place < m).count().max(1) - 1;
+        let share = (m - RIPPLE_PLACES[n]) / (RIPPLE_PLACES[n + 1] - RIPPLE_PLACES[n]);
+        knots[n] + share * (knots[n + 1] - knots[n])
     };
     let (mut squares, mut across, mut n) = (0.0, 0.0, 0.0);
     for (params, speeds, loads) in [
@@ -262,7 +263,7 @@ fn the_hysteresis_band_costs_current_along_the_voltage() {
                     "speed {speed} rad/s, load {load} Nm: m {m:.3}, along {along:.3} (curve {:.3}), across {beside:.3}",
                     curve(m)
                 );
-                if m > RIPPLE_SPACING && m < 1.1 {
+                if m > 0.1 && m < 1.1 {
                     squares += (along - curve(m)) * (along - curve(m));
                     across += beside * beside;
                     n += 1.0;

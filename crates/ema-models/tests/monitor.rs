@@ -4,7 +4,7 @@
 use core::f64::consts::TAU;
 use ema_models::{
     ActuatorParams, Calibration, ComparedSample, FaultVector, Feedback, Form, InitialState, Monitor, MonitorState,
-    MotorDeviation, Origin, Output, PaperShape, Setpoint, Unknowns,
+    MotorDeviation, Origin, Output, PaperShape, Ripple, Setpoint, Unknowns,
 };
 
 const FORMS: [Form; 3] = [
@@ -68,7 +68,7 @@ impl Run {
 /// Here the currents are those of the equations; the hysteresis band's mean effect has its own test in `accuracy.rs`.
 fn without_ripple(form: Form) -> Calibration {
     let mut calibration = Calibration::none(form);
-    calibration.ripple = Default::default();
+    calibration.ripple = Ripple::NONE;
     calibration
 }
 

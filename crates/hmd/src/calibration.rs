@@ -3,11 +3,11 @@
 
 use std::path::Path;
 
-use ema_models::{Calibration, FAULT_COUNT, Form, PaperShape, RIPPLE_DEFAULT, RIPPLE_KNOTS, Signals, Weights};
+use ema_models::{Calibration, FAULT_COUNT, Form, PaperShape, RIPPLE_KNOTS, Ripple, Signals, Weights};
 use serde::{Deserialize, Serialize};
 
 /// Version of the file's layout.
-pub const CALIBRATION_VERSION: u32 = 2;
+pub const CALIBRATION_VERSION: u32 = 3;
 
 /// Which monitor a calibration belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -39,8 +39,13 @@ pub struct TypeCalibration {
     pub k_fs: f64,
     /// Coefficient k_E of the paper's eq. 11 (paper form).
     pub k_e: f64,
-    /// Mean shortfall of the currents in the hysteresis band, in half bands, at 0.1, 0.2, … of V_dc/2 (three-phase form).
+    /// Mean shortfall of the currents in the hysteresis band, in half bands, at the voltages [`ema_models::RIPPLE_PLACES`]
+    /// (three-phase form).
     pub ripple: [f64; RIPPLE_KNOTS],
+    /// Factor on what a phase that stands apart from the others adds to it (three-phase form).
+    pub ripple_apart: f64,
+    /// How far the current's peaks reach beyond its mean at rest, in half bands (three-phase form).
+    pub ripple_peak: f64,
     /// What the calibration was worth.
     pub quality: Quality,
     /// How wrong the monitor still is, at several sample rates; at least one.
@@ -184,7 +189,9 @@ impl TypeCalibration {
             torque: 1.0,
             k_fs: PaperShape::default().k_fs,
             k_e: PaperShape::default().k_e,
-            ripple: RIPPLE_DEFAULT,
+            ripple: Ripple::default().knots,
+            ripple_apart: Ripple::default().apart,
+            ripple_peak: Ripple::default().peak,
             quality: Quality {
                 healthy_before_a2: 0.0,
                 healthy_after_a2: 0.0,
@@ -253,7 +260,7 @@ impl TypeCalibration {
             });
         }
         let mut positive = vec![("back_emf", parsed.back_emf), ("torque", parsed.torque)];
-        let mut not_negative: Vec<(&'static str, f64)> = parsed.ripple.iter().map(|&x| ("ripple", x)).collect();
+        let mut not_negative = vec![("ripple_apart", parsed.ripple_apart), ("ripple_peak", parsed.ripple_peak)];
         for table in &parsed.at_rate {
             positive.push(("at_rate.sample_rate_hz", table.sample_rate_hz));
             for signal in Signals::from(table.residual_rms).to_array() {
@@ -270,7 +277,8 @@ impl TypeCalibration {
         if let Some(&(key, found)) = not_negative.iter().find(|(_, x)| !(x.is_finite() && *x >= 0.0)) {
             return Err(refused(key, "not below zero", found));
         }
-        for (key, found) in [("k_fs", parsed.k_fs), ("k_e", parsed.k_e)] {
+        let coefficients = [("k_fs", parsed.k_fs), ("k_e", parsed.k_e)];
+        for (key, found) in coefficients.into_iter().chain(parsed.ripple.map(|x| ("ripple", x))) {
             if !found.is_finite() {
                 return Err(refused(key, "", found));
             }
@@ -299,7 +307,11 @@ impl TypeCalibration {
             form,
             back_emf: self.back_emf,
             torque: self.torque,
-            ripple: self.ripple,
+            ripple: Ripple {
+                knots: self.ripple,
+                apart: self.ripple_apart,
+                peak: self.ripple_peak,
+            },
         }
     }
 

@@ -8,8 +8,8 @@ use std::process::Stdio;
 
 use anyhow::{Context, bail};
 
-use crate::debian;
 use crate::shell::program;
+use crate::{debian, guest_state};
 
 /// What the guest needs, as Debian packages, with a file of each that tells whether it is there.
 const PACKAGES: [(&str, &str); 4] = [
@@ -56,6 +56,7 @@ pub(super) fn start(folder: &Path, hmd: &Path, firmware: &Path, python: &Path, s
         .args(["linux.uml", "mem=1G", "rootfstype=hostfs", "rootflags=/", "rw"])
         .args(["con=null", "con0=null,fd:1"])
         .arg(format!("init={}", init.display()))
+        .env("LD_PRELOAD", guest_state::library()?)
         .stdin(Stdio::null())
         .stdout(console)
         .stderr(Stdio::null());

@@ -1,7 +1,7 @@
 //! A monitor out of parameters, calibration and unknowns, in any number type or several side by side.
 
 use super::ripple::RippleCurve;
-use super::{Calibration, Derived, Feedback, Monitor, STEPS_PER_CONTROL};
+use super::{Calibration, Derived, Feedback, Form, Monitor, STEPS_PER_CONTROL};
 use crate::control::{Ace, Encoder};
 use crate::frames::per_phase;
 use crate::friction::DryFriction;
@@ -32,12 +32,21 @@ impl Monitor<f64> {
         let ohms_before = per_phase!(|j| ohms[j] - r[j]);
         let siemens = ohms.map(|x| 1.0 / x);
         let sum: f64 = siemens.iter().sum();
+        let friction = DryFriction::new(transmission, fault, unknowns.load_torque);
+        let torque = k * calibration.torque;
+        let pull_per_amp = 0.5 * winding.turns.iter().sum::<f64>();
         Self {
             form: calibration.form,
             feedback: Feedback::default(),
             ace: Ace::new(params, fault.gain_factor()).freezing_gradually(params),
             encoder: Encoder::new(params.sensors.output_lsb()),
-            friction: DryFriction::new(transmission, fault, unknowns.load_torque),
+            friction: match calibration.form {
+                Form::ThreePhase => {
+                    let peak = calibration.ripple.peak * params.controller.hysteresis;
+                    friction.under_swinging_torque(torque * pull_per_amp * peak)
+                }
+                Form::Paper(_) | Form::OneAxis => friction,
+            },
             winding,
             half_play: 0.5 * transmission.backlash * fault.backlash_factor(),
             ripple: RippleCurve::new(&calibration.ripple, params.controller.hysteresis, winding.turns),
@@ -58,9 +67,9 @@ impl Monitor<f64> {
                 phase_l: motor.l_s,
                 back_emf: k * calibration.back_emf,
                 half_back_emf: 0.5 * k * calibration.back_emf,
-                torque: k * calibration.torque,
-                half_torque: 0.5 * k * calibration.torque,
-                pull_per_amp: 0.5 * winding.turns.iter().sum::<f64>(),
+                torque,
+                half_torque: 0.5 * torque,
+                pull_per_amp,
                 r,
                 reactance: winding.turns.map(|n| motor.pole_pairs * n * n * motor.l_s),
                 ohms,

@@ -8,7 +8,7 @@ mod one_axis;
 mod ripple;
 mod three_phase;
 
-pub use ripple::{RIPPLE_DEFAULT, RIPPLE_KNOTS, RIPPLE_SPACING};
+pub use ripple::{RIPPLE_KNOTS, RIPPLE_PLACES, Ripple};
 
 use crate::backlash::follow_through_play;
 use crate::control::{Ace, AceState, Encoder, Setpoint};
@@ -53,19 +53,19 @@ pub struct Calibration {
     pub back_emf: f64,
     /// Factor on the torque gain.
     pub torque: f64,
-    /// Knots of the mean shortfall of the currents inside the hysteresis band, in half bands (three-phase form).
-    pub ripple: [f64; RIPPLE_KNOTS],
+    /// Mean effect of the hysteresis band (three-phase form).
+    pub ripple: Ripple,
 }
 
 impl Calibration {
     /// A monitor of the given form as derived, without any correction.
     #[must_use]
-    pub const fn none(form: Form) -> Self {
+    pub fn none(form: Form) -> Self {
         Self {
             form,
             back_emf: 1.0,
             torque: 1.0,
-            ripple: RIPPLE_DEFAULT,
+            ripple: Ripple::default(),
         }
     }
 }
@@ -175,7 +175,7 @@ pub struct MonitorState<R> {
     i_ref: [R; 2],
     /// Speed gained in the last step, rad/s.
     gained: R,
-    /// Torque that the shaft lacked to break away at the end of the last step, Nm.
+    /// Torque that the shaft lacked to break away at the end of the last step, Nm ([`DryFriction::long_step`]).
     slack: R,
     /// Motor angle of the motor model, rad: the one that the last step foresaw; and the electrical angle's sine and cosine.
     foreseen: R,

@@ -8,40 +8,55 @@
 
 use crate::real::Real;
 
-/// Number of knots of the curve, at m = 0.1, 0.2, … ; g(0) = 0, and it is flat beyond the last one, near the voltage
-/// hexagon's corner at m = 2/√3.
-pub const RIPPLE_KNOTS: usize = 11;
+/// Number of knots of the curve.
+pub const RIPPLE_KNOTS: usize = 7;
 
-/// Distance of the knots.
-pub const RIPPLE_SPACING: f64 = 0.1;
+/// Relative voltages of the knots; g(0) = 0, and it is flat beyond the last one, near the voltage hexagon's corner at
+/// m = 2/√3.
+pub const RIPPLE_PLACES: [f64; RIPPLE_KNOTS] = [0.02, 0.1, 0.3, 0.45, 0.75, 0.9, 1.1];
 
-/// Places of the knots.
-const KNOTS: [f64; RIPPLE_KNOTS] = {
-    let mut knots = [0.0; RIPPLE_KNOTS];
-    let mut n = 0;
-    while n < RIPPLE_KNOTS {
-        knots[n] = (n + 1) as f64 * RIPPLE_SPACING;
-        n += 1;
-    }
-    knots
-};
-
-/// Relative voltages at which the hump is highest and at which it ends.
-const HUMP_TOP: f64 = 0.02;
+/// Relative voltage at which the hump of unequal phases ends.
 const HUMP_END: f64 = 0.26;
 
-/// The curve before a type's own calibration: mean of the two shipped actuators.
-pub const RIPPLE_DEFAULT: [f64; RIPPLE_KNOTS] = [
-    0.062, 0.080, 0.100, 0.140, 0.146, 0.120, 0.074, 0.070, 0.150, 0.186, 0.220,
-];
+/// Mean effect of the hysteresis band, as a calibration knows it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ripple {
+    /// g at [`RIPPLE_PLACES`], half bands. Negative at the first place where the current stays at the band's far edge after each
+    /// jump of its reference.
+    pub knots: [f64; RIPPLE_KNOTS],
+    /// Factor on the hump of unequal phases.
+    pub apart: f64,
+    /// How far the current's peaks reach beyond its mean at rest, half bands: they break the shaft away.
+    pub peak: f64,
+}
+
+impl Ripple {
+    /// No shortfall anywhere.
+    pub const NONE: Self = Self {
+        knots: [0.0; RIPPLE_KNOTS],
+        apart: 0.0,
+        peak: 0.0,
+    };
+}
+
+impl Default for Ripple {
+    /// Before a type's own calibration: mean of the two shipped actuators.
+    fn default() -> Self {
+        Self {
+            knots: [0.015, 0.068, 0.089, 0.155, 0.072, 0.168, 0.229],
+            apart: 2.2,
+            peak: 1.1,
+        }
+    }
+}
 
 /// Height of the hump that unequal phases add to g at low voltage, from the turns that each has left:
-/// `1.4 x² (1 − x) ((1 − 3.5 a²)⁺)²`, x being how far the share of the largest 1/N² in the sum of all three is from a third
+/// `x² (1 − x) ((1 − 3.5 a²)⁺)²`, x being how far the share of the largest 1/N² in the sum of all three is from a third
 /// (0) to all of it (1), a the difference of the other two over their sum. One phase that stands apart makes it; two that stand
 /// apart alike do not. Smooth in the turns, which are searched.
 ///
-/// Shape from sweeps of the reference at constant speed on both actuators; there it is two and a half times as high as in actuations, where
-/// the reference of the current does not stand still (derived here, `docs/monitor.md`).
+/// Shape from sweeps of the reference at constant speed on both actuators; the factor on it ([`Ripple::apart`]) is calibrated in
+/// actuations, where the reference of the current does not stand still (derived here, `docs/monitor.md`).
 fn unequal(turns: [f64; 3]) -> f64 {
     let [a, b, c] = turns.map(|n| 1.0 / (n * n));
     let largest = a.max(b).max(c);
@@ -51,7 +66,7 @@ fn unequal(turns: [f64; 3]) -> f64 {
     let lead = 1.5 * largest / all - 0.5;
     let apart = (middle - smallest) / (middle + smallest);
     let alone = (1.0 - 3.5 * apart * apart).max(0.0);
-    1.4 * lead * lead * (1.0 - lead) * alone * alone
+    lead * lead * (1.0 - lead) * alone * alone
 }
 
 /// The curve as a sum of hinges, `Σ bend max(m, place) − Σ bend place`, ready for any number type.
@@ -59,38 +74,30 @@ fn unequal(turns: [f64; 3]) -> f64 {
 pub(crate) struct RippleCurve<R> {
     /// Slope at m = 0, A.
     slope: R,
-    /// Change of slope at [`HUMP_TOP`], A.
-    top: R,
-    /// Changes of slope at [`KNOTS`], A.
+    /// Changes of slope at [`RIPPLE_PLACES`], A.
     bends: [R; RIPPLE_KNOTS],
     /// `Σ bend place`, A.
     offset: R,
 }
 
 impl RippleCurve<f64> {
-    /// From the knots of g, the half band h, A, and the turns that each phase has left.
-    pub(crate) fn new(knots: &[f64; RIPPLE_KNOTS], half_band: f64, turns: [f64; 3]) -> Self {
-        let height = unequal(turns);
+    /// From the calibrated ripple, the half band h, A, and the turns that each phase has left.
+    pub(crate) fn new(ripple: &Ripple, half_band: f64, turns: [f64; 3]) -> Self {
+        let height = ripple.apart * unequal(turns);
         let hump = |m: f64| height * (1.0 - m / HUMP_END).max(0.0);
-        let at_top = half_band * (knots[0] * HUMP_TOP / RIPPLE_SPACING + hump(HUMP_TOP));
-        let rise = at_top / HUMP_TOP;
-        let (mut place, mut last, mut slope) = (HUMP_TOP, at_top, rise);
-        let mut changes = [0.0; RIPPLE_KNOTS];
+        // Slopes up to each knot; behind the last one the curve is flat.
+        let mut slopes = [0.0; RIPPLE_KNOTS + 1];
+        let (mut place, mut last) = (0.0, 0.0);
         for n in 0..RIPPLE_KNOTS {
-            let g = half_band * (knots[n] + hump(KNOTS[n]));
-            changes[n] = (g - last) / (KNOTS[n] - place) - slope;
-            slope += changes[n];
-            (place, last) = (KNOTS[n], g);
+            let g = half_band * (ripple.knots[n] + hump(RIPPLE_PLACES[n]));
+            slopes[n] = (g - last) / (RIPPLE_PLACES[n] - place);
+            (place, last) = (RIPPLE_PLACES[n], g);
         }
-        // Each slope begins where the one before it ends, and the last one ends the curve.
-        let top = changes[0];
-        let bends: [f64; RIPPLE_KNOTS] = core::array::from_fn(|n| changes.get(n + 1).map_or(-slope, |change| *change));
-        let offset = top * HUMP_TOP + bends.iter().zip(KNOTS).map(|(bend, knot)| bend * knot).sum::<f64>();
+        let bends: [f64; RIPPLE_KNOTS] = core::array::from_fn(|n| slopes[n + 1] - slopes[n]);
         Self {
-            slope: rise,
-            top,
+            slope: slopes[0],
             bends,
-            offset,
+            offset: bends.iter().zip(RIPPLE_PLACES).map(|(bend, place)| bend * place).sum(),
         }
     }
 }
@@ -100,7 +107,6 @@ impl<R> RippleCurve<R> {
     pub(crate) fn map<S>(self, mut f: impl FnMut(R) -> S) -> RippleCurve<S> {
         RippleCurve {
             slope: f(self.slope),
-            top: f(self.top),
             bends: self.bends.map(&mut f),
             offset: f(self.offset),
         }
@@ -111,9 +117,9 @@ impl<R: Real> RippleCurve<R> {
     /// Shortfall of the mean current, A, at the relative voltage m ≥ 0.
     #[inline(always)]
     pub(crate) fn shortfall(&self, m: R) -> R {
-        let mut sum = self.slope * m - self.offset + self.top * m.max(R::splat(HUMP_TOP));
+        let mut sum = self.slope * m - self.offset;
         for n in 0..RIPPLE_KNOTS {
-            sum = sum + self.bends[n] * m.max(R::splat(KNOTS[n]));
+            sum = sum + self.bends[n] * m.max(R::splat(RIPPLE_PLACES[n]));
         }
         sum
     }
@@ -125,34 +131,29 @@ mod tests {
 
     #[test]
     fn the_hinges_pass_through_the_knots() {
-        let curve = RippleCurve::new(&RIPPLE_DEFAULT, 0.05, [1.0; 3]);
+        let ripple = Ripple::default();
+        let curve = RippleCurve::new(&ripple, 0.05, [1.0; 3]);
         assert!(curve.shortfall(0.0).abs() < 1e-12);
-        for (n, g) in RIPPLE_DEFAULT.iter().enumerate() {
-            assert!((curve.shortfall((n + 1) as f64 * RIPPLE_SPACING) - 0.05 * g).abs() < 1e-12);
+        for (place, g) in RIPPLE_PLACES.into_iter().zip(ripple.knots) {
+            assert!((curve.shortfall(place) - 0.05 * g).abs() < 1e-12);
         }
-        assert!((curve.shortfall(5.0) - 0.05 * RIPPLE_DEFAULT[RIPPLE_KNOTS - 1]).abs() < 1e-9);
+        assert!((curve.shortfall(5.0) - 0.05 * ripple.knots[RIPPLE_KNOTS - 1]).abs() < 1e-9);
     }
 
     #[test]
     fn one_phase_apart_lifts_low_voltages_alone() {
-        let equal = RippleCurve::new(&RIPPLE_DEFAULT, 0.05, [0.5; 3]);
-        let apart = RippleCurve::new(&RIPPLE_DEFAULT, 0.05, [1.0, 1.0, 0.5]);
+        let ripple = Ripple::default();
+        let equal = RippleCurve::new(&ripple, 0.05, [0.5; 3]);
+        let apart = RippleCurve::new(&ripple, 0.05, [1.0, 1.0, 0.5]);
         let lift = |m| (apart.shortfall(m) - equal.shortfall(m)) / 0.05;
-        // Two thirds of the sum of 1/N² is halfway: 1.4 / 8.
-        let height = 0.175;
+        // Two thirds of the sum of 1/N² is halfway: 1 / 8.
+        let height = 0.125 * ripple.apart;
         assert!(lift(0.0).abs() < 1e-12 && lift(0.3).abs() < 1e-9 && lift(2.0).abs() < 1e-9);
-        assert!(
-            (lift(0.1) - height * (1.0 - 0.1 / HUMP_END)).abs() < 1e-5,
-            "{}",
-            lift(0.1)
-        );
-        assert!(
-            (lift(HUMP_TOP) - height * (1.0 - HUMP_TOP / HUMP_END)).abs() < 1e-5,
-            "{}",
-            lift(HUMP_TOP)
-        );
+        for m in [0.02, 0.1] {
+            assert!((lift(m) - height * (1.0 - m / HUMP_END)).abs() < 1e-9, "{}", lift(m));
+        }
         for turns in [[1.0, 0.5, 0.5], [0.9, 1.0, 0.9], [0.01, 0.01, 1.0]] {
-            assert!(unequal(turns) < 0.02, "{turns:?}: {}", unequal(turns));
+            assert!(unequal(turns) < 0.015, "{turns:?}: {}", unequal(turns));
         }
     }
 }

@@ -1,6 +1,7 @@
 /* For user-mode Linux on processors whose register state is larger than the kernel in it expects (AMX: 11 KiB): that kernel
- * hands the host's kernel the first part of the state, which is refused. Preloaded, this completes it with the rest that the
- * process has. Where the state is small enough, nothing changes. */
+ * hands the host's kernel the first part of the state, which is refused. Preloaded, this completes it with the rest, which is
+ * what it was in the first process: no guest uses registers that its kernel does not know of. Where the state is small enough,
+ * nothing changes. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <elf.h>
@@ -16,6 +17,7 @@ long ptrace(enum __ptrace_request request, ...)
 {
     static long (*next)(enum __ptrace_request, ...);
     static unsigned char whole[LARGEST] __attribute__((aligned(64)));
+    static size_t size;
 
     va_list list;
     va_start(list, request);
@@ -28,8 +30,11 @@ long ptrace(enum __ptrace_request request, ...)
     if (request == PTRACE_SETREGSET && (unsigned long)address == NT_X86_XSTATE) {
         const struct iovec *part = data;
         struct iovec all = { whole, sizeof whole };
-        if (next(PTRACE_GETREGSET, pid, address, &all) == 0 && part->iov_len < all.iov_len) {
+        if (size == 0 && next(PTRACE_GETREGSET, pid, address, &all) == 0)
+            size = all.iov_len;
+        if (part->iov_len < size) {
             memcpy(whole, part->iov_base, part->iov_len);
+            all.iov_len = size;
             return next(PTRACE_SETREGSET, pid, address, &all);
         }
     }

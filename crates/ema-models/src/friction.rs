@@ -177,12 +177,13 @@ mod tests {
         assert!((omega - 10.0).abs() < 1e-12, "{omega}");
     }
 
-    /// Speed of a shaft under a torque that ramps through rest and the static torque, in steps of `dt`, s.
-    fn swept(steps: impl Fn(f64, f64, f64, &mut f64) -> f64, dt: f64, offset: f64) -> f64 {
+    /// Speed of a shaft under a torque that falls through rest and the static torque, in steps of `dt`, s; the torque stands still
+    /// for `held` steps each.
+    fn swept(steps: impl Fn(f64, f64, f64, &mut f64) -> f64, dt: f64, held: u32, offset: f64) -> f64 {
         let (mut omega, mut slack) = (0.5, 0.0);
         for n in 0..(0.2 / dt) as u32 {
-            let drive = offset - 1.2 * (f64::from(n) + 0.5) * dt;
-            omega = steps(omega, drive, dt / 2e-3, &mut slack);
+            let middle = f64::from(n / held * held) + 0.5 * f64::from(held);
+            omega = steps(omega, offset - 1.2 * middle * dt, dt / 2e-3, &mut slack);
         }
         omega
     }
@@ -190,22 +191,42 @@ mod tests {
     #[test]
     fn a_long_step_stops_and_breaks_away_inside_itself() {
         let friction = bench(0.0);
-        let long = |dt, offset| swept(|w, t, h, slack| friction.long_step(w, t, h, slack), dt, offset);
-        let plain = |dt, offset| swept(|w, t, h, _| friction.step(w, t, h), dt, offset);
-        let (mut last, mut jump, mut plain_last, mut plain_jump) =
-            (long(1e-3, -0.1), 0.0_f64, plain(1e-3, -0.1), 0.0_f64);
-        for n in 0..100 {
-            let offset = -0.1 - 2e-5 * f64::from(n);
-            // Half a step early at most, the drive being that of the step's middle.
-            assert!((long(1e-3, offset) - plain(1e-6, offset)).abs() < 0.045);
-            (jump, last) = (jump.max((long(1e-3, offset) - last).abs()), long(1e-3, offset));
-            (plain_jump, plain_last) = (
-                plain_jump.max((plain(1e-3, offset) - plain_last).abs()),
-                plain(1e-3, offset),
+        // In plain steps the shaft breaks away one step sooner or later: (T_s − T_d) dt / J = 0.075 rad/s.
+        let one_step = 0.075;
+        let plain = |dt, held, offset| swept(|w, t, h, _| friction.step(w, t, h), dt, held, offset);
+        for held in [1, 2] {
+            let long = |offset| swept(|w, t, h, slack| friction.long_step(w, t, h, slack), 1e-3, held, offset);
+            let (mut jump, mut plain_jump) = (0.0_f64, 0.0_f64);
+            for n in 0..100 {
+                let (offset, next) = (-0.1 - 2e-5 * f64::from(n), -0.1 - 2e-5 * f64::from(n + 1));
+                // The running mean is behind by a step, and by half the time for which the torque stands still.
+                let late = f64::from(1 + held) * one_step;
+                assert!((long(offset) - plain(1e-6, 1, offset)).abs() < late, "held {held}");
+                jump = jump.max((long(next) - long(offset)).abs());
+                plain_jump = plain_jump.max((plain(1e-3, held, next) - plain(1e-3, held, offset)).abs());
+            }
+            assert!(
+                jump < 0.2 * one_step && plain_jump > 0.6 * one_step,
+                "held {held}: {jump} {plain_jump}"
             );
         }
-        // In plain steps the shaft breaks away one step sooner or later: (T_s − T_d) dt / J = 0.075 rad/s.
-        assert!(jump < 0.01 && plain_jump > 0.05, "{jump} {plain_jump}");
+    }
+
+    #[test]
+    fn peaks_break_away_but_never_below_the_dynamic_torque() {
+        let still = |friction: DryFriction<f64>, torque: f64| {
+            let (mut omega, mut slack) = (0.0, 0.0);
+            for _ in 0..100 {
+                omega = friction.long_step(omega, torque, 1e-3, &mut slack);
+            }
+            omega == 0.0
+        };
+        // T_s = 0.30 Nm, T_d = 0.15 Nm.
+        assert!(still(bench(0.0), 0.299) && !still(bench(0.0), 0.301));
+        let swinging = bench(0.0).under_swinging_torque(0.05);
+        assert!(still(swinging, 0.249) && !still(swinging, 0.251));
+        let wildly = bench(0.0).under_swinging_torque(0.5);
+        assert!(still(wildly, 0.149) && !still(wildly, 0.151));
     }
 
     #[test]

@@ -243,7 +243,13 @@ fn shortfall(params: &ActuatorParams, speed: f64, load: f64) -> [f64; 3] {
 fn the_hysteresis_band_costs_current_along_the_voltage() {
     let knots = Ripple::default().knots;
     let curve = |m: f64| {
-        let n = RIPPLE_PLACES.iter().take(RIPPLE_KNOTS - 1).filter(|&&place| place < m).count().max(1) - 1;
+        let n = RIPPLE_PLACES
+            .iter()
+            .take(RIPPLE_KNOTS - 1)
+            .filter(|&&place| place < m)
+            .count()
+            .max(1)
+            - 1;
         let share = (m - RIPPLE_PLACES[n]) / (RIPPLE_PLACES[n + 1] - RIPPLE_PLACES[n]);
         knots[n] + share * (knots[n + 1] - knots[n])
     };

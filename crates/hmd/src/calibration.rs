@@ -260,7 +260,10 @@ impl TypeCalibration {
             });
         }
         let mut positive = vec![("back_emf", parsed.back_emf), ("torque", parsed.torque)];
-        let mut not_negative = vec![("ripple_apart", parsed.ripple_apart), ("ripple_peak", parsed.ripple_peak)];
+        let mut not_negative = vec![
+            ("ripple_apart", parsed.ripple_apart),
+            ("ripple_peak", parsed.ripple_peak),
+        ];
         for table in &parsed.at_rate {
             positive.push(("at_rate.sample_rate_hz", table.sample_rate_hz));
             for signal in Signals::from(table.residual_rms).to_array() {

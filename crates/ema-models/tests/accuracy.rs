@@ -50,7 +50,7 @@ const TABLE: &[Row] = &[
     // Unequal phases at the voltage limit: the middle phase of the six-step pattern is the monitor's approximation.
     Row { name: "short_a",      faults: || single(2, DAMAGE),        bench: [0.047, 0.044, 2.09, 122.0], servo28: [0.048, 0.048, 5.03, 121.0], ..ROW },
     Row { name: "short_b",      faults: || single(3, DAMAGE),        bench: [0.047, 0.044, 2.67, 122.0], servo28: [0.048, 0.049, 6.11, 121.0], ..ROW },
-    Row { name: "short_c",      faults: || single(4, DAMAGE),        bench: [0.046, 0.046, 2.13, 120.0], servo28: [0.048, 0.048, 6.33, 120.0], ..ROW },
+    Row { name: "short_c",      faults: || single(4, DAMAGE),        bench: [0.046, 0.046, 2.25, 120.0], servo28: [0.048, 0.048, 6.33, 120.0], ..ROW },
     Row { name: "eccentricity", faults: || single(5, DAMAGE),        bench: [0.042, 0.047, 2.70, 122.0], servo28: [0.043, 0.043, 4.06, 116.0], ..ROW },
     Row { name: "gain",         faults: || single(7, GAINS),         bench: [0.042, 0.046, 1.96, 120.0], servo28: [0.043, 0.043, 3.44, 120.0], ..ROW },
     Row { name: "multiple",     faults: multiple,                    bench: [0.049, 0.049, 3.61, 129.0], servo28: [0.052, 0.049, 7.54, 129.0], ..ROW },

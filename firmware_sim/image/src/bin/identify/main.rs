@@ -15,7 +15,7 @@ use cortex_m_semihosting::{debug, hprintln};
 use ema_models::Form::ThreePhase;
 use ema_models::{
     ActuatorParams, Calibration, Conditions, ControllerParams, Coordinates, MotorDeviation, MotorKnowledge,
-    MotorParams, Prior, Scale, SensorParams, Signals, TransmissionParams,
+    MotorParams, Prior, Ripple, Scale, SensorParams, Signals, TransmissionParams,
 };
 use ema_wire::{ActuatorId, Mode, Sample};
 use firmware_image::{Identification, RecordedWindow};

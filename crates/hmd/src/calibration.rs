@@ -141,7 +141,9 @@ pub enum CalibrationError {
         message: String,
     },
     /// The file is of another version.
-    #[error("{path}: expected calibration version {CALIBRATION_VERSION}, found {found}")]
+    #[error(
+        "{path}: expected calibration version {CALIBRATION_VERSION}, found {found}: make it anew with hmd calibrate --type"
+    )]
     Version {
         /// The file.
         path: String,
@@ -237,16 +239,24 @@ impl TypeCalibration {
     /// # Errors
     /// [`CalibrationError`] when it is no calibration of this version.
     pub fn parse(text: &str, name: &str) -> Result<Self, CalibrationError> {
-        let parsed: Self = toml::from_str(text).map_err(|e| CalibrationError::Parse {
+        /// What every version has.
+        #[derive(Deserialize)]
+        struct Versioned {
+            version: u32,
+        }
+        let unreadable = |e: toml::de::Error| CalibrationError::Parse {
             path: name.to_owned(),
             message: e.message().replace('\n', " "),
-        })?;
-        if parsed.version != CALIBRATION_VERSION {
+        };
+        // First the version: another one has other keys.
+        let Versioned { version } = toml::from_str(text).map_err(unreadable)?;
+        if version != CALIBRATION_VERSION {
             return Err(CalibrationError::Version {
                 path: name.to_owned(),
-                found: parsed.version,
+                found: version,
             });
         }
+        let parsed: Self = toml::from_str(text).map_err(unreadable)?;
         let refused = |key, expected, found| CalibrationError::Value {
             path: name.to_owned(),
             key,
@@ -346,5 +356,21 @@ impl TypeCalibration {
             weights.i_d = 0.0;
         }
         weights
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_of_another_version_is_refused_for_its_version_and_not_for_its_keys() {
+        let old = "version = 2\nripple = [0.1, 0.1]\nsomething = 1\n";
+        let refused = TypeCalibration::parse(old, "old.toml").map(|_| ());
+        let message = refused.map_err(|e| e.to_string()).unwrap_err();
+        assert!(
+            message.starts_with("old.toml: expected calibration version 3, found 2"),
+            "{message}"
+        );
     }
 }

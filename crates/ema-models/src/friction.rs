@@ -73,8 +73,9 @@ impl DryFriction<f64> {
     }
 }
 
-/// Share of the swing over which a stop and a passage through rest go over into one another. Measured as the cost's smoothness:
-/// half as much leaves jumps in it, twice as much changes no figure.
+/// Share of the swing over which a stop and a passage through rest go over into one another. By the smoothness of the
+/// cost: with a quarter of it descents still stop at jumps, and with two and a half times as much no error moves beyond the second
+/// digit.
 const HESITATION: f64 = 0.2;
 
 impl<R: Real> DryFriction<R> {
@@ -200,7 +201,7 @@ mod tests {
             for n in 0..100 {
                 let (offset, next) = (-0.1 - 2e-5 * f64::from(n), -0.1 - 2e-5 * f64::from(n + 1));
                 // The running mean is behind by a step, and by half the time for which the torque stands still.
-                let late = f64::from(1 + held) * one_step;
+                let late = (1.05 + 0.5 * f64::from(held)) * one_step;
                 assert!((long(offset) - plain(1e-6, 1, offset)).abs() < late, "held {held}");
                 jump = jump.max((long(next) - long(offset)).abs());
                 plain_jump = plain_jump.max((plain(1e-3, held, next) - plain(1e-3, held, offset)).abs());

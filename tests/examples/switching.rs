@@ -1,10 +1,13 @@
 //! How far the switching alone moves an estimate: `cargo run --release -p hmd-tests --example switching [seeds]`.
 //!
 //! Two units that differ by a millionth of the DC link's voltage switch at other instants. No monitor that averages over the
-//! switching can tell them apart, so half the square of their estimates' distance is an error that no such monitor avoids.
+//! switching can tell them apart, so half the square of their estimates' distance is the variance that no such monitor avoids. The
+//! floor is the error of an estimate that is right on average and scatters so: the truth, and that distance over √2 to either
+//! side (of the eccentricity as the vector that it is: the direction of a small one is lost in a scatter of its size).
 //! Prints the table of `docs/monitor.md`: that floor beside the error, for the vectors of the suites `paper` and `random`, and for
 //! those of `noise` with its sensors and load. There both units have the same noise and are exactly of their type, so the suite's
-//! own errors have more to them than this floor.
+//! own errors have more to them than this floor. Where several windows have the same vector, the last column is the error that
+//! would be left if their mean was the truth: what no better law of the mean currents can take away.
 
 use ema_models::reference::{Actuations, CurrentSensing, Scenario};
 use ema_models::{ActuatorParams, FaultVector, MotorKnowledge, Profile, Scale, rss_pct};
@@ -39,9 +42,10 @@ fn main() {
         .nth(1)
         .map_or(10, |n| n.parse().expect("a number of seeds"));
     println!(
-        "| actuator | vectors | windows | floor of the switching, %: mean, median, p95, max | error, %: the same |"
+        "| actuator | vectors | windows | floor of the switching, %: mean, median, p95, max | error, %: the same | scatter alone, %: the \
+         same |"
     );
-    println!("|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|");
     for (name, params) in [
         ("bench", ActuatorParams::bench()),
         ("servo28", ActuatorParams::servo28()),
@@ -73,9 +77,15 @@ fn main() {
                 method: Method::hybrid(),
                 motor: MotorKnowledge::default(),
             };
-            let (floors, errors) = pairs(&identifier, &truths, sampling);
-            let (floors, errors) = (figures(floors), figures(errors));
-            println!("| {name} | {vectors} | {} | {floors} | {errors} |", truths.len());
+            let pairs = pairs(&identifier, &truths, sampling);
+            let floors = pairs.iter().zip(&truths).map(|(pair, truth)| floor(truth, pair));
+            let errors = pairs.iter().zip(&truths).map(|([one, _], truth)| rss_pct(one, truth));
+            let (floors, errors) = (figures(floors.collect()), figures(errors.collect()));
+            let scatters = scatters(&truths, &pairs).map_or("–".to_owned(), figures);
+            println!(
+                "| {name} | {vectors} | {} | {floors} | {errors} | {scatters} |",
+                truths.len()
+            );
         }
     }
 }
@@ -109,17 +119,67 @@ fn single(seeds: u64) -> Vec<FaultVector> {
     all
 }
 
-/// Floor and error of each vector, percent.
-fn pairs(identifier: &Identifier, truths: &[FaultVector], sampling: Sampling) -> (Vec<f64>, Vec<f64>) {
+/// Estimates of each vector from two units that differ by nothing but the switching.
+fn pairs(identifier: &Identifier, truths: &[FaultVector], sampling: Sampling) -> Vec<[FaultVector; 2]> {
     truths
         .par_iter()
         .enumerate()
         .map(|(n, truth)| {
             let seed = 80_000 + n as u64;
-            let [one, other] = [0.0, NUDGE].map(|nudge| estimate(identifier, *truth, seed, nudge, sampling));
-            (rss_pct(&one, &other) / std::f64::consts::SQRT_2, rss_pct(&one, truth))
+            [0.0, NUDGE].map(|nudge| estimate(identifier, *truth, seed, nudge, sampling))
         })
-        .unzip()
+        .collect()
+}
+
+/// Error of the truth off by the pair's distance over √2, to either side, percent.
+fn floor(truth: &FaultVector, [one, other]: &[FaultVector; 2]) -> f64 {
+    let (truth_at, one, other) = (coordinates(truth), coordinates(one), coordinates(other));
+    let off = |sign: f64| {
+        let share = sign / std::f64::consts::SQRT_2;
+        let at = std::array::from_fn(|n| truth_at[n] + share * (one[n] - other[n]));
+        rss_pct(&from_coordinates(at), truth)
+    };
+    0.5 * (off(1.0) + off(-1.0))
+}
+
+/// Error of each first estimate if the mean of those of its vector was the truth, percent; `None` where vectors are drawn, each
+/// for itself.
+fn scatters(truths: &[FaultVector], pairs: &[[FaultVector; 2]]) -> Option<Vec<f64>> {
+    let mut all = Vec::new();
+    let mut rest = pairs;
+    for group in truths.chunk_by(|a, b| a == b) {
+        let (mine, others) = rest.split_at(group.len());
+        rest = others;
+        if mine.len() < 2 {
+            return None;
+        }
+        let estimates: Vec<_> = mine.iter().map(|[one, _]| coordinates(one)).collect();
+        let count = estimates.len() as f64;
+        let mean: [f64; 8] = std::array::from_fn(|n| estimates.iter().map(|at| at[n]).sum::<f64>() / count);
+        // The mean is of these same windows.
+        let widened = (count / (count - 1.0)).sqrt();
+        let truth_at = coordinates(&group[0]);
+        all.extend(estimates.iter().map(|at| {
+            let at = std::array::from_fn(|n| truth_at[n] + widened * (at[n] - mean[n]));
+            rss_pct(&from_coordinates(at), &group[0])
+        }));
+    }
+    Some(all)
+}
+
+/// A fault vector with its eccentricity as a vector.
+fn coordinates(fault: &FaultVector) -> [f64; 8] {
+    let mut at = fault.to_array();
+    let (sin, cos) = (std::f64::consts::TAU * at[6]).sin_cos();
+    [at[5], at[6]] = [at[5] * cos, at[5] * sin];
+    at
+}
+
+fn from_coordinates(mut at: [f64; 8]) -> FaultVector {
+    let [x, y] = [at[5], at[6]];
+    at[5] = x.hypot(y);
+    at[6] = (y.atan2(x) / std::f64::consts::TAU).rem_euclid(1.0);
+    FaultVector::from_array(at)
 }
 
 fn estimate(identifier: &Identifier, truth: FaultVector, seed: u64, nudge: f64, sampling: Sampling) -> FaultVector {

@@ -1,6 +1,7 @@
 //! One window to one estimate: the only place where monitor and search meet.
 
 mod population;
+mod profile;
 mod refine;
 mod rivals;
 mod unmodelled;
@@ -218,7 +219,7 @@ impl Identifier {
         Ok(match self.method {
             Method::PaperGa(_) | Method::Population(_) => Estimate {
                 cut: found.cut,
-                ..self.judge(&all, found.ends[0].at, None, found.evaluations)
+                ..self.judge(&all, found.ends[0].at, None, found.evaluations, found.share)
             },
             Method::LeastSquares | Method::Hybrid(_) => self.finish(&all, &found),
         })
@@ -269,9 +270,9 @@ impl Identifier {
                 let found = population.search(*all, seed)?;
                 let faults = [FaultVector::from_array(found.genes), FaultVector::NOMINAL];
                 let starts = starts(all, &scale, &faults);
-                // The same share for each descent and for the last one, whichever of them needs it.
+                // The same share for each descent, for the last one, and for the two that ask how sure friction is.
                 let share = population.budget().map_or(UNLIMITED, |budget| {
-                    budget.saturating_sub(found.evaluations + JUDGING_RUNS) / (starts.len() as u64 + 1)
+                    budget.saturating_sub(found.evaluations + JUDGING_RUNS) / (starts.len() as u64 + 3)
                 });
                 let cut = found.stop == StopReason::MaxEvaluations;
                 Found::new(refine(all, &starts, share), found.evaluations, cut, share)
@@ -310,11 +311,17 @@ impl Identifier {
         let rival = rivals::find(comparison, &found.ends);
         let spent = found.evaluations + end.spent + 2;
         let estimate = match unmodelled::weak_magnet(&weighed, &end, found.share) {
-            WeakMagnet::No(more) => self.judge(&weighed, end.at, rival, spent + more),
-            WeakMagnet::Perhaps(other) => self.judge(&weighed, end.at, rival.or(Some(other.at)), spent + other.spent),
+            WeakMagnet::No(more) => self.judge(&weighed, end.at, rival, spent + more, found.share),
+            WeakMagnet::Perhaps(other) => self.judge(
+                &weighed,
+                end.at,
+                rival.or(Some(other.at)),
+                spent + other.spent,
+                found.share,
+            ),
             WeakMagnet::Yes(other) => Estimate {
                 other_motor: true,
-                ..self.judge(&weighed, other.at, rival, spent + other.spent)
+                ..self.judge(&weighed, other.at, rival, spent + other.spent, found.share)
             },
         };
         Estimate {
@@ -344,13 +351,15 @@ impl Identifier {
         Signals::from_array(weights)
     }
 
-    /// States how sure a point is; each component at least as unsure as a rival is far.
+    /// States how sure a point is; each component at least as unsure as a rival is far. `share` is what each further descent may
+    /// take.
     fn judge(
         &self,
         comparison: &Comparison<'_>,
         at: Coordinates,
         rival: Option<Coordinates>,
         evaluations: u64,
+        share: u64,
     ) -> Estimate {
         let scale = Scale::new(&self.params);
         let unknowns = scale.unknowns(&at);
@@ -371,9 +380,11 @@ impl Identifier {
         // worse fit than the calibration's widens the interval.
         let signals = comparison.weights.to_array().iter().filter(|w| **w > 0.0).count() as f64;
         let excess = (2.0 * normal.cost / (n * signals)).max(1.0);
-        let variance = data_variance(&normal, excess);
+        let mut by_data = data_variance(&normal, excess).map(f64::sqrt);
+        let sure = profile::friction(comparison, &at, normal.cost, by_data[0], excess, share);
+        by_data[0] = sure.sigma;
         let model_sigma = self.calibration.at(self.params.sensors.sample_rate).model_sigma;
-        let alone: [f64; FAULT_COUNT] = std::array::from_fn(|p| variance[p].sqrt().hypot(model_sigma[p]));
+        let alone: [f64; FAULT_COUNT] = std::array::from_fn(|p| by_data[p].hypot(model_sigma[p]));
         // What the window does not show needs no rival to be open.
         let rival = rival.filter(|rival| rivals::apart(rival, &at, |p| alone[p] <= OBSERVABLE_SIGMA));
         let total: [f64; FAULT_COUNT] =
@@ -400,7 +411,7 @@ impl Identifier {
             observable,
             cost: normal.cost / n,
             residual_rms_a: (current / n).sqrt(),
-            evaluations: evaluations + RUNS_PER_LINEARISATION + 1,
+            evaluations: evaluations + RUNS_PER_LINEARISATION + 1 + sure.spent,
             cut: false,
             rival: rival.map(|rival| scale.unknowns(&rival).fault),
             back_emf_off: unknowns.motor.back_emf - comparison.prior.motor.mean.back_emf,

@@ -101,6 +101,31 @@ pub(super) fn polish(comparison: &Comparison<'_>, start: Coordinates, budget: u6
     end
 }
 
+/// A coarse descent with one coordinate held at a value.
+pub(super) fn pinned(
+    comparison: &Comparison<'_>,
+    start: &Coordinates,
+    coordinate: usize,
+    value: f64,
+    budget: u64,
+) -> End {
+    let (mut lower, mut upper) = (Coordinates::LOWER, Coordinates::UPPER);
+    // A box must have an inside.
+    (lower[coordinate], upper[coordinate]) = (value - PIN, value + PIN);
+    let mut end = End {
+        cost: f64::INFINITY,
+        at: *start,
+        spent: 0,
+        cut: false,
+    };
+    end.at.0[coordinate] = value;
+    go_on(comparison, &mut end, COARSE_STEP, &box_of(lower, upper), budget);
+    end
+}
+
+/// Half the width of the box around a coordinate that is held.
+const PIN: f64 = 1e-9;
+
 /// Goes on from an end, with one step of the differences and inside a box.
 fn go_on(comparison: &Comparison<'_>, end: &mut End, step: f64, bounds: &Bounds<UNKNOWN_COUNT>, budget: u64) {
     let left = budget.saturating_sub(end.spent);

@@ -1,0 +1,105 @@
+//! How sure friction is where the slopes at the end of a search do not tell.
+//!
+//! Where nothing but the instant of breaking away tells friction from a load that nobody measures, the cost along k1 is flat, with
+//! dips much narrower than what the noise leaves open. A search ends in one of them, and its curvature says nothing of the whole.
+//! What a value well off costs, everything else adjusted to it, does.
+
+use ema_models::{Comparison, Coordinates};
+
+use super::refine::pinned;
+
+/// Place of the friction among the coordinates.
+const FRICTION: usize = 0;
+
+/// A standard deviation by the slopes up to this is believed: the friction of a shaft that turns both ways has no dips.
+const BELIEVED: f64 = 0.005;
+
+/// How far off the other value is: twice what a window that shows friction may leave open.
+const REACH: f64 = 0.2;
+
+/// What came of it: the standard deviation, and the monitor runs that it took.
+pub(super) struct Sure {
+    pub(super) sigma: f64,
+    pub(super) spent: u64,
+}
+
+/// Standard deviation of the friction at a point: the one by its slopes, or the one by which the costs `REACH` to either side
+/// rise (`σ = Δk / √(2 Δcost / excess)`), whichever is larger. Infinite where `budget` monitor runs do not do to ask one side.
+pub(super) fn friction(
+    comparison: &Comparison<'_>,
+    at: &Coordinates,
+    cost: f64,
+    by_slopes: f64,
+    excess: f64,
+    budget: u64,
+) -> Sure {
+    let mut sure = Sure {
+        sigma: by_slopes,
+        spent: 0,
+    };
+    if by_slopes <= BELIEVED || by_slopes > super::OBSERVABLE_SIGMA {
+        return sure;
+    }
+    // First to where there is more room.
+    let middle = 0.5 * (Coordinates::LOWER[FRICTION] + Coordinates::UPPER[FRICTION]);
+    let inwards = REACH.copysign(middle - at.0[FRICTION]);
+    for reach in [inwards, -inwards] {
+        let there = (at.0[FRICTION] + reach).clamp(Coordinates::LOWER[FRICTION], Coordinates::UPPER[FRICTION]);
+        let off = (there - at.0[FRICTION]).abs();
+        // Beside a limit there is nothing to ask on its side; and one side may be enough.
+        if off < 0.5 * REACH || sure.sigma > super::OBSERVABLE_SIGMA {
+            continue;
+        }
+        let end = pinned(comparison, at, FRICTION, there, budget);
+        sure.spent += end.spent;
+        let rise = if end.cut { 0.0 } else { (end.cost - cost).max(0.0) };
+        sure.sigma = sure.sigma.max(off / (2.0 * rise / excess).sqrt());
+    }
+    sure
+}
+
+#[cfg(test)]
+mod tests {
+    use ema_models::reference::{Actuations, CurrentSensing, Scenario};
+    use ema_models::{ActuatorParams, FaultVector, MotorKnowledge, Profile};
+
+    use crate::calibration::{MonitorForm, TypeCalibration};
+    use crate::identify::{Identifier, Method};
+    use crate::simulated::SimulatedWindow;
+
+    /// Sigma of the friction in a window with noise, under a load that nobody measures.
+    fn sigma(profile: Profile, seed: u64) -> Option<f64> {
+        let params = ActuatorParams::servo28();
+        let identifier = Identifier {
+            params,
+            calibration: TypeCalibration::built_in("servo28", MonitorForm::ThreePhase).unwrap(),
+            method: Method::hybrid(),
+            motor: MotorKnowledge::default(),
+        };
+        let worn = FaultVector {
+            friction: 0.3,
+            ..FaultVector::NOMINAL
+        };
+        let mut scenario = Scenario {
+            actuations: Actuations::one(profile),
+            ..Scenario::new(params, worn, seed)
+        };
+        scenario.load_torque = 0.2;
+        scenario.sensing = CurrentSensing {
+            quantised: true,
+            noise_rms: 0.05,
+        };
+        let mut window = SimulatedWindow::of(&scenario);
+        window.conditions.load_torque = None;
+        let found = identifier.identify(&window.prepared, window.conditions, seed);
+        found.unwrap().sigma[0]
+    }
+
+    #[test]
+    fn a_dip_of_the_cost_is_no_knowledge_of_friction() {
+        for seed in 0..8 {
+            assert_eq!(sigma(Profile::Ramp, seed), None, "ramp {seed}");
+        }
+        assert!(sigma(Profile::Mixed, 0).is_some_and(|sigma| sigma < 0.02));
+    }
+}

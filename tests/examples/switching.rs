@@ -7,7 +7,7 @@
 //! Prints the table of `docs/monitor.md`: that floor beside the error, for the vectors of the suites `paper` and `random`, and for
 //! those of `noise` with its sensors and load. There both units have the same noise and are exactly of their type, so the suite's
 //! own errors have more to them than this floor. Where several windows have the same vector, the last column is the error that
-//! would be left if their mean was the truth: what no better law of the mean currents can take away.
+//! would be left if the mean of their estimates were the truth: what no constant correction of an estimate can take away.
 
 use ema_models::reference::{Actuations, CurrentSensing, Scenario};
 use ema_models::{ActuatorParams, FaultVector, MotorKnowledge, Profile, Scale, rss_pct};
@@ -142,7 +142,7 @@ fn floor(truth: &FaultVector, [one, other]: &[FaultVector; 2]) -> f64 {
     0.5 * (off(1.0) + off(-1.0))
 }
 
-/// Error of each first estimate if the mean of those of its vector was the truth, percent; `None` where vectors are drawn, each
+/// Error of each first estimate if the mean of those of its vector were the truth, percent; `None` where vectors are drawn, each
 /// for itself.
 fn scatters(truths: &[FaultVector], pairs: &[[FaultVector; 2]]) -> Option<Vec<f64>> {
     let mut all = Vec::new();

@@ -219,7 +219,7 @@ impl Identifier {
         Ok(match self.method {
             Method::PaperGa(_) | Method::Population(_) => Estimate {
                 cut: found.cut,
-                ..self.judge(&all, found.ends[0].at, None, found.evaluations, found.share)
+                ..self.judge(&all, found.ends[0].at, None, found.evaluations, None)
             },
             Method::LeastSquares | Method::Hybrid(_) => self.finish(&all, &found),
         })
@@ -270,9 +270,9 @@ impl Identifier {
                 let found = population.search(*all, seed)?;
                 let faults = [FaultVector::from_array(found.genes), FaultVector::NOMINAL];
                 let starts = starts(all, &scale, &faults);
-                // The same share for each descent, for the last one, and for the two that ask how sure friction is.
+                // The same share for each descent and for the last one, whichever of them needs it.
                 let share = population.budget().map_or(UNLIMITED, |budget| {
-                    budget.saturating_sub(found.evaluations + JUDGING_RUNS) / (starts.len() as u64 + 3)
+                    budget.saturating_sub(found.evaluations + JUDGING_RUNS) / (starts.len() as u64 + 1)
                 });
                 let cut = found.stop == StopReason::MaxEvaluations;
                 Found::new(refine(all, &starts, share), found.evaluations, cut, share)
@@ -310,24 +310,27 @@ impl Identifier {
         let end = polish(&weighed, best, found.share);
         let rival = rivals::find(comparison, &found.ends);
         let spent = found.evaluations + end.spent + 2;
-        let estimate = match unmodelled::weak_magnet(&weighed, &end, found.share) {
-            WeakMagnet::No(more) => self.judge(&weighed, end.at, rival, spent + more, found.share),
-            WeakMagnet::Perhaps(other) => self.judge(
-                &weighed,
-                end.at,
-                rival.or(Some(other.at)),
-                spent + other.spent,
-                found.share,
-            ),
-            WeakMagnet::Yes(other) => Estimate {
-                other_motor: true,
-                ..self.judge(&weighed, other.at, rival, spent + other.spent, found.share)
-            },
+        let (at, rival, more, other_motor) = match unmodelled::weak_magnet(&weighed, &end, found.share) {
+            WeakMagnet::No(more) => (end.at, rival, more, false),
+            WeakMagnet::Perhaps(other) => (end.at, rival.or(Some(other.at)), other.spent, false),
+            WeakMagnet::Yes(other) => (other.at, rival, other.spent, true),
         };
+        let spent = spent + more;
+        let left = self.budget().saturating_sub(spent + JUDGING_RUNS);
+        let estimate = self.judge(&weighed, at, rival, spent, Some(left));
         Estimate {
             cost: comparison.least_squares(&estimate.unknowns),
-            cut: found.cut || end.cut,
+            cut: found.cut || end.cut || estimate.cut,
+            other_motor,
             ..estimate
+        }
+    }
+
+    /// Monitor runs that one identification may take.
+    fn budget(&self) -> u64 {
+        match self.method {
+            Method::Hybrid(population) => population.budget().unwrap_or(UNLIMITED),
+            Method::LeastSquares | Method::PaperGa(_) | Method::Population(_) => UNLIMITED,
         }
     }
 
@@ -351,15 +354,17 @@ impl Identifier {
         Signals::from_array(weights)
     }
 
-    /// States how sure a point is; each component at least as unsure as a rival is far. `share` is what each further descent may
-    /// take.
+    /// States how sure a point is; each component at least as unsure as a rival is far.
+    ///
+    /// `left` are the monitor runs left to ask how sure friction is; `None` for a search that does not end in a valley, whose
+    /// slopes have to do.
     fn judge(
         &self,
         comparison: &Comparison<'_>,
         at: Coordinates,
         rival: Option<Coordinates>,
         evaluations: u64,
-        share: u64,
+        left: Option<u64>,
     ) -> Estimate {
         let scale = Scale::new(&self.params);
         let unknowns = scale.unknowns(&at);
@@ -381,8 +386,8 @@ impl Identifier {
         let signals = comparison.weights.to_array().iter().filter(|w| **w > 0.0).count() as f64;
         let excess = (2.0 * normal.cost / (n * signals)).max(1.0);
         let mut by_data = data_variance(&normal, excess).map(f64::sqrt);
-        let sure = profile::friction(comparison, &at, normal.cost, by_data[0], excess, share);
-        by_data[0] = sure.sigma;
+        let sure = left.map(|left| profile::friction(comparison, &at, normal.cost, by_data[0], excess, left));
+        by_data[0] = sure.as_ref().map_or(by_data[0], |sure| sure.sigma);
         let model_sigma = self.calibration.at(self.params.sensors.sample_rate).model_sigma;
         let alone: [f64; FAULT_COUNT] = std::array::from_fn(|p| by_data[p].hypot(model_sigma[p]));
         // What the window does not show needs no rival to be open.
@@ -411,8 +416,8 @@ impl Identifier {
             observable,
             cost: normal.cost / n,
             residual_rms_a: (current / n).sqrt(),
-            evaluations: evaluations + RUNS_PER_LINEARISATION + 1 + sure.spent,
-            cut: false,
+            evaluations: evaluations + RUNS_PER_LINEARISATION + 1 + sure.as_ref().map_or(0, |sure| sure.spent),
+            cut: sure.is_some_and(|sure| sure.cut),
             rival: rival.map(|rival| scale.unknowns(&rival).fault),
             back_emf_off: unknowns.motor.back_emf - comparison.prior.motor.mean.back_emf,
             other_motor: false,

@@ -11,20 +11,22 @@ use super::refine::pinned;
 /// Place of the friction among the coordinates.
 const FRICTION: usize = 0;
 
-/// A standard deviation by the slopes up to this is believed: the friction of a shaft that turns both ways has no dips.
+/// Up to this the slopes are believed: only a shaft that turns both ways shows friction so well, and there the cost has no dips.
 const BELIEVED: f64 = 0.005;
 
 /// How far off the other value is: twice what a window that shows friction may leave open.
 const REACH: f64 = 0.2;
 
-/// What came of it: the standard deviation, and the monitor runs that it took.
+/// What came of it: the standard deviation, the monitor runs that it took, and whether there were too few of them.
 pub(super) struct Sure {
     pub(super) sigma: f64,
     pub(super) spent: u64,
+    pub(super) cut: bool,
 }
 
-/// Standard deviation of the friction at a point: the one by its slopes, or the one by which the costs `REACH` to either side
-/// rise (`σ = Δk / √(2 Δcost / excess)`), whichever is larger. Infinite where `budget` monitor runs do not do to ask one side.
+/// Standard deviation of the friction at a point of a cost's valley: the one by its slopes, or the one by which the costs `REACH` to
+/// either side rise (`σ = Δk / √(2 Δcost / excess)`), whichever is larger. At least: a coarse descent ends a little above the
+/// valley's floor. Infinite where it comes to no end within `budget` monitor runs.
 pub(super) fn friction(
     comparison: &Comparison<'_>,
     at: &Coordinates,
@@ -36,8 +38,11 @@ pub(super) fn friction(
     let mut sure = Sure {
         sigma: by_slopes,
         spent: 0,
+        cut: false,
     };
-    if by_slopes <= BELIEVED || by_slopes > super::OBSERVABLE_SIGMA {
+    // What is no number is not asked, either.
+    let open = by_slopes > BELIEVED && by_slopes <= super::OBSERVABLE_SIGMA;
+    if !open {
         return sure;
     }
     // First to where there is more room.
@@ -46,13 +51,15 @@ pub(super) fn friction(
     for reach in [inwards, -inwards] {
         let there = (at.0[FRICTION] + reach).clamp(Coordinates::LOWER[FRICTION], Coordinates::UPPER[FRICTION]);
         let off = (there - at.0[FRICTION]).abs();
-        // Beside a limit there is nothing to ask on its side; and one side may be enough.
+        // Beside a limit there is nothing to ask on its side; nor on the second one if the first shows too little already.
         if off < 0.5 * REACH || sure.sigma > super::OBSERVABLE_SIGMA {
             continue;
         }
-        let end = pinned(comparison, at, FRICTION, there, budget);
+        let end = pinned(comparison, at, FRICTION, there, budget.saturating_sub(sure.spent));
         sure.spent += end.spent;
-        let rise = if end.cut { 0.0 } else { (end.cost - cost).max(0.0) };
+        sure.cut |= end.cut;
+        let known = !end.cut && end.cost.is_finite();
+        let rise = if known { (end.cost - cost).max(0.0) } else { 0.0 };
         sure.sigma = sure.sigma.max(off / (2.0 * rise / excess).sqrt());
     }
     sure
@@ -64,16 +71,16 @@ mod tests {
     use ema_models::{ActuatorParams, FaultVector, MotorKnowledge, Profile};
 
     use crate::calibration::{MonitorForm, TypeCalibration};
-    use crate::identify::{Identifier, Method};
+    use crate::identify::{Estimate, Identifier, Method, Population};
     use crate::simulated::SimulatedWindow;
 
-    /// Sigma of the friction in a window with noise, under a load that nobody measures.
-    fn sigma(profile: Profile, seed: u64) -> Option<f64> {
+    /// Estimate of a window with noise, under a load that nobody measures.
+    fn estimate(profile: Profile, seed: u64, method: Method) -> Estimate {
         let params = ActuatorParams::servo28();
         let identifier = Identifier {
             params,
             calibration: TypeCalibration::built_in("servo28", MonitorForm::ThreePhase).unwrap(),
-            method: Method::hybrid(),
+            method,
             motor: MotorKnowledge::default(),
         };
         let worn = FaultVector {
@@ -92,14 +99,29 @@ mod tests {
         let mut window = SimulatedWindow::of(&scenario);
         window.conditions.load_torque = None;
         let found = identifier.identify(&window.prepared, window.conditions, seed);
-        found.unwrap().sigma[0]
+        found.unwrap()
     }
 
     #[test]
     fn a_dip_of_the_cost_is_no_knowledge_of_friction() {
         for seed in 0..8 {
-            assert_eq!(sigma(Profile::Ramp, seed), None, "ramp {seed}");
+            let found = estimate(Profile::Ramp, seed, Method::hybrid());
+            assert_eq!(found.sigma[0], None, "ramp {seed}");
+            assert!(!found.cut);
         }
-        assert!(sigma(Profile::Mixed, 0).is_some_and(|sigma| sigma < 0.02));
+        let found = estimate(Profile::Mixed, 0, Method::hybrid());
+        assert!(found.sigma[0].is_some_and(|sigma| sigma < 0.02), "{:?}", found.sigma);
+    }
+
+    #[test]
+    fn a_budget_that_does_not_reach_says_so() {
+        let Method::Hybrid(Population::Genetic(mut config)) = Method::hybrid() else {
+            panic!("the default's population is genetic")
+        };
+        let enough = estimate(Profile::Ramp, 0, Method::hybrid()).evaluations;
+        config.stop.max_evaluations = Some(enough - 20);
+        let found = estimate(Profile::Ramp, 0, Method::Hybrid(Population::Genetic(config)));
+        assert!(found.evaluations <= enough - 20, "{} of {enough}", found.evaluations);
+        assert!(found.cut && found.sigma[0].is_none());
     }
 }

@@ -167,7 +167,7 @@ fn scatters(truths: &[FaultVector], pairs: &[[FaultVector; 2]]) -> Option<Vec<f6
     Some(all)
 }
 
-/// A fault vector with its eccentricity as a vector.
+/// A fault vector with its eccentricity as a vector. Unlike those of `Scale`, these have no limits: a scatter about 0 has two sides.
 fn coordinates(fault: &FaultVector) -> [f64; 8] {
     let mut at = fault.to_array();
     let (sin, cos) = (std::f64::consts::TAU * at[6]).sin_cos();

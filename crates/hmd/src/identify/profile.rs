@@ -6,6 +6,7 @@
 
 use ema_models::{Comparison, Coordinates};
 
+use super::OBSERVABLE_SIGMA;
 use super::refine::pinned;
 
 /// Place of the friction among the coordinates.
@@ -15,7 +16,7 @@ const FRICTION: usize = 0;
 const BELIEVED: f64 = 0.005;
 
 /// How far off the other value is: twice what a window that shows friction may leave open.
-const REACH: f64 = 0.2;
+const REACH: f64 = 2.0 * OBSERVABLE_SIGMA;
 
 /// What came of it: the standard deviation, the monitor runs that it took, and whether there were too few of them.
 pub(super) struct Sure {
@@ -41,7 +42,7 @@ pub(super) fn friction(
         cut: false,
     };
     // What is no number is not asked, either.
-    let open = by_slopes > BELIEVED && by_slopes <= super::OBSERVABLE_SIGMA;
+    let open = by_slopes > BELIEVED && by_slopes <= OBSERVABLE_SIGMA;
     if !open {
         return sure;
     }
@@ -52,7 +53,7 @@ pub(super) fn friction(
         let there = (at.0[FRICTION] + reach).clamp(Coordinates::LOWER[FRICTION], Coordinates::UPPER[FRICTION]);
         let off = (there - at.0[FRICTION]).abs();
         // Beside a limit there is nothing to ask on its side; nor on the second one if the first shows too little already.
-        if off < 0.5 * REACH || sure.sigma > super::OBSERVABLE_SIGMA {
+        if off < 0.5 * REACH || sure.sigma > OBSERVABLE_SIGMA {
             continue;
         }
         let end = pinned(comparison, at, FRICTION, there, budget.saturating_sub(sure.spent));

@@ -154,6 +154,7 @@ impl<R: Real> DryFriction<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lanes::Lanes64;
     use crate::params::ActuatorParams;
 
     fn bench(load_torque: f64) -> DryFriction<f64> {
@@ -210,6 +211,27 @@ mod tests {
                 jump < 0.2 * one_step && plain_jump > 0.6 * one_step,
                 "held {held}: {jump} {plain_jump}"
             );
+        }
+    }
+
+    /// A second lane that rests makes the first one go the long way, too.
+    #[test]
+    fn the_shortcut_of_a_moving_shaft_changes_no_bit() {
+        let friction = bench(65.0).under_swinging_torque(0.05);
+        let lanes = friction.map(|x| Lanes64([x; 2]));
+        let levels = [0.0, -0.0, 1e-9, -2e-3, 0.03, -0.4, 1.0, -20.0];
+        for omega in levels {
+            for drive in levels {
+                for before in [0.0, 0.02] {
+                    let (mut slack, mut slacks) = (before, Lanes64([before; 2]));
+                    let short = friction.long_step(omega, drive, 0.05, &mut slack);
+                    let beside = Lanes64([omega, 0.0]);
+                    let long = lanes.long_step(beside, Lanes64([drive; 2]), Lanes64([0.05; 2]), &mut slacks);
+                    let bits = |x: [f64; 2]| x.map(f64::to_bits);
+                    let (long, short) = ([long.0[0], slacks.0[0]], [short, slack]);
+                    assert_eq!(bits(long), bits(short), "{omega} {drive} {before}");
+                }
+            }
         }
     }
 

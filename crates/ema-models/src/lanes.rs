@@ -165,6 +165,10 @@ macro_rules! lanes {
                 out
             }
             #[inline(always)]
+            fn holds(mask: $mask<N>) -> bool {
+                mask.0.iter().fold(<$bits>::MAX, |all, x| all & x) != 0
+            }
+            #[inline(always)]
             fn abs(self) -> Self {
                 self.map(|x| Real::abs(x))
             }

@@ -36,8 +36,8 @@ pub trait Real:
     /// Square root, correctly rounded; NaN below zero.
     fn sqrt(self) -> Self;
 
-    /// Whether a comparison is known to hold, for shortcuts that change no bit; lanes, which may go different ways, do not
-    /// look.
+    /// Whether a comparison is known to hold, in every lane, for shortcuts that change no bit. A number that cannot know says
+    /// no.
     #[inline(always)]
     fn holds(_mask: Self::Mask) -> bool {
         false

@@ -7,6 +7,7 @@ use core::marker::PhantomData;
 use core::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
 use pulp::Simd;
+use pulp::bytemuck::bytes_of;
 
 use crate::lanes::Lanes;
 use crate::real::Real;
@@ -168,6 +169,16 @@ macro_rules! wide {
                 if_false
             }
             #[inline(always)]
+            fn holds(mask: Self::Mask) -> bool {
+                let mut all = mask.0[0];
+                for k in 1..K {
+                    all = proof::<S>().$and(all, mask.0[k]);
+                }
+                let zero = proof::<S>().$splat(0.0);
+                // Compared as bytes, which is one instruction or two; pulp looks for a lane one by one.
+                bytes_of(&all) == bytes_of(&proof::<S>().$le(zero, zero))
+            }
+            #[inline(always)]
             fn abs(self) -> Self {
                 self.map(S::$abs)
             }
@@ -294,6 +305,14 @@ mod tests {
                     for (got, expected) in wide.into_iter().zip(all_of($arrays(a), $arrays(b))) {
                         assert_eq!(bits(got.to_lanes()), bits(expected.to_lanes()), "{a:?} {b:?}");
                     }
+                }
+                // A mask holds only where it does in each lane of each register.
+                for false_lane in 0..=N {
+                    let a: [$t; N] = core::array::from_fn(|n| if n == false_lane { 1.0 } else { 0.0 });
+                    let (wide, zero) = (<$wide<S, 2> as Lanes<$t, N>>::from_lanes(a), $wide::splat(0.0));
+                    assert_eq!($wide::<S, 2>::holds(wide.le(zero)), false_lane == N, "lane {false_lane}");
+                    let (array, zero) = ($arrays(a), $arrays::splat(0.0));
+                    assert_eq!($arrays::<N>::holds(array.le(zero)), false_lane == N, "lane {false_lane}");
                 }
             }
         };

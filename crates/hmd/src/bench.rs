@@ -15,6 +15,8 @@ use ema_models::{
     ActuatorParams, Comparison, Conditions, FaultVector, InstructionSet, MotorKnowledge, RANK_LANES, STEPS_PER_CONTROL,
     Scale, SensedSample, Unknowns,
 };
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::calibration::{MonitorForm, TypeCalibration};
@@ -160,15 +162,12 @@ fn window(params: &ActuatorParams, length: f64) -> Prepared {
     Prepared::new(params, &samples, &[], count(PRE_TRIGGER))
 }
 
-/// A batch of candidates as a search has them: all different.
+/// A batch as a search begins with: drawn from all of the box, so that the monitors have little in common.
 fn candidates(comparison: &Comparison<'_>) -> [Unknowns; RANK_LANES] {
-    std::array::from_fn(|n| {
-        let share = n as f64 / RANK_LANES as f64;
-        comparison.with_fault(FaultVector {
-            friction: share,
-            short_a: 1.0 - share,
-            ..FaultVector::from_array(TABLE_III)
-        })
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    std::array::from_fn(|_| {
+        let k = std::array::from_fn(|_| rng.random_range(0.0..1.0));
+        comparison.with_fault(FaultVector::from_array(k))
     })
 }
 
@@ -209,7 +208,8 @@ impl Bench<'_> {
             .identifier
             .comparison(&self.window, &coefficients, self.conditions());
         let candidates = candidates(&comparison);
-        let scalar = self.seconds(|| comparison.least_squares(&candidates[1]));
+        let one_by_one = || candidates.map(|unknowns| comparison.least_squares(&unknowns));
+        let scalar = self.seconds(one_by_one) / RANK_LANES as f64;
         let sets = InstructionSet::available().map(|set| {
             let seconds = self.seconds(|| comparison.rank_with(set, &candidates)) / RANK_LANES as f64;
             SetFigure {
@@ -219,7 +219,8 @@ impl Bench<'_> {
             }
         });
         let sets = sets.collect();
-        let at = Scale::new(&self.identifier.params).coordinates(&candidates[1]);
+        let worn = comparison.with_fault(FaultVector::from_array(TABLE_III));
+        let at = Scale::new(&self.identifier.params).coordinates(&worn);
         let linearisation = self.seconds(|| comparison.normal_equations(&at, DIFFERENCE));
         (1.0 / scalar, sets, 1e3 * linearisation)
     }

@@ -60,7 +60,7 @@ mod tests {
     use crate::unknowns::{MotorDeviation, Unknowns};
     use crate::{Calibration, FaultVector};
 
-    /// Lanes always go the long way.
+    /// A second lane that lacks voltage makes the first one go the long way, too.
     #[test]
     fn the_shortcut_of_ample_voltage_changes_no_bit() {
         let params = ActuatorParams::bench();
@@ -74,15 +74,17 @@ mod tests {
                 motor: MotorDeviation::default(),
             };
             let monitor = Monitor::new(&params, &Calibration::default(), params.motor.v_dc, &unknowns);
-            let lane = monitor.map(|x| Lanes64([x]));
+            let lanes = monitor.map(|x| Lanes64([x; 2]));
             for n in 0..levels.len().pow(4) {
                 let level = |place: u32| levels[n / levels.len().pow(place) % levels.len()];
                 let i = [level(0), level(1), -level(0) - level(1)];
                 let target = [i[0] + 0.01 * level(2), i[1] + 0.01 * level(3), i[2]];
                 let emf = [10.0 * level(2), 10.0 * level(3), 10.0 * level(0)];
                 let short = step(&monitor.derived, i, target, emf);
-                let wide = |x: [f64; 3]| x.map(|x| Lanes64([x]));
-                let long = step(&lane.derived, wide(i), wide(target), wide(emf));
+                let wide = |x: [f64; 3]| x.map(|x| Lanes64([x; 2]));
+                let mut beside = wide(emf);
+                beside[0].0[1] = 10.0 * params.motor.v_dc;
+                let long = step(&lanes.derived, wide(i), wide(target), beside);
                 for j in 0..3 {
                     assert_eq!(
                         short[j].to_bits(),

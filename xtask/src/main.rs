@@ -172,5 +172,17 @@ fn check() -> anyhow::Result<()> {
         "-D",
         "warnings",
     ]))?;
+    run(cargo([
+        "clippy",
+        "--package",
+        "hmd-tests",
+        "--features",
+        "study",
+        "--example",
+        "law",
+        "--",
+        "-D",
+        "warnings",
+    ]))?;
     no_std::lint()
 }

@@ -46,6 +46,8 @@ pub use frames::{
 };
 pub use friction::DryFriction;
 pub use lanes::{Lanes32, Lanes64, Mask32, Mask64};
+#[cfg(feature = "study")]
+pub use monitor::study;
 pub use monitor::{
     Calibration, Conditions, Feedback, Form, InitialState, Monitor, MonitorState, Origin, Output, RIPPLE_KNOTS,
     RIPPLE_PLACES, Ripple, STEPS_PER_CONTROL, output_read,

@@ -310,9 +310,17 @@ mod tests {
                 for false_lane in 0..=N {
                     let a: [$t; N] = core::array::from_fn(|n| if n == false_lane { 1.0 } else { 0.0 });
                     let (wide, zero) = (<$wide<S, 2> as Lanes<$t, N>>::from_lanes(a), $wide::splat(0.0));
-                    assert_eq!($wide::<S, 2>::holds(wide.le(zero)), false_lane == N, "lane {false_lane}");
+                    assert_eq!(
+                        $wide::<S, 2>::holds(wide.le(zero)),
+                        false_lane == N,
+                        "lane {false_lane}"
+                    );
                     let (array, zero) = ($arrays(a), $arrays::splat(0.0));
-                    assert_eq!($arrays::<N>::holds(array.le(zero)), false_lane == N, "lane {false_lane}");
+                    assert_eq!(
+                        $arrays::<N>::holds(array.le(zero)),
+                        false_lane == N,
+                        "lane {false_lane}"
+                    );
                 }
             }
         };

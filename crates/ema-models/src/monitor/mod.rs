@@ -6,6 +6,8 @@
 mod build;
 mod one_axis;
 mod ripple;
+#[cfg(feature = "study")]
+pub mod study;
 mod three_phase;
 
 pub use ripple::{RIPPLE_KNOTS, RIPPLE_PLACES, Ripple};
@@ -356,6 +358,8 @@ impl<R: Real> Monitor<R> {
             Form::ThreePhase => {
                 let v = self.carrying_voltage(state, i_ref);
                 let mean = self.mean_currents(i_ref, v);
+                #[cfg(feature = "study")]
+                let mean = study::with_table(mean, v, self.derived.per_half_v_dc, state.sin_cos);
                 state.pull = state.pull + self.jump(mean[1] - state.i_ref[1], v);
                 mean
             }

@@ -72,7 +72,7 @@ mod tests {
     use ema_models::{ActuatorParams, FaultVector, MotorKnowledge, Profile};
 
     use crate::calibration::{MonitorForm, TypeCalibration};
-    use crate::identify::{Estimate, Identifier, Method, Population};
+    use crate::identify::{Estimate, Identifier, Method, Population, RUNS_PER_LINEARISATION};
     use crate::simulated::SimulatedWindow;
 
     /// Estimate of a window with noise, under a load that nobody measures.
@@ -112,6 +112,18 @@ mod tests {
         }
         let found = estimate(Profile::Mixed, 0, Method::hybrid());
         assert!(found.sigma[0].is_some_and(|sigma| sigma < 0.02), "{:?}", found.sigma);
+    }
+
+    /// A population may end anywhere on a slope, where descents to either side would say nothing of its end.
+    #[test]
+    fn a_population_alone_goes_by_slopes() {
+        let Method::Hybrid(population) = Method::hybrid() else {
+            panic!("the default is a hybrid")
+        };
+        let found = estimate(Profile::Mixed, 0, Method::Population(population));
+        // The first generation and five more that keep two, one linearisation, and the run of the residual.
+        assert_eq!(found.evaluations, 32 + 5 * 30 + RUNS_PER_LINEARISATION + 1);
+        assert!(found.sigma[0].is_some_and(|sigma| sigma < 0.1) && !found.cut);
     }
 
     #[test]

@@ -55,7 +55,15 @@ fn monitor(c: &mut Criterion) {
         let mut state = monitor.start(&initial, &samples[0]);
         b.iter(|| monitor.sample(black_box(&mut state), &initial, &samples[500], &samples[501]));
     });
-    let batch = [unknowns; RANK_LANES];
+    // Spread out: what monitors side by side may skip, all of them must.
+    let batch = core::array::from_fn(|n| {
+        let share = n as f64 / RANK_LANES as f64;
+        comparison.with_fault(FaultVector {
+            friction: share,
+            short_a: 1.0 - share,
+            ..fault
+        })
+    });
     c.bench_function("window_in_a_batch", |b| b.iter(|| comparison.rank(black_box(&batch))));
     let at = Scale::new(&params).coordinates(&unknowns);
     c.bench_function("linearisation", |b| {

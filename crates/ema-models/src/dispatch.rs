@@ -84,24 +84,30 @@ impl InstructionSet {
     #[cfg(all(feature = "std", target_arch = "x86_64"))]
     pub(crate) fn run<W: Work>(self, work: W) -> W::Output {
         use pulp::x86::{V3, V4};
-        match self {
-            Self::Avx512 => match V4::try_new() {
-                Some(proof) => wide::run(proof, work),
-                None => work.run::<Arrays>(),
-            },
-            Self::Avx2 => match V3::try_new() {
-                Some(proof) => wide::run(proof, work),
-                None => work.run::<Arrays>(),
-            },
-            Self::Baseline => work.run::<Arrays>(),
+        if self == Self::Avx512
+            && let Some(proof) = V4::try_new()
+        {
+            return wide::run(proof, work);
         }
+        if self == Self::Avx2
+            && let Some(proof) = V3::try_new()
+        {
+            return wide::run(proof, work);
+        }
+        on_arrays(work)
     }
 
     /// Does the work.
     #[cfg(not(all(feature = "std", target_arch = "x86_64")))]
     pub(crate) fn run<W: Work>(self, work: W) -> W::Output {
-        work.run::<Arrays>()
+        on_arrays(work)
     }
+}
+
+/// Does the work with what every processor has. By itself, or the compiler takes minutes over what it is inlined into.
+#[inline(never)]
+fn on_arrays<W: Work>(work: W) -> W::Output {
+    work.run::<Arrays>()
 }
 
 /// The only place that names numbers in registers: pulp's proof that the processor has them stands beside.

@@ -141,7 +141,6 @@ pub fn levenberg_marquardt<const D: usize>(
         stop: LmStop::MaxEvaluations,
     };
     let (mut damping, mut growth) = (INITIAL_DAMPING, 2.0);
-    let mut last_cost = f64::INFINITY;
     loop {
         if at.evaluations >= config.max_evaluations {
             return at.ended(LmStop::MaxEvaluations);
@@ -161,13 +160,9 @@ pub fn levenberg_marquardt<const D: usize>(
         if model.is_stationary(&frozen, cost, config.gradient_tolerance) {
             return at.ended(LmStop::Gradient);
         }
-        if last_cost - cost <= config.cost_tolerance * cost {
-            return at.ended(LmStop::Cost);
-        }
         if at.iterations >= config.max_iterations {
             return at.ended(LmStop::MaxIterations);
         }
-        last_cost = cost;
 
         let mut ahead = Ahead::default();
         loop {
@@ -195,6 +190,9 @@ pub fn levenberg_marquardt<const D: usize>(
                     growth = 2.0;
                     at.genes = trial;
                     at.cost = trial_cost;
+                    if cost - trial_cost <= config.cost_tolerance * trial_cost {
+                        return at.ended(LmStop::Cost);
+                    }
                     break;
                 }
             }

@@ -1,8 +1,8 @@
-//! How right the monitor could be about one fault vector with any law of the mean currents:
+//! What a better law of the mean currents would bring for one fault vector:
 //! `cargo run --release -p hmd-tests --features study --example law`.
 //!
 //! The mean currents of the reference with the vector of [P] Table III, beyond the monitor's own, are learnt from windows that are
-//! not those of the suite, by the voltage's amplitude and direction: the most that a law of the voltage and the turns could know.
+//! not those of the suite, by the voltage's amplitude and direction: more than one law for all vectors knows.
 //! The monitor adds them, and the suite `paper` is identified again. Prints the table of `docs/monitor.md`.
 
 use ema_models::reference::{Reference, Scenario};

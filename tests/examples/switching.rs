@@ -13,6 +13,7 @@ use ema_models::reference::{Actuations, CurrentSensing, Scenario};
 use ema_models::{ActuatorParams, FaultVector, MotorKnowledge, Profile, Scale, rss_pct};
 use hmd::calibrate::random_faults;
 use hmd::calibration::{MonitorForm, TypeCalibration};
+use hmd::evaluate::TABLE_III;
 use hmd::identify::{Identifier, Method};
 use hmd::simulated::SimulatedWindow;
 use rayon::prelude::*;
@@ -22,9 +23,6 @@ const NUDGE: f64 = 1e-6;
 
 /// Its multiples spread evenly over the unit interval.
 const GOLDEN: f64 = 0.618_033_988_749_895;
-
-/// [P] Table III.
-const TABLE_III: [f64; 8] = [0.2383, 0.5003, 0.0, 0.4503, 0.0404, 0.0028, 0.2785, 0.5];
 
 /// Faults of the suite `paper`: place in the vector, and its values; all three shorts in turn.
 const SINGLE: [(usize, [f64; 3]); 7] = [

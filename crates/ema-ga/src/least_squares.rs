@@ -13,7 +13,7 @@ pub trait Residuals<const D: usize> {
     /// Both arrive filled with zeros. Derivatives may be finite differences; at a bound they have to look inwards.
     fn normal_equations(&self, genes: &[f64; D], jtj: &mut SMatrix<f64, D, D>, jtr: &mut SVector<f64, D>) -> f64;
 
-    /// The cost alone.
+    /// The cost alone; it agrees with that of [`Residuals::normal_equations`] to well below [`LmConfig::cost_tolerance`].
     fn cost(&self, genes: &[f64; D]) -> f64;
 
     /// Moves a point of the box that stands for another one to that: where a part of the box is no part of the problem. The
@@ -66,13 +66,13 @@ pub enum LmStop {
     Gradient,
     /// The step became negligible: no descent is left at this resolution.
     Step,
-    /// The cost hardly falls any more.
+    /// The last step hardly lowered the cost. Derivatives at the point returned were not formed.
     Cost,
     /// The last iteration was reached.
     MaxIterations,
     /// The evaluation budget is spent.
     MaxEvaluations,
-    /// Cost or derivatives are not finite at the point returned.
+    /// Cost or derivatives, as far as they were formed, are not finite at the point returned.
     NotFinite,
 }
 
@@ -98,7 +98,8 @@ pub struct LmOutcome<const D: usize> {
 /// 3. Solve `(J^T J + lambda diag(J^T J)) d = -g` for the free genes. A gene whose step would leave the box is set to
 ///    its bound and the rest is solved again, so that `d` stays in the box.
 /// 4. The gain ratio is (cost decrease) / (decrease of the quadratic model, `-(g^T d + 0.5 d^T J^T J d)`).
-/// 5. Above zero the step is taken and `lambda` falls by `max(1/3, 1 - (2 gain - 1)^3)`; on with 1. Otherwise, also when
+/// 5. Above zero the step is taken and `lambda` falls by `max(1/3, 1 - (2 gain - 1)^3)`; on with 1, unless
+///    the cost fell by no more than `cost_tolerance`, which ends the search. Otherwise, also when
 ///    the cost is not finite, `lambda` rises by 2, 4, 8, ... and 3 is repeated.
 ///
 /// Where costs can be found side by side, a first rejection finds those of the repetitions to come at once. That changes

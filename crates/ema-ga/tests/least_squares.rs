@@ -47,6 +47,20 @@ fn misra1a_reaches_the_certified_values_from_both_nist_starts() {
 }
 
 #[test]
+fn a_step_that_hardly_lowers_the_cost_is_the_last() {
+    let bounds = Bounds::new([0.0, 0.0], [1000.0, 0.01]).unwrap();
+    let whole = levenberg_marquardt(&Misra1a, &bounds, [250.0, 0.0005], &LmConfig::default());
+    let any_fall_is_little = LmConfig {
+        cost_tolerance: f64::INFINITY,
+        ..LmConfig::default()
+    };
+    let found = levenberg_marquardt(&Misra1a, &bounds, [250.0, 0.0005], &any_fall_is_little);
+    // The first step that is taken, and no linearisation after it.
+    assert_eq!((found.stop, found.iterations), (LmStop::Cost, 1));
+    assert!(found.evaluations >= 2 && found.cost < Misra1a.cost(&[250.0, 0.0005]) && found.cost > whole.cost);
+}
+
+#[test]
 fn a_solution_at_a_bound_satisfies_the_conditions_of_optimality() {
     let bounds = Bounds::new([0.0, 0.0], [200.0, 0.01]).unwrap();
     let found = levenberg_marquardt(&Misra1a, &bounds, [50.0, 0.005], &LmConfig::default());

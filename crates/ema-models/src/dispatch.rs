@@ -14,7 +14,8 @@ pub(crate) trait Numbers {
     type Double: Lanes<f64, SLOPE_LANES>;
 }
 
-/// A piece of work. `run` and everything in it must be inlined, or it is compiled for the plainest processor.
+/// A piece of work. `run` and everything in it must be inlined into what has the instructions, or it is compiled for the plainest
+/// processor.
 pub(crate) trait Work {
     /// What it yields.
     type Output;

@@ -1,7 +1,7 @@
-//! How right a law of the mean currents could make the monitor at best: for studies (feature `study`), never shipped.
+//! What a better law of the mean currents would bring: for studies (feature `study`), never shipped.
 //!
 //! [`Ripple`](super::Ripple) knows the mean currents by the amplitude of the voltage and the turns. A table made for one fault
-//! vector also knows them by the voltage's direction. What is wrong with that table, no law of voltage and turns can mend.
+//! vector also knows them by the voltage's direction, which is more than a law for all vectors does.
 
 use std::sync::OnceLock;
 

@@ -32,27 +32,19 @@ const RIDGE: f64 = 3.0;
 const COEFFICIENTS: usize = TABLE_PLACES.len() * TABLE_HARMONICS.len();
 
 fn main() {
-    let name = std::env::args().nth(1).unwrap_or_else(|| "servo28".to_owned());
-    let params = match name.as_str() {
-        "bench" => ActuatorParams::bench(),
-        "servo28" => ActuatorParams::servo28(),
-        _ => {
-            eprintln!("bench or servo28");
-            std::process::exit(2);
-        }
-    };
+    let params = ActuatorParams::servo28();
     let identifier = Identifier {
         params,
-        calibration: TypeCalibration::built_in(&name, MonitorForm::ThreePhase).expect("shipped"),
+        calibration: TypeCalibration::built_in("servo28", MonitorForm::ThreePhase).expect("shipped"),
         method: Method::hybrid(),
         motor: MotorKnowledge::default(),
     };
     println!("| actuator | monitor | the suite's 10 windows, %: mean | 100 windows, %: mean, median, p95, max |");
     println!("|---|---|---|---|");
-    println!("| {name} | as it is | {} |", figures(&identifier));
+    println!("| servo28 | as it is | {} |", figures(&identifier));
     assert!(teach(learn(&identifier)), "taught once");
     println!(
-        "| {name} | with the reference's mean currents | {} |",
+        "| servo28 | with the reference's mean currents | {} |",
         figures(&identifier)
     );
 }

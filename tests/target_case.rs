@@ -1,11 +1,11 @@
 //! One window of a worn actuator as its controller records it, and the host's view of the same window.
 
+use ema_identify::calibration::{MonitorForm, TypeCalibration};
+use ema_identify::{Identifier, Method};
 use ema_models::reference::{CurrentSensing, Scenario};
 use ema_models::{ActuatorParams, FaultVector, MotorKnowledge, Signals};
 use ema_wire::{ActuatorId, Sample, SerialPacket};
 use firmware_image::Identification;
-use hmd::calibration::{MonitorForm, TypeCalibration};
-use hmd::identify::{Identifier, Method};
 use hmd::simulated::SimulatedWindow;
 
 /// The window: 20 ms before the trigger and 480 ms after, at 2 kHz.

@@ -6,10 +6,10 @@ use std::error::Error;
 use std::ops::Range;
 use std::path::Path;
 
+use ema_identify::calibration::{MonitorForm, TypeCalibration};
+use ema_identify::{Fit, Identifier, Method};
 use ema_models::reference::{CurrentSensing, Scenario};
 use ema_models::{ActuatorParams, FaultVector, MotorKnowledge};
-use hmd::calibration::{MonitorForm, TypeCalibration};
-use hmd::identify::{Fit, Identifier, Method};
 use hmd::simulated::SimulatedWindow;
 use plotters::coord::Shift;
 use plotters::prelude::*;

@@ -5,15 +5,15 @@
 //! not those of the suite, by the voltage's amplitude and direction: more than one law for all vectors knows.
 //! The monitor adds them, and the suite `paper` is identified again. Prints the table of `docs/monitor.md`.
 
+use ema_identify::calibration::{MonitorForm, TypeCalibration};
+use ema_identify::{Identifier, Method};
 use ema_models::reference::{Reference, Scenario};
 use ema_models::study::{CurrentTable, TABLE_HARMONICS, TABLE_PLACES, teach};
 use ema_models::{
     ActuatorParams, FaultVector, Monitor, MotorDeviation, MotorKnowledge, Profile, REFERENCE_STEP, Unknowns,
     alpha_beta_from_abc, rss_pct,
 };
-use hmd::calibration::{MonitorForm, TypeCalibration};
 use hmd::evaluate::{TABLE_III, paper};
-use hmd::identify::{Identifier, Method};
 use hmd::simulated::SimulatedWindow;
 use nalgebra::{Complex, SMatrix, SVector};
 use rayon::prelude::*;

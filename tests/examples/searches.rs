@@ -6,10 +6,10 @@
 use std::time::{Duration, Instant};
 
 use ema_ga::{CmaConfig, DeConfig, GaConfig, StopRule};
+use ema_identify::calibration::{MonitorForm, TypeCalibration};
+use ema_identify::{Identifier, Method, Population};
 use ema_models::{ActuatorParams, FAULT_COUNT, MotorKnowledge, Profile, rss_pct};
 use hmd::calibrate::random_faults;
-use hmd::calibration::{MonitorForm, TypeCalibration};
-use hmd::identify::{Identifier, Method, Population};
 use hmd::simulated::SimulatedWindow;
 
 /// Error up to which a search counts as successful, percent.

@@ -9,12 +9,12 @@
 //! own errors have more to them than this floor. Where several windows have the same vector, the last column is the error that
 //! would be left if the mean of their estimates were the truth: what no constant correction of an estimate can take away.
 
+use ema_identify::calibration::{MonitorForm, TypeCalibration};
+use ema_identify::{Identifier, Method};
 use ema_models::reference::{Actuations, CurrentSensing, Scenario};
 use ema_models::{ActuatorParams, FaultVector, MotorKnowledge, Profile, Scale, rss_pct};
 use hmd::calibrate::random_faults;
-use hmd::calibration::{MonitorForm, TypeCalibration};
 use hmd::evaluate::TABLE_III;
-use hmd::identify::{Identifier, Method};
 use hmd::simulated::SimulatedWindow;
 use rayon::prelude::*;
 

@@ -1,8 +1,8 @@
 //! The functional end of life: faults that are harmless one by one end a life together, before any of them is worn out.
 
+use ema_identify::calibration::{MonitorForm, TypeCalibration};
 use ema_models::FaultVector;
 use ema_wire::ActuatorId;
-use hmd::calibration::{MonitorForm, TypeCalibration};
 use hmd::config::{Config, Specification};
 use hmd::frame::RawFrame;
 use hmd::function::{Shortfall, TRIED, shortfalls};

@@ -7,6 +7,7 @@ mod bad_link;
 mod bench;
 mod foreign_bus;
 mod function;
+mod identification;
 mod link;
 mod onboard;
 

@@ -3,9 +3,9 @@
 #[path = "../target_case.rs"]
 mod target_case;
 
+use ema_identify::Prepared;
 use ema_models::{ComparedSample, Scale, SensedSample, Setpoint, rss_pct};
 use firmware_image::RecordedWindow;
-use hmd::identify::Prepared;
 use target_case::{Case, REST};
 
 #[test]

@@ -3,8 +3,8 @@
 //! where a stall load is.
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use ema_identify::calibration::{MonitorForm, TypeCalibration};
 use ema_models::{ActuatorParams, FaultVector};
-use hmd::calibration::{MonitorForm, TypeCalibration};
 use hmd::config::Specification;
 use hmd::function::{TRIED, shortfalls};
 use hmd::health::FAULTS;

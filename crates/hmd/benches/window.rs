@@ -3,10 +3,10 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use ema_identify::calibration::{MonitorForm, TypeCalibration};
+use ema_identify::{Identifier, Method};
 use ema_models::{ActuatorParams, FaultVector, Profile};
-use hmd::calibration::{MonitorForm, TypeCalibration};
 use hmd::evaluate::TABLE_III;
-use hmd::identify::{Identifier, Method};
 use hmd::simulated::SimulatedWindow;
 
 fn window(c: &mut Criterion) {

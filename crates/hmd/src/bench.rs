@@ -19,9 +19,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use crate::calibration::{MonitorForm, TypeCalibration};
 use crate::evaluate::TABLE_III;
-use crate::identify::{Identifier, Method, Population, Prepared};
+use ema_identify::calibration::{MonitorForm, TypeCalibration};
+use ema_identify::{Identifier, Method, Population, Prepared};
 
 /// Length of the window of all figures but those over the length, s.
 const WINDOW: f64 = 0.5;

@@ -11,9 +11,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use crate::calibration::{CALIBRATION_VERSION, Mismatch, MonitorForm, Quality, SignalTable, TypeCalibration};
-use crate::identify::{comparison, pull_from};
 use crate::simulated::SimulatedWindow;
+use ema_identify::calibration::{CALIBRATION_VERSION, Mismatch, MonitorForm, Quality, SignalTable, TypeCalibration};
+use ema_identify::{comparison, pull_from};
 
 /// Windows a calibration learns from.
 const HEALTHY_WINDOWS: u64 = 8;

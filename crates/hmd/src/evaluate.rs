@@ -15,9 +15,9 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::calibrate::random_faults;
-use crate::identify::{Estimate, Identifier};
 use crate::seed::mix;
 use crate::simulated::SimulatedWindow;
+use ema_identify::{Estimate, Identifier};
 
 pub use detection::{ByFault, DetectionError, DetectionReport, Wrong, detection};
 pub use noise::{NOISE_RATES_HZ, NoiseAtRate, NoiseReport, noise};

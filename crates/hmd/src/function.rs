@@ -88,7 +88,7 @@ fn missed(spec: &Specification, step: &StepResponse) -> Option<Shortfall> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibration::{MonitorForm, TypeCalibration};
+    use ema_identify::calibration::{MonitorForm, TypeCalibration};
 
     #[test]
     fn a_healthy_actuator_meets_what_a_worn_one_misses() {

@@ -10,18 +10,19 @@ use ema_ga::ConfigError as SearchError;
 use ema_ga::GaConfig;
 use ema_models::{Conditions, FAULT_COUNT, FaultVector, MotorDeviation, MotorKnowledge, Scale};
 
-use crate::calibration::{CalibrationError, MonitorForm};
+use crate::calibration::CalibrationFileError;
 use crate::config::{ActuatorConfig, Config, HealthConfig, IdentificationConfig, SearchMethod};
 use crate::front::WindowJob;
 use crate::function::{TRIED, shortfalls};
 use crate::health::{FAULTS, Judgement, Levels, LevelsError};
-use crate::identify::{Estimate, Fit, Identifier, Method, Population};
 use crate::life::{EventError, Lives, Shown, events_of};
 use crate::outliers::identify_without_outliers;
 use crate::record;
 use crate::seed::mix;
 use crate::unit::{UnitCalibration, UnitError};
 use crate::window::Verdict;
+use ema_identify::calibration::MonitorForm;
+use ema_identify::{Estimate, Fit, Identifier, Method, Population};
 use records::{health_record, rul_record, window_record};
 use types::KnownType;
 pub use types::model_hash;
@@ -31,7 +32,7 @@ pub use types::model_hash;
 pub enum JudgeError {
     /// A type calibration is unusable.
     #[error(transparent)]
-    Calibration(#[from] CalibrationError),
+    Calibration(#[from] CalibrationFileError),
     /// A calibration file belongs to another monitor form.
     #[error("{path}: expected a calibration of the {expected:?} monitor, found one of the {found:?} monitor")]
     Form {

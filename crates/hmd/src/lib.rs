@@ -2,7 +2,7 @@
 //!
 //! The data path, in order: [`ingest`] turns a source into timed [`frame`]s; [`front`] decodes them ([`channel`], a bus
 //! with a layout of its own by its [`dbc`]) and cuts
-//! actuation windows ([`window`]); [`judge`] identifies each window ([`identify`], with a type's [`calibration`]) and
+//! actuation windows ([`window`]); [`judge`] identifies each window ([`ema_identify`]) and
 //! decides on [`health`] and on how long it will last ([`mod@rul`]); [`recorder`] writes the [`record`]s through [`sink`]. [`replay`] drives the [`pipeline`] from files,
 //! [`daemon`] from live sources. [`simulate`] makes traffic from the reference model, [`calibrate`] and [`evaluate`] measure
 //! the monitor against it, [`mod@bench`] how fast it is. [`top`] shows how all actuators stand, by their records.
@@ -27,7 +27,6 @@ pub mod frame;
 pub mod front;
 pub mod function;
 pub mod health;
-pub mod identify;
 pub mod ingest;
 pub mod judge;
 pub mod life;
@@ -51,7 +50,6 @@ pub mod simulated;
 pub mod sink;
 pub mod store;
 pub mod top;
-mod turns;
 pub mod unit;
 pub mod utc;
 pub mod window;

@@ -14,9 +14,9 @@ use crate::config::{Config, HoursOf};
 use crate::front::WindowJob;
 use crate::function::Trial;
 use crate::health::{FAULTS, Health, HealthDecision, HealthState, Judgement, LevelsError};
-use crate::identify::Fit;
 use crate::judge::{levels, persistence};
 use crate::rul::{Forecast, Odometer, Prognosis};
+use ema_identify::Fit;
 use urgency::Urgency;
 
 pub use book::{Lives, events_of};

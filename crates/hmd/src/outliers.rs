@@ -8,8 +8,8 @@
 use ema_ga::ConfigError;
 use ema_models::{Comparison, Conditions, Unknowns};
 
-use crate::identify::{Estimate, Identifier, Prepared};
 use crate::window::Window;
+use ema_identify::{Estimate, Identifier, Prepared};
 
 /// Distance of a residual from its neighbours', in multiples of what half of all neighbours differ by.
 const FACTOR: f64 = 20.0;

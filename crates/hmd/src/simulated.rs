@@ -3,7 +3,7 @@
 use ema_models::reference::{Actuations, Scenario};
 use ema_models::{ActuatorParams, Conditions, FaultVector, Profile, SensedSample, Setpoint};
 
-use crate::identify::Prepared;
+use ema_identify::Prepared;
 
 /// Rest before the trigger that belongs to a window, s.
 const PRE_TRIGGER: f64 = 0.02;

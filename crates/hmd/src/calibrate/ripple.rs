@@ -9,8 +9,8 @@ use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 
 use super::{each_pull, mismatch};
-use crate::calibration::TypeCalibration;
 use crate::simulated::SimulatedWindow;
+use ema_identify::calibration::TypeCalibration;
 
 /// Measures the mean shortfall of the currents over the inverter's voltage, at constant speeds and loads.
 ///

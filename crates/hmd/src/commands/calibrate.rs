@@ -7,13 +7,13 @@ use anyhow::{Context, bail};
 
 use super::{Exit, load_config, no_input, unknown_type, use_threads, warn};
 use crate::calibrate::calibrate_type;
-use crate::calibration::MonitorForm;
 use crate::config::{Config, MONITOR_NAMES};
 use crate::health::Health;
-use crate::identify::is_unmodelled;
 use crate::judge::{Judge, TYPE_TOLERANCE, conditions, judgement, known_at, levels};
 use crate::outliers::identify_without_outliers;
 use crate::unit::{UnitCalibration, fit_motor, windows_of};
+use ema_identify::calibration::MonitorForm;
+use ema_identify::is_unmodelled;
 
 /// Calibrate the monitor for a type of actuator, or for one unit from logs in which it was healthy.
 #[derive(Debug, clap::Args)]

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::{Exit, Misuse, load_config, progress, say, unknown_type, use_threads};
-use crate::calibration::MonitorForm;
 use crate::config::SearchMethod;
 use crate::evaluate::{
     CONDITION_ROWS, Case, DetectionReport, NOISE_RATES_HZ, NoiseReport, PROFILE_ROWS, PaperReport, ProfilesReport,
@@ -12,6 +11,7 @@ use crate::evaluate::{
 };
 use crate::health::FAULTS;
 use crate::judge::{Judge, levels};
+use ema_identify::calibration::MonitorForm;
 
 /// Measure the accuracy of the identification.
 #[derive(Debug, clap::Args)]

@@ -30,7 +30,7 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use crate::calibration::TypeCalibration;
+use crate::calibration::load_calibration;
 use crate::config::{Config, ConfigError};
 use crate::judge::JudgeError;
 use crate::life::events_of;
@@ -112,7 +112,7 @@ pub fn check_files(config: &Config) -> anyhow::Result<()> {
     for (name, found) in config.types() {
         let Some(path) = &found.calibration else { continue };
         let path = config.resolve(path);
-        let checked = match TypeCalibration::load(&path) {
+        let checked = match load_calibration(&path) {
             Ok(calibration) if calibration.monitor == expected => Ok(()),
             Ok(calibration) => Err(JudgeError::Form {
                 path: path.display().to_string(),

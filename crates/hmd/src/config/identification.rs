@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::ConfigError;
 use super::reader::Section;
-use crate::calibration::MonitorForm;
+use ema_identify::calibration::MonitorForm;
 
 /// How the fault vector is searched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize)]

@@ -9,9 +9,9 @@ use serde::Serialize;
 
 use super::motors::Motor;
 use crate::health::{FAULTS, Health, HealthState, Levels, LevelsError, fault_name};
-use crate::identify::Identifier;
 use crate::judge::judgement;
 use crate::seed::mix;
+use ema_identify::Identifier;
 
 /// Healthy windows of each motor, and as many faulty ones.
 const WINDOWS: u64 = 100;

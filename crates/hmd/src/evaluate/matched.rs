@@ -12,10 +12,10 @@ use rayon::prelude::*;
 
 use super::motors::NOISE_RMS_A;
 use crate::calibrate::random_faults;
-use crate::calibration::{Mismatch, SignalTable, TypeCalibration};
-use crate::identify::{Identifier, bound, refine_from};
 use crate::seed::mix;
 use crate::simulated::SimulatedWindow;
+use ema_identify::calibration::{Mismatch, SignalTable, TypeCalibration};
+use ema_identify::{Identifier, bound, refine_from};
 
 /// Components whose truth lies nearer to an end of its range than this many bounds are left out: there the range itself
 /// is knowledge that the bound does not have.
@@ -153,8 +153,8 @@ mod tests {
     use ema_models::{ActuatorParams, MotorKnowledge};
 
     use super::*;
-    use crate::calibration::MonitorForm;
-    use crate::identify::Method;
+    use ema_identify::Method;
+    use ema_identify::calibration::MonitorForm;
 
     /// No load is a bend of the cost, and a descent across it ended five bounds away in the last of these windows.
     #[test]

@@ -8,10 +8,10 @@ use ema_models::{
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::identify::Identifier;
 use crate::seed::mix;
 use crate::simulated::SimulatedWindow;
 use crate::unit::fit_motor;
+use ema_identify::Identifier;
 
 /// Current noise of each phase, A rms, beside 12-bit converters.
 pub(super) const NOISE_RMS_A: f64 = 0.05;

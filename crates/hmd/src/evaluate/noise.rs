@@ -9,8 +9,8 @@ use super::matched::crlb_ratio;
 use super::motors::Motor;
 use super::{Case, case, percentile};
 use crate::calibrate::random_faults;
-use crate::identify::{Estimate, Identifier};
 use crate::seed::mix;
+use ema_identify::{Estimate, Identifier};
 
 /// Sample rates of the suite, Hz.
 pub const NOISE_RATES_HZ: [f64; 2] = [2000.0, 400.0];

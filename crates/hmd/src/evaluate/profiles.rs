@@ -11,10 +11,10 @@ use super::noise::{NOISE_RATES_HZ, covered};
 use super::percentile;
 use crate::calibrate::random_faults;
 use crate::health::{FAULTS, Health, HealthState, Levels, LevelsError};
-use crate::identify::{Estimate, Identifier};
 use crate::judge::{judgement, known_at};
 use crate::seed::mix;
 use crate::simulated::SimulatedWindow;
+use ema_identify::{Estimate, Identifier};
 
 /// Commands of the `profiles` suite; each service command is drawn with its window.
 const PROFILES: [(&str, Profile); 6] = [

@@ -4,10 +4,10 @@ use ema_models::{FAULT_COUNT, Setpoint};
 
 use crate::front::WindowJob;
 use crate::health::{HealthDecision, HealthState, fault_name};
-use crate::identify::{Estimate, Fit};
 use crate::life::LifeDecision;
 use crate::record;
 use crate::rul::Life;
+use ema_identify::{Estimate, Fit};
 
 fn largest_fault(decision: &HealthDecision, estimate: Option<&Estimate>) -> String {
     let Some(estimate) = estimate else { return String::new() };

@@ -6,9 +6,10 @@ use ema_models::ActuatorParams;
 use sha2::{Digest, Sha256};
 
 use super::JudgeError;
-use crate::calibration::{MonitorForm, TypeCalibration};
+use crate::calibration::load_calibration;
 use crate::config::Config;
 use crate::seal::hex;
+use ema_identify::calibration::{MonitorForm, TypeCalibration};
 
 /// A type's calibration, and whether anybody made it.
 #[derive(Clone, Debug)]
@@ -28,7 +29,7 @@ impl KnownType {
         path: Option<&Path>,
     ) -> Result<Self, JudgeError> {
         if let Some(path) = path {
-            let calibration = TypeCalibration::load(path)?;
+            let calibration = load_calibration(path)?;
             if calibration.monitor != form {
                 let path = path.display().to_string();
                 return Err(JudgeError::Form {

@@ -1,9 +1,14 @@
 //! One window to one estimate: the only place where monitor and search meet.
 
+// Until the core does without it.
+#![cfg(feature = "std")]
+
+pub mod calibration;
 mod population;
 mod profile;
 mod refine;
 mod rivals;
+mod turns;
 mod unmodelled;
 
 use ema_ga::{

@@ -251,30 +251,3 @@ impl Residuals<UNKNOWN_COUNT> for Refinement<'_, '_> {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use ema_models::{ActuatorParams, MotorKnowledge, Profile, rss_pct};
-
-    use super::super::{Identifier, Method};
-    use crate::calibrate::random_faults;
-    use crate::calibration::{MonitorForm, TypeCalibration};
-    use crate::simulated::SimulatedWindow;
-
-    /// Its first coarse steps from health lead into the corner of the box outside the disc ζ ≤ 1, where nothing changes with ζ.
-    #[test]
-    fn a_descent_does_not_get_lost_outside_the_disc() {
-        let params = ActuatorParams::servo28();
-        let identifier = Identifier {
-            params,
-            calibration: TypeCalibration::built_in("servo28", MonitorForm::ThreePhase).expect("shipped"),
-            method: Method::LeastSquares,
-            motor: MotorKnowledge::default(),
-        };
-        let truth = random_faults(70_164);
-        let window = SimulatedWindow::new(&params, truth, Profile::Mixed, 80_164);
-        let found = identifier.identify(&window.prepared, window.conditions, 1);
-        let error = rss_pct(&found.expect("valid settings").fault, &truth);
-        assert!(error < 5.0, "{error} %");
-    }
-}

@@ -40,9 +40,8 @@ pub(super) fn apart(a: &Coordinates, b: &Coordinates, counts: impl Fn(usize) -> 
 mod tests {
     use super::*;
     use crate::calibration::{MonitorForm, TypeCalibration};
-    use crate::identify::{Identifier, Method};
-    use crate::simulated::SimulatedWindow;
-    use ema_models::{ActuatorParams, FaultVector, MotorKnowledge, Profile, UNKNOWN_COUNT};
+    use crate::{Identifier, Method, Prepared};
+    use ema_models::{ActuatorParams, Conditions, MotorKnowledge, SensedSample, Setpoint, UNKNOWN_COUNT};
 
     #[test]
     fn only_ends_that_are_apart_and_as_good_are_rivals() {
@@ -52,9 +51,21 @@ mod tests {
             method: Method::hybrid(),
             motor: MotorKnowledge::default(),
         };
-        let window = SimulatedWindow::new(&identifier.params, FaultVector::NOMINAL, Profile::Step, 1);
+        let at_rest = SensedSample {
+            seq: 0,
+            currents: [0.0; 3],
+            motor_counts: 0,
+            output_counts: 0,
+            setpoint: Setpoint::Position(0.0),
+        };
+        let window = Prepared::new(&identifier.params, &[at_rest; 1000], &[], 40);
         let coefficients = identifier.calibration.coefficients();
-        let comparison = identifier.comparison(&window.prepared, &coefficients, window.conditions);
+        let conditions = Conditions {
+            load_torque: Some(0.0),
+            v_dc: identifier.params.motor.v_dc,
+            winding_temp_deg_c: None,
+        };
+        let comparison = identifier.comparison(&window, &coefficients, conditions);
         let end = |cost: f64, friction: f64| {
             let mut at = [0.0; UNKNOWN_COUNT];
             at[0] = friction;

@@ -3,7 +3,7 @@
 //! A classic frame with an 11-bit identifier and n data bytes has `44 + 8n` bits, 3 more before the next frame, and
 //! stuff bits: CAN inserts one after five equal bits among the first `34 + 8n`. How many depends on the data: none at best,
 //! `(33 + 8n) / 4` at worst. [`Stuffing::Nominal`] is one in ten, somewhat above what small numbers
-//! with runs of sign bits make of it: `tests/bus_load.rs` counts a mean of 117.6 bits per sample frame. For a frame of 8
+//! with runs of sign bits make of it: `tests/all/bus_load.rs` counts a mean of 117.6 bits per sample frame. For a frame of 8
 //! bytes the three are 111, 120 and 135 bits.
 
 use crate::can::{CLASSIC_LEN, FD_LEN, SampleFd};

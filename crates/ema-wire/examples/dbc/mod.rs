@@ -1,4 +1,4 @@
-//! The CAN dictionary as data, and its DBC text. Shared by `examples/make_dbc.rs` and `tests/dbc.rs`.
+//! The CAN dictionary as data, and its DBC text. Shared by `examples/make_dbc.rs` and `tests/all/dictionary.rs`.
 //!
 //! Written independently of the byte code in `src/can`: the test reads random frames both ways and compares.
 

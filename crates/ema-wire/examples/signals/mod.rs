@@ -1,5 +1,5 @@
 //! A decoded frame as the signals of the DBC: name and physical value. Shared by `examples/decode_candump.rs` and
-//! `tests/dbc.rs`.
+//! `tests/all/dictionary.rs`.
 
 use ema_wire::{FdSlot, Frame, quantity};
 

@@ -1,0 +1,10 @@
+//! Tests of the crate from outside; they need the standard library.
+#![cfg(feature = "std")]
+
+mod accuracy;
+mod averaged;
+mod faults;
+mod lanes;
+mod monitor;
+mod operations;
+mod reference;

@@ -1,0 +1,204 @@
+//! The assembler under drops, repeats, reordering and long silences.
+
+use crate::common::nth_sample;
+use ema_wire::{ActuatorId, Assembler, AssemblerStats, Frame, Sample, SampleFd, Status};
+use proptest::prelude::*;
+
+const PERIOD_NS: u64 = 500_000;
+
+fn assembler() -> Assembler {
+    Assembler::new(ActuatorId::new(5).expect("below 16"))
+}
+
+/// Frame j (0 to 2) of sample k, with its receive stamp.
+fn sent(k: u64, j: usize) -> (Frame, u64) {
+    (nth_sample(k).to_frames()[j], k * PERIOD_NS + 130_000 * (j as u64 + 1))
+}
+
+fn feed(assembler: &mut Assembler, frames: impl IntoIterator<Item = (Frame, u64)>) -> Vec<Sample> {
+    frames
+        .into_iter()
+        .flat_map(|(frame, at)| assembler.push(&frame, at))
+        .collect()
+}
+
+/// What the link does to one frame.
+#[derive(Debug, Clone, Copy)]
+enum Fate {
+    Pass,
+    Drop,
+    Repeat,
+    Delay(u64),
+}
+
+fn fate() -> impl Strategy<Value = Fate> {
+    prop_oneof![
+        6 => Just(Fate::Pass),
+        1 => Just(Fate::Drop),
+        1 => Just(Fate::Repeat),
+        1 => any::<u64>().prop_map(Fate::Delay),
+    ]
+}
+
+proptest! {
+    #[test]
+    fn without_loss_every_sample_comes_out_once(first in any::<u32>(), count in 1_u64..600) {
+        let ks = u64::from(first)..u64::from(first) + count;
+        let mut assembler = assembler();
+        let got = feed(&mut assembler, ks.clone().flat_map(|k| (0..3).map(move |j| sent(k, j))));
+        prop_assert_eq!(got, ks.map(nth_sample).collect::<Vec<_>>());
+        prop_assert_eq!(assembler.stats(), AssemblerStats { samples: count, ..Default::default() });
+    }
+
+    /// Fields of two instants never meet, whatever is lost, repeated or swapped and however long the silences are. Samples
+    /// come out in order, unless one was held back for longer than the span: then the step back is counted.
+    #[test]
+    fn no_mixed_sample(
+        fates in proptest::collection::vec([fate(), fate(), fate()], 1..150),
+        silences in proptest::collection::vec((0..150_usize, 0..3_usize, 250..1030_u64), 0..4),
+        longest_delay_ns in prop_oneof![Just(Assembler::DEFAULT_MAX_SPAN_NS), Just(2 * Assembler::DEFAULT_MAX_SPAN_NS)],
+    ) {
+        let mut frames = Vec::new();
+        let mut k = 0;
+        for (index, sample_fates) in fates.iter().enumerate() {
+            for (j, frame_fate) in sample_fates.iter().enumerate() {
+                // The silence begins inside this sample and may be any number of samples long, 256 among them.
+                k += silences.iter().filter(|(at, part, _)| (*at, *part) == (index, j)).map(|(_, _, n)| n).sum::<u64>();
+                let (frame, at) = sent(k, j);
+                match *frame_fate {
+                    Fate::Pass => frames.push((frame, at)),
+                    Fate::Drop => {}
+                    Fate::Repeat => frames.extend([(frame, at), (frame, at + 1_000)]),
+                    Fate::Delay(by_ns) => frames.push((frame, at + by_ns % longest_delay_ns)),
+                }
+            }
+            k += 1;
+        }
+        frames.sort_by_key(|(_, at)| *at);
+        let mut assembler = assembler();
+        let got = feed(&mut assembler, frames);
+        assembler.close();
+        let sent_as = |sample: &Sample| (0..k).find(|k| nth_sample(*k) == *sample);
+        let order: Option<Vec<u64>> = got.iter().map(sent_as).collect();
+        prop_assert!(order.is_some(), "mixed: {:?}", got.iter().find(|sample| sent_as(sample).is_none()));
+        let steps_back = order.iter().flatten().zip(order.iter().flatten().skip(1)).filter(|(a, b)| b <= a).count();
+        prop_assert_eq!(assembler.stats().restarts, steps_back as u64);
+        prop_assert!(steps_back == 0 || longest_delay_ns > Assembler::DEFAULT_MAX_SPAN_NS);
+        prop_assert_eq!(assembler.stats().conflicting, 0);
+    }
+
+    #[test]
+    fn drops_are_counted_to_the_sample(lost in proptest::collection::vec(any::<[bool; 3]>(), 1..200)) {
+        let count = lost.len() as u64 + 2; // one good sample at either end
+        let is_lost = |k: u64, j: usize| k > 0 && k < count - 1 && lost[k as usize - 1][j];
+        let mut assembler = assembler();
+        let frames = (0..count).flat_map(|k| (0..3).map(move |j| (k, j))).filter(|(k, j)| !is_lost(*k, *j));
+        let got = feed(&mut assembler, frames.map(|(k, j)| sent(k, j)));
+        let whole = lost.iter().filter(|parts| !parts.contains(&true)).count() as u64 + 2;
+        let begun = lost.iter().filter(|parts| parts.contains(&true) && parts.contains(&false)).count() as u64;
+        prop_assert_eq!(got.len() as u64, whole);
+        prop_assert_eq!(
+            assembler.stats(),
+            AssemblerStats { samples: whole, incomplete: begun, missing: count - whole, ..Default::default() }
+        );
+    }
+
+    #[test]
+    fn fd_frames_follow_the_same_rules(sizes in proptest::collection::vec((1_usize..=3, any::<bool>()), 1..60)) {
+        let mut assembler = assembler();
+        let (mut k, mut expected, mut repeats) = (0, Vec::new(), 0);
+        let mut got = Vec::new();
+        for (size, twice) in sizes {
+            let samples: Vec<Sample> = (k..k + size as u64).map(nth_sample).collect();
+            k += size as u64;
+            let frame = Frame::SampleFd(SampleFd::from_samples(&samples)?);
+            for _ in 0..=usize::from(twice) {
+                got.extend(assembler.push(&frame, k * PERIOD_NS));
+            }
+            repeats += u64::from(twice) * size as u64;
+            expected.extend(samples);
+        }
+        prop_assert_eq!(got, expected);
+        // Of a repeated frame the last sample is a duplicate of the newest; those before it are behind it.
+        let stats = assembler.stats();
+        prop_assert_eq!(stats.duplicates + stats.late, repeats);
+    }
+}
+
+#[test]
+fn a_silence_of_exactly_256_samples_inside_a_sample_does_not_join_its_ends() {
+    for cut in 1..3 {
+        let mut assembler = assembler();
+        let got = feed(
+            &mut assembler,
+            (0..cut).map(|j| sent(0, j)).chain((cut..3).map(|j| sent(256, j))),
+        );
+        assert_eq!(got, []);
+        assembler.close();
+        assert_eq!(assembler.stats().incomplete, 2);
+    }
+}
+
+#[test]
+fn contradicting_frames_reject_the_sample() {
+    let mut assembler = assembler();
+    let (Frame::Position(mut position), at) = sent(0, 1) else {
+        panic!("frame 1 is Position")
+    };
+    position.motor_counts += 1;
+    let frames = [
+        sent(0, 0),
+        sent(0, 1),
+        (Frame::Position(position), at),
+        sent(0, 2),
+        sent(1, 0),
+        sent(1, 1),
+        sent(1, 2),
+    ];
+    assert_eq!(feed(&mut assembler, frames), [nth_sample(1)]);
+    assert_eq!(
+        assembler.stats(),
+        AssemblerStats {
+            samples: 1,
+            conflicting: 1,
+            late: 1,
+            ..Default::default()
+        }
+    );
+}
+
+#[test]
+fn a_restarted_device_is_followed_and_counted() {
+    let mut assembler = assembler();
+    let whole = |k, from_ns| (0..3).map(move |j| (nth_sample(k).to_frames()[j], from_ns));
+    let got = feed(
+        &mut assembler,
+        whole(900, 0).chain(whole(0, 50_000_000)).chain(whole(1, 50_500_000)),
+    );
+    assert_eq!(got, [900, 0, 1].map(nth_sample));
+    assert_eq!(
+        assembler.stats(),
+        AssemblerStats {
+            samples: 3,
+            restarts: 1,
+            ..Default::default()
+        }
+    );
+}
+
+#[test]
+fn status_frames_pass_without_effect() {
+    let status = Status {
+        dc_link_dv: 0,
+        winding_temp_dc: 0,
+        load_torque_dnm: None,
+        fault_flags: 0,
+        seq8: 77,
+    };
+    let mut assembler = assembler();
+    let got = feed(
+        &mut assembler,
+        [sent(0, 0), (Frame::Status(status), 200_000), sent(0, 1), sent(0, 2)],
+    );
+    assert_eq!(got, [nth_sample(0)]);
+}

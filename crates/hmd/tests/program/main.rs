@@ -1,0 +1,15 @@
+//! The program `hmd` as a whole: its verbs, the daemon on all its sources and in real time, and what its requirements name.
+
+mod cli;
+mod cli_live;
+mod export;
+mod foreign_log;
+mod live;
+mod report;
+mod safety;
+mod serial;
+mod serial_rig;
+mod service;
+mod terminal_rig;
+mod top;
+mod wrong_map;

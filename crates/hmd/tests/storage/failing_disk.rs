@@ -1,0 +1,99 @@
+//! A disk that answers with EIO for a while, between the program and a real file system: nothing that was told as stored is
+//! lost, and what was not is told so.
+//!
+//! Requirement S-9 of `docs/safety.md`. The load is that of `survive.rs`, in a process of its own; a small library in C
+//! (`failing_disk/shim.c`), loaded before the C library, stands for the disk.
+#![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use crate::survive_rig::{FAILING, LOAD, compare, stored, write_load, writer_of};
+use hmd::recorder::Recorder;
+use hmd::store::Limits;
+
+/// Actuations of a run.
+const ACTUATIONS: u32 = 14;
+/// Records stored before the disk fails, and lost before it is well again.
+const BEFORE: usize = 4;
+const LOST: usize = 3;
+
+fn shim(folder: &Path) -> PathBuf {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/storage/failing_disk/shim.c");
+    let library = folder.join("shim.so");
+    let mut compiler = Command::new("cc");
+    let compiled = compiler.args(["-shared", "-fPIC", "-O1", "-Wall", "-Werror", "-o"]);
+    let status = compiled.arg(&library).arg(source).arg("-ldl").status();
+    assert!(status.unwrap().success());
+    library
+}
+
+/// What the writer said, while the disk failed after some records and until some were lost.
+fn said(folder: &Path, all: bool) -> Vec<String> {
+    let flag = folder.join("failing");
+    let mut writer = writer_of(folder, 0);
+    writer
+        .env(FAILING, "1")
+        .env("LD_PRELOAD", shim(folder))
+        .env("HMD_FAIL_FOLDER", folder.join("segments"))
+        .env("HMD_FAIL_WHILE", &flag)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped());
+    if all {
+        writer.env("HMD_FAIL_ALL", "1");
+    }
+    let mut writer = writer.spawn().unwrap();
+    let (mut lines, mut kept, mut lost) = (Vec::new(), 0, 0);
+    for line in BufReader::new(writer.stderr.take().unwrap()).lines() {
+        let line = line.unwrap();
+        kept += usize::from(stored(&line).is_some());
+        if kept == BEFORE && lost == 0 {
+            File::create(&flag).unwrap();
+        }
+        lost += usize::from(line == "unstored");
+        if line == "unstored" && lost == LOST {
+            fs::remove_file(&flag).unwrap();
+        }
+        lines.push(line);
+    }
+    assert!(writer.wait().unwrap().success(), "{lines:#?}");
+    lines
+}
+
+fn fails_for_a_while(all: bool) {
+    let folder = tempfile::tempdir().unwrap();
+    write_load(&folder.path().join(LOAD), ACTUATIONS);
+    let lines = said(folder.path(), all);
+    // The next start repairs the segments that were given up.
+    let segments = folder.path().join("segments");
+    let next = Recorder::open_folder(&segments, &BTreeMap::new(), Limits::new(1, 60, 1000, 0)).unwrap();
+    next.finish().unwrap();
+    let first_lost = lines.iter().position(|line| line == "unstored").unwrap();
+    let keys = |lines: &[String]| lines.iter().filter_map(|line| stored(line)).collect::<Vec<_>>();
+    let told = keys(&lines).into_iter().collect();
+    let found = compare(&told, &segments);
+    let after = keys(&lines[first_lost..]).len();
+    assert!(after > 0, "no record after the failure: {lines:#?}");
+    let all_said = lines.join("\n");
+    for text in ["Input/output error", "written again", "ended"] {
+        assert!(all_said.contains(text), "{text}: {all_said}");
+    }
+    eprintln!(
+        "{} records told as stored, {after} of them after the failure; {found} found",
+        told.len()
+    );
+}
+
+#[test]
+fn a_disk_that_fails_for_a_while_ends_nothing() {
+    fails_for_a_while(true);
+}
+
+/// What was written is there, but nobody knows for how long: it must not be told as stored.
+#[test]
+fn a_disk_that_takes_all_and_cannot_sync_ends_nothing() {
+    fails_for_a_while(false);
+}

@@ -1,0 +1,99 @@
+//! The host program: what it writes into a file and on a pseudo-terminal.
+
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command};
+use std::time::{Duration, Instant};
+
+use ema_wire::{Deframer, SerialPacket};
+
+fn firmware_sim() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_firmware_sim"));
+    command.args(["--rate", "400", "--profile", "step"]);
+    command
+}
+
+fn scratch(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).expect("a scratch folder");
+    folder
+}
+
+#[test]
+fn a_file_takes_the_whole_stream_and_link_faults_thin_it() {
+    let file = scratch("file").join("line.bin");
+    let packets = |more: &[&str]| {
+        let status = firmware_sim().arg("-o").arg(&file).args(more).status();
+        assert!(status.expect("the program runs").success());
+        let mut deframer = Deframer::new();
+        let count = deframer.push_slice(&fs::read(&file).expect("its file")).count();
+        (count, deframer.stats().dropped())
+    };
+    // 1.5 s at 400 Hz and ten status packets a second.
+    assert_eq!(packets(&[]), (615, 0));
+    let (count, dropped) = packets(&["--drop", "0.1", "--flip", "0.1"]);
+    assert!(count < 560 && dropped > 20, "{count} {dropped}");
+}
+
+#[test]
+fn wrong_options_are_refused_in_one_line() {
+    for (options, said) in [
+        (&["--drop", "2"][..], "expected a number from 0 to 1"),
+        (&["--growth", "1,2"], "expected 8 numbers, found 2"),
+        (&["--can", "a", "--pty", "b"], "cannot be used with"),
+    ] {
+        let output = firmware_sim().args(options).output().expect("the program runs");
+        assert_eq!(output.status.code(), Some(2));
+        assert!(String::from_utf8_lossy(&output.stderr).contains(said), "{options:?}");
+    }
+}
+
+/// Ends the program when the test does.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn a_pseudo_terminal_carries_samples_at_their_own_pace() {
+    let link = scratch("pty").join("ema0");
+    let child = firmware_sim()
+        .arg("--pty")
+        .arg(&link)
+        .args(["--windows", "100"])
+        .spawn();
+    let _running = Running(child.expect("the program runs"));
+    let started = Instant::now();
+    let mut line = loop {
+        match File::open(&link) {
+            Ok(line) => break line,
+            Err(_) if started.elapsed() < Duration::from_secs(20) => std::thread::sleep(Duration::from_millis(5)),
+            Err(e) => panic!("no pseudo-terminal: {e}"),
+        }
+    };
+    let (mut deframer, mut seqs) = (Deframer::new(), Vec::new());
+    let mut buffer = [0; 256];
+    while seqs.len() < 200 {
+        let got = line.read(&mut buffer).expect("the other end is open");
+        for packet in deframer.push_slice(&buffer[..got]) {
+            if let SerialPacket::Sample(sample) = packet {
+                seqs.push(sample.seq);
+            }
+        }
+    }
+    assert_eq!(deframer.stats().dropped(), 0);
+    assert!(seqs.windows(2).all(|pair| pair[1] == pair[0] + 1), "{seqs:?}");
+    // 200 samples at 400 Hz, less what had gathered before it was opened.
+    assert!(
+        started.elapsed() > Duration::from_millis(400),
+        "{:?}",
+        started.elapsed()
+    );
+}

@@ -50,6 +50,7 @@ impl DryFriction<f64> {
 impl DryFriction<f64> {
     /// The same with a brake that drags by `torque`, Nm, moving or not.
     #[must_use]
+    #[cfg(feature = "reference")]
     pub(crate) fn with_drag(self, torque: f64) -> Self {
         Self {
             moving_positive: self.moving_positive + torque,

@@ -3,7 +3,7 @@
 //! - [`params`](ActuatorParams), [`fault`](FaultVector): what is known of a type, and what may be worn.
 //! - `frames`, `winding`, `friction`, `backlash`, `control`, `command`: one source for each law, used by both models.
 //! - `monitor`: the low-fidelity [`Monitor`], `no_std`, without allocation, generic over the number type [`Real`].
-//! - `reference`: the high-fidelity three-phase switched actuator, in plain `f64`.
+//! - `reference`, behind the feature of that name: the high-fidelity three-phase switched actuator, in plain `f64`.
 //!
 //! Nothing here needs the standard library or allocates; feature `std` lets the monitor choose its instruction set.
 //!
@@ -27,6 +27,7 @@ mod params;
 mod play;
 mod real;
 mod recording;
+#[cfg(feature = "reference")]
 pub mod reference;
 mod residual;
 #[cfg(all(feature = "std", target_arch = "x86_64"))]

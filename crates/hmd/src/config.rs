@@ -26,7 +26,7 @@ pub use actuator::ActuatorConfig;
 pub use actuator_type::ActuatorType;
 pub use bus::{BusConfig, BusLoad, LOAD_MAX};
 pub use error::ConfigError;
-pub use health::{HealthConfig, HealthLevels};
+pub use health::HealthConfig;
 pub use identification::{IdentificationConfig, MONITOR_NAMES, SearchMethod};
 pub use output::OutputConfig;
 pub use rul::{HoursOf, RulConfig};

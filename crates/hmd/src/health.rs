@@ -1,7 +1,11 @@
 //! Estimates of one actuator, window by window -> its health state. Thresholds with hysteresis, and memory; no clock.
 
+use std::ops::RangeInclusive;
+
 use ema_models::{FAULT_COUNT, FaultVector};
 use serde::{Deserialize, Serialize};
+
+use crate::setting::{Expected, SettingError};
 
 /// Number of faults: the fault vector without the direction of the eccentricity.
 pub const FAULTS: usize = 7;
@@ -62,20 +66,22 @@ impl core::fmt::Display for HealthState {
     }
 }
 
-/// Damage at which one fault changes its state, in 0…1.
+/// Rules for the health of one fault: the damage, in 0…1, at which its state changes. Section `[health]` of a configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Levels {
     /// From here on [`HealthState::Watch`].
     pub watch: f64,
-    /// From here on [`HealthState::Warning`].
+    /// From here on [`HealthState::Warning`]; above `watch`.
     pub warning: f64,
-    /// From here on [`HealthState::Critical`].
+    /// From here on [`HealthState::Critical`]; above `warning`.
     pub critical: f64,
-    /// Where the life of the part ends; the remaining life counts to here.
+    /// Where the life of the part ends, above `critical`; the remaining life counts to here.
     pub end_of_life: f64,
-    /// How far the damage must fall below a level before the state improves.
+    /// How far the damage must fall below a level before the state improves; below `watch`.
     pub hysteresis: f64,
+    /// Windows in a row that a worse state needs, at least 1.
+    pub persistence: u32,
 }
 
 impl Default for Levels {
@@ -86,46 +92,65 @@ impl Default for Levels {
             critical: 0.6,
             end_of_life: 0.8,
             hysteresis: 0.02,
+            persistence: 1,
         }
     }
 }
 
 /// Levels that were refused.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("{fault}.{field} = {got}: expected a number above {above}, at most {max}")]
+#[error("{fault}.{setting}")]
 pub struct LevelsError {
     /// Name of the fault.
     pub fault: &'static str,
-    /// Name of the level.
-    pub field: &'static str,
-    /// The value found.
-    pub got: f64,
-    /// It must be more than this…
-    pub above: f64,
-    /// …and no more than this.
-    pub max: f64,
+    /// The level, and what it must be.
+    pub setting: SettingError,
 }
 
 impl Levels {
-    fn check(&self, fault: &'static str) -> Result<(), LevelsError> {
-        for (field, got, above, max) in [
-            ("watch", self.watch, 0.0, 1.0),
-            ("warning", self.warning, self.watch, 1.0),
-            ("critical", self.critical, self.warning, 1.0),
-            ("end_of_life", self.end_of_life, 0.0, 1.0),
-            ("hysteresis", self.hysteresis, -f64::MIN_POSITIVE, self.watch),
-        ] {
-            if !(got > above && got <= max) {
-                return Err(LevelsError {
-                    fault,
-                    field,
-                    got,
-                    above,
-                    max,
-                });
+    /// Values of a level. Below 0.001 there is nothing to see, whatever the sensors.
+    pub(crate) const LEVEL: RangeInclusive<f64> = 0.001..=1.0;
+    /// Values of the hysteresis.
+    pub(crate) const HYSTERESIS: RangeInclusive<f64> = 0.0..=1.0;
+    /// Values of the persistence, windows.
+    pub(crate) const PERSISTENCE: RangeInclusive<u32> = 1..=1_000;
+
+    /// The same levels, if they are possible together.
+    ///
+    /// # Errors
+    /// The first that is no number or out of its range, not above the one before it, or a hysteresis not below `watch`.
+    pub fn checked(self) -> Result<Self, SettingError> {
+        let ascending = [
+            ("watch", self.watch),
+            ("warning", self.warning),
+            ("critical", self.critical),
+            ("end_of_life", self.end_of_life),
+        ];
+        for (field, level) in ascending {
+            SettingError::unless_within(field, level, Self::LEVEL)?;
+        }
+        SettingError::unless_within("hysteresis", self.hysteresis, Self::HYSTERESIS)?;
+        let persistence = Self::PERSISTENCE;
+        let windows = f64::from(*persistence.start())..=f64::from(*persistence.end());
+        SettingError::unless_within("persistence", self.persistence.into(), windows)?;
+        for pair in ascending.windows(2) {
+            let ((other, value), (field, got)) = (pair[0], pair[1]);
+            if got <= value {
+                let expected = Expected::MoreThan { other, value };
+                return Err(SettingError { field, got, expected });
             }
         }
-        Ok(())
+        if self.hysteresis >= self.watch {
+            return Err(SettingError {
+                field: "hysteresis",
+                got: self.hysteresis,
+                expected: Expected::LessThan {
+                    other: "watch",
+                    value: self.watch,
+                },
+            });
+        }
+        Ok(self)
     }
 
     /// The levels of watch, warning, critical.
@@ -208,10 +233,11 @@ impl Health {
     /// With the levels of each fault in the order of [`fault_name`]; `persistence` 0 counts as 1.
     ///
     /// # Errors
-    /// The first level that is no number, not above the one before it, or beyond 1; or a hysteresis beyond the watch level.
+    /// The first level that [`Levels::checked`] refuses, and of which fault.
     pub fn new(levels: [Levels; FAULTS], persistence: u32) -> Result<Self, LevelsError> {
         for (fault, levels) in levels.iter().enumerate() {
-            levels.check(fault_name(fault))?;
+            let fault = fault_name(fault);
+            levels.checked().map_err(|setting| LevelsError { fault, setting })?;
         }
         Ok(Self {
             levels,
@@ -474,18 +500,22 @@ mod tests {
     #[test]
     fn impossible_levels_are_refused_by_name() {
         type Change = fn(&mut Levels);
-        let cases: [(&str, Change); 5] = [
+        let cases: [(&str, Change); 7] = [
             ("watch", |l| l.watch = f64::NAN),
             ("warning", |l| l.warning = 0.05),
             ("critical", |l| l.critical = 1.1),
             ("end_of_life", |l| l.end_of_life = 0.0),
-            ("hysteresis", |l| l.hysteresis = 0.06),
+            // A life that ends before the repair is due.
+            ("end_of_life", |l| l.end_of_life = 0.6),
+            // A state that would never improve.
+            ("hysteresis", |l| l.hysteresis = 0.05),
+            ("persistence", |l| l.persistence = 0),
         ];
         for (field, change) in cases {
             let mut levels = [Levels::default(); FAULTS];
             change(&mut levels[6]);
-            let refused = Health::new(levels, 1).map(|_| ()).map_err(|e| (e.fault, e.field));
-            assert_eq!(refused, Err(("gain", field)));
+            let refused = Health::new(levels, 1).map(|_| ());
+            assert_eq!(refused.map_err(|e| (e.fault, e.setting.field)), Err(("gain", field)));
         }
         let zero = Levels {
             hysteresis: 0.0,

@@ -14,7 +14,7 @@ use crate::calibration::{CalibrationError, MonitorForm};
 use crate::config::{ActuatorConfig, Config, HealthConfig, IdentificationConfig, SearchMethod};
 use crate::front::WindowJob;
 use crate::function::{TRIED, shortfalls};
-use crate::health::{FAULTS, Judgement, Levels, LevelsError};
+use crate::health::{Judgement, LevelsError};
 use crate::identify::{Estimate, Fit, Identifier, Method, Population};
 use crate::life::{EventError, Lives, Shown, events_of};
 use crate::outliers::identify_without_outliers;
@@ -283,18 +283,6 @@ pub fn method(section: &IdentificationConfig) -> Method {
         SearchMethod::Hybrid => Method::Hybrid(Population::Genetic(search)),
         SearchMethod::Ga => Method::PaperGa(search),
     }
-}
-
-/// The levels that a configuration gives each fault.
-#[must_use]
-pub fn levels(section: &HealthConfig) -> [Levels; FAULTS] {
-    section.levels().map(|l| Levels {
-        watch: l.watch,
-        warning: l.warning,
-        critical: l.critical,
-        end_of_life: l.end_of_life,
-        hysteresis: l.hysteresis,
-    })
 }
 
 /// Windows in a row that a worse state needs: the most that any fault asks for.

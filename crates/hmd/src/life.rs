@@ -15,7 +15,7 @@ use crate::front::WindowJob;
 use crate::function::Trial;
 use crate::health::{FAULTS, Health, HealthDecision, HealthState, Judgement, LevelsError};
 use crate::identify::Fit;
-use crate::judge::{levels, persistence};
+use crate::judge::persistence;
 use crate::rul::{Forecast, Odometer, Prognosis};
 use urgency::Urgency;
 
@@ -98,7 +98,7 @@ impl Life {
     /// # Errors
     /// Levels that contradict each other.
     pub fn new(config: &Config, serial_number: Option<String>) -> Result<Self, LevelsError> {
-        let levels = levels(config.health());
+        let levels = *config.health().levels();
         Ok(Self {
             begun_ns: 0,
             events_followed: None,

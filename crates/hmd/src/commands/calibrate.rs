@@ -11,7 +11,7 @@ use crate::calibration::MonitorForm;
 use crate::config::{Config, MONITOR_NAMES};
 use crate::health::Health;
 use crate::identify::is_unmodelled;
-use crate::judge::{Judge, TYPE_TOLERANCE, conditions, judgement, known_at, levels};
+use crate::judge::{Judge, TYPE_TOLERANCE, conditions, judgement, known_at};
 use crate::outliers::identify_without_outliers;
 use crate::unit::{UnitCalibration, fit_motor, windows_of};
 
@@ -83,7 +83,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
 fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
     use_threads(args.threads.map(usize::from))?;
     let config = Arc::new(config);
-    let levels = levels(config.health());
+    let levels = *config.health().levels();
     let mut jobs = windows_of(&args.logs, &config, args.name.as_deref())?;
     let mut judge = Judge::new(config, args.seed);
     let mut prepared = Vec::new();

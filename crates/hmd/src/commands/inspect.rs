@@ -15,7 +15,7 @@ use super::table::{HEALTH_HEAD, health_row, left_cell};
 use super::{Exit, load_config, say};
 use crate::catalogue::catalogue;
 use crate::ingest::{McapMessages, open_recorded};
-use crate::judge::{levels, persistence};
+use crate::judge::persistence;
 use crate::record::{FAULT_NAMES, Health, Interval, Log, Record, Rul};
 
 /// Print the history in recorded files: damage, remaining life, events.
@@ -106,7 +106,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         let config = load_config(args.config.as_deref())?;
         let health = config.health();
         say(&serde_json::to_string_pretty(&catalogue(
-            &levels(health),
+            health.levels(),
             persistence(health),
         ))?)?;
         return Ok(Exit::Done);

@@ -67,8 +67,7 @@ impl core::fmt::Display for HealthState {
 }
 
 /// Rules for the health of one fault: the damage, in 0…1, at which its state changes. Section `[health]` of a configuration.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Levels {
     /// From here on [`HealthState::Watch`].
     pub watch: f64,
@@ -114,6 +113,12 @@ impl Levels {
     pub(crate) const HYSTERESIS: RangeInclusive<f64> = 0.0..=1.0;
     /// Values of the persistence, windows.
     pub(crate) const PERSISTENCE: RangeInclusive<u32> = 1..=1_000;
+
+    /// The same levels for the judgement of a single window: reached at once.
+    #[must_use]
+    pub fn at_once(self) -> Self {
+        Self { persistence: 1, ..self }
+    }
 
     /// The same levels, if they are possible together.
     ///
@@ -196,13 +201,13 @@ pub struct HealthDecision {
 
 /// Health of one actuator.
 ///
-/// A fault worsens to a level when `persistence` judged windows in a row have reached it, each with a damage of at least
-/// `significance` sigmas. It improves at once when the damage and one sigma together are below the level by more than the
+/// A fault worsens to a level when as many judged windows in a row as its own `persistence` have reached it, each with a
+/// damage of at least [`SIGNIFICANCE`] sigmas. It improves at once when the damage and one sigma together are below the level by more than the
 /// hysteresis. Windows that were not judged change nothing and interrupt nothing.
 ///
 /// ```
 /// use hmd::health::{Health, HealthState, Judgement, Levels};
-/// let mut health = Health::new([Levels::default(); 7], 1)?;
+/// let mut health = Health::new([Levels::default(); 7])?;
 /// assert_eq!(health.update(0, None).state, HealthState::Unknown);
 /// let worn = Judgement { damage: [0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01], sigma: None };
 /// let decision = health.update(1, Some(&worn));
@@ -211,8 +216,9 @@ pub struct HealthDecision {
 /// ```
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Health {
+    /// The rules. They come from the configuration, never from a file in which the rest is kept.
+    #[serde(skip)]
     levels: [Levels; FAULTS],
-    persistence: u32,
     judged: bool,
     last: (HealthState, [HealthState; FAULTS]),
     faults: [FaultMemory; FAULTS],
@@ -230,30 +236,28 @@ struct FaultMemory {
 pub const SIGNIFICANCE: f64 = 3.0;
 
 impl Health {
-    /// With the levels of each fault in the order of [`fault_name`]; `persistence` 0 counts as 1.
+    /// With the levels of each fault in the order of [`fault_name`].
     ///
     /// # Errors
     /// The first level that [`Levels::checked`] refuses, and of which fault.
-    pub fn new(levels: [Levels; FAULTS], persistence: u32) -> Result<Self, LevelsError> {
+    pub fn new(levels: [Levels; FAULTS]) -> Result<Self, LevelsError> {
         for (fault, levels) in levels.iter().enumerate() {
             let fault = fault_name(fault);
             levels.checked().map_err(|setting| LevelsError { fault, setting })?;
         }
         Ok(Self {
             levels,
-            persistence: persistence.max(1),
             judged: false,
             last: (HealthState::Unknown, [HealthState::Unknown; FAULTS]),
             faults: [FaultMemory::default(); FAULTS],
         })
     }
 
-    /// The same memory under the levels and persistence of another.
+    /// The same memory under the levels of another.
     #[must_use]
     pub(crate) fn with_rules_of(self, other: &Self) -> Self {
         Self {
             levels: other.levels,
-            persistence: other.persistence,
             ..self
         }
     }
@@ -263,12 +267,13 @@ impl Health {
         self.faults.iter().all(|memory| memory.reached <= STEPS)
     }
 
-    /// Windows in a row that a worse state needs.
-    pub(crate) fn persistence(&self) -> u32 {
-        self.persistence
+    /// Windows in a row that a worse state needs by a fault; without one, the most that any fault needs.
+    pub(crate) fn persistence(&self, fault: Option<usize>) -> u32 {
+        let most = || self.levels.iter().map(|levels| levels.persistence).max();
+        fault.map_or_else(|| most().unwrap_or(1), |fault| self.levels[fault].persistence)
     }
 
-    /// Judged windows in a row that ask for a worse state than the one reached; 0 when none does.
+    /// Judged windows in a row that ask for a worse state than the one reached, the most of any fault; 0 when none does.
     pub(crate) fn pending(&self) -> u32 {
         let next = |memory: &FaultMemory| memory.above.get(memory.reached).copied();
         self.faults.iter().filter_map(next).max().unwrap_or(0)
@@ -293,7 +298,7 @@ impl Health {
             let Some((damage, sigma)) = judgement.and_then(|judgement| judgement.of(fault)) else {
                 continue;
             };
-            memory.update(damage, sigma, &self.levels[fault], self.persistence);
+            memory.update(damage, sigma, &self.levels[fault]);
             self.judged = true;
         }
         let states = self.faults.map(|memory| {
@@ -334,7 +339,7 @@ impl Judgement {
 }
 
 impl FaultMemory {
-    fn update(&mut self, damage: f64, sigma: f64, levels: &Levels, persistence: u32) {
+    fn update(&mut self, damage: f64, sigma: f64, levels: &Levels) {
         let steps = levels.steps();
         let significant = damage >= SIGNIFICANCE * sigma;
         for (above, level) in self.above.iter_mut().zip(steps) {
@@ -344,7 +349,7 @@ impl FaultMemory {
                 0
             };
         }
-        let worse = self.above.iter().filter(|&&above| above >= persistence).count();
+        let worse = self.above.iter().filter(|&&above| above >= levels.persistence).count();
         if worse > self.reached {
             self.reached = worse;
             return;
@@ -368,7 +373,11 @@ mod tests {
     }
 
     fn health(persistence: u32) -> Health {
-        Health::new([Levels::default(); FAULTS], persistence).unwrap()
+        let levels = Levels {
+            persistence,
+            ..Levels::default()
+        };
+        Health::new([levels; FAULTS]).unwrap()
     }
 
     /// A history of friction damage, NaN for a window that was not judged, and the initials of the states after each window.
@@ -419,7 +428,6 @@ mod tests {
             (2, &[0.4, 0.0, 0.4, NONE, 0.4], "nnnnW"),
             // The worst level that two windows in a row reached.
             (2, &[0.9, 0.1, 0.9, 0.9], "nwwC"),
-            (0, &[0.1], "w"),
         ] {
             assert_eq!(
                 states(persistence, history),
@@ -427,6 +435,21 @@ mod tests {
                 "{history:?} with persistence {persistence}"
             );
         }
+    }
+
+    #[test]
+    fn each_fault_has_its_own_persistence() {
+        let mut levels = [Levels::default(); FAULTS];
+        levels[6].persistence = 3;
+        let mut health = Health::new(levels).unwrap();
+        let both = Judgement {
+            damage: [0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.4],
+            sigma: None,
+        };
+        let named = [0, 1, 2].map(|window| health.update(window, Some(&both)).faults.join(" "));
+        assert_eq!(named, ["friction", "friction", "friction gain"]);
+        let needed = [Some(0), Some(6), None].map(|fault| health.persistence(fault));
+        assert_eq!(needed, [1, 3, 3], "of no fault in particular: the most");
     }
 
     #[test]
@@ -514,14 +537,14 @@ mod tests {
         for (field, change) in cases {
             let mut levels = [Levels::default(); FAULTS];
             change(&mut levels[6]);
-            let refused = Health::new(levels, 1).map(|_| ());
+            let refused = Health::new(levels).map(|_| ());
             assert_eq!(refused.map_err(|e| (e.fault, e.setting.field)), Err(("gain", field)));
         }
         let zero = Levels {
             hysteresis: 0.0,
             ..Levels::default()
         };
-        assert!(Health::new([zero; FAULTS], 1).is_ok());
+        assert!(Health::new([zero; FAULTS]).is_ok());
     }
 
     #[test]

@@ -11,7 +11,7 @@ use ema_ga::GaConfig;
 use ema_models::{Conditions, FAULT_COUNT, FaultVector, MotorDeviation, MotorKnowledge, Scale};
 
 use crate::calibration::{CalibrationError, MonitorForm};
-use crate::config::{ActuatorConfig, Config, HealthConfig, IdentificationConfig, SearchMethod};
+use crate::config::{ActuatorConfig, Config, IdentificationConfig, SearchMethod};
 use crate::front::WindowJob;
 use crate::function::{TRIED, shortfalls};
 use crate::health::{Judgement, LevelsError};
@@ -283,12 +283,6 @@ pub fn method(section: &IdentificationConfig) -> Method {
         SearchMethod::Hybrid => Method::Hybrid(Population::Genetic(search)),
         SearchMethod::Ga => Method::PaperGa(search),
     }
-}
-
-/// Windows in a row that a worse state needs: the most that any fault asks for.
-#[must_use]
-pub fn persistence(section: &HealthConfig) -> u32 {
-    section.levels().iter().map(|l| l.persistence).max().unwrap_or(1)
 }
 
 /// What is known of a unit that nobody calibrated: resistance within ±5 % of its type and back-EMF within ±3 %, as the

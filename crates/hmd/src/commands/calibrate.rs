@@ -9,7 +9,7 @@ use super::{Exit, load_config, no_input, unknown_type, use_threads, warn};
 use crate::calibrate::calibrate_type;
 use crate::calibration::MonitorForm;
 use crate::config::{Config, MONITOR_NAMES};
-use crate::health::Health;
+use crate::health::{Health, Levels};
 use crate::identify::is_unmodelled;
 use crate::judge::{Judge, TYPE_TOLERANCE, conditions, judgement, known_at};
 use crate::outliers::identify_without_outliers;
@@ -83,7 +83,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
 fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
     use_threads(args.threads.map(usize::from))?;
     let config = Arc::new(config);
-    let levels = *config.health().levels();
+    let levels = config.health().levels().map(Levels::at_once);
     let mut jobs = windows_of(&args.logs, &config, args.name.as_deref())?;
     let mut judge = Judge::new(config, args.seed);
     let mut prepared = Vec::new();
@@ -92,7 +92,7 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
         identifier.motor = known_at(TYPE_TOLERANCE, job.conditions.winding_temp_deg_c);
         let conditions = conditions(job).map_err(anyhow::Error::msg)?;
         let (window, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, args.seed)?;
-        let verdict = Health::new(levels, 1)?.update(0, Some(&judgement(&estimate)));
+        let verdict = Health::new(levels)?.update(0, Some(&judgement(&estimate)));
         if !verdict.faults.is_empty() {
             bail!(
                 "window {}: expected a healthy unit, found {}",

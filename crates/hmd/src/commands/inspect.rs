@@ -15,7 +15,6 @@ use super::table::{HEALTH_HEAD, health_row, left_cell};
 use super::{Exit, load_config, say};
 use crate::catalogue::catalogue;
 use crate::ingest::{McapMessages, open_recorded};
-use crate::judge::persistence;
 use crate::record::{FAULT_NAMES, Health, Interval, Log, Record, Rul};
 
 /// Print the history in recorded files: damage, remaining life, events.
@@ -104,11 +103,7 @@ struct Shown {
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     if args.catalogue {
         let config = load_config(args.config.as_deref())?;
-        let health = config.health();
-        say(&serde_json::to_string_pretty(&catalogue(
-            health.levels(),
-            persistence(health),
-        ))?)?;
+        say(&serde_json::to_string_pretty(&catalogue(config.health().levels()))?)?;
         return Ok(Exit::Done);
     }
     let form = match (args.json, args.csv, args.summary) {

@@ -139,9 +139,9 @@ impl Levels {
         let windows = f64::from(*persistence.start())..=f64::from(*persistence.end());
         SettingError::unless_within("persistence", self.persistence.into(), windows)?;
         for pair in ascending.windows(2) {
-            let ((other, value), (field, got)) = (pair[0], pair[1]);
-            if got <= value {
-                let expected = Expected::MoreThan { other, value };
+            let (lower, (field, got)) = (pair[0], pair[1]);
+            if got <= lower.1 {
+                let expected = Expected::MoreThan(lower);
                 return Err(SettingError { field, got, expected });
             }
         }
@@ -149,10 +149,7 @@ impl Levels {
             return Err(SettingError {
                 field: "hysteresis",
                 got: self.hysteresis,
-                expected: Expected::LessThan {
-                    other: "watch",
-                    value: self.watch,
-                },
+                expected: Expected::LessThan(("watch", self.watch)),
             });
         }
         Ok(self)

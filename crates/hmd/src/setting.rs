@@ -13,20 +13,21 @@ pub enum Expected {
         /// Largest value.
         max: f64,
     },
-    /// More than another setting.
-    MoreThan {
-        /// Name of the other setting.
-        other: &'static str,
-        /// Its value.
-        value: f64,
+    /// The same, because of the sample rate.
+    AtRate {
+        /// Smallest value.
+        min: f64,
+        /// Largest value.
+        max: f64,
+        /// The rate, Hz.
+        sample_rate_hz: f64,
     },
+    /// More than another setting: its name and value.
+    MoreThan((&'static str, f64)),
     /// Less than another setting.
-    LessThan {
-        /// Name of the other setting.
-        other: &'static str,
-        /// Its value.
-        value: f64,
-    },
+    LessThan((&'static str, f64)),
+    /// Not more than another setting.
+    AtMost((&'static str, f64)),
 }
 
 /// A setting that was refused.
@@ -60,8 +61,14 @@ impl fmt::Display for Expected {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Between { min, max } => write!(f, "a number from {min} to {max}"),
-            Self::MoreThan { other, value } => write!(f, "more than {other} = {value}"),
-            Self::LessThan { other, value } => write!(f, "less than {other} = {value}"),
+            Self::AtRate {
+                min,
+                max,
+                sample_rate_hz,
+            } => write!(f, "from {min} to {max} at {sample_rate_hz} samples/s"),
+            Self::MoreThan((other, value)) => write!(f, "more than {other} = {value}"),
+            Self::LessThan((other, value)) => write!(f, "less than {other} = {value}"),
+            Self::AtMost((other, value)) => write!(f, "at most {other} = {value}"),
         }
     }
 }

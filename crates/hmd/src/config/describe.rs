@@ -25,7 +25,7 @@ fn write_all(out: &mut String, config: &Config) -> fmt::Result {
         window.duration_ms,
         window.pre_trigger_ms,
         100.0 * window.max_gap_fraction,
-        100.0 * window.in_si().scattered_max_fraction(),
+        100.0 * window.scattered_max_fraction(),
         window.longest_gap_ms
     )?;
     let search = config.identification();

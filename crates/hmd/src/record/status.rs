@@ -6,7 +6,7 @@ use crate::store::StoreStatus;
 message! {
     /// Totals since the start (or since the start of a replay). Received = decoded + filtered + error + malformed
     /// frames, and the unreadable ones of serial lines.
-    pub struct Status {
+    pub struct Status reserved 14 "lost_own_queue" {
         /// Frames received from all sources.
         frames_received: u64 = 1 uint64;
         /// Frames that gave a value.
@@ -23,8 +23,6 @@ message! {
         lost_damaged: u64 = 12 uint64;
         /// Losses: frames dropped by the kernel's receive queue.
         lost_socket_queue: u64 = 13 uint64;
-        /// Losses: frames dropped because an own queue was full.
-        lost_own_queue: u64 = 14 uint64;
         /// Losses: samples missing by their counters, or of an actuator that cannot be monitored at its sample rate.
         lost_samples: u64 = 15 uint64;
         /// Losses: frames of a mapped identifier whose content makes no sense.
@@ -107,12 +105,11 @@ message! {
 impl Status {
     /// What was lost, by cause.
     #[must_use]
-    pub fn losses(&self) -> [(&'static str, u64); 10] {
+    pub fn losses(&self) -> [(&'static str, u64); 9] {
         [
             ("unreadable", self.lost_unreadable),
             ("damaged", self.lost_damaged),
             ("socket_queue", self.lost_socket_queue),
-            ("own_queue", self.lost_own_queue),
             ("samples", self.lost_samples),
             ("malformed", self.lost_malformed),
             ("windows", self.lost_windows),

@@ -237,10 +237,21 @@ impl Judge {
     /// A calibration that cannot be used.
     pub fn of_job(&mut self, job: &WindowJob) -> Result<Identifier, JudgeError> {
         Ok(Identifier {
+            motor: known_at(self.motor(&job.actuator)?, job.conditions.winding_temp_deg_c),
+            ..self.of_uncalibrated(job)?
+        })
+    }
+
+    /// The same for a window of a unit that nobody has calibrated yet, whatever the configuration says of it.
+    ///
+    /// # Errors
+    /// A calibration of its type that cannot be used.
+    pub fn of_uncalibrated(&mut self, job: &WindowJob) -> Result<Identifier, JudgeError> {
+        Ok(Identifier {
             params: job.params,
             calibration: self.known_type(&job.actuator)?.calibration.clone(),
             method: self.method,
-            motor: known_at(self.motor(&job.actuator)?, job.conditions.winding_temp_deg_c),
+            motor: known_at(TYPE_TOLERANCE, job.conditions.winding_temp_deg_c),
         })
     }
 

@@ -125,6 +125,23 @@ impl Status {
         self.losses().iter().any(|(_, count)| *count > 0)
     }
 
+    /// What was lost in recorded logs, in one sentence, beside a number of damaged places of a file whether or not the frames
+    /// lost there can be counted; `None` if nothing was.
+    #[must_use]
+    pub fn lost_in_logs(&self, damaged_places: u64) -> Option<String> {
+        if !self.data_lost() && damaged_places == 0 {
+            return None;
+        }
+        let mut text = format!(
+            "data lost: {} unreadable lines or frames, {damaged_places} damaged places of a file with {} frames missing by count, {} malformed frames, {} samples, {} frames out of order",
+            self.lost_unreadable, self.lost_damaged, self.lost_malformed, self.lost_samples, self.lost_late
+        );
+        if self.lost_windows > 0 {
+            text += &format!(", {} windows that the live run did not judge", self.lost_windows);
+        }
+        Some(text)
+    }
+
     /// Takes over how the storage stands.
     pub fn set_storage(&mut self, store: &StoreStatus) {
         self.lost_storage_frames = store.lost_frames;

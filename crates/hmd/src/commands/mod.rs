@@ -32,8 +32,10 @@ use anyhow::Context;
 
 use crate::calibration::TypeCalibration;
 use crate::config::{Config, ConfigError};
+use crate::ingest::McapLoss;
 use crate::judge::JudgeError;
 use crate::life::events_of;
+use crate::recover::LISTED_MAX;
 use crate::same_file::is_same_file;
 use crate::unit::UnitCalibration;
 
@@ -160,6 +162,41 @@ fn no_recording(output: &Path) -> Result<(), Misuse> {
 fn use_threads(threads: Option<usize>) -> anyhow::Result<()> {
     let builder = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0));
     builder.build_global().context("cannot start threads")
+}
+
+/// Damaged places of the files that a verb reads, for the end: a file that is none of ours is refused in one sentence instead.
+#[derive(Debug, Default)]
+struct Losses {
+    listed: Vec<McapLoss>,
+    total: u64,
+}
+
+impl Losses {
+    fn take(&mut self, loss: &McapLoss) {
+        self.total += 1;
+        if self.listed.len() < LISTED_MAX {
+            self.listed.push(loss.clone());
+        }
+    }
+
+    /// Says what was lost, each with its place, and how the verb ends.
+    fn exit(&self) -> Exit {
+        if self.total == 0 {
+            return Exit::Done;
+        }
+        for loss in &self.listed {
+            warn(loss);
+        }
+        let more = self.total - self.listed.len() as u64;
+        if more > 0 {
+            warn(format_args!("{more} more damaged places"));
+        }
+        warn(format_args!(
+            "data lost: {} damaged places in the files read",
+            self.total
+        ));
+        Exit::DataLost
+    }
 }
 
 /// Writes a line to stderr. Where that cannot be written, nobody is left to be told.

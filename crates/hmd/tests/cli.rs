@@ -527,7 +527,7 @@ fn a_log_is_never_overwritten_by_its_own_replay() {
     let folder = Folder::new();
     folder.actuation();
     let before = folder.read("actuation.log");
-    folder.refused("replay --json actuation.log -o ./actuation.log", 1);
+    folder.refused("replay --json actuation.log -o ./actuation.log", 2);
     assert_eq!(folder.read("actuation.log"), before);
 }
 

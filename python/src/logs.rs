@@ -22,7 +22,7 @@ pub(crate) fn read_records(py: Python<'_>, files: Vec<PathBuf>, table: &str) -> 
     };
     let rows = Shared::new(kind.heads());
     let exported = py
-        .detach(|| export(&files, kind, Box::new(rows.clone())))
+        .detach(|| export(&files, kind, Box::new(rows.clone()), &mut |_| {}))
         .map_err(raised)?;
     Ok((rows.into_table()?, exported.damaged))
 }

@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::health::{FAULTS, HealthState, INDEX, Levels, SIGNIFICANCE, fault_name};
 
 /// Version of the catalogue's form; a breaking change counts it up.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// All fault modes, with the levels of one configuration.
 #[derive(Clone, Debug, Serialize)]
@@ -27,8 +27,6 @@ pub struct Confidence {
     pub sigma: &'static str,
     /// A damage of fewer sigmas than this is no evidence of a fault.
     pub significance_sigmas: f64,
-    /// Windows in a row that a worse state needs.
-    pub persistence_windows: u32,
     /// Meaning of the quantiles of the remaining life.
     pub quantiles: &'static str,
 }
@@ -54,6 +52,8 @@ pub struct FaultMode {
     pub damage: &'static str,
     /// Damage from which on each class of severity holds, rising.
     pub severity: [Severity; 3],
+    /// Windows in a row that a worse class needs.
+    pub persistence_windows: u32,
     /// Damage at the end of life.
     pub end_of_life: f64,
 }
@@ -131,9 +131,9 @@ const KNOWN: [Known; FAULTS] = [
     },
 ];
 
-/// The catalogue under the levels of each fault and the persistence of a configuration.
+/// The catalogue under the levels of each fault of a configuration.
 #[must_use]
-pub fn catalogue(levels: &[Levels; FAULTS], persistence: u32) -> Catalogue {
+pub fn catalogue(levels: &[Levels; FAULTS]) -> Catalogue {
     Catalogue {
         version: VERSION,
         build: concat!("hmd ", env!("CARGO_PKG_VERSION")),
@@ -141,7 +141,6 @@ pub fn catalogue(levels: &[Levels; FAULTS], persistence: u32) -> Catalogue {
             sigma: "standard deviation of an estimate from one window: noise and model error together; absent where the window \
                     does not show the parameter",
             significance_sigmas: SIGNIFICANCE,
-            persistence_windows: persistence,
             quantiles: "the life ends earlier than p10 with 10 %, than p50 with 50 %, than p90 with 90 % probability",
         },
         fault_modes: std::array::from_fn(|fault| mode(fault, &levels[fault])),
@@ -169,6 +168,7 @@ fn mode(fault: usize, levels: &Levels) -> FaultMode {
             severity(HealthState::Warning, levels.warning, "plan the repair"),
             severity(HealthState::Critical, levels.critical, "repair before the next use"),
         ],
+        persistence_windows: levels.persistence,
         end_of_life: levels.end_of_life,
     }
 }
@@ -180,8 +180,9 @@ mod tests {
 
     #[test]
     fn every_fault_has_a_mode_whose_fields_are_in_the_records() {
-        let levels = [Levels::default(); FAULTS];
-        let found = catalogue(&levels, 2);
+        let mut levels = [Levels::default(); FAULTS];
+        levels[6].persistence = 2;
+        let found = catalogue(&levels);
         let descriptor = Health::descriptor();
         let known: Vec<&str> = descriptor.file[0].message_type[0]
             .field
@@ -201,6 +202,9 @@ mod tests {
         let mut ids: Vec<&str> = found.fault_modes.iter().map(|mode| mode.id).collect();
         ids.dedup();
         assert_eq!(ids.len(), FAULTS);
-        assert_eq!(found.confidence.persistence_windows, 2);
+        assert_eq!(
+            found.fault_modes.map(|mode| mode.persistence_windows),
+            [1, 1, 1, 1, 1, 1, 2]
+        );
     }
 }

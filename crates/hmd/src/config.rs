@@ -26,13 +26,12 @@ pub use actuator::ActuatorConfig;
 pub use actuator_type::ActuatorType;
 pub use bus::{BusConfig, BusLoad, LOAD_MAX};
 pub use error::ConfigError;
-pub use health::{HealthConfig, HealthLevels};
+pub use health::HealthConfig;
 pub use identification::{IdentificationConfig, MONITOR_NAMES, SearchMethod};
 pub use output::OutputConfig;
 pub use rul::{HoursOf, RulConfig};
 pub use serial::{DEFAULT_BITRATE_BIT_S, SerialConfig};
 pub use specification::Specification;
-pub use window::WindowConfig;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -43,6 +42,7 @@ use sha2::{Digest, Sha256};
 
 use crate::frame::BusNames;
 use crate::seal::hex;
+use crate::window::WindowConfig;
 use reader::{Document, Section};
 
 /// Everything that the user decides, checked.
@@ -129,7 +129,7 @@ impl Config {
         let actuators = configured.unwrap_or_else(|| actuator::every_one(&types));
         let serial = serial::read_all(&root, &actuators)?;
         let sample_rates_hz = actuators.iter().map(|actuator| actuator.params.sensors.sample_rate);
-        let window = WindowConfig::read(&root.section("window", WindowConfig::KEYS)?, sample_rates_hz)?;
+        let window = window::read(&root.section("window", &window::keys())?, sample_rates_hz)?;
         let config = Self {
             auto,
             actuators,

@@ -11,8 +11,9 @@ use std::path::Path;
 
 use prost::Message;
 
-use crate::ingest::{IngestError, McapMessages, open_recorded};
+use crate::ingest::{IngestError, McapLoss, McapMessages, open_recorded};
 use crate::record::{Health, Record, Rul, Window};
+use crate::sink::METADATA_NAME;
 
 pub use csv::CsvTable;
 pub use parquet::ParquetTable;
@@ -38,12 +39,14 @@ pub enum ExportError {
         /// Why.
         source: prost::DecodeError,
     },
-    /// A row that CSV cannot take.
-    #[error(transparent)]
-    Csv(#[from] ::csv::Error),
     /// A row that Parquet cannot take.
-    #[error(transparent)]
-    Parquet(#[from] ::parquet::errors::ParquetError),
+    #[error("{file}: {source}")]
+    Parquet {
+        /// The file.
+        file: String,
+        /// Why.
+        source: ::parquet::errors::ParquetError,
+    },
     /// A log that cannot be read at all.
     #[error(transparent)]
     Ingest(#[from] IngestError),
@@ -67,6 +70,35 @@ pub trait Table {
     fn finish(self: Box<Self>, sources: &Sources) -> Result<(), ExportError>;
 }
 
+/// A table that is begun with its first row, so that an export of nothing leaves no file, and none that was there is lost.
+pub struct Late<F> {
+    begin: Option<F>,
+    table: Option<Box<dyn Table>>,
+}
+
+impl<F: FnOnce() -> Result<Box<dyn Table>, ExportError>> Late<F> {
+    /// The table that `begin` will make.
+    pub fn new(begin: F) -> Self {
+        Self {
+            begin: Some(begin),
+            table: None,
+        }
+    }
+}
+
+impl<F: FnOnce() -> Result<Box<dyn Table>, ExportError>> Table for Late<F> {
+    fn row(&mut self, row: Vec<Value>) -> Result<(), ExportError> {
+        if let Some(begin) = self.begin.take() {
+            self.table = Some(begin()?);
+        }
+        self.table.as_mut().map_or(Ok(()), |table| table.row(row))
+    }
+
+    fn finish(self: Box<Self>, sources: &Sources) -> Result<(), ExportError> {
+        self.table.map_or(Ok(()), |table| table.finish(sources))
+    }
+}
+
 /// Metadata of each file, by its name and then by key.
 pub type Sources = BTreeMap<String, BTreeMap<String, String>>;
 
@@ -79,7 +111,7 @@ pub struct Exported {
     pub damaged: bool,
 }
 
-/// Reads files in the order of time into a table.
+/// Reads files in the order of time into a table; `tell` gets what is damaged, each with its place.
 ///
 /// # Errors
 /// A file that cannot be read, a record that is none, a row that cannot be written.
@@ -87,6 +119,7 @@ pub fn export<P: AsRef<Path>>(
     paths: &[P],
     kind: TableKind,
     mut table: Box<dyn Table>,
+    tell: &mut dyn FnMut(&McapLoss),
 ) -> Result<Exported, ExportError> {
     let (mut exported, mut sources) = (Exported::default(), Sources::new());
     for path in paths {
@@ -104,9 +137,13 @@ pub fn export<P: AsRef<Path>>(
         // The health of each actuator's newest window, until its remaining life comes.
         let mut waiting: BTreeMap<String, Health> = BTreeMap::new();
         for message in messages.by_ref() {
-            let Ok(message) = message else {
-                exported.damaged = true;
-                continue;
+            let message = match message {
+                Ok(message) => message,
+                Err(loss) => {
+                    tell(&loss);
+                    exported.damaged = true;
+                    continue;
+                }
             };
             let data = message.data.as_slice();
             let rows = match (kind, &*message.schema) {
@@ -139,7 +176,12 @@ pub fn export<P: AsRef<Path>>(
             .unwrap_or_default()
             .to_string_lossy()
             .into_owned();
-        sources.insert(file, messages.metadata("hmd").cloned().unwrap_or_default());
+        let metadata = messages.verified_metadata(METADATA_NAME).unwrap_or_else(|loss| {
+            tell(&loss);
+            exported.damaged = true;
+            None
+        });
+        sources.insert(file, metadata.cloned().unwrap_or_default());
     }
     table.finish(&sources)?;
     Ok(exported)

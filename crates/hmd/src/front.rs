@@ -542,7 +542,7 @@ impl Cutter {
             notices.push(Notice { stamp_ns, message });
         }
         let made = match params.checked() {
-            Ok(params) => Windower::new(config.window().in_si(), &params)
+            Ok(params) => Windower::new(*config.window(), &params)
                 .map(|windower| Self::Ready {
                     params: Box::new(params),
                     windower: Box::new(if rate.told { windower.at_device_time() } else { windower }),

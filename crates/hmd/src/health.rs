@@ -1,7 +1,11 @@
 //! Estimates of one actuator, window by window -> its health state. Thresholds with hysteresis, and memory; no clock.
 
+use std::ops::RangeInclusive;
+
 use ema_models::{FAULT_COUNT, FaultVector};
 use serde::{Deserialize, Serialize};
+
+use crate::setting::{Expected, SettingError};
 
 /// Number of faults: the fault vector without the direction of the eccentricity.
 pub const FAULTS: usize = 7;
@@ -62,20 +66,21 @@ impl core::fmt::Display for HealthState {
     }
 }
 
-/// Damage at which one fault changes its state, in 0…1.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+/// Rules for the health of one fault: the damage, in 0…1, at which its state changes. Section `[health]` of a configuration.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Levels {
     /// From here on [`HealthState::Watch`].
     pub watch: f64,
-    /// From here on [`HealthState::Warning`].
+    /// From here on [`HealthState::Warning`]; above `watch`.
     pub warning: f64,
-    /// From here on [`HealthState::Critical`].
+    /// From here on [`HealthState::Critical`]; above `warning`.
     pub critical: f64,
-    /// Where the life of the part ends; the remaining life counts to here.
+    /// Where the life of the part ends, above `critical`; the remaining life counts to here.
     pub end_of_life: f64,
-    /// How far the damage must fall below a level before the state improves.
+    /// How far the damage must fall below a level before the state improves; below `watch`.
     pub hysteresis: f64,
+    /// Windows in a row that a worse state needs, at least 1.
+    pub persistence: u32,
 }
 
 impl Default for Levels {
@@ -86,46 +91,68 @@ impl Default for Levels {
             critical: 0.6,
             end_of_life: 0.8,
             hysteresis: 0.02,
+            persistence: 1,
         }
     }
 }
 
 /// Levels that were refused.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("{fault}.{field} = {got}: expected a number above {above}, at most {max}")]
+#[error("{fault}.{setting}")]
 pub struct LevelsError {
     /// Name of the fault.
     pub fault: &'static str,
-    /// Name of the level.
-    pub field: &'static str,
-    /// The value found.
-    pub got: f64,
-    /// It must be more than this…
-    pub above: f64,
-    /// …and no more than this.
-    pub max: f64,
+    /// The level, and what it must be.
+    pub setting: SettingError,
 }
 
 impl Levels {
-    fn check(&self, fault: &'static str) -> Result<(), LevelsError> {
-        for (field, got, above, max) in [
-            ("watch", self.watch, 0.0, 1.0),
-            ("warning", self.warning, self.watch, 1.0),
-            ("critical", self.critical, self.warning, 1.0),
-            ("end_of_life", self.end_of_life, 0.0, 1.0),
-            ("hysteresis", self.hysteresis, -f64::MIN_POSITIVE, self.watch),
-        ] {
-            if !(got > above && got <= max) {
-                return Err(LevelsError {
-                    fault,
-                    field,
-                    got,
-                    above,
-                    max,
-                });
+    /// Values of a level. Below 0.001 there is nothing to see, whatever the sensors.
+    pub(crate) const LEVEL: RangeInclusive<f64> = 0.001..=1.0;
+    /// Values of the hysteresis.
+    pub(crate) const HYSTERESIS: RangeInclusive<f64> = 0.0..=1.0;
+    /// Values of the persistence, windows.
+    pub(crate) const PERSISTENCE: RangeInclusive<u32> = 1..=1_000;
+
+    /// The same levels for the judgement of a single window: reached at once.
+    #[must_use]
+    pub fn at_once(self) -> Self {
+        Self { persistence: 1, ..self }
+    }
+
+    /// The same levels, if they are possible together.
+    ///
+    /// # Errors
+    /// The first that is no number or out of its range, not above the one before it, or a hysteresis not below `watch`.
+    pub fn checked(self) -> Result<Self, SettingError> {
+        let ascending = [
+            ("watch", self.watch),
+            ("warning", self.warning),
+            ("critical", self.critical),
+            ("end_of_life", self.end_of_life),
+        ];
+        for (field, level) in ascending {
+            SettingError::unless_within(field, level, Self::LEVEL)?;
+        }
+        SettingError::unless_within("hysteresis", self.hysteresis, Self::HYSTERESIS)?;
+        let persistence = Self::PERSISTENCE;
+        let windows = f64::from(*persistence.start())..=f64::from(*persistence.end());
+        SettingError::unless_within("persistence", self.persistence.into(), windows)?;
+        for pair in ascending.windows(2) {
+            let (lower, (field, got)) = (pair[0], pair[1]);
+            if got <= lower.1 {
+                let expected = Expected::MoreThan(lower);
+                return Err(SettingError { field, got, expected });
             }
         }
-        Ok(())
+        if self.hysteresis >= self.watch {
+            return Err(SettingError {
+                field: "hysteresis",
+                got: self.hysteresis,
+                expected: Expected::LessThan(("watch", self.watch)),
+            });
+        }
+        Ok(self)
     }
 
     /// The levels of watch, warning, critical.
@@ -171,13 +198,13 @@ pub struct HealthDecision {
 
 /// Health of one actuator.
 ///
-/// A fault worsens to a level when `persistence` judged windows in a row have reached it, each with a damage of at least
-/// `significance` sigmas. It improves at once when the damage and one sigma together are below the level by more than the
+/// A fault worsens to a level when as many judged windows in a row as its own `persistence` have reached it, each with a
+/// damage of at least [`SIGNIFICANCE`] sigmas. It improves at once when the damage and one sigma together are below the level by more than the
 /// hysteresis. Windows that were not judged change nothing and interrupt nothing.
 ///
 /// ```
 /// use hmd::health::{Health, HealthState, Judgement, Levels};
-/// let mut health = Health::new([Levels::default(); 7], 1)?;
+/// let mut health = Health::new([Levels::default(); 7])?;
 /// assert_eq!(health.update(0, None).state, HealthState::Unknown);
 /// let worn = Judgement { damage: [0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01], sigma: None };
 /// let decision = health.update(1, Some(&worn));
@@ -186,8 +213,9 @@ pub struct HealthDecision {
 /// ```
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Health {
+    /// The rules. They come from the configuration, never from a file in which the rest is kept.
+    #[serde(skip)]
     levels: [Levels; FAULTS],
-    persistence: u32,
     judged: bool,
     last: (HealthState, [HealthState; FAULTS]),
     faults: [FaultMemory; FAULTS],
@@ -205,29 +233,28 @@ struct FaultMemory {
 pub const SIGNIFICANCE: f64 = 3.0;
 
 impl Health {
-    /// With the levels of each fault in the order of [`fault_name`]; `persistence` 0 counts as 1.
+    /// With the levels of each fault in the order of [`fault_name`].
     ///
     /// # Errors
-    /// The first level that is no number, not above the one before it, or beyond 1; or a hysteresis beyond the watch level.
-    pub fn new(levels: [Levels; FAULTS], persistence: u32) -> Result<Self, LevelsError> {
+    /// The first level that [`Levels::checked`] refuses, and of which fault.
+    pub fn new(levels: [Levels; FAULTS]) -> Result<Self, LevelsError> {
         for (fault, levels) in levels.iter().enumerate() {
-            levels.check(fault_name(fault))?;
+            let fault = fault_name(fault);
+            levels.checked().map_err(|setting| LevelsError { fault, setting })?;
         }
         Ok(Self {
             levels,
-            persistence: persistence.max(1),
             judged: false,
             last: (HealthState::Unknown, [HealthState::Unknown; FAULTS]),
             faults: [FaultMemory::default(); FAULTS],
         })
     }
 
-    /// The same memory under the levels and persistence of another.
+    /// The same memory under the levels of another.
     #[must_use]
     pub(crate) fn with_rules_of(self, other: &Self) -> Self {
         Self {
             levels: other.levels,
-            persistence: other.persistence,
             ..self
         }
     }
@@ -237,12 +264,13 @@ impl Health {
         self.faults.iter().all(|memory| memory.reached <= STEPS)
     }
 
-    /// Windows in a row that a worse state needs.
-    pub(crate) fn persistence(&self) -> u32 {
-        self.persistence
+    /// Windows in a row that a worse state needs by a fault; without one, the most that any fault needs.
+    pub(crate) fn persistence(&self, fault: Option<usize>) -> u32 {
+        let most = || self.levels.iter().map(|levels| levels.persistence).max();
+        fault.map_or_else(|| most().unwrap_or(1), |fault| self.levels[fault].persistence)
     }
 
-    /// Judged windows in a row that ask for a worse state than the one reached; 0 when none does.
+    /// Judged windows in a row that ask for a worse state than the one reached, the most of any fault; 0 when none does.
     pub(crate) fn pending(&self) -> u32 {
         let next = |memory: &FaultMemory| memory.above.get(memory.reached).copied();
         self.faults.iter().filter_map(next).max().unwrap_or(0)
@@ -267,7 +295,7 @@ impl Health {
             let Some((damage, sigma)) = judgement.and_then(|judgement| judgement.of(fault)) else {
                 continue;
             };
-            memory.update(damage, sigma, &self.levels[fault], self.persistence);
+            memory.update(damage, sigma, &self.levels[fault]);
             self.judged = true;
         }
         let states = self.faults.map(|memory| {
@@ -308,7 +336,7 @@ impl Judgement {
 }
 
 impl FaultMemory {
-    fn update(&mut self, damage: f64, sigma: f64, levels: &Levels, persistence: u32) {
+    fn update(&mut self, damage: f64, sigma: f64, levels: &Levels) {
         let steps = levels.steps();
         let significant = damage >= SIGNIFICANCE * sigma;
         for (above, level) in self.above.iter_mut().zip(steps) {
@@ -318,7 +346,7 @@ impl FaultMemory {
                 0
             };
         }
-        let worse = self.above.iter().filter(|&&above| above >= persistence).count();
+        let worse = self.above.iter().filter(|&&above| above >= levels.persistence).count();
         if worse > self.reached {
             self.reached = worse;
             return;
@@ -342,7 +370,11 @@ mod tests {
     }
 
     fn health(persistence: u32) -> Health {
-        Health::new([Levels::default(); FAULTS], persistence).unwrap()
+        let levels = Levels {
+            persistence,
+            ..Levels::default()
+        };
+        Health::new([levels; FAULTS]).unwrap()
     }
 
     /// A history of friction damage, NaN for a window that was not judged, and the initials of the states after each window.
@@ -393,7 +425,6 @@ mod tests {
             (2, &[0.4, 0.0, 0.4, NONE, 0.4], "nnnnW"),
             // The worst level that two windows in a row reached.
             (2, &[0.9, 0.1, 0.9, 0.9], "nwwC"),
-            (0, &[0.1], "w"),
         ] {
             assert_eq!(
                 states(persistence, history),
@@ -401,6 +432,21 @@ mod tests {
                 "{history:?} with persistence {persistence}"
             );
         }
+    }
+
+    #[test]
+    fn each_fault_has_its_own_persistence() {
+        let mut levels = [Levels::default(); FAULTS];
+        levels[6].persistence = 3;
+        let mut health = Health::new(levels).unwrap();
+        let both = Judgement {
+            damage: [0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.4],
+            sigma: None,
+        };
+        let named = [0, 1, 2].map(|window| health.update(window, Some(&both)).faults.join(" "));
+        assert_eq!(named, ["friction", "friction", "friction gain"]);
+        let needed = [Some(0), Some(6), None].map(|fault| health.persistence(fault));
+        assert_eq!(needed, [1, 3, 3], "of no fault in particular: the most");
     }
 
     #[test]
@@ -474,24 +520,28 @@ mod tests {
     #[test]
     fn impossible_levels_are_refused_by_name() {
         type Change = fn(&mut Levels);
-        let cases: [(&str, Change); 5] = [
+        let cases: [(&str, Change); 7] = [
             ("watch", |l| l.watch = f64::NAN),
             ("warning", |l| l.warning = 0.05),
             ("critical", |l| l.critical = 1.1),
             ("end_of_life", |l| l.end_of_life = 0.0),
-            ("hysteresis", |l| l.hysteresis = 0.06),
+            // A life that ends before the repair is due.
+            ("end_of_life", |l| l.end_of_life = 0.6),
+            // A state that would never improve.
+            ("hysteresis", |l| l.hysteresis = 0.05),
+            ("persistence", |l| l.persistence = 0),
         ];
         for (field, change) in cases {
             let mut levels = [Levels::default(); FAULTS];
             change(&mut levels[6]);
-            let refused = Health::new(levels, 1).map(|_| ()).map_err(|e| (e.fault, e.field));
-            assert_eq!(refused, Err(("gain", field)));
+            let refused = Health::new(levels).map(|_| ());
+            assert_eq!(refused.map_err(|e| (e.fault, e.setting.field)), Err(("gain", field)));
         }
         let zero = Levels {
             hysteresis: 0.0,
             ..Levels::default()
         };
-        assert!(Health::new([zero; FAULTS], 1).is_ok());
+        assert!(Health::new([zero; FAULTS]).is_ok());
     }
 
     #[test]

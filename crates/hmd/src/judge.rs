@@ -11,10 +11,10 @@ use ema_ga::GaConfig;
 use ema_models::{Conditions, FAULT_COUNT, FaultVector, MotorDeviation, MotorKnowledge, Scale};
 
 use crate::calibration::CalibrationFileError;
-use crate::config::{ActuatorConfig, Config, HealthConfig, IdentificationConfig, SearchMethod};
+use crate::config::{ActuatorConfig, Config, IdentificationConfig, SearchMethod};
 use crate::front::WindowJob;
 use crate::function::{TRIED, shortfalls};
-use crate::health::{FAULTS, Judgement, Levels, LevelsError};
+use crate::health::{Judgement, LevelsError};
 use crate::life::{EventError, Lives, Shown, events_of};
 use crate::outliers::identify_without_outliers;
 use crate::record;
@@ -238,10 +238,21 @@ impl Judge {
     /// A calibration that cannot be used.
     pub fn of_job(&mut self, job: &WindowJob) -> Result<Identifier, JudgeError> {
         Ok(Identifier {
+            motor: known_at(self.motor(&job.actuator)?, job.conditions.winding_temp_deg_c),
+            ..self.of_uncalibrated(job)?
+        })
+    }
+
+    /// The same for a window of a unit that nobody has calibrated yet, whatever the configuration says of it.
+    ///
+    /// # Errors
+    /// A calibration of its type that cannot be used.
+    pub fn of_uncalibrated(&mut self, job: &WindowJob) -> Result<Identifier, JudgeError> {
+        Ok(Identifier {
             params: job.params,
             calibration: self.known_type(&job.actuator)?.calibration.clone(),
             method: self.method,
-            motor: known_at(self.motor(&job.actuator)?, job.conditions.winding_temp_deg_c),
+            motor: known_at(TYPE_TOLERANCE, job.conditions.winding_temp_deg_c),
         })
     }
 
@@ -284,24 +295,6 @@ pub fn method(section: &IdentificationConfig) -> Method {
         SearchMethod::Hybrid => Method::Hybrid(Population::Genetic(search)),
         SearchMethod::Ga => Method::PaperGa(search),
     }
-}
-
-/// The levels that a configuration gives each fault.
-#[must_use]
-pub fn levels(section: &HealthConfig) -> [Levels; FAULTS] {
-    section.levels().map(|l| Levels {
-        watch: l.watch,
-        warning: l.warning,
-        critical: l.critical,
-        end_of_life: l.end_of_life,
-        hysteresis: l.hysteresis,
-    })
-}
-
-/// Windows in a row that a worse state needs: the most that any fault asks for.
-#[must_use]
-pub fn persistence(section: &HealthConfig) -> u32 {
-    section.levels().iter().map(|l| l.persistence).max().unwrap_or(1)
 }
 
 /// What is known of a unit that nobody calibrated: resistance within ±5 % of its type and back-EMF within ±3 %, as the

@@ -45,6 +45,7 @@ pub mod seal;
 pub mod seed;
 #[cfg(feature = "serve")]
 pub mod serve;
+pub mod setting;
 pub mod simulate;
 pub mod simulated;
 pub mod sink;

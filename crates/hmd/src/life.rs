@@ -14,7 +14,6 @@ use crate::config::{Config, HoursOf};
 use crate::front::WindowJob;
 use crate::function::Trial;
 use crate::health::{FAULTS, Health, HealthDecision, HealthState, Judgement, LevelsError};
-use crate::judge::{levels, persistence};
 use crate::rul::{Forecast, Odometer, Prognosis};
 use ema_identify::Fit;
 use urgency::Urgency;
@@ -98,12 +97,12 @@ impl Life {
     /// # Errors
     /// Levels that contradict each other.
     pub fn new(config: &Config, serial_number: Option<String>) -> Result<Self, LevelsError> {
-        let levels = levels(config.health());
+        let levels = *config.health().levels();
         Ok(Self {
             begun_ns: 0,
             events_followed: None,
             serial_number,
-            health: Health::new(levels, persistence(config.health()))?,
+            health: Health::new(levels)?,
             prognosis: Prognosis::new(levels.map(|l| l.end_of_life)),
             urgency: Urgency::default(),
             used: Odometer::default(),
@@ -166,7 +165,11 @@ impl Life {
         };
         let health = self.health.update(job.window.number, shown.judgement);
         let left_h = forecast.actuator.ok().map(|life| life.hours.p10);
-        let urgent = self.urgency.update(left_h, config.rul(), self.health.persistence());
+        // The function is missed by all faults together.
+        let ends_by = forecast.dominant.filter(|_| governs == Governs::Damage);
+        let urgent = self
+            .urgency
+            .update(left_h, config.rul(), self.health.persistence(ends_by));
         LifeDecision {
             state: health.state.max(urgent),
             health,

@@ -11,6 +11,7 @@ use crate::bus_state::BusStates;
 use crate::config::Config;
 use crate::frame::{BusNames, RawFrame};
 use crate::front::{FrameCounts, Front, Notice, WindowJob};
+use crate::ingest::Loss;
 use crate::judge::WindowCounts;
 use crate::record::Status;
 
@@ -28,6 +29,22 @@ pub struct Losses {
     pub overlapping: u64,
     /// Windows not judged.
     pub windows: u64,
+}
+
+impl Losses {
+    /// Counts what a recorded log could not give; the number of damaged places of a file, 0 or 1.
+    pub fn count(&mut self, loss: &Loss) -> u64 {
+        match loss {
+            Loss::Line(_) => {
+                self.unreadable += 1;
+                0
+            }
+            Loss::Mcap(_) => {
+                self.damaged += loss.frames();
+                1
+            }
+        }
+    }
 }
 
 /// From frames to windows, for all actuators of a configuration.

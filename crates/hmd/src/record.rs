@@ -104,6 +104,23 @@ mod tests {
     }
 
     #[test]
+    fn a_field_that_is_gone_keeps_its_number_and_its_name() {
+        let set = Status::descriptor();
+        let message = &set.file[0].message_type[0];
+        let reserved: Vec<_> = message.reserved_range.iter().map(|of| (of.start(), of.end())).collect();
+        assert_eq!(
+            (reserved, message.reserved_name.as_slice()),
+            (vec![(14, 15)], &["lost_own_queue".to_owned()][..])
+        );
+        assert!(message.field.iter().all(|field| field.number() != 14));
+        // A file that has it, with 5 in it, is read all the same.
+        assert_eq!(
+            <Status as prost::Message>::decode(&[14 << 3, 5][..]),
+            Ok(Status::default())
+        );
+    }
+
+    #[test]
     fn the_package_is_the_one_in_the_names() {
         assert!(Health::SCHEMA_NAME.starts_with(PACKAGE));
     }

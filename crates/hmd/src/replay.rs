@@ -98,7 +98,7 @@ impl Summary {
     /// Whether anything was lost on the way.
     #[must_use]
     pub fn data_lost(&self) -> bool {
-        self.status.data_lost() || self.damaged_places > 0
+        self.loss().is_some()
     }
 
     /// Whether the logs had anything to judge.
@@ -132,18 +132,7 @@ impl Summary {
     /// What was lost, in one sentence.
     #[must_use]
     pub fn loss(&self) -> Option<String> {
-        let status = &self.status;
-        self.data_lost().then(|| {
-            format!(
-                "data lost: {} unreadable lines or frames, {} damaged places of a file with {} frames missing by count, {} malformed frames, {} samples, {} frames out of order",
-                status.lost_unreadable,
-                self.damaged_places,
-                status.lost_damaged,
-                status.lost_malformed,
-                status.lost_samples,
-                status.lost_late
-            )
-        })
+        self.status.lost_in_logs(self.damaged_places)
     }
 }
 
@@ -384,13 +373,7 @@ impl<O: Observer> Run<'_, O> {
     }
 
     fn lost(&mut self, loss: &Loss) -> Result<(), ReplayError> {
-        match loss {
-            Loss::Line(_) => self.pipeline.losses.unreadable += 1,
-            Loss::Mcap(_) => {
-                self.pipeline.losses.damaged += loss.frames();
-                self.damaged_places += 1;
-            }
-        }
+        self.damaged_places += self.pipeline.losses.count(loss);
         self.notice(
             &Notice {
                 stamp_ns: self.pipeline.last_stamp_ns(),

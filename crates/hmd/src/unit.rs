@@ -7,7 +7,7 @@ mod file;
 mod windows;
 
 pub use file::{UNIT_VERSION, UnitCalibration, UnitError};
-pub use windows::{WindowsError, windows_of};
+pub use windows::{UnitWindows, WindowsError, windows_of};
 
 use ema_models::{
     Comparison, Coordinates, FaultVector, MOTOR_COORDINATES, MotorDeviation, MotorKnowledge, RANK_LANES, Scale,
@@ -17,6 +17,9 @@ use nalgebra::{Matrix2, Vector2};
 
 /// Places of load and integral among the coordinates: what each window has of its own.
 const OWN: [usize; 2] = [8, 9];
+
+/// Fewest healthy windows that a unit is calibrated from.
+pub const WINDOWS_MIN: usize = 5;
 
 /// Iterations of the joint fit at most; it converges in about six.
 const ITERATIONS: u32 = 20;

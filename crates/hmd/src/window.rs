@@ -23,9 +23,10 @@ mod signals;
 mod trigger;
 mod verdict;
 
-pub use config::{WindowConfig, WindowConfigError};
+pub use config::WindowConfig;
 pub use verdict::{Counter, CutShort, Defect, Degradation, Invalidity, Signal, Verdict};
 
+use crate::setting::SettingError;
 use check::Limits;
 use ema_models::{ActuatorParams, SensedSample, Setpoint};
 use glitch::Deglitch;
@@ -66,7 +67,7 @@ pub struct Window {
     pub filled: Vec<usize>,
     /// Repeated samples dropped while the window was open.
     pub duplicates: u64,
-    /// Times the stamp moved against the sample counter by more than `clock_jump_s`. Counted, no handicap: time is taken
+    /// Times the stamp moved against the sample counter by more than 50 ms. Counted, no handicap: time is taken
     /// from the counter.
     pub clock_jumps: u64,
 }
@@ -136,7 +137,7 @@ pub struct StreamCounts {
 /// assert_eq!((window.trigger, window.samples.len()), (40, 1001));
 /// assert_eq!(window.samples[window.trigger].seq, 100);
 /// assert_eq!(window.verdict, Verdict::Complete);
-/// # Ok::<(), hmd::window::WindowConfigError>(())
+/// # Ok::<(), hmd::setting::SettingError>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct Windower {
@@ -166,7 +167,7 @@ impl Windower {
     ///
     /// # Errors
     /// The first setting that is out of its range.
-    pub fn new(config: WindowConfig, params: &ActuatorParams) -> Result<Self, WindowConfigError> {
+    pub fn new(config: WindowConfig, params: &ActuatorParams) -> Result<Self, SettingError> {
         let config = config.checked(params.sensors.sample_rate)?;
         let limits = Limits::new(&config, params);
         let trigger = Trigger::new(&config, limits.lengths.rest);

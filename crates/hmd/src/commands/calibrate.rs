@@ -8,10 +8,10 @@ use anyhow::{Context, bail};
 use super::{Exit, load_config, no_input, unknown_type, use_threads, warn};
 use crate::calibrate::calibrate_type;
 use crate::config::{Config, MONITOR_NAMES};
-use crate::health::Health;
-use crate::judge::{Judge, TYPE_TOLERANCE, conditions, judgement, known_at, levels};
+use crate::health::{Health, Levels};
+use crate::judge::{Judge, conditions, judgement};
 use crate::outliers::identify_without_outliers;
-use crate::unit::{UnitCalibration, fit_motor, windows_of};
+use crate::unit::{UnitCalibration, WINDOWS_MIN, fit_motor, windows_of};
 use ema_identify::calibration::MonitorForm;
 use ema_identify::is_unmodelled;
 
@@ -34,15 +34,15 @@ pub struct Args {
     #[arg(short, long)]
     output: PathBuf,
     /// Type to calibrate: bench, servo28 or one of the configuration's.
-    #[arg(long, default_value = "bench", value_name = "TYPE")]
+    #[arg(long, default_value = "bench", value_name = "TYPE", requires = "of_type")]
     actuator: String,
-    /// Monitor form: three-phase, one-axis or paper.
-    #[arg(long, default_value = "three-phase", value_parser = named_monitor)]
+    /// Monitor form of the type: three-phase, one-axis or paper.
+    #[arg(long, default_value = "three-phase", value_parser = named_monitor, requires = "of_type")]
     monitor: MonitorForm,
-    /// Configuration that defines further types.
+    /// Configuration that defines further types, and the actuators of the logs.
     #[arg(short, long)]
     config: Option<PathBuf>,
-    /// Draws the windows that the calibration learns from.
+    /// Draws the windows that the calibration of a type learns from; seed of the search for that of a unit.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Threads; all cores without it.
@@ -55,8 +55,8 @@ pub struct Args {
 /// # Errors
 /// A bad configuration, or a file that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
-    no_input(&args.output, args.logs.iter().chain(&args.config))?;
     let config = load_config(args.config.as_deref())?;
+    no_input(&args.output, args.logs.iter().chain(&read_files(&config, args.of_type)))?;
     if !args.of_type {
         return unit(args, config);
     }
@@ -79,20 +79,49 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     Ok(Exit::Done)
 }
 
+/// The files of a configuration that this calibration reads; the one that it makes may be named there already.
+fn read_files(config: &Config, of_type: bool) -> Vec<PathBuf> {
+    let types = config.types().filter_map(|(_, found)| found.calibration.as_ref());
+    let units = config.actuators().iter().filter_map(|unit| unit.calibration.as_ref());
+    let made: Vec<&PathBuf> = if of_type { types.collect() } else { units.collect() };
+    let made: Vec<PathBuf> = made.into_iter().map(|path| config.resolve(path)).collect();
+    let files = config.files().into_iter();
+    files.filter(|file| !made.contains(file)).collect()
+}
+
 /// Fits one motor to its healthy windows.
 fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
     use_threads(args.threads.map(usize::from))?;
     let config = Arc::new(config);
-    let levels = levels(config.health());
-    let mut jobs = windows_of(&args.logs, &config, args.name.as_deref())?;
+    let levels = config.health().levels().map(Levels::at_once);
+    let mut found = windows_of(&args.logs, &config, args.name.as_deref(), &mut |message| warn(message))?;
+    let jobs = &mut found.jobs;
+    jobs.retain(|job| match conditions(job) {
+        Ok(_) => true,
+        Err(absurd) => {
+            warn(format_args!(
+                "{}: window {}: left out: {absurd}",
+                job.actuator.name, job.window.number
+            ));
+            false
+        }
+    });
+    if jobs.len() < WINDOWS_MIN {
+        let logs: Vec<String> = args.logs.iter().map(|log| log.display().to_string()).collect();
+        bail!(
+            "{}: expected at least {WINDOWS_MIN} windows that can be judged, found {}",
+            logs.join(", "),
+            jobs.len()
+        );
+    }
     let mut judge = Judge::new(config, args.seed);
     let mut prepared = Vec::new();
-    for job in &mut jobs {
-        let mut identifier = judge.of_job(job)?;
-        identifier.motor = known_at(TYPE_TOLERANCE, job.conditions.winding_temp_deg_c);
+    for job in &mut *jobs {
+        // What an earlier calibration of the unit says is to be learnt anew.
+        let identifier = judge.of_uncalibrated(job)?;
         let conditions = conditions(job).map_err(anyhow::Error::msg)?;
         let (window, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, args.seed)?;
-        let verdict = Health::new(levels, 1)?.update(0, Some(&judgement(&estimate)));
+        let verdict = Health::new(levels)?.update(0, Some(&judgement(&estimate)));
         if !verdict.faults.is_empty() {
             bail!(
                 "window {}: expected a healthy unit, found {}",
@@ -135,7 +164,7 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
         calibration.windows
     ));
     std::fs::write(&args.output, calibration.emit()).with_context(|| args.output.display().to_string())?;
-    Ok(Exit::Done)
+    Ok(if found.data_lost { Exit::DataLost } else { Exit::Done })
 }
 
 pub(super) fn named_monitor(text: &str) -> Result<MonitorForm, String> {

@@ -10,7 +10,7 @@ use crate::evaluate::{
     RandomReport, RulReport, Scores, conditions, detection, noise, paper, profiles, random, rul,
 };
 use crate::health::FAULTS;
-use crate::judge::{Judge, levels};
+use crate::judge::Judge;
 use ema_identify::calibration::MonitorForm;
 
 /// Measure the accuracy of the identification.
@@ -84,7 +84,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     if args.suite == Suite::Rul {
         return run_rul(args);
     }
-    let levels = levels(config.health());
+    let levels = *config.health().levels();
     let mut judge = Judge::new(Arc::new(config), args.seed);
     let Some(identifier) = judge.identifier(&args.actuator, args.monitor, args.method)? else {
         return Err(unknown_type(&args.actuator).into());

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::{Exit, Misuse, no_input};
-use crate::export::{CsvTable, ParquetTable, Table, TableKind, export};
+use super::{Exit, Losses, Misuse, no_input};
+use crate::export::{CsvTable, Late, ParquetTable, Table, TableKind, export};
 
 /// Write what was recorded as a table: CSV or Parquet, wide by time, units in the metadata.
 #[derive(Debug, clap::Args)]
@@ -28,11 +28,11 @@ pub struct Args {
 /// A file that is none of ours or has nothing for the table, an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     no_input(&args.output, &args.files)?;
-    let heads = args.table.heads();
+    let (output, heads) = (args.output.clone(), args.table.heads());
     let extension = args.output.extension().and_then(|extension| extension.to_str());
     let table: Box<dyn Table> = match extension {
-        Some("csv") => Box::new(CsvTable::new(&args.output, heads)?),
-        Some("parquet") => Box::new(ParquetTable::new(&args.output, heads)?),
+        Some("csv") => Box::new(Late::new(move || Ok(Box::new(CsvTable::new(&output, heads)?) as _))),
+        Some("parquet") => Box::new(Late::new(move || Ok(Box::new(ParquetTable::new(&output, heads)?) as _))),
         _ => {
             let output = args.output.display();
             return Err(Misuse(format!(
@@ -41,7 +41,8 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             .into());
         }
     };
-    let exported = export(&args.files, args.table, table)?;
+    let mut losses = Losses::default();
+    let exported = export(&args.files, args.table, table, &mut |loss| losses.take(loss))?;
     if exported.rows == 0 {
         let files: Vec<String> = args.files.iter().map(|file| file.display().to_string()).collect();
         anyhow::bail!(
@@ -49,5 +50,5 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             files.join(", ")
         );
     }
-    Ok(if exported.damaged { Exit::DataLost } else { Exit::Done })
+    Ok(losses.exit())
 }

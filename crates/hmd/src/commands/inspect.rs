@@ -12,10 +12,9 @@ use prost::Message;
 use serde::Serialize;
 
 use super::table::{HEALTH_HEAD, health_row, left_cell};
-use super::{Exit, load_config, say};
+use super::{Exit, Losses, load_config, say};
 use crate::catalogue::catalogue;
 use crate::ingest::{McapMessages, open_recorded};
-use crate::judge::{levels, persistence};
 use crate::record::{FAULT_NAMES, Health, Interval, Log, Record, Rul};
 
 /// Print the history in recorded files: damage, remaining life, events.
@@ -90,13 +89,6 @@ struct Summarised {
     line: String,
 }
 
-/// What a file had.
-#[derive(Default)]
-struct Shown {
-    windows: u64,
-    damaged: bool,
-}
-
 /// Runs the verb.
 ///
 /// # Errors
@@ -104,11 +96,7 @@ struct Shown {
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     if args.catalogue {
         let config = load_config(args.config.as_deref())?;
-        let health = config.health();
-        say(&serde_json::to_string_pretty(&catalogue(
-            &levels(health),
-            persistence(health),
-        ))?)?;
+        say(&serde_json::to_string_pretty(&catalogue(config.health().levels()))?)?;
         return Ok(Exit::Done);
     }
     let form = match (args.json, args.csv, args.summary) {
@@ -122,34 +110,36 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         headed: false,
         summaries: BTreeMap::new(),
     };
-    let mut damaged = false;
+    let mut losses = Losses::default();
     for path in &args.files {
         let name = path.display().to_string();
         let file = open_recorded(path).with_context(|| name.clone())?;
         let messages = McapMessages::new(BufReader::new(file), &name).with_context(|| name.clone())?;
-        let shown = printer.print(messages).with_context(|| name.clone())?;
+        let windows = printer.print(messages, &mut losses).with_context(|| name.clone())?;
         ensure!(
-            shown.windows > 0,
+            windows > 0,
             "{name}: expected records of windows, found none; hmd replay LOG -o OUT.mcap makes them"
         );
-        damaged |= shown.damaged;
     }
     for summarised in printer.summaries.values() {
         say(&summarised.line)?;
     }
-    Ok(if damaged { Exit::DataLost } else { Exit::Done })
+    Ok(losses.exit())
 }
 
 impl Printer {
-    /// Prints a file.
-    fn print(&mut self, messages: McapMessages<BufReader<File>>) -> anyhow::Result<Shown> {
-        let mut shown = Shown::default();
+    /// Prints a file; how many windows it has.
+    fn print(&mut self, messages: McapMessages<BufReader<File>>, losses: &mut Losses) -> anyhow::Result<u64> {
+        let mut windows = 0;
         // The health of each actuator's newest window, until its remaining life comes.
         let mut waiting: BTreeMap<String, Health> = BTreeMap::new();
         for message in messages {
-            let Ok(message) = message else {
-                shown.damaged = true;
-                continue;
+            let message = match message {
+                Ok(message) => message,
+                Err(loss) => {
+                    losses.take(&loss);
+                    continue;
+                }
             };
             let data = message.data.as_slice();
             if *message.schema == *Health::SCHEMA_NAME {
@@ -159,13 +149,13 @@ impl Printer {
                 let rul = Rul::decode(data)?;
                 if let Some(health) = waiting.remove(&rul.actuator).filter(|h| h.window == rul.window) {
                     self.window(&health, &rul)?;
-                    shown.windows += 1;
+                    windows += 1;
                 }
             } else if *message.schema == *Log::SCHEMA_NAME {
                 self.event(message.log_time_ns, &Log::decode(data)?.message)?;
             }
         }
-        Ok(shown)
+        Ok(windows)
     }
 
     fn window(&mut self, health: &Health, rul: &Rul) -> anyhow::Result<()> {

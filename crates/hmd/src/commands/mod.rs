@@ -32,8 +32,12 @@ use anyhow::Context;
 
 use crate::calibration::load_calibration;
 use crate::config::{Config, ConfigError};
+use crate::daemon::DaemonError;
+use crate::ingest::McapLoss;
 use crate::judge::JudgeError;
 use crate::life::events_of;
+use crate::recover::LISTED_MAX;
+use crate::replay::ReplayError;
 use crate::same_file::is_same_file;
 use crate::unit::UnitCalibration;
 
@@ -64,7 +68,10 @@ struct Misuse(String);
 #[must_use]
 pub fn code_of(error: &anyhow::Error) -> u8 {
     // What the judge refuses comes from the configuration: a calibration it names, its search, its levels.
-    if error.downcast_ref::<ConfigError>().is_some() || error.downcast_ref::<JudgeError>().is_some() {
+    let by_judge = error.downcast_ref::<JudgeError>().is_some()
+        || matches!(error.downcast_ref(), Some(ReplayError::Judge(_)))
+        || matches!(error.downcast_ref(), Some(DaemonError::Judge(_)));
+    if error.downcast_ref::<ConfigError>().is_some() || by_judge {
         BAD_CONFIG
     } else if error.downcast_ref::<Misuse>().is_some() {
         USAGE
@@ -162,6 +169,41 @@ fn use_threads(threads: Option<usize>) -> anyhow::Result<()> {
     builder.build_global().context("cannot start threads")
 }
 
+/// Damaged places of the files that a verb reads, for the end: a file that is none of ours is refused in one sentence instead.
+#[derive(Debug, Default)]
+struct Losses {
+    listed: Vec<McapLoss>,
+    total: u64,
+}
+
+impl Losses {
+    fn take(&mut self, loss: &McapLoss) {
+        self.total += 1;
+        if self.listed.len() < LISTED_MAX {
+            self.listed.push(loss.clone());
+        }
+    }
+
+    /// Says what was lost, each with its place, and how the verb ends.
+    fn exit(&self) -> Exit {
+        if self.total == 0 {
+            return Exit::Done;
+        }
+        for loss in &self.listed {
+            warn(loss);
+        }
+        let more = self.total - self.listed.len() as u64;
+        if more > 0 {
+            warn(format_args!("{more} more damaged places"));
+        }
+        warn(format_args!(
+            "data lost: {} damaged places in the files read",
+            self.total
+        ));
+        Exit::DataLost
+    }
+}
+
 /// Writes a line to stderr. Where that cannot be written, nobody is left to be told.
 pub fn warn(line: impl std::fmt::Display) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");
@@ -172,5 +214,32 @@ fn say(line: &str) -> anyhow::Result<()> {
     match writeln!(std::io::stdout().lock(), "{line}") {
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
         other => other.context("stdout"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::unit::UnitError;
+
+    #[test]
+    fn what_the_judge_refuses_is_a_bad_configuration_in_every_verb() {
+        let refused = || {
+            JudgeError::from(UnitError::Parse {
+                path: "unit.toml".to_owned(),
+                message: "nothing".to_owned(),
+            })
+        };
+        let errors = [
+            anyhow::Error::from(refused()),
+            ReplayError::Judge(refused()).into(),
+            DaemonError::Judge(refused()).into(),
+            anyhow::Error::from(refused()).context("actuator.calibration of ema0"),
+        ];
+        assert_eq!(errors.map(|error| code_of(&error)), [BAD_CONFIG; 4]);
+        assert_eq!(
+            code_of(&ReplayError::OutputIsInput { path: "a".to_owned() }.into()),
+            FAILED
+        );
     }
 }

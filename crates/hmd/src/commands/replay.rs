@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, Misuse, check_files, load_config, progress, use_threads, warn};
+use super::{Exit, Misuse, check_files, load_config, no_input, progress, use_threads, warn};
 use crate::judge::Judged;
 use crate::record::HealthLine;
 use crate::replay::{Observer, Replay};
@@ -73,6 +73,9 @@ fn replay(args: &Args, viewers: &Viewers) -> anyhow::Result<Exit> {
         .into());
     }
     let config = Arc::new(load_config(args.config.as_deref())?);
+    if let Some(output) = &args.output {
+        no_input(output, args.logs.iter().chain(&config.files()))?;
+    }
     check_files(&config)?;
     use_threads(args.threads.map(usize::from))?;
     let total = args

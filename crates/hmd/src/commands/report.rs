@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 
-use super::{Exit, no_input};
+use super::{Exit, Losses, no_input};
 use crate::report::{Files, page};
 
 /// Write a report of an actuator: one HTML file that needs nothing else.
@@ -30,9 +30,9 @@ pub struct Args {
 /// A file that is none of ours, an actuator that it does not have, an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     no_input(&args.output, &args.files)?;
-    let files = Files::read(&args.files)?;
+    let mut losses = Losses::default();
+    let files = Files::read(&args.files, &mut |loss| losses.take(loss))?;
     let history = files.actuator(args.actuator.as_deref())?;
     std::fs::write(&args.output, page(&files, history)).with_context(|| args.output.display().to_string())?;
-    let damaged = files.sources.iter().any(|source| source.damaged);
-    Ok(if damaged { Exit::DataLost } else { Exit::Done })
+    Ok(losses.exit())
 }

@@ -14,7 +14,7 @@ pub(super) fn left_cell(rul: &record::Rul) -> String {
     }
 }
 
-/// One window: damage of each fault in percent with its 95 % half width, a dot where the window does not show it.
+/// One window: status, state, damage of each fault in percent (a dot where the window does not show it), faults and reason.
 pub(super) fn health_row(health: &record::Health) -> String {
     let mut row = format!(
         "{:<8} {:>6} {:<8} {:<8}",

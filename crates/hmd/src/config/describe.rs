@@ -4,8 +4,9 @@ use std::fmt::{self, Write};
 use std::path::Path;
 
 use super::actuator_type::DEFAULT_TYPE;
-use super::{ActuatorConfig, Config, HealthLevels, HoursOf, LOAD_MAX, MONITOR_NAMES, RulConfig, SearchMethod};
+use super::{ActuatorConfig, Config, HoursOf, LOAD_MAX, MONITOR_NAMES, RulConfig, SearchMethod};
 use crate::dbc::{Role, SignalMap};
+use crate::health::Levels;
 use crate::record::FAULT_NAMES;
 
 pub(super) fn describe(config: &Config) -> String {
@@ -24,7 +25,7 @@ fn write_all(out: &mut String, config: &Config) -> fmt::Result {
         window.duration_ms,
         window.pre_trigger_ms,
         100.0 * window.max_gap_fraction,
-        100.0 * window.in_si().scattered_max_fraction(),
+        100.0 * window.scattered_max_fraction(),
         window.longest_gap_ms
     )?;
     let search = config.identification();
@@ -142,7 +143,7 @@ fn write_map(out: &mut String, actuator: &ActuatorConfig, map: &SignalMap) -> fm
 /// The levels that most faults share, then those that differ.
 fn write_health(out: &mut String, config: &Config) -> fmt::Result {
     let levels = config.health().levels();
-    let count = |of: &HealthLevels| levels.iter().filter(|other| *other == of).count();
+    let count = |of: &Levels| levels.iter().filter(|other| *other == of).count();
     let common = levels.iter().rev().max_by_key(|own| count(own)).unwrap_or(&levels[0]);
     write_levels(out, "every fault", common)?;
     for (name, own) in FAULT_NAMES.iter().zip(levels).filter(|(_, own)| *own != common) {
@@ -151,8 +152,8 @@ fn write_health(out: &mut String, config: &Config) -> fmt::Result {
     Ok(())
 }
 
-fn write_levels(out: &mut String, which: &str, levels: &HealthLevels) -> fmt::Result {
-    let HealthLevels {
+fn write_levels(out: &mut String, which: &str, levels: &Levels) -> fmt::Result {
+    let Levels {
         watch,
         warning,
         critical,

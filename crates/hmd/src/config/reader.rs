@@ -10,6 +10,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::ConfigError;
 use super::spelling::closest;
+use crate::setting::SettingError;
 
 /// Longest text that a message quotes, characters.
 const QUOTED_MAX: usize = 40;
@@ -262,6 +263,12 @@ impl<'a> Section<'a> {
             }
         };
         self.value_error(start, self.path_of(key), expected, found)
+    }
+
+    /// The error that a setting of this section, set or by default, is against another one or against a rate.
+    pub(super) fn refuse_setting(&self, refused: &SettingError) -> ConfigError {
+        let effective = format!("{} (not set here)", refused.got);
+        self.refuse_effective(refused.field, &refused.expected.to_string(), &effective)
     }
 
     /// The error that the section itself is not `expected`.

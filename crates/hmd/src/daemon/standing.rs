@@ -13,7 +13,8 @@ pub(super) struct Standings(BTreeMap<String, Standing>);
 pub(super) struct Standing {
     /// `nominal`, `watch`, `warning`, `critical` or `unknown`.
     pub(super) health: String,
-    /// Windows in a row that ask for a worse state; it is reached when they are as many as `health.persistence`.
+    /// Windows in a row that ask for a worse state, the most of any fault; the state is reached when they are as many as
+    /// the `persistence` of that fault.
     pub(super) persistence: u32,
     /// The last change of the state; `None` before the first.
     pub(super) changed: Option<Change>,

@@ -119,7 +119,7 @@ pub fn detection(
                     let simulated = motor.window(truth, window_seed);
                     let estimate = identifier.identify(&simulated.prepared, simulated.conditions, window_seed)?;
                     let explained = (!estimate.is_unmodelled()).then(|| judgement(&estimate));
-                    let decision = Health::new(levels, 1)?.update(0, explained.as_ref());
+                    let decision = Health::new(levels.map(Levels::at_once))?.update(0, explained.as_ref());
                     let named = if decision.state > HealthState::Nominal {
                         decision.faults
                     } else {

@@ -278,7 +278,7 @@ impl Pair {
             .identifier
             .identify(&window.prepared, window.conditions, self.seed)?;
         let explained = (!estimate.is_unmodelled()).then(|| judgement(&estimate));
-        let decision = Health::new(levels, 1)?.update(0, explained.as_ref());
+        let decision = Health::new(levels.map(Levels::at_once))?.update(0, explained.as_ref());
         Ok(Outcome {
             rss_pct: observable_rss_pct(&estimate, &window.truth),
             covered: covered(&estimate, &window.truth),

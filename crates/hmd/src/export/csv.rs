@@ -1,6 +1,7 @@
 //! A table as comma-separated values, with its metadata beside it as JSON.
 
 use std::fs::File;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use super::table::{Head, Value};
@@ -10,7 +11,7 @@ use super::{ExportError, Sources, Table};
 pub struct CsvTable {
     writer: ::csv::Writer<File>,
     heads: Vec<Head>,
-    metadata: PathBuf,
+    path: PathBuf,
 }
 
 impl CsvTable {
@@ -19,18 +20,14 @@ impl CsvTable {
     /// # Errors
     /// A file that cannot be written.
     pub fn new(path: &Path, heads: Vec<Head>) -> Result<Self, ExportError> {
-        let file = File::create(path).map_err(|source| ExportError::Io {
-            file: path.display().to_string(),
-            source,
-        })?;
+        let file = File::create(path).map_err(|source| failed(path, source))?;
         let mut writer = ::csv::Writer::from_writer(file);
-        writer.write_record(heads.iter().map(|head| head.name))?;
-        let mut metadata = path.as_os_str().to_owned();
-        metadata.push(".metadata.json");
+        let head = writer.write_record(heads.iter().map(|head| head.name));
+        head.map_err(|source| failed(path, source.into()))?;
         Ok(Self {
             writer,
             heads,
-            metadata: metadata.into(),
+            path: path.to_owned(),
         })
     }
 }
@@ -44,17 +41,24 @@ impl Table for CsvTable {
             Value::Flag(flag) => flag.to_string(),
             Value::Number(number) => number.map_or_else(String::new, |number| number.to_string()),
         });
-        Ok(self.writer.write_record(cells)?)
+        let written = self.writer.write_record(cells);
+        written.map_err(|source| failed(&self.path, source.into()))
     }
 
     fn finish(mut self: Box<Self>, sources: &Sources) -> Result<(), ExportError> {
-        let io = |source| ExportError::Io {
-            file: self.metadata.display().to_string(),
-            source,
-        };
-        self.writer.flush().map_err(io)?;
+        self.writer.flush().map_err(|source| failed(&self.path, source))?;
+        let mut beside = self.path.into_os_string();
+        beside.push(".metadata.json");
         let metadata = serde_json::json!({ "units": units(&self.heads), "sources": sources });
-        std::fs::write(&self.metadata, serde_json::to_string_pretty(&metadata)? + "\n").map_err(io)
+        let text = serde_json::to_string_pretty(&metadata)? + "\n";
+        std::fs::write(&beside, text).map_err(|source| failed(Path::new(&beside), source))
+    }
+}
+
+fn failed(path: &Path, source: io::Error) -> ExportError {
+    ExportError::Io {
+        file: path.display().to_string(),
+        source,
     }
 }
 
@@ -62,4 +66,30 @@ impl Table for CsvTable {
 pub(super) fn units(heads: &[Head]) -> serde_json::Map<String, serde_json::Value> {
     let with_unit = heads.iter().filter(|head| !head.unit.is_empty());
     with_unit.map(|head| (head.name.to_owned(), head.unit.into())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{ParquetTable, TableKind};
+    use super::*;
+
+    #[test]
+    fn a_full_disk_is_told_with_the_name_of_the_table() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["out.csv", "out.parquet"] {
+            let path = folder.path().join(name);
+            std::os::unix::fs::symlink("/dev/full", &path).unwrap();
+            let heads = TableKind::Health.heads();
+            let table: Result<Box<dyn Table>, _> = match name {
+                "out.csv" => CsvTable::new(&path, heads).map(|table| Box::new(table) as _),
+                _ => ParquetTable::new(&path, heads).map(|table| Box::new(table) as _),
+            };
+            let error = table
+                .and_then(|table| table.finish(&Sources::new()))
+                .unwrap_err()
+                .to_string();
+            let place = format!("{}: ", path.display());
+            assert!(error.starts_with(&place), "{error}");
+        }
+    }
 }

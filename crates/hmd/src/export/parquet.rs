@@ -21,6 +21,8 @@ const ROWS: usize = 8192;
 
 /// Writes one file.
 pub struct ParquetTable {
+    /// For messages.
+    file: String,
     writer: SerializedFileWriter<File>,
     heads: Vec<Head>,
     /// Values by column.
@@ -33,10 +35,15 @@ impl ParquetTable {
     /// # Errors
     /// A file that cannot be written.
     pub fn new(path: &Path, heads: Vec<Head>) -> Result<Self, ExportError> {
+        let name = path.display().to_string();
         let file = File::create(path).map_err(|source| ExportError::Io {
-            file: path.display().to_string(),
+            file: name.clone(),
             source,
         })?;
+        Self::over(name.clone(), file, heads).map_err(|source| ExportError::Parquet { file: name, source })
+    }
+
+    fn over(name: String, file: File, heads: Vec<Head>) -> Result<Self, ParquetError> {
         let fields = heads
             .iter()
             .map(|head| Ok(Arc::new(field(head)?)))
@@ -47,13 +54,22 @@ impl ParquetTable {
             .set_created_by(concat!("hmd ", env!("CARGO_PKG_VERSION")).to_owned())
             .build();
         Ok(Self {
+            file: name,
             writer: SerializedFileWriter::new(file, Arc::new(schema), Arc::new(properties))?,
             held: vec![Vec::new(); heads.len()],
             heads,
         })
     }
 
-    fn write_group(&mut self) -> Result<(), ExportError> {
+    fn failed(&self) -> impl Fn(ParquetError) -> ExportError + use<> {
+        let file = self.file.clone();
+        move |source| ExportError::Parquet {
+            file: file.clone(),
+            source,
+        }
+    }
+
+    fn write_group(&mut self) -> Result<(), ParquetError> {
         let mut group = self.writer.next_row_group()?;
         for (head, values) in self.heads.iter().zip(&mut self.held) {
             let Some(mut column) = group.next_column()? else { break };
@@ -71,14 +87,16 @@ impl Table for ParquetTable {
             column.push(value);
         }
         if self.held[0].len() >= ROWS {
-            self.write_group()?;
+            let failed = self.failed();
+            self.write_group().map_err(failed)?;
         }
         Ok(())
     }
 
     fn finish(mut self: Box<Self>, sources: &Sources) -> Result<(), ExportError> {
+        let failed = self.failed();
         if !self.held[0].is_empty() {
-            self.write_group()?;
+            self.write_group().map_err(&failed)?;
         }
         for (key, text) in [
             ("units", serde_json::to_string(&units(&self.heads))?),
@@ -87,7 +105,7 @@ impl Table for ParquetTable {
             self.writer
                 .append_key_value_metadata(KeyValue::new(key.to_owned(), text));
         }
-        self.writer.close()?;
+        self.writer.close().map_err(failed)?;
         Ok(())
     }
 }

@@ -143,7 +143,8 @@ pub(super) fn window_record(job: &WindowJob, status: &str, reason: &str, fit: Fi
         duration_s: window.samples.len().saturating_sub(1) as f64 / rate,
         status: status.to_owned(),
         reason: reason.to_owned(),
-        samples: window.samples.len() as u64,
+        // The grid has places for missing samples too, which are filled.
+        samples: (window.samples.len() as u64).saturating_sub(window.lost),
         samples_expected: window.expected as u64,
         samples_lost: window.lost,
         sample_rate_hz: rate,
@@ -171,5 +172,52 @@ pub(super) fn window_record(job: &WindowJob, status: &str, reason: &str, fit: Fi
         fitted_speed_rad_s: fit.omega_fitted,
         measured_position_rad: fit.theta_out_measured,
         fitted_position_rad: fit.theta_out_fitted,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use ema_models::SensedSample;
+
+    use super::*;
+    use crate::channel::MeasuredConditions;
+    use crate::config::Config;
+    use crate::window::{Verdict, Window};
+
+    #[test]
+    fn a_sample_that_was_filled_in_was_not_received() {
+        let config = Config::default();
+        let actuator = config.actuators()[0].clone();
+        let sample = |seq| SensedSample {
+            seq,
+            currents: [0.0; 3],
+            motor_counts: 0,
+            output_counts: 0,
+            setpoint: Setpoint::Idle,
+        };
+        let job = WindowJob {
+            params: actuator.params,
+            actuator: Arc::new(actuator),
+            window: Window {
+                number: 0,
+                t_start_ns: 0,
+                trigger: 0,
+                samples: (0..10).map(sample).collect(),
+                expected: 10,
+                verdict: Verdict::Complete,
+                lost: 2,
+                rejected: 1,
+                filled: vec![4, 5, 7],
+                duplicates: 0,
+                clock_jumps: 0,
+            },
+            conditions: MeasuredConditions::default(),
+            operating_s: 0.0,
+        };
+        let record = window_record(&job, "degraded", "", Fit::default());
+        let counts = [record.samples_expected, record.samples, record.samples_lost];
+        assert_eq!((counts, record.time_s.len()), ([10, 8, 2], 7));
     }
 }

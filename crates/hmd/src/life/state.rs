@@ -12,8 +12,9 @@ use super::Life;
 use crate::regular::{create_beside, read_regular};
 use crate::seal::hex;
 
-/// Version of what is written. Version 1 had no checksum and is read as well; a file of another one is not.
-const VERSION: u32 = 2;
+/// Version of what is written. Version 1 had no checksum, version 2 held the levels of health too, which are those of the
+/// configuration; both are read as well. A file of another one is not.
+const VERSION: u32 = 3;
 
 /// Most bytes of a file: a life has less than one MiB.
 const BYTES_MAX: u64 = 16 << 20;
@@ -184,7 +185,7 @@ mod tests {
         for (content, expected) in [
             ("{", "expected the life of an actuator"),
             ("{\"version\":1}", "expected the life of an actuator"),
-            ("{\"version\":99}", "expected version 1 to 2, found 99"),
+            ("{\"version\":99}", "expected version 1 to 3, found 99"),
             (&good.replace("ema0", "ema1"), "found that of \"ema1\""),
             (&good.replace("\"S1\"", "\"S2\""), "found another checksum"),
             (&good.replace("sha256", "sha255"), "found no checksum"),

@@ -95,6 +95,20 @@ fn what_is_left_can_be_worse_than_the_damage() {
 }
 
 #[test]
+fn the_persistence_of_one_fault_does_not_delay_another() {
+    let states = |text: &str| -> Vec<HealthState> {
+        let config = config(text);
+        let told = wear_out(&mut Lives::new(config.clone()), &config, 0, 100);
+        told.iter().map(|told| told.state).collect()
+    };
+    let rul = "hours = \"elapsed\"\nwarning_h = 300\ncritical_h = 100";
+    let gain = format!("{rul}\n[health.fault.gain]\npersistence = 50");
+    assert_eq!(states(&gain), states(rul), "friction alone grows");
+    let friction = format!("{rul}\n[health.fault.friction]\npersistence = 50");
+    assert_ne!(states(&friction), states(rul));
+}
+
+#[test]
 fn operating_hours_follow_the_frames_and_dropped_windows_are_cycles() {
     let config = config("");
     let mut life = Life::new(&config, None).expect("levels");

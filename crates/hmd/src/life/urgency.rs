@@ -8,8 +8,8 @@ use crate::health::HealthState;
 /// How far beyond a level the hours left must be before the state improves, as a factor.
 const HYSTERESIS: f64 = 1.2;
 
-/// State by the 10 % quantile of the hours left: worsens after as many windows in a row as damage needs, improves beyond
-/// the hysteresis. A window without a forecast changes nothing.
+/// State by the 10 % quantile of the hours left: worsens after as many windows in a row as the fault that ends the life
+/// needs by its damage, improves beyond the hysteresis. A window without a forecast changes nothing.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Urgency {
     /// Windows in a row below `warning_h` and `critical_h`.
@@ -24,6 +24,7 @@ impl Urgency {
         self.reached <= self.below.len()
     }
 
+    /// Takes the hours left after a window; `persistence` is that of the fault that ends the life.
     pub(super) fn update(&mut self, left_h: Option<f64>, config: &RulConfig, persistence: u32) -> HealthState {
         if let Some(left_h) = left_h {
             let levels = [config.warning_h, config.critical_h];

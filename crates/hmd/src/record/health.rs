@@ -22,7 +22,7 @@ message! {
         faults: String = 7 string;
         /// Detected faults, one by one.
         fault_list: Vec<String> = 8 string repeated;
-        /// Friction, 0…1; absent when the window is invalid, as all of k1…k8.
+        /// Friction, 0…1; absent when the window is invalid or unmodelled, as all of k1…k8.
         k1: Option<f64> = 11 double optional;
         /// Backlash, 0…1.
         k2: Option<f64> = 12 double optional;

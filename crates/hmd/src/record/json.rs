@@ -27,7 +27,8 @@ impl Interval {
 
 /// The health of one window and the remaining life after it, as one JSON object.
 ///
-/// The order of the fields is the order of the keys. An invalid window has null for `k`, `sigma` and `observable`.
+/// The order of the fields is the order of the keys. An invalid or unmodelled window has null for `k`, `sigma`
+/// and `observable`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct HealthLine<'a> {
     actuator: &'a str,

@@ -3,6 +3,7 @@
 //! The descriptor is what an independent reader decodes with, so it must not drift from what is encoded. There is no
 //! `protoc` in the build, and no second copy of the field list.
 
+use prost_types::descriptor_proto::ReservedRange;
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{
     DescriptorProto, FieldDescriptorProto, FileDescriptorProto, FileDescriptorSet, OneofDescriptorProto,
@@ -13,11 +14,12 @@ pub const PACKAGE: &str = "hmd.v1";
 
 /// Declares a record: fields as `name: RustType = tag kind [label];`, kinds and labels in protobuf's words.
 ///
-/// A Rust type that does not fit the kind fails to compile inside prost's derive.
+/// A Rust type that does not fit the kind fails to compile inside prost's derive. `reserved tag "name"` behind the struct's
+/// name is a field that older files may have: neither its number nor its name is given again.
 macro_rules! message {
     (
         $(#[$meta:meta])*
-        pub struct $name:ident {
+        pub struct $name:ident $(reserved $gone_tag:literal $gone:literal)* {
             $( $(#[$field_meta:meta])* $field:ident: $rust:ty = $tag:tt $kind:ident $($label:ident)?; )*
         }
     ) => {
@@ -31,20 +33,31 @@ macro_rules! message {
             fn file_descriptor_set() -> ::prost_types::FileDescriptorSet {
                 $crate::record::schema::descriptor_set(stringify!($name), &[
                     $( ($tag, stringify!($field), stringify!($kind), concat!($(stringify!($label))?)), )*
-                ])
+                ], &[$( ($gone_tag, $gone) ),*])
             }
         }
     };
 }
 pub(crate) use message;
 
-/// The descriptor of one message in its own file; `fields` are tag, name, kind and label (or an empty string).
+/// The descriptor of one message in its own file; `fields` are tag, name, kind and label (or an empty string), `reserved` the
+/// tags and names of fields that are gone.
 ///
 /// # Panics
 /// On a kind or label that the table cannot have; every record's descriptor is built in a test.
-pub(crate) fn descriptor_set(name: &str, fields: &[(i32, &str, &str, &str)]) -> FileDescriptorSet {
+pub(crate) fn descriptor_set(
+    name: &str,
+    fields: &[(i32, &str, &str, &str)],
+    reserved: &[(i32, &str)],
+) -> FileDescriptorSet {
+    let range = |&(tag, _): &(i32, &str)| ReservedRange {
+        start: Some(tag),
+        end: Some(tag + 1),
+    };
     let mut message = DescriptorProto {
         name: Some(name.to_owned()),
+        reserved_range: reserved.iter().map(range).collect(),
+        reserved_name: reserved.iter().map(|(_, name)| (*name).to_owned()).collect(),
         ..Default::default()
     };
     for &(tag, field, kind, label) in fields {

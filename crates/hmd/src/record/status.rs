@@ -6,7 +6,7 @@ use crate::store::StoreStatus;
 message! {
     /// Totals since the start (or since the start of a replay). Received = decoded + filtered + error + malformed
     /// frames, and the unreadable ones of serial lines.
-    pub struct Status {
+    pub struct Status reserved 14 "lost_own_queue" {
         /// Frames received from all sources.
         frames_received: u64 = 1 uint64;
         /// Frames that gave a value.
@@ -23,8 +23,6 @@ message! {
         lost_damaged: u64 = 12 uint64;
         /// Losses: frames dropped by the kernel's receive queue.
         lost_socket_queue: u64 = 13 uint64;
-        /// Losses: frames dropped because an own queue was full.
-        lost_own_queue: u64 = 14 uint64;
         /// Losses: samples missing by their counters, or of an actuator that cannot be monitored at its sample rate.
         lost_samples: u64 = 15 uint64;
         /// Losses: frames of a mapped identifier whose content makes no sense.
@@ -107,12 +105,11 @@ message! {
 impl Status {
     /// What was lost, by cause.
     #[must_use]
-    pub fn losses(&self) -> [(&'static str, u64); 10] {
+    pub fn losses(&self) -> [(&'static str, u64); 9] {
         [
             ("unreadable", self.lost_unreadable),
             ("damaged", self.lost_damaged),
             ("socket_queue", self.lost_socket_queue),
-            ("own_queue", self.lost_own_queue),
             ("samples", self.lost_samples),
             ("malformed", self.lost_malformed),
             ("windows", self.lost_windows),
@@ -126,6 +123,23 @@ impl Status {
     #[must_use]
     pub fn data_lost(&self) -> bool {
         self.losses().iter().any(|(_, count)| *count > 0)
+    }
+
+    /// What was lost in recorded logs, in one sentence, beside a number of damaged places of a file whether or not the frames
+    /// lost there can be counted; `None` if nothing was.
+    #[must_use]
+    pub fn lost_in_logs(&self, damaged_places: u64) -> Option<String> {
+        if !self.data_lost() && damaged_places == 0 {
+            return None;
+        }
+        let mut text = format!(
+            "data lost: {} unreadable lines or frames, {damaged_places} damaged places of a file with {} frames missing by count, {} malformed frames, {} samples, {} frames out of order",
+            self.lost_unreadable, self.lost_damaged, self.lost_malformed, self.lost_samples, self.lost_late
+        );
+        if self.lost_windows > 0 {
+            text += &format!(", {} windows that the live run did not judge", self.lost_windows);
+        }
+        Some(text)
     }
 
     /// Takes over how the storage stands.

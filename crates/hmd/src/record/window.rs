@@ -35,17 +35,17 @@ message! {
         setpoint_min: Option<f64> = 14 double optional;
         /// Largest setpoint, same unit.
         setpoint_max: Option<f64> = 15 double optional;
-        /// Travel of the output shaft between its extremes, rad.
+        /// Angle of the output shaft at the end of the window less that at its start, rad.
         travel_rad: Option<f64> = 16 double optional;
-        /// Largest magnitude of the motor speed, rad/s.
+        /// Largest magnitude of the measured motor speed, rad/s; absent when the window was not identified.
         peak_speed_rad_s: Option<f64> = 17 double optional;
-        /// Largest magnitude of i_q, A.
+        /// Largest magnitude of the measured i_q, A; absent when the window was not identified.
         peak_i_q_a: Option<f64> = 18 double optional;
-        /// Mean DC link voltage, V.
+        /// DC link voltage as last reported when the window ended, V.
         dc_link_v: Option<f64> = 19 double optional;
-        /// Mean winding temperature, °C.
+        /// Winding temperature, the same, °C.
         winding_temp_c: Option<f64> = 20 double optional;
-        /// Mean load torque at the output, Nm, positive when it opposes positive motion.
+        /// Load torque at the output, the same, Nm; positive when it opposes positive motion.
         load_torque_nm: Option<f64> = 21 double optional;
         /// Time of each stored sample from the start of the window, s. All arrays below have this length or none.
         time_s: Vec<f32> = 30 float repeated;

@@ -6,8 +6,9 @@ use std::path::Path;
 
 use prost::Message;
 
-use crate::ingest::{McapMessages, open_recorded};
+use crate::ingest::{McapLoss, McapMessages, open_recorded};
 use crate::record::{Estimate, Health, Log, Record, Rul, Status, Window};
+use crate::sink::METADATA_NAME;
 
 /// Why there is no report.
 #[derive(Debug, thiserror::Error)]
@@ -110,8 +111,9 @@ impl Files {
     /// Reads files in the order of time.
     ///
     /// # Errors
-    /// A file that cannot be read, or a record that is none. Damaged parts are passed over and told on the page.
-    pub fn read<P: AsRef<Path>>(paths: &[P]) -> Result<Self, ReportError> {
+    /// A file that cannot be read, or a record that is none. Damaged parts are passed over, told to `tell` each with its
+    /// place, and mentioned on the page.
+    pub fn read<P: AsRef<Path>>(paths: &[P], tell: &mut dyn FnMut(&McapLoss)) -> Result<Self, ReportError> {
         let mut files = Self::default();
         for path in paths {
             let name = path.as_ref().display().to_string();
@@ -135,9 +137,13 @@ impl Files {
                 source,
             };
             for message in messages.by_ref() {
-                let Ok(message) = message else {
-                    source.damaged = true;
-                    continue;
+                let message = match message {
+                    Ok(message) => message,
+                    Err(loss) => {
+                        tell(&loss);
+                        source.damaged = true;
+                        continue;
+                    }
                 };
                 let data = message.data.as_slice();
                 match &*message.schema {
@@ -152,7 +158,13 @@ impl Files {
                     _ => {}
                 }
             }
-            source.metadata = messages.metadata("hmd").cloned().unwrap_or_default();
+            match messages.verified_metadata(METADATA_NAME) {
+                Ok(metadata) => source.metadata = metadata.cloned().unwrap_or_default(),
+                Err(loss) => {
+                    tell(&loss);
+                    source.damaged = true;
+                }
+            }
             files.sources.push(source);
         }
         Ok(files)

@@ -208,13 +208,12 @@ fn quality(files: &Files, history: &History) -> String {
 }
 
 /// Every cause of loss by its name in `docs/records.md`.
-fn losses(status: &Status) -> [(&'static str, u64); 11] {
+fn losses(status: &Status) -> [(&'static str, u64); 10] {
     [
         ("error frames", status.frames_error),
         ("unreadable lines or serial frames", status.lost_unreadable),
         ("frames in damaged parts", status.lost_damaged),
         ("frames dropped by the kernel", status.lost_socket_queue),
-        ("frames dropped by a full queue", status.lost_own_queue),
         ("samples", status.lost_samples),
         ("malformed frames", status.lost_malformed),
         ("late frames", status.lost_late),

@@ -1,4 +1,4 @@
-//! Healthy windows out of logs.
+//! Windows of one unit out of logs, and what was lost in the logs.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -7,6 +7,7 @@ use crate::config::Config;
 use crate::frame::BusNames;
 use crate::front::WindowJob;
 use crate::ingest::{IngestError, open_with};
+use crate::judge::WindowCounts;
 use crate::pipeline::Pipeline;
 
 /// Why there are no windows to calibrate from.
@@ -15,9 +16,6 @@ pub enum WindowsError {
     /// A log cannot be read.
     #[error(transparent)]
     Ingest(#[from] IngestError),
-    /// No actuation fit to be judged.
-    #[error("expected windows that can be judged, found none")]
-    None,
     /// Windows of several actuators.
     #[error("expected the windows of one actuator, found {found}; choose one with --name")]
     Several {
@@ -26,34 +24,61 @@ pub enum WindowsError {
     },
 }
 
-/// The windows of one actuator that can be judged, in the order of the logs; `name` chooses where there are several.
+/// Windows out of logs.
+#[derive(Debug, Default)]
+pub struct UnitWindows {
+    /// Those of one actuator that can be judged, in the order of the logs.
+    pub jobs: Vec<WindowJob>,
+    /// Whether the logs held more than could be read, as a replay of them would say.
+    pub data_lost: bool,
+}
+
+/// The windows of one actuator that can be judged; `name` chooses where there are several. `tell` gets what an operator
+/// should read: each loss with its place, and for each log that has any a sentence about all of them.
 ///
 /// # Errors
-/// [`WindowsError`] when a log cannot be read, there is no such window, or it is not clear whose they are.
-pub fn windows_of(logs: &[PathBuf], config: &Arc<Config>, name: Option<&str>) -> Result<Vec<WindowJob>, WindowsError> {
+/// [`WindowsError`] when a log cannot be read at all, or it is not clear whose windows are meant.
+pub fn windows_of(
+    logs: &[PathBuf],
+    config: &Arc<Config>,
+    name: Option<&str>,
+    tell: &mut dyn FnMut(&str),
+) -> Result<UnitWindows, WindowsError> {
     let mut names = BusNames::new();
-    let mut found = Vec::new();
+    let mut found = UnitWindows::default();
     for log in logs {
         let mut source = open_with(log, names)?;
         // Each log is a recording of its own: nothing is carried over.
         let mut pipeline = Pipeline::new(config.clone());
+        let mut damaged_places = 0;
         while let Some(item) = source.next() {
-            if let Ok(frame) = item {
-                pipeline.push(&frame, source.bus_names(), &mut found);
+            match item {
+                Ok(frame) => pipeline.push(&frame, source.bus_names(), &mut found.jobs),
+                Err(loss) => {
+                    damaged_places += pipeline.losses.count(&loss);
+                    tell(&loss.to_string());
+                }
+            }
+            for notice in pipeline.take_notices() {
+                tell(&notice.message);
             }
         }
-        pipeline.finish(&mut found);
+        pipeline.finish(&mut found.jobs);
         names = source.into_bus_names();
+        let status = pipeline.status(&names, WindowCounts::default());
+        if let Some(lost) = status.lost_in_logs(damaged_places) {
+            found.data_lost = true;
+            tell(&format!("{}: {lost}", log.display()));
+        }
     }
-    found.retain(|job| job.window.verdict.is_fit() && name.is_none_or(|name| job.actuator.name == name));
-    let mut actuators: Vec<&str> = found.iter().map(|job| job.actuator.name.as_str()).collect();
+    let is_meant = |job: &WindowJob| name.is_none_or(|name| job.actuator.name == name);
+    found.jobs.retain(|job| job.window.verdict.is_fit() && is_meant(job));
+    let mut actuators: Vec<&str> = found.jobs.iter().map(|job| job.actuator.name.as_str()).collect();
     actuators.sort_unstable();
     actuators.dedup();
-    match actuators.len() {
-        0 => Err(WindowsError::None),
-        1 => Ok(found),
-        _ => Err(WindowsError::Several {
-            found: actuators.join(", "),
-        }),
+    if actuators.len() > 1 {
+        let found = actuators.join(", ");
+        return Err(WindowsError::Several { found });
     }
+    Ok(found)
 }

@@ -1,6 +1,6 @@
 //! Whether the samples of a window are fit to be judged.
 
-use super::config::{Lengths, SCATTERED_RUN, WindowConfig};
+use super::config::{CLOCK_JUMP_S, Lengths, SCATTERED_RUN, SPEED_MAX_FACTOR, WindowConfig};
 use super::counters::{CounterLimits, refuse_spikes};
 use super::fill::Rotor;
 use super::ring::Slot;
@@ -16,7 +16,6 @@ pub(super) struct Limits {
     pub(super) sample_rate: f64,
     pub(super) full_scale_a: f64,
     pub(super) current_lsb_a: f64,
-    pub(super) current_sum_max_a: f64,
     pub(super) rotor: Rotor,
     pub(super) output_lsb: f64,
     pub(super) gear_ratio: f64,
@@ -25,7 +24,6 @@ pub(super) struct Limits {
     motor: CounterLimits,
     output: CounterLimits,
     thresholds: Thresholds,
-    clock_jump_s: f64,
     /// Whether nothing but the stamps can tell that the rate is wrong.
     pub(super) rate_is_unconfirmed: bool,
     unsteady_rad_s: f64,
@@ -40,7 +38,7 @@ impl Limits {
         let period = 1.0 / sensors.sample_rate;
         let (motor_lsb, output_lsb) = (sensors.motor_lsb(), sensors.output_lsb());
         let gear_ratio = params.transmission.gear_ratio;
-        let speed = config.speed_max_factor * params.controller.omega_max * period;
+        let speed = SPEED_MAX_FACTOR * params.controller.omega_max * period;
         let acceleration = params.motor.torque_gain() * params.motor.i_max / params.motor.j * period * period;
         let worn_out = FaultVector {
             backlash: 1.0,
@@ -52,7 +50,6 @@ impl Limits {
             sample_rate: sensors.sample_rate,
             full_scale_a: sensors.current_full_scale,
             current_lsb_a: sensors.current_lsb(),
-            current_sum_max_a: config.current_sum_max_a,
             rotor: Rotor::new(params.motor.pole_pairs, sensors),
             output_lsb,
             gear_ratio,
@@ -71,7 +68,6 @@ impl Limits {
                 acceleration: acceleration / gear_ratio / output_lsb,
             },
             thresholds: Thresholds::new(config),
-            clock_jump_s: config.clock_jump_s,
             rate_is_unconfirmed: true,
             unsteady_rad_s: 0.2 * params.controller.omega_max,
             still_rad: config.trigger_position_rad * gear_ratio,
@@ -251,7 +247,7 @@ fn clock(slots: &[Slot], limits: &Limits) -> (u64, Option<Invalidity>) {
             let stamps = (i128::from(slot.stamp_ns) - i128::from(before.stamp_ns)) as f64 * 1e-9;
             let counter = (slot.sample.seq - before.sample.seq) as f64 / limits.sample_rate;
             intervals += 1;
-            if (stamps - counter).abs() > limits.clock_jump_s {
+            if (stamps - counter).abs() > CLOCK_JUMP_S {
                 jumps += 1;
             } else {
                 by_stamps += stamps;
@@ -261,7 +257,7 @@ fn clock(slots: &[Slot], limits: &Limits) -> (u64, Option<Invalidity>) {
         before = Some(slot);
     }
     let enough = by_counter > 0.1 && by_stamps > 0.0 && jumps < 1 + intervals / 10;
-    let wrong = enough && f64::abs(by_stamps - by_counter) > 0.1 * by_counter + limits.clock_jump_s;
+    let wrong = enough && f64::abs(by_stamps - by_counter) > 0.1 * by_counter + CLOCK_JUMP_S;
     let rate = Invalidity::SampleRate {
         by_stamps_hz: limits.sample_rate * by_counter / by_stamps,
     };

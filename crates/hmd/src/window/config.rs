@@ -1,102 +1,158 @@
-//! Settings of the windowing, in SI units, and the same in samples.
+//! Settings of the windowing, as section `[window]` of a configuration has them, and the same in samples.
 
-use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 
-/// What an actuation window is, and how bad its data may be. `docs/windows.md` has the table.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+use serde::Serialize;
+
+use crate::setting::{Expected, SettingError};
+
+/// What an actuation window is, and how many samples it may lack. Section `[window]` of a configuration.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct WindowConfig {
-    /// Time in the window before the trigger, s; at most `rest_s`, so that the window begins at rest.
-    pub pre_trigger_s: f64,
-    /// Length of the window from its first to its last sample, s.
-    pub duration_s: f64,
-    /// Rest that must precede a trigger, and the time over which the setpoint is compared, s.
-    pub rest_s: f64,
-    /// Position mode: change of the setpoint that is an actuation, rad at the output.
+    /// Part of the window before the trigger, ms; at most `rest_ms`, so that the window begins at rest.
+    pub pre_trigger_ms: f64,
+    /// Length of the window from its first to its last sample, ms; it bounds the memory.
+    pub duration_ms: f64,
+    /// Rest that must precede a trigger, and the time over which the setpoint is compared, ms.
+    pub rest_ms: f64,
+    /// Position mode: change of the setpoint that is an actuation, rad at the output shaft.
     pub trigger_position_rad: f64,
-    /// Speed mode: the same, rad/s at the motor.
+    /// Speed mode: the same, rad/s at the motor shaft.
     pub trigger_speed_rad_s: f64,
-    /// Largest fraction of a window's samples that may be missing or refused.
-    pub missing_max_fraction: f64,
-    /// Longest run of missing or refused samples, s.
-    pub longest_gap_s: f64,
-    /// Largest sum of the three currents, A: offsets, gain errors and noise of three converters together.
-    pub current_sum_max_a: f64,
-    /// Speeds above this many times ω_max are impossible.
-    pub speed_max_factor: f64,
-    /// Time for which a signal must stand still, bit for bit, to be stuck, s.
-    pub stuck_s: f64,
-    /// Movement of the stamps against the sample counter that is a jump of the clock, s.
-    pub clock_jump_s: f64,
+    /// Largest fraction of a window's samples that may be missing or refused; above, the window is invalid.
+    pub max_gap_fraction: f64,
+    /// Longest run of missing or refused samples, ms; above, the window is invalid.
+    pub longest_gap_ms: f64,
 }
 
 impl Default for WindowConfig {
     fn default() -> Self {
         Self {
-            pre_trigger_s: 0.02,
-            duration_s: 0.5,
-            rest_s: 0.02,
+            pre_trigger_ms: 20.0,
+            duration_ms: 500.0,
+            rest_ms: 20.0,
             trigger_position_rad: 1e-3,
             trigger_speed_rad_s: 1.0,
-            missing_max_fraction: 0.02,
-            longest_gap_s: 5e-3,
-            current_sum_max_a: 0.5,
-            speed_max_factor: 3.0,
-            stuck_s: 0.02,
-            clock_jump_s: 0.05,
+            max_gap_fraction: 0.02,
+            // Half of what the fraction allows of a default window, in one piece.
+            longest_gap_ms: 5.0,
         }
     }
 }
 
-/// A setting that was refused.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("{field} = {got}: expected a number from {min} to {max}")]
-pub struct WindowConfigError {
-    /// Name of the setting.
-    pub field: &'static str,
-    /// The value found.
-    pub got: f64,
-    /// Smallest value allowed.
-    pub min: f64,
-    /// Largest value allowed.
-    pub max: f64,
-}
-
 impl WindowConfig {
+    /// Names of the settings, each with the values that it may have at any sample rate.
+    pub(crate) const RANGES: [(&str, RangeInclusive<f64>); 7] = [
+        ("pre_trigger_ms", 0.05..=1_000.0),
+        ("duration_ms", 20.0..=10_000.0),
+        ("rest_ms", 1.0..=1_000.0),
+        ("trigger_position_rad", 1e-6..=10.0),
+        ("trigger_speed_rad_s", 1e-3..=1e4),
+        ("max_gap_fraction", 0.0..=0.5),
+        ("longest_gap_ms", 0.0..=1_000.0),
+    ];
+
+    /// The settings in the order of [`WindowConfig::RANGES`].
+    pub(crate) fn to_array(self) -> [f64; 7] {
+        [
+            self.pre_trigger_ms,
+            self.duration_ms,
+            self.rest_ms,
+            self.trigger_position_rad,
+            self.trigger_speed_rad_s,
+            self.max_gap_fraction,
+            self.longest_gap_ms,
+        ]
+    }
+
+    /// From the settings in the order of [`WindowConfig::RANGES`].
+    pub(crate) fn from_array(settings: [f64; 7]) -> Self {
+        let [
+            pre_trigger_ms,
+            duration_ms,
+            rest_ms,
+            trigger_position_rad,
+            trigger_speed_rad_s,
+            max_gap_fraction,
+            longest_gap_ms,
+        ] = settings;
+        Self {
+            pre_trigger_ms,
+            duration_ms,
+            rest_ms,
+            trigger_position_rad,
+            trigger_speed_rad_s,
+            max_gap_fraction,
+            longest_gap_ms,
+        }
+    }
+
     /// Largest fraction of a window's samples that may be missing or refused while no more than three are in a row.
     #[must_use]
     pub fn scattered_max_fraction(&self) -> f64 {
-        (SCATTERED_FACTOR * self.missing_max_fraction).min(1.0)
+        (SCATTERED_FACTOR * self.max_gap_fraction).min(1.0)
     }
 
     /// The same settings, if every one is possible at a sample rate, Hz.
     ///
     /// # Errors
-    /// The first setting that is no number or out of its range. The window's length bounds the memory: at most 10 s.
-    pub fn checked(self, sample_rate_hz: f64) -> Result<Self, WindowConfigError> {
-        let period = 1.0 / sample_rate_hz;
+    /// The first setting that is no number or out of its range, or against another one.
+    pub fn checked(self, sample_rate_hz: f64) -> Result<Self, SettingError> {
+        SettingError::unless_within("sample_rate_hz", sample_rate_hz, 50.0..=20_000.0)?;
+        for ((field, range), got) in Self::RANGES.into_iter().zip(self.to_array()) {
+            SettingError::unless_within(field, got, range)?;
+        }
+        let (duration, rest) = (("duration_ms", self.duration_ms), ("rest_ms", self.rest_ms));
+        if self.pre_trigger_ms >= self.duration_ms {
+            return Err(SettingError {
+                field: "pre_trigger_ms",
+                got: self.pre_trigger_ms,
+                expected: Expected::LessThan(duration),
+            });
+        }
+        if self.pre_trigger_ms > self.rest_ms {
+            return Err(SettingError {
+                field: "pre_trigger_ms",
+                got: self.pre_trigger_ms,
+                expected: Expected::AtMost(rest),
+            });
+        }
+        let period_ms = 1e3 / sample_rate_hz;
         for (field, got, min, max) in [
-            ("sample_rate_hz", sample_rate_hz, 50.0, 20_000.0),
-            ("rest_s", self.rest_s, period, 1.0),
-            ("pre_trigger_s", self.pre_trigger_s, period, self.rest_s),
-            ("duration_s", self.duration_s, self.pre_trigger_s + 2.0 * period, 10.0),
-            ("trigger_position_rad", self.trigger_position_rad, 1e-6, 10.0),
-            ("trigger_speed_rad_s", self.trigger_speed_rad_s, 1e-3, 1e4),
-            ("missing_max_fraction", self.missing_max_fraction, 0.0, 0.5),
-            ("longest_gap_s", self.longest_gap_s, 0.0, self.duration_s),
-            ("current_sum_max_a", self.current_sum_max_a, 1e-3, 1e4),
-            ("speed_max_factor", self.speed_max_factor, 1.0, 100.0),
-            ("stuck_s", self.stuck_s, period, self.duration_s),
-            ("clock_jump_s", self.clock_jump_s, period, 3600.0),
+            ("rest_ms", self.rest_ms, period_ms, 1_000.0),
+            ("pre_trigger_ms", self.pre_trigger_ms, period_ms, self.rest_ms),
+            (
+                "duration_ms",
+                self.duration_ms,
+                self.pre_trigger_ms + 2.0 * period_ms,
+                10_000.0,
+            ),
+            ("longest_gap_ms", self.longest_gap_ms, 0.0, self.duration_ms),
         ] {
-            // Not `contains` on reversed bounds alone: NaN bounds and values fail too.
             if !(min..=max).contains(&got) {
-                return Err(WindowConfigError { field, got, min, max });
+                let expected = Expected::AtRate {
+                    min,
+                    max,
+                    sample_rate_hz,
+                };
+                return Err(SettingError { field, got, expected });
             }
         }
         Ok(self)
     }
 }
+
+/// Largest sum of the three currents, A: offsets, gain errors and noise of three converters together.
+pub(super) const CURRENT_SUM_MAX_A: f64 = 0.5;
+
+/// Speeds above this many times ω_max are impossible.
+pub(super) const SPEED_MAX_FACTOR: f64 = 3.0;
+
+/// Time for which a signal must stand still, bit for bit, to be stuck, s.
+const STUCK_S: f64 = 0.02;
+
+/// Movement of the stamps against the sample counter that is a jump of the clock, s.
+pub(super) const CLOCK_JUMP_S: f64 = 0.05;
 
 /// Longest run of missing samples that are called scattered.
 pub(super) const SCATTERED_RUN: usize = 3;
@@ -125,21 +181,22 @@ pub(super) struct Lengths {
 }
 
 impl Lengths {
-    /// Of checked settings.
+    /// Of checked settings: the one place where milliseconds become samples.
     pub(super) fn new(config: &WindowConfig, sample_rate_hz: f64) -> Self {
-        let nearest = |time_s: f64| ((time_s * sample_rate_hz).round() as usize).max(1);
+        let samples = |time_ms: f64| time_ms * 1e-3 * sample_rate_hz;
+        let nearest = |time_ms: f64| (samples(time_ms).round() as usize).max(1);
         // A count that is whole but for rounding is not rounded down.
         let whole = |count: f64| (count + 1e-6).floor() as usize;
-        let window = nearest(config.duration_s) + 1;
+        let window = nearest(config.duration_ms) + 1;
         Self {
-            pre_trigger: nearest(config.pre_trigger_s),
+            pre_trigger: nearest(config.pre_trigger_ms),
             window,
-            rest: nearest(config.rest_s),
-            missing_max: whole(config.missing_max_fraction * window as f64),
+            rest: nearest(config.rest_ms),
+            missing_max: whole(config.max_gap_fraction * window as f64),
             scattered_max: whole(config.scattered_max_fraction() * window as f64),
-            longest_gap: whole(config.longest_gap_s * sample_rate_hz),
+            longest_gap: whole(samples(config.longest_gap_ms)),
             // Fewer than eight equal readings in a row happen by chance at low current and coarse converters.
-            stuck: nearest(config.stuck_s).max(8),
+            stuck: ((STUCK_S * sample_rate_hz).round() as usize).max(8),
         }
     }
 }
@@ -175,13 +232,15 @@ mod tests {
     #[test]
     fn impossible_settings_are_refused_by_name() {
         type Change = fn(&mut WindowConfig);
-        let cases: [(&str, Change); 6] = [
-            ("rest_s", |c| c.rest_s = f64::NAN),
-            ("pre_trigger_s", |c| c.pre_trigger_s = 0.03),
-            ("duration_s", |c| c.duration_s = 0.02),
-            ("duration_s", |c| c.duration_s = 3600.0),
+        let cases: [(&str, Change); 8] = [
+            ("rest_ms", |c| c.rest_ms = f64::NAN),
+            ("pre_trigger_ms", |c| c.pre_trigger_ms = 30.0),
+            ("pre_trigger_ms", |c| c.duration_ms = 20.0),
+            ("duration_ms", |c| c.duration_ms = 20.5),
+            ("duration_ms", |c| c.duration_ms = 3.6e6),
             ("trigger_position_rad", |c| c.trigger_position_rad = -1e-3),
-            ("missing_max_fraction", |c| c.missing_max_fraction = f64::INFINITY),
+            ("max_gap_fraction", |c| c.max_gap_fraction = f64::INFINITY),
+            ("longest_gap_ms", |c| c.longest_gap_ms = 501.0),
         ];
         for (field, change) in cases {
             let mut config = WindowConfig::default();
@@ -192,18 +251,5 @@ mod tests {
             WindowConfig::default().checked(0.0).map_err(|e| e.field),
             Err("sample_rate_hz")
         );
-    }
-
-    #[test]
-    fn settings_read_from_toml_by_name() {
-        let config: WindowConfig = toml::from_str("duration_s = 1.0").unwrap();
-        assert_eq!(
-            config,
-            WindowConfig {
-                duration_s: 1.0,
-                ..WindowConfig::default()
-            }
-        );
-        assert!(toml::from_str::<WindowConfig>("length_s = 1.0").is_err());
     }
 }

@@ -1,6 +1,7 @@
 //! The currents: which readings cannot be used, and whether a signal is stuck.
 
 use super::check::Limits;
+use super::config::CURRENT_SUM_MAX_A;
 use super::ring::Slot;
 use super::verdict::{Defect, Part, Signal};
 use ema_models::SensedSample;
@@ -27,7 +28,7 @@ fn current_defect(currents: [f64; 3], limits: &Limits) -> Option<Defect> {
     } else if largest > limits.full_scale_a - 1.5 * limits.current_lsb_a {
         // The positive end of a two's complement converter is one step short of full scale.
         Some(Defect::Clipped)
-    } else if currents.iter().sum::<f64>().abs() > limits.current_sum_max_a {
+    } else if currents.iter().sum::<f64>().abs() > CURRENT_SUM_MAX_A {
         Some(Defect::CurrentSum)
     } else {
         None

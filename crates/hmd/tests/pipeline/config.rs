@@ -2,10 +2,9 @@
 
 use ema_models::ActuatorParams;
 use ema_wire::ActuatorId;
-use hmd::config::{
-    Config, DEFAULT_BITRATE_BIT_S, HealthConfig, IdentificationConfig, LOAD_MAX, SearchMethod, WindowConfig,
-};
+use hmd::config::{Config, DEFAULT_BITRATE_BIT_S, HealthConfig, IdentificationConfig, LOAD_MAX, SearchMethod};
 use hmd::record::FAULT_NAMES;
+use hmd::window::WindowConfig;
 use proptest::prelude::*;
 use serde_json::Value;
 

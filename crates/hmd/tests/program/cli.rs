@@ -527,7 +527,7 @@ fn a_log_is_never_overwritten_by_its_own_replay() {
     let folder = Folder::new();
     folder.actuation();
     let before = folder.read("actuation.log");
-    folder.refused("replay --json actuation.log -o ./actuation.log", 1);
+    folder.refused("replay --json actuation.log -o ./actuation.log", 2);
     assert_eq!(folder.read("actuation.log"), before);
 }
 
@@ -851,7 +851,7 @@ fn a_unit_is_calibrated_from_healthy_windows_only() {
     let lines = folder.done("replay worn.log -c hmd.toml --json");
     assert!(lines.contains("\"faults\":[\"short_b\"]"), "{lines}");
 
-    let refused = folder.hmd("calibrate worn.log -o no.toml");
+    let refused = folder.hmd("calibrate healthy.log worn.log -o no.toml");
     assert_eq!(refused.code, 1);
     assert!(
         refused
@@ -873,6 +873,57 @@ fn a_unit_is_calibrated_from_healthy_windows_only() {
         "{}",
         refused.stderr
     );
+}
+
+#[test]
+fn a_calibration_from_a_damaged_log_says_what_was_lost() {
+    let folder = Folder::new();
+    folder.done("simulate --rate 400 --noise 0.05 --windows 6 --seed 3 -o healthy.log");
+    let lines = String::from_utf8(folder.read("healthy.log")).expect("text");
+    let mut lines: Vec<&str> = lines.lines().collect();
+    lines[100] = "(1.0) rubbish";
+    folder.write_lines("damaged.log", &lines);
+    let ended = folder.hmd("calibrate damaged.log -o unit.toml");
+    assert_eq!(ended.code, 3, "{}", ended.stderr);
+    for expected in [
+        "damaged.log:101: expected a stamp",
+        "damaged.log: data lost: 1 unreadable lines or frames, ",
+        "from 6 windows",
+    ] {
+        assert!(ended.stderr.contains(expected), "{expected} in\n{}", ended.stderr);
+    }
+    assert!(folder.path("unit.toml").exists());
+    // Too little is left: half of it.
+    folder.write_lines("half.log", &lines[..lines.len() / 2]);
+    let ended = folder.hmd("calibrate half.log -o none.toml");
+    assert_eq!(ended.code, 1, "{}", ended.stderr);
+    let last = ended.stderr.lines().last().expect("a sentence");
+    assert!(
+        last.contains("half.log: expected at least 5 windows that can be judged, found "),
+        "{last}"
+    );
+    assert!(!folder.path("none.toml").exists());
+}
+
+#[test]
+fn a_unit_can_be_calibrated_under_the_configuration_that_names_the_result() {
+    let folder = Folder::new();
+    folder.done("simulate --rate 400 --noise 0.05 --windows 5 --seed 3 -o healthy.log");
+    folder.write("hmd.toml", "[[actuator]]\nid = 0\ncalibration = \"unit.toml\"\n");
+    folder.done("calibrate healthy.log -c hmd.toml -o unit.toml");
+    let first = folder.read("unit.toml");
+    folder.done("calibrate healthy.log -c hmd.toml -o unit.toml");
+    assert_eq!(folder.read("unit.toml"), first, "not from what was learnt before");
+    for line in [
+        "calibrate healthy.log -o own.toml --actuator servo28",
+        "calibrate healthy.log -o own.toml --monitor paper",
+    ] {
+        folder.misused(line);
+    }
+    folder.write("hmd.toml", "[type.bench]\ncalibration = \"bench.toml\"\n");
+    folder.write("bench.toml", "read by the calibration of a unit");
+    let said = folder.refused("calibrate healthy.log -c hmd.toml -o bench.toml", 2);
+    assert!(said.contains("expected another output"), "{said}");
 }
 
 #[test]
@@ -1016,16 +1067,13 @@ fn no_verb_writes_over_what_it_reads_by_whatever_name() {
             "{line}: {said}"
         );
     }
-    folder.refused("replay actuation.log -o hard.log", 1);
+    folder.refused("replay actuation.log -o hard.log", 2);
     assert_eq!([folder.read("a.mcap"), folder.read("actuation.log")], before);
     let config = "[rul]\nevents = \"events.jsonl\"\n[[actuator]]\nid = 0\nbus = \"can0\"\n";
     fs::create_dir(folder.path("conf.d")).expect("a folder");
     for (name, text) in [("hmd.toml", config), ("conf.d/a.toml", ""), ("events.jsonl", "\n")] {
         folder.write(name, text);
-        folder.refused(
-            &format!("replay actuation.log -c hmd.toml -o {name}"),
-            if name.ends_with("jsonl") { 2 } else { 1 },
-        );
+        folder.refused(&format!("replay actuation.log -c hmd.toml -o {name}"), 2);
         folder.refused(&format!("run -c hmd.toml --metrics {name} -o records/"), 2);
         assert_eq!(folder.read(name), text.as_bytes());
     }

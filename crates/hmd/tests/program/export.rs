@@ -123,6 +123,44 @@ fn both_forms_hold_what_was_recorded() {
     assert!(rows.len() > 20_000, "{}", rows.len());
     assert!(head == parquet_head && rows == parquet_rows);
     assert!(rows.is_sorted_by_key(|row| row[0].parse::<u64>().expect("a time")));
+
+    // What cannot be read leaves the table of another day, and a damaged file is told with its place.
+    let before = fs::read(folder.path().join("samples.csv")).expect("a table");
+    for (line, said) in [
+        ("export missing.mcap -o samples.csv", "missing.mcap: "),
+        ("export life.mcap -o none/out.csv", "none/out.csv: "),
+    ] {
+        let (code, _, stderr) = code_of(&folder, line);
+        assert!(code == Some(1) && stderr.contains(said), "{line}: {stderr}");
+    }
+    assert!(fs::read(folder.path().join("samples.csv")).expect("a table") == before);
+    let mut damaged = fs::read(folder.path().join("life.mcap")).expect("a file");
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 1;
+    fs::write(folder.path().join("damaged.mcap"), damaged).expect("a file");
+    for line in [
+        "inspect damaged.mcap --csv",
+        "export damaged.mcap -o damaged.csv",
+        "report damaged.mcap -o damaged.html",
+    ] {
+        let (code, _, stderr) = code_of(&folder, line);
+        assert_eq!(code, Some(3), "{line}: {stderr}");
+        for said in ["damaged.mcap: at byte ", "data lost: "] {
+            assert!(stderr.contains(said), "{said}, {line}: {stderr}");
+        }
+    }
+    // The build that made it is in a record without a checksum of MCAP's own.
+    let mut forged = fs::read(folder.path().join("life.mcap")).expect("a file");
+    let at = forged.windows(4).position(|four| four == b"seed").expect("the seed");
+    forged[at + 8] ^= 1;
+    fs::write(folder.path().join("forged.mcap"), forged).expect("a file");
+    for line in ["export forged.mcap -o forged.csv", "report forged.mcap -o forged.html"] {
+        let (code, _, stderr) = code_of(&folder, line);
+        assert!(
+            code == Some(3) && stderr.contains("expected metadata with a checksum"),
+            "{line}: {stderr}"
+        );
+    }
 }
 
 #[test]
@@ -141,10 +179,10 @@ fn what_cannot_be_a_table_is_refused() {
             "text.log: expected records of windows, found none",
         ),
         ("export missing.mcap -o out.csv", 1, "missing.mcap"),
-        ("export text.log -o none/out.csv", 1, "none/out.csv"),
     ] {
         let (found, _, stderr) = code_of(&folder, line);
         assert_eq!(found, Some(code), "{line}: {stderr}");
         assert!(stderr.contains(said), "{line}: {stderr}");
+        assert!(!folder.path().join("out.csv").exists(), "{line}: a table of nothing");
     }
 }

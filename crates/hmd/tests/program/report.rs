@@ -88,19 +88,20 @@ fn the_catalogue_has_the_levels_of_the_configuration() {
     let folder = tempfile::tempdir().expect("a folder");
     let catalogue = |line: &str| -> serde_json::Value { serde_json::from_str(&done(&folder, line)).expect("JSON") };
     let usual = catalogue("inspect --catalogue");
-    assert_eq!(usual["version"], 1);
+    assert_eq!(usual["version"], 2);
     assert_eq!(usual["fault_modes"].as_array().map(Vec::len), Some(7));
     assert_eq!(usual["fault_modes"][1]["name"], "backlash");
     assert_eq!(usual["fault_modes"][1]["severity"][1]["damage"], 0.3);
     fs::write(
         folder.path().join("hmd.toml"),
-        "[health]\npersistence = 3\n[health.fault.backlash]\nwarning = 0.25\n",
+        "[health]\npersistence = 3\n[health.fault.backlash]\nwarning = 0.25\npersistence = 2\n",
     )
     .expect("a file");
     let own = catalogue("inspect --catalogue -c hmd.toml");
     assert_eq!(own["fault_modes"][1]["severity"][1]["damage"], 0.25);
     assert_eq!(own["fault_modes"][0]["severity"][1]["damage"], 0.3);
-    assert_eq!(own["confidence"]["persistence_windows"], 3);
+    let windows = [0, 1].map(|fault| own["fault_modes"][fault]["persistence_windows"].as_u64());
+    assert_eq!(windows, [Some(3), Some(2)]);
     refused(&folder, "inspect", 2);
     refused(&folder, "inspect --catalogue life.mcap", 2);
 }

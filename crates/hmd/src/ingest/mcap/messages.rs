@@ -44,7 +44,7 @@ pub struct McapMessage {
     pub(crate) channel: Arc<Channel>,
 }
 
-/// A metadata record; it has no checksum of its own.
+/// A metadata record. MCAP gives it no checksum; one of ours has it as an entry ([`mod@crate::seal`]).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct McapMetadata {
     pub(crate) at_byte: u64,
@@ -130,10 +130,32 @@ impl<R: Read + Seek> McapMessages<R> {
         self.walk.position()
     }
 
-    /// The newest metadata record of this name read so far. It has no checksum of its own.
+    /// The newest metadata record of this name read so far. Nothing vouches for it yet: see [`crate::seal::is_sealed`], and
+    /// [`McapMessages::verified_metadata`] at the end of the file.
     pub fn metadata(&self, name: &str) -> Option<&BTreeMap<String, String>> {
         let named = self.metadata.iter().rev().find(|metadata| metadata.name == name);
         named.map(|metadata| &metadata.content)
+    }
+
+    /// The newest metadata record of this name that a checksum vouches for, its own or the one over all data, which is known
+    /// at the end of the file; `None` if the file has no record of this name.
+    ///
+    /// # Errors
+    /// The place of the record, where it has the name and no checksum is right.
+    pub fn verified_metadata(&self, name: &str) -> Result<Option<&BTreeMap<String, String>>, McapLoss> {
+        let mut named = self.metadata.iter().rev().filter(|metadata| metadata.name == name);
+        let Some(newest) = named.clone().next() else {
+            return Ok(None);
+        };
+        let vouched = named.find(|metadata| self.all_verified || is_sealed(name, &metadata.content));
+        match vouched {
+            Some(metadata) => Ok(Some(&metadata.content)),
+            None => Err(McapLoss {
+                file: self.file.clone(),
+                at_byte: newest.at_byte,
+                fault: McapFault::Metadata { name: name.to_owned() },
+            }),
+        }
     }
 
     /// All metadata records read so far.

@@ -347,7 +347,6 @@ fn write_a_sample() {
         lost_unreadable: 6,
         lost_damaged: 7,
         lost_socket_queue: 8,
-        lost_own_queue: 9,
         lost_samples: 10,
         lost_malformed: 11,
         lost_late: 17,

@@ -9,6 +9,8 @@ mod profile;
 mod refine;
 mod rivals;
 mod turns;
+pub mod unit_calibration;
+pub mod unit_fit;
 mod unmodelled;
 
 use ema_ga::{

@@ -32,15 +32,20 @@ use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 
-use crate::config::Config;
-use crate::frame::{BusError, BusNames};
-use crate::front::{Notice, WindowJob};
-use crate::ingest::live::{Feed, Input, LiveSource, QUEUE_INPUTS, now_ns};
-use crate::judge::{Judge, JudgeError, Judged, WindowCounts};
-use crate::pipeline::Pipeline;
-use crate::record::{LogLevel, Status};
-use crate::recorder::{RecordError, Recorder};
 pub use freshness::STALE_AFTER;
+use hmd_core::assess::{AssessError, AssessedWindow, Assessor, WindowCounts};
+use hmd_core::config::Config;
+use hmd_core::demux::{Notice, WindowJob};
+use hmd_core::frame::{BusError, BusNames};
+use hmd_core::pipeline::Pipeline;
+use hmd_core::record::{LogLevel, Status};
+use hmd_ingest::feed::{Feed, Input, QUEUE_INPUTS};
+use hmd_ingest::live::LiveSource;
+use hmd_storage::calibration_file::load_models;
+use hmd_storage::clock::now_ns;
+use hmd_storage::event_file::events_of;
+use hmd_storage::history_file;
+use hmd_storage::recorder::{RecordError, Recorder};
 use monitor::{Monitor, tell};
 use standing::Standings;
 pub use window_queue::QUEUE_WINDOWS;
@@ -66,7 +71,7 @@ pub enum DaemonError {
     },
     /// The windows cannot be judged.
     #[error(transparent)]
-    Judge(#[from] JudgeError),
+    Assess(#[from] AssessError),
     /// The records cannot be written.
     #[error(transparent)]
     Record(#[from] RecordError),
@@ -81,12 +86,12 @@ pub trait Observer: Sync {
     ///
     /// # Errors
     /// When nobody takes the records any more; the daemon then ends.
-    fn judged(&self, judged: &Judged) -> io::Result<()>;
+    fn judged(&self, judged: &AssessedWindow) -> io::Result<()>;
     /// One window has been judged, but its records could not be stored; by default told like any other.
     ///
     /// # Errors
     /// As [`Observer::judged`].
-    fn unstored(&self, judged: &Judged) -> io::Result<()> {
+    fn unstored(&self, judged: &AssessedWindow) -> io::Result<()> {
         self.judged(judged)
     }
     /// Something an operator should read.
@@ -159,14 +164,17 @@ impl Daemon {
         let store_raw = self.watch.as_ref().is_none_or(|(config, _)| config.output().raw_frames);
         let config = self.watch.as_ref().map(|(config, _)| config.clone());
         let mut monitor = Monitor::new(pipeline, names, store_raw, config);
-        let judge = self.watch.map(|(config, seed)| Judge::new(config, seed));
+        let assessor = match self.watch {
+            Some((config, seed)) => Some(ready_assessor(config, seed)?),
+            None => None,
+        };
 
         let (watched, judged) = thread::scope(|scope| {
             let (windows, shared) = (&windows, &shared);
-            let judging = judge.map(|judge| {
+            let judging = assessor.map(|(judge, config)| {
                 scope.spawn(move || {
                     let _closed = CloseAtEnd(windows);
-                    judge_all(judge, windows, shared, observer)
+                    judge_all(judge, &config, windows, shared, observer)
                 })
             });
             let watching = scope.spawn(|| {
@@ -232,23 +240,42 @@ impl Drop for CloseAtEnd<'_> {
     }
 }
 
+/// An assessor with its models and the histories of earlier runs; the notices of unusable histories come with the first window.
+fn ready_assessor(config: Arc<Config>, seed: u64) -> Result<(Assessor, Arc<Config>), AssessError> {
+    let mut assessor = Assessor::new(config.clone(), load_models(&config)?, seed);
+    if let Some(directory) = config.rul().state.as_ref().map(|path| config.resolve(path)) {
+        history_file::restore_all(&directory, &config, assessor.lives());
+    }
+    Ok((assessor, config))
+}
+
 /// The dear half, on a thread of its own.
 fn judge_all(
-    mut judge: Judge,
+    mut judge: Assessor,
+    config: &Config,
     windows: &WindowQueue,
     shared: &Mutex<Shared>,
     observer: &impl Observer,
 ) -> Result<(), DaemonError> {
-    judge.lives().keep();
+    let histories = config.rul().state.as_ref().map(|path| config.resolve(path));
     while let Some(job) = windows.pop() {
         // Events may have come since the last window; the file is short. One that is damaged does not end the watch.
-        let events = judge.follow_events().err().map(|error| error.to_string());
+        let events = match events_of(config) {
+            Ok(events) => {
+                judge.lives().follow(events);
+                None
+            }
+            Err(error) => Some(format!("rul.events: {error}")),
+        };
         let since = Instant::now();
         let passive = job.actuator.passive;
-        let judged = judge.judge(job)?;
+        let judged = judge.assess(job)?;
         let took = since.elapsed();
         // Before the lock is taken: frames need not wait for this file.
-        let saved = judge.lives().save(&judged.health.actuator);
+        let saved = match (&histories, judge.lives().get(&judged.health.actuator)) {
+            (Some(directory), Some(history)) => history_file::save(directory, &judged.health.actuator, history),
+            _ => Ok(()),
+        };
         let troubles = events.into_iter().chain(saved.err().map(|error| error.to_string()));
         let pending = judge.lives().pending(&judged.health.actuator);
         let of_life: Vec<String> = judge.lives().take_notices().into_iter().chain(troubles).collect();

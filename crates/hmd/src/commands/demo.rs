@@ -10,15 +10,15 @@ use ema_wire::ActuatorId;
 
 use super::table::{HEALTH_HEAD, health_row, left_cell};
 use super::{Exit, say};
-use crate::config::Config;
-use crate::frame::BusNames;
-use crate::front::Front;
-use crate::judge::Judge;
-use crate::record::Status;
-use crate::recorder::metadata;
-use crate::seed::mix;
-use crate::simulate::{EPOCH_NS, traffic};
-use crate::sink::{Sink, SyncedFile};
+use hmd_core::assess::{Assessor, Models};
+use hmd_core::config::Config;
+use hmd_core::demux::Front;
+use hmd_core::frame::BusNames;
+use hmd_core::record::Status;
+use hmd_core::seed::mix;
+use hmd_lab::simulate::{EPOCH_NS, traffic};
+use hmd_storage::mcap_writer::{Sink, SyncedFile};
+use hmd_storage::recorder::metadata;
 
 /// Watch a simulated actuator wear out.
 #[derive(Debug, clap::Args)]
@@ -62,7 +62,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     names.intern("can0")?;
     let actuator = ActuatorId::new(0).context("actuator 0")?;
     let mut front = Front::new(config.clone());
-    let mut judge = Judge::new(config, args.seed);
+    let mut judge = Assessor::new(config.clone(), Models::without_files(&config)?, args.seed);
     let (mut ended, mut last_stamp_ns) = (Vec::new(), EPOCH_NS);
 
     say("A simulated flight-control actuator wears out; every 100 hours one actuation is watched.")?;
@@ -89,7 +89,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         }
         front.finish(&mut ended);
         for job in ended.drain(..) {
-            let judged = judge.judge(job)?;
+            let judged = judge.assess(job)?;
             let at = judged.health.t_start_ns;
             sink.write(at, &judged.window).with_context(|| path.clone())?;
             sink.write(at, &judged.health).with_context(|| path.clone())?;

@@ -12,11 +12,11 @@ use ema_wire::bus_load::bus_load;
 use serde::Serialize;
 
 use super::{Exit, Misuse, load_config, no_input, unknown_type};
-use crate::config::LOAD_MAX;
-use crate::frame::BusNames;
-use crate::ingest::candump::{Decimals, emit};
-use crate::simulate::{EPOCH_NS, traffic};
-use crate::sink::{Sink, SyncedFile};
+use hmd_core::config::LOAD_MAX;
+use hmd_core::frame::BusNames;
+use hmd_ingest::candump::{Decimals, emit};
+use hmd_lab::simulate::{EPOCH_NS, traffic};
+use hmd_storage::mcap_writer::{Sink, SyncedFile};
 
 /// Bit rate of the simulated bus.
 const BIT_RATE_BIT_S: f64 = 1e6;

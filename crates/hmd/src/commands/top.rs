@@ -15,7 +15,7 @@ use tokio::sync::mpsc;
 
 use super::live::{Asked, signals};
 use super::{Exit, Misuse};
-use crate::top::{Colours, Condition, Cursor, Follow, Model, Progress, State, draw, full_height};
+use hmd_report::top::{Colours, Condition, Cursor, Follow, Model, Progress, State, draw, full_height};
 
 /// Watch all actuators of a running daemon, or the end of a recording, on the terminal.
 #[derive(Debug, clap::Args)]

@@ -10,13 +10,14 @@ use tokio::sync::mpsc;
 use super::freshness::Freshness;
 use super::notices::Notices;
 use super::{DaemonError, Observer, Shared, WindowQueue, lock};
-use crate::config::Config;
-use crate::frame::BusNames;
-use crate::front::{Notice, WindowJob};
-use crate::ingest::live::{Input, LinkState, LiveLoss, now_ns};
-use crate::pipeline::Pipeline;
-use crate::record::{LogLevel, Status};
-use crate::recorder::Recorder;
+use hmd_core::config::Config;
+use hmd_core::demux::{Notice, WindowJob};
+use hmd_core::frame::BusNames;
+use hmd_core::pipeline::Pipeline;
+use hmd_core::record::{LogLevel, Status};
+use hmd_ingest::feed::{Input, LinkState, LiveLoss};
+use hmd_storage::clock::now_ns;
+use hmd_storage::recorder::Recorder;
 
 /// Inputs taken at once, during which identification cannot write records.
 const BATCH: usize = 1024;

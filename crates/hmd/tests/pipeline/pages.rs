@@ -5,8 +5,8 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use hmd::metrics::render;
-use hmd::record::{Dropped, Health, Log, RawBatch, Record, Rul, Status, Window};
+use hmd_core::metrics::render;
+use hmd_core::record::{Dropped, Health, Log, RawBatch, Record, Rul, Status, Window};
 use prost_types::field_descriptor_proto::{Label, Type};
 
 /// Stands for the names that a label may have.

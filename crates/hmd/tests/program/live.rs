@@ -10,16 +10,17 @@ use std::time::{Duration, Instant};
 use ema_models::reference::{Actuations, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
-use hmd::config::Config;
 use hmd::daemon::{Daemon, Observer};
-use hmd::frame::{BusNames, FrameFlags, RawFrame};
-use hmd::ingest::live::{Input, LiveSource};
-use hmd::judge::Judged;
-use hmd::record::{HealthLine, Status};
-use hmd::recorder::{Recorder, metadata};
 use hmd::replay::{self, Replay};
-use hmd::simulate::{EPOCH_NS, traffic};
-use hmd::store::Limits;
+use hmd_core::assess::AssessedWindow;
+use hmd_core::config::Config;
+use hmd_core::config::Limits;
+use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
+use hmd_core::record::{HealthLine, Status};
+use hmd_ingest::feed::Input;
+use hmd_ingest::live::LiveSource;
+use hmd_lab::simulate::{EPOCH_NS, traffic};
+use hmd_storage::recorder::{Recorder, metadata};
 
 const SEED: u64 = 7;
 
@@ -54,7 +55,7 @@ struct Lines {
 }
 
 impl Observer for Lines {
-    fn judged(&self, judged: &Judged) -> io::Result<()> {
+    fn judged(&self, judged: &AssessedWindow) -> io::Result<()> {
         let window = &judged.window;
         let (times, fitted) = (window.time_s.len(), window.fitted_i_q_a.len());
         assert!(fitted == 0 || fitted == times, "{fitted} values at {times} times");
@@ -69,7 +70,7 @@ impl Observer for Lines {
 }
 
 impl replay::Observer for &Lines {
-    fn judged(&mut self, judged: &Judged) -> io::Result<()> {
+    fn judged(&mut self, judged: &AssessedWindow) -> io::Result<()> {
         Observer::judged(*self, judged)
     }
 

@@ -168,8 +168,8 @@ impl ScenarioRun {
         &self.state
     }
 
-    /// The unit is in another state of wear from now on; its motion goes on.
-    pub fn wear(&mut self, fault: FaultVector) {
+    /// Changes the fault vector; the motion continues from its present state.
+    pub fn set_fault(&mut self, fault: FaultVector) {
         self.scenario.fault = fault;
         self.reference = self.scenario.reference();
     }

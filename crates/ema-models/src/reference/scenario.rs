@@ -6,7 +6,7 @@ use crate::command::Profile;
 use crate::control::Setpoint;
 use crate::fault::FaultVector;
 use crate::params::{ActuatorParams, REFERENCE_STEP};
-use crate::recording::SensedSample;
+use crate::samples::SensedSample;
 use crate::temperature::REFERENCE_TEMPERATURE_DEG_C;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

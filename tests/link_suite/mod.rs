@@ -144,7 +144,7 @@ fn scenario(fault: FaultVector, seed: u64) -> Scenario {
 /// What arrives.
 fn frames(kind: Kind, scenario: &Scenario, faults: LinkFaults, seed: u64) -> Vec<RawFrame> {
     let plan = Plan::new(ActuatorId::new(0).expect("0 to 15"), scenario.clone());
-    let device = faults.stick(plan.start(), seed);
+    let device = faults.with_stuck_sensors(plan.start(), seed);
     match kind {
         Kind::Can => over_can(device, faults, seed),
         Kind::Serial => over_serial(device, faults, seed),
@@ -154,7 +154,7 @@ fn frames(kind: Kind, scenario: &Scenario, faults: LinkFaults, seed: u64) -> Vec
 fn over_can(device: Stuck<impl Iterator<Item = Timed<SerialPacket>>>, faults: LinkFaults, seed: u64) -> Vec<RawFrame> {
     let received = |frame: Timed<CanFrame>| {
         let stamp_ns = EPOCH_NS + 1000 * frame.at_us;
-        match frame.what {
+        match frame.value {
             CanFrame::Data { id, data, .. } => RawFrame::new(stamp_ns, 0, id.into(), FrameFlags::NONE, &data),
             CanFrame::Error => RawFrame::new(stamp_ns, 0, PROTOCOL_VIOLATION, FrameFlags::ERROR, &[0; 8]),
         }
@@ -173,7 +173,7 @@ fn over_serial(
     let (mut splitter, mut frames): (Splitter, Vec<RawFrame>) = (Splitter::new(), Vec::new());
     for frame in Link::new(SerialFrames(device), faults, seed) {
         let stamp_ns = EPOCH_NS + 1000 * frame.at_us;
-        for &byte in frame.what.bytes() {
+        for &byte in frame.value.bytes() {
             frames.extend(splitter.push(byte).map(|bytes| RawFrame::of_serial(stamp_ns, 0, bytes)));
         }
     }

@@ -228,7 +228,7 @@ impl Residuals<UNKNOWN_COUNT> for Refinement<'_, '_> {
         self.comparison.cost(&Coordinates(*genes))
     }
 
-    fn fold(&self, genes: &mut [f64; UNKNOWN_COUNT]) {
+    fn project(&self, genes: &mut [f64; UNKNOWN_COUNT]) {
         *genes = Coordinates(*genes).inside_the_disc().0;
     }
 

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use ema_wire::{DeframerStats, FrameFault};
+use ema_wire::{DeframerStats, FrameError};
 
 use crate::assess::WindowCounts;
 use crate::bus_state::BusStates;
@@ -154,11 +154,11 @@ impl Pipeline {
             frames_error: frames.error,
             samples,
             lost_unreadable: losses.unreadable + frames.unreadable,
-            unreadable_too_long: unreadable(FrameFault::TooLong),
-            unreadable_cobs: unreadable(FrameFault::Cobs),
-            unreadable_crc: unreadable(FrameFault::Crc),
-            unreadable_version: unreadable(FrameFault::Version),
-            unreadable_decode: unreadable(FrameFault::Decode),
+            unreadable_too_long: unreadable(FrameError::TooLong),
+            unreadable_cobs: unreadable(FrameError::Cobs),
+            unreadable_crc: unreadable(FrameError::Crc),
+            unreadable_version: unreadable(FrameError::Version),
+            unreadable_decode: unreadable(FrameError::Decode),
             lost_damaged: losses.damaged,
             lost_socket_queue: losses.socket_queue,
             lost_samples: missing,

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use ema_wire::{DeframerStats, FrameFault};
+use ema_wire::{DeframerStats, FrameError};
 use tokio::sync::mpsc;
 
 use super::freshness::Freshness;
@@ -321,7 +321,7 @@ impl Monitor {
 
 /// The frames of a serial line that could not be read since then, by cause; `None` if there are none.
 fn unreadable_since(then: DeframerStats, now: DeframerStats) -> Option<String> {
-    let fresh = FrameFault::ALL.map(|fault| (now.dropped_for(fault) - then.dropped_for(fault), fault));
+    let fresh = FrameError::ALL.map(|fault| (now.dropped_for(fault) - then.dropped_for(fault), fault));
     let said: Vec<String> = fresh
         .iter()
         .filter(|(count, _)| *count > 0)

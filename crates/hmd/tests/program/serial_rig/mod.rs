@@ -98,7 +98,7 @@ impl Device {
         for frame in &mut self.0 {
             let since = Duration::from_micros(frame.at_us - *first_us.get_or_insert(frame.at_us));
             std::thread::sleep(since.saturating_sub(start.elapsed()));
-            plug.write(frame.what.bytes());
+            plug.write(frame.value.bytes());
             if since >= duration {
                 return;
             }

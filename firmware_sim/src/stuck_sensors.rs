@@ -1,4 +1,4 @@
-//! Sensor values that stand still for a while, though the samples go on.
+//! Sensors that repeat a value for several samples: packets in, packets with repeated values out.
 
 use ema_wire::{Sample, SerialPacket};
 use rand::{RngExt, SeedableRng};
@@ -6,25 +6,26 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::device::Timed;
 
-/// Longest time that a value stands still, samples.
+/// Largest number of samples with a repeated value.
 const LONGEST: u32 = 8;
 
-/// What stands still: parts that one sensor measures.
+/// Number of signals that become stuck: currents, resolver counts, encoder counts.
 const SIGNALS: u32 = 3;
 
-/// Repeats the currents, the resolver's or the encoder's counts of a sample for the next 1 to 8.
+/// Repeats the currents, the resolver counts or the encoder counts of a sample in the next 1 to 8 samples.
 #[derive(Clone, Debug)]
-pub struct Stuck<I> {
+pub struct StuckSensors<I> {
     packets: I,
     probability: f64,
     rng: ChaCha8Rng,
-    /// Which signal, the sample whose value it keeps, and for how many more samples.
+    /// The stuck signal, the sample whose value it repeats, and the number of samples left.
     held: Option<(u32, Sample, u32)>,
     last: Option<Sample>,
 }
 
-impl<I> Stuck<I> {
-    /// At each sample one of the three signals, drawn, gets stuck with this probability, 0 to 1, unless one is stuck.
+impl<I> StuckSensors<I> {
+    /// At each sample, one of the three signals, drawn at random, becomes stuck with this probability, 0 to 1, unless one is
+    /// stuck already.
     pub fn new(packets: I, probability: f64, seed: u64) -> Self {
         Self {
             packets,
@@ -35,7 +36,7 @@ impl<I> Stuck<I> {
         }
     }
 
-    fn pass(&mut self, mut sample: Sample) -> Sample {
+    fn with_repeated_values(&mut self, mut sample: Sample) -> Sample {
         let begins = self.rng.random_bool(self.probability);
         let (signal, length) = (self.rng.random_range(0..SIGNALS), self.rng.random_range(1..=LONGEST));
         if begins
@@ -57,13 +58,13 @@ impl<I> Stuck<I> {
     }
 }
 
-impl<I: Iterator<Item = Timed<SerialPacket>>> Iterator for Stuck<I> {
+impl<I: Iterator<Item = Timed<SerialPacket>>> Iterator for StuckSensors<I> {
     type Item = Timed<SerialPacket>;
 
     fn next(&mut self) -> Option<Self::Item> {
         let timed = self.packets.next()?;
         Some(timed.map(|packet| match packet {
-            SerialPacket::Sample(sample) => SerialPacket::Sample(self.pass(sample)),
+            SerialPacket::Sample(sample) => SerialPacket::Sample(self.with_repeated_values(sample)),
             SerialPacket::Status { .. } => packet,
         }))
     }

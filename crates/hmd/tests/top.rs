@@ -160,7 +160,10 @@ fn a_recording_is_shown_as_it_stood_at_its_end() {
         let mut terminal = top(&path);
         let screen = terminal.wait_for("RECORDED until 2024-02-18 18:13 UTC");
         assert!(
-            screen.contains("> ema0") && screen.contains("critical") && screen.contains("friction      74 %"),
+            screen.contains("> ema0")
+                && screen.contains("critical")
+                && screen.contains("friction      74 %")
+                && screen.contains("buses    can0 well"),
             "{screen}"
         );
         assert!(terminal.is_taken() && terminal.has_colour());

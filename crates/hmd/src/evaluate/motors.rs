@@ -13,7 +13,7 @@ use crate::seed::mix;
 use crate::simulated::SimulatedWindow;
 use crate::unit::fit_motor;
 
-/// Current noise of each phase, A rms, beside 12-bit converters.
+/// Current noise of each phase, A rms, beside the converters of the type.
 pub(super) const NOISE_RMS_A: f64 = 0.05;
 
 /// Largest deviation of a motor's resistance and back-EMF from its type's.

@@ -40,7 +40,7 @@ pub struct UnitFit {
 /// has of its own. The prior of the first comparison's motor stands for the tolerance of the type.
 ///
 /// Gauss–Newton on the normal equations of all windows, each window's own unknowns eliminated (Schur complement). `None`
-/// without windows.
+/// without windows, or where they do not determine it.
 #[must_use]
 pub fn fit_motor(windows: &[Comparison<'_>]) -> Option<UnitFit> {
     let first = windows.first()?;

@@ -19,7 +19,7 @@ use ema_identify::{comparison, pull_from};
 const HEALTHY_WINDOWS: u64 = 8;
 const FAULTY_WINDOWS: u64 = 40;
 
-/// Seeds below this belong to nobody else: the suites hash theirs.
+/// Upper bits of the seeds of a calibration's windows, which belong to nobody else: the suites hash theirs.
 const SEED_SPACE: u64 = 0xCA11_B8A7_0000_0000;
 
 /// Calibrates a monitor form for a type of actuator.

@@ -109,7 +109,7 @@ struct Plan {
 
 /// The `paper` suite: five faults at three levels and ten seeds each, and Table III's vector at ten seeds.
 ///
-/// Each seed also draws which phase is shorted, the eccentricity's direction, and which way the gain drifts.
+/// Each seed also draws which phase is shorted and the eccentricity's direction; the gain drifts up, as in the paper.
 ///
 /// # Errors
 /// [`ConfigError`] when the identifier's settings contradict each other.

@@ -1,4 +1,5 @@
-//! Simulated windows: the reference model's actuations, cut as recorded ones are. For calibration and the suites.
+//! Simulated windows: the reference model's actuations, cut as recorded ones are, less the last sample (the suites'
+//! figures are of 1000 samples at 2 kHz, a recorded window has 1001). For calibration and the suites.
 
 use ema_models::reference::{Actuations, Scenario};
 use ema_models::{ActuatorParams, Conditions, FaultVector, Profile, SensedSample, Setpoint};

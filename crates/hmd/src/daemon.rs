@@ -46,7 +46,8 @@ use hmd_storage::clock::now_ns;
 use hmd_storage::event_file::events_of;
 use hmd_storage::history_file;
 use hmd_storage::recorder::{RecordError, Recorder};
-use monitor::{Monitor, tell};
+use monitor::{Monitor, tell, tell_last_summaries, tell_unless_many};
+use notices::Notices;
 use standing::Standings;
 pub use window_queue::QUEUE_WINDOWS;
 
@@ -128,6 +129,8 @@ struct Shared {
     last_record: Option<Instant>,
     /// What the verdicts made of the actuators.
     standings: Standings,
+    /// Which notices were told lately, by either thread.
+    notices: Notices,
 }
 
 impl Daemon {
@@ -154,6 +157,7 @@ impl Daemon {
             judging: (Duration::ZERO, Duration::ZERO),
             last_record: None,
             standings: Standings::default(),
+            notices: Notices::default(),
         });
         let windows = WindowQueue::new();
         let (queue, inputs) = mpsc::channel(QUEUE_INPUTS);
@@ -184,7 +188,8 @@ impl Daemon {
             runtime.block_on(receive(sources, queue, shutdown));
             (join(watching), judging.map_or(Ok(()), join))
         });
-        let shared = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let mut shared = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let told = tell_last_summaries(&mut shared, observer);
         let mut status = monitor.status(&shared);
         let written = shared.recorder.map_or(Ok(None), |mut recorder| {
             recorder.status(now_ns(), &status)?;
@@ -193,6 +198,7 @@ impl Daemon {
         // The file is ended whatever went wrong before; the first error is the one to tell.
         judged?;
         watched?;
+        told?;
         if let Some(store) = written? {
             status.set_storage(&store.status);
             for (level, message) in store.messages {
@@ -284,9 +290,10 @@ fn judge_all(
             shared.windows = judge.counts();
             let (total, longest) = shared.judging;
             shared.judging = (total + took, longest.max(took));
+            // The same trouble may come with every window.
             for message in of_life {
                 let stamp_ns = judged.health.t_start_ns;
-                tell(&Notice { stamp_ns, message }, LogLevel::Warning, &mut shared, observer)?;
+                tell_unless_many(&Notice { stamp_ns, message }, LogLevel::Warning, &mut shared, observer)?;
             }
             if let Some((level, message)) = shared.standings.take(&judged.health, pending, passive) {
                 let stamp_ns = judged.health.t_start_ns;

@@ -40,7 +40,7 @@ pub struct IdentificationConfig {
     pub population: u32,
     /// Generations after the first population.
     pub generations: u32,
-    /// Most costs computed for one window.
+    /// Most monitor runs of one search of a window. A window whose counts turn out wrong is searched again, at most twice.
     pub evaluations_max: u32,
 }
 

@@ -173,3 +173,21 @@ impl Status {
 }
 
 super::impl_record!(Status, |_status| "/hmd/status".to_owned());
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_loss_that_a_log_can_have_is_in_the_sentence() {
+        assert_eq!(Status::default().lost_in_logs(0), None);
+        let dropped = Status {
+            lost_windows: 7,
+            ..Status::default()
+        };
+        let said = dropped.lost_in_logs(0).unwrap();
+        assert!(said.ends_with(", 7 windows that the live run did not judge"), "{said}");
+        let said = Status::default().lost_in_logs(2).unwrap();
+        assert!(said.contains(" 2 damaged places "), "{said}");
+    }
+}

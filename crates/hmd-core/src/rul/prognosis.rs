@@ -86,7 +86,7 @@ pub struct Forecast {
     pub faults: [Result<Life, NoTrend>; FAULTS],
     /// Of the actuator: the earliest of its faults, taken as independent.
     pub actuator: Result<Life, NoTrend>,
-    /// The fault that most likely ends the life.
+    /// The fault with the shortest median life; `None` without a trend.
     pub dominant: Option<usize>,
     /// Hours of [`Life::fails_within_horizon`].
     pub horizon_h: f64,

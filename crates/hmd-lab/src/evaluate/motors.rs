@@ -13,7 +13,7 @@ use ema_identify::Identifier;
 use ema_identify::unit_fit::fit_motor;
 use hmd_core::seed::mix;
 
-/// Current noise of each phase, A rms, beside 12-bit converters.
+/// Current noise of each phase, A rms, beside the converters of the type.
 pub(super) const NOISE_RMS_A: f64 = 0.05;
 
 /// Largest deviation of a motor's resistance and back-EMF from its type's.

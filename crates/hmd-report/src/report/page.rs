@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::history::{Files, History, Source};
 use super::plot::escaped;
 use super::sections::{fault_vector, fit, remaining, residuals, timeline};
-use hmd_core::record::{FAULT_NAMES, Rul, Status};
+use hmd_core::record::{FAULT_NAMES, Rul};
 use hmd_core::timestamp;
 
 const STYLE: &str = include_str!("style.css");
@@ -179,48 +179,52 @@ fn quality(files: &Files, history: &History) -> String {
             .collect();
         text += &table("Why windows were not ok", &[("Reason", ""), ("Windows", "n")], &rows);
     }
+    let errors: String = files
+        .sources
+        .iter()
+        .filter(|source| source.status.frames_error > 0)
+        .map(|source| loss(&source.file, "error frames", &source.status.frames_error.to_string()))
+        .collect();
+    if !errors.is_empty() {
+        text += &table("What the buses reported", &LOST, &errors);
+    }
     let mut rows = String::new();
     for source in &files.sources {
-        for (what, count) in losses(&source.status).into_iter().filter(|(_, count)| *count > 0) {
-            let file = escaped(&source.file);
-            let _ = writeln!(
-                rows,
-                "<tr><td>{file}</td><td>{what}</td><td class=\"n\">{count}</td></tr>"
-            );
+        for (cause, count) in source.status.losses().into_iter().filter(|(_, count)| *count > 0) {
+            rows += &loss(&source.file, in_words(cause), &count.to_string());
         }
         if source.damaged {
-            let file = escaped(&source.file);
-            let _ = writeln!(
-                rows,
-                "<tr><td>{file}</td><td>parts of the file are damaged</td><td class=\"n\">yes</td></tr>"
-            );
+            rows += &loss(&source.file, "parts of the file are damaged", "yes");
         }
     }
     if rows.is_empty() {
         text + "<p>The files lost nothing: no frame, no sample, no window of any actuator.</p>\n"
     } else {
-        text + &table(
-            "Lost, over all actuators",
-            &[("File", ""), ("What", ""), ("Count", "n")],
-            &rows,
-        )
+        text + &table("Lost, over all actuators", &LOST, &rows)
     }
 }
 
-/// Every cause of loss by its name in `docs/records.md`.
-fn losses(status: &Status) -> [(&'static str, u64); 10] {
-    [
-        ("error frames", status.frames_error),
-        ("unreadable lines or serial frames", status.lost_unreadable),
-        ("frames in damaged parts", status.lost_damaged),
-        ("frames dropped by the kernel", status.lost_socket_queue),
-        ("samples", status.lost_samples),
-        ("malformed frames", status.lost_malformed),
-        ("late frames", status.lost_late),
-        ("windows not judged", status.lost_windows),
-        ("frames not stored", status.lost_storage_frames),
-        ("records not stored", status.lost_storage_records),
-    ]
+/// Heads of the rows of [`loss`].
+const LOST: [(&str, &str); 3] = [("File", ""), ("What", ""), ("Count", "n")];
+
+fn loss(file: &str, what: &str, count: &str) -> String {
+    let file = escaped(file);
+    format!("<tr><td>{file}</td><td>{what}</td><td class=\"n\">{count}</td></tr>\n")
+}
+
+/// A cause of [`crate::record::Status::losses`], as `docs/records.md` explains it.
+fn in_words(cause: &'static str) -> &'static str {
+    match cause {
+        "unreadable" => "unreadable lines or serial frames",
+        "damaged" => "frames in damaged parts",
+        "socket_queue" => "frames dropped by the kernel",
+        "malformed" => "malformed frames",
+        "late" => "late frames",
+        "windows" => "windows not judged",
+        "storage_frames" => "frames not stored",
+        "storage_records" => "records not stored",
+        other => other,
+    }
 }
 
 fn events(files: &Files) -> String {
@@ -271,7 +275,7 @@ fn table(caption: &str, heads: &[(&str, &str)], rows: &str) -> String {
 mod tests {
     use super::super::history::Point;
     use super::*;
-    use hmd_core::record::{Estimate, Health};
+    use hmd_core::record::{Estimate, Health, Status};
 
     fn history(windows: u64) -> History {
         let point = |n: u64| Point {
@@ -312,6 +316,33 @@ mod tests {
         for forbidden in ["<script", "<img", "<b>", "http://", "https://", "NaN", "inf "] {
             assert!(!text.contains(forbidden), "{forbidden}");
         }
+    }
+
+    #[test]
+    fn every_loss_is_told_and_an_error_frame_is_none() {
+        let of = |status| {
+            let source = Source {
+                status,
+                ..Source::default()
+            };
+            let files = Files {
+                sources: vec![source],
+                ..Files::default()
+            };
+            page(&files, &history(1))
+        };
+        let errors = of(Status {
+            frames_error: 3,
+            ..Status::default()
+        });
+        assert!(errors.contains("<td>error frames</td><td class=\"n\">3</td>"));
+        assert!(
+            errors.contains("The files lost nothing"),
+            "as the exit code and the metrics have it"
+        );
+        // Every cause has a text of its own: none is the name of a field with its underscore.
+        let causes = Status::default().losses().map(|(cause, _)| in_words(cause));
+        assert!(causes.iter().all(|text| !text.contains('_')), "{causes:?}");
     }
 
     #[test]

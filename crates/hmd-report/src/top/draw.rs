@@ -183,7 +183,10 @@ impl Page<'_> {
                     "buses    not told yet: a record of the counters comes every ten seconds",
                     Style::new(),
                 );
-                self.line("lost     not told yet", Style::new());
+                self.line(
+                    &format!("lost     not told yet{}", super::process::damage(model.state.damaged)),
+                    Style::new(),
+                );
             }
         }
     }

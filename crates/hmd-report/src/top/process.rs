@@ -74,11 +74,20 @@ pub(super) fn losses(status: &Status, damaged: u64) -> String {
     } else {
         windows.join(", ")
     };
-    let mut said = format!("lost     {lost}; frames {}, windows {windows}", status.frames_received);
+    format!(
+        "lost     {lost}; frames {}, windows {windows}{}",
+        status.frames_received,
+        damage(damaged)
+    )
+}
+
+/// Places in the files that could not be read; nothing where there are none.
+pub(super) fn damage(damaged: u64) -> String {
     if damaged > 0 {
-        said += &format!("; {damaged} damaged places in the file");
+        format!("; {damaged} damaged places in the file")
+    } else {
+        String::new()
     }
-    said
 }
 
 fn bytes(count: u64) -> String {

@@ -42,7 +42,7 @@ pub(super) enum What {
     Chunk(Content),
     /// The header, which has no checksum of its own.
     Header(Vec<u8>),
-    /// A metadata record, which has no checksum of its own.
+    /// A metadata record, which MCAP gives no checksum.
     Metadata(Vec<u8>),
     /// An attachment; not read here.
     Attachment,

@@ -97,6 +97,17 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         let sentence = format!("--n: expected none with the suite paper, whose content is fixed, found {n}");
         return Err(Misuse(sentence).into());
     }
+    if args.suite == Suite::Rul {
+        for (option, is_set) in [
+            ("--monitor", args.monitor.is_some()),
+            ("--method", args.method.is_some()),
+        ] {
+            if is_set {
+                let sentence = format!("{option}: expected none with the suite rul, which identifies nothing");
+                return Err(Misuse(sentence).into());
+            }
+        }
+    }
     let config = load_config(args.config.as_deref())?;
     use_threads(args.threads.map(usize::from))?;
     if args.suite == Suite::Rul {

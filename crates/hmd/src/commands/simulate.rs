@@ -48,7 +48,7 @@ pub struct Args {
     /// Sampling rate, Hz; default that of the type.
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// Current noise, A rms; above 0 the 12-bit converters are in the path too.
+    /// Current noise, A rms; above 0 the current converters are in the path too.
     #[arg(long, default_value_t = 0.0, value_parser = not_negative)]
     noise: f64,
     /// Constant load at the output, Nm; positive opposes positive motion.

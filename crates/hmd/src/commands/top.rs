@@ -206,7 +206,14 @@ fn once(watch: &mut Watch) -> anyhow::Result<Exit> {
         super::say(line.trim_end())?;
     }
     io::stdout().flush().context("stdout")?;
-    Ok(Exit::Done)
+    if watch.state.damaged == 0 {
+        return Ok(Exit::Done);
+    }
+    super::warn(format_args!(
+        "{}: data lost: {} damaged places",
+        watch.place, watch.state.damaged
+    ));
+    Ok(Exit::DataLost)
 }
 
 /// What the keys have chosen.

@@ -42,7 +42,7 @@ pub use backlash::follow_through_play;
 pub use command::Profile;
 pub use control::{Ace, AceState, Encoder, Setpoint};
 pub use dispatch::InstructionSet;
-pub use fault::{FAULT_COUNT, FaultVector, eq15_pct, rss_pct, wrapped_phase_difference};
+pub use fault::{FAULT_COUNT, FaultId, FaultVector, eq15_pct, rss_pct, wrapped_phase_difference};
 pub use frames::{
     abc_from_alpha_beta, alpha_beta_from_abc, alpha_beta_from_dq, dq_from_abc, dq_from_alpha_beta, phase_shapes,
 };

@@ -7,7 +7,7 @@ mod records;
 use std::sync::Arc;
 
 use ema_ga::GaConfig;
-use ema_models::{FAULT_COUNT, FaultVector};
+use ema_models::{FAULT_COUNT, FaultId, FaultVector};
 
 use crate::config::{Config, IdentificationConfig, SearchMethod};
 use crate::functional_check::{CHECK_LANES, unmet_requirements};
@@ -193,17 +193,19 @@ pub fn method(section: &IdentificationConfig) -> Method {
 /// Damage of what the window shows; the rest has no sigma and is left as it was.
 #[must_use]
 pub fn damage_evidence(estimate: &Estimate) -> DamageEvidence {
+    let sigma = estimate.damage_sigma();
     DamageEvidence {
-        damage: estimate.fault.damage(),
-        sigma: Some(estimate.damage_sigma()),
+        damage: estimate.fault.damages(),
+        sigma: Some(FaultId::ALL.map(|fault| sigma[fault.parameter()])),
     }
 }
 
 /// Says which parameters the window does not show. The phase k7 is no handicap: without eccentricity it has no meaning.
 fn unseen(estimate: &Estimate) -> Option<String> {
-    let names: Vec<&str> = (0..FAULT_COUNT)
-        .filter(|&p| p != 6 && !estimate.observable[p])
-        .map(|p| ema_models::FaultVector::NAMES[p])
+    let names: Vec<&str> = FaultId::ALL
+        .into_iter()
+        .filter(|fault| !estimate.observable[fault.parameter()])
+        .map(FaultId::name)
         .collect();
     (!names.is_empty()).then(|| format!("not excited: {}", names.join(", ")))
 }
@@ -211,9 +213,11 @@ fn unseen(estimate: &Estimate) -> Option<String> {
 /// Says which other values explain the window as well.
 fn ambiguous(estimate: &Estimate, rival: &ema_models::FaultVector) -> String {
     let (k, other) = (estimate.fault.to_array(), rival.to_array());
-    let names: Vec<String> = (0..FAULT_COUNT)
-        .filter(|&p| p != 6 && (k[p] - other[p]).abs() > RIVAL_DIFFERENCE)
-        .map(|p| format!("{} {:.2} or {:.2}", ema_models::FaultVector::NAMES[p], k[p], other[p]))
+    let names: Vec<String> = FaultId::ALL
+        .into_iter()
+        .map(|fault| (fault.name(), k[fault.parameter()], other[fault.parameter()]))
+        .filter(|(_, k, other)| (k - other).abs() > RIVAL_DIFFERENCE)
+        .map(|(name, k, other)| format!("{name} {k:.2} or {other:.2}"))
         .collect();
     format!("ambiguous: {}", names.join(", "))
 }

@@ -28,17 +28,6 @@ use prost_types::FileDescriptorSet;
 /// Version of the meaning of the records, written into every channel's metadata; a breaking change counts it up.
 pub const SCHEMA_VERSION: &str = "1";
 
-/// The faults in the order of `Health::faults` and of the `damage_…` fields.
-pub const FAULT_NAMES: [&str; 7] = [
-    "friction",
-    "backlash",
-    "short_a",
-    "short_b",
-    "short_c",
-    "eccentricity",
-    "gain",
-];
-
 /// A message with a schema and a topic of its own.
 pub trait Record: prost::Message + Default {
     /// Full protobuf name, which is also the name of the MCAP schema.

@@ -2,8 +2,9 @@
 
 use super::follow::Progress;
 use super::state::{Known, State};
+use ema_models::FaultId;
 use hmd_core::health::HealthState;
-use hmd_core::record::{FAULT_NAMES, Status};
+use hmd_core::record::Status;
 
 /// Silence from which a source that should be live is called silent, s: status records come every ten seconds and are on the
 /// disk a second later.
@@ -151,8 +152,8 @@ fn row<'a>(state: &'a State, condition: Condition, n: usize, name: &'a str) -> R
     let damages = known
         .and_then(|known| known.assessed.as_ref())
         .map(|health| health.damages());
-    let largest = |damages: [Option<f64>; FAULT_NAMES.len()]| {
-        let damages = FAULT_NAMES.into_iter().zip(damages);
+    let largest = |damages: [Option<f64>; FaultId::COUNT]| {
+        let damages = FaultId::NAMES.into_iter().zip(damages);
         damages
             .filter_map(|(fault, damage)| Some((fault, damage?)))
             .max_by(|a, b| a.1.total_cmp(&b.1))

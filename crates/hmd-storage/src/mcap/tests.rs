@@ -296,7 +296,7 @@ fn write_a_sample() {
             observable: [true; 8],
         }));
         health.set_damage([some; 7]);
-        health.set_faults(&["friction", "gain"]);
+        health.set_faults(&[FaultId::Friction, FaultId::Gain]);
         sink.write(t_end_ns, &health).unwrap();
         let mut rul = Rul {
             actuator: actuator(),

@@ -15,7 +15,7 @@ use crate::health::DamageEvidence;
 use crate::history::{HistoryStore, WindowEvidence};
 use crate::outbox::WindowJob;
 use crate::outliers::identify_without_outliers;
-use crate::record;
+use crate::record::{self, WindowStatus};
 use crate::seed::mix;
 use crate::window::WindowQuality;
 use ema_identify::{Estimate, Fit, Identifier, Method, Population};
@@ -125,19 +125,19 @@ impl Assessor {
         }
         let explained = found.as_ref().filter(|estimate| !estimate.is_unmodelled());
         let status = match (&found, explained, reasons.is_empty()) {
-            (None, _, _) => "invalid",
+            (None, _, _) => WindowStatus::Invalid,
             (Some(estimate), None, _) => {
                 reasons.extend(estimate.unmodelled().as_ref().map(ToString::to_string));
-                "unmodelled"
+                WindowStatus::Unmodelled
             }
-            (Some(_), Some(_), true) => "ok",
-            (Some(_), Some(_), false) => "degraded",
+            (Some(_), Some(_), true) => WindowStatus::Ok,
+            (Some(_), Some(_), false) => WindowStatus::Degraded,
         };
         match status {
-            "ok" => self.counts.ok += 1,
-            "degraded" => self.counts.degraded += 1,
-            "unmodelled" => self.counts.unmodelled += 1,
-            _ => self.counts.invalid += 1,
+            WindowStatus::Ok => self.counts.ok += 1,
+            WindowStatus::Degraded => self.counts.degraded += 1,
+            WindowStatus::Unmodelled => self.counts.unmodelled += 1,
+            WindowStatus::Invalid => self.counts.invalid += 1,
         }
         let config = self.config.clone();
         let specification = job.actuator.specification;

@@ -5,7 +5,7 @@ use ema_models::{FaultId, Setpoint};
 use crate::health::{HealthDecision, HealthState};
 use crate::history::UnitAssessment;
 use crate::outbox::WindowJob;
-use crate::record;
+use crate::record::{self, WindowStatus};
 use crate::rul::RemainingLife;
 use ema_identify::{Estimate, Fit};
 
@@ -18,7 +18,7 @@ fn largest_fault(decision: &HealthDecision, estimate: Option<&Estimate>) -> Stri
 
 pub(super) fn health_record(
     job: &WindowJob,
-    status: &str,
+    status: WindowStatus,
     reason: &str,
     estimate: Option<&Estimate>,
     assessment: &UnitAssessment,
@@ -28,7 +28,7 @@ pub(super) fn health_record(
         actuator: job.actuator.name.clone(),
         window: job.window.number,
         t_start_ns: job.window.t_start_ns,
-        status: status.to_owned(),
+        status: status.name().to_owned(),
         reason: reason.to_owned(),
         health: reported_state(assessment.state, estimate).to_string(),
         cost: estimate.map(|e| e.cost),
@@ -46,7 +46,7 @@ pub(super) fn health_record(
         health.set_damage(estimate.fault.damages().map(Some));
     }
     // An invalid window is never counted as a fault: it lists none, and the state stays what it was.
-    if status != "unmodelled" && estimate.is_some() && decision.state > HealthState::Nominal {
+    if status != WindowStatus::Unmodelled && estimate.is_some() && decision.state > HealthState::Nominal {
         health.set_faults(&decision.faults);
     }
     health
@@ -113,7 +113,7 @@ pub(super) fn rul_record(
     rul
 }
 
-pub(super) fn window_record(job: &WindowJob, status: &str, reason: &str, fit: Fit) -> record::Window {
+pub(super) fn window_record(job: &WindowJob, status: WindowStatus, reason: &str, fit: Fit) -> record::Window {
     let (window, rate) = (&job.window, job.params.sensors.sample_rate);
     let value = |setpoint: Setpoint| match setpoint {
         Setpoint::Idle => 0.0,
@@ -134,7 +134,7 @@ pub(super) fn window_record(job: &WindowJob, status: &str, reason: &str, fit: Fi
         window: window.number,
         t_start_ns: window.t_start_ns,
         duration_s: window.samples.len().saturating_sub(1) as f64 / rate,
-        status: status.to_owned(),
+        status: status.name().to_owned(),
         reason: reason.to_owned(),
         // The grid has places for missing samples too, which are filled.
         samples: (window.samples.len() as u64).saturating_sub(window.lost),
@@ -209,7 +209,7 @@ mod tests {
             conditions: MeasuredConditions::default(),
             operating_s: 0.0,
         };
-        let record = window_record(&job, "degraded", "", Fit::default());
+        let record = window_record(&job, WindowStatus::Degraded, "", Fit::default());
         let counts = [record.samples_expected, record.samples, record.samples_lost];
         assert_eq!((counts, record.time_s.len()), ([10, 8, 2], 7));
     }

@@ -6,7 +6,7 @@ use std::fmt::Write;
 use super::history::{Files, History, Source};
 use super::plot::escaped;
 use super::sections::{fault_vector, fit, remaining, residuals, timeline};
-use hmd_core::record::Rul;
+use hmd_core::record::{Rul, WindowStatus};
 use hmd_core::timestamp;
 
 const STYLE: &str = include_str!("style.css");
@@ -160,7 +160,7 @@ fn quality(files: &Files, history: &History) -> String {
             escaped(what)
         );
     };
-    for status in ["ok", "degraded", "invalid", "unmodelled"] {
+    for status in WindowStatus::ALL.map(WindowStatus::name) {
         let count = history.points.iter().filter(|point| point.status == status).count();
         row(&format!("windows {status}"), count as u64);
     }

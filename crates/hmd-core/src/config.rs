@@ -102,7 +102,10 @@ impl Config {
     /// [`ConfigError`] for the first thing that is wrong.
     pub fn from_toml_str(text: &str, file_name: &str) -> Result<Self, ConfigError> {
         let no_files = |_: &Path| Err("files cannot be read here".to_owned());
-        Self::from_texts(&[(file_name.to_owned(), text.to_owned())], &no_files)
+        let mut config = Self::from_texts(&[(file_name.to_owned(), text.to_owned())], &no_files)?;
+        // The text is no file that a run would read.
+        config.files.clear();
+        Ok(config)
     }
 
     /// Checks the texts of several files, each with the name that errors call it: what a later one sets again holds, and

@@ -10,12 +10,7 @@ use anyhow::{Context, bail};
 use crate::shell::{cargo, root, run, target_dir};
 
 /// Documents with such lines.
-const DOCUMENTS: [&str; 4] = [
-    "README.md",
-    "docs/accuracy.md",
-    "docs/prognosis.md",
-    "docs/viewers.md",
-];
+const DOCUMENTS: [&str; 4] = ["README.md", "docs/accuracy.md", "docs/prognosis.md", "docs/viewers.md"];
 
 /// Makes `hmd-demo.mcap`, which documents show.
 const DEMO: &str = "demo";

@@ -10,18 +10,18 @@ use ema_ga::GaConfig;
 use ema_models::{FAULT_COUNT, FaultVector};
 
 use crate::config::{Config, IdentificationConfig, SearchMethod};
-use crate::demux::WindowJob;
-use crate::functional_check::{TRIED, shortfalls};
-use crate::health::Judgement;
-use crate::history::{Lives, Shown};
+use crate::functional_check::{CHECK_LANES, unmet_requirements};
+use crate::health::DamageEvidence;
+use crate::history::{HistoryStore, WindowEvidence};
+use crate::outbox::WindowJob;
 use crate::outliers::identify_without_outliers;
 use crate::record;
 use crate::seed::mix;
-use crate::window::Verdict;
+use crate::window::WindowQuality;
 use ema_identify::{Estimate, Fit, Identifier, Method, Population};
 use records::{health_record, rul_record, window_record};
 
-pub use conditions::{TYPE_TOLERANCE, conditions, known_at};
+pub use conditions::{TYPE_TOLERANCE, conditions, motor_knowledge_at};
 pub use models::{AssessError, Models, ReadText, TypeModel, model_hash};
 
 /// Judges the windows of all actuators, in the order in which they come.
@@ -31,7 +31,7 @@ pub struct Assessor {
     method: Method,
     seed: u64,
     models: Models,
-    lives: Lives,
+    histories: HistoryStore,
     counts: WindowCounts,
 }
 
@@ -65,7 +65,7 @@ impl Assessor {
     pub fn new(config: Arc<Config>, models: Models, seed: u64) -> Self {
         let method = method(config.identification());
         Self {
-            lives: Lives::new(config.clone()),
+            histories: HistoryStore::new(config.clone()),
             config,
             method,
             seed,
@@ -75,8 +75,8 @@ impl Assessor {
     }
 
     /// Lives of all actuators.
-    pub fn lives(&mut self) -> &mut Lives {
-        &mut self.lives
+    pub fn histories(&mut self) -> &mut HistoryStore {
+        &mut self.histories
     }
 
     /// Windows so far.
@@ -95,7 +95,7 @@ impl Assessor {
         let mut found = None;
         let mut fit = Fit::default();
         match conditions(&job) {
-            _ if !job.window.verdict.is_fit() => reasons.push(job.window.verdict.to_string()),
+            _ if !job.window.quality.is_fit() => reasons.push(job.window.quality.to_string()),
             Err(absurd) => reasons.push(absurd),
             Ok(conditions) => {
                 let calibrated = self.models.of_type(&job.actuator.type_name)?.calibrated;
@@ -103,7 +103,7 @@ impl Assessor {
                 let seed = mix(self.seed, &[name_hash(&job.actuator.name), job.window.number]);
                 let (prepared, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, seed)?;
                 fit = identifier.fit(&prepared, conditions, &estimate);
-                if let Verdict::Degraded(handicaps) = &job.window.verdict {
+                if let WindowQuality::Degraded(handicaps) = &job.window.quality {
                     reasons.extend(handicaps.iter().map(ToString::to_string));
                 }
                 if !calibrated {
@@ -142,17 +142,18 @@ impl Assessor {
         let config = self.config.clone();
         let specification = job.actuator.specification;
         let coefficients = self.models.of_type(&job.actuator.type_name)?.calibration.coefficients();
-        let falls_short =
-            |faults: &[FaultVector; TRIED]| shortfalls(&job.params, &coefficients, &specification, faults);
-        let judged = explained.map(judgement);
-        let shown = Shown {
-            judgement: judged.as_ref(),
+        let falls_short = |faults: &[FaultVector; CHECK_LANES]| {
+            unmet_requirements(&job.params, &coefficients, &specification, faults)
+        };
+        let assessed = explained.map(damage_evidence);
+        let evidence = WindowEvidence {
+            damage_evidence: assessed.as_ref(),
             fault: explained.map(|estimate| &estimate.fault),
             fit: &fit,
-            shortfall: specification.is_set().then_some(&falls_short as _),
+            unmet_requirement: specification.is_set().then_some(&falls_short as _),
         };
-        let life = self.lives.at(&job.actuator, job.window.t_start_ns)?;
-        let decision = life.update(&job, &shown, &config);
+        let history = self.histories.history_at(&job.actuator, job.window.t_start_ns)?;
+        let decision = history.update(&job, &evidence, &config);
         let reason = reasons.join("; ");
         Ok(AssessedWindow {
             window: window_record(&job, status, &reason, fit),
@@ -170,7 +171,7 @@ impl Assessor {
             params: job.params,
             calibration: self.models.of_type(&job.actuator.type_name)?.calibration.clone(),
             method: self.method,
-            motor: known_at(self.models.motor(&job.actuator), job.conditions.winding_temp_deg_c),
+            motor: motor_knowledge_at(self.models.motor(&job.actuator), job.conditions.winding_temp_deg_c),
         })
     }
 }
@@ -191,8 +192,8 @@ pub fn method(section: &IdentificationConfig) -> Method {
 
 /// Damage of what the window shows; the rest has no sigma and is left as it was.
 #[must_use]
-pub fn judgement(estimate: &Estimate) -> Judgement {
-    Judgement {
+pub fn damage_evidence(estimate: &Estimate) -> DamageEvidence {
+    DamageEvidence {
         damage: estimate.fault.damage(),
         sigma: Some(estimate.damage_sigma()),
     }

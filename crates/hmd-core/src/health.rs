@@ -173,7 +173,7 @@ const STATES: [HealthState; STEPS + 1] = [
 
 /// What the identification of one window says of the damage.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Judgement {
+pub struct DamageEvidence {
     /// Damage in fault-vector order (see [`FaultVector::damage`]); index 6, the direction, is never read. A damage that is
     /// no number was not observable in this window and leaves its fault as it is.
     pub damage: [f64; FAULT_COUNT],
@@ -216,7 +216,9 @@ pub struct Health {
     /// The rules. They come from the configuration, never from a file in which the rest is kept.
     #[serde(skip)]
     levels: [Levels; FAULTS],
-    judged: bool,
+    /// Whether any window was assessed. The name in history files is older.
+    #[serde(rename = "judged")]
+    assessed: bool,
     last: (HealthState, [HealthState; FAULTS]),
     faults: [FaultMemory; FAULTS],
 }
@@ -244,7 +246,7 @@ impl Health {
         }
         Ok(Self {
             levels,
-            judged: false,
+            assessed: false,
             last: (HealthState::Unknown, [HealthState::Unknown; FAULTS]),
             faults: [FaultMemory::default(); FAULTS],
         })
@@ -284,22 +286,24 @@ impl Health {
 
     /// Forgets everything, as after the replacement of the part.
     pub fn reset(&mut self) {
-        self.judged = false;
+        self.assessed = false;
         self.last = (HealthState::Unknown, [HealthState::Unknown; FAULTS]);
         self.faults = [FaultMemory::default(); FAULTS];
     }
 
     /// Takes the next window; `None` if it was not judged.
-    pub fn update(&mut self, window: u64, judgement: Option<&Judgement>) -> HealthDecision {
+    pub fn update(&mut self, window: u64, damage_evidence: Option<&DamageEvidence>) -> HealthDecision {
         for (fault, memory) in self.faults.iter_mut().enumerate() {
-            let Some((damage, sigma)) = judgement.and_then(|judgement| judgement.of(fault)) else {
+            let Some((damage, sigma)) =
+                damage_evidence.and_then(|damage_evidence| damage_evidence.damage_and_sigma(fault))
+            else {
                 continue;
             };
             memory.update(damage, sigma, &self.levels[fault]);
-            self.judged = true;
+            self.assessed = true;
         }
         let states = self.faults.map(|memory| {
-            if self.judged {
+            if self.assessed {
                 STATES[memory.reached]
             } else {
                 HealthState::Unknown
@@ -326,9 +330,9 @@ fn is_fault(state: HealthState) -> bool {
     state >= HealthState::Watch
 }
 
-impl Judgement {
+impl DamageEvidence {
     /// Damage and sigma of a fault, if it was observable.
-    pub(crate) fn of(&self, fault: usize) -> Option<(f64, f64)> {
+    pub(crate) fn damage_and_sigma(&self, fault: usize) -> Option<(f64, f64)> {
         let damage = self.damage[INDEX[fault]];
         let sigma = self.sigma.map_or(0.0, |sigma| sigma[INDEX[fault]]);
         (damage.is_finite() && sigma.is_finite() && sigma >= 0.0).then_some((damage, sigma))
@@ -362,8 +366,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn friction(damage: f64) -> Judgement {
-        Judgement {
+    fn friction(damage: f64) -> DamageEvidence {
+        DamageEvidence {
             damage: [damage, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
             sigma: None,
         }
@@ -381,8 +385,8 @@ mod tests {
     fn states(persistence: u32, history: &[f64]) -> String {
         let mut health = health(persistence);
         let decide = |(n, &damage): (usize, &f64)| {
-            let judged = friction(damage);
-            health.update(n as u64, (!damage.is_nan()).then_some(&judged)).state
+            let assessed = friction(damage);
+            health.update(n as u64, (!damage.is_nan()).then_some(&assessed)).state
         };
         let initial = |state| match state {
             HealthState::Unknown => '?',
@@ -439,7 +443,7 @@ mod tests {
         let mut levels = [Levels::default(); FAULTS];
         levels[6].persistence = 3;
         let mut health = Health::new(levels).unwrap();
-        let both = Judgement {
+        let both = DamageEvidence {
             damage: [0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.4],
             sigma: None,
         };
@@ -453,14 +457,14 @@ mod tests {
     fn faults_are_named_in_order_and_the_direction_is_none() {
         let mut health = health(1);
         let damage = [0.1, 0.0, 0.7, 0.0, 0.0, 0.06, 1.0, 0.31];
-        let decision = health.update(3, Some(&Judgement { damage, sigma: None }));
+        let decision = health.update(3, Some(&DamageEvidence { damage, sigma: None }));
         assert_eq!(decision.faults, ["friction", "short_a", "eccentricity", "gain"]);
         assert_eq!(
             (decision.window, decision.state, decision.changed),
             (3, HealthState::Critical, true)
         );
         assert!(!health.update(4, None).changed);
-        let all = Judgement {
+        let all = DamageEvidence {
             damage: [1.0; FAULT_COUNT],
             sigma: None,
         };
@@ -480,7 +484,7 @@ mod tests {
 
     #[test]
     fn an_uncertain_damage_neither_alarms_nor_clears() {
-        let with_sigma = |damage: f64, sigma: f64| Judgement {
+        let with_sigma = |damage: f64, sigma: f64| DamageEvidence {
             sigma: Some([sigma; FAULT_COUNT]),
             ..friction(damage)
         };
@@ -510,7 +514,7 @@ mod tests {
 
     #[test]
     fn an_unobservable_first_window_judges_nothing() {
-        let nothing = Judgement {
+        let nothing = DamageEvidence {
             damage: [f64::NAN; FAULT_COUNT],
             sigma: None,
         };
@@ -583,7 +587,7 @@ mod tests {
         ) {
             let mut health = health(2);
             for (n, damage) in junk.iter().enumerate() {
-                health.update(n as u64, Some(&Judgement { damage: *damage, sigma: Some(*damage) }));
+                health.update(n as u64, Some(&DamageEvidence { damage: *damage, sigma: Some(*damage) }));
             }
             health.update(90, Some(&friction(0.0)));
             health.update(91, Some(&friction(damage)));

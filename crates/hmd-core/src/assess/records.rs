@@ -2,11 +2,11 @@
 
 use ema_models::{FAULT_COUNT, Setpoint};
 
-use crate::demux::WindowJob;
 use crate::health::{HealthDecision, HealthState, fault_name};
-use crate::history::LifeDecision;
+use crate::history::UnitAssessment;
+use crate::outbox::WindowJob;
 use crate::record;
-use crate::rul::Life;
+use crate::rul::RemainingLife;
 use ema_identify::{Estimate, Fit};
 
 fn largest_fault(decision: &HealthDecision, estimate: Option<&Estimate>) -> String {
@@ -27,16 +27,16 @@ pub(super) fn health_record(
     status: &str,
     reason: &str,
     estimate: Option<&Estimate>,
-    life: &LifeDecision,
+    assessment: &UnitAssessment,
 ) -> record::Health {
-    let decision = &life.health;
+    let decision = &assessment.health;
     let mut health = record::Health {
         actuator: job.actuator.name.clone(),
         window: job.window.number,
         t_start_ns: job.window.t_start_ns,
         status: status.to_owned(),
         reason: reason.to_owned(),
-        health: reported_state(life.state, estimate).to_string(),
+        health: reported_state(assessment.state, estimate).to_string(),
         cost: estimate.map(|e| e.cost),
         residual_rms_a: estimate.map(|e| e.residual_rms_a),
         evaluations: estimate.map_or(0, |e| e.evaluations),
@@ -78,26 +78,26 @@ const HIDDEN_DAMAGE: f64 = 0.3;
 pub(super) fn rul_record(
     job: &WindowJob,
     estimate: Option<&Estimate>,
-    life: &LifeDecision,
+    assessment: &UnitAssessment,
     horizon_h: f64,
 ) -> record::Rul {
-    let forecast = &life.forecast;
+    let forecast = &assessment.forecast;
     let mut rul = record::Rul {
         actuator: job.actuator.name.clone(),
         window: job.window.number,
         t_start_ns: job.window.t_start_ns,
-        operating_h: Some(life.used.hours),
-        operating_cycles: Some(life.used.cycles),
-        operating_work_j: Some(life.used.work_j),
+        operating_h: Some(assessment.used.hours),
+        operating_cycles: Some(assessment.used.cycles),
+        operating_work_j: Some(assessment.used.work_j),
         horizon_h: Some(horizon_h),
         dominant_fault: match forecast.dominant {
             Some(fault) => fault_name(fault).to_owned(),
-            None => largest_fault(&life.health, estimate),
+            None => largest_fault(&assessment.health, estimate),
         },
         ..record::Rul::default()
     };
     match &forecast.actuator {
-        Ok(Life {
+        Ok(RemainingLife {
             hours,
             cycles,
             fails_within_horizon,
@@ -106,15 +106,15 @@ pub(super) fn rul_record(
             (rul.rul_p10_cycles, rul.rul_p50_cycles, rul.rul_p90_cycles) =
                 (cycles.map(|c| c.p10), cycles.map(|c| c.p50), cycles.map(|c| c.p90));
             rul.failure_probability = Some(*fails_within_horizon);
-            rul.governed_by = life.governs.name().to_owned();
+            rul.governed_by = assessment.limiting_criterion.name().to_owned();
         }
         Err(none) => rul.reason = none.to_string(),
     }
-    rul.set_faults(forecast.faults.map(|life| {
-        let life = life.ok()?;
+    rul.set_faults(forecast.faults.map(|remaining| {
+        let remaining = remaining.ok()?;
         Some((
-            [life.hours.p10, life.hours.p50, life.hours.p90],
-            life.fails_within_horizon,
+            [remaining.hours.p10, remaining.hours.p50, remaining.hours.p90],
+            remaining.fails_within_horizon,
         ))
     }));
     rul
@@ -182,9 +182,9 @@ mod tests {
     use ema_models::SensedSample;
 
     use super::*;
-    use crate::channel::MeasuredConditions;
     use crate::config::Config;
-    use crate::window::{Verdict, Window};
+    use crate::sample::MeasuredConditions;
+    use crate::window::{Window, WindowQuality};
 
     #[test]
     fn a_sample_that_was_filled_in_was_not_received() {
@@ -206,7 +206,7 @@ mod tests {
                 trigger: 0,
                 samples: (0..10).map(sample).collect(),
                 expected: 10,
-                verdict: Verdict::Complete,
+                quality: WindowQuality::Complete,
                 lost: 2,
                 rejected: 1,
                 filled: vec![4, 5, 7],

@@ -44,7 +44,7 @@ impl Quantiles {
 
 /// What is left, and when that was said.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Life {
+pub struct RemainingLife {
     /// Operating hours left.
     pub hours: Quantiles,
     /// Cycles left, if use goes on as of late; `None` without cycles.
@@ -83,12 +83,12 @@ pub enum NoTrend {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Forecast {
     /// Of each fault, in the order of [`crate::health::fault_name`].
-    pub faults: [Result<Life, NoTrend>; FAULTS],
+    pub faults: [Result<RemainingLife, NoTrend>; FAULTS],
     /// Of the actuator: the earliest of its faults, taken as independent.
-    pub actuator: Result<Life, NoTrend>,
+    pub actuator: Result<RemainingLife, NoTrend>,
     /// The fault with the shortest median life; `None` without a trend.
     pub dominant: Option<usize>,
-    /// Hours of [`Life::fails_within_horizon`].
+    /// Hours of [`RemainingLife::fails_within_horizon`].
     pub horizon_h: f64,
 }
 
@@ -216,20 +216,20 @@ impl Prognosis {
     }
 
     /// A life of these hours, with the cycles that belong to them.
-    pub fn life_of(&self, hours: Quantiles, fails_within_horizon: f64) -> Life {
+    pub fn life_of(&self, hours: Quantiles, fails_within_horizon: f64) -> RemainingLife {
         let per_hour = self
             .usage
             .rate()
             .map(|rate| rate.cycles_per_hour)
             .filter(|rate| *rate > 0.0);
-        Life {
+        RemainingLife {
             hours,
             cycles: per_hour.map(|rate| hours.scaled(rate)),
             fails_within_horizon,
         }
     }
 
-    fn life(&self, within: impl Fn(f64) -> f64, observed_h: f64, horizon_h: f64) -> Result<Life, NoTrend> {
+    fn life(&self, within: impl Fn(f64) -> f64, observed_h: f64, horizon_h: f64) -> Result<RemainingLife, NoTrend> {
         let hours_max = REACH * observed_h;
         let p50 = quantile(&within, 0.5, hours_max).ok_or(NoTrend::TooFar { observed_h })?;
         let or_reach = |share| quantile(&within, share, hours_max).unwrap_or(hours_max);
@@ -243,7 +243,7 @@ impl Prognosis {
 }
 
 /// The reason that is nearest to a number.
-fn least_lacking(faults: &[Result<Life, NoTrend>; FAULTS]) -> NoTrend {
+fn least_lacking(faults: &[Result<RemainingLife, NoTrend>; FAULTS]) -> NoTrend {
     let nearness = |none: &NoTrend| match none {
         NoTrend::TooFew { got } => (0, *got),
         NoTrend::NoGrowth => (1, 0),

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::motors::Motor;
 use ema_identify::Identifier;
-use hmd_core::assess::judgement;
+use hmd_core::assess::damage_evidence;
 use hmd_core::health::{FAULTS, Health, HealthState, Levels, LevelsError, fault_name};
 use hmd_core::seed::mix;
 
@@ -118,7 +118,7 @@ pub fn detection(
                     };
                     let simulated = motor.window(truth, window_seed);
                     let estimate = identifier.identify(&simulated.prepared, simulated.conditions, window_seed)?;
-                    let explained = (!estimate.is_unmodelled()).then(|| judgement(&estimate));
+                    let explained = (!estimate.is_unmodelled()).then(|| damage_evidence(&estimate));
                     let decision = Health::new(levels.map(Levels::at_once))?.update(0, explained.as_ref());
                     let named = if decision.state > HealthState::Nominal {
                         decision.faults

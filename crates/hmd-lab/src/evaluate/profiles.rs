@@ -12,7 +12,7 @@ use super::percentile;
 use crate::calibrate_type::random_faults;
 use crate::simulated::SimulatedWindow;
 use ema_identify::{Estimate, Identifier};
-use hmd_core::assess::{judgement, known_at};
+use hmd_core::assess::{damage_evidence, motor_knowledge_at};
 use hmd_core::health::{FAULTS, Health, HealthState, Levels, LevelsError};
 use hmd_core::seed::mix;
 
@@ -252,7 +252,7 @@ impl Pair {
             let motor = Motor::draw(&of_type.params, kind.rate, seed);
             let mut identifier = motor.calibrated(of_type);
             if !around.temperature_measured {
-                identifier.motor = known_at(identifier.motor, None);
+                identifier.motor = motor_knowledge_at(identifier.motor, None);
             }
             return Self {
                 identifier,
@@ -277,7 +277,7 @@ impl Pair {
         let estimate = self
             .identifier
             .identify(&window.prepared, window.conditions, self.seed)?;
-        let explained = (!estimate.is_unmodelled()).then(|| judgement(&estimate));
+        let explained = (!estimate.is_unmodelled()).then(|| damage_evidence(&estimate));
         let decision = Health::new(levels.map(Levels::at_once))?.update(0, explained.as_ref());
         Ok(Outcome {
             rss_pct: observable_rss_pct(&estimate, &window.truth),

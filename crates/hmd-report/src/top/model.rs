@@ -147,9 +147,9 @@ fn row<'a>(state: &'a State, condition: Condition, n: usize, name: &'a str) -> R
         .status()
         .filter(|(_, status)| status.actuator.get(n).is_some_and(|of| of == name));
     let told = status.and_then(|(_, status)| status.health.get(n));
-    let judged = known.map(|known| &known.health.health);
+    let assessed = known.map(|known| &known.health.health);
     let damages = known
-        .and_then(|known| known.judged.as_ref())
+        .and_then(|known| known.assessed.as_ref())
         .map(|health| health.damages());
     let largest = |damages: [Option<f64>; FAULT_NAMES.len()]| {
         let damages = FAULT_NAMES.into_iter().zip(damages);
@@ -163,7 +163,7 @@ fn row<'a>(state: &'a State, condition: Condition, n: usize, name: &'a str) -> R
             freshness(status, n, condition, since(*at_ns))
         }),
         // The window's own record comes before the counters that repeat it.
-        health: judged
+        health: assessed
             .or(told)
             .map_or(HealthState::Unknown, |name| HealthState::named(name)),
         passive: status.is_some_and(|(_, status)| status.passive.get(n) == Some(&true)),

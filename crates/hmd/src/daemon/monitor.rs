@@ -10,8 +10,8 @@ use tokio::sync::mpsc;
 use super::freshness::Freshness;
 use super::{DaemonError, Observer, Shared, WindowQueue, lock};
 use hmd_core::config::Config;
-use hmd_core::demux::{Notice, WindowJob};
 use hmd_core::frame::BusNames;
+use hmd_core::outbox::{Notice, WindowJob};
 use hmd_core::pipeline::Pipeline;
 use hmd_core::record::{LogLevel, Status};
 use hmd_ingest::feed::{Input, LinkState, LiveLoss};
@@ -79,7 +79,6 @@ impl Monitor {
         observer: &impl Observer,
     ) -> Result<(), DaemonError> {
         let mut batch = Vec::with_capacity(BATCH);
-        let mut ended = Vec::new();
         while inputs.blocking_recv_many(&mut batch, BATCH) > 0 {
             if windows.is_closed() {
                 return Ok(());
@@ -89,26 +88,26 @@ impl Monitor {
             for input in batch.drain(..) {
                 let is_tick = matches!(input, Input::Tick { .. });
                 self.hear(&input, observer);
-                self.take(input, &mut ended, &mut shared, observer)?;
+                self.take(input, &mut shared, observer)?;
                 // A tick came through the I/O thread and the queue, and the writer has synced or said that it cannot.
                 if is_tick && windows.busy_for() < JUDGING_MAX {
                     observer.alive();
                 }
             }
             self.tell_notices(&mut shared, observer)?;
-            for job in ended.drain(..) {
+            for job in self.pipeline.take_windows() {
                 if let Some(dropped) = windows.push(job) {
                     self.count_dropped(&dropped, &mut shared)?;
                 }
             }
         }
-        self.pipeline.finish(&mut ended);
+        self.pipeline.finish();
         let mut last = lock(shared);
         self.tell_losses(now_ns(), &mut last, observer)?;
         self.tell_notices(&mut last, observer)?;
         // Identification needs it to make room.
         drop(last);
-        for job in ended.drain(..) {
+        for job in self.pipeline.take_windows() {
             windows.push_waiting(job);
         }
         Ok(())
@@ -161,13 +160,7 @@ impl Monitor {
         }
     }
 
-    fn take(
-        &mut self,
-        input: Input,
-        ended: &mut Vec<WindowJob>,
-        shared: &mut Shared,
-        observer: &impl Observer,
-    ) -> Result<(), DaemonError> {
+    fn take(&mut self, input: Input, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
         match input {
             Input::Frame(frame) => {
                 if self.store_raw
@@ -175,7 +168,7 @@ impl Monitor {
                 {
                     recorder.raw(&frame, &self.names)?;
                 }
-                self.pipeline.push(&frame, &self.names, ended);
+                self.pipeline.push(&frame, &self.names);
             }
             Input::Link {
                 bus,

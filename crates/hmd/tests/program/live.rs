@@ -61,11 +61,11 @@ struct Lines {
 }
 
 impl Observer for Lines {
-    fn judged(&self, judged: &AssessedWindow) -> io::Result<()> {
-        let window = &judged.window;
+    fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
+        let window = &assessed.window;
         let (times, fitted) = (window.time_s.len(), window.fitted_i_q_a.len());
         assert!(fitted == 0 || fitted == times, "{fitted} values at {times} times");
-        let line = HealthLine::from((&judged.health, &judged.rul)).to_json();
+        let line = HealthLine::from((&assessed.health, &assessed.rul)).to_json();
         self.health.lock().unwrap().push(line);
         Ok(())
     }
@@ -76,8 +76,8 @@ impl Observer for Lines {
 }
 
 impl replay::Observer for &Lines {
-    fn judged(&mut self, judged: &AssessedWindow) -> io::Result<()> {
-        Observer::judged(*self, judged)
+    fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()> {
+        Observer::assessed(*self, assessed)
     }
 
     fn notice(&mut self, message: &str) {

@@ -89,7 +89,7 @@ mod tests {
             ..FaultVector::NOMINAL
         };
         let mut scenario = Scenario {
-            actuations: Actuations::one(profile),
+            actuations: Actuations::single(profile),
             ..Scenario::new(params, worn, seed)
         };
         scenario.load_torque = 0.2;

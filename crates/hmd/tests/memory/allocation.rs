@@ -47,7 +47,7 @@ fn assert_no_sample_takes_memory(config: Config) {
     let scenario = Scenario {
         actuations: Actuations {
             count: 6,
-            ..Actuations::one(Profile::Mixed)
+            ..Actuations::single(Profile::Mixed)
         },
         ..Scenario::new(ActuatorParams::bench(), FaultVector::NOMINAL, 1)
     };

@@ -5,6 +5,7 @@
 mod book;
 mod can;
 mod ci;
+mod circles;
 mod deb;
 mod debian;
 mod deny;
@@ -46,8 +47,10 @@ struct Cli {
 
 #[derive(Debug, Clone, Copy, Subcommand)]
 enum Verb {
-    /// Formatting, and lints as errors.
+    /// Formatting, lints as errors, and import circles.
     Check,
+    /// Modules of one crate that import each other; one such circle is an error.
+    Circles,
     /// All tests.
     Test,
     /// Each no_std crate alone, without features, for this machine and for a Cortex-M7.
@@ -121,6 +124,7 @@ enum Verb {
 fn main() -> ExitCode {
     let ended = match Cli::parse().verb {
         Verb::Check => check(),
+        Verb::Circles => circles::check(),
         Verb::Test => run(cargo(["test", "--workspace"])),
         Verb::NoStd => no_std::build(),
         Verb::Docs => run(cargo(["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings")),
@@ -164,6 +168,7 @@ fn check() -> anyhow::Result<()> {
         run(cargo(["tree", "--quiet", "--locked", "--depth", "0", "--manifest-path"]).arg(manifest))?;
     }
     run(cargo(["fmt", "--all", "--", "--check"]))?;
+    circles::check()?;
     run(cargo([
         "clippy",
         "--workspace",

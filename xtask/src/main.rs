@@ -16,6 +16,7 @@ mod guest_state;
 mod model;
 mod no_std;
 mod oracle;
+mod package;
 mod power_cut;
 mod progpy;
 mod python;
@@ -110,6 +111,8 @@ enum Verb {
     Dist,
     /// The Debian packages of these builds, with manual pages, completions and a bill of materials.
     Deb,
+    /// The library crates as they would be published, each built from its package.
+    Package,
     /// Model checking of what runs concurrently.
     Model,
     /// Runs every command whose output stands in a document, and draws the figures, again.
@@ -141,6 +144,7 @@ fn main() -> ExitCode {
         Verb::Systemd => systemd::check(),
         Verb::Survive => survive::check(),
         Verb::PowerCut { cuts } => power_cut::check(cuts),
+        Verb::Package => package::check(),
         Verb::Model => model::check(),
         Verb::Dist => dist::check(),
         Verb::Deb => deb::make(),

@@ -11,6 +11,7 @@ mod deny;
 mod dist;
 mod firmware;
 mod fleet;
+mod flight;
 mod fuzz;
 mod guest_state;
 mod model;
@@ -47,7 +48,7 @@ struct Cli {
 
 #[derive(Debug, Clone, Copy, Subcommand)]
 enum Verb {
-    /// Formatting, and lints as errors.
+    /// Formatting, lints as errors, and what the flight build contains.
     Check,
     /// All tests.
     Test,
@@ -107,9 +108,9 @@ enum Verb {
         #[arg(long, default_value_t = 1440, value_parser = clap::value_parser!(u32).range(11..))]
         minutes: u32,
     },
-    /// Static release builds for x86-64 and aarch64, each made twice and compared byte by byte.
+    /// Static release builds for x86-64 and aarch64, flight and full, each made twice and compared byte by byte.
     Dist,
-    /// The Debian packages of these builds, with manual pages, completions and a bill of materials.
+    /// The Debian packages of these builds: `hmd` for flight, `hmd-tools` with manual pages and completions.
     Deb,
     /// The library crates as they would be published, each built from its package.
     Package,
@@ -167,6 +168,7 @@ fn check() -> anyhow::Result<()> {
         let manifest = format!("{beside}/Cargo.toml");
         run(cargo(["tree", "--quiet", "--locked", "--depth", "0", "--manifest-path"]).arg(manifest))?;
     }
+    flight::check()?;
     run(cargo(["fmt", "--all", "--", "--check"]))?;
     run(cargo([
         "clippy",

@@ -135,7 +135,7 @@ fn scenario(fault: FaultVector, seed: u64) -> Scenario {
         },
         actuations: Actuations {
             rest: 0.06,
-            ..Actuations::one(Profile::Mixed)
+            ..Actuations::single(Profile::Mixed)
         },
         ..Scenario::new(ActuatorParams::bench(), fault, seed)
     }

@@ -22,7 +22,7 @@ pub(crate) fn unit(fault: FaultVector, seed: u64) -> Scenario {
         },
         actuations: Actuations {
             rest: 0.06,
-            ..Actuations::one(Profile::Mixed)
+            ..Actuations::single(Profile::Mixed)
         },
         ..Scenario::new(params, fault, seed)
     }

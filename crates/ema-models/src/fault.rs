@@ -6,25 +6,25 @@
 /// Number of fault parameters.
 pub const FAULT_COUNT: usize = 8;
 
-/// Normalised fault vector of one actuator, \[P\] section 6.1; index order k1…k8 as the fields stand.
+/// Normalised fault vector of one actuator, \[P\] section 6.1; index order k1…k8 is the order of the fields.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FaultVector {
     /// k1: dry friction; T_d and T_s are multiplied by `1 + 2 k1`.
     pub friction: f64,
     /// k2: backlash; b = b₀ `(1 + 99 k2)`.
     pub backlash: f64,
-    /// k3: short circuit of phase A; fraction of its turns that is lost.
+    /// k3: inter-turn short of phase A; fraction of the phase's turns that are shorted.
     pub short_a: f64,
-    /// k4: short circuit of phase B.
+    /// k4: inter-turn short of phase B.
     pub short_b: f64,
-    /// k5: short circuit of phase C.
+    /// k5: inter-turn short of phase C.
     pub short_c: f64,
-    /// k6: static eccentricity amplitude ζ; 1 is rotor rub.
+    /// k6: amplitude ζ of the static eccentricity; at 1 the rotor touches the stator.
     pub eccentricity: f64,
-    /// k7: eccentricity direction, φ_e = π (2 k7 − 1); an angle, so 0 and 1 are the same direction. Meaningless when
-    /// k6 is near zero.
+    /// k7: direction of the eccentricity, φ_e = π (2 k7 − 1). It is an angle: 0 and 1 are the same direction. It has no
+    /// meaning when k6 is near zero.
     pub eccentricity_phase: f64,
-    /// k8: proportional gain; G_p is multiplied by `0.5 + k8`.
+    /// k8: proportional gain of the position loop; G_p is multiplied by `0.5 + k8`.
     pub gain: f64,
 }
 
@@ -77,7 +77,7 @@ impl FaultVector {
         ]
     }
 
-    /// Whether every component is a number in [0, 1].
+    /// Whether every parameter is in [0, 1]; false for NaN.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         self.to_array().iter().all(|k| (0.0..=1.0).contains(k))
@@ -135,12 +135,12 @@ impl FaultVector {
         0.5 + self.gain
     }
 
-    /// Fractions `[N_A, N_B, N_C]` of intact turns, `N_j = 1 − k`.
+    /// Winding turns ratios `[N_A, N_B, N_C]`: fractions of intact turns, `N_j = 1 − k`.
     ///
-    /// Where two shorts reach 1 both are taken as 0.99 (\[P\] section 6.1), and no fraction is below 0.01, because the
-    /// inductance goes with its square.
+    /// Where two shorts reach 1 both are taken as 0.99 (\[P\] section 6.1). No ratio is below 0.01, because the inductance is
+    /// proportional to its square.
     #[must_use]
-    pub fn turns(&self) -> [f64; 3] {
+    pub fn winding_turns_ratio(&self) -> [f64; 3] {
         let mut k = [self.short_a, self.short_b, self.short_c];
         if k.iter().filter(|&&x| x >= 1.0).count() >= 2 {
             for x in &mut k {
@@ -328,16 +328,16 @@ pub fn wrapped_phase_difference(a: f64, b: f64) -> f64 {
     d - libm::round(d)
 }
 
-/// Strict error of an estimate in percent: `100 √(Σ₁..₆ Δ² + k6 wrap(Δ7)² + Δ8²)`, k6 that of the truth.
+/// Error of an estimate in percent: `100 √(Σ₁..₆ Δ² + k6 wrap(Δ7)² + Δ8²)`, with k6 of the truth.
 ///
-/// \[P\] eq. 15 without its factor 1/8 under the root, and with the phase as the angle it is.
+/// This is \[P\] eq. 15 without its factor 1/8 under the root, and with the phase treated as an angle.
 ///
 /// ```
 /// use ema_models::{FaultVector, rss_pct};
 /// let mut estimate = FaultVector::NOMINAL;
 /// estimate.friction = 0.03;
 /// estimate.backlash = 0.04;
-/// estimate.eccentricity_phase = 0.0; // no eccentricity: its direction does not count
+/// estimate.eccentricity_phase = 0.0; // without eccentricity its direction has no effect
 /// assert!((rss_pct(&estimate, &FaultVector::NOMINAL) - 5.0).abs() < 1e-12);
 /// ```
 #[must_use]
@@ -351,7 +351,7 @@ pub fn rss_pct(estimate: &FaultVector, truth: &FaultVector) -> f64 {
     100.0 * libm::sqrt(sum + t[5] * phase * phase)
 }
 
-/// \[P\] eq. 15 as printed, with the phase wrapped: `rss_pct / √8`.
+/// Error of an estimate in percent by \[P\] eq. 15 as printed, with the phase wrapped: `rss_pct / √8`.
 #[must_use]
 pub fn eq15_pct(estimate: &FaultVector, truth: &FaultVector) -> f64 {
     rss_pct(estimate, truth) / libm::sqrt(8.0)
@@ -363,7 +363,7 @@ mod tests {
 
     #[test]
     fn table_iii_of_the_paper_averages_to_5_36_percent() {
-        // The ten rows of [P] Table III; by this formula 5.36 % on average (the paper prints 5.21).
+        // The ten rows of [P] Table III. Their mean by this formula is 5.36 %; the paper prints 5.21 %.
         let truth = FaultVector::from_array([0.2383, 0.5003, 5.32e-7, 0.4503, 0.0404, 0.0028, 0.2785, 0.5]);
         let rows = [
             [0.2051, 0.4727, 9.44e-4, 0.4414, 0.0445, 0.0041, 0.4334, 0.4950],
@@ -386,12 +386,13 @@ mod tests {
     }
 
     #[test]
-    fn two_full_shorts_are_held_at_99_percent() {
+    fn two_full_shorts_leave_one_percent_of_the_turns() {
         let mut k = FaultVector::NOMINAL;
+        let percent = |k: FaultVector| k.winding_turns_ratio().map(|n| (n * 100.0).round() as u32);
         k.short_a = 1.0;
-        assert_eq!(k.turns().map(|n| (n * 100.0).round() as u32), [1, 100, 100]);
+        assert_eq!(percent(k), [1, 100, 100]);
         k.short_b = 1.0;
-        assert_eq!(k.turns().map(|n| (n * 100.0).round() as u32), [1, 1, 100]);
+        assert_eq!(percent(k), [1, 1, 100]);
     }
 
     #[test]

@@ -90,7 +90,7 @@ impl Config {
     /// [`Config::from_texts`] takes a reader of files.
     ///
     /// ```
-    /// use crate::config::Config;
+    /// use hmd_core::config::Config;
     /// let config = Config::from_toml_str("[window]\nduration_ms = 300", "hmd.toml")?;
     /// assert_eq!(config.window().pre_trigger_ms, 20.0);
     /// let error = Config::from_toml_str("[window]\nduration_ms = -3", "hmd.toml").unwrap_err();
@@ -98,14 +98,17 @@ impl Config {
     ///     error.to_string(),
     ///     "hmd.toml:2: window.duration_ms: expected a number from 20 to 10000, found -3"
     /// );
-    /// # Ok::<(), crate::config::ConfigError>(())
+    /// # Ok::<(), hmd_core::config::ConfigError>(())
     /// ```
     ///
     /// # Errors
     /// [`ConfigError`] for the first thing that is wrong.
     pub fn from_toml_str(text: &str, file_name: &str) -> Result<Self, ConfigError> {
         let no_files = |_: &Path| Err("files cannot be read here".to_owned());
-        Self::from_texts(&[(file_name.to_owned(), text.to_owned())], &no_files)
+        let mut config = Self::from_texts(&[(file_name.to_owned(), text.to_owned())], &no_files)?;
+        // The text is no file that a run would read.
+        config.files.clear();
+        Ok(config)
     }
 
     /// Checks the texts of several files, each with the name that errors call it: what a later one sets again holds, and

@@ -59,7 +59,7 @@ pub fn unmet_requirements(
             calibration,
             step_rad: spec.step_rad,
             load_nm,
-            watched_s: WATCHED_S.max(2.0 * spec.response_time_max_s),
+            duration_s: WATCHED_S.max(2.0 * spec.response_time_max_s),
         };
         trial.responses(faults)
     };
@@ -101,7 +101,7 @@ mod tests {
             calibration: &calibration,
             step_rad: Specification::default().step_rad,
             load_nm: 10.0,
-            watched_s: WATCHED_S,
+            duration_s: WATCHED_S,
         }
         .responses(&[FaultVector::NOMINAL; CHECK_LANES])[0];
         assert!(

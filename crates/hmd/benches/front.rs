@@ -20,7 +20,7 @@ fn frames() -> Vec<RawFrame> {
             let scenario = Scenario {
                 actuations: Actuations {
                     count: 5,
-                    ..Actuations::one(Profile::Mixed)
+                    ..Actuations::single(Profile::Mixed)
                 },
                 ..Scenario::new(params, FaultVector::NOMINAL, u64::from(id.index()))
             };

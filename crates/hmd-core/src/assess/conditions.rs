@@ -37,7 +37,7 @@ pub fn conditions(job: &WindowJob) -> Result<Conditions, String> {
         return Err(format!("dc_link: expected {low:.0} to {high:.0} V, found {v_dc:.1} V"));
     }
     let load_torque = job.conditions.load_torque_nm;
-    let load_max = LOAD_MAX_SHARE * Scale::new(&job.params).load();
+    let load_max = LOAD_MAX_SHARE * Scale::new(&job.params).load_unit();
     if let Some(load) = load_torque.filter(|load| load.abs() > load_max) {
         return Err(format!(
             "load_torque: expected at most {load_max:.0} Nm, found {load:.1} Nm"

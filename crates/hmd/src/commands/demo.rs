@@ -75,7 +75,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             },
             actuations: Actuations {
                 rest: 0.1,
-                ..Actuations::one(Profile::Mixed)
+                ..Actuations::single(Profile::Mixed)
             },
             ..Scenario::new(ActuatorParams::bench(), worn(n), mix(args.seed, &[n]))
         };

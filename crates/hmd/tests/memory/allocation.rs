@@ -39,7 +39,7 @@ status.dc_link = "EMA0_Status.dc_link"
 #[test]
 fn no_sample_of_a_mapped_bus_takes_memory() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/hmd.toml");
-    assert_no_sample_takes_memory(Config::from_toml_str(MAP, file).unwrap());
+    assert_no_sample_takes_memory(hmd_storage::config_file::config_from_text(MAP, file).unwrap());
 }
 
 fn assert_no_sample_takes_memory(config: Config) {
@@ -47,7 +47,7 @@ fn assert_no_sample_takes_memory(config: Config) {
     let scenario = Scenario {
         actuations: Actuations {
             count: 6,
-            ..Actuations::one(Profile::Mixed)
+            ..Actuations::single(Profile::Mixed)
         },
         ..Scenario::new(ActuatorParams::bench(), FaultVector::NOMINAL, 1)
     };

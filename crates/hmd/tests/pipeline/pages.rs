@@ -8,6 +8,7 @@ use std::path::Path;
 use hmd_core::metrics::render;
 use hmd_core::record::{ActuatorStatus, Dropped, Health, InterfaceStatus, Log, RawBatch, Record, Rul, Status, Window};
 use prost_types::field_descriptor_proto::{Label, Type};
+use prost_types::{DescriptorProto, FileDescriptorProto};
 
 /// Stands for the names that a label may have.
 const ANY: &str = "ANY";
@@ -76,34 +77,33 @@ fn metrics() {
 
 #[test]
 fn fields() {
-    let mut page = "# Schemas of the records\n\nAll messages as the schemas in a file have them; made from the code. What the fields \
-        mean is in [records.md](records.md).\n\n```proto\nsyntax = \"proto3\";\npackage hmd.v1;\n"
-        .to_owned();
-    fields_of::<RawBatch>(&mut page);
-    fields_of::<Window>(&mut page);
-    fields_of::<Health>(&mut page);
-    fields_of::<Rul>(&mut page);
-    fields_of::<Dropped>(&mut page);
-    fields_of::<Status>(&mut page);
-    page += "```\n\n```proto\nsyntax = \"proto3\";\npackage foxglove;\nimport \"google/protobuf/timestamp.proto\";\n";
-    fields_of::<Log>(&mut page);
-    page += "```\n";
-    check("fields.md", &page);
+    let begin = "// Written from the code by a test (docs/README.md); what the fields mean is in docs/records.md.\n\nsyntax = \"proto3\";\n";
+    let mut ours = format!("{begin}package hmd.v1;\n");
+    fields_of::<RawBatch>(&mut ours);
+    fields_of::<Window>(&mut ours);
+    fields_of::<Health>(&mut ours);
+    fields_of::<Rul>(&mut ours);
+    fields_of::<Dropped>(&mut ours);
+    fields_of::<Status>(&mut ours);
+    check("schemas/hmd.v1.proto", &ours);
+    let mut log = format!("{begin}package foxglove;\nimport \"google/protobuf/timestamp.proto\";\n");
+    fields_of::<Log>(&mut log);
+    check("schemas/foxglove.Log.proto", &log);
 }
 
-/// A message in the language of schemas, with the enums inside it.
+/// A record in the language of schemas, then the messages that its fields are lists of.
 fn fields_of<R: Record>(page: &mut String) {
     let set = R::descriptor();
-    let messages = set.file.iter().flat_map(|file| {
-        let package = file.package().to_owned();
-        file.message_type
-            .iter()
-            .map(move |message| (format!("{package}.{}", message.name()), message))
-    });
-    let (_, message) = messages
-        .into_iter()
-        .find(|(name, _)| name == R::SCHEMA_NAME)
-        .expect("the message in its own descriptor");
+    let is_own = |file: &&FileDescriptorProto| R::SCHEMA_NAME.starts_with(&format!("{}.", file.package()));
+    let own = set.file.iter().find(is_own).expect("the file of the record");
+    assert!(R::SCHEMA_NAME.ends_with(own.message_type[0].name()));
+    for message in &own.message_type {
+        write_message(page, message);
+    }
+}
+
+/// A message, with the enums inside it.
+fn write_message(page: &mut String, message: &DescriptorProto) {
     writeln!(page, "\nmessage {} {{", message.name()).expect("a String");
     for inner in &message.enum_type {
         writeln!(page, "  enum {} {{", inner.name()).expect("a String");

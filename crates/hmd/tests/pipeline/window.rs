@@ -106,14 +106,14 @@ fn every_profile_and_actuator_gives_one_complete_window_with_an_exact_trigger() 
             for (name, profile) in Profile::NAMES {
                 let params = at_rate(params, rate);
                 let mut scenario = Scenario::new(params, FaultVector::NOMINAL, 11);
-                scenario.actuations = Actuations::one(profile);
+                scenario.actuations = Actuations::single(profile);
                 let samples = simulate(&scenario);
                 let all = windows(&params, &samples);
                 assert_eq!(all.len(), 1, "{name} at {rate} Hz");
                 let window = &all[0];
                 assert_eq!(window.quality, WindowQuality::Complete, "{name} at {rate} Hz");
                 // The command begins at 40 ms; a ramp or chirp passes 1 mrad some samples later.
-                let change = |n: usize| (profile.angle(n as f64 / rate - 0.04) * 1e6).round();
+                let change = |n: usize| (profile.commanded_angle(n as f64 / rate - 0.04) * 1e6).round();
                 let expected = (0..samples.len()).find(|&n| change(n).abs() > 1000.0).unwrap();
                 assert_eq!(
                     window.samples[window.trigger].seq, expected as u64,

@@ -45,7 +45,7 @@ fn frames(id: u8, actuations: u32) -> Vec<RawFrame> {
     let scenario = Scenario {
         actuations: Actuations {
             count: actuations,
-            ..Actuations::one(Profile::Step)
+            ..Actuations::single(Profile::Step)
         },
         ..Scenario::new(params, FaultVector::NOMINAL, u64::from(id))
     };

@@ -1,6 +1,6 @@
 //! What leaves the streams of all actuators: ended windows, notices for an operator and, on request, every sample.
 //!
-//! The streams append to one [`Outbox`]; whoever pushes frames empties it. An empty outbox is taken without allocation.
+//! The streams append to one [`Outbox`]; the caller who pushes frames empties it. Taking from an empty outbox allocates nothing.
 
 use std::sync::Arc;
 

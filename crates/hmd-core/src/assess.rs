@@ -7,7 +7,7 @@ mod records;
 use std::sync::Arc;
 
 use ema_ga::GaConfig;
-use ema_models::{FAULT_COUNT, FaultVector};
+use ema_models::{FAULT_COUNT, FaultId, FaultVector};
 
 use crate::config::{Config, IdentificationConfig, SearchMethod};
 use crate::functional_check::{CHECK_LANES, unmet_requirements};
@@ -15,7 +15,7 @@ use crate::health::DamageEvidence;
 use crate::history::{HistoryStore, WindowEvidence};
 use crate::outbox::WindowJob;
 use crate::outliers::identify_without_outliers;
-use crate::record;
+use crate::record::{self, WindowStatus};
 use crate::seed::mix;
 use crate::window::WindowQuality;
 use ema_identify::{Estimate, Fit, Identifier, Method, Population};
@@ -125,19 +125,19 @@ impl Assessor {
         }
         let explained = found.as_ref().filter(|estimate| !estimate.is_unmodelled());
         let status = match (&found, explained, reasons.is_empty()) {
-            (None, _, _) => "invalid",
+            (None, _, _) => WindowStatus::Invalid,
             (Some(estimate), None, _) => {
                 reasons.extend(estimate.unmodelled().as_ref().map(ToString::to_string));
-                "unmodelled"
+                WindowStatus::Unmodelled
             }
-            (Some(_), Some(_), true) => "ok",
-            (Some(_), Some(_), false) => "degraded",
+            (Some(_), Some(_), true) => WindowStatus::Ok,
+            (Some(_), Some(_), false) => WindowStatus::Degraded,
         };
         match status {
-            "ok" => self.counts.ok += 1,
-            "degraded" => self.counts.degraded += 1,
-            "unmodelled" => self.counts.unmodelled += 1,
-            _ => self.counts.invalid += 1,
+            WindowStatus::Ok => self.counts.ok += 1,
+            WindowStatus::Degraded => self.counts.degraded += 1,
+            WindowStatus::Unmodelled => self.counts.unmodelled += 1,
+            WindowStatus::Invalid => self.counts.invalid += 1,
         }
         let config = self.config.clone();
         let specification = job.actuator.specification;
@@ -193,17 +193,19 @@ pub fn method(section: &IdentificationConfig) -> Method {
 /// Damage of what the window shows; the rest has no sigma and is left as it was.
 #[must_use]
 pub fn damage_evidence(estimate: &Estimate) -> DamageEvidence {
+    let sigma = estimate.damage_sigma();
     DamageEvidence {
-        damage: estimate.fault.damage(),
-        sigma: Some(estimate.damage_sigma()),
+        damage: estimate.fault.damages(),
+        sigma: Some(FaultId::ALL.map(|fault| sigma[fault.parameter()])),
     }
 }
 
 /// Says which parameters the window does not show. The phase k7 is no handicap: without eccentricity it has no meaning.
 fn unseen(estimate: &Estimate) -> Option<String> {
-    let names: Vec<&str> = (0..FAULT_COUNT)
-        .filter(|&p| p != 6 && !estimate.observable[p])
-        .map(|p| ema_models::FaultVector::NAMES[p])
+    let names: Vec<&str> = FaultId::ALL
+        .into_iter()
+        .filter(|fault| !estimate.observable[fault.parameter()])
+        .map(FaultId::name)
         .collect();
     (!names.is_empty()).then(|| format!("not excited: {}", names.join(", ")))
 }
@@ -211,9 +213,11 @@ fn unseen(estimate: &Estimate) -> Option<String> {
 /// Says which other values explain the window as well.
 fn ambiguous(estimate: &Estimate, rival: &ema_models::FaultVector) -> String {
     let (k, other) = (estimate.fault.to_array(), rival.to_array());
-    let names: Vec<String> = (0..FAULT_COUNT)
-        .filter(|&p| p != 6 && (k[p] - other[p]).abs() > RIVAL_DIFFERENCE)
-        .map(|p| format!("{} {:.2} or {:.2}", ema_models::FaultVector::NAMES[p], k[p], other[p]))
+    let names: Vec<String> = FaultId::ALL
+        .into_iter()
+        .map(|fault| (fault.name(), k[fault.parameter()], other[fault.parameter()]))
+        .filter(|(_, k, other)| (k - other).abs() > RIVAL_DIFFERENCE)
+        .map(|(name, k, other)| format!("{name} {k:.2} or {other:.2}"))
         .collect();
     format!("ambiguous: {}", names.join(", "))
 }

@@ -6,12 +6,12 @@ mod maintenance;
 mod store;
 mod urgency;
 
-use ema_models::{FAULT_COUNT, FaultVector};
+use ema_models::{FAULT_COUNT, FaultId, FaultVector};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{Config, HoursOf};
 use crate::functional_check::RequirementCheck;
-use crate::health::{DamageEvidence, FAULTS, Health, HealthDecision, HealthState, LevelsError};
+use crate::health::{DamageEvidence, Health, HealthDecision, HealthState, LevelsError};
 use crate::outbox::WindowJob;
 use crate::rul::{Forecast, Odometer, Prognosis};
 use ema_identify::Fit;
@@ -150,7 +150,7 @@ impl UnitHistory {
     /// Takes a window and what it shows.
     pub fn update(&mut self, job: &WindowJob, evidence: &WindowEvidence<'_>, config: &Config) -> UnitAssessment {
         self.count(job, evidence.fit, config.rul().hours);
-        let estimates: [Option<(f64, f64)>; FAULTS] = std::array::from_fn(|fault| {
+        let estimates = FaultId::ALL.map(|fault| {
             evidence
                 .damage_evidence
                 .and_then(|damage_evidence| damage_evidence.damage_and_sigma(fault))

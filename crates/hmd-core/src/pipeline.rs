@@ -13,7 +13,7 @@ use crate::config::Config;
 use crate::demux::{Demux, FrameCounts};
 use crate::frame::{BusNames, RawFrame};
 use crate::outbox::{Notice, WindowJob};
-use crate::record::Status;
+use crate::record::{InterfaceStatus, Status};
 
 /// What was lost around the frames themselves. Counted by whoever sees it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -175,9 +175,14 @@ impl Pipeline {
             windows_degraded: windows.degraded,
             windows_invalid: windows.invalid,
             windows_unmodelled: windows.unmodelled,
-            interface: names.iter().map(str::to_owned).collect(),
-            bus_state: (0..names.len())
-                .map(|bus| self.states.state_of(bus as u16).to_string())
+            interfaces: names
+                .iter()
+                .zip(0..)
+                .map(|(name, bus)| InterfaceStatus {
+                    interface: name.to_owned(),
+                    bus_state: self.states.state_of(bus).to_string(),
+                    link: String::new(),
+                })
                 .collect(),
             ..Status::default()
         }

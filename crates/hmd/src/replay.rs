@@ -127,7 +127,15 @@ impl Summary {
             return Err(ReplayError::NoActuator {
                 logs: logs(),
                 expected: watched(config),
-                found: format!("{found} on {}", self.status.interface.join(", ")),
+                found: format!(
+                    "{found} on {}",
+                    self.status
+                        .interfaces
+                        .iter()
+                        .map(|on| on.interface.as_str())
+                        .collect::<Vec<_>>()
+                        .join(", ")
+                ),
             });
         }
         if self.status.samples == 0 {

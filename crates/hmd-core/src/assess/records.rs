@@ -1,30 +1,24 @@
 //! A judged window as records.
 
-use ema_models::{FAULT_COUNT, Setpoint};
+use ema_models::{FaultId, Setpoint};
 
-use crate::health::{HealthDecision, HealthState, fault_name};
+use crate::health::{HealthDecision, HealthState};
 use crate::history::UnitAssessment;
 use crate::outbox::WindowJob;
-use crate::record;
+use crate::record::{self, WindowStatus};
 use crate::rul::RemainingLife;
 use ema_identify::{Estimate, Fit};
 
 fn largest_fault(decision: &HealthDecision, estimate: Option<&Estimate>) -> String {
     let Some(estimate) = estimate else { return String::new() };
-    let damage = estimate.fault.damage();
-    let of = |name: &str| {
-        ema_models::FaultVector::NAMES
-            .iter()
-            .position(|n| *n == name)
-            .map_or(0.0, |p| damage[p])
-    };
-    let largest = decision.faults.iter().max_by(|a, b| of(a).total_cmp(&of(b)));
-    largest.map(|name| (*name).to_owned()).unwrap_or_default()
+    let damage = |fault: &FaultId| estimate.fault.damage_of(*fault);
+    let largest = decision.faults.iter().max_by(|a, b| damage(a).total_cmp(&damage(b)));
+    largest.map(|fault| fault.name().to_owned()).unwrap_or_default()
 }
 
 pub(super) fn health_record(
     job: &WindowJob,
-    status: &str,
+    status: WindowStatus,
     reason: &str,
     estimate: Option<&Estimate>,
     assessment: &UnitAssessment,
@@ -34,7 +28,7 @@ pub(super) fn health_record(
         actuator: job.actuator.name.clone(),
         window: job.window.number,
         t_start_ns: job.window.t_start_ns,
-        status: status.to_owned(),
+        status: status.name().to_owned(),
         reason: reason.to_owned(),
         health: reported_state(assessment.state, estimate).to_string(),
         cost: estimate.map(|e| e.cost),
@@ -49,11 +43,10 @@ pub(super) fn health_record(
             sigma: estimate.sigma,
             observable: estimate.observable,
         }));
-        let damage = estimate.fault.damage();
-        health.set_damage([0, 1, 2, 3, 4, 5, 7].map(|p| Some(damage[p])));
+        health.set_damage(estimate.fault.damages().map(Some));
     }
     // An invalid window is never counted as a fault: it lists none, and the state stays what it was.
-    if status != "unmodelled" && estimate.is_some() && decision.state > HealthState::Nominal {
+    if status != WindowStatus::Unmodelled && estimate.is_some() && decision.state > HealthState::Nominal {
         health.set_faults(&decision.faults);
     }
     health
@@ -62,8 +55,8 @@ pub(super) fn health_record(
 /// Nobody is called nominal while an estimate says damage that the window does not show well enough to count.
 fn reported_state(state: HealthState, estimate: Option<&Estimate>) -> HealthState {
     let hidden = estimate.is_some_and(|e| {
-        let damage = e.fault.damage();
-        (0..FAULT_COUNT).any(|p| p != 6 && !e.observable[p] && damage[p] > HIDDEN_DAMAGE)
+        let is_hidden = |fault: FaultId| !e.observable[fault.parameter()] && e.fault.damage_of(fault) > HIDDEN_DAMAGE;
+        FaultId::ALL.into_iter().any(is_hidden)
     });
     if hidden && state == HealthState::Nominal {
         HealthState::Unknown
@@ -91,7 +84,7 @@ pub(super) fn rul_record(
         operating_work_j: Some(assessment.used.work_j),
         horizon_h: Some(horizon_h),
         dominant_fault: match forecast.dominant {
-            Some(fault) => fault_name(fault).to_owned(),
+            Some(fault) => fault.name().to_owned(),
             None => largest_fault(&assessment.health, estimate),
         },
         ..record::Rul::default()
@@ -120,7 +113,7 @@ pub(super) fn rul_record(
     rul
 }
 
-pub(super) fn window_record(job: &WindowJob, status: &str, reason: &str, fit: Fit) -> record::Window {
+pub(super) fn window_record(job: &WindowJob, status: WindowStatus, reason: &str, fit: Fit) -> record::Window {
     let (window, rate) = (&job.window, job.params.sensors.sample_rate);
     let value = |setpoint: Setpoint| match setpoint {
         Setpoint::Idle => 0.0,
@@ -141,7 +134,7 @@ pub(super) fn window_record(job: &WindowJob, status: &str, reason: &str, fit: Fi
         window: window.number,
         t_start_ns: window.t_start_ns,
         duration_s: window.samples.len().saturating_sub(1) as f64 / rate,
-        status: status.to_owned(),
+        status: status.name().to_owned(),
         reason: reason.to_owned(),
         // The grid has places for missing samples too, which are filled.
         samples: (window.samples.len() as u64).saturating_sub(window.lost),
@@ -216,7 +209,7 @@ mod tests {
             conditions: MeasuredConditions::default(),
             operating_s: 0.0,
         };
-        let record = window_record(&job, "degraded", "", Fit::default());
+        let record = window_record(&job, WindowStatus::Degraded, "", Fit::default());
         let counts = [record.samples_expected, record.samples, record.samples_lost];
         assert_eq!((counts, record.time_s.len()), ([10, 8, 2], 7));
     }

@@ -1,10 +1,9 @@
 //! The functional end of life: when the faults foretold keep the actuator from meeting its specification.
 
-use ema_models::{FAULT_COUNT, FaultVector};
+use ema_models::{FAULT_COUNT, FaultId, FaultVector};
 use serde::{Deserialize, Serialize};
 
 use crate::functional_check::{CHECK_LANES, RequirementCheck, UnmetRequirement};
-use crate::health::{FAULTS, INDEX};
 use crate::rul::{Forecast, Prognosis, Quantiles, RemainingLife, normal_cdf};
 
 /// Times at which each quantile is tried at once.
@@ -214,12 +213,11 @@ fn search(
 /// The fault vector after some hours, each damage at one quantile.
 fn predicted_fault(prognosis: &Prognosis, seen: &FaultVector, hours: f64, share: f64) -> FaultVector {
     let mut k = seen.to_array();
-    for fault in 0..FAULTS {
+    for fault in FaultId::ALL {
         let damage = prognosis.damage_after(fault, hours, share).clamp(0.0, 1.0);
-        let p = INDEX[fault];
-        k[p] = match (p, seen.gain < 0.5) {
-            (7, true) => 0.5 - 0.5 * damage,
-            (7, false) => 0.5 + 0.5 * damage,
+        k[fault.parameter()] = match (fault, seen.gain < 0.5) {
+            (FaultId::Gain, true) => 0.5 - 0.5 * damage,
+            (FaultId::Gain, false) => 0.5 + 0.5 * damage,
             _ => damage,
         };
     }

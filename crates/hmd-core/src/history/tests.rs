@@ -35,11 +35,11 @@ fn job(config: &Config, number: u64, hours: f64, operating_s: f64) -> WindowJob 
 }
 
 fn friction(damage: f64) -> DamageEvidence {
-    let mut all = [0.0; FAULT_COUNT];
+    let mut all = [0.0; FaultId::COUNT];
     all[0] = damage;
     DamageEvidence {
         damage: all,
-        sigma: Some([0.003; FAULT_COUNT]),
+        sigma: Some([0.003; FaultId::COUNT]),
     }
 }
 

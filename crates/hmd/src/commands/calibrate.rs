@@ -120,7 +120,12 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
             bail!(
                 "window {}: expected a healthy unit, found {}",
                 job.window.number,
-                verdict.faults.join(", ")
+                verdict
+                    .faults
+                    .iter()
+                    .map(|fault| fault.name())
+                    .collect::<Vec<_>>()
+                    .join(", ")
             );
         }
         prepared.push((identifier, window, conditions));

@@ -13,7 +13,7 @@ use hmd_core::config::Config;
 use hmd_core::frame::BusNames;
 use hmd_core::outbox::{Notice, WindowJob};
 use hmd_core::pipeline::Pipeline;
-use hmd_core::record::{LogLevel, Status};
+use hmd_core::record::{ActuatorStatus, DataState, LogLevel, Status};
 use hmd_ingest::feed::{Input, LinkState, LiveLoss};
 use hmd_storage::clock::now_ns;
 use hmd_storage::recorder::Recorder;
@@ -115,10 +115,8 @@ impl Monitor {
 
     /// The counters as they stand.
     pub(super) fn status(&self, shared: &Shared) -> Status {
-        let link = |bus: u16| self.links.get(&bus).map(ToString::to_string).unwrap_or_default();
         let (identification, longest) = shared.judging;
         let mut status = Status {
-            link: (0..self.names.len()).map(|bus| link(bus as u16)).collect(),
             queued_inputs: self.queued.0,
             queued_windows: self.queued.1,
             identification_s: identification.as_secs_f64(),
@@ -126,19 +124,25 @@ impl Monitor {
             record_age_s: shared.last_record.map(|at| at.elapsed().as_secs_f64()),
             ..self.pipeline.status(&self.names, shared.windows)
         };
-        for (name, age_s, stale) in self.freshness.ages(Instant::now()) {
+        for (interface, bus) in status.interfaces.iter_mut().zip(0..) {
+            interface.link = self.links.get(&bus).map(ToString::to_string).unwrap_or_default();
+        }
+        for (name, data_age_s, stale) in self.freshness.ages(Instant::now()) {
             let standing = shared.standings.of(name);
             let changed = standing.changed.unwrap_or_default();
-            status.actuator.push(name.to_owned());
-            status.data_age_s.push(age_s);
-            status.data_state.push(if stale { "STALE" } else { "fresh" }.to_owned());
-            status.health.push(standing.health);
-            status.persistence.push(standing.persistence.into());
-            status.changed_ns.push(changed.t_ns);
-            status.changed_from.push(changed.from);
-            status.changed_faults.push(changed.faults);
-            status.changed_damage.push(changed.damage);
-            status.passive.push(self.passive.contains(name));
+            let data_state = if stale { DataState::Stale } else { DataState::Fresh };
+            status.actuators.push(ActuatorStatus {
+                actuator: name.to_owned(),
+                data_age_s,
+                data_state: data_state.name().to_owned(),
+                health: standing.health,
+                persistence: standing.persistence.into(),
+                changed_ns: changed.t_ns,
+                changed_from: changed.from,
+                changed_faults: changed.faults,
+                changed_damage: changed.damage,
+                passive: self.passive.contains(name),
+            });
         }
         if let Some(store) = shared.recorder.as_ref().and_then(Recorder::store_status) {
             status.set_storage(&store);

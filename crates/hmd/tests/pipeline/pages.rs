@@ -6,7 +6,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use hmd_core::metrics::render;
-use hmd_core::record::{Dropped, Health, Log, RawBatch, Record, Rul, Status, Window};
+use hmd_core::record::{ActuatorStatus, Dropped, Health, InterfaceStatus, Log, RawBatch, Record, Rul, Status, Window};
 use prost_types::field_descriptor_proto::{Label, Type};
 
 /// Stands for the names that a label may have.
@@ -26,17 +26,16 @@ fn check(name: &str, made: &str) {
 
 #[test]
 fn metrics() {
-    let any = || vec![ANY.to_owned()];
     let text = render(&Status {
         record_age_s: Some(0.0),
-        interface: any(),
-        link: vec!["up".to_owned()],
-        actuator: any(),
-        data_age_s: vec![0.0],
-        data_state: vec!["ok".to_owned()],
-        health: vec!["ok".to_owned()],
-        persistence: vec![0],
-        passive: vec![false],
+        interfaces: vec![InterfaceStatus {
+            interface: ANY.to_owned(),
+            ..InterfaceStatus::default()
+        }],
+        actuators: vec![ActuatorStatus {
+            actuator: ANY.to_owned(),
+            ..ActuatorStatus::default()
+        }],
         ..Status::default()
     });
     let mut page = "# Metrics\n\nWhat `hmd run --metrics` and `--metrics-listen` give ([deploy.md](deploy.md)); made from the code.\n\n\

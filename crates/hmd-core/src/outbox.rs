@@ -82,15 +82,15 @@ impl Outbox {
         self.samples.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
-    pub(crate) fn window(&mut self, job: WindowJob) {
+    pub(crate) fn push_window(&mut self, job: WindowJob) {
         self.windows.push(job);
     }
 
-    pub(crate) fn notice(&mut self, stamp_ns: u64, message: String) {
+    pub(crate) fn push_notice(&mut self, stamp_ns: u64, message: String) {
         self.notices.push(Notice { stamp_ns, message });
     }
 
-    pub(crate) fn sample(&mut self, sample: impl FnOnce() -> AssembledSample) {
+    pub(crate) fn push_sample(&mut self, sample: impl FnOnce() -> AssembledSample) {
         if let Some(samples) = &mut self.samples {
             samples.push(sample());
         }

@@ -419,29 +419,4 @@ mod tests {
             [0, 1, 2, 3, 4, 5, 7].map(|p| damage[p].to_bits())
         );
     }
-
-    #[test]
-    fn every_fault_has_its_parameter_and_its_names() {
-        for (n, fault) in FaultId::ALL.into_iter().enumerate() {
-            assert_eq!(fault.index(), n);
-            assert_eq!(fault.name(), FaultVector::NAMES[fault.parameter()]);
-            assert_eq!(FaultId::from_name(fault.name()), Some(fault));
-            assert_eq!(FaultId::from_parameter(fault.parameter()), Some(fault));
-            assert_eq!(FaultId::NAMES[n], fault.name());
-        }
-        assert_eq!(FaultId::from_parameter(FaultVector::ECCENTRICITY_PHASE_INDEX), None);
-        assert_eq!(FaultId::from_name("eccentricity_phase"), None);
-    }
-
-    #[test]
-    fn damage_is_that_of_each_parameter_and_zero_for_the_direction() {
-        let k = FaultVector::from_array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.9, 0.3]);
-        let damage = k.damage();
-        let expected = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.0, 2.0 * (0.3 - 0.5f64).abs()];
-        assert_eq!(damage.map(f64::to_bits), expected.map(f64::to_bits));
-        assert_eq!(
-            k.damages().map(f64::to_bits),
-            [0, 1, 2, 3, 4, 5, 7].map(|p| damage[p].to_bits())
-        );
-    }
 }

@@ -264,8 +264,8 @@ fn replay(name: &str) -> Row {
 struct Windows(Vec<record::Health>);
 
 impl Observer for Windows {
-    fn judged(&mut self, judged: &AssessedWindow) -> io::Result<()> {
-        self.0.push(judged.health.clone());
+    fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()> {
+        self.0.push(assessed.health.clone());
         Ok(())
     }
 

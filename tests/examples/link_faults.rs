@@ -59,16 +59,16 @@ fn main() {
 fn report(what: &str, tally: &Tally) {
     let Tally {
         windows,
-        judged,
+        assessed,
         right,
         false_faults,
         reasons,
         wrong,
     } = tally;
     println!(
-        "| {what} | {windows} | {judged} ({:.1} %) | {right} ({:.1} %) | {false_faults} |",
-        100.0 * *judged as f64 / *windows as f64,
-        100.0 * *right as f64 / (*judged).max(1) as f64,
+        "| {what} | {windows} | {assessed} ({:.1} %) | {right} ({:.1} %) | {false_faults} |",
+        100.0 * *assessed as f64 / *windows as f64,
+        100.0 * *right as f64 / (*assessed).max(1) as f64,
     );
     eprintln!("{what}: not judged: {reasons:?}");
     for line in wrong {

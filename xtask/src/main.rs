@@ -5,17 +5,20 @@
 mod book;
 mod can;
 mod ci;
+mod circles;
 mod deb;
 mod debian;
 mod deny;
 mod dist;
 mod firmware;
 mod fleet;
+mod flight;
 mod fuzz;
 mod guest_state;
 mod model;
 mod no_std;
 mod oracle;
+mod package;
 mod power_cut;
 mod progpy;
 mod python;
@@ -46,8 +49,10 @@ struct Cli {
 
 #[derive(Debug, Clone, Copy, Subcommand)]
 enum Verb {
-    /// Formatting, and lints as errors.
+    /// Formatting, lints as errors, import circles, and what the flight build contains.
     Check,
+    /// Modules of one crate that import each other; one such circle is an error.
+    Circles,
     /// All tests.
     Test,
     /// Each no_std crate alone, without features, for this machine and for a Cortex-M7.
@@ -106,10 +111,12 @@ enum Verb {
         #[arg(long, default_value_t = 1440, value_parser = clap::value_parser!(u32).range(11..))]
         minutes: u32,
     },
-    /// Static release builds for x86-64 and aarch64, each made twice and compared byte by byte.
+    /// Static release builds for x86-64 and aarch64, flight and full, each made twice and compared byte by byte.
     Dist,
-    /// The Debian packages of these builds, with manual pages, completions and a bill of materials.
+    /// The Debian packages of these builds: `hmd` for flight, `hmd-tools` with manual pages and completions.
     Deb,
+    /// The library crates as they would be published, each built from its package.
+    Package,
     /// Model checking of what runs concurrently.
     Model,
     /// Runs every command whose output stands in a document, and draws the figures, again.
@@ -121,6 +128,7 @@ enum Verb {
 fn main() -> ExitCode {
     let ended = match Cli::parse().verb {
         Verb::Check => check(),
+        Verb::Circles => circles::check(),
         Verb::Test => run(cargo(["test", "--workspace"])),
         Verb::NoStd => no_std::build(),
         Verb::Docs => run(cargo(["doc", "--workspace", "--no-deps"]).env("RUSTDOCFLAGS", "-Dwarnings")),
@@ -141,6 +149,7 @@ fn main() -> ExitCode {
         Verb::Systemd => systemd::check(),
         Verb::Survive => survive::check(),
         Verb::PowerCut { cuts } => power_cut::check(cuts),
+        Verb::Package => package::check(),
         Verb::Model => model::check(),
         Verb::Dist => dist::check(),
         Verb::Deb => deb::make(),
@@ -163,7 +172,9 @@ fn check() -> anyhow::Result<()> {
         let manifest = format!("{beside}/Cargo.toml");
         run(cargo(["tree", "--quiet", "--locked", "--depth", "0", "--manifest-path"]).arg(manifest))?;
     }
+    flight::check()?;
     run(cargo(["fmt", "--all", "--", "--check"]))?;
+    circles::check()?;
     run(cargo([
         "clippy",
         "--workspace",

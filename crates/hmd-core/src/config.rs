@@ -11,6 +11,7 @@ mod describe;
 mod error;
 mod health;
 mod identification;
+mod name;
 mod output;
 mod params;
 mod reader;
@@ -36,11 +37,13 @@ pub use storage_limits::Limits;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use ema_wire::ActuatorId;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
+use crate::dbc::SignalMap;
 use crate::frame::BusNames;
 use crate::metadata_checksum::hex;
 use crate::window::WindowConfig;
@@ -87,7 +90,7 @@ impl Config {
     /// [`Config::from_texts`] takes a reader of files.
     ///
     /// ```
-    /// use crate::config::Config;
+    /// use hmd_core::config::Config;
     /// let config = Config::from_toml_str("[window]\nduration_ms = 300", "hmd.toml")?;
     /// assert_eq!(config.window().pre_trigger_ms, 20.0);
     /// let error = Config::from_toml_str("[window]\nduration_ms = -3", "hmd.toml").unwrap_err();
@@ -95,7 +98,7 @@ impl Config {
     ///     error.to_string(),
     ///     "hmd.toml:2: window.duration_ms: expected a number from 20 to 10000, found -3"
     /// );
-    /// # Ok::<(), crate::config::ConfigError>(())
+    /// # Ok::<(), hmd_core::config::ConfigError>(())
     /// ```
     ///
     /// # Errors
@@ -162,6 +165,14 @@ impl Config {
     #[must_use]
     pub fn actuator_for(&self, bus: &str, id: ActuatorId) -> Option<&ActuatorConfig> {
         self.actuators.iter().find(|actuator| actuator.is_at(bus, id))
+    }
+
+    /// The actuators on interface `bus` that have a signal map, each with its map and its nominal sample rate, Hz.
+    pub fn mapped_actuators(&self, bus: &str) -> impl Iterator<Item = (ActuatorId, &Arc<SignalMap>, f64)> {
+        self.actuators.iter().filter_map(move |actuator| {
+            let map = actuator.map.as_ref().filter(|_| actuator.is_at(bus, actuator.id))?;
+            Some((actuator.id, map, actuator.params.sensors.sample_rate))
+        })
     }
 
     /// The interfaces that the actuators are on, in the order of the file; `file_name` is what errors call it.

@@ -39,7 +39,6 @@ pub struct McapFrames<R> {
     round_at_byte: u64,
     next_index: u64,
     refused_topics: BTreeSet<String>,
-    any_batch: bool,
     queue: VecDeque<Result<RawFrame, McapLoss>>,
 }
 
@@ -58,7 +57,6 @@ impl<R: Read + Seek> McapFrames<R> {
             round_at_byte: 0,
             next_index: 0,
             refused_topics: BTreeSet::new(),
-            any_batch: false,
             queue: VecDeque::new(),
         })
     }
@@ -76,11 +74,6 @@ impl<R: Read + Seek> McapFrames<R> {
     /// The messages below, for their position, topics, chunks and metadata.
     pub fn messages(&self) -> &McapMessages<R> {
         &self.messages
-    }
-
-    /// Whether any intact batch of raw frames was found so far.
-    pub fn any_batch(&self) -> bool {
-        self.any_batch
     }
 
     fn take(&mut self, message: &McapMessage) {
@@ -131,7 +124,6 @@ impl<R: Read + Seek> McapFrames<R> {
         self.round_number = batch.round;
         self.round_at_byte = message.at_byte;
         self.round.extend(frames);
-        self.any_batch = true;
     }
 
     /// Hands out the frames of a round in their order, after a note on those that are missing before or between them.

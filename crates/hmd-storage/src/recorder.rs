@@ -15,8 +15,8 @@ use crate::mcap_writer::{Sink, SinkError, SyncedFile};
 use crate::segment_store::{RealDisk, Store, StoreEnd, StoreError};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::{Config, Limits};
-use hmd_core::demux::{Notice, WindowJob};
 use hmd_core::frame::{BusNames, RawFrame};
+use hmd_core::outbox::{Notice, WindowJob};
 use hmd_core::record::{Dropped, Log, LogLevel, Record, Status, StoreStatus};
 
 /// Why records cannot be written.
@@ -164,29 +164,29 @@ impl Recorder {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn judged(&mut self, judged: &AssessedWindow) -> Result<bool, RecordError> {
-        let at = judged.health.t_start_ns;
+    pub fn assessed(&mut self, assessed: &AssessedWindow) -> Result<bool, RecordError> {
+        let at = assessed.health.t_start_ns;
         let stored = match &mut self.output {
             Output::Folder(store) => {
-                store.write(at, &judged.window);
-                store.write(at, &judged.health);
-                store.write(at, &judged.rul);
+                store.write(at, &assessed.window);
+                store.write(at, &assessed.health);
+                store.write(at, &assessed.rul);
                 store.sync_records()
             }
             Output::File { .. } => {
                 self.file(|sink| {
-                    sink.write(at, &judged.window)?;
-                    sink.write(at, &judged.health)?;
-                    sink.write(at, &judged.rul)
+                    sink.write(at, &assessed.window)?;
+                    sink.write(at, &assessed.health)?;
+                    sink.write(at, &assessed.rul)
                 })?;
                 self.sync_file()?;
                 true
             }
             Output::Nowhere => true,
         };
-        self.tell(at, &judged.window);
-        self.tell(at, &judged.health);
-        self.tell(at, &judged.rul);
+        self.tell(at, &assessed.window);
+        self.tell(at, &assessed.health);
+        self.tell(at, &assessed.rul);
         Ok(stored)
     }
 

@@ -28,7 +28,7 @@ use crate::clock::now_ns;
 use crate::mcap_writer::SinkError;
 use hmd_core::config::Limits;
 use hmd_core::frame::{BusNames, RawFrame};
-use hmd_core::record::{LogLevel, Record, StoreStatus};
+use hmd_core::record::{LogLevel, Record, StorageState, StoreStatus};
 use lane::{Begin, Lane, is_gone};
 use name::{Kind, Name, Stage};
 
@@ -223,11 +223,11 @@ impl Store {
             segments: (self.closed.len() + open.iter().filter(|lane| lane.name().is_some()).count()) as u64,
             deleted: self.deleted,
             state: if open.iter().any(|lane| lane.has_failed()) {
-                "failing"
+                StorageState::Failing
             } else if self.raw_paused {
-                "raw-paused"
+                StorageState::RawPaused
             } else {
-                "ok"
+                StorageState::Ok
             },
         }
     }

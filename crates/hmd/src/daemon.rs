@@ -35,8 +35,8 @@ use tokio::task::JoinSet;
 pub use freshness::STALE_AFTER;
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor, WindowCounts};
 use hmd_core::config::Config;
-use hmd_core::demux::{Notice, WindowJob};
 use hmd_core::frame::{BusError, BusNames};
+use hmd_core::outbox::{Notice, WindowJob};
 use hmd_core::pipeline::Pipeline;
 use hmd_core::record::{LogLevel, Status};
 use hmd_ingest::feed::{Feed, Input, QUEUE_INPUTS};
@@ -87,13 +87,13 @@ pub trait Observer: Sync {
     ///
     /// # Errors
     /// When nobody takes the records any more; the daemon then ends.
-    fn judged(&self, judged: &AssessedWindow) -> io::Result<()>;
+    fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()>;
     /// One window has been judged, but its records could not be stored; by default told like any other.
     ///
     /// # Errors
     /// As [`Observer::judged`].
-    fn unstored(&self, judged: &AssessedWindow) -> io::Result<()> {
-        self.judged(judged)
+    fn unstored(&self, assessed: &AssessedWindow) -> io::Result<()> {
+        self.assessed(assessed)
     }
     /// Something an operator should read.
     fn notice(&self, message: &str);
@@ -173,12 +173,12 @@ impl Daemon {
             None => None,
         };
 
-        let (watched, judged) = thread::scope(|scope| {
+        let (watched, assessed) = thread::scope(|scope| {
             let (windows, shared) = (&windows, &shared);
-            let judging = assessor.map(|(judge, config)| {
+            let judging = assessor.map(|(assessor, config)| {
                 scope.spawn(move || {
                     let _closed = CloseAtEnd(windows);
-                    judge_all(judge, &config, windows, shared, observer)
+                    assess_all(assessor, &config, windows, shared, observer)
                 })
             });
             let watching = scope.spawn(|| {
@@ -196,7 +196,7 @@ impl Daemon {
             recorder.finish()
         });
         // The file is ended whatever went wrong before; the first error is the one to tell.
-        judged?;
+        assessed?;
         watched?;
         told?;
         if let Some(store) = written? {
@@ -250,14 +250,14 @@ impl Drop for CloseAtEnd<'_> {
 fn ready_assessor(config: Arc<Config>, seed: u64) -> Result<(Assessor, Arc<Config>), AssessError> {
     let mut assessor = Assessor::new(config.clone(), load_models(&config)?, seed);
     if let Some(directory) = config.rul().state.as_ref().map(|path| config.resolve(path)) {
-        history_file::restore_all(&directory, &config, assessor.lives());
+        history_file::restore_all(&directory, &config, assessor.histories());
     }
     Ok((assessor, config))
 }
 
 /// The dear half, on a thread of its own.
-fn judge_all(
-    mut judge: Assessor,
+fn assess_all(
+    mut assessor: Assessor,
     config: &Config,
     windows: &WindowQueue,
     shared: &Mutex<Shared>,
@@ -268,35 +268,40 @@ fn judge_all(
         // Events may have come since the last window; the file is short. One that is damaged does not end the watch.
         let events = match events_of(config) {
             Ok(events) => {
-                judge.lives().follow(events);
+                assessor.histories().set_events(events);
                 None
             }
             Err(error) => Some(format!("rul.events: {error}")),
         };
         let since = Instant::now();
         let passive = job.actuator.passive;
-        let judged = judge.assess(job)?;
+        let assessed = assessor.assess(job)?;
         let took = since.elapsed();
         // Before the lock is taken: frames need not wait for this file.
-        let saved = match (&histories, judge.lives().get(&judged.health.actuator)) {
-            (Some(directory), Some(history)) => history_file::save(directory, &judged.health.actuator, history),
+        let saved = match (&histories, assessor.histories().get(&assessed.health.actuator)) {
+            (Some(directory), Some(history)) => history_file::save(directory, &assessed.health.actuator, history),
             _ => Ok(()),
         };
         let troubles = events.into_iter().chain(saved.err().map(|error| error.to_string()));
-        let pending = judge.lives().pending(&judged.health.actuator);
-        let of_life: Vec<String> = judge.lives().take_notices().into_iter().chain(troubles).collect();
+        let pending = assessor.histories().pending(&assessed.health.actuator);
+        let of_life: Vec<String> = assessor
+            .histories()
+            .take_notices()
+            .into_iter()
+            .chain(troubles)
+            .collect();
         let stored = {
             let mut shared = lock(shared);
-            shared.windows = judge.counts();
+            shared.windows = assessor.counts();
             let (total, longest) = shared.judging;
             shared.judging = (total + took, longest.max(took));
             // The same trouble may come with every window.
             for message in of_life {
-                let stamp_ns = judged.health.t_start_ns;
+                let stamp_ns = assessed.health.t_start_ns;
                 tell_unless_many(&Notice { stamp_ns, message }, LogLevel::Warning, &mut shared, observer)?;
             }
-            if let Some((level, message)) = shared.standings.take(&judged.health, pending, passive) {
-                let stamp_ns = judged.health.t_start_ns;
+            if let Some((level, message)) = shared.standings.take(&assessed.health, pending, passive) {
+                let stamp_ns = assessed.health.t_start_ns;
                 tell(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
             }
             let (mut stored, mut messages) = (true, Vec::new());
@@ -305,7 +310,7 @@ fn judge_all(
                 if windows.is_closed() {
                     messages = recorder.tick(Instant::now())?;
                 }
-                stored = recorder.judged(&judged)?;
+                stored = recorder.assessed(&assessed)?;
                 messages.append(&mut recorder.take_messages());
             }
             // Said before the line of a window that is not stored.
@@ -324,9 +329,9 @@ fn judge_all(
         }
         // Told only now: what was told as judged is on the disk.
         let told = if stored {
-            observer.judged(&judged)
+            observer.assessed(&assessed)
         } else {
-            observer.unstored(&judged)
+            observer.unstored(&assessed)
         };
         told.map_err(DaemonError::Stdout)?;
     }

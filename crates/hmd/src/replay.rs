@@ -11,9 +11,10 @@ use prost::Message;
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor};
 use hmd_core::config::{ActuatorConfig, Config};
 use hmd_core::dbc::MessageUse;
-use hmd_core::demux::{FrameCounts, Notice, WindowJob};
+use hmd_core::demux::FrameCounts;
 use hmd_core::frame::BusNames;
 use hmd_core::metadata_checksum::is_sealed;
+use hmd_core::outbox::Notice;
 use hmd_core::pipeline::Pipeline;
 use hmd_core::record::{Dropped, LogLevel, Record, Status};
 use hmd_ingest::Loss;
@@ -126,7 +127,15 @@ impl Summary {
             return Err(ReplayError::NoActuator {
                 logs: logs(),
                 expected: watched(config),
-                found: format!("{found} on {}", self.status.interface.join(", ")),
+                found: format!(
+                    "{found} on {}",
+                    self.status
+                        .interfaces
+                        .iter()
+                        .map(|on| on.interface.as_str())
+                        .collect::<Vec<_>>()
+                        .join(", ")
+                ),
             });
         }
         if self.status.samples == 0 {
@@ -169,7 +178,7 @@ fn watched(config: &Config) -> String {
 /// What a replay tells while it runs.
 pub trait Observer {
     /// One window has been judged.
-    fn judged(&mut self, judged: &AssessedWindow) -> io::Result<()>;
+    fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()>;
     /// Something an operator should read.
     fn notice(&mut self, message: &str);
     /// Bytes read of all.
@@ -178,7 +187,7 @@ pub trait Observer {
 
 struct Run<'a, O> {
     pipeline: Pipeline,
-    judge: Assessor,
+    assessor: Assessor,
     recorder: Option<Recorder>,
     observer: &'a mut O,
     windows: u64,
@@ -222,11 +231,11 @@ impl Replay<'_> {
             Some(tap) => recorder.map(|recorder| recorder.with_tap(tap)),
             None => recorder,
         };
-        let mut judge = Assessor::new(self.config.clone(), load_models(&self.config)?, self.seed);
-        judge.lives().follow(events_of(&self.config)?);
+        let mut assessor = Assessor::new(self.config.clone(), load_models(&self.config)?, self.seed);
+        assessor.histories().set_events(events_of(&self.config)?);
         let mut run = Run {
             pipeline: Pipeline::new(self.config.clone()),
-            judge,
+            assessor,
             recorder,
             observer,
             windows: 0,
@@ -273,7 +282,6 @@ impl<O: Observer> Run<'_, O> {
         read_before: &mut u64,
         store_raw: bool,
     ) -> Result<BusNames, ReplayError> {
-        let mut ended = Vec::new();
         let mut frames = 0u64;
         // The clock may have stepped back between two segments of one run; no frame is in both.
         let seen_ns = if continued {
@@ -291,8 +299,8 @@ impl<O: Observer> Run<'_, O> {
                     if store_raw && let Some(recorder) = &mut self.recorder {
                         recorder.raw(&frame, source.bus_names())?;
                     }
-                    self.pipeline.push(&frame, source.bus_names(), &mut ended);
-                    self.judge_all(&mut ended)?;
+                    self.pipeline.push(&frame, source.bus_names());
+                    self.assess_all()?;
                 }
                 Err(loss) => self.lost(&loss)?,
             }
@@ -322,7 +330,7 @@ impl<O: Observer> Run<'_, O> {
             let Some(before) = before.filter(|before| *before != serial) else {
                 continue;
             };
-            if self.judge.lives().end(&actuator) {
+            if self.assessor.histories().remove(&actuator) {
                 let message = format!("{actuator}: a new life begins, unit {serial} after {before}");
                 let stamp_ns = self.pipeline.last_stamp_ns();
                 self.notice(&Notice { stamp_ns, message }, LogLevel::Info)?;
@@ -347,16 +355,15 @@ impl<O: Observer> Run<'_, O> {
     }
 
     fn end_windows(&mut self) -> Result<(), ReplayError> {
-        let mut ended = Vec::new();
-        self.pipeline.finish(&mut ended);
-        self.judge_all(&mut ended)
+        self.pipeline.finish();
+        self.assess_all()
     }
 
-    fn judge_all(&mut self, ended: &mut Vec<WindowJob>) -> Result<(), ReplayError> {
+    fn assess_all(&mut self) -> Result<(), ReplayError> {
         for notice in self.pipeline.take_notices() {
             self.notice(&notice, LogLevel::Warning)?;
         }
-        for job in ended.drain(..) {
+        for job in self.pipeline.take_windows() {
             self.windows += 1;
             let key = (job.actuator.name.clone(), job.window.t_start_ns);
             if self.dropped.contains(&key) {
@@ -366,15 +373,15 @@ impl<O: Observer> Run<'_, O> {
                 }
                 continue;
             }
-            let judged = self.judge.assess(job)?;
-            for message in self.judge.lives().take_notices() {
-                let stamp_ns = judged.health.t_start_ns;
+            let assessed = self.assessor.assess(job)?;
+            for message in self.assessor.histories().take_notices() {
+                let stamp_ns = assessed.health.t_start_ns;
                 self.notice(&Notice { stamp_ns, message }, LogLevel::Info)?;
             }
             if let Some(recorder) = &mut self.recorder {
-                recorder.judged(&judged)?;
+                recorder.assessed(&assessed)?;
             }
-            self.observer.judged(&judged).map_err(ReplayError::Stdout)?;
+            self.observer.assessed(&assessed).map_err(ReplayError::Stdout)?;
         }
         Ok(())
     }
@@ -399,7 +406,7 @@ impl<O: Observer> Run<'_, O> {
     }
 
     fn finish(self, names: &BusNames) -> Result<Summary, ReplayError> {
-        let status = self.pipeline.status(names, self.judge.counts());
+        let status = self.pipeline.status(names, self.assessor.counts());
         if let Some(mut recorder) = self.recorder {
             recorder.status(self.pipeline.last_stamp_ns(), &status)?;
             recorder.finish()?;
@@ -495,7 +502,7 @@ mod tests {
     fn another_unit_begins_its_own_life() {
         struct Nobody;
         impl Observer for Nobody {
-            fn judged(&mut self, _: &AssessedWindow) -> io::Result<()> {
+            fn assessed(&mut self, _: &AssessedWindow) -> io::Result<()> {
                 Ok(())
             }
             fn notice(&mut self, _: &str) {}
@@ -505,7 +512,7 @@ mod tests {
         let config = Arc::new(Config::default());
         let mut run = Run {
             pipeline: Pipeline::new(config.clone()),
-            judge: Assessor::new(config.clone(), Models::without_files(&config).unwrap(), 1),
+            assessor: Assessor::new(config.clone(), Models::without_files(&config).unwrap(), 1),
             recorder: None,
             observer: &mut Nobody,
             windows: 0,
@@ -527,11 +534,11 @@ mod tests {
         let actuator = config.actuator_named("ema0").unwrap();
         let (first, second) = (log("S1"), log("S2"));
         run.follow_units(&first).unwrap();
-        run.judge.lives().at(actuator, 1).unwrap();
+        run.assessor.histories().history_at(actuator, 1).unwrap();
         run.follow_units(&first).unwrap();
-        assert!(run.judge.lives().end("ema0"), "the same unit goes on");
-        run.judge.lives().at(actuator, 2).unwrap();
+        assert!(run.assessor.histories().remove("ema0"), "the same unit goes on");
+        run.assessor.histories().history_at(actuator, 2).unwrap();
         run.follow_units(&second).unwrap();
-        assert!(!run.judge.lives().end("ema0"), "another one does not");
+        assert!(!run.assessor.histories().remove("ema0"), "another one does not");
     }
 }

@@ -19,7 +19,7 @@ pub struct Known {
     /// Of the newest window.
     pub health: Health,
     /// Of the newest window that was judged.
-    pub judged: Option<Health>,
+    pub assessed: Option<Health>,
     /// What was left after the newest window; `None` until that is read.
     pub rul: Option<Rul>,
     /// The newest window, without its samples.
@@ -105,7 +105,11 @@ impl State {
     /// else all that had a window.
     #[must_use]
     pub fn names(&self) -> Vec<&str> {
-        let watched = self.status.iter().flat_map(|(_, status)| &status.actuator);
+        let watched = self
+            .status
+            .iter()
+            .flat_map(|(_, status)| &status.actuators)
+            .map(|of| &of.actuator);
         let watched: Vec<&str> = watched.take(ACTUATORS_MAX).map(String::as_str).collect();
         if watched.is_empty() {
             self.actuators.keys().map(String::as_str).collect()
@@ -150,7 +154,7 @@ impl State {
             return;
         };
         if health.estimate().is_some() {
-            known.judged = Some(health.clone());
+            known.assessed = Some(health.clone());
         }
         known.health = health;
         known.rul = None;

@@ -61,8 +61,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     names.intern("can0")?;
     let actuator = ActuatorId::new(0).context("actuator 0")?;
     let mut pipeline = Pipeline::new(config.clone());
-    let mut judge = Assessor::new(config.clone(), Models::without_files(&config)?, args.seed);
-    let mut ended = Vec::new();
+    let mut assessor = Assessor::new(config.clone(), Models::without_files(&config)?, args.seed);
 
     say("A simulated flight-control actuator wears out; every 100 hours one actuation is watched.")?;
     say("The life that is left counts to a damage of 80 %: hours by which it ends with 10, 50 and 90 % probability.")?;
@@ -76,31 +75,31 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             },
             actuations: Actuations {
                 rest: 0.1,
-                ..Actuations::one(Profile::Mixed)
+                ..Actuations::single(Profile::Mixed)
             },
             ..Scenario::new(ActuatorParams::bench(), worn(n), mix(args.seed, &[n]))
         };
         let start_ns = EPOCH_NS + hours * 3_600_000_000_000;
         for frame in traffic(&scenario, actuator, start_ns) {
             sink.raw(&frame, &names).with_context(|| path.clone())?;
-            pipeline.push(&frame, &names, &mut ended);
+            pipeline.push(&frame, &names);
         }
-        pipeline.finish(&mut ended);
-        for job in ended.drain(..) {
-            let judged = judge.assess(job)?;
-            let at = judged.health.t_start_ns;
-            sink.write(at, &judged.window).with_context(|| path.clone())?;
-            sink.write(at, &judged.health).with_context(|| path.clone())?;
-            sink.write(at, &judged.rul).with_context(|| path.clone())?;
+        pipeline.finish();
+        for job in pipeline.take_windows() {
+            let assessed = assessor.assess(job)?;
+            let at = assessed.health.t_start_ns;
+            sink.write(at, &assessed.window).with_context(|| path.clone())?;
+            sink.write(at, &assessed.health).with_context(|| path.clone())?;
+            sink.write(at, &assessed.rul).with_context(|| path.clone())?;
             sink.flush_window().with_context(|| path.clone())?;
             say(&format!(
                 "{hours:>7} {:<18} {}",
-                left_cell(&judged.rul),
-                health_row(&judged.health)
+                left_cell(&assessed.rul),
+                health_row(&assessed.health)
             ))?;
         }
     }
-    let (frames, windows) = (pipeline.frames(), judge.counts());
+    let (frames, windows) = (pipeline.frames(), assessor.counts());
     let status = pipeline.status(&names, windows);
     sink.write(pipeline.last_stamp_ns(), &status)
         .with_context(|| path.clone())?;

@@ -5,11 +5,10 @@ use std::path::PathBuf;
 use super::{Exit, Misuse, load_config, progress, say, unknown_type, use_threads};
 use ema_identify::Identifier;
 use ema_identify::calibration::MonitorForm;
-use ema_models::MotorKnowledge;
+use ema_models::{FaultId, MotorKnowledge};
 use hmd_core::assess::{AssessError, method};
 use hmd_core::config::SearchMethod;
 use hmd_core::config::{Config, IdentificationConfig};
-use hmd_core::health::FAULTS;
 use hmd_lab::evaluate::{
     CONDITION_ROWS, Case, DetectionReport, NOISE_RATES_HZ, NoiseReport, PROFILE_ROWS, PaperReport, ProfilesReport,
     RandomReport, RulReport, Scores, conditions, detection, noise, paper, profiles, random, rul,
@@ -188,7 +187,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
 /// The one suite that identifies nothing: its estimates are drawn.
 fn run_rul(args: &Args) -> anyhow::Result<Exit> {
     let n = args.n.unwrap_or(200);
-    let bar = progress::over_pieces(n * FAULTS as u64);
+    let bar = progress::over_pieces(n * FaultId::COUNT as u64);
     let report = rul(n, args.seed, &|| bar.inc(1))?;
     bar.finish_and_clear();
     say(&if args.json {
@@ -334,7 +333,7 @@ fn rul_table(report: &RulReport) -> String {
     for group in &report.groups {
         row(&group.name, group.histories, &group.scores, &group.oracle);
     }
-    let all = report.histories_per_fault as usize * FAULTS;
+    let all = report.histories_per_fault as usize * FaultId::COUNT;
     row("**all**", all, &report.scores, &report.oracle);
     text + "\n\nEach cell: this monitor / an oracle that knows the true law and how its parameters are distributed."
 }

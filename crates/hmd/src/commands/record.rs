@@ -84,7 +84,7 @@ fn serial_line(text: &str) -> Result<(String, SerialSource), String> {
 struct Teller;
 
 impl Observer for Teller {
-    fn judged(&self, _: &AssessedWindow) -> io::Result<()> {
+    fn assessed(&self, _: &AssessedWindow) -> io::Result<()> {
         Ok(())
     }
 

@@ -202,7 +202,7 @@ struct Printer {
 }
 
 impl Observer for Printer {
-    fn judged(&self, judged: &AssessedWindow) -> io::Result<()> {
+    fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
         if !self.heard.load(Ordering::Relaxed) {
             return Ok(());
         }
@@ -214,11 +214,11 @@ impl Observer for Printer {
         }
         let mut out = io::stdout().lock();
         let printed = if self.json {
-            writeln!(out, "{}", HealthLine::from((&judged.health, &judged.rul)).to_json())
+            writeln!(out, "{}", HealthLine::from((&assessed.health, &assessed.rul)).to_json())
         } else {
             let headed = self.headed.swap(true, Ordering::Relaxed);
             let head = if headed { Ok(()) } else { writeln!(out, "{HEALTH_HEAD}") };
-            head.and_then(|()| writeln!(out, "{}", health_row(&judged.health)))
+            head.and_then(|()| writeln!(out, "{}", health_row(&assessed.health)))
         };
         match printed.and_then(|()| out.flush()) {
             // The output still takes the records.

@@ -10,10 +10,10 @@ use tokio::sync::mpsc;
 use super::freshness::Freshness;
 use super::{DaemonError, Observer, Shared, WindowQueue, lock};
 use hmd_core::config::Config;
-use hmd_core::demux::{Notice, WindowJob};
 use hmd_core::frame::BusNames;
+use hmd_core::outbox::{Notice, WindowJob};
 use hmd_core::pipeline::Pipeline;
-use hmd_core::record::{LogLevel, Status};
+use hmd_core::record::{ActuatorStatus, DataState, LogLevel, Status};
 use hmd_ingest::feed::{Input, LinkState, LiveLoss};
 use hmd_storage::clock::now_ns;
 use hmd_storage::recorder::Recorder;
@@ -79,7 +79,6 @@ impl Monitor {
         observer: &impl Observer,
     ) -> Result<(), DaemonError> {
         let mut batch = Vec::with_capacity(BATCH);
-        let mut ended = Vec::new();
         while inputs.blocking_recv_many(&mut batch, BATCH) > 0 {
             if windows.is_closed() {
                 return Ok(());
@@ -89,26 +88,26 @@ impl Monitor {
             for input in batch.drain(..) {
                 let is_tick = matches!(input, Input::Tick { .. });
                 self.hear(&input, observer);
-                self.take(input, &mut ended, &mut shared, observer)?;
+                self.take(input, &mut shared, observer)?;
                 // A tick came through the I/O thread and the queue, and the writer has synced or said that it cannot.
                 if is_tick && windows.busy_for() < JUDGING_MAX {
                     observer.alive();
                 }
             }
             self.tell_notices(&mut shared, observer)?;
-            for job in ended.drain(..) {
+            for job in self.pipeline.take_windows() {
                 if let Some(dropped) = windows.push(job) {
                     self.count_dropped(&dropped, &mut shared)?;
                 }
             }
         }
-        self.pipeline.finish(&mut ended);
+        self.pipeline.finish();
         let mut last = lock(shared);
         self.tell_losses(now_ns(), &mut last, observer)?;
         self.tell_notices(&mut last, observer)?;
         // Identification needs it to make room.
         drop(last);
-        for job in ended.drain(..) {
+        for job in self.pipeline.take_windows() {
             windows.push_waiting(job);
         }
         Ok(())
@@ -116,10 +115,8 @@ impl Monitor {
 
     /// The counters as they stand.
     pub(super) fn status(&self, shared: &Shared) -> Status {
-        let link = |bus: u16| self.links.get(&bus).map(ToString::to_string).unwrap_or_default();
         let (identification, longest) = shared.judging;
         let mut status = Status {
-            link: (0..self.names.len()).map(|bus| link(bus as u16)).collect(),
             queued_inputs: self.queued.0,
             queued_windows: self.queued.1,
             identification_s: identification.as_secs_f64(),
@@ -127,19 +124,25 @@ impl Monitor {
             record_age_s: shared.last_record.map(|at| at.elapsed().as_secs_f64()),
             ..self.pipeline.status(&self.names, shared.windows)
         };
-        for (name, age_s, stale) in self.freshness.ages(Instant::now()) {
+        for (interface, bus) in status.interfaces.iter_mut().zip(0..) {
+            interface.link = self.links.get(&bus).map(ToString::to_string).unwrap_or_default();
+        }
+        for (name, data_age_s, stale) in self.freshness.ages(Instant::now()) {
             let standing = shared.standings.of(name);
             let changed = standing.changed.unwrap_or_default();
-            status.actuator.push(name.to_owned());
-            status.data_age_s.push(age_s);
-            status.data_state.push(if stale { "STALE" } else { "fresh" }.to_owned());
-            status.health.push(standing.health);
-            status.persistence.push(standing.persistence.into());
-            status.changed_ns.push(changed.t_ns);
-            status.changed_from.push(changed.from);
-            status.changed_faults.push(changed.faults);
-            status.changed_damage.push(changed.damage);
-            status.passive.push(self.passive.contains(name));
+            let data_state = if stale { DataState::Stale } else { DataState::Fresh };
+            status.actuators.push(ActuatorStatus {
+                actuator: name.to_owned(),
+                data_age_s,
+                data_state: data_state.name().to_owned(),
+                health: standing.health,
+                persistence: standing.persistence.into(),
+                changed_ns: changed.t_ns,
+                changed_from: changed.from,
+                changed_faults: changed.faults,
+                changed_damage: changed.damage,
+                passive: self.passive.contains(name),
+            });
         }
         if let Some(store) = shared.recorder.as_ref().and_then(Recorder::store_status) {
             status.set_storage(&store);
@@ -161,13 +164,7 @@ impl Monitor {
         }
     }
 
-    fn take(
-        &mut self,
-        input: Input,
-        ended: &mut Vec<WindowJob>,
-        shared: &mut Shared,
-        observer: &impl Observer,
-    ) -> Result<(), DaemonError> {
+    fn take(&mut self, input: Input, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
         match input {
             Input::Frame(frame) => {
                 if self.store_raw
@@ -175,7 +172,7 @@ impl Monitor {
                 {
                     recorder.raw(&frame, &self.names)?;
                 }
-                self.pipeline.push(&frame, &self.names, ended);
+                self.pipeline.push(&frame, &self.names);
             }
             Input::Link {
                 bus,

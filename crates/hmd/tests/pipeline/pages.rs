@@ -6,8 +6,9 @@ use std::fmt::Write;
 use std::path::Path;
 
 use hmd_core::metrics::render;
-use hmd_core::record::{Dropped, Health, Log, RawBatch, Record, Rul, Status, Window};
+use hmd_core::record::{ActuatorStatus, Dropped, Health, InterfaceStatus, Log, RawBatch, Record, Rul, Status, Window};
 use prost_types::field_descriptor_proto::{Label, Type};
+use prost_types::{DescriptorProto, FileDescriptorProto};
 
 /// Stands for the names that a label may have.
 const ANY: &str = "ANY";
@@ -26,17 +27,16 @@ fn check(name: &str, made: &str) {
 
 #[test]
 fn metrics() {
-    let any = || vec![ANY.to_owned()];
     let text = render(&Status {
         record_age_s: Some(0.0),
-        interface: any(),
-        link: vec!["up".to_owned()],
-        actuator: any(),
-        data_age_s: vec![0.0],
-        data_state: vec!["ok".to_owned()],
-        health: vec!["ok".to_owned()],
-        persistence: vec![0],
-        passive: vec![false],
+        interfaces: vec![InterfaceStatus {
+            interface: ANY.to_owned(),
+            ..InterfaceStatus::default()
+        }],
+        actuators: vec![ActuatorStatus {
+            actuator: ANY.to_owned(),
+            ..ActuatorStatus::default()
+        }],
         ..Status::default()
     });
     let mut page = "# Metrics\n\nWhat `hmd run --metrics` and `--metrics-listen` give ([deploy.md](deploy.md)); made from the code.\n\n\
@@ -91,19 +91,19 @@ fn fields() {
     check("schemas/foxglove.Log.proto", &log);
 }
 
-/// A message in the language of schemas, with the enums inside it.
+/// A record in the language of schemas, then the messages that its fields are lists of.
 fn fields_of<R: Record>(page: &mut String) {
     let set = R::descriptor();
-    let messages = set.file.iter().flat_map(|file| {
-        let package = file.package().to_owned();
-        file.message_type
-            .iter()
-            .map(move |message| (format!("{package}.{}", message.name()), message))
-    });
-    let (_, message) = messages
-        .into_iter()
-        .find(|(name, _)| name == R::SCHEMA_NAME)
-        .expect("the message in its own descriptor");
+    let is_own = |file: &&FileDescriptorProto| R::SCHEMA_NAME.starts_with(&format!("{}.", file.package()));
+    let own = set.file.iter().find(is_own).expect("the file of the record");
+    assert!(R::SCHEMA_NAME.ends_with(own.message_type[0].name()));
+    for message in &own.message_type {
+        write_message(page, message);
+    }
+}
+
+/// A message, with the enums inside it.
+fn write_message(page: &mut String, message: &DescriptorProto) {
     writeln!(page, "\nmessage {} {{", message.name()).expect("a String");
     for inner in &message.enum_type {
         writeln!(page, "  enum {} {{", inner.name()).expect("a String");

@@ -45,7 +45,7 @@ fn frames(id: u8, actuations: u32) -> Vec<RawFrame> {
     let scenario = Scenario {
         actuations: Actuations {
             count: actuations,
-            ..Actuations::one(Profile::Step)
+            ..Actuations::single(Profile::Step)
         },
         ..Scenario::new(params, FaultVector::NOMINAL, u64::from(id))
     };
@@ -61,11 +61,11 @@ struct Lines {
 }
 
 impl Observer for Lines {
-    fn judged(&self, judged: &AssessedWindow) -> io::Result<()> {
-        let window = &judged.window;
+    fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
+        let window = &assessed.window;
         let (times, fitted) = (window.time_s.len(), window.fitted_i_q_a.len());
         assert!(fitted == 0 || fitted == times, "{fitted} values at {times} times");
-        let line = HealthLine::from((&judged.health, &judged.rul)).to_json();
+        let line = HealthLine::from((&assessed.health, &assessed.rul)).to_json();
         self.health.lock().unwrap().push(line);
         Ok(())
     }
@@ -76,8 +76,8 @@ impl Observer for Lines {
 }
 
 impl replay::Observer for &Lines {
-    fn judged(&mut self, judged: &AssessedWindow) -> io::Result<()> {
-        Observer::judged(*self, judged)
+    fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()> {
+        Observer::assessed(*self, assessed)
     }
 
     fn notice(&mut self, message: &str) {
@@ -266,8 +266,8 @@ fn a_bus_state_is_told_live_and_in_replay() {
     let told = ["can1: bus bus-off", "can1: bus error-active"];
     assert_eq!(*lines.notices.lock().unwrap(), told);
     assert_eq!(
-        (status.frames_error, status.bus_state),
-        (1, vec!["error-active".to_owned()])
+        (status.frames_error, status.interfaces[0].bus_state.as_str()),
+        (1, "error-active")
     );
     let (lines, _) = replayed(&live, &again);
     assert_eq!(*lines.notices.lock().unwrap(), told);

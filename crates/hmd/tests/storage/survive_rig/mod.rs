@@ -65,7 +65,7 @@ pub(crate) fn write_load(log: &Path, count: u32) {
     let scenario = Scenario {
         actuations: Actuations {
             count,
-            ..Actuations::one(Profile::Step)
+            ..Actuations::single(Profile::Step)
         },
         ..Scenario::new(params, FaultVector::NOMINAL, 1)
     };
@@ -90,8 +90,8 @@ fn frames(log: &Path, run: u64) -> Vec<RawFrame> {
 struct Teller;
 
 impl Observer for Teller {
-    fn judged(&self, judged: &AssessedWindow) -> io::Result<()> {
-        let line = format!("stored {} {}\n", judged.health.t_start_ns, judged.health.window);
+    fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
+        let line = format!("stored {} {}\n", assessed.health.t_start_ns, assessed.health.window);
         io::stderr().write_all(line.as_bytes())
     }
 

@@ -10,9 +10,8 @@ use anyhow::{Context, bail};
 use crate::shell::{cargo, root, run, target_dir};
 
 /// Documents with such lines.
-const DOCUMENTS: [&str; 6] = [
+const DOCUMENTS: [&str; 5] = [
     "README.md",
-    "docs/accuracy.md",
     // The long tables of the pages.
     "fixtures/results/bench.md",
     "fixtures/results/servo28.md",

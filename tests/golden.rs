@@ -227,7 +227,7 @@ fn replay_all(names: &[String]) -> Vec<Row> {
     rows
 }
 
-/// The one window of a log, judged with every default.
+/// The one window of a log, assessed with every default.
 fn replay(name: &str) -> Row {
     let log = fixtures().join("logs").join(name);
     let logs = [log.clone()];
@@ -264,8 +264,8 @@ fn replay(name: &str) -> Row {
 struct Windows(Vec<record::Health>);
 
 impl Observer for Windows {
-    fn judged(&mut self, judged: &AssessedWindow) -> io::Result<()> {
-        self.0.push(judged.health.clone());
+    fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()> {
+        self.0.push(assessed.health.clone());
         Ok(())
     }
 

@@ -1,4 +1,4 @@
-//! Windows judged: of logs (`replay`), and of samples in arrays (`identify`).
+//! Windows assessed: of logs (`replay`), and of samples in arrays (`identify`).
 
 use std::io;
 use std::path::PathBuf;
@@ -21,7 +21,7 @@ use pyo3::prelude::*;
 use crate::arrow::{ArrowTable, Batches};
 use crate::error::{misuse, raised};
 
-/// What was judged, and what was said about it.
+/// What was assessed, and what was said about it.
 #[pyclass(frozen)]
 pub(crate) struct AssessedWindow {
     /// The lines of `hmd replay --json`.
@@ -54,10 +54,10 @@ impl Gathered {
         }
     }
 
-    fn take(&mut self, judged: &judge::AssessedWindow) {
+    fn take(&mut self, assessed: &judge::AssessedWindow) {
         self.lines
-            .push(HealthLine::from((&judged.health, &judged.rul)).to_json());
-        self.rows.row(health_row(&judged.health, &judged.rul));
+            .push(HealthLine::from((&assessed.health, &assessed.rul)).to_json());
+        self.rows.row(health_row(&assessed.health, &assessed.rul));
     }
 
     fn into_judged(mut self, py: Python<'_>, loss: Option<String>) -> PyResult<AssessedWindow> {
@@ -71,8 +71,8 @@ impl Gathered {
 }
 
 impl Observer for Gathered {
-    fn judged(&mut self, judged: &judge::AssessedWindow) -> io::Result<()> {
-        self.take(judged);
+    fn assessed(&mut self, assessed: &judge::AssessedWindow) -> io::Result<()> {
+        self.take(assessed);
         Ok(())
     }
 
@@ -247,7 +247,7 @@ pub(crate) fn identify(
         gathered
             .notices
             .extend(notices.into_iter().map(|notice| notice.message));
-        let mut judge = Assessor::new(config, seed);
+        let mut assessor = Assessor::new(config, seed);
         judge.follow_events()?;
         for job in jobs {
             gathered.take(&judge.assess(job)?);

@@ -26,7 +26,7 @@ fn main() {
         flip: 0.002,
         ..LinkFaults::WORST
     };
-    println!("| link | windows | judged | right of them | with a fault that is not there |");
+    println!("| link | windows | assessed | right of them | with a fault that is not there |");
     println!("|---|---|---|---|---|");
     for kind in [Kind::Serial, Kind::Can] {
         report(
@@ -59,18 +59,18 @@ fn main() {
 fn report(what: &str, tally: &Tally) {
     let Tally {
         windows,
-        judged,
+        assessed,
         right,
         false_faults,
         reasons,
         wrong,
     } = tally;
     println!(
-        "| {what} | {windows} | {judged} ({:.1} %) | {right} ({:.1} %) | {false_faults} |",
-        100.0 * *judged as f64 / *windows as f64,
-        100.0 * *right as f64 / (*judged).max(1) as f64,
+        "| {what} | {windows} | {assessed} ({:.1} %) | {right} ({:.1} %) | {false_faults} |",
+        100.0 * *assessed as f64 / *windows as f64,
+        100.0 * *right as f64 / (*assessed).max(1) as f64,
     );
-    eprintln!("{what}: not judged: {reasons:?}");
+    eprintln!("{what}: not assessed: {reasons:?}");
     for line in wrong {
         eprintln!("{what}: {line}");
     }

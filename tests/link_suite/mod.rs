@@ -34,12 +34,12 @@ pub(crate) enum Kind {
 pub(crate) struct Tally {
     pub(crate) windows: u64,
     /// Identified: `ok` or `degraded`.
-    pub(crate) judged: u64,
+    pub(crate) assessed: u64,
     /// Of those, with exactly the true fault, or with none when there is none.
     pub(crate) right: u64,
     /// Of those, with a fault that is not there.
     pub(crate) false_faults: u64,
-    /// Why the others were not judged, without numbers.
+    /// Why the others were not assessed, without numbers.
     pub(crate) reasons: BTreeMap<String, u64>,
     /// AssessedWindow and not right: seed, truth and what was said.
     pub(crate) wrong: Vec<String>,
@@ -62,8 +62,8 @@ pub(crate) fn watch(
         })
         .collect();
     let mut tally = Tally::default();
-    for (seed, name, judged) in outcomes {
-        tally.add(seed, name, judged.as_ref());
+    for (seed, name, assessed) in outcomes {
+        tally.add(seed, name, assessed.as_ref());
     }
     tally
 }
@@ -98,9 +98,9 @@ pub(crate) fn one_fault(seed: u64) -> impl Fn(u64) -> Option<(&'static str, Faul
 }
 
 impl Tally {
-    fn add(&mut self, seed: u64, name: &str, judged: Option<&AssessedWindow>) {
+    fn add(&mut self, seed: u64, name: &str, assessed: Option<&AssessedWindow>) {
         self.windows += 1;
-        let Some(health) = judged.map(|judged| &judged.health) else {
+        let Some(health) = assessed.map(|assessed| &assessed.health) else {
             *self.reasons.entry("no window".to_owned()).or_default() += 1;
             return;
         };
@@ -111,7 +111,7 @@ impl Tally {
             *self.reasons.entry(reason).or_default() += 1;
             return;
         }
-        self.judged += 1;
+        self.assessed += 1;
         if health.faults == name {
             self.right += 1;
             return;
@@ -151,7 +151,11 @@ fn frames(kind: Kind, scenario: &Scenario, faults: LinkFaults, seed: u64) -> Vec
     }
 }
 
-fn over_can(device: StuckSensors<impl Iterator<Item = Timed<SerialPacket>>>, faults: LinkFaults, seed: u64) -> Vec<RawFrame> {
+fn over_can(
+    device: StuckSensors<impl Iterator<Item = Timed<SerialPacket>>>,
+    faults: LinkFaults,
+    seed: u64,
+) -> Vec<RawFrame> {
     let received = |frame: Timed<CanFrame>| {
         let stamp_ns = EPOCH_NS + 1000 * frame.at_us;
         match frame.value {

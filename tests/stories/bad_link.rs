@@ -24,7 +24,7 @@ fn a_few_lost_frames_leave_the_verdict_right() {
     };
     for kind in [Kind::Serial, Kind::Can] {
         let tally = watch(kind, faults, 14, SEED, one_fault(SEED));
-        assert!(tally.judged >= 13, "{kind:?}: {tally:?}");
-        assert!(tally.right + 1 >= tally.judged, "{kind:?}: {tally:?}");
+        assert!(tally.assessed >= 13, "{kind:?}: {tally:?}");
+        assert!(tally.right + 1 >= tally.assessed, "{kind:?}: {tally:?}");
     }
 }

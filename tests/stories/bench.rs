@@ -111,7 +111,7 @@ impl Outcome {
     pub(crate) fn faults(&self) -> Vec<&str> {
         self.windows
             .iter()
-            .map(|judged| judged.health.faults.as_str())
+            .map(|assessed| assessed.health.faults.as_str())
             .collect()
     }
 }

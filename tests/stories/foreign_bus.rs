@@ -24,8 +24,9 @@ const DEMAND: u32 = 0x2c1;
 struct Lines(Vec<String>);
 
 impl Observer for Lines {
-    fn judged(&mut self, judged: &AssessedWindow) -> io::Result<()> {
-        self.0.push(HealthLine::from((&judged.health, &judged.rul)).to_json());
+    fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()> {
+        self.0
+            .push(HealthLine::from((&assessed.health, &assessed.rul)).to_json());
         Ok(())
     }
 

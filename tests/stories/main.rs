@@ -28,12 +28,12 @@ fn worn(name: &str, k: f64) -> FaultVector {
 }
 
 /// The records of a window without their time of day.
-fn timeless(judged: &AssessedWindow) -> String {
-    let mut judged = judged.clone();
-    judged.window.t_start_ns = 0;
-    judged.health.t_start_ns = 0;
-    judged.rul.t_start_ns = 0;
-    format!("{judged:?}")
+fn timeless(assessed: &AssessedWindow) -> String {
+    let mut assessed = assessed.clone();
+    assessed.window.t_start_ns = 0;
+    assessed.health.t_start_ns = 0;
+    assessed.rul.t_start_ns = 0;
+    format!("{assessed:?}")
 }
 
 #[test]
@@ -128,7 +128,7 @@ fn a_life_goes_from_nominal_to_critical() {
     let health: Vec<&str> = outcome
         .windows
         .iter()
-        .map(|judged| judged.health.health.as_str())
+        .map(|assessed| assessed.health.health.as_str())
         .collect();
     assert_eq!(health, ["nominal", "watch", "warning", "critical"]);
     assert_eq!(outcome.faults(), ["", "friction", "friction", "friction"]);
@@ -136,7 +136,7 @@ fn a_life_goes_from_nominal_to_critical() {
         outcome
             .windows
             .iter()
-            .map(|judged| judged.health.window)
+            .map(|assessed| assessed.health.window)
             .collect::<Vec<_>>(),
         [0, 1, 2, 3]
     );

@@ -54,7 +54,7 @@ pub struct CanId {
 impl Wanted {
     /// Frames of the actuators that a configuration has on an interface: those of its map, or of the built-in dictionary.
     #[must_use]
-    pub fn on(config: &Config, interface: &str) -> Self {
+    pub fn for_interface(config: &Config, interface: &str) -> Self {
         let mut ids = BTreeSet::new();
         for actuator in config.actuators().iter().filter(|of| of.is_at(interface, of.id)) {
             match &actuator.map {
@@ -282,7 +282,7 @@ mod tests {
         let text = "[[actuator]]\nid = 0\n[[actuator]]\nid = 7\nbus = \"can0\"\n[[actuator]]\nid = 15\n\
                     [[actuator]]\nid = 8\nbus = \"can1\"\n[type.bench.sensors]\nsample_rate_hz = 400\n";
         let config = Config::from_toml_str(text, "hmd.toml").expect("valid");
-        let Wanted::Ids(wanted) = Wanted::on(&config, "can0") else {
+        let Wanted::Ids(wanted) = Wanted::for_interface(&config, "can0") else {
             panic!("expected identifiers")
         };
         let ids: Vec<ActuatorId> = [0, 7, 15].into_iter().filter_map(ActuatorId::new).collect();

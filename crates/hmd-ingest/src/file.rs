@@ -413,7 +413,7 @@ mod tests {
         }
         let mut log = Vec::new();
         let out = std::fs::File::create(&recorded).unwrap();
-        let mut sink = hmd_storage::mcap_writer::Sink::new(out, &std::collections::BTreeMap::new()).unwrap();
+        let mut writer = hmd_storage::mcap_writer::McapWriter::new(out, &std::collections::BTreeMap::new()).unwrap();
         let mut frames = Vec::new();
         for i in 0..500_u64 {
             let stamp_ns = 1_700_000_000_000_000_000 + 1000 * i;
@@ -432,10 +432,10 @@ mod tests {
                 crate::candump::Decimals::Six,
                 &mut log,
             );
-            sink.raw(&frame, &names).unwrap();
+            writer.raw(&frame, &names).unwrap();
             frames.push(frame);
         }
-        sink.finish().unwrap();
+        writer.finish().unwrap();
         std::fs::write(&text, log).unwrap();
         for path in [text, recorded] {
             let read: Result<Vec<_>, _> = open(&path).unwrap().collect();

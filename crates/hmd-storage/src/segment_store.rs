@@ -2,17 +2,17 @@
 //!
 //! Raw frames and records go to segments of their own, so that old frames can go while the records stay. A segment is
 //! written under a name with `.part`, in whole chunks, each synced: records at once with a health record, everything
-//! within a second ([`Store::tick`]). Full or old, it gets its summary and its closed name. A start repairs what a cut
+//! within a second ([`SegmentStore::tick`]). Full or old, it gets its summary and its closed name. A start repairs what a cut
 //! left behind ([`repair`](self)). `docs/storage.md` is the page for operators.
 //!
 //! A write that fails costs the segment, never the process: what it had not synced is counted as lost, and the next
 //! segment is tried after a pause of at most a second.
 
 mod disk;
-mod lane;
 mod list;
 mod name;
 mod repair;
+mod segment_stream;
 
 pub use disk::{Disk, Out, RealDisk};
 pub use list::{RecordsSegment, records_segments};
@@ -25,16 +25,16 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::clock::now_ns;
-use crate::mcap_writer::SinkError;
+use crate::mcap_writer::McapWriteError;
 use hmd_core::config::Limits;
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_core::record::{LogLevel, Record, StoreStatus};
-use lane::{Begin, Lane, is_gone};
 use name::{Kind, Name, Stage};
+use segment_stream::{SegmentStart, SegmentStream, is_gone};
 
 /// Why a store cannot be opened.
 #[derive(Debug, thiserror::Error)]
-pub enum StoreError {
+pub enum SegmentStoreError {
     /// The folder cannot be made, opened or listed.
     #[error("{folder}: expected a folder for segments, found: {cause}")]
     Folder {
@@ -53,15 +53,15 @@ pub enum StoreError {
 
 /// How a store ended.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct StoreEnd {
+pub struct SegmentStoreEnd {
     /// How things stand then.
     pub status: StoreStatus,
     /// What an operator should read.
     pub messages: Vec<(LogLevel, String)>,
 }
 
-/// The folder. Call [`Store::finish`]; a store that is only dropped leaves its segments to the next start.
-pub struct Store {
+/// The folder. Call [`SegmentStore::finish`]; a store that is only dropped leaves its segments to the next start.
+pub struct SegmentStore {
     folder: PathBuf,
     limits: Limits,
     metadata: BTreeMap<String, String>,
@@ -70,8 +70,8 @@ pub struct Store {
     lock: File,
     now: Instant,
     next_number: u64,
-    raw: Lane,
-    records: Lane,
+    raw: SegmentStream,
+    records: SegmentStream,
     /// All segments but those in progress, oldest first.
     closed: BTreeMap<(Kind, u64), (Stage, u64)>,
     free_bytes: u64,
@@ -84,27 +84,27 @@ pub struct Store {
     messages: Vec<(LogLevel, String)>,
 }
 
-impl Store {
+impl SegmentStore {
     /// Opens a folder, made if need be, repairs what an earlier run left cut, and begins.
     ///
-    /// `metadata` goes into each segment. A disk that fails from here on is told by [`Store::tick`].
+    /// `metadata` goes into each segment. A disk that fails from here on is told by [`SegmentStore::tick`].
     ///
     /// # Errors
-    /// [`StoreError`] when there is no such folder for us.
+    /// [`SegmentStoreError`] when there is no such folder for us.
     pub fn open(
         folder: &Path,
         metadata: &BTreeMap<String, String>,
         limits: Limits,
         disk: Box<dyn Disk>,
         now: Instant,
-    ) -> Result<Self, StoreError> {
+    ) -> Result<Self, SegmentStoreError> {
         let name = folder.display().to_string();
-        let error = |cause| StoreError::Folder {
+        let error = |cause| SegmentStoreError::Folder {
             folder: name.clone(),
             cause,
         };
         let Some(lock) = hold(folder).map_err(error)? else {
-            return Err(StoreError::InUse { folder: name });
+            return Err(SegmentStoreError::InUse { folder: name });
         };
         let found = repair::look(folder, &*disk).map_err(error)?;
         let mut metadata = metadata.clone();
@@ -118,8 +118,8 @@ impl Store {
             lock,
             now,
             next_number: 0,
-            raw: Lane::new(Kind::Raw),
-            records: Lane::new(Kind::Records),
+            raw: SegmentStream::new(Kind::Raw),
+            records: SegmentStream::new(Kind::Records),
             closed: BTreeMap::new(),
             free_bytes: 0,
             deleted: 0,
@@ -144,14 +144,14 @@ impl Store {
             self.end(Kind::Raw);
         }
         self.begin(Kind::Raw);
-        let put = self.raw.put(|sink| sink.raw(frame, names));
+        let put = self.raw.put(|writer| writer.raw(frame, names));
         self.check(Kind::Raw, put);
     }
 
-    /// Writes one record; it is on the disk after the next [`Store::sync_records`] or [`Store::tick`].
+    /// Writes one record; it is on the disk after the next [`SegmentStore::sync_records`] or [`SegmentStore::tick`].
     pub fn write<R: Record>(&mut self, log_time_ns: u64, record: &R) {
         self.begin(Kind::Records);
-        let put = self.records.put(|sink| sink.write(log_time_ns, record));
+        let put = self.records.put(|writer| writer.write(log_time_ns, record));
         self.check(Kind::Records, put);
     }
 
@@ -159,7 +159,7 @@ impl Store {
     pub fn write_to_both<R: Record>(&mut self, log_time_ns: u64, record: &R) {
         self.write(log_time_ns, record);
         if self.raw.name().is_some() {
-            let put = self.raw.put(|sink| sink.write(log_time_ns, record));
+            let put = self.raw.put(|writer| writer.write(log_time_ns, record));
             self.check(Kind::Raw, put);
         }
     }
@@ -177,9 +177,9 @@ impl Store {
         self.now = now;
         let limits = self.limits;
         for kind in [Kind::Records, Kind::Raw] {
-            let synced = self.lane(kind).sync();
+            let synced = self.stream(kind).sync();
             self.check(kind, synced);
-            if self.lane(kind).is_due(&limits, now) {
+            if self.stream(kind).is_due(&limits, now) {
                 self.end(kind);
             }
         }
@@ -202,10 +202,10 @@ impl Store {
     }
 
     /// Ends all segments. What could not be ended is repaired by the next start.
-    pub fn finish(mut self) -> StoreEnd {
+    pub fn finish(mut self) -> SegmentStoreEnd {
         self.end(Kind::Raw);
         self.end(Kind::Records);
-        StoreEnd {
+        SegmentStoreEnd {
             status: self.status(),
             messages: self.take_messages(),
         }
@@ -220,9 +220,9 @@ impl Store {
             lost_records: self.records.lost,
             used_bytes: self.used_bytes(),
             free_bytes: self.free_bytes,
-            segments: (self.closed.len() + open.iter().filter(|lane| lane.name().is_some()).count()) as u64,
+            segments: (self.closed.len() + open.iter().filter(|stream| stream.name().is_some()).count()) as u64,
             deleted: self.deleted,
-            state: if open.iter().any(|lane| lane.has_failed()) {
+            state: if open.iter().any(|stream| stream.has_failed()) {
                 "failing"
             } else if self.raw_paused {
                 "raw-paused"
@@ -232,7 +232,7 @@ impl Store {
         }
     }
 
-    fn lane(&mut self, kind: Kind) -> &mut Lane {
+    fn stream(&mut self, kind: Kind) -> &mut SegmentStream {
         match kind {
             Kind::Raw => &mut self.raw,
             Kind::Records => &mut self.records,
@@ -251,27 +251,27 @@ impl Store {
     /// Begins a segment if there is none and it is time.
     fn begin(&mut self, kind: Kind) {
         let now = self.now;
-        if !self.lane(kind).may_begin(now) {
+        if !self.stream(kind).may_begin(now) {
             return;
         }
         if let Err(cause) = self.hold_folder() {
-            self.check(kind, Err(SinkError::Io(cause)));
+            self.check(kind, Err(McapWriteError::Io(cause)));
             return;
         }
         let number = self.next_number;
         self.next_number += 1;
-        let with = Begin {
+        let with = SegmentStart {
             folder: &self.folder,
             disk: &*self.disk,
             metadata: &self.metadata,
             number,
             now,
         };
-        let lane = match kind {
+        let stream = match kind {
             Kind::Raw => &mut self.raw,
             Kind::Records => &mut self.records,
         };
-        let begun = lane.begin(&with);
+        let begun = stream.begin(&with);
         self.check(kind, begun);
     }
 
@@ -302,12 +302,12 @@ impl Store {
 
     fn end(&mut self, kind: Kind) {
         let folder = self.folder.clone();
-        let before = self.lane(kind).name().map(|name| (name, self.lane(kind).bytes()));
-        match self.lane(kind).end(&folder) {
+        let before = self.stream(kind).name().map(|name| (name, self.stream(kind).bytes()));
+        match self.stream(kind).end(&folder) {
             Ok(Some((name, bytes))) => self.keep(name, bytes),
             Ok(None) => {}
             Err(error) => {
-                if let (Some((name, bytes)), None) = (before, self.lane(kind).name())
+                if let (Some((name, bytes)), None) = (before, self.stream(kind).name())
                     && !is_gone(&folder, name)
                 {
                     self.keep(name, bytes);
@@ -317,11 +317,11 @@ impl Store {
         }
     }
 
-    /// After a failed step the lane gives its segment up.
-    fn check(&mut self, kind: Kind, step: Result<(), SinkError>) {
+    /// After a failed step the stream gives its segment up.
+    fn check(&mut self, kind: Kind, step: Result<(), McapWriteError>) {
         let Err(error) = step else { return };
         let (now, folder) = (self.now, self.folder.clone());
-        if let Some((name, bytes)) = self.lane(kind).fail(&folder, now) {
+        if let Some((name, bytes)) = self.stream(kind).fail(&folder, now) {
             self.keep(name, bytes);
         }
         self.tell_once(format!(

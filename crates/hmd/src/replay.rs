@@ -22,7 +22,7 @@ use hmd_storage::calibration_file::load_models;
 use hmd_storage::event_file::{EventError, events_of};
 use hmd_storage::mcap::McapMessages;
 use hmd_storage::mcap_writer::METADATA_NAME;
-use hmd_storage::recorder::{RecordError, Recorder, Tap, metadata};
+use hmd_storage::recorder::{RecordError, RecordObserver, Recorder, metadata};
 use hmd_storage::same_file::is_same_file;
 
 /// Why a replay failed.
@@ -31,7 +31,7 @@ pub enum ReplayError {
     /// A log cannot be read at all.
     #[error(transparent)]
     Ingest(#[from] IngestError),
-    /// The windows cannot be judged.
+    /// The windows cannot be assessed.
     #[error(transparent)]
     Assess(#[from] AssessError),
     /// The maintenance events cannot be read.
@@ -108,7 +108,7 @@ impl Summary {
         self.loss().is_some()
     }
 
-    /// Whether the logs had anything to judge.
+    /// Whether the logs had anything to assessor.
     ///
     /// # Errors
     /// No actuator, or no sample of one.
@@ -168,8 +168,8 @@ fn watched(config: &Config) -> String {
 
 /// What a replay tells while it runs.
 pub trait Observer {
-    /// One window has been judged.
-    fn judged(&mut self, judged: &AssessedWindow) -> io::Result<()>;
+    /// One window has been assessed.
+    fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()>;
     /// Something an operator should read.
     fn notice(&mut self, message: &str);
     /// Bytes read of all.
@@ -178,7 +178,7 @@ pub trait Observer {
 
 struct Run<'a, O> {
     pipeline: Pipeline,
-    judge: Assessor,
+    assessor: Assessor,
     recorder: Option<Recorder>,
     observer: &'a mut O,
     windows: u64,
@@ -200,14 +200,18 @@ impl Replay<'_> {
     /// [`ReplayError`] when a log cannot be read at all, the configuration cannot be used, or the output cannot be
     /// written. Damaged data are counted in the summary instead.
     pub fn run(&self, observer: &mut impl Observer) -> Result<Summary, ReplayError> {
-        self.run_heard(observer, None)
+        self.run_observed(observer, None)
     }
 
-    /// The same, and `tap` hears all records.
+    /// The same; `records` observes every record.
     ///
     /// # Errors
     /// As [`Replay::run`].
-    pub fn run_heard(&self, observer: &mut impl Observer, tap: Option<Box<dyn Tap>>) -> Result<Summary, ReplayError> {
+    pub fn run_observed(
+        &self,
+        observer: &mut impl Observer,
+        records: Option<Box<dyn RecordObserver>>,
+    ) -> Result<Summary, ReplayError> {
         let mut names = BusNames::new();
         // An output is begun only once the first log has turned out to be one.
         let mut opened = None;
@@ -216,17 +220,17 @@ impl Replay<'_> {
         }
         let recorder = match self.output {
             Some(path) => Some(self.create(path)?),
-            None => tap.as_ref().map(|_| Recorder::nowhere()),
+            None => records.as_ref().map(|_| Recorder::nowhere()),
         };
-        let recorder = match tap {
-            Some(tap) => recorder.map(|recorder| recorder.with_tap(tap)),
+        let recorder = match records {
+            Some(records) => recorder.map(|recorder| recorder.with_observer(records)),
             None => recorder,
         };
-        let mut judge = Assessor::new(self.config.clone(), load_models(&self.config)?, self.seed);
-        judge.lives().follow(events_of(&self.config)?);
+        let mut assessor = Assessor::new(self.config.clone(), load_models(&self.config)?, self.seed);
+        assessor.lives().follow(events_of(&self.config)?);
         let mut run = Run {
             pipeline: Pipeline::new(self.config.clone()),
-            judge,
+            assessor,
             recorder,
             observer,
             windows: 0,
@@ -289,10 +293,10 @@ impl<O: Observer> Run<'_, O> {
                     let newest = self.newest_ns.entry(frame.bus).or_default();
                     *newest = frame.stamp_ns.max(*newest);
                     if store_raw && let Some(recorder) = &mut self.recorder {
-                        recorder.raw(&frame, source.bus_names())?;
+                        recorder.write_frame(&frame, source.bus_names())?;
                     }
                     self.pipeline.push(&frame, source.bus_names(), &mut ended);
-                    self.judge_all(&mut ended)?;
+                    self.assess_windows(&mut ended)?;
                 }
                 Err(loss) => self.lost(&loss)?,
             }
@@ -322,7 +326,7 @@ impl<O: Observer> Run<'_, O> {
             let Some(before) = before.filter(|before| *before != serial) else {
                 continue;
             };
-            if self.judge.lives().end(&actuator) {
+            if self.assessor.lives().end(&actuator) {
                 let message = format!("{actuator}: a new life begins, unit {serial} after {before}");
                 let stamp_ns = self.pipeline.last_stamp_ns();
                 self.notice(&Notice { stamp_ns, message }, LogLevel::Info)?;
@@ -349,10 +353,10 @@ impl<O: Observer> Run<'_, O> {
     fn end_windows(&mut self) -> Result<(), ReplayError> {
         let mut ended = Vec::new();
         self.pipeline.finish(&mut ended);
-        self.judge_all(&mut ended)
+        self.assess_windows(&mut ended)
     }
 
-    fn judge_all(&mut self, ended: &mut Vec<WindowJob>) -> Result<(), ReplayError> {
+    fn assess_windows(&mut self, ended: &mut Vec<WindowJob>) -> Result<(), ReplayError> {
         for notice in self.pipeline.take_notices() {
             self.notice(&notice, LogLevel::Warning)?;
         }
@@ -362,19 +366,19 @@ impl<O: Observer> Run<'_, O> {
             if self.dropped.contains(&key) {
                 self.pipeline.losses.windows += 1;
                 if let Some(recorder) = &mut self.recorder {
-                    recorder.dropped(&job)?;
+                    recorder.write_dropped(&job)?;
                 }
                 continue;
             }
-            let judged = self.judge.assess(job)?;
-            for message in self.judge.lives().take_notices() {
-                let stamp_ns = judged.health.t_start_ns;
+            let assessed = self.assessor.assess(job)?;
+            for message in self.assessor.lives().take_notices() {
+                let stamp_ns = assessed.health.t_start_ns;
                 self.notice(&Notice { stamp_ns, message }, LogLevel::Info)?;
             }
             if let Some(recorder) = &mut self.recorder {
-                recorder.judged(&judged)?;
+                recorder.write_assessed(&assessed)?;
             }
-            self.observer.judged(&judged).map_err(ReplayError::Stdout)?;
+            self.observer.assessed(&assessed).map_err(ReplayError::Stdout)?;
         }
         Ok(())
     }
@@ -393,15 +397,15 @@ impl<O: Observer> Run<'_, O> {
     fn notice(&mut self, notice: &Notice, level: LogLevel) -> Result<(), ReplayError> {
         self.observer.notice(&notice.message);
         if let Some(recorder) = &mut self.recorder {
-            recorder.notice(notice, level)?;
+            recorder.write_notice(notice, level)?;
         }
         Ok(())
     }
 
     fn finish(self, names: &BusNames) -> Result<Summary, ReplayError> {
-        let status = self.pipeline.status(names, self.judge.counts());
+        let status = self.pipeline.status(names, self.assessor.counts());
         if let Some(mut recorder) = self.recorder {
-            recorder.status(self.pipeline.last_stamp_ns(), &status)?;
+            recorder.write_status(self.pipeline.last_stamp_ns(), &status)?;
             recorder.finish()?;
         }
         Ok(Summary {
@@ -478,7 +482,7 @@ mod tests {
         let text = "[[actuator]]\nid = 0\nserial_number = \"S7\"";
         let config = Config::from_toml_str(text, "test").unwrap();
         let mut recorder = Recorder::create(&path, &metadata(&config, "log", 1)).unwrap();
-        recorder.status(1, &Status::default()).unwrap();
+        recorder.write_status(1, &Status::default()).unwrap();
         recorder.finish().unwrap();
         let expected = BTreeMap::from([("ema0".to_owned(), "S7".to_owned())]);
         assert_eq!(serial_numbers(&path), expected);
@@ -495,7 +499,7 @@ mod tests {
     fn another_unit_begins_its_own_life() {
         struct Nobody;
         impl Observer for Nobody {
-            fn judged(&mut self, _: &AssessedWindow) -> io::Result<()> {
+            fn assessed(&mut self, _: &AssessedWindow) -> io::Result<()> {
                 Ok(())
             }
             fn notice(&mut self, _: &str) {}
@@ -505,7 +509,7 @@ mod tests {
         let config = Arc::new(Config::default());
         let mut run = Run {
             pipeline: Pipeline::new(config.clone()),
-            judge: Assessor::new(config.clone(), Models::without_files(&config).unwrap(), 1),
+            assessor: Assessor::new(config.clone(), Models::without_files(&config).unwrap(), 1),
             recorder: None,
             observer: &mut Nobody,
             windows: 0,
@@ -520,18 +524,18 @@ mod tests {
             let text = format!("[[actuator]]\nid = 0\nserial_number = \"{serial}\"");
             let of = Config::from_toml_str(&text, "test").unwrap();
             let mut recorder = Recorder::create(&path, &metadata(&of, "log", 1)).unwrap();
-            recorder.status(1, &Status::default()).unwrap();
+            recorder.write_status(1, &Status::default()).unwrap();
             recorder.finish().unwrap();
             path
         };
         let actuator = config.actuator_named("ema0").unwrap();
         let (first, second) = (log("S1"), log("S2"));
         run.follow_units(&first).unwrap();
-        run.judge.lives().at(actuator, 1).unwrap();
+        run.assessor.lives().at(actuator, 1).unwrap();
         run.follow_units(&first).unwrap();
-        assert!(run.judge.lives().end("ema0"), "the same unit goes on");
-        run.judge.lives().at(actuator, 2).unwrap();
+        assert!(run.assessor.lives().end("ema0"), "the same unit goes on");
+        run.assessor.lives().at(actuator, 2).unwrap();
         run.follow_units(&second).unwrap();
-        assert!(!run.judge.lives().end("ema0"), "another one does not");
+        assert!(!run.assessor.lives().end("ema0"), "another one does not");
     }
 }

@@ -27,13 +27,13 @@ pub enum WindowsError {
 /// Windows out of logs.
 #[derive(Debug, Default)]
 pub struct UnitWindows {
-    /// Those of one actuator that can be judged, in the order of the logs.
+    /// Those of one actuator that can be assessed, in the order of the logs.
     pub jobs: Vec<WindowJob>,
     /// Whether the logs held more than could be read, as a replay of them would say.
     pub data_lost: bool,
 }
 
-/// The windows of one actuator that can be judged; `name` chooses where there are several. `tell` gets what an operator
+/// The windows of one actuator that can be assessed; `name` chooses where there are several. `tell` gets what an operator
 /// should read: each loss with its place, and for each log that has any a sentence about all of them.
 ///
 /// # Errors

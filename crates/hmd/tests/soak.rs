@@ -72,7 +72,7 @@ fn resident_kib() -> u64 {
 /// What is told.
 #[derive(Default)]
 struct Told {
-    judged: Arc<AtomicU64>,
+    assessed: Arc<AtomicU64>,
     /// Highest use of the disk that a status named, bytes.
     used: AtomicU64,
     /// Windows by actuator and status.
@@ -80,18 +80,18 @@ struct Told {
 }
 
 impl Observer for Told {
-    fn judged(&self, judged: &AssessedWindow) -> io::Result<()> {
-        let health = &judged.health;
+    fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
+        let health = &assessed.health;
         let key = (health.actuator.clone(), health.status.to_string());
         *self.statuses.lock().unwrap().entry(key).or_default() += 1;
-        self.judged.fetch_add(1, Ordering::Release);
+        self.assessed.fetch_add(1, Ordering::Release);
         Ok(())
     }
 
-    fn unstored(&self, judged: &AssessedWindow) -> io::Result<()> {
+    fn assessed_unstored(&self, assessed: &AssessedWindow) -> io::Result<()> {
         panic!(
             "not stored: window {} of {}",
-            judged.health.window, judged.health.actuator
+            assessed.health.window, assessed.health.actuator
         );
     }
 
@@ -114,14 +114,14 @@ fn soak(minutes: u64, warm: u64, growth_max_kib: u64, limits: Limits) {
     let since = Instant::now();
     let ended = Arc::new(AtomicU64::new(0));
     let sources = (0..BUSES).map(|bus| {
-        let (judged, ended, seen) = (told.judged.clone(), ended.clone(), seen.clone());
+        let (assessed, ended, seen) = (told.assessed.clone(), ended.clone(), seen.clone());
         let before = move |second: u64| {
             let minute = second / 60;
             if second > 0 && second.is_multiple_of(60) {
                 ended.fetch_add(ACTUATORS_PER_BUS, Ordering::Relaxed);
             }
             // Compressed time has no pace of its own: nothing is dropped, so nothing may fall behind.
-            while ended.load(Ordering::Relaxed) > judged.load(Ordering::Acquire) + BEHIND {
+            while ended.load(Ordering::Relaxed) > assessed.load(Ordering::Acquire) + BEHIND {
                 std::thread::sleep(Duration::from_millis(1));
             }
             if bus > 0 {
@@ -165,7 +165,7 @@ fn soak(minutes: u64, warm: u64, growth_max_kib: u64, limits: Limits) {
          deleted, {frames} frames left",
         took.as_secs_f64(),
         status.frames_received,
-        told.judged.load(Ordering::Acquire),
+        told.assessed.load(Ordering::Acquire),
         early.resident_kib,
         late.resident_kib,
         early.descriptors.unwrap(),
@@ -176,7 +176,7 @@ fn soak(minutes: u64, warm: u64, growth_max_kib: u64, limits: Limits) {
     eprintln!("{:?}", told.statuses.lock().unwrap());
     assert_eq!(status.frames_received, FRAMES_PER_SECOND * 60 * minutes);
     assert!(!status.data_lost(), "{status:?}");
-    assert_eq!(told.judged.load(Ordering::Acquire), expected);
+    assert_eq!(told.assessed.load(Ordering::Acquire), expected);
     for id in 0..ACTUATORS {
         assert_eq!(health.get(&format!("ema{id}")), Some(&minutes), "ema{id}");
     }

@@ -57,7 +57,7 @@ pub struct Point {
     pub status: String,
     /// State of health.
     pub health: String,
-    /// Fault vector, if it was judged.
+    /// Fault vector, if it was assessed.
     pub estimate: Option<Estimate>,
     /// Root mean square of the current residual, A.
     pub residual_rms_a: Option<f64>,

@@ -29,7 +29,7 @@ pub(super) fn lines(row: &Row<'_>) -> Vec<String> {
         lines.extend(row.changed.iter().map(|changed| format!("changed  {changed}")));
         return lines;
     };
-    let estimate = known.judged.as_ref().and_then(|health| health.estimate());
+    let estimate = known.assessed.as_ref().and_then(|health| health.estimate());
     let mut lines: Vec<String> = (0..4)
         .map(|n| format!("{}  {}", bar(estimate.as_ref(), n), bar(estimate.as_ref(), n + 4)))
         .collect();
@@ -69,8 +69,12 @@ fn window(row: &Row<'_>) -> String {
     if !health.reason.is_empty() {
         said += &format!(" ({})", health.reason);
     }
-    if let Some(judged) = known.judged.as_ref().filter(|judged| judged.window != health.window) {
-        said += &format!(", k of window {}", judged.window);
+    if let Some(assessed) = known
+        .assessed
+        .as_ref()
+        .filter(|assessed| assessed.window != health.window)
+    {
+        said += &format!(", k of window {}", assessed.window);
     }
     said += &format!(", began {}", minute(health.t_start_ns));
     if let Some(window) = known.window.as_ref().filter(|window| window.window == health.window) {

@@ -70,7 +70,7 @@ pub struct Row<'a> {
     pub passive: bool,
     /// Windows in a row that ask for a worse state; 0 where the source does not say.
     pub persistence: u64,
-    /// Fault and damage, 0…1: the largest of the newest window that was judged.
+    /// Fault and damage, 0…1: the largest of the newest window that was assessed.
     pub worst: Option<(&'static str, f64)>,
     /// Seconds since the start of its newest window.
     pub window_age_s: Option<f64>,
@@ -147,9 +147,9 @@ fn row<'a>(state: &'a State, condition: Condition, n: usize, name: &'a str) -> R
         .status()
         .filter(|(_, status)| status.actuator.get(n).is_some_and(|of| of == name));
     let told = status.and_then(|(_, status)| status.health.get(n));
-    let judged = known.map(|known| &known.health.health);
+    let assessed = known.map(|known| &known.health.health);
     let damages = known
-        .and_then(|known| known.judged.as_ref())
+        .and_then(|known| known.assessed.as_ref())
         .map(|health| health.damages());
     let largest = |damages: [Option<f64>; FAULT_NAMES.len()]| {
         let damages = FAULT_NAMES.into_iter().zip(damages);
@@ -163,7 +163,7 @@ fn row<'a>(state: &'a State, condition: Condition, n: usize, name: &'a str) -> R
             freshness(status, n, condition, since(*at_ns))
         }),
         // The window's own record comes before the counters that repeat it.
-        health: judged
+        health: assessed
             .or(told)
             .map_or(HealthState::Unknown, |name| HealthState::named(name)),
         passive: status.is_some_and(|(_, status)| status.passive.get(n) == Some(&true)),

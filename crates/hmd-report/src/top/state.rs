@@ -18,8 +18,8 @@ pub(super) const EVENTS_MAX: usize = 100;
 pub struct Known {
     /// Of the newest window.
     pub health: Health,
-    /// Of the newest window that was judged.
-    pub judged: Option<Health>,
+    /// Of the newest window that was assessed.
+    pub assessed: Option<Health>,
     /// What was left after the newest window; `None` until that is read.
     pub rul: Option<Rul>,
     /// The newest window, without its samples.
@@ -150,7 +150,7 @@ impl State {
             return;
         };
         if health.estimate().is_some() {
-            known.judged = Some(health.clone());
+            known.assessed = Some(health.clone());
         }
         known.health = health;
         known.rul = None;

@@ -10,9 +10,9 @@ use std::time::SystemTime;
 
 use thiserror::Error;
 
-use super::chunk::RECORD_LIMIT;
+use super::limits::RECORD_BYTES_MAX;
 use super::messages::{McapMessage, McapMessages};
-use super::{McapLoss, walk};
+use super::{McapLoss, resync_reader};
 use crate::regular_file::open_regular;
 
 /// Why a file cannot be followed.
@@ -158,16 +158,16 @@ impl McapTail {
             }
             at = magic;
         }
-        while length - at >= walk::HEAD {
-            let mut head = [0; walk::HEAD as usize];
+        while length - at >= resync_reader::HEAD {
+            let mut head = [0; resync_reader::HEAD as usize];
             self.file.seek(SeekFrom::Start(at))?;
             self.file.read_exact(&mut head)?;
-            if !walk::is_opcode(head[0]) || walk::length_of(&head) > RECORD_LIMIT as u64 {
+            if !resync_reader::is_opcode(head[0]) || resync_reader::length_of(&head) > RECORD_BYTES_MAX as u64 {
                 return Ok(length);
             }
             // Behind the footer stands only the magic.
             let is_footer = head[0] == mcap::records::op::FOOTER;
-            let end = at + walk::HEAD + walk::length_of(&head) + if is_footer { magic } else { 0 };
+            let end = at + resync_reader::HEAD + resync_reader::length_of(&head) + if is_footer { magic } else { 0 };
             if end > length {
                 break;
             }
@@ -207,18 +207,19 @@ mod tests {
     use std::io::Write;
 
     use super::*;
-    use crate::mcap_writer::Sink;
+    use crate::mcap_writer::McapWriter;
     use hmd_core::record::{Log, LogLevel};
 
     /// A finished file of `lines` chunks.
     fn file(lines: u64) -> Vec<u8> {
-        let mut sink = Sink::new(io::Cursor::new(Vec::new()), &Default::default()).unwrap();
+        let mut writer = McapWriter::new(io::Cursor::new(Vec::new()), &Default::default()).unwrap();
         for n in 0..lines {
-            sink.write(n, &Log::new(n, LogLevel::Info, "hmd", &format!("line {n}")))
+            writer
+                .write(n, &Log::new(n, LogLevel::Info, "hmd", &format!("line {n}")))
                 .unwrap();
-            sink.flush_window().unwrap();
+            writer.flush_window().unwrap();
         }
-        sink.finish().unwrap().0.into_inner()
+        writer.finish().unwrap().0.into_inner()
     }
 
     fn times(tail: &mut McapTail, last: bool) -> Vec<u64> {

@@ -50,14 +50,14 @@ fn is_records(name: &Name) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mcap_writer::Sink;
+    use crate::mcap_writer::McapWriter;
 
     #[test]
     fn only_our_records_are_listed_in_their_order() {
         let folder = tempfile::tempdir().unwrap();
         let profile = super::super::name::PROFILE;
-        let sink = Sink::with_profile(io::Cursor::new(Vec::new()), &Default::default(), profile).unwrap();
-        let ours = sink.finish().unwrap().0.into_inner();
+        let writer = McapWriter::with_profile(io::Cursor::new(Vec::new()), &Default::default(), profile).unwrap();
+        let ours = writer.finish().unwrap().0.into_inner();
         for name in [
             "hmd-00000002-records.mcap",
             "hmd-00000002-records.mcap.part",

@@ -149,7 +149,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         let mut ours =
-            crate::mcap_writer::Sink::with_profile(io::Cursor::new(Vec::new()), &Default::default(), PROFILE).unwrap();
+            crate::mcap_writer::McapWriter::with_profile(io::Cursor::new(Vec::new()), &Default::default(), PROFILE)
+                .unwrap();
         ours.flush_window().unwrap();
         let ours = ours.finish().unwrap().0.into_inner();
         let is = |bytes: &[u8]| {
@@ -160,7 +161,7 @@ mod tests {
         for length in 0..ours.len() {
             assert_eq!(is(&ours[..length]), length >= header, "{length} bytes");
         }
-        let other = crate::mcap_writer::Sink::new(io::Cursor::new(Vec::new()), &Default::default()).unwrap();
+        let other = crate::mcap_writer::McapWriter::new(io::Cursor::new(Vec::new()), &Default::default()).unwrap();
         assert!(!is(&other.finish().unwrap().0.into_inner()));
         assert!(!is(b"a letter"));
     }

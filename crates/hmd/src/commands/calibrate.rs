@@ -103,16 +103,16 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
     if jobs.len() < WINDOWS_MIN {
         let logs: Vec<String> = args.logs.iter().map(|log| log.display().to_string()).collect();
         bail!(
-            "{}: expected at least {WINDOWS_MIN} windows that can be judged, found {}",
+            "{}: expected at least {WINDOWS_MIN} windows that can be assessed, found {}",
             logs.join(", "),
             jobs.len()
         );
     }
-    let judge = Assessor::new(config.clone(), load_type_models(&config)?, args.seed);
+    let assessor = Assessor::new(config.clone(), load_type_models(&config)?, args.seed);
     let mut prepared = Vec::new();
     for job in &mut *jobs {
         // What an earlier calibration of the unit says is to be learnt anew.
-        let identifier = judge.identifier_of(job)?;
+        let identifier = assessor.identifier_of(job)?;
         let conditions = conditions(job).map_err(anyhow::Error::msg)?;
         let (window, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, args.seed)?;
         let verdict = Health::new(levels)?.update(0, Some(&judgement(&estimate)));

@@ -16,7 +16,7 @@ use hmd_core::frame::BusNames;
 use hmd_core::pipeline::Pipeline;
 use hmd_core::seed::mix;
 use hmd_lab::simulate::{EPOCH_NS, traffic};
-use hmd_storage::mcap_writer::{Sink, SyncedFile};
+use hmd_storage::mcap_writer::{McapWriter, SyncedFile};
 use hmd_storage::recorder::metadata;
 
 /// Watch a simulated actuator wear out.
@@ -55,13 +55,13 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = Arc::new(Config::from_toml_str(CONFIG, "demo")?);
     let path = args.output.display().to_string();
     let file = std::fs::File::create(&args.output).with_context(|| path.clone())?;
-    let mut sink =
-        Sink::new(SyncedFile::new(file), &metadata(&config, "simulated", args.seed)).with_context(|| path.clone())?;
+    let mut writer = McapWriter::new(SyncedFile::new(file), &metadata(&config, "simulated", args.seed))
+        .with_context(|| path.clone())?;
     let mut names = BusNames::new();
     names.intern("can0")?;
     let actuator = ActuatorId::new(0).context("actuator 0")?;
     let mut pipeline = Pipeline::new(config.clone());
-    let mut judge = Assessor::new(config.clone(), Models::without_files(&config)?, args.seed);
+    let mut assessor = Assessor::new(config.clone(), Models::without_files(&config)?, args.seed);
     let mut ended = Vec::new();
 
     say("A simulated flight-control actuator wears out; every 100 hours one actuation is watched.")?;
@@ -82,29 +82,30 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         };
         let start_ns = EPOCH_NS + hours * 3_600_000_000_000;
         for frame in traffic(&scenario, actuator, start_ns) {
-            sink.raw(&frame, &names).with_context(|| path.clone())?;
+            writer.raw(&frame, &names).with_context(|| path.clone())?;
             pipeline.push(&frame, &names, &mut ended);
         }
         pipeline.finish(&mut ended);
         for job in ended.drain(..) {
-            let judged = judge.assess(job)?;
-            let at = judged.health.t_start_ns;
-            sink.write(at, &judged.window).with_context(|| path.clone())?;
-            sink.write(at, &judged.health).with_context(|| path.clone())?;
-            sink.write(at, &judged.rul).with_context(|| path.clone())?;
-            sink.flush_window().with_context(|| path.clone())?;
+            let assessed = assessor.assess(job)?;
+            let at = assessed.health.t_start_ns;
+            writer.write(at, &assessed.window).with_context(|| path.clone())?;
+            writer.write(at, &assessed.health).with_context(|| path.clone())?;
+            writer.write(at, &assessed.rul).with_context(|| path.clone())?;
+            writer.flush_window().with_context(|| path.clone())?;
             say(&format!(
                 "{hours:>7} {:<18} {}",
-                left_cell(&judged.rul),
-                health_row(&judged.health)
+                left_cell(&assessed.rul),
+                health_row(&assessed.health)
             ))?;
         }
     }
-    let (frames, windows) = (pipeline.frames(), judge.counts());
+    let (frames, windows) = (pipeline.frames(), assessor.counts());
     let status = pipeline.status(&names, windows);
-    sink.write(pipeline.last_stamp_ns(), &status)
+    writer
+        .write(pipeline.last_stamp_ns(), &status)
         .with_context(|| path.clone())?;
-    let (_, counts) = sink.finish().with_context(|| path.clone())?;
+    let (_, counts) = writer.finish().with_context(|| path.clone())?;
     say(&format!(
         "{} frames in, {} windows identified; {} records written to {path}",
         frames.received,

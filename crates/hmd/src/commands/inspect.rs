@@ -83,7 +83,7 @@ struct Printer {
     summaries: BTreeMap<String, Summarised>,
 }
 
-/// The newest window of an actuator, with the damages of the newest that was judged.
+/// The newest window of an actuator, with the damages of the newest that was assessed.
 #[derive(Default)]
 struct Summarised {
     damage: [Option<f64>; FAULT_NAMES.len()],

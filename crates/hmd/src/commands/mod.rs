@@ -77,15 +77,15 @@ struct Misuse(String);
 /// Exit code that belongs to an error.
 #[must_use]
 pub fn code_of(error: &anyhow::Error) -> u8 {
-    // What the judge refuses comes from the configuration: a calibration it names, its search, its levels.
-    let by_judge = error.downcast_ref::<AssessError>().is_some()
+    // What the assessor refuses comes from the configuration: a calibration it names, its search, its levels.
+    let by_assessor = error.downcast_ref::<AssessError>().is_some()
         || error.downcast_ref::<EventError>().is_some()
         || matches!(
             error.downcast_ref(),
             Some(ReplayError::Assess(_) | ReplayError::Events(_))
         )
         || matches!(error.downcast_ref(), Some(DaemonError::Assess(_)));
-    if error.downcast_ref::<ConfigError>().is_some() || by_judge {
+    if error.downcast_ref::<ConfigError>().is_some() || by_assessor {
         BAD_CONFIG
     } else if error.downcast_ref::<Misuse>().is_some() {
         USAGE
@@ -226,7 +226,7 @@ mod tests {
     use ema_identify::unit_calibration::UnitError;
 
     #[test]
-    fn what_the_judge_refuses_is_a_bad_configuration_in_every_verb() {
+    fn what_the_assessor_refuses_is_a_bad_configuration_in_every_verb() {
         let refused = || {
             AssessError::from(UnitError::Parse {
                 path: "unit.toml".to_owned(),

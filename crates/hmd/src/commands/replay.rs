@@ -99,7 +99,7 @@ fn replay(args: &Args, viewers: &Viewers) -> anyhow::Result<Exit> {
         config,
         seed: args.seed,
     };
-    let summary = replay.run_heard(&mut printer, viewers.tap());
+    let summary = replay.run_observed(&mut printer, viewers.observer());
     printer.bar.finish_and_clear();
     let summary = summary?;
 
@@ -140,17 +140,17 @@ struct Timed<'a> {
 }
 
 impl Observer for Printer {
-    fn judged(&mut self, judged: &AssessedWindow) -> io::Result<()> {
+    fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()> {
         if !self.heard {
             return Ok(());
         }
         let elapsed_ms = self.since.elapsed().as_secs_f64() * 1e3;
-        let line = HealthLine::from((&judged.health, &judged.rul));
+        let line = HealthLine::from((&assessed.health, &assessed.rul));
         let text = match (self.json, self.timings) {
             (true, false) => line.to_json(),
             (true, true) => serde_json::to_string(&Timed { line, elapsed_ms })?,
-            (false, false) => health_row(&judged.health),
-            (false, true) => format!("{} [{elapsed_ms:.0} ms]", health_row(&judged.health)),
+            (false, false) => health_row(&assessed.health),
+            (false, true) => format!("{} [{elapsed_ms:.0} ms]", health_row(&assessed.health)),
         };
         let (json, headed) = (self.json, std::mem::replace(&mut self.headed, true));
         let printed = self.bar.suspend(|| {

@@ -61,11 +61,11 @@ struct Lines {
 }
 
 impl Observer for Lines {
-    fn judged(&self, judged: &AssessedWindow) -> io::Result<()> {
-        let window = &judged.window;
+    fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
+        let window = &assessed.window;
         let (times, fitted) = (window.time_s.len(), window.fitted_i_q_a.len());
         assert!(fitted == 0 || fitted == times, "{fitted} values at {times} times");
-        let line = HealthLine::from((&judged.health, &judged.rul)).to_json();
+        let line = HealthLine::from((&assessed.health, &assessed.rul)).to_json();
         self.health.lock().unwrap().push(line);
         Ok(())
     }
@@ -76,8 +76,8 @@ impl Observer for Lines {
 }
 
 impl replay::Observer for &Lines {
-    fn judged(&mut self, judged: &AssessedWindow) -> io::Result<()> {
-        Observer::judged(*self, judged)
+    fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()> {
+        Observer::assessed(*self, assessed)
     }
 
     fn notice(&mut self, message: &str) {
@@ -192,7 +192,7 @@ fn segments_of_one_run_replay_like_one_file() {
     for part in traffic.chunks(400) {
         for recorder in &mut recorders {
             for frame in part {
-                recorder.raw(frame, &names).unwrap();
+                recorder.write_frame(frame, &names).unwrap();
             }
             assert_eq!(recorder.tick(now).unwrap(), []);
         }
@@ -291,7 +291,7 @@ fn a_trouble_that_comes_with_every_window_is_told_ten_times_a_minute() {
         .filter(|text| text.contains("maintenance event"))
         .collect();
     assert_eq!(told.len(), 11, "{told:?}");
-    assert!(told[10].contains("(the last of 4 that were not told)"), "{}", told[10]);
+    assert!(told[10].contains("(the last of 4 not reported)"), "{}", told[10]);
 }
 
 #[test]

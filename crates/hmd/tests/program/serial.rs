@@ -207,11 +207,11 @@ fn whatever_happens_to_the_device_the_next_actuation_is_judged() {
                 }
                 Garbage => plug.write(&[0xa5; 700]),
             }
-            let before = lines.judged();
+            let before = lines.assessed();
             // A whole actuation, and the rest of the one that was going on.
             device.play(&plug, Duration::from_millis(1150));
             lines.wait_until(
-                || lines.judged() > before,
+                || lines.assessed() > before,
                 &format!("a window after {event:?}, number {n}, seed {SEED}"),
             );
         }
@@ -233,7 +233,7 @@ fn a_daemon_that_was_restarted_joins_the_line_and_loses_nothing() {
             // It joins in the middle of a frame.
             plug.write(b"rest of a frame\0");
             device.play(&plug, Duration::from_millis(1150));
-            lines.wait_until(|| lines.judged() > 0, &format!("a window of run {run}"));
+            lines.wait_until(|| lines.assessed() > 0, &format!("a window of run {run}"));
         });
         assert_eq!(status.lost_unreadable, 0, "the rest of a frame is no loss");
         assert_replay_is_equal(&log, &lines, &status);
@@ -258,8 +258,8 @@ fn a_capture_of_a_line_is_judged_later() {
         // Until it has been read: nothing tells.
         std::thread::sleep(Duration::from_millis(200));
     });
-    let (judged, replayed) = replayed(&log);
-    assert_eq!((lines.health().len(), judged.judged()), (0, 1), "{status:?}");
+    let (assessed, replayed) = replayed(&log);
+    assert_eq!((lines.health().len(), assessed.assessed()), (0, 1), "{status:?}");
     assert_eq!(replayed.frames_received, status.frames_received);
     assert_eq!(
         (status.lost_unreadable, replayed.lost_unreadable),
@@ -275,7 +275,7 @@ enum Faulty {
 }
 
 impl hmd::daemon::Observer for Faulty {
-    fn judged(&self, _: &hmd_core::assess::AssessedWindow) -> std::io::Result<()> {
+    fn assessed(&self, _: &hmd_core::assess::AssessedWindow) -> std::io::Result<()> {
         panic!("at a window")
     }
 

@@ -59,7 +59,7 @@ impl Growth {
 pub struct Seen {
     /// Use so far.
     pub at: Odometer,
-    /// Damage and its standard deviation; `None` in a window that is not fit to be judged.
+    /// Damage and its standard deviation; `None` in a window that is not fit to be assessed.
     pub estimate: Option<(f64, f64)>,
 }
 
@@ -209,7 +209,7 @@ mod tests {
     #[test]
     fn histories_are_as_the_suite_says() -> Result<(), serde_json::Error> {
         let errors = ErrorTable::stored()?;
-        let (mut windows, mut judged, mut by_growth) = (0, 0, [0; 3]);
+        let (mut windows, mut assessed, mut by_growth) = (0, 0, [0; 3]);
         for seed in 0..300 {
             let history = History::draw((seed % 7) as usize, &errors, seed);
             assert!((450.0..5500.0).contains(&history.life_h), "life {}", history.life_h);
@@ -221,14 +221,14 @@ mod tests {
             );
             assert!(history.windows.last().is_some_and(|w| w.at.hours < history.life_h));
             windows += history.windows.len();
-            judged += history.windows.iter().filter(|w| w.estimate.is_some()).count();
+            assessed += history.windows.iter().filter(|w| w.estimate.is_some()).count();
             by_growth[history.growth as usize] += 1;
         }
         assert!(by_growth.iter().all(|&n| n > 70), "{by_growth:?}");
         // 275 windows on average, of which a tenth is missing; 2 % invalid.
         let mean = windows as f64 / 300.0;
         assert!((225.0..270.0).contains(&mean), "{mean}");
-        let share = judged as f64 / windows as f64;
+        let share = assessed as f64 / windows as f64;
         assert!((0.97..0.99).contains(&share), "{share}");
         Ok(())
     }

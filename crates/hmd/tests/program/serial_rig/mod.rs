@@ -106,7 +106,7 @@ impl Device {
     }
 }
 
-/// What was said and judged.
+/// What was said and assessed.
 #[derive(Default)]
 pub(crate) struct Lines {
     health: Mutex<Vec<String>>,
@@ -119,7 +119,7 @@ impl Lines {
     }
 
     /// Windows that gave an estimate.
-    pub(crate) fn judged(&self) -> usize {
+    pub(crate) fn assessed(&self) -> usize {
         self.health().iter().filter(|line| !line.contains("\"k\":null")).count()
     }
 
@@ -155,8 +155,8 @@ impl Lines {
 }
 
 impl Observer for Lines {
-    fn judged(&self, judged: &AssessedWindow) -> io::Result<()> {
-        let line = HealthLine::from((&judged.health, &judged.rul)).to_json();
+    fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
+        let line = HealthLine::from((&assessed.health, &assessed.rul)).to_json();
         self.health.lock().unwrap().push(line);
         Ok(())
     }
@@ -167,8 +167,8 @@ impl Observer for Lines {
 }
 
 impl replay::Observer for &Lines {
-    fn judged(&mut self, judged: &AssessedWindow) -> io::Result<()> {
-        Observer::judged(*self, judged)
+    fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()> {
+        Observer::assessed(*self, assessed)
     }
 
     fn notice(&mut self, message: &str) {

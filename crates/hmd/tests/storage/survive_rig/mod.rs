@@ -90,12 +90,12 @@ fn frames(log: &Path, run: u64) -> Vec<RawFrame> {
 struct Teller;
 
 impl Observer for Teller {
-    fn judged(&self, judged: &AssessedWindow) -> io::Result<()> {
-        let line = format!("stored {} {}\n", judged.health.t_start_ns, judged.health.window);
+    fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
+        let line = format!("stored {} {}\n", assessed.health.t_start_ns, assessed.health.window);
         io::stderr().write_all(line.as_bytes())
     }
 
-    fn unstored(&self, _: &AssessedWindow) -> io::Result<()> {
+    fn assessed_unstored(&self, _: &AssessedWindow) -> io::Result<()> {
         io::stderr().write_all(b"unstored\n")
     }
 

@@ -6,6 +6,7 @@ mod motors;
 mod noise;
 mod profiles;
 mod rul;
+pub mod tables;
 
 use ema_ga::ConfigError;
 use ema_models::{FAULT_COUNT, FaultVector, Profile, eq15_pct, rss_pct};

@@ -1,6 +1,6 @@
-//! A SocketCAN interface as a source of frames. Receive only: nothing here sends, and the socket is shown to nobody else.
+//! A SocketCAN interface as a source of frames. Receive only: nothing here sends, and the socket is private.
 //!
-//! The interface may be missing at the start, go away, be switched off and come back: the source says so and goes on.
+//! The interface may be missing at the start, go away, be switched off and come back: the source reports it and goes on.
 //! A socket outlives `ip link set … down` and `up`, so it is kept, and frames are received from the first one on; an
 //! interface that was deleted and made again needs a new socket.
 
@@ -147,7 +147,7 @@ impl CanSource {
         // What was dropped after the last frame is known only to the socket.
         let dropped = fd.get_mut().dropped_since();
         if dropped > 0 {
-            // The pipeline may be gone; then there is nobody to tell.
+            // The pipeline may be gone; then nothing is reported.
             let _ = feed.lost(LiveLoss::SocketQueue, dropped).await;
         }
         ended

@@ -1,6 +1,6 @@
 //! One recorded log, whatever its format.
 //!
-//! The format is told by the first bytes, not by the name. A source is opened up to its first frame, so that a file
+//! The format is recognised by the first bytes, not by the name. A source is opened up to its first frame, so that a file
 //! that has none is refused at once.
 
 use crate::Loss;
@@ -19,7 +19,7 @@ use thiserror::Error;
 /// Losses before the first frame after which a text is not taken for a log; also the most that are held in memory.
 pub const LEAD_LIMIT: usize = 1000;
 
-/// First bytes of compressed files that somebody may hand us.
+/// First bytes of compressed files that may be given by mistake.
 const COMPRESSED: [(&[u8], &str); 3] = [
     (&[0x1f, 0x8b], "gzip"),
     (&[0x28, 0xb5, 0x2f, 0xfd], "zstd"),
@@ -432,7 +432,7 @@ mod tests {
                 crate::candump::Decimals::Six,
                 &mut log,
             );
-            writer.raw(&frame, &names).unwrap();
+            writer.write_frame(&frame, &names).unwrap();
             frames.push(frame);
         }
         writer.finish().unwrap();

@@ -105,7 +105,7 @@ impl<W: Write + Seek> Demo<W> {
         let start_ns = EPOCH_NS + hours * 3_600_000_000_000;
         let mut ended = Vec::new();
         for frame in traffic(&scenario(self.next, self.seed), self.actuator, start_ns) {
-            self.writer.raw(&frame, &self.names)?;
+            self.writer.write_frame(&frame, &self.names)?;
             self.pipeline.push(&frame, &self.names, &mut ended);
         }
         self.pipeline.finish(&mut ended);

@@ -1,7 +1,7 @@
 //! The state of all actuators on one screen: what `hmd top` shows.
 //!
-//! [`Follow`] reads the records of a folder or a file as they come and puts them into a [`State`]; [`Model`] says in words
-//! and figures what the state means at a moment; [`draw()`] puts the model on a screen. [`show()`] does all of it on a terminal, and is the only
+//! [`Follow`] reads the records of a folder or a file as they come and puts them into a [`State`]; [`Model`] puts the
+//! state at a moment into words and figures; [`draw()`] puts the model on a screen. [`show()`] does all of it on a terminal, and is the only
 //! one that touches a terminal or a clock; only [`Follow`] touches files.
 
 mod detail;

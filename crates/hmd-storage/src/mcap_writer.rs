@@ -97,7 +97,7 @@ pub struct McapCounts {
     pub records: u64,
 }
 
-/// Writes records into an MCAP file. Call [`McapWriter::finish`]; a writer that is only dropped loses its last round.
+/// Writes records into an MCAP file. Call [`McapWriter::finish`]: a writer that is only dropped loses its last round.
 pub struct McapWriter<W: Write + Seek> {
     writer: Writer<Counting<W>>,
     bytes: Arc<AtomicU64>,
@@ -137,7 +137,7 @@ impl<W: Write + Seek> McapWriter<W> {
         Self::with_profile(out, metadata, "")
     }
 
-    /// The same with a profile in the header, by which a file is known again.
+    /// The same with a profile in the header, which identifies a kind of file.
     ///
     /// # Errors
     /// When `out` cannot be written.
@@ -158,7 +158,7 @@ impl<W: Write + Seek> McapWriter<W> {
             counts: McapCounts::default(),
             copies: Vec::new(),
         };
-        writer.metadata(METADATA_NAME, metadata)?;
+        writer.write_metadata(METADATA_NAME, metadata)?;
         Ok(writer)
     }
 
@@ -166,7 +166,7 @@ impl<W: Write + Seek> McapWriter<W> {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn metadata(&mut self, name: &str, metadata: &BTreeMap<String, String>) -> Result<(), McapWriteError> {
+    pub fn write_metadata(&mut self, name: &str, metadata: &BTreeMap<String, String>) -> Result<(), McapWriteError> {
         let mut metadata = metadata.clone();
         seal(name, &mut metadata);
         Ok(self.writer.write_metadata(&Metadata {
@@ -179,7 +179,7 @@ impl<W: Write + Seek> McapWriter<W> {
     ///
     /// # Errors
     /// [`McapWriteError::UnknownBus`], or when a full round cannot be written.
-    pub fn raw(&mut self, frame: &RawFrame, names: &BusNames) -> Result<(), McapWriteError> {
+    pub fn write_frame(&mut self, frame: &RawFrame, names: &BusNames) -> Result<(), McapWriteError> {
         let known = names.len();
         let interface = names
             .name(frame.bus)
@@ -208,7 +208,7 @@ impl<W: Write + Seek> McapWriter<W> {
     /// [`McapWriteError::Topic`] for a bad actuator name, or when the file cannot be written.
     pub fn write<R: Record>(&mut self, log_time_ns: u64, record: &R) -> Result<(), McapWriteError> {
         self.end_round()?;
-        self.put(log_time_ns, record)?;
+        self.write_message(log_time_ns, record)?;
         self.counts.records += 1;
         Ok(())
     }
@@ -224,7 +224,7 @@ impl<W: Write + Seek> McapWriter<W> {
         let due = self.copies.partition_point(|copy| copy.at_byte <= far_enough);
         if due > 0 {
             for copy in self.copies.drain(..due).collect::<Vec<_>>() {
-                self.metadata(copy.name, &copy.content)?;
+                self.write_metadata(copy.name, &copy.content)?;
             }
             self.writer.flush()?;
         }
@@ -276,7 +276,7 @@ impl<W: Write + Seek> McapWriter<W> {
             self.define(batch)?;
         }
         for (stamp_ns, batch) in batches {
-            self.put(stamp_ns, &batch)?;
+            self.write_message(stamp_ns, &batch)?;
             self.counts.batches += 1;
         }
         self.rounds += 1;
@@ -286,7 +286,7 @@ impl<W: Write + Seek> McapWriter<W> {
     }
 
     /// Writes the first copy of the definition of a record's channel, and of its schema, if they are new. It ends the chunk
-    /// in progress, so that it stands before the one with the second copy.
+    /// in progress, so that it comes before the chunk with the second copy.
     fn define<R: Record>(&mut self, record: &R) -> Result<(), McapWriteError> {
         let topic = record.topic();
         if self.channels.contains_key(&topic) {
@@ -325,13 +325,13 @@ impl<W: Write + Seek> McapWriter<W> {
 
     /// Writes the copy of a definition now, and notes it to be written again.
     fn copy(&mut self, name: &'static str, content: BTreeMap<String, String>) -> Result<(), McapWriteError> {
-        self.metadata(name, &content)?;
+        self.write_metadata(name, &content)?;
         let at_byte = self.bytes();
         self.copies.push(Copy { at_byte, name, content });
         Ok(())
     }
 
-    fn put<R: Record>(&mut self, log_time_ns: u64, record: &R) -> Result<(), McapWriteError> {
+    fn write_message<R: Record>(&mut self, log_time_ns: u64, record: &R) -> Result<(), McapWriteError> {
         self.define(record)?;
         let Some(channel) = self.channels.get_mut(&record.topic()) else {
             unreachable!("defined above")
@@ -360,7 +360,7 @@ impl<W: Write + Seek> McapWriter<W> {
     }
 }
 
-/// Counts the bytes written, because the MCAP writer does not tell.
+/// Counts the bytes written, because the MCAP writer does not report them.
 struct Counting<W> {
     out: W,
     bytes: Arc<AtomicU64>,
@@ -468,12 +468,12 @@ mod tests {
         names.intern("vcan0").unwrap();
         let mut writer = writer();
         for _ in 0..=ROUND_FRAMES {
-            writer.raw(&frame(5, 0), &names).unwrap();
+            writer.write_frame(&frame(5, 0), &names).unwrap();
         }
         assert_eq!(writer.counts().batches, 1);
-        writer.raw(&frame(5 + ROUND_SPAN_NS, 0), &names).unwrap();
+        writer.write_frame(&frame(5 + ROUND_SPAN_NS, 0), &names).unwrap();
         assert_eq!(writer.counts().batches, 2);
-        writer.raw(&frame(0, 0), &names).unwrap();
+        writer.write_frame(&frame(0, 0), &names).unwrap();
         assert_eq!(
             writer.counts().batches,
             3,
@@ -492,7 +492,7 @@ mod tests {
 
     #[test]
     fn a_frame_of_an_unknown_interface_is_refused() {
-        let error = writer().raw(&frame(0, 2), &BusNames::new()).unwrap_err();
+        let error = writer().write_frame(&frame(0, 2), &BusNames::new()).unwrap_err();
         assert_eq!(
             error.to_string(),
             "a frame is on interface number 2, but only 0 are known"
@@ -505,8 +505,8 @@ mod tests {
         first.intern("vcan0").unwrap();
         second.intern("vcan1").unwrap();
         let mut writer = writer();
-        writer.raw(&frame(0, 0), &first).unwrap();
-        writer.raw(&frame(1, 0), &second).unwrap();
+        writer.write_frame(&frame(0, 0), &first).unwrap();
+        writer.write_frame(&frame(1, 0), &second).unwrap();
         let (out, _) = writer.finish().unwrap();
         let frames = crate::mcap::McapFrames::new(out, "a.mcap", BusNames::new()).unwrap();
         assert_eq!(

@@ -156,10 +156,10 @@ impl Recorder {
     pub fn write_frame(&mut self, frame: &RawFrame, names: &BusNames) -> Result<(), RecordError> {
         match &mut self.output {
             Output::Folder(store) => {
-                store.raw(frame, names);
+                store.write_frame(frame, names);
                 Ok(())
             }
-            Output::File { .. } => self.file(|writer| writer.raw(frame, names)),
+            Output::File { .. } => self.file(|writer| writer.write_frame(frame, names)),
             Output::Nowhere => Ok(()),
         }
     }

@@ -1,4 +1,4 @@
-//! A folder of segments: storage that outlives kill -9, power cuts, full and failing disks.
+//! A folder of segments: storage that survives kill -9, power cuts, full and failing disks.
 //!
 //! Raw frames and records go to segments of their own, so that old frames can go while the records stay. A segment is
 //! written under a name with `.part`, in whole chunks, each synced: records at once with a health record, everything
@@ -43,7 +43,7 @@ pub enum SegmentStoreError {
         /// What the system said.
         cause: io::Error,
     },
-    /// Another process writes there.
+    /// Another process writes to it.
     #[error("{folder}: expected a folder that nobody writes to, found one in use by another process")]
     InUse {
         /// The folder.
@@ -51,12 +51,12 @@ pub enum SegmentStoreError {
     },
 }
 
-/// How a store ended.
+/// Final state of a store.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SegmentStoreEnd {
-    /// How things stand then.
+    /// State at the end.
     pub status: StoreStatus,
-    /// What an operator should read.
+    /// Notices for an operator.
     pub messages: Vec<(LogLevel, String)>,
 }
 
@@ -79,15 +79,15 @@ pub struct SegmentStore {
     raw_paused: bool,
     /// A segment could not be deleted when room was made last.
     undeletable: bool,
-    /// Failures told already, so that each is told once until all is well again; at most [`MESSAGES_MAX`].
-    told: Vec<String>,
+    /// Failures reported already: each is reported once until everything is stored again; at most [`MESSAGES_MAX`].
+    reported: Vec<String>,
     messages: Vec<(LogLevel, String)>,
 }
 
 impl SegmentStore {
     /// Opens a folder, made if need be, repairs what an earlier run left cut, and begins.
     ///
-    /// `metadata` goes into each segment. A disk that fails from here on is told by [`SegmentStore::tick`].
+    /// `metadata` goes into each segment. A disk that fails from here on is reported by [`SegmentStore::tick`].
     ///
     /// # Errors
     /// [`SegmentStoreError`] when there is no such folder for us.
@@ -106,7 +106,7 @@ impl SegmentStore {
         let Some(lock) = hold(folder).map_err(error)? else {
             return Err(SegmentStoreError::InUse { folder: name });
         };
-        let found = repair::look(folder, &*disk).map_err(error)?;
+        let found = repair::repair_folder(folder, &*disk).map_err(error)?;
         let mut metadata = metadata.clone();
         // Which segments belong together: no two runs have both numbers in common.
         metadata.insert("run".to_owned(), format!("{}-{}", found.next_number, now_ns()));
@@ -125,33 +125,33 @@ impl SegmentStore {
             deleted: 0,
             raw_paused: false,
             undeletable: false,
-            told: Vec::new(),
+            reported: Vec::new(),
             messages: Vec::new(),
         };
-        store.take(found);
+        store.add_found(found);
         store.make_room();
         store.begin(Kind::Records);
         Ok(store)
     }
 
     /// Takes one frame as received.
-    pub fn raw(&mut self, frame: &RawFrame, names: &BusNames) {
+    pub fn write_frame(&mut self, frame: &RawFrame, names: &BusNames) {
         if self.raw_paused {
             self.raw.lost += 1;
             return;
         }
         if self.raw.is_due(&self.limits, self.now) {
-            self.end(Kind::Raw);
+            self.close_segment(Kind::Raw);
         }
         self.begin(Kind::Raw);
-        let put = self.raw.put(|writer| writer.raw(frame, names));
+        let put = self.raw.write(|writer| writer.write_frame(frame, names));
         self.check(Kind::Raw, put);
     }
 
     /// Writes one record; it is on the disk after the next [`SegmentStore::sync_records`] or [`SegmentStore::tick`].
     pub fn write<R: Record>(&mut self, log_time_ns: u64, record: &R) {
         self.begin(Kind::Records);
-        let put = self.records.put(|writer| writer.write(log_time_ns, record));
+        let put = self.records.write(|writer| writer.write(log_time_ns, record));
         self.check(Kind::Records, put);
     }
 
@@ -159,7 +159,7 @@ impl SegmentStore {
     pub fn write_to_both<R: Record>(&mut self, log_time_ns: u64, record: &R) {
         self.write(log_time_ns, record);
         if self.raw.name().is_some() {
-            let put = self.raw.put(|writer| writer.write(log_time_ns, record));
+            let put = self.raw.write(|writer| writer.write(log_time_ns, record));
             self.check(Kind::Raw, put);
         }
     }
@@ -172,7 +172,7 @@ impl SegmentStore {
     }
 
     /// To be called every second: syncs, closes what is full or old, makes room, tries again what failed.
-    /// What an operator should read.
+    /// Returns the notices for an operator.
     pub fn tick(&mut self, now: Instant) -> Vec<(LogLevel, String)> {
         self.now = now;
         let limits = self.limits;
@@ -180,13 +180,13 @@ impl SegmentStore {
             let synced = self.stream(kind).sync();
             self.check(kind, synced);
             if self.stream(kind).is_due(&limits, now) {
-                self.end(kind);
+                self.close_segment(kind);
             }
         }
         self.make_room();
         self.begin(Kind::Records);
-        if !self.told.is_empty() && !self.undeletable && !self.records.has_failed() && !self.raw.has_failed() {
-            self.told.clear();
+        if !self.reported.is_empty() && !self.undeletable && !self.records.has_failed() && !self.raw.has_failed() {
+            self.reported.clear();
             let text = format!(
                 "storage: written again; not stored since the start: {} frames, {} records",
                 self.raw.lost, self.records.lost
@@ -196,22 +196,22 @@ impl SegmentStore {
         self.take_messages()
     }
 
-    /// What an operator should read, since the last time.
+    /// Notices for an operator, since the last call.
     pub fn take_messages(&mut self) -> Vec<(LogLevel, String)> {
         std::mem::take(&mut self.messages)
     }
 
     /// Ends all segments. What could not be ended is repaired by the next start.
     pub fn finish(mut self) -> SegmentStoreEnd {
-        self.end(Kind::Raw);
-        self.end(Kind::Records);
+        self.close_segment(Kind::Raw);
+        self.close_segment(Kind::Records);
         SegmentStoreEnd {
             status: self.status(),
             messages: self.take_messages(),
         }
     }
 
-    /// How things stand.
+    /// State of the store.
     #[must_use]
     pub fn status(&self) -> StoreStatus {
         let open = [&self.raw, &self.records];
@@ -244,7 +244,7 @@ impl SegmentStore {
         closed + self.raw.bytes() + self.records.bytes()
     }
 
-    fn keep(&mut self, name: Name, bytes: u64) {
+    fn add_closed(&mut self, name: Name, bytes: u64) {
         self.closed.insert((name.kind, name.number), (name.stage, bytes));
     }
 
@@ -275,7 +275,7 @@ impl SegmentStore {
         self.check(kind, begun);
     }
 
-    /// Goes on in a new folder where somebody has removed ours or put another in its place.
+    /// Continues in a new folder when the folder was removed or replaced.
     fn hold_folder(&mut self) -> io::Result<()> {
         let is = |found: &fs::Metadata, held: &fs::Metadata| (found.dev(), found.ino()) == (held.dev(), held.ino());
         if let (Ok(found), Ok(held)) = (fs::metadata(&self.folder), self.lock.metadata())
@@ -284,33 +284,33 @@ impl SegmentStore {
             return Ok(());
         }
         self.lock = hold(&self.folder)?.ok_or(io::ErrorKind::ResourceBusy)?;
-        let found = repair::look(&self.folder, &*self.disk)?;
+        let found = repair::repair_folder(&self.folder, &*self.disk)?;
         self.closed.clear();
-        self.take(found);
-        let text = format!("storage: {} was removed; it is made anew", self.folder.display());
+        self.add_found(found);
+        let text = format!("storage: {} was removed; it is created again", self.folder.display());
         self.messages.push((LogLevel::Error, text));
         Ok(())
     }
 
-    fn take(&mut self, found: repair::Found) {
+    fn add_found(&mut self, found: repair::Found) {
         self.next_number = self.next_number.max(found.next_number);
         self.messages.extend(found.messages);
         for (name, bytes) in found.segments {
-            self.keep(name, bytes);
+            self.add_closed(name, bytes);
         }
     }
 
-    fn end(&mut self, kind: Kind) {
+    fn close_segment(&mut self, kind: Kind) {
         let folder = self.folder.clone();
         let before = self.stream(kind).name().map(|name| (name, self.stream(kind).bytes()));
-        match self.stream(kind).end(&folder) {
-            Ok(Some((name, bytes))) => self.keep(name, bytes),
+        match self.stream(kind).close(&folder) {
+            Ok(Some((name, bytes))) => self.add_closed(name, bytes),
             Ok(None) => {}
             Err(error) => {
                 if let (Some((name, bytes)), None) = (before, self.stream(kind).name())
                     && !is_gone(&folder, name)
                 {
-                    self.keep(name, bytes);
+                    self.add_closed(name, bytes);
                 }
                 self.check(kind, Err(error));
             }
@@ -322,16 +322,16 @@ impl SegmentStore {
         let Err(error) = step else { return };
         let (now, folder) = (self.now, self.folder.clone());
         if let Some((name, bytes)) = self.stream(kind).fail(&folder, now) {
-            self.keep(name, bytes);
+            self.add_closed(name, bytes);
         }
-        self.tell_once(format!(
+        self.report_once(format!(
             "storage: {kind}: {error}; tried again every second, and what is not stored is counted"
         ));
     }
 
-    fn tell_once(&mut self, text: String) {
-        if self.told.len() < MESSAGES_MAX && !self.told.contains(&text) {
-            self.told.push(text.clone());
+    fn report_once(&mut self, text: String) {
+        if self.reported.len() < MESSAGES_MAX && !self.reported.contains(&text) {
+            self.reported.push(text.clone());
             self.messages.push((LogLevel::Error, text));
         }
     }
@@ -349,7 +349,7 @@ impl SegmentStore {
             }
             let has_raw = |key: &(Kind, u64)| key.0 == Kind::Raw && !stays.contains(key);
             if !self.closed.keys().any(has_raw) && self.raw.name().is_some() {
-                self.end(Kind::Raw);
+                self.close_segment(Kind::Raw);
             }
             // Raw sorts before records, and small numbers before large ones.
             let mut left = self.closed.iter().filter(|(key, _)| !stays.contains(*key));
@@ -384,10 +384,10 @@ impl SegmentStore {
         let name = Name { number, kind, stage };
         match fs::remove_file(self.folder.join(name.to_string())) {
             Ok(()) => self.deleted += 1,
-            // Somebody else took it.
+            // It is gone already.
             Err(cause) if cause.kind() == io::ErrorKind::NotFound => {}
             Err(cause) => {
-                self.tell_once(format!("storage: {name} cannot be deleted: {cause}"));
+                self.report_once(format!("storage: {name} cannot be deleted: {cause}"));
                 return false;
             }
         }
@@ -407,7 +407,7 @@ fn hold(folder: &Path) -> io::Result<Option<File>> {
     }
 }
 
-/// Most different failures that are told before all is well again.
+/// Most different failures that are reported before everything is stored again.
 const MESSAGES_MAX: usize = 64;
 
 #[cfg(test)]

@@ -44,7 +44,7 @@ use hmd_ingest::feed::{Feed, Input, QUEUE_INPUTS};
 use hmd_ingest::live::LiveSource;
 use hmd_storage::calibration_file::load_models;
 use hmd_storage::clock::now_ns;
-use hmd_storage::event_file::events_of;
+use hmd_storage::event_file::load_events;
 use hmd_storage::history_file;
 use hmd_storage::recorder::{RecordError, Recorder};
 use notices::Notices;
@@ -86,7 +86,7 @@ pub trait Observer: Sync {
     /// One window is assessed, and its records, if any are kept, are on the disk.
     ///
     /// # Errors
-    /// When nobody takes the records any more; the daemon then ends.
+    /// When the records cannot be delivered any more; the daemon then ends.
     fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()>;
     /// One window is assessed, but its records could not be stored; by default reported like any other.
     ///
@@ -266,7 +266,7 @@ fn assess_windows(
     let histories = config.rul().state.as_ref().map(|path| config.resolve(path));
     while let Some(job) = windows.pop() {
         // Events may have come since the last window; the file is short. One that is damaged does not end the watch.
-        let events = match events_of(config) {
+        let events = match load_events(config) {
             Ok(events) => {
                 assessor.lives().follow(events);
                 None

@@ -19,7 +19,7 @@ use hmd_core::record::{Dropped, LogLevel, Record, Status};
 use hmd_ingest::Loss;
 use hmd_ingest::file::{FrameSource, IngestError, open_with};
 use hmd_storage::calibration_file::load_models;
-use hmd_storage::event_file::{EventError, events_of};
+use hmd_storage::event_file::{EventError, load_events};
 use hmd_storage::mcap::McapMessages;
 use hmd_storage::mcap_writer::METADATA_NAME;
 use hmd_storage::recorder::{RecordError, RecordObserver, Recorder, metadata};
@@ -166,7 +166,7 @@ fn watched(config: &Config) -> String {
     all.join(", ")
 }
 
-/// What a replay tells while it runs.
+/// Receives what happens while a replay runs.
 pub trait Observer {
     /// One window has been assessed.
     fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()>;
@@ -187,7 +187,7 @@ struct Run<'a, O> {
     /// Newest stamp of each interface, ns: frames of a later log up to it have been seen or come out of order.
     newest_ns: BTreeMap<u16, u64>,
     damaged_places: u64,
-    /// Serial numbers by actuator, as the logs so far told.
+    /// Serial numbers by actuator, by the logs so far.
     serial_numbers: BTreeMap<String, String>,
     /// Run and number of the segment read last, if it was one.
     segment: Option<(String, u64)>,
@@ -227,7 +227,7 @@ impl Replay<'_> {
             None => recorder,
         };
         let mut assessor = Assessor::new(self.config.clone(), load_models(&self.config)?, self.seed);
-        assessor.lives().follow(events_of(&self.config)?);
+        assessor.lives().follow(load_events(&self.config)?);
         let mut run = Run {
             pipeline: Pipeline::new(self.config.clone()),
             assessor,
@@ -319,7 +319,7 @@ impl<O: Observer> Run<'_, O> {
         Ok(source.into_bus_names())
     }
 
-    /// A unit whose serial number is another than in the logs before begins a life of its own.
+    /// A unit whose serial number is another than in the logs before begins a history of its own.
     fn follow_units(&mut self, log: &Path) -> Result<(), ReplayError> {
         for (actuator, serial) in serial_numbers(log) {
             let before = self.serial_numbers.insert(actuator.clone(), serial.clone());
@@ -327,7 +327,7 @@ impl<O: Observer> Run<'_, O> {
                 continue;
             };
             if self.assessor.lives().end(&actuator) {
-                let message = format!("{actuator}: a new life begins, unit {serial} after {before}");
+                let message = format!("{actuator}: history reset, unit {serial} after {before}");
                 let stamp_ns = self.pipeline.last_stamp_ns();
                 self.notice(&Notice { stamp_ns, message }, LogLevel::Info)?;
             }
@@ -418,7 +418,7 @@ impl<O: Observer> Run<'_, O> {
     }
 }
 
-/// Serial numbers of the actuators in a log, as its writer's configuration said; none in a text log.
+/// Serial numbers of the actuators in a log, from its writer's configuration; none in a text log.
 #[must_use]
 pub fn serial_numbers(log: &Path) -> BTreeMap<String, String> {
     let mut found = BTreeMap::new();
@@ -445,7 +445,7 @@ pub fn serial_numbers(log: &Path) -> BTreeMap<String, String> {
 
 /// The windows that a live run dropped, out of the logs that it wrote.
 ///
-/// They must be known before they are met, and a run says so only later. A log that cannot be read has none; it is
+/// They must be known before they are met, and a run records them only later. A log that cannot be read has none; it is
 /// reported when it is replayed.
 fn dropped_windows(logs: &[PathBuf]) -> BTreeSet<(String, u64)> {
     let mut dropped = BTreeSet::new();

@@ -92,7 +92,7 @@ fn state(write: impl FnOnce(&mut McapWriter<Bytes<Vec<u8>>>)) -> State {
     let file = writer.finish().unwrap().0.into_inner();
     let mut state = State::default();
     for message in McapMessages::new(Bytes::new(file), "test").unwrap() {
-        state.take(&message.unwrap());
+        state.add_message(&message.unwrap());
     }
     state
 }

@@ -109,7 +109,7 @@ impl ChannelTable {
         }
     }
 
-    // A repeated definition stays the one it is: whoever holds it sees that nothing has changed.
+    // A repeated definition keeps its allocation, so that its holders see that nothing has changed.
 
     fn set_schema(&mut self, id: u16, content: Schema, bytes: usize) -> Result<(), McapFault> {
         if self.schemas.get(&id).is_some_and(|known| **known == content) {

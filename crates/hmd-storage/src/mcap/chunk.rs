@@ -69,7 +69,7 @@ pub(super) fn verify(chunk: &[u8]) -> Result<Content, McapFault> {
     Ok(content)
 }
 
-/// What is said of a record inside a chunk that does not parse, although the checksum is right.
+/// Fault of a record inside a chunk that does not parse, although the checksum is right.
 pub(super) fn malformed() -> McapFault {
     McapFault::Chunk("a record in it is malformed".to_owned())
 }

@@ -18,7 +18,7 @@ pub struct McapLoss {
 }
 
 impl McapLoss {
-    /// How many raw frames are known to be lost; 0 when that cannot be told.
+    /// How many raw frames are known to be lost; 0 when that is unknown.
     pub fn frames(&self) -> u64 {
         match self.fault {
             McapFault::MissingFrames { count, .. } => count,

@@ -1,6 +1,6 @@
 //! Messages of an MCAP file, as far as a checksum vouches for them.
 //!
-//! Chunks are decoded only after their CRC was checked; whatever else stands in the file (bare messages, chunks without
+//! Chunks are decoded only after their CRC was checked; anything else in the file (bare messages, chunks without
 //! a CRC) is not trusted. A damaged chunk costs that chunk, and a broken record costs none behind it ([`super::resync_reader`]).
 //!
 //! Tried and dropped: the crate's `MessageStream` and `IndexedReader`. A flipped byte gave silently wrong messages or
@@ -74,7 +74,7 @@ pub struct McapMessages<R> {
 struct Open {
     at_byte: u64,
     content: Content,
-    /// The first thing wrong in it; said once, because all of them have the same cause.
+    /// The first fault in it; reported once, because all of them have the same cause.
     fault: Option<McapFault>,
 }
 
@@ -232,7 +232,7 @@ impl<R: Read + Seek> McapMessages<R> {
         Ok(())
     }
 
-    /// The next message of a chunk; what stands before it is taken.
+    /// The next message of a chunk; the definitions before it are processed.
     fn next_in_chunk(&mut self, chunk: &mut Open) -> Option<McapMessage> {
         while let Some((opcode, data)) = chunk.content.next() {
             let taken = match opcode {

@@ -172,7 +172,7 @@ impl<R: Read + Seek> ResyncReader<R> {
         }
         let agreed = self.agreed_chunk_length(head)?;
         if opcode != op::CHUNK && agreed == Some(length) {
-            // Passed as what it claims to be, it would be lost untold.
+            // Passed as what it claims to be, it would be lost without a report.
             let text = format!("it is one but for its opcode {opcode:#04x}");
             return Ok(Some(self.broken(McapFault::Chunk(text))));
         }
@@ -284,7 +284,7 @@ impl<R: Read + Seek> ResyncReader<R> {
             op::DATA_END => data.len() == 4,
             _ => true,
         };
-        // A record that its own checksum vouches for has the right length, whatever stands behind it.
+        // A record that its own checksum vouches for has the right length, whatever follows it.
         let is_sealed = || opcode == op::METADATA && is_sealed_metadata(&data);
         let is_right = fits && (self.is_record_next()? || is_sealed());
         if !is_right {
@@ -333,7 +333,7 @@ impl<R: Read + Seek> ResyncReader<R> {
         fault(at_byte, cause)
     }
 
-    /// Whether the reader stands before something that may be a record (even one that was cut), the magic or the end.
+    /// Whether the next bytes may be a record (even one that was cut), the magic or the end.
     fn is_record_next(&mut self) -> io::Result<bool> {
         let mut head = [0; HEAD as usize];
         let got = read_up_to(&mut self.input, &mut head)?;

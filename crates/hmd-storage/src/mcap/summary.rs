@@ -10,7 +10,7 @@ use std::io::{self, Read, Seek, SeekFrom};
 /// Reads the definitions of the summary, from the end of the file; `None` when it is not there, not intact, or
 /// defines more than is held.
 pub(super) fn read_summary<R: Read + Seek>(input: &mut R) -> io::Result<Option<ChannelTable>> {
-    // Data end (13 bytes) stands before the summary; footer (9 + 20) and magic (8) end the file.
+    // Data end (13 bytes) precedes the summary; footer (9 + 20) and magic (8) end the file.
     const DATA_END: u64 = 13;
     const FOOTER: u64 = 37;
     let length = input.seek(SeekFrom::End(0))?;

@@ -49,7 +49,7 @@ fn record(frames: &[RawFrame], per_window: usize, finish: bool) -> Vec<u8> {
     let mut writer = McapWriter::new(&mut out, &metadata).unwrap();
     for (window, part) in frames.chunks(per_window).enumerate() {
         for frame in part {
-            writer.raw(frame, &two_buses()).unwrap();
+            writer.write_frame(frame, &two_buses()).unwrap();
         }
         let last = part[part.len() - 1].stamp_ns;
         let health = Health {
@@ -245,7 +245,7 @@ fn write_a_sample() {
     let frames = frames(20_000);
     for (number, part) in frames.chunks(5000).enumerate() {
         for frame in part {
-            writer.raw(frame, &two_buses()).unwrap();
+            writer.write_frame(frame, &two_buses()).unwrap();
         }
         let (t_start_ns, t_end_ns, window) = (part[0].stamp_ns, part[part.len() - 1].stamp_ns, number as u64);
         let actuator = || "ema0".to_owned();

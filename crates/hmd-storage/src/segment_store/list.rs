@@ -27,7 +27,7 @@ pub fn records_segments(folder: &Path, first: u64) -> io::Result<BTreeMap<u64, R
         let Some(name) = name.filter(|name| is_records(name) && name.number >= first) else {
             continue;
         };
-        // One that has gone or is somebody else's is none.
+        // A file that has gone or is foreign is skipped.
         if !is_ours(&entry.path()).unwrap_or(false) {
             continue;
         }

@@ -121,9 +121,9 @@ impl SegmentStream {
     }
 
     /// Hands one item to the segment in progress; without one it is lost.
-    pub(super) fn put(
+    pub(super) fn write(
         &mut self,
-        put: impl FnOnce(&mut McapWriter<Box<dyn Out>>) -> Result<(), McapWriteError>,
+        write: impl FnOnce(&mut McapWriter<Box<dyn Out>>) -> Result<(), McapWriteError>,
     ) -> Result<(), McapWriteError> {
         let Some(open) = &mut self.open else {
             self.lost += 1;
@@ -131,7 +131,7 @@ impl SegmentStream {
         };
         open.taken += 1;
         open.unsynced += 1;
-        put(&mut open.writer)
+        write(&mut open.writer)
     }
 
     /// Brings everything taken so far to the disk.
@@ -147,10 +147,10 @@ impl SegmentStream {
     }
 
     /// Ends the segment in progress; its closed name and its size.
-    pub(super) fn end(&mut self, folder: &Path) -> Result<Option<(Name, u64)>, McapWriteError> {
+    pub(super) fn close(&mut self, folder: &Path) -> Result<Option<(Name, u64)>, McapWriteError> {
         self.sync()?;
         let Some(open) = self.open.take() else { return Ok(None) };
-        let closed = open.name.at(Stage::Closed);
+        let closed = open.name.with_stage(Stage::Closed);
         // What is in it is on the disk already; without its end it is repaired by the next start.
         let ended = open.writer.finish().map(|_| ());
         if let Err(error) = ended.and_then(|()| Ok(rename(folder, open.name, closed)?)) {
@@ -166,7 +166,7 @@ impl SegmentStream {
     }
 
     /// After a failure: gives the segment up and waits before the next. Whatever is not known to be on the disk is lost,
-    /// though a repair may still find some of it; all that it held, where somebody has removed it. The segment's name and
+    /// though a repair may still find some of it; all that it held, when its file was removed. The segment's name and
     /// size, if anything in it is worth a repair; else it is removed, so that a disk that fails for days leaves no file for
     /// each attempt.
     pub(super) fn fail(&mut self, folder: &Path, now: Instant) -> Option<(Name, u64)> {

@@ -98,7 +98,7 @@ impl Bench {
         for _ in 0..count {
             let data = hmd_core::seed::mix(3, &[self.frames]).to_le_bytes();
             let frame = RawFrame::new(self.frames * 1000, 0, 0x100, FrameFlags::NONE, &data).unwrap();
-            store.raw(&frame, &self.names);
+            store.write_frame(&frame, &self.names);
             self.frames += 1;
         }
     }
@@ -580,7 +580,7 @@ fn segments_that_somebody_removes_are_lost_and_said() {
     bench.tick(&mut store, 1);
     let said = bench.said.join("\n");
     assert!(said.contains("somebody has removed it"), "{said}");
-    assert!(said.contains("was removed; it is made anew"), "{said}");
+    assert!(said.contains("was removed; it is created again"), "{said}");
     let status = store.finish().status;
     assert_eq!((status.lost_frames, status.lost_records), (110, 2));
     assert_eq!(bench.read(), (10, vec![3]));

@@ -138,7 +138,7 @@ impl Printer {
             let message = match message {
                 Ok(message) => message,
                 Err(loss) => {
-                    losses.take(&loss);
+                    losses.add(&loss);
                     continue;
                 }
             };

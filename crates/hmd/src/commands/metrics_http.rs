@@ -1,7 +1,7 @@
 //! The metrics over HTTP, on this computer alone, and only when asked for.
 //!
 //! One thread of its own: nothing that a client does reaches the daemon. At most [`CLIENTS_MAX`] connections at once, further
-//! ones wait in the kernel; a client that says nothing for [`PATIENCE`] is dropped.
+//! ones wait in the kernel; a client that sends nothing for [`PATIENCE`] is dropped.
 
 use std::convert::Infallible;
 use std::io;
@@ -38,7 +38,7 @@ impl Page {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = text;
     }
 
-    fn get(&self) -> String {
+    fn text(&self) -> String {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
@@ -83,7 +83,7 @@ pub(super) fn serve(address: SocketAddr, page: Page) -> io::Result<SocketAddr> {
                     .keep_alive(false)
                     .timer(TokioTimer::new())
                     .header_read_timeout(PATIENCE)
-                    .serve_connection(TokioIo::new(stream), service_fn(|request| answer(request, page.get())));
+                    .serve_connection(TokioIo::new(stream), service_fn(|request| answer(request, page.text())));
                 // A client that goes away or is too slow is its own affair.
                 let _ = tokio::time::timeout(2 * PATIENCE, answered).await;
                 drop(permit);

@@ -1,4 +1,4 @@
-//! The same as `serve.rs` where viewers are not built in: no option, and nobody who looks.
+//! The same as `serve.rs` where viewers are not built in: no option and no viewers.
 
 use hmd_storage::recorder::RecordObserver;
 

@@ -78,11 +78,11 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         json: args.json,
         alone: args.output.is_none(),
         headed: AtomicBool::new(false),
-        heard: AtomicBool::new(true),
+        read: AtomicBool::new(true),
         metrics: args.metrics.clone(),
         metrics_failed: AtomicBool::new(false),
         page: args.metrics_listen.map(|_| Page::default()),
-        journal: Journal::of_stderr(),
+        journal: Journal::from_stderr(),
     };
     if let (Some(address), Some(page)) = (args.metrics_listen, &printer.page) {
         let address =
@@ -93,10 +93,10 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let mut exit = Exit::Done;
     loop {
         let mut next = None;
-        let told = async {
+        let stop = async {
             next = new_config(args, &mut asked, &printer).await;
         };
-        match daemon(args, config, &viewers)?.run(told, &printer) {
+        match daemon(args, config, &viewers)?.run(stop, &printer) {
             Ok(status) if report(&status) == Exit::DataLost => exit = Exit::DataLost,
             Ok(_) => {}
             Err(DaemonError::Stdout(e)) if e.kind() == io::ErrorKind::BrokenPipe => return Ok(exit),
@@ -174,14 +174,15 @@ fn daemon(args: &Args, config: Arc<Config>, viewers: &Viewers) -> anyhow::Result
     })
 }
 
-/// How long whoever reads stdout may leave a line waiting, where the records go to an output as well: the assessment waits for it.
+/// Longest time that a line waits for the reader of stdout, where the records go to an output as well: the assessment
+/// waits for it.
 const STDOUT_STALLED: Duration = Duration::from_secs(5);
 
 /// Whether a stream takes a line within some time. A pipe that is ready has room for a page, which is longer.
 fn takes_a_line(stream: impl AsFd, within: Duration) -> bool {
     let within = Timespec::try_from(within).ok();
     let mut streams = [PollFd::new(&stream, PollFlags::OUT)];
-    // An error is told by the write.
+    // An error is reported by the write.
     !matches!(poll(&mut streams, within.as_ref()), Ok(0))
 }
 
@@ -190,10 +191,10 @@ struct Printer {
     /// Nothing but stdout takes the records.
     alone: bool,
     headed: AtomicBool,
-    /// Somebody reads stdout.
-    heard: AtomicBool,
+    /// Stdout is read.
+    read: AtomicBool,
     metrics: Option<PathBuf>,
-    /// The last metrics could not be written; told once.
+    /// The last metrics could not be written; reported once.
     metrics_failed: AtomicBool,
     /// What is served over HTTP, if anything.
     page: Option<Page>,
@@ -203,11 +204,11 @@ struct Printer {
 
 impl Observer for Printer {
     fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
-        if !self.heard.load(Ordering::Relaxed) {
+        if !self.read.load(Ordering::Relaxed) {
             return Ok(());
         }
         if !self.alone && !takes_a_line(io::stdout(), STDOUT_STALLED) {
-            self.heard.store(false, Ordering::Relaxed);
+            self.read.store(false, Ordering::Relaxed);
             let text = format!("stdout: not read for {STDOUT_STALLED:?}; the records go to the output alone");
             self.notice_with_level(LogLevel::Error, &text);
             return Ok(());
@@ -223,7 +224,7 @@ impl Observer for Printer {
         match printed.and_then(|()| out.flush()) {
             // The output still takes the records.
             Err(e) if !self.alone => {
-                self.heard.store(false, Ordering::Relaxed);
+                self.read.store(false, Ordering::Relaxed);
                 if e.kind() != io::ErrorKind::BrokenPipe {
                     self.notice_with_level(
                         LogLevel::Error,

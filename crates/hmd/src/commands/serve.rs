@@ -31,7 +31,7 @@ pub(super) struct Serve {
 pub(super) struct Viewers(Option<Hub>);
 
 impl Serve {
-    /// Listens if that was asked for, and tells where.
+    /// Listens if asked to, and reports the address.
     pub(super) fn open(&self, tell: impl FnOnce(&str)) -> anyhow::Result<Viewers> {
         let Some(address) = self.serve else {
             return Ok(Viewers(None));
@@ -46,7 +46,7 @@ impl Serve {
 }
 
 impl Viewers {
-    /// Who hears the recorder for them.
+    /// Observer of the recorder for the viewers.
     pub(super) fn observer(&self) -> Option<Box<dyn RecordObserver>> {
         self.0.clone().map(|hub| Box::new(hub) as Box<dyn RecordObserver>)
     }

@@ -163,7 +163,9 @@ fn write_log(path: &Path, scenario: &Scenario, actuator: ActuatorId) -> anyhow::
             let mut writer = McapWriter::new(SyncedFile::new(create(path)?), &metadata)
                 .with_context(|| path.display().to_string())?;
             for frame in frames {
-                writer.raw(&frame, &names).with_context(|| path.display().to_string())?;
+                writer
+                    .write_frame(&frame, &names)
+                    .with_context(|| path.display().to_string())?;
             }
             writer.finish().with_context(|| path.display().to_string())?;
         }

@@ -48,7 +48,7 @@ pub(super) struct PipelineThread {
     /// Inputs and windows that waited when the newest inputs were taken.
     queued: (u64, u64),
     freshness: Freshness,
-    /// Names of the actuators whose changes alarm nobody.
+    /// Names of the actuators whose changes raise no alarm.
     passive: BTreeSet<String>,
 }
 
@@ -93,7 +93,7 @@ impl PipelineThread {
                 let is_tick = matches!(input, Input::Tick { .. });
                 self.note_link_report(&input, observer);
                 self.process(input, &mut ended, &mut shared, observer)?;
-                // A tick came through the I/O thread and the queue, and the writer has synced or said that it cannot.
+                // A tick came through the I/O thread and the queue, and the writer has synced or reported a failure.
                 if is_tick && windows.busy_for() < ASSESSING_MAX {
                     observer.alive();
                 }

@@ -29,7 +29,7 @@ const KEPT_BYTES_TOTAL: usize = 32 << 20;
 /// Subscriptions of one client; further ones are left out.
 const SUBSCRIPTIONS_MAX: usize = CHANNELS_MAX;
 
-/// Hears the recorder, and tells the clients. Copies are the same hub.
+/// Receives the records of a run and queues them for the clients. Clones are the same hub.
 #[derive(Clone, Debug, Default)]
 pub struct Hub(Arc<Shared>);
 
@@ -93,7 +93,7 @@ impl RecordObserver for Hub {
             at_ns: record.at_ns,
             data: record.data,
         });
-        inner.keep(channel, &item);
+        inner.set_newest(channel, &item);
         for client in inner.clients.values_mut() {
             let numbers: Vec<u32> = client.numbers(channel).collect();
             for number in numbers {
@@ -197,7 +197,7 @@ impl Inner {
         Some(id)
     }
 
-    fn keep(&mut self, channel: usize, item: &Arc<Item>) {
+    fn set_newest(&mut self, channel: usize, item: &Arc<Item>) {
         let bytes = item.data.len();
         let channel = &mut self.channels[channel];
         while channel.kept.len() >= KEPT_MAX

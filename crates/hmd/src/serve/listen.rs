@@ -46,7 +46,7 @@ const KEY_SUFFIX: &str = "258EAFA5-E914-47DA-95CA-C5AB0DC85B11";
 
 type Socket = WebSocketStream<TokioIo<Upgraded>>;
 
-/// Serves the hub from now on; the address with the port that was taken. `session` tells runs apart.
+/// Serves the hub from now on; the address with the port that was taken. `session` distinguishes runs.
 ///
 /// # Errors
 /// When the address cannot be bound or the thread cannot be started.
@@ -168,7 +168,7 @@ async fn attend(
                 Next::Binary(data) => Message::binary(data),
             };
             send(&mut socket, message).await?;
-            // What is asked meanwhile is heard however much there is to send.
+            // What is asked meanwhile is answered however much there is to send.
             let at_once = poll_fn(|context| match socket.poll_next_unpin(context) {
                 Poll::Ready(received) => Poll::Ready(Some(received)),
                 Poll::Pending => Poll::Ready(None),

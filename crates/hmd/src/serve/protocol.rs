@@ -1,4 +1,4 @@
-//! The messages of the protocol, as far as a server needs them that only tells.
+//! The messages of the protocol, as far as a server that only publishes needs them.
 //!
 //! Both names of the protocol mean the same for what is used here: JSON text for everything but the data, which come as
 //! binary messages.

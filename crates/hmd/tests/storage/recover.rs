@@ -39,7 +39,7 @@ fn recording() -> Vec<u8> {
             let stamp_ns = 1_700_000_000_000_000_000 + (window * FRAMES + n) * 100_000;
             let data = mix(7, &[window, n]).to_le_bytes();
             let frame = RawFrame::new(stamp_ns, 0, 0x100, FrameFlags::NONE, &data).unwrap();
-            writer.raw(&frame, &names).unwrap();
+            writer.write_frame(&frame, &names).unwrap();
         }
         let health = Health {
             actuator: "ema0".to_owned(),

@@ -15,7 +15,7 @@ fuzz_target!(|bytes: &[u8]| {
         names.intern(name).expect("two names fit");
     }
     let mut pipeline = Pipeline::new(Arc::new(Config::default()));
-    let (mut rest, mut ended, mut stamp_ns, mut frames) = (bytes, Vec::new(), 0u64, 0);
+    let (mut rest, mut stamp_ns, mut frames) = (bytes, 0u64, 0);
     // Identifier, kind and bus, length, step of the stamp, data.
     while let Some((&[id, kind, length, step], after)) = rest.split_first_chunk() {
         let (data, after) = after.split_at(after.len().min(usize::from(length % 65)));
@@ -29,11 +29,11 @@ fuzz_target!(|bytes: &[u8]| {
         stamp_ns = stamp_ns.wrapping_add(u64::from(step) << (kind >> 3));
         let id = 0x100 + u32::from(id);
         if let Ok(frame) = RawFrame::new(stamp_ns, u16::from(kind >> 2 & 1), id, flags, data) {
-            pipeline.push(&frame, &names, &mut ended);
+            pipeline.push(&frame, &names);
             frames += 1;
         }
     }
-    pipeline.finish(&mut ended);
+    pipeline.finish();
     let status = pipeline.status(&names, WindowCounts::default());
     let known = status.frames_decoded + status.frames_filtered + status.frames_error + status.lost_malformed;
     assert_eq!((status.frames_received, known), (frames, frames));

@@ -6,11 +6,11 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use ema_models::{SensedSample, Setpoint};
-use hmd_core::channel::{MeasuredConditions, SampleRate};
+use hmd_core::sample::{MeasuredConditions, SampleRate};
 use hmd::commands::{check_files, load_config};
 use hmd_core::config::Config;
 use hmd_report::export::{TableKind, health_row};
-use hmd_core::demux::cut;
+use hmd_core::actuator_stream::cut_windows;
 use hmd_core::assess::{self, Assessor};
 use hmd_core::record::HealthLine;
 use hmd::replay::{Observer, Replay};
@@ -54,7 +54,7 @@ impl Gathered {
         }
     }
 
-    fn take(&mut self, assessed: &judge::AssessedWindow) {
+    fn take(&mut self, assessed: &assess::AssessedWindow) {
         self.lines
             .push(HealthLine::from((&assessed.health, &assessed.rul)).to_json());
         self.rows.row(health_row(&assessed.health, &assessed.rul));
@@ -71,7 +71,7 @@ impl Gathered {
 }
 
 impl Observer for Gathered {
-    fn assessed(&mut self, assessed: &judge::AssessedWindow) -> io::Result<()> {
+    fn assessed(&mut self, assessed: &assess::AssessedWindow) -> io::Result<()> {
         self.take(assessed);
         Ok(())
     }
@@ -228,7 +228,7 @@ pub(crate) fn identify(
     let samples = columns.samples(py)?;
     let rate = SampleRate {
         hz: rate_hz,
-        told: true,
+        is_measured: true,
     };
     let conditions = MeasuredConditions {
         dc_link_v: measured.dc_link_v,
@@ -243,14 +243,14 @@ pub(crate) fn identify(
     };
     let gathered = compute(py, threads, || {
         let mut gathered = Gathered::new();
-        let (jobs, notices) = cut(&config, &known, rate, conditions, samples);
+        let (jobs, notices) = cut_windows(&config, &known, rate, conditions, samples);
         gathered
             .notices
             .extend(notices.into_iter().map(|notice| notice.message));
-        let mut assessor = Assessor::new(config, seed);
-        judge.follow_events()?;
+        let mut assess = Assessor::new(config, seed);
+        assess.follow_events()?;
         for job in jobs {
-            gathered.take(&judge.assess(job)?);
+            gathered.take(&assess.assess(job)?);
         }
         Ok(gathered)
     })?;

@@ -8,7 +8,7 @@
 use ema_identify::calibration::{MonitorForm, TypeCalibration};
 use ema_identify::{Identifier, Method};
 use ema_models::reference::{Reference, Scenario};
-use ema_models::study::{CurrentTable, TABLE_HARMONICS, TABLE_PLACES, teach};
+use ema_models::study::{CurrentTable, TABLE_HARMONICS, TABLE_VOLTAGES, set_current_table};
 use ema_models::{
     ActuatorParams, FaultVector, Monitor, MotorDeviation, MotorKnowledge, Profile, REFERENCE_STEP, Unknowns,
     alpha_beta_from_abc, rss_pct,
@@ -29,7 +29,7 @@ const WINDOWS: u64 = 100;
 const RIDGE: f64 = 3.0;
 
 /// Coefficients of a table.
-const COEFFICIENTS: usize = TABLE_PLACES.len() * TABLE_HARMONICS.len();
+const COEFFICIENTS: usize = TABLE_VOLTAGES.len() * TABLE_HARMONICS.len();
 
 fn main() {
     let params = ActuatorParams::servo28();
@@ -42,7 +42,7 @@ fn main() {
     println!("| actuator | monitor | the suite's 10 windows, %: mean | 100 windows, %: mean, median, p95, max |");
     println!("|---|---|---|---|");
     println!("| servo28 | as it is | {} |", figures(&identifier));
-    assert!(teach(learn(&identifier)), "taught once");
+    assert!(set_current_table(learn(&identifier)), "taught once");
     println!(
         "| servo28 | with the reference's mean currents | {} |",
         figures(&identifier)
@@ -102,7 +102,7 @@ fn learn(identifier: &Identifier) -> CurrentTable {
     let found = normal.lu().solve(&right).expect("the ridge makes it regular");
     CurrentTable(std::array::from_fn(|h| {
         std::array::from_fn(|n| {
-            let c = found[h * TABLE_PLACES.len() + n];
+            let c = found[h * TABLE_VOLTAGES.len() + n];
             [c.re, c.im]
         })
     }))
@@ -110,17 +110,20 @@ fn learn(identifier: &Identifier) -> CurrentTable {
 
 /// Coefficients that have a part in the current under a voltage, and their factors.
 fn shape(voltage: Complex<f64>) -> Vec<(usize, Complex<f64>)> {
-    let last = TABLE_PLACES.len() - 1;
-    let amplitude = voltage.re.hypot(voltage.im).clamp(TABLE_PLACES[0], TABLE_PLACES[last]);
+    let last = TABLE_VOLTAGES.len() - 1;
+    let amplitude = voltage
+        .re
+        .hypot(voltage.im)
+        .clamp(TABLE_VOLTAGES[0], TABLE_VOLTAGES[last]);
     let direction = voltage / voltage.re.hypot(voltage.im).max(1e-12);
-    let n = TABLE_PLACES[1..last]
+    let n = TABLE_VOLTAGES[1..last]
         .iter()
         .take_while(|place| **place <= amplitude)
         .count();
-    let share = (amplitude - TABLE_PLACES[n]) / (TABLE_PLACES[n + 1] - TABLE_PLACES[n]);
+    let share = (amplitude - TABLE_VOLTAGES[n]) / (TABLE_VOLTAGES[n + 1] - TABLE_VOLTAGES[n]);
     let of = |(h, harmonic): (usize, &i32)| {
         let turned = direction.powi(*harmonic);
-        let first = h * TABLE_PLACES.len() + n;
+        let first = h * TABLE_VOLTAGES.len() + n;
         [(first, turned * (1.0 - share)), (first + 1, turned * share)]
     };
     TABLE_HARMONICS.iter().enumerate().flat_map(of).collect()
@@ -146,7 +149,7 @@ fn periods(identifier: &Identifier, fault: FaultVector, seed: u64) -> Vec<Period
     let reference = Reference::new(&params, &params, &fault, 0.0);
     let per_sample = (1.0 / (params.sensors.sample_rate * params.controller.period)).round() as u32;
     let per_period = (params.controller.period / REFERENCE_STEP).round() as u32;
-    let mut model = monitor.at((state.theta_m, state.omega_m));
+    let mut model = monitor.state_at((state.theta_m, state.omega_m));
     let mut found = Vec::new();
     for sample in run {
         for _ in 0..per_sample {
@@ -161,7 +164,7 @@ fn periods(identifier: &Identifier, fault: FaultVector, seed: u64) -> Vec<Period
                 }
             }
             motion[2] = (state.theta_m, state.omega_m);
-            let (v, taken) = monitor.period_along(&mut model, state.i_ref, motion);
+            let (v, taken) = monitor.control_control_period_along(&mut model, state.i_ref, motion);
             if motion[0].1 != 0.0 {
                 found.push(Period {
                     voltage: Complex::new(v[0], v[1]) / (0.5 * params.motor.v_dc),

@@ -3,10 +3,10 @@
 //! `progpy histories N SEED` prints the first N histories of each fault, a line each, without the truth. `progpy score N
 //! SEED FILE` reads a line for each history, `{"seconds": …, "lives": […]}` (see [`hmd_lab::evaluate::Lives`]), and prints a table.
 
+use ema_models::FaultId;
 use std::error::Error;
 use std::time::Instant;
 
-use hmd_core::health::FAULTS;
 use hmd_core::rul::Prognosis;
 use hmd_lab::evaluate::{Beside, History, Lives, Scores, rul_beside, rul_histories};
 
@@ -78,9 +78,9 @@ fn row(beside: &Beside) -> String {
 fn our_seconds(histories: &[History]) -> f64 {
     let since = Instant::now();
     for history in histories {
-        let mut prognosis = Prognosis::new([0.8; FAULTS]);
+        let mut prognosis = Prognosis::new([0.8; FaultId::COUNT]);
         for seen in &history.windows {
-            let mut estimates = [None; FAULTS];
+            let mut estimates = [None; FaultId::COUNT];
             estimates[0] = seen.estimate;
             prognosis.update(seen.at, &estimates);
             std::hint::black_box(prognosis.forecast(100.0));

@@ -55,7 +55,7 @@ fn shortfall(params: &ActuatorParams, turns: [f64; 3]) -> f64 {
 /// Mean of ⅔ Σ of back-EMF shape times error of the current, A, at one speed.
 fn lacking_at(params: &ActuatorParams, winding: &Winding<f64>, speed: f64) -> f64 {
     let motor = &params.motor;
-    let phases = Phases::new(motor, winding.turns);
+    let phases = Phases::new(motor, winding.turns_ratio);
     let mut inverter = Inverter::default();
     let mut i = [0.0; 3];
     let (mut sum, mut count) = (0.0, 0.0);

@@ -135,7 +135,7 @@ fn scenario(fault: FaultVector, seed: u64) -> Scenario {
         },
         actuations: Actuations {
             rest: 0.06,
-            ..Actuations::one(Profile::Mixed)
+            ..Actuations::single(Profile::Mixed)
         },
         ..Scenario::new(ActuatorParams::bench(), fault, seed)
     }
@@ -189,12 +189,12 @@ fn one(frames: &[RawFrame]) -> Option<AssessedWindow> {
     let config = Arc::new(Config::default());
     let mut names = BusNames::new();
     names.intern("bus0").expect("room for one bus");
-    let (mut pipeline, mut ended) = (Pipeline::new(config.clone()), Vec::new());
+    let mut pipeline = Pipeline::new(config.clone());
     for frame in frames {
-        pipeline.push(frame, &names, &mut ended);
+        pipeline.push(frame, &names);
     }
-    pipeline.finish(&mut ended);
-    let job = ended.into_iter().next()?;
+    pipeline.finish();
+    let job = pipeline.take_windows().into_iter().next()?;
     Some(
         Assessor::new(config.clone(), Models::without_files(&config).expect("no files"), 1)
             .assess(job)

@@ -7,7 +7,7 @@ use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
 use hmd_core::assess::{AssessedWindow, Assessor, Models};
 use hmd_core::config::Config;
-use hmd_core::demux::{FrameCounts, Front};
+use hmd_core::demux::{Demux, FrameCounts};
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_lab::simulate::{EPOCH_NS, traffic};
 
@@ -22,7 +22,7 @@ pub(crate) fn unit(fault: FaultVector, seed: u64) -> Scenario {
         },
         actuations: Actuations {
             rest: 0.06,
-            ..Actuations::one(Profile::Mixed)
+            ..Actuations::single(Profile::Mixed)
         },
         ..Scenario::new(params, fault, seed)
     }
@@ -62,30 +62,32 @@ pub(crate) fn watch_all_with(
     let config = Arc::new(config);
     let mut names = BusNames::new();
     names.intern("can0").expect("room for one interface");
-    let (mut front, mut judge) = (
-        Front::new(config.clone()),
+    let (mut demux, mut assessor) = (
+        Demux::new(config.clone()),
         Assessor::new(config.clone(), Models::without_files(&config).expect("no files"), 1),
     );
-    let (mut ended, mut windows) = (Vec::new(), Vec::new());
+    let mut windows = Vec::new();
     for stream in streams {
         for frame in stream {
-            front.push(&frame, &names, &mut ended);
+            demux.push(&frame, &names);
             windows.extend(
-                ended
-                    .drain(..)
-                    .map(|job| judge.assess(job).expect("a usable configuration")),
+                demux
+                    .take_windows()
+                    .into_iter()
+                    .map(|job| assessor.assess(job).expect("a usable configuration")),
             );
         }
-        front.finish(&mut ended);
+        demux.finish();
         windows.extend(
-            ended
-                .drain(..)
-                .map(|job| judge.assess(job).expect("a usable configuration")),
+            demux
+                .take_windows()
+                .into_iter()
+                .map(|job| assessor.assess(job).expect("a usable configuration")),
         );
     }
     // The default type is sampled at 2 kHz, and every sortie starts its counter anew; nothing else may be worth a notice.
     assert!(
-        front
+        demux
             .take_notices()
             .iter()
             .all(|notice| ["found 400.0", "found one that went back"]
@@ -95,8 +97,8 @@ pub(crate) fn watch_all_with(
     );
     Outcome {
         windows,
-        frames: front.counts(),
-        lost: front.actuators().map(|(_, _, lost)| lost).sum(),
+        frames: demux.counts(),
+        lost: demux.actuators().map(|(_, _, lost)| lost).sum(),
     }
 }
 

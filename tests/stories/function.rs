@@ -5,7 +5,7 @@ use ema_models::FaultVector;
 use ema_wire::ActuatorId;
 use hmd_core::config::{Config, Specification};
 use hmd_core::frame::RawFrame;
-use hmd_core::functional_check::{Shortfall, TRIED, shortfalls};
+use hmd_core::functional_check::{CHECK_LANES, UnmetRequirement, unmet_requirements};
 use hmd_lab::simulate::{EPOCH_NS, traffic};
 
 use crate::bench::{unit, watch_all_with};
@@ -57,7 +57,7 @@ fn faults_that_are_harmless_one_by_one_end_the_life_together() {
         stall_load_nm: STALL_LOAD_NM,
         ..Specification::default()
     };
-    let missed = |fault: &FaultVector| shortfalls(&params, &calibration, &spec, &[*fault; TRIED])[0];
+    let missed = |fault: &FaultVector| unmet_requirements(&params, &calibration, &spec, &[*fault; CHECK_LANES])[0];
     let end_h = true_end_h(|fault| missed(fault).is_some());
     let at_end = damage_after(end_h);
     assert!(at_end < 0.5, "all damages are far from their own ends: {at_end}");
@@ -78,7 +78,7 @@ fn faults_that_are_harmless_one_by_one_end_the_life_together() {
     ] {
         assert_eq!(missed(&alone), None, "{alone:?}");
     }
-    assert_eq!(missed(&worn(at_end)), Some(Shortfall::Stall));
+    assert_eq!(missed(&worn(at_end)), Some(UnmetRequirement::Stall));
 
     let text = format!("[rul]\nhours = \"elapsed\"\n[type.bench.specification]\nstall_load_nm = {STALL_LOAD_NM}\n");
     let config = Config::from_toml_str(&text, "test").expect("a configuration");

@@ -24,7 +24,7 @@ fn estimate(profile: Profile, seed: u64, method: Method) -> Estimate {
         ..FaultVector::NOMINAL
     };
     let mut scenario = Scenario {
-        actuations: Actuations::one(profile),
+        actuations: Actuations::single(profile),
         ..Scenario::new(params, worn, seed)
     };
     scenario.load_torque = 0.2;

@@ -6,7 +6,7 @@
 //! |---|---|
 //! | `console` | a command after `$ `, what it prints, `[n]` for an exit code; run in order, in a fresh folder for each page |
 //! | `toml` below a line `<!-- NAME -->` | the file of this name, written before the commands that follow |
-//! | `sh` below a line `<!-- not run: WHY -->` | commands that cannot run here; told |
+//! | `sh` below a line `<!-- not run: WHY -->` | commands that cannot run here; reported |
 //!
 //! In what is printed, `...` stands for anything within a line, alone on a line for any lines.
 
@@ -43,7 +43,7 @@ const SCRUT: Tool = Tool {
     options: &[],
 };
 
-/// The page that has the help of every verb.
+/// The page with a table of all verbs.
 const COMMAND_LINE: &str = "cli.md";
 
 /// Checks the book; with `update`, the pages get what their commands print now.
@@ -82,7 +82,7 @@ pub(crate) fn check(update: bool) -> anyhow::Result<()> {
             fs::write(page, from_document(&read(path)?)).with_context(|| page.display().to_string())?;
         }
     }
-    every_verb_has_its_help()?;
+    every_verb_has_its_row()?;
     build()
 }
 
@@ -218,18 +218,34 @@ fn path_with_hmd() -> anyhow::Result<OsString> {
     Ok(env::join_paths(std::iter::once(here).chain(env::split_paths(&others)))?)
 }
 
-/// A verb that is added must come onto the page; what is there is compared by running it.
-fn every_verb_has_its_help() -> anyhow::Result<()> {
+/// The table of verbs has a row for each verb of the program, and no other.
+fn every_verb_has_its_row() -> anyhow::Result<()> {
     let help = program(target_dir()?.join("release/hmd"), ["--help"]).output()?;
     let help = String::from_utf8(help.stdout)?;
-    let verbs = help.lines().skip_while(|line| *line != "Commands:").skip(1);
     let page = read(&root().join("docs").join(COMMAND_LINE))?;
-    for line in verbs.take_while(|line| !line.is_empty()) {
-        let verb = line.split_whitespace().next().unwrap_or_default();
-        let shown = verb == "help" || page.contains(&format!("\n$ hmd {verb} --help\n"));
-        ensure!(shown, "docs/{COMMAND_LINE}: expected a block with $ hmd {verb} --help");
-    }
+    let (expected, found) = (verbs_of_help(&help), verbs_of_table(&page));
+    ensure!(!expected.is_empty(), "hmd --help: expected verbs, found none");
+    ensure!(
+        expected == found,
+        "docs/{COMMAND_LINE}: expected a row for each of {expected:?}, found {found:?}"
+    );
     Ok(())
+}
+
+/// The verbs that a program's help lists, without `help` itself, in order.
+fn verbs_of_help(help: &str) -> Vec<&str> {
+    let verbs = help.lines().skip_while(|line| *line != "Commands:").skip(1);
+    let verbs = verbs.take_while(|line| !line.is_empty());
+    let names = verbs.filter_map(|line| line.split_whitespace().next());
+    names.filter(|name| *name != "help").collect()
+}
+
+/// The first cells of the page's table of verbs, in order.
+fn verbs_of_table(page: &str) -> Vec<&str> {
+    let rows = page.lines().skip_while(|line| !line.starts_with("| verb |")).skip(2);
+    let rows = rows.take_while(|line| line.starts_with('|'));
+    let cells = rows.filter_map(|row| row.split('|').nth(1));
+    cells.map(|cell| cell.trim().trim_matches('`')).collect()
 }
 
 /// Builds the pages; warnings count as errors, and so does a link that leads nowhere.
@@ -272,6 +288,14 @@ mod tests {
             assert!(document.text.contains(expected), "{expected} in\n{}", document.text);
         }
         assert_eq!(from_document(&document.text), PAGE);
+    }
+
+    #[test]
+    fn verbs_are_read_from_help_and_table() {
+        let help = "What it is\n\nCommands:\n  run     Watch\n  replay  Assess\n  help    Print\n\nOptions:\n  -h\n";
+        let page = "| code | meaning |\n|---|---|\n| 0 | done |\n\n| verb | what |\n|---|---|\n| `run` | a |\n| `replay` | b |\n\n| c |\n";
+        assert_eq!(verbs_of_help(help), ["run", "replay"]);
+        assert_eq!(verbs_of_table(page), ["run", "replay"]);
     }
 
     #[test]

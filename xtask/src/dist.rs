@@ -1,4 +1,4 @@
-//! Release builds that are the same wherever and whenever they are made: static, for two processors.
+//! Release builds that are the same wherever and whenever they are made: static, for two processors, flight and full.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -32,10 +32,35 @@ pub(crate) const PLATFORMS: [Platform; 2] = [
     },
 ];
 
-/// Builds for every platform twice, in different folders and without anything of the first left, and compares.
+/// What is built of the program.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Build {
+    /// What the daemon needs.
+    Flight,
+    /// Every verb.
+    Full,
+}
+
+impl Build {
+    /// Both of them.
+    pub(crate) const ALL: [Self; 2] = [Self::Flight, Self::Full];
+
+    /// Cargo's options for its features.
+    pub(crate) fn features(self) -> &'static [&'static str] {
+        match self {
+            Self::Flight => &["--no-default-features"],
+            Self::Full => &[],
+        }
+    }
+}
+
+/// Makes every build for every platform twice, in different folders and without anything of the first left, and compares.
 pub(crate) fn check() -> anyhow::Result<()> {
-    for platform in &PLATFORMS {
-        let [one, other] = ["dist1", "dist2"].map(|name| build(platform, name));
+    for (platform, kind) in PLATFORMS
+        .iter()
+        .flat_map(|platform| Build::ALL.map(|kind| (platform, kind)))
+    {
+        let [one, other] = ["dist1", "dist2"].map(|name| build(platform, kind, name));
         let (one, other) = (one?, other?);
         let same = fs::read(&one)? == fs::read(&other)?;
         ensure!(same, "{} and {} differ", one.display(), other.display());
@@ -44,8 +69,8 @@ pub(crate) fn check() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The program for a platform, built in a folder of this name below the target directory.
-pub(crate) fn build(platform: &Platform, folder: &str) -> anyhow::Result<PathBuf> {
+/// The program for a platform, built in a folder of this name below the target directory; each build replaces the other.
+pub(crate) fn build(platform: &Platform, kind: Build, folder: &str) -> anyhow::Result<PathBuf> {
     let (compiler, package) = platform.compiler;
     debian::install(&[(package, &format!("/usr/bin/{compiler}"))])?;
     run(program("rustup", ["target", "add", platform.target]))?;
@@ -69,6 +94,7 @@ pub(crate) fn build(platform: &Platform, folder: &str) -> anyhow::Result<PathBuf
         platform.target,
     ];
     run(cargo(build)
+        .args(kind.features())
         .env("CARGO_TARGET_DIR", &folder)
         .env("RUSTFLAGS", of_paths("--remap-path-prefix"))
         .env("CFLAGS", of_paths("-ffile-prefix-map"))

@@ -12,11 +12,13 @@ mod deny;
 mod dist;
 mod firmware;
 mod fleet;
+mod flight;
 mod fuzz;
 mod guest_state;
 mod model;
 mod no_std;
 mod oracle;
+mod package;
 mod power_cut;
 mod progpy;
 mod python;
@@ -47,7 +49,7 @@ struct Cli {
 
 #[derive(Debug, Clone, Copy, Subcommand)]
 enum Verb {
-    /// Formatting, lints as errors, and import circles.
+    /// Formatting, lints as errors, import circles, and what the flight build contains.
     Check,
     /// Modules of one crate that import each other; one such circle is an error.
     Circles,
@@ -109,10 +111,12 @@ enum Verb {
         #[arg(long, default_value_t = 1440, value_parser = clap::value_parser!(u32).range(11..))]
         minutes: u32,
     },
-    /// Static release builds for x86-64 and aarch64, each made twice and compared byte by byte.
+    /// Static release builds for x86-64 and aarch64, flight and full, each made twice and compared byte by byte.
     Dist,
-    /// The Debian packages of these builds, with manual pages, completions and a bill of materials.
+    /// The Debian packages of these builds: `hmd` for flight, `hmd-tools` with manual pages and completions.
     Deb,
+    /// The library crates as they would be published, each built from its package.
+    Package,
     /// Model checking of what runs concurrently.
     Model,
     /// Runs every command whose output stands in a document, and draws the figures, again.
@@ -145,6 +149,7 @@ fn main() -> ExitCode {
         Verb::Systemd => systemd::check(),
         Verb::Survive => survive::check(),
         Verb::PowerCut { cuts } => power_cut::check(cuts),
+        Verb::Package => package::check(),
         Verb::Model => model::check(),
         Verb::Dist => dist::check(),
         Verb::Deb => deb::make(),
@@ -167,6 +172,7 @@ fn check() -> anyhow::Result<()> {
         let manifest = format!("{beside}/Cargo.toml");
         run(cargo(["tree", "--quiet", "--locked", "--depth", "0", "--manifest-path"]).arg(manifest))?;
     }
+    flight::check()?;
     run(cargo(["fmt", "--all", "--", "--check"]))?;
     circles::check()?;
     run(cargo([

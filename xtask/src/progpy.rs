@@ -1,4 +1,4 @@
-//! Our forecasts beside those of NASA's `progpy` on the same histories; the table stands in `docs/prognosis.md`.
+//! Our forecasts beside those of NASA's `progpy` on the same histories; the table stands in `fixtures/results/progpy.md`.
 
 use std::fs;
 
@@ -13,7 +13,7 @@ const PACKAGES: [&str; 1] = ["progpy==1.9.0"];
 /// Histories of each fault, and the seed of the suite.
 const HISTORIES: [&str; 2] = ["10", "1"];
 
-const DOCUMENT: &str = "docs/prognosis.md";
+const DOCUMENT: &str = "fixtures/results/progpy.md";
 const BEGIN: &str = "<!-- $ cargo xtask progpy -->\n";
 const END: &str = "<!-- end -->";
 

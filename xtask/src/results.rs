@@ -13,10 +13,10 @@ use crate::shell::{cargo, root, run, target_dir};
 const DOCUMENTS: [&str; 6] = [
     "README.md",
     "docs/accuracy.md",
-    // The long tables of that page.
+    // The long tables of the pages.
     "fixtures/results/bench.md",
     "fixtures/results/servo28.md",
-    "docs/prognosis.md",
+    "fixtures/results/forecasts.md",
     "docs/viewers.md",
 ];
 

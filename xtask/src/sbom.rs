@@ -1,4 +1,7 @@
-//! What the program is made of, in the words of CycloneDX 1.5: every crate that is linked into it, from cargo's own resolution.
+//! What the program is made of, in the words of CycloneDX 1.5: every crate that is linked into it.
+//!
+//! From `cargo tree`, which resolves the features of one build. `cargo-cyclonedx` asks `cargo metadata`, which joins the features of
+//! the whole workspace: the flight build's list would name what only the ground needs.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -6,89 +9,77 @@ use std::path::Path;
 use anyhow::{Context, ensure};
 use serde_json::{Value, json};
 
+use crate::dist::Build;
 use crate::shell::cargo;
 
-/// Writes the bill of materials of `hmd` for a target.
-pub(crate) fn write(target: &str, path: &Path) -> anyhow::Result<()> {
-    let metadata = [
-        "metadata",
+/// Writes the bill of materials of a build of `hmd` for a target.
+pub(crate) fn write(target: &str, kind: Build, path: &Path) -> anyhow::Result<()> {
+    let tree = [
+        "tree",
+        "--quiet",
         "--locked",
-        "--format-version",
-        "1",
-        "--filter-platform",
-        target,
+        "--package",
+        "hmd",
+        "--edges",
+        "normal",
+        "--prefix",
+        "depth",
     ];
-    let output = cargo(metadata).output().context("cargo metadata")?;
-    ensure!(output.status.success(), "cargo metadata: {}", output.status);
-    let metadata: Value = serde_json::from_slice(&output.stdout).context("cargo metadata")?;
-    let bom = of(&metadata, target)?;
+    let output = cargo(tree)
+        .args(["--format", "|{p}|{l}", "--target", target])
+        .args(kind.features())
+        .output()
+        .context("cargo tree")?;
+    ensure!(output.status.success(), "cargo tree: {}", output.status);
+    let bom = bill(&String::from_utf8(output.stdout)?, target).context("cargo tree")?;
     std::fs::write(path, serde_json::to_string_pretty(&bom)? + "\n").with_context(|| path.display().to_string())
 }
 
-fn of(metadata: &Value, target: &str) -> anyhow::Result<Value> {
-    let packages = by_id(&metadata["packages"]);
-    let nodes = by_id(&metadata["resolve"]["nodes"]);
-    let hmd = packages.iter().find(|(_, package)| package["name"] == "hmd");
-    let (root, hmd) = hmd.context("expected the package hmd")?;
-    let (mut linked, mut waiting) = (BTreeMap::new(), vec![*root]);
-    while let Some(id) = waiting.pop() {
-        if linked.contains_key(id) {
-            continue;
+/// Lines are `DEPTH|NAME vVERSION …|LICENCE`, the program first, what a crate needs one deeper behind it.
+fn bill(tree: &str, target: &str) -> anyhow::Result<Value> {
+    let (mut components, mut needs) = (BTreeMap::new(), BTreeMap::<String, BTreeSet<String>>::new());
+    let mut above: Vec<String> = Vec::new();
+    for line in tree.lines() {
+        let mut parts = line.split('|');
+        let mut part = || {
+            parts
+                .next()
+                .with_context(|| format!("expected DEPTH|PACKAGE|LICENCE, found {line}"))
+        };
+        let (depth, package, license) = (part()?.parse()?, part()?, part()?);
+        let (name, version) = package.split_once(" v").with_context(|| package.to_owned())?;
+        let version = version.split(' ').next().unwrap_or(version);
+        let reference = format!("pkg:cargo/{name}@{version}");
+        above.truncate(depth);
+        if let Some(parent) = above.last() {
+            needs.entry(parent.clone()).or_default().insert(reference.clone());
         }
-        let node = nodes.get(id).with_context(|| id.to_owned())?;
-        let needs: BTreeSet<&str> = list(&node["deps"])
-            .filter(|dep| list(&dep["dep_kinds"]).any(|kind| kind["kind"].is_null()))
-            .filter_map(|dep| dep["pkg"].as_str())
-            .collect();
-        waiting.extend(&needs);
-        linked.insert(id, needs);
-    }
-    let component = |id: &str, kind: &str| -> anyhow::Result<Value> {
-        let package = packages.get(id).with_context(|| id.to_owned())?;
-        let reference = reference(package);
+        above.push(reference.clone());
+        let kind = if depth == 0 { "application" } else { "library" };
         let mut component = json!({
-            "type": kind, "bom-ref": reference, "name": package["name"], "version": package["version"], "purl": reference,
+            "type": kind, "bom-ref": reference, "name": name, "version": version, "purl": reference,
         });
-        if let Some(license) = package["license"].as_str() {
+        // Behind the licence of a crate that stands in the tree twice is an asterisk.
+        let license = license.trim_end_matches(" (*)");
+        if !license.is_empty() {
             // Old crates write a slash for a choice.
             component["licenses"] = json!([{ "expression": license.replace('/', " OR ") }]);
         }
-        Ok(component)
-    };
-    let others = linked.keys().filter(|id| *id != root);
-    let components: Vec<Value> = others.map(|id| component(id, "library")).collect::<Result<_, _>>()?;
-    let dependencies = linked.iter().map(|(id, needs)| {
-        let needs: Vec<_> = needs.iter().map(|id| reference(packages[*id])).collect();
-        json!({ "ref": reference(packages[*id]), "dependsOn": needs })
-    });
-    ensure!(!components.is_empty(), "expected crates below {}", hmd["name"]);
+        needs.entry(reference.clone()).or_default();
+        components.insert(reference, component);
+    }
+    let root = above.first().and_then(|root| components.remove(root));
+    let root = root.context("expected the program, found nothing")?;
+    ensure!(!components.is_empty(), "expected crates below the program");
+    let dependencies = needs.iter().map(|(of, on)| json!({ "ref": of, "dependsOn": on }));
     Ok(json!({
         "bomFormat": "CycloneDX",
         "specVersion": "1.5",
         "version": 1,
-        "metadata": {
-            "component": component(root, "application")?,
-            "properties": [{ "name": "target", "value": target }],
-        },
-        "components": components,
+        "metadata": { "component": root, "properties": [{ "name": "target", "value": target }] },
+        "components": components.values().collect::<Vec<_>>(),
         "dependencies": dependencies.collect::<Vec<_>>(),
     }))
-}
-
-fn by_id(values: &Value) -> BTreeMap<&str, &Value> {
-    list(values)
-        .filter_map(|value| Some((value["id"].as_str()?, value)))
-        .collect()
-}
-
-fn list(values: &Value) -> impl Iterator<Item = &Value> {
-    values.as_array().into_iter().flatten()
-}
-
-/// A package URL.
-fn reference(package: &Value) -> String {
-    let text = |key: &str| package[key].as_str().unwrap_or_default();
-    format!("pkg:cargo/{}@{}", text("name"), text("version"))
 }
 
 #[cfg(test)]
@@ -97,26 +88,20 @@ mod tests {
 
     #[test]
     fn what_is_linked_is_listed_and_nothing_else() {
-        let package = |id: &str| json!({ "id": id, "name": id, "version": "1.0.0", "license": "MIT/Apache-2.0" });
-        let dep = |id: &str, kind: Value| json!({ "pkg": id, "dep_kinds": [{ "kind": kind }] });
-        let metadata = json!({
-            "packages": [package("hmd"), package("a"), package("b"), package("test")],
-            "resolve": { "nodes": [
-                { "id": "hmd", "deps": [dep("a", Value::Null), dep("test", json!("dev"))] },
-                { "id": "a", "deps": [dep("b", Value::Null)] },
-                { "id": "b", "deps": [] },
-                { "id": "test", "deps": [] },
-            ] },
-        });
-        let bom = of(&metadata, "any").unwrap();
-        let names: Vec<_> = list(&bom["components"])
-            .map(|of| of["name"].as_str().unwrap())
-            .collect();
-        assert_eq!(names, ["a", "b"]);
+        let tree = "0|hmd v0.1.0 (/hmd)|MIT\n1|a v1.0.0 (proc-macro)|MIT/Apache-2.0\n2|b v1.0.0|\n1|b v1.0.0|\n\
+                    1|a v1.0.0 (proc-macro)|MIT/Apache-2.0 (*)\n";
+        let bom = bill(tree, "any").unwrap();
+        let names = |key: &str, of: &str| -> Vec<String> {
+            let list = bom[key].as_array().unwrap().iter();
+            list.map(|one| one[of].as_str().unwrap().to_owned()).collect()
+        };
+        assert_eq!(names("components", "name"), ["a", "b"]);
+        assert_eq!(bom["metadata"]["component"]["name"], "hmd");
         assert_eq!(bom["components"][0]["licenses"][0]["expression"], "MIT OR Apache-2.0");
         assert_eq!(
             bom["dependencies"][2],
-            json!({ "ref": "pkg:cargo/hmd@1.0.0", "dependsOn": ["pkg:cargo/a@1.0.0"] })
+            json!({ "ref": "pkg:cargo/hmd@0.1.0", "dependsOn": ["pkg:cargo/a@1.0.0", "pkg:cargo/b@1.0.0"] })
         );
+        assert!(bill("", "any").is_err());
     }
 }

@@ -37,7 +37,7 @@ pub struct TypeCalibration {
     pub k_fs: f64,
     /// Coefficient k_E of the paper's eq. 11 (paper form).
     pub k_e: f64,
-    /// Mean shortfall of the currents in the hysteresis band, in half bands, at the voltages [`ema_models::RIPPLE_PLACES`]
+    /// Mean shortfall of the currents in the hysteresis band, in half bands, at the voltages [`ema_models::RIPPLE_VOLTAGES`]
     /// (three-phase form).
     pub ripple: [f64; RIPPLE_KNOTS],
     /// Factor on what a phase that stands apart from the others adds to it (three-phase form).
@@ -182,7 +182,7 @@ impl TypeCalibration {
             k_fs: PaperShape::default().k_fs,
             k_e: PaperShape::default().k_e,
             ripple: Ripple::default().knots,
-            ripple_apart: Ripple::default().apart,
+            ripple_apart: Ripple::default().unequal_phases,
             ripple_peak: Ripple::default().peak,
             quality: Quality {
                 healthy_before_a2: 0.0,
@@ -299,7 +299,7 @@ impl TypeCalibration {
             torque: self.torque,
             ripple: Ripple {
                 knots: self.ripple,
-                apart: self.ripple_apart,
+                unequal_phases: self.ripple_apart,
                 peak: self.ripple_peak,
             },
         }

@@ -19,7 +19,7 @@ use ema_ga::{
 use ema_models::{
     ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector,
     Feedback, MotorKnowledge, Prior, Recording, SIGNAL_COUNT, Scale, SensedSample, Signals, UNKNOWN_COUNT, Unknowns,
-    Weights, prepare,
+    Weights, prepare_window,
 };
 
 use crate::calibration::TypeCalibration;
@@ -173,7 +173,7 @@ impl Prepared {
         let mut sensed = window.to_vec();
         align(params, &mut sensed);
         let mut samples = vec![ComparedSample::default(); sensed.len()];
-        let initial = prepare(params, &sensed, filled, rest, &mut samples);
+        let initial = prepare_window(params, &sensed, filled, rest, &mut samples);
         Self { samples, initial }
     }
 
@@ -245,7 +245,7 @@ impl Identifier {
         let of_population = |found: &Outcome<FAULT_COUNT>| {
             let end = End {
                 cost: found.cost,
-                at: scale.coordinates(&all.with_fault(FaultVector::from_array(found.genes))),
+                at: scale.coordinates(&all.unknowns_with_fault(FaultVector::from_array(found.genes))),
                 spent: found.evaluations,
                 cut: found.stop == StopReason::MaxEvaluations,
             };
@@ -379,7 +379,7 @@ impl Identifier {
         let at = scale.coordinates(&unknowns);
         let normal = comparison
             .normal_equations(&at, FINE_STEP)
-            .holding_known_motor(&comparison.prior.motor);
+            .with_known_motor_fixed(&comparison.prior.motor);
         let fault = unknowns.fault;
         let (mut current, mut n) = (0.0, 0.0_f64);
         comparison.residuals(&unknowns, |_, r| {
@@ -480,7 +480,7 @@ pub fn comparison<'a>(
         prior: Prior {
             load_torque: match conditions.load_torque {
                 Some(_) => LOAD_SIGMA_NM,
-                None => LOAD_SIGMA_SHARE * Scale::new(params).load(),
+                None => LOAD_SIGMA_SHARE * Scale::new(params).load_unit(),
             },
             integral: INTEGRAL_SIGMA_SHARE * params.motor.torque_gain() * params.motor.i_max,
             motor,

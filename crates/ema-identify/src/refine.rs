@@ -18,12 +18,12 @@ const LOAD_STARTS: [f64; 2] = [-0.01, 0.01];
 pub(super) fn starts(comparison: &Comparison<'_>, scale: &Scale, faults: &[FaultVector]) -> Vec<Coordinates> {
     let mut starts = Vec::new();
     for &fault in faults {
-        let unknowns = comparison.with_fault(fault);
+        let unknowns = comparison.unknowns_with_fault(fault);
         match comparison.conditions.load_torque {
             Some(_) => starts.push(scale.coordinates(&unknowns)),
             None => starts.extend(LOAD_STARTS.map(|share| {
                 scale.coordinates(&Unknowns {
-                    load_torque: share * scale.load(),
+                    load_torque: share * scale.load_unit(),
                     ..unknowns
                 })
             })),
@@ -168,7 +168,7 @@ pub fn refine_from(comparison: &Comparison<'_>, start: Coordinates) -> Coordinat
 /// monitor gets wrong.
 #[must_use]
 pub fn pull_from(comparison: &Comparison<'_>, truth: &FaultVector) -> [f64; FAULT_COUNT] {
-    let start = Scale::new(comparison.params).coordinates(&comparison.with_fault(*truth));
+    let start = Scale::new(comparison.params).coordinates(&comparison.unknowns_with_fault(*truth));
     let end = descend(comparison, start, UNLIMITED).at;
     std::array::from_fn(|p| end.0[p] - start.0[p])
 }
@@ -179,7 +179,7 @@ pub fn pull_from(comparison: &Comparison<'_>, truth: &FaultVector) -> [f64; FAUL
 pub fn bound(comparison: &Comparison<'_>, at: &Coordinates) -> [f64; UNKNOWN_COUNT] {
     let normal = comparison
         .normal_equations(at, FINE_STEP)
-        .holding_known_motor(&comparison.prior.motor);
+        .with_known_motor_fixed(&comparison.prior.motor);
     data_variance(&normal, 1.0).map(f64::sqrt)
 }
 
@@ -214,7 +214,7 @@ impl Residuals<UNKNOWN_COUNT> for Refinement<'_, '_> {
         let normal = self
             .comparison
             .normal_equations(&Coordinates(*genes), self.step)
-            .holding_known_motor(&self.comparison.prior.motor);
+            .with_known_motor_fixed(&self.comparison.prior.motor);
         for p in 0..UNKNOWN_COUNT {
             jtr[p] = normal.jtr[p];
             for q in 0..UNKNOWN_COUNT {
@@ -229,7 +229,7 @@ impl Residuals<UNKNOWN_COUNT> for Refinement<'_, '_> {
     }
 
     fn project(&self, genes: &mut [f64; UNKNOWN_COUNT]) {
-        *genes = Coordinates(*genes).inside_the_disc().0;
+        *genes = Coordinates(*genes).projected_to_unit_disc().0;
     }
 
     const SIDE_BY_SIDE: usize = COST_LANES;

@@ -142,14 +142,14 @@ fn at(own: &Vector2<f64>, motor: &Vector2<f64>) -> Coordinates {
 
 /// Load as measured, or the one of sixteen that fits best.
 fn start(window: &Comparison<'_>, scale: &Scale) -> Vector2<f64> {
-    let healthy = window.with_fault(FaultVector::NOMINAL);
+    let healthy = window.unknowns_with_fault(FaultVector::NOMINAL);
     let share = match window.conditions.load_torque {
-        Some(load) => load / scale.load(),
+        Some(load) => load / scale.load_unit(),
         None => {
             let shares: [f64; RANK_LANES] =
                 std::array::from_fn(|n| (n as f64 - 0.5 * (RANK_LANES - 1) as f64) * LOAD_SPACING);
             let costs = window.rank(&shares.map(|share| Unknowns {
-                load_torque: share * scale.load(),
+                load_torque: share * scale.load_unit(),
                 ..healthy
             }));
             let best = (0..RANK_LANES).min_by(|&a, &b| costs[a].total_cmp(&costs[b]));

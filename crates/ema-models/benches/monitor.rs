@@ -1,4 +1,4 @@
-//! The monitor over one sample period of ten steps, a window of 0.5 s in a batch, and one linearisation.
+//! Times of the monitor: one sample period of ten steps, a batch of windows of 0.5 s, and one linearisation.
 
 use core::hint::black_box;
 
@@ -6,7 +6,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use ema_models::reference::Scenario;
 use ema_models::{
     ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, FaultVector, Feedback, Prior, RANK_LANES,
-    Recording, Scale, SensedSample, Weights, prepare,
+    Recording, Scale, SensedSample, Weights, prepare_window,
 };
 
 fn monitor(c: &mut Criterion) {
@@ -16,10 +16,10 @@ fn monitor(c: &mut Criterion) {
         short_b: 0.45,
         ..FaultVector::NOMINAL
     };
-    // From 20 ms before the trigger, which comes after 40 ms.
+    // The window starts 20 ms before the trigger, which is at 40 ms.
     let sensed: Vec<SensedSample> = Scenario::new(params, fault, 1).run().skip(40).take(1000).collect();
     let mut samples = vec![ComparedSample::default(); sensed.len()];
-    let initial = prepare(&params, &sensed, &[], 40, &mut samples);
+    let initial = prepare_window(&params, &sensed, &[], 40, &mut samples);
     let calibration = Calibration::default();
     let comparison = Comparison {
         recording: Recording {
@@ -48,17 +48,17 @@ fn monitor(c: &mut Criterion) {
             motor: ema_models::MotorKnowledge::default(),
         },
     };
-    let unknowns = comparison.with_fault(fault);
+    let unknowns = comparison.unknowns_with_fault(fault);
 
     let monitor = comparison.monitor(&unknowns);
     c.bench_function("ten_steps_scalar_f64", |b| {
         let mut state = monitor.start(&initial, &samples[0]);
-        b.iter(|| monitor.sample(black_box(&mut state), &initial, &samples[500], &samples[501]));
+        b.iter(|| monitor.run_sample_period(black_box(&mut state), &initial, &samples[500], &samples[501]));
     });
-    // Spread out: what monitors side by side may skip, all of them must.
+    // Different fault vectors, because lanes take a shortcut only if all of them can.
     let batch = core::array::from_fn(|n| {
         let share = n as f64 / RANK_LANES as f64;
-        comparison.with_fault(FaultVector {
+        comparison.unknowns_with_fault(FaultVector {
             friction: share,
             short_a: 1.0 - share,
             ..fault

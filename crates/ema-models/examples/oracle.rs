@@ -1,10 +1,10 @@
-//! One run of the healthy reference as CSV, for comparison with a model that nobody here wrote.
+//! Prints one run of the healthy reference model as CSV, for comparison with an independent model.
 //!
 //! `cargo run -p ema-models --features std --example oracle > run.csv`, then `fixtures/reference/oracle_motulator.py run.csv`.
-//! Start-up of the bench motor at full torque to 150 rad/s, then braking to 60 rad/s, under a load of 20 Nm that opposes.
-//! A row stands at every change of the inverter's levels and every 100 µs: time, the three levels from then on, and the
-//! state at that time. A first argument sets another step than 1 µs, in µs, to see the difference shrink with it.
-//! Dry friction breaks away at its dynamic torque here, so that the oracle needs no stiction.
+//! The bench motor starts at full torque to 150 rad/s and brakes to 60 rad/s, under an opposing load of 20 Nm. There is a row
+//! at every change of the inverter's levels and every 100 µs: time, the three levels from this time on, and the state at this
+//! time. The first argument sets the step in µs (default 1), to show the convergence. The breakaway torque equals the dynamic
+//! friction torque, so that the independent model needs no stiction.
 
 #[cfg(feature = "std")]
 fn main() {

@@ -1,29 +1,29 @@
-//! Actuation profiles: what is commanded during one actuation.
+//! Actuation profiles: the command as a function of the time since the start of an actuation.
 
-/// What is commanded from the start of an actuation: a position relative to the one before it, or a speed.
+/// Profile of the command: an output angle relative to that before the actuation, or a motor speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Profile {
-    /// 0.25 rad at once.
+    /// A step of 0.25 rad.
     Step,
-    /// 0.6 rad/s.
+    /// A ramp of 0.6 rad/s.
     Ramp,
-    /// 0.05 rad · sin 2π(0.5 τ + 7.5 τ²).
+    /// A chirp, 0.05 rad · sin 2π(0.5 τ + 7.5 τ²).
     Chirp,
-    /// 0.25 rad and 0.01 rad · sin 2π(0.5 τ + 7.5 τ²): the default.
+    /// A step with a chirp, 0.25 rad + 0.01 rad · sin 2π(0.5 τ + 7.5 τ²); the default.
     #[default]
     Mixed,
-    /// Speed mode: 100 rad/s and 20 rad/s · sin 2π(0.5 τ + 7.5 τ²) at the motor shaft.
+    /// Speed mode: 100 rad/s + 20 rad/s · sin 2π(0.5 τ + 7.5 τ²) at the motor shaft.
     Speed,
-    /// What a flight asks for: six moves drawn from the number, each of 5 to 200 mrad either way, at 0.1 to 3 rad/s; the
-    /// first begins at once, the others within 0.4 s.
+    /// A command as in flight: six moves drawn from this seed, each of 5 to 200 mrad in either direction, at 0.1 to 3 rad/s.
+    /// The first begins at the start, the others within 0.4 s.
     Service(u64),
 }
 
-/// Moves of a service command.
+/// Number of moves of a service command.
 const MOVES: u32 = 6;
 
 impl Profile {
-    /// Names of the profiles that the command line knows, as it spells them.
+    /// Profiles of the command line, by name.
     pub const NAMES: [(&'static str, Self); 4] = [
         ("step", Self::Step),
         ("ramp", Self::Ramp),
@@ -31,10 +31,10 @@ impl Profile {
         ("mixed", Self::Mixed),
     ];
 
-    /// Commanded output angle `tau` seconds after the start, rad relative to before; 0 while `tau` is negative, and in speed
-    /// mode.
+    /// Commanded output angle at the time `tau` after the start, s, relative to the angle before, rad; 0 for negative `tau` and
+    /// in speed mode.
     #[must_use]
-    pub fn angle(self, tau: f64) -> f64 {
+    pub fn commanded_angle(self, tau: f64) -> f64 {
         if tau < 0.0 {
             return 0.0;
         }
@@ -48,33 +48,34 @@ impl Profile {
         }
     }
 
-    /// Commanded motor speed `tau` seconds after the start, rad/s; `None` in position mode.
+    /// Commanded motor speed at the time `tau` after the start, s, in rad/s; 0 for negative `tau`, `None` in position mode.
     #[must_use]
-    pub fn speed(self, tau: f64) -> Option<f64> {
+    pub fn commanded_speed(self, tau: f64) -> Option<f64> {
         (self == Self::Speed).then(|| if tau < 0.0 { 0.0 } else { 100.0 + 20.0 * sweep(tau) })
     }
 }
 
+/// Chirp of unit amplitude, sin 2π(0.5 τ + 7.5 τ²).
 fn sweep(tau: f64) -> f64 {
     libm::sin(core::f64::consts::TAU * (0.5 * tau + 7.5 * tau * tau))
 }
 
-/// Sum of drawn moves, each a ramp from its beginning to its end.
+/// Angle of a service command: the sum of its moves, each a ramp, rad.
 fn service(seed: u64, tau: f64) -> f64 {
     let mut state = seed;
     let mut angle = 0.0;
     for n in 0..MOVES {
         let begin = if n == 0 { 0.0 } else { 0.4 * uniform(&mut state) };
-        let size = between(5e-3, 0.2, uniform(&mut state));
-        let rate = between(0.1, 3.0, uniform(&mut state));
+        let size = geometric_mean(5e-3, 0.2, uniform(&mut state));
+        let rate = geometric_mean(0.1, 3.0, uniform(&mut state));
         let sign = if uniform(&mut state) < 0.5 { -1.0 } else { 1.0 };
         angle += sign * (rate * (tau - begin)).clamp(0.0, size);
     }
     angle
 }
 
-/// The number at a share of the way between two others, in equal ratios.
-fn between(low: f64, high: f64, share: f64) -> f64 {
+/// Weighted geometric mean `low^(1 − share) high^share`.
+fn geometric_mean(low: f64, high: f64, share: f64) -> f64 {
     low * libm::pow(high / low, share)
 }
 
@@ -92,12 +93,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_service_command_triggers_and_keeps_its_limits() {
+    fn a_service_command_moves_within_its_limits_of_angle_and_rate() {
         for seed in 0..200 {
             let service = Profile::Service(seed);
             let (mut last, mut reached) = (0.0, 0.0_f64);
             for n in 0..500 {
-                let angle = service.angle(f64::from(n) * 1e-3);
+                let angle = service.commanded_angle(f64::from(n) * 1e-3);
                 assert!((angle - last).abs() <= 6.0 * 3.0 * 1e-3 + 1e-12, "seed {seed}, {n} ms");
                 last = angle;
                 reached = reached.max(angle.abs());

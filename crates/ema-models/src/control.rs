@@ -1,11 +1,12 @@
 //! Actuator control electronics (ACE): position loop, speed loop with PID, torque and current limit.
 //!
-//! Shared by reference and monitor. The current loop behind it differs between them and is not here.
+//! Input are setpoint, counted output angle and motor speed, output is the reference of the quadrature current. Reference and
+//! monitor share this law; their current loops differ and are in their own modules.
 
 use crate::params::{ActuatorParams, ControllerParams};
 use crate::real::Real;
 
-/// What the ACE is told to do.
+/// Command to the ACE.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub enum Setpoint<T = f64> {
     /// Drive off: no current.
@@ -30,7 +31,7 @@ impl<T> Setpoint<T> {
     }
 }
 
-/// Output encoder as the electronics read it: whole counts, rounded down.
+/// Output encoder: angle in whole counts, rounded down.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Encoder<R> {
     counts_per_rad: R,
@@ -49,7 +50,7 @@ impl<R> Encoder<R> {
 }
 
 impl<R: Real> Encoder<R> {
-    /// An encoder whose count is `lsb`, rad.
+    /// An encoder with the angle `lsb` per count, rad.
     #[must_use]
     pub fn new(lsb: f64) -> Self {
         Self {
@@ -64,23 +65,23 @@ impl<R: Real> Encoder<R> {
         self.lsb
     }
 
-    /// Lower edge of the count whose middle is `theta`, rad.
+    /// Lower edge of the count with the middle `theta`, rad.
     #[inline(always)]
-    pub fn edge(&self, theta: f64) -> R {
+    pub fn lower_edge(&self, theta: f64) -> R {
         R::splat(theta) - R::splat(0.5) * self.lsb
     }
 
-    /// The angle as counted, rad: `floor(theta / lsb) lsb`.
+    /// Angle as counted, rad: `floor(theta / lsb) lsb`.
     #[inline(always)]
-    pub fn counted(&self, theta: R) -> R {
+    pub fn counted_angle(&self, theta: R) -> R {
         (theta * self.counts_per_rad).floor() * self.lsb
     }
 }
 
-/// So steep that the integrator is frozen or free, 1/Nm.
-const AT_ONCE: f64 = 1e12;
+/// Slope of the integrator's share over the torque, 1/Nm, so steep that the integrator is either frozen or free.
+const ABRUPT: f64 = 1e12;
 
-/// The control law's constants; the position gain carries the fault k8.
+/// Constants of the control law; the position gain includes the fault k8.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ace<R> {
     g_p: R,
@@ -90,11 +91,11 @@ pub struct Ace<R> {
     omega_max: R,
     torque_max: R,
     amps_per_torque: R,
-    /// One over the torque across which the integrator freezes, 1/Nm.
-    per_freeze: R,
+    /// Reciprocal of the torque range over which the integrator goes from free to frozen, 1/Nm.
+    anti_windup_slope: R,
 }
 
-/// What the control law remembers from one period to the next.
+/// State of the control law from one period to the next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AceState<R> {
     /// Integral part of the torque, Nm.
@@ -124,15 +125,16 @@ impl<R> Ace<R> {
             omega_max: f(self.omega_max),
             torque_max: f(self.torque_max),
             amps_per_torque: f(self.amps_per_torque),
-            per_freeze: f(self.per_freeze),
+            anti_windup_slope: f(self.anti_windup_slope),
         }
     }
 }
 
 impl<R: Real> Ace<R> {
-    /// The controller of an actuator; `gain_factor` is that of the fault vector, `0.5 + k8`.
+    /// The controller of an actuator type; `gain_factor` is [`FaultVector::gain_factor`](crate::FaultVector::gain_factor),
+    /// `0.5 + k8`.
     ///
-    /// The torque gain is the nominal one, whatever the motor's own k.
+    /// The controller converts torque to current with the nominal torque gain, also if the k of the motor differs.
     #[must_use]
     pub fn new(params: &ActuatorParams, gain_factor: R) -> Self {
         let ControllerParams {
@@ -153,28 +155,28 @@ impl<R: Real> Ace<R> {
             omega_max: R::splat(omega_max),
             torque_max: R::splat(torque_gain * params.motor.i_max),
             amps_per_torque: R::splat(1.0 / torque_gain),
-            per_freeze: R::splat(AT_ONCE),
+            anti_windup_slope: R::splat(ABRUPT),
         }
     }
 
-    /// The same law, smooth in everything that moves the instant at which the torque saturates: the integrator freezes
-    /// across the torque by which the demand changes in one period under full torque, `K_P Δt T_max / J`.
+    /// The same law with a gradual freeze of the integrator, over the torque range by which the demand changes in one period
+    /// under full torque, `K_P Δt T_max / J`.
     ///
-    /// The firmware freezes it for whole periods. One period sooner or later is a step of the window's cost, and a search
-    /// may end on its wrong side. Derived here.
+    /// The firmware freezes the integrator for whole control periods. In the monitor, one period more or less would be a
+    /// discontinuity of the window's cost, at which a search may stop. Derived here.
     #[must_use]
-    pub fn freezing_gradually(self, params: &ActuatorParams) -> Self {
+    pub fn with_gradual_anti_windup(self, params: &ActuatorParams) -> Self {
         let ControllerParams { period, k_p, .. } = params.controller;
         let change = k_p * period / params.motor.j;
         Self {
-            per_freeze: R::splat(1.0 / change) / self.torque_max,
+            anti_windup_slope: R::splat(1.0 / change) / self.torque_max,
             ..self
         }
     }
 
-    /// Memory of a controller that, in a steady state, asks for the given torque, Nm.
+    /// State of a controller whose output is the given torque, Nm, at a constant speed error.
     #[inline(always)]
-    pub fn steady(&self, torque: R, setpoint: Setpoint<R>, theta_out: R, omega_m: R) -> AceState<R> {
+    pub fn steady_state(&self, torque: R, setpoint: Setpoint<R>, theta_out: R, omega_m: R) -> AceState<R> {
         match self.speed_error(setpoint, theta_out, omega_m) {
             Some(error) => AceState {
                 integral: torque - self.k_p * error,
@@ -184,7 +186,7 @@ impl<R: Real> Ace<R> {
         }
     }
 
-    /// Error of the speed loop, rad/s; `None` while the drive is off.
+    /// Control deviation of the speed loop, rad/s; `None` while the drive is off.
     #[inline(always)]
     fn speed_error(&self, setpoint: Setpoint<R>, theta_out: R, omega_m: R) -> Option<R> {
         let omega_ref = match setpoint {
@@ -197,9 +199,9 @@ impl<R: Real> Ace<R> {
 
     /// One control period: quadrature current reference I_ref, A.
     ///
-    /// `e = θ_cmd − θ_out` with the output angle as the encoder counts it;
+    /// `e = θ_cmd − θ_out` with the output angle as counted by the encoder;
     /// `ω_ref = clamp(G_p (0.5 + k8) e, ±ω_max)`, in speed mode the commanded speed; PID on `ω_ref − ω_m`,
-    /// the integrator frozen while the torque saturates; `T_ref = clamp(PID, ±G_T I_max)`;
+    /// with the integrator frozen while the torque saturates; `T_ref = clamp(PID, ±G_T I_max)`;
     /// `I_ref = T_ref / G_T`.
     #[inline(always)]
     pub fn step(&self, state: &mut AceState<R>, setpoint: Setpoint<R>, theta_out: R, omega_m: R) -> R {
@@ -209,7 +211,7 @@ impl<R: Real> Ace<R> {
         };
         let torque = self.k_p * error + state.integral + self.k_d_over_dt * (error - state.previous_error);
         state.previous_error = error;
-        let free = (R::splat(0.5) + (self.torque_max - torque.abs()) * self.per_freeze)
+        let free = (R::splat(0.5) + (self.torque_max - torque.abs()) * self.anti_windup_slope)
             .max(R::zero())
             .min(R::splat(1.0));
         state.integral = state.integral + free * (self.k_i_dt * error);
@@ -226,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn a_large_error_gives_full_current_and_freezes_the_integrator() {
+    fn a_large_deviation_gives_full_current_and_freezes_the_integrator() {
         let mut state = AceState::default();
         let i_ref = ace().step(&mut state, Setpoint::Position(0.25), 0.0, 0.0);
         assert!((i_ref - 10.7).abs() < 1e-12);
@@ -234,28 +236,28 @@ mod tests {
     }
 
     #[test]
-    fn freezing_gradually_is_freezing_at_once_away_from_the_limit_and_half_at_it() {
-        let gradual = ace().freezing_gradually(&ActuatorParams::bench());
-        // The limit is 14.445 Nm, reached at 36.1125 rad/s; the law freezes across 4 % of it.
+    fn gradual_anti_windup_equals_the_abrupt_one_away_from_the_limit_and_is_half_at_it() {
+        let gradual = ace().with_gradual_anti_windup(&ActuatorParams::bench());
+        // The limit is 14.445 Nm, reached at 36.1125 rad/s; the integrator freezes over 4 % of it.
         for (speed, share) in [(30.0, 1.0), (35.0, 1.0), (36.1125, 0.5), (37.0, 0.0), (50.0, 0.0)] {
             let mut state = AceState::default();
             gradual.step(&mut state, Setpoint::Speed(speed), 0.0, 0.0);
-            let freely = 6.0 * 100e-6 * speed;
-            assert!((state.integral - share * freely).abs() < 1e-9, "{speed}: {state:?}");
+            let free = 6.0 * 100e-6 * speed;
+            assert!((state.integral - share * free).abs() < 1e-9, "{speed}: {state:?}");
         }
     }
 
     #[test]
-    fn feedback_is_counted_downwards() {
-        // One part in a thousand below a whole count reads as the count before: the error is a whole count.
+    fn the_counted_angle_is_rounded_down() {
+        // An angle of 4.999 counts is counted as 4, so the deviation from 5 counts is one count.
         let lsb = ActuatorParams::bench().sensors.output_lsb();
-        let counted = Encoder::new(lsb).counted(4.999 * lsb);
+        let counted = Encoder::new(lsb).counted_angle(4.999 * lsb);
         let i_ref = ace().step(&mut AceState::default(), Setpoint::Position(5.0 * lsb), counted, 0.0);
         assert!((i_ref - 0.4 * 2500.0 * lsb / 1.35).abs() < 1e-9, "{i_ref}");
     }
 
     #[test]
-    fn the_speed_limit_is_the_position_loop_s() {
+    fn the_speed_limit_applies_to_the_position_loop_only() {
         let far = ace().step(&mut AceState::default(), Setpoint::Position(100.0), 0.0, 190.0);
         assert!((far - 0.4 * 10.0 / 1.35).abs() < 1e-12, "{far}");
         let fast = ace().step(&mut AceState::default(), Setpoint::Speed(202.0), 0.0, 190.0);

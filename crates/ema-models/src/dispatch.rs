@@ -1,40 +1,42 @@
-//! Runs a piece of arithmetic with the widest vector instructions that the processor has.
+//! Runs a computation with the widest vector instructions of the processor, selected at run time.
 //!
-//! One binary for all: the work is compiled once for each instruction set, and the best one is chosen at run time. The
-//! result does not depend on the choice, because lanes do what scalars do.
+//! A [`LaneWork`] is compiled once per instruction set, with the number types of [`LaneTypes`]. The result does not depend on
+//! the instruction set, because each lane computes as the scalar does.
 
 use crate::lanes::{Lanes, Lanes32, Lanes64, RANK_LANES, SLOPE_LANES};
 
-/// Numbers side by side, as one instruction set computes them.
-pub(crate) trait Numbers {
-    /// For searches.
+/// Number types of one instruction set.
+pub(crate) trait LaneTypes {
+    /// Single precision, for searches.
     type Single: Lanes<f32, RANK_LANES>;
-    /// For finite differences.
+    /// Double precision, for finite differences.
     type Double: Lanes<f64, SLOPE_LANES>;
 }
 
-/// A piece of work. `run` and everything in it must be inlined into what has the instructions, or it is compiled for the plainest
-/// processor.
-pub(crate) trait Work {
-    /// What it yields.
+/// A computation on lanes.
+///
+/// `run` and all functions it calls must be inlined into the function that is compiled for the instruction set; otherwise they
+/// are compiled for the baseline.
+pub(crate) trait LaneWork {
+    /// Result of the computation.
     type Output;
 
-    /// Does it.
-    fn run<N: Numbers>(self) -> Self::Output;
+    /// Runs the computation with the number types of one instruction set.
+    fn run<N: LaneTypes>(self) -> Self::Output;
 }
 
-/// Arrays, as the compiler sees fit.
+/// Arrays of the baseline; the compiler vectorises their loops.
 struct Arrays;
 
-impl Numbers for Arrays {
+impl LaneTypes for Arrays {
     type Single = Lanes32<RANK_LANES>;
     type Double = Lanes64<SLOPE_LANES>;
 }
 
-/// Vector instructions that lanes are compiled for.
+/// Vector instruction set for which the lanes are compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InstructionSet {
-    /// What every processor of the target has.
+    /// The instructions of every processor of the target.
     Baseline,
     /// x86-64-v3: registers of 256 bits.
     Avx2,
@@ -43,20 +45,20 @@ pub enum InstructionSet {
 }
 
 impl InstructionSet {
-    /// Those that this processor has, the best first.
+    /// Instruction sets of this processor, the widest first.
     pub fn available() -> impl Iterator<Item = Self> {
         [Self::Avx512, Self::Avx2, Self::Baseline]
             .into_iter()
             .filter(|set| set.is_available())
     }
 
-    /// The best that this processor has.
+    /// The widest instruction set of this processor.
     #[must_use]
     pub fn best() -> Self {
         Self::available().next().unwrap_or(Self::Baseline)
     }
 
-    /// Its usual name.
+    /// Common name of the instruction set.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -80,9 +82,9 @@ impl InstructionSet {
         self == Self::Baseline
     }
 
-    /// Does the work; a set that the processor lacks is replaced by the baseline.
+    /// Runs the computation with this instruction set, or with the baseline if the processor does not have it.
     #[cfg(all(feature = "std", target_arch = "x86_64"))]
-    pub(crate) fn run<W: Work>(self, work: W) -> W::Output {
+    pub(crate) fn run<W: LaneWork>(self, work: W) -> W::Output {
         use pulp::x86::{V3, V4};
         if self == Self::Avx512
             && let Some(proof) = V4::try_new()
@@ -97,20 +99,20 @@ impl InstructionSet {
         on_arrays(work)
     }
 
-    /// Does the work.
+    /// Runs the computation.
     #[cfg(not(all(feature = "std", target_arch = "x86_64")))]
-    pub(crate) fn run<W: Work>(self, work: W) -> W::Output {
+    pub(crate) fn run<W: LaneWork>(self, work: W) -> W::Output {
         on_arrays(work)
     }
 }
 
-/// Does the work with what every processor has. By itself, or the compiler takes minutes over what it is inlined into.
+/// Runs the computation with the baseline. It is not inlined, because compiling it as a part of its callers takes minutes.
 #[inline(never)]
-fn on_arrays<W: Work>(work: W) -> W::Output {
+fn on_arrays<W: LaneWork>(work: W) -> W::Output {
     work.run::<Arrays>()
 }
 
-/// The only place that names numbers in registers: pulp's proof that the processor has them stands beside.
+/// The only module that uses the vector registers of `simd`, together with pulp's proof that the processor has them.
 #[cfg(all(feature = "std", target_arch = "x86_64"))]
 mod wide {
     use core::marker::PhantomData;
@@ -118,24 +120,24 @@ mod wide {
     use pulp::x86::{V3, V4};
     use pulp::{Simd, WithSimd};
 
-    use super::{Numbers, RANK_LANES, SLOPE_LANES, Work};
+    use super::{LaneTypes, LaneWork, RANK_LANES, SLOPE_LANES};
     use crate::simd::{Wide32, Wide64};
 
-    impl Numbers for V3 {
+    impl LaneTypes for V3 {
         type Single = Wide32<Self, { RANK_LANES / 8 }>;
         type Double = Wide64<Self, { SLOPE_LANES / 4 }>;
     }
 
-    impl Numbers for V4 {
+    impl LaneTypes for V4 {
         type Single = Wide32<Self, { RANK_LANES / 16 }>;
         type Double = Wide64<Self, { SLOPE_LANES / 8 }>;
     }
 
-    /// Does the work with the instructions of `S`.
-    pub(super) fn run<S: Simd + Numbers, W: Work>(proof: S, work: W) -> W::Output {
+    /// Runs the computation with the instruction set `S`.
+    pub(super) fn run<S: Simd + LaneTypes, W: LaneWork>(proof: S, work: W) -> W::Output {
         struct Compiled<S, W>(W, PhantomData<S>);
 
-        impl<S: Simd + Numbers, W: Work> WithSimd for Compiled<S, W> {
+        impl<S: Simd + LaneTypes, W: LaneWork> WithSimd for Compiled<S, W> {
             type Output = W::Output;
 
             #[inline(always)]

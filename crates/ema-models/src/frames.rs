@@ -1,14 +1,14 @@
-//! Reference frames of the three-phase machine: Clarke and Park transforms, amplitude invariant, and their inverses.
+//! Reference frames of the three-phase machine: amplitude-invariant Clarke and Park transforms and their inverses.
 //!
-//! The α axis is the axis of phase A, β leads it by 90° electrical; the d axis is the rotor's north pole at `theta_e`,
-//! q leads it by 90°. A balanced set of amplitude I has length I in every frame. \[P\] eq. 3 prints wrong signs in the
-//! Clarke matrix and swaps the two names; these are the standard ones.
+//! The α axis is the axis of phase A; β leads it by 90° electrical. The d axis is the rotor's north pole at `theta_e`; q leads
+//! it by 90°. A balanced set of amplitude I has length I in every frame. \[P\] eq. 3 prints wrong signs in the Clarke matrix
+//! and exchanges the two names; this module has the standard transforms.
 
 use crate::real::Real;
 
-/// An expression for each of the three phases, `j` being its number.
+/// An array with an expression for each of the three phases, whose number is `j`.
 ///
-/// Written out instead of `core::array::from_fn`, whose closures the compiler leaves outside the vector code.
+/// The macro repeats the expression, because the compiler does not vectorise the closures of `core::array::from_fn`.
 macro_rules! per_phase {
     (|$j:ident| $value:expr) => {
         [
@@ -74,13 +74,13 @@ pub fn dq_from_abc<R: Real>(abc: [R; 3], sin_cos: (R, R)) -> [R; 2] {
     dq_from_alpha_beta(alpha_beta_from_abc(abc), sin_cos)
 }
 
-/// Phase shapes `s_j = −sin(theta_e − 2πj/3)`, j = A, B, C: the q axis seen by each phase.
+/// Phase shapes `s_j = −sin(theta_e − 2πj/3)`, j = A, B, C: phase components of a unit vector on the q axis.
 #[inline(always)]
 pub fn phase_shapes<R: Real>((sin, cos): (R, R)) -> [R; 3] {
     abc_from_alpha_beta([-sin, cos])
 }
 
-/// `cos(theta_e + 2πj/3)`, j = A, B, C: where the air gap's distortion stands over each phase.
+/// `cos(theta_e + 2πj/3)`, j = A, B, C: angle of the air gap's distortion relative to each phase.
 #[inline(always)]
 pub(crate) fn gap_cosines<R: Real>((sin, cos): (R, R)) -> [R; 3] {
     abc_from_alpha_beta([cos, -sin])
@@ -93,7 +93,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn transforms_invert(a in -50.0..50.0f64, b in -50.0..50.0f64, theta in -100.0..100.0f64) {
+        fn inverse_transforms_restore_the_currents(a in -50.0..50.0f64, b in -50.0..50.0f64, theta in -100.0..100.0f64) {
             let abc = [a, b, -a - b];
             let sin_cos = theta.sin_cos_poly();
             let dq = dq_from_abc(abc, sin_cos);

@@ -1,37 +1,38 @@
-//! Dry friction after Borello: stuck below the static torque, a constant opposing torque when moving, and never a
-//! reversal without a stop. The gear's losses under load are part of it.
+//! Dry friction (Borello's model) with the losses of the gear under load: from motor torque and speed to the next speed.
+//!
+//! The shaft rests below the static torque, a constant torque opposes its motion, and a reversal passes through a stop.
 
 use crate::fault::FaultVector;
 use crate::params::TransmissionParams;
 use crate::real::Real;
 
-/// Friction and load torques of one transmission in its present state of wear, at the motor shaft, Nm.
+/// Friction and load torques of one transmission under a fault vector, at the motor shaft, Nm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DryFriction<R> {
     /// Load torque T_l / n; positive when it opposes positive motion.
     load: R,
-    /// Opposing torque when moving in the positive direction: T_d plus the gear's loss.
+    /// Friction torque at positive speed: T_d plus the loss of the gear.
     moving_positive: R,
-    /// Opposing torque when moving in the negative direction.
+    /// Friction torque at negative speed.
     moving_negative: R,
-    /// Torque up to which the shaft stays stuck: T_s plus the gear's loss with the load opposing.
-    stuck: R,
-    /// Torque over which a shaft that comes to rest hesitates to pass through it ([`DryFriction::long_step`]).
-    hesitation: R,
+    /// Breakaway torque: T_s plus the loss of the gear under an opposing load.
+    breakaway: R,
+    /// Torque range over which a stop turns gradually into a passage through zero speed ([`DryFriction::long_step`]).
+    stop_transition: R,
 }
 
 impl DryFriction<f64> {
-    /// Friction with wear k1 under the output load torque `load_torque`, Nm (positive opposes positive motion).
+    /// Friction under the fault k1 and a load torque at the output, Nm (positive opposes positive motion).
     ///
-    /// T_d and T_s grow by `1 + 2 k1`. The gear adds `(1/η_o − 1) |T_l/n|` while the load opposes the motion and
-    /// `(1 − η_a) |T_l/n|` while it aids; at rest the opposing value is added to T_s. k1 does not scale this part.
+    /// T_d and T_s are multiplied by `1 + 2 k1`. The gear adds `(1/η_o − 1) |T_l/n|` while the load opposes the motion and
+    /// `(1 − η_a) |T_l/n|` while it aids; the former is also added to T_s. k1 does not scale the losses of the gear.
     #[must_use]
     pub fn new(transmission: &TransmissionParams, fault: &FaultVector, load_torque: f64) -> Self {
         let load = load_torque / transmission.gear_ratio;
         let opposing = (1.0 / transmission.efficiency_opposing - 1.0) * libm::fabs(load);
         let aiding = (1.0 - transmission.efficiency_aiding) * libm::fabs(load);
         let dynamic = transmission.friction_dynamic * fault.friction_factor();
-        let stuck = transmission.friction_static * fault.friction_factor() + opposing;
+        let breakaway = transmission.friction_static * fault.friction_factor() + opposing;
         let (positive, negative) = if load > 0.0 {
             (opposing, aiding)
         } else {
@@ -41,43 +42,44 @@ impl DryFriction<f64> {
             load,
             moving_positive: dynamic + positive,
             moving_negative: dynamic + negative,
-            stuck,
-            hesitation: 0.0,
+            breakaway,
+            stop_transition: 0.0,
         }
     }
 }
 
 impl DryFriction<f64> {
-    /// The same with a brake that drags by `torque`, Nm, moving or not.
+    /// The friction with an additional brake of Coulomb torque `torque`, Nm.
     #[must_use]
     #[cfg(feature = "reference")]
-    pub(crate) fn with_drag(self, torque: f64) -> Self {
+    pub(crate) fn with_brake_torque(self, torque: f64) -> Self {
         Self {
             moving_positive: self.moving_positive + torque,
             moving_negative: self.moving_negative + torque,
-            stuck: self.stuck + torque,
+            breakaway: self.breakaway + torque,
             ..self
         }
     }
 
-    /// The same for a torque that is given as its mean, and swings about that by `swing`, Nm: a peak is enough to break away.
+    /// The friction for a drive torque that is given as its mean and pulsates about it by `amplitude`, Nm.
     ///
-    /// The static torque that the mean has to exceed is lower by the swing; never below the dynamic one, at which the shaft would
-    /// stop again. Derived here.
+    /// A peak of the torque is enough to break the shaft away, so the breakaway torque for the mean is lower by the amplitude.
+    /// It is not lower than the friction torque in motion, at which the shaft would stop again. Derived here.
     #[must_use]
-    pub(crate) fn under_swinging_torque(self, swing: f64) -> Self {
+    pub(crate) fn under_pulsating_torque(self, amplitude: f64) -> Self {
         Self {
-            stuck: (self.stuck - swing).max(self.moving_positive.max(self.moving_negative)),
-            hesitation: HESITATION * swing,
+            breakaway: (self.breakaway - amplitude).max(self.moving_positive.max(self.moving_negative)),
+            stop_transition: STOP_TRANSITION * amplitude,
             ..self
         }
     }
 }
 
-/// Share of the swing over which a stop and a passage through rest go over into one another. By the smoothness of the
-/// cost: with a quarter of it descents still stop at jumps, and with two and a half times as much no error moves beyond the second
-/// digit.
-const HESITATION: f64 = 0.2;
+/// Torque range of the transition between a stop and a passage through zero speed, relative to the amplitude of the torque.
+///
+/// Chosen for the smoothness of the cost: with a quarter of this range, descents still stop at discontinuities; with 2.5 times
+/// the range, no error of an estimate changes beyond its second digit.
+const STOP_TRANSITION: f64 = 0.2;
 
 impl<R: Real> DryFriction<R> {
     /// The same friction in another number type, one field at a time.
@@ -87,22 +89,22 @@ impl<R: Real> DryFriction<R> {
             load: f(self.load),
             moving_positive: f(self.moving_positive),
             moving_negative: f(self.moving_negative),
-            stuck: f(self.stuck),
-            hesitation: f(self.hesitation),
+            breakaway: f(self.breakaway),
+            stop_transition: f(self.stop_transition),
         }
     }
 
     /// Speed after one step of `J dω/dt = T_drive − T_l/n − T_dry`, rad/s.
     ///
-    /// `drive` is the motor torque less the viscous part, `dt_over_j` the step over the inertia. From rest the shaft
-    /// moves only if the torque exceeds the static one; a step that would reverse the motion ends at rest.
+    /// `drive` is the motor torque minus the viscous torque, Nm; `dt_over_j` the time step divided by the inertia. A shaft at
+    /// rest moves only if the torque exceeds the breakaway torque; a step that would reverse the motion ends at rest.
     ///
     /// ```
     /// use ema_models::{ActuatorParams, DryFriction, FaultVector};
     /// let friction = DryFriction::new(&ActuatorParams::bench().transmission, &FaultVector::NOMINAL, 0.0);
-    /// assert_eq!(friction.step(0.0, 0.29, 0.01), 0.0); // below T_s = 0.30 Nm: stuck
+    /// assert_eq!(friction.step(0.0, 0.29, 0.01), 0.0); // below T_s = 0.30 Nm: at rest
     /// assert!(friction.step(0.0, 0.31, 0.01) > 0.0);
-    /// assert_eq!(friction.step(0.001, 0.0, 0.01), 0.0); // stops, does not turn round
+    /// assert_eq!(friction.step(0.001, 0.0, 0.01), 0.0); // stops without reversal
     /// ```
     #[inline(always)]
     #[must_use]
@@ -114,40 +116,42 @@ impl<R: Real> DryFriction<R> {
         let dry = R::select(direction.lt(zero), -self.moving_negative, self.moving_positive);
         let moved = omega + (net - dry) * dt_over_j;
         let reversed = (moved * omega).lt(zero);
-        let stuck = at_rest & net.abs().le(self.stuck);
-        R::select(stuck | reversed, zero, moved)
+        let stays = at_rest & net.abs().le(self.breakaway);
+        R::select(stays | reversed, zero, moved)
     }
 
-    /// The same for long steps, with the instants inside the step at which the shaft stops and breaks away.
+    /// Speed after one long step, with stop and breakaway at instants inside the step, rad/s.
     ///
-    /// A shaft at rest breaks away when the mean of this step's torque and those before passes the static one, each step's
-    /// counting half of what was before; `slack` is what that mean lacked at the end of the step before, Nm (the hesitation when
-    /// moving). Risen evenly, it passes at a share of the step, and the shaft moves for what is left of it. The mean, and not the
-    /// torque itself, because a torque that stands still for several steps, as the controller's does, would break away at once
-    /// or not at all. A step that passes through rest goes on in the direction of the torque for what is left of it, at most as
-    /// long as if it had rested. So speed depends continuously on every torque, which [`DryFriction::step`] leaves to the
-    /// shortness of the step. Derived here.
+    /// The speed depends continuously on every torque, which [`DryFriction::step`] achieves only for short steps. Derived here:
+    ///
+    /// - A shaft at rest breaks away when a running mean of the torque exceeds the breakaway torque; each step halves the weight
+    ///   of the torques before. `deficit` is the torque that the mean lacked at the end of the step before, Nm (the transition
+    ///   range while the shaft moves). The mean is assumed to rise linearly, so it reaches the breakaway torque at a share of the
+    ///   step, and the shaft moves for the rest of the step. The torque itself is not used, because the controller holds it for
+    ///   several steps: it would break the shaft away at the start of a step or not at all.
+    /// - A step that passes through zero speed continues in the direction of the torque for the rest of the step, at most as
+    ///   long as a shaft at rest would move.
     #[inline(always)]
-    pub(crate) fn long_step(&self, omega: R, drive: R, dt_over_j: R, slack: &mut R) -> R {
+    pub(crate) fn long_step(&self, omega: R, drive: R, dt_over_j: R, deficit: &mut R) -> R {
         let zero = R::zero();
         let net = drive - self.load;
         let at_rest = omega.le(zero) & zero.le(omega);
         let against = |direction: R| R::select(direction.lt(zero), -self.moving_negative, self.moving_positive);
         let braked = (net - against(omega)) * dt_over_j;
         let onward = omega + braked;
-        if R::holds(zero.lt(onward * omega)) {
-            *slack = self.hesitation;
+        if R::known_true(zero.lt(onward * omega)) {
+            *deficit = self.stop_transition;
             return onward;
         }
         let started = (net - against(net)) * dt_over_j;
         let gained = R::select(at_rest, started, braked);
         let moved = omega + gained;
         let reversed = (moved * omega).lt(zero);
-        let excess = R::splat(0.5) * (net.abs() - self.stuck - *slack);
-        let share = excess / (excess + *slack);
+        let excess = R::splat(0.5) * (net.abs() - self.breakaway - *deficit);
+        let share = excess / (excess + *deficit);
         let left = R::select(reversed, (moved / gained).min(share), share);
         let rests = at_rest | reversed;
-        *slack = R::select(rests, (-excess).max(zero), self.hesitation);
+        *deficit = R::select(rests, (-excess).max(zero), self.stop_transition);
         R::select(rests, R::select(zero.lt(excess), started * left, zero), moved)
     }
 }
@@ -167,42 +171,42 @@ mod tests {
     }
 
     #[test]
-    fn an_opposing_load_costs_one_over_the_efficiency() {
+    fn an_opposing_load_is_divided_by_the_efficiency() {
         // 65 Nm at the output: 0.65 Nm at the motor, 1.0 Nm with the gear's loss, and T_d = 0.15 Nm.
         let omega = bench(65.0).step(10.0, 1.15, 1e-3);
         assert!((omega - 10.0).abs() < 1e-12, "{omega}");
     }
 
     #[test]
-    fn an_aiding_load_gives_only_its_efficiency() {
-        // −100 Nm aids positive motion: 1 Nm at the motor, of which 0.51 arrives; 0.15 goes into dry friction.
+    fn an_aiding_load_is_multiplied_by_the_efficiency() {
+        // −100 Nm aids positive motion: 1 Nm at the motor, of which 0.51 Nm remain; dry friction takes 0.15 Nm.
         let omega = bench(-100.0).step(10.0, 0.15 - 0.51, 1e-3);
         assert!((omega - 10.0).abs() < 1e-12, "{omega}");
     }
 
-    /// Speed of a shaft under a torque that falls through rest and the static torque, in steps of `dt`, s; the torque stands still
-    /// for `held` steps each.
-    fn swept(steps: impl Fn(f64, f64, f64, &mut f64) -> f64, dt: f64, held: u32, offset: f64) -> f64 {
-        let (mut omega, mut slack) = (0.5, 0.0);
+    /// Final speed of a shaft under a falling torque that stops it and breaks it away, in steps of `dt`, s; the torque is constant
+    /// over `held` steps.
+    fn final_speed(steps: impl Fn(f64, f64, f64, &mut f64) -> f64, dt: f64, held: u32, offset: f64) -> f64 {
+        let (mut omega, mut deficit) = (0.5, 0.0);
         for n in 0..(0.2 / dt) as u32 {
             let middle = f64::from(n / held * held) + 0.5 * f64::from(held);
-            omega = steps(omega, offset - 1.2 * middle * dt, dt / 2e-3, &mut slack);
+            omega = steps(omega, offset - 1.2 * middle * dt, dt / 2e-3, &mut deficit);
         }
         omega
     }
 
     #[test]
-    fn a_long_step_stops_and_breaks_away_inside_itself() {
+    fn a_long_step_stops_and_breaks_away_within_the_step() {
         let friction = bench(0.0);
-        // In plain steps the shaft breaks away one step sooner or later: (T_s − T_d) dt / J = 0.075 rad/s.
+        // In plain steps the instant of breakaway varies by one step: (T_s − T_d) dt / J = 0.075 rad/s.
         let one_step = 0.075;
-        let plain = |dt, held, offset| swept(|w, t, h, _| friction.step(w, t, h), dt, held, offset);
+        let plain = |dt, held, offset| final_speed(|w, t, h, _| friction.step(w, t, h), dt, held, offset);
         for held in [1, 2] {
-            let long = |offset| swept(|w, t, h, slack| friction.long_step(w, t, h, slack), 1e-3, held, offset);
+            let long = |offset| final_speed(|w, t, h, d| friction.long_step(w, t, h, d), 1e-3, held, offset);
             let (mut jump, mut plain_jump) = (0.0_f64, 0.0_f64);
             for n in 0..100 {
                 let (offset, next) = (-0.1 - 2e-5 * f64::from(n), -0.1 - 2e-5 * f64::from(n + 1));
-                // The running mean is behind by a step, and by half the time for which the torque stands still.
+                // The running mean lags by one step, and by half the time over which the torque is constant.
                 let late = (1.05 + 0.5 * f64::from(held)) * one_step;
                 assert!((long(offset) - plain(1e-6, 1, offset)).abs() < late, "held {held}");
                 jump = jump.max((long(next) - long(offset)).abs());
@@ -215,21 +219,21 @@ mod tests {
         }
     }
 
-    /// A second lane that rests makes the first one go the long way, too.
+    /// A second lane at rest excludes the shortcut for both lanes.
     #[test]
-    fn the_shortcut_of_a_moving_shaft_changes_no_bit() {
-        let friction = bench(65.0).under_swinging_torque(0.05);
+    fn the_shortcut_of_a_moving_shaft_gives_the_same_bits() {
+        let friction = bench(65.0).under_pulsating_torque(0.05);
         let lanes = friction.map(|x| Lanes64([x; 2]));
         let levels = [0.0, -0.0, 1e-9, -2e-3, 0.03, -0.4, 1.0, -20.0];
         for omega in levels {
             for drive in levels {
                 for before in [0.0, 0.02] {
-                    let (mut slack, mut slacks) = (before, Lanes64([before; 2]));
-                    let short = friction.long_step(omega, drive, 0.05, &mut slack);
+                    let (mut deficit, mut deficits) = (before, Lanes64([before; 2]));
+                    let short = friction.long_step(omega, drive, 0.05, &mut deficit);
                     let beside = Lanes64([omega, 0.0]);
-                    let long = lanes.long_step(beside, Lanes64([drive; 2]), Lanes64([0.05; 2]), &mut slacks);
+                    let long = lanes.long_step(beside, Lanes64([drive; 2]), Lanes64([0.05; 2]), &mut deficits);
                     let bits = |x: [f64; 2]| x.map(f64::to_bits);
-                    let (long, short) = ([long.0[0], slacks.0[0]], [short, slack]);
+                    let (long, short) = ([long.0[0], deficits.0[0]], [short, deficit]);
                     assert_eq!(bits(long), bits(short), "{omega} {drive} {before}");
                 }
             }
@@ -237,20 +241,20 @@ mod tests {
     }
 
     #[test]
-    fn peaks_break_away_but_never_below_the_dynamic_torque() {
+    fn torque_peaks_lower_the_breakaway_torque_to_the_dynamic_torque_at_most() {
         let still = |friction: DryFriction<f64>, torque: f64| {
-            let (mut omega, mut slack) = (0.0, 0.0);
+            let (mut omega, mut deficit) = (0.0, 0.0);
             for _ in 0..100 {
-                omega = friction.long_step(omega, torque, 1e-3, &mut slack);
+                omega = friction.long_step(omega, torque, 1e-3, &mut deficit);
             }
             omega == 0.0
         };
         // T_s = 0.30 Nm, T_d = 0.15 Nm.
         assert!(still(bench(0.0), 0.299) && !still(bench(0.0), 0.301));
-        let swinging = bench(0.0).under_swinging_torque(0.05);
-        assert!(still(swinging, 0.249) && !still(swinging, 0.251));
-        let wildly = bench(0.0).under_swinging_torque(0.5);
-        assert!(still(wildly, 0.149) && !still(wildly, 0.151));
+        let pulsating = bench(0.0).under_pulsating_torque(0.05);
+        assert!(still(pulsating, 0.249) && !still(pulsating, 0.251));
+        let strongly = bench(0.0).under_pulsating_torque(0.5);
+        assert!(still(strongly, 0.149) && !still(strongly, 0.151));
     }
 
     #[test]
@@ -260,6 +264,6 @@ mod tests {
         let t = ActuatorParams::bench().transmission;
         let f = DryFriction::new(&t, &worn, 65.0);
         assert!((f.moving_positive - (0.45 + 0.35)).abs() < 1e-12);
-        assert!((f.stuck - (0.90 + 0.35)).abs() < 1e-12);
+        assert!((f.breakaway - (0.90 + 0.35)).abs() < 1e-12);
     }
 }

@@ -1,24 +1,24 @@
-//! Arrays of numbers that are computed element by element: several monitors side by side.
+//! Arrays of numbers that are computed element by element, one monitor per lane.
 //!
-//! Plain arrays and loops, for every processor; `simd` has the same in wide registers. Each lane does exactly what the
-//! scalar would, so the same bits come out on every processor.
+//! These types use plain arrays and loops, for every processor; those of `simd` use vector registers. Each lane computes
+//! exactly as the scalar does, so every processor gives the same bits.
 
 use core::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
 use crate::real::Real;
 
-/// `N` numbers of type `T` that are computed as one.
+/// `N` numbers of type `T` that are computed together.
 pub(crate) trait Lanes<T, const N: usize>: Real {
-    /// From its lanes.
+    /// The numbers of an array, one per lane.
     fn from_lanes(lanes: [T; N]) -> Self;
-    /// Its lanes.
+    /// The numbers of all lanes.
     fn to_lanes(self) -> [T; N];
 }
 
-/// Individuals that [`Comparison::rank`] takes at once: one register of sixteen, or two of eight.
+/// Individuals per call of [`Comparison::rank`](crate::Comparison::rank): two registers of sixteen, or four of eight.
 pub const RANK_LANES: usize = 32;
 
-/// Lanes of the finite differences: the point, one step along each coordinate, and spare ones.
+/// Lanes of the finite differences: the point, one step along each coordinate, and unused lanes.
 pub(crate) const SLOPE_LANES: usize = 16;
 
 macro_rules! lanes {
@@ -28,7 +28,7 @@ macro_rules! lanes {
         #[repr(align(64))]
         pub struct $lanes<const N: usize>(pub [$t; N]);
 
-        /// Truth value of each lane: all bits or none.
+        /// Truth value of each lane: all bits set or none.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[repr(align(64))]
         pub struct $mask<const N: usize>([$bits; N]);
@@ -171,7 +171,7 @@ macro_rules! lanes {
                 out
             }
             #[inline(always)]
-            fn holds(mask: $mask<N>) -> bool {
+            fn known_true(mask: $mask<N>) -> bool {
                 mask.0.iter().fold(<$bits>::MAX, |all, x| all & x) != 0
             }
             #[inline(always)]

@@ -1,13 +1,23 @@
-//! Two models of an electromechanical actuator (PMSM, gearbox, position loop) and what they share.
+//! Two models of an electromechanical actuator (PMSM, gearbox, position loop), and the comparison of one with measurements.
 //!
-//! - [`params`](ActuatorParams), [`fault`](FaultVector): what is known of a type, and what may be worn.
-//! - `frames`, `winding`, `friction`, `backlash`, `control`, `command`: one source for each law, used by both models.
-//! - `monitor`: the low-fidelity [`Monitor`], `no_std`, without allocation, generic over the number type [`Real`].
-//! - `reference`, behind the feature of that name: the high-fidelity three-phase switched actuator, in plain `f64`.
+//! Input are the parameters of an actuator type ([`ActuatorParams`]), a fault vector ([`FaultVector`]) and a window of samples
+//! ([`SensedSample`]); output are the signals of the models, and residuals, costs and derivatives of the monitor.
 //!
-//! Nothing here needs the standard library or allocates; feature `std` lets the monitor choose its instruction set.
+//! | module | content |
+//! |---|---|
+//! | `params`, `temperature` | motor, transmission, controller, sensors; effect of the winding temperature |
+//! | `fault`, `unknowns` | the fault vector and the faults; all unknowns of a window as coordinates |
+//! | `frames`, `winding`, `friction`, `backlash`, `control`, `command` | the laws that both models share, each in one place |
+//! | `monitor` | [`Monitor`], the low-fidelity model, generic over the number type |
+//! | `reference` | the high-fidelity three-phase switched actuator, in `f64` (feature `reference`) |
+//! | `samples`, `recording`, `output_angle` | samples of a window, and their preparation for the comparison |
+//! | `residual` | [`Comparison`]: residuals, costs and normal equations of the monitor over a window |
+//! | `step_response` | [`StepTrial`]: the response of a worn actuator to a step |
+//! | `real`, `lanes`, `simd`, `dispatch` | the number types: `f64`, `f32`, arrays and vector registers |
 //!
-//! \[P\] in the documentation is the paper the method comes from; see `docs/references.md`.
+//! The crate neither needs the standard library nor allocates. Feature `std` selects the instruction set at run time.
+//!
+//! \[P\] in the documentation is the paper with the method; see `docs/references.md`.
 #![no_std]
 #![warn(clippy::std_instead_of_core, clippy::alloc_instead_of_core)]
 
@@ -23,8 +33,8 @@ mod frames;
 mod friction;
 mod lanes;
 mod monitor;
+mod output_angle;
 mod params;
-mod play;
 mod real;
 mod recording;
 #[cfg(feature = "reference")]
@@ -42,7 +52,7 @@ pub use backlash::follow_through_play;
 pub use command::Profile;
 pub use control::{Ace, AceState, Encoder, Setpoint};
 pub use dispatch::InstructionSet;
-pub use fault::{FAULT_COUNT, FaultVector, eq15_pct, rss_pct, wrapped_phase_difference};
+pub use fault::{FAULT_COUNT, FaultId, FaultVector, eq15_pct, rss_pct, wrapped_phase_difference};
 pub use frames::{
     abc_from_alpha_beta, alpha_beta_from_abc, alpha_beta_from_dq, dq_from_abc, dq_from_alpha_beta, phase_shapes,
 };
@@ -51,16 +61,16 @@ pub use lanes::{Lanes32, Lanes64, Mask32, Mask64, RANK_LANES};
 #[cfg(feature = "study")]
 pub use monitor::study;
 pub use monitor::{
-    Calibration, Conditions, Feedback, Form, Monitor, MonitorState, Output, RIPPLE_KNOTS, RIPPLE_PLACES, Ripple,
-    STEPS_PER_CONTROL, output_read,
+    Calibration, Conditions, Feedback, Form, Monitor, MonitorState, Output, RIPPLE_KNOTS, RIPPLE_VOLTAGES, Ripple,
+    STEPS_PER_CONTROL, output_angle_between,
 };
+pub use output_angle::{AngleReading, OutputAngleEstimator};
 pub use params::{
     ActuatorParams, ControllerParams, Expected, MotorParams, ParamsError, REFERENCE_STEP, SensorParams,
     TransmissionParams,
 };
-pub use play::{OutputReader, Reading};
 pub use real::Real;
-pub use recording::{Recording, WindowFrame, prepare};
+pub use recording::{Recording, WindowFrame, prepare_window};
 pub use residual::{COST_LANES, Comparison, NormalEquations, Prior, ResidualState, SIGNAL_COUNT, Signals, Weights};
 pub use samples::{ComparedSample, InitialState, Origin, SensedSample};
 pub use step_response::{StepResponse, StepTrial};

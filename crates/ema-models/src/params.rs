@@ -1,7 +1,7 @@
-//! Parameters of an actuator: motor, transmission, controller and sensors, with checked constructors.
+//! Parameters of an actuator type: motor, transmission, controller and sensors, in SI units, with a check of their ranges.
 //!
-//! SI units throughout. The two shipped actuators are [`ActuatorParams::bench`] (the test bench of \[P\], Table I) and
-//! [`ActuatorParams::servo28`] (a small 28 V servo, declared here).
+//! Two types are built in: [`ActuatorParams::bench`], the test bench of \[P\], Table I, and [`ActuatorParams::servo28`], a
+//! small 28 V servo defined here.
 
 use crate::temperature::temperature_factors;
 
@@ -14,14 +14,14 @@ pub struct MotorParams {
     pub r_s: f64,
     /// Cyclic phase inductance L, H.
     pub l_s: f64,
-    /// Peak phase back-EMF coefficient k with respect to the mechanical angle, V·s/rad. Torque per ampere of `i_q` is
-    /// `G_T = 1.5 k`.
+    /// Coefficient k of the peak phase back-EMF, with respect to the mechanical angle, V·s/rad. The torque per ampere of `i_q`
+    /// is `G_T = 1.5 k`.
     pub k: f64,
     /// Largest quadrature current I_max, A.
     pub i_max: f64,
     /// Nominal DC link voltage V_dc, V.
     pub v_dc: f64,
-    /// Inertia J at the motor shaft, the load's share included, kg·m².
+    /// Inertia J at the motor shaft, including that of the load, kg·m².
     pub j: f64,
     /// Viscous damping C at the motor shaft, Nm·s/rad.
     pub c: f64,
@@ -49,7 +49,7 @@ impl MotorParams {
 /// Gearbox between motor and output shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TransmissionParams {
-    /// Gear ratio n: motor turns per output turn.
+    /// Gear ratio n: motor revolutions per output revolution.
     pub gear_ratio: f64,
     /// Efficiency η_o while the load opposes the motion, in (0, 1].
     pub efficiency_opposing: f64,
@@ -117,7 +117,7 @@ impl SensorParams {
     }
 }
 
-/// Everything that is known of one type of actuator.
+/// Parameters of one type of actuator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ActuatorParams {
     /// Motor.

@@ -1,11 +1,11 @@
-//! The number the models are written in: one source of each law for `f64`, `f32` and arrays of lanes.
+//! [`Real`], the number type of the models: one source of each law for `f64`, `f32` and SIMD lanes.
 //!
-//! Branches on numbers are written as `select`, so that lanes that go different ways can run side by side.
-//! Nothing here uses a fused multiply-add or a library call, so every target gives the same bits.
+//! A branch on a number is a `select`, so that each lane can take its own branch. The operations use neither a fused
+//! multiply-add nor a library call, so every target gives the same bits.
 
 use core::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
-/// A real number, or an array of them that is computed element by element.
+/// A real number, or several that are computed element by element (lanes).
 pub trait Real:
     Copy
     + Add<Output = Self>
@@ -26,9 +26,9 @@ pub trait Real:
     fn lt(self, other: Self) -> Self::Mask;
     /// `self <= other`, false where either is NaN.
     fn le(self, other: Self) -> Self::Mask;
-    /// `if_true` where the mask holds, else `if_false`.
+    /// `if_true` where the mask is true, else `if_false`.
     fn select(mask: Self::Mask, if_true: Self, if_false: Self) -> Self;
-    /// Magnitude.
+    /// Absolute value.
     fn abs(self) -> Self;
     /// Nearest integer, ties to even; exact for magnitudes below 2²² (`f32`) or 2⁵¹ (`f64`).
     fn round(self) -> Self;
@@ -36,10 +36,9 @@ pub trait Real:
     /// Square root, correctly rounded; NaN below zero.
     fn sqrt(self) -> Self;
 
-    /// Whether a comparison is known to hold, in every lane, for shortcuts that change no bit. A number that cannot know says
-    /// no.
+    /// Whether a comparison is true in every lane, for shortcuts that give the same bits; false where the type cannot tell.
     #[inline(always)]
-    fn holds(_mask: Self::Mask) -> bool {
+    fn known_true(_mask: Self::Mask) -> bool {
         false
     }
 
@@ -80,9 +79,9 @@ pub trait Real:
         Self::select(self.lt(Self::zero()), -magnitude, magnitude)
     }
 
-    /// Sine and cosine of an angle that differs by `turn` from one whose sine and cosine are given.
+    /// Sine and cosine of an angle plus `turn`, rad, from the sine and cosine of the angle.
     ///
-    /// For small turns: the error of one is below `turn⁶/720`, 6e-12 at 0.04 rad, and errors add up from turn to turn.
+    /// Series for small turns: the error is below `turn⁶/720`, 6e-12 at 0.04 rad, and accumulates over repeated turns.
     #[inline(always)]
     fn rotate((sin, cos): (Self, Self), turn: Self) -> (Self, Self) {
         let square = turn * turn;
@@ -94,7 +93,7 @@ pub trait Real:
     /// Sine and cosine of an angle in radians.
     ///
     /// One polynomial for every number type: reduction by the nearest multiple of π/2 in two parts, then Taylor terms
-    /// to degree 11 (sine) and 12 (cosine) on [-π/4, π/4]. Absolute error below 7e-12 in `f64` and 2e-7 in `f32` for
+    /// to degree 11 (sine) and 12 (cosine) on [-π/4, π/4]. The absolute error is below 7e-12 in `f64` and 2e-7 in `f32` for
     /// magnitudes up to 1000 rad (tested against `libm`).
     ///
     /// ```
@@ -185,12 +184,12 @@ macro_rules! scalar {
                 (self + $magic) - $magic
             }
             #[inline(always)]
-            fn holds(mask: bool) -> bool {
+            fn known_true(mask: bool) -> bool {
                 mask
             }
             #[inline(always)]
             fn sqrt(self) -> Self {
-                // Both are rounded correctly, so the same bits; the first is one instruction.
+                // Both are correctly rounded and give the same bits; the first is one instruction.
                 #[cfg(feature = "std")]
                 return <$t>::sqrt(self);
                 #[cfg(not(feature = "std"))]
@@ -203,13 +202,13 @@ macro_rules! scalar {
 scalar!(f64, 6_755_399_441_055_744.0, libm::sqrt);
 scalar!(f32, 12_582_912.0, square_root);
 
-/// Without `std` no function of the core library is the processor's instruction, which is rounded correctly too.
+/// Square root by the processor's instruction, which is correctly rounded; `core` has no function for it.
 #[cfg(all(not(feature = "std"), target_arch = "arm", target_abi = "eabihf"))]
 #[inline(always)]
 fn square_root(x: f32) -> f32 {
     let mut bits = x.to_bits();
-    // SAFETY: every processor of this ABI has the instruction; one register changes beside the one named, and neither
-    // memory nor flags do. The compiler takes no floating-point register here, so the number goes through another.
+    // SAFETY: every processor of this ABI has the instruction. The code changes `bits` and the declared register s0, and
+    // neither memory nor flags. `asm!` accepts no floating-point operand here, so an integer register passes the number.
     #[expect(unsafe_code, reason = "see above")]
     unsafe {
         core::arch::asm!(
@@ -246,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn a_rotation_turns_by_the_angle() {
+    fn repeated_rotations_add_their_angles() {
         let mut sin_cos = 0.3f64.sin_cos_poly();
         for n in 1..=50 {
             sin_cos = Real::rotate(sin_cos, 0.04);

@@ -1,44 +1,45 @@
-//! One actuation window as the sensors saw it, made ready for comparison with the monitor.
+//! Preparation of a window for the comparison with the monitor: from [`SensedSample`]s to [`ComparedSample`]s and the
+//! [`InitialState`].
 
 use crate::control::Setpoint;
 use crate::frames::dq_from_abc;
+use crate::output_angle::estimate_output_angles;
 use crate::params::ActuatorParams;
-use crate::play::read_output;
 use crate::real::Real;
 use crate::samples::{ComparedSample, InitialState, Origin, SensedSample};
 
-/// Samples of a window and the state it starts from.
+/// Samples of a window and its initial state.
 #[derive(Clone, Copy, Debug)]
 pub struct Recording<'a> {
-    /// Equally spaced samples, one sample period apart: what the monitor is compared with.
+    /// Samples one sample period apart, with which the monitor is compared.
     pub samples: &'a [ComparedSample],
-    /// What drives the monitor: setpoints, and the measured angles of [`Feedback::Measured`](crate::Feedback). The very
-    /// same samples, as many, unless data are made up to follow from given inputs.
+    /// Input of the monitor: setpoints, and the measured angles of [`Feedback::Measured`](crate::Feedback). These are the same
+    /// samples, except for synthetic data that follow from the inputs of another window; the number is always the same.
     pub drive: &'a [ComparedSample],
     /// State at the first sample.
     pub initial: InitialState,
 }
 
-/// Makes a window ready: relative angles, currents in the rotor frame, speed, initial state.
+/// Converts the samples of a window: relative angles, currents in the rotor frame, speed, initial state.
 ///
-/// Fills `into` from `sensed` (as many as both hold) and takes the initial state from the first `rest` samples, which
-/// precede the trigger: the speed is their mean one, the currents start where their straight lines do (at rest the
-/// integrator winds up steadily against the static friction). `filled` are the indices of samples that were not
-/// measured, or not in full.
+/// The samples of `sensed` are written to `into`, up to the length of the shorter one. The initial state follows from the
+/// first `rest` samples, which precede the trigger: the speed is their mean, the currents are the values of their regression
+/// lines at the first sample (at rest, the integrator of the speed loop rises linearly against the static friction).
+/// `filled` are the indices of samples that were not measured completely.
 ///
 /// ```
-/// use ema_models::{prepare, ActuatorParams, SensedSample, Setpoint};
+/// use ema_models::{prepare_window, ActuatorParams, SensedSample, Setpoint};
 /// let at_rest = SensedSample {
 ///     seq: 0, currents: [0.0; 3], motor_counts: 16_384, output_counts: 50, setpoint: Setpoint::Position(0.0157),
 /// };
 /// let sensed = [at_rest; 4];
 /// let mut ready = Vec::new();
 /// ready.resize(4, Default::default());
-/// let initial = prepare(&ActuatorParams::bench(), &sensed, &[], 4, &mut ready);
-/// // A quarter turn of the motor is one electrical turn with four pole pairs.
+/// let initial = prepare_window(&ActuatorParams::bench(), &sensed, &[], 4, &mut ready);
+/// // A quarter turn of the motor is one electrical turn for four pole pairs.
 /// assert!((initial.origin.theta_e - core::f64::consts::TAU).abs() < 1e-12 && initial.omega_m == 0.0);
 /// ```
-pub fn prepare(
+pub fn prepare_window(
     params: &ActuatorParams,
     sensed: &[SensedSample],
     filled: &[usize],
@@ -64,11 +65,11 @@ pub fn prepare(
         return InitialState::default();
     }
     let ready = sensed.len().min(into.len());
-    read_output(params, &frame.origin, &mut into[..ready]);
+    estimate_output_angles(params, &frame.origin, &mut into[..ready]);
     frame.initial_state(&sensed[rest - 1], into[..rest].iter().map(|s| [s.i_d, s.i_q]))
 }
 
-/// Turns sensed samples of one window into the monitor's terms, one at a time.
+/// Converts the samples of one window, one at a time.
 #[derive(Clone, Copy, Debug)]
 pub struct WindowFrame {
     origin: Origin,
@@ -81,12 +82,12 @@ pub struct WindowFrame {
 }
 
 impl WindowFrame {
-    /// For the window whose first sample is given.
+    /// The conversion for the window with this first sample.
     #[must_use]
     pub fn new(params: &ActuatorParams, first: &SensedSample) -> Self {
         let sensors = &params.sensors;
         let (motor_lsb, output_lsb) = (sensors.motor_lsb(), sensors.output_lsb());
-        // Whole turns leave theta_e and its precision alone.
+        // The angle within one turn gives the same theta_e with more precision.
         let within_turn = first.motor_counts.rem_euclid(sensors.motor_counts_per_rev as i64) as f64;
         Self {
             origin: Origin {
@@ -103,7 +104,7 @@ impl WindowFrame {
         }
     }
 
-    /// Where the window's relative angles start.
+    /// Origin of the window's relative angles.
     #[must_use]
     pub fn origin(&self) -> Origin {
         self.origin
@@ -118,7 +119,7 @@ impl WindowFrame {
         ]
     }
 
-    /// One sample between its neighbours (itself at either end), as measured; [`ComparedSample::theta_read`] is left open.
+    /// A measured sample, from itself and its neighbours (itself at either end); [`ComparedSample::theta_out_estimate`] is 0.
     #[must_use]
     pub fn compared(&self, before: &SensedSample, s: &SensedSample, after: &SensedSample) -> ComparedSample {
         let [theta_m, theta_out] = self.angles(s);
@@ -131,8 +132,8 @@ impl WindowFrame {
             theta_m,
             omega_m: (after.motor_counts - before.motor_counts) as f64 * self.motor_lsb / span,
             theta_out,
-            turning: 0.5 * (after.motor_counts - before.motor_counts) as f64 * self.motor_lsb,
-            theta_read: 0.0,
+            theta_m_change: 0.5 * (after.motor_counts - before.motor_counts) as f64 * self.motor_lsb,
+            theta_out_estimate: 0.0,
             setpoint: match s.setpoint {
                 Setpoint::Position(angle) => {
                     Setpoint::Position(angle - self.first_output_counts as f64 * self.output_lsb)
@@ -143,7 +144,7 @@ impl WindowFrame {
         }
     }
 
-    /// State at the first sample, from the samples at rest: the last of them, and the direct and quadrature currents of all.
+    /// State at the first sample, from the last sample at rest and the direct and quadrature currents of all samples at rest.
     #[must_use]
     pub fn initial_state(
         &self,
@@ -152,7 +153,7 @@ impl WindowFrame {
     ) -> InitialState {
         let rest = currents.len();
         let turned = last_at_rest.motor_counts - self.first_motor_counts;
-        // One count of dither is not motion.
+        // A change of one count may be dither at rest.
         let omega_m = if turned.abs() > 1 {
             turned as f64 * self.motor_lsb * self.sample_rate / (rest.max(2) - 1) as f64
         } else {
@@ -170,7 +171,7 @@ impl WindowFrame {
     }
 }
 
-/// Value of the least-squares line through equally spaced numbers at the first of them; 0 of none.
+/// Value of the regression line through equally spaced numbers at the first of them; 0 without numbers.
 fn value_at_start(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     let n = values.len() as f64;
     let (mut sum, mut moment) = (0.0, 0.0);

@@ -1,6 +1,6 @@
-//! Residuals: measured minus modelled, per sample and signal, and the costs made of them.
+//! Comparison of the monitor with a measured window: residuals (measured minus modelled), costs and normal equations.
 
-use crate::dispatch::{InstructionSet, Numbers, Work};
+use crate::dispatch::{InstructionSet, LaneTypes, LaneWork};
 use crate::fault::FaultVector;
 use crate::lanes::{Lanes, RANK_LANES, SLOPE_LANES};
 use crate::monitor::{Calibration, Conditions, Feedback, Monitor, Output};
@@ -12,13 +12,13 @@ use crate::unknowns::{
     Coordinates, LOAD_COORDINATE, MOTOR_COORDINATES, MotorKnowledge, Scale, UNKNOWN_COUNT, Unknowns,
 };
 
-/// Number of signals that can be compared.
+/// Number of compared signals.
 pub const SIGNAL_COUNT: usize = 5;
 
 /// One number per compared signal: `i_d`, `i_q`, motor angle, motor speed, output angle.
 ///
-/// The three phase currents are compared in the rotor frame: with equal weights they are the two axes over again,
-/// `Σ r_j² = 3/2 (r_d² + r_q²)`, for any angle.
+/// The three phase currents are compared in the rotor frame, which is equivalent: at any angle
+/// `Σ r_j² = 3/2 (r_d² + r_q²)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Signals<T> {
     /// Direct current, A.
@@ -34,10 +34,10 @@ pub struct Signals<T> {
 }
 
 impl Signals<f64> {
-    /// What was measured.
+    /// The measured signals of a sample.
     #[inline(always)]
     #[must_use]
-    pub fn of(sample: &ComparedSample) -> Self {
+    pub fn from_sample(sample: &ComparedSample) -> Self {
         Self {
             i_d: sample.i_d,
             i_q: sample.i_q,
@@ -49,7 +49,7 @@ impl Signals<f64> {
 }
 
 impl<T: Copy> Signals<T> {
-    /// The same in another number type.
+    /// The signals in another number type.
     #[inline(always)]
     #[must_use]
     pub fn map<S>(self, mut f: impl FnMut(T) -> S) -> Signals<S> {
@@ -83,20 +83,20 @@ impl<T: Copy> Signals<T> {
 
 /// Residuals of one monitor (or several, in lanes), sample by sample.
 ///
-/// The speed's residual is the difference of two residuals of the angle about 1 ms apart, at least one sample, over
-/// that time: measured and modelled speed are then means over the same time, however slow the sampling. It is zero
-/// where the earlier angle was filled in.
+/// The residual of the speed is the difference of two residuals of the angle, about 1 ms and at least one sample apart,
+/// divided by that time, so that measured and modelled speed are means over the same time at any sampling rate. It is zero
+/// where the earlier angle was not measured.
 #[derive(Clone, Copy, Debug)]
 pub struct ResidualState<R> {
     per_span: R,
     span: usize,
-    /// Residuals of the angle of the last samples, and where the next one goes.
+    /// Residuals of the angle at the last samples, a ring buffer, and the index of the next one.
     angles: [R; LONGEST_SPAN],
     place: usize,
 }
 
 impl<R: Real> ResidualState<R> {
-    /// Before the first sample, at a sample rate in Hz.
+    /// The state before the first sample; `sample_rate` in Hz.
     #[must_use]
     #[inline(always)]
     pub fn new(sample_rate: f64) -> Self {
@@ -116,7 +116,7 @@ impl<R: Real> ResidualState<R> {
         self.span
     }
 
-    /// Residuals of the next sample, unweighted; `earlier` says whether the one a span before it is there and measured.
+    /// Unweighted residuals of the next sample; `earlier` is true if the sample one span before it exists and was measured.
     #[inline(always)]
     pub fn next(&mut self, measured: &Signals<R>, output: &Output<R>, earlier: bool) -> Signals<R> {
         let theta_m = measured.theta_m - output.theta_m;
@@ -137,11 +137,11 @@ impl<R: Real> ResidualState<R> {
     }
 }
 
-/// Weight of each signal: the inverse of its expected residual (1/A, 1/rad, s/rad); 0 leaves a signal out.
+/// Weight of each signal: the inverse of its expected residual (1/A, 1/rad, s/rad); 0 omits the signal.
 pub type Weights = Signals<f64>;
 
 impl Weights {
-    /// Only the quadrature current, as \[P\] compares.
+    /// Only the quadrature current, as in \[P\].
     pub const CURRENT_ONLY: Self = Self {
         i_d: 0.0,
         i_q: 1.0,
@@ -151,42 +151,42 @@ impl Weights {
     };
 }
 
-/// Everything a fault vector is judged by: one window, the actuator type, the monitor's calibration, the weights.
+/// A measured window with all that its comparison with the monitor needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Comparison<'a> {
     /// The measured window.
     pub recording: Recording<'a>,
-    /// The actuator, as known.
+    /// Parameters of the actuator.
     pub params: &'a ActuatorParams,
     /// The monitor's calibration.
     pub calibration: &'a Calibration,
     /// Load and supply during the window.
     pub conditions: Conditions,
-    /// What counts how much.
+    /// Weight of each signal.
     pub weights: Weights,
-    /// Where the monitor's transmission and position loop take their angles from.
+    /// Source of the angles of the monitor's transmission and position loop.
     pub feedback: Feedback,
-    /// What is known of load and integral beforehand.
+    /// Prior knowledge of load, integral and motor.
     pub prior: Prior,
 }
 
-/// What is known of the companions of the fault vector beforehand.
+/// Prior knowledge of the unknowns beside the fault vector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prior {
-    /// Standard deviation of the load torque about [`Conditions::load_torque`] (about none where it is not measured), Nm
-    /// at the output; infinite where nothing is known.
+    /// Standard deviation of the load torque about [`Conditions::load_torque`] (about 0 where it is not measured), Nm at the
+    /// output; infinite without prior knowledge.
     pub load_torque: f64,
-    /// Standard deviation of the speed loop's integral about what the first currents say, Nm.
+    /// Standard deviation of the speed loop's integral about its value from the first currents, Nm.
     pub integral: f64,
-    /// The motor. One that is known exactly adds no term: its coordinates are not for fitting.
+    /// Deviation of the motor. If it is known exactly, it adds no term, and its coordinates are fixed.
     pub motor: MotorKnowledge,
 }
 
-/// Coordinates about which something is known beforehand: load, integral, motor.
+/// Coordinates with prior knowledge: load, integral, motor.
 const KNOWN: [usize; 4] = [LOAD_COORDINATE, 9, MOTOR_COORDINATES[0], MOTOR_COORDINATES[1]];
 
 impl Prior {
-    /// Adds what is known beforehand to normal equations at a point.
+    /// Adds the terms of the prior to the normal equations at a point.
     pub fn add_to(&self, sums: &mut NormalEquations, scale: &Scale, conditions: &Conditions, at: &Coordinates) {
         let (distance, information) = self.terms(scale, conditions, at);
         for (r, &p) in KNOWN.iter().enumerate() {
@@ -198,7 +198,7 @@ impl Prior {
         }
     }
 
-    /// Cost of a point's distance from what is known beforehand.
+    /// Cost of a point's distance from the prior's mean.
     #[must_use]
     pub fn cost(&self, scale: &Scale, conditions: &Conditions, at: &Coordinates) -> f64 {
         let (distance, information) = self.terms(scale, conditions, at);
@@ -211,7 +211,7 @@ impl Prior {
         known
     }
 
-    /// Distance from what is expected, and information matrix, in the order of [`KNOWN`].
+    /// Distance from the mean, and information matrix, in the order of [`KNOWN`].
     fn terms(&self, scale: &Scale, conditions: &Conditions, at: &Coordinates) -> ([f64; 4], [[f64; 4]; 4]) {
         let unit = Unknowns {
             fault: FaultVector::NOMINAL,
@@ -251,10 +251,10 @@ pub struct NormalEquations {
 }
 
 impl NormalEquations {
-    /// Takes a motor that is known exactly out of the equations: its coordinates stay where they are and make nothing
-    /// uncertain.
+    /// The equations with the motor's coordinates fixed if the deviation is known exactly: they do not change and add no
+    /// uncertainty.
     #[must_use]
-    pub fn holding_known_motor(mut self, motor: &MotorKnowledge) -> Self {
+    pub fn with_known_motor_fixed(mut self, motor: &MotorKnowledge) -> Self {
         if motor.information().is_none() {
             for p in MOTOR_COORDINATES {
                 for q in 0..UNKNOWN_COUNT {
@@ -270,9 +270,9 @@ impl NormalEquations {
 }
 
 impl Comparison<'_> {
-    /// The unknowns with a fault vector, and nothing else than is measured.
+    /// Unknowns with this fault vector, the measured load, and the mean of the prior.
     #[must_use]
-    pub fn with_fault(&self, fault: FaultVector) -> Unknowns {
+    pub fn unknowns_with_fault(&self, fault: FaultVector) -> Unknowns {
         Unknowns {
             fault,
             load_torque: self.conditions.load_torque.unwrap_or(0.0),
@@ -281,14 +281,14 @@ impl Comparison<'_> {
         }
     }
 
-    /// The monitor of this window for one set of unknowns.
+    /// The monitor of this window for these unknowns.
     #[must_use]
     pub fn monitor(&self, unknowns: &Unknowns) -> Monitor<f64> {
-        let unknowns = self.conditions.warmed(unknowns);
+        let unknowns = self.conditions.at_temperature(unknowns);
         Monitor::new(self.params, self.calibration, self.conditions.v_dc, &unknowns).with_feedback(self.feedback)
     }
 
-    /// Runs a monitor (or several, in lanes) over the window and shows the residuals of each measured sample by its index.
+    /// Runs a monitor (or several, in lanes) over the window and calls `visit` with index and residuals of each measured sample.
     #[inline(always)]
     fn run<R: Real>(&self, monitor: &Monitor<R>, mut visit: impl FnMut(usize, Signals<R>)) {
         let Recording {
@@ -301,29 +301,29 @@ impl Comparison<'_> {
         let mut state = monitor.start(initial, first);
         for (n, (sample, now)) in samples.iter().zip(*drive).enumerate() {
             let earlier = n >= residual.span() && samples[n - residual.span()].measured;
-            let measured = Signals::of(sample).map(R::splat);
+            let measured = Signals::from_sample(sample).map(R::splat);
             let signals = residual.next(&measured, &monitor.output(&state), earlier);
             if sample.measured {
                 visit(n, signals);
             }
             let next = drive.get(n + 1).unwrap_or(now);
-            monitor.sample(&mut state, initial, now, next);
+            monitor.run_sample_period(&mut state, initial, now, next);
         }
     }
 
-    /// Residuals of one set of unknowns, unweighted, measured sample by measured sample with its index.
+    /// Calls `visit` with index and unweighted residuals of each measured sample for these unknowns.
     pub fn residuals(&self, unknowns: &Unknowns, visit: impl FnMut(usize, Signals<f64>)) {
         self.run(&self.monitor(unknowns), visit);
     }
 
-    /// Cost that [`Comparison::normal_equations`] belong to: `½ Σ r²`, what is known beforehand included.
+    /// Cost of [`Comparison::normal_equations`]: `½ Σ r²`, including the prior.
     #[must_use]
     pub fn cost(&self, at: &Coordinates) -> f64 {
         let scale = Scale::new(self.params);
-        self.with_known(&scale, at, self.least_squares(&scale.unknowns(at)))
+        self.sum_with_prior(&scale, at, self.least_squares(&scale.unknowns(at)))
     }
 
-    /// [`Comparison::cost`] of several points side by side, with the same bits.
+    /// [`Comparison::cost`] of several points at once; the bits are the same.
     #[must_use]
     pub fn costs(&self, points: &[Coordinates; COST_LANES]) -> [f64; COST_LANES] {
         let scale = Scale::new(self.params);
@@ -332,28 +332,28 @@ impl Comparison<'_> {
             comparison: self,
             monitors: &monitors,
         });
-        core::array::from_fn(|lane| self.with_known(&scale, &points[lane], costs[lane]))
+        core::array::from_fn(|lane| self.sum_with_prior(&scale, &points[lane], costs[lane]))
     }
 
-    /// A mean cost as a sum, with that of what is known beforehand.
-    fn with_known(&self, scale: &Scale, at: &Coordinates, mean: f64) -> f64 {
+    /// The sum over all samples of a mean cost, plus the cost of the prior.
+    fn sum_with_prior(&self, scale: &Scale, at: &Coordinates, mean: f64) -> f64 {
         let known = self.prior.cost(scale, &self.conditions, at);
         mean * self.recording.samples.len() as f64 + known
     }
 
-    /// Plain least-squares cost: mean over the samples of `½ Σ (w r)²` over the signals.
+    /// Least-squares cost without the prior: mean over the samples of `½ Σ (w r)²` over the signals.
     #[must_use]
     pub fn least_squares(&self, unknowns: &Unknowns) -> f64 {
         self.half_mean_square(&self.monitor(unknowns))
     }
 
-    /// [`Comparison::least_squares`] of several at once, in single precision: for searches, which only rank.
+    /// [`Comparison::least_squares`] of several unknowns at once, in single precision: for searches, which only rank costs.
     #[must_use]
     pub fn rank(&self, unknowns: &[Unknowns; RANK_LANES]) -> [f64; RANK_LANES] {
         self.rank_with(InstructionSet::best(), unknowns)
     }
 
-    /// [`Comparison::rank`] with the instructions of one set, to measure them; the bits are the same with any.
+    /// [`Comparison::rank`] with one instruction set, for benches; every instruction set gives the same bits.
     #[must_use]
     pub fn rank_with(&self, instructions: InstructionSet, unknowns: &[Unknowns; RANK_LANES]) -> [f64; RANK_LANES] {
         let monitors = unknowns.map(|u| self.monitor(&u));
@@ -379,10 +379,10 @@ impl Comparison<'_> {
         sum * R::splat(0.5 / self.recording.samples.len().max(1) as f64)
     }
 
-    /// The paper's modified total least squares, \[P\] eq. 14 with its evident square:
+    /// Modified total least squares of \[P\] eq. 14, with the square that is missing there:
     /// `Σ (I_HF − I_LF)² / √((τ dI_HF/dt)² + 1)`, on the quadrature current, as a mean over the samples.
     ///
-    /// `time_scale` τ, s/A, makes the derivative dimensionless. Tolerant of small delays where the current is steep.
+    /// `time_scale` τ, s/A, makes the derivative dimensionless. The cost tolerates small delays where the current is steep.
     #[must_use]
     pub fn modified_total_least_squares(&self, unknowns: &Unknowns, time_scale: f64) -> f64 {
         let samples = self.recording.samples;
@@ -397,18 +397,17 @@ impl Comparison<'_> {
         sum / samples.len().max(1) as f64
     }
 
-    /// Normal equations at a point, by forward differences of monitors run side by side.
+    /// Normal equations at a point, by one-sided differences of monitors run in lanes, including the [`Prior`].
     ///
-    /// The differences go by `step` towards the inside of the box, so nothing leaves it. A long step sees over the cost's
-    /// small unevenness from afar, a short one follows its curvature. What is known beforehand of load and integral
-    /// ([`Prior`]) is part of the equations.
+    /// The steps, of length `step`, point into the box. A long step smooths the small unevenness of the cost far from a minimum;
+    /// a short step resolves the curvature near it.
     #[must_use]
     pub fn normal_equations(&self, at: &Coordinates, step: f64) -> NormalEquations {
         let scale = Scale::new(self.params);
         let steps = at.inward_steps(step);
         let monitors: [Monitor<f64>; SLOPE_LANES] = core::array::from_fn(|lane| {
             let mut x = *at;
-            // Lane 0 and the spare ones stay at the point itself.
+            // Lane 0 and the unused lanes are at the point itself.
             if (1..=UNKNOWN_COUNT).contains(&lane) {
                 x.0[lane - 1] += steps[lane - 1];
             }
@@ -424,53 +423,53 @@ impl Comparison<'_> {
     }
 }
 
-/// Points that [`Comparison::costs`] takes at once.
+/// Points per call of [`Comparison::costs`].
 pub const COST_LANES: usize = SLOPE_LANES;
 
-/// [`Comparison::half_mean_square`] of several monitors as a piece of work for an [`InstructionSet`].
+/// [`Comparison::half_mean_square`] of several monitors in single precision, as [`LaneWork`].
 struct HalfMeanSquare<'a> {
     comparison: &'a Comparison<'a>,
     monitors: &'a [Monitor<f64>; RANK_LANES],
 }
 
-impl Work for HalfMeanSquare<'_> {
+impl LaneWork for HalfMeanSquare<'_> {
     type Output = [f32; RANK_LANES];
 
     #[inline(always)]
-    fn run<N: Numbers>(self) -> [f32; RANK_LANES] {
+    fn run<N: LaneTypes>(self) -> [f32; RANK_LANES] {
         let monitor = Monitor::side_by_side(self.monitors, |x| N::Single::from_lanes(x.map(|x| x as f32)));
         self.comparison.half_mean_square(&monitor).to_lanes()
     }
 }
 
-/// The same in double precision.
+/// [`Comparison::half_mean_square`] of several monitors in double precision, as [`LaneWork`].
 struct HalfMeanSquares<'a> {
     comparison: &'a Comparison<'a>,
     monitors: &'a [Monitor<f64>; COST_LANES],
 }
 
-impl Work for HalfMeanSquares<'_> {
+impl LaneWork for HalfMeanSquares<'_> {
     type Output = [f64; COST_LANES];
 
     #[inline(always)]
-    fn run<N: Numbers>(self) -> [f64; COST_LANES] {
+    fn run<N: LaneTypes>(self) -> [f64; COST_LANES] {
         let monitor = Monitor::side_by_side(self.monitors, N::Double::from_lanes);
         self.comparison.half_mean_square(&monitor).to_lanes()
     }
 }
 
-/// The sums of the normal equations without what is known beforehand.
+/// Sums of the normal equations without the prior, as [`LaneWork`].
 struct Linearised<'a> {
     comparison: &'a Comparison<'a>,
     monitors: &'a [Monitor<f64>; SLOPE_LANES],
     steps: [f64; UNKNOWN_COUNT],
 }
 
-impl Work for Linearised<'_> {
+impl LaneWork for Linearised<'_> {
     type Output = NormalEquations;
 
     #[inline(always)]
-    fn run<N: Numbers>(self) -> NormalEquations {
+    fn run<N: LaneTypes>(self) -> NormalEquations {
         let monitor = Monitor::side_by_side(self.monitors, N::Double::from_lanes);
         let weights = self.comparison.weights.to_array();
         let mut per_step = [0.0; SLOPE_LANES];
@@ -507,6 +506,7 @@ impl Work for Linearised<'_> {
     }
 }
 
-/// Time over which speed is measured, s, and the most samples this may be.
+/// Time over which speed is measured, s.
 const SPEED_SPAN: f64 = 1e-3;
+/// Largest number of samples in that time.
 const LONGEST_SPAN: usize = 8;

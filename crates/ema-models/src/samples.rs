@@ -2,10 +2,10 @@
 
 use crate::control::Setpoint;
 
-/// One sample as the sensors saw it.
+/// One sample as the sensors deliver it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensedSample {
-    /// Sample number since t₀; the sample stands at t₀ + seq / f_s.
+    /// Number of the sample, whose time is t₀ + seq / f_s.
     pub seq: u64,
     /// Phase currents, A.
     pub currents: [f64; 3],
@@ -17,7 +17,7 @@ pub struct SensedSample {
     pub setpoint: Setpoint,
 }
 
-/// One sample in the monitor's terms; angles relative to the window's [`Origin`], at the middle of their count.
+/// One sample in the quantities of the monitor. Angles are relative to the window's [`Origin`], at the middle of their count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ComparedSample {
     /// Direct current, A.
@@ -30,13 +30,13 @@ pub struct ComparedSample {
     pub omega_m: f64,
     /// Output angle, rad.
     pub theta_out: f64,
-    /// Motor angle turned per sample, rad: half the difference of the two neighbours.
-    pub turning: f64,
-    /// Where in its count the output angle is likely to be, rad: what drives the monitor's position loop.
-    pub theta_read: f64,
-    /// Setpoint, relative to the output's origin in position mode.
+    /// Change of the motor angle per sample, rad: half the difference of the two neighbouring samples.
+    pub theta_m_change: f64,
+    /// Estimated output angle within its count, rad; input of the monitor's position loop.
+    pub theta_out_estimate: f64,
+    /// Setpoint; in position mode relative to the output's origin.
     pub setpoint: Setpoint,
-    /// Whether it was measured; one that was filled in drives the monitor, but nothing is compared with it.
+    /// Whether the sample was measured. A sample that was filled in drives the monitor but has no residual.
     pub measured: bool,
 }
 
@@ -48,34 +48,34 @@ impl Default for ComparedSample {
             theta_m: 0.0,
             omega_m: 0.0,
             theta_out: 0.0,
-            turning: 0.0,
-            theta_read: 0.0,
+            theta_m_change: 0.0,
+            theta_out_estimate: 0.0,
             setpoint: Setpoint::Idle,
             measured: false,
         }
     }
 }
 
-/// Where a window's relative angles start, so that they stay small enough for `f32`.
+/// Origin of a window's relative angles, which keeps them small enough for `f32`.
 ///
-/// The output's origin is a whole encoder count, so that counting relative angles is counting absolute ones.
+/// The output's origin is a whole encoder count, so that relative and absolute angles have the same counts.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Origin {
     /// Electrical angle at the motor's origin, rad.
     pub theta_e: f64,
-    /// Output angle of the play's centre at the motor's origin, rad.
+    /// Output angle at the centre of the backlash at the motor's origin, rad.
     pub play_centre: f64,
 }
 
-/// Measured state at the beginning of a window, relative to its [`Origin`].
+/// Measured state at the start of a window, relative to its [`Origin`].
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct InitialState {
-    /// Where the relative angles start.
+    /// Origin of the relative angles.
     pub origin: Origin,
     /// Motor angle, rad.
     pub theta_m: f64,
     /// Motor speed, rad/s.
     pub omega_m: f64,
-    /// Direct and quadrature current, A; the speed loop's integrator is set to the torque of the latter.
+    /// Direct and quadrature current, A; the integral of the speed loop starts at the torque of the latter.
     pub i_dq: [f64; 2],
 }

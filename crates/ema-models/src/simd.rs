@@ -1,7 +1,7 @@
-//! Numbers in vector registers: several monitors side by side, compiled for one instruction set.
+//! Numbers in vector registers, compiled for one instruction set, one monitor per lane.
 //!
-//! `K` registers of the set `S` work as one number, so that the latency of one register's operation is hidden behind
-//! the others'. Each lane does what the scalar would: no fused multiply-add, `min` and `max` as in [`Real`].
+//! `K` registers of the instruction set `S` form one number, so that operations on one register hide the latency of those on
+//! another. Each lane computes as the scalar does: without fused multiply-add, with `min` and `max` as in [`Real`].
 
 use core::marker::PhantomData;
 use core::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
@@ -12,20 +12,20 @@ use pulp::bytemuck::bytes_of;
 use crate::lanes::Lanes;
 use crate::real::Real;
 
-/// The proof that the processor has the instructions of `S`, made out of nothing.
+/// pulp's proof that the processor has the instructions of `S`.
 ///
-/// A number carries no proof, and `Real::splat` takes none, so each operation makes its own. It costs nothing: the proof
-/// has no size.
+/// The numbers do not carry the proof, and `Real::splat` does not take it, so each operation creates it. The proof has size
+/// zero.
 #[inline(always)]
 fn proof<S: Simd>() -> S {
     const {
         assert!(
             size_of::<S>() == 0,
-            "a proof that carries data cannot be made out of nothing"
+            "a proof of non-zero size cannot be created from nothing"
         )
     };
-    // SAFETY: the type has no size, so reading it reads nothing. What it promises holds because the numbers of this
-    // module are private to the crate and named by `dispatch` alone, after pulp has found the instructions of `S`.
+    // SAFETY: the type has size zero, so the read accesses no memory. The promise of the type holds, because the numbers of
+    // this module are private to the crate and only `dispatch` uses them, after pulp has detected the instructions of `S`.
     #[expect(unsafe_code, reason = "see above")]
     unsafe {
         core::ptr::NonNull::<S>::dangling().read()
@@ -169,13 +169,13 @@ macro_rules! wide {
                 if_false
             }
             #[inline(always)]
-            fn holds(mask: Self::Mask) -> bool {
+            fn known_true(mask: Self::Mask) -> bool {
                 let mut all = mask.0[0];
                 for k in 1..K {
                     all = proof::<S>().$and(all, mask.0[k]);
                 }
                 let zero = proof::<S>().$splat(0.0);
-                // Compared as bytes, which is one instruction or two; pulp looks for a lane one by one.
+                // A comparison of bytes takes one or two instructions; pulp's own test searches lane by lane.
                 bytes_of(&all) == bytes_of(&proof::<S>().$le(zero, zero))
             }
             #[inline(always)]
@@ -184,7 +184,7 @@ macro_rules! wide {
             }
             #[inline(always)]
             fn round(self) -> Self {
-                // As the scalar's.
+                // As for the scalar.
                 let magic = Self::splat($magic);
                 (self + magic) - magic
             }
@@ -192,7 +192,7 @@ macro_rules! wide {
             fn sqrt(self) -> Self {
                 self.map(S::$sqrt)
             }
-            // One instruction each; the second operand where either is NaN, or both are zeros, as in the trait.
+            // One instruction each. They return the second operand where either is NaN or both are zero, as the trait does.
             #[inline(always)]
             fn min(self, other: Self) -> Self {
                 self.zip(other, S::$min)
@@ -291,7 +291,7 @@ mod tests {
     use super::*;
     use crate::lanes::{Lanes32, Lanes64};
 
-    /// Every operation on numbers that are easily got wrong, pairwise, gives the bits of the arrays.
+    /// Every operation on all pairs of special numbers gives the bits of the arrays.
     macro_rules! same_bits_as_arrays {
         ($name:ident, $wide:ident, $arrays:ident, $t:ident) => {
             #[inline(always)]
@@ -306,18 +306,18 @@ mod tests {
                         assert_eq!(bits(got.to_lanes()), bits(expected.to_lanes()), "{a:?} {b:?}");
                     }
                 }
-                // A mask holds only where it does in each lane of each register.
+                // `known_true` requires every lane of every register.
                 for false_lane in 0..=N {
                     let a: [$t; N] = core::array::from_fn(|n| if n == false_lane { 1.0 } else { 0.0 });
                     let (wide, zero) = (<$wide<S, 2> as Lanes<$t, N>>::from_lanes(a), $wide::splat(0.0));
                     assert_eq!(
-                        $wide::<S, 2>::holds(wide.le(zero)),
+                        $wide::<S, 2>::known_true(wide.le(zero)),
                         false_lane == N,
                         "lane {false_lane}"
                     );
                     let (array, zero) = ($arrays(a), $arrays::splat(0.0));
                     assert_eq!(
-                        $arrays::<N>::holds(array.le(zero)),
+                        $arrays::<N>::known_true(array.le(zero)),
                         false_lane == N,
                         "lane {false_lane}"
                     );

@@ -1,7 +1,7 @@
-//! What a step of the setpoint shows of an actuator: many states of wear side by side, in single precision.
+//! Response of an actuator to a step of the position setpoint, for many fault vectors at once, in single precision.
 
 use crate::control::Setpoint;
-use crate::dispatch::{InstructionSet, Numbers, Work};
+use crate::dispatch::{InstructionSet, LaneTypes, LaneWork};
 use crate::fault::FaultVector;
 use crate::lanes::{Lanes, RANK_LANES};
 use crate::monitor::{Calibration, Feedback, Monitor};
@@ -10,13 +10,13 @@ use crate::real::Real;
 use crate::samples::{ComparedSample, InitialState};
 use crate::unknowns::{MotorDeviation, Unknowns};
 
-/// Share of the step within which the output has arrived.
-const ARRIVED: f64 = 0.05;
+/// Tolerance band of the response time, relative to the step.
+const TOLERANCE_BAND: f64 = 0.05;
 
-/// Share of the time watched, at its end, in which the error that remains is averaged.
+/// Share of the duration, at its end, over which the steady-state deviation is averaged.
 const SETTLED: f64 = 0.1;
 
-/// A step of the position setpoint from rest on the nominal supply, which the monitor tries on its own feedback.
+/// A step of the position setpoint from rest on the nominal supply, simulated by the monitor with its own feedback.
 #[derive(Clone, Copy, Debug)]
 pub struct StepTrial<'a> {
     /// The actuator.
@@ -27,25 +27,25 @@ pub struct StepTrial<'a> {
     pub step_rad: f64,
     /// Load at the output, Nm; positive opposes positive motion.
     pub load_nm: f64,
-    /// How long it is watched, s.
-    pub watched_s: f64,
+    /// Simulated duration, s.
+    pub duration_s: f64,
 }
 
-/// What the step shows.
+/// Characteristics of a step response.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepResponse {
     /// Largest speed of the output, rad/s.
     pub slew_rate_rad_s: f64,
-    /// Time after which the output stays within 5 % of the step from the setpoint, s; infinite if it does not.
+    /// Time after which the output stays within 5 % of the step about the setpoint, s; infinite if it does not.
     pub response_time_s: f64,
-    /// Mean distance from the setpoint in the last tenth of the time, rad.
+    /// Mean distance from the setpoint over the last tenth of the duration, rad.
     pub steady_error_rad: f64,
     /// Largest angle reached, rad.
     pub reached_rad: f64,
 }
 
 impl StepTrial<'_> {
-    /// The responses with these faults, in their order; the same bits with any instruction set.
+    /// The responses with these fault vectors, in their order; every instruction set gives the same bits.
     #[must_use]
     pub fn responses(&self, faults: &[FaultVector; RANK_LANES]) -> [StepResponse; RANK_LANES] {
         let monitors = faults.map(|fault| {
@@ -65,7 +65,7 @@ impl StepTrial<'_> {
     }
 
     fn samples(&self) -> usize {
-        (self.watched_s * self.params.sensors.sample_rate) as usize + 1
+        (self.duration_s * self.params.sensors.sample_rate) as usize + 1
     }
 }
 
@@ -74,11 +74,11 @@ struct Responses<'a> {
     monitors: &'a [Monitor<f64>; RANK_LANES],
 }
 
-impl Work for Responses<'_> {
+impl LaneWork for Responses<'_> {
     type Output = [StepResponse; RANK_LANES];
 
     #[inline(always)]
-    fn run<N: Numbers>(self) -> [StepResponse; RANK_LANES] {
+    fn run<N: LaneTypes>(self) -> [StepResponse; RANK_LANES] {
         let trial = self.trial;
         let monitor = Monitor::side_by_side(self.monitors, |x| N::Single::from_lanes(x.map(|x| x as f32)));
         let initial = InitialState::default();
@@ -93,17 +93,17 @@ impl Work for Responses<'_> {
         let samples = trial.samples();
         let settled_from = samples - (SETTLED * samples as f64) as usize;
         let setpoint = N::Single::splat(trial.step_rad);
-        let band = N::Single::splat(ARRIVED * trial.step_rad);
+        let band = N::Single::splat(TOLERANCE_BAND * trial.step_rad);
         let zero = N::Single::zero();
         let (mut fastest, mut furthest, mut away, mut errors) = (zero, zero, zero, zero);
         let mut state = monitor.start(&initial, &rest);
         for n in 0..samples {
-            monitor.sample(&mut state, &initial, &stepped, &stepped);
+            monitor.run_sample_period(&mut state, &initial, &stepped, &stepped);
             let out = monitor.output(&state);
             let error = (setpoint - out.theta_out).abs();
             fastest = fastest.max(out.omega_m);
             furthest = furthest.max(out.theta_out);
-            // Number of the sample after the last one outside the band; whole numbers below 2²⁴ are exact.
+            // Number of the sample after the last one outside the band; integers below 2²⁴ are exact.
             away = N::Single::select(error.le(band), away, N::Single::splat((n + 1) as f64));
             if n >= settled_from {
                 errors = errors + error;
@@ -128,14 +128,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lanes_do_not_touch_each_other_and_wear_shows() {
+    fn lanes_are_independent_and_wear_slows_the_response() {
         let params = ActuatorParams::bench();
         let trial = StepTrial {
             params: &params,
             calibration: &Calibration::default(),
             step_rad: 0.2,
             load_nm: 0.0,
-            watched_s: 1.0,
+            duration_s: 1.0,
         };
         let worn = FaultVector {
             friction: 0.9,
@@ -159,14 +159,14 @@ mod tests {
     }
 
     #[test]
-    fn a_step_that_never_arrives_takes_for_ever() {
+    fn a_stalled_actuator_has_an_infinite_response_time() {
         let params = ActuatorParams::bench();
         let trial = StepTrial {
             params: &params,
             calibration: &Calibration::default(),
             step_rad: 0.2,
             load_nm: 5000.0,
-            watched_s: 0.2,
+            duration_s: 0.2,
         };
         let stalled = trial.responses(&[FaultVector::NOMINAL; RANK_LANES])[0];
         assert!(

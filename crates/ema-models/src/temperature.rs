@@ -1,16 +1,18 @@
-//! What the winding temperature does to a motor: copper resists more, magnets weaken.
+//! Effect of the winding temperature on a motor: factors on resistance and back-EMF coefficient.
 
-/// Temperature at which a motor's parameters hold, °C.
+/// Temperature for which the parameters of a motor are given, °C.
 pub const REFERENCE_TEMPERATURE_DEG_C: f64 = 20.0;
 
-/// Rise of the phase resistance, 1/K: copper.
+/// Temperature coefficient of the phase resistance, 1/K: copper.
 pub const RESISTANCE_PER_KELVIN: f64 = 3.9e-3;
 
-/// Change of the back-EMF coefficient, 1/K: between samarium-cobalt (about -0.04 %) and neodymium magnets (-0.12 %).
+/// Temperature coefficient of the back-EMF coefficient, 1/K: between samarium-cobalt (about -0.04 %) and neodymium magnets
+/// (-0.12 %).
 pub const BACK_EMF_PER_KELVIN: f64 = -1.0e-3;
 
-/// Factors on resistance and back-EMF coefficient at a temperature, °C; linear about 20 °C. The magnets are taken to be as
-/// warm as the winding.
+/// Factors `[resistance, back-EMF coefficient]` at a winding temperature, °C: `1 + coefficient (temperature − 20 °C)`.
+///
+/// The law assumes that the magnets have the temperature of the winding.
 ///
 /// ```
 /// let [resistance, back_emf] = ema_models::temperature_factors(120.0);

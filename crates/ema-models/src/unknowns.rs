@@ -1,4 +1,6 @@
-//! What one window leaves open: the fault vector, and what is no fault but not exactly known either.
+//! Unknowns of one window: the fault vector, load torque, initial integral of the speed loop, and the motor's deviation.
+//!
+//! [`Scale`] converts [`Unknowns`] to [`Coordinates`], in which the problem is smooth, and back.
 
 use crate::fault::{FAULT_COUNT, FaultVector};
 use crate::params::ActuatorParams;
@@ -7,17 +9,17 @@ use crate::temperature::{BACK_EMF_PER_KELVIN, RESISTANCE_PER_KELVIN, temperature
 /// Number of unknowns of one window.
 pub const UNKNOWN_COUNT: usize = FAULT_COUNT + 4;
 
-/// How far a motor is off its type, each as a share of the type's value.
+/// Deviation of a motor from its type, each relative to the type's value.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotorDeviation {
-    /// Of the phase resistance R.
+    /// Deviation of the phase resistance R.
     pub resistance: f64,
-    /// Of the back-EMF coefficient k, which is the torque coefficient too.
+    /// Deviation of the back-EMF coefficient k, which is also the torque coefficient.
     pub back_emf: f64,
 }
 
 impl MotorDeviation {
-    /// Deviation at a winding temperature, °C, of a motor that deviates by this at 20 °C.
+    /// Deviation at a winding temperature, °C; `self` is the deviation at 20 °C.
     #[must_use]
     pub fn at_temperature(&self, temperature_deg_c: f64) -> Self {
         let [resistance, back_emf] = temperature_factors(temperature_deg_c);
@@ -28,10 +30,10 @@ impl MotorDeviation {
     }
 }
 
-/// What is known of a motor's deviation beforehand: mean and covariance, in the order of the fields.
+/// Prior knowledge of a motor's deviation: mean and covariance, in the order of the fields of [`MotorDeviation`].
 ///
-/// A covariance of zero says that the deviation is exactly the mean. It comes from tolerances, from healthy windows of the
-/// very motor, and from the temperature.
+/// It follows from tolerances, from healthy windows of the unit, and from the temperature. With a covariance of zero the
+/// deviation is known exactly.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotorKnowledge {
     /// Expected deviation.
@@ -41,8 +43,9 @@ pub struct MotorKnowledge {
 }
 
 impl MotorKnowledge {
-    /// The same of a motor whose temperature nobody measures: 20 °C give or take `sigma_k`. A warm motor is one of more
-    /// resistance and less back-EMF, both together.
+    /// The prior of a motor without a temperature sensor: 20 °C with a standard deviation of `sigma_k`, K.
+    ///
+    /// The temperature changes resistance and back-EMF together, so it adds a correlated covariance.
     #[must_use]
     pub fn at_unknown_temperature(mut self, sigma_k: f64) -> Self {
         let rise = [RESISTANCE_PER_KELVIN * sigma_k, BACK_EMF_PER_KELVIN * sigma_k];
@@ -66,34 +69,34 @@ impl MotorKnowledge {
     }
 }
 
-/// The fault vector with its companions.
+/// All unknowns of a window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unknowns {
-    /// What is worn.
+    /// The fault vector.
     pub fault: FaultVector,
     /// Load torque at the output, Nm; positive opposes positive motion.
     pub load_torque: f64,
-    /// Integral part of the speed loop at the window's start beyond what the measured currents say, Nm.
+    /// Integral part of the speed loop at the start of the window, minus its value from the measured currents, Nm.
     pub integral: f64,
-    /// The motor itself.
+    /// Deviation of the motor from its type.
     pub motor: MotorDeviation,
 }
 
-/// Place of the load among the coordinates.
+/// Index of the load torque among the coordinates.
 pub const LOAD_COORDINATE: usize = 8;
 
-/// Places of the motor's deviation among the coordinates.
+/// Indices of the motor's deviation among the coordinates.
 pub const MOTOR_COORDINATES: [usize; 2] = [UNKNOWN_COUNT - 2, UNKNOWN_COUNT - 1];
 
 /// The unknowns as coordinates of a smooth problem: `[k1…k5, ζ cos φ_e, ζ sin φ_e, k8, load, integral,
 /// δR/R, δk/k]`.
 ///
-/// The eccentricity is Cartesian, smooth where amplitude and direction are not: at k6 = 0 and across φ_e = ±π. Load and
-/// integral are in units of the motor's largest torque, the load as seen at the motor shaft.
+/// The eccentricity is in Cartesian coordinates, which are smooth at k6 = 0 and across φ_e = ±π, unlike amplitude and
+/// direction. Load (at the motor shaft) and integral are relative to the motor's largest torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coordinates(pub [f64; UNKNOWN_COUNT]);
 
-/// Turns unknowns into coordinates and back.
+/// Converts unknowns to coordinates and back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     load: f64,
@@ -101,7 +104,7 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// For one type of actuator.
+    /// The conversion for one actuator type.
     #[must_use]
     pub fn new(params: &ActuatorParams) -> Self {
         let torque = params.motor.torque_gain() * params.motor.i_max;
@@ -111,9 +114,9 @@ impl Scale {
         }
     }
 
-    /// Load torque at the output that stands for one unit of its coordinate, Nm.
+    /// Load torque at the output that corresponds to a coordinate of 1, Nm.
     #[must_use]
-    pub fn load(&self) -> f64 {
+    pub fn load_unit(&self) -> f64 {
         self.load
     }
 
@@ -138,8 +141,8 @@ impl Scale {
         ])
     }
 
-    /// Unknowns at coordinates; every fault component is limited to [0, 1], and without eccentricity its phase is the
-    /// nominal ½.
+    /// Unknowns at these coordinates. Every parameter of the fault vector is limited to [0, 1]; without eccentricity its
+    /// direction is the nominal ½.
     #[must_use]
     pub fn unknowns(&self, Coordinates(x): &Coordinates) -> Unknowns {
         let amplitude = libm::hypot(x[5], x[6]);
@@ -162,16 +165,17 @@ impl Scale {
 }
 
 impl Coordinates {
-    /// Lower corner of the box: the Cartesian eccentricity goes from −1, load and integral by half the largest torque,
-    /// R and k by half.
+    /// Lower bounds: −1 for the Cartesian eccentricity, half of the largest torque for load and integral, half of the type's
+    /// value for R and k.
     pub const LOWER: [f64; UNKNOWN_COUNT] = [0.0, 0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 0.0, -0.5, -0.5, -0.5, -0.5];
-    /// Upper corner of the box.
+    /// Upper bounds.
     pub const UPPER: [f64; UNKNOWN_COUNT] = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 0.5, 0.5];
 
-    /// The point of the disc ζ ≤ 1 that this one stands for ([`Scale::unknowns`] takes no more than ζ = 1): outside it, nothing
-    /// changes with ζ, and a descent that strays there is lost.
+    /// The coordinates with the eccentricity projected to the disc ζ ≤ 1.
+    ///
+    /// [`Scale::unknowns`] limits ζ to 1, so the cost does not change with ζ outside the disc, and a descent would stop there.
     #[must_use]
-    pub fn inside_the_disc(mut self) -> Self {
+    pub fn projected_to_unit_disc(mut self) -> Self {
         let amplitude = libm::hypot(self.0[5], self.0[6]);
         if amplitude > 1.0 {
             self.0[5] /= amplitude;
@@ -180,13 +184,13 @@ impl Coordinates {
         self
     }
 
-    /// Steps of finite differences of length `step` along each coordinate, towards the inside of the box.
+    /// Signed steps of finite differences, of length `step` along each coordinate, towards the inside of the box.
     #[must_use]
     pub fn inward_steps(&self, step: f64) -> [f64; UNKNOWN_COUNT] {
         core::array::from_fn(|p| match p {
-            // Beyond this the turns are held, so a short step would see nothing.
+            // Near a full short the turns ratio is limited, so a shorter step would not change it.
             2..=4 if self.0[p] > 1.0 - FULL_SHORT => -step.max(FULL_SHORT),
-            // Towards the middle of the disc.
+            // Towards the centre of the disc.
             5 | 6 => -step.copysign(self.0[p]),
             _ if self.0[p] > 0.5 * Self::UPPER[p] => -step,
             _ => step,
@@ -194,7 +198,7 @@ impl Coordinates {
     }
 }
 
-/// Distance from a full short circuit within which the fraction of intact turns is next to nothing.
+/// Distance of k3…k5 from 1 within which the turns ratio is almost zero.
 const FULL_SHORT: f64 = 0.02;
 
 #[cfg(test)]
@@ -202,7 +206,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn coordinates_invert() {
+    fn unknowns_invert_coordinates() {
         let scale = Scale::new(&ActuatorParams::bench());
         let unknowns = Unknowns {
             fault: FaultVector::from_array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.9, 0.3]),

@@ -1,23 +1,22 @@
-//! Back-EMF and phase parameters under partial short circuit and static eccentricity.
+//! Back-EMF and phase parameters under inter-turn shorts and static eccentricity, as functions of the electrical angle.
 //!
-//! The three-phase law ([`Winding`]) is the physical one, shared by reference and monitor. The two shape functions of
-//! \[P\] ([`PaperShape`]) stand for it in the paper's one-axis monitor; [`derived_shape`] are the exact ones for perfect
-//! current tracking.
+//! Reference and monitor share the three-phase law ([`Winding`]). The one-axis monitor of \[P\] replaces it by two shape
+//! functions ([`PaperShape`]); [`derived_shape`] has the exact shapes for perfect current tracking.
 
 use crate::fault::FaultVector;
 use crate::frames::{SQRT3_2, gap_cosines, per_phase, phase_shapes};
 use crate::real::Real;
 
-/// State of the three windings and of the air gap.
+/// Fault state of the three phase windings and of the air gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Winding<R> {
-    /// Fraction of intact turns N_j of phases A, B, C.
-    pub turns: [R; 3],
+    /// Winding turns ratio: fraction N_j of intact turns of phases A, B, C.
+    pub turns_ratio: [R; 3],
     /// ζ cos φ_e of the static eccentricity.
     pub zeta_cos: R,
     /// ζ sin φ_e.
     pub zeta_sin: R,
-    /// `½ ζ (sin φ_e − sin(φ_e − 4πj/3))`, the part of the shapes over N_j that does not turn.
+    /// `½ ζ (sin φ_e − sin(φ_e − 4πj/3))`: constant part of the back-EMF shape of phase j, divided by N_j.
     offsets: [R; 3],
 }
 
@@ -29,7 +28,7 @@ impl Winding<f64> {
         let (zeta_cos, zeta_sin) = (fault.eccentricity * libm::cos(phi), fault.eccentricity * libm::sin(phi));
         let (along, across) = (0.5 * SQRT3_2 * zeta_cos, 0.75 * zeta_sin);
         Self {
-            turns: fault.turns(),
+            turns_ratio: fault.winding_turns_ratio(),
             zeta_cos,
             zeta_sin,
             offsets: [0.0, across - along, across + along],
@@ -42,7 +41,7 @@ impl<R: Real> Winding<R> {
     #[must_use]
     pub fn map<S>(self, mut f: impl FnMut(R) -> S) -> Winding<S> {
         Winding {
-            turns: self.turns.map(&mut f),
+            turns_ratio: self.turns_ratio.map(&mut f),
             zeta_cos: f(self.zeta_cos),
             zeta_sin: f(self.zeta_sin),
             offsets: self.offsets.map(&mut f),
@@ -51,15 +50,15 @@ impl<R: Real> Winding<R> {
 
     /// Back-EMF shapes `k_j / k = N_j s_j (1 + ζ cos(theta_e − φ_e + 2πj/3))` of the three phases.
     ///
-    /// Phase resistance and inductance go with the turns: `R_j = N_j R`, `L_j = N_j² L`.
+    /// Phase resistance and inductance follow from the turns ratio: `R_j = N_j R`, `L_j = N_j² L`.
     ///
-    /// Computed as a sum: of the product of the two sines, the part that turns twice as fast is the same in all phases,
-    /// and the rest does not turn.
+    /// The product of the two sines is computed as a sum: its part at twice the electrical angle is the same in all phases, and
+    /// the other part is constant.
     #[inline(always)]
     pub fn emf_shapes(&self, (sin, cos): (R, R)) -> [R; 3] {
         let s = phase_shapes((sin, cos));
         let common = sin * (self.zeta_cos * cos + self.zeta_sin * sin);
-        per_phase!(|j| self.turns[j] * ((s[j] - common) + self.offsets[j]))
+        per_phase!(|j| self.turns_ratio[j] * ((s[j] - common) + self.offsets[j]))
     }
 }
 
@@ -73,18 +72,19 @@ pub struct PaperShape {
 }
 
 impl Default for PaperShape {
-    /// Before calibration: k_E = ½ is exact for intact turns; eq. 10 becomes exact in torque for k_FS → ∞ (derived
-    /// here: compare [`DerivedShape::emf`]), so a large value stands for it.
+    /// Values before calibration. k_E = ½ is exact for intact turns. Eq. 10 becomes exact in torque for k_FS → ∞ (derived
+    /// here: compare [`DerivedShape::emf`]), so k_FS is large.
     fn default() -> Self {
         Self { k_fs: 100.0, k_e: 0.5 }
     }
 }
 
 impl PaperShape {
-    /// Shape φ = φ_SC · φ_ECC, 1 when healthy.
+    /// Shape function φ = φ_SC · φ_ECC; 1 for a healthy motor.
     ///
     /// `φ_SC = k_FT Σ N_j (1 + k_FS sin²(theta_e + shift_j))` with shifts π, π/3, −π/3 (\[P\] eq. 10), where
-    /// `k_FT = 1 / (3 + 1.5 k_FS)` is fixed by φ_SC = 1 in health; `φ_ECC = 1 − k_E ζ cos(theta_e + φ_e)` (\[P\] eq. 11).
+    /// `k_FT = 1 / (3 + 1.5 k_FS)` follows from φ_SC = 1 for a healthy motor; `φ_ECC = 1 − k_E ζ cos(theta_e + φ_e)`
+    /// (\[P\] eq. 11).
     #[inline(always)]
     pub fn shape<R: Real>(&self, winding: &Winding<R>, (sin, cos): (R, R)) -> R {
         let k_ft = 1.0 / (3.0 + 1.5 * self.k_fs);
@@ -92,7 +92,7 @@ impl PaperShape {
         let squares = phase_shapes((sin, cos)).map(|s| s * s);
         let mut sum = R::zero();
         for j in 0..3 {
-            sum = sum + winding.turns[j] * (R::splat(1.0) + R::splat(self.k_fs) * squares[j]);
+            sum = sum + winding.turns_ratio[j] * (R::splat(1.0) + R::splat(self.k_fs) * squares[j]);
         }
         sum * R::splat(k_ft) * self.eccentricity(winding, (sin, cos))
     }
@@ -104,20 +104,21 @@ impl PaperShape {
     }
 }
 
-/// What one equivalent phase in the q axis sees at one angle, with exact current tracking (derived here).
+/// Parameters of one equivalent phase in the q axis at one angle, for exact current tracking, relative to a healthy phase
+/// (derived here).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DerivedShape<R> {
     /// Torque and back-EMF: `2/3 Σ N_j s_j² (1 + ζ cos(theta_e − φ_e + 2πj/3))`.
     pub emf: R,
-    /// Resistance over R: `2/3 Σ N_j s_j²`.
+    /// Resistance relative to R: `2/3 Σ N_j s_j²`.
     pub resistance: R,
-    /// Inductance over L: `2/3 Σ N_j² s_j²`.
+    /// Inductance relative to L: `2/3 Σ N_j² s_j²`.
     pub inductance: R,
-    /// Derivative of `inductance` with theta_e, 1/rad.
+    /// Derivative of `inductance` with respect to theta_e, 1/rad.
     pub inductance_slope: R,
 }
 
-/// The derived shapes; with them `v_q = R(θ_e) i + L(θ_e) di/dt + ½ ω_e (dL/dθ_e) i + k φ ω_m`.
+/// The derived shapes. They give the q voltage `v_q = R(θ_e) i + L(θ_e) di/dt + ½ ω_e (dL/dθ_e) i + k φ ω_m`.
 ///
 /// ```
 /// use ema_models::{derived_shape, FaultVector, Real, Winding};
@@ -126,20 +127,20 @@ pub struct DerivedShape<R> {
 /// fault.eccentricity_phase = 0.6;
 /// let theta_e = 1.1f64;
 /// let emf = derived_shape(&Winding::new(&fault), theta_e.sin_cos_poly()).emf;
-/// // Intact turns: exactly 1 − ½ ζ cos(theta_e + φ_e), so \[P\] eq. 11 holds with k_E = ½.
+/// // Intact turns give exactly 1 − ½ ζ cos(theta_e + φ_e), so \[P\] eq. 11 holds with k_E = ½.
 /// assert!((emf - (1.0 - 0.2 * (theta_e + fault.eccentricity_angle()).cos())).abs() < 1e-10);
 /// ```
 #[inline(always)]
 pub fn derived_shape<R: Real>(winding: &Winding<R>, sin_cos: (R, R)) -> DerivedShape<R> {
     let s = phase_shapes(sin_cos);
-    // ds_j/dtheta_e = −cos(theta_e − 2πj/3), and gap_cosines holds cos(theta_e + 2πj/3): B and C change places.
+    // ds_j/dtheta_e = −cos(theta_e − 2πj/3), and gap_cosines returns cos(theta_e + 2πj/3): B and C are exchanged.
     let along = gap_cosines(sin_cos);
     let slope = [-along[0], -along[2], -along[1]];
     let emf_shapes = winding.emf_shapes(sin_cos);
     let two_thirds = R::splat(2.0 / 3.0);
     let mut sums = [R::zero(); 4];
     for j in 0..3 {
-        let n = winding.turns[j];
+        let n = winding.turns_ratio[j];
         sums[0] = sums[0] + emf_shapes[j] * s[j];
         sums[1] = sums[1] + n * s[j] * s[j];
         sums[2] = sums[2] + n * n * s[j] * s[j];
@@ -160,21 +161,21 @@ mod tests {
 
     proptest! {
         #[test]
-        fn emf_shapes_are_those_of_the_definition(
+        fn emf_shapes_match_their_definition(
             theta in -20.0..20.0f64, a in 0.0..0.9f64, b in 0.0..0.9f64, zeta in 0.0..1.0f64, phase in 0.0..1.0f64,
         ) {
             let fault = FaultVector::from_array([0.0, 0.0, a, b, 0.0, zeta, phase, 0.5]);
             let shapes = Winding::new(&fault).emf_shapes(theta.sin_cos_poly());
             for j in 0..3 {
                 let shift = core::f64::consts::TAU / 3.0 * j as f64;
-                let expected = fault.turns()[j] * -libm::sin(theta - shift)
+                let expected = fault.winding_turns_ratio()[j] * -libm::sin(theta - shift)
                     * (1.0 + zeta * libm::cos(theta - fault.eccentricity_angle() + shift));
                 prop_assert!((shapes[j] - expected).abs() < 1e-10);
             }
         }
 
         #[test]
-        fn the_inductance_slope_is_a_derivative(theta in -20.0..20.0f64, a in 0.0..0.9f64, c in 0.0..0.9f64) {
+        fn the_inductance_slope_is_the_derivative_of_the_inductance(theta in -20.0..20.0f64, a in 0.0..0.9f64, c in 0.0..0.9f64) {
             let winding = Winding::new(&FaultVector::from_array([0.0, 0.0, a, 0.0, c, 0.0, 0.5, 0.5]));
             let at = |x: f64| derived_shape(&winding, x.sin_cos_poly());
             let difference = (at(theta + 1e-4).inductance - at(theta - 1e-4).inductance) / 2e-4;
@@ -183,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn healthy_shapes_are_one() {
+    fn shapes_of_a_healthy_motor_are_one() {
         let healthy = Winding::new(&FaultVector::NOMINAL);
         for n in 0..100 {
             let sin_cos = (f64::from(n) * 0.0628).sin_cos_poly();

@@ -266,7 +266,7 @@ impl From<Option<Sample>> for Samples {
     }
 }
 
-/// The newest sample: its counter byte, the stamp of its first frame, ns, and how far it has come.
+/// The newest sample: its counter byte, the stamp of its first frame, ns, and its stage.
 #[derive(Debug, Clone, Copy)]
 struct Collected {
     seq8: u8,

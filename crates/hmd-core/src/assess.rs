@@ -7,21 +7,21 @@ mod records;
 use std::sync::Arc;
 
 use ema_ga::GaConfig;
-use ema_models::{FAULT_COUNT, FaultVector};
+use ema_models::{FAULT_COUNT, FaultId, FaultVector};
 
 use crate::config::{Config, IdentificationConfig, SearchMethod};
-use crate::demux::WindowJob;
-use crate::functional_check::{TRIED, shortfalls};
-use crate::health::Judgement;
-use crate::history::{Lives, Shown};
+use crate::functional_check::{CHECK_LANES, unmet_requirements};
+use crate::health::DamageEvidence;
+use crate::history::{HistoryStore, WindowEvidence};
+use crate::outbox::WindowJob;
 use crate::outliers::identify_without_outliers;
-use crate::record;
+use crate::record::{self, WindowStatus};
 use crate::seed::mix;
-use crate::window::Verdict;
+use crate::window::WindowQuality;
 use ema_identify::{Estimate, Fit, Identifier, Method, Population};
 use records::{health_record, rul_record, window_record};
 
-pub use conditions::{TYPE_TOLERANCE, conditions, known_at};
+pub use conditions::{TYPE_TOLERANCE, conditions, motor_knowledge_at};
 pub use models::{AssessError, Models, ReadText, TypeModel, model_hash};
 
 /// Judges the windows of all actuators, in the order in which they come.
@@ -31,7 +31,7 @@ pub struct Assessor {
     method: Method,
     seed: u64,
     models: Models,
-    lives: Lives,
+    histories: HistoryStore,
     counts: WindowCounts,
 }
 
@@ -65,7 +65,7 @@ impl Assessor {
     pub fn new(config: Arc<Config>, models: Models, seed: u64) -> Self {
         let method = method(config.identification());
         Self {
-            lives: Lives::new(config.clone()),
+            histories: HistoryStore::new(config.clone()),
             config,
             method,
             seed,
@@ -75,8 +75,8 @@ impl Assessor {
     }
 
     /// Lives of all actuators.
-    pub fn lives(&mut self) -> &mut Lives {
-        &mut self.lives
+    pub fn histories(&mut self) -> &mut HistoryStore {
+        &mut self.histories
     }
 
     /// Windows so far.
@@ -95,7 +95,7 @@ impl Assessor {
         let mut found = None;
         let mut fit = Fit::default();
         match conditions(&job) {
-            _ if !job.window.verdict.is_fit() => reasons.push(job.window.verdict.to_string()),
+            _ if !job.window.quality.is_fit() => reasons.push(job.window.quality.to_string()),
             Err(absurd) => reasons.push(absurd),
             Ok(conditions) => {
                 let calibrated = self.models.of_type(&job.actuator.type_name)?.calibrated;
@@ -103,7 +103,7 @@ impl Assessor {
                 let seed = mix(self.seed, &[name_hash(&job.actuator.name), job.window.number]);
                 let (prepared, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, seed)?;
                 fit = identifier.fit(&prepared, conditions, &estimate);
-                if let Verdict::Degraded(handicaps) = &job.window.verdict {
+                if let WindowQuality::Degraded(handicaps) = &job.window.quality {
                     reasons.extend(handicaps.iter().map(ToString::to_string));
                 }
                 if !calibrated {
@@ -125,34 +125,35 @@ impl Assessor {
         }
         let explained = found.as_ref().filter(|estimate| !estimate.is_unmodelled());
         let status = match (&found, explained, reasons.is_empty()) {
-            (None, _, _) => "invalid",
+            (None, _, _) => WindowStatus::Invalid,
             (Some(estimate), None, _) => {
                 reasons.extend(estimate.unmodelled().as_ref().map(ToString::to_string));
-                "unmodelled"
+                WindowStatus::Unmodelled
             }
-            (Some(_), Some(_), true) => "ok",
-            (Some(_), Some(_), false) => "degraded",
+            (Some(_), Some(_), true) => WindowStatus::Ok,
+            (Some(_), Some(_), false) => WindowStatus::Degraded,
         };
         match status {
-            "ok" => self.counts.ok += 1,
-            "degraded" => self.counts.degraded += 1,
-            "unmodelled" => self.counts.unmodelled += 1,
-            _ => self.counts.invalid += 1,
+            WindowStatus::Ok => self.counts.ok += 1,
+            WindowStatus::Degraded => self.counts.degraded += 1,
+            WindowStatus::Unmodelled => self.counts.unmodelled += 1,
+            WindowStatus::Invalid => self.counts.invalid += 1,
         }
         let config = self.config.clone();
         let specification = job.actuator.specification;
         let coefficients = self.models.of_type(&job.actuator.type_name)?.calibration.coefficients();
-        let falls_short =
-            |faults: &[FaultVector; TRIED]| shortfalls(&job.params, &coefficients, &specification, faults);
-        let judged = explained.map(judgement);
-        let shown = Shown {
-            judgement: judged.as_ref(),
+        let falls_short = |faults: &[FaultVector; CHECK_LANES]| {
+            unmet_requirements(&job.params, &coefficients, &specification, faults)
+        };
+        let assessed = explained.map(damage_evidence);
+        let evidence = WindowEvidence {
+            damage_evidence: assessed.as_ref(),
             fault: explained.map(|estimate| &estimate.fault),
             fit: &fit,
-            shortfall: specification.is_set().then_some(&falls_short as _),
+            unmet_requirement: specification.is_set().then_some(&falls_short as _),
         };
-        let life = self.lives.at(&job.actuator, job.window.t_start_ns)?;
-        let decision = life.update(&job, &shown, &config);
+        let history = self.histories.history_at(&job.actuator, job.window.t_start_ns)?;
+        let decision = history.update(&job, &evidence, &config);
         let reason = reasons.join("; ");
         Ok(AssessedWindow {
             window: window_record(&job, status, &reason, fit),
@@ -170,7 +171,7 @@ impl Assessor {
             params: job.params,
             calibration: self.models.of_type(&job.actuator.type_name)?.calibration.clone(),
             method: self.method,
-            motor: known_at(self.models.motor(&job.actuator), job.conditions.winding_temp_deg_c),
+            motor: motor_knowledge_at(self.models.motor(&job.actuator), job.conditions.winding_temp_deg_c),
         })
     }
 }
@@ -191,18 +192,20 @@ pub fn method(section: &IdentificationConfig) -> Method {
 
 /// Damage of what the window shows; the rest has no sigma and is left as it was.
 #[must_use]
-pub fn judgement(estimate: &Estimate) -> Judgement {
-    Judgement {
-        damage: estimate.fault.damage(),
-        sigma: Some(estimate.damage_sigma()),
+pub fn damage_evidence(estimate: &Estimate) -> DamageEvidence {
+    let sigma = estimate.damage_sigma();
+    DamageEvidence {
+        damage: estimate.fault.damages(),
+        sigma: Some(FaultId::ALL.map(|fault| sigma[fault.parameter()])),
     }
 }
 
 /// Says which parameters the window does not show. The phase k7 is no handicap: without eccentricity it has no meaning.
 fn unseen(estimate: &Estimate) -> Option<String> {
-    let names: Vec<&str> = (0..FAULT_COUNT)
-        .filter(|&p| p != 6 && !estimate.observable[p])
-        .map(|p| ema_models::FaultVector::NAMES[p])
+    let names: Vec<&str> = FaultId::ALL
+        .into_iter()
+        .filter(|fault| !estimate.observable[fault.parameter()])
+        .map(FaultId::name)
         .collect();
     (!names.is_empty()).then(|| format!("not excited: {}", names.join(", ")))
 }
@@ -210,9 +213,11 @@ fn unseen(estimate: &Estimate) -> Option<String> {
 /// Says which other values explain the window as well.
 fn ambiguous(estimate: &Estimate, rival: &ema_models::FaultVector) -> String {
     let (k, other) = (estimate.fault.to_array(), rival.to_array());
-    let names: Vec<String> = (0..FAULT_COUNT)
-        .filter(|&p| p != 6 && (k[p] - other[p]).abs() > RIVAL_DIFFERENCE)
-        .map(|p| format!("{} {:.2} or {:.2}", ema_models::FaultVector::NAMES[p], k[p], other[p]))
+    let names: Vec<String> = FaultId::ALL
+        .into_iter()
+        .map(|fault| (fault.name(), k[fault.parameter()], other[fault.parameter()]))
+        .filter(|(_, k, other)| (k - other).abs() > RIVAL_DIFFERENCE)
+        .map(|(name, k, other)| format!("{name} {k:.2} or {other:.2}"))
         .collect();
     format!("ambiguous: {}", names.join(", "))
 }

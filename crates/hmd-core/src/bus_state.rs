@@ -43,13 +43,13 @@ pub struct BusStates(BTreeMap<u16, BusState>);
 impl BusStates {
     /// State of a bus; error-active until an error frame says otherwise.
     #[must_use]
-    pub fn of(&self, bus: u16) -> BusState {
+    pub fn state_of(&self, bus: u16) -> BusState {
         self.0.get(&bus).copied().unwrap_or_default()
     }
 
     /// Takes a frame; the new state of its bus if it changed.
     pub fn push(&mut self, frame: &RawFrame) -> Option<BusState> {
-        let before = self.of(frame.bus);
+        let before = self.state_of(frame.bus);
         let now = if frame.is_error() {
             told_by(frame)?
         } else if before == BusState::BusOff {
@@ -105,7 +105,7 @@ mod tests {
         // Classes and flags of linux/can/error.h: 0x04 controller (0x08 warning, 0x20 passive, 0x40 active), 0x40 bus-off,
         // 0x100 restarted, 0x20 no acknowledgement.
         let mut states = BusStates::default();
-        assert_eq!(states.of(0), BusState::ErrorActive);
+        assert_eq!(states.state_of(0), BusState::ErrorActive);
         assert_eq!(states.push(&error(0x04, 0x08)), Some(BusState::ErrorWarning));
         assert_eq!(states.push(&error(0x04, 0x08)), None, "each change once");
         assert_eq!(states.push(&error(0x20, 0)), None, "not about the state");

@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use crate::health::{FAULTS, HealthState, INDEX, Levels, SIGNIFICANCE, fault_name};
+use crate::health::{HealthState, Levels, SIGNIFICANCE};
+use ema_models::FaultId;
 
 /// Version of the catalogue's form; a breaking change counts it up.
 const VERSION: u32 = 2;
@@ -17,7 +18,7 @@ pub struct Catalogue {
     /// What confidence means here.
     pub confidence: Confidence,
     /// The modes, in the order in which records list faults.
-    pub fault_modes: [FaultMode; FAULTS],
+    pub fault_modes: [FaultMode; FaultId::COUNT],
 }
 
 /// How sure a record is, and in which fields it says so.
@@ -72,59 +73,51 @@ pub struct Severity {
 /// What is known of a fault mode whatever the configuration.
 struct Known {
     id: &'static str,
-    item: &'static str,
     mode: &'static str,
     symptom: &'static str,
     effect: &'static str,
 }
 
-/// In the order of [`fault_name`].
-const KNOWN: [Known; FAULTS] = [
+/// In the order of [`FaultId::ALL`].
+const KNOWN: [Known; FaultId::COUNT] = [
     Known {
         id: "EMA-01",
-        item: "bearings, gear and screw",
         mode: "dry friction grows beyond that of a new part",
         symptom: "more current for the same motion, and more of it to break away",
         effect: "less force at the output, more heat",
     },
     Known {
         id: "EMA-02",
-        item: "gear and screw",
         mode: "free play grows",
         symptom: "the output stands still while the motor turns back",
         effect: "lost motion, limit cycles, impacts",
     },
     Known {
         id: "EMA-03",
-        item: "stator winding, phase A",
         mode: "turns are shorted",
         symptom: "current and back-EMF uneven over the electrical angle, weak in phase A",
         effect: "less torque, torque ripple, local heat that spreads the short",
     },
     Known {
         id: "EMA-04",
-        item: "stator winding, phase B",
         mode: "turns are shorted",
         symptom: "current and back-EMF uneven over the electrical angle, weak in phase B",
         effect: "less torque, torque ripple, local heat that spreads the short",
     },
     Known {
         id: "EMA-05",
-        item: "stator winding, phase C",
         mode: "turns are shorted",
         symptom: "current and back-EMF uneven over the electrical angle, weak in phase C",
         effect: "less torque, torque ripple, local heat that spreads the short",
     },
     Known {
         id: "EMA-06",
-        item: "rotor and its bearings",
         mode: "static eccentricity: the air gap is uneven",
         symptom: "back-EMF and torque modulated once in each electrical turn",
         effect: "torque ripple, vibration, at the end rubbing",
     },
     Known {
         id: "EMA-07",
-        item: "position controller",
         mode: "proportional gain drifts, up or down",
         symptom: "response to a setpoint too slow or too fast",
         effect: "sluggish or oscillating position",
@@ -133,7 +126,7 @@ const KNOWN: [Known; FAULTS] = [
 
 /// The catalogue under the levels of each fault of a configuration.
 #[must_use]
-pub fn catalogue(levels: &[Levels; FAULTS]) -> Catalogue {
+pub fn catalogue(levels: &[Levels; FaultId::COUNT]) -> Catalogue {
     Catalogue {
         version: VERSION,
         build: concat!("hmd ", env!("CARGO_PKG_VERSION")),
@@ -143,22 +136,22 @@ pub fn catalogue(levels: &[Levels; FAULTS]) -> Catalogue {
             significance_sigmas: SIGNIFICANCE,
             quantiles: "the life ends earlier than p10 with 10 %, than p50 with 50 %, than p90 with 90 % probability",
         },
-        fault_modes: std::array::from_fn(|fault| mode(fault, &levels[fault])),
+        fault_modes: FaultId::ALL.map(|fault| mode(fault, &levels[fault.index()])),
     }
 }
 
-fn mode(fault: usize, levels: &Levels) -> FaultMode {
-    let (known, name, k) = (&KNOWN[fault], fault_name(fault), INDEX[fault] + 1);
+fn mode(fault: FaultId, levels: &Levels) -> FaultMode {
+    let (known, name, k) = (&KNOWN[fault.index()], fault.name(), fault.parameter() + 1);
     let severity = |class, damage, action| Severity { class, damage, action };
     FaultMode {
         id: known.id,
         name,
-        item: known.item,
+        item: fault.part(),
         mode: known.mode,
         symptom: known.symptom,
         effect: known.effect,
         fields: [format!("k{k}"), format!("k{k}_sigma"), format!("damage_{name}")],
-        damage: if k == 8 {
+        damage: if fault == FaultId::Gain {
             "2 abs(k8 - 0.5)"
         } else {
             "the estimate itself"
@@ -176,12 +169,12 @@ fn mode(fault: usize, levels: &Levels) -> FaultMode {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::{FAULT_NAMES, Health, Record};
+    use crate::record::{Health, Record};
 
     #[test]
     fn every_fault_has_a_mode_whose_fields_are_in_the_records() {
-        let mut levels = [Levels::default(); FAULTS];
-        levels[6].persistence = 2;
+        let mut levels = [Levels::default(); FaultId::COUNT];
+        levels[FaultId::Gain.index()].persistence = 2;
         let found = catalogue(&levels);
         let descriptor = Health::descriptor();
         let known: Vec<&str> = descriptor.file[0].message_type[0]
@@ -189,7 +182,7 @@ mod tests {
             .iter()
             .map(|f| f.name())
             .collect();
-        for (mode, name) in found.fault_modes.iter().zip(FAULT_NAMES) {
+        for (mode, name) in found.fault_modes.iter().zip(FaultId::NAMES) {
             assert_eq!(mode.name, name);
             for field in &mode.fields {
                 assert!(known.contains(&field.as_str()), "{field}");
@@ -201,7 +194,7 @@ mod tests {
         }
         let mut ids: Vec<&str> = found.fault_modes.iter().map(|mode| mode.id).collect();
         ids.dedup();
-        assert_eq!(ids.len(), FAULTS);
+        assert_eq!(ids.len(), FaultId::COUNT);
         assert_eq!(
             found.fault_modes.map(|mode| mode.persistence_windows),
             [1, 1, 1, 1, 1, 1, 2]

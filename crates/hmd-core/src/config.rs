@@ -11,6 +11,7 @@ mod describe;
 mod error;
 mod health;
 mod identification;
+mod name;
 mod output;
 mod params;
 mod reader;
@@ -36,11 +37,13 @@ pub use storage_limits::Limits;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use ema_wire::ActuatorId;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
+use crate::dbc::SignalMap;
 use crate::frame::BusNames;
 use crate::metadata_checksum::hex;
 use crate::window::WindowConfig;
@@ -102,7 +105,10 @@ impl Config {
     /// [`ConfigError`] for the first thing that is wrong.
     pub fn from_toml_str(text: &str, file_name: &str) -> Result<Self, ConfigError> {
         let no_files = |_: &Path| Err("files cannot be read here".to_owned());
-        Self::from_texts(&[(file_name.to_owned(), text.to_owned())], &no_files)
+        let mut config = Self::from_texts(&[(file_name.to_owned(), text.to_owned())], &no_files)?;
+        // The text is no file that a run would read.
+        config.files.clear();
+        Ok(config)
     }
 
     /// Checks the texts of several files, each with the name that errors call it: what a later one sets again holds, and
@@ -159,6 +165,14 @@ impl Config {
     #[must_use]
     pub fn actuator_for(&self, bus: &str, id: ActuatorId) -> Option<&ActuatorConfig> {
         self.actuators.iter().find(|actuator| actuator.is_at(bus, id))
+    }
+
+    /// The actuators on interface `bus` that have a signal map, each with its map and its nominal sample rate, Hz.
+    pub fn mapped_actuators(&self, bus: &str) -> impl Iterator<Item = (ActuatorId, &Arc<SignalMap>, f64)> {
+        self.actuators.iter().filter_map(move |actuator| {
+            let map = actuator.map.as_ref().filter(|_| actuator.is_at(bus, actuator.id))?;
+            Some((actuator.id, map, actuator.params.sensors.sample_rate))
+        })
     }
 
     /// The interfaces that the actuators are on, in the order of the file; `file_name` is what errors call it.

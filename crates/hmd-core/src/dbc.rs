@@ -19,7 +19,7 @@ mod unit;
 
 pub use bus::MappedBus;
 pub use database::{Database, DbcError, DbcMessage, DbcSignal};
-pub use joiner::{Heard, Joiner};
+pub use joiner::{DecodedUpdate, Joiner};
 pub use map::{Binding, MapDraft, MessageUse, Misfit, ModeCodes, Role, SignalMap};
 pub use signal::{Layout, Selector, Signal, SignalKind};
 pub use unit::{Dimension, Unit};

@@ -331,7 +331,7 @@ impl BusNames {
     /// # Errors
     /// [`BusError`] when the name is not an interface name or the table is full.
     pub fn intern(&mut self, name: &str) -> Result<u16, BusError> {
-        if let Some(bus) = self.find(name) {
+        if let Some(bus) = self.index_of(name) {
             return Ok(bus);
         }
         let printable = name.bytes().all(|b| b.is_ascii_graphic() && b != b'/');
@@ -346,7 +346,7 @@ impl BusNames {
     }
 
     /// The index of `name`, if it is in the table.
-    pub fn find(&self, name: &str) -> Option<u16> {
+    pub fn index_of(&self, name: &str) -> Option<u16> {
         self.0.iter().position(|known| **known == *name).map(|at| at as u16)
     }
 

@@ -8,7 +8,7 @@ use crate::config::Specification;
 
 /// The requirement that is not met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Shortfall {
+pub enum UnmetRequirement {
     /// The output does not reach the speed.
     SlewRate,
     /// It takes too long.
@@ -19,7 +19,7 @@ pub enum Shortfall {
     Stall,
 }
 
-impl Shortfall {
+impl UnmetRequirement {
     /// The name that records use.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -33,10 +33,10 @@ impl Shortfall {
 }
 
 /// Fault vectors that are tried at once.
-pub const TRIED: usize = RANK_LANES;
+pub const CHECK_LANES: usize = RANK_LANES;
 
 /// A specification that fault vectors are tried on: for each the first requirement that it makes the actuator miss.
-pub type Trial<'a> = dyn Fn(&[FaultVector; TRIED]) -> [Option<Shortfall>; TRIED] + 'a;
+pub type RequirementCheck<'a> = dyn Fn(&[FaultVector; CHECK_LANES]) -> [Option<UnmetRequirement>; CHECK_LANES] + 'a;
 
 /// How long a step is watched, s; twice the response time if that is longer.
 const WATCHED_S: f64 = 1.0;
@@ -46,12 +46,12 @@ const UNDER_WAY: f64 = 0.5;
 
 /// The first requirement that each fault vector makes the actuator miss; `None` if it meets all that are set.
 #[must_use]
-pub fn shortfalls(
+pub fn unmet_requirements(
     params: &ActuatorParams,
     calibration: &Calibration,
     specification: &Specification,
-    faults: &[FaultVector; TRIED],
-) -> [Option<Shortfall>; TRIED] {
+    faults: &[FaultVector; CHECK_LANES],
+) -> [Option<UnmetRequirement>; CHECK_LANES] {
     let spec = specification;
     let steps = |load_nm| {
         let trial = StepTrial {
@@ -59,7 +59,7 @@ pub fn shortfalls(
             calibration,
             step_rad: spec.step_rad,
             load_nm,
-            watched_s: WATCHED_S.max(2.0 * spec.response_time_max_s),
+            duration_s: WATCHED_S.max(2.0 * spec.response_time_max_s),
         };
         trial.responses(faults)
     };
@@ -68,21 +68,21 @@ pub fn shortfalls(
         (spec.stall_load_nm > 0.0).then(|| steps(spec.stall_load_nm)),
     );
     std::array::from_fn(|n| {
-        let stalls = |steps: &[StepResponse; TRIED]| steps[n].reached_rad < UNDER_WAY * spec.step_rad;
-        missed(spec, &working[n]).or(stalled.as_ref().is_some_and(stalls).then_some(Shortfall::Stall))
+        let stalls = |steps: &[StepResponse; CHECK_LANES]| steps[n].reached_rad < UNDER_WAY * spec.step_rad;
+        missed(spec, &working[n]).or(stalled.as_ref().is_some_and(stalls).then_some(UnmetRequirement::Stall))
     })
 }
 
 /// What a step under the working load does not meet.
-fn missed(spec: &Specification, step: &StepResponse) -> Option<Shortfall> {
+fn missed(spec: &Specification, step: &StepResponse) -> Option<UnmetRequirement> {
     if spec.slew_rate_min_rad_s > 0.0 && step.slew_rate_rad_s < spec.slew_rate_min_rad_s {
-        return Some(Shortfall::SlewRate);
+        return Some(UnmetRequirement::SlewRate);
     }
     if spec.response_time_max_s > 0.0 && step.response_time_s > spec.response_time_max_s {
-        return Some(Shortfall::ResponseTime);
+        return Some(UnmetRequirement::ResponseTime);
     }
     (spec.steady_error_max_rad > 0.0 && step.steady_error_rad > spec.steady_error_max_rad)
-        .then_some(Shortfall::SteadyError)
+        .then_some(UnmetRequirement::SteadyError)
 }
 
 #[cfg(test)]
@@ -101,9 +101,9 @@ mod tests {
             calibration: &calibration,
             step_rad: Specification::default().step_rad,
             load_nm: 10.0,
-            watched_s: WATCHED_S,
+            duration_s: WATCHED_S,
         }
-        .responses(&[FaultVector::NOMINAL; TRIED])[0];
+        .responses(&[FaultVector::NOMINAL; CHECK_LANES])[0];
         assert!(
             healthy.slew_rate_rad_s > 1.0 && healthy.response_time_s < 0.3,
             "{healthy:?}"
@@ -125,7 +125,7 @@ mod tests {
                     ..base
                 },
                 worn(|k| (k.friction, k.short_a, k.short_b, k.short_c) = (0.9, 0.9, 0.9, 0.9)),
-                Shortfall::SteadyError,
+                UnmetRequirement::SteadyError,
             ),
             (
                 Specification {
@@ -133,7 +133,7 @@ mod tests {
                     ..base
                 },
                 worn(|k| (k.friction, k.short_a, k.short_b) = (0.9, 0.6, 0.6)),
-                Shortfall::SlewRate,
+                UnmetRequirement::SlewRate,
             ),
             (
                 Specification {
@@ -141,7 +141,7 @@ mod tests {
                     ..base
                 },
                 worn(|k| k.gain = 0.05),
-                Shortfall::ResponseTime,
+                UnmetRequirement::ResponseTime,
             ),
             (
                 Specification {
@@ -149,14 +149,18 @@ mod tests {
                     ..base
                 },
                 worn(|k| (k.friction, k.short_a, k.short_b) = (0.9, 0.6, 0.6)),
-                Shortfall::Stall,
+                UnmetRequirement::Stall,
             ),
         ] {
-            let mut tried = [FaultVector::NOMINAL; TRIED];
-            tried[TRIED - 1] = fault;
-            let mut found = [None; TRIED];
-            found[TRIED - 1] = Some(expected);
-            assert_eq!(shortfalls(&params, &calibration, &spec, &tried), found, "{expected:?}");
+            let mut tried = [FaultVector::NOMINAL; CHECK_LANES];
+            tried[CHECK_LANES - 1] = fault;
+            let mut found = [None; CHECK_LANES];
+            found[CHECK_LANES - 1] = Some(expected);
+            assert_eq!(
+                unmet_requirements(&params, &calibration, &spec, &tried),
+                found,
+                "{expected:?}"
+            );
         }
     }
 }

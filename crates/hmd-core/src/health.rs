@@ -2,22 +2,10 @@
 
 use std::ops::RangeInclusive;
 
-use ema_models::{FAULT_COUNT, FaultVector};
+use ema_models::FaultId;
 use serde::{Deserialize, Serialize};
 
 use crate::setting::{Expected, SettingError};
-
-/// Number of faults: the fault vector without the direction of the eccentricity.
-pub const FAULTS: usize = 7;
-
-/// Where each fault stands in the fault vector.
-pub const INDEX: [usize; FAULTS] = [0, 1, 2, 3, 4, 5, 7];
-
-/// Name of a fault, by its number 0…6: friction, backlash, short_a, short_b, short_c, eccentricity, gain.
-#[must_use]
-pub fn fault_name(fault: usize) -> &'static str {
-    FaultVector::NAMES[INDEX[fault]]
-}
 
 /// State of health of an actuator, or of one fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -173,12 +161,12 @@ const STATES: [HealthState; STEPS + 1] = [
 
 /// What the identification of one window says of the damage.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Judgement {
-    /// Damage in fault-vector order (see [`FaultVector::damage`]); index 6, the direction, is never read. A damage that is
+pub struct DamageEvidence {
+    /// Damage of each fault (see [`ema_models::FaultVector::damages`]), in the order of [`FaultId::ALL`]. A damage that is
     /// no number was not observable in this window and leaves its fault as it is.
-    pub damage: [f64; FAULT_COUNT],
+    pub damage: [f64; FaultId::COUNT],
     /// Standard deviations, same order; one that is no number makes its damage unobservable.
-    pub sigma: Option<[f64; FAULT_COUNT]>,
+    pub sigma: Option<[f64; FaultId::COUNT]>,
 }
 
 /// Health after a window.
@@ -188,10 +176,10 @@ pub struct HealthDecision {
     pub window: u64,
     /// The worst state of all faults.
     pub state: HealthState,
-    /// Names of the faults at watch or worse, in the order of [`fault_name`].
-    pub faults: Vec<&'static str>,
+    /// The faults at watch or worse, in the order of [`FaultId::ALL`].
+    pub faults: Vec<FaultId>,
     /// State of every fault, same order.
-    pub states: [HealthState; FAULTS],
+    pub states: [HealthState; FaultId::COUNT],
     /// Whether `state` or the list of faults is another than after the window before.
     pub changed: bool,
 }
@@ -206,19 +194,21 @@ pub struct HealthDecision {
 /// use crate::health::{Health, HealthState, Judgement, Levels};
 /// let mut health = Health::new([Levels::default(); 7])?;
 /// assert_eq!(health.update(0, None).state, HealthState::Unknown);
-/// let worn = Judgement { damage: [0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01], sigma: None };
+/// let worn = Judgement { damage: [0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01], sigma: None };
 /// let decision = health.update(1, Some(&worn));
-/// assert_eq!((decision.state, decision.faults), (HealthState::Watch, vec!["friction"]));
+/// assert_eq!((decision.state, decision.faults), (HealthState::Watch, vec![FaultId::Friction]));
 /// # Ok::<(), crate::health::LevelsError>(())
 /// ```
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Health {
     /// The rules. They come from the configuration, never from a file in which the rest is kept.
     #[serde(skip)]
-    levels: [Levels; FAULTS],
-    judged: bool,
-    last: (HealthState, [HealthState; FAULTS]),
-    faults: [FaultMemory; FAULTS],
+    levels: [Levels; FaultId::COUNT],
+    /// Whether any window was assessed. The name in history files is older.
+    #[serde(rename = "judged")]
+    assessed: bool,
+    last: (HealthState, [HealthState; FaultId::COUNT]),
+    faults: [FaultMemory; FaultId::COUNT],
 }
 
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
@@ -233,20 +223,22 @@ struct FaultMemory {
 pub const SIGNIFICANCE: f64 = 3.0;
 
 impl Health {
-    /// With the levels of each fault in the order of [`fault_name`].
+    /// With the levels of each fault, in the order of [`FaultId::ALL`].
     ///
     /// # Errors
     /// The first level that [`Levels::checked`] refuses, and of which fault.
-    pub fn new(levels: [Levels; FAULTS]) -> Result<Self, LevelsError> {
-        for (fault, levels) in levels.iter().enumerate() {
-            let fault = fault_name(fault);
-            levels.checked().map_err(|setting| LevelsError { fault, setting })?;
+    pub fn new(levels: [Levels; FaultId::COUNT]) -> Result<Self, LevelsError> {
+        for (fault, levels) in FaultId::ALL.into_iter().zip(&levels) {
+            levels.checked().map_err(|setting| LevelsError {
+                fault: fault.name(),
+                setting,
+            })?;
         }
         Ok(Self {
             levels,
-            judged: false,
-            last: (HealthState::Unknown, [HealthState::Unknown; FAULTS]),
-            faults: [FaultMemory::default(); FAULTS],
+            assessed: false,
+            last: (HealthState::Unknown, [HealthState::Unknown; FaultId::COUNT]),
+            faults: [FaultMemory::default(); FaultId::COUNT],
         })
     }
 
@@ -265,9 +257,9 @@ impl Health {
     }
 
     /// Windows in a row that a worse state needs by a fault; without one, the most that any fault needs.
-    pub(crate) fn persistence(&self, fault: Option<usize>) -> u32 {
+    pub(crate) fn persistence(&self, fault: Option<FaultId>) -> u32 {
         let most = || self.levels.iter().map(|levels| levels.persistence).max();
-        fault.map_or_else(|| most().unwrap_or(1), |fault| self.levels[fault].persistence)
+        fault.map_or_else(|| most().unwrap_or(1), |fault| self.levels[fault.index()].persistence)
     }
 
     /// AssessedWindow windows in a row that ask for a worse state than the one reached, the most of any fault; 0 when none does.
@@ -284,22 +276,24 @@ impl Health {
 
     /// Forgets everything, as after the replacement of the part.
     pub fn reset(&mut self) {
-        self.judged = false;
-        self.last = (HealthState::Unknown, [HealthState::Unknown; FAULTS]);
-        self.faults = [FaultMemory::default(); FAULTS];
+        self.assessed = false;
+        self.last = (HealthState::Unknown, [HealthState::Unknown; FaultId::COUNT]);
+        self.faults = [FaultMemory::default(); FaultId::COUNT];
     }
 
     /// Takes the next window; `None` if it was not judged.
-    pub fn update(&mut self, window: u64, judgement: Option<&Judgement>) -> HealthDecision {
-        for (fault, memory) in self.faults.iter_mut().enumerate() {
-            let Some((damage, sigma)) = judgement.and_then(|judgement| judgement.of(fault)) else {
+    pub fn update(&mut self, window: u64, damage_evidence: Option<&DamageEvidence>) -> HealthDecision {
+        for (fault, memory) in FaultId::ALL.into_iter().zip(&mut self.faults) {
+            let Some((damage, sigma)) =
+                damage_evidence.and_then(|damage_evidence| damage_evidence.damage_and_sigma(fault))
+            else {
                 continue;
             };
-            memory.update(damage, sigma, &self.levels[fault]);
-            self.judged = true;
+            memory.update(damage, sigma, &self.levels[fault.index()]);
+            self.assessed = true;
         }
         let states = self.faults.map(|memory| {
-            if self.judged {
+            if self.assessed {
                 STATES[memory.reached]
             } else {
                 HealthState::Unknown
@@ -308,9 +302,9 @@ impl Health {
         let state = states.iter().copied().max().unwrap_or_default();
         let changed = (state, states.map(is_fault)) != (self.last.0, self.last.1.map(is_fault));
         self.last = (state, states);
-        let faults = (0..FAULTS)
-            .filter(|&fault| is_fault(states[fault]))
-            .map(fault_name)
+        let faults = FaultId::ALL
+            .into_iter()
+            .filter(|fault| is_fault(states[fault.index()]))
             .collect();
         HealthDecision {
             window,
@@ -326,11 +320,11 @@ fn is_fault(state: HealthState) -> bool {
     state >= HealthState::Watch
 }
 
-impl Judgement {
+impl DamageEvidence {
     /// Damage and sigma of a fault, if it was observable.
-    pub(crate) fn of(&self, fault: usize) -> Option<(f64, f64)> {
-        let damage = self.damage[INDEX[fault]];
-        let sigma = self.sigma.map_or(0.0, |sigma| sigma[INDEX[fault]]);
+    pub(crate) fn damage_and_sigma(&self, fault: FaultId) -> Option<(f64, f64)> {
+        let damage = self.damage[fault.index()];
+        let sigma = self.sigma.map_or(0.0, |sigma| sigma[fault.index()]);
         (damage.is_finite() && sigma.is_finite() && sigma >= 0.0).then_some((damage, sigma))
     }
 }
@@ -362,9 +356,9 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn friction(damage: f64) -> Judgement {
-        Judgement {
-            damage: [damage, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    fn friction(damage: f64) -> DamageEvidence {
+        DamageEvidence {
+            damage: [damage, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
             sigma: None,
         }
     }
@@ -374,15 +368,15 @@ mod tests {
             persistence,
             ..Levels::default()
         };
-        Health::new([levels; FAULTS]).unwrap()
+        Health::new([levels; FaultId::COUNT]).unwrap()
     }
 
     /// A history of friction damage, NaN for a window that was not judged, and the initials of the states after each window.
     fn states(persistence: u32, history: &[f64]) -> String {
         let mut health = health(persistence);
         let decide = |(n, &damage): (usize, &f64)| {
-            let judged = friction(damage);
-            health.update(n as u64, (!damage.is_nan()).then_some(&judged)).state
+            let assessed = friction(damage);
+            health.update(n as u64, (!damage.is_nan()).then_some(&assessed)).state
         };
         let initial = |state| match state {
             HealthState::Unknown => '?',
@@ -436,52 +430,45 @@ mod tests {
 
     #[test]
     fn each_fault_has_its_own_persistence() {
-        let mut levels = [Levels::default(); FAULTS];
-        levels[6].persistence = 3;
+        let mut levels = [Levels::default(); FaultId::COUNT];
+        levels[FaultId::Gain.index()].persistence = 3;
         let mut health = Health::new(levels).unwrap();
-        let both = Judgement {
-            damage: [0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.4],
+        let both = DamageEvidence {
+            damage: [0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.4],
             sigma: None,
         };
-        let named = [0, 1, 2].map(|window| health.update(window, Some(&both)).faults.join(" "));
-        assert_eq!(named, ["friction", "friction", "friction gain"]);
-        let needed = [Some(0), Some(6), None].map(|fault| health.persistence(fault));
+        let named = [0, 1, 2].map(|window| health.update(window, Some(&both)).faults);
+        use FaultId::{Friction, Gain};
+        assert_eq!(named, [vec![Friction], vec![Friction], vec![Friction, Gain]]);
+        let needed = [Some(Friction), Some(Gain), None].map(|fault| health.persistence(fault));
         assert_eq!(needed, [1, 3, 3], "of no fault in particular: the most");
     }
 
     #[test]
-    fn faults_are_named_in_order_and_the_direction_is_none() {
+    fn faults_are_listed_in_order() {
         let mut health = health(1);
-        let damage = [0.1, 0.0, 0.7, 0.0, 0.0, 0.06, 1.0, 0.31];
-        let decision = health.update(3, Some(&Judgement { damage, sigma: None }));
-        assert_eq!(decision.faults, ["friction", "short_a", "eccentricity", "gain"]);
+        let damage = [0.1, 0.0, 0.7, 0.0, 0.0, 0.06, 0.31];
+        let decision = health.update(3, Some(&DamageEvidence { damage, sigma: None }));
+        use FaultId::{Eccentricity, Friction, Gain, ShortA};
+        assert_eq!(decision.faults, [Friction, ShortA, Eccentricity, Gain]);
         assert_eq!(
             (decision.window, decision.state, decision.changed),
             (3, HealthState::Critical, true)
         );
         assert!(!health.update(4, None).changed);
-        let all = Judgement {
-            damage: [1.0; FAULT_COUNT],
+        let all = DamageEvidence {
+            damage: [1.0; FaultId::COUNT],
             sigma: None,
         };
-        let names = [
-            "friction",
-            "backlash",
-            "short_a",
-            "short_b",
-            "short_c",
-            "eccentricity",
-            "gain",
-        ];
-        assert_eq!(health.update(5, Some(&all)).faults, names);
+        assert_eq!(health.update(5, Some(&all)).faults, FaultId::ALL);
         health.reset();
         assert_eq!(health.state(), HealthState::Unknown);
     }
 
     #[test]
     fn an_uncertain_damage_neither_alarms_nor_clears() {
-        let with_sigma = |damage: f64, sigma: f64| Judgement {
-            sigma: Some([sigma; FAULT_COUNT]),
+        let with_sigma = |damage: f64, sigma: f64| DamageEvidence {
+            sigma: Some([sigma; FaultId::COUNT]),
             ..friction(damage)
         };
         let mut health = health(1);
@@ -510,8 +497,8 @@ mod tests {
 
     #[test]
     fn an_unobservable_first_window_judges_nothing() {
-        let nothing = Judgement {
-            damage: [f64::NAN; FAULT_COUNT],
+        let nothing = DamageEvidence {
+            damage: [f64::NAN; FaultId::COUNT],
             sigma: None,
         };
         assert_eq!(health(1).update(0, Some(&nothing)).state, HealthState::Unknown);
@@ -532,8 +519,8 @@ mod tests {
             ("persistence", |l| l.persistence = 0),
         ];
         for (field, change) in cases {
-            let mut levels = [Levels::default(); FAULTS];
-            change(&mut levels[6]);
+            let mut levels = [Levels::default(); FaultId::COUNT];
+            change(&mut levels[FaultId::Gain.index()]);
             let refused = Health::new(levels).map(|_| ());
             assert_eq!(refused.map_err(|e| (e.fault, e.setting.field)), Err(("gain", field)));
         }
@@ -541,7 +528,7 @@ mod tests {
             hysteresis: 0.0,
             ..Levels::default()
         };
-        assert!(Health::new([zero; FAULTS]).is_ok());
+        assert!(Health::new([zero; FaultId::COUNT]).is_ok());
     }
 
     #[test]
@@ -578,12 +565,12 @@ mod tests {
 
         #[test]
         fn never_panics_and_a_persistent_damage_gives_its_own_level(
-            junk in prop::collection::vec(prop::array::uniform8(prop::num::f64::ANY), 0..20),
+            junk in prop::collection::vec(prop::array::uniform7(prop::num::f64::ANY), 0..20),
             damage in 0.0..1.0f64,
         ) {
             let mut health = health(2);
             for (n, damage) in junk.iter().enumerate() {
-                health.update(n as u64, Some(&Judgement { damage: *damage, sigma: Some(*damage) }));
+                health.update(n as u64, Some(&DamageEvidence { damage: *damage, sigma: Some(*damage) }));
             }
             health.update(90, Some(&friction(0.0)));
             health.update(91, Some(&friction(damage)));

@@ -1,29 +1,29 @@
 //! The life of one actuator: how much it was used, how worn it is, and what is left. No clock; files only in `state`
 //! (lives that outlast the daemon) and `events` (maintenance).
 
-mod book;
 mod functional;
 mod maintenance;
+mod store;
 mod urgency;
 
-use ema_models::{FAULT_COUNT, FaultVector};
+use ema_models::{FAULT_COUNT, FaultId, FaultVector};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{Config, HoursOf};
-use crate::demux::WindowJob;
-use crate::functional_check::Trial;
-use crate::health::{FAULTS, Health, HealthDecision, HealthState, Judgement, LevelsError};
+use crate::functional_check::RequirementCheck;
+use crate::health::{DamageEvidence, Health, HealthDecision, HealthState, LevelsError};
+use crate::outbox::WindowJob;
 use crate::rul::{Forecast, Odometer, Prognosis};
 use ema_identify::Fit;
 use urgency::Urgency;
 
-pub use book::Lives;
-pub use functional::Governs;
+pub use functional::LimitingCriterion;
 pub use maintenance::{Event, EventKind, Events};
+pub use store::HistoryStore;
 
 /// Everything that is remembered of an actuator from window to window.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Life {
+pub struct UnitHistory {
     /// Time of the maintenance event with which it began, UTC ns; 0 without one.
     begun_ns: u64,
     /// Maintenance events up to then that are followed, counted: one that was told of later may lie earlier, because a
@@ -42,21 +42,21 @@ pub struct Life {
     /// The newest fault vector.
     fault: Option<[f64; FAULT_COUNT]>,
     /// The last trial of the function; files of version 1 had none.
-    #[serde(default)]
-    tried: Option<functional::Tried>,
+    #[serde(default, rename = "tried")]
+    last_check: Option<functional::LastCheck>,
 }
 
 /// What a window shows of an actuator.
 #[derive(Clone, Copy)]
-pub struct Shown<'a> {
+pub struct WindowEvidence<'a> {
     /// Its damage, if it was judged.
-    pub judgement: Option<&'a Judgement>,
+    pub damage_evidence: Option<&'a DamageEvidence>,
     /// Its fault vector, if it was judged.
     pub fault: Option<&'a FaultVector>,
     /// Currents and speeds, for the work done; empty where it was not identified.
     pub fit: &'a Fit,
     /// The requirement that a fault vector makes the actuator miss; `None` where nothing is required.
-    pub shortfall: Option<&'a Trial<'a>>,
+    pub unmet_requirement: Option<&'a RequirementCheck<'a>>,
 }
 
 /// Work that was measured.
@@ -76,7 +76,7 @@ struct Last {
 
 /// What is said of a life after a window.
 #[derive(Clone, Debug)]
-pub struct LifeDecision {
+pub struct UnitAssessment {
     /// State and faults by damage alone.
     pub health: HealthDecision,
     /// The worse of health by damage and by what is left.
@@ -84,12 +84,12 @@ pub struct LifeDecision {
     /// What is left.
     pub forecast: Forecast,
     /// What ends the life.
-    pub governs: Governs,
+    pub limiting_criterion: LimitingCriterion,
     /// Use so far.
     pub used: Odometer,
 }
 
-impl Life {
+impl UnitHistory {
     /// Of a new part.
     ///
     /// # Errors
@@ -107,7 +107,7 @@ impl Life {
             measured: Measured::default(),
             last: None,
             fault: None,
-            tried: None,
+            last_check: None,
         })
     }
 
@@ -135,7 +135,7 @@ impl Life {
         Ok(Self {
             health: self.health.with_rules_of(&new.health),
             // The specification may be another one.
-            tried: None,
+            last_check: None,
             prognosis: self.prognosis.with_end_of_life(new.prognosis.end_of_life()),
             // Frames are counted from the start of the daemon; elapsed hours go on.
             last: self.last.map(|last| Last {
@@ -148,32 +148,43 @@ impl Life {
     }
 
     /// Takes a window and what it shows.
-    pub fn update(&mut self, job: &WindowJob, shown: &Shown<'_>, config: &Config) -> LifeDecision {
-        self.count(job, shown.fit, config.rul().hours);
-        let estimates: [Option<(f64, f64)>; FAULTS] =
-            std::array::from_fn(|fault| shown.judgement.and_then(|judgement| judgement.of(fault)));
+    pub fn update(&mut self, job: &WindowJob, evidence: &WindowEvidence<'_>, config: &Config) -> UnitAssessment {
+        self.count(job, evidence.fit, config.rul().hours);
+        let estimates = FaultId::ALL.map(|fault| {
+            evidence
+                .damage_evidence
+                .and_then(|damage_evidence| damage_evidence.damage_and_sigma(fault))
+        });
         self.prognosis.update(self.used, &estimates);
         let mut forecast = self.prognosis.forecast(config.rul().horizon_h);
-        self.fault = shown.fault.map(|fault| fault.to_array()).or(self.fault);
-        let governs = match (shown.shortfall, self.fault) {
-            (Some(shortfall), Some(fault)) => {
+        self.fault = evidence.fault.map(|fault| fault.to_array()).or(self.fault);
+        let limiting_criterion = match (evidence.unmet_requirement, self.fault) {
+            (Some(unmet_requirement), Some(fault)) => {
                 let fault = FaultVector::from_array(fault);
-                functional::bring_forward(&mut forecast, &self.prognosis, &fault, shortfall, &mut self.tried)
+                functional::bring_forward(
+                    &mut forecast,
+                    &self.prognosis,
+                    &fault,
+                    unmet_requirement,
+                    &mut self.last_check,
+                )
             }
-            _ => Governs::Damage,
+            _ => LimitingCriterion::Damage,
         };
-        let health = self.health.update(job.window.number, shown.judgement);
-        let left_h = forecast.actuator.ok().map(|life| life.hours.p10);
+        let health = self.health.update(job.window.number, evidence.damage_evidence);
+        let left_h = forecast.actuator.ok().map(|history| history.hours.p10);
         // The function is missed by all faults together.
-        let ends_by = forecast.dominant.filter(|_| governs == Governs::Damage);
+        let ends_by = forecast
+            .dominant
+            .filter(|_| limiting_criterion == LimitingCriterion::Damage);
         let urgent = self
             .urgency
             .update(left_h, config.rul(), self.health.persistence(ends_by));
-        LifeDecision {
+        UnitAssessment {
             state: health.state.max(urgent),
             health,
             forecast,
-            governs,
+            limiting_criterion,
             used: self.used,
         }
     }

@@ -9,10 +9,10 @@
 #[cfg(test)]
 extern crate self as hmd_core;
 
+pub mod actuator_stream;
 pub mod assess;
 pub mod bus_state;
 pub mod catalogue;
-pub mod channel;
 pub mod config;
 pub mod dbc;
 pub mod demux;
@@ -22,10 +22,12 @@ pub mod health;
 pub mod history;
 pub mod metadata_checksum;
 pub mod metrics;
+pub mod outbox;
 pub mod outliers;
 pub mod pipeline;
 pub mod record;
 pub mod rul;
+pub mod sample;
 pub mod seed;
 pub mod setting;
 pub mod timestamp;

@@ -9,7 +9,8 @@ use prometheus_client::metrics::counter::ConstCounter;
 use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::Registry;
 
-use crate::record::Status;
+use crate::health::HealthState;
+use crate::record::{ActuatorStatus, Status, StorageState, WindowStatus};
 
 /// The metrics of `docs/metrics.md`, which is made from them.
 #[must_use]
@@ -43,10 +44,10 @@ impl Collector for Snapshot {
         let help = "What was lost, by cause: the counts of the status record";
         counters(out, "lost", help, "cause", &status.losses())?;
         let windows = [
-            ("ok", status.windows_ok),
-            ("degraded", status.windows_degraded),
-            ("invalid", status.windows_invalid),
-            ("unmodelled", status.windows_unmodelled),
+            (WindowStatus::Ok.name(), status.windows_ok),
+            (WindowStatus::Degraded.name(), status.windows_degraded),
+            (WindowStatus::Invalid.name(), status.windows_invalid),
+            (WindowStatus::Unmodelled.name(), status.windows_unmodelled),
         ];
         counters(out, "windows", "Windows, by status", "status", &windows)?;
         counter(
@@ -97,8 +98,7 @@ impl Collector for Snapshot {
         }
         let queues = [("inputs", status.queued_inputs), ("windows", status.queued_windows)];
         gauges(out, "queued", "What waits in a queue", "queue", queues)?;
-        let states = ["ok", "raw-paused", "failing"];
-        let states = states.map(|state| (state, u64::from(status.storage == state)));
+        let states = StorageState::ALL.map(|state| (state.name(), u64::from(status.storage == state.name())));
         gauges(
             out,
             "storage_state",
@@ -107,8 +107,8 @@ impl Collector for Snapshot {
             states,
         )?;
         of_actuators(out, status)?;
-        let links = status.interface.iter().zip(&status.link);
-        let links = links.map(|(name, link)| (name.as_str(), u64::from(link == "up")));
+        let links = status.interfaces.iter();
+        let links = links.map(|on| (on.interface.as_str(), u64::from(on.link == "up")));
         gauges(
             out,
             "link_up",
@@ -121,16 +121,19 @@ impl Collector for Snapshot {
 
 /// How old the data of each actuator are, and what was made of them.
 fn of_actuators(out: &mut DescriptorEncoder<'_>, status: &Status) -> fmt::Result {
-    let names = || status.actuator.iter().map(String::as_str);
-    if status.actuator.is_empty() {
+    if status.actuators.is_empty() {
         return Ok(());
     }
+    let each = |value: fn(&ActuatorStatus) -> u64| {
+        let actuators = status.actuators.iter();
+        actuators.map(move |actuator| (actuator.actuator.as_str(), value(actuator)))
+    };
     let help = "Time since the newest sample of an actuator, or since the start";
     let mut ages = out.encode_descriptor("data_age_seconds", help, None, MetricType::Gauge)?;
-    for (name, age) in names().zip(&status.data_age_s) {
-        ConstGauge::new(*age).encode(ages.encode_family(&[("actuator", name)])?)?;
+    for of in &status.actuators {
+        ConstGauge::new(of.data_age_s).encode(ages.encode_family(&[("actuator", of.actuator.as_str())])?)?;
     }
-    let stale = names().zip(status.data_state.iter().map(|state| u64::from(state == "STALE")));
+    let stale = each(|of| u64::from(of.is_stale()));
     gauges(
         out,
         "data_stale",
@@ -138,19 +141,12 @@ fn of_actuators(out: &mut DescriptorEncoder<'_>, status: &Status) -> fmt::Result
         "actuator",
         stale,
     )?;
-    let rank = |state: &String| HEALTH.iter().position(|of| of == state).unwrap_or(0) as u64;
     let help = "Health by the last window: 0 unknown, 1 nominal, 2 watch, 3 warning, 4 critical";
-    gauges(
-        out,
-        "health",
-        help,
-        "actuator",
-        names().zip(status.health.iter().map(rank)),
-    )?;
+    let rank = each(|of| HealthState::named(&of.health) as u64);
+    gauges(out, "health", help, "actuator", rank)?;
     let help = "Windows in a row that ask for a worse health";
-    let pending = names().zip(status.persistence.iter().copied());
-    gauges(out, "persistence", help, "actuator", pending)?;
-    let passive = names().zip(status.passive.iter().map(|passive| u64::from(*passive)));
+    gauges(out, "persistence", help, "actuator", each(|of| of.persistence))?;
+    let passive = each(|of| u64::from(of.passive));
     gauges(
         out,
         "passive",
@@ -159,9 +155,6 @@ fn of_actuators(out: &mut DescriptorEncoder<'_>, status: &Status) -> fmt::Result
         passive,
     )
 }
-
-/// In the order of their numbers.
-const HEALTH: [&str; 5] = ["unknown", "nominal", "watch", "warning", "critical"];
 
 fn counter(out: &mut DescriptorEncoder<'_>, name: &str, help: &str, value: f64) -> fmt::Result {
     let metric = out.encode_descriptor(name, help, None, MetricType::Counter)?;
@@ -199,6 +192,7 @@ fn gauges<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::record::InterfaceStatus;
 
     fn status() -> Status {
         Status {
@@ -209,14 +203,20 @@ mod tests {
             record_age_s: Some(0.25),
             storage: "ok".to_owned(),
             storage_free_bytes: 1 << 40,
-            interface: vec!["can0".to_owned()],
-            link: vec!["up".to_owned()],
-            actuator: vec!["ema3".to_owned()],
-            data_age_s: vec![4.5],
-            data_state: vec!["STALE".to_owned()],
-            health: vec!["watch".to_owned()],
-            persistence: vec![2],
-            passive: vec![true],
+            interfaces: vec![InterfaceStatus {
+                interface: "can0".to_owned(),
+                link: "up".to_owned(),
+                ..InterfaceStatus::default()
+            }],
+            actuators: vec![ActuatorStatus {
+                actuator: "ema3".to_owned(),
+                data_age_s: 4.5,
+                data_state: "STALE".to_owned(),
+                health: "watch".to_owned(),
+                persistence: 2,
+                passive: true,
+                ..ActuatorStatus::default()
+            }],
             ..Status::default()
         }
     }

@@ -10,9 +10,10 @@ use ema_wire::{DeframerStats, FrameError};
 use crate::assess::WindowCounts;
 use crate::bus_state::BusStates;
 use crate::config::Config;
-use crate::demux::{FrameCounts, Front, Notice, WindowJob};
+use crate::demux::{Demux, FrameCounts};
 use crate::frame::{BusNames, RawFrame};
-use crate::record::Status;
+use crate::outbox::{Notice, WindowJob};
+use crate::record::{InterfaceStatus, Status};
 
 /// What was lost around the frames themselves. Counted by whoever sees it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -34,7 +35,7 @@ pub struct Losses {
 #[derive(Debug)]
 pub struct Pipeline {
     /// `None` captures alone.
-    front: Option<Front>,
+    demux: Option<Demux>,
     captured: FrameCounts,
     states: BusStates,
     notices: Vec<Notice>,
@@ -48,7 +49,7 @@ impl Pipeline {
     #[must_use]
     pub fn new(config: Arc<Config>) -> Self {
         Self {
-            front: Some(Front::new(config)),
+            demux: Some(Demux::new(config)),
             ..Self::capture()
         }
     }
@@ -57,7 +58,7 @@ impl Pipeline {
     #[must_use]
     pub fn capture() -> Self {
         Self {
-            front: None,
+            demux: None,
             captured: FrameCounts::default(),
             states: BusStates::default(),
             notices: Vec::new(),
@@ -66,8 +67,8 @@ impl Pipeline {
         }
     }
 
-    /// Takes one frame and appends the windows that it ends.
-    pub fn push(&mut self, frame: &RawFrame, names: &BusNames, ended: &mut Vec<WindowJob>) {
+    /// Takes one frame. The windows that it ends wait for [`Pipeline::take_windows`].
+    pub fn push(&mut self, frame: &RawFrame, names: &BusNames) {
         self.last_stamp_ns = self.last_stamp_ns.max(frame.stamp_ns);
         if let Some(state) = self.states.push(frame) {
             self.notices.push(Notice {
@@ -75,8 +76,8 @@ impl Pipeline {
                 message: format!("{}: bus {state}", names.name(frame.bus).unwrap_or_default()),
             });
         }
-        match &mut self.front {
-            Some(front) => front.push(frame, names, ended),
+        match &mut self.demux {
+            Some(demux) => demux.push(frame, names),
             None => {
                 self.captured.received += 1;
                 if frame.is_error() {
@@ -89,16 +90,21 @@ impl Pipeline {
     }
 
     /// End of the traffic: ends every open window.
-    pub fn finish(&mut self, ended: &mut Vec<WindowJob>) {
-        if let Some(front) = &mut self.front {
-            front.finish(ended);
+    pub fn finish(&mut self) {
+        if let Some(demux) = &mut self.demux {
+            demux.finish();
         }
+    }
+
+    /// Windows ended since the last call; an empty list takes no memory.
+    pub fn take_windows(&mut self) -> Vec<WindowJob> {
+        self.demux.as_mut().map(Demux::take_windows).unwrap_or_default()
     }
 
     /// Notices since the last call.
     pub fn take_notices(&mut self) -> Vec<Notice> {
         let mut notices = std::mem::take(&mut self.notices);
-        notices.extend(self.front.iter_mut().flat_map(Front::take_notices));
+        notices.extend(self.demux.iter_mut().flat_map(Demux::take_notices));
         notices
     }
 
@@ -111,7 +117,7 @@ impl Pipeline {
     /// Frames by what became of them.
     #[must_use]
     pub fn frames(&self) -> FrameCounts {
-        self.front.as_ref().map_or(self.captured, Front::counts)
+        self.demux.as_ref().map_or(self.captured, Demux::counts)
     }
 
     /// Error states of the buses.
@@ -122,19 +128,19 @@ impl Pipeline {
 
     /// What came of the frames of each serial line, by its index.
     pub fn serial(&self) -> impl Iterator<Item = (u16, DeframerStats)> {
-        self.front.iter().flat_map(Front::serial)
+        self.demux.iter().flat_map(Demux::serial)
     }
 
     /// Names of the actuators seen, with their complete samples so far.
     pub fn samples(&self) -> impl Iterator<Item = (&str, u64)> {
-        let of = self.front.iter().flat_map(Front::actuators);
+        let of = self.demux.iter().flat_map(Demux::actuators);
         of.map(|(name, samples, _)| (name, samples))
     }
 
     /// Actuators seen.
     #[must_use]
     pub fn actuators(&self) -> u64 {
-        self.front.iter().flat_map(Front::actuators).count() as u64
+        self.demux.iter().flat_map(Demux::actuators).count() as u64
     }
 
     /// The counters of a run, with those of its judge.
@@ -143,7 +149,7 @@ impl Pipeline {
         let (frames, losses) = (self.frames(), &self.losses);
         let unreadable = |fault| self.serial().map(|(_, stats)| stats.dropped_for(fault)).sum();
         let (mut samples, mut missing) = (0, 0);
-        for (_, delivered, lost) in self.front.iter().flat_map(Front::actuators) {
+        for (_, delivered, lost) in self.demux.iter().flat_map(Demux::actuators) {
             samples += delivered;
             missing += lost;
         }
@@ -164,14 +170,19 @@ impl Pipeline {
             lost_samples: missing,
             lost_malformed: frames.malformed,
             lost_windows: losses.windows,
-            lost_late: self.front.as_ref().map_or(0, Front::late) + losses.overlapping,
+            lost_late: self.demux.as_ref().map_or(0, Demux::late) + losses.overlapping,
             windows_ok: windows.ok,
             windows_degraded: windows.degraded,
             windows_invalid: windows.invalid,
             windows_unmodelled: windows.unmodelled,
-            interface: names.iter().map(str::to_owned).collect(),
-            bus_state: (0..names.len())
-                .map(|bus| self.states.of(bus as u16).to_string())
+            interfaces: names
+                .iter()
+                .zip(0..)
+                .map(|(name, bus)| InterfaceStatus {
+                    interface: name.to_owned(),
+                    bus_state: self.states.state_of(bus).to_string(),
+                    link: String::new(),
+                })
                 .collect(),
             ..Status::default()
         }

@@ -12,6 +12,7 @@ mod rul;
 pub mod schema;
 mod status;
 mod window;
+mod window_status;
 
 pub use dropped::Dropped;
 pub use health::{Estimate, Health};
@@ -20,24 +21,14 @@ pub use log::{Log, LogLevel};
 pub use raw::{BatchError, RawBatch};
 pub use rul::Rul;
 pub use schema::PACKAGE;
-pub use status::{Status, StoreStatus};
+pub use status::{ActuatorStatus, DataState, InterfaceStatus, Status, StorageState, StoreStatus};
 pub use window::Window;
+pub use window_status::WindowStatus;
 
 use prost_types::FileDescriptorSet;
 
 /// Version of the meaning of the records, written into every channel's metadata; a breaking change counts it up.
-pub const SCHEMA_VERSION: &str = "1";
-
-/// The faults in the order of `Health::faults` and of the `damage_…` fields.
-pub const FAULT_NAMES: [&str; 7] = [
-    "friction",
-    "backlash",
-    "short_a",
-    "short_b",
-    "short_c",
-    "eccentricity",
-    "gain",
-];
+pub const SCHEMA_VERSION: &str = "2";
 
 /// A message with a schema and a topic of its own.
 pub trait Record: prost::Message + Default {
@@ -63,7 +54,7 @@ macro_rules! impl_record {
             }
 
             fn descriptor() -> ::prost_types::FileDescriptorSet {
-                Self::file_descriptor_set()
+                $crate::record::schema::descriptor_set(Self::message_descriptor(), Self::row_descriptors())
             }
         }
     };

@@ -13,6 +13,6 @@ mod usage;
 pub(crate) use forecast::normal_cdf;
 pub use forecast::{Remaining, quantile};
 pub use law::{Clock, Law};
-pub use prognosis::{Forecast, Life, NoTrend, Prognosis, Quantiles};
+pub use prognosis::{Forecast, NoTrend, Prognosis, Quantiles, RemainingLife};
 pub use trend::Trend;
 pub use usage::{Odometer, Usage, UseRate};

@@ -1,7 +1,7 @@
 //! Samples of one actuator -> actuation windows. No I/O, no clock, bounded memory.
 //!
 //! [`Windower::push`] takes the samples of one actuator as they were received and now and then returns a [`Window`]: the
-//! samples of one actuation on an exact grid of 1/f_s, with a [`Verdict`] whether they are fit to be judged. In order:
+//! samples of one actuation on an exact grid of 1/f_s, with a [`WindowQuality`] whether they are fit to be judged. In order:
 //!
 //! 1. order: a repeated sample is dropped, a counter that goes back ends what is open ([`Windower::push`]);
 //! 2. `glitch`: a setpoint that lasts one sample only is a transmission error, so each sample waits for the next one;
@@ -18,18 +18,19 @@ mod config;
 mod counters;
 mod fill;
 mod glitch;
+mod limits;
+mod quality;
 mod ring;
 mod signals;
 mod trigger;
-mod verdict;
 
 pub use config::WindowConfig;
-pub use verdict::{Counter, CutShort, Defect, Degradation, Invalidity, Signal, Verdict};
+pub use quality::{Counter, CutShort, Defect, Degradation, Invalidity, Signal, WindowQuality};
 
 use crate::setting::SettingError;
-use check::Limits;
 use ema_models::{ActuatorParams, SensedSample, Setpoint};
 use glitch::Deglitch;
+use limits::Limits;
 use ring::{Ring, Slot};
 use trigger::{Held, Trigger};
 
@@ -58,7 +59,7 @@ pub struct Window {
     /// Samples that a window of full length has.
     pub expected: usize,
     /// Whether the samples are fit to be judged.
-    pub verdict: Verdict,
+    pub quality: WindowQuality,
     /// Samples missing by their counter.
     pub lost: u64,
     /// Samples received with at least one signal that could not be used.
@@ -76,10 +77,10 @@ impl Window {
     /// Refuses the counts of samples that were found wrong afterwards: they are filled as if refused at once. An invalid
     /// window stays as it is.
     pub fn refuse_counts(&mut self, outliers: &[usize]) {
-        let mut handicaps = match &mut self.verdict {
-            Verdict::Invalid(_) => return,
-            Verdict::Complete => Vec::new(),
-            Verdict::Degraded(handicaps) => std::mem::take(handicaps),
+        let mut handicaps = match &mut self.quality {
+            WindowQuality::Invalid(_) => return,
+            WindowQuality::Complete => Vec::new(),
+            WindowQuality::Degraded(handicaps) => std::mem::take(handicaps),
         };
         self.rejected += outliers.len() as u64;
         self.filled.extend(outliers);
@@ -95,7 +96,7 @@ impl Window {
                 rejected: self.rejected,
             },
         );
-        self.verdict = Verdict::Degraded(handicaps);
+        self.quality = WindowQuality::Degraded(handicaps);
     }
 }
 
@@ -213,7 +214,7 @@ impl Windower {
             }
             if sample.seq < last {
                 self.counts.restarts += 1;
-                ended = self.end(CutShort::CounterWentBack);
+                ended = self.end_stream(CutShort::CounterWentBack);
             }
         }
         self.last_seq = Some(sample.seq);
@@ -226,10 +227,10 @@ impl Windower {
     /// End of the stream, or a known break in it: an open window is returned, cut short unless this was its last sample.
     /// The next sample begins afresh; numbers and counts go on.
     pub fn finish(&mut self) -> Option<Window> {
-        self.end(CutShort::StreamEnded)
+        self.end_stream(CutShort::StreamEnded)
     }
 
-    fn end(&mut self, why: CutShort) -> Option<Window> {
+    fn end_stream(&mut self, why: CutShort) -> Option<Window> {
         // No sample follows that could confirm a jump of the setpoint in this last one, so it opens no window.
         let completed = self.deglitch.flush().and_then(|slot| self.accept(slot, false));
         let cut = self.close(Some(Invalidity::CutShort(why)));
@@ -354,10 +355,10 @@ impl Windower {
             trigger: self.limits.lengths.pre_trigger,
             samples,
             expected: self.limits.lengths.window,
-            verdict: match why.or(findings.invalid) {
-                Some(why) => Verdict::Invalid(why),
-                None if degradations.is_empty() => Verdict::Complete,
-                None => Verdict::Degraded(degradations),
+            quality: match why.or(findings.invalid) {
+                Some(why) => WindowQuality::Invalid(why),
+                None if degradations.is_empty() => WindowQuality::Complete,
+                None => WindowQuality::Degraded(degradations),
             },
             lost: findings.lost,
             rejected: findings.rejected,

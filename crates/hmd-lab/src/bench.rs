@@ -167,7 +167,7 @@ fn candidates(comparison: &Comparison<'_>) -> [Unknowns; RANK_LANES] {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     std::array::from_fn(|_| {
         let k = std::array::from_fn(|_| rng.random_range(0.0..1.0));
-        comparison.with_fault(FaultVector::from_array(k))
+        comparison.unknowns_with_fault(FaultVector::from_array(k))
     })
 }
 
@@ -219,7 +219,7 @@ impl Bench<'_> {
             }
         });
         let sets = sets.collect();
-        let worn = comparison.with_fault(FaultVector::from_array(TABLE_III));
+        let worn = comparison.unknowns_with_fault(FaultVector::from_array(TABLE_III));
         let at = Scale::new(&self.identifier.params).coordinates(&worn);
         let linearisation = self.seconds(|| comparison.normal_equations(&at, DIFFERENCE));
         (1.0 / scalar, sets, 1e3 * linearisation)

@@ -132,7 +132,7 @@ fn current_error(params: &ActuatorParams, coefficients: &Calibration, windows: &
         .par_iter()
         .map(|w| {
             let compared = compare_alone(w, params, coefficients);
-            2.0 * compared.least_squares(&compared.with_fault(w.truth))
+            2.0 * compared.least_squares(&compared.unknowns_with_fault(w.truth))
         })
         .collect();
     sums.iter().sum::<f64>() / windows.len().max(1) as f64
@@ -178,7 +178,7 @@ fn fit_coefficients(
             let mut sum = 0.0;
             for w in self.windows {
                 let compared = compare_alone(w, self.params, &coefficients);
-                sum += compared.least_squares(&compared.with_fault(w.truth));
+                sum += compared.least_squares(&compared.unknowns_with_fault(w.truth));
             }
             sum / self.windows.len() as f64
         }
@@ -222,7 +222,7 @@ fn residual_statistics(params: &ActuatorParams, coefficients: &Calibration, wind
         .map(|w| {
             let mut trace = Vec::new();
             let compared = compare(w, params, coefficients, Weights::CURRENT_ONLY);
-            compared.residuals(&compared.with_fault(w.truth), |_, r| trace.push(r.to_array()));
+            compared.residuals(&compared.unknowns_with_fault(w.truth), |_, r| trace.push(r.to_array()));
             trace
         })
         .collect();

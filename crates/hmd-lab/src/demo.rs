@@ -10,8 +10,8 @@ use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Models, WindowCounts};
 use hmd_core::config::Config;
-use hmd_core::demux::WindowJob;
 use hmd_core::frame::{BusError, BusNames};
+use hmd_core::outbox::WindowJob;
 use hmd_core::pipeline::Pipeline;
 use hmd_core::seed::mix;
 use hmd_storage::mcap_writer::{McapCounts, McapWriteError, McapWriter};
@@ -103,14 +103,18 @@ impl<W: Write + Seek> Demo<W> {
         }
         let hours = self.next * HOURS_BETWEEN;
         let start_ns = EPOCH_NS + hours * 3_600_000_000_000;
-        let mut ended = Vec::new();
         for frame in traffic(&scenario(self.next, self.seed), self.actuator, start_ns) {
             self.writer.write_frame(&frame, &self.names)?;
-            self.pipeline.push(&frame, &self.names, &mut ended);
+            self.pipeline.push(&frame, &self.names);
         }
-        self.pipeline.finish(&mut ended);
+        self.pipeline.finish();
         self.next += 1;
-        let windows: Result<_, _> = ended.into_iter().map(|job| self.assess(job)).collect();
+        let windows: Result<_, _> = self
+            .pipeline
+            .take_windows()
+            .into_iter()
+            .map(|job| self.assess(job))
+            .collect();
         Ok(Some((hours, windows?)))
     }
 
@@ -150,7 +154,7 @@ fn scenario(n: u64, seed: u64) -> Scenario {
         },
         actuations: Actuations {
             rest: 0.1,
-            ..Actuations::one(Profile::Mixed)
+            ..Actuations::single(Profile::Mixed)
         },
         ..Scenario::new(ActuatorParams::bench(), worn(n), mix(seed, &[n]))
     }

@@ -28,7 +28,7 @@ impl SimulatedWindow {
     #[must_use]
     pub fn new(params: &ActuatorParams, truth: FaultVector, profile: Profile, seed: u64) -> Self {
         Self::first_of(&Scenario {
-            actuations: Actuations::one(profile),
+            actuations: Actuations::single(profile),
             ..Scenario::new(*params, truth, seed)
         })
     }

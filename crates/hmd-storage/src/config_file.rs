@@ -73,6 +73,14 @@ pub fn load_config(path: impl AsRef<Path>) -> Result<Config, ConfigError> {
     Config::from_texts(&files, &read_dbc)
 }
 
+/// Checks `text` as a configuration file called `file_name`; DBC files that it names are read from its directory.
+///
+/// # Errors
+/// As [`load_config`].
+pub fn config_from_text(text: &str, file_name: &str) -> Result<Config, ConfigError> {
+    Config::from_texts(&[(file_name.to_owned(), text.to_owned())], &read_dbc)
+}
+
 /// The bytes of a DBC file, or why there are none.
 ///
 /// # Errors

@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 
 use crate::regular_file::{create_beside, read_regular};
 use hmd_core::config::Config;
-use hmd_core::history::{Life, Lives};
+use hmd_core::history::{HistoryStore, UnitHistory};
 use hmd_core::metadata_checksum::hex;
 
 /// Version of what is written. Version 1 had no checksum, version 2 held the levels of health too, which are those of the
@@ -90,7 +90,7 @@ fn checksum(life: &RawValue) -> String {
 ///
 /// # Errors
 /// [`StateError::Io`].
-pub fn save(directory: &Path, actuator: &str, life: &Life) -> Result<(), StateError> {
+pub fn save(directory: &Path, actuator: &str, life: &UnitHistory) -> Result<(), StateError> {
     let place = path(directory, actuator);
     let beside = place.with_extension("json.new");
     let put = || {
@@ -118,7 +118,7 @@ pub fn save(directory: &Path, actuator: &str, life: &Life) -> Result<(), StateEr
 ///
 /// # Errors
 /// [`StateError`].
-pub fn load(directory: &Path, actuator: &str) -> Result<Option<Life>, StateError> {
+pub fn load(directory: &Path, actuator: &str) -> Result<Option<UnitHistory>, StateError> {
     let place = path(directory, actuator);
     let name = || place.display().to_string();
     let bytes = match read_regular(&place, BYTES_MAX) {
@@ -143,7 +143,7 @@ pub fn load(directory: &Path, actuator: &str) -> Result<Option<Life>, StateError
         None if found > 1 => return Err(content("no checksum".to_owned())),
         _ => {}
     }
-    let life: Life = serde_json::from_str(read.life.get()).map_err(unreadable)?;
+    let life: UnitHistory = serde_json::from_str(read.life.get()).map_err(unreadable)?;
     if !life.is_possible() {
         return Err(content("impossible numbers".to_owned()));
     }
@@ -152,15 +152,15 @@ pub fn load(directory: &Path, actuator: &str) -> Result<Option<Life>, StateError
 
 /// Gives the stored histories of all actuators of a configuration to a run. A file that cannot be used is reported and put
 /// aside.
-pub fn restore_all(directory: &Path, config: &Config, lives: &mut Lives) {
+pub fn restore_all(directory: &Path, config: &Config, histories: &mut HistoryStore) {
     for actuator in config.actuators() {
         match load(directory, &actuator.name) {
-            Ok(Some(life)) => lives.restore(&actuator.name, life),
+            Ok(Some(life)) => histories.restore(&actuator.name, life),
             Ok(None) => {}
             Err(error) => {
-                lives.notice(format!("{error}; history reset"));
+                histories.notice(format!("{error}; history reset"));
                 if let Err(error) = put_aside(directory, &actuator.name) {
-                    lives.notice(error.to_string());
+                    histories.notice(error.to_string());
                 }
             }
         }
@@ -192,7 +192,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let config = Config::default();
         assert!(load(folder.path(), "ema0").unwrap().is_none());
-        let life = Life::new(&config, Some("S1".to_owned())).unwrap();
+        let life = UnitHistory::new(&config, Some("S1".to_owned())).unwrap();
         save(folder.path(), "ema0", &life).unwrap();
         let again = load(folder.path(), "ema0").unwrap().unwrap();
         assert_eq!(
@@ -227,9 +227,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let config = Arc::new(Config::default());
         fs::write(path(folder.path(), "ema0"), "{").unwrap();
-        let mut lives = Lives::new(config.clone());
-        restore_all(folder.path(), &config, &mut lives);
-        assert_eq!(lives.take_notices().len(), 1);
+        let mut histories = HistoryStore::new(config.clone());
+        restore_all(folder.path(), &config, &mut histories);
+        assert_eq!(histories.take_notices().len(), 1);
         assert!(folder.path().join("ema0.life.json.unusable-1").exists());
     }
 }

@@ -40,7 +40,6 @@ pub struct McapFrames<R> {
     round_at_byte: u64,
     next_index: u64,
     refused_topics: BTreeSet<String>,
-    any_batch: bool,
     queue: VecDeque<Result<RawFrame, McapLoss>>,
 }
 
@@ -59,7 +58,6 @@ impl<R: Read + Seek> McapFrames<R> {
             round_at_byte: 0,
             next_index: 0,
             refused_topics: BTreeSet::new(),
-            any_batch: false,
             queue: VecDeque::new(),
         })
     }
@@ -77,11 +75,6 @@ impl<R: Read + Seek> McapFrames<R> {
     /// The messages below, for their position, topics, chunks and metadata.
     pub fn messages(&self) -> &McapMessages<R> {
         &self.messages
-    }
-
-    /// Whether any intact batch of raw frames was found so far.
-    pub fn any_batch(&self) -> bool {
-        self.any_batch
     }
 
     fn add_message(&mut self, message: &McapMessage) {
@@ -132,7 +125,6 @@ impl<R: Read + Seek> McapFrames<R> {
         self.round_number = batch.round;
         self.round_at_byte = message.at_byte;
         self.round.extend(frames);
-        self.any_batch = true;
     }
 
     /// Hands out the frames of a round in their order, after a note on those that are missing before or between them.

@@ -16,8 +16,8 @@ use crate::mcap_writer::{McapWriteError, McapWriter, SyncedFile};
 use crate::segment_store::{RealDisk, SegmentStore, SegmentStoreEnd, SegmentStoreError};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::{Config, Limits};
-use hmd_core::demux::{Notice, WindowJob};
 use hmd_core::frame::{BusNames, RawFrame};
+use hmd_core::outbox::{Notice, WindowJob};
 use hmd_core::record::{Dropped, Log, LogLevel, Record, Status, StoreStatus};
 
 /// Why records cannot be written.

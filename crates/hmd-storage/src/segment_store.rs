@@ -28,7 +28,7 @@ use crate::clock::now_ns;
 use crate::mcap_writer::McapWriteError;
 use hmd_core::config::Limits;
 use hmd_core::frame::{BusNames, RawFrame};
-use hmd_core::record::{LogLevel, Record, StoreStatus};
+use hmd_core::record::{LogLevel, Record, StorageState, StoreStatus};
 use name::{Kind, Name, Stage};
 use segment_stream::{SegmentStart, SegmentStream, is_gone};
 
@@ -223,11 +223,11 @@ impl SegmentStore {
             segments: (self.closed.len() + open.iter().filter(|stream| stream.name().is_some()).count()) as u64,
             deleted: self.deleted,
             state: if open.iter().any(|stream| stream.has_failed()) {
-                "failing"
+                StorageState::Failing
             } else if self.raw_paused {
-                "raw-paused"
+                StorageState::RawPaused
             } else {
-                "ok"
+                StorageState::Ok
             },
         }
     }

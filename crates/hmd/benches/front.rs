@@ -20,7 +20,7 @@ fn frames() -> Vec<RawFrame> {
             let scenario = Scenario {
                 actuations: Actuations {
                     count: 5,
-                    ..Actuations::one(Profile::Mixed)
+                    ..Actuations::single(Profile::Mixed)
                 },
                 ..Scenario::new(params, FaultVector::NOMINAL, u64::from(id.index()))
             };
@@ -67,11 +67,12 @@ fn decode_and_cut(c: &mut Criterion) {
     for (name, config) in cases {
         group.bench_function(name, |b| {
             b.iter_batched(
-                || (Pipeline::new(config.clone()), Vec::with_capacity(256)),
-                |(mut pipeline, mut ended)| {
+                || Pipeline::new(config.clone()),
+                |mut pipeline| {
                     for frame in &frames {
-                        pipeline.push(black_box(frame), &names, &mut ended);
+                        pipeline.push(black_box(frame), &names);
                     }
+                    let ended = pipeline.take_windows();
                     assert!(ended.len() >= 64, "windows are cut");
                     (pipeline, ended)
                 },

@@ -4,14 +4,13 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use ema_identify::calibration::{MonitorForm, TypeCalibration};
-use ema_models::{ActuatorParams, FaultVector};
+use ema_models::{ActuatorParams, FaultId, FaultVector};
 use hmd_core::config::Specification;
-use hmd_core::functional_check::{TRIED, shortfalls};
-use hmd_core::health::FAULTS;
+use hmd_core::functional_check::{CHECK_LANES, unmet_requirements};
 use hmd_core::rul::{Odometer, Prognosis};
 
 fn update(c: &mut Criterion) {
-    let mut prognosis = Prognosis::new([0.8; FAULTS]);
+    let mut prognosis = Prognosis::new([0.8; FaultId::COUNT]);
     let mut hours = 0.0;
     let mut window = |prognosis: &mut Prognosis| {
         hours += 1.0;
@@ -21,7 +20,10 @@ fn update(c: &mut Criterion) {
             work_j: hours,
         };
         let damage = 0.5 * (hours / 1e3).min(1.0);
-        prognosis.update(at, &[Some((damage + 0.003 * (hours * 0.618).fract(), 0.005)); FAULTS]);
+        prognosis.update(
+            at,
+            &[Some((damage + 0.003 * (hours * 0.618).fract(), 0.005)); FaultId::COUNT],
+        );
     };
     for _ in 0..500 {
         window(&mut prognosis);
@@ -42,7 +44,14 @@ fn trial(c: &mut Criterion) {
     };
     let params = ActuatorParams::bench();
     c.bench_function("rul/specification_trial", |b| {
-        b.iter(|| shortfalls(&params, &calibration, &specification, &[FaultVector::NOMINAL; TRIED]));
+        b.iter(|| {
+            unmet_requirements(
+                &params,
+                &calibration,
+                &specification,
+                &[FaultVector::NOMINAL; CHECK_LANES],
+            )
+        });
     });
 }
 

@@ -36,8 +36,8 @@ pub use freshness::STALE_AFTER;
 use health_tracker::HealthTracker;
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor, WindowCounts};
 use hmd_core::config::Config;
-use hmd_core::demux::{Notice, WindowJob};
 use hmd_core::frame::{BusError, BusNames};
+use hmd_core::outbox::{Notice, WindowJob};
 use hmd_core::pipeline::Pipeline;
 use hmd_core::record::{LogLevel, Status};
 use hmd_ingest::feed::{Feed, Input, QUEUE_INPUTS};
@@ -250,7 +250,7 @@ impl Drop for CloseAtEnd<'_> {
 fn ready_assessor(config: Arc<Config>, seed: u64) -> Result<(Assessor, Arc<Config>), AssessError> {
     let mut assessor = Assessor::new(config.clone(), load_models(&config)?, seed);
     if let Some(directory) = config.rul().state.as_ref().map(|path| config.resolve(path)) {
-        history_file::restore_all(&directory, &config, assessor.lives());
+        history_file::restore_all(&directory, &config, assessor.histories());
     }
     Ok((assessor, config))
 }
@@ -268,7 +268,7 @@ fn assess_windows(
         // Events may have come since the last window; the file is short. One that is damaged does not end the watch.
         let events = match load_events(config) {
             Ok(events) => {
-                assessor.lives().follow(events);
+                assessor.histories().set_events(events);
                 None
             }
             Err(error) => Some(format!("rul.events: {error}")),
@@ -278,13 +278,18 @@ fn assess_windows(
         let assessed = assessor.assess(job)?;
         let took = since.elapsed();
         // Before the lock is taken: frames need not wait for this file.
-        let saved = match (&histories, assessor.lives().get(&assessed.health.actuator)) {
+        let saved = match (&histories, assessor.histories().get(&assessed.health.actuator)) {
             (Some(directory), Some(history)) => history_file::save(directory, &assessed.health.actuator, history),
             _ => Ok(()),
         };
         let troubles = events.into_iter().chain(saved.err().map(|error| error.to_string()));
-        let pending = assessor.lives().pending(&assessed.health.actuator);
-        let notices: Vec<String> = assessor.lives().take_notices().into_iter().chain(troubles).collect();
+        let pending = assessor.histories().pending(&assessed.health.actuator);
+        let notices: Vec<String> = assessor
+            .histories()
+            .take_notices()
+            .into_iter()
+            .chain(troubles)
+            .collect();
         let stored = {
             let mut shared = lock(shared);
             shared.windows = assessor.counts();

@@ -11,9 +11,10 @@ use prost::Message;
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor};
 use hmd_core::config::{ActuatorConfig, Config};
 use hmd_core::dbc::MessageUse;
-use hmd_core::demux::{FrameCounts, Notice, WindowJob};
+use hmd_core::demux::FrameCounts;
 use hmd_core::frame::BusNames;
 use hmd_core::metadata_checksum::is_sealed;
+use hmd_core::outbox::Notice;
 use hmd_core::pipeline::Pipeline;
 use hmd_core::record::{Dropped, LogLevel, Record, Status};
 use hmd_ingest::Loss;
@@ -126,7 +127,15 @@ impl Summary {
             return Err(ReplayError::NoActuator {
                 logs: logs(),
                 expected: watched(config),
-                found: format!("{found} on {}", self.status.interface.join(", ")),
+                found: format!(
+                    "{found} on {}",
+                    self.status
+                        .interfaces
+                        .iter()
+                        .map(|on| on.interface.as_str())
+                        .collect::<Vec<_>>()
+                        .join(", ")
+                ),
             });
         }
         if self.status.samples == 0 {
@@ -227,7 +236,7 @@ impl Replay<'_> {
             None => recorder,
         };
         let mut assessor = Assessor::new(self.config.clone(), load_models(&self.config)?, self.seed);
-        assessor.lives().follow(load_events(&self.config)?);
+        assessor.histories().set_events(load_events(&self.config)?);
         let mut run = Run {
             pipeline: Pipeline::new(self.config.clone()),
             assessor,
@@ -277,7 +286,6 @@ impl<O: Observer> Run<'_, O> {
         read_before: &mut u64,
         store_raw: bool,
     ) -> Result<BusNames, ReplayError> {
-        let mut ended = Vec::new();
         let mut frames = 0u64;
         // The clock may have stepped back between two segments of one run; no frame is in both.
         let seen_ns = if continued {
@@ -295,8 +303,8 @@ impl<O: Observer> Run<'_, O> {
                     if store_raw && let Some(recorder) = &mut self.recorder {
                         recorder.write_frame(&frame, source.bus_names())?;
                     }
-                    self.pipeline.push(&frame, source.bus_names(), &mut ended);
-                    self.assess_windows(&mut ended)?;
+                    self.pipeline.push(&frame, source.bus_names());
+                    self.assess_windows()?;
                 }
                 Err(loss) => self.lost(&loss)?,
             }
@@ -326,7 +334,7 @@ impl<O: Observer> Run<'_, O> {
             let Some(before) = before.filter(|before| *before != serial) else {
                 continue;
             };
-            if self.assessor.lives().end(&actuator) {
+            if self.assessor.histories().remove(&actuator) {
                 let message = format!("{actuator}: history reset, unit {serial} after {before}");
                 let stamp_ns = self.pipeline.last_stamp_ns();
                 self.notice(&Notice { stamp_ns, message }, LogLevel::Info)?;
@@ -351,16 +359,15 @@ impl<O: Observer> Run<'_, O> {
     }
 
     fn end_windows(&mut self) -> Result<(), ReplayError> {
-        let mut ended = Vec::new();
-        self.pipeline.finish(&mut ended);
-        self.assess_windows(&mut ended)
+        self.pipeline.finish();
+        self.assess_windows()
     }
 
-    fn assess_windows(&mut self, ended: &mut Vec<WindowJob>) -> Result<(), ReplayError> {
+    fn assess_windows(&mut self) -> Result<(), ReplayError> {
         for notice in self.pipeline.take_notices() {
             self.notice(&notice, LogLevel::Warning)?;
         }
-        for job in ended.drain(..) {
+        for job in self.pipeline.take_windows() {
             self.windows += 1;
             let key = (job.actuator.name.clone(), job.window.t_start_ns);
             if self.dropped.contains(&key) {
@@ -371,7 +378,7 @@ impl<O: Observer> Run<'_, O> {
                 continue;
             }
             let assessed = self.assessor.assess(job)?;
-            for message in self.assessor.lives().take_notices() {
+            for message in self.assessor.histories().take_notices() {
                 let stamp_ns = assessed.health.t_start_ns;
                 self.notice(&Notice { stamp_ns, message }, LogLevel::Info)?;
             }
@@ -531,11 +538,11 @@ mod tests {
         let actuator = config.actuator_named("ema0").unwrap();
         let (first, second) = (log("S1"), log("S2"));
         run.follow_units(&first).unwrap();
-        run.assessor.lives().at(actuator, 1).unwrap();
+        run.assessor.histories().history_at(actuator, 1).unwrap();
         run.follow_units(&first).unwrap();
-        assert!(run.assessor.lives().end("ema0"), "the same unit goes on");
-        run.assessor.lives().at(actuator, 2).unwrap();
+        assert!(run.assessor.histories().remove("ema0"), "the same unit goes on");
+        run.assessor.histories().history_at(actuator, 2).unwrap();
         run.follow_units(&second).unwrap();
-        assert!(!run.assessor.lives().end("ema0"), "another one does not");
+        assert!(!run.assessor.histories().remove("ema0"), "another one does not");
     }
 }

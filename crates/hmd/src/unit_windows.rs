@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use hmd_core::assess::WindowCounts;
 use hmd_core::config::Config;
-use hmd_core::demux::WindowJob;
 use hmd_core::frame::BusNames;
+use hmd_core::outbox::WindowJob;
 use hmd_core::pipeline::Pipeline;
 use hmd_ingest::file::{IngestError, open_with};
 
@@ -53,7 +53,7 @@ pub fn windows_of(
         let mut damaged_places = 0;
         while let Some(item) = source.next() {
             match item {
-                Ok(frame) => pipeline.push(&frame, source.bus_names(), &mut found.jobs),
+                Ok(frame) => pipeline.push(&frame, source.bus_names()),
                 Err(loss) => {
                     damaged_places += loss.count_into(&mut pipeline.losses);
                     report(&loss.to_string());
@@ -63,7 +63,8 @@ pub fn windows_of(
                 report(&notice.message);
             }
         }
-        pipeline.finish(&mut found.jobs);
+        pipeline.finish();
+        found.jobs.extend(pipeline.take_windows());
         names = source.into_bus_names();
         let status = pipeline.status(&names, WindowCounts::default());
         if let Some(lost) = status.lost_in_logs(damaged_places) {
@@ -72,7 +73,7 @@ pub fn windows_of(
         }
     }
     let is_meant = |job: &WindowJob| name.is_none_or(|name| job.actuator.name == name);
-    found.jobs.retain(|job| job.window.verdict.is_fit() && is_meant(job));
+    found.jobs.retain(|job| job.window.quality.is_fit() && is_meant(job));
     let mut actuators: Vec<&str> = found.jobs.iter().map(|job| job.actuator.name.as_str()).collect();
     actuators.sort_unstable();
     actuators.dedup();

@@ -39,7 +39,7 @@ impl Identification {
     /// The monitor for one set of unknowns; it is made in double precision and then runs in single.
     #[must_use]
     pub fn monitor(&self, unknowns: &Unknowns) -> Monitor<f32> {
-        let unknowns = self.conditions.warmed(unknowns);
+        let unknowns = self.conditions.at_temperature(unknowns);
         Monitor::new(&self.params, &self.calibration, self.conditions.v_dc, &unknowns).map(|x| x as f32)
     }
 
@@ -75,7 +75,7 @@ impl Identification {
                 *residuals = one.residual.next(&drive.measured, &output, earlier).to_array();
                 let counted = &drive.counted[..window.controls()];
                 one.monitor
-                    .sample_by(&mut one.state, initial, drive.setpoint, counted, drive.theta_m);
+                    .run_sample_period_with(&mut one.state, initial, drive.setpoint, counted, drive.theta_m);
             }
             visit(&residuals);
         }

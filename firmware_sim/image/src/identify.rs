@@ -43,7 +43,7 @@ impl Identification {
         let mut best = match self.conditions.load_torque {
             Some(load) => self.descend(window, from(load)),
             None => {
-                let [below, above] = LOAD_STARTS.map(|share| from(share * scale.load()));
+                let [below, above] = LOAD_STARTS.map(|share| from(share * scale.load_unit()));
                 let (one, other) = (self.descend(window, below), self.descend(window, above));
                 let better = if other.cost < one.cost { other } else { one };
                 better.after(
@@ -136,7 +136,7 @@ impl Residuals<UNKNOWN_COUNT> for Descent<'_> {
         let sums: NormalEquations = self
             .identification
             .normal_equations(self.window, &at, self.step)
-            .holding_known_motor(&self.identification.prior.motor);
+            .with_known_motor_fixed(&self.identification.prior.motor);
         for p in 0..UNKNOWN_COUNT {
             jtr[p] = sums.jtr[p];
             for q in 0..UNKNOWN_COUNT {

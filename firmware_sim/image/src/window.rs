@@ -1,8 +1,8 @@
 //! One actuation as the controller recorded it: raw sensor words, 24 bytes a sample.
 
 use ema_models::{
-    ActuatorParams, ComparedSample, Encoder, InitialState, OutputReader, Reading, SensedSample, Setpoint, Signals,
-    WindowFrame, output_read,
+    ActuatorParams, AngleReading, ComparedSample, Encoder, InitialState, OutputAngleEstimator, SensedSample, Setpoint,
+    Signals, WindowFrame, output_angle_between,
 };
 use ema_wire::{Mode, Sample, quantity};
 
@@ -14,7 +14,7 @@ pub const MAX_CONTROLS: usize = 25;
 pub struct RecordedWindow<'a> {
     samples: &'a [Sample],
     frame: WindowFrame,
-    output: OutputReader,
+    output: OutputAngleEstimator,
     encoder: Encoder<f32>,
     controls: usize,
     initial: InitialState,
@@ -42,7 +42,7 @@ impl<'a> RecordedWindow<'a> {
         let rest = rest.clamp(1, samples.len().max(1));
         let (first, last_at_rest) = (samples.first()?, samples.get(rest - 1)?);
         let frame = WindowFrame::new(params, &sensed(0, first));
-        let output = OutputReader::new(params, &frame.origin(), || {
+        let output = OutputAngleEstimator::new(params, &frame.origin(), || {
             samples.iter().map(|sample| reading(&frame, sample))
         });
         let at_rest = (0..rest).map(|n| compared(&frame, samples, n));
@@ -86,7 +86,7 @@ impl<'a> RecordedWindow<'a> {
         let mut output = self.output;
         (0..self.samples.len()).map(move |n| {
             let mut sample = compared(&self.frame, self.samples, n);
-            sample.theta_read = output.read(Reading::from(&sample));
+            sample.theta_out_estimate = output.next_angle(AngleReading::from(&sample));
             sample
         })
     }
@@ -102,11 +102,11 @@ impl<'a> RecordedWindow<'a> {
             let after = next.unwrap_or(now);
             let mut counted = [0.0; MAX_CONTROLS];
             for (control, slot) in (0..).zip(&mut counted[..self.controls]) {
-                let read = output_read(&now, &after, control, self.controls as u32);
-                *slot = self.encoder.counted(read as f32);
+                let read = output_angle_between(&now, &after, control, self.controls as u32);
+                *slot = self.encoder.counted_angle(read as f32);
             }
             Some(Drive {
-                measured: Signals::of(&now).map(|x| x as f32),
+                measured: Signals::from_sample(&now).map(|x| x as f32),
                 setpoint: now.setpoint.map(|x| x as f32),
                 counted,
                 theta_m: after.theta_m as f32,
@@ -121,9 +121,9 @@ fn compared(frame: &WindowFrame, samples: &[Sample], n: usize) -> ComparedSample
     frame.compared(&at(n.saturating_sub(1)), &at(n), &at((n + 1).min(samples.len() - 1)))
 }
 
-fn reading(frame: &WindowFrame, sample: &Sample) -> Reading {
+fn reading(frame: &WindowFrame, sample: &Sample) -> AngleReading {
     let [theta_m, theta_out] = frame.angles(&sensed(0, sample));
-    Reading {
+    AngleReading {
         theta_m,
         theta_out,
         measured: true,

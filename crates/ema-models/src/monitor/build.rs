@@ -1,4 +1,4 @@
-//! A monitor out of parameters, calibration and unknowns, in any number type or several side by side.
+//! Construction of a monitor from parameters, calibration and unknowns; conversion to another number type or to lanes.
 
 use super::ripple::RippleCurve;
 use super::{Calibration, Derived, Feedback, Form, Monitor, STEPS_PER_CONTROL};
@@ -10,14 +10,15 @@ use crate::real::Real;
 use crate::unknowns::Unknowns;
 use crate::winding::Winding;
 
-/// Numbers that [`Monitor::map`] visits, at most.
+/// Upper bound of the number of values that [`Monitor::map`] visits.
 const MONITOR_NUMBERS: usize = 96;
 
-/// Mean over all angles of the inverter's reach over V_dc: `√3 ln 3 / π`, from the hexagon with an inner radius of 1/√3.
+/// Mean over all angles of the inverter's largest voltage, relative to V_dc: `√3 ln 3 / π`, from the voltage hexagon with an
+/// inner radius of 1/√3.
 const HEXAGON_MEAN: f64 = 0.605_696_699_608_195_9;
 
 impl Monitor<f64> {
-    /// A monitor of one actuator in one state of wear, on a DC link of `v_dc`, V.
+    /// A monitor of one actuator with these unknowns, on a DC link of `v_dc`, V.
     #[must_use]
     pub fn new(params: &ActuatorParams, calibration: &Calibration, v_dc: f64, unknowns: &Unknowns) -> Self {
         let fault = &unknowns.fault;
@@ -26,30 +27,30 @@ impl Monitor<f64> {
         let r_s = motor.r_s * (1.0 + unknowns.motor.resistance);
         let k = motor.k * (1.0 + unknowns.motor.back_emf);
         let dt = params.controller.period / f64::from(STEPS_PER_CONTROL);
-        let r = winding.turns.map(|n| n * r_s);
+        let r = winding.turns_ratio.map(|n| n * r_s);
         let ohms: [f64; 3] =
-            core::array::from_fn(|j| winding.turns[j] * winding.turns[j] * motor.l_s / dt + 0.5 * r[j]);
+            core::array::from_fn(|j| winding.turns_ratio[j] * winding.turns_ratio[j] * motor.l_s / dt + 0.5 * r[j]);
         let ohms_before = per_phase!(|j| ohms[j] - r[j]);
         let siemens = ohms.map(|x| 1.0 / x);
         let sum: f64 = siemens.iter().sum();
         let friction = DryFriction::new(transmission, fault, unknowns.load_torque);
         let torque = k * calibration.torque;
-        let pull_per_amp = 0.5 * winding.turns.iter().sum::<f64>();
+        let torque_current_per_amp = 0.5 * winding.turns_ratio.iter().sum::<f64>();
         Self {
             form: calibration.form,
             feedback: Feedback::default(),
-            ace: Ace::new(params, fault.gain_factor()).freezing_gradually(params),
+            ace: Ace::new(params, fault.gain_factor()).with_gradual_anti_windup(params),
             encoder: Encoder::new(params.sensors.output_lsb()),
             friction: match calibration.form {
                 Form::ThreePhase => {
                     let peak = calibration.ripple.peak * params.controller.hysteresis;
-                    friction.under_swinging_torque(torque * pull_per_amp * peak)
+                    friction.under_pulsating_torque(torque * torque_current_per_amp * peak)
                 }
                 Form::Paper(_) | Form::OneAxis => friction,
             },
             winding,
             half_play: 0.5 * transmission.backlash * fault.backlash_factor(),
-            ripple: RippleCurve::new(&calibration.ripple, params.controller.hysteresis, winding.turns),
+            ripple: RippleCurve::new(&calibration.ripple, params.controller.hysteresis, winding.turns_ratio),
             derived: Derived {
                 dt,
                 half_dt: 0.5 * dt,
@@ -62,16 +63,16 @@ impl Monitor<f64> {
                 half_v_dc: 0.5 * v_dc,
                 per_half_v_dc: 2.0 / v_dc,
                 v_max_squared: (HEXAGON_MEAN * v_dc) * (HEXAGON_MEAN * v_dc),
-                mean_ohms: motor.l_s * winding.turns.map(|n| n * n).iter().sum::<f64>() / (3.0 * dt),
+                mean_ohms: motor.l_s * winding.turns_ratio.map(|n| n * n).iter().sum::<f64>() / (3.0 * dt),
                 phase_r: r_s,
                 phase_l: motor.l_s,
                 back_emf: k * calibration.back_emf,
                 half_back_emf: 0.5 * k * calibration.back_emf,
                 torque,
                 half_torque: 0.5 * torque,
-                pull_per_amp,
+                torque_current_per_amp,
                 r,
-                reactance: winding.turns.map(|n| motor.pole_pairs * n * n * motor.l_s),
+                reactance: winding.turns_ratio.map(|n| motor.pole_pairs * n * n * motor.l_s),
                 ohms,
                 ohms_before,
                 siemens,
@@ -87,7 +88,7 @@ impl Monitor<f64> {
 }
 
 impl<R: Real> Monitor<R> {
-    /// The same monitor in another number type, one number at a time: `monitor.map(|x| x as f32)` on the target.
+    /// The monitor in another number type, one value at a time: `monitor.map(|x| x as f32)` on the target.
     #[must_use]
     pub fn map<S: Real>(self, mut f: impl FnMut(R) -> S) -> Monitor<S> {
         let d = self.derived;
@@ -119,7 +120,7 @@ impl<R: Real> Monitor<R> {
                 half_back_emf: f(d.half_back_emf),
                 torque: f(d.torque),
                 half_torque: f(d.half_torque),
-                pull_per_amp: f(d.pull_per_amp),
+                torque_current_per_amp: f(d.torque_current_per_amp),
                 r: d.r.map(&mut f),
                 reactance: d.reactance.map(&mut f),
                 ohms: d.ohms.map(&mut f),
@@ -135,12 +136,12 @@ impl<R: Real> Monitor<R> {
         }
     }
 
-    /// Monitors of the same actuator side by side, one in each lane; `lane` makes a lane's number out of all of them.
+    /// Monitors of the same actuator as one monitor of several lanes; `lane` converts one value of all monitors to lanes.
     ///
-    /// They share form, feedback and timing, which are those of the first.
+    /// Form, feedback and timing are those of the first monitor.
     #[must_use]
     pub fn side_by_side<S: Real, const N: usize>(monitors: &[Self; N], lane: impl Fn([R; N]) -> S) -> Monitor<S> {
-        // Every number of every monitor in the order of `map`, then the same walk once more to lay them side by side.
+        // Collect the values of each monitor in the order of `map`; then `map` again, to replace them by lanes.
         let mut numbers = [[R::zero(); N]; MONITOR_NUMBERS];
         for (n, monitor) in monitors.iter().enumerate() {
             let mut place = 0;

@@ -1,7 +1,9 @@
-//! Low-fidelity monitor: the actuator averaged over its switching, cheap enough to run thousands of times a second.
+//! Low-fidelity monitor: the actuator averaged over the switching of its inverter, fast enough for thousands of windows per
+//! second.
 //!
-//! Controller, friction, backlash and windings are the reference's own; the current loop and the step are not. The step
-//! is written once, generic over [`Real`]. No allocation, no `std`.
+//! Input are parameters, calibration, unknowns and the samples of a window; output are the signals of each sample. Controller,
+//! friction, backlash and windings are those of the reference; current loop and integration step are the monitor's own. The
+//! step exists once, generic over [`Real`]; it neither allocates nor needs `std`.
 
 mod build;
 mod one_axis;
@@ -11,7 +13,7 @@ mod settings;
 pub mod study;
 mod three_phase;
 
-pub use ripple::{RIPPLE_KNOTS, RIPPLE_PLACES, Ripple};
+pub use ripple::{RIPPLE_KNOTS, RIPPLE_VOLTAGES, Ripple};
 pub use settings::{Calibration, Conditions, Feedback, Form};
 
 use crate::backlash::follow_through_play;
@@ -23,7 +25,7 @@ use crate::samples::{ComparedSample, InitialState};
 use crate::winding::{DerivedShape, Winding, derived_shape};
 use ripple::RippleCurve;
 
-/// One monitor, or one lane each of several that differ in their fault vectors.
+/// Constants of one monitor, or of several with different unknowns, one per lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Monitor<R> {
     form: Form,
@@ -37,13 +39,13 @@ pub struct Monitor<R> {
     derived: Derived<R>,
     steps_per_control: u32,
     controls_per_sample: u32,
-    /// Nominal torque per ampere, as the controller has it, Nm/A.
+    /// Nominal torque per ampere in the controller, Nm/A.
     torque_gain: R,
-    /// Start of the speed loop's integral beyond what the currents say, Nm.
+    /// Initial integral of the speed loop minus its value from the measured currents, Nm.
     integral: R,
 }
 
-/// Constants that the step needs ready-made.
+/// Constants of the step, computed once.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Derived<R> {
     dt: R,
@@ -56,19 +58,19 @@ pub(crate) struct Derived<R> {
     v_dc: R,
     half_v_dc: R,
     per_half_v_dc: R,
-    /// Square of the mean voltage that the inverter reaches, V².
+    /// Square of the inverter's largest voltage, averaged over all angles, V².
     v_max_squared: R,
-    /// Mean of the phases' L/dt, Ω.
+    /// Mean of L_j/dt over the phases, Ω.
     mean_ohms: R,
     phase_r: R,
     phase_l: R,
-    /// k with its calibration, as back-EMF and as torque coefficient, and half of each.
+    /// Calibrated k as back-EMF and as torque coefficient, and half of each.
     back_emf: R,
     half_back_emf: R,
     torque: R,
     half_torque: R,
-    /// Mean over all angles of the pull that a quadrature current makes: half the sum of the turns.
-    pull_per_amp: R,
+    /// Torque-producing current per quadrature current, averaged over all angles: half the sum of the turns ratios.
+    torque_current_per_amp: R,
     /// R_j and P L_j.
     r: [R; 3],
     reactance: [R; 3],
@@ -76,7 +78,7 @@ pub(crate) struct Derived<R> {
     ohms: [R; 3],
     ohms_before: [R; 3],
     siemens: [R; 3],
-    /// 1 / Σ siemens, over all phases and over the two others.
+    /// 1 / Σ siemens, over all phases and over the two other phases.
     star_ohms: R,
     star_ohms_without: [R; 3],
 }
@@ -92,21 +94,22 @@ pub struct MonitorState<R> {
     omega_m: R,
     theta_out: R,
     ace: AceState<R>,
-    /// References of the direct and quadrature current, the band's mean effect included, A.
+    /// References of the direct and quadrature current, including the mean effect of the hysteresis band, A.
     i_ref: [R; 2],
-    /// Speed gained in the last step, rad/s.
-    gained: R,
+    /// Change of the speed in the last step, rad/s.
+    speed_change: R,
     /// Torque that the shaft lacked to break away at the end of the last step, Nm ([`DryFriction::long_step`]).
-    slack: R,
-    /// Motor angle of the motor model, rad: the one that the last step foresaw; and the electrical angle's sine and cosine.
-    foreseen: R,
+    breakaway_deficit: R,
+    /// Motor angle at the end of the last step, as predicted for the motor model, rad; sine and cosine of its electrical angle.
+    predicted_theta_m: R,
     sin_cos: (R, R),
     emf_shapes: [R; 3],
-    /// Σ over the phases of back-EMF shape times current, A; at the start of a control period after its jump.
-    pull: R,
+    /// Torque-producing current: Σ over the phases of back-EMF shape times current, A; corrected for the step of the reference
+    /// at the start of a control period.
+    torque_current: R,
 }
 
-/// What the monitor says of one instant.
+/// Signals of the monitor at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Output<R> {
     /// Direct current, A.
@@ -125,21 +128,21 @@ pub struct Output<R> {
 pub const STEPS_PER_CONTROL: u32 = 2;
 
 impl<R: Real> Monitor<R> {
-    /// The same monitor with another source of its position feedback.
+    /// The monitor with this source of its angles.
     #[must_use]
     pub fn with_feedback(self, feedback: Feedback) -> Self {
         Self { feedback, ..self }
     }
 
-    /// State at the beginning of a window.
+    /// State at the start of a window.
     #[must_use]
     #[inline(always)]
     pub fn start(&self, initial: &InitialState, first: &ComparedSample) -> MonitorState<R> {
         let theta_m = R::splat(initial.theta_m);
-        let sin_cos = self.angle(initial, theta_m).sin_cos_poly();
-        // The output is somewhere inside both the play and the encoder count that was read.
+        let sin_cos = self.electrical_angle(initial, theta_m).sin_cos_poly();
+        // The output angle lies within both the backlash and the measured encoder count.
         let centre = R::splat(initial.origin.play_centre) + theta_m * self.derived.per_gear;
-        let count = self.encoder.edge(first.theta_out);
+        let count = self.encoder.lower_edge(first.theta_out);
         let lower = (centre - self.half_play).max(count);
         let upper = (centre + self.half_play).min(count + self.encoder.lsb());
         let [d, q] = [R::splat(initial.i_dq[0]), R::splat(initial.i_dq[1])];
@@ -151,28 +154,29 @@ impl<R: Real> Monitor<R> {
             theta_m,
             omega_m: R::splat(initial.omega_m),
             theta_out: R::splat(0.5) * (lower + upper),
-            ace: self.ace.steady(
+            ace: self.ace.steady_state(
                 q * self.torque_gain + self.integral,
                 first.setpoint.map(R::splat),
                 count,
                 R::splat(initial.omega_m),
             ),
             i_ref: [d, q],
-            gained: R::zero(),
-            slack: R::zero(),
-            foreseen: theta_m,
+            speed_change: R::zero(),
+            breakaway_deficit: R::zero(),
+            predicted_theta_m: theta_m,
             sin_cos,
             emf_shapes,
-            pull: pull(emf_shapes, i),
+            torque_current: torque_producing_current(emf_shapes, i),
         }
     }
 
+    /// Electrical angle, rad.
     #[inline(always)]
-    fn angle(&self, initial: &InitialState, theta_m: R) -> R {
+    fn electrical_angle(&self, initial: &InitialState, theta_m: R) -> R {
         R::splat(initial.origin.theta_e) + self.derived.pole_pairs * theta_m
     }
 
-    /// What the sensors would read now.
+    /// Signals at the present instant.
     #[inline(always)]
     pub fn output(&self, state: &MonitorState<R>) -> Output<R> {
         let [i_d, i_q] = match self.form {
@@ -188,11 +192,11 @@ impl<R: Real> Monitor<R> {
         }
     }
 
-    /// Runs one sample period, from the instant of `now` to that of `next`, under the setpoint latched with `now`.
+    /// Runs one sample period, from the instant of `now` to that of `next`, under the setpoint of `now`.
     ///
-    /// With [`Feedback::Simulated`] nothing but the setpoint is taken from the samples.
+    /// With [`Feedback::Simulated`] the samples give only the setpoint.
     #[inline(always)]
-    pub fn sample(
+    pub fn run_sample_period(
         &self,
         state: &mut MonitorState<R>,
         initial: &InitialState,
@@ -200,29 +204,30 @@ impl<R: Real> Monitor<R> {
         next: &ComparedSample,
     ) {
         let setpoint = now.setpoint.map(R::splat);
-        // A copy of its own stays in registers.
+        // The compiler keeps a local copy in registers.
         let mut own = *state;
-        self.turn_afresh(&mut own, initial);
+        self.refresh_sin_cos(&mut own, initial);
         for control in 0..self.controls_per_sample {
             let counted = match self.feedback {
-                Feedback::Simulated => self.encoder.counted(own.theta_out),
+                Feedback::Simulated => self.encoder.counted_angle(own.theta_out),
                 Feedback::Measured => {
-                    let read = output_read(now, next, control, self.controls_per_sample);
-                    self.encoder.counted(R::splat(read))
+                    let read = output_angle_between(now, next, control, self.controls_per_sample);
+                    self.encoder.counted_angle(R::splat(read))
                 }
             };
             self.control_period(&mut own, initial, setpoint, counted);
         }
         if self.feedback == Feedback::Measured {
-            self.turn_output(&mut own, initial, R::splat(next.theta_m));
+            self.move_output(&mut own, initial, R::splat(next.theta_m));
         }
         *state = own;
     }
 
-    /// [`Monitor::sample`] by the measured angles, with what it takes from the samples ready-made, for monitors that share
-    /// it: the setpoint, the output angle of each control period ([`output_read`], counted), and the motor angle at the end.
+    /// [`Monitor::run_sample_period`] with [`Feedback::Measured`] and precomputed inputs, which several monitors can share: the
+    /// setpoint, the counted output angle of each control period ([`output_angle_between`]), rad, and the motor angle at the
+    /// end, rad.
     #[inline(always)]
-    pub fn sample_by(
+    pub fn run_sample_period_with(
         &self,
         state: &mut MonitorState<R>,
         initial: &InitialState,
@@ -231,31 +236,32 @@ impl<R: Real> Monitor<R> {
         theta_m: R,
     ) {
         let mut own = *state;
-        self.turn_afresh(&mut own, initial);
+        self.refresh_sin_cos(&mut own, initial);
         for &counted in counted {
             self.control_period(&mut own, initial, setpoint, counted);
         }
-        self.turn_output(&mut own, initial, theta_m);
+        self.move_output(&mut own, initial, theta_m);
         *state = own;
     }
 
-    /// Sine and cosine are turned from step to step, and made afresh before that adds up.
+    /// Recomputes sine and cosine of the electrical angle, so that the errors of the rotations in each step do not accumulate.
     #[inline(always)]
-    fn turn_afresh(&self, state: &mut MonitorState<R>, initial: &InitialState) {
-        state.sin_cos = self.angle(initial, state.foreseen).sin_cos_poly();
+    fn refresh_sin_cos(&self, state: &mut MonitorState<R>, initial: &InitialState) {
+        state.sin_cos = self.electrical_angle(initial, state.predicted_theta_m).sin_cos_poly();
     }
 
-    /// The controller's step at the start of its period, and the motor's steps within it.
+    /// The controller's step at the start of its period, and the integration steps within the period.
     #[inline(always)]
     fn control_period(&self, state: &mut MonitorState<R>, initial: &InitialState, setpoint: Setpoint<R>, counted: R) {
         let i_ref = self.ace.step(&mut state.ace, setpoint, counted, state.omega_m);
         state.i_ref = match self.form {
             Form::ThreePhase => {
-                let v = self.carrying_voltage(state, i_ref);
+                let v = self.steady_voltage(state, i_ref);
                 let mean = self.mean_currents(i_ref, v);
                 #[cfg(feature = "study")]
                 let mean = study::with_table(mean, v, self.derived.per_half_v_dc, state.sin_cos);
-                state.pull = state.pull + self.jump(mean[1] - state.i_ref[1], v);
+                state.torque_current =
+                    state.torque_current + self.reference_step_correction(mean[1] - state.i_ref[1], v);
                 mean
             }
             Form::Paper(_) | Form::OneAxis => [R::zero(), i_ref],
@@ -265,16 +271,16 @@ impl<R: Real> Monitor<R> {
         }
     }
 
-    /// The output follows the motor through the play.
+    /// Moves the output with the motor through the backlash.
     #[inline(always)]
-    fn turn_output(&self, state: &mut MonitorState<R>, initial: &InitialState, theta_m: R) {
+    fn move_output(&self, state: &mut MonitorState<R>, initial: &InitialState, theta_m: R) {
         let centre = R::splat(initial.origin.play_centre) + theta_m * self.derived.per_gear;
         state.theta_out = follow_through_play(state.theta_out, centre, self.half_play);
     }
 
-    /// Direct and quadrature voltage that carries a reference steadily round, V.
+    /// Direct and quadrature voltage for a constant current reference at the present speed, V.
     #[inline(always)]
-    fn carrying_voltage(&self, state: &MonitorState<R>, i_ref: R) -> [R; 2] {
+    fn steady_voltage(&self, state: &MonitorState<R>, i_ref: R) -> [R; 2] {
         let m = &self.derived;
         let (sin, cos) = state.sin_cos;
         let shapes = phase_shapes((sin, cos));
@@ -288,41 +294,43 @@ impl<R: Real> Monitor<R> {
         dq_from_abc(v, state.sin_cos)
     }
 
-    /// Mean direct and quadrature current that the comparators hold for a reference, A, under the voltage that carries it.
+    /// Mean direct and quadrature current that the comparators hold for a reference, A, under the steady voltage, V.
     #[inline(always)]
     fn mean_currents(&self, i_ref: R, [v_d, v_q]: [R; 2]) -> [R; 2] {
-        // Never zero, which has no direction.
+        // The offset excludes zero, which has no direction.
         let length = (v_d * v_d + v_q * v_q + R::splat(1e-12)).sqrt();
         let per_volt = self.ripple.shortfall(length * self.derived.per_half_v_dc) / length;
         [-per_volt * v_d, i_ref - per_volt * v_q]
     }
 
-    /// What of the pull, A, a step seems to start with already, because the quadrature current, switched to the rails, changes by
-    /// `change` in its first share `f` and waits: `(1 − f) Σ N_j/2 Δi_q`. Its mean torque is then that of both ends.
+    /// Correction of the torque-producing current at the start of a step for a step of the current reference, A:
+    /// `(1 − f) Σ N_j/2 Δi_q`.
     ///
-    /// `f = L |Δi_q| / (Δt (√(v_max² − v_d²) ∓ v_q))`, at most one, v being the voltage that carries the new reference: what is
-    /// left along q drives the change, and the back-EMF helps one against itself. v_max is the mean over all angles of what the
-    /// inverter's hexagon reaches, L the mean of the phases'. Derived here.
+    /// The inverter at its rails changes the quadrature current by Δi_q within the first share f of the step, and the current
+    /// is then constant. With the corrected value, the mean of both ends of the step is its mean torque-producing current.
+    /// `f = L |Δi_q| / (Δt (√(v_max² − v_d²) ∓ v_q))`, at most 1, where v is the steady voltage for the new reference: the
+    /// voltage left along q drives the change, and the back-EMF supports a change against its direction. v_max is the inverter's
+    /// largest voltage averaged over all angles, L the mean of the phases. Derived here.
     #[inline(always)]
-    fn jump(&self, change: R, [v_d, v_q]: [R; 2]) -> R {
+    fn reference_step_correction(&self, change: R, [v_d, v_q]: [R; 2]) -> R {
         let m = &self.derived;
-        let reach = (m.v_max_squared - v_d * v_d).max(R::zero()).sqrt();
-        // Both sides of the fraction times |Δi_q|, which makes the sign of v_q that of its product.
-        let driving = reach * change.abs() - v_q * change;
+        let available = (m.v_max_squared - v_d * v_d).max(R::zero()).sqrt();
+        // Numerator and denominator are multiplied by |Δi_q|, so that the product v_q Δi_q gives the sign.
+        let driving = available * change.abs() - v_q * change;
         let share = change * change * m.mean_ohms / driving.max(R::splat(1e-6));
-        (R::splat(1.0) - share.min(R::splat(1.0))) * m.pull_per_amp * change
+        (R::splat(1.0) - share.min(R::splat(1.0))) * m.torque_current_per_amp * change
     }
 
-    /// One integration step: currents to the predicted angle, then mechanics with the mean torque of both ends.
+    /// One integration step: the currents at the predicted angle, then the motion under the mean torque of both ends.
     #[inline(always)]
     fn step(&self, state: &mut MonitorState<R>, initial: &InitialState) {
         let m = &self.derived;
         let half = R::splat(0.5);
         let omega = state.omega_m;
-        let omega_mid = omega + half * state.gained;
+        let omega_mid = omega + half * state.speed_change;
         let ahead = state.theta_m + omega_mid * m.dt;
-        let sin_cos = R::rotate(state.sin_cos, m.pole_pairs * (ahead - state.foreseen));
-        state.foreseen = ahead;
+        let sin_cos = R::rotate(state.sin_cos, m.pole_pairs * (ahead - state.predicted_theta_m));
+        state.predicted_theta_m = ahead;
 
         let torque = match self.form {
             Form::ThreePhase => {
@@ -332,9 +340,9 @@ impl<R: Real> Monitor<R> {
                 let target = abc_from_alpha_beta(alpha_beta_from_dq(state.i_ref, sin_cos));
                 state.i = three_phase::step(m, state.i, target, emf);
                 state.emf_shapes = shapes;
-                let before = state.pull;
-                state.pull = pull(shapes, state.i);
-                m.half_torque * (before + state.pull)
+                let before = state.torque_current;
+                state.torque_current = torque_producing_current(shapes, state.i);
+                m.half_torque * (before + state.torque_current)
             }
             Form::OneAxis => self.one_axis(state, &derived_shape(&self.winding, state.sin_cos), omega_mid),
             Form::Paper(paper) => {
@@ -350,17 +358,20 @@ impl<R: Real> Monitor<R> {
         };
         state.sin_cos = sin_cos;
 
-        state.omega_m = self
-            .friction
-            .long_step(omega, torque - m.viscous * omega, m.dt_over_j, &mut state.slack);
-        state.gained = state.omega_m - omega;
+        state.omega_m = self.friction.long_step(
+            omega,
+            torque - m.viscous * omega,
+            m.dt_over_j,
+            &mut state.breakaway_deficit,
+        );
+        state.speed_change = state.omega_m - omega;
         state.theta_m = state.theta_m + (omega + state.omega_m) * m.half_dt;
         if self.feedback == Feedback::Simulated {
-            self.turn_output(state, initial, state.theta_m);
+            self.move_output(state, initial, state.theta_m);
         }
     }
 
-    /// Advances the equivalent phase and gives the mean torque of the step.
+    /// Advances the equivalent phase by one step and returns the mean torque of the step, Nm.
     #[inline(always)]
     fn one_axis(&self, state: &mut MonitorState<R>, shape: &DerivedShape<R>, omega: R) -> R {
         let before = state.i_q;
@@ -369,29 +380,30 @@ impl<R: Real> Monitor<R> {
     }
 }
 
-/// Σ over the phases of back-EMF shape times current, A.
+/// Torque-producing current: Σ over the phases of back-EMF shape times current, A.
 #[inline(always)]
-fn pull<R: Real>([a, b, c]: [R; 3], [i_a, i_b, i_c]: [R; 3]) -> R {
+fn torque_producing_current<R: Real>([a, b, c]: [R; 3], [i_a, i_b, i_c]: [R; 3]) -> R {
     a * i_a + b * i_b + c * i_c
 }
 
-/// Where the output stands at one of the control periods from one sample to the next, rad: it turns as the motor does.
+/// Estimated output angle at the start of control period `control` of `controls` from one sample to the next, rad.
+///
+/// Between the samples the output moves in proportion to the motor.
 #[inline(always)]
 #[must_use]
-pub fn output_read(now: &ComparedSample, next: &ComparedSample, control: u32, controls: u32) -> f64 {
-    let share = share_of_turn(now, next, f64::from(control) / f64::from(controls));
-    now.theta_read + share * (next.theta_read - now.theta_read)
+pub fn output_angle_between(now: &ComparedSample, next: &ComparedSample, control: u32, controls: u32) -> f64 {
+    let share = share_of_motor_motion(now, next, f64::from(control) / f64::from(controls));
+    now.theta_out_estimate + share * (next.theta_out_estimate - now.theta_out_estimate)
 }
 
-/// Share of the turn from one sample to the next that the motor has made at `x` of the time between them, from the cubic
-/// with both angles and speeds; `x` itself where the motor hardly turns.
+/// Share of the motor's motion between two samples that is completed after the share `x` of the time, by the cubic through
+/// both angles and speeds; `x` itself where the motor does not move in one direction.
 #[inline(always)]
-fn share_of_turn(now: &ComparedSample, next: &ComparedSample, x: f64) -> f64 {
+fn share_of_motor_motion(now: &ComparedSample, next: &ComparedSample, x: f64) -> f64 {
     let rise = next.theta_m - now.theta_m;
-    let (leave, arrive) = (now.turning, next.turning);
-    // A turn that is not clearly one way has no shares.
-    if leave * rise <= 0.0 || arrive * rise <= 0.0 {
+    let (first, last) = (now.theta_m_change, next.theta_m_change);
+    if first * rise <= 0.0 || last * rise <= 0.0 {
         return x;
     }
-    x * (leave + x * ((3.0 * rise - 2.0 * leave - arrive) + x * (leave + arrive - 2.0 * rise))) / rise
+    x * (first + x * ((3.0 * rise - 2.0 * first - last) + x * (first + last - 2.0 * rise))) / rise
 }

@@ -1,4 +1,4 @@
-//! Current loop of the paper's monitor: one equivalent phase in the q axis (\[P\] section 5.2).
+//! Current loop of the one-axis monitor: one equivalent phase in the q axis (\[P\] section 5.2).
 
 use super::Derived;
 use crate::frames::phase_shapes;
@@ -7,8 +7,8 @@ use crate::winding::DerivedShape;
 
 /// Quadrature current one step later, A.
 ///
-/// `v_q = R(θ_e) i + L(θ_e) di/dt + ½ ω_e (dL/dθ_e) i + k φ ω_m`, the voltage limited to what the inverter has along the
-/// current, `V_dc/3 · Σ|s_j|`; the current meets its reference within the step if it can.
+/// `v_q = R(θ_e) i + L(θ_e) di/dt + ½ ω_e (dL/dθ_e) i + k φ ω_m`, with the voltage limited to the inverter's along the
+/// current, `V_dc/3 · Σ|s_j|`. The current reaches its reference within the step if the voltage suffices.
 #[inline(always)]
 pub(super) fn step<R: Real>(m: &Derived<R>, i: R, i_ref: R, shape: &DerivedShape<R>, omega: R, sin_cos: (R, R)) -> R {
     let [a, b, c] = phase_shapes(sin_cos);

@@ -1,37 +1,37 @@
-//! What a monitor is set up with: form, source of its angles, calibration, operating conditions.
+//! Settings of a monitor: form of the motor model, source of its angles, calibration, operating conditions.
 
 use super::Ripple;
 use crate::unknowns::Unknowns;
 use crate::winding::PaperShape;
 
-/// How the monitor sees the motor.
+/// Form of the motor model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Form {
     /// One equivalent phase with the shape functions of \[P\] eqs. 10 and 11 on resistance, back-EMF and torque.
     Paper(PaperShape),
     /// One equivalent phase with the derived shapes of resistance, inductance and back-EMF.
     OneAxis,
-    /// Three averaged phases with the inverter's voltage limit: both axes, coupled by unequal phases.
+    /// Three averaged phases with the voltage limit of the inverter; unequal phases couple both axes.
     ThreePhase,
 }
 
-/// Where the monitor's transmission and position loop take their angles from.
+/// Source of the angles of the monitor's transmission and position loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Feedback {
-    /// From the monitor itself: the paper's closed loop. Its own errors add up, and the encoder's steps make the cost
-    /// rugged.
+    /// The simulated angles: the closed loop of \[P\]. Errors of the monitor accumulate, and the counts of the encoder make the
+    /// cost uneven.
     Simulated,
-    /// The transmission is driven by the measured motor angle, and the position loop by the measured output counts:
-    /// both are known, so each element is judged by itself. Between two samples the output turns as the motor does; what
-    /// was read tells where in its count it is ([`theta_read`](crate::ComparedSample::theta_read)).
+    /// The measured angles: the motor angle drives the transmission, and the output counts drive the position loop, so that each
+    /// element is compared by itself. Between two samples the output follows the motion of the motor; its position within a
+    /// count is an estimate ([`theta_out_estimate`](crate::ComparedSample::theta_out_estimate)).
     #[default]
     Measured,
 }
 
-/// What calibration against the reference may change in a monitor of one type of actuator.
+/// Parameters of the monitor of one actuator type that the calibration against the reference determines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Calibration {
-    /// Form of the motor model, with the shapes' coefficients.
+    /// Form of the motor model, with the coefficients of its shape functions.
     pub form: Form,
     /// Factor on the back-EMF coefficient k.
     pub back_emf: f64,
@@ -42,9 +42,9 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// A monitor of the given form as derived, without any correction.
+    /// A monitor of this form with the derived coefficients, without correction.
     #[must_use]
-    pub fn none(form: Form) -> Self {
+    pub fn uncorrected(form: Form) -> Self {
         Self {
             form,
             back_emf: 1.0,
@@ -56,26 +56,26 @@ impl Calibration {
 
 impl Default for Calibration {
     fn default() -> Self {
-        Self::none(Form::ThreePhase)
+        Self::uncorrected(Form::ThreePhase)
     }
 }
 
 /// Operating conditions of one window that are not faults.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Conditions {
-    /// Measured load torque at the output, Nm; positive opposes positive motion. `None` where nobody measures it.
+    /// Measured load torque at the output, Nm; positive opposes positive motion. `None` without a sensor.
     pub load_torque: Option<f64>,
     /// DC link voltage, V.
     pub v_dc: f64,
-    /// Measured winding temperature, °C. `None` where nobody measures it: the motor is then taken to be at 20 °C, and how far
-    /// it is from that is part of its unknown deviation.
+    /// Measured winding temperature, °C. `None` without a sensor: the monitor then assumes 20 °C, and the effect of the
+    /// difference is a part of the motor's unknown deviation.
     pub winding_temp_deg_c: Option<f64>,
 }
 
 impl Conditions {
-    /// Unknowns, whose motor is at 20 °C, with the motor at the measured temperature.
+    /// The unknowns with the motor's deviation at the measured temperature; `unknowns` has the deviation at 20 °C.
     #[must_use]
-    pub fn warmed(&self, unknowns: &Unknowns) -> Unknowns {
+    pub fn at_temperature(&self, unknowns: &Unknowns) -> Unknowns {
         Unknowns {
             motor: match self.winding_temp_deg_c {
                 Some(temperature) => unknowns.motor.at_temperature(temperature),

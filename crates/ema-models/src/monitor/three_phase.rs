@@ -1,8 +1,8 @@
-//! Current loop of the monitor, averaged over the switching: three unequal phases in star connection.
+//! Current loop of the three-phase monitor, averaged over the switching: three unequal phases in star connection.
 //!
-//! The hysteresis comparators hold each phase at its reference while the inverter has voltage to spare. Where it has
-//! not, the two phases that need most sit at opposite rails, and the third is held at its reference if it can be
-//! (derived here: the sliding modes of three comparators on a star whose errors sum to zero).
+//! The hysteresis comparators hold each phase at its reference while the inverter's voltage suffices. Otherwise the phases
+//! that need the highest and the lowest voltage are at opposite rails, and the third is held at its reference if its voltage
+//! suffices (derived here: the sliding modes of three comparators on a star whose deviations sum to zero).
 
 use super::Derived;
 use crate::frames::per_phase;
@@ -10,15 +10,15 @@ use crate::real::Real;
 
 /// Phase currents one step later, A.
 ///
-/// `target` are the references at the step's end (zero sum), `i` the currents at its start, `emf` the back-EMFs at
-/// mid-step, V. Trapezoidal in the resistance: a phase meets its reference at the voltage to the star point
+/// `target` are the references at the end of the step (zero sum), A; `i` the currents at its start, A; `emf` the back-EMFs at
+/// mid-step, V. By the trapezoidal rule for the resistance, a phase reaches its reference at the voltage to the star point
 /// `a_j = (L_j/dt + R_j/2) target_j − (L_j/dt − R_j/2) i_j + e_j`.
 ///
-/// The voltages are `a_j + n`, limited to the rails, where n is the star point at which the currents still sum to zero.
-/// With voltage to spare any n between the rails will do and every reference is met. Without, the phases that need most
-/// and least sit at the rails: with the middle one unlimited, n is the mean of what these two have to spare, weighted by
-/// their conductances; the middle one is limited then, and n corrected by what that takes from it. One formula does both,
-/// because the mean is between the rails where there is voltage to spare.
+/// The phase voltages are `a_j + n`, limited to the rails; n is the potential of the star point for which the currents sum to
+/// zero. If the voltage suffices, any n between the rails is a solution, and every reference is reached. Otherwise the phases
+/// with the highest and the lowest a_j are at the rails. With the middle phase unlimited, n is the mean of the differences of
+/// these two to their rails, weighted by their conductances; then the middle phase is limited, and n is corrected for it. The
+/// same formula holds in both cases, because the mean lies between the rails if the voltage suffices.
 #[inline(always)]
 pub(super) fn step<R: Real>(m: &Derived<R>, i: [R; 3], target: [R; 3], emf: [R; 3]) -> [R; 3] {
     let needed = per_phase!(|j| (m.ohms[j] * target[j] - m.ohms_before[j] * i[j]) + emf[j]);
@@ -26,18 +26,18 @@ pub(super) fn step<R: Real>(m: &Derived<R>, i: [R; 3], target: [R; 3], emf: [R; 
     let highest = a.max(b).max(c);
     let lowest = a.min(b).min(c);
     let zero = R::zero();
-    // With ample voltage n lies between the rails by far more than rounding, and the long way ends in adding nothing. Not
-    // so for two equal extremes, which leave n at a rail.
+    // With ample voltage, n lies between the rails by far more than rounding, and the general formula adds zero. Two equal
+    // extremes are excluded, because n is then at a rail.
     let ample = (highest - lowest).le(R::splat(0.9) * m.v_dc);
-    if R::holds(ample & (a.lt(b) | b.lt(a))) {
+    if R::known_true(ample & (a.lt(b) | b.lt(a))) {
         return per_phase!(|j| target[j] + zero);
     }
 
-    // What n each phase has room for.
+    // Range of n in which each phase is within the rails.
     let up = per_phase!(|j| m.half_v_dc - needed[j]);
     let down = per_phase!(|j| up[j] - m.v_dc);
     let spare = per_phase!(|j| R::select(highest.le(needed[j]), up[j], down[j]) * m.siemens[j]);
-    // The middle phase: of several that need the same, the last.
+    // The middle phase; of phases with equal a_j, the last.
     let a_extreme = highest.le(a) | a.le(lowest);
     let b_extreme = highest.le(b) | b.le(lowest);
     let sum = R::select(a_extreme, spare[0], zero)
@@ -60,9 +60,9 @@ mod tests {
     use crate::unknowns::{MotorDeviation, Unknowns};
     use crate::{Calibration, FaultVector};
 
-    /// A second lane that lacks voltage makes the first one go the long way, too.
+    /// A second lane without ample voltage excludes the shortcut for both lanes.
     #[test]
-    fn the_shortcut_of_ample_voltage_changes_no_bit() {
+    fn the_shortcut_of_ample_voltage_gives_the_same_bits() {
         let params = ActuatorParams::bench();
         let levels = [0.0, -0.0, 1e-9, 0.4, -3.0, 10.7];
         for fault in [[0.0; 3], [0.3, 0.0, 0.6], [0.99, 0.5, 0.0]] {

@@ -1,4 +1,4 @@
-//! Power electronics: one hysteresis comparator per phase.
+//! Inverter with one hysteresis comparator per phase: from current references and currents to phase voltages.
 
 /// Three hysteresis comparators, each switching its phase between +V_dc/2 and −V_dc/2.
 #[derive(Clone, Copy, Debug, Default)]
@@ -7,10 +7,10 @@ pub struct Inverter {
 }
 
 impl Inverter {
-    /// Phase voltages against the DC link's midpoint, V.
+    /// Phase voltages relative to the midpoint of the DC link, V.
     ///
-    /// A phase goes high when its current error `i_ref − i` rises above `+half_band`, low when it falls below
-    /// `−half_band`, and stays as it is in between.
+    /// A phase switches to +V_dc/2 when its current deviation `i_ref − i` exceeds `half_band`, to −V_dc/2 when it falls below
+    /// `−half_band`, and does not switch in between.
     pub fn switch(&mut self, i_ref: [f64; 3], i: [f64; 3], half_band: f64, v_dc: f64) -> [f64; 3] {
         core::array::from_fn(|j| {
             let error = i_ref[j] - i[j];

@@ -1,20 +1,21 @@
-//! High-fidelity reference: the three-phase switched actuator that stands in for the real one.
+//! High-fidelity reference model: the three-phase switched actuator, which replaces a real one in tests and calibration.
 //!
-//! One step is 1 µs: ACE every control period, three hysteresis comparators, unequal phases in star connection, dry
-//! friction, backlash. Nothing of the monitor's averaging is used here. Signals of one sample are latched together,
-//! before the step that starts at that instant; the ACE holds the setpoint latched with the last sample.
+//! Input is a [`Scenario`], output are [`SensedSample`](crate::SensedSample)s. One step is 1 µs: ACE every control period,
+//! three hysteresis comparators, unequal phases in star connection, dry friction, backlash. The model shares no averaging with
+//! the monitor. The signals of a sample are latched together, before the step that starts at this instant; the ACE uses the
+//! setpoint latched with the last sample.
 
-mod alien;
 mod inverter;
 mod pmsm;
 mod scenario;
 mod sensors;
+mod unmodelled_fault;
 
-pub use alien::Alien;
 pub use inverter::Inverter;
 pub use pmsm::Phases;
 pub use scenario::{Actuations, Scenario, ScenarioRun};
-pub use sensors::{CurrentSensing, count};
+pub use sensors::{CurrentSensing, encoder_count};
+pub use unmodelled_fault::UnmodelledFault;
 
 use crate::backlash::follow_through_play;
 use crate::control::{Ace, AceState, Encoder, Setpoint};
@@ -25,7 +26,7 @@ use crate::params::{ActuatorParams, REFERENCE_STEP};
 use crate::real::Real;
 use crate::winding::Winding;
 
-/// Constants of one simulated actuator in one state of wear.
+/// Constants of one simulated actuator under one fault vector.
 #[derive(Clone, Debug)]
 pub struct Reference {
     ace: Ace<f64>,
@@ -43,7 +44,7 @@ pub struct Reference {
     friction: DryFriction<f64>,
     gear_ratio: f64,
     half_play: f64,
-    alien: Option<Alien>,
+    unmodelled_fault: Option<UnmodelledFault>,
 }
 
 /// State of the simulated actuator.
@@ -70,7 +71,7 @@ pub struct ReferenceState {
 }
 
 impl ReferenceState {
-    /// At rest, without current, at the given angles, rad.
+    /// The state at rest, without current, at these angles, rad.
     #[must_use]
     pub fn at_rest(theta_m: f64, theta_out: f64) -> Self {
         Self {
@@ -89,16 +90,16 @@ impl ReferenceState {
 }
 
 impl Reference {
-    /// An actuator whose hardware is `unit` and whose controller was set for `nominal`, under a fault vector and a
-    /// constant load torque at the output, Nm (positive opposes positive motion).
+    /// An actuator with the hardware `unit` and a controller set for `nominal`, under a fault vector and a constant load torque
+    /// at the output, Nm (positive opposes positive motion).
     ///
-    /// `unit` and `nominal` differ when a motor's own k, R or J is off: the controller keeps the nominal torque gain.
+    /// `unit` differs from `nominal` when k, R or J of the motor deviate; the controller keeps the nominal torque gain.
     #[must_use]
     pub fn new(unit: &ActuatorParams, nominal: &ActuatorParams, fault: &FaultVector, load_torque: f64) -> Self {
         Self::with_step(unit, nominal, fault, load_torque, REFERENCE_STEP)
     }
 
-    /// The same with another step than 1 µs, for convergence studies; the control period is a whole number of them.
+    /// [`Reference::new`] with another step than 1 µs, for convergence studies; the control period is a multiple of it, s.
     #[must_use]
     pub fn with_step(
         unit: &ActuatorParams,
@@ -119,35 +120,39 @@ impl Reference {
             step,
             step_over_j: step / unit.motor.j,
             steps_per_period: libm::round(nominal.controller.period / step) as u64,
-            phases: Phases::new(&unit.motor, winding.turns),
+            phases: Phases::new(&unit.motor, winding.turns_ratio),
             winding,
             friction: DryFriction::new(&unit.transmission, fault, load_torque),
             gear_ratio: unit.transmission.gear_ratio,
             half_play: 0.5 * unit.transmission.backlash * fault.backlash_factor(),
-            alien: None,
+            unmodelled_fault: None,
         }
     }
 
-    /// The same actuator with a fault that the fault vector does not have.
+    /// The actuator with a fault that the fault vector does not contain.
     #[must_use]
-    pub fn with_alien(self, alien: Option<Alien>) -> Self {
+    pub fn with_unmodelled_fault(self, unmodelled_fault: Option<UnmodelledFault>) -> Self {
         Self {
-            friction: self.friction.with_drag(Alien::drag(alien)),
-            alien,
+            friction: self
+                .friction
+                .with_brake_torque(UnmodelledFault::brake_torque(unmodelled_fault)),
+            unmodelled_fault,
             ..self
         }
     }
 
-    /// One step of the whole actuator; `setpoint` is the one latched with the last sample.
+    /// One step of the actuator; `setpoint` is that of the last sample.
     pub fn step(&self, state: &mut ReferenceState, setpoint: Setpoint) {
         if state.steps.is_multiple_of(self.steps_per_period) {
-            let counted = self.encoder.counted(state.theta_out);
+            let counted = self.encoder.counted_angle(state.theta_out);
             state.i_ref = self.ace.step(&mut state.ace, setpoint, counted, state.omega_m);
         }
         let sin_cos = (self.pole_pairs * state.theta_m).sin_cos_poly();
-        let seen = match self.alien {
+        let seen = match self.unmodelled_fault {
             None => sin_cos,
-            alien => (self.pole_pairs * Alien::resolver(alien, state.theta_m)).sin_cos_poly(),
+            unmodelled_fault => {
+                (self.pole_pairs * UnmodelledFault::resolver_angle(unmodelled_fault, state.theta_m)).sin_cos_poly()
+            }
         };
         let i_ref = phase_shapes(seen).map(|s| state.i_ref * s);
         state.v = state.inverter.switch(i_ref, state.i, self.half_band, self.v_dc);

@@ -12,19 +12,19 @@ pub struct Phases {
 }
 
 impl Phases {
-    /// The phases of a motor with the given fractions of intact turns.
+    /// The phases of a motor with these winding turns ratios.
     #[must_use]
-    pub fn new(motor: &MotorParams, turns: [f64; 3]) -> Self {
+    pub fn new(motor: &MotorParams, turns_ratio: [f64; 3]) -> Self {
         Self {
-            r: turns.map(|n| n * motor.r_s),
-            l: turns.map(|n| n * n * motor.l_s),
+            r: turns_ratio.map(|n| n * motor.r_s),
+            l: turns_ratio.map(|n| n * n * motor.l_s),
         }
     }
 
     /// `di_j/dt = (v_j − v_n − e_j − R_j i_j) / L_j` (\[P\] eq. 7), A/s.
     ///
-    /// The star point's potential v_n follows from `Σ di_j/dt = 0` (\[P\] eq. 6) with the unequal inductances. `v` and
-    /// `emf` are phase voltages and back-EMFs `k_j ω_m`, V.
+    /// The potential v_n of the star point follows from `Σ di_j/dt = 0` (\[P\] eq. 6) with the unequal inductances. `v` are
+    /// phase voltages, `emf` back-EMFs `k_j ω_m`, V.
     #[must_use]
     pub fn derivative(&self, v: [f64; 3], emf: [f64; 3], i: [f64; 3]) -> [f64; 3] {
         let driving: [f64; 3] = core::array::from_fn(|j| v[j] - emf[j] - self.r[j] * i[j]);

@@ -1,7 +1,7 @@
-//! Actuations one after the other, sampled as the control electronics would send them.
+//! Scenarios: a series of actuations of one simulated unit, and the samples that its electronics send.
 
-use super::sensors::{CurrentSensing, count};
-use super::{Alien, Reference, ReferenceState};
+use super::sensors::{CurrentSensing, encoder_count};
+use super::{Reference, ReferenceState, UnmodelledFault};
 use crate::command::Profile;
 use crate::control::Setpoint;
 use crate::fault::FaultVector;
@@ -14,20 +14,20 @@ use rand_chacha::ChaCha8Rng;
 /// A series of equal actuations with rests between them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Actuations {
-    /// What each actuation commands; the direction changes from one to the next.
+    /// Command of each actuation; the direction alternates.
     pub profile: Profile,
-    /// How many.
+    /// Number of actuations.
     pub count: u32,
-    /// Rest before the first and after each, s.
+    /// Rest before the first actuation and after each, s.
     pub rest: f64,
-    /// Length of each actuation, s; then its last setpoint is held.
+    /// Length of each actuation, s; its last setpoint is held during the rest.
     pub length: f64,
 }
 
 impl Actuations {
-    /// One window of the given profile, as the accuracy suites use it.
+    /// One actuation of this profile with the timing of the accuracy suites.
     #[must_use]
-    pub fn one(profile: Profile) -> Self {
+    pub fn single(profile: Profile) -> Self {
         Self {
             profile,
             count: 1,
@@ -48,46 +48,46 @@ impl Actuations {
         self.rest + f64::from(self.count) * self.period()
     }
 
-    /// What is commanded at time t, for a first direction `sign`, from the rest position `rest_angle` on, rad.
+    /// Setpoint at time t, s, for a first direction `sign` and the angle `rest_angle` before the first actuation, rad.
     fn setpoint(&self, t: f64, sign: f64, rest_angle: f64) -> Setpoint {
         let cycle = self.period();
         let since_first = t - self.rest;
         let done = libm::floor(since_first / cycle).clamp(0.0, f64::from(self.count) - 1.0);
         let tau = since_first - done * cycle;
         let direction = if done % 2.0 == 0.0 { sign } else { -sign };
-        // Between two actuations in speed mode the motor is told to stand.
-        if let Some(speed) = self.profile.speed(tau) {
+        // Between two actuations in speed mode, the commanded speed is zero.
+        if let Some(speed) = self.profile.commanded_speed(tau) {
             let speed = if tau > self.length { 0.0 } else { direction * speed };
             return Setpoint::Speed(libm::round(speed / SPEED_LSB) * SPEED_LSB);
         }
-        let travel = self.profile.angle(self.length);
-        // Directions alternate, so after an odd number of actuations one travel is left over.
+        let travel = self.profile.commanded_angle(self.length);
+        // Directions alternate, so after an odd number of actuations the output is one travel away.
         let base = if done % 2.0 == 0.0 { 0.0 } else { sign * travel };
-        let commanded = rest_angle + (base + direction * self.profile.angle(tau.min(self.length)));
+        let commanded = rest_angle + (base + direction * self.profile.commanded_angle(tau.min(self.length)));
         Setpoint::Position(libm::round(commanded / POSITION_LSB) * POSITION_LSB)
     }
 }
 
-/// Everything that decides what a simulated actuator sends.
+/// Input of a simulation.
 #[derive(Clone, Debug)]
 pub struct Scenario {
-    /// The actuator type: what its controller is set for.
+    /// The actuator type, for which the controller is set.
     pub nominal: ActuatorParams,
-    /// This very unit.
+    /// Parameters of the simulated unit.
     pub unit: ActuatorParams,
-    /// Its state of wear.
+    /// Fault vector of the unit.
     pub fault: FaultVector,
     /// Constant load at the output, Nm; positive opposes positive motion.
     pub load_torque: f64,
-    /// Winding temperature, °C; the unit's motor is given at 20 °C.
+    /// Winding temperature, °C; `unit` has the parameters at 20 °C.
     pub winding_temp_deg_c: f64,
-    /// A fault that the fault vector does not have.
-    pub alien: Option<Alien>,
-    /// Current sensors.
+    /// A fault that the fault vector does not contain.
+    pub unmodelled_fault: Option<UnmodelledFault>,
+    /// Current measurement.
     pub sensing: CurrentSensing,
-    /// What is commanded.
+    /// Commands.
     pub actuations: Actuations,
-    /// Draws the initial rotor angle, the place in the backlash, the sign of the command and the noise.
+    /// Seed of the initial rotor angle, the position in the backlash, the sign of the command and the noise.
     pub seed: u64,
 }
 
@@ -98,7 +98,7 @@ const POSITION_LSB: f64 = 1e-6;
 const SPEED_LSB: f64 = 1e-3;
 
 impl Scenario {
-    /// A healthy `bench`-like unit of one type with ideal current sensors, one mixed actuation.
+    /// A unit that equals its type, under this fault vector, with ideal current measurement, no load and one mixed actuation.
     #[must_use]
     pub fn new(params: ActuatorParams, fault: FaultVector, seed: u64) -> Self {
         Self {
@@ -107,14 +107,14 @@ impl Scenario {
             fault,
             load_torque: 0.0,
             winding_temp_deg_c: REFERENCE_TEMPERATURE_DEG_C,
-            alien: None,
+            unmodelled_fault: None,
             sensing: CurrentSensing::IDEAL,
-            actuations: Actuations::one(Profile::Mixed),
+            actuations: Actuations::single(Profile::Mixed),
             seed,
         }
     }
 
-    /// Starts the simulation; the samples come out of the iterator.
+    /// The simulation as an iterator of samples.
     #[must_use]
     pub fn run(&self) -> ScenarioRun {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
@@ -128,7 +128,7 @@ impl Scenario {
             state: ReferenceState::at_rest(theta_m, theta_out),
             reference,
             scenario: self.clone(),
-            rest_angle: count(theta_out, lsb) as f64 * lsb,
+            rest_angle: encoder_count(theta_out, lsb) as f64 * lsb,
             sign,
             seq: 0,
             samples: libm::round(self.actuations.duration() * self.nominal.sensors.sample_rate) as u64,
@@ -137,17 +137,17 @@ impl Scenario {
         }
     }
 
-    /// The unit at its temperature, in its state of wear.
+    /// The unit at its temperature, under its fault vector.
     fn reference(&self) -> Reference {
         let warm = ActuatorParams {
             motor: self.unit.motor.at_temperature(self.winding_temp_deg_c),
             ..self.unit
         };
-        Reference::new(&warm, &self.nominal, &self.fault, self.load_torque).with_alien(self.alien)
+        Reference::new(&warm, &self.nominal, &self.fault, self.load_torque).with_unmodelled_fault(self.unmodelled_fault)
     }
 }
 
-/// A running simulation: an iterator of samples.
+/// A running simulation, an iterator of samples.
 #[derive(Clone, Debug)]
 pub struct ScenarioRun {
     reference: Reference,
@@ -162,7 +162,7 @@ pub struct ScenarioRun {
 }
 
 impl ScenarioRun {
-    /// The true state behind the last sample, one sample period later.
+    /// The true state one sample period after the last sample.
     #[must_use]
     pub fn state(&self) -> &ReferenceState {
         &self.state
@@ -187,12 +187,12 @@ impl Iterator for ScenarioRun {
         let setpoint = self.scenario.actuations.setpoint(t, self.sign, self.rest_angle);
         let sample = SensedSample {
             seq: self.seq,
-            currents: self.scenario.sensing.read(sensors, self.state.i, &mut self.rng),
-            motor_counts: count(
-                Alien::resolver(self.scenario.alien, self.state.theta_m),
+            currents: self.scenario.sensing.measure(sensors, self.state.i, &mut self.rng),
+            motor_counts: encoder_count(
+                UnmodelledFault::resolver_angle(self.scenario.unmodelled_fault, self.state.theta_m),
                 sensors.motor_lsb(),
             ),
-            output_counts: count(self.state.theta_out, sensors.output_lsb()),
+            output_counts: encoder_count(self.state.theta_out, sensors.output_lsb()),
             setpoint,
         };
         for _ in 0..self.steps_per_sample {

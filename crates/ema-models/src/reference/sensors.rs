@@ -1,27 +1,27 @@
-//! What the sensors make of the truth: converters with noise for the currents, counters for the angles.
+//! Sensors: from true currents and angles to converter readings with noise and to counts.
 
 use crate::params::SensorParams;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// How the currents are measured.
+/// Current measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CurrentSensing {
-    /// Whether the 12-bit converters round and limit (otherwise the wire's own resolution is all that rounds).
+    /// Whether the converters round and limit. Otherwise only the transmission rounds.
     pub quantised: bool,
-    /// Gaussian noise before the converter, A rms.
+    /// Gaussian noise at the input of the converter, A rms.
     pub noise_rms: f64,
 }
 
 impl CurrentSensing {
-    /// No converter, no noise: what the accuracy suites without noise use.
+    /// No converter and no noise, for the accuracy suites without noise.
     pub const IDEAL: Self = Self {
         quantised: false,
         noise_rms: 0.0,
     };
 
-    /// One reading of three currents, A.
-    pub fn read(&self, sensors: &SensorParams, currents: [f64; 3], rng: &mut ChaCha8Rng) -> [f64; 3] {
+    /// Measured values of three currents, A.
+    pub fn measure(&self, sensors: &SensorParams, currents: [f64; 3], rng: &mut ChaCha8Rng) -> [f64; 3] {
         currents.map(|i| {
             let noise: f64 = if self.noise_rms > 0.0 {
                 StandardNormal.sample(rng)
@@ -39,8 +39,8 @@ impl CurrentSensing {
     }
 }
 
-/// Counter reading `floor(theta / lsb)` of an angle, multi-turn.
+/// Multi-turn count `floor(theta / lsb)` of an angle.
 #[must_use]
-pub fn count(theta: f64, lsb: f64) -> i64 {
+pub fn encoder_count(theta: f64, lsb: f64) -> i64 {
     libm::floor(theta / lsb) as i64
 }

@@ -1,13 +1,13 @@
-//! Cross-fidelity: the monitor beside the reference, window by window, under the true fault vector.
+//! Cross-fidelity: residuals of the monitor against the reference, window by window, under the true fault vector.
 //!
-//! What is left is model mismatch alone (no sensor noise; angles counted by resolver and encoder). All tolerances stand
-//! in [`TABLE`], and each fails when it is exceeded and also when it is more than 2.5 times too loose.
+//! The residuals are the mismatch of the models: there is no sensor noise, and resolver and encoder count the angles. All
+//! tolerances are in [`TABLE`]. A tolerance fails when it is exceeded, and when it is more than 2.5 times too loose.
 
 use ema_models::reference::{Reference, ReferenceState, Scenario};
 use ema_models::{
     ActuatorParams, Calibration, ComparedSample, Comparison, Conditions, FaultVector, Feedback, Form, MotorKnowledge,
-    PaperShape, Prior, Profile, RIPPLE_KNOTS, RIPPLE_PLACES, Real, Recording, Ripple, SensedSample, Setpoint, Weights,
-    dq_from_abc, prepare,
+    PaperShape, Prior, Profile, RIPPLE_KNOTS, RIPPLE_VOLTAGES, Real, Recording, Ripple, SensedSample, Setpoint,
+    Weights, dq_from_abc, prepare_window,
 };
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -15,8 +15,8 @@ use rand_chacha::ChaCha8Rng;
 /// Largest rms residual over a window, `[i_d A, i_q A, theta_m mrad, theta_out µrad]`, over all vectors and seeds of one
 /// row.
 ///
-/// Floors that no averaged model can pass: the switching ripple, 0.031 A in i_d and 0.034 A in i_q rms at h = 0.05 A
-/// (uniform in ±h would be 0.029 A in each of two axes), and the output count, 314 µrad/√12 = 91 µrad.
+/// Lower bounds for any averaged model: the switching ripple, 0.031 A rms in i_d and 0.034 A rms in i_q at h = 0.05 A
+/// (a uniform distribution in ±h would give 0.029 A in each axis), and the output count, 314 µrad/√12 = 91 µrad.
 struct Row {
     name: &'static str,
     faults: fn() -> Vec<FaultVector>,
@@ -44,9 +44,9 @@ const TABLE: &[Row] = &[
     //                                                                        i_d    i_q    θ_m  θ_out
     Row { name: "healthy",      faults: healthy,                     bench: [0.040, 0.044, 1.85, 120.0], servo28: [0.044, 0.042, 3.21, 113.0], ..ROW },
     Row { name: "friction",     faults: || single(0, DAMAGE),        bench: [0.042, 0.046, 1.87, 116.0], servo28: [0.043, 0.044, 3.90, 118.0], ..ROW },
-    // The place in the play at the start is known to a count only.
+    // The initial position in the backlash is known only to one count.
     Row { name: "backlash",     faults: || single(1, DAMAGE),        bench: [0.042, 0.044, 2.07, 126.0], servo28: [0.043, 0.043, 3.28, 136.0], ..ROW },
-    // Unequal phases at the voltage limit: the middle phase of the six-step pattern is the monitor's approximation.
+    // At the voltage limit with unequal phases, the monitor approximates the middle phase of the six-step pattern.
     Row { name: "short_a",      faults: || single(2, DAMAGE),        bench: [0.047, 0.044, 2.09, 122.0], servo28: [0.048, 0.048, 5.03, 121.0], ..ROW },
     Row { name: "short_b",      faults: || single(3, DAMAGE),        bench: [0.047, 0.044, 2.67, 122.0], servo28: [0.048, 0.049, 6.11, 121.0], ..ROW },
     Row { name: "short_c",      faults: || single(4, DAMAGE),        bench: [0.046, 0.046, 2.25, 120.0], servo28: [0.048, 0.048, 6.33, 120.0], ..ROW },
@@ -58,15 +58,15 @@ const TABLE: &[Row] = &[
     Row { name: "ramp",         scenario: |s| profile(s, Profile::Ramp),  bench: [0.042, 0.042, 0.56, 118.0], servo28: [0.044, 0.043, 0.68, 116.0], ..ROW },
     Row { name: "chirp",        scenario: |s| profile(s, Profile::Chirp), bench: [0.040, 0.047, 0.44, 118.0], servo28: [0.044, 0.043, 0.70, 114.0], ..ROW },
     Row { name: "load +3 Nm",   scenario: |s| s.load_torque = 3.0,     bench: [0.040, 0.046, 2.50, 118.0], servo28: [0.043, 0.043, 1.82, 114.0], ..ROW },
-    // The integrator has a past: the monitor takes it from the mean i_q before the trigger, without the proportional
-    // part of a setpoint that friction holds the shaft away from.
+    // The integral of the speed loop is not zero at the start. The monitor derives it from the mean i_q before the trigger,
+    // without the proportional part of a remaining position error.
     Row { name: "second actuation", faults: || single(0, DAMAGE), scenario: second, bench: [0.042, 0.046, 4.97, 122.0], servo28: [0.044, 0.044, 18.03, 118.0], ..ROW },
-    // The same with the position loop closed over the monitor's own output, as the paper has it.
+    // The position loop closed over the simulated output angle, as in the paper.
     Row { name: "closed, healthy",  feedback: Feedback::Simulated,                   bench: [0.040, 0.061, 1.35, 120.0], servo28: [0.044, 0.042, 1.44, 113.0], ..ROW },
     Row { name: "closed, backlash", feedback: Feedback::Simulated, faults: || single(1, DAMAGE), bench: [0.042, 0.049, 0.78, 126.0], servo28: [0.043, 0.043, 1.66, 135.0], ..ROW },
     Row { name: "closed, multiple", feedback: Feedback::Simulated, faults: multiple, bench: [0.049, 0.061, 1.38, 129.0], servo28: [0.052, 0.052, 24.06, 163.0], ..ROW },
     Row { name: "closed, second",   feedback: Feedback::Simulated, faults: || single(0, DAMAGE), scenario: second, bench: [0.042, 0.062, 1.99, 122.0], servo28: [0.044, 0.048, 6.81, 126.0], ..ROW },
-    // What the one-axis forms cost.
+    // The one-axis forms.
     Row { name: "one axis, healthy",  form: Form::OneAxis,           bench: [0.086, 0.087, 14.31, 120.0], servo28: [0.044, 0.042, 11.15, 113.0], ..ROW },
     Row { name: "one axis, multiple", form: Form::OneAxis, faults: multiple, bench: [0.086, 0.120, 19.36, 129.0], servo28: [0.052, 0.049, 11.82, 129.0], ..ROW },
     Row { name: "paper, multiple",    form: Form::Paper(PaperShape { k_fs: 100.0, k_e: 0.5 }), faults: multiple, bench: [0.086, 0.387, 210.38, 129.0], servo28: [0.052, 0.111, 133.19, 129.0], ..ROW },
@@ -90,7 +90,7 @@ fn single(index: usize, values: [f64; 3]) -> Vec<FaultVector> {
         .collect()
 }
 
-/// Random vectors as in service: half of the faults absent, the rest up to 0.6, gain 0.3 to 0.7.
+/// Random fault vectors: each fault is absent with probability ½, else up to 0.6; the gain is 0.3 to 0.7.
 fn multiple() -> Vec<FaultVector> {
     let mut rng = ChaCha8Rng::seed_from_u64(20_260_101);
     (0..8)
@@ -112,7 +112,7 @@ fn at_400_hz(scenario: &mut Scenario) {
     scenario.unit.sensors.sample_rate = 400.0;
 }
 
-/// The window judged is that of the last actuation.
+/// Two actuations; the compared window is that of the second.
 fn second(scenario: &mut Scenario) {
     scenario.actuations.count = 2;
     scenario.actuations.rest = 0.3;
@@ -133,7 +133,7 @@ fn residuals(params: &ActuatorParams, row: &Row, fault: &FaultVector, seed: u64)
     let trigger = (begin * params.sensors.sample_rate).round() as usize;
     let sensed: Vec<SensedSample> = scenario.run().skip(trigger - rest).take(25 * rest).collect();
     let mut ready = vec![ComparedSample::default(); sensed.len()];
-    let initial = prepare(params, &sensed, &[], rest, &mut ready);
+    let initial = prepare_window(params, &sensed, &[], rest, &mut ready);
     let comparison = Comparison {
         recording: Recording {
             samples: &ready,
@@ -141,7 +141,7 @@ fn residuals(params: &ActuatorParams, row: &Row, fault: &FaultVector, seed: u64)
             initial,
         },
         params,
-        calibration: &Calibration::none(row.form),
+        calibration: &Calibration::uncorrected(row.form),
         conditions: Conditions {
             load_torque: Some(scenario.load_torque),
             v_dc: params.motor.v_dc,
@@ -156,7 +156,7 @@ fn residuals(params: &ActuatorParams, row: &Row, fault: &FaultVector, seed: u64)
         },
     };
     let mut sums = [0.0; 4];
-    comparison.residuals(&comparison.with_fault(*fault), |_, r| {
+    comparison.residuals(&comparison.unknowns_with_fault(*fault), |_, r| {
         for (sum, x) in sums.iter_mut().zip([r.i_d, r.i_q, 1e3 * r.theta_m, 1e6 * r.theta_out]) {
             *sum += x * x;
         }
@@ -196,7 +196,7 @@ fn residuals_under_the_true_faults_stay_within_the_table() {
                 }
                 if worst[k] < limits[k] / 2.5 {
                     wrong.push(format!(
-                        "{actuator} {}: {signal} {} leaves {} too loose",
+                        "{actuator} {}: {signal} {} is far below {}, which is too loose",
                         row.name, worst[k], limits[k]
                     ));
                 }
@@ -206,8 +206,8 @@ fn residuals_under_the_true_faults_stay_within_the_table() {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-/// Mean shortfall of the currents behind their reference in one steady state: relative voltage m, and its components
-/// along and across the mean voltage, in half bands.
+/// Mean shortfall of the currents in one steady state: relative voltage m, and the shortfall along and across the mean voltage,
+/// half bands.
 fn shortfall(params: &ActuatorParams, speed: f64, load: f64) -> [f64; 3] {
     let m = &params.motor;
     let reference = Reference::new(params, params, &FaultVector::NOMINAL, load);
@@ -239,17 +239,17 @@ fn shortfall(params: &ActuatorParams, speed: f64, load: f64) -> [f64; 3] {
 }
 
 #[test]
-fn the_hysteresis_band_costs_current_along_the_voltage() {
+fn the_mean_current_falls_short_along_the_voltage() {
     let knots = Ripple::default().knots;
     let curve = |m: f64| {
-        let n = RIPPLE_PLACES
+        let n = RIPPLE_VOLTAGES
             .iter()
             .take(RIPPLE_KNOTS - 1)
             .filter(|&&place| place < m)
             .count()
             .max(1)
             - 1;
-        let share = (m - RIPPLE_PLACES[n]) / (RIPPLE_PLACES[n + 1] - RIPPLE_PLACES[n]);
+        let share = (m - RIPPLE_VOLTAGES[n]) / (RIPPLE_VOLTAGES[n + 1] - RIPPLE_VOLTAGES[n]);
         knots[n] + share * (knots[n + 1] - knots[n])
     };
     let (mut squares, mut across, mut n) = (0.0, 0.0, 0.0);

@@ -1,4 +1,4 @@
-//! The monitor's averaged equations, checked numerically against the three-phase ones they are derived from.
+//! The averaged equations of the monitor agree numerically with the three-phase equations from which they are derived.
 
 use core::f64::consts::TAU;
 use ema_models::reference::{Phases, Reference, ReferenceState};
@@ -13,7 +13,7 @@ fn close(got: f64, expected: f64, tolerance: f64, what: &str) {
     );
 }
 
-/// Fault vectors with unequal phases and eccentricity, and angles all round.
+/// Fault vectors with unequal phases and eccentricity, each at angles over several electrical turns.
 fn cases() -> impl Iterator<Item = (FaultVector, f64)> {
     [
         FaultVector::NOMINAL,
@@ -36,7 +36,7 @@ fn the_q_voltage_follows_from_the_three_phases() {
     for (fault, theta_e) in cases() {
         let sin_cos = theta_e.sin_cos_poly();
         let winding = Winding::new(&fault);
-        let phases = Phases::new(&m, winding.turns);
+        let phases = Phases::new(&m, winding.turns_ratio);
         let s = phase_shapes(sin_cos);
         // ds_j/dθ_e, by the definition of s_j.
         let turning: [f64; 3] = core::array::from_fn(|j| -(theta_e - TAU / 3.0 * j as f64).cos());
@@ -44,7 +44,7 @@ fn the_q_voltage_follows_from_the_three_phases() {
         let di: [f64; 3] = core::array::from_fn(|j| slope * s[j] + i_q * omega_e * turning[j]);
         let emf = winding.emf_shapes(sin_cos).map(|shape| m.k * shape * omega);
         let v: [f64; 3] = core::array::from_fn(|j| phases.r[j] * i[j] + phases.l[j] * di[j] + emf[j]);
-        // Any potential may be added to all three: the star point takes it up.
+        // A potential common to all three phases has no effect on the currents.
         let accepted = phases.derivative(v.map(|v| v + 37.0), emf, i);
         for j in 0..3 {
             close(accepted[j], di[j], 1e-4, "di_j/dt of the three-phase equations");
@@ -62,7 +62,7 @@ fn the_q_voltage_follows_from_the_three_phases() {
 }
 
 #[test]
-fn healthy_eccentricity_is_eq_11_with_one_half() {
+fn eq_11_with_one_half_is_exact_for_intact_turns() {
     for n in 0..200 {
         let theta_e = f64::from(n) * 0.1;
         let fault = FaultVector::from_array([0.0, 0.0, 0.0, 0.0, 0.0, 0.7, 0.8, 0.5]);

@@ -1,8 +1,8 @@
-//! Every fault acts in the stated direction and by the stated amount, and the sampling rules hold to the step.
+//! Effect of each fault on the reference model, in direction and amount, and the exact instants of control and sampling.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use core::f64::consts::{PI, TAU};
-use ema_models::reference::{Reference, ReferenceState, Scenario, count};
+use ema_models::reference::{Reference, ReferenceState, Scenario, encoder_count};
 use ema_models::{ActuatorParams, FaultVector, Profile, Real, SensedSample, Setpoint, dq_from_abc, phase_shapes};
 
 const DT: f64 = 1e-6;
@@ -71,14 +71,14 @@ fn friction_holds_the_shaft_up_to_the_static_torque() {
 }
 
 #[test]
-fn backlash_lets_the_output_lag_by_its_width() {
+fn the_output_lags_by_the_width_of_the_backlash() {
     let params = ActuatorParams::bench();
     for k2 in [0.0, 0.25, 1.0] {
         let b = 1e-4 * (1.0 + 99.0 * k2);
         let (reference, mut state) = start(&params, &fault(1, k2));
         settle(&reference, &mut state, 0.2, Setpoint::Speed(20.0));
         close(state.theta_m / 100.0 - state.theta_out, 0.5 * b, 1e-12, "lag forwards");
-        // Turning round, the output stands still until the motor has crossed the whole play.
+        // After a reversal, the output rests until the motor has crossed the whole backlash.
         let stopped_at = state.theta_out;
         let mut turning_point = f64::MIN;
         let mut crossed = 0.0;
@@ -91,7 +91,7 @@ fn backlash_lets_the_output_lag_by_its_width() {
             }
         }
         assert!(state.theta_out >= stopped_at - 1e-6);
-        // Up to the way of one step, 20 rad/s / 100 · 1 µs.
+        // Up to the travel of one step, 20 rad/s / 100 · 1 µs.
         close(crossed, b, 3e-7, "way of the motor before the output turns");
         close(
             state.theta_m / 100.0 - state.theta_out,
@@ -102,7 +102,7 @@ fn backlash_lets_the_output_lag_by_its_width() {
     }
 }
 
-/// k_j of the three phases, V·s/rad: the torque of one ampere through each alone, measured on the running model at rest.
+/// k_j of the three phases, V·s/rad: the torque of one ampere through each alone, measured on the model at rest.
 fn measured_k(params: &ActuatorParams, fault: &FaultVector, theta_e: f64) -> [f64; 3] {
     let reference = Reference::new(params, params, fault, 0.0);
     let torque = |i: [f64; 3]| {
@@ -111,7 +111,7 @@ fn measured_k(params: &ActuatorParams, fault: &FaultVector, theta_e: f64) -> [f6
         reference.step(&mut state, Setpoint::Idle);
         state.torque
     };
-    // A single phase current is none that a star can carry, but T = Σ k_j i_j does not mind.
+    // A star connection cannot carry a single phase current, but T = Σ k_j i_j holds for it.
     [
         torque([1.0, 0.0, 0.0]),
         torque([0.0, 1.0, 0.0]),
@@ -120,7 +120,7 @@ fn measured_k(params: &ActuatorParams, fault: &FaultVector, theta_e: f64) -> [f6
 }
 
 #[test]
-fn a_short_takes_its_turns_from_one_phase_and_no_other() {
+fn a_short_reduces_the_coefficient_of_its_phase_only() {
     let params = ActuatorParams::bench();
     for phase in 0..3 {
         for k in [0.25, 0.75, 1.0] {
@@ -128,7 +128,7 @@ fn a_short_takes_its_turns_from_one_phase_and_no_other() {
                 let theta_e = f64::from(n) * 0.55;
                 let got = measured_k(&params, &fault(2 + phase, k), theta_e);
                 for (j, k_j) in got.iter().enumerate() {
-                    // A full short is held at 1 % of the turns.
+                    // The turns ratio is at least 1 %.
                     let intact = if j == phase { (1.0 - k).max(0.01) } else { 1.0 };
                     let expected = 0.900 * intact * -(theta_e - TAU / 3.0 * j as f64).sin();
                     close(*k_j, expected, 1e-10, "k_j");
@@ -167,18 +167,18 @@ fn eccentricity_modulates_the_torque_by_half_its_amplitude() {
 }
 
 #[test]
-fn gain_scales_the_first_answer_and_the_lag_behind_a_ramp() {
+fn gain_scales_the_first_response_and_the_lag_behind_a_ramp() {
     let params = ActuatorParams::bench();
     for k8 in [0.25, 0.5, 0.875] {
         let gain = 2500.0 * (0.5 + k8);
-        // First answer to eight counts: I_ref = K_p G_p (0.5 + k8) e / G_T, below the speed and current limits.
+        // First response to eight counts: I_ref = K_p G_p (0.5 + k8) e / G_T, below the speed and current limits.
         let (reference, mut state) = start(&params, &fault(7, k8));
         let e = 8.0 * TAU / 20_000.0;
         reference.step(&mut state, Setpoint::Position(e));
         close(state.i_ref, 0.4 * gain * e / 1.350, 1e-9, "first I_ref");
 
-        // Behind a ramp of 0.4 rad/s the motor runs at 40 rad/s, so ω_ref = G_p (0.5 + k8) e fixes the error. Counts are
-        // rounded down: on average half of one is missing from the true error.
+        // Behind a ramp of 0.4 rad/s the motor runs at 40 rad/s, so ω_ref = G_p (0.5 + k8) e determines the deviation. Counts
+        // are rounded down, so the true deviation is half a count smaller on average.
         let (reference, mut state) = start(&params, &fault(7, k8));
         let (mut sum, mut n) = (0.0, 0.0);
         for step in 0..2_000_000u32 {
@@ -194,7 +194,7 @@ fn gain_scales_the_first_answer_and_the_lag_behind_a_ramp() {
 }
 
 #[test]
-fn a_unit_with_its_own_k_is_driven_with_the_nominal_torque_gain() {
+fn a_unit_with_another_k_is_controlled_with_the_nominal_torque_gain() {
     let nominal = ActuatorParams::bench();
     let mut unit = nominal;
     unit.motor.k *= 1.05;
@@ -209,7 +209,7 @@ fn a_unit_with_its_own_k_is_driven_with_the_nominal_torque_gain() {
 // ------------------------------------------------------------------------------------ timing, sampling
 
 #[test]
-fn the_ace_runs_at_whole_multiples_of_its_period_only() {
+fn the_current_reference_changes_at_multiples_of_the_control_period() {
     let params = ActuatorParams::bench();
     let (reference, mut state) = start(&params, &FaultVector::NOMINAL);
     let mut changes = 0;
@@ -226,9 +226,9 @@ fn the_ace_runs_at_whole_multiples_of_its_period_only() {
 }
 
 #[test]
-fn the_reference_angle_is_that_of_every_step() {
-    // Between two runs of the ACE the phase references follow the rotor: at a speed of 160 rad/s the electrical angle
-    // moves by 3.7° in 100 µs, and a phase error would show 0.69 A of it; it does not.
+fn the_phase_references_follow_the_rotor_in_every_step() {
+    // The phase references follow the rotor between two control periods. At 160 rad/s the electrical angle changes by 3.7° in
+    // 100 µs; references that were constant over this time would cause a direct current of 0.69 A.
     let params = ActuatorParams::bench();
     let (reference, mut state) = start(&params, &FaultVector::NOMINAL);
     settle(&reference, &mut state, 0.0098, Setpoint::Speed(200.0));
@@ -240,9 +240,9 @@ fn the_reference_angle_is_that_of_every_step() {
 }
 
 #[test]
-fn a_sample_is_latched_before_its_step_and_the_setpoint_held_until_the_next() {
-    // The scenario's samples, rebuilt step by step from the rules: all signals at t₀ + seq/f_s before the step that
-    // starts there, counts rounded down, the setpoint on whole microradians and held for the whole sample period.
+fn a_sample_is_latched_before_its_step_and_its_setpoint_holds_until_the_next() {
+    // The test reproduces the samples of the scenario step by step: all signals at t₀ + seq/f_s, before the step that starts
+    // there, counts rounded down, the setpoint in whole microradians and constant over the sample period.
     for rate in [2000.0, 400.0] {
         let mut params = ActuatorParams::bench();
         params.sensors.sample_rate = rate;
@@ -282,7 +282,7 @@ fn a_sample_is_latched_before_its_step_and_the_setpoint_held_until_the_next() {
             let micro = angle * 1e6;
             close(micro, micro.round(), 1e-6, "whole microradians");
             let tau = n as f64 / rate - 0.04;
-            let profile = Profile::Mixed.angle(tau.min(0.5));
+            let profile = Profile::Mixed.commanded_angle(tau.min(0.5));
             close((angle - base).abs(), profile, 1.1e-6, "commanded angle");
             for _ in 0..per_sample {
                 reference.step(&mut state, sample.setpoint);
@@ -291,13 +291,13 @@ fn a_sample_is_latched_before_its_step_and_the_setpoint_held_until_the_next() {
     }
 }
 
-/// The scenario's initial state: the draw of its seed, taken from a run that has not begun.
+/// Initial state of the scenario, which its seed determines.
 fn first_state(scenario: &Scenario) -> ReferenceState {
     *scenario.run().state()
 }
 
 #[test]
-fn seeds_draw_angle_place_in_the_play_and_direction() {
+fn seeds_determine_angle_position_in_the_backlash_and_direction() {
     let params = ActuatorParams::bench();
     let (mut directions, mut angles) = ([0; 2], Vec::new());
     for seed in 0..40 {
@@ -321,6 +321,6 @@ fn seeds_draw_angle_place_in_the_play_and_direction() {
 fn counts_are_rounded_down_on_both_sides_of_zero() {
     let lsb = ActuatorParams::bench().sensors.output_lsb();
     for (angle, expected) in [(0.0, 0), (0.99, 0), (1.01, 1), (-0.01, -1), (-1.0, -1), (-1.01, -2)] {
-        assert_eq!(count(angle * lsb, lsb), expected, "{angle} counts");
+        assert_eq!(encoder_count(angle * lsb, lsb), expected, "{angle} counts");
     }
 }

@@ -1,10 +1,10 @@
-//! Several monitors side by side do exactly what each does alone.
+//! Monitors in lanes give the same bits as the same monitors one by one, with every instruction set.
 
 use ema_models::reference::Scenario;
 use ema_models::{
     ActuatorParams, COST_LANES, Calibration, ComparedSample, Comparison, Conditions, Coordinates, FaultVector,
     Feedback, InstructionSet, Lanes32, Monitor, MotorDeviation, MotorKnowledge, Prior, RANK_LANES, Recording, Scale,
-    SensedSample, Unknowns, Weights, prepare,
+    SensedSample, Unknowns, Weights, prepare_window,
 };
 
 #[test]
@@ -32,7 +32,7 @@ fn every_lane_has_the_bits_of_its_scalar() {
     ];
     let sensed: Vec<SensedSample> = Scenario::new(params, faults[1], 3).run().skip(40).take(300).collect();
     let mut samples = vec![ComparedSample::default(); sensed.len()];
-    let initial = prepare(&params, &sensed, &[], 40, &mut samples);
+    let initial = prepare_window(&params, &sensed, &[], 40, &mut samples);
 
     let monitors = faults.map(|fault| {
         let unknowns = Unknowns {
@@ -48,10 +48,10 @@ fn every_lane_has_the_bits_of_its_scalar() {
     let mut state = together.start(&initial, &samples[0]);
     let mut states = alone.map(|monitor| monitor.start(&initial, &samples[0]));
     for pair in samples.windows(2) {
-        together.sample(&mut state, &initial, &pair[0], &pair[1]);
+        together.run_sample_period(&mut state, &initial, &pair[0], &pair[1]);
         let lanes = together.output(&state);
         for (n, (monitor, state)) in alone.iter().zip(&mut states).enumerate() {
-            monitor.sample(state, &initial, &pair[0], &pair[1]);
+            monitor.run_sample_period(state, &initial, &pair[0], &pair[1]);
             let scalar = monitor.output(state);
             let bits = [scalar.i_d, scalar.i_q, scalar.theta_m, scalar.omega_m, scalar.theta_out].map(f32::to_bits);
             let lane = [lanes.i_d, lanes.i_q, lanes.theta_m, lanes.omega_m, lanes.theta_out].map(|l| l.0[n].to_bits());
@@ -77,7 +77,7 @@ fn every_instruction_set_ranks_with_the_same_bits() {
     };
     let sensed: Vec<SensedSample> = Scenario::new(params, fault, 5).run().skip(40).take(300).collect();
     let mut samples = vec![ComparedSample::default(); sensed.len()];
-    let initial = prepare(&params, &sensed, &[], 40, &mut samples);
+    let initial = prepare_window(&params, &sensed, &[], 40, &mut samples);
     let calibration = Calibration::default();
     for feedback in [Feedback::Measured, Feedback::Simulated] {
         let comparison = Comparison {
@@ -109,7 +109,7 @@ fn every_instruction_set_ranks_with_the_same_bits() {
         };
         let unknowns: [Unknowns; RANK_LANES] = std::array::from_fn(|n| {
             let share = n as f64 / RANK_LANES as f64;
-            comparison.with_fault(FaultVector {
+            comparison.unknowns_with_fault(FaultVector {
                 friction: share,
                 short_b: 1.0 - share,
                 eccentricity: 0.5 * share,
@@ -121,13 +121,13 @@ fn every_instruction_set_ranks_with_the_same_bits() {
         for set in InstructionSet::available() {
             assert_eq!(bits(set), bits(InstructionSet::Baseline), "{}", set.name());
         }
-        // Costs side by side have the bits of those one by one.
+        // Costs in lanes have the bits of those computed one by one.
         let scale = Scale::new(&params);
         let points: [Coordinates; COST_LANES] = std::array::from_fn(|n| scale.coordinates(&unknowns[n]));
         for (cost, point) in comparison.costs(&points).iter().zip(&points) {
             assert_eq!(cost.to_bits(), comparison.cost(point).to_bits());
         }
-        // Single precision ranks as double does.
+        // Single precision agrees with double precision.
         for (cost, u) in comparison.rank(&unknowns).iter().zip(&unknowns) {
             let exact = comparison.least_squares(u);
             assert!((cost / exact - 1.0).abs() < 1e-3, "{cost} {exact}");

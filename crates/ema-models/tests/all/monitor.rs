@@ -1,4 +1,4 @@
-//! Physics of the monitor by itself: what it must do without any reference to compare with.
+//! Physics of the monitor without the reference model: rest, steady states, symmetries, voltage limit, convergence.
 
 use core::f64::consts::TAU;
 use ema_models::{
@@ -19,7 +19,7 @@ fn close(got: f64, expected: f64, tolerance: f64, what: &str) {
     );
 }
 
-/// A monitor that is running.
+/// A monitor with its state.
 struct Run {
     monitor: Monitor<f64>,
     state: MonitorState<f64>,
@@ -36,7 +36,7 @@ impl Run {
         };
         let monitor = Monitor::new(params, &without_ripple(form), params.motor.v_dc, &unknowns)
             .with_feedback(Feedback::Simulated);
-        // In the middle of output count 0, with the drive still off: an empty integrator.
+        // The output is in the middle of count 0 and the drive is off, so the integral is zero.
         let first = ComparedSample {
             theta_out: 0.5 * params.sensors.output_lsb(),
             ..ComparedSample::default()
@@ -50,23 +50,24 @@ impl Run {
 
     /// Output after each of `samples` sample periods.
     fn run(&mut self, samples: usize, setpoint: Setpoint) -> Vec<Output<f64>> {
-        // Nothing but the setpoint is taken from a sample here.
+        // With simulated feedback, the samples give only the setpoint.
         let sample = ComparedSample {
             setpoint,
             ..ComparedSample::default()
         };
         (0..samples)
             .map(|_| {
-                self.monitor.sample(&mut self.state, &self.initial, &sample, &sample);
+                self.monitor
+                    .run_sample_period(&mut self.state, &self.initial, &sample, &sample);
                 self.monitor.output(&self.state)
             })
             .collect()
     }
 }
 
-/// Here the currents are those of the equations; the hysteresis band's mean effect has its own test in `accuracy.rs`.
+/// A monitor without the mean effect of the hysteresis band, which `accuracy.rs` tests.
 fn without_ripple(form: Form) -> Calibration {
-    let mut calibration = Calibration::none(form);
+    let mut calibration = Calibration::uncorrected(form);
     calibration.ripple = Ripple::NONE;
     calibration
 }
@@ -102,9 +103,9 @@ fn steady_current_carries_friction_viscous_loss_and_load() {
 }
 
 #[test]
-fn with_voltage_to_spare_all_forms_agree_in_health() {
-    // Healthy shapes are 1, so one axis and three phases are the same motor as long as the inverter can follow; it
-    // cannot in the first 0.2 ms after the ramp begins, when the current starts from nothing.
+fn all_forms_agree_for_a_healthy_motor_while_the_voltage_suffices() {
+    // The shapes of a healthy motor are 1, so one axis and three phases are equivalent while the voltage suffices. It does not
+    // in the first 0.2 ms of the ramp, while the current rises from zero.
     let params = ActuatorParams::bench();
     let outputs = FORMS.map(|form| {
         let mut run = Run::new(&params, form, &FaultVector::NOMINAL, 0.0, InitialState::default());
@@ -119,7 +120,7 @@ fn with_voltage_to_spare_all_forms_agree_in_health() {
 }
 
 #[test]
-fn whole_turns_of_the_origin_change_nothing() {
+fn whole_turns_of_the_origin_do_not_change_the_signals() {
     let params = ActuatorParams::bench();
     let fault = FaultVector::from_array([0.1, 0.2, 0.3, 0.0, 0.0, 0.4, 0.7, 0.6]);
     let from = |theta_e: f64| {
@@ -139,7 +140,7 @@ fn whole_turns_of_the_origin_change_nothing() {
 }
 
 #[test]
-fn a_turned_rotor_with_the_phases_renamed_is_the_same_motor() {
+fn a_rotated_motor_with_exchanged_phases_is_equivalent() {
     // A short of A at θ_e is a short of B at θ_e + 2π/3 and of C at θ_e + 4π/3.
     let params = ActuatorParams::bench();
     let outputs: [Vec<Output<f64>>; 3] = core::array::from_fn(|j| {
@@ -164,8 +165,8 @@ fn a_turned_rotor_with_the_phases_renamed_is_the_same_motor() {
 }
 
 #[test]
-fn the_voltage_limit_bends_the_current_as_in_the_reference() {
-    // Loaded beyond what V_dc can carry at 200 rad/s: i_q below its reference of 10.7 A, i_d positive.
+fn currents_at_the_voltage_limit_agree_with_the_reference() {
+    // Under a load for which V_dc does not suffice at 200 rad/s, i_q is below its reference of 10.7 A and i_d is positive.
     let params = ActuatorParams::bench();
     let mut run = Run::new(
         &params,
@@ -185,8 +186,8 @@ fn the_voltage_limit_bends_the_current_as_in_the_reference() {
     close(omega, 151.4, 0.5, "omega_m");
 }
 
-/// Signals after 9.5 ms of full torque from rest, with a control period that changes nothing (the current reference is
-/// at its limit throughout) but sets the monitor's step to half of itself.
+/// Signals after 9.5 ms of full torque from rest. The control period sets only the monitor's step, which is half of it: the
+/// current reference is at its limit throughout.
 fn full_torque(form: Form, fault: &FaultVector, period: f64) -> [f64; 3] {
     let mut params = ActuatorParams::bench();
     params.controller.period = period;
@@ -210,7 +211,7 @@ fn halving_the_step_converges() {
         for k in 0..3 {
             let bound = [0.02, 0.06, 3e-4][k];
             assert!(deviations[0][k] < bound, "{form:?}, signal {k}: {deviations:?}");
-            // At least first order: the current meets the limit within a step, wherever in it that happens.
+            // At least first order: the instant at which the current reaches its limit lies anywhere within a step.
             assert!(
                 deviations[2][k] < 0.6 * deviations[0][k] || deviations[2][k] < 1e-3 * bound,
                 "{form:?}, signal {k}: {deviations:?}"

@@ -1,5 +1,4 @@
-//! What one integration step of the monitor costs, counted: the arithmetic limit that `docs/performance.md` compares
-//! with.
+//! Number of operations of one integration step of the monitor, the arithmetic limit in `docs/performance.md`.
 
 use core::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -7,12 +6,12 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use ema_models::reference::Scenario;
 use ema_models::{
     ActuatorParams, Calibration, ComparedSample, FaultVector, Feedback, Monitor, Real, STEPS_PER_CONTROL, SensedSample,
-    Unknowns, prepare,
+    Unknowns, prepare_window,
 };
 
 static COUNTS: [AtomicU32; 5] = [const { AtomicU32::new(0) }; 5];
 
-/// Whether a number knows what its masks say, and takes the shortcuts.
+/// Whether [`Real::known_true`] evaluates masks, so that the monitor takes its shortcuts.
 static KNOWS: AtomicBool = AtomicBool::new(false);
 
 /// Classes of operations.
@@ -31,7 +30,7 @@ fn count(class: Class) {
     COUNTS[class as usize].fetch_add(1, Ordering::Relaxed);
 }
 
-/// A number that counts what is done with it.
+/// A number that counts its operations.
 #[derive(Clone, Copy)]
 struct Counted(f64);
 
@@ -103,7 +102,7 @@ impl Real for Counted {
         count(Class::Choice);
         if mask.0 { if_true } else { if_false }
     }
-    fn holds(mask: CountedMask) -> bool {
+    fn known_true(mask: CountedMask) -> bool {
         KNOWS.load(Ordering::Relaxed) && mask.0
     }
     fn abs(self) -> Self {
@@ -137,12 +136,12 @@ fn a_step_costs_at_most_265_operations() {
     assert!(short < 0.9 * all, "{short} of {all}");
 }
 
-/// Operations of one step, controller and the sample's share included, without shortcuts or with those that one monitor takes.
+/// Operations per step, including the shares of controller and sample, with or without the shortcuts of a single monitor.
 fn per_step(shortcuts: bool) -> f64 {
     let params = ActuatorParams::bench();
     let sensed: Vec<SensedSample> = Scenario::new(params, FaultVector::NOMINAL, 3).run().collect();
     let mut samples = vec![ComparedSample::default(); sensed.len()];
-    let initial = prepare(&params, &sensed, &[], 40, &mut samples);
+    let initial = prepare_window(&params, &sensed, &[], 40, &mut samples);
     let unknowns = Unknowns {
         fault: FaultVector::NOMINAL,
         load_torque: 0.0,
@@ -156,7 +155,7 @@ fn per_step(shortcuts: bool) -> f64 {
     KNOWS.store(shortcuts, Ordering::Relaxed);
     COUNTS.iter().for_each(|c| c.store(0, Ordering::Relaxed));
     for pair in samples.windows(2) {
-        monitor.sample(&mut state, &initial, &pair[0], &pair[1]);
+        monitor.run_sample_period(&mut state, &initial, &pair[0], &pair[1]);
     }
     let controls = (samples.len() - 1) as f64 / (params.sensors.sample_rate * params.controller.period);
     let steps = controls * f64::from(STEPS_PER_CONTROL);

@@ -1,4 +1,4 @@
-//! Physics of the high-fidelity reference, each fact against a value that is worked out here and not by the model.
+//! Physics of the high-fidelity reference: each test compares the model with a value derived in the test.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use core::f64::consts::{PI, TAU};
@@ -7,7 +7,7 @@ use ema_models::{ActuatorParams, FaultVector, Real, Setpoint, dq_from_abc, phase
 
 const DT: f64 = 1e-6;
 
-/// One actuator of one type on its way, step by step.
+/// One actuator with its state.
 struct Plant {
     reference: Reference,
     state: ReferenceState,
@@ -23,7 +23,7 @@ impl Plant {
         }
     }
 
-    /// Runs for `duration` seconds and shows each step's state before and after.
+    /// Runs for `duration` seconds and calls `visit` with the state before and after each step.
     fn run(&mut self, duration: f64, setpoint: Setpoint, mut visit: impl FnMut(&ReferenceState, &ReferenceState)) {
         for _ in 0..(duration / DT).round() as u64 {
             let before = self.state;
@@ -71,7 +71,7 @@ fn worn() -> FaultVector {
 #[test]
 fn rest_stays_at_rest() {
     for params in [ActuatorParams::bench(), ActuatorParams::servo28()] {
-        // A load below what friction holds, and the setpoint exactly where the shaft stands.
+        // A load below the breakaway torque, and the setpoint at the position of the shaft.
         let load = 0.5 * params.transmission.friction_static * params.transmission.gear_ratio;
         for (fault, load) in [
             (FaultVector::NOMINAL, 0.0),
@@ -95,8 +95,8 @@ fn rest_stays_at_rest() {
 
 #[test]
 fn a_load_that_friction_cannot_hold_moves_the_idle_shaft() {
-    // 0.30 Nm static friction; at rest the gear adds (1/0.65 − 1) T_l/n: stuck up to T_l/n (1 − 0.538) = 0.30, so
-    // 65 Nm at the output (0.65 Nm at the motor) are the limit.
+    // Static friction is 0.30 Nm, and the gear at rest adds (1/0.65 − 1) T_l/n: the shaft rests up to T_l/n (1 − 0.538) = 0.30,
+    // which is 65 Nm at the output (0.65 Nm at the motor).
     let params = ActuatorParams::bench();
     for (load, moves) in [(64.0, false), (66.0, true)] {
         let mut plant = Plant::new(&params, &FaultVector::NOMINAL, load);
@@ -113,7 +113,7 @@ struct Energies {
     electric: f64,
     copper: f64,
     magnetic: f64,
-    /// `½ Σ L_j Δi_j²`: what explicit Euler adds to the magnetic energy in every step.
+    /// `½ Σ L_j Δi_j²`: magnetic energy that explicit Euler adds in every step.
     scheme: f64,
     /// Electric input and copper loss with the mean currents of each step.
     electric_mean: f64,
@@ -193,24 +193,23 @@ fn power_balances_electrically_and_mechanically() {
         ] {
             let e = energies(&params, &fault, load);
             println!("{e:?}");
-            // Σ v_j i_j dt = change of ½ L i² + copper loss + T ω dt. With all powers at the beginning of the step,
-            // explicit Euler puts exactly ½ Σ L Δi² more into the field; with that counted only rounding is left.
+            // Σ v_j i_j dt = change of ½ L i² + copper loss + T ω dt. With all powers at the start of the step, explicit Euler
+            // adds exactly ½ Σ L Δi² to the magnetic energy; including this term, only rounding remains.
             let left = e.electric + e.scheme - (e.magnetic + e.copper + e.shaft);
             close(
                 left,
                 0.0,
                 1e-9 * e.electric,
-                "electric balance with the scheme's own part",
+                "electric balance with the term of the integration scheme",
             );
-            // With the mean currents of each step, as a wattmeter would, the 1 µs step leaves under 0.1 %.
+            // With the mean currents of each step, as a wattmeter measures, less than 0.1 % remains at 1 µs.
             let left = e.electric_mean - (e.magnetic + e.copper_mean + e.work);
             println!("left {}", left / e.electric_mean);
             close(left, 0.0, 1e-3 * e.electric_mean, "electric balance");
-            // T Δθ = change of ½ J ω² + viscous + dry friction with the gear's loss + load; only the last step
-            // before a stop is cut short.
+            // T Δθ = change of ½ J ω² + viscous + dry friction with the gear's loss + load; only the step of a stop differs.
             let left = e.work - (e.kinetic + e.viscous + e.friction + e.load);
             close(left, 0.0, 1e-5 * e.electric, "mechanical balance");
-            // Electrical and mechanical side meet at the shaft, up to ½ T Δω dt of each step.
+            // Electrical and mechanical power are equal at the shaft, up to ½ T Δω dt of each step.
             close(e.shaft, e.work, 5e-4 * e.electric, "shaft power");
         }
     }
@@ -228,7 +227,7 @@ fn steady_current_carries_friction_viscous_loss_and_load() {
         let at_motor = load / t.gear_ratio;
         for (load, gear_and_load) in [
             (0.0, 0.0),
-            // Opposing: the motor gives T_l/n divided by the efficiency. Aiding: it gets T_l/n times the efficiency.
+            // An opposing load needs T_l/n divided by the efficiency; an aiding load gives T_l/n times the efficiency.
             (load, at_motor / t.efficiency_opposing),
             (-load, -at_motor * t.efficiency_aiding),
         ] {
@@ -247,10 +246,10 @@ fn steady_current_carries_friction_viscous_loss_and_load() {
 
 #[test]
 fn no_load_speed_is_that_of_the_six_step_voltage() {
-    // Commanded far above what the voltage allows, each leg keeps one level for half an electrical turn. The
-    // fundamental is V = 2 V_dc/π; the harmonics of order h leave −V/(h² ω_e L) at the fundamental's zero crossing, in
-    // total −0.0966 V/(ω_e L) over h = 5, 7, 11, … (π²/9 − 1). A comparator switches where I_ref s_j − i_j crosses zero,
-    // so that current and i_d turn the voltage by α = (0.0966 V/(ω_e L) + i_d)/I_ref, and −V α = R i_d without torque:
+    // At a setpoint far above the speed that the voltage allows, each leg keeps one level for half an electrical turn. The
+    // fundamental is V = 2 V_dc/π. At its zero crossing, the current of the harmonics of order h is −V/(h² ω_e L), in total
+    // −0.0966 V/(ω_e L) over h = 5, 7, 11, … (π²/9 − 1). A comparator switches where I_ref s_j − i_j crosses zero, so this
+    // current and i_d rotate the voltage by α = (0.0966 V/(ω_e L) + i_d)/I_ref, and −V α = R i_d without torque:
     // ω_e L i_d = −0.0966 (V/I_ref) V / (R + V/I_ref), and k ω₀ = V − ω_e L i_d.
     let mut params = ActuatorParams::bench();
     params.motor.v_dc = 90.0;
@@ -285,8 +284,8 @@ fn speed_is_limited_to_omega_max() {
 }
 
 #[test]
-fn at_the_voltage_limit_i_q_sags_and_i_d_turns_positive_while_motoring() {
-    // At 180 rad/s and 10.7 A: ω_e L i_q = 235 V and k ω = 162 V, of V_dc/√3 = 219 V.
+fn at_the_voltage_limit_i_q_falls_and_i_d_is_positive_while_motoring() {
+    // At 180 rad/s and 10.7 A, ω_e L i_q = 235 V and k ω = 162 V; the inverter has V_dc/√3 = 219 V.
     let params = ActuatorParams::bench();
     let m = &params.motor;
     let needed = [
@@ -297,7 +296,7 @@ fn at_the_voltage_limit_i_q_sags_and_i_d_turns_positive_while_motoring() {
     for (got, expected) in needed.iter().zip([235.0, 162.0, 219.0]) {
         close(*got, expected, 0.6, "voltage");
     }
-    // A steady state at that limit: 180 rad/s wanted, loaded beyond what the voltage can carry there.
+    // A steady state at the limit: the load is too large for the voltage at the commanded 200 rad/s.
     for direction in [1.0, -1.0] {
         let mut plant = Plant::new(&params, &FaultVector::NOMINAL, direction * 750.0);
         let setpoint = Setpoint::Speed(direction * 200.0);
@@ -306,7 +305,7 @@ fn at_the_voltage_limit_i_q_sags_and_i_d_turns_positive_while_motoring() {
         println!("i_d {i_d}, i_q {i_q}, omega {omega}, i_ref {}", plant.state.i_ref);
         close(plant.state.i_ref, direction * m.i_max, 1e-9, "i_ref");
         assert!(direction * i_q < 0.97 * m.i_max, "{i_q}");
-        // v_d = R i_d − ω_e L i_q: holding i_d at zero would take v_d = −ω_e L i_q; with less, i_d grows positive.
+        // v_d = R i_d − ω_e L i_q: i_d = 0 needs v_d = −ω_e L i_q; with a smaller voltage, i_d is positive.
         assert!(i_d > 0.5, "{i_d}");
         assert!(direction * omega > 90.0 && direction * omega < 180.0, "{omega}");
     }
@@ -318,7 +317,7 @@ const COAST_INERTIA: f64 = 0.02;
 
 /// Coasting with a short-circuited star: no comparator switches, no dry friction, so the right-hand side is smooth.
 ///
-/// The inertia is large enough that the shaft does not reverse: the dry friction's stop takes a part of a step there.
+/// The inertia is large enough that the shaft does not reverse, which dry friction would turn into a stop within a step.
 fn coast(step: f64, duration: f64) -> ([f64; 2], f64, f64) {
     let mut params = ActuatorParams::bench();
     params.motor.j = COAST_INERTIA;
@@ -335,8 +334,8 @@ fn coast(step: f64, duration: f64) -> ([f64; 2], f64, f64) {
     (dq(&state, params.motor.pole_pairs), state.omega_m, state.theta_m)
 }
 
-/// The same in the rotor frame by the classical Runge-Kutta scheme of fourth order: textbook equations, nothing of the
-/// crate's but the parameters.
+/// The same motion in the rotor frame by the classical fourth-order Runge-Kutta scheme: textbook equations that share only the
+/// parameters with the crate.
 fn coast_in_dq(duration: f64) -> ([f64; 2], f64, f64) {
     let m = ActuatorParams::bench().motor;
     let slope = |x: [f64; 4]| {
@@ -391,7 +390,10 @@ fn window(step: f64) -> Vec<[f64; 3]> {
         .map(|n| {
             let tau = f64::from(n) * 500e-6 - 0.02;
             for _ in 0..per_sample {
-                reference.step(&mut state, Setpoint::Position(ema_models::Profile::Mixed.angle(tau)));
+                reference.step(
+                    &mut state,
+                    Setpoint::Position(ema_models::Profile::Mixed.commanded_angle(tau)),
+                );
             }
             [dq(&state, params.motor.pole_pairs)[1], state.omega_m, state.theta_m]
         })
@@ -400,8 +402,8 @@ fn window(step: f64) -> Vec<[f64; 3]> {
 
 #[test]
 fn window_signals_are_converged_up_to_the_switching_ripple() {
-    // Hysteresis switching is chaotic: a smaller step shifts the switching instants, so i_q differs by the ripple and
-    // no more, while speed and angle, which integrate it, agree far better.
+    // Hysteresis switching is chaotic: a smaller step shifts the switching instants, so i_q differs by the switching ripple.
+    // Speed and angle, which integrate the current, agree far better.
     let fine = window(0.25e-6);
     let rms = |step: f64| -> [f64; 3] {
         let coarse = window(step);
@@ -429,7 +431,7 @@ fn phase_errors_stay_in_the_band_while_the_voltage_suffices() {
     let mut plant = Plant::new(&params, &FaultVector::NOMINAL, 100.0);
     let setpoint = Setpoint::Speed(60.0);
     plant.settle(0.5, setpoint);
-    // A phase sees at most 2/3 V_dc of star voltage beside its back-EMF.
+    // A phase has at most 2/3 V_dc of star voltage beside its back-EMF.
     let slew = (2.0 / 3.0 * m.v_dc + m.k * 60.0 + m.r_s * m.i_max) / m.l_s * DT;
     let (mut worst, mut outside, mut steps, mut edges) = (0.0f64, 0u32, 0u32, [0u32; 3]);
     let mut sum_of_squares = 0.0;
@@ -448,12 +450,12 @@ fn phase_errors_stay_in_the_band_while_the_voltage_suffices() {
     let rms = (sum_of_squares / f64::from(steps)).sqrt();
     let frequency = f64::from(edges.iter().sum::<u32>()) / 3.0 / 0.2;
     println!("worst {worst} A, slew {slew} A, outside {share}, rms {rms}, {frequency} Hz");
-    // Without a neutral wire the comparators can stand in a zero vector while an error leaves the band: then it may
+    // Without a neutral wire the inverter can remain in a zero vector while a deviation leaves the band. The deviation may
     // reach 2h, the known bound of three independent comparators on a star.
     assert!(worst <= 2.0 * h + slew, "{worst}");
     assert!(share < 0.10, "{share}");
-    // With a neutral wire a leg would switch at (V² − e²)/(4 h L V), V = V_dc/2: 31 kHz at standstill; the star's
-    // zero vectors make it less, the finite step too.
+    // With a neutral wire a leg would switch at (V² − e²)/(4 h L V), V = V_dc/2: 31 kHz at standstill. The zero vectors of the
+    // star and the finite step lower the frequency.
     let with_neutral = 0.5 * m.v_dc / (4.0 * h * m.l_s);
     assert!(
         frequency > 0.2 * with_neutral && frequency < with_neutral,

@@ -2,7 +2,7 @@
 
 use ema_models::{Conditions, MotorDeviation, MotorKnowledge, Scale};
 
-use crate::demux::WindowJob;
+use crate::outbox::WindowJob;
 
 /// What is known of a unit that nobody calibrated: resistance within ±5 % of its type and back-EMF within ±3 %, as the
 /// standard deviations of uniform distributions. A weak magnet looks much like three slightly shorted phases; estimated
@@ -17,7 +17,7 @@ pub const TYPE_TOLERANCE: MotorKnowledge = MotorKnowledge {
 
 /// What is known of a motor under a temperature that is measured or not.
 #[must_use]
-pub fn known_at(motor: MotorKnowledge, winding_temp_deg_c: Option<f64>) -> MotorKnowledge {
+pub fn motor_knowledge_at(motor: MotorKnowledge, winding_temp_deg_c: Option<f64>) -> MotorKnowledge {
     match winding_temp_deg_c {
         Some(_) => motor,
         None => motor.at_unknown_temperature(WINDING_TEMP_SIGMA_K),
@@ -37,7 +37,7 @@ pub fn conditions(job: &WindowJob) -> Result<Conditions, String> {
         return Err(format!("dc_link: expected {low:.0} to {high:.0} V, found {v_dc:.1} V"));
     }
     let load_torque = job.conditions.load_torque_nm;
-    let load_max = LOAD_MAX_SHARE * Scale::new(&job.params).load();
+    let load_max = LOAD_MAX_SHARE * Scale::new(&job.params).load_unit();
     if let Some(load) = load_torque.filter(|load| load.abs() > load_max) {
         return Err(format!(
             "load_torque: expected at most {load_max:.0} Nm, found {load:.1} Nm"

@@ -1,42 +1,36 @@
 //! A judged window as records.
 
-use ema_models::{FAULT_COUNT, Setpoint};
+use ema_models::{FaultId, Setpoint};
 
-use crate::demux::WindowJob;
-use crate::health::{HealthDecision, HealthState, fault_name};
-use crate::history::LifeDecision;
-use crate::record;
-use crate::rul::Life;
+use crate::health::{HealthDecision, HealthState};
+use crate::history::UnitAssessment;
+use crate::outbox::WindowJob;
+use crate::record::{self, WindowStatus};
+use crate::rul::RemainingLife;
 use ema_identify::{Estimate, Fit};
 
 fn largest_fault(decision: &HealthDecision, estimate: Option<&Estimate>) -> String {
     let Some(estimate) = estimate else { return String::new() };
-    let damage = estimate.fault.damage();
-    let of = |name: &str| {
-        ema_models::FaultVector::NAMES
-            .iter()
-            .position(|n| *n == name)
-            .map_or(0.0, |p| damage[p])
-    };
-    let largest = decision.faults.iter().max_by(|a, b| of(a).total_cmp(&of(b)));
-    largest.map(|name| (*name).to_owned()).unwrap_or_default()
+    let damage = |fault: &FaultId| estimate.fault.damage_of(*fault);
+    let largest = decision.faults.iter().max_by(|a, b| damage(a).total_cmp(&damage(b)));
+    largest.map(|fault| fault.name().to_owned()).unwrap_or_default()
 }
 
 pub(super) fn health_record(
     job: &WindowJob,
-    status: &str,
+    status: WindowStatus,
     reason: &str,
     estimate: Option<&Estimate>,
-    life: &LifeDecision,
+    assessment: &UnitAssessment,
 ) -> record::Health {
-    let decision = &life.health;
+    let decision = &assessment.health;
     let mut health = record::Health {
         actuator: job.actuator.name.clone(),
         window: job.window.number,
         t_start_ns: job.window.t_start_ns,
-        status: status.to_owned(),
+        status: status.name().to_owned(),
         reason: reason.to_owned(),
-        health: reported_state(life.state, estimate).to_string(),
+        health: reported_state(assessment.state, estimate).to_string(),
         cost: estimate.map(|e| e.cost),
         residual_rms_a: estimate.map(|e| e.residual_rms_a),
         evaluations: estimate.map_or(0, |e| e.evaluations),
@@ -49,11 +43,10 @@ pub(super) fn health_record(
             sigma: estimate.sigma,
             observable: estimate.observable,
         }));
-        let damage = estimate.fault.damage();
-        health.set_damage([0, 1, 2, 3, 4, 5, 7].map(|p| Some(damage[p])));
+        health.set_damage(estimate.fault.damages().map(Some));
     }
     // An invalid window is never counted as a fault: it lists none, and the state stays what it was.
-    if status != "unmodelled" && estimate.is_some() && decision.state > HealthState::Nominal {
+    if status != WindowStatus::Unmodelled && estimate.is_some() && decision.state > HealthState::Nominal {
         health.set_faults(&decision.faults);
     }
     health
@@ -62,8 +55,8 @@ pub(super) fn health_record(
 /// Nobody is called nominal while an estimate says damage that the window does not show well enough to count.
 fn reported_state(state: HealthState, estimate: Option<&Estimate>) -> HealthState {
     let hidden = estimate.is_some_and(|e| {
-        let damage = e.fault.damage();
-        (0..FAULT_COUNT).any(|p| p != 6 && !e.observable[p] && damage[p] > HIDDEN_DAMAGE)
+        let is_hidden = |fault: FaultId| !e.observable[fault.parameter()] && e.fault.damage_of(fault) > HIDDEN_DAMAGE;
+        FaultId::ALL.into_iter().any(is_hidden)
     });
     if hidden && state == HealthState::Nominal {
         HealthState::Unknown
@@ -78,26 +71,26 @@ const HIDDEN_DAMAGE: f64 = 0.3;
 pub(super) fn rul_record(
     job: &WindowJob,
     estimate: Option<&Estimate>,
-    life: &LifeDecision,
+    assessment: &UnitAssessment,
     horizon_h: f64,
 ) -> record::Rul {
-    let forecast = &life.forecast;
+    let forecast = &assessment.forecast;
     let mut rul = record::Rul {
         actuator: job.actuator.name.clone(),
         window: job.window.number,
         t_start_ns: job.window.t_start_ns,
-        operating_h: Some(life.used.hours),
-        operating_cycles: Some(life.used.cycles),
-        operating_work_j: Some(life.used.work_j),
+        operating_h: Some(assessment.used.hours),
+        operating_cycles: Some(assessment.used.cycles),
+        operating_work_j: Some(assessment.used.work_j),
         horizon_h: Some(horizon_h),
         dominant_fault: match forecast.dominant {
-            Some(fault) => fault_name(fault).to_owned(),
-            None => largest_fault(&life.health, estimate),
+            Some(fault) => fault.name().to_owned(),
+            None => largest_fault(&assessment.health, estimate),
         },
         ..record::Rul::default()
     };
     match &forecast.actuator {
-        Ok(Life {
+        Ok(RemainingLife {
             hours,
             cycles,
             fails_within_horizon,
@@ -106,21 +99,21 @@ pub(super) fn rul_record(
             (rul.rul_p10_cycles, rul.rul_p50_cycles, rul.rul_p90_cycles) =
                 (cycles.map(|c| c.p10), cycles.map(|c| c.p50), cycles.map(|c| c.p90));
             rul.failure_probability = Some(*fails_within_horizon);
-            rul.governed_by = life.governs.name().to_owned();
+            rul.governed_by = assessment.limiting_criterion.name().to_owned();
         }
         Err(none) => rul.reason = none.to_string(),
     }
-    rul.set_faults(forecast.faults.map(|life| {
-        let life = life.ok()?;
+    rul.set_faults(forecast.faults.map(|remaining| {
+        let remaining = remaining.ok()?;
         Some((
-            [life.hours.p10, life.hours.p50, life.hours.p90],
-            life.fails_within_horizon,
+            [remaining.hours.p10, remaining.hours.p50, remaining.hours.p90],
+            remaining.fails_within_horizon,
         ))
     }));
     rul
 }
 
-pub(super) fn window_record(job: &WindowJob, status: &str, reason: &str, fit: Fit) -> record::Window {
+pub(super) fn window_record(job: &WindowJob, status: WindowStatus, reason: &str, fit: Fit) -> record::Window {
     let (window, rate) = (&job.window, job.params.sensors.sample_rate);
     let value = |setpoint: Setpoint| match setpoint {
         Setpoint::Idle => 0.0,
@@ -141,7 +134,7 @@ pub(super) fn window_record(job: &WindowJob, status: &str, reason: &str, fit: Fi
         window: window.number,
         t_start_ns: window.t_start_ns,
         duration_s: window.samples.len().saturating_sub(1) as f64 / rate,
-        status: status.to_owned(),
+        status: status.name().to_owned(),
         reason: reason.to_owned(),
         // The grid has places for missing samples too, which are filled.
         samples: (window.samples.len() as u64).saturating_sub(window.lost),
@@ -182,9 +175,9 @@ mod tests {
     use ema_models::SensedSample;
 
     use super::*;
-    use crate::channel::MeasuredConditions;
     use crate::config::Config;
-    use crate::window::{Verdict, Window};
+    use crate::sample::MeasuredConditions;
+    use crate::window::{Window, WindowQuality};
 
     #[test]
     fn a_sample_that_was_filled_in_was_not_received() {
@@ -206,7 +199,7 @@ mod tests {
                 trigger: 0,
                 samples: (0..10).map(sample).collect(),
                 expected: 10,
-                verdict: Verdict::Complete,
+                quality: WindowQuality::Complete,
                 lost: 2,
                 rejected: 1,
                 filled: vec![4, 5, 7],
@@ -216,7 +209,7 @@ mod tests {
             conditions: MeasuredConditions::default(),
             operating_s: 0.0,
         };
-        let record = window_record(&job, "degraded", "", Fit::default());
+        let record = window_record(&job, WindowStatus::Degraded, "", Fit::default());
         let counts = [record.samples_expected, record.samples, record.samples_lost];
         assert_eq!((counts, record.time_s.len()), ([10, 8, 2], 7));
     }

@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use super::ConfigError;
 use super::actuator_type::{ActuatorType, DEFAULT_TYPE};
+use super::name::{NAME_EXPECTED, is_name};
 use super::reader::Section;
 use super::signals::{self, DbcFiles};
 use super::specification::Specification;
@@ -27,9 +28,6 @@ const KEYS: &[&str] = &[
     "serial_number",
     "passive",
 ];
-
-/// What [`is_name`] asks for, in words.
-pub(super) const NAME_EXPECTED: &str = "a name of 1 to 64 letters, digits, '_', '-' or '.'";
 
 /// First parts of other topics; an actuator of this name would write between them.
 const RESERVED_NAMES: [&str; 3] = ["bus", "hmd", "log"];
@@ -170,10 +168,4 @@ pub(super) fn every_one(types: &BTreeMap<String, ActuatorType>) -> Vec<ActuatorC
     ActuatorId::all()
         .map(|id| ActuatorConfig::of_type(id, DEFAULT_TYPE, &types[DEFAULT_TYPE]))
         .collect()
-}
-
-/// Whether `name` can be part of a topic.
-pub(super) fn is_name(name: &str) -> bool {
-    let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
-    (1..=64).contains(&name.len()) && name.chars().all(allowed)
 }

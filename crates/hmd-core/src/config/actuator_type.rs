@@ -7,6 +7,7 @@ use ema_models::ActuatorParams;
 use serde::{Serialize, Serializer};
 
 use super::ConfigError;
+use super::name::{NAME_EXPECTED, is_name};
 use super::params::{self, GROUPS};
 use super::reader::Section;
 use super::specification::Specification;
@@ -52,8 +53,8 @@ pub(super) fn read_all(root: &Section<'_>) -> Result<BTreeMap<String, ActuatorTy
         .into();
     let keys = [&["based_on", "calibration", "specification"], GROUPS.as_slice()].concat();
     for (name, section) in root.named_sections("type", &keys)? {
-        if !super::actuator::is_name(name) {
-            return Err(section.refuse_self(super::actuator::NAME_EXPECTED, name));
+        if !is_name(name) {
+            return Err(section.refuse_self(NAME_EXPECTED, name));
         }
         // A type of a built-in name starts from that one; any other must say what it starts from.
         let own = built_in

@@ -7,7 +7,7 @@ use super::actuator_type::DEFAULT_TYPE;
 use super::{ActuatorConfig, Config, HoursOf, LOAD_MAX, MONITOR_NAMES, RulConfig, SearchMethod};
 use crate::dbc::{Role, SignalMap};
 use crate::health::Levels;
-use crate::record::FAULT_NAMES;
+use ema_models::FaultId;
 
 pub(super) fn describe(config: &Config) -> String {
     let mut text = String::new();
@@ -146,7 +146,7 @@ fn write_health(out: &mut String, config: &Config) -> fmt::Result {
     let count = |of: &Levels| levels.iter().filter(|other| *other == of).count();
     let common = levels.iter().rev().max_by_key(|own| count(own)).unwrap_or(&levels[0]);
     write_levels(out, "every fault", common)?;
-    for (name, own) in FAULT_NAMES.iter().zip(levels).filter(|(_, own)| *own != common) {
+    for (name, own) in FaultId::NAMES.iter().zip(levels).filter(|(_, own)| *own != common) {
         write_levels(out, &format!("except {name}"), own)?;
     }
     Ok(())

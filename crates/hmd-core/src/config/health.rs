@@ -7,7 +7,7 @@ use serde::{Serialize, Serializer};
 use super::ConfigError;
 use super::reader::Section;
 use crate::health::Levels;
-use crate::record::FAULT_NAMES;
+use ema_models::FaultId;
 
 /// The keys of one fault.
 const KEYS: &[&str] = &[
@@ -38,8 +38,8 @@ fn levels(section: &Section<'_>, default: Levels) -> Result<Levels, ConfigError>
 /// The levels of every fault.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct HealthConfig {
-    /// In the order of [`FAULT_NAMES`].
-    levels: [Levels; FAULT_NAMES.len()],
+    /// In the order of [`FaultId::ALL`].
+    levels: [Levels; FaultId::COUNT],
 }
 
 impl HealthConfig {
@@ -55,33 +55,30 @@ impl HealthConfig {
 
     pub(super) fn read(section: &Section<'_>) -> Result<Self, ConfigError> {
         let common = levels(section, Levels::default())?;
-        let faults = section.section("fault", &FAULT_NAMES)?;
-        let mut of_faults = [common; FAULT_NAMES.len()];
-        for (own, name) in of_faults.iter_mut().zip(FAULT_NAMES) {
+        let faults = section.section("fault", &FaultId::NAMES)?;
+        let mut of_faults = [common; FaultId::COUNT];
+        for (own, name) in of_faults.iter_mut().zip(FaultId::NAMES) {
             *own = levels(&faults.section(name, KEYS)?, common)?;
         }
         Ok(Self { levels: of_faults })
     }
 
-    /// Levels of every fault, in the order of [`FAULT_NAMES`].
+    /// Levels of every fault, in the order of [`FaultId::ALL`].
     #[must_use]
-    pub fn levels(&self) -> &[Levels; FAULT_NAMES.len()] {
+    pub fn levels(&self) -> &[Levels; FaultId::COUNT] {
         &self.levels
     }
 
     /// Levels of the fault called `name`.
     #[must_use]
     pub fn levels_of(&self, name: &str) -> Option<&Levels> {
-        FAULT_NAMES
-            .iter()
-            .position(|fault| *fault == name)
-            .map(|i| &self.levels[i])
+        FaultId::from_name(name).map(|fault| &self.levels[fault.index()])
     }
 }
 
 impl Serialize for HealthConfig {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        FAULT_NAMES
+        FaultId::NAMES
             .iter()
             .zip(&self.levels)
             .collect::<BTreeMap<_, _>>()

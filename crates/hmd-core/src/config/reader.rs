@@ -360,11 +360,11 @@ fn merge<'a>(whole: &mut DeTable<'a>, later: DeTable<'a>) {
 /// Text as it can stand in one line of a message.
 fn cut(text: &str) -> String {
     let mut chars = text.chars();
-    let mut shown: String = chars.by_ref().take(QUOTED_MAX).flat_map(escape_control).collect();
+    let mut quoted: String = chars.by_ref().take(QUOTED_MAX).flat_map(escape_control).collect();
     if chars.next().is_some() {
-        shown.push('…');
+        quoted.push('…');
     }
-    shown
+    quoted
 }
 
 fn escape_control(c: char) -> Vec<char> {

@@ -1,11 +1,12 @@
 //! [`MappedBus`]: which frames of one bus belong to which mapped actuators.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use ema_wire::ActuatorId;
 
-use super::joiner::{Heard, Joiner};
-use crate::config::Config;
+use super::joiner::{DecodedUpdate, Joiner};
+use super::map::SignalMap;
 use crate::frame::RawFrame;
 
 /// The mapped actuators of one bus, at most sixteen.
@@ -17,23 +18,19 @@ pub struct MappedBus {
 }
 
 impl MappedBus {
-    /// The mapped actuators that are on `bus`; `None` if there is none.
+    /// For the mapped actuators of one bus, each with its map and its nominal sample rate, Hz; `None` if there is none.
     #[must_use]
-    pub fn new(config: &Config, bus: &str) -> Option<Self> {
+    pub fn new<'a>(actuators: impl IntoIterator<Item = (ActuatorId, &'a Arc<SignalMap>, f64)>) -> Option<Self> {
         let mut found = Self {
             joiners: Vec::new(),
             users: BTreeMap::new(),
         };
-        for actuator in config.actuators() {
-            let Some(map) = actuator.map.as_ref().filter(|_| actuator.is_at(bus, actuator.id)) else {
-                continue;
-            };
+        for (id, map, rate_hz) in actuators {
             for (n, message) in map.messages.iter().enumerate() {
                 let users = found.users.entry((message.extended, message.id)).or_default();
                 users.push((found.joiners.len(), n));
             }
-            let joiner = Joiner::new(actuator.id, map.clone(), actuator.params.sensors.sample_rate);
-            found.joiners.push((actuator.id, joiner));
+            found.joiners.push((id, Joiner::new(id, map.clone(), rate_hz)));
         }
         (!found.joiners.is_empty()).then_some(found)
     }
@@ -44,8 +41,9 @@ impl MappedBus {
         self.joiners.iter().any(|(id, _)| *id == actuator)
     }
 
-    /// Shows `heard` what a frame tells each actuator that uses it, `None` of one that cannot be; false if nobody does.
-    pub fn push(&mut self, frame: &RawFrame, mut heard: impl FnMut(ActuatorId, Option<Heard>)) -> bool {
+    /// Passes `update` what a frame carries for each actuator that uses it, `None` where it cannot be decoded; false if no
+    /// actuator uses it.
+    pub fn push(&mut self, frame: &RawFrame, mut update: impl FnMut(ActuatorId, Option<DecodedUpdate>)) -> bool {
         if frame.is_remote() {
             return false;
         }
@@ -54,7 +52,7 @@ impl MappedBus {
         };
         for &(joiner, message) in users {
             let (actuator, joiner) = &mut self.joiners[joiner];
-            heard(*actuator, joiner.push(message, frame.data(), frame.stamp_ns));
+            update(*actuator, joiner.push(message, frame.data(), frame.stamp_ns));
         }
         true
     }

@@ -19,14 +19,14 @@ use ema_wire::quantity;
 use ema_wire::{ActuatorId, Mode, Sample};
 
 use super::map::{Binding, MessageUse, Role, SignalMap};
-use crate::channel::MeasuredConditions;
+use crate::sample::MeasuredConditions;
 
 /// Longest distance between the stamps of one sample's frames, ns; as in `ema_wire`.
 const SPAN_MAX_NS: f64 = 20e6;
 
-/// What one frame told.
+/// What one frame carried for an actuator.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Heard {
+pub struct DecodedUpdate {
     /// The sample that it completed, and the stamp of the sample's first frame, ns.
     pub sample: Option<(Sample, u64)>,
     /// The conditions that it changed.
@@ -110,14 +110,14 @@ impl Joiner {
 
     /// Takes the data of one frame of message `message` of the map; `None` if it is too short, or one of its floats is no
     /// number.
-    pub fn push(&mut self, message: usize, data: &[u8], stamp_ns: u64) -> Option<Heard> {
+    pub fn push(&mut self, message: usize, data: &[u8], stamp_ns: u64) -> Option<DecodedUpdate> {
         let map = self.map.clone();
         let message = map
             .messages
             .get(message)
             .filter(|message| data.len() >= message.length)?;
         let mut part = Part::default();
-        let mut heard = Heard::default();
+        let mut update = DecodedUpdate::default();
         for binding in &message.bindings {
             let Some(value) = binding.signal.value(data) else {
                 continue;
@@ -128,14 +128,14 @@ impl Joiner {
                 part.filled |= bit(binding.role);
             } else {
                 self.set_condition(binding.role, value);
-                heard.conditions = Some(self.conditions);
+                update.conditions = Some(self.conditions);
             }
         }
         part.counter = counter(message, data);
         if part.filled != 0 || part.counter.is_some() {
-            heard.sample = self.join(&part, stamp_ns);
+            update.sample = self.join(&part, stamp_ns);
         }
-        Some(heard)
+        Some(update)
     }
 
     fn set_condition(&mut self, role: Role, value: f64) {

@@ -1,11 +1,10 @@
 //! The functional end of life: when the faults foretold keep the actuator from meeting its specification.
 
-use ema_models::{FAULT_COUNT, FaultVector};
+use ema_models::{FAULT_COUNT, FaultId, FaultVector};
 use serde::{Deserialize, Serialize};
 
-use crate::functional_check::{Shortfall, TRIED, Trial};
-use crate::health::{FAULTS, INDEX};
-use crate::rul::{Forecast, Life, Prognosis, Quantiles, normal_cdf};
+use crate::functional_check::{CHECK_LANES, RequirementCheck, UnmetRequirement};
+use crate::rul::{Forecast, Prognosis, Quantiles, RemainingLife, normal_cdf};
 
 /// Times at which each quantile is tried at once.
 const TIMES: usize = 10;
@@ -32,7 +31,7 @@ struct Search {
     from: f64,
     /// When it misses `missed`; 1 when it does not.
     to: f64,
-    missed: Option<Shortfall>,
+    missed: Option<UnmetRequirement>,
 }
 
 impl Search {
@@ -50,7 +49,7 @@ impl Search {
     }
 
     /// What the trial says of the times of a round, the earliest first.
-    fn narrow(&mut self, round: Round, tried: &[Option<Shortfall>]) {
+    fn narrow(&mut self, round: Round, tried: &[Option<UnmetRequirement>]) {
         let first = tried.iter().position(Option::is_some);
         let last_good = first.unwrap_or(tried.len()).checked_sub(1);
         let from = last_good.map_or(self.from, |n| self.time(round, n));
@@ -67,20 +66,20 @@ const NORMAL_90: f64 = 1.281_552;
 
 /// What ends the life of an actuator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Governs {
+pub enum LimitingCriterion {
     /// The damage of one fault.
     Damage,
     /// A requirement that all faults together make it miss.
-    Function(Shortfall),
+    Function(UnmetRequirement),
 }
 
-impl Governs {
+impl LimitingCriterion {
     /// The name that records use.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Damage => "damage",
-            Self::Function(shortfall) => shortfall.name(),
+            Self::Function(unmet_requirement) => unmet_requirement.name(),
         }
     }
 }
@@ -93,7 +92,7 @@ const MOVED: f64 = 0.02;
 
 /// What the last trial of the function said.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Tried {
+pub(super) struct LastCheck {
     /// The fault vector then.
     fault: [f64; FAULT_COUNT],
     /// Operating hours then.
@@ -105,10 +104,10 @@ pub(super) struct Tried {
     /// Functional end at the 10, 50 and 90 % quantile, as shares of the hours to the end by damage.
     shares: [f64; 3],
     /// The requirement missed at the median.
-    missed: Option<Shortfall>,
+    missed: Option<UnmetRequirement>,
 }
 
-impl Tried {
+impl LastCheck {
     fn is_due(&self, fault: &[f64; FAULT_COUNT], has_trend: bool) -> bool {
         let moved = |(now, then): (&f64, &f64)| (now - then).abs() > MOVED;
         self.windows >= TRIED_EVERY || self.had_trend != has_trend || fault.iter().zip(&self.fault).any(moved)
@@ -130,22 +129,22 @@ pub(super) fn bring_forward(
     forecast: &mut Forecast,
     prognosis: &Prognosis,
     seen: &FaultVector,
-    shortfalls: &Trial<'_>,
-    last: &mut Option<Tried>,
-) -> Governs {
+    unmet_requirements: &RequirementCheck<'_>,
+    last: &mut Option<LastCheck>,
+) -> LimitingCriterion {
     let (fault, now_h, by_damage) = (seen.to_array(), prognosis.now().hours, forecast.actuator.ok());
     let tried = match last {
         Some(tried) if !tried.is_due(&fault, by_damage.is_some()) => tried,
         _ => {
             let (shares, missed) = match &by_damage {
-                Some(life) => search(prognosis, seen, life, shortfalls),
+                Some(remaining) => search(prognosis, seen, remaining, unmet_requirements),
                 // Without a trend only the present counts.
                 None => {
-                    let present = foretold(prognosis, seen, 0.0, 0.5);
-                    ([0.0; 3], shortfalls(&[present; TRIED])[0])
+                    let present = predicted_fault(prognosis, seen, 0.0, 0.5);
+                    ([0.0; 3], unmet_requirements(&[present; CHECK_LANES])[0])
                 }
             };
-            last.insert(Tried {
+            last.insert(LastCheck {
                 fault,
                 at_h: now_h,
                 had_trend: by_damage.is_some(),
@@ -157,14 +156,14 @@ pub(super) fn bring_forward(
     };
     tried.windows += 1;
     let Some(missed) = tried.missed else {
-        return Governs::Damage;
+        return LimitingCriterion::Damage;
     };
     let nothing = Quantiles {
         p10: 0.0,
         p50: 0.0,
         p90: 0.0,
     };
-    let by_damage_h = by_damage.map_or(nothing, |life| life.hours);
+    let by_damage_h = by_damage.map_or(nothing, |remaining| remaining.hours);
     let [p10, p50, p90] = tried.shares;
     let p50 = tried.carried(p50, by_damage_h.p50, now_h);
     let hours = Quantiles {
@@ -172,12 +171,12 @@ pub(super) fn bring_forward(
         p50,
         p90: tried.carried(p90, by_damage_h.p90, now_h).max(p50),
     };
-    let within = by_damage.map_or(1.0, |life| {
+    let within = by_damage.map_or(1.0, |remaining| {
         let by_function = probability_within(&hours, forecast.horizon_h);
-        life.fails_within_horizon.max(by_function)
+        remaining.fails_within_horizon.max(by_function)
     });
     forecast.actuator = Ok(prognosis.life_of(hours, within));
-    Governs::Function(missed)
+    LimitingCriterion::Function(missed)
 }
 
 /// Functional end at the 10, 50 and 90 % quantile, as shares of the hours to the end by damage, and what is missed at the
@@ -185,22 +184,22 @@ pub(super) fn bring_forward(
 fn search(
     prognosis: &Prognosis,
     seen: &FaultVector,
-    by_damage: &Life,
-    shortfalls: &Trial<'_>,
-) -> ([f64; 3], Option<Shortfall>) {
+    by_damage: &RemainingLife,
+    unmet_requirements: &RequirementCheck<'_>,
+) -> ([f64; 3], Option<UnmetRequirement>) {
     let ends = [by_damage.hours.p10, by_damage.hours.p50, by_damage.hours.p90];
     let mut searches = [0.9, 0.5, 0.1].map(Search::new);
     for round in ROUNDS {
         let at = |m: usize, n: usize| {
             let search = &searches[m];
-            foretold(prognosis, seen, ends[m] * search.time(round, n), search.share)
+            predicted_fault(prognosis, seen, ends[m] * search.time(round, n), search.share)
         };
         // The two that are left over try the first again.
-        let mut faults = [at(0, 0); TRIED];
+        let mut faults = [at(0, 0); CHECK_LANES];
         for (place, fault) in faults.iter_mut().enumerate().take(searches.len() * TIMES) {
             *fault = at(place / TIMES, place % TIMES);
         }
-        let tried = shortfalls(&faults);
+        let tried = unmet_requirements(&faults);
         for (search, tried) in searches.iter_mut().zip(tried.chunks(TIMES)) {
             search.narrow(round, tried);
         }
@@ -212,14 +211,13 @@ fn search(
 }
 
 /// The fault vector after some hours, each damage at one quantile.
-fn foretold(prognosis: &Prognosis, seen: &FaultVector, hours: f64, share: f64) -> FaultVector {
+fn predicted_fault(prognosis: &Prognosis, seen: &FaultVector, hours: f64, share: f64) -> FaultVector {
     let mut k = seen.to_array();
-    for fault in 0..FAULTS {
+    for fault in FaultId::ALL {
         let damage = prognosis.damage_after(fault, hours, share).clamp(0.0, 1.0);
-        let p = INDEX[fault];
-        k[p] = match (p, seen.gain < 0.5) {
-            (7, true) => 0.5 - 0.5 * damage,
-            (7, false) => 0.5 + 0.5 * damage,
+        k[fault.parameter()] = match (fault, seen.gain < 0.5) {
+            (FaultId::Gain, true) => 0.5 - 0.5 * damage,
+            (FaultId::Gain, false) => 0.5 + 0.5 * damage,
             _ => damage,
         };
     }

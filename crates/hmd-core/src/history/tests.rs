@@ -4,9 +4,9 @@ use std::sync::Arc;
 use ema_models::ActuatorParams;
 
 use super::*;
-use crate::channel::MeasuredConditions;
-use crate::functional_check::{Shortfall, TRIED, Trial};
-use crate::window::{Verdict, Window};
+use crate::functional_check::{CHECK_LANES, RequirementCheck, UnmetRequirement};
+use crate::sample::MeasuredConditions;
+use crate::window::{Window, WindowQuality};
 
 const HOUR_NS: u64 = 3_600_000_000_000;
 
@@ -22,7 +22,7 @@ fn job(config: &Config, number: u64, hours: f64, operating_s: f64) -> WindowJob 
             trigger: 0,
             samples: Vec::new(),
             expected: 0,
-            verdict: Verdict::Complete,
+            quality: WindowQuality::Complete,
             lost: 0,
             rejected: 0,
             filled: Vec::new(),
@@ -34,21 +34,21 @@ fn job(config: &Config, number: u64, hours: f64, operating_s: f64) -> WindowJob 
     }
 }
 
-fn friction(damage: f64) -> Judgement {
-    let mut all = [0.0; FAULT_COUNT];
+fn friction(damage: f64) -> DamageEvidence {
+    let mut all = [0.0; FaultId::COUNT];
     all[0] = damage;
-    Judgement {
+    DamageEvidence {
         damage: all,
-        sigma: Some([0.003; FAULT_COUNT]),
+        sigma: Some([0.003; FaultId::COUNT]),
     }
 }
 
-fn shown<'a>(judgement: Option<&'a Judgement>, fit: &'a Fit) -> Shown<'a> {
-    Shown {
-        judgement,
+fn evidence<'a>(damage_evidence: Option<&'a DamageEvidence>, fit: &'a Fit) -> WindowEvidence<'a> {
+    WindowEvidence {
+        damage_evidence,
         fault: None,
         fit,
-        shortfall: None,
+        unmet_requirement: None,
     }
 }
 
@@ -57,12 +57,18 @@ fn config(rul: &str) -> Arc<Config> {
 }
 
 /// Friction that grows by 0.008 each 10 h, from window `from` to before `to`.
-fn wear_out(lives: &mut Lives, config: &Config, from: u64, to: u64) -> Vec<LifeDecision> {
+fn wear_out(histories: &mut HistoryStore, config: &Config, from: u64, to: u64) -> Vec<UnitAssessment> {
     (from..to)
         .map(|n| {
             let job = job(config, n, 10.0 * n as f64, 0.0);
-            let life = lives.at(&job.actuator, job.window.t_start_ns).expect("levels");
-            life.update(&job, &shown(Some(&friction(0.008 * n as f64)), &Fit::default()), config)
+            let history = histories
+                .history_at(&job.actuator, job.window.t_start_ns)
+                .expect("levels");
+            history.update(
+                &job,
+                &evidence(Some(&friction(0.008 * n as f64)), &Fit::default()),
+                config,
+            )
         })
         .collect()
 }
@@ -70,36 +76,36 @@ fn wear_out(lives: &mut Lives, config: &Config, from: u64, to: u64) -> Vec<LifeD
 #[test]
 fn a_whole_life_goes_through_all_states_in_order_and_its_end_is_foretold() {
     let config = config("hours = \"elapsed\"\nwarning_h = 300\ncritical_h = 100");
-    let told = wear_out(&mut Lives::new(config.clone()), &config, 0, 100);
-    let mut states: Vec<HealthState> = told.iter().map(|t| t.state).collect();
+    let assessments = wear_out(&mut HistoryStore::new(config.clone()), &config, 0, 100);
+    let mut states: Vec<HealthState> = assessments.iter().map(|t| t.state).collect();
     states.dedup();
     use HealthState::{Critical, Nominal, Warning, Watch};
     assert_eq!(states, [Nominal, Watch, Warning, Critical]);
-    for (n, told) in told.iter().enumerate().skip(50) {
-        let left = told.forecast.actuator.expect("a trend").hours;
+    for (n, assessments) in assessments.iter().enumerate().skip(50) {
+        let left = assessments.forecast.actuator.expect("a trend").hours;
         let truth = 1000.0 - 10.0 * n as f64;
         assert!(
             (left.p50 - truth).abs() <= 0.2 * truth,
             "window {n}: {left:?}, truth {truth}"
         );
     }
-    assert!((told[99].used.hours - 990.0).abs() < 1e-6 && told[99].used.cycles.round() as u32 == 100);
+    assert!((assessments[99].used.hours - 990.0).abs() < 1e-6 && assessments[99].used.cycles.round() as u32 == 100);
 }
 
 #[test]
 fn what_is_left_can_be_worse_than_the_damage() {
     let config = config("hours = \"elapsed\"\nwarning_h = 10000\ncritical_h = 100");
-    let told = wear_out(&mut Lives::new(config.clone()), &config, 0, 20);
-    assert_eq!(told[19].health.state, HealthState::Watch);
-    assert_eq!(told[19].state, HealthState::Warning);
+    let assessments = wear_out(&mut HistoryStore::new(config.clone()), &config, 0, 20);
+    assert_eq!(assessments[19].health.state, HealthState::Watch);
+    assert_eq!(assessments[19].state, HealthState::Warning);
 }
 
 #[test]
 fn the_persistence_of_one_fault_does_not_delay_another() {
     let states = |text: &str| -> Vec<HealthState> {
         let config = config(text);
-        let told = wear_out(&mut Lives::new(config.clone()), &config, 0, 100);
-        told.iter().map(|told| told.state).collect()
+        let assessments = wear_out(&mut HistoryStore::new(config.clone()), &config, 0, 100);
+        assessments.iter().map(|assessments| assessments.state).collect()
     };
     let rul = "hours = \"elapsed\"\nwarning_h = 300\ncritical_h = 100";
     let gain = format!("{rul}\n[health.fault.gain]\npersistence = 50");
@@ -111,10 +117,10 @@ fn the_persistence_of_one_fault_does_not_delay_another() {
 #[test]
 fn operating_hours_follow_the_frames_and_dropped_windows_are_cycles() {
     let config = config("");
-    let mut life = Life::new(&config, None).expect("levels");
+    let mut history = UnitHistory::new(&config, None).expect("levels");
     let mut used = |number, operating_s| {
         let job = job(&config, number, 0.0, operating_s);
-        life.update(&job, &shown(None, &Fit::default()), &config).used
+        history.update(&job, &evidence(None, &Fit::default()), &config).used
     };
     assert!((used(0, 3600.0).hours - 1.0).abs() < 1e-12);
     // Two windows were dropped.
@@ -128,7 +134,7 @@ fn operating_hours_follow_the_frames_and_dropped_windows_are_cycles() {
 #[test]
 fn work_is_measured_and_others_count_as_the_mean() {
     let config = config("");
-    let mut life = Life::new(&config, None).expect("levels");
+    let mut history = UnitHistory::new(&config, None).expect("levels");
     let fit = Fit {
         i_q_measured: vec![2.0; 1000],
         omega_measured: vec![-50.0; 1000],
@@ -136,13 +142,13 @@ fn work_is_measured_and_others_count_as_the_mean() {
     };
     // 1.5 × 0.9 Nm/A × 2 A × 50 rad/s for half a second.
     let expected = 1.5 * ActuatorParams::bench().motor.k * 2.0 * 50.0 * 0.5;
-    let first = life
-        .update(&job(&config, 0, 0.0, 1.0), &shown(None, &fit), &config)
+    let first = history
+        .update(&job(&config, 0, 0.0, 1.0), &evidence(None, &fit), &config)
         .used
         .work_j;
     assert!((first / expected - 1.0).abs() < 1e-6, "{first} J");
-    let second = life
-        .update(&job(&config, 1, 0.0, 2.0), &shown(None, &Fit::default()), &config)
+    let second = history
+        .update(&job(&config, 1, 0.0, 2.0), &evidence(None, &Fit::default()), &config)
         .used
         .work_j;
     assert!((second / expected - 2.0).abs() < 1e-6, "{second} J");
@@ -151,31 +157,31 @@ fn work_is_measured_and_others_count_as_the_mean() {
 #[test]
 fn a_maintenance_event_begins_a_new_life_once() {
     let config = config("hours = \"elapsed\"");
-    let mut lives = Lives::new(config.clone());
+    let mut histories = HistoryStore::new(config.clone());
     let event = |hours: f64, actuator: &str| Event {
         t_ns: job(&config, 0, hours, 0.0).window.t_start_ns,
         actuator: actuator.to_owned(),
         event: EventKind::Reset,
     };
-    lives.follow(Events {
+    histories.set_events(Events {
         list: vec![event(405.0, "ema0"), event(605.0, "ema1")],
         unfinished: vec![],
     });
-    let told = wear_out(&mut lives, &config, 0, 100);
-    assert!(told[40].forecast.actuator.is_ok());
-    assert!(told[41].forecast.actuator.is_err() && told[41].used.cycles.round() as u32 == 1);
+    let assessments = wear_out(&mut histories, &config, 0, 100);
+    assert!(assessments[40].forecast.actuator.is_ok());
+    assert!(assessments[41].forecast.actuator.is_err() && assessments[41].used.cycles.round() as u32 == 1);
     assert!(
-        told[99].forecast.actuator.is_ok(),
+        assessments[99].forecast.actuator.is_ok(),
         "not again by another's event, nor by the same"
     );
-    assert_eq!(lives.take_notices().len(), 1);
+    assert_eq!(histories.take_notices().len(), 1);
 }
 
 /// The technician's clock was in 1970, or behind the one before.
 #[test]
 fn an_event_told_of_later_counts_even_if_it_lies_earlier() {
     let config = config("hours = \"elapsed\"");
-    let mut lives = Lives::new(config.clone());
+    let mut histories = HistoryStore::new(config.clone());
     let event = |t_ns: u64| Event {
         t_ns,
         actuator: "ema0".to_owned(),
@@ -186,31 +192,32 @@ fn an_event_told_of_later_counts_even_if_it_lies_earlier() {
         list,
         unfinished: vec![],
     };
-    lives.follow(list(vec![first.clone()]));
-    wear_out(&mut lives, &config, 0, 30);
-    assert_eq!(lives.take_notices().len(), 1);
-    lives.follow(list(vec![event(3_600_000_000_000), first]));
-    let told = wear_out(&mut lives, &config, 30, 60);
-    assert!(told[0].forecast.actuator.is_err() && told[29].forecast.actuator.is_ok());
-    assert_eq!(lives.take_notices().len(), 1, "once");
+    histories.set_events(list(vec![first.clone()]));
+    wear_out(&mut histories, &config, 0, 30);
+    assert_eq!(histories.take_notices().len(), 1);
+    histories.set_events(list(vec![event(3_600_000_000_000), first]));
+    let assessments = wear_out(&mut histories, &config, 30, 60);
+    assert!(assessments[0].forecast.actuator.is_err() && assessments[29].forecast.actuator.is_ok());
+    assert_eq!(histories.take_notices().len(), 1, "once");
 }
 
 /// The history of `ema0`, written and read again.
-fn stored(lives: &Lives) -> Life {
-    let text = serde_json::to_string(lives.get("ema0").expect("a history")).expect("numbers");
+fn stored(histories: &HistoryStore) -> UnitHistory {
+    let text = serde_json::to_string(histories.get("ema0").expect("a history")).expect("numbers");
     serde_json::from_str(&text).expect("a history")
 }
 
 #[test]
 fn a_restored_history_continues_and_a_new_unit_begins_its_own() {
     let config = config("hours = \"elapsed\"");
-    let in_one = wear_out(&mut Lives::new(config.clone()), &config, 0, 60);
-    let mut first = Lives::new(config.clone());
+    let in_one = wear_out(&mut HistoryStore::new(config.clone()), &config, 0, 60);
+    let mut first = HistoryStore::new(config.clone());
     wear_out(&mut first, &config, 0, 30);
-    let mut second = Lives::new(config.clone());
+    let mut second = HistoryStore::new(config.clone());
     second.restore("ema0", stored(&first));
     let rest = wear_out(&mut second, &config, 30, 60);
-    let [whole, kept] = [&in_one[59], &rest[29]].map(|told| told.forecast.actuator.expect("a trend").hours);
+    let [whole, kept] =
+        [&in_one[59], &rest[29]].map(|assessments| assessments.forecast.actuator.expect("a trend").hours);
     assert_eq!(whole, kept);
 
     let other = stored(&second)
@@ -231,11 +238,11 @@ fn a_kept_life_with_any_number_in_it_does_not_bring_the_daemon_down() {
         }
     }
     let config = config("hours = \"elapsed\"\nwarning_h = 100");
-    let mut lives = Lives::new(config.clone());
-    wear_out(&mut lives, &config, 0, 12);
+    let mut histories = HistoryStore::new(config.clone());
+    wear_out(&mut histories, &config, 0, 12);
     let actuator = config.actuator_named("ema0").expect("watched");
-    let life = serde_json::to_value(lives.at(actuator, 0).expect("levels")).expect("numbers");
-    let count = numbers(&mut life.clone()).len();
+    let history = serde_json::to_value(histories.history_at(actuator, 0).expect("levels")).expect("numbers");
+    let count = numbers(&mut history.clone()).len();
     let (mut refused, mut taken) = (0, 0);
     // The first and the last fields, and of the laws, which are thousands, every so many.
     for n in (0..40).chain((40..count).step_by(97)).chain(count - 40..count) {
@@ -250,17 +257,20 @@ fn a_kept_life_with_any_number_in_it_does_not_bring_the_daemon_down() {
             "-1e308",
             "1e-308",
         ] {
-            let mut bad = life.clone();
+            let mut bad = history.clone();
             *numbers(&mut bad)[n] = serde_json::from_str(extreme).expect("a number");
-            match serde_json::from_value::<Life>(bad).ok().filter(Life::is_possible) {
+            match serde_json::from_value::<UnitHistory>(bad)
+                .ok()
+                .filter(UnitHistory::is_possible)
+            {
                 None => refused += 1,
-                Some(life) => {
+                Some(history) => {
                     taken += 1;
-                    let mut life = life.resumed(&config, None).expect("levels");
+                    let mut history = history.resumed(&config, None).expect("levels");
                     for number in 12..20 {
                         let job = job(&config, number, 10.0 * number as f64, 0.0);
-                        let judgement = friction(0.05 * number as f64);
-                        life.update(&job, &shown(Some(&judgement), &Fit::default()), &config);
+                        let damage_evidence = friction(0.05 * number as f64);
+                        history.update(&job, &evidence(Some(&damage_evidence), &Fit::default()), &config);
                     }
                 }
             }
@@ -270,78 +280,89 @@ fn a_kept_life_with_any_number_in_it_does_not_bring_the_daemon_down() {
 }
 
 /// A requirement that is missed from a friction of 0.5 on, and how often it was tried.
-fn useless(trials: &Cell<u32>) -> impl Fn(&[FaultVector; TRIED]) -> [Option<Shortfall>; TRIED] {
+fn useless(trials: &Cell<u32>) -> impl Fn(&[FaultVector; CHECK_LANES]) -> [Option<UnmetRequirement>; CHECK_LANES] {
     |faults| {
         trials.set(trials.get() + 1);
-        faults.map(|fault| (fault.friction >= 0.5).then_some(Shortfall::SlewRate))
+        faults.map(|fault| (fault.friction >= 0.5).then_some(UnmetRequirement::SlewRate))
     }
 }
 
 /// What is said after a window that shows this friction, where a requirement is tried.
-fn tried_after(life: &mut Life, job: &WindowJob, damage: f64, trial: &Trial<'_>, config: &Config) -> LifeDecision {
+fn tried_after(
+    history: &mut UnitHistory,
+    job: &WindowJob,
+    damage: f64,
+    trial: &RequirementCheck<'_>,
+    config: &Config,
+) -> UnitAssessment {
     let fault = FaultVector {
         friction: damage,
         ..FaultVector::NOMINAL
     };
-    let shown = Shown {
-        judgement: Some(&friction(damage)),
+    let evidence = WindowEvidence {
+        damage_evidence: Some(&friction(damage)),
         fault: Some(&fault),
         fit: &Fit::default(),
-        shortfall: Some(trial),
+        unmet_requirement: Some(trial),
     };
-    life.update(job, &shown, config)
+    history.update(job, &evidence, config)
 }
 
 #[test]
 fn the_function_ends_a_life_before_the_damage_does() {
     let config = config("hours = \"elapsed\"");
-    let mut life = Life::new(&config, None).expect("levels");
+    let mut history = UnitHistory::new(&config, None).expect("levels");
     // Useless from a friction of 0.5 on: 625 h after the beginning instead of 1000 h.
     let trials = Cell::new(0);
     let useless = useless(&trials);
     for n in 0..70_u64 {
         let damage = 0.008 * n as f64;
-        let told = tried_after(
-            &mut life,
+        let assessments = tried_after(
+            &mut history,
             &job(&config, n, 10.0 * n as f64, 0.0),
             damage,
             &useless,
             &config,
         );
-        let Ok(left) = told.forecast.actuator else { continue };
+        let Ok(left) = assessments.forecast.actuator else {
+            continue;
+        };
         let truth = (625.0 - 10.0 * n as f64).max(0.0);
         if n >= 20 {
-            assert_eq!(told.governs, Governs::Function(Shortfall::SlewRate));
+            assert_eq!(
+                assessments.limiting_criterion,
+                LimitingCriterion::Function(UnmetRequirement::SlewRate)
+            );
             assert!(
                 (left.hours.p50 - truth).abs() <= 0.05 * truth + 5.0,
                 "window {n}: {left:?}, truth {truth}"
             );
             assert!(left.hours.p10 <= left.hours.p50 && left.hours.p50 <= left.hours.p90);
-            assert!(told.forecast.faults[0].expect("a trend").hours.p50 > left.hours.p50);
+            assert!(assessments.forecast.faults[0].expect("a trend").hours.p50 > left.hours.p50);
         }
     }
     assert!(trials.get() <= 2 * 70 / 3 + 2, "{} trials", trials.get());
     // A part that breaks now is tried now.
-    let mut fresh = Life::new(&config, None).expect("levels");
-    for (n, damage, governs) in [
-        (0, 0.0, Governs::Damage),
-        (1, 0.9, Governs::Function(Shortfall::SlewRate)),
+    let mut fresh = UnitHistory::new(&config, None).expect("levels");
+    for (n, damage, limiting_criterion) in [
+        (0, 0.0, LimitingCriterion::Damage),
+        (1, 0.9, LimitingCriterion::Function(UnmetRequirement::SlewRate)),
     ] {
-        let told = tried_after(&mut fresh, &job(&config, n, n as f64, 0.0), damage, &useless, &config);
-        assert_eq!(told.governs, governs, "window {n}");
+        let assessments = tried_after(&mut fresh, &job(&config, n, n as f64, 0.0), damage, &useless, &config);
+        assert_eq!(assessments.limiting_criterion, limiting_criterion, "window {n}");
     }
 }
 
 #[test]
 fn a_slow_wear_is_tried_every_eighth_window() {
     let config = config("hours = \"elapsed\"");
-    let mut life = Life::new(&config, None).expect("levels");
+    let mut history = UnitHistory::new(&config, None).expect("levels");
     let trials = Cell::new(0);
     let useless = useless(&trials);
     for n in 0..240_u64 {
         let damage = 0.002 * n as f64;
         tried_after(
-            &mut life,
+            &mut history,
             &job(&config, n, 10.0 * n as f64, 0.0),
             damage,
             &useless,

@@ -1,7 +1,8 @@
 //! The verdict on one window.
 
+use super::finite;
 use super::schema::message;
-use super::{FAULT_NAMES, finite};
+use ema_models::FaultId;
 
 message! {
     /// What one window says about one actuator. All fields are scalars, because viewers draw an array as one line.
@@ -158,9 +159,9 @@ impl Health {
         Some(Estimate { k, sigma, observable })
     }
 
-    /// Damages in the order of [`FAULT_NAMES`]; `None` where unknown.
+    /// Damages in the order of [`FaultId::ALL`]; `None` where unknown.
     #[must_use]
-    pub fn damages(&self) -> [Option<f64>; FAULT_NAMES.len()] {
+    pub fn damages(&self) -> [Option<f64>; FaultId::COUNT] {
         [
             self.damage_friction,
             self.damage_backlash,
@@ -172,8 +173,8 @@ impl Health {
         ]
     }
 
-    /// Fills the damages, in the order of [`FAULT_NAMES`]; a value that is not a number is left out.
-    pub fn set_damage(&mut self, damage: [Option<f64>; FAULT_NAMES.len()]) {
+    /// Fills the damages, in the order of [`FaultId::ALL`]; a value that is not a number is left out.
+    pub fn set_damage(&mut self, damage: [Option<f64>; FaultId::COUNT]) {
         let damage = damage.map(|damage| damage.and_then(finite));
         [
             self.damage_friction,
@@ -185,8 +186,8 @@ impl Health {
     }
 
     /// Fills both forms of the list of faults.
-    pub fn set_faults<S: AsRef<str>>(&mut self, faults: &[S]) {
-        self.fault_list = faults.iter().map(|fault| fault.as_ref().to_owned()).collect();
+    pub fn set_faults(&mut self, faults: &[FaultId]) {
+        self.fault_list = faults.iter().map(|fault| fault.name().to_owned()).collect();
         self.faults = self.fault_list.join(",");
     }
 }
@@ -215,7 +216,7 @@ mod tests {
         let mut health = Health::default();
         health.set_estimate(Some(&estimate));
         health.set_damage([Some(0.1), Some(f64::NAN), None, None, None, None, Some(0.6)]);
-        health.set_faults(&["friction", "gain"]);
+        health.set_faults(&[FaultId::Friction, FaultId::Gain]);
         let again = Health::decode(health.encode_to_vec().as_slice()).unwrap();
         assert_eq!(again, health);
         assert_eq!(again.estimate(), Some(estimate));

@@ -118,7 +118,7 @@ mod tests {
             sigma,
             observable,
         }));
-        health.set_faults(&["friction"]);
+        health.set_faults(&[ema_models::FaultId::Friction]);
         let rul = Rul {
             rul_p10_h: Some(100.0),
             rul_p50_h: Some(140.0),

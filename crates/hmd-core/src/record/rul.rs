@@ -1,6 +1,7 @@
 //! Remaining useful life.
 
 use super::schema::message;
+use ema_models::FaultId;
 
 message! {
     /// Remaining useful life of one actuator after one window; the quantiles are absent until there is a trend.
@@ -102,9 +103,9 @@ message! {
 super::impl_record!(Rul, |rul| format!("/{}/rul", rul.actuator));
 
 impl Rul {
-    /// Fills what is left to each fault, in the order of [`super::FAULT_NAMES`]: quantiles in hours, and the probability of
+    /// Fills what is left to each fault, in the order of [`FaultId::ALL`]: quantiles in hours, and the probability of
     /// the end within the horizon.
-    pub fn set_faults(&mut self, faults: [Option<([f64; 3], f64)>; super::FAULT_NAMES.len()]) {
+    pub fn set_faults(&mut self, faults: [Option<([f64; 3], f64)>; FaultId::COUNT]) {
         macro_rules! set {
             ($fault:expr, $p10:ident, $p50:ident, $p90:ident, $probability:ident) => {
                 let quantile = |n: usize| $fault.and_then(|(hours, _)| super::finite(hours[n]));
@@ -158,9 +159,9 @@ impl Rul {
         set!(gain, gain_p10_h, gain_p50_h, gain_p90_h, gain_failure_probability);
     }
 
-    /// Hours left to each fault alone, in the order of [`super::FAULT_NAMES`]: quantiles 10, 50 and 90 %.
+    /// Hours left to each fault alone, in the order of [`FaultId::ALL`]: quantiles 10, 50 and 90 %.
     #[must_use]
-    pub fn faults(&self) -> [Option<[f64; 3]>; super::FAULT_NAMES.len()] {
+    pub fn faults(&self) -> [Option<[f64; 3]>; FaultId::COUNT] {
         [
             (self.friction_p10_h, self.friction_p50_h, self.friction_p90_h),
             (self.backlash_p10_h, self.backlash_p50_h, self.backlash_p90_h),

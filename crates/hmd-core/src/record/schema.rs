@@ -14,13 +14,14 @@ pub const PACKAGE: &str = "hmd.v1";
 
 /// Declares a record: fields as `name: RustType = tag kind [label];`, kinds and labels in protobuf's words.
 ///
-/// A Rust type that does not fit the kind fails to compile inside prost's derive. `reserved tag "name"` behind the struct's
+/// A field that is a list of another message of the table is `name: Vec<Row> = tag message repeated Row;`. A Rust type that
+/// does not fit the kind fails to compile inside prost's derive. `reserved tag "name"` behind the struct's
 /// name is a field that older files may have: neither its number nor its name is given again.
 macro_rules! message {
     (
         $(#[$meta:meta])*
         pub struct $name:ident $(reserved $gone_tag:literal $gone:literal)* {
-            $( $(#[$field_meta:meta])* $field:ident: $rust:ty = $tag:tt $kind:ident $($label:ident)?; )*
+            $( $(#[$field_meta:meta])* $field:ident: $rust:ty = $tag:tt $kind:ident $($label:ident $($row:ident)?)?; )*
         }
     ) => {
         $(#[$meta])*
@@ -30,26 +31,46 @@ macro_rules! message {
         }
 
         impl $name {
-            fn file_descriptor_set() -> ::prost_types::FileDescriptorSet {
-                $crate::record::schema::descriptor_set(stringify!($name), &[
-                    $( ($tag, stringify!($field), stringify!($kind), concat!($(stringify!($label))?)), )*
+            /// Descriptor of the message alone.
+            pub(crate) fn message_descriptor() -> ::prost_types::DescriptorProto {
+                $crate::record::schema::message_descriptor(stringify!($name), &[
+                    $( ($tag, stringify!($field), stringify!($kind), concat!($(stringify!($label))?), concat!($($(stringify!($row))?)?)), )*
                 ], &[$( ($gone_tag, $gone) ),*])
+            }
+
+            /// Descriptors of the messages that its fields are lists of, and of theirs.
+            pub(crate) fn row_descriptors() -> Vec<::prost_types::DescriptorProto> {
+                let rows: &[Vec<::prost_types::DescriptorProto>] =
+                    &[$( $($( vec![$row::message_descriptor()], $row::row_descriptors(), )?)? )*];
+                rows.concat()
             }
         }
     };
 }
 pub(crate) use message;
 
-/// The descriptor of one message in its own file; `fields` are tag, name, kind and label (or an empty string), `reserved` the
-/// tags and names of fields that are gone.
+/// The file of one record: its message first, then the messages that its fields are lists of.
+pub(crate) fn descriptor_set(record: DescriptorProto, rows: Vec<DescriptorProto>) -> FileDescriptorSet {
+    let file = FileDescriptorProto {
+        name: Some(format!("hmd/v1/{}.proto", record.name())),
+        package: Some(PACKAGE.to_owned()),
+        message_type: std::iter::once(record).chain(rows).collect(),
+        syntax: Some("proto3".to_owned()),
+        ..Default::default()
+    };
+    FileDescriptorSet { file: vec![file] }
+}
+
+/// The descriptor of one message; `fields` are tag, name, kind, label and the message of each row (or empty strings),
+/// `reserved` the tags and names of fields that are gone.
 ///
 /// # Panics
 /// On a kind or label that the table cannot have; every record's descriptor is built in a test.
-pub(crate) fn descriptor_set(
+pub(crate) fn message_descriptor(
     name: &str,
-    fields: &[(i32, &str, &str, &str)],
+    fields: &[(i32, &str, &str, &str, &str)],
     reserved: &[(i32, &str)],
-) -> FileDescriptorSet {
+) -> DescriptorProto {
     let range = |&(tag, _): &(i32, &str)| ReservedRange {
         start: Some(tag),
         end: Some(tag + 1),
@@ -60,7 +81,7 @@ pub(crate) fn descriptor_set(
         reserved_name: reserved.iter().map(|(_, name)| (*name).to_owned()).collect(),
         ..Default::default()
     };
-    for &(tag, field, kind, label) in fields {
+    for &(tag, field, kind, label, row) in fields {
         let mut descriptor = FieldDescriptorProto {
             name: Some(field.to_owned()),
             number: Some(tag),
@@ -70,6 +91,7 @@ pub(crate) fn descriptor_set(
                 Label::Optional
             } as i32),
             r#type: Some(field_type(kind) as i32),
+            type_name: (!row.is_empty()).then(|| format!(".{PACKAGE}.{row}")),
             ..Default::default()
         };
         match label {
@@ -87,14 +109,7 @@ pub(crate) fn descriptor_set(
         }
         message.field.push(descriptor);
     }
-    let file = FileDescriptorProto {
-        name: Some(format!("hmd/v1/{name}.proto")),
-        package: Some(PACKAGE.to_owned()),
-        message_type: vec![message],
-        syntax: Some("proto3".to_owned()),
-        ..Default::default()
-    };
-    FileDescriptorSet { file: vec![file] }
+    message
 }
 
 fn field_type(kind: &str) -> Type {
@@ -103,6 +118,7 @@ fn field_type(kind: &str) -> Type {
         "bytes" => Type::Bytes,
         "double" => Type::Double,
         "float" => Type::Float,
+        "message" => Type::Message,
         "sint64" => Type::Sint64,
         "string" => Type::String,
         "uint32" => Type::Uint32,

@@ -5,7 +5,12 @@ use super::schema::message;
 message! {
     /// Totals since the start (or since the start of a replay). Received = decoded + filtered + error + malformed
     /// frames, and the unreadable ones of serial lines.
-    pub struct Status reserved 14 "lost_own_queue" {
+    pub struct Status
+        reserved 14 "lost_own_queue" reserved 31 "interface" reserved 32 "bus_state" reserved 33 "link" reserved 71 "actuator"
+        reserved 72 "data_age_s" reserved 73 "data_state" reserved 74 "health" reserved 75 "persistence"
+        reserved 76 "changed_ns" reserved 77 "changed_from" reserved 78 "changed_faults" reserved 79 "changed_damage"
+        reserved 80 "passive"
+    {
         /// Frames received from all sources.
         frames_received: u64 = 1 uint64;
         /// Frames that gave a value.
@@ -42,12 +47,8 @@ message! {
         windows_invalid: u64 = 23 uint64;
         /// Windows with status `unmodelled`.
         windows_unmodelled: u64 = 24 uint64;
-        /// Interfaces; the two lists below have one entry for each.
-        interface: Vec<String> = 31 string repeated;
-        /// Error state: `error-active`, `error-warning`, `error-passive` or `bus-off`.
-        bus_state: Vec<String> = 32 string repeated;
-        /// Link, live only: `up`, `down` or `missing`.
-        link: Vec<String> = 33 string repeated;
+        /// The interfaces, in the order of their sources.
+        interfaces: Vec<InterfaceStatus> = 34 message repeated InterfaceStatus;
         /// Of the unreadable: serial frames longer than any packet.
         unreadable_too_long: u64 = 41 uint64;
         /// Of the unreadable: serial frames that are no COBS.
@@ -78,26 +79,101 @@ message! {
         identification_max_s: f64 = 64 double;
         /// Live only: time since the newest health record was stored, s; absent before the first.
         record_age_s: Option<f64> = 65 double optional;
-        /// Live only: actuators that are watched; the lists below have one entry for each.
-        actuator: Vec<String> = 71 string repeated;
+        /// Live only: the actuators that are watched.
+        actuators: Vec<ActuatorStatus> = 81 message repeated ActuatorStatus;
+    }
+}
+
+message! {
+    /// One interface.
+    pub struct InterfaceStatus {
+        /// Name of the interface.
+        interface: String = 1 string;
+        /// Error state: `error-active`, `error-warning`, `error-passive` or `bus-off`.
+        bus_state: String = 2 string;
+        /// Link, live only: `up`, `down` or `missing`.
+        link: String = 3 string;
+    }
+}
+
+message! {
+    /// One actuator that is watched live.
+    pub struct ActuatorStatus {
+        /// Actuator name, as in the topics.
+        actuator: String = 1 string;
         /// Time since the newest sample, or since the start, s; to a second.
-        data_age_s: Vec<f64> = 72 double repeated;
+        data_age_s: f64 = 2 double;
         /// `fresh` or `STALE`.
-        data_state: Vec<String> = 73 string repeated;
+        data_state: String = 3 string;
         /// State by the last window: `nominal`, `watch`, `warning`, `critical` or `unknown`.
-        health: Vec<String> = 74 string repeated;
+        health: String = 4 string;
         /// Windows in a row that ask for a worse state.
-        persistence: Vec<u64> = 75 uint64 repeated;
+        persistence: u64 = 5 uint64;
         /// Last change of the state: start of its window, UTC ns; 0 before the first.
-        changed_ns: Vec<u64> = 76 uint64 repeated;
+        changed_ns: u64 = 6 uint64;
         /// State before the last change; empty before the first.
-        changed_from: Vec<String> = 77 string repeated;
+        changed_from: String = 7 string;
         /// Faults after the last change, joined by commas.
-        changed_faults: Vec<String> = 78 string repeated;
+        changed_faults: String = 8 string;
         /// Largest damage in the window of the last change, 0…1.
-        changed_damage: Vec<f64> = 79 double repeated;
+        changed_damage: f64 = 9 double;
         /// Whether changes of its state alarm nobody.
-        passive: Vec<bool> = 80 bool repeated;
+        passive: bool = 10 bool;
+    }
+}
+
+/// Whether samples of an actuator come in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DataState {
+    /// A sample came lately.
+    Fresh,
+    /// No sample came for a while.
+    Stale,
+}
+
+impl DataState {
+    /// The name that records use.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Fresh => "fresh",
+            Self::Stale => "STALE",
+        }
+    }
+}
+
+impl ActuatorStatus {
+    /// Whether the data of the actuator are stale.
+    #[must_use]
+    pub fn is_stale(&self) -> bool {
+        self.data_state == DataState::Stale.name()
+    }
+}
+
+/// How the storage of a folder of segments stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum StorageState {
+    /// Everything is stored.
+    #[default]
+    Ok,
+    /// Raw frames are not stored, for want of room.
+    RawPaused,
+    /// Writing fails.
+    Failing,
+}
+
+impl StorageState {
+    /// All, from good to bad.
+    pub const ALL: [Self; 3] = [Self::Ok, Self::RawPaused, Self::Failing];
+
+    /// The name that records use.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::RawPaused => "raw-paused",
+            Self::Failing => "failing",
+        }
     }
 }
 
@@ -116,8 +192,8 @@ pub struct StoreStatus {
     pub segments: u64,
     /// Segments deleted to make room, since the start.
     pub deleted: u64,
-    /// `ok`, `raw-paused` for want of room, or `failing`.
-    pub state: &'static str,
+    /// How the storage stands.
+    pub state: StorageState,
 }
 
 impl Status {
@@ -164,7 +240,7 @@ impl Status {
     pub fn set_storage(&mut self, store: &StoreStatus) {
         self.lost_storage_frames = store.lost_frames;
         self.lost_storage_records = store.lost_records;
-        self.storage = store.state.to_owned();
+        self.storage = store.state.name().to_owned();
         self.storage_used_bytes = store.used_bytes;
         self.storage_free_bytes = store.free_bytes;
         self.storage_segments = store.segments;

@@ -49,7 +49,13 @@ impl<'a> Remaining<'a> {
 
     /// Of laws with weights that sum to 1.
     #[must_use]
-    pub fn of(laws: Vec<(&'a Law, f64)>, end_of_life: f64, observed_h: f64, passed_h: f64, rate: UseRate) -> Self {
+    pub fn from_laws(
+        laws: Vec<(&'a Law, f64)>,
+        end_of_life: f64,
+        observed_h: f64,
+        passed_h: f64,
+        rate: UseRate,
+    ) -> Self {
         Self {
             laws,
             end_of_life,
@@ -194,13 +200,13 @@ mod tests {
             step_hours: 1.0,
             log_sigma: 0.0,
         };
-        let remaining = Remaining::of(vec![(&law, 1.0)], 0.8, 300.0, 0.0, rate);
+        let remaining = Remaining::from_laws(vec![(&law, 1.0)], 0.8, 300.0, 0.0, rate);
         let [p10, p50, p90] =
             [0.1, 0.5, 0.9].map(|share| quantile(|h| remaining.probability_within(h), share, 1e4).unwrap_or(f64::NAN));
         assert!((p50 - 500.0).abs() < 1.0, "{p50}");
         assert!(p10 < p50 && p50 < p90 && p90 - p10 < 10.0, "{p10} {p90}");
         // Ten hours later without an estimate there are ten hours less.
-        let later = Remaining::of(vec![(&law, 1.0)], 0.8, 300.0, 10.0, rate);
+        let later = Remaining::from_laws(vec![(&law, 1.0)], 0.8, 300.0, 10.0, rate);
         assert!((remaining.probability_within(495.0) - later.probability_within(485.0)).abs() < 1e-12);
     }
 

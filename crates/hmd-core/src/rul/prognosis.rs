@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::forecast::{Remaining, quantile};
 use super::trend::Trend;
 use super::usage::{Odometer, Usage};
-use crate::health::FAULTS;
+use ema_models::FaultId;
 
 /// Estimates that a trend needs.
 const ESTIMATES_MIN: u64 = 6;
@@ -44,7 +44,7 @@ impl Quantiles {
 
 /// What is left, and when that was said.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Life {
+pub struct RemainingLife {
     /// Operating hours left.
     pub hours: Quantiles,
     /// Cycles left, if use goes on as of late; `None` without cycles.
@@ -82,27 +82,27 @@ pub enum NoTrend {
 /// What is said after a window.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Forecast {
-    /// Of each fault, in the order of [`crate::health::fault_name`].
-    pub faults: [Result<Life, NoTrend>; FAULTS],
+    /// Of each fault, in the order of [`FaultId::ALL`].
+    pub faults: [Result<RemainingLife, NoTrend>; FaultId::COUNT],
     /// Of the actuator: the earliest of its faults, taken as independent.
-    pub actuator: Result<Life, NoTrend>,
+    pub actuator: Result<RemainingLife, NoTrend>,
     /// The fault with the shortest median life; `None` without a trend.
-    pub dominant: Option<usize>,
-    /// Hours of [`Life::fails_within_horizon`].
+    pub dominant: Option<FaultId>,
+    /// Hours of [`RemainingLife::fails_within_horizon`].
     pub horizon_h: f64,
 }
 
 /// Trends of all faults of one actuator. Bounded: at most some 150 laws for each fault and 64 readings of the odometer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Prognosis {
-    trends: [Trend; FAULTS],
+    trends: [Trend; FaultId::COUNT],
     usage: Usage,
 }
 
 impl Prognosis {
     /// For a new part, with the damage at which each fault ends its life.
     #[must_use]
-    pub fn new(end_of_life: [f64; FAULTS]) -> Self {
+    pub fn new(end_of_life: [f64; FaultId::COUNT]) -> Self {
         Self {
             trends: end_of_life.map(Trend::new),
             usage: Usage::default(),
@@ -116,13 +116,13 @@ impl Prognosis {
 
     /// Damage at the end of life of each fault.
     #[must_use]
-    pub fn end_of_life(&self) -> [f64; FAULTS] {
+    pub fn end_of_life(&self) -> [f64; FaultId::COUNT] {
         std::array::from_fn(|fault| self.trends[fault].end_of_life)
     }
 
     /// The same trends to other ends.
     #[must_use]
-    pub fn with_end_of_life(mut self, end_of_life: [f64; FAULTS]) -> Self {
+    pub fn with_end_of_life(mut self, end_of_life: [f64; FaultId::COUNT]) -> Self {
         for (trend, damage) in self.trends.iter_mut().zip(end_of_life) {
             trend.end_of_life = damage;
         }
@@ -137,7 +137,7 @@ impl Prognosis {
 
     /// Takes a window: use so far, and damage with its standard deviation of every fault that the window shows. A window
     /// that was not judged shows none.
-    pub fn update(&mut self, at: Odometer, estimates: &[Option<(f64, f64)>; FAULTS]) {
+    pub fn update(&mut self, at: Odometer, estimates: &[Option<(f64, f64)>; FaultId::COUNT]) {
         self.usage.update(at);
         for (trend, estimate) in self.trends.iter_mut().zip(estimates) {
             if let Some((damage, sigma)) = *estimate {
@@ -149,14 +149,15 @@ impl Prognosis {
     /// What is left of the life, with the probability of its end within `horizon_h` hours.
     #[must_use]
     pub fn forecast(&self, horizon_h: f64) -> Forecast {
-        let remaining: [Result<Remaining<'_>, NoTrend>; FAULTS] = std::array::from_fn(|fault| self.remaining(fault));
-        let faults = std::array::from_fn(|fault| match &remaining[fault] {
+        let remaining = FaultId::ALL.map(|fault| self.remaining(fault));
+        let faults = remaining.each_ref().map(|remaining| match remaining {
             Ok(remaining) => self.life(|h| remaining.probability_within(h), remaining.observed_h(), horizon_h),
             Err(none) => Err(*none),
         });
-        let trends: Vec<(usize, &Remaining<'_>)> = (0..FAULTS)
-            .filter(|&fault| faults[fault].is_ok())
-            .filter_map(|fault| Some((fault, remaining[fault].as_ref().ok()?)))
+        let trends: Vec<(FaultId, &Remaining<'_>)> = FaultId::ALL
+            .into_iter()
+            .filter(|fault| faults[fault.index()].is_ok())
+            .filter_map(|fault| Some((fault, remaining[fault.index()].as_ref().ok()?)))
             .collect();
         let survives = |hours: f64| {
             trends
@@ -167,10 +168,10 @@ impl Prognosis {
         let observed_h = trends.iter().map(|(_, r)| r.observed_h()).fold(0.0, f64::max);
         let actuator = match trends.len() {
             0 => Err(least_lacking(&faults)),
-            1 => faults[trends[0].0],
+            1 => faults[trends[0].0.index()],
             _ => self.life(|h| 1.0 - survives(h), observed_h, horizon_h),
         };
-        let median = |fault: usize| faults[fault].map_or(f64::INFINITY, |life| life.hours.p50);
+        let median = |fault: FaultId| faults[fault.index()].map_or(f64::INFINITY, |life| life.hours.p50);
         let dominant = trends
             .iter()
             .map(|(fault, _)| *fault)
@@ -187,8 +188,8 @@ impl Prognosis {
     ///
     /// # Errors
     /// Why there is none.
-    pub fn remaining(&self, fault: usize) -> Result<Remaining<'_>, NoTrend> {
-        let trend = &self.trends[fault];
+    pub fn remaining(&self, fault: FaultId) -> Result<Remaining<'_>, NoTrend> {
+        let trend = &self.trends[fault.index()];
         let got = trend.estimates;
         if got < ESTIMATES_MIN {
             return Err(if trend.jumps > 0 {
@@ -208,28 +209,28 @@ impl Prognosis {
 
     /// Damage of a fault after some hours from now that is not exceeded with probability `share`; without a trend it stays
     /// as it is.
-    pub fn damage_after(&self, fault: usize, hours: f64, share: f64) -> f64 {
+    pub fn damage_after(&self, fault: FaultId, hours: f64, share: f64) -> f64 {
         match self.remaining(fault) {
             Ok(remaining) => remaining.damage_quantile(hours, share),
-            Err(_) => self.trends[fault].damage(),
+            Err(_) => self.trends[fault.index()].damage(),
         }
     }
 
     /// A life of these hours, with the cycles that belong to them.
-    pub fn life_of(&self, hours: Quantiles, fails_within_horizon: f64) -> Life {
+    pub fn life_of(&self, hours: Quantiles, fails_within_horizon: f64) -> RemainingLife {
         let per_hour = self
             .usage
             .rate()
             .map(|rate| rate.cycles_per_hour)
             .filter(|rate| *rate > 0.0);
-        Life {
+        RemainingLife {
             hours,
             cycles: per_hour.map(|rate| hours.scaled(rate)),
             fails_within_horizon,
         }
     }
 
-    fn life(&self, within: impl Fn(f64) -> f64, observed_h: f64, horizon_h: f64) -> Result<Life, NoTrend> {
+    fn life(&self, within: impl Fn(f64) -> f64, observed_h: f64, horizon_h: f64) -> Result<RemainingLife, NoTrend> {
         let hours_max = REACH * observed_h;
         let p50 = quantile(&within, 0.5, hours_max).ok_or(NoTrend::TooFar { observed_h })?;
         let or_reach = |share| quantile(&within, share, hours_max).unwrap_or(hours_max);
@@ -243,7 +244,7 @@ impl Prognosis {
 }
 
 /// The reason that is nearest to a number.
-fn least_lacking(faults: &[Result<Life, NoTrend>; FAULTS]) -> NoTrend {
+fn least_lacking(faults: &[Result<RemainingLife, NoTrend>; FaultId::COUNT]) -> NoTrend {
     let nearness = |none: &NoTrend| match none {
         NoTrend::TooFew { got } => (0, *got),
         NoTrend::NoGrowth => (1, 0),

@@ -131,7 +131,7 @@ impl Trend {
         self.last = at;
         self.estimates += 1;
         if !self.laws.is_empty() {
-            self.take(&estimate);
+            self.learn_from(&estimate);
             return;
         }
         self.start.push(estimate);
@@ -152,7 +152,7 @@ impl Trend {
         self.laws_at = begun[0].at;
         for clock in [Clock::Hours, Clock::Work] {
             // Between the first two estimates the damage moves by no more than about 1.
-            let passed = begun[1].at.since(&begun[0].at).on(clock);
+            let passed = begun[1].at.since(&begun[0].at).by_clock(clock);
             let slope_sigma = if passed > 0.0 {
                 (1.0 / passed).min(SLOPE_SIGMA_MAX)
             } else {
@@ -162,19 +162,19 @@ impl Trend {
                 .push(Law::new(clock, 0.0, begun[0].damage, begun[0].variance, slope_sigma));
         }
         for estimate in &begun[1..] {
-            self.take(estimate);
+            self.learn_from(estimate);
         }
     }
 
     /// Lets the laws go on to an estimate and learn from it.
-    fn take(&mut self, estimate: &Estimate) {
+    fn learn_from(&mut self, estimate: &Estimate) {
         let passed = estimate.at.since(&self.laws_at);
         self.add_exponentials(estimate.at.since(&self.first.at).hours);
         let (mut weight, mut inlier, mut squared) = (0.0, 0.0, f64::INFINITY);
         let best = self.best_evidence();
         for law in &mut self.laws {
             let w = (law.log_evidence - best).exp();
-            law.advance(passed.on(law.clock));
+            law.advance(passed.by_clock(law.clock));
             let (p, s) = law.observe(estimate.damage, estimate.variance);
             weight += w;
             inlier += w * p;
@@ -254,7 +254,7 @@ impl Trend {
         let since = self.laws_at.since(&self.first.at);
         let best = self.best_evidence();
         let weigh = |law: &Law| {
-            let elapsed = since.on(law.clock);
+            let elapsed = since.by_clock(law.clock);
             if elapsed <= 0.0 {
                 return 0.0;
             }

@@ -34,7 +34,7 @@ impl Odometer {
 
     /// The reading on one clock.
     #[must_use]
-    pub fn on(&self, clock: Clock) -> f64 {
+    pub fn by_clock(&self, clock: Clock) -> f64 {
         match clock {
             Clock::Hours => self.hours,
             Clock::Work => self.work_j,

@@ -1,79 +1,13 @@
 //! Whether the samples of a window are fit to be judged.
 
-use super::config::{CLOCK_JUMP_S, Lengths, SCATTERED_RUN, SPEED_MAX_FACTOR, WindowConfig};
-use super::counters::{CounterLimits, refuse_spikes};
-use super::fill::Rotor;
+use super::config::{CLOCK_JUMP_S, Lengths, SCATTERED_RUN};
+use super::counters::refuse_spikes;
+use super::limits::Limits;
+use super::quality::{Counter, Defect, Invalidity, Part};
 use super::ring::Slot;
 use super::signals::{refuse_currents, stuck};
 use super::trigger::{Thresholds, value};
-use super::verdict::{Counter, Defect, Invalidity, Part};
-use ema_models::{ActuatorParams, FaultVector, Setpoint};
-
-/// What is possible for one type of actuator.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Limits {
-    pub(super) lengths: Lengths,
-    pub(super) sample_rate: f64,
-    pub(super) full_scale_a: f64,
-    pub(super) current_lsb_a: f64,
-    pub(super) rotor: Rotor,
-    pub(super) output_lsb: f64,
-    pub(super) gear_ratio: f64,
-    /// Largest difference of the two angles by play and wear, rad at the output.
-    pub(super) play_max_rad: f64,
-    motor: CounterLimits,
-    output: CounterLimits,
-    thresholds: Thresholds,
-    /// Whether nothing but the stamps can tell that the rate is wrong.
-    pub(super) rate_is_unconfirmed: bool,
-    unsteady_rad_s: f64,
-    /// Motor angle by which a setpoint that trembles within the trigger's threshold moves the shaft, rad.
-    still_rad: f64,
-}
-
-impl Limits {
-    /// From checked settings and the type's parameters.
-    pub(super) fn new(config: &WindowConfig, params: &ActuatorParams) -> Self {
-        let sensors = &params.sensors;
-        let period = 1.0 / sensors.sample_rate;
-        let (motor_lsb, output_lsb) = (sensors.motor_lsb(), sensors.output_lsb());
-        let gear_ratio = params.transmission.gear_ratio;
-        let speed = SPEED_MAX_FACTOR * params.controller.omega_max * period;
-        let acceleration = params.motor.torque_gain() * params.motor.i_max / params.motor.j * period * period;
-        let worn_out = FaultVector {
-            backlash: 1.0,
-            ..FaultVector::NOMINAL
-        };
-        let play_worn_out = params.transmission.backlash * worn_out.backlash_factor();
-        Self {
-            lengths: Lengths::new(config, sensors.sample_rate),
-            sample_rate: sensors.sample_rate,
-            full_scale_a: sensors.current_full_scale,
-            current_lsb_a: sensors.current_lsb(),
-            rotor: Rotor::new(params.motor.pole_pairs, sensors),
-            output_lsb,
-            gear_ratio,
-            // Three times the play at the end of its scale: a unit beyond that scale is still judged, and found worn.
-            play_max_rad: 3.0 * play_worn_out + 8.0 * output_lsb,
-            motor: CounterLimits {
-                part: Part::Motor,
-                defect: Defect::MotorSpike,
-                speed: speed / motor_lsb,
-                acceleration: acceleration / motor_lsb,
-            },
-            output: CounterLimits {
-                part: Part::Output,
-                defect: Defect::OutputSpike,
-                speed: speed / gear_ratio / output_lsb,
-                acceleration: acceleration / gear_ratio / output_lsb,
-            },
-            thresholds: Thresholds::new(config),
-            rate_is_unconfirmed: true,
-            unsteady_rad_s: 0.2 * params.controller.omega_max,
-            still_rad: config.trigger_position_rad * gear_ratio,
-        }
-    }
-}
+use ema_models::Setpoint;
 
 /// What was found in the samples of one window.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -154,7 +88,9 @@ fn command_in_gap(slots: &[Slot], thresholds: &Thresholds) -> Option<Invalidity>
     let (min, max) = good.fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), x| {
         (min.min(x), max.max(x))
     });
-    let tolerated = thresholds.of(slots.first()?.sample.setpoint).max(0.05 * (max - min));
+    let tolerated = thresholds
+        .jump_at(slots.first()?.sample.setpoint)
+        .max(0.05 * (max - min));
     let mut before: Option<(usize, f64)> = None;
     for n in 0..slots.len() {
         let Some(now) = at(n) else { continue };

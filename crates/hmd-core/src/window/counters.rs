@@ -4,8 +4,8 @@
 //! the motor's acceleration, hence how far a genuine count lies off both lines on the same side. A hard stop or the meeting
 //! of teeth is a kink, which lies on one of the two lines; a spike lies on neither.
 
+use super::quality::{Defect, Part};
 use super::ring::Slot;
-use super::verdict::{Defect, Part};
 use ema_models::SensedSample;
 
 /// What a counter can do, in counts and sample periods.

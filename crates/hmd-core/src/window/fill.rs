@@ -8,8 +8,8 @@
 //! command jumped in a gap are invalid, so that what is left changes smoothly (held, a chirp at 400 Hz would be wrong by
 //! 1 mrad for one lost sample).
 
+use super::quality::Part;
 use super::ring::Slot;
-use super::verdict::Part;
 use ema_models::{Real, SensedSample, SensorParams, Setpoint, abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc};
 
 /// What turns a resolver count into the electrical angle.

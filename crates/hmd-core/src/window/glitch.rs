@@ -4,9 +4,9 @@
 //! sample is released when the next one is known, and its setpoint is replaced by the one before if it is the odd one out.
 
 use super::TimedSample;
+use super::quality::{Defect, Part};
 use super::ring::Slot;
 use super::trigger::{Thresholds, same_mode, value};
-use super::verdict::{Defect, Part};
 use ema_models::Setpoint;
 
 /// Holds one sample back until the next is known.

@@ -1,7 +1,7 @@
 //! The last samples by number, with a place for every one that is missing.
 
 use super::TimedSample;
-use super::verdict::{Defect, Part};
+use super::quality::{Defect, Part};
 use ema_models::SensedSample;
 
 /// One place on the grid.

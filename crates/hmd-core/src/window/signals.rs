@@ -1,9 +1,9 @@
 //! The currents: which readings cannot be used, and whether a signal is stuck.
 
-use super::check::Limits;
 use super::config::CURRENT_SUM_MAX_A;
+use super::limits::Limits;
+use super::quality::{Defect, Part, Signal};
 use super::ring::Slot;
-use super::verdict::{Defect, Part, Signal};
 use ema_models::SensedSample;
 
 /// Refuses the currents that no working converters can have read.

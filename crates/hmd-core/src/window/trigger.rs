@@ -28,7 +28,7 @@ impl Thresholds {
     }
 
     /// Threshold in the unit of a setpoint's mode.
-    pub(super) fn of(&self, setpoint: Setpoint) -> f64 {
+    pub(super) fn jump_at(&self, setpoint: Setpoint) -> f64 {
         match setpoint {
             Setpoint::Idle => f64::INFINITY,
             Setpoint::Position(_) => self.position_rad,
@@ -38,12 +38,12 @@ impl Thresholds {
 
     /// Range of a setpoint that is held, in the unit of its mode; see [`Held`].
     pub(super) fn held(&self, setpoint: Setpoint) -> f64 {
-        HELD_SHARE * self.of(setpoint)
+        HELD_SHARE * self.jump_at(setpoint)
     }
 
     /// Whether two setpoints of the same mode are further apart than the threshold.
     pub(super) fn differ(&self, a: Setpoint, b: Setpoint) -> bool {
-        (value(a) - value(b)).abs() > self.of(a)
+        (value(a) - value(b)).abs() > self.jump_at(a)
     }
 }
 

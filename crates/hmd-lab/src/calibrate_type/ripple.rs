@@ -3,7 +3,7 @@
 
 use ema_models::reference::{Reference, ReferenceState};
 use ema_models::{
-    ActuatorParams, FAULT_COUNT, FaultVector, RIPPLE_KNOTS, RIPPLE_PLACES, Real, Ripple, Setpoint, dq_from_abc,
+    ActuatorParams, FAULT_COUNT, FaultVector, RIPPLE_KNOTS, RIPPLE_VOLTAGES, Real, Ripple, Setpoint, dq_from_abc,
 };
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
@@ -85,10 +85,10 @@ fn broken_line(points: impl Iterator<Item = (f64, f64)>) -> [f64; RIPPLE_KNOTS] 
 /// Share of each knot in the broken line at m: the line starts at 0, and is flat behind the last knot.
 fn hats(m: f64) -> SVector<f64, RIPPLE_KNOTS> {
     let mut hats = SVector::zeros();
-    let after = RIPPLE_PLACES.iter().position(|&place| m < place);
+    let after = RIPPLE_VOLTAGES.iter().position(|&place| m < place);
     let n = after.unwrap_or(RIPPLE_KNOTS - 1);
-    let before = if n == 0 { 0.0 } else { RIPPLE_PLACES[n - 1] };
-    let share = ((m - before) / (RIPPLE_PLACES[n] - before)).min(1.0);
+    let before = if n == 0 { 0.0 } else { RIPPLE_VOLTAGES[n - 1] };
+    let share = ((m - before) / (RIPPLE_VOLTAGES[n] - before)).min(1.0);
     hats[n] = share;
     if n > 0 {
         hats[n - 1] = 1.0 - share;

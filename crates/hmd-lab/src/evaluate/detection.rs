@@ -1,7 +1,7 @@
 //! The `detection` suite: assessments of single windows, healthy and faulty.
 
 use ema_ga::ConfigError;
-use ema_models::{FAULT_COUNT, FaultVector};
+use ema_models::{FAULT_COUNT, FaultId, FaultVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -9,8 +9,8 @@ use serde::Serialize;
 
 use super::motors::Motor;
 use ema_identify::Identifier;
-use hmd_core::assess::judgement;
-use hmd_core::health::{FAULTS, Health, HealthState, Levels, LevelsError, fault_name};
+use hmd_core::assess::damage_evidence;
+use hmd_core::health::{Health, HealthState, Levels, LevelsError};
 use hmd_core::seed::mix;
 
 /// Healthy windows of each motor, and as many faulty ones.
@@ -93,7 +93,7 @@ struct Outcome {
 /// Settings that contradict each other.
 pub fn detection(
     identifier: &Identifier,
-    levels: [Levels; FAULTS],
+    levels: [Levels; FaultId::COUNT],
     actuator: &str,
     n: u64,
     seed: u64,
@@ -113,21 +113,21 @@ pub fn detection(
                     let (fault, truth) = if window < WINDOWS {
                         (None, FaultVector::NOMINAL)
                     } else {
-                        let fault = (window % FAULTS as u64) as usize;
+                        let fault = (window % FaultId::COUNT as u64) as usize;
                         (Some(fault), single(fault, window_seed))
                     };
                     let simulated = motor.window(truth, window_seed);
                     let estimate = identifier.identify(&simulated.prepared, simulated.conditions, window_seed)?;
-                    let explained = (!estimate.is_unmodelled()).then(|| judgement(&estimate));
+                    let explained = (!estimate.is_unmodelled()).then(|| damage_evidence(&estimate));
                     let decision = Health::new(levels.map(Levels::at_once))?.update(0, explained.as_ref());
                     let named = if decision.state > HealthState::Nominal {
-                        decision.faults
+                        decision.faults.into_iter().map(FaultId::name).collect()
                     } else {
                         Vec::new()
                     };
                     let right = match fault {
                         None => named.is_empty(),
-                        Some(fault) => named == [fault_name(fault)],
+                        Some(fault) => named == [FaultId::ALL[fault].name()],
                     };
                     done();
                     let wrong = (!right).then(|| Wrong {
@@ -157,12 +157,12 @@ pub fn detection(
         motors: n,
         false_alarm_rate: rate(&|v| v.fault.is_none(), &alarm).1,
         detection_rate: rate(&faulty, &alarm).1,
-        detection_rate_by_fault: (0..FAULTS)
+        detection_rate_by_fault: (0..FaultId::COUNT)
             .map(|fault| {
                 let of = |v: &Outcome| v.fault == Some(fault);
                 let (windows, detection_rate) = rate(&of, &alarm);
                 ByFault {
-                    fault: fault_name(fault),
+                    fault: FaultId::ALL[fault].name(),
                     windows,
                     detection_rate,
                     isolation_rate: rate(&of, &right).1,

@@ -81,7 +81,7 @@ pub(super) fn crlb_ratio(of_type: &Identifier, rate: f64, n: u64, seed: u64) -> 
             };
             let end = sharpest_fit(&identifier, &exact, of_type.calibration.weights(rate), case_seed)?;
             let scale = Scale::new(&params);
-            let bounds = bound(&exact, &scale.coordinates(&exact.with_fault(truth)));
+            let bounds = bound(&exact, &scale.coordinates(&exact.unknowns_with_fault(truth)));
             let (k, t) = (scale.unknowns(&end).fault.to_array(), truth.to_array());
             Ok([0, 1, 2, 3, 4, 7]
                 .into_iter()
@@ -132,12 +132,12 @@ fn written_by_the_monitor(inputs: &Comparison<'_>, truth: FaultVector, seed: u64
     };
     let mut rng = ChaCha8Rng::seed_from_u64(mix(seed, &[7]));
     let mut written = inputs.recording.samples.to_vec();
-    inputs.residuals(&inputs.with_fault(truth), |n, r| {
+    inputs.residuals(&inputs.unknowns_with_fault(truth), |n, r| {
         let sample = &mut written[n];
         let theta_m = sample.theta_m - r.theta_m;
         let dq = [sample.i_d - r.i_d, sample.i_q - r.i_q];
         let currents = abc_from_alpha_beta(alpha_beta_from_dq(dq, electrical(theta_m)));
-        let noisy = sensing.read(sensors, currents, &mut rng);
+        let noisy = sensing.measure(sensors, currents, &mut rng);
         let mut within = |lsb: f64| (rng.random::<f64>() - 0.5) * lsb;
         sample.theta_m = theta_m + within(sensors.motor_lsb());
         sample.theta_out += within(sensors.output_lsb()) - r.theta_out;

@@ -72,7 +72,7 @@ impl Motor {
         Self {
             nominal,
             unit,
-            load_nm: LOAD_NM * Scale::new(params).load() / Scale::new(&ActuatorParams::bench()).load(),
+            load_nm: LOAD_NM * Scale::new(params).load_unit() / Scale::new(&ActuatorParams::bench()).load_unit(),
             seed,
         }
     }
@@ -95,7 +95,7 @@ impl Motor {
                 quantised: true,
                 noise_rms: NOISE_RMS_A,
             },
-            actuations: Actuations::one(around.profile),
+            actuations: Actuations::single(around.profile),
             ..Scenario::new(self.nominal, fault, seed)
         });
         window.conditions.load_torque = None;

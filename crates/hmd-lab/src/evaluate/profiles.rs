@@ -2,7 +2,7 @@
 //! of cold and hot motors on high and low supply; and the assessments of them.
 
 use ema_ga::ConfigError;
-use ema_models::{FAULT_COUNT, FaultVector, MotorKnowledge, Profile, wrapped_phase_difference};
+use ema_models::{FAULT_COUNT, FaultId, FaultVector, MotorKnowledge, Profile, wrapped_phase_difference};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -12,8 +12,8 @@ use super::percentile;
 use crate::calibrate_type::random_faults;
 use crate::simulated::SimulatedWindow;
 use ema_identify::{Estimate, Identifier};
-use hmd_core::assess::{judgement, known_at};
-use hmd_core::health::{FAULTS, Health, HealthState, Levels, LevelsError};
+use hmd_core::assess::{damage_evidence, motor_knowledge_at};
+use hmd_core::health::{Health, HealthState, Levels, LevelsError};
 use hmd_core::seed::mix;
 
 /// Commands of the `profiles` suite; each service command is drawn with its window.
@@ -127,7 +127,7 @@ struct Kind {
 /// Settings that contradict each other.
 pub fn profiles(
     identifier: &Identifier,
-    levels: [Levels; FAULTS],
+    levels: [Levels; FaultId::COUNT],
     actuator: &str,
     n: u64,
     seed: u64,
@@ -157,7 +157,7 @@ pub fn profiles(
 /// Settings that contradict each other.
 pub fn conditions(
     identifier: &Identifier,
-    levels: [Levels; FAULTS],
+    levels: [Levels; FaultId::COUNT],
     actuator: &str,
     n: u64,
     seed: u64,
@@ -196,7 +196,7 @@ pub fn conditions(
 )]
 fn report(
     identifier: &Identifier,
-    levels: [Levels; FAULTS],
+    levels: [Levels; FaultId::COUNT],
     suite: &'static str,
     actuator: &str,
     n: u64,
@@ -252,7 +252,7 @@ impl Pair {
             let motor = Motor::draw(&of_type.params, kind.rate, seed);
             let mut identifier = motor.calibrated(of_type);
             if !around.temperature_measured {
-                identifier.motor = known_at(identifier.motor, None);
+                identifier.motor = motor_knowledge_at(identifier.motor, None);
             }
             return Self {
                 identifier,
@@ -272,12 +272,12 @@ impl Pair {
         }
     }
 
-    fn outcome(&self, which: usize, levels: [Levels; FAULTS]) -> Result<Outcome, ProfilesError> {
+    fn outcome(&self, which: usize, levels: [Levels; FaultId::COUNT]) -> Result<Outcome, ProfilesError> {
         let window = &self.windows[which];
         let estimate = self
             .identifier
             .identify(&window.prepared, window.conditions, self.seed)?;
-        let explained = (!estimate.is_unmodelled()).then(|| judgement(&estimate));
+        let explained = (!estimate.is_unmodelled()).then(|| damage_evidence(&estimate));
         let decision = Health::new(levels.map(Levels::at_once))?.update(0, explained.as_ref());
         Ok(Outcome {
             rss_pct: observable_rss_pct(&estimate, &window.truth),

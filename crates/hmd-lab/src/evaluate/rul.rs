@@ -6,12 +6,12 @@ mod history;
 mod metrics;
 mod oracle;
 
+use ema_models::FaultId;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use errors::ErrorTable;
 use history::{END_OF_LIFE, LIFE_H};
-use hmd_core::health::{FAULTS, fault_name};
 use hmd_core::rul::{Prognosis, Quantiles, quantile};
 use hmd_core::seed::mix;
 use metrics::{ALPHA, LAMBDAS, Medians, convergence, horizon_fraction};
@@ -67,7 +67,7 @@ struct Predicted {
 /// A stored table of errors that cannot be read.
 pub fn rul(n: u64, seed: u64, done: &(dyn Fn() + Sync)) -> Result<RulReport, serde_json::Error> {
     let errors = ErrorTable::stored()?;
-    let predictions: Vec<Predicted> = (0..FAULTS as u64 * n)
+    let predictions: Vec<Predicted> = (0..FaultId::COUNT as u64 * n)
         .into_par_iter()
         .map(|number| {
             let fault = (number / n) as usize;
@@ -91,8 +91,8 @@ pub fn rul(n: u64, seed: u64, done: &(dyn Fn() + Sync)) -> Result<RulReport, ser
             oracle: Scores::mean_of(members.iter().map(|t| &t.oracle)),
         }
     };
-    let mut groups: Vec<Group> = (0..FAULTS)
-        .map(|fault| group(fault_name(fault).to_owned(), &|t| t.fault == fault))
+    let mut groups: Vec<Group> = (0..FaultId::COUNT)
+        .map(|fault| group(FaultId::ALL[fault].name().to_owned(), &|t| t.fault == fault))
         .collect();
     for growth in Growth::ALL {
         groups.push(group(growth.name().to_owned(), &|t| t.growth == growth));
@@ -113,12 +113,15 @@ fn draw(fault: usize, n: u64, errors: &ErrorTable, seed: u64) -> History {
 
 /// Prediction of a history by the monitor's own filter.
 fn ours(history: &History, fault: usize) -> Scored {
-    let mut prognosis = Prognosis::new([END_OF_LIFE; FAULTS]);
+    let mut prognosis = Prognosis::new([END_OF_LIFE; FaultId::COUNT]);
     score(history, |seen, tell| {
-        let mut estimates = [None; FAULTS];
+        let mut estimates = [None; FaultId::COUNT];
         estimates[fault] = seen.estimate;
         prognosis.update(seen.at, &estimates);
-        if let (Ok(life), Ok(remaining)) = (prognosis.forecast(0.0).faults[fault], prognosis.remaining(fault)) {
+        if let (Ok(life), Ok(remaining)) = (
+            prognosis.forecast(0.0).faults[fault],
+            prognosis.remaining(FaultId::ALL[fault]),
+        ) {
             let Quantiles { p10, p50, p90 } = life.hours;
             tell([p10, p50, p90].map(Some), &|hours| remaining.probability_within(hours));
         }

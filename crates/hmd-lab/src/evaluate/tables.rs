@@ -1,7 +1,7 @@
 //! Results of the suites as Markdown tables, as `hmd evaluate` prints them.
 
 use super::{Case, DetectionReport, NoiseReport, PaperReport, ProfilesReport, RandomReport, RulReport, Scores};
-use hmd_core::health::FAULTS;
+use ema_models::FaultId;
 
 /// Mean and largest error of each group of cases.
 #[must_use]
@@ -141,7 +141,7 @@ pub fn rul_table(report: &RulReport) -> String {
     for group in &report.groups {
         row(&group.name, group.histories, &group.scores, &group.oracle);
     }
-    let all = report.histories_per_fault as usize * FAULTS;
+    let all = report.histories_per_fault as usize * FaultId::COUNT;
     row("**all**", all, &report.scores, &report.oracle);
     text + "\n\nEach cell: this monitor / an oracle that knows the true law and how its parameters are distributed."
 }

@@ -6,8 +6,9 @@ use std::sync::Arc;
 use super::table::raw_row;
 use super::{ExportError, Exported, Sources, Table};
 use hmd_core::config::Config;
-use hmd_core::demux::{Front, TakenSample};
+use hmd_core::demux::Demux;
 use hmd_core::frame::BusNames;
+use hmd_core::outbox::AssembledSample;
 use hmd_ingest::file::open_with;
 
 /// Reads the samples of all watched actuators out of logs, in the order of time, into a table of [`raw_heads`].
@@ -22,31 +23,30 @@ pub fn export_raw<P: AsRef<Path>>(
     mut table: Box<dyn Table>,
 ) -> Result<Exported, ExportError> {
     let mut exported = Exported::default();
-    let mut front = Front::new(config).keeping_samples();
+    let mut demux = Demux::new(config).collecting_samples();
     let mut names = BusNames::new();
-    let mut ended = Vec::new();
     for log in logs {
         let mut source = open_with(log.as_ref(), names)?;
         while let Some(item) = source.next() {
             match item {
-                Ok(frame) => front.push(&frame, source.bus_names(), &mut ended),
+                Ok(frame) => demux.push(&frame, source.bus_names()),
                 Err(_) => exported.damaged = true,
             }
-            ended.clear();
-            write(&mut *table, front.take_samples(), &mut exported)?;
+            demux.take_windows();
+            write(&mut *table, demux.take_samples(), &mut exported)?;
         }
         names = source.into_bus_names();
-        front.finish(&mut ended);
-        write(&mut *table, front.take_samples(), &mut exported)?;
+        demux.finish();
+        write(&mut *table, demux.take_samples(), &mut exported)?;
     }
-    let counts = front.counts();
+    let counts = demux.counts();
     exported.damaged |= counts.malformed + counts.unreadable > 0;
     table.finish(&Sources::new())?;
     Ok(exported)
 }
 
-fn write(table: &mut dyn Table, taken: Vec<TakenSample>, exported: &mut Exported) -> Result<(), ExportError> {
-    for TakenSample {
+fn write(table: &mut dyn Table, taken: Vec<AssembledSample>, exported: &mut Exported) -> Result<(), ExportError> {
+    for AssembledSample {
         actuator,
         rate,
         sample,

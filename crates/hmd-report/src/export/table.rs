@@ -2,8 +2,8 @@
 
 use ema_models::{SensedSample, Setpoint};
 
-use hmd_core::channel::{MeasuredConditions, SampleRate};
 use hmd_core::record::{Health, Rul, Window};
+use hmd_core::sample::{MeasuredConditions, SampleRate};
 use hmd_core::window::TimedSample;
 
 /// Which table.
@@ -230,7 +230,10 @@ columns! {
 /// The columns of the table of a log's samples.
 #[must_use]
 pub fn raw_heads() -> Vec<Head> {
-    let rate = SampleRate { hz: 0.0, told: false };
+    let rate = SampleRate {
+        hz: 0.0,
+        is_measured: false,
+    };
     let sensed = SensedSample {
         seq: 0,
         currents: [0.0; 3],

@@ -1,11 +1,12 @@
 //! The page: headings, tables and plots in the order in which they are read.
 
+use ema_models::FaultId;
 use std::fmt::Write;
 
 use super::history::{Files, History, Source};
 use super::plot::escaped;
 use super::sections::{fault_vector, fit, remaining, residuals, timeline};
-use hmd_core::record::{FAULT_NAMES, Rul};
+use hmd_core::record::{Rul, WindowStatus};
 use hmd_core::timestamp;
 
 const STYLE: &str = include_str!("style.css");
@@ -110,7 +111,7 @@ fn faults(history: &History) -> String {
     let (health, rul) = &history.newest;
     let lives = rul.faults();
     let mut rows = String::new();
-    for ((name, damage), life) in FAULT_NAMES.iter().zip(history.newest.0.damages()).zip(lives) {
+    for ((name, damage), life) in FaultId::NAMES.iter().zip(history.newest.0.damages()).zip(lives) {
         let damage = damage.map_or_else(|| "not known".to_owned(), |d| format!("{:.1} %", 100.0 * d));
         let detected = if health.fault_list.iter().any(|fault| fault == name) {
             "yes"
@@ -159,7 +160,7 @@ fn quality(files: &Files, history: &History) -> String {
             escaped(what)
         );
     };
-    for status in ["ok", "degraded", "invalid", "unmodelled"] {
+    for status in WindowStatus::ALL.map(WindowStatus::name) {
         let count = history.points.iter().filter(|point| point.status == status).count();
         row(&format!("windows {status}"), count as u64);
     }

@@ -168,7 +168,11 @@ impl Page<'_> {
         self.actuators(model, rows);
         match model.state.status() {
             Some((_, status)) => {
-                let style = if status.link.iter().any(|link| !link.is_empty() && link != "up") {
+                let style = if status
+                    .interfaces
+                    .iter()
+                    .any(|on| !on.link.is_empty() && on.link != "up")
+                {
                     alarm()
                 } else {
                     Style::new()

@@ -2,8 +2,9 @@
 
 use super::follow::Progress;
 use super::state::{Known, State};
+use ema_models::FaultId;
 use hmd_core::health::HealthState;
-use hmd_core::record::{FAULT_NAMES, Status};
+use hmd_core::record::ActuatorStatus;
 
 /// Silence from which a source that should be live is called silent, s: status records come every ten seconds and are on the
 /// disk a second later.
@@ -143,64 +144,59 @@ fn gravity(row: &Row<'_>) -> (HealthState, f64) {
 fn row<'a>(state: &'a State, condition: Condition, n: usize, name: &'a str) -> Row<'a> {
     let known = state.actuator(name).filter(|known| !known.health.actuator.is_empty());
     let since = |then_ns: u64| state.newest_ns().saturating_sub(then_ns) as f64 * 1e-9 + condition.passed_s();
-    let status = state
-        .status()
-        .filter(|(_, status)| status.actuator.get(n).is_some_and(|of| of == name));
-    let told = status.and_then(|(_, status)| status.health.get(n));
+    let status = state.status().and_then(|(at_ns, status)| {
+        let of = status.actuators.get(n).filter(|of| of.actuator == name)?;
+        Some((at_ns, of))
+    });
+    let told = status.map(|(_, of)| &of.health);
     let assessed = known.map(|known| &known.health.health);
     let damages = known
         .and_then(|known| known.assessed.as_ref())
         .map(|health| health.damages());
-    let largest = |damages: [Option<f64>; FAULT_NAMES.len()]| {
-        let damages = FAULT_NAMES.into_iter().zip(damages);
+    let largest = |damages: [Option<f64>; FaultId::COUNT]| {
+        let damages = FaultId::NAMES.into_iter().zip(damages);
         damages
             .filter_map(|(fault, damage)| Some((fault, damage?)))
             .max_by(|a, b| a.1.total_cmp(&b.1))
     };
     Row {
         name,
-        freshness: status.map_or(Freshness::Unsaid, |(at_ns, status)| {
-            freshness(status, n, condition, since(*at_ns))
-        }),
+        freshness: status.map_or(Freshness::Unsaid, |(at_ns, of)| freshness(of, condition, since(*at_ns))),
         // The window's own record comes before the counters that repeat it.
         health: assessed
             .or(told)
             .map_or(HealthState::Unknown, |name| HealthState::named(name)),
-        passive: status.is_some_and(|(_, status)| status.passive.get(n) == Some(&true)),
-        persistence: status
-            .and_then(|(_, status)| status.persistence.get(n))
-            .copied()
-            .unwrap_or(0),
+        passive: status.is_some_and(|(_, of)| of.passive),
+        persistence: status.map_or(0, |(_, of)| of.persistence),
         worst: damages.and_then(largest),
         window_age_s: known.map(|known| since(known.health.t_start_ns)),
         known,
-        changed: status.and_then(|(_, status)| changed(status, n)),
+        changed: status.and_then(|(_, of)| changed(of)),
     }
 }
 
 /// State of an actuator's data by the counters, `since_s` ago. The daemon reports at once when they become stale, so data
 /// that were fresh are fresh as long as it runs.
-fn freshness(status: &Status, n: usize, condition: Condition, since_s: f64) -> Freshness {
-    let told_s = status.data_age_s.get(n).copied().unwrap_or(0.0);
-    let was_stale = status.data_state.get(n).is_some_and(|state| state == "STALE");
+fn freshness(of: &ActuatorStatus, condition: Condition, since_s: f64) -> Freshness {
     let nobody_looks = match condition {
         Condition::Silent(_) => true,
         Condition::Ended(s) => s > NEWS_MAX_S,
         Condition::Live(_) | Condition::Reading(_) | Condition::Recorded => false,
     };
-    if was_stale || nobody_looks {
-        Freshness::Stale(told_s + since_s)
+    if of.is_stale() || nobody_looks {
+        Freshness::Stale(of.data_age_s + since_s)
     } else {
         Freshness::Fresh
     }
 }
 
-fn changed(status: &Status, n: usize) -> Option<String> {
-    let at_ns = *status.changed_ns.get(n).filter(|at| **at > 0)?;
-    let [from, to] = [&status.changed_from, &status.health].map(|list| list.get(n).map_or("", String::as_str));
-    let faults = status.changed_faults.get(n).filter(|faults| !faults.is_empty());
-    let faults = faults.map_or_else(|| "no fault".to_owned(), |faults| faults.replace(',', ", "));
-    let damage = status.changed_damage.get(n).copied().unwrap_or(0.0);
+fn changed(of: &ActuatorStatus) -> Option<String> {
+    let at_ns = Some(of.changed_ns).filter(|at| *at > 0)?;
+    let (from, to, damage) = (&of.changed_from, &of.health, of.changed_damage);
+    let faults = match of.changed_faults.as_str() {
+        "" => "no fault".to_owned(),
+        faults => faults.replace(',', ", "),
+    };
     let when = hmd_core::timestamp::minute(at_ns);
     Some(format!("{from} to {to} at {when}: {faults}, damage {damage:.2}"))
 }

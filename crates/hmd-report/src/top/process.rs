@@ -5,12 +5,11 @@ use hmd_core::record::Status;
 /// Interfaces that are not well, by name; how many are; queues; storage.
 pub(super) fn buses(status: &Status) -> String {
     let state = |n: usize| {
-        let link = status.link.get(n).map_or("", String::as_str);
-        let bus = status.bus_state.get(n).map_or("", String::as_str);
-        (link, bus)
+        let interface = &status.interfaces[n];
+        (interface.link.as_str(), interface.bus_state.as_str())
     };
     let well = |n: usize| matches!(state(n), ("up" | "", "error-active" | ""));
-    let interfaces = status.interface.iter().enumerate();
+    let interfaces = status.interfaces.iter().map(|on| &on.interface).enumerate();
     let (well, ill): (Vec<_>, Vec<_>) = interfaces.partition(|(n, _)| well(*n));
     let mut said: Vec<String> = ill
         .iter()
@@ -29,7 +28,7 @@ pub(super) fn buses(status: &Status) -> String {
     }
     let mut said = format!("buses    {}", said.join(", "));
     // A replay has none.
-    if !status.actuator.is_empty() {
+    if !status.actuators.is_empty() {
         said += &format!(
             "; queues {} inputs, {} windows",
             status.queued_inputs, status.queued_windows

@@ -105,7 +105,11 @@ impl State {
     /// else all that had a window.
     #[must_use]
     pub fn names(&self) -> Vec<&str> {
-        let watched = self.status.iter().flat_map(|(_, status)| &status.actuator);
+        let watched = self
+            .status
+            .iter()
+            .flat_map(|(_, status)| &status.actuators)
+            .map(|of| &of.actuator);
         let watched: Vec<&str> = watched.take(ACTUATORS_MAX).map(String::as_str).collect();
         if watched.is_empty() {
             self.actuators.keys().map(String::as_str).collect()

@@ -119,7 +119,7 @@ impl Watch {
         let is_live = self
             .state
             .status()
-            .is_some_and(|(_, status)| !status.actuator.is_empty());
+            .is_some_and(|(_, status)| !status.actuators.is_empty());
         let stamp = SystemTime::UNIX_EPOCH + Duration::from_nanos(self.state.newest_ns());
         let of_record = now.duration_since(stamp).unwrap_or_default();
         Ok(if is_live { of_file.max(of_record) } else { of_file })

@@ -5,7 +5,7 @@ use ratatui::backend::TestBackend;
 use ratatui::style::{Color, Modifier};
 
 use super::*;
-use hmd_core::record::{Estimate, Health, Log, LogLevel, Rul, Status, Window};
+use hmd_core::record::{ActuatorStatus, Estimate, Health, InterfaceStatus, Log, LogLevel, Rul, Status, Window};
 use hmd_storage::mcap::McapMessages;
 use hmd_storage::mcap_writer::McapWriter;
 
@@ -62,25 +62,30 @@ fn window(n: usize) -> Window {
 
 /// Of a live run: who is stale, by number.
 fn status(actuators: usize, stale: &[usize]) -> Status {
-    let states = (0..actuators).map(|n| if stale.contains(&n) { "STALE" } else { "fresh" }.to_owned());
+    let interface = |name: &str, bus_state: &str, link: &str| InterfaceStatus {
+        interface: name.to_owned(),
+        bus_state: bus_state.to_owned(),
+        link: link.to_owned(),
+    };
+    let actuator = |n: usize| ActuatorStatus {
+        actuator: format!("ema{n}"),
+        data_age_s: if stale.contains(&n) { 3.0 } else { 0.4 },
+        data_state: if stale.contains(&n) { "STALE" } else { "fresh" }.to_owned(),
+        health: "nominal".to_owned(),
+        ..ActuatorStatus::default()
+    };
     Status {
         frames_received: 1234,
         lost_samples: 3,
         windows_ok: 7,
-        interface: vec!["can0".to_owned(), "can1".to_owned()],
-        bus_state: vec!["error-active".to_owned(), "error-passive".to_owned()],
-        link: vec!["up".to_owned(), "down".to_owned()],
+        interfaces: vec![
+            interface("can0", "error-active", "up"),
+            interface("can1", "error-passive", "down"),
+        ],
         queued_inputs: 5,
         storage: "ok".to_owned(),
         storage_free_bytes: 4_000_000_000,
-        actuator: (0..actuators).map(|n| format!("ema{n}")).collect(),
-        data_age_s: (0..actuators)
-            .map(|n| if stale.contains(&n) { 3.0 } else { 0.4 })
-            .collect(),
-        data_state: states.collect(),
-        health: vec!["nominal".to_owned(); actuators],
-        persistence: vec![0; actuators],
-        changed_ns: vec![0; actuators],
+        actuators: (0..actuators).map(actuator).collect(),
         ..Status::default()
     }
 }

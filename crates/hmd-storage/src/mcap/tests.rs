@@ -1,7 +1,10 @@
 use super::*;
 use crate::mcap_writer::{METADATA_NAME, McapWriter, ROUND_FRAMES};
+use ema_models::FaultId;
 use hmd_core::frame::FrameFlags;
-use hmd_core::record::{Dropped, Estimate, Health, Log, LogLevel, Rul, Status, Window};
+use hmd_core::record::{
+    ActuatorStatus, Dropped, Estimate, Health, InterfaceStatus, Log, LogLevel, Rul, Status, Window,
+};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -297,7 +300,7 @@ fn write_a_sample() {
             observable: [true; 8],
         }));
         health.set_damage([some; 7]);
-        health.set_faults(&["friction", "gain"]);
+        health.set_faults(&[FaultId::Friction, FaultId::Gain]);
         writer.write(t_end_ns, &health).unwrap();
         let mut rul = Rul {
             actuator: actuator(),
@@ -343,9 +346,11 @@ fn write_a_sample() {
         windows_degraded: 14,
         windows_invalid: 15,
         windows_unmodelled: 16,
-        interface: vec!["can0".to_owned()],
-        bus_state: vec!["error-passive".to_owned()],
-        link: vec!["down".to_owned()],
+        interfaces: vec![InterfaceStatus {
+            interface: "can0".to_owned(),
+            bus_state: "error-passive".to_owned(),
+            link: "down".to_owned(),
+        }],
         unreadable_too_long: 18,
         unreadable_cobs: 19,
         unreadable_crc: 20,
@@ -363,16 +368,18 @@ fn write_a_sample() {
         identification_s: 2.5,
         identification_max_s: 0.5,
         record_age_s: Some(1.5),
-        actuator: vec!["ema1".to_owned()],
-        data_age_s: vec![0.5],
-        data_state: vec!["fresh".to_owned()],
-        health: vec!["watch".to_owned()],
-        persistence: vec![2],
-        changed_ns: vec![frames[0].stamp_ns],
-        changed_from: vec!["nominal".to_owned()],
-        changed_faults: vec!["friction".to_owned()],
-        changed_damage: vec![0.25],
-        passive: vec![true],
+        actuators: vec![ActuatorStatus {
+            actuator: "ema1".to_owned(),
+            data_age_s: 0.5,
+            data_state: "fresh".to_owned(),
+            health: "watch".to_owned(),
+            persistence: 2,
+            changed_ns: frames[0].stamp_ns,
+            changed_from: "nominal".to_owned(),
+            changed_faults: "friction".to_owned(),
+            changed_damage: 0.25,
+            passive: true,
+        }],
     };
     writer.write(frames[0].stamp_ns, &status).unwrap();
     let dropped = Dropped {

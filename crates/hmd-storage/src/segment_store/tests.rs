@@ -172,7 +172,10 @@ fn segments_are_closed_by_size_and_by_age() {
     let status = store.finish().status;
     assert!(!bench.names().iter().any(|name| name.ends_with(".part")));
     assert_eq!(bench.read(), (10_001, vec![1]));
-    assert_eq!((status.lost_frames, status.lost_records, status.state), (0, 0, "ok"));
+    assert_eq!(
+        (status.lost_frames, status.lost_records, status.state),
+        (0, 0, StorageState::Ok)
+    );
     let sizes = bench
         .names()
         .iter()
@@ -469,7 +472,7 @@ fn too_little_free_space_costs_raw_frames_and_never_the_records() {
     assert!(Bench::put_health(&mut store, 1));
     bench.disk.free.store(LIMITS.free_bytes_min - 1, Relaxed);
     bench.tick(&mut store, 1);
-    assert_eq!(store.status().state, "raw-paused");
+    assert_eq!(store.status().state, StorageState::RawPaused);
     bench.put_frames(&mut store, 10);
     assert_eq!(store.status().lost_frames, 10);
     assert!(Bench::put_health(&mut store, 2));
@@ -480,7 +483,7 @@ fn too_little_free_space_costs_raw_frames_and_never_the_records() {
     bench.tick(&mut store, 1);
     bench.put_frames(&mut store, 10);
     let status = store.finish().status;
-    assert_eq!((status.state, status.lost_frames), ("ok", 10));
+    assert_eq!((status.state, status.lost_frames), (StorageState::Ok, 10));
     assert_eq!(bench.read(), (10, vec![1, 2]));
     assert_eq!(
         bench.said,
@@ -509,7 +512,7 @@ fn a_disk_that_fails_for_a_while_costs_what_is_counted() {
             assert!(!Bench::put_health(&mut store, window), "not told as stored");
             bench.tick(&mut store, 1);
         }
-        assert_eq!(store.status().state, "failing");
+        assert_eq!(store.status().state, StorageState::Failing);
         bench.disk.set(None);
         bench.tick(&mut store, 1);
         assert!(Bench::put_health(&mut store, 5));
@@ -518,7 +521,7 @@ fn a_disk_that_fails_for_a_while_costs_what_is_counted() {
         let status = store.finish().status;
         assert_eq!(
             (status.lost_frames, status.lost_records, status.state),
-            (300, 3, "ok"),
+            (300, 3, StorageState::Ok),
             "{kind:?}"
         );
         let failures = bench

@@ -10,7 +10,7 @@ use crate::unit_windows::windows_of;
 use ema_identify::is_unmodelled;
 use ema_identify::unit_calibration::UnitCalibration;
 use ema_identify::unit_fit::{WINDOWS_MIN, fit_motor};
-use hmd_core::assess::{Assessor, conditions, judgement};
+use hmd_core::assess::{Assessor, conditions, damage_evidence};
 use hmd_core::config::Config;
 use hmd_core::health::{Health, Levels};
 use hmd_core::outliers::identify_without_outliers;
@@ -62,7 +62,7 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = load_config(args.config.as_deref())?;
     #[cfg(feature = "full")]
-    if args.of_type.is_asked() {
+    if args.of_type.is_asked()? {
         no_input(&args.output, read_files(&config, true))?;
         use_threads(args.threads.map(usize::from))?;
         let calibration = args.of_type.calibrate(&config, args.seed)?;
@@ -115,12 +115,17 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
         let identifier = assessor.identifier_of(job)?;
         let conditions = conditions(job).map_err(anyhow::Error::msg)?;
         let (window, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, args.seed)?;
-        let verdict = Health::new(levels)?.update(0, Some(&judgement(&estimate)));
+        let verdict = Health::new(levels)?.update(0, Some(&damage_evidence(&estimate)));
         if !verdict.faults.is_empty() {
             bail!(
                 "window {}: expected a healthy unit, found {}",
                 job.window.number,
-                verdict.faults.join(", ")
+                verdict
+                    .faults
+                    .iter()
+                    .map(|fault| fault.name())
+                    .collect::<Vec<_>>()
+                    .join(", ")
             );
         }
         prepared.push((identifier, window, conditions));

@@ -4,7 +4,7 @@ use ema_identify::calibration::{MonitorForm, TypeCalibration};
 use hmd_core::config::{Config, MONITOR_NAMES};
 use hmd_lab::calibrate_type::calibrate_type;
 
-use super::{unknown_type, warn};
+use super::{Misuse, unknown_type, warn};
 
 /// Options of the calibration of a type.
 #[derive(Debug, clap::Args)]
@@ -12,18 +12,25 @@ pub(super) struct TypeArgs {
     /// Calibrate a type of actuator: the monitor against the reference model.
     #[arg(long = "type", conflicts_with = "logs")]
     of_type: bool,
-    /// Type to calibrate: bench, servo28 or one of the configuration's.
-    #[arg(long, default_value = "bench", value_name = "TYPE", requires = "of_type")]
-    actuator: String,
-    /// Monitor form of the type: three-phase, one-axis or paper.
-    #[arg(long, default_value = "three-phase", value_parser = named_monitor, requires = "of_type")]
-    monitor: MonitorForm,
+    /// With --type, the type to calibrate: bench (without it), servo28 or one of the configuration's.
+    #[arg(long, value_name = "TYPE")]
+    actuator: Option<String>,
+    /// With --type, the monitor form: three-phase (without it), one-axis or paper.
+    #[arg(long, value_parser = named_monitor)]
+    monitor: Option<MonitorForm>,
 }
 
 impl TypeArgs {
     /// Whether a type is to be calibrated and not a unit.
-    pub(super) fn is_asked(&self) -> bool {
-        self.of_type
+    ///
+    /// # Errors
+    /// An option of a type without `--type`.
+    pub(super) fn is_asked(&self) -> Result<bool, Misuse> {
+        if !self.of_type && (self.actuator.is_some() || self.monitor.is_some()) {
+            let sentence = "--actuator and --monitor: expected together with --type, found alone";
+            return Err(Misuse(sentence.to_owned()));
+        }
+        Ok(self.of_type)
     }
 
     /// Calibrates the type and prints the error before and after.
@@ -31,10 +38,12 @@ impl TypeArgs {
     /// # Errors
     /// No type of that name.
     pub(super) fn calibrate(&self, config: &Config, seed: u64) -> anyhow::Result<TypeCalibration> {
-        let Some(found) = config.actuator_type(&self.actuator) else {
-            return Err(unknown_type(&self.actuator).into());
+        let name = self.actuator.as_deref().unwrap_or("bench");
+        let Some(found) = config.actuator_type(name) else {
+            return Err(unknown_type(name).into());
         };
-        let calibration = calibrate_type(&self.actuator, &found.params, self.monitor, seed);
+        let form = self.monitor.unwrap_or(MonitorForm::ThreePhase);
+        let calibration = calibrate_type(name, &found.params, form, seed);
         let q = &calibration.quality;
         warn(format_args!("mean squared error of i_q, A²   before      after"));
         warn(format_args!(

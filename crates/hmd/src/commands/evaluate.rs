@@ -7,11 +7,10 @@ use serde::Serialize;
 use super::{Exit, Misuse, load_config, progress, say, unknown_type, use_threads};
 use ema_identify::Identifier;
 use ema_identify::calibration::MonitorForm;
-use ema_models::MotorKnowledge;
+use ema_models::{FaultId, MotorKnowledge};
 use hmd_core::assess::{AssessError, method};
 use hmd_core::config::SearchMethod;
 use hmd_core::config::{Config, IdentificationConfig};
-use hmd_core::health::FAULTS;
 use hmd_lab::evaluate::tables::{detection_table, noise_table, paper_table, profiles_table, random_table, rul_table};
 use hmd_lab::evaluate::{
     CONDITION_ROWS, NOISE_RATES_HZ, PROFILE_ROWS, conditions, detection, noise, paper, profiles, random, rul,
@@ -170,7 +169,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
 /// The one suite that identifies nothing: its estimates are drawn.
 fn run_rul(args: &Args) -> anyhow::Result<Exit> {
     let n = args.n.unwrap_or(200);
-    let bar = progress::over_pieces(n * FAULTS as u64);
+    let bar = progress::over_pieces(n * FaultId::COUNT as u64);
     let report = rul(n, args.seed, &|| bar.inc(1))?;
     bar.finish_and_clear();
     print(args, &report, rul_table)?;

@@ -2,6 +2,7 @@
 
 mod summary;
 
+use ema_models::FaultId;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufReader;
@@ -14,7 +15,7 @@ use serde::Serialize;
 use super::table::{HEALTH_HEAD, health_row, left_cell};
 use super::{Exit, Losses, load_config, say};
 use hmd_core::catalogue::catalogue;
-use hmd_core::record::{FAULT_NAMES, Health, Interval, Log, Record, Rul};
+use hmd_core::record::{Health, Interval, Log, Record, Rul};
 use hmd_ingest::file::open_recorded;
 use hmd_storage::mcap::McapMessages;
 
@@ -86,7 +87,7 @@ struct Printer {
 /// The newest window of an actuator, with the damages of the newest that was assessed.
 #[derive(Default)]
 struct Summarised {
-    damage: [Option<f64>; FAULT_NAMES.len()],
+    damage: [Option<f64>; FaultId::COUNT],
     line: String,
 }
 
@@ -211,7 +212,7 @@ fn line<'a>(health: &'a Health, rul: &'a Rul) -> Line<'a> {
         t_start_ns: health.t_start_ns,
         status: &health.status,
         health: &health.health,
-        damage: FAULT_NAMES.into_iter().zip(health.damages()).collect(),
+        damage: FaultId::NAMES.into_iter().zip(health.damages()).collect(),
         operating_h: rul.operating_h,
         operating_cycles: rul.operating_cycles,
         rul_h: Interval::new(rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h),
@@ -228,7 +229,7 @@ fn line<'a>(health: &'a Health, rul: &'a Rul) -> Line<'a> {
 }
 
 fn csv_head() -> String {
-    let faults = FAULT_NAMES.map(|fault| format!("damage_{fault}")).join(",");
+    let faults = FaultId::NAMES.map(|fault| format!("damage_{fault}")).join(",");
     format!(
         "actuator,window,t_start_ns,status,health,{faults},operating_h,operating_cycles,rul_p10_h,rul_p50_h,rul_p90_h,\
          rul_p10_cycles,rul_p50_cycles,rul_p90_cycles,failure_probability,dominant_fault,governed_by"

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use hmd_core::demux::Notice;
+use hmd_core::outbox::Notice;
 use hmd_core::record::LogLevel;
 
 /// Notices of one kind published within [`PERIOD_NS`]; further ones are counted, and the count is published at its end.

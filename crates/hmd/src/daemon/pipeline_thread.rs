@@ -13,10 +13,10 @@ use tokio::sync::mpsc;
 use super::freshness::Freshness;
 use super::{DaemonError, Observer, Shared, WindowQueue, lock};
 use hmd_core::config::Config;
-use hmd_core::demux::{Notice, WindowJob};
 use hmd_core::frame::BusNames;
+use hmd_core::outbox::{Notice, WindowJob};
 use hmd_core::pipeline::Pipeline;
-use hmd_core::record::{LogLevel, Status};
+use hmd_core::record::{ActuatorStatus, DataState, LogLevel, Status};
 use hmd_ingest::feed::{Input, LinkState, LiveLoss};
 use hmd_storage::clock::now_ns;
 use hmd_storage::recorder::Recorder;
@@ -82,7 +82,6 @@ impl PipelineThread {
         observer: &impl Observer,
     ) -> Result<(), DaemonError> {
         let mut batch = Vec::with_capacity(BATCH);
-        let mut ended = Vec::new();
         while inputs.blocking_recv_many(&mut batch, BATCH) > 0 {
             if windows.is_closed() {
                 return Ok(());
@@ -92,26 +91,26 @@ impl PipelineThread {
             for input in batch.drain(..) {
                 let is_tick = matches!(input, Input::Tick { .. });
                 self.note_link_report(&input, observer);
-                self.process(input, &mut ended, &mut shared, observer)?;
+                self.process(input, &mut shared, observer)?;
                 // A tick came through the I/O thread and the queue, and the writer has synced or reported a failure.
                 if is_tick && windows.busy_for() < ASSESSING_MAX {
                     observer.alive();
                 }
             }
             self.publish_notices(&mut shared, observer)?;
-            for job in ended.drain(..) {
+            for job in self.pipeline.take_windows() {
                 if let Some(dropped) = windows.push(job) {
                     self.count_dropped(&dropped, &mut shared)?;
                 }
             }
         }
-        self.pipeline.finish(&mut ended);
+        self.pipeline.finish();
         let mut last = lock(shared);
         self.publish_losses(now_ns(), &mut last, observer)?;
         self.publish_notices(&mut last, observer)?;
         // Identification needs it to make room.
         drop(last);
-        for job in ended.drain(..) {
+        for job in self.pipeline.take_windows() {
             windows.push_waiting(job);
         }
         Ok(())
@@ -119,10 +118,8 @@ impl PipelineThread {
 
     /// The counters as they stand.
     pub(super) fn status(&self, shared: &Shared) -> Status {
-        let link = |bus: u16| self.links.get(&bus).map(ToString::to_string).unwrap_or_default();
         let (identification, longest) = shared.assessing;
         let mut status = Status {
-            link: (0..self.names.len()).map(|bus| link(bus as u16)).collect(),
             queued_inputs: self.queued.0,
             queued_windows: self.queued.1,
             identification_s: identification.as_secs_f64(),
@@ -130,19 +127,25 @@ impl PipelineThread {
             record_age_s: shared.last_record.map(|at| at.elapsed().as_secs_f64()),
             ..self.pipeline.status(&self.names, shared.windows)
         };
-        for (name, age_s, stale) in self.freshness.ages(Instant::now()) {
+        for (interface, bus) in status.interfaces.iter_mut().zip(0..) {
+            interface.link = self.links.get(&bus).map(ToString::to_string).unwrap_or_default();
+        }
+        for (name, data_age_s, stale) in self.freshness.ages(Instant::now()) {
             let tracked = shared.health_tracker.health_of(name);
             let changed = tracked.changed.unwrap_or_default();
-            status.actuator.push(name.to_owned());
-            status.data_age_s.push(age_s);
-            status.data_state.push(if stale { "STALE" } else { "fresh" }.to_owned());
-            status.health.push(tracked.health);
-            status.persistence.push(tracked.persistence.into());
-            status.changed_ns.push(changed.t_ns);
-            status.changed_from.push(changed.from);
-            status.changed_faults.push(changed.faults);
-            status.changed_damage.push(changed.damage);
-            status.passive.push(self.passive.contains(name));
+            let data_state = if stale { DataState::Stale } else { DataState::Fresh };
+            status.actuators.push(ActuatorStatus {
+                actuator: name.to_owned(),
+                data_age_s,
+                data_state: data_state.name().to_owned(),
+                health: tracked.health,
+                persistence: tracked.persistence.into(),
+                changed_ns: changed.t_ns,
+                changed_from: changed.from,
+                changed_faults: changed.faults,
+                changed_damage: changed.damage,
+                passive: self.passive.contains(name),
+            });
         }
         if let Some(store) = shared.recorder.as_ref().and_then(Recorder::storage_status) {
             status.set_storage(&store);
@@ -166,13 +169,7 @@ impl PipelineThread {
         }
     }
 
-    fn process(
-        &mut self,
-        input: Input,
-        ended: &mut Vec<WindowJob>,
-        shared: &mut Shared,
-        observer: &impl Observer,
-    ) -> Result<(), DaemonError> {
+    fn process(&mut self, input: Input, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
         match input {
             Input::Frame(frame) => {
                 if self.store_raw
@@ -180,7 +177,7 @@ impl PipelineThread {
                 {
                     recorder.write_frame(&frame, &self.names)?;
                 }
-                self.pipeline.push(&frame, &self.names, ended);
+                self.pipeline.push(&frame, &self.names);
             }
             Input::Link {
                 bus,

@@ -39,7 +39,7 @@ status.dc_link = "EMA0_Status.dc_link"
 #[test]
 fn no_sample_of_a_mapped_bus_takes_memory() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/hmd.toml");
-    assert_no_sample_takes_memory(Config::from_toml_str(MAP, file).unwrap());
+    assert_no_sample_takes_memory(hmd_storage::config_file::config_from_text(MAP, file).unwrap());
 }
 
 fn assert_no_sample_takes_memory(config: Config) {
@@ -47,7 +47,7 @@ fn assert_no_sample_takes_memory(config: Config) {
     let scenario = Scenario {
         actuations: Actuations {
             count: 6,
-            ..Actuations::one(Profile::Mixed)
+            ..Actuations::single(Profile::Mixed)
         },
         ..Scenario::new(ActuatorParams::bench(), FaultVector::NOMINAL, 1)
     };
@@ -55,11 +55,11 @@ fn assert_no_sample_takes_memory(config: Config) {
     names.intern("can0").unwrap();
     let frames: Vec<_> = traffic(&scenario, ActuatorId::new(0).unwrap(), EPOCH_NS).collect();
     let mut pipeline = Pipeline::new(Arc::new(config));
-    let mut ended = Vec::with_capacity(16);
     let (mut windows, mut steady, mut taken) = (0, 0u64, 0);
     for frame in &frames {
         let before = ASKED.get();
-        pipeline.push(frame, &names, &mut ended);
+        pipeline.push(frame, &names);
+        let ended = pipeline.take_windows();
         let asked = ASKED.get() - before;
         if ended.is_empty() {
             // The first window sets the sizes; only the one that ends may take memory, for itself.
@@ -68,7 +68,7 @@ fn assert_no_sample_takes_memory(config: Config) {
             }
         } else {
             assert!(asked > 0, "the counter counts");
-            windows += ended.drain(..).count();
+            windows += ended.len();
         }
     }
     assert!(windows >= 5 && steady > 10_000, "{windows} windows, {steady} frames");

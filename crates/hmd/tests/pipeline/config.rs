@@ -1,9 +1,8 @@
 //! The configuration: defaults, overrides, and the words of every refusal.
 
-use ema_models::ActuatorParams;
+use ema_models::{ActuatorParams, FaultId};
 use ema_wire::ActuatorId;
 use hmd_core::config::{Config, DEFAULT_BITRATE_BIT_S, HealthConfig, IdentificationConfig, LOAD_MAX, SearchMethod};
-use hmd_core::record::FAULT_NAMES;
 use hmd_core::window::WindowConfig;
 use proptest::prelude::*;
 use serde_json::Value;
@@ -161,7 +160,7 @@ fn fault_levels_override_the_common_ones() {
     let config = read("[health]\nwarning = 0.4\n[health.fault.gain]\nwatch = 0.1\npersistence = 3");
     let gain = config.health().levels_of("gain").unwrap();
     assert_eq!((gain.watch, gain.warning, gain.persistence), (0.1, 0.4, 3));
-    for name in FAULT_NAMES.iter().filter(|name| **name != "gain") {
+    for name in FaultId::NAMES.iter().filter(|name| **name != "gain") {
         let levels = config.health().levels_of(name).unwrap();
         assert_eq!((levels.watch, levels.warning, levels.persistence), (0.05, 0.4, 1));
     }

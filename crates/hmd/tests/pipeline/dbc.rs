@@ -19,7 +19,8 @@ fn changed(from: &str, to: &str) -> Result<Config, String> {
     let name = fixtures().join("foreign.toml");
     let text = text.replace(from, to);
     let shown = format!("{}:", name.display());
-    Config::from_toml_str(&text, &name.display().to_string()).map_err(|e| e.to_string().replace(&shown, ""))
+    hmd_storage::config_file::config_from_text(&text, &name.display().to_string())
+        .map_err(|e| e.to_string().replace(&shown, ""))
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use hmd_core::metrics::render;
-use hmd_core::record::{Dropped, Health, Log, RawBatch, Record, Rul, Status, Window};
+use hmd_core::record::{ActuatorStatus, Dropped, Health, InterfaceStatus, Log, RawBatch, Record, Rul, Status, Window};
 use prost_types::field_descriptor_proto::{Label, Type};
 
 /// Stands for the names that a label may have.
@@ -26,17 +26,16 @@ fn check(name: &str, made: &str) {
 
 #[test]
 fn metrics() {
-    let any = || vec![ANY.to_owned()];
     let text = render(&Status {
         record_age_s: Some(0.0),
-        interface: any(),
-        link: vec!["up".to_owned()],
-        actuator: any(),
-        data_age_s: vec![0.0],
-        data_state: vec!["ok".to_owned()],
-        health: vec!["ok".to_owned()],
-        persistence: vec![0],
-        passive: vec![false],
+        interfaces: vec![InterfaceStatus {
+            interface: ANY.to_owned(),
+            ..InterfaceStatus::default()
+        }],
+        actuators: vec![ActuatorStatus {
+            actuator: ANY.to_owned(),
+            ..ActuatorStatus::default()
+        }],
         ..Status::default()
     });
     let mut page = "# Metrics\n\nWhat `hmd run --metrics` and `--metrics-listen` give ([deploy.md](deploy.md)); made from the code.\n\n\
@@ -77,19 +76,18 @@ fn metrics() {
 
 #[test]
 fn fields() {
-    let mut page = "# Schemas of the records\n\nAll messages as the schemas in a file have them; made from the code. What the fields \
-        mean is in [records.md](records.md).\n\n```proto\nsyntax = \"proto3\";\npackage hmd.v1;\n"
-        .to_owned();
-    fields_of::<RawBatch>(&mut page);
-    fields_of::<Window>(&mut page);
-    fields_of::<Health>(&mut page);
-    fields_of::<Rul>(&mut page);
-    fields_of::<Dropped>(&mut page);
-    fields_of::<Status>(&mut page);
-    page += "```\n\n```proto\nsyntax = \"proto3\";\npackage foxglove;\nimport \"google/protobuf/timestamp.proto\";\n";
-    fields_of::<Log>(&mut page);
-    page += "```\n";
-    check("fields.md", &page);
+    let begin = "// Written from the code by a test (docs/README.md); what the fields mean is in docs/records.md.\n\nsyntax = \"proto3\";\n";
+    let mut ours = format!("{begin}package hmd.v1;\n");
+    fields_of::<RawBatch>(&mut ours);
+    fields_of::<Window>(&mut ours);
+    fields_of::<Health>(&mut ours);
+    fields_of::<Rul>(&mut ours);
+    fields_of::<Dropped>(&mut ours);
+    fields_of::<Status>(&mut ours);
+    check("schemas/hmd.v1.proto", &ours);
+    let mut log = format!("{begin}package foxglove;\nimport \"google/protobuf/timestamp.proto\";\n");
+    fields_of::<Log>(&mut log);
+    check("schemas/foxglove.Log.proto", &log);
 }
 
 /// A message in the language of schemas, with the enums inside it.

@@ -1,6 +1,6 @@
 //! The prognosis on histories that no suite draws: bad ones, long ones, and the ones that everybody understands.
 
-use hmd_core::health::FAULTS;
+use ema_models::FaultId;
 use hmd_core::rul::{NoTrend, Odometer, Prognosis};
 
 const SIGMA: f64 = 0.005;
@@ -21,9 +21,9 @@ fn error(n: usize) -> f64 {
 
 /// The prognosis after a history of one fault, (hours, damage).
 fn after(history: impl IntoIterator<Item = (f64, f64)>, sigma: f64) -> Prognosis {
-    let mut prognosis = Prognosis::new([0.8; FAULTS]);
+    let mut prognosis = Prognosis::new([0.8; FaultId::COUNT]);
     for (hours, damage) in history {
-        let mut estimates = [None; FAULTS];
+        let mut estimates = [None; FaultId::COUNT];
         estimates[0] = Some((damage, sigma));
         prognosis.update(used(hours), &estimates);
     }
@@ -53,7 +53,7 @@ fn a_steady_growth_ends_where_the_line_meets_the_threshold() {
         "{}",
         life.fails_within_horizon
     );
-    assert_eq!(forecast.dominant, Some(0));
+    assert_eq!(forecast.dominant, Some(FaultId::Friction));
     assert_eq!(forecast.faults[1], Err(NoTrend::TooFew { got: 0 }));
 }
 
@@ -68,7 +68,7 @@ fn an_exponential_growth_is_foretold_at_half_life() {
 
 #[test]
 fn wear_by_work_follows_the_use() {
-    let mut prognosis = Prognosis::new([0.8; FAULTS]);
+    let mut prognosis = Prognosis::new([0.8; FaultId::COUNT]);
     let mut now = Odometer::default();
     for n in 0..120 {
         // The use doubles at a third of what is seen here.
@@ -78,7 +78,7 @@ fn wear_by_work_follows_the_use() {
             cycles: now.cycles + 5.0 * per_hour,
             work_j: now.work_j + 5.0 * per_hour,
         };
-        let mut estimates = [None; FAULTS];
+        let mut estimates = [None; FaultId::COUNT];
         estimates[1] = Some((0.8 * now.work_j / 20_000.0 + error(n), SIGMA));
         prognosis.update(now, &estimates);
     }
@@ -93,9 +93,9 @@ fn wear_by_work_follows_the_use() {
 
 #[test]
 fn several_faults_end_the_actuator_before_the_first_alone() {
-    let mut prognosis = Prognosis::new([0.8; FAULTS]);
+    let mut prognosis = Prognosis::new([0.8; FaultId::COUNT]);
     for (n, (hours, damage)) in steady(60).enumerate() {
-        let mut estimates = [None; FAULTS];
+        let mut estimates = [None; FaultId::COUNT];
         estimates[0] = Some((damage, SIGMA));
         estimates[5] = Some((0.95 * damage + error(n + 7), SIGMA));
         prognosis.update(used(hours), &estimates);
@@ -104,7 +104,7 @@ fn several_faults_end_the_actuator_before_the_first_alone() {
     let [first, second, all] =
         [forecast.faults[0], forecast.faults[5], forecast.actuator].map(|life| life.expect("a trend").hours.p50);
     assert!(all <= first && first < second, "{all} {first} {second}");
-    assert_eq!(forecast.dominant, Some(0));
+    assert_eq!(forecast.dominant, Some(FaultId::Friction));
 }
 
 #[test]
@@ -115,9 +115,9 @@ fn missing_and_unjudged_windows_and_outliers_do_little() {
         .expect("a trend")
         .hours
         .p50;
-    let mut prognosis = Prognosis::new([0.8; FAULTS]);
+    let mut prognosis = Prognosis::new([0.8; FaultId::COUNT]);
     for (n, (hours, damage)) in steady(100).enumerate() {
-        let mut estimates = [None; FAULTS];
+        let mut estimates = [None; FaultId::COUNT];
         match n % 10 {
             3 => continue,
             7 => {}
@@ -247,7 +247,7 @@ fn numbers_at_the_edge_of_the_machine_neither_panic_nor_promise() {
                         cycles: damage,
                         work_j: sigma,
                     },
-                    &[Some((damage, sigma)); FAULTS],
+                    &[Some((damage, sigma)); FaultId::COUNT],
                 );
                 if let Ok(life) = prognosis.forecast(scale).actuator {
                     let q = life.hours;
@@ -263,12 +263,15 @@ fn numbers_at_the_edge_of_the_machine_neither_panic_nor_promise() {
 
 #[test]
 fn memory_is_bounded_over_a_life_of_any_length() {
-    let mut prognosis = Prognosis::new([0.8; FAULTS]);
+    let mut prognosis = Prognosis::new([0.8; FaultId::COUNT]);
     let mut largest = 0;
     for n in 0..20_000_u32 {
         // From seconds to decades, all faults growing.
         let hours = 1e-3 * f64::from(n + 1).powf(2.0);
-        prognosis.update(used(hours), &[Some((0.5 * f64::from(n) / 20_000.0, SIGMA)); FAULTS]);
+        prognosis.update(
+            used(hours),
+            &[Some((0.5 * f64::from(n) / 20_000.0, SIGMA)); FaultId::COUNT],
+        );
         if n % 1000 == 999 {
             largest = largest.max(serde_json::to_vec(&prognosis).map_or(usize::MAX, |state| state.len()));
         }

@@ -5,8 +5,9 @@ use std::sync::{Arc, Mutex};
 use ema_models::reference::{Actuations, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
+use hmd_core::actuator_stream::cut_windows;
 use hmd_core::config::Config;
-use hmd_core::demux::{Front, cut};
+use hmd_core::demux::Demux;
 use hmd_core::frame::BusNames;
 use hmd_ingest::candump::{Decimals, emit};
 use hmd_lab::simulate::{EPOCH_NS, traffic};
@@ -31,24 +32,25 @@ fn windows_cut_from_taken_samples_are_those_of_the_frames() {
     let config = Arc::new(Config::default());
     let mut names = BusNames::new();
     names.intern("can0").unwrap();
-    let mut front = Front::new(config.clone()).keeping_samples();
-    let (mut ended, mut taken) = (Vec::new(), Vec::new());
+    let mut demux = Demux::new(config.clone()).collecting_samples();
+    let mut taken = Vec::new();
     for frame in traffic(&scenario(), ActuatorId::new(2).unwrap(), EPOCH_NS) {
-        front.push(&frame, &names, &mut ended);
-        taken.extend(front.take_samples());
+        demux.push(&frame, &names);
+        taken.extend(demux.take_samples());
     }
-    front.finish(&mut ended);
-    assert!(front.take_samples().is_empty(), "nothing is delivered twice");
-    let (_, samples, lost) = front.actuators().next().unwrap();
+    demux.finish();
+    let ended = demux.take_windows();
+    assert!(demux.take_samples().is_empty(), "nothing is delivered twice");
+    let (_, samples, lost) = demux.actuators().next().unwrap();
     assert_eq!((taken.len() as u64, lost), (samples, 0));
     assert!(taken.windows(2).all(|two| two[1].sample.seq == two[0].sample.seq + 1));
 
     let last = taken.last().unwrap();
     assert_eq!(last.actuator.name, "ema2");
     let samples = taken.iter().map(|taken| taken.sample);
-    let (again, notices) = cut(&config, &last.actuator, last.rate, last.conditions, samples);
+    let (again, notices) = cut_windows(&config, &last.actuator, last.rate, last.conditions, samples);
     assert_eq!((ended.len(), again.len()), (2, 2));
-    assert_eq!(notices, front.take_notices());
+    assert_eq!(notices, demux.take_notices());
     for (ours, theirs) in again.iter().zip(&ended) {
         assert_eq!(ours.window, theirs.window);
         assert_eq!(ours.params, theirs.params);
@@ -57,14 +59,14 @@ fn windows_cut_from_taken_samples_are_those_of_the_frames() {
 }
 
 #[test]
-fn a_front_keeps_no_samples_unless_asked() {
+fn a_demux_keeps_no_samples_unless_asked() {
     let mut names = BusNames::new();
     names.intern("can0").unwrap();
-    let mut front = Front::new(Arc::new(Config::default()));
+    let mut demux = Demux::new(Arc::new(Config::default()));
     for frame in traffic(&scenario(), ActuatorId::new(0).unwrap(), EPOCH_NS) {
-        front.push(&frame, &names, &mut Vec::new());
+        demux.push(&frame, &names);
     }
-    assert!(front.take_samples().is_empty());
+    assert!(demux.take_samples().is_empty());
 }
 
 #[derive(Clone, Default)]

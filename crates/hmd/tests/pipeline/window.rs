@@ -3,7 +3,8 @@
 use ema_models::reference::{Actuations, CurrentSensing, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile, SensedSample, Setpoint};
 use hmd_core::window::{
-    Counter, CutShort, Defect, Degradation, Invalidity, Signal, TimedSample, Verdict, Window, WindowConfig, Windower,
+    Counter, CutShort, Defect, Degradation, Invalidity, Signal, TimedSample, Window, WindowConfig, WindowQuality,
+    Windower,
 };
 use proptest::prelude::*;
 use std::sync::OnceLock;
@@ -65,14 +66,14 @@ fn only(samples: &[TimedSample]) -> Window {
         all.len(),
         1,
         "{:?}",
-        all.iter().map(|w| w.verdict.to_string()).collect::<Vec<_>>()
+        all.iter().map(|w| w.quality.to_string()).collect::<Vec<_>>()
     );
     all.remove(0)
 }
 
 fn invalidity(window: &Window) -> Invalidity {
-    match &window.verdict {
-        Verdict::Invalid(why) => *why,
+    match &window.quality {
+        WindowQuality::Invalid(why) => *why,
         other => panic!("{other:?}"),
     }
 }
@@ -105,14 +106,14 @@ fn every_profile_and_actuator_gives_one_complete_window_with_an_exact_trigger() 
             for (name, profile) in Profile::NAMES {
                 let params = at_rate(params, rate);
                 let mut scenario = Scenario::new(params, FaultVector::NOMINAL, 11);
-                scenario.actuations = Actuations::one(profile);
+                scenario.actuations = Actuations::single(profile);
                 let samples = simulate(&scenario);
                 let all = windows(&params, &samples);
                 assert_eq!(all.len(), 1, "{name} at {rate} Hz");
                 let window = &all[0];
-                assert_eq!(window.verdict, Verdict::Complete, "{name} at {rate} Hz");
+                assert_eq!(window.quality, WindowQuality::Complete, "{name} at {rate} Hz");
                 // The command begins at 40 ms; a ramp or chirp passes 1 mrad some samples later.
-                let change = |n: usize| (profile.angle(n as f64 / rate - 0.04) * 1e6).round();
+                let change = |n: usize| (profile.commanded_angle(n as f64 / rate - 0.04) * 1e6).round();
                 let expected = (0..samples.len()).find(|&n| change(n).abs() > 1000.0).unwrap();
                 assert_eq!(
                     window.samples[window.trigger].seq, expected as u64,
@@ -152,8 +153,8 @@ fn no_genuine_dynamics_are_taken_for_bad_data() {
                     let all = windows(&params, &simulate(&scenario));
                     assert_eq!(all.len(), 1);
                     assert_eq!(
-                        all[0].verdict,
-                        Verdict::Complete,
+                        all[0].quality,
+                        WindowQuality::Complete,
                         "{k:?} at {rate} Hz, small {small}, {load_torque} Nm"
                     );
                 }
@@ -212,7 +213,7 @@ fn a_series_of_actuations_gives_a_window_each() {
     let all = windows(&scenario.nominal, &simulate(&scenario));
     assert_eq!(all.iter().map(|w| w.number).collect::<Vec<_>>(), [0, 1, 2]);
     for (n, window) in all.iter().enumerate() {
-        assert_eq!(window.verdict, Verdict::Complete);
+        assert_eq!(window.quality, WindowQuality::Complete);
         // The step of the mixed profile.
         let [before, at] = [window.trigger - 1, window.trigger].map(|n| match window.samples[n].setpoint {
             Setpoint::Position(angle) => angle,
@@ -231,7 +232,7 @@ fn counters_far_from_zero_and_in_either_direction_are_just_numbers() {
             sample.sensed.output_counts += offset;
             sample.seq += 1 << 50;
         }
-        assert_eq!(only(&samples).verdict, Verdict::Complete);
+        assert_eq!(only(&samples).quality, WindowQuality::Complete);
     }
 }
 
@@ -246,8 +247,8 @@ fn windows_that_are_cut_short_say_why() {
     let full = mixed();
     assert_eq!(cut(&full[..600]), (560, Invalidity::CutShort(CutShort::StreamEnded), 1));
     // The last sample of the window completes it although no sample follows.
-    assert!(only(&full[..1041]).verdict.is_fit());
-    assert!(!only(&full[..1040]).verdict.is_fit());
+    assert!(only(&full[..1041]).quality.is_fit());
+    assert!(!only(&full[..1040]).quality.is_fit());
 
     let mut idle = full.clone();
     idle[600..]
@@ -266,7 +267,7 @@ fn windows_that_are_cut_short_say_why() {
         cut(&restarted),
         (560, Invalidity::CutShort(CutShort::CounterWentBack), 2)
     );
-    assert_eq!(windows(&bench(2000.0), &restarted)[1].verdict, Verdict::Complete);
+    assert_eq!(windows(&bench(2000.0), &restarted)[1].quality, WindowQuality::Complete);
 }
 
 #[test]
@@ -274,12 +275,12 @@ fn another_actuation_in_the_window_is_named_and_opens_none() {
     let back = |n: usize| Setpoint::Position(if (80..480).contains(&n) { 0.25 } else { 0.0 });
     let window = only(&still((0..2000).map(back)));
     assert_eq!(
-        window.verdict,
-        Verdict::Degraded(vec![Degradation::AnotherActuation { at: 440 }])
+        window.quality,
+        WindowQuality::Degraded(vec![Degradation::AnotherActuation { at: 440 }])
     );
     // Without rest between them they are one actuation.
     let quick = |n: usize| Setpoint::Position(if (80..110).contains(&n) { 0.25 } else { 0.0 });
-    assert_eq!(only(&still((0..2000).map(quick))).verdict, Verdict::Complete);
+    assert_eq!(only(&still((0..2000).map(quick))).quality, WindowQuality::Complete);
 }
 
 #[test]
@@ -294,12 +295,12 @@ fn who_joins_an_actuation_judges_nothing_of_it() {
     let mut in_motion = 0;
     for joined in (90..full.len()).step_by(30) {
         for window in windows(&bench(2000.0), &full[joined..]) {
-            match &window.verdict {
-                Verdict::Invalid(Invalidity::StartInMotion { turned_rad }) => {
+            match &window.quality {
+                WindowQuality::Invalid(Invalidity::StartInMotion { turned_rad }) => {
                     assert!(*turned_rad > 0.1);
                     in_motion += 1;
                 }
-                Verdict::Invalid(Invalidity::CutShort(_)) => {}
+                WindowQuality::Invalid(Invalidity::CutShort(_)) => {}
                 other => panic!("joined at {joined}: {other:?}"),
             }
         }
@@ -313,12 +314,12 @@ fn a_motor_that_is_not_where_its_setpoint_rests_is_a_handicap() {
     samples[..80]
         .iter_mut()
         .for_each(|sample| sample.sensed.motor_counts -= 80 - sample.seq as i64);
-    assert_eq!(only(&samples).verdict, Verdict::Complete);
+    assert_eq!(only(&samples).quality, WindowQuality::Complete);
     for (n, sample) in samples.iter_mut().enumerate().take(80) {
         sample.sensed.motor_counts -= 300 * (80 - n as i64);
     }
-    match &only(&samples).verdict {
-        Verdict::Degraded(why) => match why[..] {
+    match &only(&samples).quality {
+        WindowQuality::Degraded(why) => match why[..] {
             [Degradation::UnsteadyStart { speed_rad_s }] => assert!((speed_rad_s - 57.7).abs() < 0.1),
             _ => panic!("{why:?}"),
         },
@@ -352,8 +353,8 @@ fn a_few_lost_samples_are_filled_close_to_the_truth() {
         .collect();
     let window = only(&kept);
     assert_eq!(
-        window.verdict,
-        Verdict::Degraded(vec![Degradation::Filled { lost: 7, rejected: 0 }])
+        window.quality,
+        WindowQuality::Degraded(vec![Degradation::Filled { lost: 7, rejected: 0 }])
     );
     assert_eq!(window.filled, lost.map(|seq| seq as usize - 40));
     for (sample, truth) in window.samples.iter().zip(&full[40..]) {
@@ -371,10 +372,10 @@ fn too_much_loss_is_a_gap_and_no_fault() {
     let without = |lost: &dyn Fn(u64) -> bool| -> Vec<TimedSample> {
         mixed().into_iter().filter(|sample| !lost(sample.seq)).collect()
     };
-    assert!(only(&without(&|n| (500..510).contains(&n))).verdict.is_fit());
+    assert!(only(&without(&|n| (500..510).contains(&n))).quality.is_fit());
     // One in eleven, one by one, after the command.
-    assert!(only(&without(&|n| n > 100 && n.is_multiple_of(11))).verdict.is_fit());
-    assert!(only(&without(&|n| n > 100 && n % 50 < 3)).verdict.is_fit());
+    assert!(only(&without(&|n| n > 100 && n.is_multiple_of(11))).quality.is_fit());
+    assert!(only(&without(&|n| n > 100 && n % 50 < 3)).quality.is_fit());
     for lost in [
         &|n: u64| (500..511).contains(&n),
         &|n: u64| n > 100 && n.is_multiple_of(9),
@@ -383,7 +384,7 @@ fn too_much_loss_is_a_gap_and_no_fault() {
     {
         let window = only(&without(lost));
         assert_eq!(flawed(&window), Defect::Missing);
-        assert!(window.verdict.to_string().starts_with("gap"), "{}", window.verdict);
+        assert!(window.quality.to_string().starts_with("gap"), "{}", window.quality);
     }
     // A silence over the window's end.
     let window = only(&without(&|n| (1000..1100).contains(&n)));
@@ -398,8 +399,8 @@ fn too_much_loss_is_a_gap_and_no_fault() {
     // 1 mrad for 20 ms, which is a rest, but the motor is still on its way.
     let window = only(&without(&|n| (70..120).contains(&n)));
     assert!(window.samples[0].seq >= 120);
-    match window.verdict.clone() {
-        Verdict::Invalid(Invalidity::CutShort(CutShort::StreamEnded)) => {}
+    match window.quality.clone() {
+        WindowQuality::Invalid(Invalidity::CutShort(CutShort::StreamEnded)) => {}
         other => panic!("{other:?}"),
     }
     // A day of silence is bridged at once.
@@ -412,7 +413,7 @@ fn too_much_loss_is_a_gap_and_no_fault() {
 fn repeated_samples_are_dropped_and_counted() {
     let samples: Vec<TimedSample> = mixed().into_iter().flat_map(|sample| [sample; 2]).collect();
     let window = only(&samples);
-    assert_eq!((&window.verdict, window.duplicates), (&Verdict::Complete, 960));
+    assert_eq!((&window.quality, window.duplicates), (&WindowQuality::Complete, 960));
     // Late copies too, which a rerouted frame is.
     let full = mixed();
     let late: Vec<TimedSample> = full
@@ -457,8 +458,8 @@ fn spikes_are_taken_out_one_by_one() {
                 spike(&mut samples[at].sensed);
                 let all = windows(&params, &samples);
                 assert_eq!(all.len(), 1, "spike {n} at {at}, {rate} Hz");
-                let expected = Verdict::Degraded(vec![Degradation::Filled { lost: 0, rejected: 1 }]);
-                assert_eq!(all[0].verdict, expected, "spike {n} at {at}, {rate} Hz");
+                let expected = WindowQuality::Degraded(vec![Degradation::Filled { lost: 0, rejected: 1 }]);
+                assert_eq!(all[0].quality, expected, "spike {n} at {at}, {rate} Hz");
                 assert_eq!(all[0].filled, [at + clean.trigger - trigger], "spike {n}, {rate} Hz");
                 let (found, truth) = (all[0].samples[all[0].filled[0]], good[at].sensed);
                 assert!(
@@ -478,7 +479,7 @@ fn a_corrupted_command_opens_and_ends_no_window() {
     assert!(windows(&bench(2000.0), &samples).is_empty());
     let mut samples = mixed();
     samples[500].sensed.setpoint = Setpoint::Idle;
-    assert!(only(&samples).verdict.is_fit());
+    assert!(only(&samples).quality.is_fit());
 }
 
 #[test]
@@ -582,12 +583,12 @@ fn another_sample_rate_than_configured_is_found() {
         .iter()
         .find_map(|&sample| windower.push(sample))
         .expect("a window");
-    assert_eq!(window.verdict, Verdict::Complete);
+    assert_eq!(window.quality, WindowQuality::Complete);
     // Stamps that come in bursts of 10 ms are none.
     for sample in &mut samples {
         sample.stamp_ns = T_0 + 500_000 * sample.seq.next_multiple_of(20);
     }
-    assert_eq!(only(&samples).verdict, Verdict::Complete);
+    assert_eq!(only(&samples).quality, WindowQuality::Complete);
 }
 
 // Properties.
@@ -651,8 +652,8 @@ proptest! {
             prop_assert_eq!(window.lost + window.rejected, window.filled.len() as u64);
             prop_assert!(window.samples.windows(2).all(|pair| pair[1].seq == pair[0].seq + 1));
             prop_assert!(window.samples.iter().all(|s| s.currents.iter().all(|i| i.is_finite())));
-            prop_assert!(!window.verdict.is_fit() || window.samples.len() == window.expected);
-            prop_assert!(!window.verdict.to_string().is_empty());
+            prop_assert!(!window.quality.is_fit() || window.samples.len() == window.expected);
+            prop_assert!(!window.quality.to_string().is_empty());
         }
     }
 
@@ -674,15 +675,15 @@ proptest! {
             prop_assert_eq!(window.filled.contains(&n), drops.contains(&(truth.seq as usize)));
             prop_assert!(window.filled.contains(&n) || *sample == truth);
         }
-        match window.verdict {
-            Verdict::Complete => prop_assert_eq!(window.lost, 0),
-            Verdict::Degraded(_) => prop_assert!((1..=100).contains(&window.lost)),
-            Verdict::Invalid(Invalidity::CommandInGap { .. }) => prop_assert!(drops.contains(&79) || drops.contains(&80)),
-            Verdict::Invalid(Invalidity::TooManyFlawed { defect, count, longest }) => {
+        match window.quality {
+            WindowQuality::Complete => prop_assert_eq!(window.lost, 0),
+            WindowQuality::Degraded(_) => prop_assert!((1..=100).contains(&window.lost)),
+            WindowQuality::Invalid(Invalidity::CommandInGap { .. }) => prop_assert!(drops.contains(&79) || drops.contains(&80)),
+            WindowQuality::Invalid(Invalidity::TooManyFlawed { defect, count, longest }) => {
                 prop_assert_eq!(defect, Defect::Missing);
                 prop_assert!(count > 100 || longest > 10 || (count > 20 && longest > 3));
             }
-            Verdict::Invalid(other) => prop_assert!(false, "{}", other),
+            WindowQuality::Invalid(other) => prop_assert!(false, "{}", other),
         }
     }
 
@@ -714,7 +715,7 @@ proptest! {
             }
         }
         let window = windows(&bench(2000.0), &received).remove(0);
-        if window.verdict.is_fit() {
+        if window.quality.is_fit() {
             for (n, sample) in window.samples.iter().enumerate() {
                 let truth = full[sample.seq as usize].sensed;
                 // What passes is below what the checks can tell from noise and motion. What is filled is as good as a
@@ -755,7 +756,7 @@ proptest! {
         }
         let expected = only(&full);
         prop_assert_eq!(found.len(), 1);
-        prop_assert_eq!(&found[0].verdict, &Verdict::Complete);
+        prop_assert_eq!(&found[0].quality, &WindowQuality::Complete);
         let unshifted = found[0].samples.iter().map(|s| SensedSample { seq: s.seq - shift, ..*s });
         prop_assert!(unshifted.eq(expected.samples.iter().copied()));
         prop_assert_eq!(found[0].t_start_ns, expected.t_start_ns + 500_000 * shift);

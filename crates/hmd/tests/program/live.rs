@@ -45,7 +45,7 @@ fn frames(id: u8, actuations: u32) -> Vec<RawFrame> {
     let scenario = Scenario {
         actuations: Actuations {
             count: actuations,
-            ..Actuations::one(Profile::Step)
+            ..Actuations::single(Profile::Step)
         },
         ..Scenario::new(params, FaultVector::NOMINAL, u64::from(id))
     };
@@ -266,8 +266,8 @@ fn a_bus_state_is_told_live_and_in_replay() {
     let told = ["can1: bus bus-off", "can1: bus error-active"];
     assert_eq!(*lines.notices.lock().unwrap(), told);
     assert_eq!(
-        (status.frames_error, status.bus_state),
-        (1, vec!["error-active".to_owned()])
+        (status.frames_error, status.interfaces[0].bus_state.as_str()),
+        (1, "error-active")
     );
     let (lines, _) = replayed(&live, &again);
     assert_eq!(*lines.notices.lock().unwrap(), told);

@@ -70,7 +70,7 @@ impl Template {
                 // The first two end where every further two begin.
                 count: 4,
                 rest: REST as f64 / RATE_HZ as f64,
-                ..Actuations::one(Profile::Mixed)
+                ..Actuations::single(Profile::Mixed)
             },
             sensing: CurrentSensing {
                 noise_rms: NOISE_A,

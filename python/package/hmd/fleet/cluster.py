@@ -34,7 +34,7 @@ def judge_all(
         import dask
         from distributed import Client, LocalCluster
     except ImportError as error:
-        raise SystemExit("hmd.fleet: expected Dask (pip install 'hmd[dask]'), found none") from error
+        raise SystemExit("hmd.fleet: expected Dask (pip install 'ema-hmd[dask]'), found none") from error
 
     if scheduler is not None:
         try:

@@ -1,10 +1,11 @@
 //! Forecasts that another program made of the suite's histories, scored as ours are.
 
+use ema_models::FaultId;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::errors::ErrorTable;
-use super::{FAULTS, Growth, History, Scored, Scores, by_oracle, draw, fault_name, ours, score};
+use super::{Growth, History, Scored, Scores, by_oracle, draw, ours, score};
 use hmd_core::seed::mix;
 
 /// Hours left after each window of a history, as equally likely values in rising order: with n of them the m-th, from 0, is
@@ -54,7 +55,7 @@ struct ScoredAll {
 pub fn rul_histories(n: u64, seed: u64) -> Result<Vec<History>, serde_json::Error> {
     let errors = ErrorTable::stored()?;
     let each = |number: u64| draw((number / n) as usize, number % n, &errors, seed);
-    Ok((0..FAULTS as u64 * n).map(each).collect())
+    Ok((0..FaultId::COUNT as u64 * n).map(each).collect())
 }
 
 /// Scores of all, by fault, by law of growth and over all; one entry of `theirs` for each of [`rul_histories`].
@@ -69,7 +70,7 @@ pub fn rul_beside(histories: &[History], theirs: &[Lives]) -> Result<Vec<Beside>
             found: theirs.len(),
         });
     }
-    let each = histories.len() / FAULTS;
+    let each = histories.len() / FaultId::COUNT;
     let scored: Vec<ScoredAll> = histories
         .par_iter()
         .zip(theirs)
@@ -100,8 +101,8 @@ pub fn rul_beside(histories: &[History], theirs: &[Lives]) -> Result<Vec<Beside>
             oracle: Scores::mean_of(members.iter().map(|member| &member.oracle)),
         }
     };
-    let mut groups: Vec<Beside> = (0..FAULTS)
-        .map(|fault| group(fault_name(fault), &|member| member.fault == fault))
+    let mut groups: Vec<Beside> = (0..FaultId::COUNT)
+        .map(|fault| group(FaultId::ALL[fault].name(), &|member| member.fault == fault))
         .collect();
     groups.extend(Growth::ALL.map(|law| group(law.name(), &|member| member.growth == law)));
     groups.push(group("all", &|_| true));

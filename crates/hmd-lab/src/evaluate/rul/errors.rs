@@ -1,11 +1,9 @@
 //! Errors of estimates, as the `noise` suite found them.
 
-use ema_models::{FAULT_COUNT, FaultVector};
+use ema_models::{FAULT_COUNT, FaultId, FaultVector};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::Deserialize;
-
-use hmd_core::health::{FAULTS, INDEX};
 
 /// The stored table: a line for each window at 2 kHz, under the command that made it.
 const STORED: &str = include_str!("noise_errors.jsonl");
@@ -23,20 +21,21 @@ struct Row {
 /// Errors of damage with the standard deviation stated, for each fault where it was present.
 pub(super) struct ErrorTable {
     /// Error and sigma; `None` where the window did not show the fault.
-    rows: [Vec<Option<(f64, f64)>>; FAULTS],
+    rows: [Vec<Option<(f64, f64)>>; FaultId::COUNT],
 }
 
 impl ErrorTable {
     pub(super) fn stored() -> Result<Self, serde_json::Error> {
-        let mut rows: [Vec<_>; FAULTS] = Default::default();
+        let mut rows: [Vec<_>; FaultId::COUNT] = Default::default();
         for line in STORED.lines().filter(|line| !line.starts_with('#')) {
             let row: Row = serde_json::from_str(line)?;
             let [truth, found] = [row.truth, row.k].map(|k| FaultVector::from_array(k).damage());
-            for (fault, &p) in INDEX.iter().enumerate() {
+            for fault in FaultId::ALL {
+                let p = fault.parameter();
                 if truth[p] >= PRESENT {
                     // The damage of the gain is twice its distance from nominal.
-                    let scale = if p == 7 { 2.0 } else { 1.0 };
-                    rows[fault].push(row.sigma[p].map(|sigma| (found[p] - truth[p], scale * sigma)));
+                    let scale = if fault == FaultId::Gain { 2.0 } else { 1.0 };
+                    rows[fault.index()].push(row.sigma[p].map(|sigma| (found[p] - truth[p], scale * sigma)));
                 }
             }
         }

@@ -48,7 +48,7 @@ impl<'a> Oracle<'a> {
         let Some((damage, sigma)) = seen.estimate else { return };
         let passed = seen.at.since(&self.last);
         for law in &mut self.laws {
-            law.advance(passed.on(law.clock));
+            law.advance(passed.by_clock(law.clock));
             law.observe(damage, sigma * sigma);
         }
         self.last = seen.at;
@@ -91,7 +91,7 @@ impl<'a> Oracle<'a> {
             log_sigma: 0.0,
         };
         let passed = seen.at.hours - self.last.hours;
-        Forecast::Laws(Box::new(Remaining::of(laws, END_OF_LIFE, elapsed, passed, rate)))
+        Forecast::Laws(Box::new(Remaining::from_laws(laws, END_OF_LIFE, elapsed, passed, rate)))
     }
 
     /// Lives of all possible uses to come, drawn and weighed: the work that is left is known well, when it will have been

@@ -1,6 +1,7 @@
 //! The newest state of an actuator as one line for a downlink.
 
-use hmd_core::record::{FAULT_NAMES, Health, Rul};
+use ema_models::FaultId;
+use hmd_core::record::{Health, Rul};
 use hmd_core::timestamp::compact_minute;
 
 /// Longest line, characters: the text of one ACARS block.
@@ -12,12 +13,12 @@ const NAME_MAX: usize = 16;
 /// Largest number of hours; more is printed as this.
 const HOURS_MAX: f64 = 99_999.0;
 
-/// Names of the faults that fit, in the order of [`FAULT_NAMES`].
-const SHORT_NAMES: [&str; FAULT_NAMES.len()] = ["FRIC", "BKLSH", "SHORT-A", "SHORT-B", "SHORT-C", "ECC", "GAIN"];
+/// Names of the faults that fit, in the order of [`FaultId::ALL`].
+const SHORT_NAMES: [&str; FaultId::COUNT] = ["FRIC", "BKLSH", "SHORT-A", "SHORT-B", "SHORT-C", "ECC", "GAIN"];
 
 /// Actuator, window, time, health, faults with damage in percent, hours left, probability of failing within the horizon, and
 /// what ends the life. Capital letters, digits, space, hyphen, comma, stop and slash only, which every air-ground link carries.
-pub(super) fn summary_line(health: &Health, damage: &[Option<f64>; FAULT_NAMES.len()], rul: &Rul) -> String {
+pub(super) fn summary_line(health: &Health, damage: &[Option<f64>; FaultId::COUNT], rul: &Rul) -> String {
     let mut fields = vec![
         "HMD1".to_owned(),
         health.actuator.chars().take(NAME_MAX).collect(),
@@ -32,7 +33,7 @@ pub(super) fn summary_line(health: &Health, damage: &[Option<f64>; FAULT_NAMES.l
         .fault_list
         .iter()
         .filter_map(|fault| {
-            let n = FAULT_NAMES.iter().position(|name| name == fault)?;
+            let n = FaultId::NAMES.iter().position(|name| name == fault)?;
             Some(format!(
                 "{} {:.0}",
                 SHORT_NAMES[n],
@@ -80,7 +81,7 @@ mod tests {
             health: "critical".to_owned(),
             ..Health::default()
         };
-        health.set_faults(&FAULT_NAMES);
+        health.set_faults(&FaultId::ALL);
         let rul = Rul {
             rul_p10_h: Some(1e9),
             rul_p50_h: Some(1e9),
@@ -108,7 +109,7 @@ mod tests {
         health.actuator = "ema0".to_owned();
         health.window = 7;
         health.status = "ok".to_owned();
-        health.set_faults(&["friction"]);
+        health.set_faults(&[FaultId::Friction]);
         (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(140.0), Some(165.2), Some(191.0));
         rul.horizon_h = Some(100.0);
         rul.governed_by = "damage".to_owned();
@@ -118,7 +119,7 @@ mod tests {
             summary_line(&health, &damage, &rul),
             "HMD1/EMA0/W7/20231114T2213Z/CRITICAL/FRIC 75/RUL 140-165-191 H/PF 1.00 IN 100 H/BY DAMAGE"
         );
-        health.set_faults::<&str>(&[]);
+        health.set_faults(&[]);
         health.health = "nominal".to_owned();
         assert_eq!(
             summary_line(&health, &damage, &Rul::default()),

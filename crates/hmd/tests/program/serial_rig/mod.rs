@@ -83,7 +83,7 @@ impl Device {
         let scenario = Scenario {
             actuations: Actuations {
                 count: 1000,
-                ..Actuations::one(Profile::Step)
+                ..Actuations::single(Profile::Step)
             },
             ..Scenario::new(params, FaultVector::NOMINAL, seed)
         };

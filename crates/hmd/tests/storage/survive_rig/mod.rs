@@ -65,7 +65,7 @@ pub(crate) fn write_load(log: &Path, count: u32) {
     let scenario = Scenario {
         actuations: Actuations {
             count,
-            ..Actuations::one(Profile::Step)
+            ..Actuations::single(Profile::Step)
         },
         ..Scenario::new(params, FaultVector::NOMINAL, 1)
     };

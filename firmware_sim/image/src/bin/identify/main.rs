@@ -124,7 +124,7 @@ fn monitor_steps(clock: Clock, window: &RecordedWindow<'_>, at: &Coordinates) ->
     for drive in window.drives() {
         let counted = &drive.counted[..window.controls()];
         let (_, count) = clock.count(|| {
-            monitor.sample_by(&mut state, window.initial(), drive.setpoint, counted, drive.theta_m);
+            monitor.run_sample_period_with(&mut state, window.initial(), drive.setpoint, counted, drive.theta_m);
         });
         total += count - nothing;
         steps += ema_models::STEPS_PER_CONTROL * window.controls() as u32;

@@ -4,7 +4,7 @@ use core::fmt;
 
 /// Whether the samples of a window are fit to be judged.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Verdict {
+pub enum WindowQuality {
     /// Every sample is there and plausible.
     Complete,
     /// Fit, with these handicaps.
@@ -13,7 +13,7 @@ pub enum Verdict {
     Invalid(Invalidity),
 }
 
-impl Verdict {
+impl WindowQuality {
     /// Whether the window may be identified.
     #[must_use]
     pub fn is_fit(&self) -> bool {
@@ -247,7 +247,7 @@ impl fmt::Display for Counter {
     }
 }
 
-impl fmt::Display for Verdict {
+impl fmt::Display for WindowQuality {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Complete => f.write_str("complete"),

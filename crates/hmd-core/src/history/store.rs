@@ -4,30 +4,30 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
-use super::Life;
+use super::UnitHistory;
 use super::maintenance::{Event, Events};
 use crate::config::{ActuatorConfig, Config};
 use crate::health::LevelsError;
 
 /// All lives of a run. At most one for each of 16 actuators on each of 64 interfaces.
 #[derive(Debug)]
-pub struct Lives {
+pub struct HistoryStore {
     config: Arc<Config>,
-    lives: BTreeMap<String, Life>,
+    histories: BTreeMap<String, UnitHistory>,
     /// Maintenance events, as told last.
     events: Events,
     /// Histories of an earlier run, which continue with the first window.
-    restored: BTreeMap<String, Life>,
+    restored: BTreeMap<String, UnitHistory>,
     notices: Vec<String>,
 }
 
-impl Lives {
+impl HistoryStore {
     /// Lives that begin with the run.
     #[must_use]
     pub fn new(config: Arc<Config>) -> Self {
         Self {
             config,
-            lives: BTreeMap::new(),
+            histories: BTreeMap::new(),
             events: Events::default(),
             restored: BTreeMap::new(),
             notices: Vec::new(),
@@ -35,18 +35,18 @@ impl Lives {
     }
 
     /// Continues a history of an earlier run at the first window of the actuator.
-    pub fn restore(&mut self, actuator: &str, life: Life) {
-        self.restored.insert(actuator.to_owned(), life);
+    pub fn restore(&mut self, actuator: &str, history: UnitHistory) {
+        self.restored.insert(actuator.to_owned(), history);
     }
 
     /// The history of an actuator, if it has one.
     #[must_use]
-    pub fn get(&self, actuator: &str) -> Option<&Life> {
-        self.lives.get(actuator)
+    pub fn get(&self, actuator: &str) -> Option<&UnitHistory> {
+        self.histories.get(actuator)
     }
 
     /// Takes the maintenance events as they stand. Each is followed when the frames have come to it, and once.
-    pub fn follow(&mut self, events: Events) {
+    pub fn set_events(&mut self, events: Events) {
         let told = &self.events.unfinished;
         for line in events.unfinished.iter().filter(|line| !told.contains(line)) {
             self.notices.push(format!(
@@ -60,43 +60,43 @@ impl Lives {
     ///
     /// # Errors
     /// Levels that contradict each other.
-    pub fn at(&mut self, actuator: &ActuatorConfig, t_ns: u64) -> Result<&mut Life, LevelsError> {
+    pub fn history_at(&mut self, actuator: &ActuatorConfig, t_ns: u64) -> Result<&mut UnitHistory, LevelsError> {
         let (config, serial_number) = (&self.config, &actuator.serial_number);
-        let life = match self.lives.entry(actuator.name.clone()) {
+        let history = match self.histories.entry(actuator.name.clone()) {
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(new) => new.insert(match self.restored.remove(&actuator.name) {
-                Some(life) => life.resumed(config, serial_number.clone())?,
-                None => Life::new(config, serial_number.clone())?,
+                Some(history) => history.resumed(config, serial_number.clone())?,
+                None => UnitHistory::new(config, serial_number.clone())?,
             }),
         };
         let has_come = |event: &&Event| event.actuator == actuator.name && event.t_ns <= t_ns;
         let come = || self.events.list.iter().filter(has_come).map(|event| event.t_ns);
         let count = come().count() as u64;
-        let begun_ns = life.begun_ns;
+        let begun_ns = history.begun_ns;
         let before = || come().filter(|t_ns| *t_ns <= begun_ns).count() as u64;
         // The file only grows, so that one more is a new one, whatever time it tells.
-        let followed = *life.events_followed.get_or_insert_with(before);
+        let followed = *history.events_followed.get_or_insert_with(before);
         if let Some(begun_ns) = come().max().filter(|_| count > followed) {
-            *life = Life {
+            *history = UnitHistory {
                 begun_ns,
                 events_followed: Some(count),
-                ..Life::new(config, serial_number.clone())?
+                ..UnitHistory::new(config, serial_number.clone())?
             };
             let notice = format!("{}: a new life begins by a maintenance event", actuator.name);
             self.notices.push(notice);
         }
-        Ok(life)
+        Ok(history)
     }
 
     /// Windows in a row that ask for a worse state of an actuator than it has; 0 without a life.
     #[must_use]
     pub fn pending(&self, actuator: &str) -> u32 {
-        self.lives.get(actuator).map_or(0, Life::pending)
+        self.histories.get(actuator).map_or(0, UnitHistory::pending)
     }
 
     /// Ends the life of an actuator whose unit turns out to be another one; says whether there was one.
-    pub fn end(&mut self, actuator: &str) -> bool {
-        self.lives.remove(actuator).is_some()
+    pub fn remove(&mut self, actuator: &str) -> bool {
+        self.histories.remove(actuator).is_some()
     }
 
     /// Adds a line that an operator should read.

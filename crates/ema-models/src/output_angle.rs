@@ -1,34 +1,37 @@
-//! What resolver and encoder together tell of the output angle: the play between them, and the angle within each count.
+//! Estimation of the output angle within its encoder count, from the motor angle and the backlash.
+//!
+//! Input are motor and output angles of a window, output are the backlash that explains them and the angle at each sample.
 
 use crate::backlash::follow_through_play;
 use crate::fault::FaultVector;
 use crate::params::ActuatorParams;
 use crate::samples::{ComparedSample, Origin};
 
-/// Widths tried in each of the searches, each of which looks closer around the last one's best.
+/// Number of widths that each search compares.
 const WIDTHS: usize = 33;
+/// Number of searches; each refines the range around the best width of the one before.
 const SEARCHES: usize = 4;
 
-/// Fills in [`ComparedSample::theta_read`].
-pub(crate) fn read_output(params: &ActuatorParams, origin: &Origin, samples: &mut [ComparedSample]) {
-    let mut reader = OutputReader::new(params, origin, || samples.iter().map(Reading::from));
+/// Sets [`ComparedSample::theta_out_estimate`] of the samples of a window.
+pub(crate) fn estimate_output_angles(params: &ActuatorParams, origin: &Origin, samples: &mut [ComparedSample]) {
+    let mut estimator = OutputAngleEstimator::new(params, origin, || samples.iter().map(AngleReading::from));
     for sample in samples {
-        sample.theta_read = reader.read(Reading::from(&*sample));
+        sample.theta_out_estimate = estimator.next_angle(AngleReading::from(&*sample));
     }
 }
 
-/// What is known of motor and output angle at one sample.
+/// Motor and output angle at one sample.
 #[derive(Clone, Copy, Debug)]
-pub struct Reading {
+pub struct AngleReading {
     /// Motor angle, rad.
     pub theta_m: f64,
     /// Output angle at the middle of its count, rad.
     pub theta_out: f64,
-    /// Whether it was measured.
+    /// Whether the sample was measured.
     pub measured: bool,
 }
 
-impl From<&ComparedSample> for Reading {
+impl From<&ComparedSample> for AngleReading {
     fn from(sample: &ComparedSample) -> Self {
         Self {
             theta_m: sample.theta_m,
@@ -38,14 +41,14 @@ impl From<&ComparedSample> for Reading {
     }
 }
 
-/// Finds [`ComparedSample::theta_read`] sample by sample: the output angle that the play which explains the counts best
-/// gives, within the count that was read; where none was read, the angle alone.
+/// Estimates [`ComparedSample::theta_out_estimate`] sample by sample.
 ///
-/// A width explains the counts if it keeps the output inside each of them; of those that do, the middle one is taken.
-/// It is found by itself, from the two angles alone, so that the instants at which the controller saw a count
-/// change do not move while the faults are searched: that would make the cost uneven.
+/// The estimate is the output angle that follows from the motor angle and the backlash, limited to the measured count. The
+/// width of the backlash is the one that explains the counts best, which keeps the output angle within each of them; of
+/// several, it is the middle one. The width follows from the two angles alone and not from the fault vector, because the
+/// instants at which the controller observes a change of the count must not move during the search: the cost would be uneven.
 #[derive(Clone, Copy, Debug)]
-pub struct OutputReader {
+pub struct OutputAngleEstimator {
     gear_ratio: f64,
     play_centre: f64,
     half_play: f64,
@@ -53,18 +56,18 @@ pub struct OutputReader {
     theta_out: Option<f64>,
 }
 
-impl OutputReader {
-    /// Finds the play; `readings` goes through the window's samples from the first, as often as it is called.
+impl OutputAngleEstimator {
+    /// Estimates the width of the backlash; each call of `readings` iterates over the samples of the window from the first.
     #[must_use]
-    pub fn new<I: Iterator<Item = Reading>>(
+    pub fn new<I: Iterator<Item = AngleReading>>(
         params: &ActuatorParams,
         origin: &Origin,
         readings: impl Fn() -> I,
     ) -> Self {
         let half_lsb = 0.5 * params.sensors.output_lsb();
-        // The resolver's own step stands between the two.
+        // The resolution of the resolver adds to that of the encoder.
         let allowed = half_lsb + params.sensors.motor_lsb() / params.transmission.gear_ratio;
-        let of_width = |width| {
+        let with_width = |width| {
             let worn = FaultVector {
                 backlash: width,
                 ..FaultVector::NOMINAL
@@ -84,10 +87,10 @@ impl OutputReader {
             let (mut least, mut narrowest, mut widest) = (f64::INFINITY, best, best);
             for n in 0..WIDTHS {
                 let width = (first + step * n as f64).clamp(0.0, 1.0);
-                let mut reader = of_width(width);
+                let mut estimator = with_width(width);
                 let mut sum = 0.0;
                 for reading in readings() {
-                    let theta_out = reader.follow(&reading);
+                    let theta_out = estimator.follow_play(&reading);
                     if reading.measured {
                         let outside = (libm::fabs(reading.theta_out - theta_out) - allowed).max(0.0);
                         sum += outside * outside;
@@ -102,12 +105,12 @@ impl OutputReader {
             best = 0.5 * (narrowest + widest);
             reach = 0.5 * (widest - narrowest) + step;
         }
-        of_width(best)
+        with_width(best)
     }
 
-    /// The next sample's output angle, rad.
-    pub fn read(&mut self, reading: Reading) -> f64 {
-        let theta_out = self.follow(&reading);
+    /// Estimated output angle at the next sample, rad; without a measured count, the angle that follows from the backlash.
+    pub fn next_angle(&mut self, reading: AngleReading) -> f64 {
+        let theta_out = self.follow_play(&reading);
         if reading.measured {
             theta_out
                 .max(reading.theta_out - self.half_lsb)
@@ -117,8 +120,8 @@ impl OutputReader {
         }
     }
 
-    /// The next sample's output angle for the play alone.
-    fn follow(&mut self, reading: &Reading) -> f64 {
+    /// Output angle at the next sample that follows from the backlash, rad.
+    fn follow_play(&mut self, reading: &AngleReading) -> f64 {
         let centre = self.play_centre + reading.theta_m / self.gear_ratio;
         let before = self.theta_out.unwrap_or(reading.theta_out);
         let theta_out = follow_through_play(before, centre, self.half_play);

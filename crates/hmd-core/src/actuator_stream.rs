@@ -1,0 +1,536 @@
+//! One actuator's frames -> samples on the device's own time -> windows.
+//!
+//! Goes in: the frames of one actuator, in the order of their stamps. Comes out, into an [`Outbox`]: the windows that they
+//! end, notices, and every sample if they are collected. In order:
+//!
+//! 1. the assembler of `ema_wire` puts frames together into samples; wrapping counters are continued;
+//! 2. the sample rate is measured by the device's own time. Until it is known, samples wait: at least 16, at most 64;
+//! 3. a [`Windower`] at that rate cuts windows. An actuator that cannot be monitored at its rate is refused: its samples are
+//!    counted and dropped.
+//!
+//! Memory is bounded by those 64 samples and by one window. In the steady state a frame allocates nothing.
+
+use std::sync::Arc;
+
+use ema_models::{ActuatorParams, SensedSample, Setpoint};
+use ema_wire::{
+    Assembler, AssemblerStats, Frame, Mode, Sample, SampleFd, quantity, unwrap_motor_counts, unwrap_output_counts,
+};
+
+use crate::config::{ActuatorConfig, Config};
+use crate::dbc::{DecodedUpdate, Role};
+use crate::outbox::{AssembledSample, Notice, Outbox, WindowJob};
+use crate::sample::{MeasuredConditions, SampleRate};
+use crate::window::{TimedSample, Window, WindowConfig, Windower};
+
+/// Samples that wait until the sample rate is known.
+const RATE_SAMPLES: usize = 16;
+
+/// Samples after which a rate that the device's time does not show is taken as nominal.
+const RATE_SAMPLES_MAX: usize = 64;
+
+/// A measured rate this near the nominal one, as a share of it, is the nominal one. The same holds for a measured rate near
+/// one of whole control periods.
+const RATE_ROUNDING: f64 = 0.002;
+
+/// Samples after which the counter byte of position and command frames repeats.
+const COUNTER_ROUND: f64 = 256.0;
+
+/// Longest sample period that 16 bits of microseconds can show, µs; longer ones are not measured.
+const LONGEST_PERIOD_US: u16 = 32_768;
+
+/// The stream of one actuator, from its frames to its windows.
+#[derive(Debug)]
+pub struct ActuatorStream {
+    actuator: Arc<ActuatorConfig>,
+    window_config: WindowConfig,
+    assembler: Assembler,
+    /// The newest sample and its device time, µs.
+    last: Option<(TimedSample, u16)>,
+    /// Receive stamp of the newest currents frame, by its counter.
+    currents_stamp: Option<(u16, u64)>,
+    rate: RateState,
+    conditions: MeasuredConditions,
+    /// Times the sample counter went back.
+    restarts: u64,
+    windowing: Windowing,
+}
+
+#[derive(Debug)]
+enum RateState {
+    /// Samples so far and the periods between them, µs.
+    Learning {
+        waiting: Vec<TimedSample>,
+        periods_us: Vec<u16>,
+    },
+    Known(SampleRate),
+}
+
+/// Made with the first sample whose rate is known.
+#[derive(Debug)]
+enum Windowing {
+    Waiting,
+    Ready(Box<ReadyWindowing>),
+    /// The actuator cannot be monitored; the samples dropped since.
+    Refused(u64),
+}
+
+#[derive(Debug)]
+struct ReadyWindowing {
+    /// Parameters with the sample rate of the windows.
+    params: ActuatorParams,
+    windower: Windower,
+    /// Samples with a mode other than idle.
+    operating: u64,
+}
+
+impl ActuatorStream {
+    /// For one actuator of a configuration.
+    #[must_use]
+    pub fn new(actuator: Arc<ActuatorConfig>, config: &Config) -> Self {
+        Self {
+            assembler: Assembler::new(actuator.id),
+            actuator,
+            window_config: *config.window(),
+            last: None,
+            currents_stamp: None,
+            rate: RateState::Learning {
+                waiting: Vec::with_capacity(RATE_SAMPLES),
+                periods_us: Vec::new(),
+            },
+            conditions: MeasuredConditions::default(),
+            restarts: 0,
+            windowing: Windowing::Waiting,
+        }
+    }
+
+    /// Name of the actuator.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.actuator.name
+    }
+
+    /// Counts of the assembler: samples delivered, samples missing, frames that came late.
+    #[must_use]
+    pub fn stats(&self) -> AssemblerStats {
+        self.assembler.stats()
+    }
+
+    /// Samples lost: missing by their counter, or dropped because the actuator cannot be monitored at its sample rate.
+    #[must_use]
+    pub fn lost(&self) -> u64 {
+        let dropped = match self.windowing {
+            Windowing::Refused(dropped) => dropped,
+            Windowing::Waiting | Windowing::Ready(_) => 0,
+        };
+        self.stats().missing + dropped
+    }
+
+    /// Takes what a frame of a mapped bus carried. A sample there is whole, as in CAN FD.
+    pub fn push_update(&mut self, update: &DecodedUpdate, outbox: &mut Outbox) {
+        if let Some(conditions) = update.conditions {
+            self.conditions = conditions;
+        }
+        if let Some((sample, stamp_ns)) = update.sample
+            && let Ok(one) = SampleFd::from_samples(&[sample])
+        {
+            self.push(&Frame::SampleFd(one), stamp_ns, outbox);
+        }
+    }
+
+    /// Takes one frame of the built-in dictionary.
+    ///
+    /// The first samples are delivered together, as soon as device time and counter show the rate, or after 64 of them at
+    /// the nominal rate.
+    pub fn push(&mut self, frame: &Frame, stamp_ns: u64, outbox: &mut Outbox) {
+        // A sample has the conditions that were reported before its frame.
+        let conditions = self.conditions;
+        let (restarts, nominal_hz) = (self.restarts, self.nominal_hz());
+        let mut first_at_nominal_rate = None;
+        match frame {
+            Frame::Status(status) => self.conditions = MeasuredConditions::from(status),
+            Frame::Currents(currents) => self.currents_stamp = Some((currents.seq, stamp_ns)),
+            Frame::Position(_) | Frame::Command(_) | Frame::SampleFd(_) => {}
+        }
+        for sample in self.assembler.push(frame, stamp_ns) {
+            let stamp_ns = match self.currents_stamp {
+                Some((seq, stamp)) if seq == sample.seq => stamp,
+                _ => stamp_ns,
+            };
+            let timed = self.continued(&sample, stamp_ns);
+            if self.last.is_some_and(|(last, _)| timed.seq < last.seq) {
+                self.restarts += 1;
+            }
+            let elapsed_us = self.last.map(|(_, time_us)| sample.time_us.wrapping_sub(time_us));
+            match self.rate.push(timed, elapsed_us, nominal_hz) {
+                Settled::Not => {}
+                Settled::Before(rate) => self.deliver(rate, timed, conditions, outbox),
+                Settled::Now(rate, waiting) => {
+                    first_at_nominal_rate = waiting.first().copied().filter(|_| !rate.is_measured);
+                    for sample in waiting {
+                        self.deliver(rate, sample, conditions, outbox);
+                    }
+                }
+            }
+            self.last = Some((timed, sample.time_us));
+            if let RateState::Known(rate) = self.rate {
+                self.assembler.set_max_span_ns(longest_sample_ns(&rate));
+            }
+        }
+        if self.restarts > restarts {
+            let name = &self.actuator.name;
+            outbox.notice(
+                stamp_ns,
+                format!("{name}: expected a sample counter that rises, found one that went back; an open window is cut short"),
+            );
+        }
+        if let (Some(first), Some((last, _))) = (first_at_nominal_rate, self.last) {
+            outbox.notice(stamp_ns, self.nominal_rate_notice(&first, &last));
+        }
+    }
+
+    /// End of the traffic: delivers the samples that waited for a rate, at the nominal one, and ends an open window.
+    pub fn finish(&mut self, outbox: &mut Outbox) {
+        let conditions = self.conditions;
+        self.assembler.close();
+        let rate = SampleRate::nominal(self.nominal_hz());
+        for sample in self.rate.settle(rate) {
+            self.deliver(rate, sample, conditions, outbox);
+        }
+        self.end_window(conditions, outbox);
+    }
+
+    fn nominal_hz(&self) -> f64 {
+        self.actuator.params.sensors.sample_rate
+    }
+
+    /// Continues the wrapping counters. A counter that steps back by less than half its range is a restart, and stays
+    /// one: the sample number steps back too.
+    fn continued(&self, sample: &Sample, stamp_ns: u64) -> TimedSample {
+        let (seq, motor_counts, output_counts) = match self.last {
+            Some((last, _)) => {
+                let step = i64::from(sample.seq.wrapping_sub(last.seq as u16) as i16);
+                (
+                    last.seq.saturating_add_signed(step),
+                    unwrap_motor_counts(last.sensed.motor_counts, sample.motor_counts),
+                    unwrap_output_counts(last.sensed.output_counts, sample.output_counts),
+                )
+            }
+            // Far from zero, so that stepping back never saturates; a multiple of 2^16 keeps the low bits.
+            None => (
+                (1 << 32) + u64::from(sample.seq),
+                i64::from(sample.motor_counts),
+                i64::from(sample.output_counts),
+            ),
+        };
+        let setpoint = match sample.mode {
+            Mode::Idle => Setpoint::Idle,
+            Mode::Position => Setpoint::Position(quantity::position_setpoint_rad(sample.setpoint)),
+            Mode::Speed => Setpoint::Speed(quantity::speed_setpoint_rad_s(sample.setpoint)),
+        };
+        TimedSample {
+            seq,
+            stamp_ns,
+            sensed: SensedSample {
+                seq,
+                currents: sample.currents_a(),
+                motor_counts,
+                output_counts,
+                setpoint,
+            },
+        }
+    }
+
+    /// One sample with its rate known, to the windows.
+    fn deliver(&mut self, rate: SampleRate, sample: TimedSample, conditions: MeasuredConditions, outbox: &mut Outbox) {
+        outbox.sample(|| AssembledSample {
+            actuator: self.actuator.clone(),
+            rate,
+            sample,
+            conditions,
+        });
+        if matches!(self.windowing, Windowing::Waiting) {
+            self.windowing = self.begin_windowing(rate, sample.stamp_ns, outbox);
+        }
+        match &mut self.windowing {
+            Windowing::Waiting => {}
+            Windowing::Refused(dropped) => *dropped += 1,
+            Windowing::Ready(ready) => {
+                ready.operating += u64::from(sample.sensed.setpoint != Setpoint::Idle);
+                if let Some(window) = ready.windower.push(sample) {
+                    outbox.window(ready.job(&self.actuator, window, conditions));
+                }
+            }
+        }
+    }
+
+    fn end_window(&mut self, conditions: MeasuredConditions, outbox: &mut Outbox) {
+        if let Windowing::Ready(ready) = &mut self.windowing
+            && let Some(window) = ready.windower.finish()
+        {
+            outbox.window(ready.job(&self.actuator, window, conditions));
+        }
+    }
+
+    fn begin_windowing(&self, rate: SampleRate, stamp_ns: u64, outbox: &mut Outbox) -> Windowing {
+        let name = &self.actuator.name;
+        let nominal = self.nominal_hz();
+        let mut params = self.actuator.params;
+        // The device samples in whole control periods; its clock and its sender jitter by more than that is off.
+        let control_s = params.controller.period;
+        let whole = (1.0 / (rate.hz * control_s)).round().max(1.0);
+        let whole_hz = 1.0 / (whole * control_s);
+        let is_whole = rate.is_measured && (whole_hz / rate.hz - 1.0).abs() < RATE_ROUNDING;
+        let rate = SampleRate {
+            hz: if is_whole { whole_hz } else { rate.hz },
+            ..rate
+        };
+        params.sensors.sample_rate = rate.hz;
+        if (rate.hz - nominal).abs() > 1e-3 * nominal {
+            let found = rate.hz;
+            outbox.notice(
+                stamp_ns,
+                format!("{name}: expected {nominal} samples/s, found {found:.1}; windows are cut at the rate found"),
+            );
+        }
+        let made = match params.checked() {
+            Ok(params) => Windower::new(self.window_config, &params)
+                .map(|windower| {
+                    Windowing::Ready(Box::new(ReadyWindowing {
+                        params,
+                        windower: if rate.is_measured {
+                            windower.at_device_time()
+                        } else {
+                            windower
+                        },
+                        operating: 0,
+                    }))
+                })
+                .map_err(|e| e.to_string()),
+            Err(_) if rate.is_measured => Err(format!(
+                "its clock tells {:.1} samples/s, of a period that is no whole number of control periods of {} ms; if that is \
+                 wrong, leave sample.time out of the map and set sensors.sample_rate_hz of type {}",
+                rate.hz,
+                1e3 * control_s,
+                self.actuator.type_name
+            )),
+            Err(e) => Err(e.to_string()),
+        };
+        made.unwrap_or_else(|why| {
+            outbox.notice(stamp_ns, format!("{name}: not monitored: {why}"));
+            Windowing::Refused(0)
+        })
+    }
+
+    /// Why windows are cut at the nominal rate, and whether the stamps of the first samples and the last contradict it.
+    fn nominal_rate_notice(&self, first: &TimedSample, last: &TimedSample) -> String {
+        let nominal_hz = self.nominal_hz();
+        let has_clock = self.actuator.map.as_ref().is_none_or(|map| map.has(Role::Time));
+        let why = if has_clock {
+            "expected a device time that advances with the samples, found none in the first samples"
+        } else {
+            "no sample.time is mapped"
+        };
+        // Stamps are no measure of the rate, but enough to doubt one that is off by more than a tenth.
+        let samples = last.seq.saturating_sub(first.seq) as f64;
+        let hz = samples * 1e9 / last.stamp_ns.saturating_sub(first.stamp_ns) as f64;
+        let doubt = if hz.is_finite() && (hz - nominal_hz).abs() > 0.1 * nominal_hz {
+            let type_name = &self.actuator.type_name;
+            format!("; by their stamps they come at {hz:.0}: is sample_rate_hz of type {type_name} right?")
+        } else {
+            String::new()
+        };
+        let name = &self.actuator.name;
+        format!("{name}: {why}; windows are cut at the nominal {nominal_hz} samples/s{doubt}")
+    }
+}
+
+impl ReadyWindowing {
+    fn job(&self, actuator: &Arc<ActuatorConfig>, window: Window, conditions: MeasuredConditions) -> WindowJob {
+        WindowJob {
+            actuator: actuator.clone(),
+            params: self.params,
+            window,
+            conditions,
+            operating_s: self.operating as f64 / self.params.sensors.sample_rate,
+        }
+    }
+}
+
+/// Cuts the samples of one actuator that were assembled elsewhere, in the same way as those of a log; the windows, and the
+/// notices about them.
+#[must_use]
+pub fn cut_windows(
+    config: &Config,
+    actuator: &Arc<ActuatorConfig>,
+    rate: SampleRate,
+    conditions: MeasuredConditions,
+    samples: impl IntoIterator<Item = TimedSample>,
+) -> (Vec<WindowJob>, Vec<Notice>) {
+    let (mut stream, mut outbox) = (ActuatorStream::new(actuator.clone(), config), Outbox::default());
+    for sample in samples {
+        stream.deliver(rate, sample, conditions, &mut outbox);
+    }
+    stream.end_window(conditions, &mut outbox);
+    (outbox.take_windows(), outbox.take_notices())
+}
+
+/// What a sample did to the sample rate.
+enum Settled {
+    /// The rate is not known yet; the sample waits.
+    Not,
+    /// The rate was known.
+    Before(SampleRate),
+    /// The rate is known from this sample on; the samples that waited, this one last.
+    Now(SampleRate, Vec<TimedSample>),
+}
+
+impl RateState {
+    /// Takes a sample and the device time since the one before it, µs.
+    fn push(&mut self, sample: TimedSample, elapsed_us: Option<u16>, nominal_hz: f64) -> Settled {
+        let (waiting, periods_us) = match self {
+            Self::Known(rate) => return Settled::Before(*rate),
+            Self::Learning { waiting, periods_us } => (waiting, periods_us),
+        };
+        if let (Some(previous), Some(elapsed_us)) = (waiting.last(), elapsed_us) {
+            let steps = sample.seq.wrapping_sub(previous.seq);
+            if steps == 1 && elapsed_us < LONGEST_PERIOD_US {
+                periods_us.push(elapsed_us);
+            }
+        }
+        waiting.push(sample);
+        let rate = if waiting.len() >= RATE_SAMPLES && periods_us.iter().any(|&period_us| period_us > 0) {
+            measured_rate(periods_us, nominal_hz)
+        } else if waiting.len() >= RATE_SAMPLES_MAX {
+            // No two samples in a row with a period between them.
+            SampleRate::nominal(nominal_hz)
+        } else {
+            return Settled::Not;
+        };
+        Settled::Now(rate, self.settle(rate))
+    }
+
+    /// Ends the measurement with a rate; the samples that waited, none if the rate was known.
+    fn settle(&mut self, rate: SampleRate) -> Vec<TimedSample> {
+        match self {
+            Self::Known(_) => Vec::new(),
+            Self::Learning { waiting, .. } => {
+                let waiting = std::mem::take(waiting);
+                *self = Self::Known(rate);
+                waiting
+            }
+        }
+    }
+}
+
+/// The rate by the periods that the device's time shows, µs: the mean of those near their median, so that neither one bad
+/// stamp nor the steps of a coarse clock decide. Within a clock's rounding of the nominal rate it is the nominal rate; a
+/// clock that stands still from one sample to the next is too coarse to show any.
+fn measured_rate(periods_us: &mut [u16], nominal_hz: f64) -> SampleRate {
+    periods_us.sort_unstable();
+    if periods_us[0] == 0 {
+        return SampleRate::nominal(nominal_hz);
+    }
+    let median = f64::from(periods_us[periods_us.len() / 2]);
+    let near = periods_us
+        .iter()
+        .map(|&us| f64::from(us))
+        .filter(|us| (0.4 * median..=2.5 * median).contains(us));
+    let (count, sum) = near
+        .clone()
+        .fold((0.0, 0.0), |(count, sum), us| (count + 1.0, sum + us));
+    let hz = 1e6 * count / sum;
+    // The clock's own step, where it shows: the mean is off by at most one step in all the time summed up.
+    let step = near.clone().fold(0, |step, us| gcd(step, us as u16));
+    let coarse = near.clone().any(|us| us as u16 != step);
+    let rounding = if coarse {
+        RATE_ROUNDING.max(f64::from(step) / sum)
+    } else {
+        RATE_ROUNDING
+    };
+    let is_nominal = (hz - nominal_hz).abs() <= rounding * nominal_hz;
+    SampleRate {
+        hz: if is_nominal { nominal_hz } else { hz },
+        is_measured: true,
+    }
+}
+
+/// Largest distance between the stamps of one sample's frames, ns: an eighth of the counter byte's round, so that a stalled
+/// receiver splits few samples, and never less than the default. For a nominal rate, the default.
+fn longest_sample_ns(rate: &SampleRate) -> u64 {
+    if !rate.is_measured {
+        return Assembler::DEFAULT_MAX_SPAN_NS;
+    }
+    ((COUNTER_ROUND / 8.0 / rate.hz * 1e9) as u64).max(Assembler::DEFAULT_MAX_SPAN_NS)
+}
+
+/// Greatest common divisor; of 0 and a number the number.
+fn gcd(a: u16, b: u16) -> u16 {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames of a 400 Hz stream whose last sample takes `torn_ns` to come in; how many samples came out.
+    fn delivered(torn_ns: u64) -> usize {
+        let rate = "[type.bench.sensors]\nsample_rate_hz = 400\n";
+        let config = Config::from_toml_str(rate, "hmd.toml").expect("a good configuration");
+        let actuator = config.actuators()[0].clone();
+        let id = actuator.id;
+        let mut stream = ActuatorStream::new(Arc::new(actuator), &config);
+        let mut outbox = Outbox::collecting_samples();
+        for n in 0..40_u16 {
+            let sample = Sample {
+                actuator: id,
+                seq: n,
+                time_us: n.wrapping_mul(2500),
+                i_a_ma: 0,
+                i_b_ma: 0,
+                i_c_ma: 0,
+                motor_counts: 0,
+                output_counts: 0,
+                setpoint: 0,
+                mode: Mode::Idle,
+            };
+            let sent_ns = u64::from(n) * 2_500_000;
+            let torn_ns = if n == 39 { torn_ns } else { 0 };
+            for (place, frame) in sample.to_frames().iter().enumerate() {
+                let stamp_ns = sent_ns + if place == 0 { 0 } else { torn_ns };
+                stream.push(frame, stamp_ns, &mut outbox);
+            }
+        }
+        outbox.take_samples().len()
+    }
+
+    /// The rate by a device clock of so many microseconds, sampled at `hz`, where 400 Hz are expected.
+    fn rate(hz: f64, lsb_us: f64) -> SampleRate {
+        let count = |n: usize| (((n as f64 * 1e6 / hz) / lsb_us).floor() * lsb_us) as u16;
+        let mut periods: Vec<u16> = (1..RATE_SAMPLES).map(|n| count(n) - count(n - 1)).collect();
+        measured_rate(&mut periods, 400.0)
+    }
+
+    #[test]
+    fn a_coarse_device_clock_shows_the_nominal_rate() {
+        for lsb_us in [1.0, 16.0, 32.0, 64.0, 100.0, 500.0, 1000.0] {
+            assert_eq!(rate(400.0, lsb_us).hz.to_bits(), 400f64.to_bits(), "{lsb_us}");
+        }
+        let too_coarse = rate(400.0, 4000.0);
+        assert!(!too_coarse.is_measured);
+        assert_eq!(too_coarse.hz.to_bits(), 400f64.to_bits());
+        // Jitter does not make the clock coarse: a step of 1 µs.
+        let mut jitter: Vec<u16> = (0..15).map(|n| 2490 + 3 * (n % 3)).collect();
+        assert!((measured_rate(&mut jitter, 402.0).hz - 401.1).abs() < 0.1);
+        // Another rate is no rounding.
+        assert!((rate(402.3, 1.0).hz - 402.3).abs() < 0.1);
+        assert!((rate(625.0, 100.0).hz - 625.0).abs() < 6.0);
+    }
+
+    #[test]
+    fn a_stalled_receiver_splits_no_sample() {
+        assert_eq!(delivered(0), 40);
+        assert_eq!(delivered(79_000_000), 40, "32 periods of 2.5 ms");
+        assert_eq!(delivered(81_000_000), 39);
+    }
+}

@@ -38,7 +38,7 @@ pub(crate) fn read_raw(py: Python<'_>, logs: Vec<PathBuf>, config: Option<PathBu
     Ok((rows.into_table()?, exported.damaged))
 }
 
-/// Hash of a checked configuration, that of the calibrations its types are judged with, and the further files it names.
+/// Hash of a checked configuration, that of the calibrations its types are assessed with, and the further files it names.
 #[pyfunction]
 pub(crate) fn config_identity(config: Option<PathBuf>) -> PyResult<(String, String, Vec<PathBuf>)> {
     let config = load_config(config.as_deref()).map_err(raised)?;

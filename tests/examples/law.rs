@@ -111,7 +111,10 @@ fn learn(identifier: &Identifier) -> CurrentTable {
 /// Coefficients that have a part in the current under a voltage, and their factors.
 fn shape(voltage: Complex<f64>) -> Vec<(usize, Complex<f64>)> {
     let last = TABLE_VOLTAGES.len() - 1;
-    let amplitude = voltage.re.hypot(voltage.im).clamp(TABLE_VOLTAGES[0], TABLE_VOLTAGES[last]);
+    let amplitude = voltage
+        .re
+        .hypot(voltage.im)
+        .clamp(TABLE_VOLTAGES[0], TABLE_VOLTAGES[last]);
     let direction = voltage / voltage.re.hypot(voltage.im).max(1e-12);
     let n = TABLE_VOLTAGES[1..last]
         .iter()

@@ -188,7 +188,8 @@ fn estimate(identifier: &Identifier, truth: FaultVector, seed: u64, nudge: f64, 
     scenario.unit.motor.v_dc *= 1.0 + nudge;
     if sampling.noisy {
         // ±10 Nm on `bench`, elsewhere the same share of what the motor lifts; each window another.
-        let largest = 10.0 * Scale::new(&identifier.params).load_unit() / Scale::new(&ActuatorParams::bench()).load_unit();
+        let largest =
+            10.0 * Scale::new(&identifier.params).load_unit() / Scale::new(&ActuatorParams::bench()).load_unit();
         scenario.load_torque = largest * (2.0 * (seed as f64 * GOLDEN).fract() - 1.0);
         scenario.sensing = CurrentSensing {
             quantised: true,

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use ema_models::reference::{Actuations, CurrentSensing, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::{ActuatorId, SerialPacket, Splitter};
-use firmware_sim::{CanFrame, CanFrames, Link, LinkFaults, Plan, SerialFrames, Stuck, Timed};
+use firmware_sim::{CanFrame, CanFrames, Link, LinkFaults, Plan, SerialFrames, StuckSensors, Timed};
 use hmd::config::Config;
 use hmd::frame::{BusNames, FrameFlags, RawFrame};
 use hmd::judge::{Judge, Judged};
@@ -151,7 +151,11 @@ fn frames(kind: Kind, scenario: &Scenario, faults: LinkFaults, seed: u64) -> Vec
     }
 }
 
-fn over_can(device: Stuck<impl Iterator<Item = Timed<SerialPacket>>>, faults: LinkFaults, seed: u64) -> Vec<RawFrame> {
+fn over_can(
+    device: StuckSensors<impl Iterator<Item = Timed<SerialPacket>>>,
+    faults: LinkFaults,
+    seed: u64,
+) -> Vec<RawFrame> {
     let received = |frame: Timed<CanFrame>| {
         let stamp_ns = EPOCH_NS + 1000 * frame.at_us;
         match frame.value {
@@ -166,7 +170,7 @@ fn over_can(device: Stuck<impl Iterator<Item = Timed<SerialPacket>>>, faults: Li
 }
 
 fn over_serial(
-    device: Stuck<impl Iterator<Item = Timed<SerialPacket>>>,
+    device: StuckSensors<impl Iterator<Item = Timed<SerialPacket>>>,
     faults: LinkFaults,
     seed: u64,
 ) -> Vec<RawFrame> {

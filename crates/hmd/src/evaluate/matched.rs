@@ -137,7 +137,7 @@ fn written_by_the_monitor(inputs: &Comparison<'_>, truth: FaultVector, seed: u64
         let theta_m = sample.theta_m - r.theta_m;
         let dq = [sample.i_d - r.i_d, sample.i_q - r.i_q];
         let currents = abc_from_alpha_beta(alpha_beta_from_dq(dq, electrical(theta_m)));
-        let noisy = sensing.read(sensors, currents, &mut rng);
+        let noisy = sensing.measure(sensors, currents, &mut rng);
         let mut within = |lsb: f64| (rng.random::<f64>() - 0.5) * lsb;
         sample.theta_m = theta_m + within(sensors.motor_lsb());
         sample.theta_out += within(sensors.output_lsb()) - r.theta_out;

@@ -63,7 +63,8 @@ impl Objective<FAULT_COUNT> for LeastSquares<'_> {
     fn cost_batch(&self, genes: &[[f64; FAULT_COUNT]], costs: &mut [f64]) {
         // Lanes that a short last batch leaves over run the first individual again.
         let of = |lane: usize| genes.get(lane).or(genes.first()).copied().unwrap_or([0.0; FAULT_COUNT]);
-        let unknowns = std::array::from_fn(|lane| self.comparison.unknowns_with_fault(FaultVector::from_array(of(lane))));
+        let unknowns =
+            std::array::from_fn(|lane| self.comparison.unknowns_with_fault(FaultVector::from_array(of(lane))));
         for (slot, cost) in costs.iter_mut().zip(self.comparison.rank(&unknowns)) {
             *slot = cost;
         }

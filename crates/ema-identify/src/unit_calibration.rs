@@ -121,7 +121,7 @@ impl UnitCalibration {
     /// As the text of a file.
     #[must_use]
     pub fn emit(&self) -> String {
-        toml::to_string(self).unwrap_or_default()
+        toml::to_string(self).expect("numbers, names and tables of them always serialise")
     }
 }
 

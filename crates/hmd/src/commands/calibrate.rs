@@ -7,6 +7,8 @@ use anyhow::{Context, bail};
 
 use super::{Exit, load_config, no_input, use_threads, warn};
 use crate::unit_windows::windows_of;
+#[cfg(feature = "full")]
+use ema_identify::calibration::TypeCalibration;
 use ema_identify::is_unmodelled;
 use ema_identify::unit_calibration::UnitCalibration;
 use ema_identify::unit_fit::{WINDOWS_MIN, fit_motor};
@@ -66,7 +68,10 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         no_input(&args.output, read_files(&config, true))?;
         use_threads(args.threads.map(usize::from))?;
         let calibration = args.of_type.calibrate(&config, args.seed)?;
-        std::fs::write(&args.output, calibration.emit()).with_context(|| args.output.display().to_string())?;
+        let (text, path) = (calibration.emit(), args.output.display().to_string());
+        // What a replay would refuse is not written.
+        TypeCalibration::parse(&text, &path)?;
+        std::fs::write(&args.output, text).context(path)?;
         return Ok(Exit::Done);
     }
     no_input(&args.output, args.logs.iter().chain(&read_files(&config, false)))?;
@@ -162,6 +167,9 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
         calibration.actuator_type,
         calibration.windows
     ));
-    std::fs::write(&args.output, calibration.emit()).with_context(|| args.output.display().to_string())?;
+    let (text, path) = (calibration.emit(), args.output.display().to_string());
+    // What a replay would refuse is not written.
+    UnitCalibration::parse(&text, &path, &calibration.actuator_type)?;
+    std::fs::write(&args.output, text).context(path)?;
     Ok(if found.data_lost { Exit::DataLost } else { Exit::Done })
 }

@@ -1,4 +1,5 @@
 //! Identification of single windows of the reference model: where its searches end, and how sure they are.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use ema_identify::calibration::{MonitorForm, TypeCalibration};
 use ema_identify::{Estimate, Identifier, Method, Population};

@@ -1,4 +1,5 @@
 //! A device on a pseudo-terminal that can be pulled out, and what the daemon says.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::fs::{self, File};
 use std::io::{self, Write};

@@ -1,4 +1,5 @@
 //! A program on a terminal that is no terminal: what stands on its screen, and keys for it.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::fs::File;
 use std::io::{Read, Write};

@@ -1,4 +1,5 @@
 //! The load that is killed, what it tells, and what is read back.
+#![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;

@@ -227,7 +227,7 @@ fn replay_all(names: &[String]) -> Vec<Row> {
     rows
 }
 
-/// The one window of a log, judged with every default.
+/// The one window of a log, assessed with every default.
 fn replay(name: &str) -> Row {
     let log = fixtures().join("logs").join(name);
     let logs = [log.clone()];

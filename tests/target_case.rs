@@ -50,7 +50,7 @@ impl Case {
             method: Method::LeastSquares,
             motor: MotorKnowledge::default(),
         };
-        let simulated = SimulatedWindow::of(&scenario);
+        let simulated = SimulatedWindow::first_of(&scenario);
         let coefficients = calibration.coefficients();
         let comparison = identifier.comparison(&simulated.prepared, &coefficients, simulated.conditions);
         let identification = Identification {

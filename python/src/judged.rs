@@ -1,4 +1,4 @@
-//! Windows judged: of logs (`replay`), and of samples in arrays (`identify`).
+//! Windows assessed: of logs (`replay`), and of samples in arrays (`identify`).
 
 use std::io;
 use std::path::PathBuf;
@@ -6,22 +6,24 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use ema_models::{SensedSample, Setpoint};
-use hmd_core::sample::{MeasuredConditions, SampleRate};
 use hmd::commands::{check_files, load_config};
-use hmd_core::config::Config;
-use hmd_report::export::{TableKind, health_row};
+use hmd::replay::{Observer, Replay};
 use hmd_core::actuator_stream::cut_windows;
 use hmd_core::assess::{self, Assessor};
+use hmd_core::config::Config;
 use hmd_core::record::HealthLine;
-use hmd::replay::{Observer, Replay};
+use hmd_core::sample::{MeasuredConditions, SampleRate};
 use hmd_core::window::TimedSample;
+use hmd_report::export::{TableKind, health_row};
+use hmd_storage::calibration_file::load_models;
+use hmd_storage::event_file::events_of;
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 
 use crate::arrow::{ArrowTable, Batches};
 use crate::error::{misuse, raised};
 
-/// What was judged, and what was said about it.
+/// Assessed windows, and notices about them.
 #[pyclass(frozen)]
 pub(crate) struct AssessedWindow {
     /// The lines of `hmd replay --json`.
@@ -212,7 +214,7 @@ pub(crate) struct Measured {
     load_torque_nm: Option<f64>,
 }
 
-/// Cuts samples into windows and judges them, as those of a log are.
+/// Cuts samples into windows and assesses them, as those of a log are.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "the Python side names them")]
 pub(crate) fn identify(
@@ -247,10 +249,11 @@ pub(crate) fn identify(
         gathered
             .notices
             .extend(notices.into_iter().map(|notice| notice.message));
-        let mut assess = Assessor::new(config, seed);
-        assess.follow_events()?;
+        let events = events_of(&config)?;
+        let mut assessor = Assessor::new(config.clone(), load_models(&config)?, seed);
+        assessor.histories().set_events(events);
         for job in jobs {
-            gathered.take(&assess.assess(job)?);
+            gathered.take(&assessor.assess(job)?);
         }
         Ok(gathered)
     })?;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use hmd::commands::{check_files, load_config};
 use hmd_report::export::{TableKind, export, export_raw, raw_heads};
-use hmd_core::assess::model_hash;
+use hmd_storage::calibration_file::hash_of_models;
 use pyo3::prelude::*;
 
 use crate::arrow::{ArrowTable, Shared};
@@ -38,7 +38,7 @@ pub(crate) fn read_raw(py: Python<'_>, logs: Vec<PathBuf>, config: Option<PathBu
     Ok((rows.into_table()?, exported.damaged))
 }
 
-/// Hash of a checked configuration, that of the calibrations its types are judged with, and the further files it names.
+/// Hash of a checked configuration, that of the calibrations its types are assessed with, and the further files it names.
 #[pyfunction]
 pub(crate) fn config_identity(config: Option<PathBuf>) -> PyResult<(String, String, Vec<PathBuf>)> {
     let config = load_config(config.as_deref()).map_err(raised)?;
@@ -47,7 +47,7 @@ pub(crate) fn config_identity(config: Option<PathBuf>) -> PyResult<(String, Stri
     let files = actuators.flat_map(|actuator| [&actuator.calibration, &actuator.dbc]);
     let files = files.chain([&config.rul().events]).flatten();
     let files = files.map(|file| config.resolve(file)).collect();
-    Ok((config.hash(), model_hash(&config), files))
+    Ok((config.hash(), hash_of_models(&config), files))
 }
 
 /// Serial numbers of the actuators of a log, as its writer's configuration said.

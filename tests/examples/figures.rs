@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         short_b: 0.15,
         ..FaultVector::NOMINAL
     };
-    let window = SimulatedWindow::of(&Scenario {
+    let window = SimulatedWindow::first_of(&Scenario {
         sensing: CurrentSensing {
             quantised: true,
             noise_rms: 0.03,

@@ -26,7 +26,7 @@ fn main() {
         flip: 0.002,
         ..LinkFaults::WORST
     };
-    println!("| link | windows | judged | right of them | with a fault that is not there |");
+    println!("| link | windows | assessed | right of them | with a fault that is not there |");
     println!("|---|---|---|---|---|");
     for kind in [Kind::Serial, Kind::Can] {
         report(
@@ -70,7 +70,7 @@ fn report(what: &str, tally: &Tally) {
         100.0 * *assessed as f64 / *windows as f64,
         100.0 * *right as f64 / (*assessed).max(1) as f64,
     );
-    eprintln!("{what}: not judged: {reasons:?}");
+    eprintln!("{what}: not assessed: {reasons:?}");
     for line in wrong {
         eprintln!("{what}: {line}");
     }

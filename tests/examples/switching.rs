@@ -196,7 +196,7 @@ fn estimate(identifier: &Identifier, truth: FaultVector, seed: u64, nudge: f64, 
             noise_rms: 0.05,
         };
     }
-    let mut window = SimulatedWindow::of(&scenario);
+    let mut window = SimulatedWindow::first_of(&scenario);
     if sampling.noisy {
         window.conditions.load_torque = None;
     }

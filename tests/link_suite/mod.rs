@@ -39,7 +39,7 @@ pub(crate) struct Tally {
     pub(crate) right: u64,
     /// Of those, with a fault that is not there.
     pub(crate) false_faults: u64,
-    /// Why the others were not judged, without numbers.
+    /// Why the others were not assessed, without numbers.
     pub(crate) reasons: BTreeMap<String, u64>,
     /// AssessedWindow and not right: seed, truth and what was said.
     pub(crate) wrong: Vec<String>,

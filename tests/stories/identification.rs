@@ -32,7 +32,7 @@ fn estimate(profile: Profile, seed: u64, method: Method) -> Estimate {
         quantised: true,
         noise_rms: 0.05,
     };
-    let mut window = SimulatedWindow::of(&scenario);
+    let mut window = SimulatedWindow::first_of(&scenario);
     window.conditions.load_torque = None;
     let found = identifier.identify(&window.prepared, window.conditions, seed);
     found.unwrap()

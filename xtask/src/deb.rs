@@ -61,6 +61,8 @@ pub(crate) fn make() -> anyhow::Result<()> {
             fs::create_dir_all(folder.join("completions")).with_context(|| folder.display().to_string())?;
             // The one that runs here knows the manual.
             run(program(&hmd, ["man"]).arg(folder.join("man")))?;
+            // cargo-deb leaves what is built as it is. Without name and date, as Debian asks for.
+            run(program("gzip", ["-9", "-n", "-r"]).arg(folder.join("man")))?;
             for shell in ["bash", "zsh", "fish"] {
                 let script = folder.join("completions").join(shell);
                 run_to_file(program(&hmd, ["completions", shell]), None, &script)?;

@@ -3,7 +3,7 @@
 //! A [`LaneWork`] is compiled once per instruction set, with the number types of [`LaneTypes`]. The result does not depend on
 //! the instruction set, because each lane computes as the scalar does.
 
-use crate::lanes::{Lanes, Lanes32, Lanes64, RANK_LANES, SLOPE_LANES};
+use crate::lanes::{Lanes, RANK_LANES, SLOPE_LANES};
 
 /// Number types of one instruction set.
 pub(crate) trait LaneTypes {
@@ -23,14 +23,6 @@ pub(crate) trait LaneWork {
 
     /// Runs the computation with the number types of one instruction set.
     fn run<N: LaneTypes>(self) -> Self::Output;
-}
-
-/// Arrays of the baseline; the compiler vectorises their loops.
-struct Arrays;
-
-impl LaneTypes for Arrays {
-    type Single = Lanes32<RANK_LANES>;
-    type Double = Lanes64<SLOPE_LANES>;
 }
 
 /// Vector instruction set for which the lanes are compiled.
@@ -96,20 +88,37 @@ impl InstructionSet {
         {
             return wide::run(proof, work);
         }
-        on_arrays(work)
+        on_baseline(work)
     }
 
     /// Runs the computation.
     #[cfg(not(all(feature = "std", target_arch = "x86_64")))]
     pub(crate) fn run<W: LaneWork>(self, work: W) -> W::Output {
-        on_arrays(work)
+        on_baseline(work)
     }
 }
 
 /// Runs the computation with the baseline. It is not inlined, because compiling it as a part of its callers takes minutes.
 #[inline(never)]
-fn on_arrays<W: LaneWork>(work: W) -> W::Output {
-    work.run::<Arrays>()
+fn on_baseline<W: LaneWork>(work: W) -> W::Output {
+    #[cfg(all(feature = "std", target_arch = "x86_64"))]
+    return work.run::<pulp::x86::V1>();
+    #[cfg(not(all(feature = "std", target_arch = "x86_64")))]
+    work.run::<arrays::Arrays>()
+}
+
+/// Arrays where `simd` has no registers; the compiler vectorises their loops.
+#[cfg(not(all(feature = "std", target_arch = "x86_64")))]
+mod arrays {
+    use super::{LaneTypes, RANK_LANES, SLOPE_LANES};
+    use crate::lanes::{Lanes32, Lanes64};
+
+    pub(super) struct Arrays;
+
+    impl LaneTypes for Arrays {
+        type Single = Lanes32<RANK_LANES>;
+        type Double = Lanes64<SLOPE_LANES>;
+    }
 }
 
 /// The only module that uses the vector registers of `simd`, together with pulp's proof that the processor has them.
@@ -117,11 +126,17 @@ fn on_arrays<W: LaneWork>(work: W) -> W::Output {
 mod wide {
     use core::marker::PhantomData;
 
-    use pulp::x86::{V3, V4};
+    use pulp::x86::{V1, V3, V4};
     use pulp::{Simd, WithSimd};
 
     use super::{LaneTypes, LaneWork, RANK_LANES, SLOPE_LANES};
     use crate::simd::{Wide32, Wide64};
+
+    /// Registers of 128 bits. The compiler takes ten times as long over arrays.
+    impl LaneTypes for V1 {
+        type Single = Wide32<Self, { RANK_LANES / 4 }>;
+        type Double = Wide64<Self, { SLOPE_LANES / 2 }>;
+    }
 
     impl LaneTypes for V3 {
         type Single = Wide32<Self, { RANK_LANES / 8 }>;

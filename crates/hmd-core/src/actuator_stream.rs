@@ -179,13 +179,13 @@ impl ActuatorStream {
         }
         if self.restarts > restarts {
             let name = &self.actuator.name;
-            outbox.notice(
+            outbox.push_notice(
                 stamp_ns,
                 format!("{name}: expected a sample counter that rises, found one that went back; an open window is cut short"),
             );
         }
         if let (Some(first), Some((last, _))) = (first_at_nominal_rate, self.last) {
-            outbox.notice(stamp_ns, self.nominal_rate_notice(&first, &last));
+            outbox.push_notice(stamp_ns, self.nominal_rate_notice(&first, &last));
         }
     }
 
@@ -243,7 +243,7 @@ impl ActuatorStream {
 
     /// One sample with its rate known, to the windows.
     fn deliver(&mut self, rate: SampleRate, sample: TimedSample, conditions: MeasuredConditions, outbox: &mut Outbox) {
-        outbox.sample(|| AssembledSample {
+        outbox.push_sample(|| AssembledSample {
             actuator: self.actuator.clone(),
             rate,
             sample,
@@ -258,7 +258,7 @@ impl ActuatorStream {
             Windowing::Ready(ready) => {
                 ready.operating += u64::from(sample.sensed.setpoint != Setpoint::Idle);
                 if let Some(window) = ready.windower.push(sample) {
-                    outbox.window(ready.job(&self.actuator, window, conditions));
+                    outbox.push_window(ready.job(&self.actuator, window, conditions));
                 }
             }
         }
@@ -268,7 +268,7 @@ impl ActuatorStream {
         if let Windowing::Ready(ready) = &mut self.windowing
             && let Some(window) = ready.windower.finish()
         {
-            outbox.window(ready.job(&self.actuator, window, conditions));
+            outbox.push_window(ready.job(&self.actuator, window, conditions));
         }
     }
 
@@ -288,7 +288,7 @@ impl ActuatorStream {
         params.sensors.sample_rate = rate.hz;
         if (rate.hz - nominal).abs() > 1e-3 * nominal {
             let found = rate.hz;
-            outbox.notice(
+            outbox.push_notice(
                 stamp_ns,
                 format!("{name}: expected {nominal} samples/s, found {found:.1}; windows are cut at the rate found"),
             );
@@ -317,7 +317,7 @@ impl ActuatorStream {
             Err(e) => Err(e.to_string()),
         };
         made.unwrap_or_else(|why| {
-            outbox.notice(stamp_ns, format!("{name}: not monitored: {why}"));
+            outbox.push_notice(stamp_ns, format!("{name}: not monitored: {why}"));
             Windowing::Refused(0)
         })
     }

@@ -1,4 +1,7 @@
-//! From windows to records: identification, then the health decision. Dear; never on a thread that does I/O.
+//! Windows -> records: identification, then the health decision and the forecast. CPU-bound; runs on the identification thread.
+//!
+//! Goes in: the windows of all actuators ([`WindowJob`]), in their order, and the calibrations ([`Models`]). Comes out: the
+//! records of each window ([`AssessedWindow`]).
 
 mod conditions;
 mod models;
@@ -24,7 +27,7 @@ use records::{health_record, rul_record, window_record};
 pub use conditions::{TYPE_TOLERANCE, conditions, motor_knowledge_at};
 pub use models::{AssessError, Models, ReadText, TypeModel, model_hash};
 
-/// Judges the windows of all actuators, in the order in which they come.
+/// Assesses the windows of all actuators, in the order in which they come.
 #[derive(Debug)]
 pub struct Assessor {
     config: Arc<Config>,
@@ -35,14 +38,14 @@ pub struct Assessor {
     counts: WindowCounts,
 }
 
-/// Windows by verdict.
+/// Windows by status.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WindowCounts {
     /// Identified without handicap.
     pub ok: u64,
     /// Identified with one.
     pub degraded: u64,
-    /// Not fit to be judged.
+    /// Not fit for an assessment.
     pub invalid: u64,
     /// Good data that no fault vector explains.
     pub unmodelled: u64,
@@ -51,9 +54,9 @@ pub struct WindowCounts {
 /// The records of one window.
 #[derive(Clone, Debug)]
 pub struct AssessedWindow {
-    /// What was seen, and the fit.
+    /// The samples, and the fit.
     pub window: record::Window,
-    /// The verdict.
+    /// Health of the actuator by this window.
     pub health: record::Health,
     /// Remaining useful life; without numbers until there is a trend.
     pub rul: record::Rul,
@@ -74,7 +77,7 @@ impl Assessor {
         }
     }
 
-    /// Lives of all actuators.
+    /// Histories of all actuators.
     pub fn histories(&mut self) -> &mut HistoryStore {
         &mut self.histories
     }
@@ -190,7 +193,7 @@ pub fn method(section: &IdentificationConfig) -> Method {
     }
 }
 
-/// Damage of what the window shows; the rest has no sigma and is left as it was.
+/// Damage of the faults that are observable in the window; the others have no sigma and keep their state.
 #[must_use]
 pub fn damage_evidence(estimate: &Estimate) -> DamageEvidence {
     let sigma = estimate.damage_sigma();
@@ -200,7 +203,7 @@ pub fn damage_evidence(estimate: &Estimate) -> DamageEvidence {
     }
 }
 
-/// Says which parameters the window does not show. The phase k7 is no handicap: without eccentricity it has no meaning.
+/// The reason that names the faults which are not observable; the direction k7 is no handicap.
 fn unseen(estimate: &Estimate) -> Option<String> {
     let names: Vec<&str> = FaultId::ALL
         .into_iter()
@@ -210,7 +213,7 @@ fn unseen(estimate: &Estimate) -> Option<String> {
     (!names.is_empty()).then(|| format!("not excited: {}", names.join(", ")))
 }
 
-/// Says which other values explain the window as well.
+/// The reason that names the values of a competing optimum, which explains the window as well.
 fn ambiguous(estimate: &Estimate, rival: &ema_models::FaultVector) -> String {
     let (k, other) = (estimate.fault.to_array(), rival.to_array());
     let names: Vec<String> = FaultId::ALL
@@ -222,7 +225,7 @@ fn ambiguous(estimate: &Estimate, rival: &ema_models::FaultVector) -> String {
     format!("ambiguous: {}", names.join(", "))
 }
 
-/// Difference of two explanations that is worth a word.
+/// Difference between competing optima from which on it is named.
 const RIVAL_DIFFERENCE: f64 = 0.02;
 
 /// FNV-1a, so that an actuator's searches do not depend on which others are there.

@@ -1,6 +1,6 @@
-//! What the error frames say about each bus: the error state of its controller.
+//! Error frames of each bus -> the error state of its controller.
 //!
-//! A bus that fails is no fault of an actuator; its state is told and recorded, and its windows become `invalid` by the
+//! A bus that fails is no fault of an actuator; its state is reported and recorded, and its windows become `invalid` by the
 //! samples that are missing. The state comes from the frames alone, so that replay finds the same.
 
 use std::collections::BTreeMap;
@@ -41,7 +41,7 @@ impl fmt::Display for BusState {
 pub struct BusStates(BTreeMap<u16, BusState>);
 
 impl BusStates {
-    /// State of a bus; error-active until an error frame says otherwise.
+    /// State of a bus; error-active until an error frame reports another one.
     #[must_use]
     pub fn state_of(&self, bus: u16) -> BusState {
         self.0.get(&bus).copied().unwrap_or_default()

@@ -21,7 +21,7 @@ pub struct Catalogue {
     pub fault_modes: [FaultMode; FaultId::COUNT],
 }
 
-/// How sure a record is, and in which fields it says so.
+/// Meaning of the uncertainties in a record.
 #[derive(Clone, Debug, Serialize)]
 pub struct Confidence {
     /// Meaning of the standard deviations.

@@ -113,7 +113,7 @@ impl Config {
 
     /// Checks the texts of several files, each with the name that errors call it: what a later one sets again holds, and
     /// its `[[actuator]]`s are further ones. Relative paths start at the directory of the first. `read_dbc` reads a DBC
-    /// file; where it cannot, it says why.
+    /// file, or returns why it cannot.
     ///
     /// # Errors
     /// [`ConfigError`] with file, line, key, what was expected and what was found.
@@ -178,7 +178,7 @@ impl Config {
     /// The interfaces that the actuators are on, in the order of the file; `file_name` is what errors call it.
     ///
     /// # Errors
-    /// [`ConfigError`] when an actuator has no bus, because nothing says where to listen for it.
+    /// [`ConfigError`] when an actuator has no bus, because it is not known where its frames arrive.
     pub fn interfaces(&self, file_name: &str) -> Result<BusNames, ConfigError> {
         match self.actuators.iter().find(|actuator| actuator.bus.is_none()) {
             Some(actuator) => Err(ConfigError::NoBus {

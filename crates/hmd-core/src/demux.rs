@@ -23,7 +23,7 @@ pub struct FrameCounts {
     pub received: u64,
     /// Frames of a monitored actuator that were understood.
     pub decoded: u64,
-    /// Frames that belong to nobody we watch.
+    /// Frames of no monitored actuator.
     pub filtered: u64,
     /// Error frames of the bus.
     pub error: u64,
@@ -77,7 +77,7 @@ impl Demux {
         }
     }
 
-    /// The same, collecting every sample until [`Demux::take_samples`]: whoever asks for them also bounds them.
+    /// The same, collecting every sample until [`Demux::take_samples`]; the caller bounds them by taking them.
     #[must_use]
     pub fn collecting_samples(mut self) -> Self {
         self.outbox = Outbox::collecting_samples();
@@ -260,7 +260,7 @@ impl Demux {
 }
 
 impl NamedStream {
-    /// `None` if nobody monitors this actuator.
+    /// `None` if this actuator is not monitored.
     fn new(config: &Config, bus: &str, id: ActuatorId) -> Option<Self> {
         let actuator = Arc::new(config.actuator_for(bus, id)?.clone());
         Some(Self {

@@ -1,4 +1,7 @@
-//! Whether an actuator in some state of wear still does what its specification asks for: the monitor tries a step.
+//! Functional check: whether an actuator in some state of wear still meets its specification.
+//!
+//! Goes in: fault vectors and a specification. Comes out: for each fault vector the first requirement that is not met, by a
+//! simulated step of the monitor.
 
 use ema_models::{ActuatorParams, Calibration, FaultVector, RANK_LANES, StepResponse, StepTrial};
 
@@ -32,19 +35,19 @@ impl UnmetRequirement {
     }
 }
 
-/// Fault vectors that are tried at once.
+/// Fault vectors that are checked together.
 pub const CHECK_LANES: usize = RANK_LANES;
 
-/// A specification that fault vectors are tried on: for each the first requirement that it makes the actuator miss.
+/// A check of fault vectors against a specification: for each the first requirement that is not met.
 pub type RequirementCheck<'a> = dyn Fn(&[FaultVector; CHECK_LANES]) -> [Option<UnmetRequirement>; CHECK_LANES] + 'a;
 
-/// How long a step is watched, s; twice the response time if that is longer.
+/// Duration of a simulated step, s; twice the response time if that is longer.
 const WATCHED_S: f64 = 1.0;
 
 /// Share of the step that the output must make against the stall load.
 const UNDER_WAY: f64 = 0.5;
 
-/// The first requirement that each fault vector makes the actuator miss; `None` if it meets all that are set.
+/// The first requirement that is not met with each fault vector; `None` if all that are set are met.
 #[must_use]
 pub fn unmet_requirements(
     params: &ActuatorParams,

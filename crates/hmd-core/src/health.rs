@@ -1,4 +1,7 @@
-//! Estimates of one actuator, window by window -> its health state. Thresholds with hysteresis, and memory; no clock.
+//! Damage of one actuator, window by window -> its health state.
+//!
+//! Goes in: the damage of each fault with its standard deviation ([`DamageEvidence`]). Comes out: a state for each fault and
+//! for the actuator ([`HealthDecision`]). Each fault has its own levels with hysteresis and persistence; no clock.
 
 use std::ops::RangeInclusive;
 
@@ -11,7 +14,7 @@ use crate::setting::{Expected, SettingError};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum HealthState {
-    /// Nothing was judged yet.
+    /// No window was assessed yet.
     #[default]
     Unknown,
     /// No fault has reached its watch level.
@@ -63,7 +66,7 @@ pub struct Levels {
     pub warning: f64,
     /// From here on [`HealthState::Critical`]; above `warning`.
     pub critical: f64,
-    /// Where the life of the part ends, above `critical`; the remaining life counts to here.
+    /// Damage at the end of life of the part, above `critical`; the remaining useful life counts to it.
     pub end_of_life: f64,
     /// How far the damage must fall below a level before the state improves; below `watch`.
     pub hysteresis: f64,
@@ -102,7 +105,7 @@ impl Levels {
     /// Values of the persistence, windows.
     pub(crate) const PERSISTENCE: RangeInclusive<u32> = 1..=1_000;
 
-    /// The same levels for the judgement of a single window: reached at once.
+    /// The same levels for the assessment of a single window: without persistence.
     #[must_use]
     pub fn at_once(self) -> Self {
         Self { persistence: 1, ..self }
@@ -159,7 +162,7 @@ const STATES: [HealthState; STEPS + 1] = [
     HealthState::Critical,
 ];
 
-/// What the identification of one window says of the damage.
+/// Damage of an actuator, as identified from one window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DamageEvidence {
     /// Damage of each fault (see [`ema_models::FaultVector::damages`]), in the order of [`FaultId::ALL`]. A damage that is
@@ -186,9 +189,9 @@ pub struct HealthDecision {
 
 /// Health of one actuator.
 ///
-/// A fault worsens to a level when as many judged windows in a row as its own `persistence` have reached it, each with a
-/// damage of at least [`SIGNIFICANCE`] sigmas. It improves at once when the damage and one sigma together are below the level by more than the
-/// hysteresis. Windows that were not judged change nothing and interrupt nothing.
+/// A fault worsens to a level when as many assessed windows in a row as its own `persistence` have reached it, each with a
+/// damage of at least [`SIGNIFICANCE`] sigmas. It improves at once when the damage plus one sigma is below the level by more
+/// than the hysteresis. Windows that were not assessed neither change a state nor interrupt a row.
 ///
 /// ```
 /// use ema_models::FaultId;
@@ -216,7 +219,7 @@ pub struct Health {
 struct FaultMemory {
     /// Levels reached: index into [`STATES`].
     reached: usize,
-    /// AssessedWindow windows in a row at or above each level.
+    /// Assessed windows in a row at or above each level.
     above: [u32; STEPS],
 }
 
@@ -252,7 +255,7 @@ impl Health {
         }
     }
 
-    /// Whether it could have come about: a file may say anything.
+    /// Whether the state is possible; a damaged file may hold any numbers.
     pub(crate) fn is_possible(&self) -> bool {
         self.faults.iter().all(|memory| memory.reached <= STEPS)
     }
@@ -263,7 +266,7 @@ impl Health {
         fault.map_or_else(|| most().unwrap_or(1), |fault| self.levels[fault.index()].persistence)
     }
 
-    /// AssessedWindow windows in a row that ask for a worse state than the one reached, the most of any fault; 0 when none does.
+    /// Assessed windows in a row that ask for a worse state than the one reached, the most of any fault; 0 when none does.
     pub(crate) fn pending(&self) -> u32 {
         let next = |memory: &FaultMemory| memory.above.get(memory.reached).copied();
         self.faults.iter().filter_map(next).max().unwrap_or(0)
@@ -282,7 +285,7 @@ impl Health {
         self.faults = [FaultMemory::default(); FaultId::COUNT];
     }
 
-    /// Takes the next window; `None` if it was not judged.
+    /// Takes the next window; `None` if it was not assessed.
     pub fn update(&mut self, window: u64, damage_evidence: Option<&DamageEvidence>) -> HealthDecision {
         for (fault, memory) in FaultId::ALL.into_iter().zip(&mut self.faults) {
             let Some((damage, sigma)) =
@@ -372,7 +375,7 @@ mod tests {
         Health::new([levels; FaultId::COUNT]).unwrap()
     }
 
-    /// A history of friction damage, NaN for a window that was not judged, and the initials of the states after each window.
+    /// A history of friction damage, NaN for a window that was not assessed, and the initials of the states after each window.
     fn states(persistence: u32, history: &[f64]) -> String {
         let mut health = health(persistence);
         let decide = |(n, &damage): (usize, &f64)| {
@@ -390,7 +393,7 @@ mod tests {
     }
 
     #[test]
-    fn what_asks_for_a_worse_state_is_counted() {
+    fn windows_that_ask_for_a_worse_state_are_counted() {
         let mut health = health(3);
         let pending = [0.0, 0.25, 0.25, 0.25, 0.25, 0.0].map(|damage| {
             health.update(0, Some(&friction(damage)));
@@ -414,9 +417,9 @@ mod tests {
             (1, &[0.61, 0.59, 0.581, 0.579, 0.281, 0.279, 0.031, 0.029], "CCCWWwwn"),
             // A repair is seen at once, through all levels.
             (1, &[0.9, 0.0], "Cn"),
-            // Windows that were not judged leave the state.
+            // Windows that were not assessed leave the state.
             (1, &[0.4, NONE, NONE, 0.4], "WWWW"),
-            // Persistence: two in a row, not interrupted by a window without judgement; a single outlier is nothing.
+            // Persistence: two in a row, not interrupted by a window that was not assessed; a single outlier has no effect.
             (2, &[0.4, 0.0, 0.4, NONE, 0.4], "nnnnW"),
             // The worst level that two windows in a row reached.
             (2, &[0.9, 0.1, 0.9, 0.9], "nwwC"),
@@ -497,7 +500,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unobservable_first_window_judges_nothing() {
+    fn an_unobservable_first_window_leaves_the_state_unknown() {
         let nothing = DamageEvidence {
             damage: [f64::NAN; FaultId::COUNT],
             sigma: None,

@@ -1,5 +1,8 @@
-//! The life of one actuator: how much it was used, how worn it is, and what is left. No clock; files only in `state`
-//! (lives that outlast the daemon) and `events` (maintenance).
+//! The history of one unit: how much it was used, how worn it is, and how long it will last.
+//!
+//! Goes in, window by window: the window, and the evidence that its identification gave ([`WindowEvidence`]). Comes out: the
+//! health state, the forecast and what limits it ([`UnitAssessment`]). A [`UnitHistory`] can be serialised and resumed; no
+//! clock, no files.
 
 mod functional;
 mod maintenance;
@@ -21,41 +24,41 @@ pub use functional::LimitingCriterion;
 pub use maintenance::{Event, EventKind, Events};
 pub use store::HistoryStore;
 
-/// Everything that is remembered of an actuator from window to window.
+/// What is kept of a unit from window to window.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct UnitHistory {
-    /// Time of the maintenance event with which it began, UTC ns; 0 without one.
+    /// Time of the maintenance event that last reset it, UTC ns; 0 without one.
     begun_ns: u64,
-    /// Maintenance events up to then that are followed, counted: one that was told of later may lie earlier, because a
-    /// clock was wrong. Files of version 1 had no count.
+    /// Number of maintenance events that were followed. They are counted because an event that is added later may have an
+    /// earlier time, where a clock was wrong. Files of version 1 had no count.
     #[serde(default)]
     events_followed: Option<u64>,
-    /// Serial number of the unit whose life this is.
+    /// Serial number of the unit.
     serial_number: Option<String>,
     health: Health,
     prognosis: Prognosis,
     urgency: Urgency,
     used: Odometer,
-    /// Actuations whose work is known, in `used.work_j`; the others are taken to be like them.
+    /// Work of the actuations that were measured; the others count with the mean of these.
     measured: Measured,
     last: Option<Last>,
     /// The newest fault vector.
     fault: Option<[f64; FAULT_COUNT]>,
-    /// The last trial of the function; files of version 1 had none.
+    /// The last functional check; files of version 1 had none. The name in files is older.
     #[serde(default, rename = "tried")]
     last_check: Option<functional::LastCheck>,
 }
 
-/// What a window shows of an actuator.
+/// What the identification of a window gave.
 #[derive(Clone, Copy)]
 pub struct WindowEvidence<'a> {
-    /// Its damage, if it was judged.
+    /// Damage, if the window was assessed.
     pub damage_evidence: Option<&'a DamageEvidence>,
-    /// Its fault vector, if it was judged.
+    /// Fault vector, if the window was assessed.
     pub fault: Option<&'a FaultVector>,
     /// Currents and speeds, for the work done; empty where it was not identified.
     pub fit: &'a Fit,
-    /// The requirement that a fault vector makes the actuator miss; `None` where nothing is required.
+    /// The check of fault vectors against the specification; `None` where nothing is required.
     pub unmet_requirement: Option<&'a RequirementCheck<'a>>,
 }
 
@@ -74,23 +77,23 @@ struct Last {
     operating_s: f64,
 }
 
-/// What is said of a life after a window.
+/// Assessment of a unit after a window.
 #[derive(Clone, Debug)]
 pub struct UnitAssessment {
     /// State and faults by damage alone.
     pub health: HealthDecision,
-    /// The worse of health by damage and by what is left.
+    /// The worse of the states by damage and by remaining useful life.
     pub state: HealthState,
-    /// What is left.
+    /// Remaining useful life.
     pub forecast: Forecast,
-    /// What ends the life.
+    /// The criterion that ends the life.
     pub limiting_criterion: LimitingCriterion,
     /// Use so far.
     pub used: Odometer,
 }
 
 impl UnitHistory {
-    /// Of a new part.
+    /// The history of a new unit.
     ///
     /// # Errors
     /// Levels that contradict each other.
@@ -111,7 +114,7 @@ impl UnitHistory {
         })
     }
 
-    /// Whether it could have come about: a file may say anything.
+    /// Whether the history is possible; a damaged file may hold any numbers.
     #[must_use]
     pub fn is_possible(&self) -> bool {
         let used = [self.used.hours, self.used.cycles, self.used.work_j];
@@ -122,8 +125,8 @@ impl UnitHistory {
             && self.urgency.is_possible()
     }
 
-    /// A life that was kept goes on under a configuration, after a pause that counts for nothing; a unit with another
-    /// serial number begins a new one.
+    /// Resumes a stored history under a configuration. The pause counts as no use; a unit with another serial number begins a
+    /// new history.
     ///
     /// # Errors
     /// Levels that contradict each other.
@@ -137,7 +140,7 @@ impl UnitHistory {
             // The specification may be another one.
             last_check: None,
             prognosis: self.prognosis.with_end_of_life(new.prognosis.end_of_life()),
-            // Frames are counted from the start of the daemon; elapsed hours go on.
+            // Frames are counted from the start of the daemon; elapsed hours continue.
             last: self.last.map(|last| Last {
                 operating_s: 0.0,
                 window: 0,

@@ -1,6 +1,6 @@
 //! What leaves the streams of all actuators: ended windows, notices for an operator and, on request, every sample.
 //!
-//! The streams append to one [`Outbox`]; whoever pushes frames empties it. An empty outbox is taken without allocation.
+//! The streams append to one [`Outbox`]; the caller who pushes frames empties it. Taking from an empty outbox allocates nothing.
 
 use std::sync::Arc;
 
@@ -82,15 +82,15 @@ impl Outbox {
         self.samples.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
-    pub(crate) fn window(&mut self, job: WindowJob) {
+    pub(crate) fn push_window(&mut self, job: WindowJob) {
         self.windows.push(job);
     }
 
-    pub(crate) fn notice(&mut self, stamp_ns: u64, message: String) {
+    pub(crate) fn push_notice(&mut self, stamp_ns: u64, message: String) {
         self.notices.push(Notice { stamp_ns, message });
     }
 
-    pub(crate) fn sample(&mut self, sample: impl FnOnce() -> AssembledSample) {
+    pub(crate) fn push_sample(&mut self, sample: impl FnOnce() -> AssembledSample) {
         if let Some(samples) = &mut self.samples {
             samples.push(sample());
         }

@@ -1,8 +1,8 @@
-//! Counts that do not fit their neighbours, found with the help of the fitted monitor.
+//! Resolver counts that do not fit their neighbours, found with the residual of the fitted monitor.
 //!
 //! The windower refuses counts that no actuator could show. At 400 Hz that lets an error of 1 800 resolver counts pass,
-//! because the motor may speed up that much in one sample. The fitted monitor knows better when it did: what is left after
-//! it is smooth from sample to sample, even where the fit itself is poor, because the monitor's errors add up over time.
+//! because the motor may speed up that much in one sample. The residual of the fitted monitor is
+//! smooth from sample to sample, even where the fit itself is poor, because the monitor's errors add up over time.
 //! A single wrong count sticks out of that by its full size.
 
 use ema_ga::ConfigError;

@@ -1,4 +1,4 @@
-//! The cheap half of the chain with its books: frames to windows, and a count of everything on the way.
+//! Frames to windows for all actuators, with a count of everything on the way: the CPU-light half of the chain.
 //!
 //! Live and replay both drive this one, then hand its windows to the [`Assessor`](crate::assess::Assessor); so the same frames
 //! give the same windows, in the same order.
@@ -15,7 +15,7 @@ use crate::frame::{BusNames, RawFrame};
 use crate::outbox::{Notice, WindowJob};
 use crate::record::{InterfaceStatus, Status};
 
-/// What was lost around the frames themselves. Counted by whoever sees it.
+/// Losses that the pipeline itself cannot see; sources and callers count them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Losses {
     /// Lines of a text log, or frames that no bus carries, that could not be read; those of serial lines are counted
@@ -27,7 +27,7 @@ pub struct Losses {
     pub socket_queue: u64,
     /// Frames of a log that are not later than those of the logs before.
     pub overlapping: u64,
-    /// Windows not judged.
+    /// Windows not assessed.
     pub windows: u64,
 }
 
@@ -54,7 +54,7 @@ impl Pipeline {
         }
     }
 
-    /// Keeps the books of a capture, and watches nothing.
+    /// Counts the frames of a capture, and monitors no actuator.
     #[must_use]
     pub fn capture() -> Self {
         Self {
@@ -143,7 +143,7 @@ impl Pipeline {
         self.demux.iter().flat_map(Demux::actuators).count() as u64
     }
 
-    /// The counters of a run, with those of its judge.
+    /// The counters of a run, with those of its assessor.
     #[must_use]
     pub fn status(&self, names: &BusNames, windows: WindowCounts) -> Status {
         let (frames, losses) = (self.frames(), &self.losses);

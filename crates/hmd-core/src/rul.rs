@@ -1,7 +1,7 @@
-//! Estimates of one actuator, window by window -> how long it will last, and how sure that is. No clock.
+//! Damage of one actuator, window by window -> the distribution of its remaining useful life. No clock.
 //!
 //! [`Prognosis`] keeps a [`Trend`] for each fault: a bank of [`Law`]s of growth, each a Kalman filter whose rate is held
-//! fixed, weighed by how well it foretold the estimates. [`Remaining`] is the distribution of the hours until their
+//! fixed, weighed by how well it predicted the estimates. [`Remaining`] is the distribution of the hours until their
 //! mixture reaches the end of life. `docs/prognosis.md` gives the equations.
 
 mod forecast;

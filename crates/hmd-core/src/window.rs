@@ -1,7 +1,7 @@
 //! Samples of one actuator -> actuation windows. No I/O, no clock, bounded memory.
 //!
 //! [`Windower::push`] takes the samples of one actuator as they were received and now and then returns a [`Window`]: the
-//! samples of one actuation on an exact grid of 1/f_s, with a [`WindowQuality`] whether they are fit to be judged. In order:
+//! samples of one actuation on an exact grid of 1/f_s, with a [`WindowQuality`]: whether they are fit for an assessment. In order:
 //!
 //! 1. order: a repeated sample is dropped, a counter that goes back ends what is open ([`Windower::push`]);
 //! 2. `glitch`: a setpoint that lasts one sample only is a transmission error, so each sample waits for the next one;
@@ -10,8 +10,8 @@
 //! 5. when the window is complete: `signals`, `counters`, `check` find what cannot be used and whether the rest is enough,
 //!    `fill` interpolates what is missing.
 //!
-//! `docs/windows.md` states the rules with their defaults. A window that is not fit says why; nothing in here ever takes
-//! bad data for a bad actuator.
+//! `docs/windows.md` states the rules with their defaults. A window that is not fit has a reason; bad data are
+//! never taken for a bad actuator.
 
 mod check;
 mod config;
@@ -48,7 +48,7 @@ pub struct TimedSample {
 /// One actuation, on a grid of one sample period.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Window {
-    /// Number of the window, from 0; counts every window, judged or not.
+    /// Number of the window, from 0; counts every window, assessed or not.
     pub number: u64,
     /// UTC of the first sample, ns: the trigger's stamp less the pre-trigger time.
     pub t_start_ns: u64,
@@ -58,7 +58,7 @@ pub struct Window {
     pub samples: Vec<SensedSample>,
     /// Samples that a window of full length has.
     pub expected: usize,
-    /// Whether the samples are fit to be judged.
+    /// Whether the samples are fit for an assessment.
     pub quality: WindowQuality,
     /// Samples missing by their counter.
     pub lost: u64,
@@ -103,7 +103,7 @@ impl Window {
 /// What a [`Windower`] has seen since it was made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StreamCounts {
-    /// Samples taken in.
+    /// Samples accepted.
     pub samples: u64,
     /// Repeated samples, dropped; `samples + duplicates` is the number of calls of `push`.
     pub duplicates: u64,
@@ -185,7 +185,7 @@ impl Windower {
         })
     }
 
-    /// The same for samples whose rate the device's own time has told: stamps then say nothing about it.
+    /// The same for samples whose rate was measured by the device's own time: stamps are then no evidence against it.
     #[must_use]
     pub fn at_device_time(mut self) -> Self {
         self.limits.rate_is_unconfirmed = false;
@@ -225,7 +225,7 @@ impl Windower {
     }
 
     /// End of the stream, or a known break in it: an open window is returned, cut short unless this was its last sample.
-    /// The next sample begins afresh; numbers and counts go on.
+    /// The next sample begins afresh; numbers and counts continue.
     pub fn finish(&mut self) -> Option<Window> {
         self.end_stream(CutShort::StreamEnded)
     }
@@ -262,7 +262,7 @@ impl Windower {
         completed.or(self.advance(slot, may_open))
     }
 
-    /// Places for `gap` missing samples. They hold the setpoint before them, so that rest goes on through a short gap;
+    /// Places for `gap` missing samples. They hold the setpoint before them, so that rest continues through a short gap;
     /// what lies before a gap longer than the rest is forgotten.
     fn bridge(&mut self, mut gap: u64) -> Option<Window> {
         let mut completed = None;

@@ -1,6 +1,6 @@
-//! A SocketCAN interface as a source of frames. Receive only: nothing here sends, and the socket is shown to nobody else.
+//! A SocketCAN interface as a source of frames. Receive only: nothing here sends, and the socket is private.
 //!
-//! The interface may be missing at the start, go away, be switched off and come back: the source says so and goes on.
+//! The interface may be missing at the start, go away, be switched off and come back: the source reports it and goes on.
 //! A socket outlives `ip link set … down` and `up`, so it is kept, and frames are received from the first one on; an
 //! interface that was deleted and made again needs a new socket.
 
@@ -54,7 +54,7 @@ pub struct CanId {
 impl Wanted {
     /// Frames of the actuators that a configuration has on an interface: those of its map, or of the built-in dictionary.
     #[must_use]
-    pub fn on(config: &Config, interface: &str) -> Self {
+    pub fn for_interface(config: &Config, interface: &str) -> Self {
         let mut ids = BTreeSet::new();
         for actuator in config.actuators().iter().filter(|of| of.is_at(interface, of.id)) {
             match &actuator.map {
@@ -147,7 +147,7 @@ impl CanSource {
         // What was dropped after the last frame is known only to the socket.
         let dropped = fd.get_mut().dropped_since();
         if dropped > 0 {
-            // The pipeline may be gone; then there is nobody to tell.
+            // The pipeline may be gone; then nothing is reported.
             let _ = feed.lost(LiveLoss::SocketQueue, dropped).await;
         }
         ended
@@ -282,7 +282,7 @@ mod tests {
         let text = "[[actuator]]\nid = 0\n[[actuator]]\nid = 7\nbus = \"can0\"\n[[actuator]]\nid = 15\n\
                     [[actuator]]\nid = 8\nbus = \"can1\"\n[type.bench.sensors]\nsample_rate_hz = 400\n";
         let config = Config::from_toml_str(text, "hmd.toml").expect("valid");
-        let Wanted::Ids(wanted) = Wanted::on(&config, "can0") else {
+        let Wanted::Ids(wanted) = Wanted::for_interface(&config, "can0") else {
             panic!("expected identifiers")
         };
         let ids: Vec<ActuatorId> = [0, 7, 15].into_iter().filter_map(ActuatorId::new).collect();

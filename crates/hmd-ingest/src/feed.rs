@@ -1,7 +1,7 @@
-//! What live sources tell the pipeline, and the one bounded queue between them.
+//! Inputs of live sources to the pipeline, and the one bounded queue between them.
 //!
 //! A source is one task on the I/O runtime that turns one bus into [`Input`]s and sends them, in the order of the bus,
-//! through its [`Feed`]. It never gives up: what is missing or fails is said once as a [`LinkState`] and tried again after
+//! through its [`Feed`]. It never gives up: what is missing or fails is reported once as a [`LinkState`] and tried again after
 //! a bounded pause ([`RetryDelay`](hmd_storage::retry_delay::RetryDelay)), until the feed closes.
 
 use std::fmt;
@@ -93,19 +93,19 @@ impl fmt::Display for LiveLoss {
     }
 }
 
-/// What was last said about a link, so that each change is said once.
+/// State of a link as last reported, so that each change is reported once.
 #[derive(Debug, Default)]
 pub(crate) struct Link {
     state: Option<LinkState>,
 }
 
 impl Link {
-    /// Whether frames can come, as far as it was said.
+    /// Whether frames can come, by the last report.
     pub(crate) fn is_up(&self) -> bool {
         self.state == Some(LinkState::Up)
     }
 
-    /// Says what the link is now, unless it was so before.
+    /// Reports the state of the link, unless it is unchanged.
     pub(crate) async fn change(&mut self, feed: &Feed, state: LinkState, cause: Option<&str>) -> Result<(), Closed> {
         if self.state == Some(state) {
             return Ok(());
@@ -115,7 +115,7 @@ impl Link {
     }
 }
 
-/// The pipeline has ended; the source has nobody to tell.
+/// The pipeline has ended; nothing takes inputs any more.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the pipeline has ended")]
 pub struct Closed;
@@ -153,7 +153,7 @@ impl Feed {
         self.queue.send(input).await.map_err(|_| Closed)
     }
 
-    /// Says that the link came or went, now.
+    /// Reports that the link came or went, now.
     ///
     /// # Errors
     /// [`Closed`].
@@ -169,7 +169,7 @@ impl Feed {
         self.send(input).await
     }
 
-    /// Says that frames were lost.
+    /// Reports that frames were lost.
     ///
     /// # Errors
     /// [`Closed`].
@@ -180,7 +180,7 @@ impl Feed {
 
     /// Resolves when the source shall end. Cancel-safe: made for `select!` beside the wait for data.
     pub async fn closing(&mut self) {
-        // An error means that nobody can say so any more.
+        // An error means that the other end is gone.
         let _ = self.closing.wait_for(|closing| *closing).await;
     }
 }

@@ -1,6 +1,6 @@
 //! One recorded log, whatever its format.
 //!
-//! The format is told by the first bytes, not by the name. A source is opened up to its first frame, so that a file
+//! The format is recognised by the first bytes, not by the name. A source is opened up to its first frame, so that a file
 //! that has none is refused at once.
 
 use crate::Loss;
@@ -19,7 +19,7 @@ use thiserror::Error;
 /// Losses before the first frame after which a text is not taken for a log; also the most that are held in memory.
 pub const LEAD_LIMIT: usize = 1000;
 
-/// First bytes of compressed files that somebody may hand us.
+/// First bytes of compressed files that may be given by mistake.
 const COMPRESSED: [(&[u8], &str); 3] = [
     (&[0x1f, 0x8b], "gzip"),
     (&[0x28, 0xb5, 0x2f, 0xfd], "zstd"),
@@ -413,7 +413,7 @@ mod tests {
         }
         let mut log = Vec::new();
         let out = std::fs::File::create(&recorded).unwrap();
-        let mut sink = hmd_storage::mcap_writer::Sink::new(out, &std::collections::BTreeMap::new()).unwrap();
+        let mut writer = hmd_storage::mcap_writer::McapWriter::new(out, &std::collections::BTreeMap::new()).unwrap();
         let mut frames = Vec::new();
         for i in 0..500_u64 {
             let stamp_ns = 1_700_000_000_000_000_000 + 1000 * i;
@@ -432,10 +432,10 @@ mod tests {
                 crate::candump::Decimals::Six,
                 &mut log,
             );
-            sink.raw(&frame, &names).unwrap();
+            writer.write_frame(&frame, &names).unwrap();
             frames.push(frame);
         }
-        sink.finish().unwrap();
+        writer.finish().unwrap();
         std::fs::write(&text, log).unwrap();
         for path in [text, recorded] {
             let read: Result<Vec<_>, _> = open(&path).unwrap().collect();

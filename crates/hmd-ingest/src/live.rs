@@ -4,7 +4,7 @@ use crate::can::CanSource;
 use crate::feed::{Feed, Input};
 use crate::serial::SerialSource;
 
-/// A source of frames that goes on until it is told to end.
+/// A source of frames that runs until it is closed.
 pub enum LiveSource {
     /// A SocketCAN interface.
     Can(CanSource),

@@ -18,7 +18,7 @@ pub enum Loss {
 }
 
 impl Loss {
-    /// How many frames are known to be lost; 0 when that cannot be told.
+    /// How many frames are known to be lost; 0 when that is unknown.
     pub fn frames(&self) -> u64 {
         match self {
             Self::Line(_) => 1,

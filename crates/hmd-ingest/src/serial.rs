@@ -1,7 +1,7 @@
 //! A serial line (tty or pty) as a source of frames. Receive only: the device is opened for reading.
 //!
-//! A frame is what stands between two zeros, good or not; decoding belongs to the pipeline, so that replay runs the very
-//! same. The device may be missing at the start, be unplugged and come back, under the same path: the source says so and
+//! A frame is the bytes between two zeros, good or not; decoding belongs to the pipeline, so that replay runs the very
+//! same. The device may be missing at the start, be unplugged and come back, under the same path: the source reports it and
 //! goes on. Where it joins the line, the rest of a frame that had begun before is no loss, and is passed over.
 
 use std::fs::{File, OpenOptions};
@@ -145,7 +145,7 @@ async fn read(file: File, feed: &mut Feed, link: &mut Link, pause: &mut RetryDel
     }
 }
 
-/// Where the source stands on the line.
+/// Position of the source in the byte stream.
 #[derive(Debug, Default)]
 struct Line {
     splitter: Splitter,

@@ -67,7 +67,7 @@ pub enum BenchError {
     Calibration(&'static str),
 }
 
-/// Measures on `threads` threads and fewer; `done` is told after each figure.
+/// Measures on `threads` threads and fewer; `done` is called after each figure.
 ///
 /// # Errors
 /// [`BenchError`] when threads cannot be started.

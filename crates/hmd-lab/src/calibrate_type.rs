@@ -19,7 +19,7 @@ use ema_identify::{comparison, pull_from};
 const HEALTHY_WINDOWS: u64 = 8;
 const FAULTY_WINDOWS: u64 = 40;
 
-/// Upper bits of the seeds of a calibration's windows, which belong to nobody else: the suites hash theirs.
+/// Upper bits of the seeds of a calibration's windows, which nothing else uses: the suites hash theirs.
 const SEED_SPACE: u64 = 0xCA11_B8A7_0000_0000;
 
 /// Calibrates a monitor form for a type of actuator.
@@ -255,7 +255,7 @@ fn residual_statistics(params: &ActuatorParams, coefficients: &Calibration, wind
     }
 }
 
-/// How wrong the monitor is in windows of one rate, with the weights of angle and speed that pull estimates least.
+/// How wrong the monitor is in windows of one rate, with the weights of angle and speed that bias estimates least.
 ///
 /// The two say the same thing twice, the angle drifting and the speed noisy, so their correlation alone does not tell
 /// how much each should count.

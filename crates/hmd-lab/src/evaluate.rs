@@ -6,6 +6,7 @@ mod motors;
 mod noise;
 mod profiles;
 mod rul;
+pub mod tables;
 
 use ema_ga::ConfigError;
 use ema_models::{FAULT_COUNT, FaultVector, Profile, eq15_pct, rss_pct};
@@ -146,8 +147,8 @@ pub fn paper(
         suite: "paper",
         actuator: actuator.to_owned(),
         seed,
-        single: Group::of(single),
-        multi: Group::of(multi),
+        single: Group::mean_of(single),
+        multi: Group::mean_of(multi),
         cases,
     })
 }
@@ -233,7 +234,7 @@ fn case(name: String, seed: u64, truth: &FaultVector, estimate: &Estimate) -> Ca
 }
 
 impl Group {
-    fn of(cases: &[Case]) -> Self {
+    fn mean_of(cases: &[Case]) -> Self {
         let n = cases.len().max(1) as f64;
         Self {
             mean_rss_pct: cases.iter().map(|c| c.rss_pct).sum::<f64>() / n,

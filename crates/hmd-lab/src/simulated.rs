@@ -27,7 +27,7 @@ impl SimulatedWindow {
     /// One actuation of a unit that is its type exactly, without noise.
     #[must_use]
     pub fn new(params: &ActuatorParams, truth: FaultVector, profile: Profile, seed: u64) -> Self {
-        Self::of(&Scenario {
+        Self::first_of(&Scenario {
             actuations: Actuations::single(profile),
             ..Scenario::new(*params, truth, seed)
         })
@@ -35,7 +35,7 @@ impl SimulatedWindow {
 
     /// The first window of a scenario.
     #[must_use]
-    pub fn of(scenario: &Scenario) -> Self {
+    pub fn first_of(scenario: &Scenario) -> Self {
         let rate = scenario.nominal.sensors.sample_rate;
         let samples: Vec<SensedSample> = scenario.run().collect();
         let rest = (PRE_TRIGGER * rate).round() as usize;

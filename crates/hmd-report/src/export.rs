@@ -112,7 +112,7 @@ pub struct Exported {
     pub damaged: bool,
 }
 
-/// Reads files in the order of time into a table; `tell` gets what is damaged, each with its place.
+/// Reads files in the order of time into a table; `report` gets what is damaged, each with its place.
 ///
 /// # Errors
 /// A file that cannot be read, a record that is none, a row that cannot be written.

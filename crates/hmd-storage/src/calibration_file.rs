@@ -16,7 +16,7 @@ pub fn load_models(config: &Config) -> Result<Models, AssessError> {
     Models::load(config, &read_text)
 }
 
-/// Reads the calibrations of the types alone, as for units that nobody has calibrated yet.
+/// Reads the calibrations of the types alone, as for units without a calibration of their own.
 ///
 /// # Errors
 /// The first calibration that cannot be read or used.

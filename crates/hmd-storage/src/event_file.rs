@@ -1,4 +1,4 @@
-//! Maintenance events: a part was replaced, and a new life begins. A file of lines, in JSON, that only grows.
+//! Reads and writes the file of maintenance events: one JSON object a line, appended only. A replaced part resets the history.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -71,7 +71,7 @@ pub fn read(path: &Path) -> Result<Events, EventError> {
 ///
 /// # Errors
 /// A file that is there and cannot be read.
-pub fn events_of(config: &Config) -> Result<Events, EventError> {
+pub fn load_events(config: &Config) -> Result<Events, EventError> {
     match &config.rul().events {
         Some(path) => read(&config.resolve(path)),
         None => Ok(Events::default()),
@@ -113,7 +113,7 @@ mod tests {
     use hmd_core::history::EventKind;
 
     #[test]
-    fn events_are_read_in_the_order_of_time_and_a_bad_line_is_told() {
+    fn events_are_read_in_the_order_of_time_and_a_bad_line_is_reported() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("events.jsonl");
         assert_eq!(read(&path).unwrap(), Events::default());
@@ -127,7 +127,7 @@ mod tests {
             append(&path, &event(t_ns)).unwrap();
         }
         found(vec![event(1), event(2)], vec![]);
-        // The power goes at any byte of a third, and somebody tells of it again.
+        // The power goes at any byte of a third, and the event is entered again.
         let two = std::fs::read(&path).unwrap();
         append(&path, &event(3)).unwrap();
         let three = std::fs::read(&path).unwrap();

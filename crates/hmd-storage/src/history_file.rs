@@ -1,4 +1,4 @@
-//! Lives in files: one for each actuator, versioned, replaced as a whole.
+//! Files of unit histories: one for each actuator, versioned, replaced as a whole.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -17,13 +17,13 @@ use hmd_core::metadata_checksum::hex;
 /// configuration; both are read as well. A file of another one is not.
 const VERSION: u32 = 3;
 
-/// Most bytes of a file: a life has less than one MiB.
+/// Most bytes of a file: a history has less than one MiB.
 const BYTES_MAX: u64 = 16 << 20;
 
 /// Files that are put aside for each actuator; with more, the newest replaces the last.
 const ASIDE_MAX: usize = 8;
 
-/// Why a life that was kept cannot be used, or not be kept.
+/// Why a stored history cannot be used, or a history not be stored.
 #[derive(Debug, thiserror::Error)]
 pub enum StateError {
     /// The file cannot be read or written.
@@ -34,15 +34,15 @@ pub enum StateError {
         /// What the system said.
         source: io::Error,
     },
-    /// It is no state of a life.
-    #[error("{path}: expected the life of an actuator, found {found}")]
+    /// It is no history of this actuator.
+    #[error("{path}: expected the history of an actuator, found {found}")]
     Content {
         /// The file.
         path: String,
         /// What the reader said.
         found: String,
     },
-    /// It was written by a program that keeps lives in another form.
+    /// It was written by a program with another form of history.
     #[error("{path}: expected version 1 to {VERSION}, found {found}")]
     Version {
         /// The file.
@@ -75,7 +75,7 @@ struct Read<'a> {
     life: &'a RawValue,
 }
 
-/// Where the life of an actuator is.
+/// File of the history of an actuator.
 #[must_use]
 pub(super) fn path(directory: &Path, actuator: &str) -> PathBuf {
     directory.join(format!("{actuator}.life.json"))
@@ -85,7 +85,7 @@ fn checksum(life: &RawValue) -> String {
     hex(&Sha256::digest(life.get()))
 }
 
-/// Writes a life: to a file beside, then onto its place, so that there is always a whole one, and on the disk when this
+/// Writes a history: to a file beside, then onto its place, so that there is always a whole one, and on the disk when this
 /// returns.
 ///
 /// # Errors
@@ -114,7 +114,7 @@ pub fn save(directory: &Path, actuator: &str, life: &UnitHistory) -> Result<(), 
     })
 }
 
-/// Reads a life; `None` where none was kept.
+/// Reads a history; `None` where none is stored.
 ///
 /// # Errors
 /// [`StateError`].
@@ -145,12 +145,12 @@ pub fn load(directory: &Path, actuator: &str) -> Result<Option<UnitHistory>, Sta
     }
     let life: UnitHistory = serde_json::from_str(read.life.get()).map_err(unreadable)?;
     if !life.is_possible() {
-        return Err(content("numbers that no life has".to_owned()));
+        return Err(content("impossible numbers".to_owned()));
     }
     Ok(Some(life))
 }
 
-/// Gives the kept histories of all actuators of a configuration to a run. A file that cannot be used is reported and put
+/// Gives the stored histories of all actuators of a configuration to a run. A file that cannot be used is reported and put
 /// aside.
 pub fn restore_all(directory: &Path, config: &Config, histories: &mut HistoryStore) {
     for actuator in config.actuators() {
@@ -158,7 +158,7 @@ pub fn restore_all(directory: &Path, config: &Config, histories: &mut HistorySto
             Ok(Some(life)) => histories.restore(&actuator.name, life),
             Ok(None) => {}
             Err(error) => {
-                histories.notice(format!("{error}; a new life begins"));
+                histories.notice(format!("{error}; history reset"));
                 if let Err(error) = put_aside(directory, &actuator.name) {
                     histories.notice(error.to_string());
                 }
@@ -167,7 +167,7 @@ pub fn restore_all(directory: &Path, config: &Config, histories: &mut HistorySto
     }
 }
 
-/// Puts a file that cannot be used aside, as `….unusable-1` and so on, so that nothing is lost and a new life can be kept.
+/// Puts a file that cannot be used aside, as `….unusable-1` and so on, so that nothing is lost and a new history can be stored.
 ///
 /// # Errors
 /// [`StateError::Io`].
@@ -188,7 +188,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_life_is_kept_and_a_bad_file_is_told() {
+    fn a_history_is_stored_and_a_bad_file_is_reported() {
         let folder = tempfile::tempdir().unwrap();
         let config = Config::default();
         assert!(load(folder.path(), "ema0").unwrap().is_none());
@@ -202,8 +202,8 @@ mod tests {
         let file = path(folder.path(), "ema0");
         let good = fs::read_to_string(&file).unwrap();
         for (content, expected) in [
-            ("{", "expected the life of an actuator"),
-            ("{\"version\":1}", "expected the life of an actuator"),
+            ("{", "expected the history of an actuator"),
+            ("{\"version\":1}", "expected the history of an actuator"),
             ("{\"version\":99}", "expected version 1 to 3, found 99"),
             (&good.replace("ema0", "ema1"), "found that of \"ema1\""),
             (&good.replace("\"S1\"", "\"S2\""), "found another checksum"),

@@ -3,14 +3,15 @@
 //! Batches of one round are put back into the order in which their frames arrived on all buses, so that replay sees
 //! what live saw. At most one round and one chunk are in memory.
 
+pub(crate) mod channels;
 mod chunk;
-pub(crate) mod definitions;
 mod fault;
+mod limits;
 pub(crate) mod messages;
 mod records;
+mod resync_reader;
 mod summary;
 mod tail;
-mod walk;
 
 pub use fault::{McapFault, McapLoss};
 pub use messages::{McapMessage, McapMessages};
@@ -76,7 +77,7 @@ impl<R: Read + Seek> McapFrames<R> {
         &self.messages
     }
 
-    fn take(&mut self, message: &McapMessage) {
+    fn add_message(&mut self, message: &McapMessage) {
         let Some(interface) = interface_of(&message.topic) else {
             return;
         };
@@ -97,7 +98,7 @@ impl<R: Read + Seek> McapFrames<R> {
                     topic: topic.clone(),
                     cause,
                 },
-                Ok(bus) => return self.take_batch(message, bus),
+                Ok(bus) => return self.add_batch(message, bus),
             }
         };
         // Said once per topic: all its messages have the same fault.
@@ -105,7 +106,7 @@ impl<R: Read + Seek> McapFrames<R> {
         self.lose(message.at_byte, fault);
     }
 
-    fn take_batch(&mut self, message: &McapMessage, bus: u16) {
+    fn add_batch(&mut self, message: &McapMessage, bus: u16) {
         if message.data.len() > BATCH_BYTES_MAX {
             let text = format!("{} bytes, instead of at most {BATCH_BYTES_MAX}", message.data.len());
             return self.lose(message.at_byte, McapFault::Batch(text));
@@ -191,7 +192,7 @@ impl<R: Read + Seek> Iterator for McapFrames<R> {
                 return Some(item);
             }
             match self.messages.next() {
-                Some(Ok(message)) => self.take(&message),
+                Some(Ok(message)) => self.add_message(&message),
                 Some(Err(loss)) => {
                     // The frames before the damage come before its report.
                     self.end_round();

@@ -36,9 +36,9 @@ const COPIES_APART_BYTES: u64 = 8192;
 /// Uncompressed size at which a chunk is closed, bytes.
 const CHUNK_BYTES: u64 = 1 << 20;
 
-/// Why a record was not written. After [`SinkError::Mcap`] the file takes no more records.
+/// Why a record was not written. After [`McapWriteError::Mcap`] the file takes no more records.
 #[derive(Debug, Error)]
-pub enum SinkError {
+pub enum McapWriteError {
     /// The file could not be written.
     #[error("cannot write the MCAP file: {}", root_cause(.0))]
     Mcap(#[from] McapError),
@@ -88,7 +88,7 @@ fn root_cause(error: &McapError) -> String {
 
 /// What went into a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct SinkCounts {
+pub struct McapCounts {
     /// Raw frames.
     pub frames: u64,
     /// Batches of raw frames.
@@ -97,8 +97,8 @@ pub struct SinkCounts {
     pub records: u64,
 }
 
-/// Writes records into an MCAP file. Call [`Sink::finish`]; a sink that is only dropped loses its last round.
-pub struct Sink<W: Write + Seek> {
+/// Writes records into an MCAP file. Call [`McapWriter::finish`]: a writer that is only dropped loses its last round.
+pub struct McapWriter<W: Write + Seek> {
     writer: Writer<Counting<W>>,
     bytes: Arc<AtomicU64>,
     /// Numbers of the schemas, by their names.
@@ -108,7 +108,7 @@ pub struct Sink<W: Write + Seek> {
     interfaces: BusNames,
     round: Vec<RawFrame>,
     rounds: u64,
-    counts: SinkCounts,
+    counts: McapCounts,
     /// In the order of `at_byte`.
     copies: Vec<Copy>,
 }
@@ -128,23 +128,23 @@ struct Channel {
     definition: Option<(SchemaCopy, ChannelCopy)>,
 }
 
-impl<W: Write + Seek> Sink<W> {
+impl<W: Write + Seek> McapWriter<W> {
     /// Starts a file with `metadata` under the name `hmd`.
     ///
     /// # Errors
     /// When `out` cannot be written.
-    pub fn new(out: W, metadata: &BTreeMap<String, String>) -> Result<Self, SinkError> {
+    pub fn new(out: W, metadata: &BTreeMap<String, String>) -> Result<Self, McapWriteError> {
         Self::with_profile(out, metadata, "")
     }
 
-    /// The same with a profile in the header, by which a file is known again.
+    /// The same with a profile in the header, which identifies a kind of file.
     ///
     /// # Errors
     /// When `out` cannot be written.
-    pub fn with_profile(out: W, metadata: &BTreeMap<String, String>, profile: &str) -> Result<Self, SinkError> {
+    pub fn with_profile(out: W, metadata: &BTreeMap<String, String>, profile: &str) -> Result<Self, McapWriteError> {
         let options = write_options().profile(profile);
         let bytes = Arc::new(AtomicU64::new(0));
-        let mut sink = Self {
+        let mut writer = Self {
             writer: options.create(Counting {
                 out,
                 bytes: bytes.clone(),
@@ -155,18 +155,18 @@ impl<W: Write + Seek> Sink<W> {
             interfaces: BusNames::new(),
             round: Vec::with_capacity(ROUND_FRAMES),
             rounds: 0,
-            counts: SinkCounts::default(),
+            counts: McapCounts::default(),
             copies: Vec::new(),
         };
-        sink.metadata(METADATA_NAME, metadata)?;
-        Ok(sink)
+        writer.write_metadata(METADATA_NAME, metadata)?;
+        Ok(writer)
     }
 
     /// Adds a further metadata record, for what is known only later; it gets a checksum ([`mod@hmd_core::metadata_checksum`]).
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn metadata(&mut self, name: &str, metadata: &BTreeMap<String, String>) -> Result<(), SinkError> {
+    pub fn write_metadata(&mut self, name: &str, metadata: &BTreeMap<String, String>) -> Result<(), McapWriteError> {
         let mut metadata = metadata.clone();
         seal(name, &mut metadata);
         Ok(self.writer.write_metadata(&Metadata {
@@ -178,15 +178,15 @@ impl<W: Write + Seek> Sink<W> {
     /// Takes one frame as received; `names` is the table of the source that it comes from.
     ///
     /// # Errors
-    /// [`SinkError::UnknownBus`], or when a full round cannot be written.
-    pub fn raw(&mut self, frame: &RawFrame, names: &BusNames) -> Result<(), SinkError> {
+    /// [`McapWriteError::UnknownBus`], or when a full round cannot be written.
+    pub fn write_frame(&mut self, frame: &RawFrame, names: &BusNames) -> Result<(), McapWriteError> {
         let known = names.len();
         let interface = names
             .name(frame.bus)
-            .ok_or(SinkError::UnknownBus { got: frame.bus, known })?;
+            .ok_or(McapWriteError::UnknownBus { got: frame.bus, known })?;
         // By name, not by index: the next source may come with another table.
         let bus = self.interfaces.intern(interface);
-        let bus = bus.map_err(|cause| SinkError::Bus {
+        let bus = bus.map_err(|cause| McapWriteError::Bus {
             interface: interface.to_owned(),
             cause,
         })?;
@@ -205,10 +205,10 @@ impl<W: Write + Seek> Sink<W> {
     /// Writes one record after all frames taken so far; `log_time_ns` is its UTC time.
     ///
     /// # Errors
-    /// [`SinkError::Topic`] for a bad actuator name, or when the file cannot be written.
-    pub fn write<R: Record>(&mut self, log_time_ns: u64, record: &R) -> Result<(), SinkError> {
+    /// [`McapWriteError::Topic`] for a bad actuator name, or when the file cannot be written.
+    pub fn write<R: Record>(&mut self, log_time_ns: u64, record: &R) -> Result<(), McapWriteError> {
         self.end_round()?;
-        self.put(log_time_ns, record)?;
+        self.write_message(log_time_ns, record)?;
         self.counts.records += 1;
         Ok(())
     }
@@ -217,14 +217,14 @@ impl<W: Write + Seek> Sink<W> {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn flush_window(&mut self) -> Result<(), SinkError> {
+    pub fn flush_window(&mut self) -> Result<(), McapWriteError> {
         self.end_round()?;
         self.writer.flush()?;
         let far_enough = self.bytes().saturating_sub(COPIES_APART_BYTES);
         let due = self.copies.partition_point(|copy| copy.at_byte <= far_enough);
         if due > 0 {
             for copy in self.copies.drain(..due).collect::<Vec<_>>() {
-                self.metadata(copy.name, &copy.content)?;
+                self.write_metadata(copy.name, &copy.content)?;
             }
             self.writer.flush()?;
         }
@@ -235,7 +235,7 @@ impl<W: Write + Seek> Sink<W> {
     ///
     /// # Errors
     /// When the file cannot be written; it can then be read up to its last whole chunk.
-    pub fn finish(mut self) -> Result<(W, SinkCounts), SinkError> {
+    pub fn finish(mut self) -> Result<(W, McapCounts), McapWriteError> {
         self.end_round()?;
         self.writer.finish()?;
         let mut out = self.writer.into_inner().out;
@@ -244,7 +244,7 @@ impl<W: Write + Seek> Sink<W> {
     }
 
     /// What was taken so far.
-    pub fn counts(&self) -> SinkCounts {
+    pub fn counts(&self) -> McapCounts {
         self.counts
     }
 
@@ -254,7 +254,7 @@ impl<W: Write + Seek> Sink<W> {
     }
 
     /// Writes one batch per bus, in the order of the table.
-    fn end_round(&mut self) -> Result<(), SinkError> {
+    fn end_round(&mut self) -> Result<(), McapWriteError> {
         if self.round.is_empty() {
             return Ok(());
         }
@@ -276,7 +276,7 @@ impl<W: Write + Seek> Sink<W> {
             self.define(batch)?;
         }
         for (stamp_ns, batch) in batches {
-            self.put(stamp_ns, &batch)?;
+            self.write_message(stamp_ns, &batch)?;
             self.counts.batches += 1;
         }
         self.rounds += 1;
@@ -286,8 +286,8 @@ impl<W: Write + Seek> Sink<W> {
     }
 
     /// Writes the first copy of the definition of a record's channel, and of its schema, if they are new. It ends the chunk
-    /// in progress, so that it stands before the one with the second copy.
-    fn define<R: Record>(&mut self, record: &R) -> Result<(), SinkError> {
+    /// in progress, so that it comes before the chunk with the second copy.
+    fn define<R: Record>(&mut self, record: &R) -> Result<(), McapWriteError> {
         let topic = record.topic();
         if self.channels.contains_key(&topic) {
             return Ok(());
@@ -324,14 +324,14 @@ impl<W: Write + Seek> Sink<W> {
     }
 
     /// Writes the copy of a definition now, and notes it to be written again.
-    fn copy(&mut self, name: &'static str, content: BTreeMap<String, String>) -> Result<(), SinkError> {
-        self.metadata(name, &content)?;
+    fn copy(&mut self, name: &'static str, content: BTreeMap<String, String>) -> Result<(), McapWriteError> {
+        self.write_metadata(name, &content)?;
         let at_byte = self.bytes();
         self.copies.push(Copy { at_byte, name, content });
         Ok(())
     }
 
-    fn put<R: Record>(&mut self, log_time_ns: u64, record: &R) -> Result<(), SinkError> {
+    fn write_message<R: Record>(&mut self, log_time_ns: u64, record: &R) -> Result<(), McapWriteError> {
         self.define(record)?;
         let Some(channel) = self.channels.get_mut(&record.topic()) else {
             unreachable!("defined above")
@@ -360,7 +360,7 @@ impl<W: Write + Seek> Sink<W> {
     }
 }
 
-/// Counts the bytes written, because the MCAP writer does not tell.
+/// Counts the bytes written, because the MCAP writer does not report them.
 struct Counting<W> {
     out: W,
     bytes: Arc<AtomicU64>,
@@ -434,14 +434,14 @@ impl Seek for SyncedFile {
 }
 
 /// Topics are `/bus/<interface>/raw`, `/<actuator>/<kind>` or `/log`; a name with a slash or a blank would read as another.
-fn check_topic(topic: &str) -> Result<(), SinkError> {
+fn check_topic(topic: &str) -> Result<(), McapWriteError> {
     let interface = topic.strip_prefix("/bus/").and_then(|rest| rest.strip_suffix("/raw"));
     let rest = interface.or(topic.strip_prefix('/')).unwrap_or_default();
     let good = |name: &str| !name.is_empty() && !name.contains(|c: char| c.is_whitespace() || c.is_control());
     if rest.split('/').all(good) && rest.split('/').count() <= 2 {
         Ok(())
     } else {
-        Err(SinkError::Topic {
+        Err(McapWriteError::Topic {
             topic: topic.to_owned(),
         })
     }
@@ -454,8 +454,8 @@ mod tests {
     use hmd_core::record::Health;
     use io::Cursor;
 
-    fn sink() -> Sink<Cursor<Vec<u8>>> {
-        Sink::new(Cursor::new(Vec::new()), &BTreeMap::new()).unwrap()
+    fn writer() -> McapWriter<Cursor<Vec<u8>>> {
+        McapWriter::new(Cursor::new(Vec::new()), &BTreeMap::new()).unwrap()
     }
 
     fn frame(stamp_ns: u64, bus: u16) -> RawFrame {
@@ -466,19 +466,23 @@ mod tests {
     fn a_round_is_bounded_by_count_and_by_time() {
         let mut names = BusNames::new();
         names.intern("vcan0").unwrap();
-        let mut sink = sink();
+        let mut writer = writer();
         for _ in 0..=ROUND_FRAMES {
-            sink.raw(&frame(5, 0), &names).unwrap();
+            writer.write_frame(&frame(5, 0), &names).unwrap();
         }
-        assert_eq!(sink.counts().batches, 1);
-        sink.raw(&frame(5 + ROUND_SPAN_NS, 0), &names).unwrap();
-        assert_eq!(sink.counts().batches, 2);
-        sink.raw(&frame(0, 0), &names).unwrap();
-        assert_eq!(sink.counts().batches, 3, "a clock that steps back far ends a round too");
-        let (_, counts) = sink.finish().unwrap();
+        assert_eq!(writer.counts().batches, 1);
+        writer.write_frame(&frame(5 + ROUND_SPAN_NS, 0), &names).unwrap();
+        assert_eq!(writer.counts().batches, 2);
+        writer.write_frame(&frame(0, 0), &names).unwrap();
+        assert_eq!(
+            writer.counts().batches,
+            3,
+            "a clock that steps back far ends a round too"
+        );
+        let (_, counts) = writer.finish().unwrap();
         assert_eq!(
             counts,
-            SinkCounts {
+            McapCounts {
                 frames: ROUND_FRAMES as u64 + 3,
                 batches: 4,
                 records: 0
@@ -488,7 +492,7 @@ mod tests {
 
     #[test]
     fn a_frame_of_an_unknown_interface_is_refused() {
-        let error = sink().raw(&frame(0, 2), &BusNames::new()).unwrap_err();
+        let error = writer().write_frame(&frame(0, 2), &BusNames::new()).unwrap_err();
         assert_eq!(
             error.to_string(),
             "a frame is on interface number 2, but only 0 are known"
@@ -500,10 +504,10 @@ mod tests {
         let (mut first, mut second) = (BusNames::new(), BusNames::new());
         first.intern("vcan0").unwrap();
         second.intern("vcan1").unwrap();
-        let mut sink = sink();
-        sink.raw(&frame(0, 0), &first).unwrap();
-        sink.raw(&frame(1, 0), &second).unwrap();
-        let (out, _) = sink.finish().unwrap();
+        let mut writer = writer();
+        writer.write_frame(&frame(0, 0), &first).unwrap();
+        writer.write_frame(&frame(1, 0), &second).unwrap();
+        let (out, _) = writer.finish().unwrap();
         let frames = crate::mcap::McapFrames::new(out, "a.mcap", BusNames::new()).unwrap();
         assert_eq!(
             frames.collect::<Result<Vec<_>, _>>(),
@@ -515,11 +519,11 @@ mod tests {
     fn a_synced_file_holds_every_flushed_window() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.mcap");
-        let mut sink = Sink::new(SyncedFile::new(File::create(&path).unwrap()), &BTreeMap::new()).unwrap();
-        sink.write(0, &hmd_core::record::Status::default()).unwrap();
-        sink.flush_window().unwrap();
-        assert_eq!(std::fs::metadata(&path).unwrap().len(), sink.bytes());
-        let (_, counts) = sink.finish().unwrap();
+        let mut writer = McapWriter::new(SyncedFile::new(File::create(&path).unwrap()), &BTreeMap::new()).unwrap();
+        writer.write(0, &hmd_core::record::Status::default()).unwrap();
+        writer.flush_window().unwrap();
+        assert_eq!(std::fs::metadata(&path).unwrap().len(), writer.bytes());
+        let (_, counts) = writer.finish().unwrap();
         assert_eq!(counts.records, 1);
     }
 
@@ -531,7 +535,7 @@ mod tests {
                 ..Health::default()
             };
             assert!(
-                matches!(sink().write(0, &health), Err(SinkError::Topic { .. })),
+                matches!(writer().write(0, &health), Err(McapWriteError::Topic { .. })),
                 "{actuator:?}"
             );
         }
@@ -558,17 +562,17 @@ mod tests {
             actuator: "ema0".to_owned(),
             ..Health::default()
         };
-        let mut sink = Sink::new(Full(usize::MAX), &BTreeMap::new()).unwrap();
-        let before = sink.bytes();
-        sink.write(0, &health).unwrap();
-        let definitions = sink.bytes();
+        let mut writer = McapWriter::new(Full(usize::MAX), &BTreeMap::new()).unwrap();
+        let before = writer.bytes();
+        writer.write(0, &health).unwrap();
+        let definitions = writer.bytes();
         assert!(definitions > before, "written before the chunk");
-        let mut sink = Sink::new(Full(definitions as usize - 1), &BTreeMap::new()).unwrap();
-        sink.write(0, &health).unwrap_err();
-        let mut sink = Sink::new(Full(definitions as usize), &BTreeMap::new()).unwrap();
-        sink.write(0, &health).unwrap();
-        let error = sink.flush_window().unwrap_err();
+        let mut writer = McapWriter::new(Full(definitions as usize - 1), &BTreeMap::new()).unwrap();
+        writer.write(0, &health).unwrap_err();
+        let mut writer = McapWriter::new(Full(definitions as usize), &BTreeMap::new()).unwrap();
+        writer.write(0, &health).unwrap();
+        let error = writer.flush_window().unwrap_err();
         assert_eq!(error.to_string(), "cannot write the MCAP file: no storage space");
-        assert!(sink.finish().is_err());
+        assert!(writer.finish().is_err());
     }
 }

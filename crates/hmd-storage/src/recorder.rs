@@ -1,6 +1,7 @@
-//! Where live and replay put what they find: the records of a run in one MCAP file, or in a folder of segments.
+//! Writes the records of a run, live or replayed, to one MCAP file or to a folder of segments.
 //!
-//! A file that cannot be written ends the run; a folder survives it ([`Store`]), counts what it loses and says so.
+//! A file that cannot be written ends the run. A folder survives a failing disk ([`SegmentStore`]): losses are counted and
+//! reported.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -11,8 +12,8 @@ use std::time::Instant;
 use prost_types::FileDescriptorSet;
 
 use crate::calibration_file::hash_of_models;
-use crate::mcap_writer::{Sink, SinkError, SyncedFile};
-use crate::segment_store::{RealDisk, Store, StoreEnd, StoreError};
+use crate::mcap_writer::{McapWriteError, McapWriter, SyncedFile};
+use crate::segment_store::{RealDisk, SegmentStore, SegmentStoreEnd, SegmentStoreError};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::{Config, Limits};
 use hmd_core::frame::{BusNames, RawFrame};
@@ -32,20 +33,20 @@ pub enum RecordError {
     },
     /// There is no such folder for us.
     #[error(transparent)]
-    Store(#[from] StoreError),
+    SegmentStore(#[from] SegmentStoreError),
     /// The file cannot be written.
     #[error("{path}: {source}")]
-    Sink {
+    Write {
         /// The file.
         path: String,
         /// What went wrong.
-        source: SinkError,
+        source: McapWriteError,
     },
 }
 
-/// One record as it is written.
+/// One record as it is written, for those who watch a run.
 #[derive(Clone, Debug)]
-pub struct Told {
+pub struct PublishedRecord {
     /// Its time, UTC, ns.
     pub at_ns: u64,
     /// Where it goes.
@@ -58,28 +59,28 @@ pub struct Told {
     pub data: Vec<u8>,
 }
 
-/// Who hears every record but raw frames, after it was handed to the output. It must not wait: those who write do.
-pub trait Tap: Send {
+/// Receives every record but raw frames, after it was handed to the output. It must not block: the writing threads call it.
+pub trait RecordObserver: Send {
     /// Takes one record.
-    fn take(&self, told: Told);
+    fn publish(&self, record: PublishedRecord);
 }
 
 /// Records in progress. Call [`Recorder::finish`].
 pub struct Recorder {
     output: Output,
-    tap: Option<Box<dyn Tap>>,
+    observer: Option<Box<dyn RecordObserver>>,
 }
 
 enum Output {
-    /// Only the tap hears.
+    /// Nothing is written; only the observer gets the records.
     Nowhere,
     File {
         path: String,
         // Much larger than the other variant's own size.
-        sink: Box<Sink<SyncedFile>>,
+        writer: Box<McapWriter<SyncedFile>>,
         unsynced: bool,
     },
-    Folder(Box<Store>),
+    Folder(Box<SegmentStore>),
 }
 
 impl Recorder {
@@ -93,31 +94,34 @@ impl Recorder {
             path: name.clone(),
             source,
         })?;
-        let sink = Sink::new(SyncedFile::new(file), metadata).map_err(|source| RecordError::Sink {
+        let writer = McapWriter::new(SyncedFile::new(file), metadata).map_err(|source| RecordError::Write {
             path: name.clone(),
             source,
         })?;
-        Ok(Self::to(Output::File {
+        Ok(Self::with_output(Output::File {
             path: name,
-            sink: Box::new(sink),
+            writer: Box::new(writer),
             unsynced: false,
         }))
     }
 
-    /// Writes nothing; for a tap alone.
+    /// Writes nothing; for an observer alone.
     #[must_use]
     pub fn nowhere() -> Self {
-        Self::to(Output::Nowhere)
+        Self::with_output(Output::Nowhere)
     }
 
-    /// The same with somebody who hears all records.
+    /// The same with an observer of all records.
     #[must_use]
-    pub fn with_tap(self, tap: Box<dyn Tap>) -> Self {
-        Self { tap: Some(tap), ..self }
+    pub fn with_observer(self, observer: Box<dyn RecordObserver>) -> Self {
+        Self {
+            observer: Some(observer),
+            ..self
+        }
     }
 
-    fn to(output: Output) -> Self {
-        Self { output, tap: None }
+    fn with_output(output: Output) -> Self {
+        Self { output, observer: None }
     }
 
     /// Begins segments in a folder.
@@ -129,8 +133,8 @@ impl Recorder {
         metadata: &BTreeMap<String, String>,
         limits: Limits,
     ) -> Result<Self, RecordError> {
-        let store = Store::open(folder, metadata, limits, Box::new(RealDisk), Instant::now())?;
-        Ok(Self::to(Output::Folder(Box::new(store))))
+        let store = SegmentStore::open(folder, metadata, limits, Box::new(RealDisk), Instant::now())?;
+        Ok(Self::with_output(Output::Folder(Box::new(store))))
     }
 
     /// A folder if the path is one or ends with a slash, else a file.
@@ -149,22 +153,22 @@ impl Recorder {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn raw(&mut self, frame: &RawFrame, names: &BusNames) -> Result<(), RecordError> {
+    pub fn write_frame(&mut self, frame: &RawFrame, names: &BusNames) -> Result<(), RecordError> {
         match &mut self.output {
             Output::Folder(store) => {
-                store.raw(frame, names);
+                store.write_frame(frame, names);
                 Ok(())
             }
-            Output::File { .. } => self.file(|sink| sink.raw(frame, names)),
+            Output::File { .. } => self.file(|writer| writer.write_frame(frame, names)),
             Output::Nowhere => Ok(()),
         }
     }
 
-    /// Writes the records of a judged window, and brings all records so far to the disk. Whether they are there.
+    /// Writes the records of an assessed window, and syncs all records so far. Returns whether they are on the disk.
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn assessed(&mut self, assessed: &AssessedWindow) -> Result<bool, RecordError> {
+    pub fn write_assessed(&mut self, assessed: &AssessedWindow) -> Result<bool, RecordError> {
         let at = assessed.health.t_start_ns;
         let stored = match &mut self.output {
             Output::Folder(store) => {
@@ -174,27 +178,27 @@ impl Recorder {
                 store.sync_records()
             }
             Output::File { .. } => {
-                self.file(|sink| {
-                    sink.write(at, &assessed.window)?;
-                    sink.write(at, &assessed.health)?;
-                    sink.write(at, &assessed.rul)
+                self.file(|writer| {
+                    writer.write(at, &assessed.window)?;
+                    writer.write(at, &assessed.health)?;
+                    writer.write(at, &assessed.rul)
                 })?;
                 self.sync_file()?;
                 true
             }
             Output::Nowhere => true,
         };
-        self.tell(at, &assessed.window);
-        self.tell(at, &assessed.health);
-        self.tell(at, &assessed.rul);
+        self.publish(at, &assessed.window);
+        self.publish(at, &assessed.health);
+        self.publish(at, &assessed.rul);
         Ok(stored)
     }
 
-    /// Says that a window was dropped.
+    /// Records that a window was dropped.
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn dropped(&mut self, job: &WindowJob) -> Result<(), RecordError> {
+    pub fn write_dropped(&mut self, job: &WindowJob) -> Result<(), RecordError> {
         let at = job.window.t_start_ns;
         let record = Dropped {
             actuator: job.actuator.name.clone(),
@@ -204,7 +208,7 @@ impl Recorder {
         match &mut self.output {
             Output::Folder(store) => {
                 store.write_to_both(at, &record);
-                self.tell(at, &record);
+                self.publish(at, &record);
                 Ok(())
             }
             Output::File { .. } | Output::Nowhere => self.write(at, &record),
@@ -215,7 +219,7 @@ impl Recorder {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn notice(&mut self, notice: &Notice, level: LogLevel) -> Result<(), RecordError> {
+    pub fn write_notice(&mut self, notice: &Notice, level: LogLevel) -> Result<(), RecordError> {
         let at = notice.stamp_ns;
         self.write(at, &Log::new(at, level, "hmd", &notice.message))
     }
@@ -224,11 +228,11 @@ impl Recorder {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn status(&mut self, stamp_ns: u64, status: &Status) -> Result<(), RecordError> {
+    pub fn write_status(&mut self, stamp_ns: u64, status: &Status) -> Result<(), RecordError> {
         self.write(stamp_ns, status)
     }
 
-    /// To be called every second: brings what was taken to the disk. What an operator should read about the storage.
+    /// To be called every second: syncs what was taken. Returns the notices about the storage for an operator.
     ///
     /// # Errors
     /// When the file cannot be written.
@@ -240,7 +244,7 @@ impl Recorder {
         }
     }
 
-    /// What an operator should read about the storage, since the last time.
+    /// Notices about the storage for an operator, since the last call.
     pub fn take_messages(&mut self) -> Vec<(LogLevel, String)> {
         match &mut self.output {
             Output::Folder(store) => store.take_messages(),
@@ -248,26 +252,26 @@ impl Recorder {
         }
     }
 
-    /// How a folder stands; `None` for a file.
+    /// State of a folder; `None` for a file.
     #[must_use]
-    pub fn store_status(&self) -> Option<StoreStatus> {
+    pub fn storage_status(&self) -> Option<StoreStatus> {
         match &self.output {
             Output::Folder(store) => Some(store.status()),
             Output::File { .. } | Output::Nowhere => None,
         }
     }
 
-    /// Ends the file or the segments; how a folder ended.
+    /// Ends the file or the segments; returns the final state of a folder.
     ///
     /// # Errors
     /// When the file cannot be written; it can then be read up to its last whole chunk.
-    pub fn finish(self) -> Result<Option<StoreEnd>, RecordError> {
+    pub fn finish(self) -> Result<Option<SegmentStoreEnd>, RecordError> {
         match self.output {
             Output::Folder(store) => Ok(Some(store.finish())),
             Output::Nowhere => Ok(None),
-            Output::File { path, sink, .. } => match sink.finish() {
+            Output::File { path, writer, .. } => match writer.finish() {
                 Ok(_) => Ok(None),
-                Err(source) => Err(RecordError::Sink { path, source }),
+                Err(source) => Err(RecordError::Write { path, source }),
             },
         }
     }
@@ -275,16 +279,16 @@ impl Recorder {
     fn write<R: Record>(&mut self, at_ns: u64, record: &R) -> Result<(), RecordError> {
         match &mut self.output {
             Output::Folder(store) => store.write(at_ns, record),
-            Output::File { .. } => self.file(|sink| sink.write(at_ns, record))?,
+            Output::File { .. } => self.file(|writer| writer.write(at_ns, record))?,
             Output::Nowhere => {}
         }
-        self.tell(at_ns, record);
+        self.publish(at_ns, record);
         Ok(())
     }
 
-    fn tell<R: Record>(&self, at_ns: u64, record: &R) {
-        if let Some(tap) = &self.tap {
-            tap.take(Told {
+    fn publish<R: Record>(&self, at_ns: u64, record: &R) {
+        if let Some(observer) = &self.observer {
+            observer.publish(PublishedRecord {
                 at_ns,
                 topic: record.topic(),
                 schema: R::SCHEMA_NAME,
@@ -294,12 +298,15 @@ impl Recorder {
         }
     }
 
-    fn file(&mut self, put: impl FnOnce(&mut Sink<SyncedFile>) -> Result<(), SinkError>) -> Result<(), RecordError> {
-        let Output::File { path, sink, unsynced } = &mut self.output else {
+    fn file(
+        &mut self,
+        put: impl FnOnce(&mut McapWriter<SyncedFile>) -> Result<(), McapWriteError>,
+    ) -> Result<(), RecordError> {
+        let Output::File { path, writer, unsynced } = &mut self.output else {
             unreachable!("only called for a file")
         };
         *unsynced = true;
-        put(sink).map_err(|source| RecordError::Sink {
+        put(writer).map_err(|source| RecordError::Write {
             path: path.clone(),
             source,
         })
@@ -307,7 +314,7 @@ impl Recorder {
 
     fn sync_file(&mut self) -> Result<(), RecordError> {
         if matches!(&self.output, Output::File { unsynced: true, .. }) {
-            self.file(Sink::flush_window)?;
+            self.file(McapWriter::flush_window)?;
             if let Output::File { unsynced, .. } = &mut self.output {
                 *unsynced = false;
             }

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapError, Writer};
 
-use crate::mcap::definitions::Channel;
+use crate::mcap::channels::Channel;
 use crate::mcap::messages::McapMetadata;
 use crate::mcap::{McapFault, McapFrames, McapLoss, McapMessage, McapMessages};
 use crate::mcap_writer::write_options;

@@ -1,18 +1,18 @@
-//! A folder of segments: storage that outlives kill -9, power cuts, full and failing disks.
+//! A folder of segments: storage that survives kill -9, power cuts, full and failing disks.
 //!
 //! Raw frames and records go to segments of their own, so that old frames can go while the records stay. A segment is
 //! written under a name with `.part`, in whole chunks, each synced: records at once with a health record, everything
-//! within a second ([`Store::tick`]). Full or old, it gets its summary and its closed name. A start repairs what a cut
+//! within a second ([`SegmentStore::tick`]). Full or old, it gets its summary and its closed name. A start repairs what a cut
 //! left behind ([`repair`](self)). `docs/storage.md` is the page for operators.
 //!
 //! A write that fails costs the segment, never the process: what it had not synced is counted as lost, and the next
 //! segment is tried after a pause of at most a second.
 
 mod disk;
-mod lane;
 mod list;
 mod name;
 mod repair;
+mod segment_stream;
 
 pub use disk::{Disk, Out, RealDisk};
 pub use list::{RecordsSegment, records_segments};
@@ -25,16 +25,16 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::clock::now_ns;
-use crate::mcap_writer::SinkError;
+use crate::mcap_writer::McapWriteError;
 use hmd_core::config::Limits;
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_core::record::{LogLevel, Record, StorageState, StoreStatus};
-use lane::{Begin, Lane, is_gone};
 use name::{Kind, Name, Stage};
+use segment_stream::{SegmentStart, SegmentStream, is_gone};
 
 /// Why a store cannot be opened.
 #[derive(Debug, thiserror::Error)]
-pub enum StoreError {
+pub enum SegmentStoreError {
     /// The folder cannot be made, opened or listed.
     #[error("{folder}: expected a folder for segments, found: {cause}")]
     Folder {
@@ -43,7 +43,7 @@ pub enum StoreError {
         /// What the system said.
         cause: io::Error,
     },
-    /// Another process writes there.
+    /// Another process writes to it.
     #[error("{folder}: expected a folder that nobody writes to, found one in use by another process")]
     InUse {
         /// The folder.
@@ -51,17 +51,17 @@ pub enum StoreError {
     },
 }
 
-/// How a store ended.
+/// Final state of a store.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct StoreEnd {
-    /// How things stand then.
+pub struct SegmentStoreEnd {
+    /// State at the end.
     pub status: StoreStatus,
-    /// What an operator should read.
+    /// Notices for an operator.
     pub messages: Vec<(LogLevel, String)>,
 }
 
-/// The folder. Call [`Store::finish`]; a store that is only dropped leaves its segments to the next start.
-pub struct Store {
+/// The folder. Call [`SegmentStore::finish`]; a store that is only dropped leaves its segments to the next start.
+pub struct SegmentStore {
     folder: PathBuf,
     limits: Limits,
     metadata: BTreeMap<String, String>,
@@ -70,8 +70,8 @@ pub struct Store {
     lock: File,
     now: Instant,
     next_number: u64,
-    raw: Lane,
-    records: Lane,
+    raw: SegmentStream,
+    records: SegmentStream,
     /// All segments but those in progress, oldest first.
     closed: BTreeMap<(Kind, u64), (Stage, u64)>,
     free_bytes: u64,
@@ -79,34 +79,34 @@ pub struct Store {
     raw_paused: bool,
     /// A segment could not be deleted when room was made last.
     undeletable: bool,
-    /// Failures told already, so that each is told once until all is well again; at most [`MESSAGES_MAX`].
-    told: Vec<String>,
+    /// Failures reported already: each is reported once until everything is stored again; at most [`MESSAGES_MAX`].
+    reported: Vec<String>,
     messages: Vec<(LogLevel, String)>,
 }
 
-impl Store {
+impl SegmentStore {
     /// Opens a folder, made if need be, repairs what an earlier run left cut, and begins.
     ///
-    /// `metadata` goes into each segment. A disk that fails from here on is told by [`Store::tick`].
+    /// `metadata` goes into each segment. A disk that fails from here on is reported by [`SegmentStore::tick`].
     ///
     /// # Errors
-    /// [`StoreError`] when there is no such folder for us.
+    /// [`SegmentStoreError`] when there is no such folder for us.
     pub fn open(
         folder: &Path,
         metadata: &BTreeMap<String, String>,
         limits: Limits,
         disk: Box<dyn Disk>,
         now: Instant,
-    ) -> Result<Self, StoreError> {
+    ) -> Result<Self, SegmentStoreError> {
         let name = folder.display().to_string();
-        let error = |cause| StoreError::Folder {
+        let error = |cause| SegmentStoreError::Folder {
             folder: name.clone(),
             cause,
         };
         let Some(lock) = hold(folder).map_err(error)? else {
-            return Err(StoreError::InUse { folder: name });
+            return Err(SegmentStoreError::InUse { folder: name });
         };
-        let found = repair::look(folder, &*disk).map_err(error)?;
+        let found = repair::repair_folder(folder, &*disk).map_err(error)?;
         let mut metadata = metadata.clone();
         // Which segments belong together: no two runs have both numbers in common.
         metadata.insert("run".to_owned(), format!("{}-{}", found.next_number, now_ns()));
@@ -118,40 +118,40 @@ impl Store {
             lock,
             now,
             next_number: 0,
-            raw: Lane::new(Kind::Raw),
-            records: Lane::new(Kind::Records),
+            raw: SegmentStream::new(Kind::Raw),
+            records: SegmentStream::new(Kind::Records),
             closed: BTreeMap::new(),
             free_bytes: 0,
             deleted: 0,
             raw_paused: false,
             undeletable: false,
-            told: Vec::new(),
+            reported: Vec::new(),
             messages: Vec::new(),
         };
-        store.take(found);
+        store.add_found(found);
         store.make_room();
         store.begin(Kind::Records);
         Ok(store)
     }
 
     /// Takes one frame as received.
-    pub fn raw(&mut self, frame: &RawFrame, names: &BusNames) {
+    pub fn write_frame(&mut self, frame: &RawFrame, names: &BusNames) {
         if self.raw_paused {
             self.raw.lost += 1;
             return;
         }
         if self.raw.is_due(&self.limits, self.now) {
-            self.end(Kind::Raw);
+            self.close_segment(Kind::Raw);
         }
         self.begin(Kind::Raw);
-        let put = self.raw.put(|sink| sink.raw(frame, names));
+        let put = self.raw.write(|writer| writer.write_frame(frame, names));
         self.check(Kind::Raw, put);
     }
 
-    /// Writes one record; it is on the disk after the next [`Store::sync_records`] or [`Store::tick`].
+    /// Writes one record; it is on the disk after the next [`SegmentStore::sync_records`] or [`SegmentStore::tick`].
     pub fn write<R: Record>(&mut self, log_time_ns: u64, record: &R) {
         self.begin(Kind::Records);
-        let put = self.records.put(|sink| sink.write(log_time_ns, record));
+        let put = self.records.write(|writer| writer.write(log_time_ns, record));
         self.check(Kind::Records, put);
     }
 
@@ -159,7 +159,7 @@ impl Store {
     pub fn write_to_both<R: Record>(&mut self, log_time_ns: u64, record: &R) {
         self.write(log_time_ns, record);
         if self.raw.name().is_some() {
-            let put = self.raw.put(|sink| sink.write(log_time_ns, record));
+            let put = self.raw.write(|writer| writer.write(log_time_ns, record));
             self.check(Kind::Raw, put);
         }
     }
@@ -172,21 +172,21 @@ impl Store {
     }
 
     /// To be called every second: syncs, closes what is full or old, makes room, tries again what failed.
-    /// What an operator should read.
+    /// Returns the notices for an operator.
     pub fn tick(&mut self, now: Instant) -> Vec<(LogLevel, String)> {
         self.now = now;
         let limits = self.limits;
         for kind in [Kind::Records, Kind::Raw] {
-            let synced = self.lane(kind).sync();
+            let synced = self.stream(kind).sync();
             self.check(kind, synced);
-            if self.lane(kind).is_due(&limits, now) {
-                self.end(kind);
+            if self.stream(kind).is_due(&limits, now) {
+                self.close_segment(kind);
             }
         }
         self.make_room();
         self.begin(Kind::Records);
-        if !self.told.is_empty() && !self.undeletable && !self.records.has_failed() && !self.raw.has_failed() {
-            self.told.clear();
+        if !self.reported.is_empty() && !self.undeletable && !self.records.has_failed() && !self.raw.has_failed() {
+            self.reported.clear();
             let text = format!(
                 "storage: written again; not stored since the start: {} frames, {} records",
                 self.raw.lost, self.records.lost
@@ -196,22 +196,22 @@ impl Store {
         self.take_messages()
     }
 
-    /// What an operator should read, since the last time.
+    /// Notices for an operator, since the last call.
     pub fn take_messages(&mut self) -> Vec<(LogLevel, String)> {
         std::mem::take(&mut self.messages)
     }
 
     /// Ends all segments. What could not be ended is repaired by the next start.
-    pub fn finish(mut self) -> StoreEnd {
-        self.end(Kind::Raw);
-        self.end(Kind::Records);
-        StoreEnd {
+    pub fn finish(mut self) -> SegmentStoreEnd {
+        self.close_segment(Kind::Raw);
+        self.close_segment(Kind::Records);
+        SegmentStoreEnd {
             status: self.status(),
             messages: self.take_messages(),
         }
     }
 
-    /// How things stand.
+    /// State of the store.
     #[must_use]
     pub fn status(&self) -> StoreStatus {
         let open = [&self.raw, &self.records];
@@ -220,9 +220,9 @@ impl Store {
             lost_records: self.records.lost,
             used_bytes: self.used_bytes(),
             free_bytes: self.free_bytes,
-            segments: (self.closed.len() + open.iter().filter(|lane| lane.name().is_some()).count()) as u64,
+            segments: (self.closed.len() + open.iter().filter(|stream| stream.name().is_some()).count()) as u64,
             deleted: self.deleted,
-            state: if open.iter().any(|lane| lane.has_failed()) {
+            state: if open.iter().any(|stream| stream.has_failed()) {
                 StorageState::Failing
             } else if self.raw_paused {
                 StorageState::RawPaused
@@ -232,7 +232,7 @@ impl Store {
         }
     }
 
-    fn lane(&mut self, kind: Kind) -> &mut Lane {
+    fn stream(&mut self, kind: Kind) -> &mut SegmentStream {
         match kind {
             Kind::Raw => &mut self.raw,
             Kind::Records => &mut self.records,
@@ -244,38 +244,38 @@ impl Store {
         closed + self.raw.bytes() + self.records.bytes()
     }
 
-    fn keep(&mut self, name: Name, bytes: u64) {
+    fn add_closed(&mut self, name: Name, bytes: u64) {
         self.closed.insert((name.kind, name.number), (name.stage, bytes));
     }
 
     /// Begins a segment if there is none and it is time.
     fn begin(&mut self, kind: Kind) {
         let now = self.now;
-        if !self.lane(kind).may_begin(now) {
+        if !self.stream(kind).may_begin(now) {
             return;
         }
         if let Err(cause) = self.hold_folder() {
-            self.check(kind, Err(SinkError::Io(cause)));
+            self.check(kind, Err(McapWriteError::Io(cause)));
             return;
         }
         let number = self.next_number;
         self.next_number += 1;
-        let with = Begin {
+        let with = SegmentStart {
             folder: &self.folder,
             disk: &*self.disk,
             metadata: &self.metadata,
             number,
             now,
         };
-        let lane = match kind {
+        let stream = match kind {
             Kind::Raw => &mut self.raw,
             Kind::Records => &mut self.records,
         };
-        let begun = lane.begin(&with);
+        let begun = stream.begin(&with);
         self.check(kind, begun);
     }
 
-    /// Goes on in a new folder where somebody has removed ours or put another in its place.
+    /// Continues in a new folder when the folder was removed or replaced.
     fn hold_folder(&mut self) -> io::Result<()> {
         let is = |found: &fs::Metadata, held: &fs::Metadata| (found.dev(), found.ino()) == (held.dev(), held.ino());
         if let (Ok(found), Ok(held)) = (fs::metadata(&self.folder), self.lock.metadata())
@@ -284,54 +284,54 @@ impl Store {
             return Ok(());
         }
         self.lock = hold(&self.folder)?.ok_or(io::ErrorKind::ResourceBusy)?;
-        let found = repair::look(&self.folder, &*self.disk)?;
+        let found = repair::repair_folder(&self.folder, &*self.disk)?;
         self.closed.clear();
-        self.take(found);
-        let text = format!("storage: {} was removed; it is made anew", self.folder.display());
+        self.add_found(found);
+        let text = format!("storage: {} was removed; it is created again", self.folder.display());
         self.messages.push((LogLevel::Error, text));
         Ok(())
     }
 
-    fn take(&mut self, found: repair::Found) {
+    fn add_found(&mut self, found: repair::Found) {
         self.next_number = self.next_number.max(found.next_number);
         self.messages.extend(found.messages);
         for (name, bytes) in found.segments {
-            self.keep(name, bytes);
+            self.add_closed(name, bytes);
         }
     }
 
-    fn end(&mut self, kind: Kind) {
+    fn close_segment(&mut self, kind: Kind) {
         let folder = self.folder.clone();
-        let before = self.lane(kind).name().map(|name| (name, self.lane(kind).bytes()));
-        match self.lane(kind).end(&folder) {
-            Ok(Some((name, bytes))) => self.keep(name, bytes),
+        let before = self.stream(kind).name().map(|name| (name, self.stream(kind).bytes()));
+        match self.stream(kind).close(&folder) {
+            Ok(Some((name, bytes))) => self.add_closed(name, bytes),
             Ok(None) => {}
             Err(error) => {
-                if let (Some((name, bytes)), None) = (before, self.lane(kind).name())
+                if let (Some((name, bytes)), None) = (before, self.stream(kind).name())
                     && !is_gone(&folder, name)
                 {
-                    self.keep(name, bytes);
+                    self.add_closed(name, bytes);
                 }
                 self.check(kind, Err(error));
             }
         }
     }
 
-    /// After a failed step the lane gives its segment up.
-    fn check(&mut self, kind: Kind, step: Result<(), SinkError>) {
+    /// After a failed step the stream gives its segment up.
+    fn check(&mut self, kind: Kind, step: Result<(), McapWriteError>) {
         let Err(error) = step else { return };
         let (now, folder) = (self.now, self.folder.clone());
-        if let Some((name, bytes)) = self.lane(kind).fail(&folder, now) {
-            self.keep(name, bytes);
+        if let Some((name, bytes)) = self.stream(kind).fail(&folder, now) {
+            self.add_closed(name, bytes);
         }
-        self.tell_once(format!(
+        self.report_once(format!(
             "storage: {kind}: {error}; tried again every second, and what is not stored is counted"
         ));
     }
 
-    fn tell_once(&mut self, text: String) {
-        if self.told.len() < MESSAGES_MAX && !self.told.contains(&text) {
-            self.told.push(text.clone());
+    fn report_once(&mut self, text: String) {
+        if self.reported.len() < MESSAGES_MAX && !self.reported.contains(&text) {
+            self.reported.push(text.clone());
             self.messages.push((LogLevel::Error, text));
         }
     }
@@ -349,7 +349,7 @@ impl Store {
             }
             let has_raw = |key: &(Kind, u64)| key.0 == Kind::Raw && !stays.contains(key);
             if !self.closed.keys().any(has_raw) && self.raw.name().is_some() {
-                self.end(Kind::Raw);
+                self.close_segment(Kind::Raw);
             }
             // Raw sorts before records, and small numbers before large ones.
             let mut left = self.closed.iter().filter(|(key, _)| !stays.contains(*key));
@@ -384,10 +384,10 @@ impl Store {
         let name = Name { number, kind, stage };
         match fs::remove_file(self.folder.join(name.to_string())) {
             Ok(()) => self.deleted += 1,
-            // Somebody else took it.
+            // It is gone already.
             Err(cause) if cause.kind() == io::ErrorKind::NotFound => {}
             Err(cause) => {
-                self.tell_once(format!("storage: {name} cannot be deleted: {cause}"));
+                self.report_once(format!("storage: {name} cannot be deleted: {cause}"));
                 return false;
             }
         }
@@ -407,7 +407,7 @@ fn hold(folder: &Path) -> io::Result<Option<File>> {
     }
 }
 
-/// Most different failures that are told before all is well again.
+/// Most different failures that are reported before everything is stored again.
 const MESSAGES_MAX: usize = 64;
 
 #[cfg(test)]

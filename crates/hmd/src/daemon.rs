@@ -11,9 +11,9 @@
 //! frames, replayed, give the same health records.
 
 mod freshness;
-mod monitor;
+mod health_tracker;
 mod notices;
-mod standing;
+mod pipeline_thread;
 mod window_queue;
 #[cfg(test)]
 mod window_queue_tests;
@@ -33,6 +33,7 @@ use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 
 pub use freshness::STALE_AFTER;
+use health_tracker::HealthTracker;
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor, WindowCounts};
 use hmd_core::config::Config;
 use hmd_core::frame::{BusError, BusNames};
@@ -43,12 +44,11 @@ use hmd_ingest::feed::{Feed, Input, QUEUE_INPUTS};
 use hmd_ingest::live::LiveSource;
 use hmd_storage::calibration_file::load_models;
 use hmd_storage::clock::now_ns;
-use hmd_storage::event_file::events_of;
+use hmd_storage::event_file::load_events;
 use hmd_storage::history_file;
 use hmd_storage::recorder::{RecordError, Recorder};
-use monitor::{Monitor, tell, tell_last_summaries, tell_unless_many};
 use notices::Notices;
-use standing::Standings;
+use pipeline_thread::{PipelineThread, publish, publish_last_summaries, publish_rate_limited};
 pub use window_queue::QUEUE_WINDOWS;
 
 type WindowQueue = window_queue::WindowQueue<WindowJob>;
@@ -70,7 +70,7 @@ pub enum DaemonError {
         /// Why it is refused.
         cause: BusError,
     },
-    /// The windows cannot be judged.
+    /// The windows cannot be assessed.
     #[error(transparent)]
     Assess(#[from] AssessError),
     /// The records cannot be written.
@@ -81,29 +81,29 @@ pub enum DaemonError {
     Stdout(io::Error),
 }
 
-/// What is told while the daemon runs; from several threads.
+/// Receives what happens while the daemon runs; called from several threads.
 pub trait Observer: Sync {
-    /// One window has been judged, and its records, if any are kept, are on the disk.
+    /// One window is assessed, and its records, if any are kept, are on the disk.
     ///
     /// # Errors
-    /// When nobody takes the records any more; the daemon then ends.
+    /// When the records cannot be delivered any more; the daemon then ends.
     fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()>;
-    /// One window has been judged, but its records could not be stored; by default told like any other.
+    /// One window is assessed, but its records could not be stored; by default reported like any other.
     ///
     /// # Errors
-    /// As [`Observer::judged`].
-    fn unstored(&self, assessed: &AssessedWindow) -> io::Result<()> {
+    /// As [`Observer::assessed`].
+    fn assessed_unstored(&self, assessed: &AssessedWindow) -> io::Result<()> {
         self.assessed(assessed)
     }
-    /// Something an operator should read.
+    /// A notice for an operator.
     fn notice(&self, message: &str);
-    /// The same with how grave it is; by default that is left out.
-    fn notice_of(&self, _: LogLevel, message: &str) {
+    /// The same with its level; by default the level is left out.
+    fn notice_with_level(&self, _: LogLevel, message: &str) {
         self.notice(message);
     }
     /// The counters as they are recorded, with those of the storage: every ten seconds, and at the end.
     fn status(&self, _: &Status) {}
-    /// Every source has said how it stands, and the output is open: once.
+    /// Every source has reported its state, and the output is open; called once.
     fn ready(&self) {}
     /// Ingest, pipeline, writer and identification have all made progress; about every second, and not otherwise.
     fn alive(&self) {}
@@ -124,17 +124,17 @@ struct Shared {
     recorder: Option<Recorder>,
     windows: WindowCounts,
     /// Time spent on identification, and the longest that one window took.
-    judging: (Duration, Duration),
-    /// When the newest health record was stored, or told where nothing is stored.
+    assessing: (Duration, Duration),
+    /// When the newest health record was stored, or reported where nothing is stored.
     last_record: Option<Instant>,
-    /// What the verdicts made of the actuators.
-    standings: Standings,
-    /// Which notices were told lately, by either thread.
+    /// Health of the actuators by their assessments.
+    health_tracker: HealthTracker,
+    /// Notices published lately, by either thread.
     notices: Notices,
 }
 
 impl Daemon {
-    /// Runs until `shutdown` resolves or every source has ended; then judges what is waiting and ends the file.
+    /// Runs until `shutdown` resolves or every source has ended; then assesses the windows that wait and ends the file.
     ///
     /// # Errors
     /// [`DaemonError`]; the record file is then ended as far as it goes.
@@ -154,9 +154,9 @@ impl Daemon {
         let shared = Mutex::new(Shared {
             recorder: self.recorder,
             windows: WindowCounts::default(),
-            judging: (Duration::ZERO, Duration::ZERO),
+            assessing: (Duration::ZERO, Duration::ZERO),
             last_record: None,
-            standings: Standings::default(),
+            health_tracker: HealthTracker::default(),
             notices: Notices::default(),
         });
         let windows = WindowQueue::new();
@@ -167,7 +167,7 @@ impl Daemon {
         };
         let store_raw = self.watch.as_ref().is_none_or(|(config, _)| config.output().raw_frames);
         let config = self.watch.as_ref().map(|(config, _)| config.clone());
-        let mut monitor = Monitor::new(pipeline, names, store_raw, config);
+        let mut pipeline_thread = PipelineThread::new(pipeline, names, store_raw, config);
         let assessor = match self.watch {
             Some((config, seed)) => Some(ready_assessor(config, seed)?),
             None => None,
@@ -175,34 +175,34 @@ impl Daemon {
 
         let (watched, assessed) = thread::scope(|scope| {
             let (windows, shared) = (&windows, &shared);
-            let judging = assessor.map(|(assessor, config)| {
+            let assessing = assessor.map(|(assessor, config)| {
                 scope.spawn(move || {
                     let _closed = CloseAtEnd(windows);
-                    assess_all(assessor, &config, windows, shared, observer)
+                    assess_windows(assessor, &config, windows, shared, observer)
                 })
             });
             let watching = scope.spawn(|| {
                 let _closed = CloseAtEnd(windows);
-                monitor.run(inputs, windows, shared, observer)
+                pipeline_thread.run(inputs, windows, shared, observer)
             });
             runtime.block_on(receive(sources, queue, shutdown));
-            (join(watching), judging.map_or(Ok(()), join))
+            (join(watching), assessing.map_or(Ok(()), join))
         });
         let mut shared = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let told = tell_last_summaries(&mut shared, observer);
-        let mut status = monitor.status(&shared);
+        let published = publish_last_summaries(&mut shared, observer);
+        let mut status = pipeline_thread.status(&shared);
         let written = shared.recorder.map_or(Ok(None), |mut recorder| {
-            recorder.status(now_ns(), &status)?;
+            recorder.write_status(now_ns(), &status)?;
             recorder.finish()
         });
-        // The file is ended whatever went wrong before; the first error is the one to tell.
+        // The file is ended whatever went wrong before; the first error is returned.
         assessed?;
         watched?;
-        told?;
+        published?;
         if let Some(store) = written? {
             status.set_storage(&store.status);
             for (level, message) in store.messages {
-                observer.notice_of(level, &message);
+                observer.notice_with_level(level, &message);
             }
         }
         observer.status(&status);
@@ -255,8 +255,8 @@ fn ready_assessor(config: Arc<Config>, seed: u64) -> Result<(Assessor, Arc<Confi
     Ok((assessor, config))
 }
 
-/// The dear half, on a thread of its own.
-fn assess_all(
+/// Assesses the windows of the queue until it is closed. CPU-bound; runs on the identification thread.
+fn assess_windows(
     mut assessor: Assessor,
     config: &Config,
     windows: &WindowQueue,
@@ -266,7 +266,7 @@ fn assess_all(
     let histories = config.rul().state.as_ref().map(|path| config.resolve(path));
     while let Some(job) = windows.pop() {
         // Events may have come since the last window; the file is short. One that is damaged does not end the watch.
-        let events = match events_of(config) {
+        let events = match load_events(config) {
             Ok(events) => {
                 assessor.histories().set_events(events);
                 None
@@ -284,7 +284,7 @@ fn assess_all(
         };
         let troubles = events.into_iter().chain(saved.err().map(|error| error.to_string()));
         let pending = assessor.histories().pending(&assessed.health.actuator);
-        let of_life: Vec<String> = assessor
+        let notices: Vec<String> = assessor
             .histories()
             .take_notices()
             .into_iter()
@@ -293,16 +293,16 @@ fn assess_all(
         let stored = {
             let mut shared = lock(shared);
             shared.windows = assessor.counts();
-            let (total, longest) = shared.judging;
-            shared.judging = (total + took, longest.max(took));
-            // The same trouble may come with every window.
-            for message in of_life {
+            let (total, longest) = shared.assessing;
+            shared.assessing = (total + took, longest.max(took));
+            // The same trouble may come with each window.
+            for message in notices {
                 let stamp_ns = assessed.health.t_start_ns;
-                tell_unless_many(&Notice { stamp_ns, message }, LogLevel::Warning, &mut shared, observer)?;
+                publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Warning, &mut shared, observer)?;
             }
-            if let Some((level, message)) = shared.standings.take(&assessed.health, pending, passive) {
+            if let Some((level, message)) = shared.health_tracker.update(&assessed.health, pending, passive) {
                 let stamp_ns = assessed.health.t_start_ns;
-                tell(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
+                publish(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
             }
             let (mut stored, mut messages) = (true, Vec::new());
             if let Some(recorder) = &mut shared.recorder {
@@ -310,13 +310,13 @@ fn assess_all(
                 if windows.is_closed() {
                     messages = recorder.tick(Instant::now())?;
                 }
-                stored = recorder.assessed(&assessed)?;
+                stored = recorder.write_assessed(&assessed)?;
                 messages.append(&mut recorder.take_messages());
             }
-            // Said before the line of a window that is not stored.
+            // Reported before the line of a window that is not stored.
             for (level, message) in messages {
                 let stamp_ns = now_ns();
-                tell(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
+                publish(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
             }
             if stored {
                 shared.last_record = Some(Instant::now());
@@ -327,13 +327,13 @@ fn assess_all(
             // There are no ticks any more.
             observer.alive();
         }
-        // Told only now: what was told as judged is on the disk.
-        let told = if stored {
+        // Reported only now: what is reported as assessed is on the disk.
+        let reported = if stored {
             observer.assessed(&assessed)
         } else {
-            observer.unstored(&assessed)
+            observer.assessed_unstored(&assessed)
         };
-        told.map_err(DaemonError::Stdout)?;
+        reported.map_err(DaemonError::Stdout)?;
     }
     Ok(())
 }

@@ -1,13 +1,13 @@
 //! A server on a thread of its own: nothing that a client does reaches the daemon.
 
 use std::io;
-use std::net::{SocketAddr, TcpListener};
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
 use hyper::server::conn::http1;
 use hyper_util::rt::TokioTimer;
-use tokio::net::TcpStream;
+use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Semaphore;
 
 /// Longest wait for the head of a request.
@@ -24,14 +24,9 @@ pub(crate) fn serve<A: Future<Output = ()> + Send + 'static>(
     clients_max: usize,
     attend: impl Fn(TcpStream) -> A + Send + 'static,
 ) -> io::Result<SocketAddr> {
-    let listener = TcpListener::bind(address)?;
-    listener.set_nonblocking(true)?;
-    let bound = listener.local_addr()?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let listener = {
-        let _inside = runtime.enter();
-        tokio::net::TcpListener::from_std(listener)?
-    };
+    let listener = runtime.block_on(TcpListener::bind(address))?;
+    let bound = listener.local_addr()?;
     let accept = async move {
         let clients = Arc::new(Semaphore::new(clients_max));
         while let Ok(permit) = clients.clone().acquire_owned().await {

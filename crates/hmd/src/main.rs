@@ -18,7 +18,7 @@ use hmd::commands::{calibrate, check_config, code_of, event, inspect, record, re
     about,
     after_help = "Examples:\n\
                   \x20 hmd demo                         see what it does, without hardware\n\
-                  \x20 hmd replay flight.log            judge a recorded log\n\
+                  \x20 hmd replay flight.log            assess a recorded log\n\
                   \x20 hmd help replay                  options and examples of a verb\n\n\
                   Exit codes: 0 done, 1 failed, 2 usage, 3 finished but data were lost, 78 bad config."
 )]

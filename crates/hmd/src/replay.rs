@@ -20,10 +20,10 @@ use hmd_core::record::{Dropped, LogLevel, Record, Status};
 use hmd_ingest::Loss;
 use hmd_ingest::file::{FrameSource, IngestError, open_with};
 use hmd_storage::calibration_file::load_models;
-use hmd_storage::event_file::{EventError, events_of};
+use hmd_storage::event_file::{EventError, load_events};
 use hmd_storage::mcap::McapMessages;
 use hmd_storage::mcap_writer::METADATA_NAME;
-use hmd_storage::recorder::{RecordError, Recorder, Tap, metadata};
+use hmd_storage::recorder::{RecordError, RecordObserver, Recorder, metadata};
 use hmd_storage::same_file::is_same_file;
 
 /// Why a replay failed.
@@ -32,7 +32,7 @@ pub enum ReplayError {
     /// A log cannot be read at all.
     #[error(transparent)]
     Ingest(#[from] IngestError),
-    /// The windows cannot be judged.
+    /// The windows cannot be assessed.
     #[error(transparent)]
     Assess(#[from] AssessError),
     /// The maintenance events cannot be read.
@@ -109,7 +109,7 @@ impl Summary {
         self.loss().is_some()
     }
 
-    /// Whether the logs had anything to judge.
+    /// Whether the logs had anything to assessor.
     ///
     /// # Errors
     /// No actuator, or no sample of one.
@@ -175,9 +175,9 @@ fn watched(config: &Config) -> String {
     all.join(", ")
 }
 
-/// What a replay tells while it runs.
+/// Receives what happens while a replay runs.
 pub trait Observer {
-    /// One window has been judged.
+    /// One window has been assessed.
     fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()>;
     /// Something an operator should read.
     fn notice(&mut self, message: &str);
@@ -196,7 +196,7 @@ struct Run<'a, O> {
     /// Newest stamp of each interface, ns: frames of a later log up to it have been seen or come out of order.
     newest_ns: BTreeMap<u16, u64>,
     damaged_places: u64,
-    /// Serial numbers by actuator, as the logs so far told.
+    /// Serial numbers by actuator, by the logs so far.
     serial_numbers: BTreeMap<String, String>,
     /// Run and number of the segment read last, if it was one.
     segment: Option<(String, u64)>,
@@ -209,14 +209,18 @@ impl Replay<'_> {
     /// [`ReplayError`] when a log cannot be read at all, the configuration cannot be used, or the output cannot be
     /// written. Damaged data are counted in the summary instead.
     pub fn run(&self, observer: &mut impl Observer) -> Result<Summary, ReplayError> {
-        self.run_heard(observer, None)
+        self.run_observed(observer, None)
     }
 
-    /// The same, and `tap` hears all records.
+    /// The same; `records` observes every record.
     ///
     /// # Errors
     /// As [`Replay::run`].
-    pub fn run_heard(&self, observer: &mut impl Observer, tap: Option<Box<dyn Tap>>) -> Result<Summary, ReplayError> {
+    pub fn run_observed(
+        &self,
+        observer: &mut impl Observer,
+        records: Option<Box<dyn RecordObserver>>,
+    ) -> Result<Summary, ReplayError> {
         let mut names = BusNames::new();
         // An output is begun only once the first log has turned out to be one.
         let mut opened = None;
@@ -225,14 +229,14 @@ impl Replay<'_> {
         }
         let recorder = match self.output {
             Some(path) => Some(self.create(path)?),
-            None => tap.as_ref().map(|_| Recorder::nowhere()),
+            None => records.as_ref().map(|_| Recorder::nowhere()),
         };
-        let recorder = match tap {
-            Some(tap) => recorder.map(|recorder| recorder.with_tap(tap)),
+        let recorder = match records {
+            Some(records) => recorder.map(|recorder| recorder.with_observer(records)),
             None => recorder,
         };
         let mut assessor = Assessor::new(self.config.clone(), load_models(&self.config)?, self.seed);
-        assessor.histories().set_events(events_of(&self.config)?);
+        assessor.histories().set_events(load_events(&self.config)?);
         let mut run = Run {
             pipeline: Pipeline::new(self.config.clone()),
             assessor,
@@ -297,10 +301,10 @@ impl<O: Observer> Run<'_, O> {
                     let newest = self.newest_ns.entry(frame.bus).or_default();
                     *newest = frame.stamp_ns.max(*newest);
                     if store_raw && let Some(recorder) = &mut self.recorder {
-                        recorder.raw(&frame, source.bus_names())?;
+                        recorder.write_frame(&frame, source.bus_names())?;
                     }
                     self.pipeline.push(&frame, source.bus_names());
-                    self.assess_all()?;
+                    self.assess_windows()?;
                 }
                 Err(loss) => self.lost(&loss)?,
             }
@@ -323,7 +327,7 @@ impl<O: Observer> Run<'_, O> {
         Ok(source.into_bus_names())
     }
 
-    /// A unit whose serial number is another than in the logs before begins a life of its own.
+    /// A unit whose serial number is another than in the logs before begins a history of its own.
     fn follow_units(&mut self, log: &Path) -> Result<(), ReplayError> {
         for (actuator, serial) in serial_numbers(log) {
             let before = self.serial_numbers.insert(actuator.clone(), serial.clone());
@@ -331,7 +335,7 @@ impl<O: Observer> Run<'_, O> {
                 continue;
             };
             if self.assessor.histories().remove(&actuator) {
-                let message = format!("{actuator}: a new life begins, unit {serial} after {before}");
+                let message = format!("{actuator}: history reset, unit {serial} after {before}");
                 let stamp_ns = self.pipeline.last_stamp_ns();
                 self.notice(&Notice { stamp_ns, message }, LogLevel::Info)?;
             }
@@ -356,10 +360,10 @@ impl<O: Observer> Run<'_, O> {
 
     fn end_windows(&mut self) -> Result<(), ReplayError> {
         self.pipeline.finish();
-        self.assess_all()
+        self.assess_windows()
     }
 
-    fn assess_all(&mut self) -> Result<(), ReplayError> {
+    fn assess_windows(&mut self) -> Result<(), ReplayError> {
         for notice in self.pipeline.take_notices() {
             self.notice(&notice, LogLevel::Warning)?;
         }
@@ -369,7 +373,7 @@ impl<O: Observer> Run<'_, O> {
             if self.dropped.contains(&key) {
                 self.pipeline.losses.windows += 1;
                 if let Some(recorder) = &mut self.recorder {
-                    recorder.dropped(&job)?;
+                    recorder.write_dropped(&job)?;
                 }
                 continue;
             }
@@ -379,7 +383,7 @@ impl<O: Observer> Run<'_, O> {
                 self.notice(&Notice { stamp_ns, message }, LogLevel::Info)?;
             }
             if let Some(recorder) = &mut self.recorder {
-                recorder.assessed(&assessed)?;
+                recorder.write_assessed(&assessed)?;
             }
             self.observer.assessed(&assessed).map_err(ReplayError::Stdout)?;
         }
@@ -400,7 +404,7 @@ impl<O: Observer> Run<'_, O> {
     fn notice(&mut self, notice: &Notice, level: LogLevel) -> Result<(), ReplayError> {
         self.observer.notice(&notice.message);
         if let Some(recorder) = &mut self.recorder {
-            recorder.notice(notice, level)?;
+            recorder.write_notice(notice, level)?;
         }
         Ok(())
     }
@@ -408,7 +412,7 @@ impl<O: Observer> Run<'_, O> {
     fn finish(self, names: &BusNames) -> Result<Summary, ReplayError> {
         let status = self.pipeline.status(names, self.assessor.counts());
         if let Some(mut recorder) = self.recorder {
-            recorder.status(self.pipeline.last_stamp_ns(), &status)?;
+            recorder.write_status(self.pipeline.last_stamp_ns(), &status)?;
             recorder.finish()?;
         }
         Ok(Summary {
@@ -421,7 +425,7 @@ impl<O: Observer> Run<'_, O> {
     }
 }
 
-/// Serial numbers of the actuators in a log, as its writer's configuration said; none in a text log.
+/// Serial numbers of the actuators in a log, from its writer's configuration; none in a text log.
 #[must_use]
 pub fn serial_numbers(log: &Path) -> BTreeMap<String, String> {
     let mut found = BTreeMap::new();
@@ -448,7 +452,7 @@ pub fn serial_numbers(log: &Path) -> BTreeMap<String, String> {
 
 /// The windows that a live run dropped, out of the logs that it wrote.
 ///
-/// They must be known before they are met, and a run says so only later. A log that cannot be read has none; it is
+/// They must be known before they are met, and a run records them only later. A log that cannot be read has none; it is
 /// reported when it is replayed.
 fn dropped_windows(logs: &[PathBuf]) -> BTreeSet<(String, u64)> {
     let mut dropped = BTreeSet::new();
@@ -485,7 +489,7 @@ mod tests {
         let text = "[[actuator]]\nid = 0\nserial_number = \"S7\"";
         let config = Config::from_toml_str(text, "test").unwrap();
         let mut recorder = Recorder::create(&path, &metadata(&config, "log", 1)).unwrap();
-        recorder.status(1, &Status::default()).unwrap();
+        recorder.write_status(1, &Status::default()).unwrap();
         recorder.finish().unwrap();
         let expected = BTreeMap::from([("ema0".to_owned(), "S7".to_owned())]);
         assert_eq!(serial_numbers(&path), expected);
@@ -527,7 +531,7 @@ mod tests {
             let text = format!("[[actuator]]\nid = 0\nserial_number = \"{serial}\"");
             let of = Config::from_toml_str(&text, "test").unwrap();
             let mut recorder = Recorder::create(&path, &metadata(&of, "log", 1)).unwrap();
-            recorder.status(1, &Status::default()).unwrap();
+            recorder.write_status(1, &Status::default()).unwrap();
             recorder.finish().unwrap();
             path
         };

@@ -1,7 +1,7 @@
 //! Records for viewers, as they are written: the Foxglove WebSocket protocol, on this computer alone.
 //!
-//! A [`Hub`] hears the recorder and holds a bounded queue for each client; [`listen`] serves it on a thread of its own. The
-//! recorder hands a record over and goes on: no client makes it wait, and what a slow one misses is counted and told to it.
+//! A [`Hub`] observes the recorder and holds a bounded queue for each client; [`listen`] serves it on a thread of its own. The
+//! recorder hands a record over and goes on: no client makes it wait, and what a slow client misses is counted and reported to it.
 
 mod hub;
 mod listen;

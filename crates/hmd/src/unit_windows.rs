@@ -27,14 +27,14 @@ pub enum WindowsError {
 /// Windows out of logs.
 #[derive(Debug, Default)]
 pub struct UnitWindows {
-    /// Those of one actuator that can be judged, in the order of the logs.
+    /// Those of one actuator that can be assessed, in the order of the logs.
     pub jobs: Vec<WindowJob>,
     /// Whether the logs held more than could be read, as a replay of them would say.
     pub data_lost: bool,
 }
 
-/// The windows of one actuator that can be judged; `name` chooses where there are several. `tell` gets what an operator
-/// should read: each loss with its place, and for each log that has any a sentence about all of them.
+/// The windows of one actuator that can be assessed; `name` chooses where there are several. `report` gets the notices for
+/// an operator: each loss with its place, and for each log that has any a sentence about all of them.
 ///
 /// # Errors
 /// [`WindowsError`] when a log cannot be read at all, or it is not clear whose windows are meant.
@@ -42,7 +42,7 @@ pub fn windows_of(
     logs: &[PathBuf],
     config: &Arc<Config>,
     name: Option<&str>,
-    tell: &mut dyn FnMut(&str),
+    report: &mut dyn FnMut(&str),
 ) -> Result<UnitWindows, WindowsError> {
     let mut names = BusNames::new();
     let mut found = UnitWindows::default();
@@ -56,11 +56,11 @@ pub fn windows_of(
                 Ok(frame) => pipeline.push(&frame, source.bus_names()),
                 Err(loss) => {
                     damaged_places += loss.count_into(&mut pipeline.losses);
-                    tell(&loss.to_string());
+                    report(&loss.to_string());
                 }
             }
             for notice in pipeline.take_notices() {
-                tell(&notice.message);
+                report(&notice.message);
             }
         }
         pipeline.finish();
@@ -69,7 +69,7 @@ pub fn windows_of(
         let status = pipeline.status(&names, WindowCounts::default());
         if let Some(lost) = status.lost_in_logs(damaged_places) {
             found.data_lost = true;
-            tell(&format!("{}: {lost}", log.display()));
+            report(&format!("{}: {lost}", log.display()));
         }
     }
     let is_meant = |job: &WindowJob| name.is_none_or(|name| job.actuator.name == name);

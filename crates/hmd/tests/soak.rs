@@ -88,7 +88,7 @@ impl Observer for Told {
         Ok(())
     }
 
-    fn unstored(&self, assessed: &AssessedWindow) -> io::Result<()> {
+    fn assessed_unstored(&self, assessed: &AssessedWindow) -> io::Result<()> {
         panic!(
             "not stored: window {} of {}",
             assessed.health.window, assessed.health.actuator

@@ -1,12 +1,12 @@
-//! Operating conditions of a window, and what is known of a motor under them.
+//! Operating conditions of a window, and the prior knowledge of a motor under them.
 
 use ema_models::{Conditions, MotorDeviation, MotorKnowledge, Scale};
 
 use crate::outbox::WindowJob;
 
-/// What is known of a unit that nobody calibrated: resistance within ±5 % of its type and back-EMF within ±3 %, as the
+/// Prior knowledge of the motor of a unit without a calibration: resistance within ±5 % of its type and back-EMF within ±3 %, as the
 /// standard deviations of uniform distributions. A weak magnet looks much like three slightly shorted phases; estimated
-/// along, it is not mistaken for them, and what cannot be told apart widens their sigma.
+/// along, it is not mistaken for them, and what cannot be distinguished widens their sigma.
 pub const TYPE_TOLERANCE: MotorKnowledge = MotorKnowledge {
     mean: MotorDeviation {
         resistance: 0.0,
@@ -63,7 +63,7 @@ const DC_LINK_SHARES: [f64; 2] = [0.5, 1.5];
 /// Temperatures that a winding can have, °C: from the coldest air to where its insulation fails.
 const WINDING_TEMP_DEG_C: [f64; 2] = [-80.0, 250.0];
 
-/// What a temperature that nobody measures may be off 20 °C, K, as a standard deviation: −40 to 120 °C are within two.
+/// Standard deviation of an unmeasured winding temperature around 20 °C, K: −40 to 120 °C are within two.
 const WINDING_TEMP_SIGMA_K: f64 = 45.0;
 
 /// Largest load as a share of what the motor can lift without losses; a lossy gear holds more than the motor can lift.

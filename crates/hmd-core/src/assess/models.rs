@@ -1,4 +1,4 @@
-//! What windows are assessed with: calibrations of types and of units. Loaded before the first window.
+//! Calibrations of types and of units, with which windows are assessed. They are loaded before the first window.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -23,7 +23,7 @@ pub enum AssessError {
     Read {
         /// The file.
         path: String,
-        /// What the system said.
+        /// The error of the system.
         source: io::Error,
     },
     /// A type calibration is unusable.
@@ -151,7 +151,7 @@ impl Models {
         Ok(models)
     }
 
-    /// Loads the calibrations of the types alone, as for units that nobody has calibrated yet.
+    /// Loads the calibrations of the types alone, as for units that are not calibrated yet.
     ///
     /// # Errors
     /// The first calibration that cannot be read or used.
@@ -185,7 +185,7 @@ impl Models {
         found.ok_or_else(|| AssessError::NoModel(type_name.to_owned()))
     }
 
-    /// What is known of an actuator's motor: what its own calibration says, else the type's tolerance.
+    /// Prior knowledge of an actuator's motor: its own calibration, else the tolerance of its type.
     #[must_use]
     pub fn motor(&self, actuator: &ActuatorConfig) -> MotorKnowledge {
         self.units.get(&actuator.name).copied().unwrap_or(TYPE_TOLERANCE)

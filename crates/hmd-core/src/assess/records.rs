@@ -1,4 +1,4 @@
-//! A judged window as records.
+//! The records of an assessed window.
 
 use ema_models::{FaultId, Setpoint};
 
@@ -52,7 +52,7 @@ pub(super) fn health_record(
     health
 }
 
-/// Nobody is called nominal while an estimate says damage that the window does not show well enough to count.
+/// The state is unknown instead of nominal while the estimate has a damage that is not observable well enough to count.
 fn reported_state(state: HealthState, estimate: Option<&Estimate>) -> HealthState {
     let hidden = estimate.is_some_and(|e| {
         let is_hidden = |fault: FaultId| !e.observable[fault.parameter()] && e.fault.damage_of(fault) > HIDDEN_DAMAGE;
@@ -65,7 +65,7 @@ fn reported_state(state: HealthState, estimate: Option<&Estimate>) -> HealthStat
     }
 }
 
-/// Damage that is worth a doubt even where a window hardly shows it.
+/// Damage that makes a nominal state doubtful even where it is not observable.
 const HIDDEN_DAMAGE: f64 = 0.3;
 
 pub(super) fn rul_record(

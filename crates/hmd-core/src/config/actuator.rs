@@ -65,7 +65,7 @@ pub struct ActuatorConfig {
     pub part_number: Option<String>,
     /// Serial number of the unit, for the records.
     pub serial_number: Option<String>,
-    /// Watched and recorded like any other, but a change of its state alarms nobody: for a unit that is being tried.
+    /// Monitored and recorded like any other, but a change of its state raises no alarm: for a unit under test.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub passive: bool,
 }

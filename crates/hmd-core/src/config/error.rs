@@ -12,7 +12,7 @@ pub enum ConfigError {
     Read {
         /// File name as given.
         file: String,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// The text is not TOML.
@@ -69,7 +69,7 @@ pub enum ConfigError {
         /// Configured bit rate, bit/s.
         bitrate_bit_s: u32,
     },
-    /// Nothing says where to listen for an actuator.
+    /// An actuator has no interface.
     #[error("{file}: expected a bus for every [[actuator]] that is watched live, found none for {actuator}")]
     NoBus {
         /// File name as given.

@@ -1,4 +1,4 @@
-//! Section `[rul]`: how use is counted, what a short remaining life means, and where a life is kept.
+//! Section `[rul]`: how use is counted, which remaining lives are short, and where unit histories are stored.
 
 use std::path::PathBuf;
 
@@ -34,7 +34,7 @@ pub struct RulConfig {
     pub warning_h: f64,
     /// Health is `critical` when it is below this; 0: never. At most `warning_h`.
     pub critical_h: f64,
-    /// Directory in which the daemon keeps the lives of its actuators; `None`: they end with it.
+    /// Directory in which the daemon stores unit histories; `None`: they end with the daemon.
     pub state: Option<PathBuf>,
     /// File of maintenance events that `hmd event` writes; `None`: there are none.
     pub events: Option<PathBuf>,

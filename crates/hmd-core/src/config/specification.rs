@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::ConfigError;
 use super::reader::Section;
 
-/// Requirements of a type, each off at 0. They are tried on a step of the position setpoint.
+/// Requirements of a type, each off at 0. They are checked on a step of the position setpoint.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Specification {
     /// The step, rad at the output.

@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use super::signal::{Layout, Selector, Signal, SignalKind};
 
-/// What a DBC file says of frames.
+/// Messages and signals of a DBC file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Database {
     /// Messages in the order of the file.
@@ -34,7 +34,7 @@ pub struct DbcMessage {
 pub struct DbcSignal {
     /// Unit of its physical value, as it stands in the file.
     pub unit: String,
-    /// Where it is and what it means, or what is wrong: signals that nobody maps may be as wrong as they like.
+    /// Where it is and what it means, or what is wrong: an error in a signal that is not mapped does no harm.
     pub signal: Result<Signal, DbcError>,
 }
 
@@ -65,7 +65,7 @@ pub enum DbcError {
     /// Factor zero, or a factor or offset that is no finite number.
     #[error("factor or offset is no use")]
     Scale,
-    /// A multiplexed signal whose multiplexor is not told, or is multiplexed by itself.
+    /// A multiplexed signal whose multiplexor is not given, or is multiplexed by itself.
     #[error("its multiplexor cannot be told")]
     Multiplexor,
 }

@@ -1,4 +1,4 @@
-//! [`Joiner`]: frames of a mapped bus back into samples, never mixing two instants that their counters tell apart.
+//! [`Joiner`]: frames of a mapped bus back into samples, never mixing two instants whose counters differ.
 //!
 //! A sample is delivered when every mapped part of it is in (of two commands, the one that the mode asks for). Parts belong
 //! together if
@@ -139,7 +139,7 @@ impl Joiner {
     }
 
     fn set_condition(&mut self, role: Role, value: f64) {
-        // By way of the built-in dictionary's steps, so that a bus tells the same in either.
+        // By way of the built-in dictionary's steps, so that a mapped bus gives the same value as a built-in one.
         let conditions = &mut self.conditions;
         match role {
             Role::DcLink => {

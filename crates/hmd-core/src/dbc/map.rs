@@ -56,7 +56,7 @@ impl Role {
     /// Number of those that belong to a sample.
     pub const SAMPLED: usize = 9;
 
-    /// Without these no window can be judged.
+    /// Without these no window can be assessed.
     pub const NEEDED: [Self; 4] = [
         Self::CurrentA,
         Self::CurrentB,
@@ -162,13 +162,13 @@ pub struct MapDraft {
 /// Why signals make no map. Displays as what is expected.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Misfit {
-    /// A quantity without which nothing can be judged is missing.
+    /// A quantity without which nothing can be assessed is missing.
     #[error("a signal for {0}, without which no window can be judged")]
     Missing(&'static str),
     /// Nothing is commanded.
     #[error("a signal for command.position or command.speed, without which no window begins")]
     NoCommand,
-    /// Two commands and nothing that tells which holds.
+    /// Two commands, and no mode that selects one.
     #[error("a signal for command.mode beside command.position and command.speed")]
     NoMode,
     /// Nothing counts samples.

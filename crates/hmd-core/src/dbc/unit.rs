@@ -1,8 +1,8 @@
-//! Units in which buses tell quantities, and what they are in ours.
+//! Units of quantities on a bus, and their conversion to SI units.
 
 use serde::Serialize;
 
-/// What kind of quantity a signal tells.
+/// Kind of quantity that a signal carries.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Dimension {
     /// A.

@@ -1,4 +1,7 @@
-//! The functional end of life: when the faults foretold keep the actuator from meeting its specification.
+//! The functional end of life: when the predicted faults keep the actuator from meeting its specification.
+//!
+//! Goes in: a forecast by damage, the trends behind it, and the requirements as a check of fault vectors. Comes out: the
+//! forecast, brought forward if a requirement fails before the damage ends the life, and which criterion limits it.
 
 use ema_models::{FAULT_COUNT, FaultId, FaultVector};
 use serde::{Deserialize, Serialize};
@@ -6,14 +9,14 @@ use serde::{Deserialize, Serialize};
 use crate::functional_check::{CHECK_LANES, RequirementCheck, UnmetRequirement};
 use crate::rul::{Forecast, Prognosis, Quantiles, RemainingLife, normal_cdf};
 
-/// Times at which each quantile is tried at once.
+/// Times at which each quantile is checked together.
 const TIMES: usize = 10;
 
 /// The first search: from now to the end of life by damage, both included; the second: between two of its times.
 /// Together they find the functional end to 1/99 of the life by damage.
 const ROUNDS: [Round; 2] = [Round { offset: 0, parts: 9 }, Round { offset: 1, parts: 11 }];
 
-/// Which times between two others are tried.
+/// Which times between two others are checked.
 #[derive(Clone, Copy)]
 struct Round {
     /// Parts before the first.
@@ -27,9 +30,9 @@ struct Round {
 struct Search {
     /// Quantile of every damage.
     share: f64,
-    /// When the actuator does its work, as a share of the hours to the end by damage.
+    /// Latest time known to meet all requirements, as a share of the hours to the end by damage.
     from: f64,
-    /// When it misses `missed`; 1 when it does not.
+    /// Earliest time known to miss `missed`; 1 when none is missed.
     to: f64,
     missed: Option<UnmetRequirement>,
 }
@@ -48,7 +51,7 @@ impl Search {
         self.from + (self.to - self.from) * (n + round.offset) as f64 / round.parts as f64
     }
 
-    /// What the trial says of the times of a round, the earliest first.
+    /// Takes the results of the check at the times of a round, the earliest first.
     fn narrow(&mut self, round: Round, tried: &[Option<UnmetRequirement>]) {
         let first = tried.iter().position(Option::is_some);
         let last_good = first.unwrap_or(tried.len()).checked_sub(1);
@@ -64,12 +67,12 @@ impl Search {
 /// Normal deviate of the 90 % quantile.
 const NORMAL_90: f64 = 1.281_552;
 
-/// What ends the life of an actuator.
+/// The criterion that ends the life of an actuator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LimitingCriterion {
     /// The damage of one fault.
     Damage,
-    /// A requirement that all faults together make it miss.
+    /// A requirement that all faults together keep it from meeting.
     Function(UnmetRequirement),
 }
 
@@ -84,13 +87,13 @@ impl LimitingCriterion {
     }
 }
 
-/// Windows after which the function is tried again, however little has changed: a trial costs more than all else.
+/// Windows after which the requirements are checked again, however little has changed. A check costs more than all else here.
 const TRIED_EVERY: u32 = 8;
 
-/// Change of any fault parameter after which it is tried at once.
+/// Change of any fault parameter after which they are checked at once.
 const MOVED: f64 = 0.02;
 
-/// What the last trial of the function said.
+/// Result of the last functional check.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct LastCheck {
     /// The fault vector then.
@@ -113,17 +116,17 @@ impl LastCheck {
         self.windows >= TRIED_EVERY || self.had_trend != has_trend || fault.iter().zip(&self.fault).any(moved)
     }
 
-    /// Hours to the functional end, of those to the end by damage: the same share of the time from the trial on.
+    /// Hours to the functional end, of those to the end by damage: the same share of the time since the check.
     fn carried(&self, share: f64, by_damage_h: f64, now_h: f64) -> f64 {
         let since = now_h - self.at_h;
         (share * (since + by_damage_h) - since).clamp(0.0, by_damage_h)
     }
 }
 
-/// Brings the life of the actuator forward to where the function ends, if that is earlier.
+/// Brings the end of the actuator's life forward to its functional end, if that is earlier.
 ///
-/// All faults are taken at the same quantile of their damage: where all are worse than foretold, the life is short.
-/// `seen` is the newest fault vector, whose direction of eccentricity and sign of the gain hold on. Between two trials
+/// All faults are taken at the same quantile of their damage: where all are worse than predicted, the life is short.
+/// `seen` is the newest fault vector, whose direction of eccentricity and sign of the gain change are kept. Between two checks
 /// the functional end moves with that by damage.
 pub(super) fn bring_forward(
     forecast: &mut Forecast,

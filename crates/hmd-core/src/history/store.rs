@@ -1,4 +1,4 @@
-//! The lives of all actuators, with the maintenance events that end them.
+//! The histories of all actuators, and the maintenance events that reset them.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -9,12 +9,12 @@ use super::maintenance::{Event, Events};
 use crate::config::{ActuatorConfig, Config};
 use crate::health::LevelsError;
 
-/// All lives of a run. At most one for each of 16 actuators on each of 64 interfaces.
+/// The unit histories of a run. At most one for each of 16 actuators on each of 64 interfaces.
 #[derive(Debug)]
 pub struct HistoryStore {
     config: Arc<Config>,
     histories: BTreeMap<String, UnitHistory>,
-    /// Maintenance events, as told last.
+    /// Maintenance events, as last set.
     events: Events,
     /// Histories of an earlier run, which continue with the first window.
     restored: BTreeMap<String, UnitHistory>,
@@ -22,7 +22,7 @@ pub struct HistoryStore {
 }
 
 impl HistoryStore {
-    /// Lives that begin with the run.
+    /// Without histories: each begins with the first window of its actuator.
     #[must_use]
     pub fn new(config: Arc<Config>) -> Self {
         Self {
@@ -45,10 +45,10 @@ impl HistoryStore {
         self.histories.get(actuator)
     }
 
-    /// Takes the maintenance events as they stand. Each is followed when the frames have come to it, and once.
+    /// Sets the maintenance events. Each resets its history once, when a window begins at or after it.
     pub fn set_events(&mut self, events: Events) {
-        let told = &self.events.unfinished;
-        for line in events.unfinished.iter().filter(|line| !told.contains(line)) {
+        let reported = &self.events.unfinished;
+        for line in events.unfinished.iter().filter(|line| !reported.contains(line)) {
             self.notices.push(format!(
                 "maintenance events, line {line}: never finished and passed over; tell of that event again"
             ));
@@ -56,7 +56,7 @@ impl HistoryStore {
         self.events = events;
     }
 
-    /// The life of an actuator at the time of a window. Events up to then are followed first.
+    /// The history of an actuator at the time of a window, reset first by the maintenance events up to then.
     ///
     /// # Errors
     /// Levels that contradict each other.
@@ -74,7 +74,7 @@ impl HistoryStore {
         let count = come().count() as u64;
         let begun_ns = history.begun_ns;
         let before = || come().filter(|t_ns| *t_ns <= begun_ns).count() as u64;
-        // The file only grows, so that one more is a new one, whatever time it tells.
+        // The file only grows, so that one more event is a new one, whatever its time.
         let followed = *history.events_followed.get_or_insert_with(before);
         if let Some(begun_ns) = come().max().filter(|_| count > followed) {
             *history = UnitHistory {
@@ -82,19 +82,19 @@ impl HistoryStore {
                 events_followed: Some(count),
                 ..UnitHistory::new(config, serial_number.clone())?
             };
-            let notice = format!("{}: a new life begins by a maintenance event", actuator.name);
+            let notice = format!("{}: history reset by a maintenance event", actuator.name);
             self.notices.push(notice);
         }
         Ok(history)
     }
 
-    /// Windows in a row that ask for a worse state of an actuator than it has; 0 without a life.
+    /// Windows in a row that ask for a worse state of an actuator than it has; 0 without a history.
     #[must_use]
     pub fn pending(&self, actuator: &str) -> u32 {
         self.histories.get(actuator).map_or(0, UnitHistory::pending)
     }
 
-    /// Ends the life of an actuator whose unit turns out to be another one; says whether there was one.
+    /// Removes the history of an actuator whose unit turns out to be another one; returns whether there was one.
     pub fn remove(&mut self, actuator: &str) -> bool {
         self.histories.remove(actuator).is_some()
     }

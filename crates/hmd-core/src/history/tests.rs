@@ -74,7 +74,7 @@ fn wear_out(histories: &mut HistoryStore, config: &Config, from: u64, to: u64) -
 }
 
 #[test]
-fn a_whole_life_goes_through_all_states_in_order_and_its_end_is_foretold() {
+fn a_whole_life_goes_through_all_states_in_order_and_its_end_is_predicted() {
     let config = config("hours = \"elapsed\"\nwarning_h = 300\ncritical_h = 100");
     let assessments = wear_out(&mut HistoryStore::new(config.clone()), &config, 0, 100);
     let mut states: Vec<HealthState> = assessments.iter().map(|t| t.state).collect();
@@ -226,7 +226,7 @@ fn a_restored_history_continues_and_a_new_unit_begins_its_own() {
     assert_eq!(other.used, Odometer::default());
 }
 
-/// Whatever a file says: it is refused, or the life goes on.
+/// Whatever numbers a file holds: it is refused, or the history resumes.
 #[test]
 fn a_kept_life_with_any_number_in_it_does_not_bring_the_daemon_down() {
     fn numbers(value: &mut serde_json::Value) -> Vec<&mut serde_json::Value> {
@@ -279,7 +279,7 @@ fn a_kept_life_with_any_number_in_it_does_not_bring_the_daemon_down() {
     assert!(refused > 50 && taken > 50, "{refused} refused, {taken} taken");
 }
 
-/// A requirement that is missed from a friction of 0.5 on, and how often it was tried.
+/// A requirement that is missed from a friction of 0.5 on, and how often it was checked.
 fn useless(trials: &Cell<u32>) -> impl Fn(&[FaultVector; CHECK_LANES]) -> [Option<UnmetRequirement>; CHECK_LANES] {
     |faults| {
         trials.set(trials.get() + 1);
@@ -287,7 +287,7 @@ fn useless(trials: &Cell<u32>) -> impl Fn(&[FaultVector; CHECK_LANES]) -> [Optio
     }
 }
 
-/// What is said after a window that shows this friction, where a requirement is tried.
+/// The assessment after a window with this friction, where a requirement is checked.
 fn tried_after(
     history: &mut UnitHistory,
     job: &WindowJob,
@@ -342,7 +342,7 @@ fn the_function_ends_a_life_before_the_damage_does() {
         }
     }
     assert!(trials.get() <= 2 * 70 / 3 + 2, "{} trials", trials.get());
-    // A part that breaks now is tried now.
+    // A part that breaks now is checked now.
     let mut fresh = UnitHistory::new(&config, None).expect("levels");
     for (n, damage, limiting_criterion) in [
         (0, 0.0, LimitingCriterion::Damage),
@@ -354,7 +354,7 @@ fn the_function_ends_a_life_before_the_damage_does() {
 }
 
 #[test]
-fn a_slow_wear_is_tried_every_eighth_window() {
+fn slow_wear_is_checked_every_eighth_window() {
     let config = config("hours = \"elapsed\"");
     let mut history = UnitHistory::new(&config, None).expect("levels");
     let trials = Cell::new(0);

@@ -1,4 +1,4 @@
-//! Health by what is left of the life.
+//! Health state by the remaining useful life.
 
 use serde::{Deserialize, Serialize};
 
@@ -19,7 +19,7 @@ pub(super) struct Urgency {
 }
 
 impl Urgency {
-    /// Whether it could have come about: a file may say anything.
+    /// Whether the state is possible; a damaged file may hold any numbers.
     pub(super) fn is_possible(&self) -> bool {
         self.reached <= self.below.len()
     }

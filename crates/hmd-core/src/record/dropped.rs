@@ -1,4 +1,4 @@
-//! A window that was not judged for want of time.
+//! A window that was not assessed for want of time.
 
 use super::schema::message;
 
@@ -7,7 +7,7 @@ message! {
     pub struct Dropped {
         /// Actuator name, as in the topic.
         actuator: String = 1 string;
-        /// Number of the window, judged or not, from 0.
+        /// Number of the window, assessed or not, from 0.
         window: u64 = 2 uint64;
         /// Start of the window, UTC ns.
         t_start_ns: u64 = 3 uint64;

@@ -1,15 +1,15 @@
-//! The verdict on one window.
+//! Health of an actuator by one window.
 
 use super::finite;
 use super::schema::message;
 use ema_models::FaultId;
 
 message! {
-    /// What one window says about one actuator. All fields are scalars, because viewers draw an array as one line.
+    /// Assessment of one window of one actuator. All fields are scalars, because viewers draw an array as one line.
     pub struct Health {
         /// Actuator name, as in the topic.
         actuator: String = 1 string;
-        /// Number of the window, judged or not, from 0.
+        /// Number of the window, assessed or not, from 0.
         window: u64 = 2 uint64;
         /// Start of the window, UTC ns.
         t_start_ns: u64 = 3 uint64;
@@ -101,7 +101,7 @@ super::impl_record!(Health, |health| format!("/{}/health", health.actuator));
 pub struct Estimate {
     /// The fault vector.
     pub k: [f64; 8],
-    /// Standard deviations; `None` where the window says nothing.
+    /// Standard deviations; `None` where a parameter is not observable.
     pub sigma: [Option<f64>; 8],
     /// Whether the window excites each parameter.
     pub observable: [bool; 8],

@@ -14,7 +14,7 @@ use prost_types::{
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ::prost::Enumeration)]
 #[repr(i32)]
 pub enum LogLevel {
-    /// Not said.
+    /// Unknown.
     Unknown = 0,
     /// For developers.
     Debug = 1,

@@ -156,7 +156,7 @@ impl RawBatch {
     }
 }
 
-/// Largest place that is believed, so that sums of losses stay in range; centuries of a full bus.
+/// Largest index that is accepted, so that sums of losses stay in range; centuries of a full bus.
 const MAX_INDEX: u64 = 1 << 48;
 
 super::impl_record!(RawBatch, |batch| format!("/bus/{}/raw", batch.interface));

@@ -8,7 +8,7 @@ message! {
     pub struct Rul {
         /// Actuator name, as in the topic.
         actuator: String = 1 string;
-        /// Number of the window after which this was said.
+        /// Number of the window after which this was predicted.
         window: u64 = 2 uint64;
         /// Start of that window, UTC ns.
         t_start_ns: u64 = 3 uint64;

@@ -31,7 +31,7 @@ message! {
         lost_samples: u64 = 15 uint64;
         /// Losses: frames of a mapped identifier whose content makes no sense.
         lost_malformed: u64 = 16 uint64;
-        /// Losses: windows not judged for want of time or room.
+        /// Losses: windows not assessed for want of time or room.
         lost_windows: u64 = 17 uint64;
         /// Losses: frames that came after a newer sample of their actuator had begun, or in a log given after a later one.
         lost_late: u64 = 18 uint64;
@@ -117,7 +117,7 @@ message! {
         changed_faults: String = 8 string;
         /// Largest damage in the window of the last change, 0…1.
         changed_damage: f64 = 9 double;
-        /// Whether changes of its state alarm nobody.
+        /// Whether changes of its state raise no alarm.
         passive: bool = 10 bool;
     }
 }
@@ -186,7 +186,7 @@ pub struct StoreStatus {
     pub lost_records: u64,
     /// Bytes of all segments.
     pub used_bytes: u64,
-    /// Bytes free for an ordinary user; 0 when that cannot be told.
+    /// Bytes free for an ordinary user; 0 when that is unknown.
     pub free_bytes: u64,
     /// Segments on the disk.
     pub segments: u64,
@@ -231,7 +231,7 @@ impl Status {
             self.lost_unreadable, self.lost_damaged, self.lost_malformed, self.lost_samples, self.lost_late
         );
         if self.lost_windows > 0 {
-            text += &format!(", {} windows that the live run did not judge", self.lost_windows);
+            text += &format!(", {} windows that the live run did not assess", self.lost_windows);
         }
         Some(text)
     }
@@ -261,9 +261,12 @@ mod tests {
             lost_windows: 7,
             ..Status::default()
         };
-        let said = dropped.lost_in_logs(0).unwrap();
-        assert!(said.ends_with(", 7 windows that the live run did not judge"), "{said}");
-        let said = Status::default().lost_in_logs(2).unwrap();
-        assert!(said.contains(" 2 damaged places "), "{said}");
+        let sentence = dropped.lost_in_logs(0).unwrap();
+        assert!(
+            sentence.ends_with(", 7 windows that the live run did not assess"),
+            "{sentence}"
+        );
+        let sentence = Status::default().lost_in_logs(2).unwrap();
+        assert!(sentence.contains(" 2 damaged places "), "{sentence}");
     }
 }

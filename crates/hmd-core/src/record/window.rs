@@ -1,4 +1,4 @@
-//! One actuation window: what was seen and what the best fit makes of it.
+//! One actuation window: its samples, and the best fit to them.
 
 use super::schema::message;
 
@@ -7,7 +7,7 @@ message! {
     pub struct Window {
         /// Actuator name, as in the topic.
         actuator: String = 1 string;
-        /// Number of the window, judged or not, from 0.
+        /// Number of the window, assessed or not, from 0.
         window: u64 = 2 uint64;
         /// Start of the window, UTC ns.
         t_start_ns: u64 = 3 uint64;
@@ -19,7 +19,7 @@ message! {
         reason: String = 6 string;
         /// Samples received.
         samples: u64 = 7 uint64;
-        /// Samples that the rate and the length call for.
+        /// Expected samples, by rate and length.
         samples_expected: u64 = 8 uint64;
         /// Samples missing by their counters.
         samples_lost: u64 = 9 uint64;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What wear goes on with.
+/// The clock of wear: what its growth is a function of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Clock {

@@ -13,10 +13,10 @@ const ESTIMATES_MIN: u64 = 6;
 /// Probability of growth that a trend needs.
 const GROWTH_MIN: f64 = 0.999;
 
-/// Growth of damage that a trend needs: less is told from the monitor's own error only by luck.
+/// Growth of damage that a trend needs: less cannot be told from the monitor's own error.
 const GROWN_MIN: f64 = 0.01;
 
-/// A life is foretold up to this multiple of the hours over which its trend was watched.
+/// A life is predicted up to this multiple of the hours over which its trend was observed.
 const REACH: f64 = 20.0;
 
 /// Quantiles of what is left, in one unit. A quantile beyond the reach of the trend is given as the reach.
@@ -42,18 +42,18 @@ impl Quantiles {
     }
 }
 
-/// What is left, and when that was said.
+/// Remaining useful life of a fault or of an actuator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RemainingLife {
     /// Operating hours left.
     pub hours: Quantiles,
-    /// Cycles left, if use goes on as of late; `None` without cycles.
+    /// Cycles left, if use continues at its recent rate; `None` without cycles.
     pub cycles: Option<Quantiles>,
     /// Probability of the end within the horizon.
     pub fails_within_horizon: f64,
 }
 
-/// Why there is no number.
+/// Why there is no remaining useful life.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NoTrend {
     /// Too few estimates since the trend began.
@@ -71,7 +71,7 @@ pub enum NoTrend {
     /// Growth is not sure, or too small to matter.
     #[error("no fault grows")]
     NoGrowth,
-    /// The median is beyond what the trend can tell.
+    /// The median is beyond the reach of the trend.
     #[error("the end of life is more than {REACH} times the observed {observed_h:.3} h away")]
     TooFar {
         /// Hours over which the trend was watched.
@@ -79,7 +79,7 @@ pub enum NoTrend {
     },
 }
 
-/// What is said after a window.
+/// Forecast after a window.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Forecast {
     /// Of each fault, in the order of [`FaultId::ALL`].
@@ -109,7 +109,7 @@ impl Prognosis {
         }
     }
 
-    /// Whether it could have come about: a file may say anything.
+    /// Whether the state is possible; a damaged file may hold any numbers.
     pub fn is_possible(&self) -> bool {
         self.usage.is_possible() && self.trends.iter().all(Trend::is_possible)
     }
@@ -135,8 +135,8 @@ impl Prognosis {
         self.usage.now()
     }
 
-    /// Takes a window: use so far, and damage with its standard deviation of every fault that the window shows. A window
-    /// that was not judged shows none.
+    /// Takes a window: use so far, and the damage with its standard deviation of every fault that is observable in it. A window
+    /// that was not assessed has none.
     pub fn update(&mut self, at: Odometer, estimates: &[Option<(f64, f64)>; FaultId::COUNT]) {
         self.usage.update(at);
         for (trend, estimate) in self.trends.iter_mut().zip(estimates) {
@@ -146,7 +146,7 @@ impl Prognosis {
         }
     }
 
-    /// What is left of the life, with the probability of its end within `horizon_h` hours.
+    /// Remaining useful life of each fault and of the actuator, with the probability of its end within `horizon_h` hours.
     #[must_use]
     pub fn forecast(&self, horizon_h: f64) -> Forecast {
         let remaining = FaultId::ALL.map(|fault| self.remaining(fault));
@@ -216,7 +216,7 @@ impl Prognosis {
         }
     }
 
-    /// A life of these hours, with the cycles that belong to them.
+    /// A remaining life of these hours, with the cycles that belong to them.
     pub fn life_of(&self, hours: Quantiles, fails_within_horizon: f64) -> RemainingLife {
         let per_hour = self
             .usage

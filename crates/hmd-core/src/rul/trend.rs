@@ -1,4 +1,4 @@
-//! The trend of one fault: all laws of growth at once, weighed by how well each foretold the estimates.
+//! The trend of one fault: all laws of growth at once, weighed by how well each predicted the estimates.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +8,7 @@ use super::usage::Odometer;
 /// Ratio of neighbouring exponential rates. At 1.1 the nearest rate misses the true one by enough to spoil the intervals.
 const RATE_STEP: f64 = 1.04;
 
-/// An exponential is told from a straight line once rate × time reaches this…
+/// An exponential differs visibly from a straight line once rate × time reaches this…
 const CURVED: f64 = 0.05;
 
 /// …and has lost when rate × time reaches this: no life is so long of its rate.
@@ -20,10 +20,10 @@ const RATE_LIFE_MAX: f64 = 8.0;
 /// Evidence is kept to this below the best law's, so that one which has lost can win again when growth changes.
 const LOG_EVIDENCE_FLOOR: f64 = 30.0;
 
-/// No estimate is believed to be better than this: the monitor's own error moves slowly from window to window.
+/// Smallest standard deviation that is accepted: the monitor's own error moves slowly from window to window.
 const SIGMA_MIN: f64 = 1e-3;
 
-/// Estimates with which a trend begins: so many tell whether the first is an outlier.
+/// Estimates with which a trend begins: enough to see whether the first is an outlier.
 const START: usize = 3;
 
 /// Keeps the squares of slopes in the machine's range, for estimates that are next to no time apart.
@@ -38,7 +38,7 @@ const JUMP_AFTER: u32 = 4;
 /// Windows over which the scatter is compared with the stated sigma.
 const SCATTER_MEMORY: f64 = 20.0;
 
-/// Most that a single estimate says about the scatter, in variances.
+/// Largest contribution of a single estimate to the scatter, in variances.
 const SCATTER_CAP: f64 = 9.0;
 
 /// Laws that no trend has: there are about 150.
@@ -67,7 +67,7 @@ pub struct Trend {
     laws_at: Odometer,
     /// Where the last estimate was taken.
     pub(super) last: Odometer,
-    /// Estimates taken in since the trend began.
+    /// Estimates since the trend began.
     pub(super) estimates: u64,
     /// Estimates in a row that fit no law.
     misfits: u32,
@@ -166,7 +166,7 @@ impl Trend {
         }
     }
 
-    /// Lets the laws go on to an estimate and learn from it.
+    /// Advances the laws to an estimate and updates them with it.
     fn learn_from(&mut self, estimate: &Estimate) {
         let passed = estimate.at.since(&self.laws_at);
         self.add_exponentials(estimate.at.since(&self.first.at).hours);

@@ -1,4 +1,4 @@
-//! How much an actuator is used: hours, cycles and work, and how fast they go on.
+//! How much an actuator is used: hours, cycles and work, and at what rate.
 
 use serde::{Deserialize, Serialize};
 
@@ -65,7 +65,7 @@ pub struct Usage {
     squared_steps: f64,
 }
 
-/// How fast use goes on.
+/// Rate of use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UseRate {
     /// Cycles per hour.
@@ -79,7 +79,7 @@ pub struct UseRate {
 }
 
 impl Usage {
-    /// Whether it could have come about: a file may say anything.
+    /// Whether the readings are possible; a damaged file may hold any numbers.
     pub(super) fn is_possible(&self) -> bool {
         self.readings.len() <= READINGS
     }
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_back_is_passed_over() {
+    fn a_reading_that_goes_back_is_ignored() {
         let mut usage = Usage::default();
         assert_eq!(usage.rate(), None);
         usage.update(at(10.0, 1.0));

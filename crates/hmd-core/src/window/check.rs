@@ -1,4 +1,4 @@
-//! Whether the samples of a window are fit to be judged.
+//! Whether the samples of a window are fit for an assessment: refuses single samples, then decides on the window.
 
 use super::config::{CLOCK_JUMP_S, Lengths, SCATTERED_RUN};
 use super::counters::refuse_spikes;
@@ -15,12 +15,12 @@ pub(super) struct Findings {
     pub(super) lost: u64,
     pub(super) rejected: u64,
     pub(super) clock_jumps: u64,
-    /// Speed by which the motor missed its setpoint before the trigger, rad/s, if that is worth a word.
+    /// Speed by which the motor missed its setpoint before the trigger, rad/s, if it is a handicap.
     pub(super) unsteady_rad_s: Option<f64>,
     pub(super) invalid: Option<Invalidity>,
 }
 
-/// Marks what cannot be used and says whether the rest is enough; of several reasons, the first in the order below.
+/// Refuses samples that cannot be used and decides whether the rest is enough; of several reasons, the first in the order below.
 pub(super) fn examine(slots: &mut [Slot], limits: &Limits) -> Findings {
     refuse_currents(slots, limits);
     let jumps = [(limits.motor, Counter::Motor), (limits.output, Counter::Output)]
@@ -171,8 +171,8 @@ fn unsteady_start(slots: &[Slot], limits: &Limits) -> Option<f64> {
 
 /// Jumps of the stamps against the counter, and whether they advance at another rate than the type's.
 ///
-/// Where the rate is only believed, stamps that advance otherwise over a window say that it is the wrong one, and every speed
-/// and time constant would be judged by it. Stamps that never advance say nothing. A rate that the device's own time told
+/// Where the rate is only assumed, stamps that advance at another rate over a window show that it is wrong; every speed and
+/// time constant would be wrong with it. Stamps that never advance show nothing. A rate measured by the device's own time
 /// needs no such proof: stamps are those of a host, which may have read late, or of a device that runs slower than time.
 fn clock(slots: &[Slot], limits: &Limits) -> (u64, Option<Invalidity>) {
     let mut jumps = 0;

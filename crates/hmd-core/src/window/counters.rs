@@ -135,7 +135,7 @@ fn off_both_lines(points: &[Point], run: usize, limits: &CounterLimits) -> Vec<u
         });
         if is_spike {
             spikes.extend(points[next..next + run].iter().map(|point| point.index));
-            // Its neighbours are judged in the next pass, without it.
+            // Its neighbours are checked in the next pass, without it.
             next += run + 2;
         } else {
             next += 1;

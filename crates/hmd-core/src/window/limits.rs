@@ -22,7 +22,7 @@ pub(super) struct Limits {
     pub(super) motor: CounterLimits,
     pub(super) output: CounterLimits,
     pub(super) thresholds: Thresholds,
-    /// Whether nothing but the stamps can tell that the rate is wrong.
+    /// Whether the sample rate is only assumed, so that the stamps are the only evidence against it.
     pub(super) rate_is_unconfirmed: bool,
     pub(super) unsteady_rad_s: f64,
     /// Motor angle by which a setpoint that trembles within the trigger's threshold moves the shaft, rad.
@@ -51,7 +51,7 @@ impl Limits {
             rotor: Rotor::new(params.motor.pole_pairs, sensors),
             output_lsb,
             gear_ratio,
-            // Three times the play at the end of its scale: a unit beyond that scale is still judged, and found worn.
+            // Three times the play at the end of its scale: a unit beyond that scale is still assessed, and found worn.
             play_max_rad: 3.0 * play_worn_out + 8.0 * output_lsb,
             motor: CounterLimits {
                 part: Part::Motor,

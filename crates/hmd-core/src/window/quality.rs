@@ -1,15 +1,15 @@
-//! What is said of a window: complete, degraded or invalid, and why.
+//! Quality of a window's samples: complete, degraded or invalid, and why.
 
 use core::fmt;
 
-/// Whether the samples of a window are fit to be judged.
+/// Whether the samples of a window are fit for an assessment.
 #[derive(Clone, Debug, PartialEq)]
 pub enum WindowQuality {
     /// Every sample is there and plausible.
     Complete,
     /// Fit, with these handicaps.
     Degraded(Vec<Degradation>),
-    /// Not fit; it must not be judged, and is no fault of the actuator.
+    /// Not fit; the window must not be assessed, and this is no fault of the actuator.
     Invalid(Invalidity),
 }
 
@@ -21,7 +21,7 @@ impl WindowQuality {
     }
 }
 
-/// A handicap of a window that is judged all the same.
+/// A handicap of a window that is assessed all the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Degradation {
     /// Samples were interpolated.
@@ -50,7 +50,7 @@ pub enum Invalidity {
     CutShort(CutShort),
     /// The mode changed from position to speed or back.
     ModeChanged,
-    /// The command jumped while samples were missing, so that nobody knows when.
+    /// The command jumped while samples were missing; the time of the jump is unknown.
     CommandInGap {
         /// Index of the first sample after the gap.
         at: usize,

@@ -1,6 +1,6 @@
 //! From the clock of a CAN controller to UTC.
 //!
-//! A hardware stamp says best when a frame came, but on a clock of its own; the kernel's software stamp is UTC, but late
+//! A hardware stamp is the best time of arrival, but on a clock of its own; the kernel's software stamp is UTC, but late
 //! by what else the computer had to do. So the hardware clock is tied to UTC by the software stamps, slowly: the
 //! jitter averages out, and a drift of 100 ppm stays below 0.1 ms at 1 000 frames/s.
 

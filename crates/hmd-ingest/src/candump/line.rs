@@ -16,7 +16,7 @@ pub enum LineFault {
     Part {
         /// The part.
         expected: Part,
-        /// What stands there, escaped and shortened.
+        /// The text there, escaped and shortened.
         found: String,
     },
     /// The parts do not make a frame.
@@ -25,7 +25,7 @@ pub enum LineFault {
     /// The interface name cannot be taken.
     #[error("expected an interface, found \"{found}\": {cause}")]
     Bus {
-        /// What stands there, escaped and shortened.
+        /// The text there, escaped and shortened.
         found: String,
         /// Why it is refused.
         cause: BusError,

@@ -1,4 +1,4 @@
-//! What `hmd bench` prints.
+//! Result of a benchmark, and its tables as `hmd bench` prints them.
 
 use serde::Serialize;
 
@@ -35,6 +35,56 @@ pub struct BenchReport {
     pub by_population: Vec<PopulationFigure>,
     /// One window of each actuator on all threads.
     pub by_actuators: Vec<ActuatorsFigure>,
+}
+
+impl BenchReport {
+    /// The figures as Markdown tables.
+    #[must_use]
+    pub fn tables(&self) -> String {
+        let mut text = format!(
+            "{} monitor of {}, step {} us, window {} s at {} Hz; {}, {} monitors side by side\n",
+            self.monitor,
+            self.actuator,
+            self.step_us,
+            self.window_s,
+            self.sample_rate_hz,
+            self.instruction_set,
+            self.lanes
+        );
+        text += "\n| one core | evaluations/s | over scalar f64 |\n|---|---|---|\n";
+        text += &format!("| scalar f64 | {:.0} | 1.0 |\n", self.scalar_f64_per_s);
+        for set in &self.instruction_sets {
+            text += &format!(
+                "| {} | {:.0} | {:.1} |\n",
+                set.name, set.evaluations_per_s, set.over_scalar_f64
+            );
+        }
+        text += &format!("\nOne linearisation: {:.2} ms\n", self.linearisation_ms);
+        text += "\n| threads | evaluations/s | over one | one identification, ms | identifications/s |\n|---|---|---|---|---|\n";
+        for f in &self.threads {
+            text += &format!(
+                "| {} | {:.0} | {:.2} | {:.1} | {:.0} |\n",
+                f.threads, f.evaluations_per_s, f.over_one, f.identification_ms, f.identifications_per_s
+            );
+        }
+        text += "\n| window, s | sample rate, Hz | one evaluation on one core, us |\n|---|---|---|\n";
+        for f in self.by_window.iter().chain(&self.by_sample_rate) {
+            text += &format!("| {} | {} | {:.1} |\n", f.window_s, f.sample_rate_hz, f.evaluation_us);
+        }
+        text += "\n| population | evaluations | one identification on all threads, ms |\n|---|---|---|\n";
+        for f in &self.by_population {
+            text += &format!(
+                "| {} | {} | {:.1} |\n",
+                f.population, f.evaluations, f.identification_ms
+            );
+        }
+        text += "\n| actuators | one window of each on all threads, ms |\n|---|---|\n";
+        for f in &self.by_actuators {
+            text += &format!("| {} | {:.1} |\n", f.actuators, f.all_ms);
+        }
+        text.truncate(text.trim_end().len());
+        text
+    }
 }
 
 /// Evaluations of one core with one instruction set.

@@ -19,7 +19,7 @@ pub(super) fn measure(params: &ActuatorParams) -> [f64; RIPPLE_KNOTS] {
     const SETTLE_STEPS: u32 = 300_000;
     const MEASURED_STEPS: u32 = 400_000;
     let mut fast = *params;
-    // The sweep goes up to the voltage limit, wherever the speed limit stands.
+    // The sweep goes up to the voltage limit, whatever the speed limit.
     let top_speed = 1.1 * params.motor.v_dc * 0.5 / params.motor.k;
     fast.controller.omega_max = 2.0 * top_speed;
     let mut runs = Vec::new();

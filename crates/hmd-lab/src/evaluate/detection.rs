@@ -1,4 +1,4 @@
-//! The `detection` suite: verdicts of single windows, healthy and faulty.
+//! The `detection` suite: assessments of single windows, healthy and faulty.
 
 use ema_ga::ConfigError;
 use ema_models::{FAULT_COUNT, FaultId, FaultVector};
@@ -55,7 +55,7 @@ pub struct ByFault {
     pub isolation_rate: f64,
 }
 
-/// One wrong verdict.
+/// One wrong assessment.
 #[derive(Clone, Debug, Serialize)]
 pub struct Wrong {
     /// The truth.
@@ -79,15 +79,15 @@ pub enum DetectionError {
     Levels(#[from] LevelsError),
 }
 
-/// One verdict: the true fault (`None` for a healthy window), and what went wrong if anything did.
-struct Verdict {
+/// One assessment: the true fault (`None` for a healthy window), and what went wrong if anything did.
+struct Outcome {
     fault: Option<usize>,
     named: Vec<&'static str>,
     wrong: Option<Wrong>,
 }
 
 /// The `detection` suite: `n` motors, each known from five healthy windows, with 100 healthy and 100 faulty windows each,
-/// under the noise of the `noise` suite at the type's own rate; the verdict of each window alone, without memory.
+/// under the noise of the `noise` suite at the type's own rate; the assessment of each window alone, without memory.
 ///
 /// # Errors
 /// Settings that contradict each other.
@@ -100,7 +100,7 @@ pub fn detection(
     done: &(dyn Fn() + Sync),
 ) -> Result<DetectionReport, DetectionError> {
     let rate = identifier.params.sensors.sample_rate;
-    let verdicts: Vec<Vec<Verdict>> = (0..n)
+    let outcomes: Vec<Vec<Outcome>> = (0..n)
         .into_par_iter()
         .map(|motor| {
             let motor_seed = mix(seed, &[8, motor]);
@@ -136,20 +136,20 @@ pub fn detection(
                         k: estimate.fault.to_array(),
                         sigma: estimate.sigma,
                     });
-                    Ok(Verdict { fault, named, wrong })
+                    Ok(Outcome { fault, named, wrong })
                 })
                 .collect::<Result<_, DetectionError>>()
         })
         .collect::<Result<_, DetectionError>>()?;
-    let verdicts: Vec<Verdict> = verdicts.into_iter().flatten().collect();
-    let rate = |of: &dyn Fn(&Verdict) -> bool, good: &dyn Fn(&Verdict) -> bool| {
-        let chosen: Vec<&Verdict> = verdicts.iter().filter(|v| of(v)).collect();
+    let outcomes: Vec<Outcome> = outcomes.into_iter().flatten().collect();
+    let rate = |of: &dyn Fn(&Outcome) -> bool, good: &dyn Fn(&Outcome) -> bool| {
+        let chosen: Vec<&Outcome> = outcomes.iter().filter(|v| of(v)).collect();
         let count = chosen.iter().filter(|v| good(v)).count();
         (chosen.len() as u64, count as f64 / chosen.len().max(1) as f64)
     };
-    let alarm = |v: &Verdict| !v.named.is_empty();
-    let right = |v: &Verdict| v.wrong.is_none();
-    let faulty = |v: &Verdict| v.fault.is_some();
+    let alarm = |v: &Outcome| !v.named.is_empty();
+    let right = |v: &Outcome| v.wrong.is_none();
+    let faulty = |v: &Outcome| v.fault.is_some();
     Ok(DetectionReport {
         suite: "detection",
         actuator: actuator.to_owned(),
@@ -159,7 +159,7 @@ pub fn detection(
         detection_rate: rate(&faulty, &alarm).1,
         detection_rate_by_fault: (0..FaultId::COUNT)
             .map(|fault| {
-                let of = |v: &Verdict| v.fault == Some(fault);
+                let of = |v: &Outcome| v.fault == Some(fault);
                 let (windows, detection_rate) = rate(&of, &alarm);
                 ByFault {
                     fault: FaultId::ALL[fault].name(),
@@ -170,7 +170,7 @@ pub fn detection(
             })
             .collect(),
         isolation_rate: rate(&faulty, &right).1,
-        wrong: verdicts.into_iter().filter_map(|v| v.wrong).collect(),
+        wrong: outcomes.into_iter().filter_map(|v| v.wrong).collect(),
     })
 }
 

@@ -35,7 +35,7 @@ pub(super) struct Surroundings {
     pub(super) profile: Profile,
     /// Winding temperature, °C.
     pub(super) winding_temp_deg_c: f64,
-    /// Whether the monitor is told the temperature.
+    /// Whether the monitor gets the temperature.
     pub(super) temperature_measured: bool,
     /// DC link voltage as a share of the nominal one; always measured.
     pub(super) supply: f64,
@@ -87,7 +87,7 @@ impl Motor {
         let load = ChaCha8Rng::seed_from_u64(mix(seed, &[1])).random_range(-self.load_nm..self.load_nm);
         let mut unit = self.unit;
         unit.motor.v_dc *= around.supply;
-        let mut window = SimulatedWindow::of(&Scenario {
+        let mut window = SimulatedWindow::first_of(&Scenario {
             unit,
             load_torque: load,
             winding_temp_deg_c: around.winding_temp_deg_c,
@@ -105,7 +105,7 @@ impl Motor {
         window
     }
 
-    /// The type's identifier with what healthy windows tell of this motor.
+    /// The type's identifier with the calibration of this motor from healthy windows.
     pub(super) fn calibrated(&self, of_type: &Identifier) -> Identifier {
         let identifier = Identifier {
             params: self.nominal,

@@ -1,5 +1,5 @@
 //! The suites `profiles` and `conditions`: every kind of command, of which most show less than the mixed one, and windows
-//! of cold and hot motors on high and low supply; and what is said of them.
+//! of cold and hot motors on high and low supply; and the assessments of them.
 
 use ema_ga::ConfigError;
 use ema_models::{FAULT_COUNT, FaultId, FaultVector, MotorKnowledge, Profile, wrapped_phase_difference};

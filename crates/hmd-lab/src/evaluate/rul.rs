@@ -53,8 +53,8 @@ pub struct Group {
     pub oracle: Scores,
 }
 
-/// One history and what was said about it.
-struct Told {
+/// One history and its predictions.
+struct Predicted {
     fault: usize,
     growth: Growth,
     ours: Scored,
@@ -67,28 +67,28 @@ struct Told {
 /// A stored table of errors that cannot be read.
 pub fn rul(n: u64, seed: u64, done: &(dyn Fn() + Sync)) -> Result<RulReport, serde_json::Error> {
     let errors = ErrorTable::stored()?;
-    let told: Vec<Told> = (0..FaultId::COUNT as u64 * n)
+    let predictions: Vec<Predicted> = (0..FaultId::COUNT as u64 * n)
         .into_par_iter()
         .map(|number| {
             let fault = (number / n) as usize;
             let history = draw(fault, number % n, &errors, seed);
-            let told = Told {
+            let predicted = Predicted {
                 fault,
                 growth: history.growth,
                 ours: ours(&history, fault),
                 oracle: by_oracle(&history, mix(seed, &[8, number])),
             };
             done();
-            told
+            predicted
         })
         .collect();
-    let group = |name: String, belongs: &dyn Fn(&Told) -> bool| {
-        let members: Vec<&Told> = told.iter().filter(|t| belongs(t)).collect();
+    let group = |name: String, belongs: &dyn Fn(&Predicted) -> bool| {
+        let members: Vec<&Predicted> = predictions.iter().filter(|t| belongs(t)).collect();
         Group {
             name,
             histories: members.len(),
-            scores: Scores::of(members.iter().map(|t| &t.ours)),
-            oracle: Scores::of(members.iter().map(|t| &t.oracle)),
+            scores: Scores::mean_of(members.iter().map(|t| &t.ours)),
+            oracle: Scores::mean_of(members.iter().map(|t| &t.oracle)),
         }
     };
     let mut groups: Vec<Group> = (0..FaultId::COUNT)
@@ -101,8 +101,8 @@ pub fn rul(n: u64, seed: u64, done: &(dyn Fn() + Sync)) -> Result<RulReport, ser
         suite: "rul",
         seed,
         histories_per_fault: n,
-        scores: Scores::of(told.iter().map(|t| &t.ours)),
-        oracle: Scores::of(told.iter().map(|t| &t.oracle)),
+        scores: Scores::mean_of(predictions.iter().map(|t| &t.ours)),
+        oracle: Scores::mean_of(predictions.iter().map(|t| &t.oracle)),
         groups,
     })
 }
@@ -111,7 +111,7 @@ fn draw(fault: usize, n: u64, errors: &ErrorTable, seed: u64) -> History {
     History::draw(fault, errors, mix(seed, &[7, fault as u64, n]))
 }
 
-/// A life as the monitor's own filter tells it.
+/// Prediction of a history by the monitor's own filter.
 fn ours(history: &History, fault: usize) -> Scored {
     let mut prognosis = Prognosis::new([END_OF_LIFE; FaultId::COUNT]);
     score(history, |seen, tell| {
@@ -131,7 +131,7 @@ fn ours(history: &History, fault: usize) -> Scored {
 /// Hours beyond which the oracle is not asked: twice the longest life.
 const HOURS_MAX: f64 = 2.0 * LIFE_H[1];
 
-/// A life as the oracle tells it.
+/// Prediction of a history by the oracle.
 fn by_oracle(history: &History, seed: u64) -> Scored {
     let mut oracle = Oracle::new(history);
     let mut n = 0;
@@ -147,7 +147,7 @@ fn by_oracle(history: &History, seed: u64) -> Scored {
 /// Takes the quantiles of the hours left, and the probability of failing within some hours.
 type Tell<'a> = &'a mut dyn FnMut([Option<f64>; 3], &dyn Fn(f64) -> f64);
 
-/// Walks through a life and scores what is told after each window; nothing told is a forecast missed.
+/// Scores the prediction after each window of a history; no prediction is a forecast missed.
 fn score(history: &History, mut after: impl FnMut(&Seen, Tell<'_>)) -> Scored {
     let mut medians = Medians::new();
     let mut at = Vec::new();

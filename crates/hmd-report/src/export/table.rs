@@ -103,7 +103,7 @@ macro_rules! columns {
 }
 
 columns! {
-    /// What one window says.
+    /// Results of one window.
     HEALTH, pub fn health_row(health: &Health, rul: &Rul), 83:
     "t_start_ns" "ns, UTC" Time(health.t_start_ns);
     "actuator" "" Text(health.actuator.clone());
@@ -197,15 +197,15 @@ columns! {
     "actuator" "" Text(window.actuator.clone());
     "window" "" Count(window.window);
     "status" "" Text(window.status.clone());
-    "time_s" "s" Number(at(&window.time_s, n));
+    "time_s" "s" Number(value_at(&window.time_s, n));
     "mode" "" Text(window.mode.clone());
-    "setpoint" "rad at the output (position), rad/s at the motor (speed)" Number(at(&window.setpoint, n));
-    "measured_i_q_a" "A" Number(at(&window.measured_i_q_a, n));
-    "fitted_i_q_a" "A" Number(at(&window.fitted_i_q_a, n));
-    "measured_speed_rad_s" "rad/s" Number(at(&window.measured_speed_rad_s, n));
-    "fitted_speed_rad_s" "rad/s" Number(at(&window.fitted_speed_rad_s, n));
-    "measured_position_rad" "rad" Number(at(&window.measured_position_rad, n));
-    "fitted_position_rad" "rad" Number(at(&window.fitted_position_rad, n));
+    "setpoint" "rad at the output (position), rad/s at the motor (speed)" Number(value_at(&window.setpoint, n));
+    "measured_i_q_a" "A" Number(value_at(&window.measured_i_q_a, n));
+    "fitted_i_q_a" "A" Number(value_at(&window.fitted_i_q_a, n));
+    "measured_speed_rad_s" "rad/s" Number(value_at(&window.measured_speed_rad_s, n));
+    "fitted_speed_rad_s" "rad/s" Number(value_at(&window.fitted_speed_rad_s, n));
+    "measured_position_rad" "rad" Number(value_at(&window.measured_position_rad, n));
+    "fitted_position_rad" "rad" Number(value_at(&window.fitted_position_rad, n));
 }
 
 columns! {
@@ -263,7 +263,7 @@ pub(super) fn sample_rows(window: &Window) -> Vec<Vec<Value>> {
     (0..window.time_s.len()).map(|n| sample_row(window, n)).collect()
 }
 
-fn at(values: &[f32], n: usize) -> Option<f64> {
+fn value_at(values: &[f32], n: usize) -> Option<f64> {
     values
         .get(n)
         .map(|value| f64::from(*value))
@@ -273,7 +273,7 @@ fn at(values: &[f32], n: usize) -> Option<f64> {
 /// Time of a sample after the start of its window; whole microseconds, which is what a recorded time of half a second holds.
 fn nanoseconds(window: &Window, n: usize) -> u64 {
     // A negative or absurd time saturates.
-    1_000 * ((at(&window.time_s, n).unwrap_or(0.0) * 1e6).round() as u64).min(u64::from(u32::MAX))
+    1_000 * ((value_at(&window.time_s, n).unwrap_or(0.0) * 1e6).round() as u64).min(u64::from(u32::MAX))
 }
 
 #[cfg(test)]

@@ -57,7 +57,7 @@ pub struct Point {
     pub status: String,
     /// State of health.
     pub health: String,
-    /// Fault vector, if it was judged.
+    /// Fault vector, if it was assessed.
     pub estimate: Option<Estimate>,
     /// Root mean square of the current residual, A.
     pub residual_rms_a: Option<f64>,
@@ -112,7 +112,7 @@ impl Files {
     /// Reads files in the order of time.
     ///
     /// # Errors
-    /// A file that cannot be read, or a record that is none. Damaged parts are passed over, told to `tell` each with its
+    /// A file that cannot be read, or a record that is none. Damaged parts are skipped and given to `report`, each with its
     /// place, and mentioned on the page.
     pub fn read<P: AsRef<Path>>(paths: &[P], tell: &mut dyn FnMut(&McapLoss)) -> Result<Self, ReportError> {
         let mut files = Self::default();
@@ -190,7 +190,7 @@ impl Files {
         })
     }
 
-    fn of(&mut self, actuator: &str) -> &mut History {
+    fn entry(&mut self, actuator: &str) -> &mut History {
         self.actuators.entry(actuator.to_owned()).or_insert_with(|| History {
             actuator: actuator.to_owned(),
             ..History::default()
@@ -198,7 +198,7 @@ impl Files {
     }
 
     fn window(&mut self, window: Window) {
-        let history = self.of(&window.actuator);
+        let history = self.entry(&window.actuator);
         let counts = [window.samples_expected, window.samples, window.samples_lost];
         for (sum, count) in history.samples.iter_mut().zip(counts) {
             *sum += count;
@@ -209,7 +209,7 @@ impl Files {
     }
 
     fn health(&mut self, health: Health) {
-        let history = self.of(&health.actuator);
+        let history = self.entry(&health.actuator);
         if !health.reason.is_empty() {
             *history.reasons.entry(health.reason.clone()).or_default() += 1;
         }
@@ -227,7 +227,7 @@ impl Files {
     }
 
     fn rul(&mut self, rul: Rul) {
-        let history = self.of(&rul.actuator);
+        let history = self.entry(&rul.actuator);
         if let Some(point) = history.points.last_mut().filter(|point| point.window == rul.window) {
             point.used_h = rul.operating_h;
             point.left_h = match (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) {

@@ -221,7 +221,7 @@ fn in_words(cause: &'static str) -> &'static str {
         "socket_queue" => "frames dropped by the kernel",
         "malformed" => "malformed frames",
         "late" => "late frames",
-        "windows" => "windows not judged",
+        "windows" => "windows not assessed",
         "storage_frames" => "frames not stored",
         "storage_records" => "records not stored",
         other => other,

@@ -12,7 +12,7 @@ const BOTTOM: f64 = 44.0;
 /// About so many ticks on an axis.
 const TICKS: f64 = 5.0;
 
-/// An axis: what stands beside it, and its range.
+/// An axis: its label and its range.
 #[derive(Clone, Debug)]
 pub(super) struct Axis {
     label: String,
@@ -51,7 +51,7 @@ impl Axis {
     }
 
     /// Of names, which stand at 0, 1, 2…
-    pub(super) fn of_names(label: &str, names: &[&str]) -> Self {
+    pub(super) fn with_names(label: &str, names: &[&str]) -> Self {
         Self {
             names: names.iter().map(|name| (*name).to_owned()).collect(),
             ..Self::between(label, -0.5, names.len() as f64 - 0.5)
@@ -264,7 +264,7 @@ mod tests {
         let texts = |axis: &Axis| axis.ticks().into_iter().map(|t| t.1).collect::<Vec<_>>().join(" ");
         assert_eq!(texts(&Axis::between("", 0.0, 100.0)), "0 20 40 60 80 100");
         assert_eq!(texts(&Axis::between("", -0.013, 0.021)), "-0.01 0.00 0.01 0.02");
-        assert_eq!(texts(&Axis::of_names("", &["a", "b"])), "a b");
+        assert_eq!(texts(&Axis::with_names("", &["a", "b"])), "a b");
         for axis in [
             Axis::over("", std::iter::empty()),
             Axis::over("", [5.0].into_iter()),

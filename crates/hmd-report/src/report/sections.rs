@@ -81,7 +81,7 @@ pub(super) fn fit(window: &Window) -> String {
     text
 }
 
-/// Where a window stands: after some operating hours, or, while they do not count, by its number.
+/// Position of a window: after some operating hours, or, while they do not count, by its number.
 fn place(history: &History) -> (&'static str, Vec<f64>) {
     let hours: Option<Vec<f64>> = history.points.iter().map(|point| point.used_h).collect();
     match hours {
@@ -151,7 +151,12 @@ pub(super) fn fault_vector(history: &History) -> String {
 /// State of health over the life.
 pub(super) fn timeline(history: &History) -> String {
     let (x, points) = drawn(history);
-    let mut plot = Plot::new("State of health over the life", HEIGHT, x, Axis::of_names("", &STATES));
+    let mut plot = Plot::new(
+        "State of health over the life",
+        HEIGHT,
+        x,
+        Axis::with_names("", &STATES),
+    );
     let level = |state: &str| STATES.iter().position(|known| *known == state).unwrap_or(0) as f64;
     let levels: Vec<(f64, f64)> = points.iter().map(|(at, point)| (*at, level(&point.health))).collect();
     plot.steps("value", &levels);

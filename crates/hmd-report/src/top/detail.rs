@@ -22,7 +22,7 @@ const BAR: usize = 10;
 /// Lines of [`lines`].
 pub(super) const LINES: u16 = 8;
 
-/// Four lines with two bars each, then window, life, use and last change.
+/// Four lines with two bars each, then window, remaining life, use and last change.
 pub(super) fn lines(row: &Row<'_>) -> Vec<String> {
     let Some(known) = row.known else {
         let mut lines = vec!["no window yet, or none in what was read".to_owned()];

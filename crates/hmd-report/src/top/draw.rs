@@ -25,7 +25,7 @@ const HEAD: u16 = 4;
 /// Lines of events that the table leaves free.
 const EVENTS_MIN: u16 = 2;
 
-/// Whether colours are used; what they say stands in words as well.
+/// Whether colours are used; the text says the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Colours {
     /// None at all.
@@ -199,7 +199,7 @@ impl Page<'_> {
         let counts: Vec<(String, Style)> = model
             .counts
             .iter()
-            .map(|(health, count)| (format!("  {count} {health}"), of_health(*health)))
+            .map(|(health, count)| (format!("  {count} {health}"), health_style(*health)))
             .collect();
         let total = match model.rows.len() {
             1 => "1 actuator".to_owned(),
@@ -248,7 +248,7 @@ impl Page<'_> {
         self.spans(&[
             (&name, name_style),
             (&format!("{data:<12} "), data_style),
-            (&format!("{health:<9}"), of_health(row.health)),
+            (&format!("{health:<9}"), health_style(row.health)),
             (&rest, Style::new()),
         ]);
     }
@@ -278,7 +278,7 @@ impl Page<'_> {
     }
 }
 
-/// How the source stands.
+/// State of the source.
 fn condition(model: &Model<'_>) -> (String, Style) {
     match model.condition {
         Condition::Reading(share) => (format!("READING {:.0} %", 100.0 * share), bold()),
@@ -330,7 +330,7 @@ fn caution() -> Style {
     Style::new().fg(Color::Yellow).add_modifier(Modifier::BOLD)
 }
 
-fn of_health(health: HealthState) -> Style {
+fn health_style(health: HealthState) -> Style {
     match health {
         HealthState::Unknown => Style::new(),
         HealthState::Nominal => Style::new().fg(Color::Green),

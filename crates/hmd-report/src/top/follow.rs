@@ -14,7 +14,7 @@ use super::state::State;
 /// Segments that are read at the start, the newest: the others are too old to say anything of the present.
 const SEGMENTS_AT_START: usize = 4;
 
-/// Bytes read before somebody may press a key.
+/// Bytes read before the keys are polled.
 const BYTES_AT_ONCE: u64 = 8 << 20;
 
 /// Why there is nothing to follow.
@@ -115,13 +115,13 @@ impl Follow {
     /// When the folder or a file cannot be read any more, or a finished file has nothing of an actuator.
     pub fn read(&mut self, state: &mut State) -> Result<Progress, FollowError> {
         if self.is_folder {
-            self.look()?;
+            self.find_newer_segments()?;
         }
         self.tail.grow(!self.is_newest)?;
         let until = self.tail.position().saturating_add(BYTES_AT_ONCE);
         while let Some(item) = self.tail.next() {
             match item {
-                Ok(message) => state.take(&message),
+                Ok(message) => state.add_message(&message),
                 Err(_) => state.damaged += 1,
             }
             if self.tail.position() >= until {
@@ -154,7 +154,7 @@ impl Follow {
     }
 
     /// Whether the segment that is read was closed, and whether there is a newer one.
-    fn look(&mut self) -> Result<(), FollowError> {
+    fn find_newer_segments(&mut self) -> Result<(), FollowError> {
         let segments = list(&self.place, self.number)?;
         self.is_newest = segments
             .last_key_value()

@@ -10,7 +10,7 @@ use hmd_core::record::ActuatorStatus;
 /// disk a second later.
 pub const NEWS_MAX_S: f64 = 15.0;
 
-/// How the source stands.
+/// State of the source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Condition {
     /// It is being read; share, 0…1.
@@ -38,7 +38,7 @@ impl Condition {
         }
     }
 
-    /// Seconds since the newest record was written, as far as they make what it says old.
+    /// Seconds since the newest record was written, where they make it outdated.
     fn passed_s(self) -> f64 {
         match self {
             Self::Live(s) | Self::Silent(s) | Self::Ended(s) => s,
@@ -67,11 +67,11 @@ pub struct Row<'a> {
     pub freshness: Freshness,
     /// State by its last window.
     pub health: HealthState,
-    /// Its state alarms nobody.
+    /// Its state raises no alarm.
     pub passive: bool,
     /// Windows in a row that ask for a worse state; 0 where the source does not say.
     pub persistence: u64,
-    /// Fault and damage, 0…1: the largest of the newest window that was judged.
+    /// Fault and damage, 0…1: the largest of the newest window that was assessed.
     pub worst: Option<(&'static str, f64)>,
     /// Seconds since the start of its newest window.
     pub window_age_s: Option<f64>,
@@ -86,7 +86,7 @@ pub struct Row<'a> {
 pub struct Model<'a> {
     /// Folder or file.
     pub place: &'a str,
-    /// How the source stands.
+    /// State of the source.
     pub condition: Condition,
     /// The records behind it.
     pub state: &'a State,
@@ -142,7 +142,7 @@ fn gravity(row: &Row<'_>) -> (HealthState, f64) {
 }
 
 fn row<'a>(state: &'a State, condition: Condition, n: usize, name: &'a str) -> Row<'a> {
-    let known = state.of(name).filter(|known| !known.health.actuator.is_empty());
+    let known = state.actuator(name).filter(|known| !known.health.actuator.is_empty());
     let since = |then_ns: u64| state.newest_ns().saturating_sub(then_ns) as f64 * 1e-9 + condition.passed_s();
     let status = state.status().and_then(|(at_ns, status)| {
         let of = status.actuators.get(n).filter(|of| of.actuator == name)?;
@@ -175,8 +175,8 @@ fn row<'a>(state: &'a State, condition: Condition, n: usize, name: &'a str) -> R
     }
 }
 
-/// What the counters say of an actuator's data, `since_s` ago. The daemon tells at once when they become stale, so what was
-/// fresh is fresh as long as it lives.
+/// State of an actuator's data by the counters, `since_s` ago. The daemon reports at once when they become stale, so data
+/// that were fresh are fresh as long as it runs.
 fn freshness(of: &ActuatorStatus, condition: Condition, since_s: f64) -> Freshness {
     let nobody_looks = match condition {
         Condition::Silent(_) => true,

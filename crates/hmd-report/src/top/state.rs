@@ -18,7 +18,7 @@ pub(super) const EVENTS_MAX: usize = 100;
 pub struct Known {
     /// Of the newest window.
     pub health: Health,
-    /// Of the newest window that was judged.
+    /// Of the newest window that was assessed.
     pub assessed: Option<Health>,
     /// What was left after the newest window; `None` until that is read.
     pub rul: Option<Rul>,
@@ -54,7 +54,7 @@ pub struct State {
 
 impl State {
     /// Takes one message; those that are none of ours are left alone.
-    pub fn take(&mut self, message: &McapMessage) {
+    pub fn add_message(&mut self, message: &McapMessage) {
         match self.decode(message) {
             Ok(true) => self.records += 1,
             Ok(false) => {}
@@ -75,7 +75,7 @@ impl State {
                 self.newest_ns = at_ns;
             }
             Log::SCHEMA_NAME => self.event(at_ns, Log::decode(data)?),
-            // Frames and dropped windows show that somebody writes.
+            // Frames and dropped windows show that the file is being written.
             name if name.starts_with(PACKAGE) => {}
             _ => return Ok(false),
         }
@@ -97,7 +97,7 @@ impl State {
 
     /// What is known of an actuator.
     #[must_use]
-    pub fn of(&self, actuator: &str) -> Option<&Known> {
+    pub fn actuator(&self, actuator: &str) -> Option<&Known> {
         self.actuators.get(actuator)
     }
 

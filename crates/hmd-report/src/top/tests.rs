@@ -7,7 +7,7 @@ use ratatui::style::{Color, Modifier};
 use super::*;
 use hmd_core::record::{ActuatorStatus, Estimate, Health, InterfaceStatus, Log, LogLevel, Rul, Status, Window};
 use hmd_storage::mcap::McapMessages;
-use hmd_storage::mcap_writer::Sink;
+use hmd_storage::mcap_writer::McapWriter;
 
 const SECOND: u64 = 1_000_000_000;
 /// 2023-11-14 22:13:20 UTC.
@@ -91,35 +91,36 @@ fn status(actuators: usize, stale: &[usize]) -> Status {
 }
 
 /// What is made of a file with these records.
-fn state(write: impl FnOnce(&mut Sink<Bytes<Vec<u8>>>)) -> State {
-    let mut sink = Sink::new(Bytes::new(Vec::new()), &Default::default()).unwrap();
-    write(&mut sink);
-    let file = sink.finish().unwrap().0.into_inner();
+fn state(write: impl FnOnce(&mut McapWriter<Bytes<Vec<u8>>>)) -> State {
+    let mut writer = McapWriter::new(Bytes::new(Vec::new()), &Default::default()).unwrap();
+    write(&mut writer);
+    let file = writer.finish().unwrap().0.into_inner();
     let mut state = State::default();
     for message in McapMessages::new(Bytes::new(file), "test").unwrap() {
-        state.take(&message.unwrap());
+        state.add_message(&message.unwrap());
     }
     state
 }
 
 /// A live run of so many actuators, the last of them critical, the first with stale data.
 fn fleet(actuators: usize) -> State {
-    state(|sink| {
+    state(|writer| {
         for n in 0..actuators {
             let word = if n + 1 == actuators { "critical" } else { "nominal" };
-            sink.write(START, &window(n)).unwrap();
-            sink.write(START, &health(n, word)).unwrap();
-            sink.write(START, &rul(n)).unwrap();
+            writer.write(START, &window(n)).unwrap();
+            writer.write(START, &health(n, word)).unwrap();
+            writer.write(START, &rul(n)).unwrap();
         }
         for (n, level) in [LogLevel::Info, LogLevel::Warning, LogLevel::Error]
             .into_iter()
             .enumerate()
         {
             let at = START + n as u64 * SECOND;
-            sink.write(at, &Log::new(at, level, "hmd", &format!("event {n}")))
+            writer
+                .write(at, &Log::new(at, level, "hmd", &format!("event {n}")))
                 .unwrap();
         }
-        sink.write(START + 10 * SECOND, &status(actuators, &[0])).unwrap();
+        writer.write(START + 10 * SECOND, &status(actuators, &[0])).unwrap();
     })
 }
 
@@ -279,9 +280,9 @@ fn the_worst_stand_first_when_asked_for() {
 
 #[test]
 fn an_invalid_window_keeps_the_estimate_of_the_last_good_one_and_says_so() {
-    let state = state(|sink| {
-        sink.write(START, &health(0, "watch")).unwrap();
-        sink.write(START, &rul(0)).unwrap();
+    let state = state(|writer| {
+        writer.write(START, &health(0, "watch")).unwrap();
+        writer.write(START, &rul(0)).unwrap();
         let invalid = Health {
             window: 8,
             status: "invalid".to_owned(),
@@ -290,7 +291,7 @@ fn an_invalid_window_keeps_the_estimate_of_the_last_good_one_and_says_so() {
         };
         let mut invalid = Health { k1: None, ..invalid };
         invalid.set_damage([None; 7]);
-        sink.write(START + SECOND, &invalid).unwrap();
+        writer.write(START + SECOND, &invalid).unwrap();
     });
     let model = Model::new("a.mcap", &state, Condition::Recorded, false);
     let text = text(&screen(&model, 0, (80, 24), Colours::On)).join("\n");
@@ -308,20 +309,22 @@ fn an_invalid_window_keeps_the_estimate_of_the_last_good_one_and_says_so() {
 
 #[test]
 fn hostile_records_are_bounded_and_harmless() {
-    let state = state(|sink| {
+    let state = state(|writer| {
         for n in 0..1100 {
-            sink.write(START, &health(n, "nominal")).unwrap();
+            writer.write(START, &health(n, "nominal")).unwrap();
         }
         for n in 0..1000 {
             let text = format!("{n}\x1b[2J\r\n{}", "x".repeat(1000));
-            sink.write(START, &Log::new(START, LogLevel::Error, "", &text)).unwrap();
+            writer
+                .write(START, &Log::new(START, LogLevel::Error, "", &text))
+                .unwrap();
         }
         let odd = Health {
             k1: Some(f64::NAN),
             k2: Some(1e300),
             ..health(0, "sleepy")
         };
-        sink.write(START, &odd).unwrap();
+        writer.write(START, &odd).unwrap();
     });
     assert_eq!(
         (state.names().len(), state.events().len(), state.refused),

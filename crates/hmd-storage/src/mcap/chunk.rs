@@ -1,14 +1,13 @@
 //! One chunk of an MCAP file, read only when its checksum is right.
 
 use super::fault::McapFault;
+use super::limits::RECORD_BYTES_MAX;
 use super::records;
 use crate::shown;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{McapError, records::op};
 use std::io::{self, Read};
 
-/// Longest record and longest decompressed chunk that is read, bytes.
-pub(super) const RECORD_LIMIT: usize = 64 << 20;
 /// Bytes asked for at least in one read.
 const BLOCK: usize = 64 << 10;
 
@@ -35,7 +34,7 @@ impl Content {
 
     fn push(&mut self, opcode: u8, data: &[u8]) {
         self.bytes.push(opcode);
-        // No record is longer than RECORD_LIMIT.
+        // No record is longer than RECORD_BYTES_MAX.
         self.bytes.extend_from_slice(&(data.len() as u32).to_le_bytes());
         self.bytes.extend_from_slice(data);
     }
@@ -54,7 +53,7 @@ pub(super) fn verify(chunk: &[u8]) -> Result<Content, McapFault> {
         .with_skip_start_magic(true)
         .with_skip_end_magic(true)
         .with_prevalidate_chunk_crcs(true)
-        .with_record_length_limit(RECORD_LIMIT);
+        .with_record_length_limit(RECORD_BYTES_MAX);
     let mut reader = LinearReader::new_with_options(options);
     let mut content = Content::default();
     while let Some(event) = reader.next_event() {
@@ -70,7 +69,7 @@ pub(super) fn verify(chunk: &[u8]) -> Result<Content, McapFault> {
     Ok(content)
 }
 
-/// What is said of a record inside a chunk that does not parse, although the checksum is right.
+/// Fault of a record inside a chunk that does not parse, although the checksum is right.
 pub(super) fn malformed() -> McapFault {
     McapFault::Chunk("a record in it is malformed".to_owned())
 }

@@ -1,8 +1,6 @@
 //! What can be wrong in an MCAP file.
 
-use super::chunk::RECORD_LIMIT;
-use super::definitions::{BYTES_MAX, ENTRIES_MAX};
-use super::messages::{METADATA_BYTES_MAX, METADATA_MAX};
+use super::limits::{DEFINITION_BYTES_MAX, DEFINITIONS_MAX, METADATA_BYTES_MAX, METADATA_MAX, RECORD_BYTES_MAX};
 use std::io;
 use std::sync::Arc;
 use thiserror::Error;
@@ -20,7 +18,7 @@ pub struct McapLoss {
 }
 
 impl McapLoss {
-    /// How many raw frames are known to be lost; 0 when that cannot be told.
+    /// How many raw frames are known to be lost; 0 when that is unknown.
     pub fn frames(&self) -> u64 {
         match self.fault {
             McapFault::MissingFrames { count, .. } => count,
@@ -50,7 +48,7 @@ pub enum McapFault {
     #[error("expected an intact chunk, found a damaged one that cannot be read ({0}); its frames are lost")]
     Chunk(String),
     /// A record claims an impossible length.
-    #[error("expected a record of at most {max} bytes, found one of {got}", max = RECORD_LIMIT)]
+    #[error("expected a record of at most {max} bytes, found one of {got}", max = RECORD_BYTES_MAX)]
     TooLarge {
         /// Length claimed.
         got: u64,
@@ -75,8 +73,8 @@ pub enum McapFault {
     /// A definition beyond what is held; its channel is unknown from here on.
     #[error(
         "expected at most {} definitions of schemas and channels with {} bytes in all, found more",
-        ENTRIES_MAX,
-        BYTES_MAX
+        DEFINITIONS_MAX,
+        DEFINITION_BYTES_MAX
     )]
     Definitions,
     /// Raw frames are missing by their count.

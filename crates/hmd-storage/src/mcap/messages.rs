@@ -1,28 +1,24 @@
 //! Messages of an MCAP file, as far as a checksum vouches for them.
 //!
-//! Chunks are decoded only after their CRC was checked; whatever else stands in the file (bare messages, chunks without
-//! a CRC) is not trusted. A damaged chunk costs that chunk, and a broken record costs none behind it ([`super::walk`]).
+//! Chunks are decoded only after their CRC was checked; anything else in the file (bare messages, chunks without
+//! a CRC) is not trusted. A damaged chunk costs that chunk, and a broken record costs none behind it ([`super::resync_reader`]).
 //!
 //! Tried and dropped: the crate's `MessageStream` and `IndexedReader`. A flipped byte gave silently wrong messages or
 //! allocations that ended the process.
 
+use super::channels::{Channel, ChannelTable};
 use super::chunk::{Content, malformed};
-use super::definitions::{Channel, Definitions};
 use super::fault::{McapFault, McapLoss};
+use super::limits::{METADATA_BYTES_MAX, METADATA_MAX};
 use super::records;
+use super::resync_reader::{ItemKind, ResyncItem, ResyncReader};
 use super::summary::read_summary;
-use super::walk::{Found, Walk, What};
 use crate::schema_copy::{CHANNEL_NAME, LIBRARY_START, SCHEMA_NAME};
 use hmd_core::metadata_checksum::is_sealed;
 use mcap::records::op;
 use std::collections::BTreeMap;
 use std::io::{self, Read, Seek};
 use std::sync::Arc;
-
-/// Most metadata records that are kept, definitions apart; each further one is a loss.
-pub(super) const METADATA_MAX: usize = 1024;
-/// Most bytes of all of them together, as they stand in the file; in memory it is some ten times that.
-pub(super) const METADATA_BYTES_MAX: usize = 1 << 20;
 
 /// One message of an intact chunk.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -55,14 +51,14 @@ pub(crate) struct McapMetadata {
 /// Iterates over the messages of an MCAP file in bounded memory.
 #[derive(Debug)]
 pub struct McapMessages<R> {
-    walk: Walk<R>,
+    reader: ResyncReader<R>,
     file: Arc<str>,
-    definitions: Definitions,
-    summary: Definitions,
+    definitions: ChannelTable,
+    summary: ChannelTable,
     metadata: Vec<McapMetadata>,
     metadata_bytes: usize,
     /// The header is one of ours, so that its copies of definitions are believed.
-    is_ours: bool,
+    is_own_file: bool,
     /// The chunk that is being read: its messages are handed out one by one, not all held at once.
     chunk: Option<Open>,
     /// To be handed out next.
@@ -78,7 +74,7 @@ pub struct McapMessages<R> {
 struct Open {
     at_byte: u64,
     content: Content,
-    /// The first thing wrong in it; said once, because all of them have the same cause.
+    /// The first fault in it; reported once, because all of them have the same cause.
     fault: Option<McapFault>,
 }
 
@@ -89,28 +85,28 @@ impl<R: Read + Seek> McapMessages<R> {
     /// When the input cannot be read or sought.
     pub fn new(mut input: R, file: &str) -> io::Result<Self> {
         let summary = read_summary(&mut input)?.unwrap_or_default();
-        Ok(Self::over(Walk::new(input)?, summary, file))
+        Ok(Self::with_reader(ResyncReader::new(input)?, summary, file))
     }
 
     /// A reader of a file that is being written: as far as `length`, where a record must end.
     pub(super) fn growing(input: R, file: &str, length: u64) -> Self {
-        Self::over(Walk::growing(input, length), Definitions::default(), file)
+        Self::with_reader(ResyncReader::growing(input, length), ChannelTable::default(), file)
     }
 
     /// Goes on as far as `length`, where a record must end unless nothing more will come.
     pub(super) fn grow(&mut self, length: u64, last: bool) {
-        self.walk.grow(length, last);
+        self.reader.grow(length, last);
     }
 
-    fn over(walk: Walk<R>, summary: Definitions, file: &str) -> Self {
+    fn with_reader(reader: ResyncReader<R>, summary: ChannelTable, file: &str) -> Self {
         Self {
-            walk,
+            reader,
             file: file.into(),
-            definitions: Definitions::default(),
+            definitions: ChannelTable::default(),
             summary,
             metadata: Vec::new(),
             metadata_bytes: 0,
-            is_ours: false,
+            is_own_file: false,
             chunk: None,
             loss: None,
             chunks: 0,
@@ -127,7 +123,7 @@ impl<R: Read + Seek> McapMessages<R> {
 
     /// Place in the file up to which records were read.
     pub fn position(&self) -> u64 {
-        self.walk.position()
+        self.reader.position()
     }
 
     /// The newest metadata record of this name read so far. Nothing vouches for it yet: see [`hmd_core::metadata_checksum::is_sealed`], and
@@ -186,10 +182,10 @@ impl<R: Read + Seek> McapMessages<R> {
         topics
     }
 
-    fn take(&mut self, found: Found) {
+    fn process(&mut self, found: ResyncItem) {
         let at_byte = found.at_byte;
-        match found.what {
-            What::Chunk(content) => {
+        match found.kind {
+            ItemKind::Chunk(content) => {
                 self.chunks += 1;
                 self.chunk = Some(Open {
                     at_byte,
@@ -197,23 +193,23 @@ impl<R: Read + Seek> McapMessages<R> {
                     fault: None,
                 });
             }
-            What::Header(data) => {
-                self.is_ours = records::library(&data).is_some_and(|library| library.starts_with(LIBRARY_START));
+            ItemKind::Header(data) => {
+                self.is_own_file = records::library(&data).is_some_and(|library| library.starts_with(LIBRARY_START));
             }
-            What::Metadata(data) => {
-                if let Err(fault) = self.take_metadata(at_byte, &data) {
+            ItemKind::Metadata(data) => {
+                if let Err(fault) = self.add_metadata(at_byte, &data) {
                     self.lose(at_byte, fault);
                 }
             }
-            What::AllVerified => self.all_verified = true,
-            What::Attachment => self.attachments += 1,
+            ItemKind::AllVerified => self.all_verified = true,
+            ItemKind::Attachment => self.attachments += 1,
             // After a damaged chunk the sum over all data is wrong as well: nothing new.
-            What::Fault(McapFault::DataCrc { .. }) if self.any_loss => {}
-            What::Fault(fault) => self.lose(at_byte, fault),
+            ItemKind::Fault(McapFault::DataCrc { .. }) if self.any_loss => {}
+            ItemKind::Fault(fault) => self.lose(at_byte, fault),
         }
     }
 
-    fn take_metadata(&mut self, at_byte: u64, data: &[u8]) -> Result<(), McapFault> {
+    fn add_metadata(&mut self, at_byte: u64, data: &[u8]) -> Result<(), McapFault> {
         let limit = McapFault::MetadataLimit { got: data.len() };
         if data.len() > METADATA_BYTES_MAX {
             return Err(limit);
@@ -222,7 +218,7 @@ impl<R: Read + Seek> McapMessages<R> {
         if [SCHEMA_NAME, CHANNEL_NAME].contains(&name) {
             return match is_sealed(name, &content) {
                 false => Err(McapFault::Metadata { name: name.to_owned() }),
-                true if self.is_ours => self.definitions.add_copy(name, &content),
+                true if self.is_own_file => self.definitions.add_copy(name, &content),
                 // The numbers in it may be those of another file.
                 true => Ok(()),
             };
@@ -236,8 +232,8 @@ impl<R: Read + Seek> McapMessages<R> {
         Ok(())
     }
 
-    /// The next message of a chunk; what stands before it is taken.
-    fn next_of(&mut self, chunk: &mut Open) -> Option<McapMessage> {
+    /// The next message of a chunk; the definitions before it are processed.
+    fn next_in_chunk(&mut self, chunk: &mut Open) -> Option<McapMessage> {
         while let Some((opcode, data)) = chunk.content.next() {
             let taken = match opcode {
                 op::SCHEMA | op::CHANNEL => self.definitions.add(opcode, data),
@@ -288,11 +284,11 @@ impl<R: Read + Seek> Iterator for McapMessages<R> {
                 return Some(Err(loss));
             }
             let Some(mut chunk) = self.chunk.take() else {
-                let found = self.walk.next()?;
-                self.take(found);
+                let found = self.reader.next()?;
+                self.process(found);
                 continue;
             };
-            match self.next_of(&mut chunk) {
+            match self.next_in_chunk(&mut chunk) {
                 Some(message) => {
                     self.chunk = Some(chunk);
                     return Some(Ok(message));

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 pub(super) struct Fields<'a>(&'a [u8]);
 
 impl<'a> Fields<'a> {
-    pub(super) fn of(record: &'a [u8]) -> Self {
+    pub(super) fn new(record: &'a [u8]) -> Self {
         Self(record)
     }
 
@@ -53,7 +53,7 @@ impl<'a> Fields<'a> {
 
 /// The number that a definition begins with.
 pub(super) fn first_number(record: &[u8]) -> Option<u16> {
-    Fields::of(record).u16()
+    Fields::new(record).u16()
 }
 
 /// Definition of a schema.
@@ -67,7 +67,7 @@ pub(super) struct SchemaRecord<'a> {
 
 /// A schema.
 pub(super) fn schema(record: &[u8]) -> Option<SchemaRecord<'_>> {
-    let mut fields = Fields::of(record);
+    let mut fields = Fields::new(record);
     let id = fields.u16()?;
     let (name, encoding) = (fields.text()?, fields.text()?);
     let length = fields.u32()?;
@@ -91,7 +91,7 @@ pub(super) struct ChannelRecord<'a> {
 
 /// A channel.
 pub(super) fn channel(record: &[u8]) -> Option<ChannelRecord<'_>> {
-    let mut fields = Fields::of(record);
+    let mut fields = Fields::new(record);
     let (id, schema_id) = (fields.u16()?, fields.u16()?);
     Some(ChannelRecord {
         id,
@@ -113,7 +113,7 @@ pub(super) struct MessageRecord<'a> {
 
 /// A message.
 pub(super) fn message(record: &[u8]) -> Option<MessageRecord<'_>> {
-    let mut fields = Fields::of(record);
+    let mut fields = Fields::new(record);
     Some(MessageRecord {
         channel_id: fields.u16()?,
         sequence: fields.u32()?,
@@ -125,21 +125,21 @@ pub(super) fn message(record: &[u8]) -> Option<MessageRecord<'_>> {
 
 /// Name and content of a metadata record; nothing may follow them, so that a right checksum vouches for the length too.
 pub(super) fn metadata(record: &[u8]) -> Option<(&str, BTreeMap<String, String>)> {
-    let mut fields = Fields::of(record);
+    let mut fields = Fields::new(record);
     let (name, content) = (fields.text()?, fields.map()?);
     fields.0.is_empty().then_some((name, content))
 }
 
 /// What wrote a file, by its header.
 pub(super) fn library(record: &[u8]) -> Option<&str> {
-    let mut fields = Fields::of(record);
+    let mut fields = Fields::new(record);
     let _profile = fields.text()?;
     fields.text()
 }
 
 /// Checksum of a chunk's decompressed content; 0 when it has none.
 pub(super) fn chunk_crc(record: &[u8]) -> Option<u32> {
-    let mut fields = Fields::of(record);
+    let mut fields = Fields::new(record);
     let _times_and_size: [u8; 24] = fields.number()?;
     fields.u32()
 }

@@ -10,15 +10,15 @@ use std::time::SystemTime;
 
 use thiserror::Error;
 
-use super::chunk::RECORD_LIMIT;
+use super::limits::RECORD_BYTES_MAX;
 use super::messages::{McapMessage, McapMessages};
-use super::{McapLoss, walk};
+use super::{McapLoss, resync_reader};
 use crate::regular_file::open_regular;
 
 /// Why a file cannot be followed.
 #[derive(Debug, Error)]
 pub enum TailError {
-    /// The system says no.
+    /// The file cannot be opened or read.
     #[error("{file}: {source}")]
     Io {
         /// The file.
@@ -42,7 +42,7 @@ pub struct McapTail {
     file: File,
     /// As far as whole records go.
     whole: u64,
-    /// Its last magic is there: nobody writes to it any more.
+    /// Its last magic is there: the writer has finished it.
     is_complete: bool,
     messages: McapMessages<File>,
 }
@@ -71,7 +71,7 @@ impl McapTail {
         let is_complete = ends_in_magic(&mut file).map_err(io)?;
         let input = open_regular(path).map_err(io)?;
         let messages = if is_complete {
-            // With its summary, which stands in for what is damaged.
+            // With its summary, which replaces damaged definitions.
             McapMessages::new(input, &name).map_err(io)?
         } else {
             McapMessages::growing(input, &name, 0)
@@ -85,7 +85,7 @@ impl McapTail {
         })
     }
 
-    /// Looks how far the file has come. With `last`, nobody writes to it any more: what is not whole is damage then.
+    /// Checks how far the file has grown. With `last`, its writer has ended: what is incomplete then is damage.
     ///
     /// # Errors
     /// When the file cannot be read.
@@ -142,13 +142,13 @@ impl McapTail {
     /// How far may be read now.
     fn reach(&mut self, last: bool) -> io::Result<u64> {
         let length = self.length()?;
-        // Lengths lead astray in a damaged file, but nobody writes behind the last magic.
+        // Lengths are unreliable in a damaged file, but nothing is written behind the last magic.
         self.is_complete = ends_in_magic(&mut self.file)?;
         self.whole = self.whole_records(length)?;
         Ok(if last || self.is_complete { length } else { self.whole })
     }
 
-    /// End of the last whole record; the end of the file where its records are broken, for the reader to tell.
+    /// End of the last whole record; the end of the file where its records are broken, for the reader to report.
     fn whole_records(&mut self, length: u64) -> io::Result<u64> {
         let magic = mcap::MAGIC.len() as u64;
         let mut at = self.whole;
@@ -158,16 +158,16 @@ impl McapTail {
             }
             at = magic;
         }
-        while length - at >= walk::HEAD {
-            let mut head = [0; walk::HEAD as usize];
+        while length - at >= resync_reader::HEAD {
+            let mut head = [0; resync_reader::HEAD as usize];
             self.file.seek(SeekFrom::Start(at))?;
             self.file.read_exact(&mut head)?;
-            if !walk::is_opcode(head[0]) || walk::length_of(&head) > RECORD_LIMIT as u64 {
+            if !resync_reader::is_opcode(head[0]) || resync_reader::length_of(&head) > RECORD_BYTES_MAX as u64 {
                 return Ok(length);
             }
-            // Behind the footer stands only the magic.
+            // Only the magic follows the footer.
             let is_footer = head[0] == mcap::records::op::FOOTER;
-            let end = at + walk::HEAD + walk::length_of(&head) + if is_footer { magic } else { 0 };
+            let end = at + resync_reader::HEAD + resync_reader::length_of(&head) + if is_footer { magic } else { 0 };
             if end > length {
                 break;
             }
@@ -207,18 +207,19 @@ mod tests {
     use std::io::Write;
 
     use super::*;
-    use crate::mcap_writer::Sink;
+    use crate::mcap_writer::McapWriter;
     use hmd_core::record::{Log, LogLevel};
 
     /// A finished file of `lines` chunks.
     fn file(lines: u64) -> Vec<u8> {
-        let mut sink = Sink::new(io::Cursor::new(Vec::new()), &Default::default()).unwrap();
+        let mut writer = McapWriter::new(io::Cursor::new(Vec::new()), &Default::default()).unwrap();
         for n in 0..lines {
-            sink.write(n, &Log::new(n, LogLevel::Info, "hmd", &format!("line {n}")))
+            writer
+                .write(n, &Log::new(n, LogLevel::Info, "hmd", &format!("line {n}")))
                 .unwrap();
-            sink.flush_window().unwrap();
+            writer.flush_window().unwrap();
         }
-        sink.finish().unwrap().0.into_inner()
+        writer.finish().unwrap().0.into_inner()
     }
 
     fn times(tail: &mut McapTail, last: bool) -> Vec<u64> {
@@ -249,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_torn_chunk_is_damage_only_when_nobody_writes_any_more() {
+    fn a_torn_chunk_is_damage_only_when_the_writer_has_ended() {
         let whole = file(3);
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.mcap");
@@ -262,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn broken_records_are_told_and_passed_over() {
+    fn broken_records_are_reported_and_skipped() {
         let mut damaged = file(4);
         let at = damaged.len() / 4;
         damaged[at..at + 40].fill(0xff);

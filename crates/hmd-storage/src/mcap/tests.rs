@@ -1,5 +1,5 @@
 use super::*;
-use crate::mcap_writer::{METADATA_NAME, ROUND_FRAMES, Sink};
+use crate::mcap_writer::{METADATA_NAME, McapWriter, ROUND_FRAMES};
 use ema_models::FaultId;
 use hmd_core::frame::FrameFlags;
 use hmd_core::record::{
@@ -49,10 +49,10 @@ fn frames(count: u64) -> Vec<RawFrame> {
 fn record(frames: &[RawFrame], per_window: usize, finish: bool) -> Vec<u8> {
     let metadata = BTreeMap::from([("seed".to_owned(), "1".to_owned())]);
     let mut out = Cursor::new(Vec::new());
-    let mut sink = Sink::new(&mut out, &metadata).unwrap();
+    let mut writer = McapWriter::new(&mut out, &metadata).unwrap();
     for (window, part) in frames.chunks(per_window).enumerate() {
         for frame in part {
-            sink.raw(frame, &two_buses()).unwrap();
+            writer.write_frame(frame, &two_buses()).unwrap();
         }
         let last = part[part.len() - 1].stamp_ns;
         let health = Health {
@@ -60,25 +60,26 @@ fn record(frames: &[RawFrame], per_window: usize, finish: bool) -> Vec<u8> {
             window: window as u64,
             ..Health::default()
         };
-        sink.write(last, &health).unwrap();
-        sink.flush_window().unwrap();
+        writer.write(last, &health).unwrap();
+        writer.flush_window().unwrap();
     }
-    sink.write(
-        0,
-        &Status {
-            frames_received: frames.len() as u64,
-            ..Status::default()
-        },
-    )
-    .unwrap();
+    writer
+        .write(
+            0,
+            &Status {
+                frames_received: frames.len() as u64,
+                ..Status::default()
+            },
+        )
+        .unwrap();
     if finish {
-        sink.write(0, &Log::new(0, LogLevel::Info, "hmd", "done")).unwrap();
-        sink.finish().unwrap();
+        writer.write(0, &Log::new(0, LogLevel::Info, "hmd", "done")).unwrap();
+        writer.finish().unwrap();
         return out.into_inner();
     }
     // A killed process: what was flushed is there, nothing else.
-    sink.flush_window().unwrap();
-    let (written, counts) = sink.finish().unwrap();
+    writer.flush_window().unwrap();
+    let (written, counts) = writer.finish().unwrap();
     assert_eq!(counts.frames, frames.len() as u64);
     let length = chunks(written.get_ref()).last().map_or(0, |chunk| chunk.1);
     written.get_ref()[..length].to_vec()
@@ -243,11 +244,11 @@ fn write_a_sample() {
         ("seed".to_owned(), "1".to_owned()),
         ("config_hash".to_owned(), "00".to_owned()),
     ]);
-    let mut sink = Sink::new(std::io::BufWriter::new(std::fs::File::create(path).unwrap()), &metadata).unwrap();
+    let mut writer = McapWriter::new(std::io::BufWriter::new(std::fs::File::create(path).unwrap()), &metadata).unwrap();
     let frames = frames(20_000);
     for (number, part) in frames.chunks(5000).enumerate() {
         for frame in part {
-            sink.raw(frame, &two_buses()).unwrap();
+            writer.write_frame(frame, &two_buses()).unwrap();
         }
         let (t_start_ns, t_end_ns, window) = (part[0].stamp_ns, part[part.len() - 1].stamp_ns, number as u64);
         let actuator = || "ema0".to_owned();
@@ -284,7 +285,7 @@ fn write_a_sample() {
             measured_position_rad: curve.clone(),
             fitted_position_rad: curve,
         };
-        sink.write(t_end_ns, &record).unwrap();
+        writer.write(t_end_ns, &record).unwrap();
         let mut health = Health {
             actuator: actuator(),
             window,
@@ -300,7 +301,7 @@ fn write_a_sample() {
         }));
         health.set_damage([some; 7]);
         health.set_faults(&[FaultId::Friction, FaultId::Gain]);
-        sink.write(t_end_ns, &health).unwrap();
+        writer.write(t_end_ns, &health).unwrap();
         let mut rul = Rul {
             actuator: actuator(),
             window,
@@ -322,12 +323,12 @@ fn write_a_sample() {
             ..Rul::default()
         };
         rul.set_faults([Some(([1.0, 2.0, 3.0], 0.5)); 7]);
-        sink.write(t_end_ns, &rul).unwrap();
-        sink.flush_window().unwrap();
+        writer.write(t_end_ns, &rul).unwrap();
+        writer.flush_window().unwrap();
     }
     let mut log = Log::new(frames[0].stamp_ns, LogLevel::Info, "hmd", "started");
     (log.file, log.line) = ("main.rs".to_owned(), 7);
-    sink.write(frames[0].stamp_ns, &log).unwrap();
+    writer.write(frames[0].stamp_ns, &log).unwrap();
     let status = Status {
         frames_received: 1,
         frames_decoded: 2,
@@ -380,14 +381,14 @@ fn write_a_sample() {
             passive: true,
         }],
     };
-    sink.write(frames[0].stamp_ns, &status).unwrap();
+    writer.write(frames[0].stamp_ns, &status).unwrap();
     let dropped = Dropped {
         actuator: "ema1".to_owned(),
         window: 3,
         t_start_ns: frames[0].stamp_ns,
     };
-    sink.write(frames[0].stamp_ns, &dropped).unwrap();
-    sink.finish().unwrap();
+    writer.write(frames[0].stamp_ns, &dropped).unwrap();
+    writer.finish().unwrap();
 }
 
 proptest! {

@@ -43,7 +43,7 @@ impl Disk for RealDisk {
     }
 }
 
-/// Gives a segment another name that nobody has yet, for good.
+/// Gives a segment a name that is not in use, durably.
 pub(super) fn rename(folder: &Path, from: Name, to: Name) -> io::Result<()> {
     let [from, to] = [from, to].map(|name| folder.join(name.to_string()));
     if to.exists() {

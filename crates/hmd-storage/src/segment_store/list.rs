@@ -27,7 +27,7 @@ pub fn records_segments(folder: &Path, first: u64) -> io::Result<BTreeMap<u64, R
         let Some(name) = name.filter(|name| is_records(name) && name.number >= first) else {
             continue;
         };
-        // One that has gone or is somebody else's is none.
+        // A file that has gone or is foreign is skipped.
         if !is_ours(&entry.path()).unwrap_or(false) {
             continue;
         }
@@ -50,14 +50,14 @@ fn is_records(name: &Name) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mcap_writer::Sink;
+    use crate::mcap_writer::McapWriter;
 
     #[test]
     fn only_our_records_are_listed_in_their_order() {
         let folder = tempfile::tempdir().unwrap();
         let profile = super::super::name::PROFILE;
-        let sink = Sink::with_profile(io::Cursor::new(Vec::new()), &Default::default(), profile).unwrap();
-        let ours = sink.finish().unwrap().0.into_inner();
+        let writer = McapWriter::with_profile(io::Cursor::new(Vec::new()), &Default::default(), profile).unwrap();
+        let ours = writer.finish().unwrap().0.into_inner();
         for name in [
             "hmd-00000002-records.mcap",
             "hmd-00000002-records.mcap.part",

@@ -1,4 +1,4 @@
-//! Names of segments, and how one of ours is known again.
+//! Names of segments, and how a segment of ours is recognised.
 
 use std::fmt;
 use std::io::{self, Read};
@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::regular_file::open_regular;
 
-/// Profile in the header of every segment: a file without it is somebody else's, whatever its name.
+/// Profile in the header of every segment: a file without it is foreign, whatever its name.
 pub(super) const PROFILE: &str = "hmd-segment";
 
 /// What a segment holds.
@@ -41,8 +41,8 @@ pub(super) enum Stage {
 }
 
 impl Stage {
-    /// What stands behind `.mcap`.
-    fn end(self) -> &'static str {
+    /// What follows `.mcap` in the name.
+    fn suffix(self) -> &'static str {
         match self {
             Self::Closed => "",
             Self::Open => ".part",
@@ -59,7 +59,7 @@ pub(super) const NUMBER_MAX: u64 = 999_999_999_999_999;
 /// `hmd-00000012-raw.mcap`, with `.part` while it is written, `.repair` while it is repaired and
 /// `.damaged` for what is kept of one that was damaged.
 ///
-/// Numbers only grow, so the order of the names is that of the writing, whatever the clock said.
+/// Numbers only grow, so the order of the names is that of the writing, whatever the clock was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Name {
     pub(super) number: u64,
@@ -72,7 +72,7 @@ impl Name {
         let ends = [Stage::Open, Stage::Repair, Stage::Damaged];
         let ended = ends
             .into_iter()
-            .find_map(|stage| Some((text.strip_suffix(stage.end())?, stage)));
+            .find_map(|stage| Some((text.strip_suffix(stage.suffix())?, stage)));
         let (rest, stage) = ended.unwrap_or((text, Stage::Closed));
         let (number, kind) = rest.strip_prefix("hmd-")?.strip_suffix(".mcap")?.split_once('-')?;
         let kind = match kind {
@@ -89,19 +89,19 @@ impl Name {
         (name.to_string() == text).then_some(name)
     }
 
-    pub(super) fn at(self, stage: Stage) -> Self {
+    pub(super) fn with_stage(self, stage: Stage) -> Self {
         Self { stage, ..self }
     }
 }
 
 impl fmt::Display for Name {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "hmd-{:08}-{}.mcap{}", self.number, self.kind, self.stage.end())
+        write!(f, "hmd-{:08}-{}.mcap{}", self.number, self.kind, self.stage.suffix())
     }
 }
 
-/// Whether a regular file begins as a segment of ours does. One that was cut within that beginning is nobody's: there is
-/// nothing in it that says whose it is.
+/// Whether a regular file begins as a segment of ours does. One that was cut within that beginning is not: nothing
+/// in it identifies it.
 pub(super) fn is_ours(path: &Path) -> io::Result<bool> {
     let mut expected = mcap::MAGIC.to_vec();
     expected.push(mcap::records::op::HEADER);
@@ -145,11 +145,12 @@ mod tests {
     }
 
     #[test]
-    fn the_header_tells_whose_a_file_is() {
+    fn the_header_identifies_a_segment() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a");
         let mut ours =
-            crate::mcap_writer::Sink::with_profile(io::Cursor::new(Vec::new()), &Default::default(), PROFILE).unwrap();
+            crate::mcap_writer::McapWriter::with_profile(io::Cursor::new(Vec::new()), &Default::default(), PROFILE)
+                .unwrap();
         ours.flush_window().unwrap();
         let ours = ours.finish().unwrap().0.into_inner();
         let is = |bytes: &[u8]| {
@@ -160,7 +161,7 @@ mod tests {
         for length in 0..ours.len() {
             assert_eq!(is(&ours[..length]), length >= header, "{length} bytes");
         }
-        let other = crate::mcap_writer::Sink::new(io::Cursor::new(Vec::new()), &Default::default()).unwrap();
+        let other = crate::mcap_writer::McapWriter::new(io::Cursor::new(Vec::new()), &Default::default()).unwrap();
         assert!(!is(&other.finish().unwrap().0.into_inner()));
         assert!(!is(b"a letter"));
     }

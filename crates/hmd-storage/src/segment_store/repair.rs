@@ -1,7 +1,7 @@
-//! What a start finds: segments of earlier runs, some of them cut.
+//! Repairs the segments of earlier runs at a start: some of them were cut.
 //!
 //! A source goes only when nothing but its torn end was lost. Where a repair loses more, the source is kept beside the
-//! copy ([`Stage::Damaged`]), for somebody to look at; of those, the newest [`DAMAGED_MAX`] stay.
+//! copy ([`Stage::Damaged`]), for inspection; of those, the newest [`DAMAGED_MAX`] stay.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -17,25 +17,25 @@ use hmd_core::record::LogLevel;
 
 /// Most damaged segments that are kept as they were; the oldest go.
 const DAMAGED_MAX: usize = 8;
-/// Most files of others that are told by name; the rest is counted.
-const OTHERS_TOLD_MAX: usize = 16;
+/// Most foreign files that are reported by name; the rest is counted.
+const FOREIGN_REPORTED_MAX: usize = 16;
 
-/// What lies in the folder.
+/// Contents of the folder.
 #[derive(Debug, Default)]
 pub(super) struct Found {
     /// Segments of ours, with their sizes. One that could not be repaired stays at [`Stage::Open`].
     pub(super) segments: BTreeMap<Name, u64>,
     /// One more than the largest number in any name.
     pub(super) next_number: u64,
-    /// What an operator should read.
+    /// Notices for an operator.
     pub(super) messages: Vec<(LogLevel, String)>,
 }
 
-/// Looks at every name in the folder, repairs cut segments, and touches nothing else.
+/// Reads every name in the folder, repairs cut segments, and touches nothing else.
 ///
 /// # Errors
 /// When the folder cannot be listed.
-pub(super) fn look(folder: &Path, disk: &dyn Disk) -> io::Result<Found> {
+pub(super) fn repair_folder(folder: &Path, disk: &dyn Disk) -> io::Result<Found> {
     let mut found = Found::default();
     let (mut ours, mut others) = (Vec::new(), Vec::new());
     for entry in fs::read_dir(folder)? {
@@ -55,16 +55,16 @@ pub(super) fn look(folder: &Path, disk: &dyn Disk) -> io::Result<Found> {
     others.sort_unstable();
     // A power cut may leave the copy empty; beside its source it is ours all the same.
     let (empty, others): (Vec<_>, Vec<_>) = others.into_iter().partition(|name| {
-        name.stage == Stage::Repair && ours.contains(&name.at(Stage::Open)) && is_empty_file(folder, *name)
+        name.stage == Stage::Repair && ours.contains(&name.with_stage(Stage::Open)) && is_empty_file(folder, *name)
     });
-    found.tell_of_others(&others);
+    found.report_foreign(&others);
     let at = |stage| ours.iter().copied().filter(move |name| name.stage == stage);
     for name in at(Stage::Repair).chain(empty) {
         // A repair that was itself cut; its source is still there.
         found.remove(folder, name);
     }
     for name in at(Stage::Open) {
-        if ours.contains(&name.at(Stage::Closed)) {
+        if ours.contains(&name.with_stage(Stage::Closed)) {
             // Repaired and renamed; only what becomes of the source was cut.
             found.settle(folder, name);
         } else {
@@ -84,18 +84,18 @@ fn is_empty_file(folder: &Path, name: Name) -> bool {
 }
 
 impl Found {
-    fn tell(&mut self, level: LogLevel, text: &str) {
+    fn report(&mut self, level: LogLevel, text: &str) {
         self.messages.push((level, format!("storage: {text}")));
     }
 
-    fn tell_of_others(&mut self, others: &[Name]) {
-        for name in others.iter().take(OTHERS_TOLD_MAX) {
+    fn report_foreign(&mut self, others: &[Name]) {
+        for name in others.iter().take(FOREIGN_REPORTED_MAX) {
             let text = format!("{name} is not one of our segments; it is left alone");
-            self.tell(LogLevel::Warning, &text);
+            self.report(LogLevel::Warning, &text);
         }
-        if let Some(more) = others.len().checked_sub(OTHERS_TOLD_MAX).filter(|more| *more > 0) {
+        if let Some(more) = others.len().checked_sub(FOREIGN_REPORTED_MAX).filter(|more| *more > 0) {
             let text = format!("{more} more files with names of segments are none; they are left alone");
-            self.tell(LogLevel::Warning, &text);
+            self.report(LogLevel::Warning, &text);
         }
     }
 
@@ -107,14 +107,14 @@ impl Found {
     /// What cannot be removed is not counted: the closed one of the same number is, and the next start tries again.
     fn remove(&mut self, folder: &Path, name: Name) {
         if let Err(cause) = fs::remove_file(folder.join(name.to_string())) {
-            self.tell(LogLevel::Error, &format!("{name} cannot be removed: {cause}"));
+            self.report(LogLevel::Error, &format!("{name} cannot be removed: {cause}"));
         }
     }
 
     fn repair(&mut self, folder: &Path, name: Name, disk: &dyn Disk) {
         match repaired(folder, name, disk) {
             Ok(repaired) => {
-                let closed = name.at(Stage::Closed);
+                let closed = name.with_stage(Stage::Closed);
                 let (bytes, is_spent) = (repaired.bytes, repaired.is_source_spent);
                 let (messages, lost) = (repaired.report.messages, repaired.report.losses_total);
                 let text = match messages {
@@ -122,7 +122,7 @@ impl Found {
                     0 => format!("none of its {bytes} bytes could be kept; {lost} damaged places"),
                     _ => format!("{messages} records kept in {closed}; {lost} damaged places in its {bytes} bytes"),
                 };
-                self.tell(LogLevel::Warning, &format!("{name} was cut: {text}"));
+                self.report(LogLevel::Warning, &format!("{name} was cut: {text}"));
                 if messages > 0 {
                     self.add(folder, closed);
                 }
@@ -131,7 +131,7 @@ impl Found {
             Err(cause) => {
                 // It may be repaired by the next start, or by hand.
                 self.add(folder, name);
-                self.tell(
+                self.report(
                     LogLevel::Error,
                     &format!("{name} was cut and cannot be repaired: {cause}"),
                 );
@@ -145,7 +145,7 @@ impl Found {
             Ok(copied) => self.dispose(folder, name, copied.is_source_spent),
             Err(cause) => {
                 let text = format!("{name} was repaired and cannot be read again: {cause}");
-                self.tell(LogLevel::Error, &text);
+                self.report(LogLevel::Error, &text);
             }
         }
     }
@@ -155,12 +155,12 @@ impl Found {
         if is_spent {
             return self.remove(folder, name);
         }
-        let aside = name.at(Stage::Damaged);
+        let aside = name.with_stage(Stage::Damaged);
         match rename(folder, name, aside) {
-            Ok(()) => self.tell(LogLevel::Error, &format!("{name} was damaged, and is kept as {aside}")),
+            Ok(()) => self.report(LogLevel::Error, &format!("{name} was damaged, and is kept as {aside}")),
             Err(cause) => {
                 let text = format!("{name} was damaged, and cannot be kept as {aside}: {cause}; it stays");
-                self.tell(LogLevel::Error, &text);
+                self.report(LogLevel::Error, &text);
             }
         }
     }
@@ -182,7 +182,7 @@ impl Found {
         let beyond = damaged.len().saturating_sub(DAMAGED_MAX);
         for name in damaged.into_iter().take(beyond) {
             let text = format!("{name} is removed: the newest {DAMAGED_MAX} damaged segments are kept");
-            self.tell(LogLevel::Warning, &text);
+            self.report(LogLevel::Warning, &text);
             self.remove(folder, name);
         }
         Ok(())
@@ -201,12 +201,12 @@ struct Repaired {
 /// Writes the intact part of a cut segment beside it and gives it the closed name, if there is any.
 fn repaired(folder: &Path, name: Name, disk: &dyn Disk) -> Result<Repaired, RecoverError> {
     let output_error = |cause: io::Error| RecoverError::Output(cause.into());
-    let copy = folder.join(name.at(Stage::Repair).to_string());
+    let copy = folder.join(name.with_stage(Stage::Repair).to_string());
     let out = disk.create(&copy).map_err(output_error)?;
     // The copy ends with a flush, which for a segment is a sync.
     let copied = copied(folder, name, out);
     let kept = copied.as_ref().is_ok_and(|copied| copied.report.messages > 0);
-    let renamed = kept.then(|| rename(folder, name.at(Stage::Repair), name.at(Stage::Closed)));
+    let renamed = kept.then(|| rename(folder, name.with_stage(Stage::Repair), name.with_stage(Stage::Closed)));
     if !matches!(renamed, Some(Ok(()))) {
         // It is ours: it was made above.
         fs::remove_file(copy).map_err(output_error)?;

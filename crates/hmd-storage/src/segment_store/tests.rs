@@ -89,21 +89,21 @@ impl Bench {
         }
     }
 
-    fn open(&self) -> Store {
+    fn open(&self) -> SegmentStore {
         let disk = Box::new(self.disk.clone());
-        Store::open(self.folder.path(), &BTreeMap::new(), LIMITS, disk, self.now).unwrap()
+        SegmentStore::open(self.folder.path(), &BTreeMap::new(), LIMITS, disk, self.now).unwrap()
     }
 
-    fn put_frames(&mut self, store: &mut Store, count: u64) {
+    fn put_frames(&mut self, store: &mut SegmentStore, count: u64) {
         for _ in 0..count {
             let data = hmd_core::seed::mix(3, &[self.frames]).to_le_bytes();
             let frame = RawFrame::new(self.frames * 1000, 0, 0x100, FrameFlags::NONE, &data).unwrap();
-            store.raw(&frame, &self.names);
+            store.write_frame(&frame, &self.names);
             self.frames += 1;
         }
     }
 
-    fn put_health(store: &mut Store, window: u64) -> bool {
+    fn put_health(store: &mut SegmentStore, window: u64) -> bool {
         let health = Health {
             actuator: "ema0".to_owned(),
             window,
@@ -113,7 +113,7 @@ impl Bench {
         store.sync_records()
     }
 
-    fn tick(&mut self, store: &mut Store, seconds: u64) {
+    fn tick(&mut self, store: &mut SegmentStore, seconds: u64) {
         self.now += Duration::from_secs(seconds);
         let messages = store.tick(self.now);
         self.said.extend(messages.into_iter().map(|(_, text)| text));
@@ -583,7 +583,7 @@ fn segments_that_somebody_removes_are_lost_and_said() {
     bench.tick(&mut store, 1);
     let said = bench.said.join("\n");
     assert!(said.contains("somebody has removed it"), "{said}");
-    assert!(said.contains("was removed; it is made anew"), "{said}");
+    assert!(said.contains("was removed; it is created again"), "{said}");
     let status = store.finish().status;
     assert_eq!((status.lost_frames, status.lost_records), (110, 2));
     assert_eq!(bench.read(), (10, vec![3]));
@@ -593,7 +593,7 @@ fn segments_that_somebody_removes_are_lost_and_said() {
     assert!(Bench::put_health(&mut store, 4));
     bench.tick(&mut store, 1);
     fs::remove_dir_all(bench.folder.path()).unwrap();
-    let StoreEnd { status, messages } = store.finish();
+    let SegmentStoreEnd { status, messages } = store.finish();
     assert_eq!((status.lost_frames, status.lost_records), (10, 1));
     assert!(
         messages
@@ -607,14 +607,14 @@ fn segments_that_somebody_removes_are_lost_and_said() {
 fn a_folder_has_one_writer() {
     let bench = Bench::new();
     let _store = bench.open();
-    let second = Store::open(
+    let second = SegmentStore::open(
         bench.folder.path(),
         &BTreeMap::new(),
         LIMITS,
         Box::new(RealDisk),
         bench.now,
     );
-    assert!(matches!(second, Err(StoreError::InUse { .. })));
+    assert!(matches!(second, Err(SegmentStoreError::InUse { .. })));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::num::NonZeroUsize;
 
 use super::{Exit, progress, say};
-use hmd_lab::bench::{BenchReport, bench, figures};
+use hmd_lab::bench::{bench, figures};
 
 /// Measure how fast this computer evaluates monitors and identifies windows.
 #[derive(Debug, clap::Args)]
@@ -31,54 +31,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     say(&if args.json {
         serde_json::to_string(&report)?
     } else {
-        tables(&report)
+        report.tables()
     })?;
     Ok(Exit::Done)
-}
-
-/// The figures as Markdown.
-fn tables(report: &BenchReport) -> String {
-    let mut text = format!(
-        "{} monitor of {}, step {} us, window {} s at {} Hz; {}, {} monitors side by side\n",
-        report.monitor,
-        report.actuator,
-        report.step_us,
-        report.window_s,
-        report.sample_rate_hz,
-        report.instruction_set,
-        report.lanes
-    );
-    text += "\n| one core | evaluations/s | over scalar f64 |\n|---|---|---|\n";
-    text += &format!("| scalar f64 | {:.0} | 1.0 |\n", report.scalar_f64_per_s);
-    for set in &report.instruction_sets {
-        text += &format!(
-            "| {} | {:.0} | {:.1} |\n",
-            set.name, set.evaluations_per_s, set.over_scalar_f64
-        );
-    }
-    text += &format!("\nOne linearisation: {:.2} ms\n", report.linearisation_ms);
-    text += "\n| threads | evaluations/s | over one | one identification, ms | identifications/s |\n|---|---|---|---|---|\n";
-    for f in &report.threads {
-        text += &format!(
-            "| {} | {:.0} | {:.2} | {:.1} | {:.0} |\n",
-            f.threads, f.evaluations_per_s, f.over_one, f.identification_ms, f.identifications_per_s
-        );
-    }
-    text += "\n| window, s | sample rate, Hz | one evaluation on one core, us |\n|---|---|---|\n";
-    for f in report.by_window.iter().chain(&report.by_sample_rate) {
-        text += &format!("| {} | {} | {:.1} |\n", f.window_s, f.sample_rate_hz, f.evaluation_us);
-    }
-    text += "\n| population | evaluations | one identification on all threads, ms |\n|---|---|---|\n";
-    for f in &report.by_population {
-        text += &format!(
-            "| {} | {} | {:.1} |\n",
-            f.population, f.evaluations, f.identification_ms
-        );
-    }
-    text += "\n| actuators | one window of each on all threads, ms |\n|---|---|\n";
-    for f in &report.by_actuators {
-        text += &format!("| {} | {:.1} |\n", f.actuators, f.all_ms);
-    }
-    text.truncate(text.trim_end().len());
-    text
 }

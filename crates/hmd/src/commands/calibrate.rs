@@ -103,7 +103,7 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
     if jobs.len() < WINDOWS_MIN {
         let logs: Vec<String> = args.logs.iter().map(|log| log.display().to_string()).collect();
         bail!(
-            "{}: expected at least {WINDOWS_MIN} windows that can be judged, found {}",
+            "{}: expected at least {WINDOWS_MIN} windows that can be assessed, found {}",
             logs.join(", "),
             jobs.len()
         );
@@ -111,7 +111,7 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
     let assessor = Assessor::new(config.clone(), load_type_models(&config)?, args.seed);
     let mut prepared = Vec::new();
     for job in &mut *jobs {
-        // What an earlier calibration of the unit says is to be learnt anew.
+        // The unit is calibrated anew, without an earlier calibration of it.
         let identifier = assessor.identifier_of(job)?;
         let conditions = conditions(job).map_err(anyhow::Error::msg)?;
         let (window, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, args.seed)?;

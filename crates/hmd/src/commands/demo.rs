@@ -4,19 +4,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::Context;
-use ema_models::reference::{Actuations, CurrentSensing, Scenario};
-use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
 
 use super::table::{HEALTH_HEAD, health_row, left_cell};
 use super::{Exit, say};
-use hmd_core::assess::{Assessor, Models};
 use hmd_core::config::Config;
-use hmd_core::frame::BusNames;
-use hmd_core::pipeline::Pipeline;
-use hmd_core::seed::mix;
-use hmd_lab::simulate::{EPOCH_NS, traffic};
-use hmd_storage::mcap_writer::{Sink, SyncedFile};
+use hmd_lab::demo::{CONFIG, Demo, DemoError};
+use hmd_storage::mcap_writer::{McapWriter, SyncedFile};
 use hmd_storage::recorder::metadata;
 
 /// Watch a simulated actuator wear out.
@@ -33,20 +27,6 @@ pub struct Args {
     seed: u64,
 }
 
-/// Actuations shown, evenly over the life.
-const ACTUATIONS: u64 = 24;
-
-/// Flight hours between two of them.
-const HOURS_BETWEEN: u64 = 100;
-
-/// The frames show half a second of every hundred hours, so hours go by the stamps. A part that has less than this left is
-/// due for repair.
-const CONFIG: &str = "[rul]
-hours = \"elapsed\"
-warning_h = 500
-critical_h = 200
-";
-
 /// Runs the verb.
 ///
 /// # Errors
@@ -54,44 +34,21 @@ critical_h = 200
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = Arc::new(Config::from_toml_str(CONFIG, "demo")?);
     let path = args.output.display().to_string();
+    let at_path = |error| match error {
+        DemoError::Write(cause) => anyhow::Error::from(cause).context(path.clone()),
+        other => other.into(),
+    };
     let file = std::fs::File::create(&args.output).with_context(|| path.clone())?;
-    let mut sink =
-        Sink::new(SyncedFile::new(file), &metadata(&config, "simulated", args.seed)).with_context(|| path.clone())?;
-    let mut names = BusNames::new();
-    names.intern("can0")?;
+    let writer = McapWriter::new(SyncedFile::new(file), &metadata(&config, "simulated", args.seed))
+        .with_context(|| path.clone())?;
     let actuator = ActuatorId::new(0).context("actuator 0")?;
-    let mut pipeline = Pipeline::new(config.clone());
-    let mut assessor = Assessor::new(config.clone(), Models::without_files(&config)?, args.seed);
+    let mut demo = Demo::new(writer, &config, actuator, args.seed).map_err(at_path)?;
 
     say("A simulated flight-control actuator wears out; every 100 hours one actuation is watched.")?;
     say("The life that is left counts to a damage of 80 %: hours by which it ends with 10, 50 and 90 % probability.")?;
     say(&format!("  hours left (10…90 %), h  {HEALTH_HEAD}"))?;
-    for n in 0..ACTUATIONS {
-        let hours = n * HOURS_BETWEEN;
-        let scenario = Scenario {
-            sensing: CurrentSensing {
-                quantised: true,
-                noise_rms: 0.02,
-            },
-            actuations: Actuations {
-                rest: 0.1,
-                ..Actuations::single(Profile::Mixed)
-            },
-            ..Scenario::new(ActuatorParams::bench(), worn(n), mix(args.seed, &[n]))
-        };
-        let start_ns = EPOCH_NS + hours * 3_600_000_000_000;
-        for frame in traffic(&scenario, actuator, start_ns) {
-            sink.raw(&frame, &names).with_context(|| path.clone())?;
-            pipeline.push(&frame, &names);
-        }
-        pipeline.finish();
-        for job in pipeline.take_windows() {
-            let assessed = assessor.assess(job)?;
-            let at = assessed.health.t_start_ns;
-            sink.write(at, &assessed.window).with_context(|| path.clone())?;
-            sink.write(at, &assessed.health).with_context(|| path.clone())?;
-            sink.write(at, &assessed.rul).with_context(|| path.clone())?;
-            sink.flush_window().with_context(|| path.clone())?;
+    while let Some((hours, windows)) = demo.next_actuation().map_err(at_path)? {
+        for assessed in windows {
             say(&format!(
                 "{hours:>7} {:<18} {}",
                 left_cell(&assessed.rul),
@@ -99,27 +56,12 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             ))?;
         }
     }
-    let (frames, windows) = (pipeline.frames(), assessor.counts());
-    let status = pipeline.status(&names, windows);
-    sink.write(pipeline.last_stamp_ns(), &status)
-        .with_context(|| path.clone())?;
-    let (_, counts) = sink.finish().with_context(|| path.clone())?;
+    let counts = demo.finish().map_err(at_path)?;
     say(&format!(
         "{} frames in, {} windows identified; {} records written to {path}",
-        frames.received,
-        windows.ok + windows.degraded,
-        counts.records
+        counts.frames,
+        counts.windows.ok + counts.windows.degraded,
+        counts.written.records
     ))?;
     Ok(Exit::Done)
-}
-
-/// The life shown: friction grows steadily, backlash faster and faster, and one phase begins to short near the end.
-fn worn(n: u64) -> FaultVector {
-    let life = n as f64 / (ACTUATIONS - 1) as f64;
-    FaultVector {
-        friction: 0.75 * life,
-        backlash: 0.25 * life.powi(3),
-        short_b: 0.4 * (life - 0.7).max(0.0),
-        ..FaultVector::NOMINAL
-    }
 }

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use serde::Serialize;
+
 use super::{Exit, Misuse, load_config, progress, say, unknown_type, use_threads};
 use ema_identify::Identifier;
 use ema_identify::calibration::MonitorForm;
@@ -9,9 +11,9 @@ use ema_models::{FaultId, MotorKnowledge};
 use hmd_core::assess::{AssessError, method};
 use hmd_core::config::SearchMethod;
 use hmd_core::config::{Config, IdentificationConfig};
+use hmd_lab::evaluate::tables::{detection_table, noise_table, paper_table, profiles_table, random_table, rul_table};
 use hmd_lab::evaluate::{
-    CONDITION_ROWS, Case, DetectionReport, NOISE_RATES_HZ, NoiseReport, PROFILE_ROWS, PaperReport, ProfilesReport,
-    RandomReport, RulReport, Scores, conditions, detection, noise, paper, profiles, random, rul,
+    CONDITION_ROWS, NOISE_RATES_HZ, PROFILE_ROWS, conditions, detection, noise, paper, profiles, random, rul,
 };
 use hmd_storage::calibration_file::load_type_model;
 
@@ -60,13 +62,13 @@ enum Suite {
     Random,
     /// The same with noise, an unknown load and motors off their type, at 2 kHz and 400 Hz.
     Noise,
-    /// Verdicts of single windows, healthy and faulty, of 100 motors.
+    /// Assessments of single windows, healthy and faulty, of 100 motors.
     Detection,
     /// Every kind of command, without and with noise, at 2 kHz and 400 Hz.
     Profiles,
     /// Cold and hot motors, high and low supply, with noise, at 2 kHz and 400 Hz.
     Conditions,
-    /// Remaining life foretold over whole histories of estimates, beside an oracle.
+    /// Remaining useful life predicted over whole histories of estimates, beside an oracle.
     Rul,
 }
 
@@ -121,44 +123,28 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             let bar = progress::over_pieces(160);
             let report = paper(&identifier, &args.actuator, args.seed, &|| bar.inc(1))?;
             bar.finish_and_clear();
-            say(&if args.json {
-                serde_json::to_string(&report)?
-            } else {
-                paper_table(&report)
-            })?;
+            print(args, &report, paper_table)?;
         }
         Suite::Random => {
             let n = args.n.unwrap_or(200);
             let bar = progress::over_pieces(n);
             let report = random(&identifier, &args.actuator, n, args.seed, &|| bar.inc(1))?;
             bar.finish_and_clear();
-            say(&if args.json {
-                serde_json::to_string(&report)?
-            } else {
-                random_table(&report)
-            })?;
+            print(args, &report, random_table)?;
         }
         Suite::Noise => {
             let n = args.n.unwrap_or(200);
             let bar = progress::over_pieces(n * NOISE_RATES_HZ.len() as u64);
             let report = noise(&identifier, &args.actuator, n, args.seed, &|| bar.inc(1))?;
             bar.finish_and_clear();
-            say(&if args.json {
-                serde_json::to_string(&report)?
-            } else {
-                noise_table(&report)
-            })?;
+            print(args, &report, noise_table)?;
         }
         Suite::Detection => {
             let n = args.n.unwrap_or(100);
             let bar = progress::over_pieces(n * 200);
             let report = detection(&identifier, levels, &args.actuator, n, args.seed, &|| bar.inc(1))?;
             bar.finish_and_clear();
-            say(&if args.json {
-                serde_json::to_string(&report)?
-            } else {
-                detection_table(&report)
-            })?;
+            print(args, &report, detection_table)?;
         }
         Suite::Profiles | Suite::Conditions => {
             let n = args.n.unwrap_or(20);
@@ -172,11 +158,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
                 conditions(&identifier, levels, name, n, seed, &done)?
             };
             bar.finish_and_clear();
-            say(&if args.json {
-                serde_json::to_string(&report)?
-            } else {
-                profiles_table(&report)
-            })?;
+            print(args, &report, profiles_table)?;
         }
         // It needs no identifier, and has run.
         Suite::Rul => {}
@@ -190,12 +172,17 @@ fn run_rul(args: &Args) -> anyhow::Result<Exit> {
     let bar = progress::over_pieces(n * FaultId::COUNT as u64);
     let report = rul(n, args.seed, &|| bar.inc(1))?;
     bar.finish_and_clear();
-    say(&if args.json {
-        serde_json::to_string(&report)?
-    } else {
-        rul_table(&report)
-    })?;
+    print(args, &report, rul_table)?;
     Ok(Exit::Done)
+}
+
+/// Prints a report as the arguments ask: as JSON or as a table.
+fn print<R: Serialize>(args: &Args, report: &R, table: fn(&R) -> String) -> anyhow::Result<()> {
+    say(&if args.json {
+        serde_json::to_string(report)?
+    } else {
+        table(report)
+    })
 }
 
 fn named_method(text: &str) -> Result<SearchMethod, String> {
@@ -203,137 +190,4 @@ fn named_method(text: &str) -> Result<SearchMethod, String> {
     found
         .map(|(_, method)| method)
         .ok_or_else(|| "expected hybrid or ga".to_owned())
-}
-
-/// Mean and largest error of each group of cases, as a Markdown table.
-fn paper_table(report: &PaperReport) -> String {
-    let mut text = "| case | mean rss, % | max rss, % | mean eq. 15, % |\n|---|---|---|---|\n".to_owned();
-    let mut row = |name: &str, mean: f64, max: f64, eq15: f64| {
-        text += &format!("| {name} | {mean:.2} | {max:.2} | {eq15:.2} |\n");
-    };
-    for group in report.cases.chunk_by(|a, b| a.name == b.name) {
-        let n = group.len() as f64;
-        let mean = |f: fn(&Case) -> f64| group.iter().map(f).sum::<f64>() / n;
-        let max = group.iter().map(|c| c.rss_pct).fold(0.0, f64::max);
-        row(&group[0].name, mean(|c| c.rss_pct), max, mean(|c| c.eq15_pct));
-    }
-    row(
-        "**all single faults**",
-        report.single.mean_rss_pct,
-        report.single.max_rss_pct,
-        report.single.mean_eq15_pct,
-    );
-    row(
-        "**multiple faults**",
-        report.multi.mean_rss_pct,
-        report.multi.max_rss_pct,
-        report.multi.mean_eq15_pct,
-    );
-    text.truncate(text.trim_end().len());
-    text
-}
-
-fn random_table(report: &RandomReport) -> String {
-    format!(
-        "| windows | median rss, % | p95 rss, % | median eq. 15, % |\n|---|---|---|---|\n| {} | {:.2} | {:.2} | {:.2} |",
-        report.cases.len(),
-        report.median_rss_pct,
-        report.p95_rss_pct,
-        report.median_eq15_pct
-    )
-}
-
-fn noise_table(report: &NoiseReport) -> String {
-    let mut text =
-        "| rate, Hz | windows | median rss, % | p95 rss, % | 95 % interval covers, % | error over Cramér–Rao bound, \
-                    matched data |\n|---|---|---|---|---|---|"
-            .to_owned();
-    for rate in &report.rates {
-        text += &format!(
-            "\n| {:.0} | {} | {:.2} | {:.2} | {:.1} | {:.2} |",
-            rate.sample_rate_hz,
-            rate.cases.len(),
-            rate.median_rss_pct,
-            rate.p95_rss_pct,
-            100.0 * rate.coverage_95,
-            rate.crlb_ratio
-        );
-    }
-    text
-}
-
-fn detection_table(report: &DetectionReport) -> String {
-    let mut text = "| windows | detected, % | exactly named, % |\n|---|---|---|".to_owned();
-    for fault in &report.detection_rate_by_fault {
-        text += &format!(
-            "\n| {} ({}) | {:.2} | {:.2} |",
-            fault.fault,
-            fault.windows,
-            100.0 * fault.detection_rate,
-            100.0 * fault.isolation_rate
-        );
-    }
-    text += &format!(
-        "\n| **all faulty ones** | {:.2} | {:.2} |\n\nFalse alarms in healthy windows: {:.3} %.",
-        100.0 * report.detection_rate,
-        100.0 * report.isolation_rate,
-        100.0 * report.false_alarm_rate
-    );
-    text
-}
-
-fn profiles_table(report: &ProfilesReport) -> String {
-    let mut text = "| windows | noise | rate, Hz | median rss, % | p95 rss, % | covers, % | covers healthy, % | shows k1 | k2 | \
-                    k3…k5 | k6 | k8, % | false faults | unmodelled | ambiguous | max cost |\n|---|---|---|---|---|---|---|---|---|---|---|---\
-                    |---|---|---|---|"
-        .to_owned();
-    for row in &report.rows {
-        let shown = row.observable.map(|share| 100.0 * share);
-        text += &format!(
-            "\n| {} | {} | {:.0} | {:.2} | {:.2} | {:.1} | {:.1} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} | {} | {} | {} | {:.1} |",
-            row.name,
-            if row.noise { "yes" } else { "no" },
-            row.sample_rate_hz,
-            row.median_rss_pct,
-            row.p95_rss_pct,
-            100.0 * row.coverage_95,
-            100.0 * row.healthy_coverage_95,
-            shown[0],
-            shown[1],
-            (shown[2] + shown[3] + shown[4]) / 3.0,
-            shown[5],
-            shown[7],
-            row.false_faults,
-            row.unmodelled,
-            row.ambiguous,
-            row.max_cost
-        );
-    }
-    text
-}
-
-/// Our scores and the oracle's, `ours / oracle`.
-fn rul_table(report: &RulReport) -> String {
-    let mut text =
-        "| histories | α-λ passed, % | horizon, % of life | cumulative relative accuracy | 80 % interval covers, % \
-                    | convergence |\n|---|---|---|---|---|---|"
-            .to_owned();
-    let mut row = |name: &str, histories: usize, ours: &Scores, oracle: &Scores| {
-        let percent = |of: fn(&Scores) -> f64| format!("{:.1} / {:.1}", 100.0 * of(ours), 100.0 * of(oracle));
-        let share = |of: fn(&Scores) -> f64| format!("{:.3} / {:.3}", of(ours), of(oracle));
-        text += &format!(
-            "\n| {name} ({histories}) | {} | {} | {} | {} | {} |",
-            percent(|s| s.alpha_lambda_pass_rate),
-            percent(|s| s.prognostic_horizon_fraction),
-            share(|s| s.cra),
-            percent(|s| s.coverage_80),
-            share(|s| s.convergence),
-        );
-    };
-    for group in &report.groups {
-        row(&group.name, group.histories, &group.scores, &group.oracle);
-    }
-    let all = report.histories_per_fault as usize * FaultId::COUNT;
-    row("**all**", all, &report.scores, &report.oracle);
-    text + "\n\nEach cell: this monitor / an oracle that knows the true law and how its parameters are distributed."
 }

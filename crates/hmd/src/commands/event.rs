@@ -1,4 +1,4 @@
-//! `hmd event`: tell of maintenance, so that a new unit does not inherit a trend.
+//! `hmd event`: enter maintenance, so that a new unit does not inherit a trend.
 
 use std::path::PathBuf;
 
@@ -10,7 +10,7 @@ use hmd_storage::event_file::append;
 /// The year 2262, as far as other programs count nanoseconds.
 const AT_MAX_NS: u64 = i64::MAX as u64;
 
-/// Tell of maintenance: a part was replaced, and a new life begins.
+/// Enter maintenance: a part was replaced, and its history is reset.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  hmd event --reset flap-left -c hmd.toml")]
 pub struct Args {

@@ -42,7 +42,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         }
     };
     let mut losses = Losses::default();
-    let exported = export(&args.files, args.table, table, &mut |loss| losses.take(loss))?;
+    let exported = export(&args.files, args.table, table, &mut |loss| losses.add(loss))?;
     if exported.rows == 0 {
         let files: Vec<String> = args.files.iter().map(|file| file.display().to_string()).collect();
         anyhow::bail!(

@@ -84,7 +84,7 @@ struct Printer {
     summaries: BTreeMap<String, Summarised>,
 }
 
-/// The newest window of an actuator, with the damages of the newest that was judged.
+/// The newest window of an actuator, with the damages of the newest that was assessed.
 #[derive(Default)]
 struct Summarised {
     damage: [Option<f64>; FaultId::COUNT],
@@ -139,7 +139,7 @@ impl Printer {
             let message = match message {
                 Ok(message) => message,
                 Err(loss) => {
-                    losses.take(&loss);
+                    losses.add(&loss);
                     continue;
                 }
             };

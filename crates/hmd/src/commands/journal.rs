@@ -21,15 +21,19 @@ pub(super) struct Journal(UnixDatagram);
 
 impl Journal {
     /// The journal, if stderr is it.
-    pub(super) fn of_stderr() -> Option<Self> {
+    pub(super) fn from_stderr() -> Option<Self> {
         let stream = std::env::var(STREAM).ok()?;
         let (device, inode) = stream.split_once(':')?;
         let stderr = rustix::fs::fstat(io::stderr()).ok()?;
         let is_it = device.parse() == Ok(stderr.st_dev) && inode.parse() == Ok(stderr.st_ino);
-        if is_it { Self::at(Path::new(SOCKET)).ok() } else { None }
+        if is_it {
+            Self::connect(Path::new(SOCKET)).ok()
+        } else {
+            None
+        }
     }
 
-    fn at(socket: &Path) -> io::Result<Self> {
+    fn connect(socket: &Path) -> io::Result<Self> {
         let own = UnixDatagram::unbound()?;
         own.connect(socket)?;
         // The watch does not wait for its log.
@@ -43,7 +47,7 @@ impl Journal {
     }
 }
 
-/// Whom a message is about stands before its first colon, if it is one word.
+/// The subject of a message is the word before its first colon, if it is one word.
 fn entry(level: LogLevel, message: &str) -> String {
     let priority = match level {
         LogLevel::Fatal => 2,
@@ -72,7 +76,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("journal");
         let listening = UnixDatagram::bind(&path).unwrap();
-        let journal = Journal::at(&path).unwrap();
+        let journal = Journal::connect(&path).unwrap();
         assert!(journal.write(LogLevel::Warning, "ema3: STALE,\nno sample"));
         assert!(journal.write(LogLevel::Info, "not reloaded: a\nMESSAGE=b"));
         let mut bytes = [0; 256];
@@ -90,6 +94,6 @@ mod tests {
 
     #[test]
     fn a_stderr_that_is_no_journal_is_none() {
-        assert!(Journal::of_stderr().is_none());
+        assert!(Journal::from_stderr().is_none());
     }
 }

@@ -1,4 +1,4 @@
-//! What the verbs that run until they are told to stop have in common.
+//! What the verbs that run until a signal have in common.
 
 use std::io;
 
@@ -17,7 +17,7 @@ pub(super) enum Asked {
     Reload,
 }
 
-/// Requests that wait while one is carried out: a reload takes the configuration as it is then, so that a second says nothing
+/// Requests that wait while one is carried out: a reload takes the configuration as it is then, so that a second asks for nothing
 /// new, and there is always room for a stop.
 const WAITING_MAX: usize = 2;
 
@@ -53,7 +53,7 @@ pub(super) fn signals() -> io::Result<mpsc::Receiver<Asked>> {
     Ok(receiver)
 }
 
-/// Says what came in and what was lost.
+/// Prints what came in and what was lost.
 pub(super) fn report(status: &Status) -> Exit {
     warn(format_args!(
         "{} frames received: {} decoded, {} of no actuator that is watched, {} error frames",

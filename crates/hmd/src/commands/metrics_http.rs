@@ -33,7 +33,7 @@ impl Page {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = text;
     }
 
-    fn get(&self) -> String {
+    fn text(&self) -> String {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
@@ -60,7 +60,7 @@ pub(super) fn serve(address: SocketAddr, page: Page) -> io::Result<SocketAddr> {
         let page = page.clone();
         async move {
             let answered = local_server::http()
-                .serve_connection(TokioIo::new(stream), service_fn(|request| answer(request, page.get())));
+                .serve_connection(TokioIo::new(stream), service_fn(|request| answer(request, page.text())));
             // A client that goes away or is too slow is its own affair.
             let _ = tokio::time::timeout(2 * HEAD_MAX, answered).await;
         }

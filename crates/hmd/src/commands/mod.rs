@@ -46,7 +46,7 @@ use hmd_core::assess::AssessError;
 use hmd_core::config::{Config, ConfigError};
 use hmd_storage::calibration_file::{load_type_model, load_unit};
 use hmd_storage::config_file;
-use hmd_storage::event_file::{EventError, events_of};
+use hmd_storage::event_file::{EventError, load_events};
 use hmd_storage::mcap::McapLoss;
 use hmd_storage::recover::LISTED_MAX;
 use hmd_storage::same_file::is_same_file;
@@ -77,15 +77,15 @@ struct Misuse(String);
 /// Exit code that belongs to an error.
 #[must_use]
 pub fn code_of(error: &anyhow::Error) -> u8 {
-    // What the judge refuses comes from the configuration: a calibration it names, its search, its levels.
-    let by_judge = error.downcast_ref::<AssessError>().is_some()
+    // What the assessor refuses comes from the configuration: a calibration it names, its search, its levels.
+    let by_assessor = error.downcast_ref::<AssessError>().is_some()
         || error.downcast_ref::<EventError>().is_some()
         || matches!(
             error.downcast_ref(),
             Some(ReplayError::Assess(_) | ReplayError::Events(_))
         )
         || matches!(error.downcast_ref(), Some(DaemonError::Assess(_)));
-    if error.downcast_ref::<ConfigError>().is_some() || by_judge {
+    if error.downcast_ref::<ConfigError>().is_some() || by_assessor {
         BAD_CONFIG
     } else if error.downcast_ref::<Misuse>().is_some() {
         USAGE
@@ -94,7 +94,7 @@ pub fn code_of(error: &anyhow::Error) -> u8 {
     }
 }
 
-/// An error in one sentence: what failed, then why, without repeating what a cause already says.
+/// An error in one sentence: what failed, then why, without repeating a cause.
 #[must_use]
 pub fn sentence(error: &anyhow::Error) -> String {
     let root = error.root_cause().to_string();
@@ -129,7 +129,7 @@ pub fn load_config(path: Option<&Path>) -> Result<Config, ConfigError> {
 /// # Errors
 /// The first file that cannot.
 pub fn check_files(config: &Config) -> anyhow::Result<()> {
-    events_of(config).context("rul.events")?;
+    load_events(config).context("rul.events")?;
     let form = config.identification().monitor;
     for (name, of_type) in config.types().filter(|(_, of_type)| of_type.calibration.is_some()) {
         load_type_model(name, of_type, form, config).with_context(|| format!("type.{name}.calibration"))?;
@@ -180,14 +180,14 @@ struct Losses {
 }
 
 impl Losses {
-    fn take(&mut self, loss: &McapLoss) {
+    fn add(&mut self, loss: &McapLoss) {
         self.total += 1;
         if self.listed.len() < LISTED_MAX {
             self.listed.push(loss.clone());
         }
     }
 
-    /// Says what was lost, each with its place, and how the verb ends.
+    /// Prints what was lost, each with its place; returns how the verb ends.
     fn exit(&self) -> Exit {
         if self.total == 0 {
             return Exit::Done;
@@ -207,7 +207,7 @@ impl Losses {
     }
 }
 
-/// Writes a line to stderr. Where that cannot be written, nobody is left to be told.
+/// Writes a line to stderr. An error of that cannot be reported anywhere.
 pub fn warn(line: impl std::fmt::Display) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
@@ -226,7 +226,7 @@ mod tests {
     use ema_identify::unit_calibration::UnitError;
 
     #[test]
-    fn what_the_judge_refuses_is_a_bad_configuration_in_every_verb() {
+    fn what_the_assessor_refuses_is_a_bad_configuration_in_every_verb() {
         let refused = || {
             AssessError::from(UnitError::Parse {
                 path: "unit.toml".to_owned(),

@@ -1,6 +1,6 @@
-//! The same as `serve.rs` where viewers are not built in: no option, and nobody who looks.
+//! The same as `serve.rs` where viewers are not built in: no option and no viewers.
 
-use hmd_storage::recorder::Tap;
+use hmd_storage::recorder::RecordObserver;
 
 /// No option.
 #[derive(Debug, clap::Args)]
@@ -27,7 +27,7 @@ impl Serve {
     reason = "the other build needs them"
 )]
 impl Viewers {
-    pub(super) fn tap(&self) -> Option<Box<dyn Tap>> {
+    pub(super) fn observer(&self) -> Option<Box<dyn RecordObserver>> {
         None
     }
 

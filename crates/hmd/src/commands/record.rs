@@ -17,7 +17,7 @@ use hmd_ingest::live::LiveSource;
 use hmd_ingest::serial::SerialSource;
 use hmd_storage::recorder::Recorder;
 
-/// Record every frame of some buses until SIGINT or SIGTERM; nothing is filtered and nothing judged.
+/// Record every frame of some buses until SIGINT or SIGTERM; nothing is filtered and nothing assessed.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n\
     \x20 hmd record can0 -o capture.mcap\n\
@@ -37,7 +37,7 @@ pub struct Args {
 /// Runs the verb.
 ///
 /// # Errors
-/// An output that cannot be written. A bad bus is no error: it is waited for.
+/// An output that cannot be written. A bad bus is no error: its source waits.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let on_can = args.interfaces.iter().map(|name| {
         let source = LiveSource::Can(CanSource::new(name, Wanted::All));

@@ -36,13 +36,13 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let path = args.output.display().to_string();
     let out = File::create(&args.output).with_context(|| path.clone())?;
     let (_, report) = recover(input, &name, SyncedFile::new(out), "").with_context(|| path.clone())?;
-    // What was written is read again: the copy must be whole, and it tells how many frames are missing.
+    // What was written is read again: the copy must be whole, and shows how many frames are missing.
     let copy = File::open(&args.output).with_context(|| path.clone())?;
     let (frames, missing) = count_frames(BufReader::new(copy), &path).with_context(|| path.clone())?;
-    tell(&report, &name, &path, frames, missing)
+    print_report(&report, &name, &path, frames, missing)
 }
 
-fn tell(report: &Recovered, name: &str, path: &str, frames: u64, missing: u64) -> anyhow::Result<Exit> {
+fn print_report(report: &Recovered, name: &str, path: &str, frames: u64, missing: u64) -> anyhow::Result<Exit> {
     say(&format!(
         "{name}: kept {} chunks with {} messages and {frames} raw frames, and {} metadata records, in {path}",
         report.chunks, report.messages, report.metadata

@@ -99,7 +99,7 @@ fn replay(args: &Args, viewers: &Viewers) -> anyhow::Result<Exit> {
         config,
         seed: args.seed,
     };
-    let summary = replay.run_heard(&mut printer, viewers.tap());
+    let summary = replay.run_observed(&mut printer, viewers.observer());
     printer.bar.finish_and_clear();
     let summary = summary?;
 

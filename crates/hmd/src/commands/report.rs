@@ -31,7 +31,7 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     no_input(&args.output, &args.files)?;
     let mut losses = Losses::default();
-    let files = Files::read(&args.files, &mut |loss| losses.take(loss))?;
+    let files = Files::read(&args.files, &mut |loss| losses.add(loss))?;
     let history = files.actuator(args.actuator.as_deref())?;
     std::fs::write(&args.output, page(&files, history)).with_context(|| args.output.display().to_string())?;
     Ok(losses.exit())

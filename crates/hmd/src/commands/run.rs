@@ -63,7 +63,7 @@ pub struct Args {
 /// Runs the verb.
 ///
 /// # Errors
-/// A bad configuration at the start, or an output that cannot be written. A bad bus is no error: it is waited for.
+/// A bad configuration at the start, or an output that cannot be written. A bad bus is no error: its source waits.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let mut config = load(args)?;
     if let Some(output) = &args.output {
@@ -78,11 +78,11 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         json: args.json,
         alone: args.output.is_none(),
         headed: AtomicBool::new(false),
-        heard: AtomicBool::new(true),
+        read: AtomicBool::new(true),
         metrics: args.metrics.clone(),
         metrics_failed: AtomicBool::new(false),
         page: args.metrics_listen.map(|_| Page::default()),
-        journal: Journal::of_stderr(),
+        journal: Journal::from_stderr(),
     };
     if let (Some(address), Some(page)) = (args.metrics_listen, &printer.page) {
         let address =
@@ -93,10 +93,10 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let mut exit = Exit::Done;
     loop {
         let mut next = None;
-        let told = async {
+        let stop = async {
             next = new_config(args, &mut asked, &printer).await;
         };
-        match daemon(args, config, &viewers)?.run(told, &printer) {
+        match daemon(args, config, &viewers)?.run(stop, &printer) {
             Ok(status) if report(&status) == Exit::DataLost => exit = Exit::DataLost,
             Ok(_) => {}
             Err(DaemonError::Stdout(e)) if e.kind() == io::ErrorKind::BrokenPipe => return Ok(exit),
@@ -125,7 +125,7 @@ async fn new_config(args: &Args, asked: &mut mpsc::Receiver<Asked>, printer: &Pr
     while asked.recv().await? == Asked::Reload {
         service::reloading();
         if args.output.as_ref().is_some_and(|path| !is_folder(path)) {
-            printer.notice_of(
+            printer.notice_with_level(
                 LogLevel::Error,
                 "not reloaded: the output is one file, which belongs to one configuration",
             );
@@ -133,7 +133,7 @@ async fn new_config(args: &Args, asked: &mut mpsc::Receiver<Asked>, printer: &Pr
             match load(args) {
                 // Ready again once it runs.
                 Ok(config) => return Some(config),
-                Err(error) => printer.notice_of(
+                Err(error) => printer.notice_with_level(
                     LogLevel::Error,
                     &format!("not reloaded, the configuration stays as it was: {error:#}"),
                 ),
@@ -152,7 +152,7 @@ fn daemon(args: &Args, config: Arc<Config>, viewers: &Viewers) -> anyhow::Result
             let source = SerialSource::new(&config.resolve(&line.device), line.bitrate_bit_s);
             return (name.to_owned(), LiveSource::Serial(source));
         }
-        let wanted = Wanted::on(&config, name);
+        let wanted = Wanted::for_interface(&config, name);
         (name.to_owned(), LiveSource::Can(CanSource::new(name, wanted)))
     });
     let sources = sources.collect();
@@ -163,8 +163,8 @@ fn daemon(args: &Args, config: Arc<Config>, viewers: &Viewers) -> anyhow::Result
         }
         None => None,
     };
-    let recorder = match viewers.tap() {
-        Some(tap) => Some(recorder.unwrap_or_else(Recorder::nowhere).with_tap(tap)),
+    let recorder = match viewers.observer() {
+        Some(observer) => Some(recorder.unwrap_or_else(Recorder::nowhere).with_observer(observer)),
         None => recorder,
     };
     Ok(Daemon {
@@ -174,14 +174,15 @@ fn daemon(args: &Args, config: Arc<Config>, viewers: &Viewers) -> anyhow::Result
     })
 }
 
-/// How long whoever reads stdout may leave a line waiting, where the records go to an output as well: judging waits for it.
+/// Longest time that a line waits for the reader of stdout, where the records go to an output as well: the assessment
+/// waits for it.
 const STDOUT_STALLED: Duration = Duration::from_secs(5);
 
 /// Whether a stream takes a line within some time. A pipe that is ready has room for a page, which is longer.
 fn takes_a_line(stream: impl AsFd, within: Duration) -> bool {
     let within = Timespec::try_from(within).ok();
     let mut streams = [PollFd::new(&stream, PollFlags::OUT)];
-    // An error is told by the write.
+    // An error is reported by the write.
     !matches!(poll(&mut streams, within.as_ref()), Ok(0))
 }
 
@@ -190,10 +191,10 @@ struct Printer {
     /// Nothing but stdout takes the records.
     alone: bool,
     headed: AtomicBool,
-    /// Somebody reads stdout.
-    heard: AtomicBool,
+    /// Stdout is read.
+    read: AtomicBool,
     metrics: Option<PathBuf>,
-    /// The last metrics could not be written; told once.
+    /// The last metrics could not be written; reported once.
     metrics_failed: AtomicBool,
     /// What is served over HTTP, if anything.
     page: Option<Page>,
@@ -203,13 +204,13 @@ struct Printer {
 
 impl Observer for Printer {
     fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
-        if !self.heard.load(Ordering::Relaxed) {
+        if !self.read.load(Ordering::Relaxed) {
             return Ok(());
         }
         if !self.alone && !takes_a_line(io::stdout(), STDOUT_STALLED) {
-            self.heard.store(false, Ordering::Relaxed);
+            self.read.store(false, Ordering::Relaxed);
             let text = format!("stdout: not read for {STDOUT_STALLED:?}; the records go to the output alone");
-            self.notice_of(LogLevel::Error, &text);
+            self.notice_with_level(LogLevel::Error, &text);
             return Ok(());
         }
         let mut out = io::stdout().lock();
@@ -223,9 +224,9 @@ impl Observer for Printer {
         match printed.and_then(|()| out.flush()) {
             // The output still takes the records.
             Err(e) if !self.alone => {
-                self.heard.store(false, Ordering::Relaxed);
+                self.read.store(false, Ordering::Relaxed);
                 if e.kind() != io::ErrorKind::BrokenPipe {
-                    self.notice_of(
+                    self.notice_with_level(
                         LogLevel::Error,
                         &format!("stdout: {e}; the records go to the output alone"),
                     );
@@ -237,10 +238,10 @@ impl Observer for Printer {
     }
 
     fn notice(&self, message: &str) {
-        self.notice_of(LogLevel::Info, message);
+        self.notice_with_level(LogLevel::Info, message);
     }
 
-    fn notice_of(&self, level: LogLevel, message: &str) {
+    fn notice_with_level(&self, level: LogLevel, message: &str) {
         if !self
             .journal
             .as_ref()
@@ -264,7 +265,7 @@ impl Observer for Printer {
         if let Err(cause) = written
             && !failed_before
         {
-            self.notice_of(
+            self.notice_with_level(
                 LogLevel::Error,
                 &format!("{}: metrics cannot be written: {cause}", path.display()),
             );

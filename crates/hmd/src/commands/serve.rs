@@ -1,4 +1,4 @@
-//! `--serve` of the verbs that judge: their records for viewers, while they run.
+//! `--serve` of the verbs that assess windows: their records for viewers, while they run.
 
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
@@ -8,9 +8,9 @@ use anyhow::Context;
 use super::live::signals;
 use super::metrics_http::loopback;
 use crate::serve::{Hub, listen};
-use hmd_storage::recorder::Tap;
+use hmd_storage::recorder::RecordObserver;
 
-/// Where viewers look without being told.
+/// Address of the viewers' server without an argument.
 const ADDRESS: &str = "127.0.0.1:8765";
 
 /// Longest wait, at the end of a run, for clients to take what is queued.
@@ -31,7 +31,7 @@ pub(super) struct Serve {
 pub(super) struct Viewers(Option<Hub>);
 
 impl Serve {
-    /// Listens if that was asked for, and tells where.
+    /// Listens if asked to, and reports the address.
     pub(super) fn open(&self, tell: impl FnOnce(&str)) -> anyhow::Result<Viewers> {
         let Some(address) = self.serve else {
             return Ok(Viewers(None));
@@ -46,9 +46,9 @@ impl Serve {
 }
 
 impl Viewers {
-    /// Who hears the recorder for them.
-    pub(super) fn tap(&self) -> Option<Box<dyn Tap>> {
-        self.0.clone().map(|hub| Box::new(hub) as Box<dyn Tap>)
+    /// Observer of the recorder for the viewers.
+    pub(super) fn observer(&self) -> Option<Box<dyn RecordObserver>> {
+        self.0.clone().map(|hub| Box::new(hub) as Box<dyn RecordObserver>)
     }
 
     /// Waits for the first of them.

@@ -16,7 +16,7 @@ use hmd_core::config::LOAD_MAX;
 use hmd_core::frame::BusNames;
 use hmd_ingest::candump::{Decimals, emit};
 use hmd_lab::simulate::{EPOCH_NS, traffic};
-use hmd_storage::mcap_writer::{Sink, SyncedFile};
+use hmd_storage::mcap_writer::{McapWriter, SyncedFile};
 
 /// Bit rate of the simulated bus.
 const BIT_RATE_BIT_S: f64 = 1e6;
@@ -160,12 +160,14 @@ fn write_log(path: &Path, scenario: &Scenario, actuator: ActuatorId) -> anyhow::
                 ("seed", scenario.seed.to_string()),
             ];
             let metadata = metadata.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
-            let mut sink =
-                Sink::new(SyncedFile::new(create(path)?), &metadata).with_context(|| path.display().to_string())?;
+            let mut writer = McapWriter::new(SyncedFile::new(create(path)?), &metadata)
+                .with_context(|| path.display().to_string())?;
             for frame in frames {
-                sink.raw(&frame, &names).with_context(|| path.display().to_string())?;
+                writer
+                    .write_frame(&frame, &names)
+                    .with_context(|| path.display().to_string())?;
             }
-            sink.finish().with_context(|| path.display().to_string())?;
+            writer.finish().with_context(|| path.display().to_string())?;
         }
         Some("log") => {
             let mut file = BufWriter::new(create(path)?);

@@ -31,7 +31,11 @@ impl Freshness {
     }
 
     /// Takes the samples so far of those that were seen. Who has become stale (`true`) or is fresh again, with a sentence.
-    pub(super) fn look<'a>(&mut self, now: Instant, seen: impl Iterator<Item = (&'a str, u64)>) -> Vec<(bool, String)> {
+    pub(super) fn update<'a>(
+        &mut self,
+        now: Instant,
+        seen: impl Iterator<Item = (&'a str, u64)>,
+    ) -> Vec<(bool, String)> {
         let mut changes = Vec::new();
         for (actuator, samples) in seen {
             let known = self.0.iter_mut().find(|age| age.actuator == actuator);
@@ -69,21 +73,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn who_falls_silent_is_stale_until_it_is_heard_again() {
+    fn an_actuator_without_samples_is_stale_until_the_next_sample() {
         let start = Instant::now();
         let at = |s| start + Duration::from_secs(s);
         let names = ["ema0", "ema1"].map(str::to_owned);
         let mut freshness = Freshness::new(names.into_iter(), start);
-        let mut look = |s, samples: &[u64]| freshness.look(at(s), ["ema0"].into_iter().zip(samples.iter().copied()));
-        assert_eq!(look(1, &[400]), []);
-        assert_eq!(look(2, &[800]), []);
+        let mut update =
+            |s, samples: &[u64]| freshness.update(at(s), ["ema0"].into_iter().zip(samples.iter().copied()));
+        assert_eq!(update(1, &[400]), []);
+        assert_eq!(update(2, &[800]), []);
         assert_eq!(
-            look(3, &[800]),
+            update(3, &[800]),
             [(true, "ema1: STALE, no sample for 3.0 s since the start".to_owned())]
         );
-        assert_eq!(look(4, &[800]), [], "told once");
-        assert_eq!(look(5, &[800]), [(true, "ema0: STALE, no sample for 3.0 s".to_owned())]);
-        assert_eq!(look(9, &[801]), [(false, "ema0: fresh again after 7.0 s".to_owned())]);
+        assert_eq!(update(4, &[800]), [], "reported once");
+        assert_eq!(
+            update(5, &[800]),
+            [(true, "ema0: STALE, no sample for 3.0 s".to_owned())]
+        );
+        assert_eq!(update(9, &[801]), [(false, "ema0: fresh again after 7.0 s".to_owned())]);
         let ages: Vec<_> = freshness.ages(at(10)).collect();
         assert_eq!(ages, [("ema0", 1.0, false), ("ema1", 10.0, true)]);
     }

@@ -8,7 +8,7 @@ use super::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
 /// Windows that may wait: four from each of sixteen actuators, some 80 kB each at 2 kHz.
 ///
-/// Policy when it is full: the oldest is dropped, so that the newest state of an actuator is judged; the one who pushes
+/// Policy when it is full: the oldest is dropped, so that the newest state of an actuator is assessed; the pushing thread
 /// gets it back, to count and record it.
 pub const QUEUE_WINDOWS: usize = 64;
 
@@ -23,7 +23,7 @@ pub(super) struct WindowQueue<T> {
 struct State<T> {
     waiting: VecDeque<T>,
     closed: bool,
-    /// When the window was taken that is being judged.
+    /// When the window was taken that is being assessed.
     busy_since: Option<Instant>,
 }
 
@@ -84,7 +84,7 @@ impl<T> WindowQueue<T> {
         self.lock().waiting.len()
     }
 
-    /// For how long the window that was taken last has been judged; zero when none is.
+    /// For how long the window that was taken last has been assessed; zero when none is.
     pub(super) fn busy_for(&self) -> Duration {
         self.lock().busy_since.map_or(Duration::ZERO, |since| since.elapsed())
     }

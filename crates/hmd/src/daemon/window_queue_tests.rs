@@ -3,7 +3,7 @@ use std::time::Duration;
 use super::window_queue::*;
 
 #[test]
-fn the_one_who_judges_is_busy_until_it_asks_again() {
+fn the_popping_thread_is_busy_until_it_pops_again() {
     let queue = WindowQueue::new();
     assert_eq!(queue.busy_for(), Duration::ZERO);
     assert_eq!(queue.push(1), None);

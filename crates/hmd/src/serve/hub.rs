@@ -1,4 +1,4 @@
-//! What viewers are told: channels, the newest record of each, and a bounded queue for each client.
+//! What viewers receive: channels, the newest record of each, and a bounded queue for each client.
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -6,9 +6,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::Notify;
 
 use super::protocol::{self, Request};
-use hmd_storage::recorder::{Tap, Told};
+use hmd_storage::recorder::{PublishedRecord, RecordObserver};
 
-/// Channels that are told of: six for each of 1024 actuators, more than any viewer shows.
+/// Channels that are advertised: six for each of 1024 actuators, more than any viewer shows.
 const CHANNELS_MAX: usize = 6144;
 
 /// Records that wait for one client; then the oldest is left out.
@@ -29,7 +29,7 @@ const KEPT_BYTES_TOTAL: usize = 32 << 20;
 /// Subscriptions of one client; further ones are left out.
 const SUBSCRIPTIONS_MAX: usize = CHANNELS_MAX;
 
-/// Hears the recorder, and tells the clients. Copies are the same hub.
+/// Receives the records of a run and queues them for the clients. Clones are the same hub.
 #[derive(Clone, Debug, Default)]
 pub struct Hub(Arc<Shared>);
 
@@ -68,7 +68,7 @@ struct Item {
 struct Client {
     /// Its own numbers of channels.
     subscriptions: BTreeMap<u32, usize>,
-    /// Channels that it was told of.
+    /// Channels advertised to this client.
     advertised: usize,
     queue: VecDeque<(u32, Arc<Item>)>,
     queue_bytes: usize,
@@ -85,15 +85,15 @@ pub(super) enum Next {
     Binary(Vec<u8>),
 }
 
-impl Tap for Hub {
-    fn take(&self, told: Told) {
+impl RecordObserver for Hub {
+    fn publish(&self, record: PublishedRecord) {
         let inner = &mut *self.lock();
-        let Some(channel) = inner.channel(&told) else { return };
+        let Some(channel) = inner.channel(&record) else { return };
         let item = Arc::new(Item {
-            at_ns: told.at_ns,
-            data: told.data,
+            at_ns: record.at_ns,
+            data: record.data,
         });
-        inner.keep(channel, &item);
+        inner.set_newest(channel, &item);
         for client in inner.clients.values_mut() {
             let numbers: Vec<u32> = client.numbers(channel).collect();
             for number in numbers {
@@ -180,8 +180,8 @@ impl Hub {
 
 impl Inner {
     /// The channel of a record's topic; `None` for one too many.
-    fn channel(&mut self, told: &Told) -> Option<usize> {
-        if let Some(channel) = self.by_topic.get(&told.topic) {
+    fn channel(&mut self, record: &PublishedRecord) -> Option<usize> {
+        if let Some(channel) = self.by_topic.get(&record.topic) {
             return Some(*channel);
         }
         let id = self.channels.len();
@@ -189,15 +189,15 @@ impl Inner {
             return None;
         }
         self.channels.push(Channel {
-            advertised: protocol::channel(id, told),
+            advertised: protocol::channel(id, record),
             kept: VecDeque::new(),
             kept_bytes: 0,
         });
-        self.by_topic.insert(told.topic.clone(), id);
+        self.by_topic.insert(record.topic.clone(), id);
         Some(id)
     }
 
-    fn keep(&mut self, channel: usize, item: &Arc<Item>) {
+    fn set_newest(&mut self, channel: usize, item: &Arc<Item>) {
         let bytes = item.data.len();
         let channel = &mut self.channels[channel];
         while channel.kept.len() >= KEPT_MAX
@@ -259,8 +259,8 @@ mod tests {
     use super::*;
     use hmd_core::record::{Log, Record};
 
-    fn told(topic: &str, at_ns: u64, bytes: usize) -> Told {
-        Told {
+    fn record(topic: &str, at_ns: u64, bytes: usize) -> PublishedRecord {
+        PublishedRecord {
             at_ns,
             topic: topic.to_owned(),
             schema: Log::SCHEMA_NAME,
@@ -284,8 +284,8 @@ mod tests {
     #[test]
     fn channels_come_before_data_and_a_late_client_gets_what_was_kept() {
         let hub = Hub::default();
-        hub.take(told("/a", 1, 10));
-        hub.take(told("/a", 2, 10));
+        hub.publish(record("/a", 1, 10));
+        hub.publish(record("/a", 2, 10));
         let (client, _) = hub.enter();
         let Some(Next::Text(text)) = hub.next(client) else {
             panic!("a channel first")
@@ -295,29 +295,29 @@ mod tests {
             text.contains(r#""op":"advertise""#) && text.contains(r#""topic":"/a""#),
             "{text}"
         );
-        hub.take(told("/a", 3, 10));
+        hub.publish(record("/a", 3, 10));
         assert_eq!(hub.next(client), None, "nothing that was not asked for");
         hub.request(client, Request::Subscribe(vec![(7, 0), (7, 0), (8, 99)]));
-        hub.take(told("/a", 4, 10));
+        hub.publish(record("/a", 4, 10));
         assert_eq!(times(&all(&hub, client)), [1, 2, 3, 4]);
         hub.request(client, Request::Unsubscribe(vec![7]));
-        hub.take(told("/a", 5, 10));
+        hub.publish(record("/a", 5, 10));
         assert_eq!(all(&hub, client), []);
-        hub.take(told("/b", 6, 10));
+        hub.publish(record("/b", 6, 10));
         assert!(matches!(&all(&hub, client)[..], [Next::Text(text)] if text.contains("/b")));
     }
 
     #[test]
     fn a_slow_client_misses_the_oldest_and_is_told_how_many() {
         let hub = Hub::default();
-        hub.take(told("/a", 0, 1));
+        hub.publish(record("/a", 0, 1));
         let [(slow, _), (gone, _)] = [hub.enter(), hub.enter()];
         for client in [slow, gone] {
             hub.request(client, Request::Subscribe(vec![(1, 0)]));
         }
         assert_eq!(times(&all(&hub, slow)), [0]);
         for n in 0..QUEUE_MAX + 3 {
-            hub.take(told("/a", n as u64, 1));
+            hub.publish(record("/a", n as u64, 1));
         }
         hub.leave(gone);
         assert!(!hub.is_idle());
@@ -332,7 +332,7 @@ mod tests {
         assert!(hub.is_idle());
 
         for n in 0..5 {
-            hub.take(told("/a", n, QUEUE_BYTES_MAX / 2));
+            hub.publish(record("/a", n, QUEUE_BYTES_MAX / 2));
         }
         let sent = all(&hub, slow);
         assert!(matches!(&sent[0], Next::Text(text) if text.contains("3 messages left out")));
@@ -343,7 +343,7 @@ mod tests {
     fn channels_and_what_is_kept_are_bounded() {
         let hub = Hub::default();
         for n in 0..CHANNELS_MAX + 10 {
-            hub.take(told(&format!("/{n}"), 0, 20 << 10));
+            hub.publish(record(&format!("/{n}"), 0, 20 << 10));
         }
         let inner = hub.lock();
         assert_eq!(inner.channels.len(), CHANNELS_MAX);
@@ -361,10 +361,10 @@ mod tests {
     fn a_channel_keeps_its_newest_records() {
         let hub = Hub::default();
         for n in 0..100 {
-            hub.take(told("/small", n, 10));
-            hub.take(told("/large", n, 100 << 10));
+            hub.publish(record("/small", n, 10));
+            hub.publish(record("/large", n, 100 << 10));
         }
-        hub.take(told("/huge", 7, KEPT_BYTES_MAX + 1));
+        hub.publish(record("/huge", 7, KEPT_BYTES_MAX + 1));
         let inner = hub.lock();
         let kept: Vec<_> = inner
             .channels

@@ -41,7 +41,7 @@ const KEY_SUFFIX: &str = "258EAFA5-E914-47DA-95CA-C5AB0DC85B11";
 
 type Socket = WebSocketStream<TokioIo<Upgraded>>;
 
-/// Serves the hub from now on; the address with the port that was taken. `session` tells runs apart.
+/// Serves the hub from now on; the address with the port that was taken. `session` distinguishes runs.
 ///
 /// # Errors
 /// When the address cannot be bound or the thread cannot be started.
@@ -140,7 +140,7 @@ async fn attend(
                 Next::Binary(data) => Message::binary(data),
             };
             send(&mut socket, message).await?;
-            // What is asked meanwhile is heard however much there is to send.
+            // What is asked meanwhile is answered however much there is to send.
             let at_once = poll_fn(|context| match socket.poll_next_unpin(context) {
                 Poll::Ready(received) => Poll::Ready(Some(received)),
                 Poll::Pending => Poll::Ready(None),
@@ -181,7 +181,7 @@ mod tests {
 
     use super::*;
     use hmd_core::record::{Log, Record};
-    use hmd_storage::recorder::{Tap, Told};
+    use hmd_storage::recorder::{PublishedRecord, RecordObserver};
 
     fn hub() -> (Hub, SocketAddr) {
         let hub = Hub::default();
@@ -228,8 +228,8 @@ mod tests {
         (head[0] & 0xf == 1, data)
     }
 
-    fn told(at_ns: u64, bytes: usize) -> Told {
-        Told {
+    fn record(at_ns: u64, bytes: usize) -> PublishedRecord {
+        PublishedRecord {
             at_ns,
             topic: "/log".to_owned(),
             schema: Log::SCHEMA_NAME,
@@ -265,7 +265,7 @@ mod tests {
     fn a_client_that_does_not_read_holds_nobody_back() {
         const RECORDS: u64 = 200;
         let (hub, address) = hub();
-        hub.take(told(0, 1));
+        hub.publish(record(0, 1));
         let (_, mut stream) = ask(address, HEADERS);
         // The channels come; they are asked for in one frame, masked with zeros.
         let told_of: Vec<_> = (0..2).map(|_| frame(&mut stream).1).collect();
@@ -281,7 +281,7 @@ mod tests {
 
         let since = Instant::now();
         for n in 1..=RECORDS {
-            hub.take(told(n, 1 << 20));
+            hub.publish(record(n, 1 << 20));
         }
         let took = since.elapsed();
         // Where 200 MiB went through the socket, or waited for it, this would be for ever.
@@ -295,6 +295,6 @@ mod tests {
                 newest = u64::from_le_bytes(data[5..13].try_into().unwrap());
             }
         }
-        assert!(left_out, "what was missed is told");
+        assert!(left_out, "what was missed is reported");
     }
 }

@@ -1,4 +1,4 @@
-//! The messages of the protocol, as far as a server needs them that only tells.
+//! The messages of the protocol, as far as a server that only publishes needs them.
 //!
 //! Both names of the protocol mean the same for what is used here: JSON text for everything but the data, which come as
 //! binary messages.
@@ -9,7 +9,7 @@ use prost::Message;
 use serde::Deserialize;
 use serde_json::json;
 
-use hmd_storage::recorder::Told;
+use hmd_storage::recorder::PublishedRecord;
 
 /// Names of the protocol: Lichtblick's and the free client's, and that of the Foxglove application.
 pub const SUBPROTOCOLS: [&str; 2] = ["foxglove.websocket.v1", "foxglove.sdk.v1"];
@@ -70,14 +70,14 @@ pub(super) fn server_info(session: &str) -> String {
 }
 
 /// A channel as [`advertise`] takes it.
-pub(super) fn channel(id: usize, told: &Told) -> String {
+pub(super) fn channel(id: usize, record: &PublishedRecord) -> String {
     json!({
         "id": id,
-        "topic": told.topic,
+        "topic": record.topic,
         "encoding": "protobuf",
-        "schemaName": told.schema,
+        "schemaName": record.schema,
         "schemaEncoding": "protobuf",
-        "schema": STANDARD.encode((told.descriptor)().encode_to_vec()),
+        "schema": STANDARD.encode((record.descriptor)().encode_to_vec()),
     })
     .to_string()
 }

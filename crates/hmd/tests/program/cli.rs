@@ -908,7 +908,7 @@ fn a_calibration_from_a_damaged_log_says_what_was_lost() {
     assert_eq!(ended.code, 1, "{}", ended.stderr);
     let last = ended.stderr.lines().last().expect("a sentence");
     assert!(
-        last.contains("half.log: expected at least 5 windows that can be judged, found "),
+        last.contains("half.log: expected at least 5 windows that can be assessed, found "),
         "{last}"
     );
     assert!(!folder.path("none.toml").exists());

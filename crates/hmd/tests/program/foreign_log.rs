@@ -113,8 +113,8 @@ fn a_folder_or_a_form_that_another_verb_makes_is_refused_with_the_way_to_go() {
         );
     }
     assert_eq!(
-        refused("replay any.log -o judged.csv"),
-        "hmd: --output: expected a name that ends in .mcap, found judged.csv; hmd export and hmd report make other forms of it\n"
+        refused("replay any.log -o assessed.csv"),
+        "hmd: --output: expected a name that ends in .mcap, found assessed.csv; hmd export and hmd report make other forms of it\n"
     );
-    assert!(!folder.path().join("judged.csv").exists());
+    assert!(!folder.path().join("assessed.csv").exists());
 }

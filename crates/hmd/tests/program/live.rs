@@ -192,7 +192,7 @@ fn segments_of_one_run_replay_like_one_file() {
     for part in traffic.chunks(400) {
         for recorder in &mut recorders {
             for frame in part {
-                recorder.raw(frame, &names).unwrap();
+                recorder.write_frame(frame, &names).unwrap();
             }
             assert_eq!(recorder.tick(now).unwrap(), []);
         }
@@ -291,7 +291,7 @@ fn a_trouble_that_comes_with_every_window_is_told_ten_times_a_minute() {
         .filter(|text| text.contains("maintenance event"))
         .collect();
     assert_eq!(told.len(), 11, "{told:?}");
-    assert!(told[10].contains("(the last of 4 that were not told)"), "{}", told[10]);
+    assert!(told[10].contains("(the last of 4 not reported)"), "{}", told[10]);
 }
 
 #[test]

@@ -11,7 +11,7 @@ use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
 use hmd_core::record::{Health, Log, LogLevel};
 use hmd_core::seed::mix;
 use hmd_storage::mcap::McapMessages;
-use hmd_storage::mcap_writer::{METADATA_NAME, Sink};
+use hmd_storage::mcap_writer::{METADATA_NAME, McapWriter};
 use hmd_storage::recover::{Recovered, count_frames, recover};
 
 /// Frames of each chunk; with payloads that do not compress, a chunk is some 25 kB.
@@ -33,24 +33,24 @@ fn recording() -> Vec<u8> {
     let mut names = BusNames::new();
     names.intern("can0").unwrap();
     let metadata = BTreeMap::from([("seed".to_owned(), "1".to_owned())]);
-    let mut sink = Sink::new(Cursor::new(Vec::new()), &metadata).unwrap();
+    let mut writer = McapWriter::new(Cursor::new(Vec::new()), &metadata).unwrap();
     for window in 0..CHUNKS {
         for n in 0..FRAMES {
             let stamp_ns = 1_700_000_000_000_000_000 + (window * FRAMES + n) * 100_000;
             let data = mix(7, &[window, n]).to_le_bytes();
             let frame = RawFrame::new(stamp_ns, 0, 0x100, FrameFlags::NONE, &data).unwrap();
-            sink.raw(&frame, &names).unwrap();
+            writer.write_frame(&frame, &names).unwrap();
         }
         let health = Health {
             actuator: "ema0".to_owned(),
             window,
             ..Health::default()
         };
-        sink.write(window, &health).unwrap();
-        sink.flush_window().unwrap();
+        writer.write(window, &health).unwrap();
+        writer.flush_window().unwrap();
     }
-    sink.write(9, &Log::new(9, LogLevel::Info, "hmd", "done")).unwrap();
-    sink.finish().unwrap().0.into_inner()
+    writer.write(9, &Log::new(9, LogLevel::Info, "hmd", "done")).unwrap();
+    writer.finish().unwrap().0.into_inner()
 }
 
 fn messages(file: &[u8]) -> Vec<(usize, Plain)> {

@@ -9,7 +9,7 @@ use super::{Growth, History, Scored, Scores, by_oracle, draw, ours, score};
 use hmd_core::seed::mix;
 
 /// Hours left after each window of a history, as equally likely values in rising order: with n of them the m-th, from 0, is
-/// the quantile (m + ½)/n. A value of `None` is longer than any, and stands behind all others. A window without a forecast is `None`.
+/// the quantile (m + ½)/n. A value of `None` is longer than any, and sorts after all others. A window without a forecast is `None`.
 pub type Lives = Vec<Option<Vec<Option<f64>>>>;
 
 /// Forecasts that do not belong to the histories.
@@ -96,9 +96,9 @@ pub fn rul_beside(histories: &[History], theirs: &[Lives]) -> Result<Vec<Beside>
         Beside {
             name: name.to_owned(),
             histories: members.len(),
-            ours: Scores::of(members.iter().map(|member| &member.ours)),
-            theirs: Scores::of(members.iter().map(|member| &member.theirs)),
-            oracle: Scores::of(members.iter().map(|member| &member.oracle)),
+            ours: Scores::mean_of(members.iter().map(|member| &member.ours)),
+            theirs: Scores::mean_of(members.iter().map(|member| &member.theirs)),
+            oracle: Scores::mean_of(members.iter().map(|member| &member.oracle)),
         }
     };
     let mut groups: Vec<Beside> = (0..FaultId::COUNT)
@@ -109,7 +109,7 @@ pub fn rul_beside(histories: &[History], theirs: &[Lives]) -> Result<Vec<Beside>
     Ok(groups)
 }
 
-/// A history as somebody else told it; the number of forecasts where it is wrong.
+/// A history as another program predicted it; the number of forecasts where it is wrong.
 fn by_lives(history: &History, told: &Lives) -> Result<Scored, usize> {
     if told.len() != history.windows.len() {
         return Err(told.len());

@@ -54,16 +54,16 @@ impl Growth {
     pub const ALL: [Self; 3] = [Self::Linear, Self::Exponential, Self::Work];
 }
 
-/// What a monitor says after one window.
+/// Estimate of a monitor after one window.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Seen {
     /// Use so far.
     pub at: Odometer,
-    /// Damage and its standard deviation; `None` in a window that is not fit to be judged.
+    /// Damage and its standard deviation; `None` in a window that is not fit to be assessed.
     pub estimate: Option<(f64, f64)>,
 }
 
-/// A life, from the new part to the end.
+/// A history, from the new part to the end of life.
 #[derive(Clone, Debug, Serialize)]
 pub struct History {
     /// The true law.

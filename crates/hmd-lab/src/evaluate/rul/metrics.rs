@@ -93,7 +93,7 @@ pub struct Scores {
     pub convergence: f64,
 }
 
-/// What one history says.
+/// Scores of one history.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Scored {
     /// Forecasts at each λ.
@@ -106,7 +106,7 @@ pub struct Scored {
 
 impl Scores {
     /// Of some histories.
-    pub(super) fn of<'a>(scored: impl Iterator<Item = &'a Scored> + Clone) -> Self {
+    pub(super) fn mean_of<'a>(scored: impl Iterator<Item = &'a Scored> + Clone) -> Self {
         let mean = |of: &dyn Fn(&AtLambda) -> f64| {
             let (sum, count) = scored
                 .clone()
@@ -128,7 +128,7 @@ impl Scores {
 mod tests {
     use super::*;
 
-    fn at(truth_h: f64, quantiles_h: [Option<f64>; 3], probability_in_bounds: f64) -> AtLambda {
+    fn score_at(truth_h: f64, quantiles_h: [Option<f64>; 3], probability_in_bounds: f64) -> AtLambda {
         AtLambda {
             lambda: 0.5,
             truth_h,
@@ -139,11 +139,11 @@ mod tests {
 
     #[test]
     fn a_forecast_is_scored_by_its_definition() {
-        let good = at(100.0, [Some(80.0), Some(110.0), Some(130.0)], 0.6);
+        let good = score_at(100.0, [Some(80.0), Some(110.0), Some(130.0)], 0.6);
         assert!(good.passes() && good.covers() && (good.relative_accuracy() - 0.9).abs() < 1e-12);
-        let bad = at(100.0, [Some(110.0), Some(350.0), Some(400.0)], 0.4);
+        let bad = score_at(100.0, [Some(110.0), Some(350.0), Some(400.0)], 0.4);
         assert!(!bad.passes() && !bad.covers() && bad.relative_accuracy().abs() < 1e-12);
-        let none = at(100.0, [None; 3], 0.0);
+        let none = score_at(100.0, [None; 3], 0.0);
         assert!(!none.passes() && !none.covers() && none.relative_accuracy().abs() < 1e-12);
     }
 

@@ -10,7 +10,7 @@ pub(super) const LENGTH_MAX: usize = 220;
 /// Longest name of an actuator; a longer one is cut.
 const NAME_MAX: usize = 16;
 
-/// Largest number of hours; more is said as this.
+/// Largest number of hours; more is printed as this.
 const HOURS_MAX: f64 = 99_999.0;
 
 /// Names of the faults that fit, in the order of [`FaultId::ALL`].

@@ -106,7 +106,7 @@ impl Device {
     }
 }
 
-/// What was said and judged.
+/// What was said and assessed.
 #[derive(Default)]
 pub(crate) struct Lines {
     health: Mutex<Vec<String>>,

@@ -95,7 +95,7 @@ impl Observer for Teller {
         io::stderr().write_all(line.as_bytes())
     }
 
-    fn unstored(&self, _: &AssessedWindow) -> io::Result<()> {
+    fn assessed_unstored(&self, _: &AssessedWindow) -> io::Result<()> {
         io::stderr().write_all(b"unstored\n")
     }
 

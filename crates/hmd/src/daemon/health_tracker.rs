@@ -1,16 +1,16 @@
-//! Where each actuator stands by its last verdict, and how it came there.
+//! Tracks the health state of each actuator, and the last change of it.
 
 use std::collections::BTreeMap;
 
 use hmd_core::record::{Health, LogLevel};
 
-/// The verdicts of all actuators that had one.
+/// Health of all actuators with an assessment.
 #[derive(Debug, Default)]
-pub(super) struct Standings(BTreeMap<String, Standing>);
+pub(super) struct HealthTracker(BTreeMap<String, TrackedHealth>);
 
 /// One actuator.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Standing {
+pub(super) struct TrackedHealth {
     /// `nominal`, `watch`, `warning`, `critical` or `unknown`.
     pub(super) health: String,
     /// Windows in a row that ask for a worse state, the most of any fault; the state is reached when they are as many as
@@ -29,28 +29,28 @@ pub(super) struct Change {
     pub(super) from: String,
     /// Faults after, joined by commas.
     pub(super) faults: String,
-    /// Largest damage in its window; 0 when none was judged.
+    /// Largest damage in its window; 0 when none was assessed.
     pub(super) damage: f64,
 }
 
 /// From good to bad.
 const ORDER: [&str; 5] = ["unknown", "nominal", "watch", "warning", "critical"];
 
-impl Standings {
-    /// Takes a verdict. What an operator should read about it; the change of a passive actuator is for the record alone.
-    pub(super) fn take(&mut self, health: &Health, persistence: u32, passive: bool) -> Option<(LogLevel, String)> {
-        let standing = self.0.entry(health.actuator.clone()).or_insert_with(|| Standing {
+impl HealthTracker {
+    /// Takes an assessment. Returns a notice for an operator on a change to report; that of a passive actuator is no warning.
+    pub(super) fn update(&mut self, health: &Health, persistence: u32, passive: bool) -> Option<(LogLevel, String)> {
+        let tracked = self.0.entry(health.actuator.clone()).or_insert_with(|| TrackedHealth {
             health: ORDER[0].to_owned(),
-            ..Standing::default()
+            ..TrackedHealth::default()
         });
-        standing.persistence = persistence;
-        if standing.health == health.health {
+        tracked.persistence = persistence;
+        if tracked.health == health.health {
             return None;
         }
-        let from = std::mem::replace(&mut standing.health, health.health.clone());
+        let from = std::mem::replace(&mut tracked.health, health.health.clone());
         let damage = health.damages().into_iter().flatten().fold(0.0, f64::max);
         let rank = |state: &str| ORDER.iter().position(|of| *of == state);
-        let told = rank(&from) >= rank("watch") || rank(&health.health) >= rank("watch");
+        let is_reported = rank(&from) >= rank("watch") || rank(&health.health) >= rank("watch");
         let worse = rank(&health.health) > rank(&from);
         let level = if worse && !passive {
             LogLevel::Warning
@@ -62,27 +62,27 @@ impl Standings {
         } else {
             &health.faults
         };
-        let said = format!(
+        let message = format!(
             "{}: {from} to {} in window {}: {faults}, largest damage {damage:.2}{}",
             health.actuator,
             health.health,
             health.window,
             if passive { " (passive)" } else { "" }
         );
-        standing.changed = Some(Change {
+        tracked.changed = Some(Change {
             t_ns: health.t_start_ns,
             from,
             faults: health.faults.clone(),
             damage,
         });
-        told.then_some((level, said))
+        is_reported.then_some((level, message))
     }
 
-    /// That of one actuator; an unknown one before its first verdict.
-    pub(super) fn of(&self, actuator: &str) -> Standing {
-        self.0.get(actuator).cloned().unwrap_or_else(|| Standing {
+    /// Health of one actuator; `unknown` before its first assessment.
+    pub(super) fn health_of(&self, actuator: &str) -> TrackedHealth {
+        self.0.get(actuator).cloned().unwrap_or_else(|| TrackedHealth {
             health: ORDER[0].to_owned(),
-            ..Standing::default()
+            ..TrackedHealth::default()
         })
     }
 }
@@ -91,7 +91,7 @@ impl Standings {
 mod tests {
     use super::*;
 
-    fn verdict(window: u64, health: &str, friction: f64) -> Health {
+    fn assessed(window: u64, health: &str, friction: f64) -> Health {
         Health {
             actuator: "ema3".to_owned(),
             window,
@@ -109,20 +109,20 @@ mod tests {
     }
 
     #[test]
-    fn a_change_is_told_and_its_values_stay() {
-        let mut standings = Standings::default();
-        assert_eq!(standings.of("ema3").health, "unknown");
-        assert_eq!(standings.take(&verdict(0, "nominal", 0.0), 0, false), None);
-        assert_eq!(standings.take(&verdict(1, "nominal", 0.3), 1, false), None);
-        assert_eq!(standings.of("ema3").persistence, 1);
-        let (level, said) = standings.take(&verdict(2, "watch", 0.31), 2, false).unwrap();
+    fn a_change_is_reported_and_its_values_stay() {
+        let mut tracker = HealthTracker::default();
+        assert_eq!(tracker.health_of("ema3").health, "unknown");
+        assert_eq!(tracker.update(&assessed(0, "nominal", 0.0), 0, false), None);
+        assert_eq!(tracker.update(&assessed(1, "nominal", 0.3), 1, false), None);
+        assert_eq!(tracker.health_of("ema3").persistence, 1);
+        let (level, message) = tracker.update(&assessed(2, "watch", 0.31), 2, false).unwrap();
         assert_eq!(level, LogLevel::Warning);
         assert_eq!(
-            said,
+            message,
             "ema3: nominal to watch in window 2: friction, largest damage 0.31"
         );
-        assert_eq!(standings.take(&verdict(3, "watch", 0.35), 0, false), None);
-        let changed = standings.of("ema3").changed.unwrap();
+        assert_eq!(tracker.update(&assessed(3, "watch", 0.35), 0, false), None);
+        let changed = tracker.health_of("ema3").changed.unwrap();
         let expected = Change {
             t_ns: 1002,
             from: "nominal".to_owned(),
@@ -130,15 +130,15 @@ mod tests {
             damage: 0.31,
         };
         assert_eq!(changed, expected, "the last change, not the last window");
-        let (level, _) = standings.take(&verdict(4, "nominal", 0.0), 0, false).unwrap();
+        let (level, _) = tracker.update(&assessed(4, "nominal", 0.0), 0, false).unwrap();
         assert_eq!(level, LogLevel::Info);
     }
 
     #[test]
-    fn a_passive_actuator_alarms_nobody() {
-        let mut standings = Standings::default();
-        let (level, said) = standings.take(&verdict(0, "critical", 0.9), 0, true).unwrap();
+    fn a_passive_actuator_raises_no_warning() {
+        let mut tracker = HealthTracker::default();
+        let (level, message) = tracker.update(&assessed(0, "critical", 0.9), 0, true).unwrap();
         assert_eq!(level, LogLevel::Info);
-        assert!(said.ends_with("(passive)"), "{said}");
+        assert!(message.ends_with("(passive)"), "{message}");
     }
 }

@@ -6,12 +6,12 @@ use std::time::Instant;
 
 use super::disk::{Disk, Out, rename, sync_folder};
 use super::name::{Kind, Name, PROFILE, Stage};
-use crate::mcap_writer::{Sink, SinkError};
+use crate::mcap_writer::{McapWriteError, McapWriter};
 use crate::retry_delay::RetryDelay;
 use hmd_core::config::Limits;
 
-/// Where a lane stands.
-pub(super) struct Lane {
+/// The segments of one kind, and the one in progress.
+pub(super) struct SegmentStream {
     pub(super) kind: Kind,
     open: Option<Open>,
     /// Of this kind, since the start, one more after each failure: a gap in it is a gap in the frames.
@@ -24,7 +24,7 @@ pub(super) struct Lane {
 
 struct Open {
     name: Name,
-    sink: Sink<Box<dyn Out>>,
+    writer: McapWriter<Box<dyn Out>>,
     since: Instant,
     /// Frames or records taken.
     taken: u64,
@@ -37,8 +37,8 @@ struct Open {
 /// Most syncs of a segment, which bounds its index to some 0.3 MB.
 const SYNCS_MAX: u32 = 512;
 
-/// What a lane needs to begin a segment.
-pub(super) struct Begin<'a> {
+/// What a stream needs to begin a segment.
+pub(super) struct SegmentStart<'a> {
     pub(super) folder: &'a Path,
     pub(super) disk: &'a dyn Disk,
     pub(super) metadata: &'a BTreeMap<String, String>,
@@ -46,7 +46,7 @@ pub(super) struct Begin<'a> {
     pub(super) now: Instant,
 }
 
-impl Lane {
+impl SegmentStream {
     pub(super) fn new(kind: Kind) -> Self {
         Self {
             kind,
@@ -65,7 +65,7 @@ impl Lane {
 
     /// Bytes of the segment in progress.
     pub(super) fn bytes(&self) -> u64 {
-        self.open.as_ref().map_or(0, |open| open.sink.bytes())
+        self.open.as_ref().map_or(0, |open| open.writer.bytes())
     }
 
     /// Whether the last attempt failed.
@@ -81,14 +81,14 @@ impl Lane {
     /// Whether the segment in progress is full or old.
     pub(super) fn is_due(&self, limits: &Limits, now: Instant) -> bool {
         self.open.as_ref().is_some_and(|open| {
-            open.sink.bytes() >= limits.segment_bytes
+            open.writer.bytes() >= limits.segment_bytes
                 || open.syncs >= SYNCS_MAX
                 || now.duration_since(open.since) >= limits.segment_age
         })
     }
 
     /// Begins a segment; its name is on the disk when this returns.
-    pub(super) fn begin(&mut self, with: &Begin<'_>) -> Result<(), SinkError> {
+    pub(super) fn begin(&mut self, with: &SegmentStart<'_>) -> Result<(), McapWriteError> {
         let name = Name {
             number: with.number,
             kind: self.kind,
@@ -99,8 +99,8 @@ impl Lane {
         metadata.insert("segment".to_owned(), self.segment.to_string());
         let path = with.folder.join(name.to_string());
         let out = with.disk.create(&path)?;
-        let sink = match started(out, with.folder, &metadata) {
-            Ok(sink) => sink,
+        let writer = match started(out, with.folder, &metadata) {
+            Ok(writer) => writer,
             Err(error) => {
                 // Nothing is in it.
                 let _ = std::fs::remove_file(path);
@@ -109,7 +109,7 @@ impl Lane {
         };
         self.open = Some(Open {
             name,
-            sink,
+            writer,
             since: with.now,
             taken: 0,
             unsynced: 0,
@@ -121,23 +121,23 @@ impl Lane {
     }
 
     /// Hands one item to the segment in progress; without one it is lost.
-    pub(super) fn put(
+    pub(super) fn write(
         &mut self,
-        put: impl FnOnce(&mut Sink<Box<dyn Out>>) -> Result<(), SinkError>,
-    ) -> Result<(), SinkError> {
+        write: impl FnOnce(&mut McapWriter<Box<dyn Out>>) -> Result<(), McapWriteError>,
+    ) -> Result<(), McapWriteError> {
         let Some(open) = &mut self.open else {
             self.lost += 1;
             return Ok(());
         };
         open.taken += 1;
         open.unsynced += 1;
-        put(&mut open.sink)
+        write(&mut open.writer)
     }
 
     /// Brings everything taken so far to the disk.
-    pub(super) fn sync(&mut self) -> Result<(), SinkError> {
+    pub(super) fn sync(&mut self) -> Result<(), McapWriteError> {
         if let Some(open) = self.open.as_mut().filter(|open| open.unsynced > 0) {
-            open.sink.flush_window()?;
+            open.writer.flush_window()?;
             open.unsynced = 0;
             open.syncs += 1;
             // Only what came to the disk shows that the disk is back.
@@ -147,12 +147,12 @@ impl Lane {
     }
 
     /// Ends the segment in progress; its closed name and its size.
-    pub(super) fn end(&mut self, folder: &Path) -> Result<Option<(Name, u64)>, SinkError> {
+    pub(super) fn close(&mut self, folder: &Path) -> Result<Option<(Name, u64)>, McapWriteError> {
         self.sync()?;
         let Some(open) = self.open.take() else { return Ok(None) };
-        let closed = open.name.at(Stage::Closed);
+        let closed = open.name.with_stage(Stage::Closed);
         // What is in it is on the disk already; without its end it is repaired by the next start.
-        let ended = open.sink.finish().map(|_| ());
+        let ended = open.writer.finish().map(|_| ());
         if let Err(error) = ended.and_then(|()| Ok(rename(folder, open.name, closed)?)) {
             if is_gone(folder, open.name) {
                 self.lost += open.taken;
@@ -160,20 +160,20 @@ impl Lane {
             return Err(error);
         }
         let bytes = std::fs::metadata(folder.join(closed.to_string()))
-            .map_err(SinkError::Io)?
+            .map_err(McapWriteError::Io)?
             .len();
         Ok(Some((closed, bytes)))
     }
 
     /// After a failure: gives the segment up and waits before the next. Whatever is not known to be on the disk is lost,
-    /// though a repair may still find some of it; all that it held, where somebody has removed it. The segment's name and
+    /// though a repair may still find some of it; all that it held, when its file was removed. The segment's name and
     /// size, if anything in it is worth a repair; else it is removed, so that a disk that fails for days leaves no file for
     /// each attempt.
     pub(super) fn fail(&mut self, folder: &Path, now: Instant) -> Option<(Name, u64)> {
         self.segment += 1;
         self.retry_at = Some(now + self.pause.next_delay());
         let open = self.open.take()?;
-        let (name, bytes, gone) = (open.name, open.sink.bytes(), is_gone(folder, open.name));
+        let (name, bytes, gone) = (open.name, open.writer.bytes(), is_gone(folder, open.name));
         self.lost += if gone { open.taken } else { open.unsynced };
         let kept = open.syncs > 0 && !gone;
         drop(open);
@@ -194,9 +194,9 @@ fn started(
     out: Box<dyn Out>,
     folder: &Path,
     metadata: &BTreeMap<String, String>,
-) -> Result<Sink<Box<dyn Out>>, SinkError> {
-    let mut sink = Sink::with_profile(out, metadata, PROFILE)?;
-    sink.flush_window()?;
+) -> Result<McapWriter<Box<dyn Out>>, McapWriteError> {
+    let mut writer = McapWriter::with_profile(out, metadata, PROFILE)?;
+    writer.flush_window()?;
     sync_folder(folder)?;
-    Ok(sink)
+    Ok(writer)
 }

@@ -1,4 +1,7 @@
-//! The thread between the sources and identification: records what comes, cuts windows, keeps the books.
+//! The pipeline thread, between the sources and identification.
+//!
+//! In: inputs of the sources. Out: raw frames to the recorder, windows to the queue of identification, notices and the
+//! status record to the observer and the recorder.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
@@ -21,46 +24,46 @@ use hmd_storage::recorder::Recorder;
 /// Inputs taken at once, during which identification cannot write records.
 const BATCH: usize = 1024;
 
-/// Longest that one window may be judged before identification counts as stuck: hundreds of times what it takes.
-const JUDGING_MAX: Duration = Duration::from_secs(60);
+/// Longest that the assessment of one window may take before identification counts as stuck: hundreds of times what it takes.
+const ASSESSING_MAX: Duration = Duration::from_secs(60);
 
 /// Ticks between two status records.
 const STATUS_TICKS: u64 = 10;
 
-/// What the thread knows.
-pub(super) struct Monitor {
+/// State of the thread.
+pub(super) struct PipelineThread {
     names: BusNames,
     pipeline: Pipeline,
     links: BTreeMap<u16, LinkState>,
     /// Frames lost since the last tick, by bus and kind.
     fresh_losses: BTreeMap<(u16, LiveLoss), u64>,
-    /// What had come of the frames of each serial line at the last tick.
-    told: BTreeMap<u16, DeframerStats>,
+    /// Counters of each serial line at the last tick, as reported.
+    reported: BTreeMap<u16, DeframerStats>,
     /// Windows dropped since the last tick.
     fresh_drops: u64,
     ticks: u64,
     store_raw: bool,
-    /// Buses whose source has not said yet how it stands; `None` once all have, and the observer knows.
-    unheard: Option<BTreeSet<u16>>,
+    /// Buses whose source has not reported its state; `None` once all have and the observer was called.
+    not_reported: Option<BTreeSet<u16>>,
     /// Inputs and windows that waited when the newest inputs were taken.
     queued: (u64, u64),
     freshness: Freshness,
-    /// Names of the actuators whose changes alarm nobody.
+    /// Names of the actuators whose changes raise no alarm.
     passive: BTreeSet<String>,
 }
 
-impl Monitor {
+impl PipelineThread {
     /// With the actuators of a configuration, or without one for a capture.
     pub(super) fn new(pipeline: Pipeline, names: BusNames, store_raw: bool, config: Option<Arc<Config>>) -> Self {
         let actuators = || config.iter().flat_map(|config| config.actuators());
         let passive = actuators().filter(|actuator| actuator.passive);
         Self {
-            unheard: Some((0..names.len() as u16).collect()),
+            not_reported: Some((0..names.len() as u16).collect()),
             names,
             pipeline,
             links: BTreeMap::new(),
             fresh_losses: BTreeMap::new(),
-            told: BTreeMap::new(),
+            reported: BTreeMap::new(),
             fresh_drops: 0,
             ticks: 0,
             store_raw,
@@ -70,7 +73,7 @@ impl Monitor {
         }
     }
 
-    /// Takes all inputs until every source has ended, then ends the open windows. Ends early when nobody judges any more.
+    /// Takes all inputs until every source has ended, then ends the open windows. Ends early when the identification thread has ended.
     pub(super) fn run(
         &mut self,
         mut inputs: mpsc::Receiver<Input>,
@@ -87,14 +90,14 @@ impl Monitor {
             let mut shared = lock(shared);
             for input in batch.drain(..) {
                 let is_tick = matches!(input, Input::Tick { .. });
-                self.hear(&input, observer);
-                self.take(input, &mut shared, observer)?;
-                // A tick came through the I/O thread and the queue, and the writer has synced or said that it cannot.
-                if is_tick && windows.busy_for() < JUDGING_MAX {
+                self.note_link_report(&input, observer);
+                self.process(input, &mut shared, observer)?;
+                // A tick came through the I/O thread and the queue, and the writer has synced or reported a failure.
+                if is_tick && windows.busy_for() < ASSESSING_MAX {
                     observer.alive();
                 }
             }
-            self.tell_notices(&mut shared, observer)?;
+            self.publish_notices(&mut shared, observer)?;
             for job in self.pipeline.take_windows() {
                 if let Some(dropped) = windows.push(job) {
                     self.count_dropped(&dropped, &mut shared)?;
@@ -103,8 +106,8 @@ impl Monitor {
         }
         self.pipeline.finish();
         let mut last = lock(shared);
-        self.tell_losses(now_ns(), &mut last, observer)?;
-        self.tell_notices(&mut last, observer)?;
+        self.publish_losses(now_ns(), &mut last, observer)?;
+        self.publish_notices(&mut last, observer)?;
         // Identification needs it to make room.
         drop(last);
         for job in self.pipeline.take_windows() {
@@ -115,7 +118,7 @@ impl Monitor {
 
     /// The counters as they stand.
     pub(super) fn status(&self, shared: &Shared) -> Status {
-        let (identification, longest) = shared.judging;
+        let (identification, longest) = shared.assessing;
         let mut status = Status {
             queued_inputs: self.queued.0,
             queued_windows: self.queued.1,
@@ -128,15 +131,15 @@ impl Monitor {
             interface.link = self.links.get(&bus).map(ToString::to_string).unwrap_or_default();
         }
         for (name, data_age_s, stale) in self.freshness.ages(Instant::now()) {
-            let standing = shared.standings.of(name);
-            let changed = standing.changed.unwrap_or_default();
+            let tracked = shared.health_tracker.health_of(name);
+            let changed = tracked.changed.unwrap_or_default();
             let data_state = if stale { DataState::Stale } else { DataState::Fresh };
             status.actuators.push(ActuatorStatus {
                 actuator: name.to_owned(),
                 data_age_s,
                 data_state: data_state.name().to_owned(),
-                health: standing.health,
-                persistence: standing.persistence.into(),
+                health: tracked.health,
+                persistence: tracked.persistence.into(),
                 changed_ns: changed.t_ns,
                 changed_from: changed.from,
                 changed_faults: changed.faults,
@@ -144,33 +147,35 @@ impl Monitor {
                 passive: self.passive.contains(name),
             });
         }
-        if let Some(store) = shared.recorder.as_ref().and_then(Recorder::store_status) {
+        if let Some(store) = shared.recorder.as_ref().and_then(Recorder::storage_status) {
             status.set_storage(&store);
         }
         status
     }
 
-    /// Whether every source has been heard of, which is told once.
-    fn hear(&mut self, input: &Input, observer: &impl Observer) {
-        let Some(unheard) = &mut self.unheard else { return };
+    /// Notes that a source has reported; calls the observer once when every source has.
+    fn note_link_report(&mut self, input: &Input, observer: &impl Observer) {
+        let Some(not_reported) = &mut self.not_reported else {
+            return;
+        };
         match input {
-            Input::Frame(frame) => unheard.remove(&frame.bus),
-            Input::Link { bus, .. } => unheard.remove(bus),
+            Input::Frame(frame) => not_reported.remove(&frame.bus),
+            Input::Link { bus, .. } => not_reported.remove(bus),
             Input::Lost { .. } | Input::Tick { .. } => false,
         };
-        if unheard.is_empty() {
-            self.unheard = None;
+        if not_reported.is_empty() {
+            self.not_reported = None;
             observer.ready();
         }
     }
 
-    fn take(&mut self, input: Input, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
+    fn process(&mut self, input: Input, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
         match input {
             Input::Frame(frame) => {
                 if self.store_raw
                     && let Some(recorder) = &mut shared.recorder
                 {
-                    recorder.raw(&frame, &self.names)?;
+                    recorder.write_frame(&frame, &self.names)?;
                 }
                 self.pipeline.push(&frame, &self.names);
             }
@@ -183,7 +188,7 @@ impl Monitor {
                 self.links.insert(bus, state);
                 let name = self.names.name(bus).unwrap_or_default();
                 let message = match cause {
-                    Some(cause) if state != LinkState::Up => format!("{name}: {state} ({cause}); it is waited for"),
+                    Some(cause) if state != LinkState::Up => format!("{name}: {state} ({cause}); waiting"),
                     Some(cause) => format!("{name}: {state} ({cause})"),
                     None => format!("{name}: {state}"),
                 };
@@ -191,7 +196,7 @@ impl Monitor {
                     LinkState::Up => LogLevel::Info,
                     LinkState::Down | LinkState::Missing => LogLevel::Warning,
                 };
-                tell_unless_many(&Notice { stamp_ns, message }, level, shared, observer)?;
+                publish_rate_limited(&Notice { stamp_ns, message }, level, shared, observer)?;
                 self.write_status(stamp_ns, shared, observer)?;
             }
             Input::Lost { bus, loss, frames } => {
@@ -202,11 +207,11 @@ impl Monitor {
                 *self.fresh_losses.entry((bus, loss)).or_default() += frames;
             }
             Input::Tick { stamp_ns } => {
-                self.tell_losses(stamp_ns, shared, observer)?;
+                self.publish_losses(stamp_ns, shared, observer)?;
                 for (notice, level) in shared.notices.summaries(stamp_ns) {
-                    tell(&notice, level, shared, observer)?;
+                    publish(&notice, level, shared, observer)?;
                 }
-                self.tell_stale(stamp_ns, shared, observer)?;
+                self.publish_stale(stamp_ns, shared, observer)?;
                 self.tend_storage(stamp_ns, shared, observer)?;
                 if self.ticks.is_multiple_of(STATUS_TICKS) {
                     self.write_status(stamp_ns, shared, observer)?;
@@ -221,12 +226,12 @@ impl Monitor {
         let status = self.status(shared);
         observer.status(&status);
         if let Some(recorder) = &mut shared.recorder {
-            recorder.status(stamp_ns, &status)?;
+            recorder.write_status(stamp_ns, &status)?;
         }
         Ok(())
     }
 
-    /// Brings what was taken to the disk, and says how the storage fares.
+    /// Syncs what was taken to the disk, and publishes notices of the storage.
     fn tend_storage(
         &mut self,
         stamp_ns: u64,
@@ -237,18 +242,23 @@ impl Monitor {
             return Ok(());
         };
         for (level, message) in recorder.tick(Instant::now())? {
-            tell(&Notice { stamp_ns, message }, level, shared, observer)?;
+            publish(&Notice { stamp_ns, message }, level, shared, observer)?;
         }
         Ok(())
     }
 
-    /// Says whose data have become stale, or fresh again; the next status record does not wait for its turn.
-    fn tell_stale(&mut self, stamp_ns: u64, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
-        let changes = self.freshness.look(Instant::now(), self.pipeline.samples());
+    /// Publishes which actuators' data became stale or fresh again, with a status record out of turn.
+    fn publish_stale(
+        &mut self,
+        stamp_ns: u64,
+        shared: &mut Shared,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
+        let changes = self.freshness.update(Instant::now(), self.pipeline.samples());
         for (stale, message) in &changes {
             let level = if *stale { LogLevel::Warning } else { LogLevel::Info };
             let message = message.clone();
-            tell_unless_many(&Notice { stamp_ns, message }, level, shared, observer)?;
+            publish_rate_limited(&Notice { stamp_ns, message }, level, shared, observer)?;
         }
         if !changes.is_empty() {
             self.write_status(stamp_ns, shared, observer)?;
@@ -260,37 +270,42 @@ impl Monitor {
         self.pipeline.losses.windows += 1;
         self.fresh_drops += 1;
         if let Some(recorder) = &mut shared.recorder {
-            recorder.dropped(job)?;
+            recorder.write_dropped(job)?;
         }
         Ok(())
     }
 
-    fn tell_notices(&mut self, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
+    fn publish_notices(&mut self, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
         for notice in self.pipeline.take_notices() {
-            tell_unless_many(&notice, LogLevel::Warning, shared, observer)?;
+            publish_rate_limited(&notice, LogLevel::Warning, shared, observer)?;
         }
         Ok(())
     }
 
     /// Reports what was lost since the last time, in one line for each bus and kind.
-    fn tell_losses(&mut self, stamp_ns: u64, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
+    fn publish_losses(
+        &mut self,
+        stamp_ns: u64,
+        shared: &mut Shared,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
         for ((bus, loss), frames) in std::mem::take(&mut self.fresh_losses) {
             let name = self.names.name(bus).unwrap_or_default();
             let message = format!("{name}: {frames} frames lost: {loss}");
-            tell_unless_many(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
+            publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
         }
         for (bus, stats) in self.pipeline.serial().collect::<Vec<_>>() {
-            let told = self.told.insert(bus, stats).unwrap_or_default();
-            if let Some(unreadable) = unreadable_since(told, stats) {
+            let reported = self.reported.insert(bus, stats).unwrap_or_default();
+            if let Some(unreadable) = unreadable_since(reported, stats) {
                 let name = self.names.name(bus).unwrap_or_default();
                 let message = format!("{name}: {unreadable}");
-                tell_unless_many(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
+                publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
             }
         }
         let windows = std::mem::take(&mut self.fresh_drops);
         if windows > 0 {
             let message = format!("{windows} windows dropped: identification does not keep up");
-            tell_unless_many(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
+            publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
         }
         Ok(())
     }
@@ -309,36 +324,36 @@ fn unreadable_since(then: DeframerStats, now: DeframerStats) -> Option<String> {
 }
 
 /// Tells it, unless there were many of its kind lately.
-pub(super) fn tell_unless_many(
+pub(super) fn publish_rate_limited(
     notice: &Notice,
     level: LogLevel,
     shared: &mut Shared,
     observer: &impl Observer,
 ) -> Result<(), DaemonError> {
-    if shared.notices.pass(notice, level) {
-        tell(notice, level, shared, observer)?;
+    if shared.notices.admit(notice, level) {
+        publish(notice, level, shared, observer)?;
     }
     Ok(())
 }
 
 /// Tells how many of each kind were held back, at the end.
-pub(super) fn tell_last_summaries(shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
+pub(super) fn publish_last_summaries(shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
     for (notice, level) in shared.notices.last_summaries(now_ns()) {
-        tell(&notice, level, shared, observer)?;
+        publish(&notice, level, shared, observer)?;
     }
     Ok(())
 }
 
 /// Says something to the operator and into the records.
-pub(super) fn tell(
+pub(super) fn publish(
     notice: &Notice,
     level: LogLevel,
     shared: &mut Shared,
     observer: &impl Observer,
 ) -> Result<(), DaemonError> {
-    observer.notice_of(level, &notice.message);
+    observer.notice_with_level(level, &notice.message);
     if let Some(recorder) = &mut shared.recorder {
-        recorder.notice(notice, level)?;
+        recorder.write_notice(notice, level)?;
     }
     Ok(())
 }

@@ -1,7 +1,8 @@
-//! Channels and their schemas, from verified chunks, from sealed metadata or from a verified summary.
+//! Channels and their schemas, from verified chunks, from metadata with a checksum or from a verified summary.
 
 use super::chunk::malformed;
 use super::fault::McapFault;
+use super::limits::{DEFINITION_BYTES_MAX, DEFINITIONS_MAX};
 use super::records;
 use crate::schema_copy::{ChannelCopy, SCHEMA_NAME, SchemaCopy};
 use mcap::records::op;
@@ -34,24 +35,19 @@ impl Channel {
     }
 }
 
-/// Most definitions that are taken from a file, repetitions apart.
-pub(super) const ENTRIES_MAX: usize = 4096;
-/// Most bytes of all of them together, as they stand in the file; a map of many small entries takes some ten times that.
-pub(super) const BYTES_MAX: usize = 4 << 20;
-
 /// All definitions read so far.
 ///
 /// What was replaced may still be held by messages, so the bounds count whatever was ever taken. A definition beyond
 /// them is a fault, and leaves its number without any: its messages must not pass for others'.
 #[derive(Debug, Default)]
-pub(crate) struct Definitions {
+pub(crate) struct ChannelTable {
     schemas: HashMap<u16, Arc<Schema>>,
     channels: HashMap<u16, Arc<Channel>>,
     entries: usize,
     bytes: usize,
 }
 
-impl Definitions {
+impl ChannelTable {
     /// All topics, in no order.
     pub(super) fn topics(&self) -> impl Iterator<Item = String> {
         self.channels.values().map(|channel| channel.topic.to_string())
@@ -65,7 +61,7 @@ impl Definitions {
     /// Takes a schema or channel record.
     pub(super) fn add(&mut self, opcode: u8, data: &[u8]) -> Result<(), McapFault> {
         let is_schema = opcode == op::SCHEMA;
-        if data.len() > BYTES_MAX {
+        if data.len() > DEFINITION_BYTES_MAX {
             // Not even parsed.
             return Err(self.refuse(is_schema, records::first_number(data)));
         }
@@ -113,7 +109,7 @@ impl Definitions {
         }
     }
 
-    // A repeated definition stays the one it is: whoever holds it sees that nothing has changed.
+    // A repeated definition keeps its allocation, so that its holders see that nothing has changed.
 
     fn set_schema(&mut self, id: u16, content: Schema, bytes: usize) -> Result<(), McapFault> {
         if self.schemas.get(&id).is_some_and(|known| **known == content) {
@@ -139,7 +135,7 @@ impl Definitions {
 
     /// Whether one more of that size is within the bounds; then it is counted.
     fn count(&mut self, bytes: usize) -> bool {
-        let fits = self.entries < ENTRIES_MAX && self.bytes + bytes <= BYTES_MAX;
+        let fits = self.entries < DEFINITIONS_MAX && self.bytes + bytes <= DEFINITION_BYTES_MAX;
         if fits {
             self.entries += 1;
             self.bytes += bytes;

@@ -1,17 +1,19 @@
-//! The way through an MCAP file that may be damaged: from chunk to chunk, and over what is broken.
+//! Reads the records of an MCAP file that may be damaged, and resynchronises after a broken one.
 //!
-//! A chunk counts only when its checksum is right. The lengths that lead from record to record have no checksum, so
-//! none is believed alone: a record is passed only when what follows looks like a record too, or when it is metadata with
-//! the right checksum in it. Where that fails, the file
-//! is searched, byte by byte, for the next chunk whose own lengths agree with each other; so one broken record costs no
-//! chunk behind it, with or without a summary.
+//! In: the bytes of a file. Out: [`ResyncItem`]s, chunks whose checksum is right and the places of everything else.
 //!
-//! Memory: one record of at most [`RECORD_LIMIT`], its decompressed content of as much, and the decoder's buffers for both. Time: what the search tries
-//! to decode is bounded by a multiple of the file's size ([`SEARCH_FACTOR`]).
+//! The lengths that lead from record to record have no checksum, so no length is trusted alone: a record is skipped only
+//! when the bytes after it look like a record too, or when it is metadata with the right checksum in it. Otherwise the
+//! reader searches, byte by byte, for the next chunk whose own lengths agree with each other. So one broken record costs
+//! no chunk after it, with or without a summary.
+//!
+//! Memory: one record of at most [`RECORD_BYTES_MAX`], its decompressed content of the same size, and the decoder's
+//! buffers for both. Time: what the search tries to decode is bounded by a multiple of the file's size
+//! ([`SEARCH_FACTOR`]).
 
-use super::chunk::{Content, RECORD_LIMIT, verify};
+use super::chunk::{Content, verify};
 use super::fault::McapFault;
-use super::messages::METADATA_BYTES_MAX;
+use super::limits::{METADATA_BYTES_MAX, RECORD_BYTES_MAX};
 use super::records;
 use crc32fast::Hasher;
 use hmd_core::metadata_checksum::is_sealed;
@@ -27,17 +29,17 @@ const BLOCK: usize = 64 << 10;
 /// How many times its own size of a file the search may try to decode, on top of one record.
 const SEARCH_FACTOR: u64 = 16;
 
-/// One thing on the way.
+/// One item of the file.
 #[derive(Debug)]
-pub(super) struct Found {
+pub(super) struct ResyncItem {
     /// Place of its record.
     pub(super) at_byte: u64,
-    pub(super) what: What,
+    pub(super) kind: ItemKind,
 }
 
-/// What was found.
+/// Kind of an item, with its content.
 #[derive(Debug)]
-pub(super) enum What {
+pub(super) enum ItemKind {
     /// A chunk with the right checksum.
     Chunk(Content),
     /// The header, which has no checksum of its own.
@@ -52,9 +54,9 @@ pub(super) enum What {
     Fault(McapFault),
 }
 
-/// Goes through a file.
+/// Reader of the items of a file, front to back.
 #[derive(Debug)]
-pub(super) struct Walk<R> {
+pub(super) struct ResyncReader<R> {
     input: BufReader<R>,
     length: u64,
     /// Place of the next record, or where the search goes on.
@@ -70,7 +72,7 @@ pub(super) struct Walk<R> {
     finished: bool,
 }
 
-impl<R: Read + Seek> Walk<R> {
+impl<R: Read + Seek> ResyncReader<R> {
     pub(super) fn new(mut input: R) -> io::Result<Self> {
         let length = input.seek(SeekFrom::End(0))?;
         input.rewind()?;
@@ -80,14 +82,14 @@ impl<R: Read + Seek> Walk<R> {
         })
     }
 
-    /// Of a file that is being written: as far as `length`, where a record must end, and then as [`Walk::grow`] says.
+    /// Of a file that is still being written: up to `length`, where a record must end, and then as [`ResyncReader::grow`] says.
     pub(super) fn growing(input: R, length: u64) -> Self {
         Self {
             input: BufReader::with_capacity(BLOCK, input),
             length,
             at: 0,
             searching: false,
-            search_bytes_left: length.saturating_mul(SEARCH_FACTOR) + RECORD_LIMIT as u64,
+            search_bytes_left: length.saturating_mul(SEARCH_FACTOR) + RECORD_BYTES_MAX as u64,
             sum: Some(Hasher::new()),
             ended: false,
             growing: true,
@@ -111,8 +113,8 @@ impl<R: Read + Seek> Walk<R> {
         self.at
     }
 
-    /// The next thing; `None` at the end.
-    pub(super) fn next(&mut self) -> Option<Found> {
+    /// The next item; `None` at the end.
+    pub(super) fn next(&mut self) -> Option<ResyncItem> {
         while !self.ended {
             match self.advance() {
                 Ok(None) => {}
@@ -127,7 +129,7 @@ impl<R: Read + Seek> Walk<R> {
     }
 
     /// One record, or one stretch searched.
-    fn advance(&mut self) -> io::Result<Option<Found>> {
+    fn advance(&mut self) -> io::Result<Option<ResyncItem>> {
         if self.at == 0 {
             return self.magic();
         }
@@ -160,7 +162,7 @@ impl<R: Read + Seek> Walk<R> {
             return Ok(Some(self.broken(McapFault::Broken(format!("opcode {opcode:#04x}")))));
         }
         if length > left - HEAD {
-            let cut = length <= RECORD_LIMIT as u64;
+            let cut = length <= RECORD_BYTES_MAX as u64;
             let fault = if cut {
                 McapFault::Truncated
             } else {
@@ -170,7 +172,7 @@ impl<R: Read + Seek> Walk<R> {
         }
         let agreed = self.agreed_chunk_length(head)?;
         if opcode != op::CHUNK && agreed == Some(length) {
-            // Passed as what it claims to be, it would be lost untold.
+            // Passed as what it claims to be, it would be lost without a report.
             let text = format!("it is one but for its opcode {opcode:#04x}");
             return Ok(Some(self.broken(McapFault::Chunk(text))));
         }
@@ -185,7 +187,7 @@ impl<R: Read + Seek> Walk<R> {
         }
     }
 
-    fn magic(&mut self) -> io::Result<Option<Found>> {
+    fn magic(&mut self) -> io::Result<Option<ResyncItem>> {
         let mut magic = [0; mcap::MAGIC.len()];
         let got = read_up_to(&mut self.input, &mut magic)?;
         self.at = got as u64;
@@ -214,7 +216,7 @@ impl<R: Read + Seek> Walk<R> {
         Ok(chunk_length(&shown[..9 + got]))
     }
 
-    fn chunk(&mut self, head: [u8; 9], length: u64) -> io::Result<Found> {
+    fn chunk(&mut self, head: [u8; 9], length: u64) -> io::Result<ResyncItem> {
         let at_byte = self.at;
         let mut chunk = vec![0; length as usize];
         self.input.read_exact(&mut chunk)?;
@@ -227,9 +229,9 @@ impl<R: Read + Seek> Walk<R> {
                 if std::mem::take(&mut self.searching) {
                     self.sum = None;
                 }
-                Ok(Found {
+                Ok(ResyncItem {
                     at_byte,
-                    what: What::Chunk(content),
+                    kind: ItemKind::Chunk(content),
                 })
             }
             Err(cause) if !self.searching && self.is_record_next()? => {
@@ -242,7 +244,7 @@ impl<R: Read + Seek> Walk<R> {
     }
 
     /// The footer is one only when nothing but the magic follows.
-    fn footer(&mut self, length: u64) -> io::Result<Option<Found>> {
+    fn footer(&mut self, length: u64) -> io::Result<Option<ResyncItem>> {
         const LENGTH: u64 = 20;
         let end = self.at + HEAD + LENGTH;
         self.input.seek_relative(length.min(LENGTH) as i64)?;
@@ -265,11 +267,11 @@ impl<R: Read + Seek> Walk<R> {
         Ok(Some(self.broken(McapFault::Broken(text))))
     }
 
-    fn other(&mut self, head: [u8; 9], length: u64) -> io::Result<Option<Found>> {
+    fn other(&mut self, head: [u8; 9], length: u64) -> io::Result<Option<ResyncItem>> {
         let at_byte = self.at;
         let opcode = head[0];
         let is_read = matches!(opcode, op::HEADER | op::METADATA | op::DATA_END | op::MESSAGE_INDEX);
-        let keep = is_read && length <= RECORD_LIMIT as u64;
+        let keep = is_read && length <= RECORD_BYTES_MAX as u64;
         let mut data = Vec::new();
         if keep {
             data.resize(length as usize, 0);
@@ -282,7 +284,7 @@ impl<R: Read + Seek> Walk<R> {
             op::DATA_END => data.len() == 4,
             _ => true,
         };
-        // A record that its own checksum vouches for has the right length, whatever stands behind it.
+        // A record that its own checksum vouches for has the right length, whatever follows it.
         let is_sealed = || opcode == op::METADATA && is_sealed_metadata(&data);
         let is_right = fits && (self.is_record_next()? || is_sealed());
         if !is_right {
@@ -301,29 +303,29 @@ impl<R: Read + Seek> Walk<R> {
                 self.add_stretch(at_byte + HEAD, length)?;
             }
         }
-        let what = match opcode {
-            op::HEADER => What::Header(data),
-            op::METADATA => What::Metadata(data),
-            op::MESSAGE => What::Fault(McapFault::NoCrc),
-            op::ATTACHMENT => What::Attachment,
+        let kind = match opcode {
+            op::HEADER => ItemKind::Header(data),
+            op::METADATA => ItemKind::Metadata(data),
+            op::MESSAGE => ItemKind::Fault(McapFault::NoCrc),
+            op::ATTACHMENT => ItemKind::Attachment,
             _ => return Ok(None),
         };
-        Ok(Some(Found { at_byte, what }))
+        Ok(Some(ResyncItem { at_byte, kind }))
     }
 
-    fn data_end(&mut self, at_byte: u64, data: &[u8]) -> Option<Found> {
+    fn data_end(&mut self, at_byte: u64, data: &[u8]) -> Option<ResyncItem> {
         let got = self.sum.take()?.finalize();
         let expected = u32::from_le_bytes(data.try_into().ok()?);
-        let what = match expected {
+        let kind = match expected {
             0 => return None,
-            sum if sum == got => What::AllVerified,
-            expected => What::Fault(McapFault::DataCrc { expected, got }),
+            sum if sum == got => ItemKind::AllVerified,
+            expected => ItemKind::Fault(McapFault::DataCrc { expected, got }),
         };
-        Some(Found { at_byte, what })
+        Some(ResyncItem { at_byte, kind })
     }
 
     /// The record here is broken: the search begins behind its first byte.
-    fn broken(&mut self, cause: McapFault) -> Found {
+    fn broken(&mut self, cause: McapFault) -> ResyncItem {
         let at_byte = self.at;
         self.at += 1;
         self.searching = true;
@@ -331,7 +333,7 @@ impl<R: Read + Seek> Walk<R> {
         fault(at_byte, cause)
     }
 
-    /// Whether the reader stands before something that may be a record (even one that was cut), the magic or the end.
+    /// Whether the next bytes may be a record (even one that was cut), the magic or the end.
     fn is_record_next(&mut self) -> io::Result<bool> {
         let mut head = [0; HEAD as usize];
         let got = read_up_to(&mut self.input, &mut head)?;
@@ -339,7 +341,7 @@ impl<R: Read + Seek> Walk<R> {
         let Some(&opcode) = head[..got].first() else {
             return Ok(true);
         };
-        let fits = got < head.len() || length_of(&head) <= self.length.max(RECORD_LIMIT as u64);
+        let fits = got < head.len() || length_of(&head) <= self.length.max(RECORD_BYTES_MAX as u64);
         Ok(is_opcode(opcode) && fits)
     }
 
@@ -388,10 +390,10 @@ impl<R: Read + Seek> Walk<R> {
     }
 }
 
-fn fault(at_byte: u64, fault: McapFault) -> Found {
-    Found {
+fn fault(at_byte: u64, fault: McapFault) -> ResyncItem {
+    ResyncItem {
         at_byte,
-        what: What::Fault(fault),
+        kind: ItemKind::Fault(fault),
     }
 }
 
@@ -428,7 +430,7 @@ fn chunk_length(bytes: &[u8]) -> Option<u64> {
     let size = number(41 + name_length)?;
     let known = bytes[38..41] == [0; 3] && [&b""[..], b"lz4", b"zstd"].contains(&name);
     let agree = length.checked_sub(40 + name_length as u64) == Some(size);
-    let bounded = length <= RECORD_LIMIT as u64 && number(25)? <= RECORD_LIMIT as u64;
+    let bounded = length <= RECORD_BYTES_MAX as u64 && number(25)? <= RECORD_BYTES_MAX as u64;
     (bytes[0] == op::CHUNK && known && agree && bounded).then_some(length)
 }
 

@@ -1,0 +1,12 @@
+//! Bounds of what the reader of an MCAP file accepts and holds.
+
+/// Longest record and longest decompressed chunk that is read, bytes.
+pub(super) const RECORD_BYTES_MAX: usize = 64 << 20;
+/// Most definitions of schemas and channels in one file, repetitions apart.
+pub(super) const DEFINITIONS_MAX: usize = 4096;
+/// Most bytes of all definitions together, as in the file; a map of many small entries takes some ten times that.
+pub(super) const DEFINITION_BYTES_MAX: usize = 4 << 20;
+/// Most metadata records that are held, definitions apart; each further one is a loss.
+pub(super) const METADATA_MAX: usize = 1024;
+/// Most bytes of all metadata records together, as in the file; they take some ten times that in memory.
+pub(super) const METADATA_BYTES_MAX: usize = 1 << 20;

@@ -73,7 +73,7 @@ enum Verb {
     Oracle,
     /// A report, and that of a fleet, in headless Chromium: no console message, no request, accessible; with pictures.
     Report,
-    /// A viewer beside the program with the feature `serve`: it is told what is recorded.
+    /// A viewer beside the program: it is told what is recorded.
     Viewers,
     /// Our forecasts beside those of NASA's progpy, on the same histories.
     Progpy,

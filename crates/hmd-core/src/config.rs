@@ -90,7 +90,7 @@ impl Config {
     /// [`Config::from_texts`] takes a reader of files.
     ///
     /// ```
-    /// use crate::config::Config;
+    /// use hmd_core::config::Config;
     /// let config = Config::from_toml_str("[window]\nduration_ms = 300", "hmd.toml")?;
     /// assert_eq!(config.window().pre_trigger_ms, 20.0);
     /// let error = Config::from_toml_str("[window]\nduration_ms = -3", "hmd.toml").unwrap_err();
@@ -98,7 +98,7 @@ impl Config {
     ///     error.to_string(),
     ///     "hmd.toml:2: window.duration_ms: expected a number from 20 to 10000, found -3"
     /// );
-    /// # Ok::<(), crate::config::ConfigError>(())
+    /// # Ok::<(), hmd_core::config::ConfigError>(())
     /// ```
     ///
     /// # Errors

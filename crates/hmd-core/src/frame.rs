@@ -4,6 +4,8 @@
 //! into a small table of names; the table is bounded because a garbled log may invent a new name on every line.
 
 use std::fmt;
+
+use bitflags::bitflags;
 use thiserror::Error;
 
 /// Longest payload of any frame (CAN FD), bytes.
@@ -15,50 +17,32 @@ pub const MAX_STANDARD_ID: u32 = 0x7FF;
 /// Largest 29-bit identifier; also the mask of the error class of an error frame.
 pub const MAX_EXTENDED_ID: u32 = 0x1FFF_FFFF;
 
-/// Flags of a frame, one bit each.
-#[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
-pub struct FrameFlags(u8);
+bitflags! {
+    /// Flags of a frame, one bit each; a record has them as [`bits`](Self::bits).
+    #[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
+    pub struct FrameFlags: u8 {
+        /// A classic data frame with an 11-bit identifier.
+        const NONE = 0;
+        /// 29-bit identifier.
+        const EXTENDED = 1;
+        /// Remote request: a data length, but no data.
+        const REMOTE = 1 << 1;
+        /// Error frame of the controller; the identifier is the error class.
+        const ERROR = 1 << 2;
+        /// CAN FD frame.
+        const FD = 1 << 3;
+        /// FD: the data were sent at the higher bit rate (BRS).
+        const BIT_RATE_SWITCH = 1 << 4;
+        /// FD: the sender is error passive (ESI).
+        const ERROR_STATE = 1 << 5;
+        /// Sent by this host (the `T` suffix of candump), not received.
+        const SENT = 1 << 6;
+        /// Not of a CAN bus: what stood between two zeros on a serial line. Excludes every other flag.
+        const SERIAL = 1 << 7;
+    }
+}
 
 impl FrameFlags {
-    /// A classic data frame with an 11-bit identifier.
-    pub const NONE: Self = Self(0);
-    /// 29-bit identifier.
-    pub const EXTENDED: Self = Self(1);
-    /// Remote request: a data length, but no data.
-    pub const REMOTE: Self = Self(1 << 1);
-    /// Error frame of the controller; the identifier is the error class.
-    pub const ERROR: Self = Self(1 << 2);
-    /// CAN FD frame.
-    pub const FD: Self = Self(1 << 3);
-    /// FD: the data were sent at the higher bit rate (BRS).
-    pub const BIT_RATE_SWITCH: Self = Self(1 << 4);
-    /// FD: the sender is error passive (ESI).
-    pub const ERROR_STATE: Self = Self(1 << 5);
-    /// Sent by this host (the `T` suffix of candump), not received.
-    pub const SENT: Self = Self(1 << 6);
-    /// Not of a CAN bus: what stood between two zeros on a serial line. Excludes every other flag.
-    pub const SERIAL: Self = Self(1 << 7);
-
-    /// The flags as stored in a record.
-    pub const fn bits(self) -> u8 {
-        self.0
-    }
-
-    /// The flags with the stored form `bits`.
-    pub const fn from_bits(bits: u8) -> Self {
-        Self(bits)
-    }
-
-    /// Whether every flag of `other` is set.
-    pub const fn contains(self, other: Self) -> bool {
-        self.0 & other.0 == other.0
-    }
-
-    /// Both sets together.
-    pub const fn union(self, other: Self) -> Self {
-        Self(self.0 | other.0)
-    }
-
     /// This set, with `other` added when `on`.
     pub const fn with(self, other: Self, on: bool) -> Self {
         if on { self.union(other) } else { self }
@@ -71,7 +55,7 @@ impl fmt::Debug for FrameFlags {
         let set = NAMES
             .iter()
             .enumerate()
-            .filter(|(bit, _)| self.0 & (1 << bit) != 0)
+            .filter(|(bit, _)| self.bits() & (1 << bit) != 0)
             .map(|(_, name)| *name);
         f.write_str(&set.collect::<Vec<_>>().join("|"))
     }
@@ -444,7 +428,7 @@ mod tests {
     proptest! {
         #[test]
         fn the_socketcan_identifier_keeps_the_frame(frame in any_frame()) {
-            let more = FrameFlags::from_bits(frame.flags().bits() & !0b111);
+            let more = FrameFlags::from_bits_retain(frame.flags().bits() & !0b111);
             let data = &[frame.data(), &[0; 8]].concat()[..frame.announced_len()];
             let again = RawFrame::from_socketcan(frame.stamp_ns, frame.bus, frame.socketcan_id(), more, data);
             prop_assert_eq!(again, Ok(frame));

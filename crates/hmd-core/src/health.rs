@@ -191,13 +191,14 @@ pub struct HealthDecision {
 /// hysteresis. Windows that were not judged change nothing and interrupt nothing.
 ///
 /// ```
-/// use crate::health::{Health, HealthState, Judgement, Levels};
+/// use ema_models::FaultId;
+/// use hmd_core::health::{DamageEvidence, Health, HealthState, Levels};
 /// let mut health = Health::new([Levels::default(); 7])?;
 /// assert_eq!(health.update(0, None).state, HealthState::Unknown);
-/// let worn = Judgement { damage: [0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01], sigma: None };
+/// let worn = DamageEvidence { damage: [0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01], sigma: None };
 /// let decision = health.update(1, Some(&worn));
 /// assert_eq!((decision.state, decision.faults), (HealthState::Watch, vec![FaultId::Friction]));
-/// # Ok::<(), crate::health::LevelsError>(())
+/// # Ok::<(), hmd_core::health::LevelsError>(())
 /// ```
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Health {

@@ -120,7 +120,7 @@ pub struct StreamCounts {
 ///
 /// ```
 /// use ema_models::{ActuatorParams, SensedSample, Setpoint};
-/// use crate::window::{TimedSample, Verdict, WindowConfig, Windower};
+/// use hmd_core::window::{TimedSample, WindowConfig, WindowQuality, Windower};
 /// let mut windower = Windower::new(WindowConfig::default(), &ActuatorParams::bench())?;
 /// let at = |seq: u64| TimedSample {
 ///     seq,
@@ -137,8 +137,8 @@ pub struct StreamCounts {
 /// // From 20 ms before the command to 480 ms after it, both ends included.
 /// assert_eq!((window.trigger, window.samples.len()), (40, 1001));
 /// assert_eq!(window.samples[window.trigger].seq, 100);
-/// assert_eq!(window.verdict, Verdict::Complete);
-/// # Ok::<(), hmd::setting::SettingError>(())
+/// assert_eq!(window.quality, WindowQuality::Complete);
+/// # Ok::<(), hmd_core::setting::SettingError>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct Windower {

@@ -10,6 +10,7 @@
 
 pub mod commands;
 pub mod daemon;
+mod local_server;
 pub mod replay;
 #[cfg(feature = "full")]
 pub mod serve;

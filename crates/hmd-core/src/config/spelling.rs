@@ -1,5 +1,7 @@
 //! Which known key a misspelt one was meant to be.
 
+use strsim::levenshtein;
+
 /// Nothing longer is a slip of a known key, bytes.
 const LONGEST_KEY: usize = 80;
 
@@ -8,7 +10,7 @@ pub(super) fn closest<'k>(key: &str, known: &[&'k str]) -> Option<&'k str> {
     if key.len() > LONGEST_KEY {
         return None;
     }
-    let (distance, best) = known.iter().map(|&k| (edit_distance(key, k), k)).min()?;
+    let (distance, best) = known.iter().map(|&k| (levenshtein(key, k), k)).min()?;
     // A third of the letters, or a key whose unit alone is missing.
     let unit_missing = key.len() >= 4 && best.starts_with(key);
     (distance <= (key.chars().count() / 3).max(1) || unit_missing).then_some(best)
@@ -17,25 +19,9 @@ pub(super) fn closest<'k>(key: &str, known: &[&'k str]) -> Option<&'k str> {
 /// The `most` known names that differ least from `name`, whatever their case; the closest first.
 pub(super) fn nearest(name: &str, known: impl Iterator<Item = String>, most: usize) -> Vec<String> {
     let name: String = name.to_lowercase().chars().take(LONGEST_KEY).collect();
-    let mut by_distance: Vec<_> = known.map(|of| (edit_distance(&name, &of.to_lowercase()), of)).collect();
+    let mut by_distance: Vec<_> = known.map(|of| (levenshtein(&name, &of.to_lowercase()), of)).collect();
     by_distance.sort();
     by_distance.into_iter().take(most).map(|(_, of)| of).collect()
-}
-
-/// Fewest insertions, deletions and replacements of characters (Levenshtein).
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, &y) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(x != y);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
 }
 
 #[cfg(test)]
@@ -45,7 +31,6 @@ mod tests {
     #[test]
     fn slips_are_recognised_and_strangers_are_not() {
         let known = ["duration_ms", "rest_ms", "phase_resistance_ohm"];
-        assert_eq!(edit_distance("rest_ms", "reset_m"), 2);
         assert_eq!(closest("duration_m", &known), Some("duration_ms"));
         assert_eq!(closest("duration", &known), Some("duration_ms"));
         assert_eq!(closest("colour", &known), None);

@@ -75,7 +75,7 @@ impl Layout {
     /// Its bits as a number; `None` if the data are too short.
     ///
     /// ```
-    /// use crate::dbc::Layout;
+    /// use hmd_core::dbc::Layout;
     /// let intel = Layout { start: 4, size: 12, big_endian: false };
     /// assert_eq!(intel.raw(&[0x5a, 0x34]), Some(0x345));
     /// let motorola = Layout { start: 3, size: 12, big_endian: true };

@@ -132,7 +132,7 @@ impl RawBatch {
                 stamp_ns = stamp_ns.wrapping_add(self.stamp_step_ns[before] as u64);
             }
             let flags = u8::try_from(self.flags[at]).map_err(|_| BatchError::Range { frame: at })?;
-            let flags = FrameFlags::from_bits(flags);
+            let flags = FrameFlags::from_bits_retain(flags);
             let length = usize::try_from(self.length[at]).unwrap_or(usize::MAX);
             let asked = [0; crate::frame::MAX_DATA];
             let data = if flags.contains(FrameFlags::REMOTE) {

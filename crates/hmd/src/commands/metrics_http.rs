@@ -1,28 +1,23 @@
 //! The metrics over HTTP, on this computer alone, and only when asked for.
 //!
-//! One thread of its own: nothing that a client does reaches the daemon. At most [`CLIENTS_MAX`] connections at once, further
-//! ones wait in the kernel; a client that sends nothing for [`PATIENCE`] is dropped.
+//! At most [`CLIENTS_MAX`] connections at once; a client that sends nothing for [`HEAD_MAX`] is dropped.
 
 use std::convert::Infallible;
 use std::io;
-use std::net::{SocketAddr, TcpListener};
+use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
 
 use http_body_util::Full;
 use hyper::body::{Bytes, Incoming};
 use hyper::header::{CONTENT_TYPE, HeaderValue};
-use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
-use hyper_util::rt::{TokioIo, TokioTimer};
-use tokio::sync::Semaphore;
+use hyper_util::rt::TokioIo;
+
+use crate::local_server::{self, HEAD_MAX};
 
 /// Connections at once.
 const CLIENTS_MAX: usize = 4;
-
-/// Longest wait for a request, and longest answer.
-const PATIENCE: Duration = Duration::from_secs(5);
 
 /// What `prometheus-client` writes.
 const OPEN_METRICS: HeaderValue =
@@ -61,38 +56,15 @@ pub(super) fn loopback(text: &str) -> Result<SocketAddr, String> {
 /// # Errors
 /// When the address cannot be bound or the thread cannot be started.
 pub(super) fn serve(address: SocketAddr, page: Page) -> io::Result<SocketAddr> {
-    let listener = TcpListener::bind(address)?;
-    listener.set_nonblocking(true)?;
-    let bound = listener.local_addr()?;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let listener = {
-        let _inside = runtime.enter();
-        tokio::net::TcpListener::from_std(listener)?
-    };
-    let accept = async move {
-        let clients = Arc::new(Semaphore::new(CLIENTS_MAX));
-        while let Ok(permit) = clients.clone().acquire_owned().await {
-            let Ok((stream, _)) = listener.accept().await else {
-                // Out of descriptors, for one: not a reason to spin.
-                tokio::time::sleep(PATIENCE).await;
-                continue;
-            };
-            let page = page.clone();
-            tokio::spawn(async move {
-                let answered = http1::Builder::new()
-                    .keep_alive(false)
-                    .timer(TokioTimer::new())
-                    .header_read_timeout(PATIENCE)
-                    .serve_connection(TokioIo::new(stream), service_fn(|request| answer(request, page.text())));
-                // A client that goes away or is too slow is its own affair.
-                let _ = tokio::time::timeout(2 * PATIENCE, answered).await;
-                drop(permit);
-            });
+    local_server::serve(address, "metrics", CLIENTS_MAX, move |stream| {
+        let page = page.clone();
+        async move {
+            let answered = local_server::http()
+                .serve_connection(TokioIo::new(stream), service_fn(|request| answer(request, page.text())));
+            // A client that goes away or is too slow is its own affair.
+            let _ = tokio::time::timeout(2 * HEAD_MAX, answered).await;
         }
-    };
-    let thread = std::thread::Builder::new().name("metrics".to_owned());
-    thread.spawn(move || runtime.block_on(accept))?;
-    Ok(bound)
+    })
 }
 
 async fn answer(request: Request<Incoming>, page: String) -> Result<Response<Full<Bytes>>, Infallible> {

@@ -1,10 +1,9 @@
-//! The server: one thread of its own, as that of the metrics.
+//! The server, on a thread of its own.
 
 use std::convert::Infallible;
 use std::future::poll_fn;
 use std::io;
-use std::net::{SocketAddr, TcpListener};
-use std::sync::Arc;
+use std::net::SocketAddr;
 use std::task::Poll;
 use std::time::Duration;
 
@@ -17,23 +16,19 @@ use hyper::header::{
     CONNECTION, HeaderMap, HeaderName, HeaderValue, SEC_WEBSOCKET_ACCEPT, SEC_WEBSOCKET_KEY, SEC_WEBSOCKET_PROTOCOL,
     SEC_WEBSOCKET_VERSION, UPGRADE,
 };
-use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper::upgrade::{OnUpgrade, Upgraded};
 use hyper::{Method, Request, Response, StatusCode};
-use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::rt::TokioIo;
 use sha1_smol::Sha1;
-use tokio::sync::Semaphore;
 use tokio_websockets::{Limits, Message, ServerBuilder, WebSocketStream};
 
 use super::hub::{Hub, Next};
 use super::protocol::{SUBPROTOCOLS, request, server_info};
+use crate::local_server::{self, HEAD_MAX};
 
 /// Connections at once; further ones wait in the kernel.
 pub const CLIENTS_MAX: usize = 8;
-
-/// Longest wait for a handshake.
-const HANDSHAKE_MAX: Duration = Duration::from_secs(5);
 
 /// Longest time that one message may take to a client; a dead one is dropped then.
 const SEND_MAX: Duration = Duration::from_secs(30);
@@ -51,42 +46,22 @@ type Socket = WebSocketStream<TokioIo<Upgraded>>;
 /// # Errors
 /// When the address cannot be bound or the thread cannot be started.
 pub fn listen(address: SocketAddr, hub: Hub, session: &str) -> io::Result<SocketAddr> {
-    let listener = TcpListener::bind(address)?;
-    listener.set_nonblocking(true)?;
-    let bound = listener.local_addr()?;
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let listener = {
-        let _inside = runtime.enter();
-        tokio::net::TcpListener::from_std(listener)?
-    };
     let session = session.to_owned();
-    let accept = async move {
-        let clients = Arc::new(Semaphore::new(CLIENTS_MAX));
-        while let Ok(permit) = clients.clone().acquire_owned().await {
-            let Ok((stream, _)) = listener.accept().await else {
-                // Out of descriptors, for one: not a reason to spin.
-                tokio::time::sleep(HANDSHAKE_MAX).await;
-                continue;
-            };
-            let (hub, session) = (hub.clone(), session.clone());
-            tokio::spawn(async move {
-                if let Some(upgrade) = shake_hands(stream).await
-                    && let Ok(Ok(upgraded)) = tokio::time::timeout(HANDSHAKE_MAX, upgrade).await
-                {
-                    let limits = Limits::default().max_payload_len(Some(REQUEST_MAX));
-                    let socket = ServerBuilder::new().limits(limits).serve(TokioIo::new(upgraded));
-                    let (number, wake) = hub.enter();
-                    // A client that goes away or breaks the protocol is its own affair.
-                    let _ = attend(socket, &hub, number, &wake, &session).await;
-                    hub.leave(number);
-                }
-                drop(permit);
-            });
+    local_server::serve(address, "viewers", CLIENTS_MAX, move |stream| {
+        let (hub, session) = (hub.clone(), session.clone());
+        async move {
+            if let Some(upgrade) = shake_hands(stream).await
+                && let Ok(Ok(upgraded)) = tokio::time::timeout(HEAD_MAX, upgrade).await
+            {
+                let limits = Limits::default().max_payload_len(Some(REQUEST_MAX));
+                let socket = ServerBuilder::new().limits(limits).serve(TokioIo::new(upgraded));
+                let (number, wake) = hub.enter();
+                // A client that goes away or breaks the protocol is its own affair.
+                let _ = attend(socket, &hub, number, &wake, &session).await;
+                hub.leave(number);
+            }
         }
-    };
-    let thread = std::thread::Builder::new().name("viewers".to_owned());
-    thread.spawn(move || runtime.block_on(accept))?;
-    Ok(bound)
+    })
 }
 
 /// Answers the first request; what becomes of the connection if that is ours.
@@ -101,13 +76,10 @@ async fn shake_hands(stream: tokio::net::TcpStream) -> Option<OnUpgrade> {
         }
         async { Ok::<_, Infallible>(answer) }
     });
-    let connection = http1::Builder::new()
-        .keep_alive(false)
-        .timer(TokioTimer::new())
-        .header_read_timeout(HANDSHAKE_MAX)
+    let connection = local_server::http()
         .serve_connection(TokioIo::new(stream), service)
         .with_upgrades();
-    tokio::time::timeout(2 * HANDSHAKE_MAX, connection).await.ok()?.ok()?;
+    tokio::time::timeout(2 * HEAD_MAX, connection).await.ok()?.ok()?;
     upgrade.into_inner().ok()?
 }
 

@@ -8,6 +8,7 @@ use std::path::Path;
 use hmd_core::metrics::render;
 use hmd_core::record::{ActuatorStatus, Dropped, Health, InterfaceStatus, Log, RawBatch, Record, Rul, Status, Window};
 use prost_types::field_descriptor_proto::{Label, Type};
+use prost_types::{DescriptorProto, FileDescriptorProto};
 
 /// Stands for the names that a label may have.
 const ANY: &str = "ANY";
@@ -90,19 +91,19 @@ fn fields() {
     check("schemas/foxglove.Log.proto", &log);
 }
 
-/// A message in the language of schemas, with the enums inside it.
+/// A record in the language of schemas, then the messages that its fields are lists of.
 fn fields_of<R: Record>(page: &mut String) {
     let set = R::descriptor();
-    let messages = set.file.iter().flat_map(|file| {
-        let package = file.package().to_owned();
-        file.message_type
-            .iter()
-            .map(move |message| (format!("{package}.{}", message.name()), message))
-    });
-    let (_, message) = messages
-        .into_iter()
-        .find(|(name, _)| name == R::SCHEMA_NAME)
-        .expect("the message in its own descriptor");
+    let is_own = |file: &&FileDescriptorProto| R::SCHEMA_NAME.starts_with(&format!("{}.", file.package()));
+    let own = set.file.iter().find(is_own).expect("the file of the record");
+    assert!(R::SCHEMA_NAME.ends_with(own.message_type[0].name()));
+    for message in &own.message_type {
+        write_message(page, message);
+    }
+}
+
+/// A message, with the enums inside it.
+fn write_message(page: &mut String, message: &DescriptorProto) {
     writeln!(page, "\nmessage {} {{", message.name()).expect("a String");
     for inner in &message.enum_type {
         writeln!(page, "  enum {} {{", inner.name()).expect("a String");

@@ -159,7 +159,7 @@ impl Judge {
                 if let Some(unseen) = unseen(&estimate) {
                     reasons.push(unseen);
                 }
-                reasons.extend(estimate.rival.as_ref().map(|rival| ambiguous(&estimate, rival)));
+                reasons.extend(estimate.competing_optimum.map(|other| ambiguous(&estimate, &other)));
                 if estimate.cut {
                     let budget = self.config.identification().evaluations_max;
                     reasons.push(format!("best of {budget} evaluations, the search had not ended"));
@@ -381,17 +381,17 @@ fn unseen(estimate: &Estimate) -> Option<String> {
 }
 
 /// Says which other values explain the window as well.
-fn ambiguous(estimate: &Estimate, rival: &ema_models::FaultVector) -> String {
-    let (k, other) = (estimate.fault.to_array(), rival.to_array());
+fn ambiguous(estimate: &Estimate, other: &ema_models::FaultVector) -> String {
+    let (k, other) = (estimate.fault.to_array(), other.to_array());
     let names: Vec<String> = (0..FAULT_COUNT)
-        .filter(|&p| p != 6 && (k[p] - other[p]).abs() > RIVAL_DIFFERENCE)
+        .filter(|&p| p != 6 && (k[p] - other[p]).abs() > NOTABLE_DIFFERENCE)
         .map(|p| format!("{} {:.2} or {:.2}", ema_models::FaultVector::NAMES[p], k[p], other[p]))
         .collect();
     format!("ambiguous: {}", names.join(", "))
 }
 
 /// Difference of two explanations that is worth a word.
-const RIVAL_DIFFERENCE: f64 = 0.02;
+const NOTABLE_DIFFERENCE: f64 = 0.02;
 
 /// FNV-1a, so that an actuator's searches do not depend on which others are there.
 fn name_hash(name: &str) -> u64 {

@@ -20,10 +20,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 use ema_models::{FAULT_COUNT, FaultVector, rss_pct, wrapped_phase_difference};
-use hmd::config::Config;
-use hmd::judge::Judged;
-use hmd::record;
 use hmd::replay::{Observer, Replay};
+use hmd_core::assess::AssessedWindow;
+use hmd_core::config::Config;
+use hmd_core::record;
 use serde_json::Value;
 
 /// Seed of every search.
@@ -264,7 +264,7 @@ fn replay(name: &str) -> Row {
 struct Windows(Vec<record::Health>);
 
 impl Observer for Windows {
-    fn judged(&mut self, judged: &Judged) -> io::Result<()> {
+    fn judged(&mut self, judged: &AssessedWindow) -> io::Result<()> {
         self.0.push(judged.health.clone());
         Ok(())
     }

@@ -6,7 +6,7 @@ use ema_models::reference::{CurrentSensing, Scenario};
 use ema_models::{ActuatorParams, FaultVector, MotorKnowledge, Signals};
 use ema_wire::{ActuatorId, Sample, SerialPacket};
 use firmware_image::Identification;
-use hmd::simulated::SimulatedWindow;
+use hmd_lab::simulated::SimulatedWindow;
 
 /// The window: 20 ms before the trigger and 480 ms after, at 2 kHz.
 const SAMPLES: usize = 1000;

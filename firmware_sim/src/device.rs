@@ -1,4 +1,4 @@
-//! The device: a running simulation, sampled, with the packets that its electronics send.
+//! The device: from a [`Plan`] to the timed packets that the actuator's electronics send.
 
 use ema_models::reference::{Scenario, ScenarioRun};
 use ema_models::{FAULT_COUNT, FaultVector, SensedSample, Setpoint};
@@ -7,22 +7,23 @@ use ema_wire::{ActuatorId, Mode, Sample, SerialPacket, Status, quantity};
 /// Status packets per second.
 const STATUS_RATE_HZ: f64 = 10.0;
 
-/// Winding temperature at which the motor's resistance holds, °C.
+/// Winding temperature for which the motor's resistance is given, °C.
 const REFERENCE_TEMPERATURE_C: f64 = 20.0;
 
-/// What is simulated, and whose it is.
+/// Input of a simulated device.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// Number of the actuator in its frames.
     pub actuator: ActuatorId,
-    /// The actuator, its load, its sensors, what is commanded, and the seed.
+    /// The actuator, its load, its sensors, its commands, and the seed.
     pub scenario: Scenario,
-    /// Wear: what the end of each actuation adds to the fault vector, in its order; the sum stays within 0 to 1.
+    /// Wear per actuation, in fault-vector order: added to the fault vector at the end of each actuation and limited to 0
+    /// to 1.
     pub growth: [f64; FAULT_COUNT],
 }
 
 impl Plan {
-    /// A scenario without wear.
+    /// A plan without wear.
     #[must_use]
     pub fn new(actuator: ActuatorId, scenario: Scenario) -> Self {
         Self {
@@ -32,9 +33,9 @@ impl Plan {
         }
     }
 
-    /// Fault vector during actuation n, from 0.
+    /// Fault vector during an actuation, numbered from 0.
     #[must_use]
-    pub fn fault(&self, actuation: u64) -> FaultVector {
+    pub fn fault_during(&self, actuation: u64) -> FaultVector {
         let mut k = self.scenario.fault.to_array();
         for (k, growth) in k.iter_mut().zip(self.growth) {
             *k = (*k + growth * actuation as f64).clamp(0.0, 1.0);
@@ -42,7 +43,7 @@ impl Plan {
         FaultVector::from_array(k)
     }
 
-    /// Starts the device.
+    /// The device at its first sample.
     #[must_use]
     pub fn start(&self) -> Device {
         let rate_hz = self.scenario.nominal.sensors.sample_rate;
@@ -64,29 +65,29 @@ impl Plan {
     }
 }
 
-/// Something, and when it leaves the device.
+/// A packet or frame with the time at which it is sent or received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timed<T> {
     /// Time since the first sample, µs.
     pub at_us: u64,
-    /// What leaves.
-    pub what: T,
+    /// The packet or frame.
+    pub value: T,
 }
 
 impl<T> Timed<T> {
-    /// The same time with something else.
+    /// Another value at the same time.
     pub fn map<U>(self, f: impl FnOnce(T) -> U) -> Timed<U> {
         Timed {
             at_us: self.at_us,
-            what: f(self.what),
+            value: f(self.value),
         }
     }
 }
 
-/// The running device: an iterator over its packets, in the order in which they go out.
+/// The running device: an iterator over its packets, in the order of transmission.
 ///
-/// One [`SerialPacket::Sample`] per sample, and after the first sample of every tenth of a second one
-/// [`SerialPacket::Status`].
+/// It yields one [`SerialPacket::Sample`] per sample, and one [`SerialPacket::Status`] after the first sample of every tenth
+/// of a second.
 #[derive(Clone, Debug)]
 pub struct Device {
     plan: Plan,
@@ -94,7 +95,7 @@ pub struct Device {
     rate_hz: f64,
     status_every: u64,
     status: Status,
-    /// A status packet is due after the sample that went out then.
+    /// Time of the sample after which a status packet is due, µs.
     status_at_us: Option<u64>,
     actuations_done: u64,
 }
@@ -106,8 +107,8 @@ impl Iterator for Device {
         let actuator = self.plan.actuator;
         if let Some(at_us) = self.status_at_us.take() {
             let status = self.status;
-            let what = SerialPacket::Status { actuator, status };
-            return Some(Timed { at_us, what });
+            let value = SerialPacket::Status { actuator, status };
+            return Some(Timed { at_us, value });
         }
         let sensed = self.run.next()?;
         let at_us = (sensed.seq as f64 * 1e6 / self.rate_hz + 0.5) as u64;
@@ -119,14 +120,14 @@ impl Iterator for Device {
         let done = (sensed.seq as f64 / (self.rate_hz * self.plan.scenario.actuations.period())) as u64;
         if done > self.actuations_done {
             self.actuations_done = done;
-            self.run.wear(self.plan.fault(done));
+            self.run.set_fault(self.plan.fault_during(done));
         }
-        let what = SerialPacket::Sample(sample);
-        Some(Timed { at_us, what })
+        let value = SerialPacket::Sample(sample);
+        Some(Timed { at_us, value })
     }
 }
 
-/// A sample in wire units; counters and the device's microseconds keep their low bits.
+/// A sample in wire units; of counters and device time it has the low bits.
 fn encode(actuator: ActuatorId, sensed: &SensedSample, at_us: u64) -> Sample {
     let [i_a_ma, i_b_ma, i_c_ma] = sensed.currents.map(quantity::current_ma);
     let (mode, setpoint) = match sensed.setpoint {

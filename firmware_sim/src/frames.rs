@@ -1,4 +1,4 @@
-//! Packets as the frames of one link or the other.
+//! Packets as frames: COBS frames on the serial line, classic frames on the CAN bus.
 
 use ema_wire::can::{CLASSIC_LEN, Frame};
 use ema_wire::serial::MAX_FRAME_LEN;
@@ -6,7 +6,7 @@ use ema_wire::{Message, SerialPacket};
 
 use crate::device::Timed;
 
-/// One frame on the serial line, with the zero that ends it.
+/// One frame on the serial line, with the zero at its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SerialFrame {
     pub(crate) bytes: [u8; MAX_FRAME_LEN],
@@ -14,48 +14,48 @@ pub struct SerialFrame {
 }
 
 impl SerialFrame {
-    /// A packet as it goes out.
+    /// The frame of a packet.
     #[must_use]
     pub fn new(packet: &SerialPacket) -> Self {
         let mut bytes = [0; MAX_FRAME_LEN];
-        // The buffer holds every packet; `ema-wire` tests that.
+        // Every packet fits into MAX_FRAME_LEN bytes, which `ema-wire` tests.
         let len = packet.emit(&mut bytes).map_or(0, <[u8]>::len);
         Self { bytes, len }
     }
 
-    /// Its bytes.
+    /// The bytes of the frame.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.bytes[..self.len]
     }
 }
 
-/// One classic frame on the CAN bus, or the error frame that stands there instead.
+/// One classic frame on the CAN bus, or the error frame that replaces it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CanFrame {
     /// A data frame with an 11-bit identifier.
     Data {
-        /// Which message it is.
+        /// Message of the frame.
         message: Message,
         /// Identifier.
         id: u16,
         /// Data bytes.
         data: [u8; CLASSIC_LEN],
     },
-    /// The frame was disturbed, and every receiver has seen that by its checksum.
+    /// A disturbed frame, which every receiver detects by its checksum.
     Error,
 }
 
 impl CanFrame {
-    /// The frames of a packet, in bus order: three of a sample, one of a status.
+    /// The frames of a packet, in bus order: three for a sample, one for a status.
     #[must_use]
-    pub fn of_packet(packet: &SerialPacket) -> heapless::Vec<Self, 3> {
+    pub fn from_packet(packet: &SerialPacket) -> heapless::Vec<Self, 3> {
         let mut frames = heapless::Vec::new();
         let mut push = |actuator, frame: Frame| {
             let (message, mut buffer) = (frame.message(), [0; 64]);
             if let Ok(data) = frame.emit(&mut buffer).try_into() {
                 let id = message.id(actuator);
-                // Never more than three.
+                // A packet has at most three frames.
                 let _ = frames.push(Self::Data { message, id, data });
             }
         };
@@ -83,17 +83,17 @@ impl<I: Iterator<Item = Timed<SerialPacket>>> Iterator for SerialFrames<I> {
     }
 }
 
-/// Packets as frames of the CAN bus; they leave back to back.
+/// Packets as frames of the CAN bus; the frames of a packet are sent back to back.
 #[derive(Clone, Debug)]
 pub struct CanFrames<I> {
     packets: I,
     at_us: u64,
-    /// What is left of the packet in progress.
+    /// Frames of the current packet that are not sent yet.
     rest: heapless::Deque<CanFrame, 3>,
 }
 
 impl<I> CanFrames<I> {
-    /// Time that a frame takes on a bus of 1 Mbit/s, µs.
+    /// Duration of a frame on a bus of 1 Mbit/s, µs.
     pub const FRAME_US: u64 = 120;
 
     /// The frames of these packets.
@@ -114,14 +114,14 @@ impl<I: Iterator<Item = Timed<SerialPacket>>> Iterator for CanFrames<I> {
             let packet = self.packets.next()?;
             // The status follows the frames of its sample.
             self.at_us = packet.at_us.max(self.at_us);
-            for frame in CanFrame::of_packet(&packet.what) {
-                // As many as a packet has.
+            for frame in CanFrame::from_packet(&packet.value) {
+                // The queue has room for the frames of one packet.
                 let _ = self.rest.push_back(frame);
             }
         }
-        let what = self.rest.pop_front()?;
+        let value = self.rest.pop_front()?;
         let at_us = self.at_us;
         self.at_us += Self::FRAME_US;
-        Some(Timed { at_us, what })
+        Some(Timed { at_us, value })
     }
 }

@@ -1,4 +1,4 @@
-//! A link that is bad on purpose: seeded, and reproducible by the seed alone.
+//! A link with injected faults: frames as sent in, frames as received out. The seed determines every fault.
 
 use ema_wire::Message;
 use rand::{RngExt, SeedableRng};
@@ -6,24 +6,24 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::device::Timed;
 use crate::frames::{CanFrame, SerialFrame};
-use crate::stuck::Stuck;
+use crate::stuck_sensors::StuckSensors;
 
-/// What a link does to frames, and a sensor to its values. Probabilities are 0 to 1, for each frame by itself.
+/// Faults of the link and of the sensors. Probabilities are 0 to 1 and independent for each frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkFaults {
-    /// A frame is lost.
+    /// Probability that a frame is lost.
     pub drop: f64,
-    /// A frame arrives twice.
+    /// Probability that a frame arrives twice.
     pub duplicate: f64,
-    /// A frame arrives after the one that follows it.
+    /// Probability that a frame arrives after the next one.
     pub reorder: f64,
-    /// A bit of a frame arrives wrong; what comes of that depends on the link ([`LinkFrame::flipped`]).
+    /// Probability that one bit of a frame is flipped; the effect depends on the link ([`LinkFrame::flipped`]).
     pub flip: f64,
-    /// A signal gets stuck at a sample, for up to 8 of them ([`Stuck`]).
+    /// Probability at each sample that a signal becomes stuck, for up to 8 samples ([`StuckSensors`]).
     pub stuck: f64,
-    /// Each frame is late by up to this, µs; those behind it wait.
+    /// Largest delay of a frame, µs; the frames after it wait.
     pub delay_us: u64,
-    /// The device's clock is fast by this, parts per million: it sends all the sooner.
+    /// Drift of the device's clock, parts per million; a positive drift shortens the times of transmission.
     pub drift_ppm: f64,
 }
 
@@ -39,7 +39,7 @@ impl LinkFaults {
         drift_ppm: 0.0,
     };
 
-    /// The worst mix under which nothing may be taken for a fault of the actuator.
+    /// The worst combination under which no link fault may be reported as a fault of the actuator.
     pub const WORST: Self = Self {
         drop: 0.01,
         flip: 0.01,
@@ -48,22 +48,22 @@ impl LinkFaults {
         ..Self::NONE
     };
 
-    /// The packets as a device with sensors that get stuck would send them.
-    pub fn stick<I>(&self, packets: I, seed: u64) -> Stuck<I> {
-        // Another stream than the link's.
-        Stuck::new(packets, self.stuck, !seed)
+    /// The packets of a device whose sensors become stuck with probability [`LinkFaults::stuck`].
+    pub fn with_stuck_sensors<I>(&self, packets: I, seed: u64) -> StuckSensors<I> {
+        // The random stream differs from the link's.
+        StuckSensors::new(packets, self.stuck, !seed)
     }
 }
 
-/// A frame that a flipped bit can hit.
+/// A frame of the link, for the injection of flipped bits.
 pub trait LinkFrame: Copy {
-    /// The frame with one bit flipped, as it would arrive.
+    /// The frame as received after one bit is flipped.
     #[must_use]
     fn flipped(self, rng: &mut ChaCha8Rng) -> Self;
 }
 
 impl LinkFrame for SerialFrame {
-    /// Any bit, that of the closing zero included.
+    /// Flips any bit, including those of the zero at the end.
     fn flipped(mut self, rng: &mut ChaCha8Rng) -> Self {
         let bit = rng.random_range(0..8 * self.len.max(1));
         self.bytes[bit / 8] ^= 1 << (bit % 8);
@@ -72,11 +72,11 @@ impl LinkFrame for SerialFrame {
 }
 
 impl LinkFrame for CanFrame {
-    /// The controllers see almost every flip, and an error frame stands in place of the frame. Half of the flips in
-    /// measured values are taken to have happened before the checksum was made, in the device: there a current is wrong
-    /// by at least 1 A, or a counter by at least 50 counts. (Smaller ones cannot be told from the sensors' own errors.)
+    /// CAN controllers detect almost every flipped bit, so an error frame replaces the frame. Half of the flips in measured
+    /// values happen in the device, before the checksum is computed: there a current is wrong by at least 1 A, or a counter
+    /// by at least 50 counts. (Smaller errors are of the size of the sensors' own errors.)
     fn flipped(mut self, rng: &mut ChaCha8Rng) -> Self {
-        let unseen = rng.random_bool(0.5);
+        let undetected = rng.random_bool(0.5);
         let choice = rng.random_range(0.0..1.0);
         let Self::Data { message, data, .. } = &mut self else {
             return self;
@@ -88,7 +88,7 @@ impl LinkFrame for CanFrame {
         };
         let chosen = (choice * bits.iter().map(ExactSizeIterator::len).sum::<usize>() as f64) as usize;
         match bits.iter().cloned().flatten().nth(chosen) {
-            Some(bit) if unseen => {
+            Some(bit) if undetected => {
                 data[bit / 8] ^= 1 << (bit % 8);
                 self
             }
@@ -97,26 +97,26 @@ impl LinkFrame for CanFrame {
     }
 }
 
-/// Bits of a currents frame worth 1.024 A and more, of each phase.
+/// Bits of each phase in a currents frame whose value is 1.024 A or more.
 const CURRENT_BITS: [core::ops::Range<usize>; 3] = [10..16, 26..32, 42..48];
-/// Bits of a position frame worth 64 counts and more, of resolver and encoder.
+/// Bits of resolver and encoder in a position frame whose value is 64 counts or more.
 const COUNT_BITS: [core::ops::Range<usize>; 2] = [6..32, 38..56];
 
-/// The frames that arrive, in the order in which they arrive.
+/// The frames as received, in the order of reception.
 #[derive(Clone, Debug)]
 pub struct Link<I, F> {
     frames: I,
     faults: LinkFaults,
     rng: ChaCha8Rng,
-    /// A frame that lets the next one pass.
+    /// A reordered frame, held until the next one has arrived; and whether it arrives twice.
     overtaken: Option<(Timed<F>, bool)>,
-    /// Arrived, and not yet taken: at most a pair of frames, each twice.
+    /// Received frames that the iterator has not yielded yet: at most two frames, each twice.
     arrived: heapless::Deque<Timed<F>, 4>,
     last_us: u64,
 }
 
 impl<I, F> Link<I, F> {
-    /// Frames through a link with these faults.
+    /// A link with these faults.
     pub fn new(frames: I, faults: LinkFaults, seed: u64) -> Self {
         Self {
             frames,
@@ -128,14 +128,15 @@ impl<I, F> Link<I, F> {
         }
     }
 
-    /// Whether something of this probability happens. Always one draw, so that one fault does not move the others.
-    fn chance(&mut self, probability: f64) -> bool {
+    /// True with this probability. It always draws one number, so the other faults do not depend on the probability.
+    fn draw(&mut self, probability: f64) -> bool {
         self.rng.random_range(0.0..1.0) < probability
     }
 }
 
 impl<I: Iterator<Item = Timed<F>>, F: LinkFrame> Link<I, F> {
-    fn pass(&mut self, sent: Timed<F>) {
+    /// Applies the faults to a frame.
+    fn transmit(&mut self, sent: Timed<F>) {
         let LinkFaults {
             drop,
             duplicate,
@@ -145,32 +146,33 @@ impl<I: Iterator<Item = Timed<F>>, F: LinkFrame> Link<I, F> {
             drift_ppm,
             ..
         } = self.faults;
-        let [lost, twice, swapped, wrong] = [drop, duplicate, reorder, flip].map(|p| self.chance(p));
+        let [lost, twice, swapped, wrong] = [drop, duplicate, reorder, flip].map(|p| self.draw(p));
         let late_us = self.rng.random_range(0..=delay_us);
-        let flipped = sent.what.flipped(&mut self.rng);
+        let flipped = sent.value.flipped(&mut self.rng);
         if lost {
             return;
         }
         let by_its_clock = sent.at_us as f64 / (1.0 + 1e-6 * drift_ppm);
         let frame = Timed {
             at_us: (by_its_clock + 0.5) as u64 + late_us,
-            what: if wrong { flipped } else { sent.what },
+            value: if wrong { flipped } else { sent.value },
         };
         if swapped && self.overtaken.is_none() {
             self.overtaken = Some((frame, twice));
             return;
         }
-        self.arrive(frame, twice);
+        self.receive(frame, twice);
         if let Some((frame, twice)) = self.overtaken.take() {
-            self.arrive(frame, twice);
+            self.receive(frame, twice);
         }
     }
 
-    fn arrive(&mut self, frame: Timed<F>, twice: bool) {
+    /// Appends a frame to those received, not earlier than the frame before.
+    fn receive(&mut self, frame: Timed<F>, twice: bool) {
         self.last_us = self.last_us.max(frame.at_us);
         let at_us = self.last_us;
         for _ in 0..=usize::from(twice) {
-            // Taken before more arrives, so that there is room.
+            // The iterator empties the queue before the next frame, so there is room.
             let _ = self.arrived.push_back(Timed { at_us, ..frame });
         }
     }
@@ -185,10 +187,10 @@ impl<I: Iterator<Item = Timed<F>>, F: LinkFrame> Iterator for Link<I, F> {
                 return Some(frame);
             }
             match self.frames.next() {
-                Some(sent) => self.pass(sent),
+                Some(sent) => self.transmit(sent),
                 None => {
                     let (frame, twice) = self.overtaken.take()?;
-                    self.arrive(frame, twice);
+                    self.receive(frame, twice);
                 }
             }
         }

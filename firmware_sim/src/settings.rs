@@ -1,4 +1,4 @@
-//! What is simulated, as it can be told at run time: by the host program's options or by a line of text.
+//! Settings of a simulated device, from the options of the host program or a line of text, and the [`Plan`] they give.
 
 use core::str::FromStr;
 
@@ -12,7 +12,7 @@ use crate::device::Plan;
 const REST_S: f64 = 0.5;
 const LENGTH_S: f64 = 0.5;
 
-/// Everything that decides what the device sends, in the units in which one says it.
+/// Settings of a device, in the units of the command line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Type of the actuator.
@@ -21,23 +21,23 @@ pub struct Settings {
     pub id: ActuatorId,
     /// The fault vector of the first actuation.
     pub k: FaultVector,
-    /// Wear: what each actuation adds to it.
+    /// Wear: the increase of the fault vector with each actuation.
     pub growth: [f64; FAULT_COUNT],
-    /// What each actuation commands.
+    /// Command of each actuation.
     pub profile: Profile,
-    /// Number of actuations, one a second, their direction alternating.
+    /// Number of actuations, one per second, in alternating directions.
     pub windows: u32,
-    /// Sampling rate, Hz; `None`: that of the type.
+    /// Sampling rate, Hz; `None` for that of the type.
     pub rate_hz: Option<f64>,
-    /// Current noise, A rms; above 0 the 12-bit converters are in the path too.
+    /// Current noise, A rms; a value above 0 also switches the 12-bit converters on.
     pub noise_a: f64,
     /// Constant load at the output, Nm; positive opposes positive motion.
     pub load_nm: f64,
-    /// Draws rotor angle, place in the backlash, first direction and noise.
+    /// Seed of rotor angle, position in the backlash, first direction and noise.
     pub seed: u64,
 }
 
-/// The built-in types.
+/// The built-in actuator types.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ActuatorKind {
     /// [`ActuatorParams::bench`].
@@ -47,7 +47,7 @@ pub enum ActuatorKind {
     Servo28,
 }
 
-/// The setting that is refused, by its name in the text; `""` for a word that is none.
+/// A rejected setting, by its name in the text; `""` for a word that is not a setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BadSetting(pub &'static str);
 
@@ -55,7 +55,7 @@ impl core::fmt::Display for BadSetting {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self.0 {
             "" => write!(f, "expected settings {NAMES}, found another word"),
-            name => write!(f, "{name}: value refused"),
+            name => write!(f, "{name}: invalid value"),
         }
     }
 }
@@ -83,34 +83,34 @@ impl Settings {
         }
     }
 
-    /// Reads `name=value` words, in any order and separated by blanks; what is not said stays as in `self`.
+    /// The settings changed by `name=value` words, in any order and separated by blanks.
     ///
     /// ```
     /// use ema_wire::ActuatorId;
     /// use firmware_sim::{BadSetting, Settings};
     /// let settings = Settings::new(ActuatorId::new(0).expect("0 to 15"), 1);
-    /// let told = settings.told("k=0.4,0,0,0,0,0,0.5,0.5 profile=ramp rate=400 seed=7")?;
-    /// assert_eq!((told.k.friction, told.rate_hz, told.seed), (0.4, Some(400.0), 7));
-    /// assert_eq!(settings.told("k=1"), Err(BadSetting("k")));
+    /// let changed = settings.with_text("k=0.4,0,0,0,0,0,0.5,0.5 profile=ramp rate=400 seed=7")?;
+    /// assert_eq!((changed.k.friction, changed.rate_hz, changed.seed), (0.4, Some(400.0), 7));
+    /// assert_eq!(settings.with_text("k=1"), Err(BadSetting("k")));
     /// # Ok::<(), BadSetting>(())
     /// ```
     ///
     /// # Errors
-    /// [`BadSetting`] for the first word that is no setting or whose value cannot be read.
-    pub fn told(mut self, text: &str) -> Result<Self, BadSetting> {
+    /// [`BadSetting`] for the first word that is not a setting or whose value cannot be parsed.
+    pub fn with_text(mut self, text: &str) -> Result<Self, BadSetting> {
         for word in text.split_ascii_whitespace() {
             let (name, value) = word.split_once('=').ok_or(BadSetting(""))?;
             match name {
-                "actuator" => self.actuator = read("actuator", ActuatorKind::named(value))?,
-                "id" => self.id = read("id", parsed(value).and_then(ActuatorId::new))?,
-                "k" => self.k = read("k", numbers(value).map(FaultVector::from_array))?,
-                "growth" => self.growth = read("growth", numbers(value))?,
-                "profile" => self.profile = read("profile", profile(value))?,
-                "windows" => self.windows = read("windows", parsed(value))?,
-                "rate" => self.rate_hz = Some(read("rate", parsed(value))?),
-                "noise" => self.noise_a = read("noise", parsed(value))?,
-                "load" => self.load_nm = read("load", parsed(value))?,
-                "seed" => self.seed = read("seed", parsed(value))?,
+                "actuator" => self.actuator = valid("actuator", ActuatorKind::from_name(value))?,
+                "id" => self.id = valid("id", parse(value).and_then(ActuatorId::new))?,
+                "k" => self.k = valid("k", parse_fault_vector(value).map(FaultVector::from_array))?,
+                "growth" => self.growth = valid("growth", parse_fault_vector(value))?,
+                "profile" => self.profile = valid("profile", profile_by_name(value))?,
+                "windows" => self.windows = valid("windows", parse(value))?,
+                "rate" => self.rate_hz = Some(valid("rate", parse(value))?),
+                "noise" => self.noise_a = valid("noise", parse(value))?,
+                "load" => self.load_nm = valid("load", parse(value))?,
+                "seed" => self.seed = valid("seed", parse(value))?,
                 _ => return Err(BadSetting("")),
             }
         }
@@ -120,7 +120,7 @@ impl Settings {
     /// The plan of a device with these settings.
     ///
     /// # Errors
-    /// [`BadSetting`] for the first value that is out of its range.
+    /// [`BadSetting`] for the first value out of range.
     pub fn plan(&self) -> Result<Plan, BadSetting> {
         let mut params = match self.actuator {
             ActuatorKind::Bench => ActuatorParams::bench(),
@@ -162,9 +162,9 @@ impl Settings {
 }
 
 impl ActuatorKind {
-    /// The type of this name.
+    /// The type with this name.
     #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
+    pub fn from_name(name: &str) -> Option<Self> {
         match name {
             "bench" => Some(Self::Bench),
             "servo28" => Some(Self::Servo28),
@@ -173,25 +173,25 @@ impl ActuatorKind {
     }
 }
 
-fn read<T>(name: &'static str, value: Option<T>) -> Result<T, BadSetting> {
+fn valid<T>(name: &'static str, value: Option<T>) -> Result<T, BadSetting> {
     value.ok_or(BadSetting(name))
 }
 
-fn parsed<T: FromStr>(text: &str) -> Option<T> {
+fn parse<T: FromStr>(text: &str) -> Option<T> {
     text.parse().ok()
 }
 
-fn profile(name: &str) -> Option<Profile> {
+fn profile_by_name(name: &str) -> Option<Profile> {
     let found = Profile::NAMES.into_iter().find(|(known, _)| *known == name);
     found.map(|(_, profile)| profile)
 }
 
-/// As many numbers as a fault vector has, separated by commas.
-fn numbers(text: &str) -> Option<[f64; FAULT_COUNT]> {
+/// Numbers in fault-vector order, separated by commas.
+fn parse_fault_vector(text: &str) -> Option<[f64; FAULT_COUNT]> {
     let mut words = text.split(',');
     let mut numbers = [0.0; FAULT_COUNT];
     for number in &mut numbers {
-        *number = parsed(words.next()?)?;
+        *number = parse(words.next()?)?;
     }
     words.next().is_none().then_some(numbers)
 }
@@ -205,10 +205,10 @@ mod tests {
     }
 
     #[test]
-    fn every_setting_can_be_told() {
+    fn text_can_change_every_setting() {
         let text = "actuator=servo28 id=3 k=0.1,0,0,0,0,0,0.5,0.5 growth=0,0.1,0,0,0,0,0,0 \
                     profile=chirp windows=9 rate=500 noise=0.05 load=-2 seed=18446744073709551615";
-        let told = settings().told(text).expect("all of it is right");
+        let changed = settings().with_text(text).expect("every setting is valid");
         let expected = Settings {
             actuator: ActuatorKind::Servo28,
             id: ActuatorId::new(3).expect("0 to 15"),
@@ -224,12 +224,12 @@ mod tests {
             load_nm: -2.0,
             seed: u64::MAX,
         };
-        assert_eq!(told, expected);
-        assert!(told.plan().is_ok());
+        assert_eq!(changed, expected);
+        assert!(changed.plan().is_ok());
     }
 
     #[test]
-    fn what_is_wrong_is_refused_by_its_name() {
+    fn the_error_names_the_invalid_setting() {
         let wrong = [
             ("k=0,0,0,0,0,0,0.5,0.5,0", "k"),
             ("k=0,0,0,0,0,0,0.5,2", "k"),
@@ -243,7 +243,7 @@ mod tests {
             ("seed", ""),
         ];
         for (text, name) in wrong {
-            let plan = settings().told(text).and_then(|told| told.plan());
+            let plan = settings().with_text(text).and_then(|changed| changed.plan());
             assert_eq!(plan.err(), Some(BadSetting(name)), "{text}");
         }
     }

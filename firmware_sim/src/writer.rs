@@ -1,4 +1,4 @@
-//! A whole stream of bytes at once, for files and tests.
+//! A complete stream of packets or bytes, for files and tests.
 
 use std::io::{self, Write};
 
@@ -8,15 +8,15 @@ use ema_wire::{ActuatorId, SerialPacket};
 
 use crate::device::Plan;
 
-/// The packets of a scenario without wear, in the order in which they go out.
+/// The packets of a scenario without wear, in the order of transmission.
 pub fn packets(scenario: &Scenario, actuator: ActuatorId) -> impl Iterator<Item = SerialPacket> + use<> {
-    Plan::new(actuator, scenario.clone()).start().map(|timed| timed.what)
+    Plan::new(actuator, scenario.clone()).start().map(|timed| timed.value)
 }
 
-/// Writes the packets of a scenario as one stream of bytes.
+/// Writes the packets of a scenario without wear as one byte stream.
 ///
 /// # Errors
-/// What the writer says.
+/// Those of the writer.
 pub fn write_stream(scenario: &Scenario, actuator: ActuatorId, out: &mut impl Write) -> io::Result<()> {
     let mut buffer = [0; MAX_FRAME_LEN];
     for packet in packets(scenario, actuator) {

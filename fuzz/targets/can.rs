@@ -3,10 +3,10 @@
 
 use std::sync::Arc;
 
-use hmd::config::Config;
-use hmd::frame::{BusNames, FrameFlags, RawFrame};
-use hmd::judge::WindowCounts;
-use hmd::pipeline::Pipeline;
+use hmd_core::config::Config;
+use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
+use hmd_core::assess::WindowCounts;
+use hmd_core::pipeline::Pipeline;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

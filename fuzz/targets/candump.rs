@@ -1,8 +1,8 @@
 //! Any bytes as a candump log: what is read is written and read again as the same frame.
 #![no_main]
 
-use hmd::frame::BusNames;
-use hmd::ingest::candump::{CandumpReader, Decimals, emit};
+use hmd_core::frame::BusNames;
+use hmd_ingest::candump::{CandumpReader, Decimals, emit};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

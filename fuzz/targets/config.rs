@@ -1,7 +1,7 @@
 //! Any text as a configuration: refused in one line, or accepted with a meaning.
 #![no_main]
 
-use hmd::config::Config;
+use hmd_core::config::Config;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|text: &str| {

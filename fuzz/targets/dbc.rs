@@ -2,7 +2,7 @@
 //! their bits.
 #![no_main]
 
-use hmd::dbc::{Database, SignalKind};
+use hmd_core::dbc::{Database, SignalKind};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|input: (&str, [u8; 64])| {

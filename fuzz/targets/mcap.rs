@@ -3,9 +3,9 @@
 
 use std::io::Cursor;
 
-use hmd::frame::BusNames;
-use hmd::ingest::{McapFrames, McapMessages};
-use hmd::recover::recover;
+use hmd_core::frame::BusNames;
+use hmd_storage::mcap::{McapFrames, McapMessages};
+use hmd_storage::recover::recover;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

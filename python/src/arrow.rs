@@ -9,7 +9,7 @@ use arrow_array::{
     TimestampNanosecondArray, UInt64Array,
 };
 use arrow_schema::{ArrowError, DataType, Field, Schema, SchemaRef, TimeUnit};
-use hmd::export::{ExportError, Head, Kind, Sources, Table, Value};
+use hmd_report::export::{ExportError, Head, Kind, Sources, Table, Value};
 use pyo3::prelude::*;
 use pyo3::types::PyCapsule;
 

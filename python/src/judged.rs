@@ -6,15 +6,15 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use ema_models::{SensedSample, Setpoint};
-use hmd::channel::{MeasuredConditions, SampleRate};
+use hmd_core::channel::{MeasuredConditions, SampleRate};
 use hmd::commands::{check_files, load_config};
-use hmd::config::Config;
-use hmd::export::{TableKind, health_row};
-use hmd::front::cut;
-use hmd::judge::{self, Judge};
-use hmd::record::HealthLine;
+use hmd_core::config::Config;
+use hmd_report::export::{TableKind, health_row};
+use hmd_core::demux::cut;
+use hmd_core::assess::{self, Assessor};
+use hmd_core::record::HealthLine;
 use hmd::replay::{Observer, Replay};
-use hmd::window::TimedSample;
+use hmd_core::window::TimedSample;
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 
@@ -23,7 +23,7 @@ use crate::error::{misuse, raised};
 
 /// What was judged, and what was said about it.
 #[pyclass(frozen)]
-pub(crate) struct Judged {
+pub(crate) struct AssessedWindow {
     /// The lines of `hmd replay --json`.
     #[pyo3(get)]
     lines: Vec<String>,
@@ -54,14 +54,14 @@ impl Gathered {
         }
     }
 
-    fn take(&mut self, judged: &judge::Judged) {
+    fn take(&mut self, judged: &judge::AssessedWindow) {
         self.lines
             .push(HealthLine::from((&judged.health, &judged.rul)).to_json());
         self.rows.row(health_row(&judged.health, &judged.rul));
     }
 
-    fn into_judged(mut self, py: Python<'_>, loss: Option<String>) -> PyResult<Judged> {
-        Ok(Judged {
+    fn into_judged(mut self, py: Python<'_>, loss: Option<String>) -> PyResult<AssessedWindow> {
+        Ok(AssessedWindow {
             lines: self.lines,
             notices: self.notices,
             loss,
@@ -71,7 +71,7 @@ impl Gathered {
 }
 
 impl Observer for Gathered {
-    fn judged(&mut self, judged: &judge::Judged) -> io::Result<()> {
+    fn judged(&mut self, judged: &judge::AssessedWindow) -> io::Result<()> {
         self.take(judged);
         Ok(())
     }
@@ -108,7 +108,7 @@ pub(crate) fn replay(
     output: Option<PathBuf>,
     seed: u64,
     threads: usize,
-) -> PyResult<Judged> {
+) -> PyResult<AssessedWindow> {
     if logs.is_empty() {
         return Err(misuse("expected a log, found none"));
     }
@@ -224,7 +224,7 @@ pub(crate) fn identify(
     config: Option<PathBuf>,
     seed: u64,
     threads: usize,
-) -> PyResult<Judged> {
+) -> PyResult<AssessedWindow> {
     let samples = columns.samples(py)?;
     let rate = SampleRate {
         hz: rate_hz,
@@ -247,10 +247,10 @@ pub(crate) fn identify(
         gathered
             .notices
             .extend(notices.into_iter().map(|notice| notice.message));
-        let mut judge = Judge::new(config, seed);
+        let mut judge = Assessor::new(config, seed);
         judge.follow_events()?;
         for job in jobs {
-            gathered.take(&judge.judge(job)?);
+            gathered.take(&judge.assess(job)?);
         }
         Ok(gathered)
     })?;

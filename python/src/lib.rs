@@ -19,7 +19,7 @@ mod _hmd {
     #[pymodule_export]
     use super::error::{ConfigError, Error, UsageError};
     #[pymodule_export]
-    use super::judged::{Judged, identify, replay};
+    use super::judged::{AssessedWindow, identify, replay};
     #[pymodule_export]
     use super::logs::{config_identity, read_raw, read_records, serial_numbers};
     #[pymodule_export]

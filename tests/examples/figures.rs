@@ -10,7 +10,7 @@ use ema_identify::calibration::{MonitorForm, TypeCalibration};
 use ema_identify::{Fit, Identifier, Method};
 use ema_models::reference::{CurrentSensing, Scenario};
 use ema_models::{ActuatorParams, FaultVector, MotorKnowledge};
-use hmd::simulated::SimulatedWindow;
+use hmd_lab::simulated::SimulatedWindow;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 

@@ -13,8 +13,8 @@ use ema_models::{
     ActuatorParams, FaultVector, Monitor, MotorDeviation, MotorKnowledge, Profile, REFERENCE_STEP, Unknowns,
     alpha_beta_from_abc, rss_pct,
 };
-use hmd::evaluate::{TABLE_III, paper};
-use hmd::simulated::SimulatedWindow;
+use hmd_lab::evaluate::{TABLE_III, paper};
+use hmd_lab::simulated::SimulatedWindow;
 use nalgebra::{Complex, SMatrix, SVector};
 use rayon::prelude::*;
 

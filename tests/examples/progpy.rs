@@ -1,14 +1,14 @@
 //! The histories of `hmd evaluate rul` for another program, and its forecasts beside ours; `cargo xtask progpy` runs both.
 //!
 //! `progpy histories N SEED` prints the first N histories of each fault, a line each, without the truth. `progpy score N
-//! SEED FILE` reads a line for each history, `{"seconds": …, "lives": […]}` (see [`hmd::evaluate::Lives`]), and prints a table.
+//! SEED FILE` reads a line for each history, `{"seconds": …, "lives": […]}` (see [`hmd_lab::evaluate::Lives`]), and prints a table.
 
 use std::error::Error;
 use std::time::Instant;
 
-use hmd::evaluate::{Beside, History, Lives, Scores, rul_beside, rul_histories};
-use hmd::health::FAULTS;
-use hmd::rul::Prognosis;
+use hmd_core::health::FAULTS;
+use hmd_core::rul::Prognosis;
+use hmd_lab::evaluate::{Beside, History, Lives, Scores, rul_beside, rul_histories};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();

@@ -9,8 +9,8 @@ use ema_ga::{CmaConfig, DeConfig, GaConfig, StopRule};
 use ema_identify::calibration::{MonitorForm, TypeCalibration};
 use ema_identify::{Identifier, Method, Population};
 use ema_models::{ActuatorParams, FAULT_COUNT, MotorKnowledge, Profile, rss_pct};
-use hmd::calibrate::random_faults;
-use hmd::simulated::SimulatedWindow;
+use hmd_lab::calibrate_type::random_faults;
+use hmd_lab::simulated::SimulatedWindow;
 
 /// Error up to which a search counts as successful, percent.
 const SUCCESS_PCT: f64 = 2.0;

@@ -13,9 +13,9 @@ use ema_identify::calibration::{MonitorForm, TypeCalibration};
 use ema_identify::{Identifier, Method};
 use ema_models::reference::{Actuations, CurrentSensing, Scenario};
 use ema_models::{ActuatorParams, FaultVector, MotorKnowledge, Profile, Scale, rss_pct};
-use hmd::calibrate::random_faults;
-use hmd::evaluate::TABLE_III;
-use hmd::simulated::SimulatedWindow;
+use hmd_lab::calibrate_type::random_faults;
+use hmd_lab::evaluate::TABLE_III;
+use hmd_lab::simulated::SimulatedWindow;
 use rayon::prelude::*;
 
 /// Change of the supply that nothing but the switching notices.

@@ -1,7 +1,7 @@
 //! What unequal phases add to the shortfall of the current at low voltage: `cargo run --release -p hmd-tests --example unequal`.
 //!
 //! The reference's phases and comparators at constant speed and constant reference of the current. Prints the table of
-//! `docs/monitor.md`: the torque that is missing, as a current in half bands, beyond that of three equal phases.
+//! `docs/design/monitor.md`: the torque that is missing, as a current in half bands, beyond that of three equal phases.
 
 use ema_models::reference::{Inverter, Phases};
 use ema_models::{ActuatorParams, FaultVector, REFERENCE_STEP, Real, Winding, phase_shapes};

@@ -7,13 +7,13 @@ use std::sync::Arc;
 use ema_models::reference::{Actuations, CurrentSensing, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::{ActuatorId, SerialPacket, Splitter};
-use firmware_sim::{CanFrame, CanFrames, Link, LinkFaults, Plan, SerialFrames, Stuck, Timed};
-use hmd::config::Config;
-use hmd::frame::{BusNames, FrameFlags, RawFrame};
-use hmd::judge::{Judge, Judged};
-use hmd::pipeline::Pipeline;
-use hmd::seed::mix;
-use hmd::simulate::EPOCH_NS;
+use firmware_sim::{CanFrame, CanFrames, Link, LinkFaults, Plan, SerialFrames, StuckSensors, Timed};
+use hmd_core::assess::{AssessedWindow, Assessor, Models};
+use hmd_core::config::Config;
+use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
+use hmd_core::pipeline::Pipeline;
+use hmd_core::seed::mix;
+use hmd_lab::simulate::EPOCH_NS;
 use rayon::prelude::*;
 
 /// Damage of a faulty window: between these, by its seed.
@@ -41,7 +41,7 @@ pub(crate) struct Tally {
     pub(crate) false_faults: u64,
     /// Why the others were not judged, without numbers.
     pub(crate) reasons: BTreeMap<String, u64>,
-    /// Judged and not right: seed, truth and what was said.
+    /// AssessedWindow and not right: seed, truth and what was said.
     pub(crate) wrong: Vec<String>,
 }
 
@@ -98,7 +98,7 @@ pub(crate) fn one_fault(seed: u64) -> impl Fn(u64) -> Option<(&'static str, Faul
 }
 
 impl Tally {
-    fn add(&mut self, seed: u64, name: &str, judged: Option<&Judged>) {
+    fn add(&mut self, seed: u64, name: &str, judged: Option<&AssessedWindow>) {
         self.windows += 1;
         let Some(health) = judged.map(|judged| &judged.health) else {
             *self.reasons.entry("no window".to_owned()).or_default() += 1;
@@ -144,17 +144,21 @@ fn scenario(fault: FaultVector, seed: u64) -> Scenario {
 /// What arrives.
 fn frames(kind: Kind, scenario: &Scenario, faults: LinkFaults, seed: u64) -> Vec<RawFrame> {
     let plan = Plan::new(ActuatorId::new(0).expect("0 to 15"), scenario.clone());
-    let device = faults.stick(plan.start(), seed);
+    let device = faults.with_stuck_sensors(plan.start(), seed);
     match kind {
         Kind::Can => over_can(device, faults, seed),
         Kind::Serial => over_serial(device, faults, seed),
     }
 }
 
-fn over_can(device: Stuck<impl Iterator<Item = Timed<SerialPacket>>>, faults: LinkFaults, seed: u64) -> Vec<RawFrame> {
+fn over_can(
+    device: StuckSensors<impl Iterator<Item = Timed<SerialPacket>>>,
+    faults: LinkFaults,
+    seed: u64,
+) -> Vec<RawFrame> {
     let received = |frame: Timed<CanFrame>| {
         let stamp_ns = EPOCH_NS + 1000 * frame.at_us;
-        match frame.what {
+        match frame.value {
             CanFrame::Data { id, data, .. } => RawFrame::new(stamp_ns, 0, id.into(), FrameFlags::NONE, &data),
             CanFrame::Error => RawFrame::new(stamp_ns, 0, PROTOCOL_VIOLATION, FrameFlags::ERROR, &[0; 8]),
         }
@@ -166,14 +170,14 @@ fn over_can(device: Stuck<impl Iterator<Item = Timed<SerialPacket>>>, faults: Li
 }
 
 fn over_serial(
-    device: Stuck<impl Iterator<Item = Timed<SerialPacket>>>,
+    device: StuckSensors<impl Iterator<Item = Timed<SerialPacket>>>,
     faults: LinkFaults,
     seed: u64,
 ) -> Vec<RawFrame> {
     let (mut splitter, mut frames): (Splitter, Vec<RawFrame>) = (Splitter::new(), Vec::new());
     for frame in Link::new(SerialFrames(device), faults, seed) {
         let stamp_ns = EPOCH_NS + 1000 * frame.at_us;
-        for &byte in frame.what.bytes() {
+        for &byte in frame.value.bytes() {
             frames.extend(splitter.push(byte).map(|bytes| RawFrame::of_serial(stamp_ns, 0, bytes)));
         }
     }
@@ -181,7 +185,7 @@ fn over_serial(
 }
 
 /// The whole chain over the frames of one actuation; its first window.
-fn one(frames: &[RawFrame]) -> Option<Judged> {
+fn one(frames: &[RawFrame]) -> Option<AssessedWindow> {
     let config = Arc::new(Config::default());
     let mut names = BusNames::new();
     names.intern("bus0").expect("room for one bus");
@@ -191,5 +195,9 @@ fn one(frames: &[RawFrame]) -> Option<Judged> {
     }
     pipeline.finish(&mut ended);
     let job = ended.into_iter().next()?;
-    Some(Judge::new(config, 1).judge(job).expect("a usable configuration"))
+    Some(
+        Assessor::new(config.clone(), Models::without_files(&config).expect("no files"), 1)
+            .assess(job)
+            .expect("a usable configuration"),
+    )
 }

@@ -5,11 +5,11 @@ use std::sync::Arc;
 use ema_models::reference::{Actuations, CurrentSensing, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
-use hmd::config::Config;
-use hmd::frame::{BusNames, RawFrame};
-use hmd::front::{FrameCounts, Front};
-use hmd::judge::{Judge, Judged};
-use hmd::simulate::{EPOCH_NS, traffic};
+use hmd_core::assess::{AssessedWindow, Assessor, Models};
+use hmd_core::config::Config;
+use hmd_core::demux::{FrameCounts, Front};
+use hmd_core::frame::{BusNames, RawFrame};
+use hmd_lab::simulate::{EPOCH_NS, traffic};
 
 /// A `bench` unit at 400 Hz with 12-bit converters and 50 mA rms of noise, one mixed actuation after 60 ms of rest.
 pub(crate) fn unit(fault: FaultVector, seed: u64) -> Scenario {
@@ -37,7 +37,7 @@ pub(crate) fn frames(scenario: &Scenario, actuator: u8) -> Vec<RawFrame> {
 /// What came of some frames.
 pub(crate) struct Outcome {
     /// Records of all windows, in order.
-    pub(crate) windows: Vec<Judged>,
+    pub(crate) windows: Vec<AssessedWindow>,
     /// Frames by what became of them.
     pub(crate) frames: FrameCounts,
     /// Samples missing by their counters.
@@ -62,7 +62,10 @@ pub(crate) fn watch_all_with(
     let config = Arc::new(config);
     let mut names = BusNames::new();
     names.intern("can0").expect("room for one interface");
-    let (mut front, mut judge) = (Front::new(config.clone()), Judge::new(config, 1));
+    let (mut front, mut judge) = (
+        Front::new(config.clone()),
+        Assessor::new(config.clone(), Models::without_files(&config).expect("no files"), 1),
+    );
     let (mut ended, mut windows) = (Vec::new(), Vec::new());
     for stream in streams {
         for frame in stream {
@@ -70,14 +73,14 @@ pub(crate) fn watch_all_with(
             windows.extend(
                 ended
                     .drain(..)
-                    .map(|job| judge.judge(job).expect("a usable configuration")),
+                    .map(|job| judge.assess(job).expect("a usable configuration")),
             );
         }
         front.finish(&mut ended);
         windows.extend(
             ended
                 .drain(..)
-                .map(|job| judge.judge(job).expect("a usable configuration")),
+                .map(|job| judge.assess(job).expect("a usable configuration")),
         );
     }
     // The default type is sampled at 2 kHz, and every sortie starts its counter anew; nothing else may be worth a notice.
@@ -99,7 +102,7 @@ pub(crate) fn watch_all_with(
 
 impl Outcome {
     /// The only window.
-    pub(crate) fn window(&self) -> &Judged {
+    pub(crate) fn window(&self) -> &AssessedWindow {
         assert_eq!(self.windows.len(), 1, "windows");
         &self.windows[0]
     }

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ema_wire::{Frame, Mode, Sample};
-use hmd::config::Config;
-use hmd::frame::{FrameFlags, RawFrame};
-use hmd::ingest::candump::{Decimals, emit};
-use hmd::ingest::file;
-use hmd::judge::Judged;
-use hmd::record::HealthLine;
 use hmd::replay::{Observer, Replay};
+use hmd_core::assess::AssessedWindow;
+use hmd_core::config::Config;
+use hmd_core::frame::{FrameFlags, RawFrame};
+use hmd_core::record::HealthLine;
+use hmd_ingest::candump::{Decimals, emit};
+use hmd_ingest::file;
 
 const SEED: u64 = 1;
 
@@ -24,7 +24,7 @@ const DEMAND: u32 = 0x2c1;
 struct Lines(Vec<String>);
 
 impl Observer for Lines {
-    fn judged(&mut self, judged: &Judged) -> io::Result<()> {
+    fn judged(&mut self, judged: &AssessedWindow) -> io::Result<()> {
         self.0.push(HealthLine::from((&judged.health, &judged.rul)).to_json());
         Ok(())
     }
@@ -127,7 +127,7 @@ fn a_bus_with_a_layout_of_its_own_gives_the_same_health_records() {
         std::fs::write(&other, translated(&log)).expect("a file");
         let ours = Config::from_toml_str("[type.bench.sensors]\nsample_rate_hz = 400", "hmd.toml").expect("valid");
         let expected = health(&log, ours);
-        let map = Config::load(fixtures().join("foreign.toml")).expect("a map that fits");
+        let map = hmd_storage::config_file::load_config(fixtures().join("foreign.toml")).expect("a map that fits");
         assert_eq!(expected.len(), 1, "{name}");
         assert!(expected[0].contains("\"status\":\"ok\""), "{name}: {}", expected[0]);
         assert_eq!(health(&other, map), expected, "{name}");

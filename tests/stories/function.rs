@@ -3,10 +3,10 @@
 use ema_identify::calibration::{MonitorForm, TypeCalibration};
 use ema_models::FaultVector;
 use ema_wire::ActuatorId;
-use hmd::config::{Config, Specification};
-use hmd::frame::RawFrame;
-use hmd::function::{Shortfall, TRIED, shortfalls};
-use hmd::simulate::{EPOCH_NS, traffic};
+use hmd_core::config::{Config, Specification};
+use hmd_core::frame::RawFrame;
+use hmd_core::functional_check::{Shortfall, TRIED, shortfalls};
+use hmd_lab::simulate::{EPOCH_NS, traffic};
 
 use crate::bench::{unit, watch_all_with};
 

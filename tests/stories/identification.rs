@@ -4,8 +4,8 @@ use ema_identify::calibration::{MonitorForm, TypeCalibration};
 use ema_identify::{Estimate, Identifier, Method, Population};
 use ema_models::reference::{Actuations, CurrentSensing, Scenario};
 use ema_models::{ActuatorParams, FaultVector, MotorKnowledge, Profile, UNKNOWN_COUNT, rss_pct};
-use hmd::calibrate::random_faults;
-use hmd::simulated::SimulatedWindow;
+use hmd_lab::calibrate_type::random_faults;
+use hmd_lab::simulated::SimulatedWindow;
 
 /// Monitor runs of one set of normal equations.
 const RUNS_PER_LINEARISATION: u64 = UNKNOWN_COUNT as u64 + 1;

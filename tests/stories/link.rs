@@ -1,7 +1,7 @@
 //! What a link does to frames on their way: seeded, and reproducible by the seed alone.
 
-use hmd::frame::RawFrame;
-use hmd::seed::mix;
+use hmd_core::frame::RawFrame;
+use hmd_core::seed::mix;
 
 /// Each frame is lost with this probability.
 pub(crate) fn drop_frames(frames: Vec<RawFrame>, probability: f64, seed: u64) -> Vec<RawFrame> {

@@ -14,7 +14,7 @@ mod onboard;
 use bench::{frames, unit, watch, watch_all};
 use ema_models::FaultVector;
 use ema_wire::{ActuatorId, Deframer, SerialPacket};
-use hmd::judge::Judged;
+use hmd_core::assess::AssessedWindow;
 
 /// A nominal vector with one parameter changed.
 fn worn(name: &str, k: f64) -> FaultVector {
@@ -28,7 +28,7 @@ fn worn(name: &str, k: f64) -> FaultVector {
 }
 
 /// The records of a window without their time of day.
-fn timeless(judged: &Judged) -> String {
+fn timeless(judged: &AssessedWindow) -> String {
     let mut judged = judged.clone();
     judged.window.t_start_ns = 0;
     judged.health.t_start_ns = 0;

@@ -10,13 +10,18 @@ use anyhow::{Context, bail};
 use crate::shell::{cargo, root, run, target_dir};
 
 /// Documents with such lines.
-const DOCUMENTS: [&str; 4] = [
+const DOCUMENTS: [&str; 6] = [
     "README.md",
     "docs/accuracy.md",
+    // The long tables of that page.
+    "fixtures/results/bench.md",
+    "fixtures/results/servo28.md",
     "docs/prognosis.md",
-    // After README.md, which makes its file.
     "docs/viewers.md",
 ];
+
+/// Makes `hmd-demo.mcap`, which documents show.
+const DEMO: &str = "demo";
 
 const BEGIN: &str = "<!-- $ hmd ";
 const END: &str = "<!-- end -->";
@@ -27,6 +32,7 @@ pub(crate) fn update() -> anyhow::Result<()> {
     let hmd = target_dir()?.join("release").join("hmd");
     let scratch = target_dir()?.join("results");
     std::fs::create_dir_all(&scratch).context("target/results")?;
+    printed(DEMO, &hmd, &scratch)?;
     for document in DOCUMENTS {
         let path = root().join(document);
         let text = std::fs::read_to_string(&path).with_context(|| document.to_owned())?;

@@ -1,5 +1,5 @@
-//! One generation of the genetic algorithm, population 200 in 8-D, with a cost that takes no time of its own: what
-//! is measured is ranking, selection, breeding and the log, the serial share of a real search.
+//! One generation of the genetic algorithm, population 200 in 8-D, with a cost that takes almost no time: the bench measures
+//! ranking, selection, breeding and the log, the serial share of a search.
 
 use core::hint::black_box;
 
@@ -25,7 +25,7 @@ impl Objective<8> for Sphere {
     }
 }
 
-/// Times are of [`GENERATIONS`] generations; the first population is a hundredth of them.
+/// Times are those of [`GENERATIONS`] generations, including the first population.
 fn generation(c: &mut Criterion) {
     let sphere = Sphere(Bounds::new([-1.0; 8], [2.0; 8]).expect("constant bounds"));
     let stop = StopRule {

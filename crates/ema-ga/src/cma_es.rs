@@ -1,26 +1,26 @@
-//! Evolution strategy with covariance matrix adaptation (CMA-ES).
+//! Evolution strategy with covariance matrix adaptation (CMA-ES): settings and search.
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::config::ConfigError;
+use crate::error::ConfigError;
 use crate::log::{Control, GenerationLog};
-use crate::operators::normal;
+use crate::operators::standard_normal;
 use crate::problem::{Bounds, Objective};
 use crate::search::{Evaluate, Outcome, Search};
-use crate::stop::{Course, StopRule};
+use crate::stop::{Progress, StopRule};
 #[cfg(feature = "std")]
 use crate::storage::OwnedStorage;
 use crate::storage::Workspace;
 use crate::stream::stream;
 
-/// Settings of CMA-ES; everything else adapts or follows from dimension and population.
+/// Settings of CMA-ES; all other constants follow from dimension and population.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CmaConfig {
     /// Individuals drawn per generation, at least 4.
     pub population: usize,
-    /// First standard deviation of every gene, in widths of the box; above 0.
+    /// Standard deviation of every gene in the first generation, in widths of the box; above 0.
     pub step: f64,
-    /// When to stop.
+    /// Conditions that end the search.
     pub stop: StopRule,
 }
 
@@ -39,11 +39,11 @@ impl CmaConfig {
         }
     }
 
-    /// Refuses settings with which the algorithm is not defined.
+    /// Checks that the algorithm is defined for these settings.
     ///
     /// # Errors
     ///
-    /// [`ConfigError`] naming the first bad value.
+    /// [`ConfigError`] with the first value out of range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         if !(4..u32::MAX as usize).contains(&self.population) {
             return Err(ConfigError::Population {
@@ -60,22 +60,24 @@ impl CmaConfig {
 
 /// Minimises by CMA-ES with weighted recombination, rank-one and rank-μ update.
 ///
-/// Everything happens in the unit box, one width of a gene being 1.
+/// The algorithm works in the unit box: the width of each gene is 1.
 ///
 /// 1. The mean is the first individual of the warm start, or the middle of the box; `C = I`, `σ` the first step.
 /// 2. `λ` individuals are drawn, `x = m + σ A z` with `C = A Aᵀ` and `z` normal, and clamped into the box.
-/// 3. They are evaluated; non-finite costs count as infinite. The line of the generation, with the best individual so far,
-///    goes to `observe`, and the stop rule is tested.
-/// 4. The better half moves the mean with logarithmic weights; the two evolution paths follow, the path of the step size
-///    in the coordinates of `A⁻¹`; rank-one and rank-μ updates change `C`, the length of its path changes `σ`. On with 2.
+/// 3. The individuals are evaluated; non-finite costs count as infinite. `observe` receives the line of the generation,
+///    which has the best individual so far, and the stop rule is tested.
+/// 4. The better half of the individuals moves the mean, with logarithmic weights. The two evolution paths are updated, that
+///    of the step size in the coordinates of `A⁻¹`. Rank-one and rank-μ updates change `C`; the length of the path of the
+///    step size changes `σ`. Continue with 2.
 ///
 /// Source: N. Hansen, "The CMA Evolution Strategy: A Tutorial", arXiv:1604.00772, with its default constants. The Cholesky
-/// factor in place of the symmetric root is that of O. Krause et al., "CMA-ES with Optimal Covariance Update and Storage
-/// Complexity", NIPS 2016. The clamp is our choice: it lets the search end on a face of the box.
+/// factor in place of the symmetric root follows O. Krause et al., "CMA-ES with Optimal Covariance Update and Storage
+/// Complexity", NIPS 2016. Clamping is chosen here: it lets the search end on a face of the box.
 ///
 /// # Errors
 ///
-/// [`ConfigError`] when the settings, the warm start or the size of the workspace do not fit.
+/// [`ConfigError`] when a setting is out of range, the warm start lies outside the box or exceeds the population, or the
+/// workspace is too small.
 pub fn cma_es<const D: usize, O: Objective<D>, E: Evaluate>(
     search: &Search<'_, D, O, E>,
     config: &CmaConfig,
@@ -84,8 +86,8 @@ pub fn cma_es<const D: usize, O: Objective<D>, E: Evaluate>(
 ) -> Result<Outcome<D>, ConfigError> {
     config.validate()?;
     search.check_initial(config.population)?;
-    let space = workspace.fit(config.population, config.stop.history())?;
-    let mut course = Course::new(config.stop, space.best_costs);
+    let space = workspace.limited_to(config.population, config.stop.history())?;
+    let mut progress = Progress::new(config.stop, space.best_costs);
     let bounds = search.objective.bounds();
 
     let constants = Constants::new(D, config.population);
@@ -97,7 +99,7 @@ pub fn cma_es<const D: usize, O: Objective<D>, E: Evaluate>(
         for (i, genes) in space.genes.iter_mut().enumerate() {
             *genes = state.draw(search.seed, generation, i as u32, bounds);
         }
-        course.spend(search.evaluate(course.budget(), space.genes, space.costs));
+        progress.count_evaluations(search.evaluate(progress.remaining_budget(), space.genes, space.costs));
         for (i, rank) in space.order.iter_mut().enumerate() {
             *rank = i;
         }
@@ -110,9 +112,9 @@ pub fn cma_es<const D: usize, O: Objective<D>, E: Evaluate>(
         if costs[leader] < best.1 || generation == 0 {
             best = (space.genes[leader], costs[leader]);
         }
-        let mut line = GenerationLog::new(generation, course.evaluations(), bounds, space.genes, costs);
+        let mut line = GenerationLog::new(generation, progress.evaluations(), bounds, space.genes, costs);
         (line.best_genes, line.best_cost) = best;
-        if let Some(stop) = course.end_generation(&line, &mut observe) {
+        if let Some(stop) = progress.end_generation(&line, &mut observe) {
             return Ok(Outcome::new(&line, stop));
         }
         state.adapt(&constants, space.genes, space.order, bounds, generation);
@@ -120,11 +122,11 @@ pub fn cma_es<const D: usize, O: Objective<D>, E: Evaluate>(
     }
 }
 
-/// [`cma_es`] with memory of its own.
+/// [`cma_es`] with memory allocated for this search.
 ///
 /// # Errors
 ///
-/// [`ConfigError`] when the settings or the warm start do not fit.
+/// [`ConfigError`] when a setting is out of range, or the warm start lies outside the box or exceeds the population.
 #[cfg(feature = "std")]
 pub fn cma_es_owned<const D: usize, O: Objective<D>, E: Evaluate>(
     search: &Search<'_, D, O, E>,
@@ -136,7 +138,7 @@ pub fn cma_es_owned<const D: usize, O: Objective<D>, E: Evaluate>(
     cma_es(search, config, storage.workspace(), observe)
 }
 
-/// Default constants of the tutorial's table 1, without negative weights.
+/// Default constants from table 1 of the tutorial, without negative weights.
 struct Constants {
     parents: usize,
     mu_eff: f64,
@@ -145,7 +147,7 @@ struct Constants {
     c_c: f64,
     c_1: f64,
     c_mu: f64,
-    /// Expected length of a normal vector.
+    /// Expected length of a standard normal vector.
     chi: f64,
 }
 
@@ -185,6 +187,7 @@ fn raw_weight(rank: usize, parents: usize) -> f64 {
     libm::log(parents as f64 + 0.5) - libm::log(rank as f64 + 1.0)
 }
 
+/// Sampling distribution `m + σ A z` and its evolution paths, in the unit box.
 struct State<const D: usize> {
     mean: SVector<f64, D>,
     step: f64,
@@ -206,7 +209,7 @@ impl<const D: usize> State<D> {
         }
     }
 
-    /// `A` of `C = A Aᵀ`. A covariance that has lost its definiteness to rounding starts again as the identity.
+    /// Computes `A` of `C = A Aᵀ`. A covariance that rounding has made indefinite is reset to the identity.
     fn factorise(&mut self) {
         match self.covariance.cholesky() {
             Some(found) => self.factor = found.l(),
@@ -217,13 +220,15 @@ impl<const D: usize> State<D> {
         }
     }
 
+    /// Draws one individual, clamped into the box.
     fn draw(&self, seed: u64, generation: u32, individual: u32, bounds: &Bounds<D>) -> [f64; D] {
         let rng = &mut stream(seed, generation, individual);
-        let z = SVector::from_fn(|_, _| normal(rng));
+        let z = SVector::from_fn(|_, _| standard_normal(rng));
         let x = self.mean + self.factor * z * self.step;
         bounds.clamp(core::array::from_fn(|i| bounds.lower()[i] + bounds.width(i) * x[i]))
     }
 
+    /// Updates mean, paths, covariance and step size from the ranked individuals of a generation.
     fn adapt(
         &mut self,
         constants: &Constants,
@@ -255,7 +260,7 @@ impl<const D: usize> State<D> {
         self.path_sigma *= 1.0 - c_sigma;
         self.path_sigma += whitened * libm::sqrt(c_sigma * (2.0 - c_sigma) * constants.mu_eff);
         let length = self.path_sigma.norm();
-        // While the step size still grows fast, the path of C stands still.
+        // The path of C is not updated while the step size grows fast.
         let settled = 1.0 - libm::pow(1.0 - c_sigma, 2.0 * f64::from(generation + 1));
         let bound = (1.4 + 2.0 / (D as f64 + 1.0)) * constants.chi;
         let moving = if length / libm::sqrt(settled) < bound { 1.0 } else { 0.0 };
@@ -278,8 +283,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_constants_are_those_of_the_tutorial_for_ten_dimensions() {
-        // λ = 10: μ = 5, and the table's formulas by hand.
+    fn constants_for_ten_dimensions_match_the_tutorial() {
+        // λ = 10: μ = 5; the other values follow from the table's formulas by hand.
         let c = Constants::new(10, 10);
         assert_eq!(c.parents, 5);
         assert!((c.mu_eff - 3.167).abs() < 1e-3, "{}", c.mu_eff);

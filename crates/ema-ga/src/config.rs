@@ -1,13 +1,12 @@
-//! Settings of the genetic algorithm, checked before use; defaults are those of MATLAB's `ga` for a bounded problem.
+//! Settings of the genetic algorithm, checked before use. The defaults are those of MATLAB's `ga` for a bounded problem.
 
-use core::fmt;
-
+use crate::error::ConfigError;
 use crate::stop::StopRule;
 
 /// Settings of the genetic algorithm.
 ///
-/// Two choices are fixed, because nothing here needs another: fitness is scaled by rank, `1/sqrt(rank)`, and crossover
-/// is scattered. There is no seed: it is an argument of the search.
+/// Two choices are fixed: fitness is scaled by rank, `1/sqrt(rank)`, and crossover is scattered. The seed is an argument of
+/// the search, not a setting.
 ///
 /// ```
 /// use ema_ga::{GaConfig, Mutation, Selection};
@@ -22,19 +21,20 @@ use crate::stop::StopRule;
 pub struct GaConfig {
     /// Individuals per generation, at least 2.
     pub population: usize,
-    /// Best individuals that live on unchanged; at least 1, so that the best cost never rises, and below `population`.
+    /// Number of best individuals copied unchanged into the next generation; at least 1, so that the best cost never rises,
+    /// and below `population`.
     pub elite_count: usize,
-    /// Share of the other individuals that crossover makes, 0 to 1; mutation makes the rest.
+    /// Share of the other individuals that crossover produces, 0 to 1; mutation produces the rest.
     pub crossover_fraction: f64,
-    /// How parents are chosen.
+    /// Selection of parents.
     pub selection: Selection,
-    /// How mutants are made.
+    /// Mutation of a parent.
     pub mutation: Mutation,
-    /// When to stop.
+    /// Conditions that end the search.
     pub stop: StopRule,
 }
 
-/// How parents are chosen.
+/// Selection of parents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Selection {
     /// Stochastic universal sampling; MATLAB calls it "stochastic uniform".
@@ -46,17 +46,17 @@ pub enum Selection {
     },
 }
 
-/// How mutants are made.
+/// Mutation of a parent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Mutation {
     /// Normal steps in every gene, with a standard deviation that falls linearly over the generations.
     Gaussian {
-        /// Standard deviation in the first generation relative to the width of the box, above 0.
+        /// Standard deviation in the first generation, relative to the width of the box; above 0.
         scale: f64,
-        /// Share of `scale` that is gone in the last generation, 0 to 1.
+        /// Share of `scale` by which the standard deviation has fallen in the last generation, 0 to 1.
         shrink: f64,
     },
-    /// Random directions with one step length for all, which follows the success of the last generation.
+    /// Steps in random directions, of one length for all individuals, which adapts to the success of the last generation.
     AdaptiveFeasible,
 }
 
@@ -75,20 +75,20 @@ impl GaConfig {
         }
     }
 
-    /// Children by crossover in each generation, `round(crossover_fraction (population - elite_count))`.
+    /// Number of children that crossover produces in each generation, `round(crossover_fraction (population - elite_count))`.
     #[must_use]
     pub fn crossover_children(&self) -> usize {
         libm::round(self.crossover_fraction * self.population.saturating_sub(self.elite_count) as f64) as usize
     }
 
-    /// Refuses settings with which the algorithm is not defined.
+    /// Checks that the algorithm is defined for these settings.
     ///
     /// # Errors
     ///
-    /// [`ConfigError`] naming the first bad value.
+    /// [`ConfigError`] with the first value out of range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         let population = self.population;
-        // The random streams address individuals by 32 bits, the last one being reserved.
+        // Random streams address an individual by 32 bits; the largest index is reserved.
         if !(2..u32::MAX as usize).contains(&population) {
             return Err(ConfigError::Population {
                 got: population,
@@ -118,109 +118,12 @@ impl GaConfig {
     }
 }
 
-/// Why a search was refused.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum ConfigError {
-    /// Too few or too many individuals.
-    Population {
-        /// Configured value.
-        got: usize,
-        /// Smallest possible value.
-        min: usize,
-    },
-    /// Elite not in `1..population`.
-    EliteCount {
-        /// Configured value.
-        got: usize,
-        /// Individuals per generation.
-        population: usize,
-    },
-    /// Crossover fraction not in 0 to 1.
-    CrossoverFraction {
-        /// Configured value.
-        got: f64,
-    },
-    /// Tournament of nobody.
-    TournamentSize,
-    /// Gaussian mutation with `scale` not above 0 or `shrink` not in 0 to 1.
-    Gaussian {
-        /// Configured value.
-        scale: f64,
-        /// Configured value.
-        shrink: f64,
-    },
-    /// First step of CMA-ES not above 0 or not finite.
-    Step {
-        /// Configured value.
-        got: f64,
-    },
-    /// Stall window of no generation.
-    StallWindow,
-    /// Function tolerance negative or not finite.
-    FunctionTolerance {
-        /// Configured value.
-        got: f64,
-    },
-    /// Cost limit is NaN.
-    CostLimit,
-    /// Evaluation budget of zero.
-    NoEvaluations,
-    /// More warm-start individuals than the population holds.
-    TooManyInitial {
-        /// Individuals given.
-        got: usize,
-        /// Individuals per generation.
-        population: usize,
-    },
-    /// A warm-start individual lies outside the box or is NaN.
-    InitialOutside {
-        /// Its index.
-        individual: usize,
-    },
-    /// The workspace is too small for the population or for the stall window.
-    Storage {
-        /// Slots needed.
-        expected: usize,
-        /// Slots lent.
-        got: usize,
-    },
-}
-
-impl fmt::Display for ConfigError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Population { got, min } => write!(f, "population {got}, expected at least {min}"),
-            Self::EliteCount { got, population } => write!(f, "elite count {got}, expected 1 to {population} - 1"),
-            Self::CrossoverFraction { got } => write!(f, "crossover fraction {got}, expected 0 to 1"),
-            Self::TournamentSize => write!(f, "tournament size 0, expected at least 1"),
-            Self::Gaussian { scale, shrink } => {
-                write!(
-                    f,
-                    "mutation scale {scale}, shrink {shrink}, expected scale above 0 and shrink 0 to 1"
-                )
-            }
-            Self::Step { got } => write!(f, "first step {got}, expected finite and above 0"),
-            Self::StallWindow => write!(f, "stall window 0, expected at least 1 generation"),
-            Self::FunctionTolerance { got } => write!(f, "function tolerance {got}, expected finite and not negative"),
-            Self::CostLimit => write!(f, "cost limit is NaN"),
-            Self::NoEvaluations => write!(f, "evaluation budget 0, expected at least 1"),
-            Self::TooManyInitial { got, population } => {
-                write!(f, "{got} initial individuals, expected at most {population}")
-            }
-            Self::InitialOutside { individual } => write!(f, "initial individual {individual} outside the bounds"),
-            Self::Storage { expected, got } => write!(f, "workspace holds {got}, expected at least {expected}"),
-        }
-    }
-}
-
-impl core::error::Error for ConfigError {}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn every_setting_out_of_range_is_named() {
+    fn the_error_names_the_setting_out_of_range() {
         let good = GaConfig::for_dimension(8);
         assert_eq!(good.validate(), Ok(()));
         let stop = good.stop;

@@ -1,23 +1,23 @@
-//! Differential evolution with self-adapting parameters (jDE).
+//! Differential evolution with self-adapting parameters (jDE): settings and search.
 
 use rand::{Rng, RngExt};
 
-use crate::config::ConfigError;
+use crate::error::ConfigError;
 use crate::log::{Control, GenerationLog};
 use crate::problem::{Bounds, Objective};
 use crate::search::{Evaluate, Outcome, Search};
-use crate::stop::{Course, StopRule};
+use crate::stop::{Progress, StopRule};
 #[cfg(feature = "std")]
 use crate::storage::OwnedStorage;
 use crate::storage::Workspace;
 use crate::stream::stream;
 
-/// Settings of differential evolution; its scale and crossover rate adapt by themselves.
+/// Settings of differential evolution; scale and crossover rate adapt by themselves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeConfig {
-    /// Individuals, at least 4: a trial needs three others.
+    /// Individuals per generation, at least 4: a trial needs three others.
     pub population: usize,
-    /// When to stop.
+    /// Conditions that end the search.
     pub stop: StopRule,
 }
 
@@ -35,11 +35,11 @@ impl DeConfig {
         }
     }
 
-    /// Refuses settings with which the algorithm is not defined.
+    /// Checks that the algorithm is defined for these settings.
     ///
     /// # Errors
     ///
-    /// [`ConfigError`] naming the first bad value.
+    /// [`ConfigError`] with the first value out of range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         if !(4..u32::MAX as usize).contains(&self.population) {
             return Err(ConfigError::Population {
@@ -53,21 +53,23 @@ impl DeConfig {
 
 /// Minimises by differential evolution, strategy rand/1/bin.
 ///
-/// 1. The first population is the warm start, filled up with uniform points of the box; `F = 0.5`, `C = 0.9` for all.
-/// 2. It is evaluated; non-finite costs count as infinite.
-/// 3. The line of the generation goes to `observe`, and the stop rule is tested.
-/// 4. For every individual: with probability 0.1 each, its trial draws a new scale `F` from 0.1 to 1 and a new crossover
-///    rate `C` from 0 to 1; three other individuals give `v = x_1 + F (x_2 - x_3)`, clamped into the box; the trial
-///    takes each gene of `v` with probability `C`, one gene for certain, and the other genes from the individual.
+/// 1. The first population is the warm start, completed with uniform points of the box; `F = 0.5`, `C = 0.9` for all.
+/// 2. The population is evaluated; non-finite costs count as infinite.
+/// 3. `observe` receives the line of the generation, and the stop rule is tested.
+/// 4. Every individual gets a trial. With probability 0.1 each, the trial draws a new scale `F` from 0.1 to 1 and a new
+///    crossover rate `C` from 0 to 1. Three other individuals give `v = x_1 + F (x_2 - x_3)`, clamped into the box. The trial
+///    takes each gene from `v` with probability `C`, one random gene always, and the other genes from the individual.
 /// 5. The trials are evaluated, as far as the budget allows.
-/// 6. A trial that is no worse replaces its individual and hands down `F` and `C`; on with 3.
+/// 6. A trial whose cost is not higher replaces its individual, and its `F` and `C` replace the individual's. Continue with
+///    3.
 ///
 /// Source: J. Brest et al., "Self-adapting control parameters in differential evolution", IEEE Trans. Evol. Comput.
-/// 10(6), 2006. The clamp is our choice: it lets the search end on a face of the box.
+/// 10(6), 2006. Clamping is chosen here: it lets the search end on a face of the box.
 ///
 /// # Errors
 ///
-/// [`ConfigError`] when the settings, the warm start or the size of the workspace do not fit.
+/// [`ConfigError`] when a setting is out of range, the warm start lies outside the box or exceeds the population, or the
+/// workspace is too small.
 pub fn differential_evolution<const D: usize, O: Objective<D>, E: Evaluate>(
     search: &Search<'_, D, O, E>,
     config: &DeConfig,
@@ -76,17 +78,17 @@ pub fn differential_evolution<const D: usize, O: Objective<D>, E: Evaluate>(
 ) -> Result<Outcome<D>, ConfigError> {
     config.validate()?;
     search.check_initial(config.population)?;
-    let space = workspace.fit(config.population, config.stop.history())?;
-    let mut course = Course::new(config.stop, space.best_costs);
+    let space = workspace.limited_to(config.population, config.stop.history())?;
+    let mut progress = Progress::new(config.stop, space.best_costs);
     let bounds = search.objective.bounds();
 
     search.populate(space.genes);
     space.controls.fill([[0.5, 0.9]; 2]);
-    course.spend(search.evaluate(course.budget(), space.genes, space.costs));
+    progress.count_evaluations(search.evaluate(progress.remaining_budget(), space.genes, space.costs));
     let mut generation = 0;
     loop {
-        let line = GenerationLog::new(generation, course.evaluations(), bounds, space.genes, space.costs);
-        if let Some(stop) = course.end_generation(&line, &mut observe) {
+        let line = GenerationLog::new(generation, progress.evaluations(), bounds, space.genes, space.costs);
+        if let Some(stop) = progress.end_generation(&line, &mut observe) {
             return Ok(Outcome::new(&line, stop));
         }
 
@@ -97,8 +99,8 @@ pub fn differential_evolution<const D: usize, O: Objective<D>, E: Evaluate>(
             space.offspring[i] = trial(rng, space.genes, i, *of_trial, bounds);
         }
 
-        let evaluated = search.evaluate(course.budget(), space.offspring, space.offspring_costs);
-        course.spend(evaluated);
+        let evaluated = search.evaluate(progress.remaining_budget(), space.offspring, space.offspring_costs);
+        progress.count_evaluations(evaluated);
         for i in 0..evaluated {
             if space.offspring_costs[i] <= space.costs[i] {
                 space.genes[i] = space.offspring[i];
@@ -109,11 +111,11 @@ pub fn differential_evolution<const D: usize, O: Objective<D>, E: Evaluate>(
     }
 }
 
-/// [`differential_evolution`] with memory of its own.
+/// [`differential_evolution`] with memory allocated for this search.
 ///
 /// # Errors
 ///
-/// [`ConfigError`] when the settings or the warm start do not fit.
+/// [`ConfigError`] when a setting is out of range, or the warm start lies outside the box or exceeds the population.
 #[cfg(feature = "std")]
 pub fn differential_evolution_owned<const D: usize, O: Objective<D>, E: Evaluate>(
     search: &Search<'_, D, O, E>,
@@ -137,6 +139,7 @@ fn adapt_controls(rng: &mut impl Rng, [scale, rate]: [f64; 2]) -> [f64; 2] {
     ]
 }
 
+/// Trial of individual `own`: its genes crossed with the difference vector of three others.
 fn trial<const D: usize>(
     rng: &mut impl Rng,
     genes: &[[f64; D]],
@@ -176,7 +179,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_smallest_population_still_finds_three_others() {
+    fn a_population_of_four_has_three_others() {
         for generation in 0..100 {
             let mut others = three_others(&mut stream(1, generation, 0), 4, 2);
             others.sort_unstable();

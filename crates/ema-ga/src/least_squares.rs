@@ -6,21 +6,22 @@ use crate::problem::Bounds;
 
 /// A sum of squares `0.5 sum r^2`, given by its normal equations.
 ///
-/// The caller forms `J^T J` itself while it streams over its samples; no residual vector need ever exist.
+/// The implementation accumulates `J^T J` over its samples, so no residual vector is stored.
 pub trait Residuals<const D: usize> {
     /// Writes `J^T J` and `J^T r`, with `J = dr/dgenes`, and returns the cost `0.5 sum r^2`.
     ///
-    /// Both arrive filled with zeros. Derivatives may be finite differences; at a bound they have to look inwards.
+    /// Both are zero on entry. Derivatives may be finite differences, which must point into the box at a bound.
     fn normal_equations(&self, genes: &[f64; D], jtj: &mut SMatrix<f64, D, D>, jtr: &mut SVector<f64, D>) -> f64;
 
-    /// The cost alone; it agrees with that of [`Residuals::normal_equations`] to well below [`LmConfig::cost_tolerance`].
+    /// The cost alone. It equals that of [`Residuals::normal_equations`] up to far less than [`LmConfig::cost_tolerance`].
     fn cost(&self, genes: &[f64; D]) -> f64;
 
-    /// Moves a point of the box that stands for another one to that: where a part of the box is no part of the problem. The
-    /// costs of both must be the same.
-    fn fold(&self, _genes: &mut [f64; D]) {}
+    /// Projects a point of the box into the domain of the problem, where that is smaller than the box.
+    ///
+    /// The cost of both points must be the same. By default the domain is the box.
+    fn project(&self, _genes: &mut [f64; D]) {}
 
-    /// Points whose costs [`Residuals::costs`] finds in about the time of one; 1 where there is no such way.
+    /// Number of points whose costs [`Residuals::costs`] computes in about the time of one; 1 without such an evaluation.
     const SIDE_BY_SIDE: usize = 1;
 
     /// Costs of at most [`Residuals::SIDE_BY_SIDE`] points, the same bits as from [`Residuals::cost`].
@@ -34,15 +35,15 @@ pub trait Residuals<const D: usize> {
 /// Settings of [`levenberg_marquardt`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LmConfig {
-    /// Linearisations at most.
+    /// Largest number of linearisations.
     pub max_iterations: u32,
-    /// Calls of [`Residuals::normal_equations`] and [`Residuals::cost`] together at most; at least 1.
+    /// Largest number of calls of [`Residuals::normal_equations`] and [`Residuals::cost`] together; at least 1.
     pub max_evaluations: u32,
     /// Converged when, for every free gene, the cosine between its column of `J` and `r` is at most this.
     pub gradient_tolerance: f64,
     /// Converged when a step changes no gene by more than this, relative to the width of the box.
     pub step_tolerance: f64,
-    /// Converged when an accepted step lowers the cost by at most this share of it.
+    /// Converged when an accepted step lowers the cost by at most this share of the cost.
     pub cost_tolerance: f64,
 }
 
@@ -62,28 +63,28 @@ impl Default for LmConfig {
 /// Why Levenberg-Marquardt ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LmStop {
-    /// The gradient vanishes in every gene that can still move; a perfect fit counts as well.
+    /// The gradient vanishes in every gene that is not held at its bound; this includes a perfect fit.
     Gradient,
-    /// The step became negligible: no descent is left at this resolution.
+    /// The step became negligible: no lower cost is found at this resolution.
     Step,
-    /// The last step hardly lowered the cost. Derivatives at the point returned were not formed.
+    /// The last step lowered the cost by no more than the tolerance. The derivatives at the returned point are not computed.
     Cost,
-    /// The last iteration was reached.
+    /// The search reached the largest number of linearisations.
     MaxIterations,
-    /// The evaluation budget is spent.
+    /// The evaluation budget is used up.
     MaxEvaluations,
-    /// Cost or derivatives, as far as they were formed, are not finite at the point returned.
+    /// The cost, or a derivative that was computed, is not finite at the returned point.
     NotFinite,
 }
 
-/// What Levenberg-Marquardt found.
+/// Result of Levenberg-Marquardt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LmOutcome<const D: usize> {
     /// Best point, inside the box.
     pub genes: [f64; D],
     /// Its cost `0.5 sum r^2`, never above the cost of the start.
     pub cost: f64,
-    /// Linearisations made.
+    /// Number of linearisations.
     pub iterations: u32,
     /// Calls of [`Residuals::normal_equations`] and [`Residuals::cost`] together.
     pub evaluations: u32,
@@ -94,16 +95,16 @@ pub struct LmOutcome<const D: usize> {
 /// Minimises a sum of squares over a box, from `start`, which is clamped into the box.
 ///
 /// 1. Linearise: `J^T J`, `g = J^T r` and the cost.
-/// 2. Freeze the genes that sit at a bound and whose gradient pushes outwards; test the gradient of the others.
-/// 3. Solve `(J^T J + lambda diag(J^T J)) d = -g` for the free genes. A gene whose step would leave the box is set to
-///    its bound and the rest is solved again, so that `d` stays in the box.
+/// 2. Freeze the genes at a bound along which the cost falls only towards the outside; test the gradient of the others.
+/// 3. Solve `(J^T J + lambda diag(J^T J)) d = -g` for the free genes. A gene whose step leaves the box is set to its bound,
+///    and the others are solved again, so that `d` stays in the box.
 /// 4. The gain ratio is (cost decrease) / (decrease of the quadratic model, `-(g^T d + 0.5 d^T J^T J d)`).
-/// 5. Above zero the step is taken and `lambda` falls by `max(1/3, 1 - (2 gain - 1)^3)`; on with 1, unless
-///    the cost fell by no more than `cost_tolerance`, which ends the search. Otherwise, also when
-///    the cost is not finite, `lambda` rises by 2, 4, 8, ... and 3 is repeated.
+/// 5. If the gain ratio is above zero, the step is accepted and `lambda` is multiplied by `max(1/3, 1 - (2 gain - 1)^3)`. The
+///    search ends if the cost fell by no more than `cost_tolerance`, and else continues with 1. If the gain ratio is not
+///    above zero, or the cost is not finite, `lambda` is multiplied by 2, 4, 8, ..., and 3 is repeated.
 ///
-/// Where costs can be found side by side, a first rejection finds those of the repetitions to come at once. That changes
-/// neither the result nor the count of evaluations, which leaves out those that were not needed.
+/// If [`Residuals::SIDE_BY_SIDE`] is above 1, the first rejection computes the costs of the following trials at once. This
+/// changes neither the result nor the count of evaluations, which omits the costs that are not used.
 ///
 /// Source of the damping rule: H. B. Nielsen, "Damping parameter in Marquardt's method", IMM-REP-1999-05, DTU.
 ///
@@ -175,14 +176,14 @@ pub fn levenberg_marquardt<const D: usize>(
             }
             let next = |damping| {
                 let mut trial = model.trial(&at.genes, bounds, frozen, damping)?;
-                residuals.fold(&mut trial);
+                residuals.project(&mut trial);
                 Some(trial)
             };
             if let Some(trial) = next(damping) {
                 if (0..D).all(|i| (trial[i] - at.genes[i]).abs() <= config.step_tolerance * bounds.width(i)) {
                     return at.ended(LmStop::Step);
                 }
-                let trial_cost = ahead.take().unwrap_or_else(|| residuals.cost(&trial));
+                let trial_cost = ahead.next_cost().unwrap_or_else(|| residuals.cost(&trial));
                 at.evaluations += 1;
                 let gain = (cost - trial_cost) / model.decrease(&at.genes, &trial);
                 if trial_cost < cost && gain > 0.0 {
@@ -219,7 +220,7 @@ impl<const D: usize> LmOutcome<D> {
     }
 }
 
-/// Costs of the trials to come, each rejected in turn.
+/// Costs of the following trials, computed at once, under the assumption that each trial before is rejected.
 #[derive(Default)]
 struct Ahead {
     costs: [f64; MAX_AHEAD],
@@ -227,11 +228,11 @@ struct Ahead {
     len: usize,
 }
 
-/// Most costs found ahead: damping rises by 2^120 over as many rejections.
+/// Largest number of costs computed ahead: damping rises by 2^120 over as many rejections.
 const MAX_AHEAD: usize = 16;
 
 impl Ahead {
-    fn take(&mut self) -> Option<f64> {
+    fn next_cost(&mut self) -> Option<f64> {
         let cost = *self.costs[..self.len].get(self.next)?;
         self.next += 1;
         Some(cost)
@@ -241,7 +242,7 @@ impl Ahead {
         self.next == self.len
     }
 
-    /// Finds the costs of the trials that `trial` numbers from 0, up to the first that it does not have.
+    /// Computes the costs of `trial(0)`, `trial(1)`, ... up to the first that is `None`.
     fn fill<const D: usize, L: Residuals<D>>(&mut self, residuals: &L, trial: impl Fn(i32) -> Option<[f64; D]>) {
         let most = L::SIDE_BY_SIDE.min(MAX_AHEAD);
         if most < 2 {
@@ -273,7 +274,7 @@ impl<const D: usize> Model<D> {
             .all(|value| value.is_finite())
     }
 
-    /// Genes at a bound that the gradient pushes out of the box.
+    /// Genes at a bound along which the cost falls only towards the outside of the box.
     fn pushed_outwards(&self, genes: &[f64; D], bounds: &Bounds<D>) -> [bool; D] {
         core::array::from_fn(|i| {
             let slope = self.gradient[i];
@@ -289,7 +290,7 @@ impl<const D: usize> Model<D> {
 
     /// The point of the box that the damped model proposes; `None` when its matrix is not positive definite.
     fn trial(&self, genes: &[f64; D], bounds: &Bounds<D>, mut fixed: [bool; D], damping: f64) -> Option<[f64; D]> {
-        // A gene without influence has a zero diagonal; the floor keeps the matrix regular.
+        // A gene without influence has a zero on the diagonal; the floor keeps the matrix regular.
         let floor = self.jtj.diagonal().max() * f64::EPSILON;
         let mut trial = *genes;
         loop {
@@ -324,7 +325,7 @@ impl<const D: usize> Model<D> {
         }
     }
 
-    /// How far the model falls from `genes` to `trial`.
+    /// Decrease of the model's cost from `genes` to `trial`.
     fn decrease(&self, genes: &[f64; D], trial: &[f64; D]) -> f64 {
         let step = SVector::<f64, D>::from_fn(|i, _| trial[i] - genes[i]);
         -(self.gradient.dot(&step) + 0.5 * step.dot(&(self.jtj * step)))
@@ -339,7 +340,7 @@ const MAX_DAMPING: f64 = 1e16;
 mod tests {
     use super::*;
 
-    /// Rosenbrock's valley, `r = (1 - x, 10 (y - x^2))`, whose bends reject many a step.
+    /// Rosenbrock's valley, `r = (1 - x, 10 (y - x^2))`; its curvature causes many rejected steps.
     struct Valley<const SIDE_BY_SIDE: usize>;
 
     impl<const N: usize> Residuals<2> for Valley<N> {
@@ -359,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn costs_found_ahead_change_nothing() {
+    fn costs_computed_ahead_do_not_change_the_result() {
         let bounds = Bounds::new([-3.0; 2], [3.0; 2]).unwrap();
         let config = LmConfig::default();
         let one = levenberg_marquardt(&Valley::<1>, &bounds, [-1.9, 2.0], &config);

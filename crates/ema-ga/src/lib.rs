@@ -1,23 +1,24 @@
-//! Bounded minimisers that know nothing of what they minimise.
+//! Minimisers of a cost over a box: three population searches and a least-squares refinement.
 //!
 //! | module | content |
 //! |---|---|
-//! | [`problem`] | what is minimised: [`Objective`], [`Bounds`] |
-//! | [`search`] | what every population search needs: [`Search`], serial and parallel evaluation |
+//! | [`problem`] | [`Objective`], the cost to minimise, and [`Bounds`], the box |
+//! | [`search`] | [`Search`], the input of every population search; serial and parallel evaluation |
 //! | [`config`] | [`GaConfig`], operators as enums, the defaults of MATLAB's `ga` |
-//! | [`stop`] | [`StopRule`] and [`StopReason`], shared by both population searches |
+//! | [`stop`] | [`StopRule`] and [`StopReason`] of the population searches |
+//! | [`error`] | [`ConfigError`]: why a search rejects its input |
 //! | [`storage`] | [`Workspace`]: memory lent by the caller, fixed arrays or vectors |
 //! | [`stream`] | one random stream per (seed, generation, individual) |
 //! | [`operators`] | selection, crossover, mutation |
 //! | [`evolve`](mod@evolve) | the genetic algorithm |
-//! | [`differential_evolution`](mod@differential_evolution) | the same problem by differential evolution |
-//! | [`cma_es`](mod@cma_es) | the same problem by evolution strategy with covariance matrix adaptation |
+//! | [`differential_evolution`](mod@differential_evolution) | differential evolution |
+//! | [`cma_es`](mod@cma_es) | evolution strategy with covariance matrix adaptation |
 //! | [`least_squares`] | bounded Levenberg-Marquardt, for sums of squares near the solution |
 //! | [`log`] | one typed line per generation |
 //!
 //! Genes are `[f64; D]`. The core neither allocates nor uses `std`; feature `std` adds `Parallel` evaluation,
-//! `OwnedStorage` and the functions that use it. For one seed the result is the same, bit for bit, serially and on
-//! any number of threads: workers only fill their own slots of the cost array and never draw a random number.
+//! `OwnedStorage` and the functions that use it. One seed gives the same result, bit for bit, serially and on any number of
+//! threads: a worker only fills its own slots of the cost array and never draws a random number.
 //!
 //! ```
 //! use ema_ga::{Bounds, Control, FixedStorage, GaConfig, Objective, Search, Serial, evolve};
@@ -49,6 +50,7 @@ extern crate std;
 pub mod cma_es;
 pub mod config;
 pub mod differential_evolution;
+pub mod error;
 pub mod evolve;
 pub mod least_squares;
 pub mod log;
@@ -62,10 +64,11 @@ pub mod stream;
 #[cfg(feature = "std")]
 pub use cma_es::cma_es_owned;
 pub use cma_es::{CmaConfig, cma_es};
-pub use config::{ConfigError, GaConfig, Mutation, Selection};
+pub use config::{GaConfig, Mutation, Selection};
 #[cfg(feature = "std")]
 pub use differential_evolution::differential_evolution_owned;
 pub use differential_evolution::{DeConfig, differential_evolution};
+pub use error::ConfigError;
 pub use evolve::evolve;
 #[cfg(feature = "std")]
 pub use evolve::evolve_owned;

@@ -1,36 +1,36 @@
-//! One typed line per generation.
+//! One typed line per generation, for the callback of a search.
 
 use crate::problem::Bounds;
 
-/// What one generation came to.
+/// Summary of one generation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GenerationLog<const D: usize> {
-    /// Generation, 0 being the initial population.
+    /// Number of the generation; 0 is the initial population.
     pub generation: u32,
-    /// Costs computed so far.
+    /// Costs computed since the start of the search.
     pub evaluations: u64,
     /// Smallest cost of the population; infinite when none is finite.
     pub best_cost: f64,
     /// Mean of the finite costs of the population; infinite when none is finite.
     pub mean_cost: f64,
-    /// How far the individuals lie apart: root mean square over genes of (standard deviation over the population /
-    /// width of the box). 0 when all are equal, 0.29 when uniform, at most 0.5.
+    /// Diversity of the population: root mean square over the genes of (standard deviation over the population / width of
+    /// the box). 0 when all individuals are equal, 0.29 when they are uniform in the box, at most 0.5.
     pub spread: f64,
-    /// Genes of the individual with the smallest cost, the first of equals.
+    /// Genes of the individual with the smallest cost; of equal costs, the lowest index.
     pub best_genes: [f64; D],
 }
 
-/// What the callback wants after it has seen a line.
+/// Answer of the callback to a line: whether the search continues.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Control {
-    /// Go on.
+    /// Continue the search.
     Continue,
     /// End the search with this generation.
     Stop,
 }
 
 impl<const D: usize> GenerationLog<D> {
-    /// Summarises a population that is not empty. Sums run in index order, so that the line is reproducible.
+    /// Summarises a population that is not empty. Sums run in the order of the index, so that the line is reproducible.
     pub(crate) fn new(
         generation: u32,
         evaluations: u64,
@@ -64,6 +64,7 @@ impl<const D: usize> GenerationLog<D> {
     }
 }
 
+/// [`GenerationLog::spread`] of a population.
 fn spread<const D: usize>(bounds: &Bounds<D>, genes: &[[f64; D]]) -> f64 {
     let count = genes.len() as f64;
     let mut total = 0.0;
@@ -84,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn line_skips_infinite_costs_and_scales_spread_by_the_box() {
+    fn the_mean_omits_infinite_costs_and_the_spread_is_relative_to_the_box() {
         let bounds = Bounds::new([0.0, -100.0], [1.0, 100.0]).unwrap();
         let corners = [[0.0, -100.0], [1.0, 100.0]];
         let line = GenerationLog::new(3, 7, &bounds, &corners, &[f64::INFINITY, 2.0]);

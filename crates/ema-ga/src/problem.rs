@@ -1,22 +1,22 @@
-//! What is minimised: a cost over a box.
+//! The problem of a search: a cost and the box of genes over which it is minimised.
 
 use core::fmt;
 
 /// A cost to be minimised over a box of `D` genes.
 ///
-/// The cost of an individual may depend on its own genes only. It may be non-finite: such an individual ranks behind
-/// every finite one.
+/// The cost of an individual depends on its own genes only. It may be non-finite: such an individual ranks behind every one
+/// with a finite cost.
 pub trait Objective<const D: usize>: Sync {
-    /// The box that is searched.
+    /// The box of admissible genes.
     fn bounds(&self) -> &Bounds<D>;
 
     /// Cost of one individual, smaller is better.
     fn cost(&self, genes: &[f64; D]) -> f64;
 
-    /// Costs of several individuals into the slots of the same index.
+    /// Writes the cost of `genes[i]` to `costs[i]`.
     ///
-    /// Override it to evaluate individuals side by side in SIMD lanes. At most [`batch_size`](Self::batch_size)
-    /// individuals arrive at once, fewer in the last batch of a generation; a cost may not depend on its neighbours.
+    /// Override it to evaluate several individuals in SIMD lanes. It receives at most [`batch_size`](Self::batch_size)
+    /// individuals, and fewer in the last batch of a generation. A cost must not depend on the other individuals.
     fn cost_batch(&self, genes: &[[f64; D]], costs: &mut [f64]) {
         for (slot, individual) in costs.iter_mut().zip(genes) {
             *slot = self.cost(individual);
@@ -29,7 +29,7 @@ pub trait Objective<const D: usize>: Sync {
     }
 }
 
-/// A box with finite sides: `lower[i] < upper[i]` for every gene `i`.
+/// A box of finite width: `lower[i] < upper[i]` for every gene `i`.
 ///
 /// ```
 /// use ema_ga::{Bounds, BoundsError};
@@ -46,7 +46,7 @@ pub struct Bounds<const D: usize> {
 }
 
 impl<const D: usize> Bounds<D> {
-    /// A checked box.
+    /// The box between two corners, checked.
     ///
     /// # Errors
     ///
@@ -64,13 +64,13 @@ impl<const D: usize> Bounds<D> {
         Ok(Self { lower, upper })
     }
 
-    /// Lower bound of every gene.
+    /// Lower bounds, one per gene.
     #[must_use]
     pub fn lower(&self) -> &[f64; D] {
         &self.lower
     }
 
-    /// Upper bound of every gene.
+    /// Upper bounds, one per gene.
     #[must_use]
     pub fn upper(&self) -> &[f64; D] {
         &self.upper
@@ -82,20 +82,20 @@ impl<const D: usize> Bounds<D> {
         self.upper[gene] - self.lower[gene]
     }
 
-    /// Whether every gene lies in the box, bounds included; NaN does not.
+    /// Whether every gene lies within its bounds, bounds included; false for NaN.
     #[must_use]
     pub fn contains(&self, genes: &[f64; D]) -> bool {
         (0..D).all(|i| (self.lower[i]..=self.upper[i]).contains(&genes[i]))
     }
 
-    /// The nearest point of the box; NaN stays NaN.
+    /// Nearest point of the box; NaN stays NaN.
     #[must_use]
     pub fn clamp(&self, genes: [f64; D]) -> [f64; D] {
         core::array::from_fn(|i| genes[i].clamp(self.lower[i], self.upper[i]))
     }
 }
 
-/// Why a pair of bounds is no box.
+/// Why two corners do not form a box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BoundsError {
     /// A bound, or the width between the two, is infinite or NaN.
@@ -136,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bounds_refuse_nan_infinity_overflowing_width_and_equal_sides() {
+    fn bounds_reject_nan_infinity_overflowing_width_and_zero_width() {
         for (lower, upper) in [(f64::NAN, 1.0), (0.0, f64::INFINITY), (-f64::MAX, f64::MAX)] {
             assert!(matches!(
                 Bounds::new([0.0, lower], [1.0, upper]),
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn a_nan_gene_lies_in_no_box() {
+    fn a_box_contains_no_nan() {
         let bounds = Bounds::new([0.0; 2], [1.0; 2]).unwrap();
         assert!(bounds.contains(&[0.0, 1.0]));
         assert!(!bounds.contains(&[0.5, f64::NAN]));

@@ -1,35 +1,35 @@
-//! What every population search shares: the problem, the seed, the warm start and the way costs are evaluated.
+//! Input and output of a population search: problem, seed, warm start and evaluation; best individual and stop reason.
 
-use crate::config::ConfigError;
+use crate::error::ConfigError;
 use crate::log::GenerationLog;
-use crate::operators::uniform;
+use crate::operators::uniform_point;
 use crate::problem::Objective;
 use crate::stop::StopReason;
 use crate::stream::stream;
 
-/// One search, said by name: what is minimised, how it is evaluated, from which seed and from which known individuals.
+/// Input of one search.
 #[derive(Clone, Copy, Debug)]
 pub struct Search<'a, const D: usize, O, E> {
-    /// What is minimised.
+    /// The cost to minimise and its bounds.
     pub objective: &'a O,
-    /// How costs are computed: [`Serial`], or `Parallel` with feature `std`. It does not change the result.
+    /// Evaluation of costs: [`Serial`], or `Parallel` with feature `std`. Both give the same result.
     pub evaluate: E,
-    /// Seed of all randomness. There is no default: a result that matters must be repeatable by intent.
+    /// Seed of all random streams. It has no default, so that every caller chooses reproducibility explicitly.
     pub seed: u64,
-    /// Individuals put into the first population as they are (warm start); the others are drawn uniformly.
+    /// Individuals of the first population (warm start); the others are drawn uniformly.
     pub initial: &'a [[f64; D]],
 }
 
-/// What a search found.
+/// Result of one search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome<const D: usize> {
     /// Best individual.
     pub genes: [f64; D],
     /// Its cost; infinite when no evaluated individual had a finite cost.
     pub cost: f64,
-    /// Last generation, 0 being the initial population.
+    /// Number of the last generation; 0 is the initial population.
     pub generations: u32,
-    /// Costs computed.
+    /// Costs computed in total.
     pub evaluations: u64,
     /// Why the search ended.
     pub stop: StopReason,
@@ -47,13 +47,13 @@ impl<const D: usize> Outcome<D> {
     }
 }
 
-/// Computes costs of many individuals, in whatever order, each into the slot of its own index.
+/// Computation of the costs of many individuals, in any order.
 pub trait Evaluate {
-    /// Fills `costs[i]` with the cost of `genes[i]`, in batches of the objective's size.
+    /// Writes the cost of `genes[i]` to `costs[i]`, in batches of the objective's size.
     fn evaluate<const D: usize, O: Objective<D>>(&self, objective: &O, genes: &[[f64; D]], costs: &mut [f64]);
 }
 
-/// One batch after the other, on the calling thread.
+/// Evaluates one batch after the other on the calling thread.
 #[derive(Clone, Copy, Debug)]
 pub struct Serial;
 
@@ -66,7 +66,7 @@ impl Evaluate for Serial {
     }
 }
 
-/// Batches spread over the current rayon pool; choose another with `ThreadPool::install`.
+/// Distributes batches over the current rayon pool; `ThreadPool::install` selects another pool.
 #[cfg(feature = "std")]
 #[derive(Clone, Copy, Debug)]
 pub struct Parallel;
@@ -84,7 +84,7 @@ impl Evaluate for Parallel {
 }
 
 impl<const D: usize, O: Objective<D>, E: Evaluate> Search<'_, D, O, E> {
-    /// Refuses a warm start that leaves the box or does not fit into the population.
+    /// Checks that the warm start lies in the box and fits into the population.
     pub(crate) fn check_initial(&self, population: usize) -> Result<(), ConfigError> {
         if self.initial.len() > population {
             return Err(ConfigError::TooManyInitial {
@@ -99,19 +99,19 @@ impl<const D: usize, O: Objective<D>, E: Evaluate> Search<'_, D, O, E> {
         }
     }
 
-    /// The first population: the warm start, filled up with uniform points of the box.
+    /// Writes the first population: the warm start, completed with uniform points of the box.
     pub(crate) fn populate(&self, genes: &mut [[f64; D]]) {
         for (i, individual) in (0u32..).zip(genes) {
             *individual = match self.initial.get(i as usize) {
                 Some(known) => *known,
-                None => uniform(&mut stream(self.seed, 0, i), self.objective.bounds()),
+                None => uniform_point(&mut stream(self.seed, 0, i), self.objective.bounds()),
             };
         }
     }
 
-    /// Evaluates the first individuals that the budget still allows and returns how many.
+    /// Evaluates as many of the first individuals as the budget allows and returns their number.
     ///
-    /// Non-finite costs become `+inf`, as do the costs of individuals that were not evaluated: both rank last.
+    /// Non-finite costs become `+inf`, as do the costs of individuals beyond the budget: both rank last.
     pub(crate) fn evaluate(&self, budget: u64, genes: &[[f64; D]], costs: &mut [f64]) -> usize {
         let count = usize::try_from(budget).unwrap_or(usize::MAX).min(genes.len());
         self.evaluate

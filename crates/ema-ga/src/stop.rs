@@ -1,22 +1,22 @@
-//! When a population search ends.
+//! Conditions that end a population search, and their test after each generation.
 
-use crate::config::ConfigError;
+use crate::error::ConfigError;
 use crate::log::{Control, GenerationLog};
 
-/// When to stop. The rule is tested after every generation; the evaluation budget also cuts a generation short.
+/// Conditions that end a search. They are tested after every generation; the evaluation budget also shortens a generation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StopRule {
     /// Generations after the initial population.
     pub max_generations: u32,
-    /// Length of the stall window `w`, in generations; one longer than `max_generations` never stops a search.
+    /// Length of the stall window `w`, generations; a window longer than `max_generations` never ends a search.
     pub max_stall_generations: u32,
-    /// Stalled when, over the last `w` best costs, `|first - last| / (w max(1, |last|))` is at most this.
+    /// The search stalls when, over the last `w` best costs, `|first - last| / (w max(1, |last|))` is at most this value.
     ///
-    /// This is MATLAB's average relative change. Below a cost of 1 it is absolute: scale the cost or lower the value.
+    /// This is MATLAB's average relative change. For costs below 1 it is an absolute change.
     pub function_tolerance: f64,
-    /// Stop as soon as the best cost is at most this.
+    /// The search ends when the best cost is at most this value.
     pub cost_limit: Option<f64>,
-    /// Never compute more costs than this.
+    /// Evaluation budget: the largest number of costs that the search computes.
     pub max_evaluations: Option<u64>,
 }
 
@@ -33,17 +33,17 @@ impl StopRule {
         }
     }
 
-    /// Best costs to remember: the stall window, or every generation when the window is longer and can never fill.
+    /// Number of best costs to store: the stall window, or all generations when the window is longer than those.
     #[must_use]
     pub fn history(&self) -> u32 {
         self.max_stall_generations.min(self.max_generations.saturating_add(1))
     }
 
-    /// Refuses a rule that cannot be tested.
+    /// Checks that every condition can be tested.
     ///
     /// # Errors
     ///
-    /// [`ConfigError`] naming the first bad value.
+    /// [`ConfigError`] with the first value out of range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         if self.max_stall_generations == 0 {
             return Err(ConfigError::StallWindow);
@@ -66,28 +66,28 @@ impl StopRule {
 /// Why a search ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StopReason {
-    /// The last generation was reached.
+    /// The search reached the last generation.
     MaxGenerations,
-    /// The best cost hardly changed over the stall window.
+    /// The best cost changed by no more than the function tolerance over the stall window.
     Stall,
-    /// The best cost reached its limit.
+    /// The best cost reached the cost limit.
     CostLimit,
-    /// The evaluation budget is spent.
+    /// The evaluation budget is used up.
     MaxEvaluations,
-    /// The callback asked for it.
+    /// The callback returned [`Control::Stop`].
     Stopped,
 }
 
-/// Where a search stands against its stop rule.
-pub(crate) struct Course<'a> {
+/// Evaluations and best costs of a running search, for its stop rule.
+pub(crate) struct Progress<'a> {
     rule: StopRule,
     evaluations: u64,
-    /// Best cost of the last `rule.history()` generations; generation `g` is at `g % len`.
+    /// Best costs of the last `rule.history()` generations; that of generation `g` at index `g % len`.
     window: &'a mut [f64],
 }
 
-impl<'a> Course<'a> {
-    /// `window` holds exactly `rule.history()` values.
+impl<'a> Progress<'a> {
+    /// The start of a search; `window` has exactly `rule.history()` elements.
     pub(crate) fn new(rule: StopRule, window: &'a mut [f64]) -> Self {
         Self {
             rule,
@@ -100,18 +100,19 @@ impl<'a> Course<'a> {
         self.evaluations
     }
 
-    /// Evaluations that may still be made.
-    pub(crate) fn budget(&self) -> u64 {
+    /// Evaluations left in the budget.
+    pub(crate) fn remaining_budget(&self) -> u64 {
         self.rule
             .max_evaluations
             .map_or(u64::MAX, |limit| limit - self.evaluations)
     }
 
-    pub(crate) fn spend(&mut self, evaluations: usize) {
+    /// Counts evaluations against the budget.
+    pub(crate) fn count_evaluations(&mut self, evaluations: usize) {
         self.evaluations += evaluations as u64;
     }
 
-    /// Ends a generation: shows its line to the callback, whose word comes first, and then tests the rule.
+    /// Ends a generation: passes its line to the callback, and tests the stop rule unless the callback ends the search.
     pub(crate) fn end_generation<const D: usize>(
         &mut self,
         line: &GenerationLog<D>,
@@ -127,7 +128,7 @@ impl<'a> Course<'a> {
             Some(StopReason::Stopped)
         } else if self.rule.cost_limit.is_some_and(|limit| line.best_cost <= limit) {
             Some(StopReason::CostLimit)
-        } else if self.budget() == 0 {
+        } else if self.remaining_budget() == 0 {
             Some(StopReason::MaxEvaluations)
         } else if line.generation >= self.rule.max_generations {
             Some(StopReason::MaxGenerations)
@@ -144,14 +145,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn stall_counts_the_window_and_is_relative_above_one() {
+    fn the_search_stalls_by_the_relative_change_over_the_window() {
         let rule = StopRule {
             max_stall_generations: 4,
             function_tolerance: 1e-3,
             ..StopRule::for_dimension(1)
         };
         let mut window = [0.0; 4];
-        let mut course = Course::new(rule, &mut window);
+        let mut progress = Progress::new(rule, &mut window);
         // 10 per generation out of 10 000: 3 steps in a window of 4, 30 / (4 * 10 000) = 7.5e-4.
         let stop = (0..20u32).find_map(|generation| {
             let best_cost = 1e4 - 10.0 * f64::from(generation);
@@ -163,7 +164,7 @@ mod tests {
                 spread: 0.0,
                 best_genes: [0.0],
             };
-            course
+            progress
                 .end_generation(&line, &mut |_| Control::Continue)
                 .map(|reason| (generation, reason))
         });
@@ -171,14 +172,14 @@ mod tests {
     }
 
     #[test]
-    fn no_stall_while_no_cost_is_finite() {
+    fn the_search_does_not_stall_while_no_cost_is_finite() {
         let rule = StopRule {
             max_stall_generations: 2,
             max_generations: 9,
             ..StopRule::for_dimension(1)
         };
         let mut window = [0.0; 2];
-        let mut course = Course::new(rule, &mut window);
+        let mut progress = Progress::new(rule, &mut window);
         let last = (0..20u32).find_map(|generation| {
             let line = GenerationLog {
                 generation,
@@ -188,7 +189,7 @@ mod tests {
                 spread: 0.0,
                 best_genes: [0.0],
             };
-            course
+            progress
                 .end_generation(&line, &mut |_| Control::Continue)
                 .map(|reason| (generation, reason))
         });

@@ -1,15 +1,15 @@
-//! Memory for a population search, lent by the caller so that the core need not allocate.
+//! Memory of a population search. The caller lends it, so the core does not allocate.
 
-use crate::config::ConfigError;
+use crate::error::ConfigError;
 
-/// Borrowed memory for one search; contents on entry do not matter.
+/// Borrowed memory for one search; its previous content does not matter.
 #[derive(Debug)]
 pub struct Workspace<'a, const D: usize> {
     pub(crate) genes: &'a mut [[f64; D]],
     pub(crate) costs: &'a mut [f64],
     pub(crate) offspring: &'a mut [[f64; D]],
     pub(crate) offspring_costs: &'a mut [f64],
-    /// Individuals in order of rank (genetic algorithm).
+    /// Individuals in order of rank (genetic algorithm and CMA-ES).
     pub(crate) order: &'a mut [usize],
     /// Expected number of children by rank (genetic algorithm).
     pub(crate) expectation: &'a mut [f64],
@@ -17,13 +17,13 @@ pub struct Workspace<'a, const D: usize> {
     pub(crate) parents: &'a mut [[usize; 2]],
     /// Scale and crossover rate of each individual and of its trial (differential evolution).
     pub(crate) controls: &'a mut [[[f64; 2]; 2]],
-    /// Best cost of the last generations, as many as `StopRule::history`.
+    /// Best costs of the last `StopRule::history` generations.
     pub(crate) best_costs: &'a mut [f64],
 }
 
 impl<'a, const D: usize> Workspace<'a, D> {
-    /// Cuts the memory to what is needed.
-    pub(crate) fn fit(self, population: usize, history: u32) -> Result<Self, ConfigError> {
+    /// Limits the memory to this population and history; an error when it is too small.
+    pub(crate) fn limited_to(self, population: usize, history: u32) -> Result<Self, ConfigError> {
         let history = history as usize;
         for (got, expected) in [(self.genes.len(), population), (self.best_costs.len(), history)] {
             if got < expected {
@@ -96,7 +96,7 @@ impl<const D: usize, const N: usize, const W: usize> Default for FixedStorage<D,
     }
 }
 
-/// Memory on the heap, for a population known only at run time. Reusable from search to search.
+/// Memory on the heap, for a population known only at run time. Several searches may use it one after the other.
 #[cfg(feature = "std")]
 #[derive(Clone, Debug)]
 pub struct OwnedStorage<const D: usize> {

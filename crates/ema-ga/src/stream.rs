@@ -1,13 +1,13 @@
 //! One random stream per (seed, generation, individual).
 //!
-//! Randomness is addressed, not consumed: whoever breeds individual 17 of generation 3 gets the same numbers, whatever
-//! was drawn before and on whichever thread. Streams are ChaCha8 with the seed as key and (generation, individual) as
-//! nonce; different nonces of one key give independent key streams by construction, which no reseeding scheme does.
+//! Seed, generation and individual determine the numbers of a stream, independent of the numbers drawn before and of the
+//! thread. A stream is ChaCha8 with the seed as key and (generation, individual) as nonce: nonces give independent key
+//! streams by construction, which reseeding a generator does not.
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-/// Index reserved for draws that concern the whole generation, such as selection.
+/// Index of the stream for draws of the whole generation, such as selection.
 pub const WHOLE_GENERATION: u32 = u32::MAX;
 
 /// The random stream of one individual, from its start.
@@ -21,7 +21,7 @@ pub const WHOLE_GENERATION: u32 = u32::MAX;
 /// ```
 #[must_use]
 pub fn stream(seed: u64, generation: u32, individual: u32) -> ChaCha8Rng {
-    // The seed goes into the key as it is: the bits then do not hang on how `rand` expands a `u64`.
+    // The seed is the start of the key itself, so the bits do not depend on how `rand` expands a `u64`.
     let mut key = [0; 32];
     key[..8].copy_from_slice(&seed.to_le_bytes());
     let mut rng = ChaCha8Rng::from_seed(key);

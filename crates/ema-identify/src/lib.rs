@@ -27,6 +27,10 @@ mod identifier;
 mod monitor_fit;
 #[cfg(feature = "std")]
 mod prepared;
+#[cfg(feature = "std")]
+pub mod unit_calibration;
+#[cfg(feature = "std")]
+pub mod unit_fit;
 
 pub use estimate::{Estimate, Unmodelled, is_unmodelled};
 #[cfg(feature = "std")]

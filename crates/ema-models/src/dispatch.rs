@@ -3,8 +3,7 @@
 //! One binary for all: the work is compiled once for each instruction set, and the best one is chosen at run time. The
 //! result does not depend on the choice, because lanes do what scalars do.
 
-use crate::lanes::{Lanes, Lanes32, Lanes64};
-use crate::residual::{RANK_LANES, SLOPE_LANES};
+use crate::lanes::{Lanes, Lanes32, Lanes64, RANK_LANES, SLOPE_LANES};
 
 /// Numbers side by side, as one instruction set computes them.
 pub(crate) trait Numbers {

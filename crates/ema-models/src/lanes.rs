@@ -15,6 +15,12 @@ pub(crate) trait Lanes<T, const N: usize>: Real {
     fn to_lanes(self) -> [T; N];
 }
 
+/// Individuals that [`Comparison::rank`] takes at once: one register of sixteen, or two of eight.
+pub const RANK_LANES: usize = 32;
+
+/// Lanes of the finite differences: the point, one step along each coordinate, and spare ones.
+pub(crate) const SLOPE_LANES: usize = 16;
+
 macro_rules! lanes {
     ($lanes:ident, $mask:ident, $t:ty, $bits:ty, $doc:literal) => {
         #[doc = $doc]

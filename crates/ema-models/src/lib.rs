@@ -30,6 +30,7 @@ mod recording;
 #[cfg(feature = "reference")]
 pub mod reference;
 mod residual;
+mod samples;
 #[cfg(all(feature = "std", target_arch = "x86_64"))]
 mod simd;
 mod step_response;
@@ -46,12 +47,12 @@ pub use frames::{
     abc_from_alpha_beta, alpha_beta_from_abc, alpha_beta_from_dq, dq_from_abc, dq_from_alpha_beta, phase_shapes,
 };
 pub use friction::DryFriction;
-pub use lanes::{Lanes32, Lanes64, Mask32, Mask64};
+pub use lanes::{Lanes32, Lanes64, Mask32, Mask64, RANK_LANES};
 #[cfg(feature = "study")]
 pub use monitor::study;
 pub use monitor::{
-    Calibration, Conditions, Feedback, Form, InitialState, Monitor, MonitorState, Origin, Output, RIPPLE_KNOTS,
-    RIPPLE_PLACES, Ripple, STEPS_PER_CONTROL, output_read,
+    Calibration, Conditions, Feedback, Form, Monitor, MonitorState, Output, RIPPLE_KNOTS, RIPPLE_PLACES, Ripple,
+    STEPS_PER_CONTROL, output_read,
 };
 pub use params::{
     ActuatorParams, ControllerParams, Expected, MotorParams, ParamsError, REFERENCE_STEP, SensorParams,
@@ -59,10 +60,9 @@ pub use params::{
 };
 pub use play::{OutputReader, Reading};
 pub use real::Real;
-pub use recording::{ComparedSample, Recording, SensedSample, WindowFrame, prepare};
-pub use residual::{
-    COST_LANES, Comparison, NormalEquations, Prior, RANK_LANES, ResidualState, SIGNAL_COUNT, Signals, Weights,
-};
+pub use recording::{Recording, WindowFrame, prepare};
+pub use residual::{COST_LANES, Comparison, NormalEquations, Prior, ResidualState, SIGNAL_COUNT, Signals, Weights};
+pub use samples::{ComparedSample, InitialState, Origin, SensedSample};
 pub use step_response::{StepResponse, StepTrial};
 pub use temperature::{BACK_EMF_PER_KELVIN, REFERENCE_TEMPERATURE_DEG_C, RESISTANCE_PER_KELVIN, temperature_factors};
 pub use unknowns::{

@@ -3,6 +3,8 @@
 //! SI units throughout. The two shipped actuators are [`ActuatorParams::bench`] (the test bench of \[P\], Table I) and
 //! [`ActuatorParams::servo28`] (a small 28 V servo, declared here).
 
+use crate::temperature::temperature_factors;
+
 /// Permanent-magnet synchronous motor in star connection.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotorParams {
@@ -30,6 +32,17 @@ impl MotorParams {
     #[must_use]
     pub fn torque_gain(&self) -> f64 {
         1.5 * self.k
+    }
+
+    /// The motor at a winding temperature, °C.
+    #[must_use]
+    pub fn at_temperature(&self, temperature_deg_c: f64) -> Self {
+        let [resistance, back_emf] = temperature_factors(temperature_deg_c);
+        Self {
+            r_s: self.r_s * resistance,
+            k: self.k * back_emf,
+            ..*self
+        }
     }
 }
 

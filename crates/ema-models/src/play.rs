@@ -2,9 +2,8 @@
 
 use crate::backlash::follow_through_play;
 use crate::fault::FaultVector;
-use crate::monitor::Origin;
 use crate::params::ActuatorParams;
-use crate::recording::ComparedSample;
+use crate::samples::{ComparedSample, Origin};
 
 /// Widths tried in each of the searches, each of which looks closer around the last one's best.
 const WIDTHS: usize = 33;

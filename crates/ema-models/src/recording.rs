@@ -2,48 +2,10 @@
 
 use crate::control::Setpoint;
 use crate::frames::dq_from_abc;
-use crate::monitor::{InitialState, Origin};
 use crate::params::ActuatorParams;
 use crate::play::read_output;
 use crate::real::Real;
-
-/// One sample as the sensors saw it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SensedSample {
-    /// Sample number since t₀; the sample stands at t₀ + seq / f_s.
-    pub seq: u64,
-    /// Phase currents, A.
-    pub currents: [f64; 3],
-    /// Motor resolver, counts, multi-turn.
-    pub motor_counts: i64,
-    /// Output encoder, counts, multi-turn.
-    pub output_counts: i64,
-    /// Setpoint latched with the sample.
-    pub setpoint: Setpoint,
-}
-
-/// One sample in the monitor's terms; angles relative to the window's [`Origin`], at the middle of their count.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ComparedSample {
-    /// Direct current, A.
-    pub i_d: f64,
-    /// Quadrature current, A.
-    pub i_q: f64,
-    /// Motor angle, rad.
-    pub theta_m: f64,
-    /// Motor speed, rad/s: central difference of the angle.
-    pub omega_m: f64,
-    /// Output angle, rad.
-    pub theta_out: f64,
-    /// Motor angle turned per sample, rad: half the difference of the two neighbours.
-    pub turning: f64,
-    /// Where in its count the output angle is likely to be, rad: what drives the monitor's position loop.
-    pub theta_read: f64,
-    /// Setpoint, relative to the output's origin in position mode.
-    pub setpoint: Setpoint,
-    /// Whether it was measured; one that was filled in drives the monitor, but nothing is compared with it.
-    pub measured: bool,
-}
+use crate::samples::{ComparedSample, InitialState, Origin, SensedSample};
 
 /// Samples of a window and the state it starts from.
 #[derive(Clone, Copy, Debug)]
@@ -220,21 +182,5 @@ fn value_at_start(values: impl ExactSizeIterator<Item = f64>) -> f64 {
         (2.0 * (2.0 * n - 1.0) * sum - 6.0 * moment) / (n * (n + 1.0))
     } else {
         sum
-    }
-}
-
-impl Default for ComparedSample {
-    fn default() -> Self {
-        Self {
-            i_d: 0.0,
-            i_q: 0.0,
-            theta_m: 0.0,
-            omega_m: 0.0,
-            theta_out: 0.0,
-            turning: 0.0,
-            theta_read: 0.0,
-            setpoint: Setpoint::Idle,
-            measured: false,
-        }
     }
 }

@@ -2,11 +2,12 @@
 
 use crate::dispatch::{InstructionSet, Numbers, Work};
 use crate::fault::FaultVector;
-use crate::lanes::Lanes;
+use crate::lanes::{Lanes, RANK_LANES, SLOPE_LANES};
 use crate::monitor::{Calibration, Conditions, Feedback, Monitor, Output};
 use crate::params::ActuatorParams;
 use crate::real::Real;
-use crate::recording::{ComparedSample, Recording};
+use crate::recording::Recording;
+use crate::samples::ComparedSample;
 use crate::unknowns::{
     Coordinates, LOAD_COORDINATE, MOTOR_COORDINATES, MotorKnowledge, Scale, UNKNOWN_COUNT, Unknowns,
 };
@@ -422,12 +423,6 @@ impl Comparison<'_> {
         sums
     }
 }
-
-/// Individuals that [`Comparison::rank`] takes at once: one register of sixteen, or two of eight.
-pub const RANK_LANES: usize = 32;
-
-/// Lanes of the finite differences: the point, one step along each coordinate, and spare ones.
-pub(crate) const SLOPE_LANES: usize = 16;
 
 /// Points that [`Comparison::costs`] takes at once.
 pub const COST_LANES: usize = SLOPE_LANES;

@@ -3,12 +3,11 @@
 use crate::control::Setpoint;
 use crate::dispatch::{InstructionSet, Numbers, Work};
 use crate::fault::FaultVector;
-use crate::lanes::Lanes;
-use crate::monitor::{Calibration, Feedback, InitialState, Monitor};
+use crate::lanes::{Lanes, RANK_LANES};
+use crate::monitor::{Calibration, Feedback, Monitor};
 use crate::params::ActuatorParams;
 use crate::real::Real;
-use crate::recording::ComparedSample;
-use crate::residual::RANK_LANES;
+use crate::samples::{ComparedSample, InitialState};
 use crate::unknowns::{MotorDeviation, Unknowns};
 
 /// Share of the step within which the output has arrived.

@@ -1,8 +1,5 @@
 //! What the winding temperature does to a motor: copper resists more, magnets weaken.
 
-use crate::params::MotorParams;
-use crate::unknowns::MotorDeviation;
-
 /// Temperature at which a motor's parameters hold, °C.
 pub const REFERENCE_TEMPERATURE_DEG_C: f64 = 20.0;
 
@@ -23,29 +20,4 @@ pub const BACK_EMF_PER_KELVIN: f64 = -1.0e-3;
 pub fn temperature_factors(temperature_deg_c: f64) -> [f64; 2] {
     let rise = temperature_deg_c - REFERENCE_TEMPERATURE_DEG_C;
     [1.0 + RESISTANCE_PER_KELVIN * rise, 1.0 + BACK_EMF_PER_KELVIN * rise]
-}
-
-impl MotorParams {
-    /// The motor at a winding temperature, °C.
-    #[must_use]
-    pub fn at_temperature(&self, temperature_deg_c: f64) -> Self {
-        let [resistance, back_emf] = temperature_factors(temperature_deg_c);
-        Self {
-            r_s: self.r_s * resistance,
-            k: self.k * back_emf,
-            ..*self
-        }
-    }
-}
-
-impl MotorDeviation {
-    /// Deviation at a winding temperature, °C, of a motor that deviates by this at 20 °C.
-    #[must_use]
-    pub fn at_temperature(&self, temperature_deg_c: f64) -> Self {
-        let [resistance, back_emf] = temperature_factors(temperature_deg_c);
-        Self {
-            resistance: (1.0 + self.resistance) * resistance - 1.0,
-            back_emf: (1.0 + self.back_emf) * back_emf - 1.0,
-        }
-    }
 }

@@ -2,7 +2,7 @@
 
 use crate::fault::{FAULT_COUNT, FaultVector};
 use crate::params::ActuatorParams;
-use crate::temperature::{BACK_EMF_PER_KELVIN, RESISTANCE_PER_KELVIN};
+use crate::temperature::{BACK_EMF_PER_KELVIN, RESISTANCE_PER_KELVIN, temperature_factors};
 
 /// Number of unknowns of one window.
 pub const UNKNOWN_COUNT: usize = FAULT_COUNT + 4;
@@ -14,6 +14,18 @@ pub struct MotorDeviation {
     pub resistance: f64,
     /// Of the back-EMF coefficient k, which is the torque coefficient too.
     pub back_emf: f64,
+}
+
+impl MotorDeviation {
+    /// Deviation at a winding temperature, °C, of a motor that deviates by this at 20 °C.
+    #[must_use]
+    pub fn at_temperature(&self, temperature_deg_c: f64) -> Self {
+        let [resistance, back_emf] = temperature_factors(temperature_deg_c);
+        Self {
+            resistance: (1.0 + self.resistance) * resistance - 1.0,
+            back_emf: (1.0 + self.back_emf) * back_emf - 1.0,
+        }
+    }
 }
 
 /// What is known of a motor's deviation beforehand: mean and covariance, in the order of the fields.

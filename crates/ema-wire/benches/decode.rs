@@ -31,7 +31,7 @@ fn on_bus(frames: impl Iterator<Item = Frame>, actuator: ActuatorId) -> Vec<(u16
         .collect()
 }
 
-/// Parse and assemble; the sum keeps the samples from being optimised away.
+/// Parses and assembles; the sum prevents the compiler from removing the samples.
 fn assemble(bus: &[(u16, Vec<u8>)], actuator: ActuatorId) -> (u64, i64) {
     let mut assembler = Assembler::new(actuator);
     let mut sum = 0;

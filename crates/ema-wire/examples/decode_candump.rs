@@ -1,6 +1,8 @@
-//! Reads a candump log on stdin, prints one JSON line per frame of ours, with the DBC's signal names and physical units:
+//! Decodes a candump log: reads it on stdin and prints one JSON line per frame of an actuator.
+//!
+//! A line has the signal names and physical units of the DBC file,
 //! `{"id":256,"message":"EMA0_Currents","signals":{"i_a":0.3,…}}`, or `"error":"…"` instead of the signals.
-//! `fixtures/check_dbc.py` compares the lines with what `cantools` reads from the same log.
+//! `fixtures/check_dbc.py` compares the lines with what `cantools` decodes from the same log.
 
 mod signals;
 
@@ -34,7 +36,7 @@ fn main() -> io::Result<()> {
                     .collect();
                 writeln!(out, "\"signals\":{{{}}}}}", fields.join(","))?;
             }
-            Ok(None) => unreachable!("the identifier was ours above"),
+            Ok(None) => unreachable!("the identifier is in the dictionary"),
             Err(error) => writeln!(out, "\"error\":\"{error}\"}}")?,
         }
     }

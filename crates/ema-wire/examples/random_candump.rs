@@ -1,4 +1,4 @@
-//! Prints a candump log of random frames of ours, some of them invalid: `random_candump [FRAMES] [SEED]`.
+//! Prints a candump log of random actuator frames, some of them invalid: `random_candump [FRAMES] [SEED]`.
 
 use ema_wire::can::{CLASSIC_LEN, FD_LEN};
 use ema_wire::{ActuatorId, Message, SampleFd};
@@ -18,7 +18,7 @@ fn main() {
             (CLASSIC_LEN, "#")
         };
         let mut data: Vec<u8> = (0..len).map(|_| random.below(255) + random.below(2)).collect();
-        // Random bytes, with the few constrained ones made valid most of the time.
+        // Random bytes; those with a constrained range are valid most of the time.
         match message {
             Message::Command => data[4] = random.below(3),
             Message::SampleFd => {
@@ -44,7 +44,7 @@ fn main() {
     }
 }
 
-/// Steele, Lea, Flood 2014: enough for test bytes, and no dependency.
+/// SplitMix64 of Steele, Lea and Flood (2014): good enough for test bytes, without a dependency.
 struct SplitMix64(u64);
 
 impl SplitMix64 {

@@ -1,50 +1,50 @@
-//! [`Assembler`]: frames of one actuator back into samples, never mixing two instants.
+//! [`Assembler`]: joins the frames of one actuator into samples, never frames of two instants.
 //!
-//! A sample is delivered when its currents, position and command frames are all in. They are matched by the low byte of
-//! the counter **and** by the receive stamp: the byte repeats every 256 samples, so after a cut cable a position frame may
-//! carry the byte of currents that arrived long before. Parts further apart than `max_span_ns` never meet.
+//! A sample is delivered when its currents, position and command frames are all present. Frames are matched by the low byte
+//! of the counter **and** by the receive stamp. The byte alone is ambiguous: it repeats every 256 samples, so after an
+//! interruption a position frame may carry the same byte as currents received long before.
 //!
-//! Rules, in this order, for a part with counter byte s and the sample c that is being collected or was closed last:
-//! 1. c began more than `max_span_ns` from the part's stamp: c is over (incomplete if it was open), the part begins a
-//!    new one;
-//! 2. s is 1 to 127 ahead of c: the same;
-//! 3. s is behind c: the part is late and dropped;
-//! 4. s equals c, and c still lacks this part: it is added, in whatever order;
-//! 5. s equals c, and the part is there already: a duplicate, dropped (CAN repeats a frame when only the sender saw an
-//!    error at its end). If it says something else, two senders share an identifier and the sample is rejected.
+//! Rules, in this order, for a frame with counter byte s and the newest sample c, which is open or closed:
+//! 1. the first frame of c is more than `max_span_ns` away from this frame's stamp: c is closed (and counted as incomplete
+//!    if it was open), and the frame opens a new sample;
+//! 2. s is 1 to 127 ahead of the counter byte of c: as in rule 1;
+//! 3. s is behind the counter byte of c: the frame is late and dropped;
+//! 4. s is the counter byte of c, and c lacks this frame: the frame is added, in any order;
+//! 5. s is the counter byte of c, and c has this frame: the frame is a duplicate and dropped (CAN repeats a frame when only
+//!    its sender sees an error at its end). If its content differs, two senders share an identifier, and c is rejected.
 //!
-//! One sample is held, nothing is queued. After a device restart at most `max_span_ns` of samples count as late. A whole
-//! sample that some queue held back for longer than that is delivered out of order, unmixed, and counted as a restart.
-//! Rule 1 needs stamps: with a log that has none (all zero), a silence of n × 256 samples inside a sample goes unseen.
+//! The assembler holds one sample and queues nothing. After a restart of the device at most `max_span_ns` of samples count
+//! as late. A complete sample that was delayed by more than `max_span_ns` is delivered out of order and counted as a restart.
+//! Rule 1 needs stamps: in a log without stamps (all zero), a silence of n × 256 samples inside a sample is not detected.
 
 mod parts;
 
-use parts::{Inserted, Part, Parts};
+use parts::{Insertion, Part, Parts};
 
-use crate::can::{ActuatorId, Frame, SampleFd};
-use crate::sample::Sample;
+use crate::can::{Frame, SampleFd};
+use crate::sample::{ActuatorId, Sample};
 
-/// Counts of what was delivered and what was lost, since the start.
+/// Counts of delivered and lost samples and frames since the start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct AssemblerStats {
     /// Samples delivered.
     pub samples: u64,
-    /// Samples begun and given up because a frame did not come.
+    /// Samples closed before all their frames were received.
     pub incomplete: u64,
-    /// Samples rejected because two frames with one counter said different things.
+    /// Samples rejected because two frames with one counter have different content.
     pub conflicting: u64,
-    /// Frames (or whole samples) that came twice.
+    /// Frames (or complete samples) received twice.
     pub duplicates: u64,
-    /// Frames (or whole samples) that came after a newer one, or after their sample was rejected.
+    /// Frames (or complete samples) received after a newer one, or after their sample was rejected.
     pub late: u64,
-    /// Samples that the counter says lie between two delivered ones and were not delivered; those in `incomplete` and
-    /// `conflicting` included. Silences of 32 768 samples and more (16 s at 2 kHz) cannot be counted from 16 bits.
+    /// Samples between two delivered ones, by their counters, that were not delivered; it includes those in `incomplete` and
+    /// `conflicting`. The 16-bit counter cannot show silences of 32 768 samples and more (16 s at 2 kHz).
     pub missing: u64,
-    /// Times the counter stood still or jumped back: the device restarted, or the silence was too long to count.
+    /// Times the counter stood still or went back: the device restarted, or the silence was too long to count.
     pub restarts: u64,
 }
 
-/// Collects the frames of one actuator into samples. A pure state machine of bounded size.
+/// State machine of bounded size that joins the frames of one actuator into samples.
 ///
 /// ```
 /// use ema_wire::{ActuatorId, Assembler, Mode, Sample};
@@ -72,17 +72,18 @@ pub struct Assembler {
 }
 
 impl Assembler {
-    /// Default for the largest distance between the receive stamps of one sample's frames: 20 ms. The frames go out back
-    /// to back; what lies between them is the rest of a full bus and the jitter of a USB adapter.
+    /// Default for the largest distance between the receive stamps of one sample's frames: 20 ms.
+    ///
+    /// The device sends the frames back to back; other traffic on a full bus and the jitter of a USB adapter separate them.
     pub const DEFAULT_MAX_SPAN_NS: u64 = 20_000_000;
 
-    /// For one actuator, with the default span, good for sampling rates up to 6.4 kHz.
+    /// An assembler for one actuator with the default span, which suits sampling rates up to 6.4 kHz.
     #[must_use]
     pub const fn new(actuator: ActuatorId) -> Self {
         Self::with_max_span_ns(actuator, Self::DEFAULT_MAX_SPAN_NS)
     }
 
-    /// With another span. It must be shorter than 128 sample periods, or the counter byte is ambiguous.
+    /// An assembler with another span, ns. It must be shorter than 128 sample periods, or the counter byte is ambiguous.
     #[must_use]
     pub const fn with_max_span_ns(actuator: ActuatorId, max_span_ns: u64) -> Self {
         let stats = AssemblerStats {
@@ -103,12 +104,12 @@ impl Assembler {
         }
     }
 
-    /// Takes another span from here on; see [`Assembler::with_max_span_ns`].
+    /// Changes the span, ns; see [`Assembler::with_max_span_ns`].
     pub const fn set_max_span_ns(&mut self, max_span_ns: u64) {
         self.max_span_ns = max_span_ns;
     }
 
-    /// Whose frames it expects.
+    /// The actuator whose frames it joins.
     #[must_use]
     pub const fn actuator(&self) -> ActuatorId {
         self.actuator
@@ -120,8 +121,10 @@ impl Assembler {
         self.stats
     }
 
-    /// Takes the next frame of this actuator, with its receive stamp (any clock, used only for distances). Yields one
-    /// sample when a classic frame completes it, up to three for `SampleFd`, none for `Status`.
+    /// Takes the next frame of this actuator with its receive stamp, ns. Only differences of stamps matter, so any clock
+    /// suits.
+    ///
+    /// Yields one sample when a classic frame completes it, up to three for `SampleFd`, none for `Status`.
     pub fn push(&mut self, frame: &Frame, received_ns: u64) -> Samples {
         match *frame {
             Frame::Currents(currents) => self
@@ -142,24 +145,24 @@ impl Assembler {
         }
     }
 
-    /// Takes a whole sample, as the serial line and `SampleFd` bring it: the same duplicate, late and gap rules.
+    /// Takes a complete sample from the serial line or a `SampleFd`; duplicates, late samples and gaps follow the same rules.
     pub fn push_sample(&mut self, sample: &Sample, received_ns: u64) -> Option<Sample> {
         let seq8 = sample.seq8();
-        match self.place(seq8, received_ns) {
-            Place::Late => {
+        match self.relation_to_newest(seq8, received_ns) {
+            Relation::Behind => {
                 self.stats.late += 1;
                 return None;
             }
-            Place::Newest(Stage::Complete) => {
+            Relation::Same(Stage::Complete) => {
                 self.stats.duplicates += 1;
                 return None;
             }
-            Place::Newest(Stage::Rejected) => {
+            Relation::Same(Stage::Rejected) => {
                 self.stats.late += 1;
                 return None;
             }
-            Place::Newest(Stage::Open(_)) => {} // the whole sample supersedes its parts
-            Place::Ahead => self.close(),
+            Relation::Same(Stage::Open(_)) => {} // the complete sample replaces its frames
+            Relation::Ahead => self.close(),
         }
         self.newest = Some(Collected {
             seq8,
@@ -169,7 +172,8 @@ impl Assembler {
         Some(self.deliver(*sample))
     }
 
-    /// End of the stream or a known break in it: an open sample counts as incomplete, and the next frame begins afresh.
+    /// Marks the end of the stream or a known break in it: an open sample counts as incomplete, and the next frame opens a
+    /// new one.
     pub fn close(&mut self) {
         if let Some(Collected {
             stage: Stage::Open(_), ..
@@ -180,31 +184,31 @@ impl Assembler {
     }
 
     fn push_part(&mut self, part: Part, seq8: u8, received_ns: u64) -> Option<Sample> {
-        let (mut parts, since_ns) = match self.place(seq8, received_ns) {
-            Place::Late | Place::Newest(Stage::Rejected) => {
+        let (mut parts, since_ns) = match self.relation_to_newest(seq8, received_ns) {
+            Relation::Behind | Relation::Same(Stage::Rejected) => {
                 self.stats.late += 1;
                 return None;
             }
-            Place::Newest(Stage::Complete) => {
+            Relation::Same(Stage::Complete) => {
                 self.stats.duplicates += 1;
                 return None;
             }
-            Place::Newest(Stage::Open(parts)) => (parts, self.newest.map_or(received_ns, |newest| newest.since_ns)),
-            Place::Ahead => {
+            Relation::Same(Stage::Open(parts)) => (parts, self.newest.map_or(received_ns, |newest| newest.since_ns)),
+            Relation::Ahead => {
                 self.close();
                 (Parts::default(), received_ns)
             }
         };
         let stage = match parts.insert(part) {
-            Inserted::Duplicate => {
+            Insertion::Duplicate => {
                 self.stats.duplicates += 1;
                 return None;
             }
-            Inserted::Conflict => {
+            Insertion::Conflict => {
                 self.stats.conflicting += 1;
                 Stage::Rejected
             }
-            Inserted::New => Stage::Open(parts),
+            Insertion::New => Stage::Open(parts),
         };
         let sample = if let Stage::Open(parts) = stage {
             parts.join(self.actuator)
@@ -216,20 +220,21 @@ impl Assembler {
         sample.map(|sample| self.deliver(sample))
     }
 
-    /// Where a counter byte stands relative to the newest sample (rules 1 to 3).
-    fn place(&self, seq8: u8, received_ns: u64) -> Place {
+    /// Compares a counter byte with the newest sample's, by rules 1 to 3.
+    fn relation_to_newest(&self, seq8: u8, received_ns: u64) -> Relation {
         match self.newest {
             Some(newest) if newest.since_ns.abs_diff(received_ns) <= self.max_span_ns => {
                 match seq8.wrapping_sub(newest.seq8).cast_signed() {
-                    0 => Place::Newest(newest.stage),
-                    1.. => Place::Ahead,
-                    _ => Place::Late,
+                    0 => Relation::Same(newest.stage),
+                    1.. => Relation::Ahead,
+                    _ => Relation::Behind,
                 }
             }
-            _ => Place::Ahead,
+            _ => Relation::Ahead,
         }
     }
 
+    /// Counts a sample as delivered, and the samples missing before it.
     fn deliver(&mut self, sample: Sample) -> Sample {
         if let Some(last) = self.last_seq {
             match sample.seq.wrapping_sub(last).cast_signed() {
@@ -243,7 +248,7 @@ impl Assembler {
     }
 }
 
-/// What one frame completed: up to three samples, oldest first.
+/// The samples that one frame completes: up to three, oldest first.
 #[derive(Debug, Clone)]
 pub struct Samples(core::iter::Flatten<core::array::IntoIter<Option<Sample>, { SampleFd::MAX_SAMPLES }>>);
 
@@ -261,6 +266,7 @@ impl From<Option<Sample>> for Samples {
     }
 }
 
+/// The newest sample: its counter byte, the stamp of its first frame, ns, and how far it has come.
 #[derive(Debug, Clone, Copy)]
 struct Collected {
     seq8: u8,
@@ -275,8 +281,9 @@ enum Stage {
     Rejected,
 }
 
-enum Place {
+/// A frame's counter byte relative to the newest sample's.
+enum Relation {
     Ahead,
-    Newest(Stage),
-    Late,
+    Same(Stage),
+    Behind,
 }

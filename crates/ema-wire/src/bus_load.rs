@@ -1,10 +1,10 @@
-//! How full a bus will be.
+//! Share of a CAN bus, a CAN FD bus or a serial line that a number of actuators takes at a sampling rate.
 //!
-//! A classic frame with an 11-bit identifier and n data bytes has `44 + 8n` bits, 3 more before the next frame, and
-//! stuff bits: CAN inserts one after five equal bits among the first `34 + 8n`. How many depends on the data: none at best,
-//! `(33 + 8n) / 4` at worst. [`Stuffing::Nominal`] is one in ten, somewhat above what small numbers
-//! with runs of sign bits make of it: `tests/all/bus_load.rs` counts a mean of 117.6 bits per sample frame. For a frame of 8
-//! bytes the three are 111, 120 and 135 bits.
+//! A classic frame with an 11-bit identifier and n data bytes has `44 + 8n` bits, a pause of 3 bits, and stuff bits: CAN
+//! inserts one after five equal bits among the first `34 + 8n`. Their number depends on the data: 0 at least,
+//! `(33 + 8n) / 4` at most. [`Stuffing::Nominal`] is one per ten bits, which lies slightly above the data of an actuator:
+//! `tests/all/bus_load.rs` counts a mean of 117.6 bits per sample frame. A frame of 8 bytes has 111 bits without stuffing, 120
+//! with nominal and 135 with worst-case stuffing.
 
 use crate::can::{CLASSIC_LEN, FD_LEN, SampleFd};
 use crate::serial::MAX_FRAME_LEN;
@@ -24,15 +24,15 @@ const FD_CONTROL_BITS: u32 = 5;
 /// Stuff count (4), CRC of frames above 16 bytes (21), and a fixed stuff bit before every four of them (7).
 const FD_CRC_BITS: u32 = 32;
 
-/// Which number of stuff bits to reckon with.
+/// Assumed number of stuff bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Stuffing {
-    /// None: the shortest a frame can be.
+    /// None: the lower bound of a frame's length.
     None,
-    /// One per ten bits that may be stuffed: typical for our frames; planning uses this.
+    /// One per ten bits that may be stuffed: typical of actuator frames. [`bus_load`] and [`fd_bus_load`] use it.
     #[default]
     Nominal,
-    /// As many as the rule can force; a bound, not a forecast.
+    /// The most that the stuffing rule can insert: the upper bound of a frame's length.
     Worst,
 }
 
@@ -46,7 +46,7 @@ impl Stuffing {
     }
 }
 
-/// Bits on the bus of one classic frame with an 11-bit identifier, the pause after it included.
+/// Length of one classic frame with an 11-bit identifier, in bits, including the pause after it.
 ///
 /// ```
 /// use ema_wire::bus_load::{Stuffing, classic_frame_bits};
@@ -63,8 +63,9 @@ pub const fn classic_frame_bits(data_bytes: u32, stuffing: Stuffing) -> u32 {
     stuffable + stuffing.bits(stuffable) + UNSTUFFED_TAIL_BITS
 }
 
-/// Share of a classic bus that `actuators` take at `rate_hz` samples per second each, with their status frames; nominal
-/// stuffing, 1.0 is a full bus.
+/// Share of a classic bus that `actuators` actuators take, each with `rate_hz` samples per second and its status frames.
+///
+/// 1.0 is a full bus. The result assumes nominal stuffing.
 ///
 /// ```
 /// use ema_wire::bus_load::bus_load;
@@ -78,7 +79,7 @@ pub fn bus_load(rate_hz: f64, actuators: u32, bitrate_bit_s: f64) -> f64 {
     frames_per_s * classic_frame_seconds(bitrate_bit_s)
 }
 
-/// The same for CAN FD: full `SampleFd` frames with bit rate switching, and classic status frames.
+/// Share of a CAN FD bus: full `SampleFd` frames with bit rate switching, and classic status frames; 1.0 is a full bus.
 ///
 /// ```
 /// use ema_wire::bus_load::fd_bus_load;
@@ -93,8 +94,10 @@ pub fn fd_bus_load(rate_hz: f64, actuators: u32, bitrate_bit_s: f64, data_bitrat
     f64::from(actuators) * per_actuator
 }
 
-/// Time that a CAN FD frame with an 11-bit identifier and bit rate switching takes, s; nominal stuffing, and the checksum of
-/// frames of more than 16 bytes.
+/// Duration of a CAN FD frame with an 11-bit identifier and bit rate switching, s.
+///
+/// The result assumes nominal stuffing and the CRC-21 of frames with more than 16 data bytes; it is slightly too long for
+/// shorter frames.
 #[must_use]
 pub fn fd_frame_seconds(data_bytes: u32, bitrate_bit_s: f64, data_bitrate_bit_s: f64) -> f64 {
     let stuffing = Stuffing::Nominal;
@@ -104,8 +107,9 @@ pub fn fd_frame_seconds(data_bytes: u32, bitrate_bit_s: f64, data_bitrate_bit_s:
     f64::from(slow) / bitrate_bit_s + f64::from(fast) / data_bitrate_bit_s
 }
 
-/// Share of a serial line that `actuators` take at `rate_hz` samples per second each, with their status packets; eight data
-/// bits with a start and a stop bit, every frame as long as it can be.
+/// Share of a serial line that `actuators` actuators take, each with `rate_hz` samples per second and its status packets.
+///
+/// 1.0 is a full line. The result assumes eight data bits, one start and one stop bit, and frames of the greatest length.
 ///
 /// ```
 /// use ema_wire::bus_load::serial_load;

@@ -1,13 +1,15 @@
-//! COBS decoding in place. Encoding is postcard's flavor; its decoder is not used because it deserialises before the CRC
-//! is known to be right.
+//! COBS decoding in place.
+//!
+//! Postcard's COBS flavor encodes. Postcard's decoder is not used, because it deserialises before the CRC is checked.
 
-/// Decodes the bytes of one frame (without the 0x00 that ended it) in place and returns how many came out; `None` when a
-/// code byte points past the end. An empty frame decodes to nothing.
+/// Decodes one frame, without the 0x00 that ends it, in place and returns the number of decoded bytes.
+///
+/// `None` when a code byte points past the end. An empty frame decodes to zero bytes.
 pub(crate) fn decode_in_place(frame: &mut [u8]) -> Option<usize> {
     let (mut read, mut written) = (0, 0);
     while let Some(&code) = frame.get(read) {
-        // A code byte n stands for n-1 literal bytes and then a zero; 0xFF for 254 literals without one, and the zero at
-        // the very end of the frame is not part of the data. A literal zero cannot occur: it would have ended the frame.
+        // Code byte n: n-1 literal bytes, then a zero. Code byte 0xFF: 254 literal bytes, no zero. The zero after the last
+        // run is not part of the data. A code byte 0 is invalid.
         let run = usize::from(code).checked_sub(1)?;
         let (start, end) = (read + 1, read + 1 + run);
         if end > frame.len() {
@@ -29,7 +31,7 @@ mod tests {
     use super::decode_in_place;
 
     #[test]
-    fn examples_of_the_definition() {
+    fn decodes_the_examples_of_the_definition() {
         for (encoded, decoded) in [
             (&[1, 1][..], &[0][..]),
             (&[1, 1, 1], &[0, 0]),
@@ -47,7 +49,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_of_254_has_no_zero_behind_it() {
+    fn no_zero_follows_a_run_of_254_bytes() {
         let mut frame = [7; 256];
         frame[0] = 0xff;
         frame[255] = 1;

@@ -1,7 +1,7 @@
-//! What one electromechanical actuator says on the wire, both directions.
+//! Frames of an electromechanical actuator on CAN, CAN FD and a serial line: parsed into samples, and emitted from them.
 //!
-//! Raw integers stay raw (`i_a_ma`, `motor_counts`); [`quantity`] holds the scales to SI units. Nothing here reads a
-//! clock or allocates: receive stamps are arguments, buffers belong to the caller, every state is bounded.
+//! Samples hold the raw integers of the wire (`i_a_ma`, `motor_counts`); [`quantity`] converts them to SI units. The crate
+//! neither reads a clock nor allocates: receive stamps are arguments, buffers belong to the caller, every state is bounded.
 //!
 //! ```text
 //!  sensors ─ quantity ─> Sample ─ Sample::to_frames ──────> Currents, Position, Command ─> CAN, 8 bytes each
@@ -11,20 +11,20 @@
 //!  serial ─ Deframer::push ─> SerialPacket ─ Assembler::push_sample ─┘
 //! ```
 //!
-//! | module | what is in it |
+//! | module | content |
 //! |---|---|
 //! | [`can`] | identifiers, the five messages, [`can::Frame`] with `parse` and `emit` |
-//! | [`sample`] | [`Sample`]: everything latched at one instant, split into frames |
-//! | [`assembler`] | [`Assembler`]: frames back into samples, never mixing two instants |
-//! | [`serial`] | [`serial::SerialPacket`]; [`serial::Splitter`] and [`serial::Deframer`] find them on the serial line |
-//! | [`quantity`] | LSB of every quantity, conversions that saturate |
+//! | [`sample`] | [`Sample`]: all quantities latched at one instant |
+//! | [`assembler`] | [`Assembler`]: joins frames into samples, never frames of two instants |
+//! | [`serial`] | [`serial::SerialPacket`]; [`serial::Splitter`] and [`serial::Deframer`] find packets in a byte stream |
+//! | [`quantity`] | LSB of every quantity, saturating conversions |
 //! | [`unwrap`] | counters that wrap on the wire, continued as `i64` |
-//! | [`bus_load`] | how full a bus will be |
+//! | [`bus_load`] | share of a bus or serial line that a number of actuators takes |
 //!
-//! The same dictionary as a table: `docs/can.md`; as a DBC file: `fixtures/ema.dbc`.
+//! `docs/can.md` has the same dictionary as a table, `fixtures/ema.dbc` as a DBC file.
 //!
-//! The `std` feature changes nothing in the interface; it exists so that every crate of the workspace has the same two
-//! build shapes.
+//! The `std` feature does not change the interface. It exists so that every crate of the workspace has the same two build
+//! shapes.
 #![no_std]
 #![warn(clippy::std_instead_of_core, clippy::alloc_instead_of_core)]
 
@@ -41,9 +41,7 @@ pub mod serial;
 pub mod unwrap;
 
 pub use assembler::{Assembler, AssemblerStats, Samples};
-pub use can::{
-    ActuatorId, BatchError, Command, Currents, FdSlot, Frame, Message, Mode, ParseError, Position, SampleFd, Status,
-};
-pub use sample::Sample;
-pub use serial::{Deframer, DeframerStats, FrameFault, SerialPacket, Splitter};
+pub use can::{BatchError, Command, Currents, FdSlot, Frame, Message, ParseError, Position, SampleFd, Status};
+pub use sample::{ActuatorId, ActuatorIdError, Mode, Sample};
+pub use serial::{Deframer, DeframerStats, FrameError, SerialPacket, Splitter};
 pub use unwrap::{unwrap_motor_counts, unwrap_output_counts, unwrap_seq, unwrap_time_us};

@@ -1,4 +1,4 @@
-//! Scales between raw integers on the wire and SI units.
+//! Conversions between the raw integers of the wire and SI units.
 //!
 //! | quantity | raw | LSB | range |
 //! |---|---|---|---|
@@ -11,9 +11,10 @@
 //! | motor angle | s32 counter, wraps | 2π / 65 536 rad | multi-turn |
 //! | output angle | s24 counter, wraps | 2π / 20 000 rad | multi-turn |
 //!
-//! To the wire: round to the nearest LSB (ties away from zero), saturate at the ends of the raw range; NaN becomes 0
-//! because the fields have no code for it, so a device checks its sensors before it emits. Counters are the exception:
-//! they floor like an encoder does, and they wrap. From the wire: exact division, so 123 mA is the double next to 0.123.
+//! Conversion to the wire rounds to the nearest LSB (ties away from zero) and saturates at the ends of the raw range. NaN
+//! becomes 0, because the fields have no code for it: a device checks its sensors before it emits. Angle counters are
+//! different: they round down, as an encoder does, and wrap. Conversion from the wire divides by an exact scale, so 123 mA
+//! becomes the double nearest to 0.123.
 //!
 //! ```
 //! use ema_wire::quantity::{current_a, current_ma};
@@ -50,7 +51,7 @@ pub fn current_a(raw_ma: i16) -> f64 {
 /// Phase current in mA from A; saturates at ±32.77 A.
 #[must_use]
 pub fn current_ma(current_a: f64) -> i16 {
-    nearest(current_a * MILLIAMPERES_PER_A) as i16
+    away_by_half(current_a * MILLIAMPERES_PER_A) as i16
 }
 
 /// Position setpoint in rad at the output shaft (mode position).
@@ -62,7 +63,7 @@ pub fn position_setpoint_rad(raw_urad: i32) -> f64 {
 /// Position setpoint in µrad from rad at the output shaft; saturates at ±2147 rad.
 #[must_use]
 pub fn position_setpoint_urad(setpoint_rad: f64) -> i32 {
-    nearest(setpoint_rad * MICRORADIANS_PER_RAD) as i32
+    away_by_half(setpoint_rad * MICRORADIANS_PER_RAD) as i32
 }
 
 /// Speed setpoint in rad/s at the motor shaft (mode speed).
@@ -74,7 +75,7 @@ pub fn speed_setpoint_rad_s(raw_mrad_s: i32) -> f64 {
 /// Speed setpoint in mrad/s from rad/s at the motor shaft; saturates at ±2.1e6 rad/s.
 #[must_use]
 pub fn speed_setpoint_mrad_s(setpoint_rad_s: f64) -> i32 {
-    nearest(setpoint_rad_s * MILLIRADIANS_PER_RAD) as i32
+    away_by_half(setpoint_rad_s * MILLIRADIANS_PER_RAD) as i32
 }
 
 /// DC link voltage in V.
@@ -86,7 +87,7 @@ pub fn dc_link_v(raw_dv: u16) -> f64 {
 /// DC link voltage in 0.1 V from V; saturates at 0 and 6553.5 V.
 #[must_use]
 pub fn dc_link_dv(dc_link_v: f64) -> u16 {
-    nearest(dc_link_v * DECIVOLTS_PER_V) as u16
+    away_by_half(dc_link_v * DECIVOLTS_PER_V) as u16
 }
 
 /// Winding temperature in °C.
@@ -98,7 +99,7 @@ pub fn winding_temp_deg_c(raw_dc: i16) -> f64 {
 /// Winding temperature in 0.1 °C from °C; saturates at ±3276.7 °C.
 #[must_use]
 pub fn winding_temp_dc(winding_temp_deg_c: f64) -> i16 {
-    nearest(winding_temp_deg_c * DECIDEGREES_PER_K) as i16
+    away_by_half(winding_temp_deg_c * DECIDEGREES_PER_K) as i16
 }
 
 /// Load torque in Nm at the output shaft.
@@ -110,7 +111,7 @@ pub fn load_torque_nm(raw_dnm: i16) -> f64 {
 /// Load torque in 0.1 Nm from Nm; saturates at ±3276.7 Nm and never returns the code for "not measured".
 #[must_use]
 pub fn load_torque_dnm(load_torque_nm: f64) -> i16 {
-    (nearest(load_torque_nm * DECINEWTON_METRES_PER_NM) as i16).max(-i16::MAX)
+    (away_by_half(load_torque_nm * DECINEWTON_METRES_PER_NM) as i16).max(-i16::MAX)
 }
 
 /// Motor angle in rad from unwrapped resolver counts: `theta_m = 2π c / 65 536`, the lower edge of the count.
@@ -154,12 +155,12 @@ pub const fn wrap_s24(counts: i64) -> i32 {
     ((counts as i32) << 8) >> 8
 }
 
-/// Adds half an LSB away from zero; the cast that follows truncates and saturates (NaN gives 0).
-fn nearest(scaled: f64) -> f64 {
+/// The number plus half an LSB away from zero. The caller's cast then truncates and saturates; it turns NaN into 0.
+fn away_by_half(scaled: f64) -> f64 {
     scaled + 0.5_f64.copysign(scaled)
 }
 
-/// `core` has no `f64::floor`.
+/// Largest integer not above `x`; `core` has no `f64::floor`.
 fn floor(x: f64) -> i64 {
     let truncated = x as i64;
     truncated - i64::from((truncated as f64) > x)
@@ -170,7 +171,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_raw_value_survives_the_trip_through_si() {
+    fn every_raw_value_is_unchanged_after_conversion_to_si_and_back() {
         for raw in i16::MIN..=i16::MAX {
             assert_eq!(current_ma(current_a(raw)), raw);
             assert_eq!(winding_temp_dc(winding_temp_deg_c(raw)), raw);
@@ -184,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn ends_saturate_and_nan_is_zero() {
+    fn values_beyond_the_range_saturate_and_nan_becomes_zero() {
         assert_eq!(current_ma(f64::INFINITY), i16::MAX);
         assert_eq!(current_ma(f64::NEG_INFINITY), i16::MIN);
         assert_eq!(current_ma(f64::NAN), 0);
@@ -193,10 +194,10 @@ mod tests {
     }
 
     #[test]
-    fn counters_floor_and_wrap() {
+    fn counters_round_down_and_wrap() {
         assert_eq!(motor_counts(-1e-6), -1);
         assert_eq!(motor_counts(TAU * 1.5), 98_304);
-        // 2^31 counts are 32 768 turns; half a count further the raw value is negative.
+        // 2^31 counts are 32 768 turns, where the raw value becomes negative.
         assert_eq!(motor_counts(TAU * (32_768.0 + 0.5 / 65_536.0)), i32::MIN);
         assert_eq!(wrap_s24(1 << 23), -(1 << 23));
         assert_eq!(wrap_s24(-(1 << 23) - 1), (1 << 23) - 1);

@@ -1,11 +1,14 @@
-//! [`Sample`]: what one actuator latched at one instant.
+//! [`Sample`]: all quantities that one actuator latched at one instant, with the actuator's number and the setpoint's mode.
+//!
+//! The same sample travels as three CAN frames ([`Sample::to_frames`]), in a slot of a CAN FD frame, or in a serial packet.
+
+use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::can::{ActuatorId, Command, Currents, Frame, Mode, Position};
 use crate::quantity::{current_a, position_setpoint_rad, speed_setpoint_rad_s};
 
-/// One complete sample in raw units; everything in it was latched together at `t0 + seq / f_s`.
+/// One complete sample in raw units; the device latches all of it at `t0 + seq / f_s`.
 ///
 /// ```
 /// use ema_wire::{ActuatorId, Mode, Sample};
@@ -21,23 +24,23 @@ use crate::quantity::{current_a, position_setpoint_rad, speed_setpoint_rad_s};
 ///     setpoint: 250_000,
 ///     mode: Mode::Position,
 /// };
-/// assert!(sample.currents_a().iter().sum::<f64>().abs() < 1e-12); // star point: the phases sum to zero
+/// assert!(sample.currents_a().iter().sum::<f64>().abs() < 1e-12); // star connection: the currents sum to zero
 /// assert_eq!(sample.setpoint_rad(), Some(0.25));
 /// assert_eq!(sample.setpoint_rad_s(), None);
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sample {
-    /// Whose sample.
+    /// The actuator that sends it.
     pub actuator: ActuatorId,
     /// Sample counter, wraps.
     pub seq: u16,
-    /// Low 16 bits of the device's microseconds; wraps every 65.536 ms.
+    /// Device time, low 16 bits of the microseconds; wraps every 65.536 ms.
     pub time_us: u16,
-    /// Phase A, mA.
+    /// Current of phase A, mA; positive into the motor.
     pub i_a_ma: i16,
-    /// Phase B, mA.
+    /// Current of phase B, mA; positive into the motor.
     pub i_b_ma: i16,
-    /// Phase C, mA.
+    /// Current of phase C, mA; positive into the motor.
     pub i_c_ma: i16,
     /// Resolver, 65 536 counts per motor turn, wraps.
     pub motor_counts: i32,
@@ -45,74 +48,11 @@ pub struct Sample {
     pub output_counts: i32,
     /// Position mode: 1 µrad at the output; speed mode: 1 mrad/s at the motor; idle: ignored.
     pub setpoint: i32,
-    /// What the setpoint means.
+    /// Quantity that the setpoint commands.
     pub mode: Mode,
 }
 
 impl Sample {
-    /// The three classic frames, in the order in which they go out.
-    #[must_use]
-    pub fn to_frames(&self) -> [Frame; 3] {
-        let &Self {
-            seq,
-            time_us,
-            i_a_ma,
-            i_b_ma,
-            i_c_ma,
-            motor_counts,
-            output_counts,
-            setpoint,
-            mode,
-            ..
-        } = self;
-        let seq8 = self.seq8();
-        [
-            Frame::Currents(Currents {
-                i_a_ma,
-                i_b_ma,
-                i_c_ma,
-                seq,
-            }),
-            Frame::Position(Position {
-                motor_counts,
-                output_counts,
-                seq8,
-            }),
-            Frame::Command(Command {
-                setpoint,
-                mode,
-                time_us,
-                seq8,
-            }),
-        ]
-    }
-
-    /// Joins the three parts of one sample; `None` unless they carry the same counter.
-    ///
-    /// The counter of two parts is one byte, so the caller must know that the parts are less than 256 samples apart;
-    /// [`crate::Assembler`] does.
-    #[must_use]
-    pub fn from_parts(
-        actuator: ActuatorId,
-        currents: &Currents,
-        position: &Position,
-        command: &Command,
-    ) -> Option<Self> {
-        let seq8 = currents.seq as u8;
-        (position.seq8 == seq8 && command.seq8 == seq8).then_some(Self {
-            actuator,
-            seq: currents.seq,
-            time_us: command.time_us,
-            i_a_ma: currents.i_a_ma,
-            i_b_ma: currents.i_b_ma,
-            i_c_ma: currents.i_c_ma,
-            motor_counts: position.motor_counts,
-            output_counts: position.output_counts,
-            setpoint: command.setpoint,
-            mode: command.mode,
-        })
-    }
-
     /// Low byte of the counter, as in the position and command frames.
     #[must_use]
     pub const fn seq8(&self) -> u8 {
@@ -137,3 +77,78 @@ impl Sample {
         (self.mode == Mode::Speed).then(|| speed_setpoint_rad_s(self.setpoint))
     }
 }
+
+/// Quantity that the setpoint commands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[repr(u8)]
+pub enum Mode {
+    /// The actuator is not controlled; the setpoint is ignored.
+    #[default]
+    Idle = 0,
+    /// The setpoint is the output angle, 1 µrad.
+    Position = 1,
+    /// The setpoint is the motor speed, 1 mrad/s.
+    Speed = 2,
+}
+
+/// Number of one actuator, 0 to 15, displayed as `ema0` … `ema15`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(try_from = "u8", into = "u8")]
+pub struct ActuatorId(u8);
+
+impl ActuatorId {
+    /// Number of actuators in the identifier range.
+    pub const COUNT: u8 = 16;
+
+    /// The actuator of this number; `None` above 15.
+    #[must_use]
+    pub const fn new(index: u8) -> Option<Self> {
+        if index < Self::COUNT { Some(Self(index)) } else { None }
+    }
+
+    /// Number of the actuator, 0 to 15.
+    #[must_use]
+    pub const fn index(self) -> u8 {
+        self.0
+    }
+
+    /// All sixteen actuators, by number.
+    pub fn all() -> impl ExactSizeIterator<Item = Self> {
+        (0..Self::COUNT).map(Self)
+    }
+}
+
+impl fmt::Display for ActuatorId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "ema{}", self.0)
+    }
+}
+
+impl From<ActuatorId> for u8 {
+    fn from(actuator: ActuatorId) -> Self {
+        actuator.0
+    }
+}
+
+impl TryFrom<u8> for ActuatorId {
+    type Error = ActuatorIdError;
+
+    fn try_from(index: u8) -> Result<Self, Self::Error> {
+        Self::new(index).ok_or(ActuatorIdError { got: index })
+    }
+}
+
+/// The number of an actuator is above 15.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ActuatorIdError {
+    /// The number given.
+    pub got: u8,
+}
+
+impl fmt::Display for ActuatorIdError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "actuator number: expected 0 to 15, got {}", self.got)
+    }
+}
+
+impl core::error::Error for ActuatorIdError {}

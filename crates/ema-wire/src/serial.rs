@@ -1,12 +1,11 @@
-//! The serial line: the same samples as packets of bytes.
+//! The serial line: samples and status as packets, emitted as COBS frames and parsed from a byte stream.
 //!
 //! ```text
 //! COBS( version u8 | packet, postcard | CRC-32 of both, little-endian ) 0x00
 //! ```
 //!
-//! The CRC is the one of zip and Ethernet (`zlib.crc32`). A zero byte appears nowhere but at the end of a frame, so a
-//! reader that joins late or lost bytes finds its place again at the next zero. Packets are at most
-//! [`MAX_FRAME_LEN`] bytes long.
+//! The CRC is CRC-32/ISO-HDLC, as in zip and Ethernet (`zlib.crc32`). A zero byte occurs only at the end of a frame, so a
+//! reader that joins late or has lost bytes is synchronised at the next zero. A frame has at most [`MAX_FRAME_LEN`] bytes.
 
 use core::fmt;
 
@@ -15,14 +14,15 @@ use postcard::ser_flavors::crc::CrcModifier;
 use postcard::ser_flavors::{Cobs, Slice};
 use serde::{Deserialize, Serialize};
 
-use crate::can::{ActuatorId, Status};
+use crate::can::Status;
 use crate::cobs;
 use crate::quantity::wrap_s24;
-use crate::sample::Sample;
+use crate::sample::{ActuatorId, Sample};
 
-/// First byte of every packet; it changes when any packet's bytes change their meaning.
+/// First byte of every packet. It changes with the meaning of any byte, so an old reader rejects the new packets.
 pub const VERSION: u8 = 1;
-/// Longest frame on the line: a sample with every varint at its longest, CRC, COBS code byte and the closing zero.
+/// Greatest length of a frame, bytes: a sample whose varints all have their greatest length, CRC, COBS code byte and the
+/// zero at the end.
 pub const MAX_FRAME_LEN: usize = 39;
 
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
@@ -31,11 +31,11 @@ const CRC_LEN: usize = 4;
 /// One packet of the serial line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SerialPacket {
-    /// One sample, whole.
+    /// One complete sample.
     Sample(Sample),
-    /// The slow quantities of one actuator, 10 Hz.
+    /// Slow quantities of one actuator, 10 Hz.
     Status {
-        /// Whose status.
+        /// The actuator that sends it.
         actuator: ActuatorId,
         /// The same fields as on CAN.
         status: Status,
@@ -43,58 +43,58 @@ pub enum SerialPacket {
 }
 
 impl SerialPacket {
-    /// Writes the frame, closing zero included, to the start of `buffer` and returns it. [`MAX_FRAME_LEN`] bytes suffice.
+    /// Writes the frame, with the zero at its end, to the start of `buffer` and returns it. [`MAX_FRAME_LEN`] bytes suffice.
     ///
     /// # Errors
     ///
-    /// [`BufferTooSmall`], with the buffer's content unspecified.
+    /// [`BufferTooSmall`]; the content of the buffer is then unspecified.
     pub fn emit<'a>(&self, buffer: &'a mut [u8]) -> Result<&'a [u8], BufferTooSmall> {
         let too_small = BufferTooSmall {
             sufficient: MAX_FRAME_LEN,
             got: buffer.len(),
         };
-        let packet = self.as_on_can();
+        let packet = self.limited_to_can_ranges();
         let cobs = Cobs::try_new(Slice::new(buffer)).map_err(|_| too_small)?;
         let frame = postcard::serialize_with_flavor(&(VERSION, packet), CrcModifier::new(cobs, CRC.digest()));
         frame.map(|bytes: &mut [u8]| &*bytes).map_err(|_| too_small)
     }
 
-    /// Reads one frame, without the zero that ends it.
+    /// Parses one frame, given without the zero that ends it.
     ///
     /// ```
-    /// use ema_wire::{FrameFault, SerialPacket};
-    /// assert_eq!(SerialPacket::parse(b"not a packet"), Err(FrameFault::Cobs));
+    /// use ema_wire::{FrameError, SerialPacket};
+    /// assert_eq!(SerialPacket::parse(b"not a packet"), Err(FrameError::Cobs));
     /// ```
     ///
     /// # Errors
     ///
-    /// The [`FrameFault`] of the first layer that refuses it. Nothing is interpreted before the CRC is right.
-    pub fn parse(frame: &[u8]) -> Result<Self, FrameFault> {
+    /// The [`FrameError`] of the first layer that rejects the frame. No content is decoded before the CRC is checked.
+    pub fn parse(frame: &[u8]) -> Result<Self, FrameError> {
         let mut buffer = [0; MAX_FRAME_LEN - 1];
         let frame = match buffer.get_mut(..frame.len()) {
             Some(copy) => {
                 copy.copy_from_slice(frame);
                 copy
             }
-            None => return Err(FrameFault::TooLong),
+            None => return Err(FrameError::TooLong),
         };
-        let len = cobs::decode_in_place(frame).ok_or(FrameFault::Cobs)?;
-        let (content, crc) = frame[..len].split_last_chunk::<CRC_LEN>().ok_or(FrameFault::Crc)?;
+        let len = cobs::decode_in_place(frame).ok_or(FrameError::Cobs)?;
+        let (content, crc) = frame[..len].split_last_chunk::<CRC_LEN>().ok_or(FrameError::Crc)?;
         if CRC.checksum(content) != u32::from_le_bytes(*crc) {
-            return Err(FrameFault::Crc);
+            return Err(FrameError::Crc);
         }
-        let (version, packet) = content.split_first().ok_or(FrameFault::Decode)?;
+        let (version, packet) = content.split_first().ok_or(FrameError::Decode)?;
         if *version != VERSION {
-            return Err(FrameFault::Version);
+            return Err(FrameError::Version);
         }
         match postcard::take_from_bytes(packet) {
             Ok((packet, [])) => Ok(packet),
-            _ => Err(FrameFault::Decode),
+            _ => Err(FrameError::Decode),
         }
     }
 
-    /// The packet with the limits that the CAN fields have, so that a sample is the same whichever way it came.
-    fn as_on_can(self) -> Self {
+    /// The packet limited to the ranges of the CAN fields, so that both transports deliver equal samples.
+    fn limited_to_can_ranges(self) -> Self {
         match self {
             Self::Sample(sample) => Self::Sample(Sample {
                 output_counts: wrap_s24(sample.output_counts.into()),
@@ -108,7 +108,7 @@ impl SerialPacket {
     }
 }
 
-/// The buffer given to [`SerialPacket::emit`] does not hold the frame.
+/// The buffer given to [`SerialPacket::emit`] is too short for the frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BufferTooSmall {
     /// Bytes that suffice for every packet.
@@ -125,98 +125,98 @@ impl fmt::Display for BufferTooSmall {
 
 impl core::error::Error for BufferTooSmall {}
 
-/// Why a frame was dropped: the first layer that refuses it.
+/// Why a serial frame is dropped: the first layer that rejects it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FrameFault {
-    /// Longer than any packet.
+pub enum FrameError {
+    /// The frame is longer than any packet.
     TooLong,
-    /// No COBS.
+    /// The frame is not valid COBS.
     Cobs,
-    /// The CRC is wrong, or there is no room for one.
+    /// The CRC is wrong, or the frame is too short to contain one.
     Crc,
-    /// The CRC is right, and the version not ours.
+    /// The CRC is right, but the version is not [`VERSION`].
     Version,
-    /// The CRC is right, and the content no packet of this version.
+    /// CRC and version are right, but the content is not a packet.
     Decode,
 }
 
-impl FrameFault {
-    /// All of them, in the order of the layers.
+impl FrameError {
+    /// All reasons, in the order of the layers.
     pub const ALL: [Self; 5] = [Self::TooLong, Self::Cobs, Self::Crc, Self::Version, Self::Decode];
 }
 
-impl fmt::Display for FrameFault {
+impl fmt::Display for FrameError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::TooLong => "longer than any packet",
-            Self::Cobs => "no COBS",
+            Self::Cobs => "not valid COBS",
             Self::Crc => "wrong CRC",
-            Self::Version => "another version",
+            Self::Version => "unknown version",
             Self::Decode => "not a packet of this version",
         })
     }
 }
 
-impl core::error::Error for FrameFault {}
+impl core::error::Error for FrameError {}
 
-/// Counts of good and dropped frames, since the start.
+/// Counts of good and dropped frames since the start.
 ///
-/// A reader that joins a running line drops one frame (the rest of the one in flight), and counts it.
+/// A reader that joins a running line drops and counts one frame: the rest of the frame under way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct DeframerStats {
     /// Packets delivered.
     pub packets: u64,
-    /// Frames with a wrong CRC, or too short to have one.
+    /// Frames with a wrong CRC, or too short to contain one.
     pub crc: u64,
-    /// Frames that are no COBS.
+    /// Frames that are not valid COBS.
     pub cobs: u64,
     /// Frames longer than any packet.
     pub too_long: u64,
-    /// Frames whose CRC is right and whose version is not ours.
+    /// Frames whose CRC is right and whose version is not [`VERSION`].
     pub version: u64,
-    /// Frames whose CRC is right and whose content is not a packet of this version.
+    /// Frames whose CRC and version are right and whose content is not a packet.
     pub decode: u64,
-    /// Frames begun and not ended when the stream ended.
+    /// Frames that were incomplete at the end of the stream.
     pub truncated: u64,
 }
 
 impl DeframerStats {
-    /// Counts one frame by what came of it.
-    pub fn count(&mut self, parsed: &Result<SerialPacket, FrameFault>) {
+    /// Counts one frame by the result of [`SerialPacket::parse`].
+    pub fn count(&mut self, parsed: &Result<SerialPacket, FrameError>) {
         let count = match parsed {
             Ok(_) => &mut self.packets,
-            Err(FrameFault::TooLong) => &mut self.too_long,
-            Err(FrameFault::Cobs) => &mut self.cobs,
-            Err(FrameFault::Crc) => &mut self.crc,
-            Err(FrameFault::Version) => &mut self.version,
-            Err(FrameFault::Decode) => &mut self.decode,
+            Err(FrameError::TooLong) => &mut self.too_long,
+            Err(FrameError::Cobs) => &mut self.cobs,
+            Err(FrameError::Crc) => &mut self.crc,
+            Err(FrameError::Version) => &mut self.version,
+            Err(FrameError::Decode) => &mut self.decode,
         };
         *count += 1;
     }
 
     /// Frames dropped for this reason.
     #[must_use]
-    pub const fn dropped_for(&self, fault: FrameFault) -> u64 {
-        match fault {
-            FrameFault::TooLong => self.too_long,
-            FrameFault::Cobs => self.cobs,
-            FrameFault::Crc => self.crc,
-            FrameFault::Version => self.version,
-            FrameFault::Decode => self.decode,
+    pub const fn dropped_for(&self, error: FrameError) -> u64 {
+        match error {
+            FrameError::TooLong => self.too_long,
+            FrameError::Cobs => self.cobs,
+            FrameError::Crc => self.crc,
+            FrameError::Version => self.version,
+            FrameError::Decode => self.decode,
         }
     }
 
-    /// All dropped frames.
+    /// Frames dropped for any reason.
     #[must_use]
     pub const fn dropped(&self) -> u64 {
         self.crc + self.cobs + self.too_long + self.version + self.decode + self.truncated
     }
 }
 
-/// Cuts a stream of bytes into frames at its zeros, in chunks of any size, with a buffer of `N` bytes and no other memory.
+/// Splits a byte stream into frames at its zeros, in chunks of any size, with a buffer of `N` bytes.
 ///
-/// A frame that does not fit comes out as its first `N` bytes, which are more than any packet has: whoever parses it sees
-/// that it was too long.
+/// Of a longer frame it yields the first `N` bytes. `N` exceeds the length of any packet, so [`SerialPacket::parse`] rejects
+/// such a frame with [`FrameError::TooLong`].
 #[derive(Debug, Clone)]
 pub struct Splitter<const N: usize = 64> {
     buffer: [u8; N],
@@ -225,16 +225,16 @@ pub struct Splitter<const N: usize = 64> {
 }
 
 impl<const N: usize> Splitter<N> {
-    const TELLS_WHAT_IS_TOO_LONG: () = assert!(N >= MAX_FRAME_LEN);
+    const HOLDS_MORE_THAN_A_PACKET: () = assert!(N >= MAX_FRAME_LEN);
 
-    /// Empty, as if the last byte had been a zero.
+    /// A splitter at the start of a frame.
     #[must_use]
     pub const fn new() -> Self {
-        const { Self::TELLS_WHAT_IS_TOO_LONG };
+        const { Self::HOLDS_MORE_THAN_A_PACKET };
         Self { buffer: [0; N], len: 0 }
     }
 
-    /// Takes the next byte; the frame comes out, without its zero, with the zero that ends it. Zeros in a row are no
+    /// Takes the next byte. The zero at the end of a frame yields the frame, without that zero. Consecutive zeros yield no
     /// frames.
     pub fn push(&mut self, byte: u8) -> Option<&[u8]> {
         if byte == 0 {
@@ -247,7 +247,7 @@ impl<const N: usize> Splitter<N> {
         None
     }
 
-    /// End of the stream, or a known break in it: what there is of an unfinished frame.
+    /// Marks the end of the stream or a known break in it; yields the unfinished frame, if there is one.
     pub fn finish(&mut self) -> Option<&[u8]> {
         let len = core::mem::take(&mut self.len);
         self.buffer.get(..len).filter(|frame| !frame.is_empty())
@@ -260,7 +260,7 @@ impl<const N: usize> Default for Splitter<N> {
     }
 }
 
-/// Finds the packets in a stream of bytes, in chunks of any size and in fixed memory.
+/// Finds the packets in a byte stream, in chunks of any size, in fixed memory, and counts the dropped frames.
 ///
 /// ```
 /// use ema_wire::{ActuatorId, Deframer, SerialPacket, Status};
@@ -284,7 +284,7 @@ pub struct Deframer {
 }
 
 impl Deframer {
-    /// Empty, as if the last byte had been a zero.
+    /// A deframer at the start of a frame.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -296,19 +296,19 @@ impl Deframer {
         self.stats
     }
 
-    /// Takes the next byte; a packet comes out with the zero that ends a good frame. Zeros in a row are no frames.
+    /// Takes the next byte. The zero at the end of a good frame yields its packet. Consecutive zeros are not frames.
     pub fn push(&mut self, byte: u8) -> Option<SerialPacket> {
         let parsed = SerialPacket::parse(self.splitter.push(byte)?);
         self.stats.count(&parsed);
         parsed.ok()
     }
 
-    /// Takes a chunk and yields its packets. Bytes are consumed as the iterator is: run it to its end.
+    /// Takes a chunk and yields its packets. The iterator consumes the bytes as it advances: run it to its end.
     pub fn push_slice<'a>(&'a mut self, bytes: &'a [u8]) -> impl Iterator<Item = SerialPacket> + 'a {
         bytes.iter().filter_map(|byte| self.push(*byte))
     }
 
-    /// End of the stream, or a known break in it: an unfinished frame counts as truncated.
+    /// Marks the end of the stream or a known break in it; an unfinished frame counts as truncated.
     pub fn finish(&mut self) {
         if self.splitter.finish().is_some() {
             self.stats.truncated += 1;

@@ -1,7 +1,7 @@
 //! Counters that wrap on the wire, continued as `i64`.
 //!
-//! Each function takes the previous continued value and the new raw one. What may happen in between is stated per
-//! function; a longer silence is ambiguous, and then the caller starts afresh.
+//! Each function takes the previous continued value and the new raw value, and returns the new continued value. Each states
+//! the largest change for which the result is unique. After a longer silence the caller starts from a new origin.
 
 use crate::quantity::wrap_s24;
 
@@ -31,14 +31,15 @@ pub const fn unwrap_output_counts(previous: i64, raw: i32) -> i64 {
     previous.wrapping_add(wrap_s24((raw as i64).wrapping_sub(previous)) as i64)
 }
 
-/// Continues the u16 sample counter: the first value at or after `previous` that is congruent to `raw`. Samples only go
-/// forward; up to 65 535 of them (33 s at 2 kHz) may be missing in between.
+/// Continues the u16 sample counter: the first value at or after `previous` that is congruent to `raw`.
+///
+/// The counter never goes back. At most 65 535 samples (33 s at 2 kHz) may lie between the two values.
 ///
 /// ```
 /// use ema_wire::unwrap_seq;
 /// assert_eq!(unwrap_seq(65_535, 0), 65_536);
 /// assert_eq!(unwrap_seq(65_536, 0), 65_536);
-/// assert_eq!(unwrap_seq(65_536, 65_535), 131_071); // not one back: a whole turn minus one forward
+/// assert_eq!(unwrap_seq(65_536, 65_535), 131_071); // 65 535 forward, not one back
 /// ```
 #[must_use]
 pub const fn unwrap_seq(previous: i64, raw: u16) -> i64 {
@@ -47,9 +48,9 @@ pub const fn unwrap_seq(previous: i64, raw: u16) -> i64 {
 
 /// Continues the u16 device time: the value congruent to `raw` that is nearest to `expected_us`.
 ///
-/// The raw field wraps every 65.536 ms, so after a gap the previous time alone does not tell how many wraps went by.
-/// The sample counter does: `expected_us = previous_us + steps of seq × nominal period`. The result is right while the
-/// expectation is off by less than 32.768 ms.
+/// The raw field wraps every 65.536 ms, so the number of wraps in a gap follows from the sample counter:
+/// `expected_us = previous_us + change of seq × nominal period`. The result is right if `expected_us` is wrong by less
+/// than 32.768 ms.
 ///
 /// ```
 /// use ema_wire::unwrap_time_us;
@@ -66,7 +67,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn walks_across_every_seam_in_both_directions() {
+    fn counters_continue_across_every_wrap_in_both_directions() {
         for centre in [
             0_i64,
             1 << 23,

@@ -7,10 +7,10 @@ use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_mai
 use ema_models::reference::{Actuations, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
-use hmd::config::Config;
-use hmd::frame::{BusNames, RawFrame};
-use hmd::pipeline::Pipeline;
-use hmd::simulate::{EPOCH_NS, traffic};
+use hmd_core::config::Config;
+use hmd_core::frame::{BusNames, RawFrame};
+use hmd_core::pipeline::Pipeline;
+use hmd_lab::simulate::{EPOCH_NS, traffic};
 
 fn frames() -> Vec<RawFrame> {
     let mut params = ActuatorParams::bench();

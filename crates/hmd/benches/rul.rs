@@ -5,10 +5,10 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use ema_identify::calibration::{MonitorForm, TypeCalibration};
 use ema_models::{ActuatorParams, FaultVector};
-use hmd::config::Specification;
-use hmd::function::{TRIED, shortfalls};
-use hmd::health::FAULTS;
-use hmd::rul::{Odometer, Prognosis};
+use hmd_core::config::Specification;
+use hmd_core::functional_check::{TRIED, shortfalls};
+use hmd_core::health::FAULTS;
+use hmd_core::rul::{Odometer, Prognosis};
 
 fn update(c: &mut Criterion) {
     let mut prognosis = Prognosis::new([0.8; FAULTS]);

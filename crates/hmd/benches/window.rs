@@ -6,8 +6,8 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use ema_identify::calibration::{MonitorForm, TypeCalibration};
 use ema_identify::{Identifier, Method};
 use ema_models::{ActuatorParams, FaultVector, Profile};
-use hmd::evaluate::TABLE_III;
-use hmd::simulated::SimulatedWindow;
+use hmd_lab::evaluate::TABLE_III;
+use hmd_lab::simulated::SimulatedWindow;
 
 fn window(c: &mut Criterion) {
     let params = ActuatorParams::bench();

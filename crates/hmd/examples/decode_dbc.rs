@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::io::{self, BufRead, Write};
 
-use hmd::dbc::{Database, Signal, SignalKind};
+use hmd_core::dbc::{Database, Signal, SignalKind};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let path = std::env::args().nth(1).ok_or("usage: decode_dbc FILE.dbc < FRAMES")?;

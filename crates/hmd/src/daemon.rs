@@ -32,16 +32,22 @@ use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 
-use crate::config::Config;
-use crate::frame::{BusError, BusNames};
-use crate::front::{Notice, WindowJob};
-use crate::ingest::live::{Feed, Input, LiveSource, QUEUE_INPUTS, now_ns};
-use crate::judge::{Judge, JudgeError, Judged, WindowCounts};
-use crate::pipeline::Pipeline;
-use crate::record::{LogLevel, Status};
-use crate::recorder::{RecordError, Recorder};
 pub use freshness::STALE_AFTER;
-use monitor::{Monitor, tell};
+use hmd_core::assess::{AssessError, AssessedWindow, Assessor, WindowCounts};
+use hmd_core::config::Config;
+use hmd_core::demux::{Notice, WindowJob};
+use hmd_core::frame::{BusError, BusNames};
+use hmd_core::pipeline::Pipeline;
+use hmd_core::record::{LogLevel, Status};
+use hmd_ingest::feed::{Feed, Input, QUEUE_INPUTS};
+use hmd_ingest::live::LiveSource;
+use hmd_storage::calibration_file::load_models;
+use hmd_storage::clock::now_ns;
+use hmd_storage::event_file::events_of;
+use hmd_storage::history_file;
+use hmd_storage::recorder::{RecordError, Recorder};
+use monitor::{Monitor, tell, tell_last_summaries, tell_unless_many};
+use notices::Notices;
 use standing::Standings;
 pub use window_queue::QUEUE_WINDOWS;
 
@@ -66,7 +72,7 @@ pub enum DaemonError {
     },
     /// The windows cannot be judged.
     #[error(transparent)]
-    Judge(#[from] JudgeError),
+    Assess(#[from] AssessError),
     /// The records cannot be written.
     #[error(transparent)]
     Record(#[from] RecordError),
@@ -81,12 +87,12 @@ pub trait Observer: Sync {
     ///
     /// # Errors
     /// When nobody takes the records any more; the daemon then ends.
-    fn judged(&self, judged: &Judged) -> io::Result<()>;
+    fn judged(&self, judged: &AssessedWindow) -> io::Result<()>;
     /// One window has been judged, but its records could not be stored; by default told like any other.
     ///
     /// # Errors
     /// As [`Observer::judged`].
-    fn unstored(&self, judged: &Judged) -> io::Result<()> {
+    fn unstored(&self, judged: &AssessedWindow) -> io::Result<()> {
         self.judged(judged)
     }
     /// Something an operator should read.
@@ -123,6 +129,8 @@ struct Shared {
     last_record: Option<Instant>,
     /// What the verdicts made of the actuators.
     standings: Standings,
+    /// Which notices were told lately, by either thread.
+    notices: Notices,
 }
 
 impl Daemon {
@@ -149,6 +157,7 @@ impl Daemon {
             judging: (Duration::ZERO, Duration::ZERO),
             last_record: None,
             standings: Standings::default(),
+            notices: Notices::default(),
         });
         let windows = WindowQueue::new();
         let (queue, inputs) = mpsc::channel(QUEUE_INPUTS);
@@ -159,14 +168,17 @@ impl Daemon {
         let store_raw = self.watch.as_ref().is_none_or(|(config, _)| config.output().raw_frames);
         let config = self.watch.as_ref().map(|(config, _)| config.clone());
         let mut monitor = Monitor::new(pipeline, names, store_raw, config);
-        let judge = self.watch.map(|(config, seed)| Judge::new(config, seed));
+        let assessor = match self.watch {
+            Some((config, seed)) => Some(ready_assessor(config, seed)?),
+            None => None,
+        };
 
         let (watched, judged) = thread::scope(|scope| {
             let (windows, shared) = (&windows, &shared);
-            let judging = judge.map(|judge| {
+            let judging = assessor.map(|(judge, config)| {
                 scope.spawn(move || {
                     let _closed = CloseAtEnd(windows);
-                    judge_all(judge, windows, shared, observer)
+                    judge_all(judge, &config, windows, shared, observer)
                 })
             });
             let watching = scope.spawn(|| {
@@ -176,7 +188,8 @@ impl Daemon {
             runtime.block_on(receive(sources, queue, shutdown));
             (join(watching), judging.map_or(Ok(()), join))
         });
-        let shared = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let mut shared = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let told = tell_last_summaries(&mut shared, observer);
         let mut status = monitor.status(&shared);
         let written = shared.recorder.map_or(Ok(None), |mut recorder| {
             recorder.status(now_ns(), &status)?;
@@ -185,6 +198,7 @@ impl Daemon {
         // The file is ended whatever went wrong before; the first error is the one to tell.
         judged?;
         watched?;
+        told?;
         if let Some(store) = written? {
             status.set_storage(&store.status);
             for (level, message) in store.messages {
@@ -232,23 +246,42 @@ impl Drop for CloseAtEnd<'_> {
     }
 }
 
+/// An assessor with its models and the histories of earlier runs; the notices of unusable histories come with the first window.
+fn ready_assessor(config: Arc<Config>, seed: u64) -> Result<(Assessor, Arc<Config>), AssessError> {
+    let mut assessor = Assessor::new(config.clone(), load_models(&config)?, seed);
+    if let Some(directory) = config.rul().state.as_ref().map(|path| config.resolve(path)) {
+        history_file::restore_all(&directory, &config, assessor.lives());
+    }
+    Ok((assessor, config))
+}
+
 /// The dear half, on a thread of its own.
 fn judge_all(
-    mut judge: Judge,
+    mut judge: Assessor,
+    config: &Config,
     windows: &WindowQueue,
     shared: &Mutex<Shared>,
     observer: &impl Observer,
 ) -> Result<(), DaemonError> {
-    judge.lives().keep();
+    let histories = config.rul().state.as_ref().map(|path| config.resolve(path));
     while let Some(job) = windows.pop() {
         // Events may have come since the last window; the file is short. One that is damaged does not end the watch.
-        let events = judge.follow_events().err().map(|error| error.to_string());
+        let events = match events_of(config) {
+            Ok(events) => {
+                judge.lives().follow(events);
+                None
+            }
+            Err(error) => Some(format!("rul.events: {error}")),
+        };
         let since = Instant::now();
         let passive = job.actuator.passive;
-        let judged = judge.judge(job)?;
+        let judged = judge.assess(job)?;
         let took = since.elapsed();
         // Before the lock is taken: frames need not wait for this file.
-        let saved = judge.lives().save(&judged.health.actuator);
+        let saved = match (&histories, judge.lives().get(&judged.health.actuator)) {
+            (Some(directory), Some(history)) => history_file::save(directory, &judged.health.actuator, history),
+            _ => Ok(()),
+        };
         let troubles = events.into_iter().chain(saved.err().map(|error| error.to_string()));
         let pending = judge.lives().pending(&judged.health.actuator);
         let of_life: Vec<String> = judge.lives().take_notices().into_iter().chain(troubles).collect();
@@ -257,9 +290,10 @@ fn judge_all(
             shared.windows = judge.counts();
             let (total, longest) = shared.judging;
             shared.judging = (total + took, longest.max(took));
+            // The same trouble may come with every window.
             for message in of_life {
                 let stamp_ns = judged.health.t_start_ns;
-                tell(&Notice { stamp_ns, message }, LogLevel::Warning, &mut shared, observer)?;
+                tell_unless_many(&Notice { stamp_ns, message }, LogLevel::Warning, &mut shared, observer)?;
             }
             if let Some((level, message)) = shared.standings.take(&judged.health, pending, passive) {
                 let stamp_ns = judged.health.t_start_ns;

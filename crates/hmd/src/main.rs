@@ -4,11 +4,12 @@
 
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser, Subcommand};
-use hmd::commands::{
-    bench, calibrate, check_config, code_of, demo, evaluate, event, export, inspect, manual, record, recover, replay,
-    report, run, sentence, simulate, top, warn,
-};
+#[cfg(feature = "full")]
+use clap::CommandFactory;
+use clap::{Parser, Subcommand};
+#[cfg(feature = "full")]
+use hmd::commands::{bench, demo, evaluate, export, manual, report, simulate, top};
+use hmd::commands::{calibrate, check_config, code_of, event, inspect, record, recover, replay, run, sentence, warn};
 
 /// Health monitoring of electromechanical actuators: which part wears, how far, and how sure.
 #[derive(Debug, Parser)]
@@ -28,43 +29,61 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
+    #[cfg(feature = "full")]
     Demo(demo::Args),
     Run(run::Args),
     Record(record::Args),
     Replay(replay::Args),
+    #[cfg(feature = "full")]
     Top(top::Args),
     Recover(recover::Args),
     Event(event::Args),
     Inspect(inspect::Args),
+    #[cfg(feature = "full")]
     Report(report::Args),
+    #[cfg(feature = "full")]
     Export(export::Args),
+    #[cfg(feature = "full")]
     Simulate(simulate::Args),
     Calibrate(calibrate::Args),
+    #[cfg(feature = "full")]
     Evaluate(evaluate::Args),
+    #[cfg(feature = "full")]
     Bench(bench::Args),
     CheckConfig(check_config::Args),
+    #[cfg(feature = "full")]
     Completions(manual::Completions),
+    #[cfg(feature = "full")]
     Man(manual::Man),
 }
 
 fn main() -> ExitCode {
     let ended = match Cli::parse().verb {
+        #[cfg(feature = "full")]
         Verb::Demo(args) => demo::run(&args),
         Verb::Run(args) => run::run(&args),
         Verb::Record(args) => record::run(&args),
         Verb::Replay(args) => replay::run(&args),
+        #[cfg(feature = "full")]
         Verb::Top(args) => top::run(&args),
         Verb::Recover(args) => recover::run(&args),
         Verb::Inspect(args) => inspect::run(&args),
+        #[cfg(feature = "full")]
         Verb::Export(args) => export::run(&args),
+        #[cfg(feature = "full")]
         Verb::Report(args) => report::run(&args),
         Verb::Event(args) => event::run(&args),
+        #[cfg(feature = "full")]
         Verb::Simulate(args) => simulate::run(&args),
         Verb::Calibrate(args) => calibrate::run(&args),
+        #[cfg(feature = "full")]
         Verb::Evaluate(args) => evaluate::run(&args),
+        #[cfg(feature = "full")]
         Verb::Bench(args) => bench::run(&args),
         Verb::CheckConfig(args) => check_config::run(&args),
+        #[cfg(feature = "full")]
         Verb::Completions(args) => manual::completions(&args, Cli::command()),
+        #[cfg(feature = "full")]
         Verb::Man(args) => manual::man(&args, Cli::command()),
     };
     match ended {

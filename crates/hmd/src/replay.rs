@@ -8,18 +8,22 @@ use std::sync::Arc;
 
 use prost::Message;
 
-use crate::config::{ActuatorConfig, Config};
-use crate::dbc::MessageUse;
-use crate::frame::BusNames;
-use crate::front::{FrameCounts, Notice, WindowJob};
-use crate::ingest::{FrameSource, IngestError, Loss, McapMessages, open_with};
-use crate::judge::{Judge, JudgeError, Judged};
-use crate::pipeline::Pipeline;
-use crate::record::{Dropped, LogLevel, Record, Status};
-use crate::recorder::{RecordError, Recorder, Tap, metadata};
-use crate::same_file::is_same_file;
-use crate::seal::is_sealed;
-use crate::sink::METADATA_NAME;
+use hmd_core::assess::{AssessError, AssessedWindow, Assessor};
+use hmd_core::config::{ActuatorConfig, Config};
+use hmd_core::dbc::MessageUse;
+use hmd_core::demux::{FrameCounts, Notice, WindowJob};
+use hmd_core::frame::BusNames;
+use hmd_core::metadata_checksum::is_sealed;
+use hmd_core::pipeline::Pipeline;
+use hmd_core::record::{Dropped, LogLevel, Record, Status};
+use hmd_ingest::Loss;
+use hmd_ingest::file::{FrameSource, IngestError, open_with};
+use hmd_storage::calibration_file::load_models;
+use hmd_storage::event_file::{EventError, events_of};
+use hmd_storage::mcap::McapMessages;
+use hmd_storage::mcap_writer::METADATA_NAME;
+use hmd_storage::recorder::{RecordError, Recorder, Tap, metadata};
+use hmd_storage::same_file::is_same_file;
 
 /// Why a replay failed.
 #[derive(Debug, thiserror::Error)]
@@ -29,7 +33,10 @@ pub enum ReplayError {
     Ingest(#[from] IngestError),
     /// The windows cannot be judged.
     #[error(transparent)]
-    Judge(#[from] JudgeError),
+    Assess(#[from] AssessError),
+    /// The maintenance events cannot be read.
+    #[error("rul.events: {0}")]
+    Events(#[from] EventError),
     /// The output is a log, the configuration or a file that it names.
     #[error("{path}: expected another output than a file that is read, found one")]
     OutputIsInput {
@@ -162,7 +169,7 @@ fn watched(config: &Config) -> String {
 /// What a replay tells while it runs.
 pub trait Observer {
     /// One window has been judged.
-    fn judged(&mut self, judged: &Judged) -> io::Result<()>;
+    fn judged(&mut self, judged: &AssessedWindow) -> io::Result<()>;
     /// Something an operator should read.
     fn notice(&mut self, message: &str);
     /// Bytes read of all.
@@ -171,7 +178,7 @@ pub trait Observer {
 
 struct Run<'a, O> {
     pipeline: Pipeline,
-    judge: Judge,
+    judge: Assessor,
     recorder: Option<Recorder>,
     observer: &'a mut O,
     windows: u64,
@@ -215,8 +222,8 @@ impl Replay<'_> {
             Some(tap) => recorder.map(|recorder| recorder.with_tap(tap)),
             None => recorder,
         };
-        let mut judge = Judge::new(self.config.clone(), self.seed);
-        judge.follow_events()?;
+        let mut judge = Assessor::new(self.config.clone(), load_models(&self.config)?, self.seed);
+        judge.lives().follow(events_of(&self.config)?);
         let mut run = Run {
             pipeline: Pipeline::new(self.config.clone()),
             judge,
@@ -359,7 +366,7 @@ impl<O: Observer> Run<'_, O> {
                 }
                 continue;
             }
-            let judged = self.judge.judge(job)?;
+            let judged = self.judge.assess(job)?;
             for message in self.judge.lives().take_notices() {
                 let stamp_ns = judged.health.t_start_ns;
                 self.notice(&Notice { stamp_ns, message }, LogLevel::Info)?;
@@ -373,7 +380,7 @@ impl<O: Observer> Run<'_, O> {
     }
 
     fn lost(&mut self, loss: &Loss) -> Result<(), ReplayError> {
-        self.damaged_places += self.pipeline.losses.count(loss);
+        self.damaged_places += loss.count_into(&mut self.pipeline.losses);
         self.notice(
             &Notice {
                 stamp_ns: self.pipeline.last_stamp_ns(),
@@ -462,6 +469,7 @@ fn dropped_windows(logs: &[PathBuf]) -> BTreeSet<(String, u64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hmd_core::assess::Models;
 
     #[test]
     fn a_log_tells_the_serial_numbers_of_its_units() {
@@ -487,7 +495,7 @@ mod tests {
     fn another_unit_begins_its_own_life() {
         struct Nobody;
         impl Observer for Nobody {
-            fn judged(&mut self, _: &Judged) -> io::Result<()> {
+            fn judged(&mut self, _: &AssessedWindow) -> io::Result<()> {
                 Ok(())
             }
             fn notice(&mut self, _: &str) {}
@@ -497,7 +505,7 @@ mod tests {
         let config = Arc::new(Config::default());
         let mut run = Run {
             pipeline: Pipeline::new(config.clone()),
-            judge: Judge::new(config.clone(), 1),
+            judge: Assessor::new(config.clone(), Models::without_files(&config).unwrap(), 1),
             recorder: None,
             observer: &mut Nobody,
             windows: 0,

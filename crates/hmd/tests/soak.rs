@@ -15,15 +15,15 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use hmd::config::Config;
 use hmd::daemon::{Daemon, Observer};
-use hmd::frame::BusNames;
-use hmd::ingest::live::LiveSource;
-use hmd::ingest::{McapFrames, McapMessages};
-use hmd::judge::Judged;
-use hmd::record::{Health, Record, Status};
-use hmd::recorder::{Recorder, metadata};
-use hmd::store::Limits;
+use hmd_core::assess::AssessedWindow;
+use hmd_core::config::Config;
+use hmd_core::config::Limits;
+use hmd_core::frame::BusNames;
+use hmd_core::record::{Health, Record, Status};
+use hmd_ingest::live::LiveSource;
+use hmd_storage::mcap::{McapFrames, McapMessages};
+use hmd_storage::recorder::{Recorder, metadata};
 use prost::Message;
 use soak_rig::{ACTUATORS, ACTUATORS_PER_BUS, BUSES, Bus, FRAMES_PER_SECOND, Template, config, kib, program};
 
@@ -80,7 +80,7 @@ struct Told {
 }
 
 impl Observer for Told {
-    fn judged(&self, judged: &Judged) -> io::Result<()> {
+    fn judged(&self, judged: &AssessedWindow) -> io::Result<()> {
         let health = &judged.health;
         let key = (health.actuator.clone(), health.status.to_string());
         *self.statuses.lock().unwrap().entry(key).or_default() += 1;
@@ -88,7 +88,7 @@ impl Observer for Told {
         Ok(())
     }
 
-    fn unstored(&self, judged: &Judged) -> io::Result<()> {
+    fn unstored(&self, judged: &AssessedWindow) -> io::Result<()> {
         panic!(
             "not stored: window {} of {}",
             judged.health.window, judged.health.actuator

@@ -92,7 +92,11 @@ impl fmt::Display for EstimateLines<'_> {
                 None => writeln!(f, "{name}/sigma{p} -")?,
             }
         }
-        for (p, k) in (1..).zip(estimate.competing_optimum.map_or([None; FAULT_COUNT], |k| k.to_array().map(Some))) {
+        for (p, k) in (1..).zip(
+            estimate
+                .competing_optimum
+                .map_or([None; FAULT_COUNT], |k| k.to_array().map(Some)),
+        ) {
             match k {
                 Some(k) => writeln!(f, "{name}/competing{p} {:016x}", k.to_bits())?,
                 None => writeln!(f, "{name}/competing{p} -")?,

@@ -1,4 +1,4 @@
-//! The command line, and what it means.
+//! The command line: options, and the plan, link faults and output they give.
 
 use std::path::PathBuf;
 
@@ -13,34 +13,34 @@ use crate::output::Output;
 #[derive(Debug, Parser)]
 #[command(version, about)]
 pub(crate) struct Args {
-    /// File or serial device to write to; stdout without it. The speed of a device is the one that it has.
+    /// File or serial device to write to (default: stdout). The speed of a serial device is not changed.
     #[arg(short, long, value_name = "PATH", group = "where")]
     output: Option<PathBuf>,
-    /// Make a pseudo-terminal and this link to it; what nobody reads in time is lost, as on a wire.
+    /// Create a pseudo-terminal and this symbolic link to it. Bytes that are not read in time are lost, as on a wire.
     #[arg(long, value_name = "LINK", group = "where")]
     pty: Option<PathBuf>,
     /// CAN interface to send on.
     #[arg(long, value_name = "INTERFACE", group = "where")]
     can: Option<String>,
-    /// In real time (default on a device, a pseudo-terminal and CAN), or as fast as it goes (default for the others).
+    /// Send in real time (default on a serial device, a pseudo-terminal and CAN) or as fast as possible (default otherwise).
     #[arg(long, value_enum)]
     pub(crate) pace: Option<Pace>,
     /// The fault vector, k1,…,k8.
     #[arg(long, value_parser = fault_vector, default_value = "0,0,0,0,0,0,0.5,0.5", value_name = "K1,…,K8")]
     k: FaultVector,
-    /// Wear: what each actuation adds to the fault vector.
+    /// Wear: the increase of the fault vector with each actuation.
     #[arg(long, value_parser = numbers, value_name = "K1,…,K8", allow_hyphen_values = true)]
     growth: Option<[f64; FAULT_COUNT]>,
-    /// What each actuation commands.
+    /// Command of each actuation.
     #[arg(long, value_parser = profile, default_value = "mixed", value_name = "step|ramp|chirp|mixed")]
     profile: Profile,
-    /// Number of actuations, one a second, their direction alternating.
+    /// Number of actuations, one per second, in alternating directions.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     windows: u32,
-    /// Sampling rate, Hz; default that of the type.
+    /// Sampling rate, Hz (default: that of the actuator type).
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// Current noise, A rms; above 0 the 12-bit converters are in the path too.
+    /// Current noise, A rms; a value above 0 also switches the 12-bit converters on.
     #[arg(long, default_value_t = 0.0, value_parser = not_negative)]
     noise: f64,
     /// Constant load at the output, Nm; positive opposes positive motion.
@@ -52,7 +52,7 @@ pub(crate) struct Args {
     /// Number of the actuator in its frames.
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..16))]
     id: u8,
-    /// Draws rotor angle, place in the backlash, first direction, noise and link faults.
+    /// Seed of rotor angle, position in the backlash, first direction, noise and link faults.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
     /// Probability that a frame is lost.
@@ -61,19 +61,19 @@ pub(crate) struct Args {
     /// Probability that a frame arrives twice.
     #[arg(long, default_value_t = 0.0, value_parser = probability, help_heading = "Link faults")]
     duplicate: f64,
-    /// Probability that a frame arrives after the one that follows it.
+    /// Probability that a frame arrives after the next one.
     #[arg(long, default_value_t = 0.0, value_parser = probability, help_heading = "Link faults")]
     reorder: f64,
-    /// Probability that a bit of a frame arrives wrong; on CAN an error frame, or a value wrong by 1 A or 50 counts.
+    /// Probability that one bit of a frame is flipped; on CAN an error frame, or a value wrong by 1 A or 50 counts.
     #[arg(long, default_value_t = 0.0, value_parser = probability, help_heading = "Link faults")]
     flip: f64,
-    /// Probability that a signal gets stuck at a sample, for up to 8 of them.
+    /// Probability at each sample that a signal becomes stuck, for up to 8 samples.
     #[arg(long, default_value_t = 0.0, value_parser = probability, help_heading = "Link faults")]
     stuck: f64,
-    /// Each frame is late by up to this, ms.
+    /// Largest delay of a frame, ms.
     #[arg(long, default_value_t = 0.0, value_parser = not_negative, value_name = "MS", help_heading = "Link faults")]
     delay: f64,
-    /// The device's clock is fast by this, ppm.
+    /// Drift of the device's clock, ppm; a positive drift is a fast clock.
     #[arg(
         long, default_value_t = 0.0, allow_negative_numbers = true, value_parser = ppm, value_name = "PPM",
         help_heading = "Link faults"
@@ -81,19 +81,19 @@ pub(crate) struct Args {
     drift: f64,
 }
 
-/// When frames are sent.
+/// Times of transmission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Pace {
-    /// Each in its time.
+    /// Each frame at its time.
     RealTime,
-    /// At once.
+    /// Each frame as soon as possible.
     Fast,
 }
 
 impl Args {
     pub(crate) fn plan(&self) -> Result<Plan, String> {
         let settings = Settings {
-            actuator: ActuatorKind::named(&self.actuator).unwrap_or_default(),
+            actuator: ActuatorKind::from_name(&self.actuator).unwrap_or_default(),
             k: self.k,
             growth: self.growth.unwrap_or_default(),
             profile: self.profile,

@@ -1,4 +1,4 @@
-//! `firmware_sim`: a simulated actuator talks on a serial line or a CAN bus.
+//! The program `firmware_sim`: sends a simulated actuator's frames to a file, a serial line or a CAN bus.
 
 mod args;
 mod output;
@@ -24,7 +24,7 @@ fn main() -> ExitCode {
 
 fn run(args: &Args) -> Result<(), String> {
     let (plan, faults) = (args.plan()?, args.faults());
-    let device = faults.stick(plan.start(), args.seed);
+    let device = faults.with_stuck_sensors(plan.start(), args.seed);
     let output = args.output()?;
     let paced = args.pace.map_or(output.is_live(), |pace| pace == args::Pace::RealTime);
     let sent = match output {
@@ -38,13 +38,13 @@ fn run(args: &Args) -> Result<(), String> {
         }
     };
     match sent {
-        // A listener that hangs up is no failure.
+        // A receiver that closes the line is not a failure.
         Err(OutputError::HungUp) | Ok(()) => Ok(()),
         Err(OutputError::Failed(message)) => Err(message),
     }
 }
 
-/// Sends the frames, each in its time or at once.
+/// Sends the frames, each at its time if `paced`, else as soon as possible.
 fn send<F>(
     frames: impl Iterator<Item = Timed<F>>,
     paced: bool,
@@ -56,7 +56,7 @@ fn send<F>(
             let due = Duration::from_micros(frame.at_us);
             std::thread::sleep(due.saturating_sub(start.elapsed()));
         }
-        send(frame.what)?;
+        send(frame.value)?;
     }
     Ok(())
 }

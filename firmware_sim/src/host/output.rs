@@ -1,4 +1,4 @@
-//! Where frames go: a file, stdout, a serial device, a pseudo-terminal, a CAN bus.
+//! Outputs for frames: a file, stdout, a serial device, a pseudo-terminal, a CAN bus.
 
 use std::fmt::Display;
 use std::fs::{self, File, OpenOptions};
@@ -13,39 +13,40 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, isatty, tcgetattr, tcsetattr};
 use socketcan::{CanDataFrame, CanErrorFrame, CanSocket, EmbeddedFrame, Socket, StandardId};
 
-/// Error class of a frame whose bits were wrong: `CAN_ERR_PROT` of `linux/can/error.h`.
+/// Error class of a disturbed frame: `CAN_ERR_PROT` of `linux/can/error.h`.
 const PROTOCOL_VIOLATION: u32 = 0x08;
 
-/// Where frames go.
+/// Output for frames.
 pub(crate) enum Output {
     Serial(Line),
     Can(Bus),
 }
 
-/// Why nothing more can be sent.
+/// Why sending ends early.
 pub(crate) enum OutputError {
-    /// Nobody listens any more.
+    /// The receiver has closed the line.
     HungUp,
     Failed(String),
 }
 
-/// Bytes.
+/// A byte stream.
 pub(crate) struct Line {
     name: String,
     writer: Box<dyn Write>,
+    /// The output is a device, which transmits in real time.
     live: bool,
-    /// Removed at the end.
+    /// Symbolic link to the pseudo-terminal, removed at the end.
     link: Option<PathBuf>,
 }
 
-/// Frames on CAN.
+/// A CAN interface.
 pub(crate) struct Bus {
     name: String,
     socket: CanSocket,
 }
 
 impl Output {
-    /// Stdout, as fast as it is read.
+    /// Stdout.
     pub(crate) fn stdout() -> Self {
         Self::Serial(Line {
             name: "stdout".to_owned(),
@@ -55,7 +56,7 @@ impl Output {
         })
     }
 
-    /// A file that is made, or a serial device that is there.
+    /// A new file, or an existing serial device.
     pub(crate) fn path(path: &Path) -> Result<Self, String> {
         let name = path.display().to_string();
         let failed = |e: &dyn Display| format!("{name}: {e}");
@@ -81,7 +82,7 @@ impl Output {
         }))
     }
 
-    /// A new pseudo-terminal, and a link to the end that others open.
+    /// A new pseudo-terminal, and a symbolic link to the end for the receiver.
     pub(crate) fn pty(link: &Path) -> Result<Self, String> {
         let name = link.display().to_string();
         let writer = make_pty(link).map_err(|e| format!("{name}: {e}"))?;
@@ -102,7 +103,7 @@ impl Output {
         }
     }
 
-    /// Whether somebody may be listening at the other end.
+    /// Whether the output is a device, which transmits in real time.
     pub(crate) fn is_live(&self) -> bool {
         match self {
             Self::Serial(line) => line.live,
@@ -114,7 +115,7 @@ impl Output {
 impl Line {
     pub(crate) fn send(&mut self, bytes: &[u8]) -> Result<(), OutputError> {
         match self.writer.write_all(bytes) {
-            // Only a pseudo-terminal that nobody reads does not block: what does not fit is lost, as on a wire.
+            // Only the pseudo-terminal is non-blocking: bytes that its buffer does not hold are lost, as on a wire.
             Err(e) if e.kind() == ErrorKind::WouldBlock => Ok(()),
             sent => self.checked(sent),
         }
@@ -136,7 +137,7 @@ impl Line {
 impl Drop for Line {
     fn drop(&mut self) {
         if let Some(link) = &self.link {
-            // It leads nowhere without us.
+            // The pseudo-terminal ends with this process.
             let _ = fs::remove_file(link);
         }
     }
@@ -148,7 +149,7 @@ impl Bus {
         let sent = match frame {
             CanFrame::Data { id, data, .. } => {
                 let frame = StandardId::new(*id).and_then(|id| CanDataFrame::new(id, data));
-                // Identifiers of ours have 11 bits, and frames eight bytes.
+                // The identifier has 11 bits and the frame 8 bytes, so the conversion does not fail.
                 frame.map_or(Ok(()), |frame| self.socket.write_frame(&frame))
             }
             CanFrame::Error => {
@@ -160,7 +161,7 @@ impl Bus {
     }
 }
 
-/// Every byte goes out as it is.
+/// Switches the terminal to raw mode, so that it does not change any byte.
 fn make_raw(tty: impl AsFd) -> io::Result<()> {
     let mut settings = tcgetattr(&tty)?;
     settings.make_raw();
@@ -174,7 +175,7 @@ fn make_pty(link: &Path) -> io::Result<File> {
     make_raw(&master)?;
     let name = ptsname(&master, Vec::new())?;
     fcntl_setfl(&master, OFlags::NONBLOCK)?;
-    // One that a run which was killed has left behind.
+    // Remove the link of an earlier run that was killed.
     if link.is_symlink() {
         fs::remove_file(link)?;
     }

@@ -1,4 +1,4 @@
-//! The host program: what it writes into a file and on a pseudo-terminal.
+//! The host program: its output in a file and on a pseudo-terminal.
 
 use std::fs::{self, File};
 use std::io::Read;
@@ -22,7 +22,7 @@ fn scratch(name: &str) -> PathBuf {
 }
 
 #[test]
-fn a_file_takes_the_whole_stream_and_link_faults_thin_it() {
+fn a_file_receives_the_whole_stream_less_the_link_faults() {
     let file = scratch("file").join("line.bin");
     let packets = |more: &[&str]| {
         let status = firmware_sim().arg("-o").arg(&file).args(more).status();
@@ -38,31 +38,31 @@ fn a_file_takes_the_whole_stream_and_link_faults_thin_it() {
 }
 
 #[test]
-fn wrong_options_are_refused_in_one_line() {
-    for (options, said) in [
+fn wrong_options_are_rejected_with_one_line() {
+    for (options, message) in [
         (&["--drop", "2"][..], "expected a number from 0 to 1"),
         (&["--growth", "1,2"], "expected 8 numbers, found 2"),
         (&["--can", "a", "--pty", "b"], "cannot be used with"),
     ] {
         let output = firmware_sim().args(options).output().expect("the program runs");
         assert_eq!(output.status.code(), Some(2));
-        assert!(String::from_utf8_lossy(&output.stderr).contains(said), "{options:?}");
+        assert!(String::from_utf8_lossy(&output.stderr).contains(message), "{options:?}");
     }
 }
 
-/// Ends the program when the test does.
+/// Kills the program at the end of the test.
 struct Running(Child);
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // The program may have ended.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
 #[test]
-fn a_pseudo_terminal_carries_samples_at_their_own_pace() {
+fn a_pseudo_terminal_delivers_samples_in_real_time() {
     let link = scratch("pty").join("ema0");
     let child = firmware_sim()
         .arg("--pty")
@@ -90,7 +90,7 @@ fn a_pseudo_terminal_carries_samples_at_their_own_pace() {
     }
     assert_eq!(deframer.stats().dropped(), 0);
     assert!(seqs.windows(2).all(|pair| pair[1] == pair[0] + 1), "{seqs:?}");
-    // 200 samples at 400 Hz, less what had gathered before it was opened.
+    // 200 samples at 400 Hz, less those buffered before the terminal was opened.
     assert!(
         started.elapsed() > Duration::from_millis(400),
         "{:?}",

@@ -1,4 +1,4 @@
-//! What a bad link does, fault by fault, and that its seed alone decides it.
+//! The effect of each link fault, and its reproducibility by the seed.
 
 use ema_wire::can::{Currents, Position};
 use ema_wire::{ActuatorId, Deframer, Message, Mode, Sample, SerialPacket};
@@ -6,11 +6,11 @@ use firmware_sim::{CanFrame, CanFrames, Link, LinkFaults, LinkFrame, SerialFrame
 
 const PACKETS: u64 = 20_000;
 
-/// Samples of a steadily moving actuator, 500 µs apart.
+/// Samples of an actuator in steady motion, 500 µs apart.
 fn packets() -> impl Iterator<Item = Timed<SerialPacket>> {
     (0..PACKETS).map(|n| Timed {
         at_us: 500 * n,
-        what: SerialPacket::Sample(Sample {
+        value: SerialPacket::Sample(Sample {
             actuator: ActuatorId::new(0).expect("0 to 15"),
             seq: n as u16,
             time_us: (500 * n) as u16,
@@ -25,11 +25,11 @@ fn packets() -> impl Iterator<Item = Timed<SerialPacket>> {
     })
 }
 
-fn through<F: LinkFrame>(frames: impl Iterator<Item = Timed<F>>, faults: LinkFaults, seed: u64) -> Vec<Timed<F>> {
+fn transmitted<F: LinkFrame>(frames: impl Iterator<Item = Timed<F>>, faults: LinkFaults, seed: u64) -> Vec<Timed<F>> {
     Link::new(frames, faults, seed).collect()
 }
 
-/// A share of n that a probability may give: five standard deviations to either side.
+/// Asserts that a count agrees with a probability within five standard deviations.
 fn assert_share(count: usize, n: usize, probability: f64) {
     let (expected, spread) = (
         n as f64 * probability,
@@ -44,50 +44,53 @@ fn assert_share(count: usize, n: usize, probability: f64) {
 #[test]
 fn a_perfect_link_changes_nothing() {
     let sent: Vec<_> = SerialFrames(packets()).collect();
-    assert_eq!(through(sent.iter().copied(), LinkFaults::NONE, 1), sent);
+    assert_eq!(transmitted(sent.iter().copied(), LinkFaults::NONE, 1), sent);
     let sent: Vec<_> = CanFrames::new(packets()).collect();
-    assert_eq!(through(sent.iter().copied(), LinkFaults::NONE, 1), sent);
-    assert_eq!(LinkFaults::NONE.stick(packets(), 1).count() as u64, PACKETS);
-    assert!(LinkFaults::NONE.stick(packets(), 1).eq(packets()));
+    assert_eq!(transmitted(sent.iter().copied(), LinkFaults::NONE, 1), sent);
+    assert_eq!(
+        LinkFaults::NONE.with_stuck_sensors(packets(), 1).count() as u64,
+        PACKETS
+    );
+    assert!(LinkFaults::NONE.with_stuck_sensors(packets(), 1).eq(packets()));
 }
 
 #[test]
-fn the_seed_alone_decides() {
-    let arrived = |seed| through(CanFrames::new(packets()), LinkFaults::WORST, seed);
+fn the_seed_determines_the_faults() {
+    let arrived = |seed| transmitted(CanFrames::new(packets()), LinkFaults::WORST, seed);
     assert_eq!(arrived(3), arrived(3));
     assert_ne!(arrived(3), arrived(4));
 }
 
 #[test]
-fn drops_and_duplicates_are_as_frequent_as_asked_for() {
+fn drops_and_duplicates_have_their_probabilities() {
     let drop = LinkFaults {
         drop: 0.03,
         ..LinkFaults::NONE
     };
     let n = PACKETS as usize;
-    assert_share(n - through(SerialFrames(packets()), drop, 5).len(), n, 0.03);
+    assert_share(n - transmitted(SerialFrames(packets()), drop, 5).len(), n, 0.03);
     let duplicate = LinkFaults {
         duplicate: 0.03,
         ..LinkFaults::NONE
     };
-    let arrived = through(SerialFrames(packets()), duplicate, 5);
+    let arrived = transmitted(SerialFrames(packets()), duplicate, 5);
     assert_share(arrived.len() - n, n, 0.03);
     assert_share(arrived.windows(2).filter(|pair| pair[0] == pair[1]).count(), n, 0.03);
 }
 
 #[test]
-fn a_frame_that_is_reordered_changes_places_with_the_next() {
+fn a_reordered_frame_changes_places_with_the_next() {
     let reorder = LinkFaults {
         reorder: 0.1,
         ..LinkFaults::NONE
     };
-    let sent: Vec<_> = SerialFrames(packets()).map(|frame| frame.what).collect();
-    let arrived = through(SerialFrames(packets()), reorder, 5);
+    let sent: Vec<_> = SerialFrames(packets()).map(|frame| frame.value).collect();
+    let arrived = transmitted(SerialFrames(packets()), reorder, 5);
     assert!(
         arrived.windows(2).all(|pair| pair[0].at_us <= pair[1].at_us),
         "in the order of time"
     );
-    let arrived: Vec<_> = arrived.into_iter().map(|frame| frame.what).collect();
+    let arrived: Vec<_> = arrived.into_iter().map(|frame| frame.value).collect();
     assert_eq!(arrived.len(), sent.len());
     let (mut n, mut swaps) = (0, 0);
     while n < sent.len() {
@@ -98,28 +101,28 @@ fn a_frame_that_is_reordered_changes_places_with_the_next() {
         }
         n += 1;
     }
-    // A frame that is passed lets no other one pass.
+    // A frame that has overtaken another is not overtaken itself.
     assert_share(swaps, sent.len() - swaps, 0.1);
 }
 
 #[test]
-fn the_checksum_of_the_line_catches_every_flip() {
+fn the_crc_of_the_line_detects_every_flip() {
     let flip = LinkFaults {
         flip: 0.05,
         ..LinkFaults::NONE
     };
     let mut deframer = Deframer::new();
     let mut received = Vec::new();
-    for frame in through(SerialFrames(packets()), flip, 5) {
-        received.extend(deframer.push_slice(frame.what.bytes()));
+    for frame in transmitted(SerialFrames(packets()), flip, 5) {
+        received.extend(deframer.push_slice(frame.value.bytes()));
     }
-    let mut sent = packets().map(|timed| timed.what);
+    let mut sent = packets().map(|timed| timed.value);
     assert!(
         received.iter().all(|packet| sent.any(|other| other == *packet)),
-        "nothing that was not sent"
+        "every received packet was sent"
     );
     let lost = PACKETS as usize - received.len();
-    // A flipped zero at the end takes the next frame with it.
+    // A flipped zero at the end of a frame also destroys the next frame.
     assert!(
         (900..1300).contains(&lost) && deframer.stats().dropped() > 900,
         "{lost}, {:?}",
@@ -128,16 +131,16 @@ fn the_checksum_of_the_line_catches_every_flip() {
 }
 
 #[test]
-fn a_flip_on_the_bus_is_an_error_frame_or_a_value_that_is_far_off() {
+fn a_flip_on_the_bus_is_an_error_frame_or_a_large_error_of_a_value() {
     let flip = LinkFaults {
         flip: 1.0,
         ..LinkFaults::NONE
     };
-    let sent: Vec<_> = CanFrames::new(packets()).map(|frame| frame.what).collect();
-    let arrived = through(CanFrames::new(packets()), flip, 5);
+    let sent: Vec<_> = CanFrames::new(packets()).map(|frame| frame.value).collect();
+    let arrived = transmitted(CanFrames::new(packets()), flip, 5);
     let (mut errors, mut values) = (0, 0);
     for (sent, arrived) in sent.iter().zip(arrived) {
-        match (sent, arrived.what) {
+        match (sent, arrived.value) {
             (_, CanFrame::Error) => errors += 1,
             (CanFrame::Data { data: before, .. }, CanFrame::Data { data, message, .. }) => {
                 values += 1;
@@ -170,17 +173,20 @@ fn a_flip_on_the_bus_is_an_error_frame_or_a_value_that_is_far_off() {
 }
 
 #[test]
-fn a_stuck_signal_repeats_itself_and_the_others_go_on() {
+fn a_stuck_signal_is_constant_and_the_others_change() {
     let faults = LinkFaults {
         stuck: 0.01,
         ..LinkFaults::NONE
     };
-    let of = |packet: SerialPacket| match packet {
+    let sample_in = |packet: SerialPacket| match packet {
         SerialPacket::Sample(sample) => sample,
         SerialPacket::Status { .. } => panic!("samples only"),
     };
-    let truth: Vec<Sample> = packets().map(|timed| of(timed.what)).collect();
-    let seen: Vec<Sample> = faults.stick(packets(), 5).map(|timed| of(timed.what)).collect();
+    let truth: Vec<Sample> = packets().map(|timed| sample_in(timed.value)).collect();
+    let seen: Vec<Sample> = faults
+        .with_stuck_sensors(packets(), 5)
+        .map(|timed| sample_in(timed.value))
+        .collect();
     let mut stuck = [0; 3];
     for n in 1..truth.len() {
         let (was, is, before) = (&truth[n], &seen[n], &seen[n - 1]);
@@ -201,16 +207,16 @@ fn a_stuck_signal_repeats_itself_and_the_others_go_on() {
             stuck[signal] += usize::from(wrong[signal]);
         }
     }
-    // A hundredth of the samples begin to be stuck, for 4.5 samples in the mean.
+    // A signal becomes stuck at one sample in a hundred, for 4.5 samples on average.
     for count in stuck {
         assert!((200..400).contains(&count), "{stuck:?}");
     }
 }
 
 #[test]
-fn a_fast_clock_sends_sooner_and_a_delay_later() {
+fn a_fast_clock_shortens_the_times_and_a_delay_lengthens_them() {
     let last = |faults| {
-        through(SerialFrames(packets()), faults, 5)
+        transmitted(SerialFrames(packets()), faults, 5)
             .last()
             .expect("frames")
             .at_us
@@ -224,7 +230,7 @@ fn a_fast_clock_sends_sooner_and_a_delay_later() {
         (on_time - drifted).abs_diff(on_time / 10_000) <= 1,
         "{on_time} {drifted}"
     );
-    let delayed = through(
+    let delayed = transmitted(
         SerialFrames(packets()),
         LinkFaults {
             delay_us: 3000,

@@ -1,4 +1,4 @@
-//! What goes onto the line comes off it: same samples, status ten times a second.
+//! The byte stream of a device deframes into the simulated samples, and a status ten times a second.
 
 use ema_models::reference::{Actuations, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile, SensedSample, Setpoint};
@@ -7,7 +7,7 @@ use ema_wire::{
 };
 use firmware_sim::{packets, write_stream};
 
-/// Two actuations of a worn unit at 400 Hz: 1.15 s, in which the low bytes of counter and time wrap.
+/// Two actuations of a worn unit at 400 Hz: 1.15 s, during which the low bytes of counter and time wrap.
 fn scenario() -> Scenario {
     let mut params = ActuatorParams::bench();
     params.sensors.sample_rate = 400.0;
@@ -34,12 +34,12 @@ fn ema3() -> ActuatorId {
 
 fn stream(scenario: &Scenario) -> Vec<u8> {
     let mut bytes = Vec::new();
-    write_stream(scenario, ema3(), &mut bytes).expect("a Vec takes everything");
+    write_stream(scenario, ema3(), &mut bytes).expect("writing to a Vec does not fail");
     bytes
 }
 
-/// A sample off the line against the simulation's, within half a step of each field.
-fn assert_same(received: &Sample, sensed: &SensedSample) {
+/// Asserts that a received sample equals the simulated one within half an LSB of each field.
+fn assert_equal_within_lsb(received: &Sample, sensed: &SensedSample) {
     let at = sensed.seq;
     assert_eq!(
         (received.actuator, received.mode),
@@ -82,7 +82,7 @@ fn the_stream_deframes_into_the_simulated_samples() {
     let scenario = scenario();
     let mut deframer = Deframer::new();
     let (mut samples, mut status) = (Vec::new(), Vec::new());
-    // In chunks of 13 bytes: frames never lie whole in one.
+    // In chunks of 13 bytes, which are shorter than a frame.
     for chunk in stream(&scenario).chunks(13) {
         for packet in deframer.push_slice(chunk) {
             match packet {
@@ -100,10 +100,10 @@ fn the_stream_deframes_into_the_simulated_samples() {
     let simulated: Vec<SensedSample> = scenario.run().collect();
     assert_eq!(samples.len(), simulated.len());
     for (received, sensed) in samples.iter().zip(&simulated) {
-        assert_same(received, sensed);
+        assert_equal_within_lsb(received, sensed);
     }
 
-    // Ten a second: after samples 0, 40, 80, … of 460.
+    // Ten per second: after samples 0, 40, 80, … of 460.
     assert_eq!(
         status.iter().map(|(after, _, _)| *after).collect::<Vec<_>>(),
         (1..=460).step_by(40).collect::<Vec<_>>()
@@ -132,7 +132,7 @@ fn the_same_seed_gives_the_same_bytes() {
 fn a_flipped_bit_costs_one_packet() {
     let scenario = scenario();
     let mut bytes = stream(&scenario);
-    // A flip that neither makes nor removes a zero, which ends a frame.
+    // The flip neither creates nor removes a zero, which would end a frame.
     let flipped = (bytes.len() / 2..bytes.len())
         .find(|&n| bytes[n] > 1)
         .expect("some byte above 1");

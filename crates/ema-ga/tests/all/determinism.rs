@@ -1,4 +1,4 @@
-//! One seed, one log: bit for bit the same serially and on any number of threads.
+//! One seed gives one log, bit for bit, serially and on any number of threads.
 
 use crate::common::{Function, rastrigin, sphere};
 use ema_ga::{
@@ -114,15 +114,15 @@ fn storage_does_not_change_the_result() {
         evolve(&search, &config, fixed.workspace(), |_| Control::Continue),
         owned
     );
-    // Used a second time, its old content does not matter.
+    // The content left by the first search does not matter.
     assert_eq!(
         evolve(&search, &config, fixed.workspace(), |_| Control::Continue),
         owned
     );
     let mut small = FixedStorage::<8, 199, 60>::new();
-    let refused = evolve(&search, &config, small.workspace(), |_| Control::Continue);
+    let rejected = evolve(&search, &config, small.workspace(), |_| Control::Continue);
     assert_eq!(
-        refused,
+        rejected,
         Err(ConfigError::Storage {
             expected: 200,
             got: 199
@@ -177,7 +177,7 @@ fn the_callback_and_the_cost_limit_end_the_search() {
         }
     };
     let outcome = evolve_owned(&search, &config, stop_at_4).unwrap();
-    // The elite of 10 is evaluated once only.
+    // The elite of 10 is evaluated only once.
     assert_eq!(
         (outcome.generations, outcome.evaluations, outcome.stop),
         (4, 200 + 4 * 190, StopReason::Stopped)
@@ -191,7 +191,7 @@ fn the_callback_and_the_cost_limit_end_the_search() {
     assert_eq!(outcome.stop, StopReason::CostLimit);
     assert!(outcome.cost <= 1e-2 && outcome.cost > 0.0);
 
-    // A window that can never fill needs no memory for itself and stops nothing.
+    // A window longer than the search needs no more memory than the search, and never ends it.
     let stop = StopRule {
         max_stall_generations: u32::MAX,
         max_generations: 150,

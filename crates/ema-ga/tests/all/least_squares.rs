@@ -47,7 +47,7 @@ fn misra1a_reaches_the_certified_values_from_both_nist_starts() {
 }
 
 #[test]
-fn a_step_that_hardly_lowers_the_cost_is_the_last() {
+fn a_step_within_the_cost_tolerance_ends_the_search() {
     let bounds = Bounds::new([0.0, 0.0], [1000.0, 0.01]).unwrap();
     let whole = levenberg_marquardt(&Misra1a, &bounds, [250.0, 0.0005], &LmConfig::default());
     let any_fall_is_little = LmConfig {
@@ -55,7 +55,7 @@ fn a_step_that_hardly_lowers_the_cost_is_the_last() {
         ..LmConfig::default()
     };
     let found = levenberg_marquardt(&Misra1a, &bounds, [250.0, 0.0005], &any_fall_is_little);
-    // The first step that is taken, and no linearisation after it.
+    // The first accepted step ends the search, without another linearisation.
     assert_eq!((found.stop, found.iterations), (LmStop::Cost, 1));
     assert!(found.evaluations >= 2 && found.cost < Misra1a.cost(&[250.0, 0.0005]) && found.cost > whole.cost);
 }
@@ -66,7 +66,7 @@ fn a_solution_at_a_bound_satisfies_the_conditions_of_optimality() {
     let found = levenberg_marquardt(&Misra1a, &bounds, [50.0, 0.005], &LmConfig::default());
     let (mut jtj, mut gradient) = (SMatrix::zeros(), SVector::zeros());
     Misra1a.normal_equations(&found.genes, &mut jtj, &mut gradient);
-    // b1 is exactly at its bound and would go on; b2 is free and flat.
+    // b1 is exactly at its bound, and the cost falls towards the outside; b2 is free and its gradient vanishes.
     assert_eq!(found.genes[0].to_bits(), 200f64.to_bits());
     assert!(gradient[0] < -1e-3);
     assert!(gradient[1].abs() < 1e-6 * (jtj[(1, 1)] * 2.0 * found.cost).sqrt());
@@ -110,7 +110,7 @@ fn budgets_end_the_search_and_the_cost_never_rises() {
     assert_eq!((found.iterations, found.stop), (2, LmStop::MaxIterations));
 }
 
-/// `r = ln x_0`, NaN below zero, where the first steps lead; `x_1` has no influence.
+/// `r = ln x_0`, which is NaN below zero, where the first steps end; `x_1` has no influence.
 struct Logarithm {
     broken_derivative: bool,
 }
@@ -145,7 +145,7 @@ fn non_finite_trials_shorten_the_step_and_a_gene_without_influence_stays() {
 }
 
 #[test]
-fn a_point_without_value_or_derivative_is_returned_as_such() {
+fn a_start_without_finite_cost_or_derivative_is_returned_as_not_finite() {
     let bounds = Bounds::new([-100.0, 0.0], [100.0, 1.0]).unwrap();
     for (broken_derivative, start) in [(true, [20.0, 0.4]), (false, [-1.0, 0.4])] {
         let found = levenberg_marquardt(&Logarithm { broken_derivative }, &bounds, start, &LmConfig::default());

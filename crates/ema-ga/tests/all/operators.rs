@@ -3,7 +3,7 @@
 use ema_ga::Bounds;
 use ema_ga::operators::{
     adapt_step, adaptive_feasible_mutation, gaussian_deviation, gaussian_mutation, rank_expectation,
-    scattered_crossover, stochastic_uniform, tournament, uniform,
+    scattered_crossover, stochastic_uniform, tournament, uniform_point,
 };
 use ema_ga::stream::stream;
 use proptest::prelude::*;
@@ -18,7 +18,7 @@ proptest! {
     #[test]
     fn every_operator_keeps_the_bounds(bounds in bounds(), seed: u64, deviation in 1e-9..10.0) {
         let rng = &mut stream(seed, 0, 0);
-        let (a, b) = (uniform(rng, &bounds), uniform(rng, &bounds));
+        let (a, b) = (uniform_point(rng, &bounds), uniform_point(rng, &bounds));
         prop_assert!(bounds.contains(&a) && bounds.contains(&b));
         prop_assert!(bounds.contains(&gaussian_mutation(rng, &a, &bounds, deviation)));
         prop_assert!(bounds.contains(&adaptive_feasible_mutation(rng, &a, &bounds, deviation)));
@@ -38,7 +38,7 @@ proptest! {
     }
 
     #[test]
-    fn universal_sampling_takes_each_rank_floor_or_ceil_of_its_expectation(
+    fn universal_sampling_selects_each_rank_floor_or_ceil_of_its_expectation(
         individuals in 1usize..300,
         parents in 1usize..600,
         seed: u64,
@@ -49,7 +49,7 @@ proptest! {
         stochastic_uniform(&mut stream(seed, 0, 0), &expectation, &mut chosen);
         for (rank, expected) in expectation.iter().enumerate() {
             let count = chosen.iter().filter(|&&r| r == rank).count() as f64;
-            // The ends of a section carry the rounding of the running sum.
+            // The ends of an interval carry the rounding of the running sum.
             prop_assert!((expected - 1e-9).floor() <= count && count <= (expected + 1e-9).ceil());
         }
     }

@@ -252,7 +252,7 @@ impl<W: MonitoredWindow> Residuals<UNKNOWN_COUNT> for SquaredResiduals<'_, W> {
         self.window.cost(&Coordinates(*genes))
     }
 
-    fn fold(&self, genes: &mut [f64; UNKNOWN_COUNT]) {
+    fn project(&self, genes: &mut [f64; UNKNOWN_COUNT]) {
         *genes = Coordinates(*genes).inside_the_disc().0;
     }
 

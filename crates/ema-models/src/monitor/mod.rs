@@ -19,7 +19,7 @@ use crate::control::{Ace, AceState, Encoder, Setpoint};
 use crate::frames::{abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc, per_phase, phase_shapes};
 use crate::friction::DryFriction;
 use crate::real::Real;
-use crate::recording::ComparedSample;
+use crate::samples::{ComparedSample, InitialState};
 use crate::winding::{DerivedShape, Winding, derived_shape};
 use ripple::RippleCurve;
 
@@ -119,30 +119,6 @@ pub struct Output<R> {
     pub omega_m: R,
     /// Output angle relative to the origin, rad.
     pub theta_out: R,
-}
-
-/// Where a window's relative angles start, so that they stay small enough for `f32`.
-///
-/// The output's origin is a whole encoder count, so that counting relative angles is counting absolute ones.
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub struct Origin {
-    /// Electrical angle at the motor's origin, rad.
-    pub theta_e: f64,
-    /// Output angle of the play's centre at the motor's origin, rad.
-    pub play_centre: f64,
-}
-
-/// Measured state at the beginning of a window, relative to its [`Origin`].
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub struct InitialState {
-    /// Where the relative angles start.
-    pub origin: Origin,
-    /// Motor angle, rad.
-    pub theta_m: f64,
-    /// Motor speed, rad/s.
-    pub omega_m: f64,
-    /// Direct and quadrature current, A; the speed loop's integrator is set to the torque of the latter.
-    pub i_dq: [f64; 2],
 }
 
 /// Integration steps of the monitor per control period.

@@ -5,10 +5,10 @@
 
 use std::sync::OnceLock;
 
-use super::{InitialState, Monitor, MonitorState, STEPS_PER_CONTROL, three_phase};
+use super::{Monitor, MonitorState, STEPS_PER_CONTROL, three_phase};
 use crate::frames::{abc_from_alpha_beta, alpha_beta_from_abc, alpha_beta_from_dq, dq_from_abc, per_phase};
 use crate::real::Real;
-use crate::recording::ComparedSample;
+use crate::samples::{ComparedSample, InitialState};
 
 /// Amplitudes of the voltage at which a table has currents, in shares of half the DC link's; beyond the ends the nearest counts.
 pub const TABLE_PLACES: [f64; 14] = [

@@ -6,7 +6,7 @@ use crate::command::Profile;
 use crate::control::Setpoint;
 use crate::fault::FaultVector;
 use crate::params::{ActuatorParams, REFERENCE_STEP};
-use crate::recording::SensedSample;
+use crate::samples::SensedSample;
 use crate::temperature::REFERENCE_TEMPERATURE_DEG_C;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -168,8 +168,8 @@ impl ScenarioRun {
         &self.state
     }
 
-    /// The unit is in another state of wear from now on; its motion goes on.
-    pub fn wear(&mut self, fault: FaultVector) {
+    /// Changes the fault vector; the motion continues from its present state.
+    pub fn set_fault(&mut self, fault: FaultVector) {
         self.scenario.fault = fault;
         self.reference = self.scenario.reference();
     }

@@ -1,6 +1,6 @@
-//! The CAN dictionary as data, and its DBC text. Shared by `examples/make_dbc.rs` and `tests/all/dictionary.rs`.
+//! The CAN dictionary as a table of signals, and its DBC text. Shared by `examples/make_dbc.rs` and `tests/all/dictionary.rs`.
 //!
-//! Written independently of the byte code in `src/can`: the test reads random frames both ways and compares.
+//! The table is independent of the byte code in `src/can`: the test decodes random frames by both and compares.
 
 use std::fmt::Write as _;
 
@@ -220,7 +220,7 @@ impl Signal {
     }
 }
 
-/// Puts signals one behind the other.
+/// Appends signals at consecutive bits.
 #[derive(Default)]
 struct Builder {
     prefix: String,

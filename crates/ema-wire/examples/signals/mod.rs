@@ -1,9 +1,9 @@
-//! A decoded frame as the signals of the DBC: name and physical value. Shared by `examples/decode_candump.rs` and
+//! A decoded frame as signals of the DBC file, by name and physical value. Shared by `examples/decode_candump.rs` and
 //! `tests/all/dictionary.rs`.
 
 use ema_wire::{FdSlot, Frame, quantity};
 
-/// Name and value of every signal that means something; `None` is "not measured".
+/// Name and value of every signal in use; `None` is "not measured".
 pub(crate) fn signals(frame: &Frame) -> Vec<(String, Option<f64>)> {
     let mut out = Vec::new();
     let mut put = |name: String, value: f64| out.push((name, Some(value)));

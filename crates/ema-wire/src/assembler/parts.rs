@@ -1,7 +1,7 @@
-//! The parts of one sample while it is being collected.
+//! The classic frames of one sample, collected until all three are present.
 
-use crate::can::{ActuatorId, Command, Currents, Position};
-use crate::sample::Sample;
+use crate::can::{Command, Currents, Position};
+use crate::sample::{ActuatorId, Sample};
 
 /// One classic frame of a sample.
 #[derive(Debug, Clone, Copy)]
@@ -11,7 +11,7 @@ pub(super) enum Part {
     Command(Command),
 }
 
-/// The parts of one sample that are in.
+/// The frames of one sample received so far.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Parts {
     currents: Option<Currents>,
@@ -19,24 +19,24 @@ pub(super) struct Parts {
     command: Option<Command>,
 }
 
-/// What a part was to its sample.
-pub(super) enum Inserted {
+/// Result of adding a frame to a sample.
+pub(super) enum Insertion {
     New,
     Duplicate,
     Conflict,
 }
 
 impl Parts {
-    /// Adds a part (rules 4 and 5).
-    pub(super) fn insert(&mut self, part: Part) -> Inserted {
+    /// Adds a frame, by rules 4 and 5 of [`crate::assembler`].
+    pub(super) fn insert(&mut self, part: Part) -> Insertion {
         match part {
-            Part::Currents(currents) => fill(&mut self.currents, currents),
-            Part::Position(position) => fill(&mut self.position, position),
-            Part::Command(command) => fill(&mut self.command, command),
+            Part::Currents(currents) => insert_once(&mut self.currents, currents),
+            Part::Position(position) => insert_once(&mut self.position, position),
+            Part::Command(command) => insert_once(&mut self.command, command),
         }
     }
 
-    /// The sample, once all three are in.
+    /// The sample; `None` until all three frames are present.
     pub(super) fn join(&self, actuator: ActuatorId) -> Option<Sample> {
         Sample::from_parts(
             actuator,
@@ -47,13 +47,14 @@ impl Parts {
     }
 }
 
-fn fill<T: PartialEq + Copy>(slot: &mut Option<T>, part: T) -> Inserted {
+/// Fills an empty slot; compares with the content of a full one.
+fn insert_once<T: PartialEq + Copy>(slot: &mut Option<T>, part: T) -> Insertion {
     match slot {
         None => {
             *slot = Some(part);
-            Inserted::New
+            Insertion::New
         }
-        Some(present) if *present == part => Inserted::Duplicate,
-        Some(_) => Inserted::Conflict,
+        Some(present) if *present == part => Insertion::Duplicate,
+        Some(_) => Insertion::Conflict,
     }
 }

@@ -1,14 +1,15 @@
-//! The four classic messages, 8 bytes each.
+//! The four classic messages, 8 bytes each, with `parse` and `emit`; and a [`Sample`] as three of them.
 //!
-//! The struct fields are the wire fields in their raw units; [`crate::quantity`] scales them. A field without a word
-//! about validity has no invalid value: every bit pattern is a measurement.
+//! The struct fields are the wire fields in raw units; [`crate::quantity`] converts them. Every bit pattern of a field is
+//! valid unless its documentation excludes some.
 
 use serde::{Deserialize, Serialize};
 
-use super::{CLASSIC_LEN, ParseError};
+use super::{CLASSIC_LEN, Frame, ParseError};
 use crate::quantity::wrap_s24;
+use crate::sample::{ActuatorId, Mode, Sample};
 
-/// Raw `load_torque` when nothing measures the torque.
+/// Raw `load_torque` of an actuator without a torque sensor.
 const LOAD_TORQUE_NOT_MEASURED: i16 = i16::MIN;
 
 /// B+0: phase currents and the sample counter. Positive current flows into the motor.
@@ -25,7 +26,7 @@ pub struct Currents {
 }
 
 impl Currents {
-    /// Reads the data bytes; all patterns are valid.
+    /// Parses the data bytes; every bit pattern is valid.
     #[must_use]
     pub fn parse(data: &[u8; CLASSIC_LEN]) -> Self {
         let [a0, a1, b0, b1, c0, c1, s0, s1] = *data;
@@ -51,14 +52,14 @@ impl Currents {
 pub struct Position {
     /// Resolver, 65 536 counts per motor turn, multi-turn, wraps.
     pub motor_counts: i32,
-    /// Encoder, 20 000 counts per output turn, multi-turn, 24 bits, wraps. `emit` keeps the low 24 bits.
+    /// Encoder, 20 000 counts per output turn, multi-turn, 24 bits, wraps. `emit` writes the low 24 bits.
     pub output_counts: i32,
     /// Low byte of the sample counter.
     pub seq8: u8,
 }
 
 impl Position {
-    /// Reads the data bytes; all patterns are valid.
+    /// Parses the data bytes; every bit pattern is valid.
     #[must_use]
     pub fn parse(data: &[u8; CLASSIC_LEN]) -> Self {
         let [m0, m1, m2, m3, o0, o1, o2, seq8] = *data;
@@ -77,39 +78,14 @@ impl Position {
     }
 }
 
-/// What the setpoint means.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-#[repr(u8)]
-pub enum Mode {
-    /// Not controlled; the setpoint means nothing.
-    #[default]
-    Idle = 0,
-    /// The setpoint is the output angle, 1 µrad.
-    Position = 1,
-    /// The setpoint is the motor speed, 1 mrad/s.
-    Speed = 2,
-}
-
-impl Mode {
-    /// Reads the mode byte that stands `at` this offset of a frame.
-    pub(super) const fn parse(raw: u8, at: usize) -> Result<Self, ParseError> {
-        match raw {
-            0 => Ok(Self::Idle),
-            1 => Ok(Self::Position),
-            2 => Ok(Self::Speed),
-            got => Err(ParseError::Mode { at, got }),
-        }
-    }
-}
-
 /// B+2: setpoint, mode and device time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Command {
     /// Position mode: 1 µrad at the output shaft; speed mode: 1 mrad/s at the motor shaft; idle: ignored.
     pub setpoint: i32,
-    /// What the setpoint means; any other value than 0, 1, 2 makes the frame invalid.
+    /// Quantity that the setpoint commands; a byte other than 0, 1, 2 makes the frame invalid.
     pub mode: Mode,
-    /// Low 16 bits of the device's microseconds when the sample was latched; wraps every 65.536 ms.
+    /// Device time at which the sample was latched, low 16 bits of the microseconds; wraps every 65.536 ms.
     pub time_us: u16,
     /// Low byte of the sample counter.
     pub seq8: u8,
@@ -118,7 +94,7 @@ pub struct Command {
 impl Command {
     const MODE_AT: usize = 4;
 
-    /// Reads the data bytes.
+    /// Parses the data bytes.
     ///
     /// # Errors
     ///
@@ -127,7 +103,7 @@ impl Command {
         let [p0, p1, p2, p3, mode, t0, t1, seq8] = *data;
         Ok(Self {
             setpoint: i32::from_le_bytes([p0, p1, p2, p3]),
-            mode: Mode::parse(mode, Self::MODE_AT)?,
+            mode: parse_mode(mode, Self::MODE_AT)?,
             time_us: u16::from_le_bytes([t0, t1]),
             seq8,
         })
@@ -149,16 +125,16 @@ pub struct Status {
     /// Winding temperature, 0.1 °C.
     pub winding_temp_dc: i16,
     /// Load torque at the output, 0.1 Nm, positive when it opposes positive motion. `None` (raw 0x8000): not measured.
-    /// `Some(-32768)` cannot be said on the wire; `emit` saturates it to -32767.
+    /// The wire has no code for `Some(-32768)`; `emit` saturates it to -32767.
     pub load_torque_dnm: Option<i16>,
-    /// Flags of the device, 0 when it has nothing to say. The bits are the device's own; here they are only carried.
+    /// Flags of the device, 0 = none. The device defines the bits; this crate does not interpret them.
     pub fault_flags: u8,
     /// Low byte of the counter of the latest sample.
     pub seq8: u8,
 }
 
 impl Status {
-    /// Reads the data bytes; all patterns are valid.
+    /// Parses the data bytes; every bit pattern is valid.
     ///
     /// ```
     /// use ema_wire::can::Status;
@@ -187,6 +163,69 @@ impl Status {
         let ([v0, v1], [w0, w1]) = (self.dc_link_dv.to_le_bytes(), self.winding_temp_dc.to_le_bytes());
         let [l0, l1] = load_torque.to_le_bytes();
         [v0, v1, w0, w1, l0, l1, self.fault_flags, self.seq8]
+    }
+}
+
+impl Sample {
+    /// The three classic frames of this sample, in the order in which a device sends them.
+    #[must_use]
+    pub fn to_frames(&self) -> [Frame; 3] {
+        let seq8 = self.seq8();
+        [
+            Frame::Currents(Currents {
+                i_a_ma: self.i_a_ma,
+                i_b_ma: self.i_b_ma,
+                i_c_ma: self.i_c_ma,
+                seq: self.seq,
+            }),
+            Frame::Position(Position {
+                motor_counts: self.motor_counts,
+                output_counts: self.output_counts,
+                seq8,
+            }),
+            Frame::Command(Command {
+                setpoint: self.setpoint,
+                mode: self.mode,
+                time_us: self.time_us,
+                seq8,
+            }),
+        ]
+    }
+
+    /// Joins three frames into a sample; `None` unless they carry the same counter byte.
+    ///
+    /// The byte repeats every 256 samples, so the caller must know that the frames are closer than that;
+    /// [`crate::Assembler`] does.
+    #[must_use]
+    pub fn from_parts(
+        actuator: ActuatorId,
+        currents: &Currents,
+        position: &Position,
+        command: &Command,
+    ) -> Option<Self> {
+        let seq8 = currents.seq as u8;
+        (position.seq8 == seq8 && command.seq8 == seq8).then_some(Self {
+            actuator,
+            seq: currents.seq,
+            time_us: command.time_us,
+            i_a_ma: currents.i_a_ma,
+            i_b_ma: currents.i_b_ma,
+            i_c_ma: currents.i_c_ma,
+            motor_counts: position.motor_counts,
+            output_counts: position.output_counts,
+            setpoint: command.setpoint,
+            mode: command.mode,
+        })
+    }
+}
+
+/// Parses the mode byte at offset `at` of a frame.
+pub(super) const fn parse_mode(raw: u8, at: usize) -> Result<Mode, ParseError> {
+    match raw {
+        0 => Ok(Mode::Idle),
+        1 => Ok(Mode::Position),
+        2 => Ok(Mode::Speed),
+        got => Err(ParseError::Mode { at, got }),
     }
 }
 

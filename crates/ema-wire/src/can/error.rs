@@ -1,34 +1,34 @@
-//! Errors of the CAN dictionary: small, `Copy`, with the numbers that tell what was wrong.
+//! Errors of the CAN dictionary: small, `Copy`, with the numbers expected and received.
 
 use core::fmt;
 
-use super::ActuatorId;
+use crate::sample::ActuatorId;
 
-/// Why the bytes of one of our frames are not valid.
+/// Why the bytes of an actuator's frame are not valid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ParseError {
     /// The frame has the wrong number of data bytes.
     Length {
-        /// Bytes this message has.
+        /// Bytes that this message has.
         expected: usize,
         /// Bytes received.
         got: usize,
     },
-    /// The mode is none of 0 (idle), 1 (position), 2 (speed); the setpoint's unit is then unknown.
+    /// The mode is not 0 (idle), 1 (position) or 2 (speed), so the unit of the setpoint is unknown.
     Mode {
         /// Offset of the byte in the frame.
         at: usize,
         /// Its value.
         got: u8,
     },
-    /// The sample count of a `SampleFd` is 0 or larger than the frame can hold.
+    /// The sample count of a `SampleFd` is 0 or exceeds the number of slots.
     Count {
         /// Slots in the frame.
         max: u8,
         /// Count received.
         got: u8,
     },
-    /// The `SampleFd` layout number is not the one this crate knows.
+    /// The layout number of a `SampleFd` is not [`SampleFd::LAYOUT`](super::SampleFd::LAYOUT).
     Layout {
         /// Layout number of this crate.
         expected: u8,
@@ -53,14 +53,14 @@ impl core::error::Error for ParseError {}
 /// Why samples cannot share one `SampleFd`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BatchError {
-    /// None, or more than the frame holds.
+    /// There are no samples, or more than the frame has slots.
     Count {
         /// Slots in the frame.
         max: usize,
         /// Samples given.
         got: usize,
     },
-    /// Samples of two actuators.
+    /// The samples are of two actuators.
     Actuator {
         /// Actuator of the first sample.
         expected: ActuatorId,
@@ -69,9 +69,9 @@ pub enum BatchError {
     },
     /// The samples are not consecutive; the frame carries only the first counter.
     Seq {
-        /// The counter that should have followed.
+        /// Counter after that of the sample before.
         expected: u16,
-        /// The one given.
+        /// Counter given.
         got: u16,
     },
 }

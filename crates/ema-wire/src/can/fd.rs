@@ -1,4 +1,4 @@
-//! `SampleFd`: up to three whole samples in one CAN FD frame of 64 bytes.
+//! `SampleFd`: up to three complete samples in one CAN FD frame of 64 bytes.
 //!
 //! | bytes | field |
 //! |---|---|
@@ -7,12 +7,13 @@
 //! | 3 | `layout` u8, this layout is 1 |
 //! | 4 + 20k … | slot k: `i_a`, `i_b`, `i_c` s16; `motor_counts` s32; `output_counts` s24; `mode` u8; `setpoint` s32; `time_us` u16 |
 //!
-//! Every sample stands in full resolution with its own time and mode: 4 + 3 × 20 bytes fill the frame exactly, so deltas
-//! would buy a fourth sample at best and make a slot depend on its neighbour. Unused slots are sent as zeros and not read.
+//! Every sample has full resolution, its own time and its own mode; 4 + 3 × 20 bytes fill the frame exactly. Differences
+//! between samples instead of values would make room for a fourth sample at best, and one slot would depend on another.
+//! Unused slots are emitted as zeros and not parsed.
 
-use super::classic::s24_from_le_bytes;
-use super::{ActuatorId, BatchError, FD_LEN, Mode, ParseError};
-use crate::sample::Sample;
+use super::classic::{parse_mode, s24_from_le_bytes};
+use super::{BatchError, FD_LEN, ParseError};
+use crate::sample::{ActuatorId, Mode, Sample};
 
 const HEADER_LEN: usize = 4;
 const SLOT_LEN: usize = 20;
@@ -31,7 +32,7 @@ pub struct FdSlot {
     pub motor_counts: i32,
     /// Encoder counts, 24 bits, wraps.
     pub output_counts: i32,
-    /// What the setpoint means.
+    /// Quantity that the setpoint commands.
     pub mode: Mode,
     /// 1 µrad or 1 mrad/s, by `mode`.
     pub setpoint: i32,
@@ -50,14 +51,14 @@ pub struct SampleFd {
 impl SampleFd {
     /// Slots in one frame.
     pub const MAX_SAMPLES: usize = 3;
-    /// Number in byte 3. It changes when the meaning of any byte does, so that an old reader refuses the frame.
+    /// Number in byte 3. It changes with the meaning of any byte, so an old reader rejects the new frames.
     pub const LAYOUT: u8 = 1;
 
     /// Packs 1 to 3 consecutive samples.
     ///
     /// # Errors
     ///
-    /// [`BatchError`] when there are none or too many, of two actuators, or not consecutive.
+    /// [`BatchError`] when there are no samples or too many, or they are of two actuators or not consecutive.
     pub fn from_samples(samples: &[Sample]) -> Result<Self, BatchError> {
         let count_error = BatchError::Count {
             max: Self::MAX_SAMPLES,
@@ -104,7 +105,7 @@ impl SampleFd {
         &self.slots[..usize::from(self.count)]
     }
 
-    /// The samples, oldest first. The actuator is in the identifier, not in the data.
+    /// The samples, oldest first. The data bytes do not contain the actuator; the identifier does.
     pub fn samples(&self, actuator: ActuatorId) -> impl ExactSizeIterator<Item = Sample> + '_ {
         self.slots().iter().enumerate().map(move |(k, slot)| Sample {
             actuator,
@@ -120,7 +121,7 @@ impl SampleFd {
         })
     }
 
-    /// Reads the data bytes.
+    /// Parses the data bytes.
     ///
     /// # Errors
     ///
@@ -164,7 +165,7 @@ impl SampleFd {
 }
 
 impl FdSlot {
-    /// Reads one slot; `start` is its offset in the frame, for the error.
+    /// Parses one slot; `start` is its offset in the frame, for the error.
     fn parse(bytes: &[u8; SLOT_LEN], start: usize) -> Result<Self, ParseError> {
         let [
             a0,
@@ -194,7 +195,7 @@ impl FdSlot {
             i_c_ma: i16::from_le_bytes([c0, c1]),
             motor_counts: i32::from_le_bytes([m0, m1, m2, m3]),
             output_counts: s24_from_le_bytes([o0, o1, o2]),
-            mode: Mode::parse(mode, start + MODE_AT)?,
+            mode: parse_mode(mode, start + MODE_AT)?,
             setpoint: i32::from_le_bytes([p0, p1, p2, p3]),
             time_us: u16::from_le_bytes([t0, t1]),
         })
@@ -245,7 +246,7 @@ impl From<&Sample> for FdSlot {
     }
 }
 
-/// Header and slots of a frame; the sizes fit, which the constant below proves.
+/// Header and slots of a frame; the assertion below proves that the sizes fit.
 fn split(data: &[u8; FD_LEN]) -> (&[u8; HEADER_LEN], &[[u8; SLOT_LEN]]) {
     let (slots, _) = data[HEADER_LEN..].as_chunks();
     let (header, _) = data.as_chunks();

@@ -1,86 +1,24 @@
 //! Identifiers: actuator base plus message offset.
 
-use core::fmt;
-
-use serde::{Deserialize, Serialize};
+use crate::sample::ActuatorId;
 
 /// Base identifier of actuator 0.
 const FIRST_BASE: u16 = 0x100;
 /// Distance between the bases of neighbouring actuators.
 const BASE_STEP: u16 = 0x10;
 
-/// Number of one actuator, 0 to 15, shown as `ema0` … `ema15`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(try_from = "u8", into = "u8")]
-pub struct ActuatorId(u8);
-
 impl ActuatorId {
-    /// How many actuators the identifier range has room for.
-    pub const COUNT: u8 = 16;
-
-    /// Actuator `index`; `None` above 15.
-    #[must_use]
-    pub const fn new(index: u8) -> Option<Self> {
-        if index < Self::COUNT { Some(Self(index)) } else { None }
-    }
-
-    /// Its number, 0 to 15.
-    #[must_use]
-    pub const fn index(self) -> u8 {
-        self.0
-    }
-
-    /// Its base identifier, `0x100 + 0x10 n`.
+    /// Base identifier of this actuator on CAN, `0x100 + 0x10 n`.
     #[must_use]
     pub const fn base(self) -> u16 {
-        FIRST_BASE + BASE_STEP * self.0 as u16
-    }
-
-    /// All sixteen, in order.
-    pub fn all() -> impl ExactSizeIterator<Item = Self> {
-        (0..Self::COUNT).map(Self)
+        FIRST_BASE + BASE_STEP * self.index() as u16
     }
 }
 
-impl fmt::Display for ActuatorId {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "ema{}", self.0)
-    }
-}
-
-impl From<ActuatorId> for u8 {
-    fn from(actuator: ActuatorId) -> Self {
-        actuator.0
-    }
-}
-
-impl TryFrom<u8> for ActuatorId {
-    type Error = ActuatorIdError;
-
-    fn try_from(index: u8) -> Result<Self, Self::Error> {
-        Self::new(index).ok_or(ActuatorIdError { got: index })
-    }
-}
-
-/// The number is above 15.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ActuatorIdError {
-    /// The number given.
-    pub got: u8,
-}
-
-impl fmt::Display for ActuatorIdError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "actuator number: expected 0 to 15, got {}", self.got)
-    }
-}
-
-impl core::error::Error for ActuatorIdError {}
-
-/// The messages of one actuator; the value is the offset from its base.
+/// The messages of one actuator; the discriminant is the offset from the actuator's base identifier.
 ///
 /// ```
-/// use ema_wire::can::{ActuatorId, Message};
+/// use ema_wire::{ActuatorId, Message};
 /// let ema15 = ActuatorId::new(15).expect("0 to 15");
 /// assert_eq!(Message::SampleFd.id(ema15), 0x1f8);
 /// assert_eq!(Message::from_id(0x1f8), Some((ema15, Message::SampleFd)));
@@ -102,7 +40,7 @@ pub enum Message {
 }
 
 impl Message {
-    /// All five, by offset. The first three make one sample, in this order.
+    /// All five messages, by offset. A device sends a sample as the first three, in this order.
     pub const ALL: [Self; 5] = [
         Self::Currents,
         Self::Position,
@@ -117,7 +55,7 @@ impl Message {
         actuator.base() + self as u16
     }
 
-    /// The inverse of [`Message::id`]; `None` when the identifier is not ours.
+    /// Actuator and message of an identifier, the inverse of [`Message::id`]; `None` outside the dictionary.
     #[must_use]
     pub fn from_id(id: u16) -> Option<(ActuatorId, Self)> {
         let offset = id.checked_sub(FIRST_BASE)?;
@@ -152,9 +90,9 @@ mod tests {
 
     #[test]
     fn identifiers_and_messages_are_one_to_one() {
-        let ours = (0..=0x7ff).filter_map(|id| Message::from_id(id).map(|found| (id, found)));
+        let known = (0..=0x7ff).filter_map(|id| Message::from_id(id).map(|found| (id, found)));
         let mut count = 0;
-        for (id, (actuator, message)) in ours {
+        for (id, (actuator, message)) in known {
             assert_eq!(message.id(actuator), id);
             count += 1;
         }

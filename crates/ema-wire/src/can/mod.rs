@@ -1,17 +1,19 @@
-//! The CAN dictionary: which identifiers are ours and what their bytes mean.
+//! The CAN dictionary: identifiers of the actuators' messages and the meaning of their bytes.
 //!
-//! 11-bit identifiers, little-endian ("Intel") fields. Actuator n has base `0x100 + 0x10 n`; a [`Message`] is an offset
-//! from it. [`Frame::parse`] and [`Frame::emit`] are inverse to each other for every frame.
+//! Identifiers have 11 bits, fields are little-endian ("Intel"). Actuator n has base `0x100 + 0x10 n`; a [`Message`] is an
+//! offset from it. [`Frame::parse`] inverts [`Frame::emit`] for every frame.
 
 mod classic;
 mod error;
 mod fd;
 mod id;
 
-pub use classic::{Command, Currents, Mode, Position, Status};
+pub use classic::{Command, Currents, Position, Status};
 pub use error::{BatchError, ParseError};
 pub use fd::{FdSlot, SampleFd};
-pub use id::{ActuatorId, Message};
+pub use id::Message;
+
+use crate::sample::ActuatorId;
 
 /// Data bytes of every classic message.
 pub const CLASSIC_LEN: usize = 8;
@@ -34,14 +36,14 @@ pub enum Frame {
 }
 
 impl Frame {
-    /// Reads a data frame with an 11-bit identifier. `Ok(None)`: the identifier is not ours.
+    /// Parses a data frame with an 11-bit identifier. `Ok(None)`: the identifier is not in the dictionary.
     ///
-    /// Remote, error and 29-bit frames are never ours; the caller keeps them away. Whether the controller received the
-    /// frame in classic or FD format does not matter, only its length does.
+    /// The caller passes neither remote, error nor 29-bit frames. The format of the frame on the bus, classic or FD, does not
+    /// matter; only its length does.
     ///
     /// ```
     /// use ema_wire::can::{Frame, ParseError};
-    /// let (actuator, frame) = Frame::parse(0x130, &[0x2c, 1, 0xd4, 0xfe, 0, 0, 7, 0])?.expect("one of ours");
+    /// let (actuator, frame) = Frame::parse(0x130, &[0x2c, 1, 0xd4, 0xfe, 0, 0, 7, 0])?.expect("in the dictionary");
     /// assert_eq!(actuator.index(), 3);
     /// let Frame::Currents(currents) = frame else { panic!("offset 0 is Currents") };
     /// assert_eq!([currents.i_a_ma, currents.i_b_ma, currents.i_c_ma], [300, -300, 0]);
@@ -52,25 +54,25 @@ impl Frame {
     ///
     /// # Errors
     ///
-    /// [`ParseError`] when the identifier is ours and the bytes are not valid.
+    /// [`ParseError`] when the identifier is in the dictionary and the bytes are not valid.
     pub fn parse(id: u16, data: &[u8]) -> Result<Option<(ActuatorId, Self)>, ParseError> {
         let Some((actuator, message)) = Message::from_id(id) else {
             return Ok(None);
         };
         let frame = match message {
-            Message::Currents => Self::Currents(Currents::parse(exact(data)?)),
-            Message::Position => Self::Position(Position::parse(exact(data)?)),
-            Message::Command => Self::Command(Command::parse(exact(data)?)?),
-            Message::Status => Self::Status(Status::parse(exact(data)?)),
-            Message::SampleFd => Self::SampleFd(SampleFd::parse(exact(data)?)?),
+            Message::Currents => Self::Currents(Currents::parse(with_length(data)?)),
+            Message::Position => Self::Position(Position::parse(with_length(data)?)),
+            Message::Command => Self::Command(Command::parse(with_length(data)?)?),
+            Message::Status => Self::Status(Status::parse(with_length(data)?)),
+            Message::SampleFd => Self::SampleFd(SampleFd::parse(with_length(data)?)?),
         };
         Ok(Some((actuator, frame)))
     }
 
-    /// Writes the data bytes into `buffer` and returns the part that goes on the bus (8 or 64 bytes).
+    /// Writes the data bytes to the start of `buffer` and returns them (8 or 64 bytes).
     ///
     /// ```
-    /// use ema_wire::can::{ActuatorId, Command, Frame, Mode};
+    /// use ema_wire::{ActuatorId, Command, Frame, Mode};
     /// let frame = Frame::Command(Command { setpoint: 250_000, mode: Mode::Position, time_us: 500, seq8: 1 });
     /// let mut buffer = [0; 64];
     /// let ema2 = ActuatorId::new(2).expect("0 to 15");
@@ -93,7 +95,7 @@ impl Frame {
         out
     }
 
-    /// Which message this is; with an actuator it gives the identifier.
+    /// The message of this frame; [`Message::id`] gives its identifier.
     #[must_use]
     pub const fn message(&self) -> Message {
         match self {
@@ -106,7 +108,8 @@ impl Frame {
     }
 }
 
-fn exact<const N: usize>(data: &[u8]) -> Result<&[u8; N], ParseError> {
+/// The data as exactly `N` bytes, or [`ParseError::Length`].
+fn with_length<const N: usize>(data: &[u8]) -> Result<&[u8; N], ParseError> {
     data.try_into().map_err(|_| ParseError::Length {
         expected: N,
         got: data.len(),

@@ -1,4 +1,4 @@
-//! The assembler under drops, repeats, reordering and long silences.
+//! The assembler under lost, repeated and reordered frames and long silences.
 
 use crate::common::nth_sample;
 use ema_wire::{ActuatorId, Assembler, AssemblerStats, Frame, Sample, SampleFd, Status};
@@ -22,27 +22,27 @@ fn feed(assembler: &mut Assembler, frames: impl IntoIterator<Item = (Frame, u64)
         .collect()
 }
 
-/// What the link does to one frame.
+/// Effect of the link on one frame.
 #[derive(Debug, Clone, Copy)]
-enum Fate {
+enum LinkEffect {
     Pass,
     Drop,
     Repeat,
     Delay(u64),
 }
 
-fn fate() -> impl Strategy<Value = Fate> {
+fn link_effect() -> impl Strategy<Value = LinkEffect> {
     prop_oneof![
-        6 => Just(Fate::Pass),
-        1 => Just(Fate::Drop),
-        1 => Just(Fate::Repeat),
-        1 => any::<u64>().prop_map(Fate::Delay),
+        6 => Just(LinkEffect::Pass),
+        1 => Just(LinkEffect::Drop),
+        1 => Just(LinkEffect::Repeat),
+        1 => any::<u64>().prop_map(LinkEffect::Delay),
     ]
 }
 
 proptest! {
     #[test]
-    fn without_loss_every_sample_comes_out_once(first in any::<u32>(), count in 1_u64..600) {
+    fn without_loss_every_sample_is_delivered_once(first in any::<u32>(), count in 1_u64..600) {
         let ks = u64::from(first)..u64::from(first) + count;
         let mut assembler = assembler();
         let got = feed(&mut assembler, ks.clone().flat_map(|k| (0..3).map(move |j| sent(k, j))));
@@ -50,26 +50,26 @@ proptest! {
         prop_assert_eq!(assembler.stats(), AssemblerStats { samples: count, ..Default::default() });
     }
 
-    /// Fields of two instants never meet, whatever is lost, repeated or swapped and however long the silences are. Samples
-    /// come out in order, unless one was held back for longer than the span: then the step back is counted.
+    /// No sample has fields of two instants, whatever frames are lost, repeated or reordered and however long the silences
+    /// are. Samples are delivered in order unless one is delayed by more than the span, which counts as a restart.
     #[test]
-    fn no_mixed_sample(
-        fates in proptest::collection::vec([fate(), fate(), fate()], 1..150),
+    fn no_sample_mixes_two_instants(
+        effects in proptest::collection::vec([link_effect(), link_effect(), link_effect()], 1..150),
         silences in proptest::collection::vec((0..150_usize, 0..3_usize, 250..1030_u64), 0..4),
         longest_delay_ns in prop_oneof![Just(Assembler::DEFAULT_MAX_SPAN_NS), Just(2 * Assembler::DEFAULT_MAX_SPAN_NS)],
     ) {
         let mut frames = Vec::new();
         let mut k = 0;
-        for (index, sample_fates) in fates.iter().enumerate() {
-            for (j, frame_fate) in sample_fates.iter().enumerate() {
-                // The silence begins inside this sample and may be any number of samples long, 256 among them.
+        for (index, sample_effects) in effects.iter().enumerate() {
+            for (j, effect) in sample_effects.iter().enumerate() {
+                // The silence begins inside this sample and has any number of samples, among them exactly 256.
                 k += silences.iter().filter(|(at, part, _)| (*at, *part) == (index, j)).map(|(_, _, n)| n).sum::<u64>();
                 let (frame, at) = sent(k, j);
-                match *frame_fate {
-                    Fate::Pass => frames.push((frame, at)),
-                    Fate::Drop => {}
-                    Fate::Repeat => frames.extend([(frame, at), (frame, at + 1_000)]),
-                    Fate::Delay(by_ns) => frames.push((frame, at + by_ns % longest_delay_ns)),
+                match *effect {
+                    LinkEffect::Pass => frames.push((frame, at)),
+                    LinkEffect::Drop => {}
+                    LinkEffect::Repeat => frames.extend([(frame, at), (frame, at + 1_000)]),
+                    LinkEffect::Delay(by_ns) => frames.push((frame, at + by_ns % longest_delay_ns)),
                 }
             }
             k += 1;
@@ -88,7 +88,7 @@ proptest! {
     }
 
     #[test]
-    fn drops_are_counted_to_the_sample(lost in proptest::collection::vec(any::<[bool; 3]>(), 1..200)) {
+    fn lost_samples_are_counted_exactly(lost in proptest::collection::vec(any::<[bool; 3]>(), 1..200)) {
         let count = lost.len() as u64 + 2; // one good sample at either end
         let is_lost = |k: u64, j: usize| k > 0 && k < count - 1 && lost[k as usize - 1][j];
         let mut assembler = assembler();
@@ -119,14 +119,14 @@ proptest! {
             expected.extend(samples);
         }
         prop_assert_eq!(got, expected);
-        // Of a repeated frame the last sample is a duplicate of the newest; those before it are behind it.
+        // The last sample of a repeated frame is a duplicate of the newest; the samples before it are late.
         let stats = assembler.stats();
         prop_assert_eq!(stats.duplicates + stats.late, repeats);
     }
 }
 
 #[test]
-fn a_silence_of_exactly_256_samples_inside_a_sample_does_not_join_its_ends() {
+fn frames_before_and_after_a_silence_of_256_samples_are_not_joined() {
     for cut in 1..3 {
         let mut assembler = assembler();
         let got = feed(
@@ -140,7 +140,7 @@ fn a_silence_of_exactly_256_samples_inside_a_sample_does_not_join_its_ends() {
 }
 
 #[test]
-fn contradicting_frames_reject_the_sample() {
+fn frames_of_different_content_reject_the_sample() {
     let mut assembler = assembler();
     let (Frame::Position(mut position), at) = sent(0, 1) else {
         panic!("frame 1 is Position")
@@ -168,7 +168,7 @@ fn contradicting_frames_reject_the_sample() {
 }
 
 #[test]
-fn a_restarted_device_is_followed_and_counted() {
+fn a_restarted_device_is_counted_and_its_samples_are_delivered() {
     let mut assembler = assembler();
     let whole = |k, from_ns| (0..3).map(move |j| (nth_sample(k).to_frames()[j], from_ns));
     let got = feed(
@@ -187,7 +187,7 @@ fn a_restarted_device_is_followed_and_counted() {
 }
 
 #[test]
-fn status_frames_pass_without_effect() {
+fn status_frames_have_no_effect() {
     let status = Status {
         dc_link_dv: 0,
         winding_temp_dc: 0,

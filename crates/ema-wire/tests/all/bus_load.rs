@@ -1,4 +1,4 @@
-//! The nominal stuffing against frames counted bit by bit.
+//! Nominal stuffing compared with frames whose bits are counted one by one.
 
 use ema_wire::bus_load::{Stuffing, classic_frame_bits};
 use ema_wire::{ActuatorId, Mode, Sample, quantity};
@@ -30,7 +30,7 @@ fn counted_bits(id: u16, data: &[u8]) -> u32 {
     bits.len() as u32 + stuffed + 13
 }
 
-/// An actuator that moves as in the mixed profile, roughly: what matters is how large the numbers are.
+/// Sample of an actuator under roughly the mixed profile; only the magnitudes matter.
 fn sample(actuator: ActuatorId, k: u32) -> Sample {
     let t = f64::from(k) / 2_000.0;
     let (theta_out, i) = (0.25 + 0.01 * (6.0 * t).sin(), 4.0 * (23.0 * t).sin());
@@ -51,7 +51,7 @@ fn sample(actuator: ActuatorId, k: u32) -> Sample {
 }
 
 #[test]
-fn counted_frames_lie_between_the_bounds_and_near_nominal() {
+fn counted_lengths_lie_between_the_bounds_and_near_nominal() {
     let ([none, nominal, worst], mut sum, mut frames) = (
         [Stuffing::None, Stuffing::Nominal, Stuffing::Worst].map(|s| classic_frame_bits(8, s)),
         0,

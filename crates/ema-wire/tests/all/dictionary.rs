@@ -1,4 +1,4 @@
-//! `fixtures/ema.dbc` is what the generator prints, and says the same as the byte code.
+//! `fixtures/ema.dbc` equals the generator's output and describes the bytes that the crate emits.
 
 #[path = "../../examples/dbc/mod.rs"]
 mod dbc;
@@ -35,7 +35,7 @@ fn physical(signal: &dbc::Signal, data: &[u8]) -> f64 {
     (raw - sign) as f64 / 10_f64.powi(signal.decimals.cast_signed())
 }
 
-fn same_as_dbc(frame: &Frame) -> Result<(), TestCaseError> {
+fn matches_dbc(frame: &Frame) -> Result<(), TestCaseError> {
     let mut buffer = [0; FD_LEN];
     let data = frame.emit(&mut buffer);
     let mut ours: BTreeMap<_, _> = signals::signals(frame).into_iter().collect();
@@ -63,13 +63,13 @@ fn same_as_dbc(frame: &Frame) -> Result<(), TestCaseError> {
 
 proptest! {
     #[test]
-    fn every_signal_reads_the_same_through_the_dbc(
+    fn every_signal_has_the_value_that_the_dbc_describes(
         samples in common::run(), status in common::status(),
     ) {
         for frame in samples[0].to_frames() {
-            same_as_dbc(&frame)?;
+            matches_dbc(&frame)?;
         }
-        same_as_dbc(&Frame::Status(status))?;
-        same_as_dbc(&Frame::SampleFd(SampleFd::from_samples(&samples)?))?;
+        matches_dbc(&Frame::Status(status))?;
+        matches_dbc(&Frame::SampleFd(SampleFd::from_samples(&samples)?))?;
     }
 }

@@ -1,4 +1,4 @@
-//! `parse(emit(x)) == x` for every frame, and `emit(parse(bytes)) == bytes` where the bytes say all.
+//! `parse(emit(x)) == x` for every frame, and `emit(parse(bytes)) == bytes` for every message whose bytes are all parsed.
 
 use ema_wire::can::{CLASSIC_LEN, FD_LEN};
 use ema_wire::{ActuatorId, BatchError, Frame, Message, Mode, ParseError, Position, Sample, SampleFd, Status};
@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use crate::common;
 
-fn there_and_back(actuator: ActuatorId, frame: Frame) -> Result<(), TestCaseError> {
+fn parse_inverts_emit(actuator: ActuatorId, frame: Frame) -> Result<(), TestCaseError> {
     let mut buffer = [0xaa; FD_LEN];
     let data = frame.emit(&mut buffer);
     prop_assert_eq!(
@@ -17,7 +17,7 @@ fn there_and_back(actuator: ActuatorId, frame: Frame) -> Result<(), TestCaseErro
     Ok(())
 }
 
-/// 64 bytes with small numbers where they decide whether the frame is valid.
+/// 64 bytes with small numbers in the bytes that decide whether the frame is valid.
 fn fd_like() -> impl Strategy<Value = Vec<u8>> {
     (vec(any::<u8>(), FD_LEN), vec(0_u8..5, 5)).prop_map(|(mut data, small)| {
         for (at, value) in [2, 3, 17, 37, 57].into_iter().zip(small) {
@@ -29,25 +29,25 @@ fn fd_like() -> impl Strategy<Value = Vec<u8>> {
 
 proptest! {
     #[test]
-    fn classic_frames(
+    fn parse_inverts_emit_of_classic_frames(
         actuator in common::actuator(), currents in common::currents(), position in common::position(),
         command in common::command(), status in common::status(),
     ) {
-        there_and_back(actuator, Frame::Currents(currents))?;
-        there_and_back(actuator, Frame::Position(position))?;
-        there_and_back(actuator, Frame::Command(command))?;
-        there_and_back(actuator, Frame::Status(status))?;
+        parse_inverts_emit(actuator, Frame::Currents(currents))?;
+        parse_inverts_emit(actuator, Frame::Position(position))?;
+        parse_inverts_emit(actuator, Frame::Command(command))?;
+        parse_inverts_emit(actuator, Frame::Status(status))?;
     }
 
     #[test]
-    fn fd_frames(samples in common::run()) {
+    fn parse_inverts_emit_of_fd_frames(samples in common::run()) {
         let packed = SampleFd::from_samples(&samples)?;
-        there_and_back(samples[0].actuator, Frame::SampleFd(packed))?;
+        parse_inverts_emit(samples[0].actuator, Frame::SampleFd(packed))?;
         prop_assert_eq!(packed.samples(samples[0].actuator).collect::<Vec<_>>(), samples);
     }
 
     #[test]
-    fn a_sample_is_its_three_frames(sample in common::sample()) {
+    fn a_sample_equals_its_joined_frames(sample in common::sample()) {
         let frames = sample.to_frames();
         let [Frame::Currents(currents), Frame::Position(position), Frame::Command(command)] = frames else {
             return Err(TestCaseError::fail("order on the bus"));
@@ -58,7 +58,7 @@ proptest! {
     }
 
     #[test]
-    fn any_bytes_parse_or_fail_and_good_ones_come_back(
+    fn any_bytes_fail_with_their_reason_or_are_emitted_again(
         id in 0x0f0_u16..0x210, data in prop_oneof![vec(any::<u8>(), CLASSIC_LEN), fd_like(), vec(any::<u8>(), 0..=FD_LEN)],
     ) {
         let parsed = Frame::parse(id, &data);
@@ -68,7 +68,7 @@ proptest! {
                 let mut buffer = [0; FD_LEN];
                 prop_assert_eq!(frame.message().id(actuator), id);
                 let emitted = frame.emit(&mut buffer);
-                if !matches!(frame, Frame::SampleFd(_)) { // whose unused slots are not read
+                if !matches!(frame, Frame::SampleFd(_)) { // its unused slots are not parsed
                     prop_assert_eq!(emitted, &data[..]);
                 }
             }
@@ -81,7 +81,7 @@ proptest! {
 }
 
 #[test]
-fn every_invalid_field_is_named_with_its_place() {
+fn errors_name_the_invalid_field_and_its_offset() {
     let frame = |id, data: &[u8]| Frame::parse(id, data).expect_err("invalid");
     assert_eq!(
         frame(0x102, &[0, 0, 0, 0, 3, 0, 0, 0]),
@@ -108,7 +108,7 @@ fn every_invalid_field_is_named_with_its_place() {
     data[2] = 2;
     data[4 + 20 + 13] = 9;
     assert_eq!(frame(0x108, &data), ParseError::Mode { at: 37, got: 9 });
-    data[2] = 1; // now the bad mode stands in an unused slot, which is not read
+    data[2] = 1; // now the bad mode is in an unused slot, which is not parsed
     assert!(Frame::parse(0x108, &data).is_ok());
 }
 

@@ -1,7 +1,7 @@
-//! The serial line: any chunking, garbage, single flips, limits.
+//! The serial line under any chunking, garbage, single flipped bits and limits.
 
 use ema_wire::serial::{BufferTooSmall, MAX_FRAME_LEN, VERSION};
-use ema_wire::{ActuatorId, Deframer, FrameFault, Mode, Sample, SerialPacket, Splitter};
+use ema_wire::{ActuatorId, Deframer, FrameError, Mode, Sample, SerialPacket, Splitter};
 use proptest::prelude::*;
 
 use crate::common;
@@ -13,14 +13,15 @@ fn frame(packet: &SerialPacket) -> Vec<u8> {
         .to_vec()
 }
 
-fn all(bytes: &[u8]) -> (Vec<SerialPacket>, u64) {
+/// Packets in these bytes, and the number of dropped frames.
+fn deframe_all(bytes: &[u8]) -> (Vec<SerialPacket>, u64) {
     let mut deframer = Deframer::new();
     let packets = deframer.push_slice(bytes).collect();
     deframer.finish();
     (packets, deframer.stats().dropped())
 }
 
-/// A bare frame of any content, built without the crate: COBS by its definition, bitwise CRC-32.
+/// A frame of any content, built without the crate's encoder: COBS by its definition, bitwise CRC-32.
 fn foreign_frame(content: &[u8]) -> Vec<u8> {
     let mut crc = u32::MAX;
     for byte in content {
@@ -30,7 +31,10 @@ fn foreign_frame(content: &[u8]) -> Vec<u8> {
         }
     }
     let data = [content, &(!crc).to_le_bytes()].concat();
-    assert!(data.len() < 254, "one COBS block at a time is enough here");
+    assert!(
+        data.len() < 254,
+        "longer data need code byte 0xFF, which this encoder lacks"
+    );
     let mut out: Vec<u8> = data
         .split(|byte| *byte == 0)
         .flat_map(|run| [&[run.len() as u8 + 1], run].concat())
@@ -61,21 +65,21 @@ proptest! {
         garbage in proptest::collection::vec(any::<u8>(), 0..200), before in common::packet(), after in common::packet(),
     ) {
         let line = [&frame(&before), &garbage[..], b"\0", &frame(&after)].concat();
-        let (packets, dropped) = all(&line);
+        let (packets, dropped) = deframe_all(&line);
         prop_assert_eq!(packets, [before, after]);
         prop_assert_eq!(dropped, garbage.split(|byte| *byte == 0).filter(|run| !run.is_empty()).count() as u64);
     }
 
-    /// Every bit of the line in turn: what still comes out is a packet that was sent, in order, and the last one always
-    /// does when its own bytes and the zero before it are untouched.
+    /// Flips each bit of the line in turn. Every packet still delivered was sent, in this order, and the last one is
+    /// delivered unless its own bytes or the zero before it are hit.
     #[test]
-    fn no_single_flip_makes_a_wrong_packet(packets in proptest::collection::vec(common::packet(), 3)) {
+    fn no_flipped_bit_produces_a_wrong_packet(packets in proptest::collection::vec(common::packet(), 3)) {
         let line: Vec<u8> = packets.iter().flat_map(frame).collect();
         let last_starts = line.len() - frame(&packets[2]).len();
         for bit in 0..line.len() * 8 {
             let mut flipped = line.clone();
             flipped[bit / 8] ^= 1 << (bit % 8);
-            let (got, dropped) = all(&flipped);
+            let (got, dropped) = deframe_all(&flipped);
             let mut sent = packets.iter();
             prop_assert!(got.iter().all(|packet| sent.any(|other| other == packet)), "bit {}", bit);
             prop_assert!(got.len() < packets.len() && dropped > 0, "bit {}", bit);
@@ -86,7 +90,7 @@ proptest! {
     }
 
     #[test]
-    fn foreign_encoders_are_understood(sample in common::sample()) {
+    fn an_independent_encoder_emits_the_same_bytes(sample in common::sample()) {
         let mut content = vec![VERSION, 0, sample.actuator.index()];
         let mut varint = |mut value: u64| loop {
             let low = (value & 0x7f) as u8;
@@ -109,7 +113,7 @@ proptest! {
 }
 
 #[test]
-fn the_longest_packet_fills_the_stated_length_and_no_more() {
+fn the_longest_packet_has_exactly_the_stated_length() {
     let longest = SerialPacket::Sample(Sample {
         actuator: ActuatorId::new(15).expect("below 16"),
         seq: u16::MAX,
@@ -136,7 +140,7 @@ fn the_longest_packet_fills_the_stated_length_and_no_more() {
 }
 
 #[test]
-fn every_kind_of_bad_frame_is_counted_as_what_it_is() {
+fn every_kind_of_bad_frame_is_counted_by_its_reason() {
     let good = frame(&SerialPacket::Sample(common::nth_sample(1)));
     let mut bad_crc = good.clone();
     bad_crc[4] ^= 0x10;
@@ -145,7 +149,7 @@ fn every_kind_of_bad_frame_is_counted_as_what_it_is() {
         &bad_crc[..],
         &[5, 1, 1, 0],                                                  // code byte past the end
         &[1; 65],                                                       // longer than the buffer
-        &[0, 0, 0],                                                     // ends it; empty frames are none
+        &[0, 0, 0],                                                     // ends it; empty frames do not count
         &foreign_frame(&[VERSION + 1, 0, 0]),                           // another version
         &foreign_frame(&[VERSION, 7]),                                  // no such packet
         &foreign_frame(&[VERSION, 0, 16, 0, 0, 0, 0, 0, 0, 0, 0, 0]),   // actuator 16
@@ -164,7 +168,7 @@ fn every_kind_of_bad_frame_is_counted_as_what_it_is() {
 }
 
 #[test]
-fn frames_that_were_cut_out_say_the_same_later() {
+fn frames_from_the_splitter_parse_later() {
     let good = frame(&SerialPacket::Sample(common::nth_sample(1)));
     let line = [&[7; 300][..], b"\0", &good, &[9; MAX_FRAME_LEN - 1], b"\0", &good[..9]].concat();
     let mut splitter: Splitter = Splitter::new();
@@ -179,10 +183,10 @@ fn frames_that_were_cut_out_say_the_same_later() {
         [64, good.len() - 1, MAX_FRAME_LEN - 1, 9]
     );
     let parsed: Vec<_> = frames.iter().map(|frame| SerialPacket::parse(frame)).collect();
-    assert_eq!(parsed[0], Err(FrameFault::TooLong));
+    assert_eq!(parsed[0], Err(FrameError::TooLong));
     assert_eq!(parsed[1], Ok(SerialPacket::Sample(common::nth_sample(1))));
     assert!(
-        matches!(parsed[2..], [Err(FrameFault::Cobs | FrameFault::Crc), Err(_)]),
+        matches!(parsed[2..], [Err(FrameError::Cobs | FrameError::Crc), Err(_)]),
         "{parsed:?}"
     );
 }

@@ -3,7 +3,7 @@
 use std::num::NonZeroUsize;
 
 use super::{Exit, progress, say};
-use crate::bench::{BenchReport, bench, figures};
+use hmd_lab::bench::{BenchReport, bench, figures};
 
 /// Measure how fast this computer evaluates monitors and identifies windows.
 #[derive(Debug, clap::Args)]

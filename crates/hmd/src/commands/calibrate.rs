@@ -1,44 +1,49 @@
-//! `hmd calibrate`: the monitor against the reference, or one motor from healthy windows of it.
+//! `hmd calibrate`: one motor from healthy windows of it, or (feature `full`) the monitor against the reference.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, bail};
 
-use super::{Exit, load_config, no_input, unknown_type, use_threads, warn};
-use crate::calibrate::calibrate_type;
-use crate::config::{Config, MONITOR_NAMES};
-use crate::health::{Health, Levels};
-use crate::judge::{Judge, conditions, judgement};
-use crate::outliers::identify_without_outliers;
-use crate::unit::{UnitCalibration, WINDOWS_MIN, fit_motor, windows_of};
-use ema_identify::calibration::MonitorForm;
+use super::{Exit, load_config, no_input, use_threads, warn};
+use crate::unit_windows::windows_of;
 use ema_identify::is_unmodelled;
+use ema_identify::unit_calibration::UnitCalibration;
+use ema_identify::unit_fit::{WINDOWS_MIN, fit_motor};
+use hmd_core::assess::{Assessor, conditions, judgement};
+use hmd_core::config::Config;
+use hmd_core::health::{Health, Levels};
+use hmd_core::outliers::identify_without_outliers;
+use hmd_storage::calibration_file::load_type_models;
 
-/// Calibrate the monitor for a type of actuator, or for one unit from logs in which it was healthy.
+/// Calibrate the monitor for one unit from logs in which it was healthy, or for a type of actuator.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n\
+#[cfg_attr(
+    feature = "full",
+    command(after_help = "Examples:\n\
     \x20 hmd calibrate healthy.mcap -c hmd.toml -o unit.calibration.toml\n\
-    \x20 hmd calibrate --type --actuator own -c hmd.toml -o own.calibration.toml")]
+    \x20 hmd calibrate --type --actuator own -c hmd.toml -o own.calibration.toml")
+)]
+#[cfg_attr(
+    not(feature = "full"),
+    command(after_help = "Example:\n\
+    \x20 hmd calibrate healthy.mcap -c hmd.toml -o unit.calibration.toml")
+)]
 pub struct Args {
     /// Logs of one unit in health, five windows or more; without them --type.
-    #[arg(required_unless_present = "of_type")]
+    #[cfg_attr(feature = "full", arg(required_unless_present = "of_type"))]
+    #[cfg_attr(not(feature = "full"), arg(required = true))]
     logs: Vec<PathBuf>,
-    /// Calibrate a type of actuator: the monitor against the reference model.
-    #[arg(long = "type", conflicts_with = "logs")]
-    of_type: bool,
+    #[cfg(feature = "full")]
+    #[command(flatten)]
+    of_type: super::calibrate_type::TypeArgs,
     /// Name of the unit, where the logs hold several.
-    #[arg(long, conflicts_with = "of_type")]
+    #[cfg_attr(feature = "full", arg(long, conflicts_with = "of_type"))]
+    #[cfg_attr(not(feature = "full"), arg(long))]
     name: Option<String>,
     /// Calibration file to write.
     #[arg(short, long)]
     output: PathBuf,
-    /// Type to calibrate: bench, servo28 or one of the configuration's.
-    #[arg(long, default_value = "bench", value_name = "TYPE", requires = "of_type")]
-    actuator: String,
-    /// Monitor form of the type: three-phase, one-axis or paper.
-    #[arg(long, default_value = "three-phase", value_parser = named_monitor, requires = "of_type")]
-    monitor: MonitorForm,
     /// Configuration that defines further types, and the actuators of the logs.
     #[arg(short, long)]
     config: Option<PathBuf>,
@@ -56,27 +61,16 @@ pub struct Args {
 /// A bad configuration, or a file that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = load_config(args.config.as_deref())?;
-    no_input(&args.output, args.logs.iter().chain(&read_files(&config, args.of_type)))?;
-    if !args.of_type {
-        return unit(args, config);
+    #[cfg(feature = "full")]
+    if args.of_type.is_asked() {
+        no_input(&args.output, read_files(&config, true))?;
+        use_threads(args.threads.map(usize::from))?;
+        let calibration = args.of_type.calibrate(&config, args.seed)?;
+        std::fs::write(&args.output, calibration.emit()).with_context(|| args.output.display().to_string())?;
+        return Ok(Exit::Done);
     }
-    let Some(found) = config.actuator_type(&args.actuator) else {
-        return Err(unknown_type(&args.actuator).into());
-    };
-    use_threads(args.threads.map(usize::from))?;
-    let calibration = calibrate_type(&args.actuator, &found.params, args.monitor, args.seed);
-    let q = &calibration.quality;
-    warn(format_args!("mean squared error of i_q, A²   before      after"));
-    warn(format_args!(
-        "healthy                       {:.5}    {:.5}",
-        q.healthy_before_a2, q.healthy_after_a2
-    ));
-    warn(format_args!(
-        "faulty                        {:.5}    {:.5}",
-        q.faulty_before_a2, q.faulty_after_a2
-    ));
-    std::fs::write(&args.output, calibration.emit()).with_context(|| args.output.display().to_string())?;
-    Ok(Exit::Done)
+    no_input(&args.output, args.logs.iter().chain(&read_files(&config, false)))?;
+    unit(args, config)
 }
 
 /// The files of a configuration that this calibration reads; the one that it makes may be named there already.
@@ -114,11 +108,11 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
             jobs.len()
         );
     }
-    let mut judge = Judge::new(config, args.seed);
+    let judge = Assessor::new(config.clone(), load_type_models(&config)?, args.seed);
     let mut prepared = Vec::new();
     for job in &mut *jobs {
         // What an earlier calibration of the unit says is to be learnt anew.
-        let identifier = judge.of_uncalibrated(job)?;
+        let identifier = judge.identifier_of(job)?;
         let conditions = conditions(job).map_err(anyhow::Error::msg)?;
         let (window, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, args.seed)?;
         let verdict = Health::new(levels)?.update(0, Some(&judgement(&estimate)));
@@ -165,11 +159,4 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
     ));
     std::fs::write(&args.output, calibration.emit()).with_context(|| args.output.display().to_string())?;
     Ok(if found.data_lost { Exit::DataLost } else { Exit::Done })
-}
-
-pub(super) fn named_monitor(text: &str) -> Result<MonitorForm, String> {
-    let found = MONITOR_NAMES.into_iter().find(|(name, _)| *name == text);
-    found
-        .map(|(_, form)| form)
-        .ok_or_else(|| "expected three-phase, one-axis or paper".to_owned())
 }

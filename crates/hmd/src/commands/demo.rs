@@ -10,15 +10,14 @@ use ema_wire::ActuatorId;
 
 use super::table::{HEALTH_HEAD, health_row, left_cell};
 use super::{Exit, say};
-use crate::config::Config;
-use crate::frame::BusNames;
-use crate::front::Front;
-use crate::judge::Judge;
-use crate::record::Status;
-use crate::recorder::metadata;
-use crate::seed::mix;
-use crate::simulate::{EPOCH_NS, traffic};
-use crate::sink::{Sink, SyncedFile};
+use hmd_core::assess::{Assessor, Models};
+use hmd_core::config::Config;
+use hmd_core::frame::BusNames;
+use hmd_core::pipeline::Pipeline;
+use hmd_core::seed::mix;
+use hmd_lab::simulate::{EPOCH_NS, traffic};
+use hmd_storage::mcap_writer::{Sink, SyncedFile};
+use hmd_storage::recorder::metadata;
 
 /// Watch a simulated actuator wear out.
 #[derive(Debug, clap::Args)]
@@ -61,9 +60,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let mut names = BusNames::new();
     names.intern("can0")?;
     let actuator = ActuatorId::new(0).context("actuator 0")?;
-    let mut front = Front::new(config.clone());
-    let mut judge = Judge::new(config, args.seed);
-    let (mut ended, mut last_stamp_ns) = (Vec::new(), EPOCH_NS);
+    let mut pipeline = Pipeline::new(config.clone());
+    let mut judge = Assessor::new(config.clone(), Models::without_files(&config)?, args.seed);
+    let mut ended = Vec::new();
 
     say("A simulated flight-control actuator wears out; every 100 hours one actuation is watched.")?;
     say("The life that is left counts to a damage of 80 %: hours by which it ends with 10, 50 and 90 % probability.")?;
@@ -83,13 +82,12 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         };
         let start_ns = EPOCH_NS + hours * 3_600_000_000_000;
         for frame in traffic(&scenario, actuator, start_ns) {
-            last_stamp_ns = frame.stamp_ns;
             sink.raw(&frame, &names).with_context(|| path.clone())?;
-            front.push(&frame, &names, &mut ended);
+            pipeline.push(&frame, &names, &mut ended);
         }
-        front.finish(&mut ended);
+        pipeline.finish(&mut ended);
         for job in ended.drain(..) {
-            let judged = judge.judge(job)?;
+            let judged = judge.assess(job)?;
             let at = judged.health.t_start_ns;
             sink.write(at, &judged.window).with_context(|| path.clone())?;
             sink.write(at, &judged.health).with_context(|| path.clone())?;
@@ -102,19 +100,10 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             ))?;
         }
     }
-    let (frames, windows) = (front.counts(), judge.counts());
-    sink.write(
-        last_stamp_ns,
-        &Status {
-            frames_received: frames.received,
-            frames_decoded: frames.decoded,
-            windows_ok: windows.ok,
-            windows_degraded: windows.degraded,
-            windows_invalid: windows.invalid,
-            windows_unmodelled: windows.unmodelled,
-            ..Status::default()
-        },
-    )?;
+    let (frames, windows) = (pipeline.frames(), judge.counts());
+    let status = pipeline.status(&names, windows);
+    sink.write(pipeline.last_stamp_ns(), &status)
+        .with_context(|| path.clone())?;
     let (_, counts) = sink.finish().with_context(|| path.clone())?;
     say(&format!(
         "{} frames in, {} windows identified; {} records written to {path}",

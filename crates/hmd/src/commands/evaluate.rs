@@ -1,17 +1,20 @@
 //! `hmd evaluate`: the accuracy suites.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use super::{Exit, Misuse, load_config, progress, say, unknown_type, use_threads};
-use crate::config::SearchMethod;
-use crate::evaluate::{
+use ema_identify::Identifier;
+use ema_identify::calibration::MonitorForm;
+use ema_models::MotorKnowledge;
+use hmd_core::assess::{AssessError, method};
+use hmd_core::config::SearchMethod;
+use hmd_core::config::{Config, IdentificationConfig};
+use hmd_core::health::FAULTS;
+use hmd_lab::evaluate::{
     CONDITION_ROWS, Case, DetectionReport, NOISE_RATES_HZ, NoiseReport, PROFILE_ROWS, PaperReport, ProfilesReport,
     RandomReport, RulReport, Scores, conditions, detection, noise, paper, profiles, random, rul,
 };
-use crate::health::FAULTS;
-use crate::judge::Judge;
-use ema_identify::calibration::MonitorForm;
+use hmd_storage::calibration_file::load_type_model;
 
 /// Measure the accuracy of the identification.
 #[derive(Debug, clap::Args)]
@@ -33,7 +36,7 @@ pub struct Args {
     #[arg(long, default_value = "bench", value_name = "TYPE")]
     actuator: String,
     /// Monitor form, instead of the configuration's: three-phase, one-axis or paper.
-    #[arg(long, value_parser = super::calibrate::named_monitor)]
+    #[arg(long, value_parser = super::calibrate_type::named_monitor)]
     monitor: Option<MonitorForm>,
     /// Search method, instead of the configuration's: hybrid or ga.
     #[arg(long, value_parser = named_method)]
@@ -68,6 +71,21 @@ enum Suite {
     Rul,
 }
 
+/// The identifier of the type that is asked for; `None` where no such type is known.
+fn identifier(config: &Config, args: &Args) -> Result<Option<Identifier>, AssessError> {
+    let Some(found) = config.actuator_type(&args.actuator) else {
+        return Ok(None);
+    };
+    let form = args.monitor.unwrap_or(config.identification().monitor);
+    let settings = args.method.map(IdentificationConfig::for_method);
+    Ok(Some(Identifier {
+        params: found.params,
+        calibration: load_type_model(&args.actuator, found, form, config)?.calibration,
+        method: method(settings.as_ref().unwrap_or(config.identification())),
+        motor: MotorKnowledge::default(),
+    }))
+}
+
 /// Runs the verb.
 ///
 /// # Errors
@@ -79,14 +97,24 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         let sentence = format!("--n: expected none with the suite paper, whose content is fixed, found {n}");
         return Err(Misuse(sentence).into());
     }
+    if args.suite == Suite::Rul {
+        for (option, is_set) in [
+            ("--monitor", args.monitor.is_some()),
+            ("--method", args.method.is_some()),
+        ] {
+            if is_set {
+                let sentence = format!("{option}: expected none with the suite rul, which identifies nothing");
+                return Err(Misuse(sentence).into());
+            }
+        }
+    }
     let config = load_config(args.config.as_deref())?;
     use_threads(args.threads.map(usize::from))?;
     if args.suite == Suite::Rul {
         return run_rul(args);
     }
     let levels = *config.health().levels();
-    let mut judge = Judge::new(Arc::new(config), args.seed);
-    let Some(identifier) = judge.identifier(&args.actuator, args.monitor, args.method)? else {
+    let Some(identifier) = identifier(&config, args)? else {
         return Err(unknown_type(&args.actuator).into());
     };
     match args.suite {

@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use super::{Exit, Misuse, load_config};
-use crate::ingest::live::now_ns;
-use crate::life::{Event, EventKind, append};
+use hmd_core::history::{Event, EventKind};
+use hmd_storage::clock::now_ns;
+use hmd_storage::event_file::append;
 
 /// The year 2262, as far as other programs count nanoseconds.
 const AT_MAX_NS: u64 = i64::MAX as u64;

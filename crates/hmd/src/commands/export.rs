@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::{Exit, Losses, Misuse, no_input};
-use crate::export::{CsvTable, Late, ParquetTable, Table, TableKind, export};
+use hmd_report::export::{CsvTable, Late, ParquetTable, Table, TableKind, export};
 
 /// Write what was recorded as a table: CSV or Parquet, wide by time, units in the metadata.
 #[derive(Debug, clap::Args)]

@@ -13,9 +13,10 @@ use serde::Serialize;
 
 use super::table::{HEALTH_HEAD, health_row, left_cell};
 use super::{Exit, Losses, load_config, say};
-use crate::catalogue::catalogue;
-use crate::ingest::{McapMessages, open_recorded};
-use crate::record::{FAULT_NAMES, Health, Interval, Log, Record, Rul};
+use hmd_core::catalogue::catalogue;
+use hmd_core::record::{FAULT_NAMES, Health, Interval, Log, Record, Rul};
+use hmd_ingest::file::open_recorded;
+use hmd_storage::mcap::McapMessages;
 
 /// Print the history in recorded files: damage, remaining life, events.
 #[derive(Debug, clap::Args)]

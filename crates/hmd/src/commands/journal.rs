@@ -7,7 +7,7 @@ use std::io;
 use std::os::unix::net::UnixDatagram;
 use std::path::Path;
 
-use crate::record::LogLevel;
+use hmd_core::record::LogLevel;
 
 /// Where the journal listens.
 const SOCKET: &str = "/run/systemd/journal/socket";

@@ -6,7 +6,7 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc;
 
 use super::{Exit, warn};
-use crate::record::Status;
+use hmd_core::record::Status;
 
 /// What an operator asks of a running daemon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,28 +1,38 @@
 //! One file per verb of the command line. Thin: parse, call, print. Records go to stdout, everything else to stderr.
 
+#[cfg(feature = "full")]
 pub mod bench;
 pub mod calibrate;
+#[cfg(feature = "full")]
+mod calibrate_type;
 pub mod check_config;
+#[cfg(feature = "full")]
 pub mod demo;
+#[cfg(feature = "full")]
 pub mod evaluate;
 pub mod event;
+#[cfg(feature = "full")]
 pub mod export;
 pub mod inspect;
 mod journal;
 mod live;
+#[cfg(feature = "full")]
 pub mod manual;
 mod metrics_http;
 mod progress;
 pub mod record;
 pub mod recover;
 pub mod replay;
+#[cfg(feature = "full")]
 pub mod report;
 pub mod run;
-#[cfg_attr(not(feature = "serve"), path = "no_serve.rs")]
+#[cfg_attr(not(feature = "full"), path = "no_serve.rs")]
 mod serve;
 mod service;
+#[cfg(feature = "full")]
 pub mod simulate;
 mod table;
+#[cfg(feature = "full")]
 pub mod top;
 
 use std::io::Write;
@@ -30,16 +40,16 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use crate::calibration::load_calibration;
-use crate::config::{Config, ConfigError};
 use crate::daemon::DaemonError;
-use crate::ingest::McapLoss;
-use crate::judge::JudgeError;
-use crate::life::events_of;
-use crate::recover::LISTED_MAX;
 use crate::replay::ReplayError;
-use crate::same_file::is_same_file;
-use crate::unit::UnitCalibration;
+use hmd_core::assess::AssessError;
+use hmd_core::config::{Config, ConfigError};
+use hmd_storage::calibration_file::{load_type_model, load_unit};
+use hmd_storage::config_file;
+use hmd_storage::event_file::{EventError, events_of};
+use hmd_storage::mcap::McapLoss;
+use hmd_storage::recover::LISTED_MAX;
+use hmd_storage::same_file::is_same_file;
 
 /// How a verb ended; the number is the exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,9 +78,13 @@ struct Misuse(String);
 #[must_use]
 pub fn code_of(error: &anyhow::Error) -> u8 {
     // What the judge refuses comes from the configuration: a calibration it names, its search, its levels.
-    let by_judge = error.downcast_ref::<JudgeError>().is_some()
-        || matches!(error.downcast_ref(), Some(ReplayError::Judge(_)))
-        || matches!(error.downcast_ref(), Some(DaemonError::Judge(_)));
+    let by_judge = error.downcast_ref::<AssessError>().is_some()
+        || error.downcast_ref::<EventError>().is_some()
+        || matches!(
+            error.downcast_ref(),
+            Some(ReplayError::Assess(_) | ReplayError::Events(_))
+        )
+        || matches!(error.downcast_ref(), Some(DaemonError::Assess(_)));
     if error.downcast_ref::<ConfigError>().is_some() || by_judge {
         BAD_CONFIG
     } else if error.downcast_ref::<Misuse>().is_some() {
@@ -95,6 +109,7 @@ pub fn sentence(error: &anyhow::Error) -> String {
 }
 
 /// An unknown `--actuator`.
+#[cfg(feature = "full")]
 fn unknown_type(name: &str) -> Misuse {
     Misuse(format!(
         "--actuator: expected bench, servo28 or a type of the configuration, found {name:?}"
@@ -106,7 +121,7 @@ fn unknown_type(name: &str) -> Misuse {
 /// # Errors
 /// The first thing that is wrong with it.
 pub fn load_config(path: Option<&Path>) -> Result<Config, ConfigError> {
-    path.map_or_else(|| Ok(Config::default()), Config::load)
+    path.map_or_else(|| Ok(Config::default()), config_file::load_config)
 }
 
 /// Whether every calibration and the events that the configuration names can be used, before a log is read.
@@ -114,26 +129,14 @@ pub fn load_config(path: Option<&Path>) -> Result<Config, ConfigError> {
 /// # Errors
 /// The first file that cannot.
 pub fn check_files(config: &Config) -> anyhow::Result<()> {
-    events_of(config).map_err(JudgeError::from)?;
-    let expected = config.identification().monitor;
-    for (name, found) in config.types() {
-        let Some(path) = &found.calibration else { continue };
-        let path = config.resolve(path);
-        let checked = match load_calibration(&path) {
-            Ok(calibration) if calibration.monitor == expected => Ok(()),
-            Ok(calibration) => Err(JudgeError::Form {
-                path: path.display().to_string(),
-                expected,
-                found: calibration.monitor,
-            }),
-            Err(e) => Err(JudgeError::from(e)),
-        };
-        checked.with_context(|| format!("type.{name}.calibration"))?;
+    events_of(config).context("rul.events")?;
+    let form = config.identification().monitor;
+    for (name, of_type) in config.types().filter(|(_, of_type)| of_type.calibration.is_some()) {
+        load_type_model(name, of_type, form, config).with_context(|| format!("type.{name}.calibration"))?;
     }
     for actuator in config.actuators() {
         if let Some(path) = &actuator.calibration {
-            UnitCalibration::load(&config.resolve(path), &actuator.type_name)
-                .map_err(JudgeError::from)
+            load_unit(&config.resolve(path), &actuator.type_name)
                 .with_context(|| format!("actuator.calibration of {}", actuator.name))?;
         }
     }
@@ -220,20 +223,20 @@ fn say(line: &str) -> anyhow::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::unit::UnitError;
+    use ema_identify::unit_calibration::UnitError;
 
     #[test]
     fn what_the_judge_refuses_is_a_bad_configuration_in_every_verb() {
         let refused = || {
-            JudgeError::from(UnitError::Parse {
+            AssessError::from(UnitError::Parse {
                 path: "unit.toml".to_owned(),
                 message: "nothing".to_owned(),
             })
         };
         let errors = [
             anyhow::Error::from(refused()),
-            ReplayError::Judge(refused()).into(),
-            DaemonError::Judge(refused()).into(),
+            ReplayError::Assess(refused()).into(),
+            DaemonError::Assess(refused()).into(),
             anyhow::Error::from(refused()).context("actuator.calibration of ema0"),
         ];
         assert_eq!(errors.map(|error| code_of(&error)), [BAD_CONFIG; 4]);

@@ -1,6 +1,6 @@
 //! The same as `serve.rs` where viewers are not built in: no option, and nobody who looks.
 
-use crate::recorder::Tap;
+use hmd_storage::recorder::Tap;
 
 /// No option.
 #[derive(Debug, clap::Args)]

@@ -8,14 +8,14 @@ use anyhow::Context;
 
 use super::live::{report, signals};
 use super::{Exit, no_recording, warn};
-use crate::config::{DEFAULT_BITRATE_BIT_S, OutputConfig};
 use crate::daemon::{Daemon, Observer};
-use crate::frame::BusNames;
-use crate::ingest::can::{CanSource, Wanted};
-use crate::ingest::live::LiveSource;
-use crate::ingest::serial::SerialSource;
-use crate::judge::Judged;
-use crate::recorder::Recorder;
+use hmd_core::assess::AssessedWindow;
+use hmd_core::config::{DEFAULT_BITRATE_BIT_S, OutputConfig};
+use hmd_core::frame::BusNames;
+use hmd_ingest::can::{CanSource, Wanted};
+use hmd_ingest::live::LiveSource;
+use hmd_ingest::serial::SerialSource;
+use hmd_storage::recorder::Recorder;
 
 /// Record every frame of some buses until SIGINT or SIGTERM; nothing is filtered and nothing judged.
 #[derive(Debug, clap::Args)]
@@ -84,7 +84,7 @@ fn serial_line(text: &str) -> Result<(String, SerialSource), String> {
 struct Teller;
 
 impl Observer for Teller {
-    fn judged(&self, _: &Judged) -> io::Result<()> {
+    fn judged(&self, _: &AssessedWindow) -> io::Result<()> {
         Ok(())
     }
 

@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 
 use super::{Exit, no_input, say, warn};
-use crate::recover::{Recovered, count_frames, recover};
-use crate::sink::SyncedFile;
+use hmd_storage::mcap_writer::SyncedFile;
+use hmd_storage::recover::{Recovered, count_frames, recover};
 
 /// Copy everything intact of a damaged MCAP file into a whole one, and say what is lost.
 #[derive(Debug, clap::Args)]

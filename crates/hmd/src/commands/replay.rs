@@ -11,11 +11,11 @@ use serde::Serialize;
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
 use super::{Exit, Misuse, check_files, load_config, no_input, progress, use_threads, warn};
-use crate::judge::Judged;
-use crate::record::HealthLine;
 use crate::replay::{Observer, Replay};
+use hmd_core::assess::AssessedWindow;
+use hmd_core::record::HealthLine;
 
-/// Judge recorded logs.
+/// Assessor recorded logs.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n\
     \x20 hmd replay flight.log\n\
@@ -140,7 +140,7 @@ struct Timed<'a> {
 }
 
 impl Observer for Printer {
-    fn judged(&mut self, judged: &Judged) -> io::Result<()> {
+    fn judged(&mut self, judged: &AssessedWindow) -> io::Result<()> {
         if !self.heard {
             return Ok(());
         }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 
 use super::{Exit, Losses, no_input};
-use crate::report::{Files, page};
+use hmd_report::report::{Files, page};
 
 /// Write a report of an actuator: one HTML file that needs nothing else.
 #[derive(Debug, clap::Args)]

@@ -18,15 +18,16 @@ use super::metrics_http::{self, Page, loopback};
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
 use super::{Exit, check_files, load_config, no_input, no_recording, service, use_threads, warn};
-use crate::config::Config;
 use crate::daemon::{Daemon, DaemonError, Observer};
-use crate::ingest::can::{CanSource, Wanted};
-use crate::ingest::live::LiveSource;
-use crate::ingest::serial::SerialSource;
-use crate::judge::Judged;
-use crate::metrics::{render, write_textfile};
-use crate::record::{HealthLine, LogLevel, Status};
-use crate::recorder::{Recorder, is_folder, metadata};
+use hmd_core::assess::AssessedWindow;
+use hmd_core::config::Config;
+use hmd_core::metrics::render;
+use hmd_core::record::{HealthLine, LogLevel, Status};
+use hmd_ingest::can::{CanSource, Wanted};
+use hmd_ingest::live::LiveSource;
+use hmd_ingest::serial::SerialSource;
+use hmd_storage::metrics_file::write_textfile;
+use hmd_storage::recorder::{Recorder, is_folder, metadata};
 
 /// Watch the actuators of a configuration until SIGINT or SIGTERM.
 #[derive(Debug, clap::Args)]
@@ -201,7 +202,7 @@ struct Printer {
 }
 
 impl Observer for Printer {
-    fn judged(&self, judged: &Judged) -> io::Result<()> {
+    fn judged(&self, judged: &AssessedWindow) -> io::Result<()> {
         if !self.heard.load(Ordering::Relaxed) {
             return Ok(());
         }

@@ -7,8 +7,8 @@ use anyhow::Context;
 
 use super::live::signals;
 use super::metrics_http::loopback;
-use crate::recorder::Tap;
 use crate::serve::{Hub, listen};
+use hmd_storage::recorder::Tap;
 
 /// Where viewers look without being told.
 const ADDRESS: &str = "127.0.0.1:8765";
@@ -38,7 +38,7 @@ impl Serve {
         };
         let hub = Hub::default();
         // A viewer that finds another process at the same address forgets what it had.
-        let session = format!("{}-{}", std::process::id(), crate::ingest::live::now_ns());
+        let session = format!("{}-{}", std::process::id(), hmd_storage::clock::now_ns());
         let address = listen(address, hub.clone(), &session).with_context(|| format!("--serve {address}"))?;
         tell(&format!("viewers: ws://{address}"));
         Ok(Viewers(Some(hub)))

@@ -12,11 +12,11 @@ use ema_wire::bus_load::bus_load;
 use serde::Serialize;
 
 use super::{Exit, Misuse, load_config, no_input, unknown_type};
-use crate::config::LOAD_MAX;
-use crate::frame::BusNames;
-use crate::ingest::candump::{Decimals, emit};
-use crate::simulate::{EPOCH_NS, traffic};
-use crate::sink::{Sink, SyncedFile};
+use hmd_core::config::LOAD_MAX;
+use hmd_core::frame::BusNames;
+use hmd_ingest::candump::{Decimals, emit};
+use hmd_lab::simulate::{EPOCH_NS, traffic};
+use hmd_storage::mcap_writer::{Sink, SyncedFile};
 
 /// Bit rate of the simulated bus.
 const BIT_RATE_BIT_S: f64 = 1e6;
@@ -48,7 +48,7 @@ pub struct Args {
     /// Sampling rate, Hz; default that of the type.
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// Current noise, A rms; above 0 the 12-bit converters are in the path too.
+    /// Current noise, A rms; above 0 the current converters are in the path too.
     #[arg(long, default_value_t = 0.0, value_parser = not_negative)]
     noise: f64,
     /// Constant load at the output, Nm; positive opposes positive motion.

@@ -1,6 +1,6 @@
 //! Health records as lines for people.
 
-use crate::record;
+use hmd_core::record;
 
 /// Head of the table that [`health_row`] fills.
 pub(super) const HEALTH_HEAD: &str =

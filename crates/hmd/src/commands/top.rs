@@ -15,7 +15,7 @@ use tokio::sync::mpsc;
 
 use super::live::{Asked, signals};
 use super::{Exit, Misuse};
-use crate::top::{Colours, Condition, Cursor, Follow, Model, Progress, State, draw, full_height};
+use hmd_report::top::{Colours, Condition, Cursor, Follow, Model, Progress, State, draw, full_height};
 
 /// Watch all actuators of a running daemon, or the end of a recording, on the terminal.
 #[derive(Debug, clap::Args)]
@@ -206,7 +206,14 @@ fn once(watch: &mut Watch) -> anyhow::Result<Exit> {
         super::say(line.trim_end())?;
     }
     io::stdout().flush().context("stdout")?;
-    Ok(Exit::Done)
+    if watch.state.damaged == 0 {
+        return Ok(Exit::Done);
+    }
+    super::warn(format_args!(
+        "{}: data lost: {} damaged places",
+        watch.place, watch.state.damaged
+    ));
+    Ok(Exit::DataLost)
 }
 
 /// What the keys have chosen.

@@ -4,19 +4,19 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use ema_wire::{DeframerStats, FrameFault};
+use ema_wire::{DeframerStats, FrameError};
 use tokio::sync::mpsc;
 
 use super::freshness::Freshness;
-use super::notices::Notices;
 use super::{DaemonError, Observer, Shared, WindowQueue, lock};
-use crate::config::Config;
-use crate::frame::BusNames;
-use crate::front::{Notice, WindowJob};
-use crate::ingest::live::{Input, LinkState, LiveLoss, now_ns};
-use crate::pipeline::Pipeline;
-use crate::record::{LogLevel, Status};
-use crate::recorder::Recorder;
+use hmd_core::config::Config;
+use hmd_core::demux::{Notice, WindowJob};
+use hmd_core::frame::BusNames;
+use hmd_core::pipeline::Pipeline;
+use hmd_core::record::{LogLevel, Status};
+use hmd_ingest::feed::{Input, LinkState, LiveLoss};
+use hmd_storage::clock::now_ns;
+use hmd_storage::recorder::Recorder;
 
 /// Inputs taken at once, during which identification cannot write records.
 const BATCH: usize = 1024;
@@ -38,7 +38,6 @@ pub(super) struct Monitor {
     told: BTreeMap<u16, DeframerStats>,
     /// Windows dropped since the last tick.
     fresh_drops: u64,
-    notices: Notices,
     ticks: u64,
     store_raw: bool,
     /// Buses whose source has not said yet how it stands; `None` once all have, and the observer knows.
@@ -63,7 +62,6 @@ impl Monitor {
             fresh_losses: BTreeMap::new(),
             told: BTreeMap::new(),
             fresh_drops: 0,
-            notices: Notices::default(),
             ticks: 0,
             store_raw,
             queued: (0, 0),
@@ -108,9 +106,6 @@ impl Monitor {
         let mut last = lock(shared);
         self.tell_losses(now_ns(), &mut last, observer)?;
         self.tell_notices(&mut last, observer)?;
-        for (notice, level) in self.notices.last_summaries(now_ns()) {
-            tell(&notice, level, &mut last, observer)?;
-        }
         // Identification needs it to make room.
         drop(last);
         for job in ended.drain(..) {
@@ -199,7 +194,7 @@ impl Monitor {
                     LinkState::Up => LogLevel::Info,
                     LinkState::Down | LinkState::Missing => LogLevel::Warning,
                 };
-                self.tell(&Notice { stamp_ns, message }, level, shared, observer)?;
+                tell_unless_many(&Notice { stamp_ns, message }, level, shared, observer)?;
                 self.write_status(stamp_ns, shared, observer)?;
             }
             Input::Lost { bus, loss, frames } => {
@@ -211,7 +206,7 @@ impl Monitor {
             }
             Input::Tick { stamp_ns } => {
                 self.tell_losses(stamp_ns, shared, observer)?;
-                for (notice, level) in self.notices.summaries(stamp_ns) {
+                for (notice, level) in shared.notices.summaries(stamp_ns) {
                     tell(&notice, level, shared, observer)?;
                 }
                 self.tell_stale(stamp_ns, shared, observer)?;
@@ -256,7 +251,7 @@ impl Monitor {
         for (stale, message) in &changes {
             let level = if *stale { LogLevel::Warning } else { LogLevel::Info };
             let message = message.clone();
-            self.tell(&Notice { stamp_ns, message }, level, shared, observer)?;
+            tell_unless_many(&Notice { stamp_ns, message }, level, shared, observer)?;
         }
         if !changes.is_empty() {
             self.write_status(stamp_ns, shared, observer)?;
@@ -273,23 +268,9 @@ impl Monitor {
         Ok(())
     }
 
-    /// Tells it, unless there were many of its kind lately.
-    fn tell(
-        &mut self,
-        notice: &Notice,
-        level: LogLevel,
-        shared: &mut Shared,
-        observer: &impl Observer,
-    ) -> Result<(), DaemonError> {
-        if self.notices.pass(notice, level) {
-            tell(notice, level, shared, observer)?;
-        }
-        Ok(())
-    }
-
     fn tell_notices(&mut self, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
         for notice in self.pipeline.take_notices() {
-            self.tell(&notice, LogLevel::Warning, shared, observer)?;
+            tell_unless_many(&notice, LogLevel::Warning, shared, observer)?;
         }
         Ok(())
     }
@@ -299,20 +280,20 @@ impl Monitor {
         for ((bus, loss), frames) in std::mem::take(&mut self.fresh_losses) {
             let name = self.names.name(bus).unwrap_or_default();
             let message = format!("{name}: {frames} frames lost: {loss}");
-            self.tell(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
+            tell_unless_many(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
         }
         for (bus, stats) in self.pipeline.serial().collect::<Vec<_>>() {
             let told = self.told.insert(bus, stats).unwrap_or_default();
             if let Some(unreadable) = unreadable_since(told, stats) {
                 let name = self.names.name(bus).unwrap_or_default();
                 let message = format!("{name}: {unreadable}");
-                self.tell(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
+                tell_unless_many(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
             }
         }
         let windows = std::mem::take(&mut self.fresh_drops);
         if windows > 0 {
             let message = format!("{windows} windows dropped: identification does not keep up");
-            self.tell(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
+            tell_unless_many(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
         }
         Ok(())
     }
@@ -320,7 +301,7 @@ impl Monitor {
 
 /// The frames of a serial line that could not be read since then, by cause; `None` if there are none.
 fn unreadable_since(then: DeframerStats, now: DeframerStats) -> Option<String> {
-    let fresh = FrameFault::ALL.map(|fault| (now.dropped_for(fault) - then.dropped_for(fault), fault));
+    let fresh = FrameError::ALL.map(|fault| (now.dropped_for(fault) - then.dropped_for(fault), fault));
     let said: Vec<String> = fresh
         .iter()
         .filter(|(count, _)| *count > 0)
@@ -328,6 +309,27 @@ fn unreadable_since(then: DeframerStats, now: DeframerStats) -> Option<String> {
         .collect();
     let frames: u64 = fresh.iter().map(|(count, _)| count).sum();
     (frames > 0).then(|| format!("{frames} frames lost: {}", said.join(", ")))
+}
+
+/// Tells it, unless there were many of its kind lately.
+pub(super) fn tell_unless_many(
+    notice: &Notice,
+    level: LogLevel,
+    shared: &mut Shared,
+    observer: &impl Observer,
+) -> Result<(), DaemonError> {
+    if shared.notices.pass(notice, level) {
+        tell(notice, level, shared, observer)?;
+    }
+    Ok(())
+}
+
+/// Tells how many of each kind were held back, at the end.
+pub(super) fn tell_last_summaries(shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
+    for (notice, level) in shared.notices.last_summaries(now_ns()) {
+        tell(&notice, level, shared, observer)?;
+    }
+    Ok(())
 }
 
 /// Says something to the operator and into the records.

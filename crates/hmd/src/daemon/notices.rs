@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::front::Notice;
-use crate::record::LogLevel;
+use hmd_core::demux::Notice;
+use hmd_core::record::LogLevel;
 
 /// Notices of one kind that are told within [`PERIOD_NS`]; further ones are counted, and the count is told at its end.
 const MOST: u64 = 10;

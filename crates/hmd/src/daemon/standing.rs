@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::record::{Health, LogLevel};
+use hmd_core::record::{Health, LogLevel};
 
 /// The verdicts of all actuators that had one.
 #[derive(Debug, Default)]

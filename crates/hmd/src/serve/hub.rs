@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::Notify;
 
 use super::protocol::{self, Request};
-use crate::recorder::{Tap, Told};
+use hmd_storage::recorder::{Tap, Told};
 
 /// Channels that are told of: six for each of 1024 actuators, more than any viewer shows.
 const CHANNELS_MAX: usize = 6144;
@@ -257,7 +257,7 @@ impl Client {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::{Log, Record};
+    use hmd_core::record::{Log, Record};
 
     fn told(topic: &str, at_ns: u64, bytes: usize) -> Told {
         Told {

@@ -208,8 +208,8 @@ mod tests {
     use std::time::Instant;
 
     use super::*;
-    use crate::record::{Log, Record};
-    use crate::recorder::{Tap, Told};
+    use hmd_core::record::{Log, Record};
+    use hmd_storage::recorder::{Tap, Told};
 
     fn hub() -> (Hub, SocketAddr) {
         let hub = Hub::default();

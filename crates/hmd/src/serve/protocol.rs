@@ -9,7 +9,7 @@ use prost::Message;
 use serde::Deserialize;
 use serde_json::json;
 
-use crate::recorder::Told;
+use hmd_storage::recorder::Told;
 
 /// Names of the protocol: Lichtblick's and the free client's, and that of the Foxglove application.
 pub const SUBPROTOCOLS: [&str; 2] = ["foxglove.websocket.v1", "foxglove.sdk.v1"];

@@ -6,10 +6,10 @@ use std::sync::Arc;
 use ema_models::reference::{Actuations, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
-use hmd::config::Config;
-use hmd::frame::BusNames;
-use hmd::pipeline::Pipeline;
-use hmd::simulate::{EPOCH_NS, traffic};
+use hmd_core::config::Config;
+use hmd_core::frame::BusNames;
+use hmd_core::pipeline::Pipeline;
+use hmd_lab::simulate::{EPOCH_NS, traffic};
 
 use crate::{ALONE, ASKED};
 

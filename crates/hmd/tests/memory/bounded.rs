@@ -7,10 +7,10 @@ use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::sync::atomic::Ordering::Relaxed;
 
-use hmd::frame::BusNames;
-use hmd::ingest::McapFrames;
-use hmd::record::{RawBatch, Record};
-use hmd::recover::{Recovered, recover};
+use hmd_core::frame::BusNames;
+use hmd_core::record::{RawBatch, Record};
+use hmd_storage::mcap::McapFrames;
+use hmd_storage::recover::{Recovered, recover};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{WriteOptions, Writer};
 use prost::Message;
@@ -90,7 +90,7 @@ fn metadata(count: usize, bytes: usize) -> Vec<u8> {
         name: "a".to_owned(),
         metadata: small_entries(bytes),
     };
-    hmd::seal::seal("a", &mut metadata.metadata);
+    hmd_core::metadata_checksum::seal("a", &mut metadata.metadata);
     for _ in 0..count {
         writer.write_metadata(&metadata).unwrap();
     }

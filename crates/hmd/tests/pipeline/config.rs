@@ -2,9 +2,9 @@
 
 use ema_models::ActuatorParams;
 use ema_wire::ActuatorId;
-use hmd::config::{Config, DEFAULT_BITRATE_BIT_S, HealthConfig, IdentificationConfig, LOAD_MAX, SearchMethod};
-use hmd::record::FAULT_NAMES;
-use hmd::window::WindowConfig;
+use hmd_core::config::{Config, DEFAULT_BITRATE_BIT_S, HealthConfig, IdentificationConfig, LOAD_MAX, SearchMethod};
+use hmd_core::record::FAULT_NAMES;
+use hmd_core::window::WindowConfig;
 use proptest::prelude::*;
 use serde_json::Value;
 
@@ -444,13 +444,13 @@ fn refusals_say_where_what_and_why() {
 fn files_are_read_and_their_paths_resolved() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("hmd.toml");
-    let missing = Config::load(&path).unwrap_err().to_string();
+    let missing = hmd_storage::config_file::load_config(&path).unwrap_err().to_string();
     assert!(
         missing.starts_with(&format!("{}: cannot be read: ", path.display())),
         "{missing}"
     );
     std::fs::write(&path, example_in_full()).unwrap();
-    let config = Config::load(&path).unwrap();
+    let config = hmd_storage::config_file::load_config(&path).unwrap();
     let calibration = std::path::Path::new("bench.calibration.toml");
     assert_eq!(config.resolve(calibration), directory.path().join(calibration));
     assert_eq!(
@@ -459,7 +459,12 @@ fn files_are_read_and_their_paths_resolved() {
         "the place of a file is not part of its meaning"
     );
     std::fs::write(&path, [0xff, 0xfe, b'\n']).unwrap();
-    assert!(Config::load(&path).unwrap_err().to_string().contains("cannot be read"));
+    assert!(
+        hmd_storage::config_file::load_config(&path)
+            .unwrap_err()
+            .to_string()
+            .contains("cannot be read")
+    );
 }
 
 #[test]
@@ -534,7 +539,7 @@ fn a_drop_in_that_is_no_file_is_refused_and_not_waited_for() {
     std::fs::create_dir(folder.path().join("conf.d")).unwrap();
     let dropin = folder.path().join("conf.d/1.toml");
     nix::unistd::mkfifo(&dropin, nix::sys::stat::Mode::S_IRWXU).unwrap();
-    let error = Config::load(&file).unwrap_err().to_string();
+    let error = hmd_storage::config_file::load_config(&file).unwrap_err().to_string();
     assert!(
         error.contains("1.toml") && error.contains("expected a regular file"),
         "{error}"
@@ -560,7 +565,7 @@ fn drop_ins_add_to_the_file_and_errors_name_theirs() {
         "health.warning = 0.27\n[type.x.motor]\npole_pairs = 3\n",
     );
     write("conf.d/notes.txt", "not TOML");
-    let load = || Config::load(at("hmd.toml"));
+    let load = || hmd_storage::config_file::load_config(at("hmd.toml"));
     let config = load().unwrap();
     assert_eq!(config.actuators().len(), 2);
     let levels = config.health().levels()[0];

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ema_wire::{Mode, Sample};
-use hmd::config::Config;
-use hmd::dbc::{Joiner, SignalMap};
+use hmd_core::config::Config;
+use hmd_core::dbc::{Joiner, SignalMap};
 
 fn fixtures() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures")
@@ -154,7 +154,7 @@ fn frames(n: u32) -> [(usize, [u8; 8]); 5] {
 }
 
 fn joiner() -> Joiner {
-    let config = Config::load(fixtures().join("foreign.toml")).unwrap();
+    let config = hmd_storage::config_file::load_config(fixtures().join("foreign.toml")).unwrap();
     let actuator = &config.actuators()[0];
     let map: Arc<SignalMap> = actuator.map.clone().unwrap();
     Joiner::new(actuator.id, map, 400.0)

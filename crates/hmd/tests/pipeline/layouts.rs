@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use hmd::record::{Health, Log, Record, Rul, Status, Window};
+use hmd_core::record::{Health, Log, Record, Rul, Status, Window};
 use prost_types::field_descriptor_proto::{Label, Type};
 use serde_json::Value;
 

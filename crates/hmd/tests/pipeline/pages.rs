@@ -5,8 +5,8 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use hmd::metrics::render;
-use hmd::record::{Dropped, Health, Log, RawBatch, Record, Rul, Status, Window};
+use hmd_core::metrics::render;
+use hmd_core::record::{Dropped, Health, Log, RawBatch, Record, Rul, Status, Window};
 use prost_types::field_descriptor_proto::{Label, Type};
 
 /// Stands for the names that a label may have.
@@ -77,8 +77,8 @@ fn metrics() {
 
 #[test]
 fn fields() {
-    let mut page = "# Fields of records\n\nNames, numbers and types of all fields, as the schemas in a file have them; made from the \
-        code. What they mean, and their units, is in [records.md](records.md).\n"
+    let mut page = "# Schemas of the records\n\nAll messages as the schemas in a file have them; made from the code. What the fields \
+        mean is in [records.md](records.md).\n\n```proto\nsyntax = \"proto3\";\npackage hmd.v1;\n"
         .to_owned();
     fields_of::<RawBatch>(&mut page);
     fields_of::<Window>(&mut page);
@@ -86,17 +86,14 @@ fn fields() {
     fields_of::<Rul>(&mut page);
     fields_of::<Dropped>(&mut page);
     fields_of::<Status>(&mut page);
+    page += "```\n\n```proto\nsyntax = \"proto3\";\npackage foxglove;\nimport \"google/protobuf/timestamp.proto\";\n";
     fields_of::<Log>(&mut page);
+    page += "```\n";
     check("fields.md", &page);
 }
 
+/// A message in the language of schemas, with the enums inside it.
 fn fields_of<R: Record>(page: &mut String) {
-    write!(
-        page,
-        "\n## `{}`\n\n| number | field | type |\n|---|---|---|\n",
-        R::SCHEMA_NAME
-    )
-    .expect("a String");
     let set = R::descriptor();
     let messages = set.file.iter().flat_map(|file| {
         let package = file.package().to_owned();
@@ -108,6 +105,14 @@ fn fields_of<R: Record>(page: &mut String) {
         .into_iter()
         .find(|(name, _)| name == R::SCHEMA_NAME)
         .expect("the message in its own descriptor");
+    writeln!(page, "\nmessage {} {{", message.name()).expect("a String");
+    for inner in &message.enum_type {
+        writeln!(page, "  enum {} {{", inner.name()).expect("a String");
+        for value in &inner.value {
+            writeln!(page, "    {} = {};", value.name(), value.number()).expect("a String");
+        }
+        writeln!(page, "  }}").expect("a String");
+    }
     for field in &message.field {
         let kind = match field.r#type() {
             Type::Message | Type::Enum => field.type_name().trim_start_matches('.').to_owned(),
@@ -118,6 +123,7 @@ fn fields_of<R: Record>(page: &mut String) {
             (_, true) => "optional ",
             _ => "",
         };
-        writeln!(page, "| {} | `{}` | {presence}{kind} |", field.number(), field.name()).expect("a String");
+        writeln!(page, "  {presence}{kind} {} = {};", field.name(), field.number()).expect("a String");
     }
+    writeln!(page, "}}").expect("a String");
 }

@@ -1,7 +1,7 @@
 //! The prognosis on histories that no suite draws: bad ones, long ones, and the ones that everybody understands.
 
-use hmd::health::FAULTS;
-use hmd::rul::{NoTrend, Odometer, Prognosis};
+use hmd_core::health::FAULTS;
+use hmd_core::rul::{NoTrend, Odometer, Prognosis};
 
 const SIGMA: f64 = 0.005;
 

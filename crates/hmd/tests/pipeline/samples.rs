@@ -5,12 +5,12 @@ use std::sync::{Arc, Mutex};
 use ema_models::reference::{Actuations, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
-use hmd::config::Config;
-use hmd::export::{ExportError, Sources, Table, Value, export_raw, raw_heads};
-use hmd::frame::BusNames;
-use hmd::front::{Front, cut};
-use hmd::ingest::candump::{Decimals, emit};
-use hmd::simulate::{EPOCH_NS, traffic};
+use hmd_core::config::Config;
+use hmd_core::demux::{Front, cut};
+use hmd_core::frame::BusNames;
+use hmd_ingest::candump::{Decimals, emit};
+use hmd_lab::simulate::{EPOCH_NS, traffic};
+use hmd_report::export::{ExportError, Sources, Table, Value, export_raw, raw_heads};
 
 fn scenario() -> Scenario {
     let mut params = ActuatorParams::bench();

@@ -2,7 +2,7 @@
 
 use ema_models::reference::{Actuations, CurrentSensing, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile, SensedSample, Setpoint};
-use hmd::window::{
+use hmd_core::window::{
     Counter, CutShort, Defect, Degradation, Invalidity, Signal, TimedSample, Verdict, Window, WindowConfig, Windower,
 };
 use proptest::prelude::*;

@@ -762,12 +762,21 @@ fn malformed_frames_alone_are_counted_as_such() {
 }
 
 #[test]
-fn a_fixed_suite_takes_no_number() {
-    let sentence = Folder::new().refused("evaluate paper --n 3", 2);
-    assert!(
-        sentence.contains("--n: expected none with the suite paper"),
-        "{sentence}"
-    );
+fn an_option_that_a_suite_does_not_read_is_refused() {
+    for (line, expected) in [
+        ("evaluate paper --n 3", "--n: expected none with the suite paper"),
+        (
+            "evaluate rul --n 1 --monitor paper",
+            "--monitor: expected none with the suite rul",
+        ),
+        (
+            "evaluate rul --n 1 --method ga",
+            "--method: expected none with the suite rul",
+        ),
+    ] {
+        let sentence = Folder::new().refused(line, 2);
+        assert!(sentence.contains(expected), "{sentence}");
+    }
 }
 
 #[test]

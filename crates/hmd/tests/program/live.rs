@@ -10,25 +10,32 @@ use std::time::{Duration, Instant};
 use ema_models::reference::{Actuations, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
-use hmd::config::Config;
 use hmd::daemon::{Daemon, Observer};
-use hmd::frame::{BusNames, FrameFlags, RawFrame};
-use hmd::ingest::live::{Input, LiveSource};
-use hmd::judge::Judged;
-use hmd::record::{HealthLine, Status};
-use hmd::recorder::{Recorder, metadata};
 use hmd::replay::{self, Replay};
-use hmd::simulate::{EPOCH_NS, traffic};
-use hmd::store::Limits;
+use hmd_core::assess::AssessedWindow;
+use hmd_core::config::Config;
+use hmd_core::config::Limits;
+use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
+use hmd_core::record::{HealthLine, Status};
+use hmd_ingest::feed::Input;
+use hmd_ingest::live::LiveSource;
+use hmd_lab::simulate::{EPOCH_NS, traffic};
+use hmd_storage::clock::now_ns;
+use hmd_storage::recorder::{Recorder, metadata};
 
 const SEED: u64 = 7;
 
 fn config() -> Arc<Config> {
+    config_and("")
+}
+
+/// The same with further sections.
+fn config_and(more: &str) -> Arc<Config> {
     let text = "[type.slow]\nbased_on = \"bench\"\n[type.slow.sensors]\nsample_rate_hz = 400\n\
                 [[actuator]]\nid = 0\nname = \"b\"\nbus = \"can1\"\ntype = \"slow\"\n\
                 [[actuator]]\nid = 1\nname = \"a\"\nbus = \"can0\"\ntype = \"slow\"\n\
                 [identification]\npopulation = 8\ngenerations = 1\n";
-    Arc::new(Config::from_toml_str(text, "hmd.toml").unwrap())
+    Arc::new(Config::from_toml_str(&format!("{text}{more}"), "hmd.toml").unwrap())
 }
 
 /// Traffic of one actuator; its last actuation is cut short.
@@ -54,7 +61,7 @@ struct Lines {
 }
 
 impl Observer for Lines {
-    fn judged(&self, judged: &Judged) -> io::Result<()> {
+    fn judged(&self, judged: &AssessedWindow) -> io::Result<()> {
         let window = &judged.window;
         let (times, fitted) = (window.time_s.len(), window.fitted_i_q_a.len());
         assert!(fitted == 0 || fitted == times, "{fitted} values at {times} times");
@@ -69,7 +76,7 @@ impl Observer for Lines {
 }
 
 impl replay::Observer for &Lines {
-    fn judged(&mut self, judged: &Judged) -> io::Result<()> {
+    fn judged(&mut self, judged: &AssessedWindow) -> io::Result<()> {
         Observer::judged(*self, judged)
     }
 
@@ -81,7 +88,11 @@ impl replay::Observer for &Lines {
 }
 
 fn run(sources: Vec<(&str, Vec<RawFrame>)>, output: &Path) -> (Lines, Status) {
-    let (config, lines) = (config(), Lines::default());
+    run_with(config(), sources, output)
+}
+
+fn run_with(config: Arc<Config>, sources: Vec<(&str, Vec<RawFrame>)>, output: &Path) -> (Lines, Status) {
+    let lines = Lines::default();
     let daemon = Daemon {
         sources: sources
             .into_iter()
@@ -260,6 +271,27 @@ fn a_bus_state_is_told_live_and_in_replay() {
     );
     let (lines, _) = replayed(&live, &again);
     assert_eq!(*lines.notices.lock().unwrap(), told);
+}
+
+#[test]
+fn a_trouble_that_comes_with_every_window_is_told_ten_times_a_minute() {
+    let folder = tempfile::tempdir().unwrap();
+    let events = folder.path().join("events.jsonl");
+    std::fs::write(&events, "no event\n").unwrap();
+    let config = config_and(&format!("[rul]\nevents = \"{}\"\n", events.display()));
+    let (mut traffic, now_ns) = (frames(0, 14), now_ns());
+    for frame in &mut traffic {
+        frame.stamp_ns = frame.stamp_ns - EPOCH_NS + now_ns;
+    }
+    let (lines, _) = run_with(config, vec![("can1", traffic)], &folder.path().join("live.mcap"));
+    assert_eq!(lines.health.into_inner().unwrap().len(), 14);
+    let notices = lines.notices.into_inner().unwrap();
+    let told: Vec<_> = notices
+        .iter()
+        .filter(|text| text.contains("maintenance event"))
+        .collect();
+    assert_eq!(told.len(), 11, "{told:?}");
+    assert!(told[10].contains("(the last of 4 that were not told)"), "{}", told[10]);
 }
 
 #[test]

@@ -5,14 +5,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::serial_rig::{Device, Lines, Plug};
-use hmd::config::Config;
 use hmd::daemon::Daemon;
-use hmd::ingest::live::LiveSource;
-use hmd::ingest::serial::SerialSource;
-use hmd::record::Status;
-use hmd::recorder::{Recorder, metadata};
 use hmd::replay::Replay;
-use hmd::seed::mix;
+use hmd_core::config::Config;
+use hmd_core::record::Status;
+use hmd_core::seed::mix;
+use hmd_ingest::live::LiveSource;
+use hmd_ingest::serial::SerialSource;
+use hmd_storage::recorder::{Recorder, metadata};
 use std::path::{Path, PathBuf};
 
 const SEED: u64 = 7;
@@ -275,7 +275,7 @@ enum Faulty {
 }
 
 impl hmd::daemon::Observer for Faulty {
-    fn judged(&self, _: &hmd::judge::Judged) -> std::io::Result<()> {
+    fn judged(&self, _: &hmd_core::assess::AssessedWindow) -> std::io::Result<()> {
         panic!("at a window")
     }
 
@@ -327,13 +327,13 @@ fn a_stdout_that_cannot_be_written_costs_no_record_where_there_is_an_output() {
         .unwrap();
     let mut device = Device::start(1);
     let windows = || {
-        let logs = hmd::store::records_segments(&folder.path().join("records"), 0).unwrap_or_default();
+        let logs = hmd_storage::segment_store::records_segments(&folder.path().join("records"), 0).unwrap_or_default();
         let files = logs
             .into_values()
             .map(|segment| std::fs::read(segment.path).unwrap_or_default());
         let count = |bytes| {
-            let messages = hmd::ingest::McapMessages::new(std::io::Cursor::new(bytes), "records").unwrap();
-            let is_health = |message: &hmd::ingest::McapMessage| *message.topic == *"/a/health";
+            let messages = hmd_storage::mcap::McapMessages::new(std::io::Cursor::new(bytes), "records").unwrap();
+            let is_health = |message: &hmd_storage::mcap::McapMessage| *message.topic == *"/a/health";
             messages.flatten().filter(is_health).count()
         };
         files.map(count).sum::<usize>()

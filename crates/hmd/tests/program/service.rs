@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use hmd::ingest::McapMessages;
-use hmd::record::{Record, Status};
+use hmd_core::record::{Record, Status};
+use hmd_storage::mcap::McapMessages;
 use prost::Message;
 
 struct Manager {

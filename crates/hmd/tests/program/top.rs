@@ -156,7 +156,10 @@ fn a_recording_is_shown_as_it_stood_at_its_end() {
         let mut terminal = top(&path);
         let screen = terminal.wait_for("RECORDED until 2024-02-18 18:13 UTC");
         assert!(
-            screen.contains("> ema0") && screen.contains("critical") && screen.contains("friction      74 %"),
+            screen.contains("> ema0")
+                && screen.contains("critical")
+                && screen.contains("friction      74 %")
+                && screen.contains("buses    can0 well"),
             "{screen}"
         );
         assert!(terminal.is_taken() && terminal.has_colour());
@@ -168,6 +171,15 @@ fn a_recording_is_shown_as_it_stood_at_its_end() {
     assert!(!plain.has_colour());
     signal(plain.id(), "-TERM");
     assert_eq!(plain.end().0.code(), Some(0));
+
+    let mut damaged = fs::read(&path).unwrap();
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 1;
+    fs::write(&path, damaged).unwrap();
+    let ended = hmd().args(["top", "--once"]).arg(&path).output().unwrap();
+    assert_eq!(ended.status.code(), Some(3));
+    let text = String::from_utf8(ended.stdout).unwrap();
+    assert!(text.contains("damaged places in the file"), "{text}");
 }
 
 #[test]

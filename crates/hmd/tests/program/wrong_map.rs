@@ -112,7 +112,7 @@ fn a_clock_that_jitters_tells_the_rate_and_a_coarse_one_is_told_apart() {
         replayed(folder.path(), &log)
     };
     for most in [1, 3, 20] {
-        let jitter = |n: u64, clock: u16| clock.wrapping_add((hmd::seed::mix(7, &[n]) % (2 * most + 1)) as u16);
+        let jitter = |n: u64, clock: u16| clock.wrapping_add((hmd_core::seed::mix(7, &[n]) % (2 * most + 1)) as u16);
         let printed = with_clock(&jitter);
         assert!(
             printed.lines().nth(1).is_some_and(|line| line.ends_with("friction")),

@@ -8,9 +8,9 @@ use ema_models::reference::{Actuations, CurrentSensing, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile, REFERENCE_TEMPERATURE_DEG_C};
 use ema_wire::can::Status;
 use ema_wire::{ActuatorId, Frame, Sample, quantity};
-use hmd::frame::{FrameFlags, RawFrame};
-use hmd::ingest::live::Input;
-use hmd::simulate::{EPOCH_NS, encode};
+use hmd_core::frame::{FrameFlags, RawFrame};
+use hmd_ingest::feed::Input;
+use hmd_lab::simulate::{EPOCH_NS, encode};
 
 /// Actuators, on buses with as many each, so that none runs ahead of the others.
 pub(crate) const ACTUATORS: u64 = 16;

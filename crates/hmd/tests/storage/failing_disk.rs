@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use crate::survive_rig::{FAILING, LOAD, compare, stored, write_load, writer_of};
-use hmd::recorder::Recorder;
-use hmd::store::Limits;
+use hmd_core::config::Limits;
+use hmd_storage::recorder::Recorder;
 
 /// Actuations of a run.
 const ACTUATIONS: u32 = 14;

@@ -16,7 +16,7 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use crate::survive_rig::{FOLDER, LOAD, PACED, RUN, compare, stored, write_load, writer_of};
-use hmd::seed::mix;
+use hmd_core::seed::mix;
 
 /// Longest that the power stays on, from the start of the guest or, every second time, from the first record.
 const LONGEST: Duration = Duration::from_secs(4);

@@ -7,12 +7,12 @@ use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::process::Command;
 
-use hmd::frame::{BusNames, FrameFlags, RawFrame};
-use hmd::ingest::McapMessages;
-use hmd::record::{Health, Log, LogLevel};
-use hmd::recover::{Recovered, count_frames, recover};
-use hmd::seed::mix;
-use hmd::sink::{METADATA_NAME, Sink};
+use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
+use hmd_core::record::{Health, Log, LogLevel};
+use hmd_core::seed::mix;
+use hmd_storage::mcap::McapMessages;
+use hmd_storage::mcap_writer::{METADATA_NAME, Sink};
+use hmd_storage::recover::{Recovered, count_frames, recover};
 
 /// Frames of each chunk; with payloads that do not compress, a chunk is some 25 kB.
 const FRAMES: u64 = 2000;

@@ -13,9 +13,9 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use crate::survive_rig::{FAILING, LOAD, compare, read, stored, write_load, writer_of};
-use hmd::recorder::Recorder;
-use hmd::seed::mix;
-use hmd::store::Limits;
+use hmd_core::config::Limits;
+use hmd_core::seed::mix;
+use hmd_storage::recorder::Recorder;
 
 /// Actuations of a run.
 const ACTUATIONS: u32 = 40;

@@ -2,7 +2,7 @@
 
 use ema_ga::{Bounds, Objective};
 
-/// A cost function over a box, in batches of three so that a generation ends with a short one.
+/// A cost function over a box, in batches of three, so that the last batch of a generation is shorter.
 pub(crate) struct Function<const D: usize> {
     bounds: Bounds<D>,
     cost: fn(&[f64; D]) -> f64,
@@ -34,7 +34,7 @@ pub(crate) fn sphere() -> Function<8> {
     Function::new(0.0, 1.0, |x| x.iter().map(|x| (x - 0.3) * (x - 0.3)).sum())
 }
 
-/// Minimum at the lower corner, where every gene is at its bound.
+/// Minimum in the lower corner of the box, where every gene is at its bound.
 #[allow(dead_code, reason = "each test file uses its own selection")]
 pub(crate) fn corner() -> Function<8> {
     Function::new(0.0, 1.0, |x| x.iter().sum())

@@ -1,4 +1,4 @@
-//! Strategies for values of the wire, shared by the tests.
+//! Strategies for samples, frames and packets, shared by the tests.
 #![allow(dead_code, reason = "every test binary uses its own part")]
 
 use ema_wire::{ActuatorId, Command, Currents, Mode, Position, Sample, SerialPacket, Status};
@@ -88,7 +88,7 @@ pub(crate) fn packet() -> impl Strategy<Value = SerialPacket> {
     ]
 }
 
-/// Sample k of a run in which every field tells the instant, so that a mixed sample equals none of them.
+/// Sample k of a run in which every field depends on k, so that a sample with fields of two instants equals none of them.
 pub(crate) fn nth_sample(k: u64) -> Sample {
     Sample {
         actuator: ActuatorId::new(5).expect("below 16"),

@@ -1,7 +1,7 @@
 //! The newest state of an actuator as one line for a downlink.
 
-use crate::record::{FAULT_NAMES, Health, Rul};
-use crate::utc::compact_minute;
+use hmd_core::record::{FAULT_NAMES, Health, Rul};
+use hmd_core::timestamp::compact_minute;
 
 /// Longest line, characters: the text of one ACARS block.
 pub(super) const LENGTH_MAX: usize = 220;

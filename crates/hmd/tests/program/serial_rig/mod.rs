@@ -12,9 +12,9 @@ use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
 use firmware_sim::{Plan, SerialFrame, SerialFrames, Timed};
 use hmd::daemon::Observer;
-use hmd::judge::Judged;
-use hmd::record::HealthLine;
 use hmd::replay;
+use hmd_core::assess::AssessedWindow;
+use hmd_core::record::HealthLine;
 use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
@@ -98,7 +98,7 @@ impl Device {
         for frame in &mut self.0 {
             let since = Duration::from_micros(frame.at_us - *first_us.get_or_insert(frame.at_us));
             std::thread::sleep(since.saturating_sub(start.elapsed()));
-            plug.write(frame.what.bytes());
+            plug.write(frame.value.bytes());
             if since >= duration {
                 return;
             }
@@ -155,7 +155,7 @@ impl Lines {
 }
 
 impl Observer for Lines {
-    fn judged(&self, judged: &Judged) -> io::Result<()> {
+    fn judged(&self, judged: &AssessedWindow) -> io::Result<()> {
         let line = HealthLine::from((&judged.health, &judged.rul)).to_json();
         self.health.lock().unwrap().push(line);
         Ok(())
@@ -167,7 +167,7 @@ impl Observer for Lines {
 }
 
 impl replay::Observer for &Lines {
-    fn judged(&mut self, judged: &Judged) -> io::Result<()> {
+    fn judged(&mut self, judged: &AssessedWindow) -> io::Result<()> {
         Observer::judged(*self, judged)
     }
 

@@ -12,17 +12,18 @@ use std::time::Duration;
 use ema_models::reference::{Actuations, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
-use hmd::config::Config;
 use hmd::daemon::{Daemon, Observer};
-use hmd::frame::{BusNames, RawFrame};
-use hmd::ingest::candump::{Decimals, emit};
-use hmd::ingest::live::{Input, LiveSource};
-use hmd::ingest::{McapFrames, McapMessages};
-use hmd::judge::Judged;
-use hmd::record::{Health, Record};
-use hmd::recorder::{Recorder, metadata};
-use hmd::simulate::{EPOCH_NS, traffic};
-use hmd::store::Limits;
+use hmd_core::assess::AssessedWindow;
+use hmd_core::config::Config;
+use hmd_core::config::Limits;
+use hmd_core::frame::{BusNames, RawFrame};
+use hmd_core::record::{Health, Record};
+use hmd_ingest::candump::{Decimals, emit};
+use hmd_ingest::feed::Input;
+use hmd_ingest::live::LiveSource;
+use hmd_lab::simulate::{EPOCH_NS, traffic};
+use hmd_storage::mcap::{McapFrames, McapMessages};
+use hmd_storage::recorder::{Recorder, metadata};
 use prost::Message;
 
 /// Names the folder for the process that writes; the number of the run follows.
@@ -77,7 +78,7 @@ pub(crate) fn write_load(log: &Path, count: u32) {
 
 /// The load as of another day for each run, so that every record of every run is another.
 fn frames(log: &Path, run: u64) -> Vec<RawFrame> {
-    let frames = hmd::ingest::open(log).unwrap().map(Result::unwrap);
+    let frames = hmd_ingest::file::open(log).unwrap().map(Result::unwrap);
     let shifted = frames.map(|mut frame| {
         frame.stamp_ns += run * 86_400_000_000_000;
         frame
@@ -89,12 +90,12 @@ fn frames(log: &Path, run: u64) -> Vec<RawFrame> {
 struct Teller;
 
 impl Observer for Teller {
-    fn judged(&self, judged: &Judged) -> io::Result<()> {
+    fn judged(&self, judged: &AssessedWindow) -> io::Result<()> {
         let line = format!("stored {} {}\n", judged.health.t_start_ns, judged.health.window);
         io::stderr().write_all(line.as_bytes())
     }
 
-    fn unstored(&self, _: &Judged) -> io::Result<()> {
+    fn unstored(&self, _: &AssessedWindow) -> io::Result<()> {
         io::stderr().write_all(b"unstored\n")
     }
 

@@ -27,7 +27,7 @@ fn main() -> ! {
             let mut clock = Clock::start();
             for frame in SerialFrames(plan.start()) {
                 clock.wait_until(frame.at_us);
-                uart.send(frame.what.bytes());
+                uart.send(frame.value.bytes());
             }
         }
         Err(bad) => fail(&bad),
@@ -40,7 +40,7 @@ fn plan(uart: &mut Uart) -> Result<Plan, BadSetting> {
     let mut buffer = [0; LINE_MAX];
     let line = line(uart, &mut buffer).ok_or(BadSetting(""))?;
     let first = ActuatorId::new(0).ok_or(BadSetting("id"))?;
-    Settings::new(first, 1).told(line)?.plan()
+    Settings::new(first, 1).with_text(line)?.plan()
 }
 
 /// A line; `None` if it does not fit or is no text.

@@ -85,7 +85,10 @@ fn run(clock: Clock) -> Option<()> {
     }
 
     hprintln!("window_bytes {}", size_of_val(&samples));
-    hprintln!("case_bytes {}", CASES.iter().map(|case| size_of_val(case.words)).sum::<usize>());
+    hprintln!(
+        "case_bytes {}",
+        CASES.iter().map(|case| size_of_val(case.words)).sum::<usize>()
+    );
     hprintln!("flash_bytes {}", board::flash_bytes());
     hprintln!("static_bytes {}", board::static_bytes());
     hprintln!("stack_bytes {}", board::stack_bytes());

@@ -1,0 +1,213 @@
+//! What windows are assessed with: calibrations of types and of units. Loaded before the first window.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::Path;
+
+use ema_ga::ConfigError as SearchError;
+use ema_identify::calibration::{CalibrationError, MonitorForm, TypeCalibration};
+use ema_identify::unit_calibration::{UnitCalibration, UnitError};
+use ema_models::{ActuatorParams, MotorKnowledge};
+use sha2::{Digest, Sha256};
+
+use super::TYPE_TOLERANCE;
+use crate::config::{ActuatorConfig, Config};
+use crate::health::LevelsError;
+use crate::metadata_checksum::hex;
+
+/// Why windows cannot be assessed; each has its cause in the configuration.
+#[derive(Debug, thiserror::Error)]
+pub enum AssessError {
+    /// A calibration cannot be read.
+    #[error("{path}: {source}")]
+    Read {
+        /// The file.
+        path: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A type calibration is unusable.
+    #[error(transparent)]
+    Calibration(#[from] CalibrationError),
+    /// A calibration file belongs to another monitor form.
+    #[error("{path}: expected a calibration of the {expected:?} monitor, found one of the {found:?} monitor")]
+    Form {
+        /// The file.
+        path: String,
+        /// The form the configuration asks for.
+        expected: MonitorForm,
+        /// The form of the file.
+        found: MonitorForm,
+    },
+    /// A unit's calibration is unusable.
+    #[error(transparent)]
+    Unit(#[from] UnitError),
+    /// No calibration was loaded for a type.
+    #[error("type {0}: expected a loaded calibration, found none")]
+    NoModel(String),
+    /// The search's settings contradict each other.
+    #[error("identification: {0}")]
+    Search(#[from] SearchError),
+    /// The health levels contradict each other.
+    #[error("health: {0}")]
+    Levels(#[from] LevelsError),
+}
+
+/// Reads the text of a calibration file.
+pub type ReadText<'a> = &'a dyn Fn(&Path) -> io::Result<String>;
+
+/// A type's calibration, and whether anybody made it.
+#[derive(Clone, Debug)]
+pub struct TypeModel {
+    /// The calibration that the type's windows are assessed with.
+    pub calibration: TypeCalibration,
+    /// Whether it was made for this type; otherwise it stands in for one.
+    pub calibrated: bool,
+}
+
+impl TypeModel {
+    /// From a file if the configuration names one, else as shipped.
+    ///
+    /// A shipped calibration belongs to the shipped parameters; a type that changes them has none.
+    ///
+    /// # Errors
+    /// The file cannot be read, is no calibration, or belongs to another monitor form.
+    pub fn load(
+        type_name: &str,
+        params: &ActuatorParams,
+        form: MonitorForm,
+        path: Option<&Path>,
+        read: ReadText<'_>,
+    ) -> Result<Self, AssessError> {
+        if let Some(path) = path {
+            let text = read_text(path, read)?;
+            let name = path.display().to_string();
+            let calibration = TypeCalibration::parse(&text, &name)?;
+            if calibration.monitor != form {
+                return Err(AssessError::Form {
+                    path: name,
+                    expected: form,
+                    found: calibration.monitor,
+                });
+            }
+            return Ok(Self {
+                calibration,
+                calibrated: true,
+            });
+        }
+        // The sample rate does not count: it is read from the device's own time, and the calibration serves any.
+        let shipped_params = match type_name {
+            "bench" => Some(ActuatorParams::bench()),
+            "servo28" => Some(ActuatorParams::servo28()),
+            _ => None,
+        };
+        let unchanged = shipped_params.is_some_and(|mut shipped| {
+            shipped.sensors.sample_rate = params.sensors.sample_rate;
+            shipped == *params
+        });
+        let shipped = TypeCalibration::built_in(type_name, form).filter(|_| unchanged);
+        Ok(match shipped {
+            Some(calibration) => Self {
+                calibration,
+                calibrated: true,
+            },
+            None => Self {
+                calibration: TypeCalibration::uncalibrated(type_name, form, params),
+                calibrated: false,
+            },
+        })
+    }
+}
+
+fn read_text(path: &Path, read: ReadText<'_>) -> Result<String, AssessError> {
+    read(path).map_err(|source| AssessError::Read {
+        path: path.display().to_string(),
+        source,
+    })
+}
+
+/// The models of all types and units that a configuration's actuators are of.
+#[derive(Clone, Debug, Default)]
+pub struct Models {
+    types: BTreeMap<String, TypeModel>,
+    units: BTreeMap<String, MotorKnowledge>,
+}
+
+impl Models {
+    /// Loads the calibrations of every actuator of a configuration, its unit's and its type's.
+    ///
+    /// # Errors
+    /// The first calibration that cannot be read or used.
+    pub fn load(config: &Config, read: ReadText<'_>) -> Result<Self, AssessError> {
+        let mut models = Self::load_types(config, read)?;
+        for actuator in config.actuators() {
+            if let Some(path) = &actuator.calibration {
+                let path = config.resolve(path);
+                let text = read_text(&path, read)?;
+                let unit = UnitCalibration::parse(&text, &path.display().to_string(), &actuator.type_name)?;
+                models.units.insert(actuator.name.clone(), unit.motor());
+            }
+        }
+        Ok(models)
+    }
+
+    /// Loads the calibrations of the types alone, as for units that nobody has calibrated yet.
+    ///
+    /// # Errors
+    /// The first calibration that cannot be read or used.
+    pub fn load_types(config: &Config, read: ReadText<'_>) -> Result<Self, AssessError> {
+        let form = config.identification().monitor;
+        let mut models = Self::default();
+        for actuator in config.actuators() {
+            if !models.types.contains_key(&actuator.type_name) {
+                let path = actuator.type_calibration.as_deref().map(|path| config.resolve(path));
+                let found = TypeModel::load(&actuator.type_name, &actuator.params, form, path.as_deref(), read)?;
+                models.types.insert(actuator.type_name.clone(), found);
+            }
+        }
+        Ok(models)
+    }
+
+    /// The models of a configuration that names no calibration file.
+    ///
+    /// # Errors
+    /// It names one.
+    pub fn without_files(config: &Config) -> Result<Self, AssessError> {
+        Self::load(config, &|_| Err(io::Error::from(io::ErrorKind::Unsupported)))
+    }
+
+    /// The model of a type.
+    ///
+    /// # Errors
+    /// None was loaded.
+    pub fn of_type(&self, type_name: &str) -> Result<&TypeModel, AssessError> {
+        let found = self.types.get(type_name);
+        found.ok_or_else(|| AssessError::NoModel(type_name.to_owned()))
+    }
+
+    /// What is known of an actuator's motor: what its own calibration says, else the type's tolerance.
+    #[must_use]
+    pub fn motor(&self, actuator: &ActuatorConfig) -> MotorKnowledge {
+        self.units.get(&actuator.name).copied().unwrap_or(TYPE_TOLERANCE)
+    }
+}
+
+/// Hash of the calibrations that a configuration's types are assessed with, as shipped or as their files stand.
+#[must_use]
+pub fn model_hash(config: &Config, read: ReadText<'_>) -> String {
+    let mut hash = Sha256::new();
+    let form = config.identification().monitor;
+    let mut types: Vec<&str> = config.actuators().iter().map(|a| a.type_name.as_str()).collect();
+    types.push("bench");
+    types.sort_unstable();
+    types.dedup();
+    for name in types {
+        if let Some(found) = config.actuator_type(name) {
+            let path = found.calibration.as_deref().map(|path| config.resolve(path));
+            if let Ok(known) = TypeModel::load(name, &found.params, form, path.as_deref(), read) {
+                hash.update(known.calibration.emit());
+            }
+        }
+    }
+    hex(&hash.finalize())
+}

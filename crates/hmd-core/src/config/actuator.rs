@@ -1,0 +1,179 @@
+//! The actuators that are watched: every `[[actuator]]`, or whatever is seen when there is none.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use ema_models::ActuatorParams;
+use ema_wire::ActuatorId;
+use serde::Serialize;
+
+use super::ConfigError;
+use super::actuator_type::{ActuatorType, DEFAULT_TYPE};
+use super::reader::Section;
+use super::signals::{self, DbcFiles};
+use super::specification::Specification;
+use crate::dbc::SignalMap;
+
+const KEYS: &[&str] = &[
+    "name",
+    "id",
+    "bus",
+    "type",
+    "calibration",
+    "dbc",
+    "signals",
+    "part_number",
+    "serial_number",
+    "passive",
+];
+
+/// What [`is_name`] asks for, in words.
+pub(super) const NAME_EXPECTED: &str = "a name of 1 to 64 letters, digits, '_', '-' or '.'";
+
+/// First parts of other topics; an actuator of this name would write between them.
+const RESERVED_NAMES: [&str; 3] = ["bus", "hmd", "log"];
+
+/// One actuator: where its frames come from, what it is, and which unit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ActuatorConfig {
+    /// Name in records and topics.
+    pub name: String,
+    /// Number in its CAN identifiers; of a mapped one, on its interface.
+    pub id: ActuatorId,
+    /// Interface it is on; `None`: any.
+    pub bus: Option<String>,
+    /// Name of its type.
+    #[serde(rename = "type")]
+    pub type_name: String,
+    /// Parameters of its type.
+    #[serde(skip)]
+    pub params: ActuatorParams,
+    /// Calibration of its type, as written in the file.
+    #[serde(skip)]
+    pub type_calibration: Option<PathBuf>,
+    /// What its type must still do.
+    #[serde(skip)]
+    pub specification: Specification,
+    /// Calibration of this very unit, as written in the file.
+    pub calibration: Option<PathBuf>,
+    /// DBC file of the bus that it is on, as written in the file; `None`: the built-in dictionary.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dbc: Option<PathBuf>,
+    /// Its signals in there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub map: Option<Arc<SignalMap>>,
+    /// Part number, for the records.
+    pub part_number: Option<String>,
+    /// Serial number of the unit, for the records.
+    pub serial_number: Option<String>,
+    /// Watched and recorded like any other, but a change of its state alarms nobody: for a unit that is being tried.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub passive: bool,
+}
+
+impl ActuatorConfig {
+    fn of_type(id: ActuatorId, type_name: &str, found: &ActuatorType) -> Self {
+        Self {
+            name: id.to_string(),
+            id,
+            bus: None,
+            type_name: type_name.to_owned(),
+            params: found.params,
+            type_calibration: found.calibration.clone(),
+            specification: found.specification,
+            calibration: None,
+            dbc: None,
+            map: None,
+            part_number: None,
+            serial_number: None,
+            passive: false,
+        }
+    }
+
+    fn read(
+        section: &Section<'_>,
+        types: &BTreeMap<String, ActuatorType>,
+        files: &mut DbcFiles<'_>,
+    ) -> Result<Self, ConfigError> {
+        let last = ActuatorId::COUNT - 1;
+        let index = section
+            .whole("id", 0..=u32::from(last))?
+            .and_then(|id| u8::try_from(id).ok());
+        let Some(id) = index.and_then(ActuatorId::new) else {
+            return Err(section.refuse("id", &format!("a whole number from 0 to {last}")));
+        };
+        let type_name = section.text("type")?.unwrap_or_else(|| DEFAULT_TYPE.to_owned());
+        let Some(found) = types.get(&type_name) else {
+            let known: Vec<_> = types.keys().map(String::as_str).collect();
+            return Err(section.refuse("type", &format!("a type: {}", known.join(", "))));
+        };
+        let mut actuator = Self::of_type(id, &type_name, found);
+        if let Some(name) = section.text("name")? {
+            if !is_name(&name) || RESERVED_NAMES.contains(&name.as_str()) {
+                return Err(section.refuse("name", &format!("{NAME_EXPECTED}, and none of bus, hmd, log")));
+            }
+            actuator.name = name;
+        }
+        actuator.bus = section.text("bus")?;
+        actuator.calibration = section.text("calibration")?.map(PathBuf::from);
+        actuator.dbc = section.text("dbc")?.map(PathBuf::from);
+        actuator.map = signals::read(section, &actuator.params, files)?.map(Arc::new);
+        actuator.part_number = section.text("part_number")?;
+        actuator.serial_number = section.text("serial_number")?;
+        actuator.passive = section.flag("passive", false)?;
+        Ok(actuator)
+    }
+
+    /// Whether frames of number `id` on interface `bus` are its own.
+    #[must_use]
+    pub fn is_at(&self, bus: &str, id: ActuatorId) -> bool {
+        self.id == id && self.bus.as_deref().is_none_or(|own| own == bus)
+    }
+
+    /// Whether some frame could belong to both.
+    fn overlaps(&self, other: &Self) -> bool {
+        self.id == other.id && (self.bus.is_none() || other.bus.is_none() || self.bus == other.bus)
+    }
+}
+
+/// Every `[[actuator]]`; `None` if there is none.
+pub(super) fn read_all(
+    root: &Section<'_>,
+    types: &BTreeMap<String, ActuatorType>,
+    directory: &Path,
+    read_dbc: &dyn Fn(&Path) -> Result<Vec<u8>, String>,
+) -> Result<Option<Vec<ActuatorConfig>>, ConfigError> {
+    let mut files = DbcFiles::new(directory, read_dbc);
+    let Some(sections) = root.list("actuator", KEYS)? else {
+        return Ok(None);
+    };
+    let mut actuators: Vec<ActuatorConfig> = Vec::with_capacity(sections.len());
+    for section in &sections {
+        let actuator = ActuatorConfig::read(section, types, &mut files)?;
+        if let Some(other) = actuators.iter().find(|other| other.overlaps(&actuator)) {
+            let place = other.bus.as_deref().or(actuator.bus.as_deref()).unwrap_or("any bus");
+            let expected = format!("a number that {} on {place} does not have", other.name);
+            return Err(section.refuse("id", &expected));
+        }
+        if actuators.iter().any(|other| other.name == actuator.name) {
+            let effective = format!("{:?} (by default)", actuator.name);
+            return Err(section.refuse_effective("name", "a name that no other actuator has", &effective));
+        }
+        actuators.push(actuator);
+    }
+    Ok((!actuators.is_empty()).then_some(actuators))
+}
+
+/// All sixteen numbers on any interface, as `ema<n>` of the default type.
+pub(super) fn every_one(types: &BTreeMap<String, ActuatorType>) -> Vec<ActuatorConfig> {
+    ActuatorId::all()
+        .map(|id| ActuatorConfig::of_type(id, DEFAULT_TYPE, &types[DEFAULT_TYPE]))
+        .collect()
+}
+
+/// Whether `name` can be part of a topic.
+pub(super) fn is_name(name: &str) -> bool {
+    let allowed = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
+    (1..=64).contains(&name.len()) && name.chars().all(allowed)
+}

@@ -1,0 +1,594 @@
+//! Estimates of one actuator, window by window -> its health state. Thresholds with hysteresis, and memory; no clock.
+
+use std::ops::RangeInclusive;
+
+use ema_models::{FAULT_COUNT, FaultVector};
+use serde::{Deserialize, Serialize};
+
+use crate::setting::{Expected, SettingError};
+
+/// Number of faults: the fault vector without the direction of the eccentricity.
+pub const FAULTS: usize = 7;
+
+/// Where each fault stands in the fault vector.
+pub const INDEX: [usize; FAULTS] = [0, 1, 2, 3, 4, 5, 7];
+
+/// Name of a fault, by its number 0…6: friction, backlash, short_a, short_b, short_c, eccentricity, gain.
+#[must_use]
+pub fn fault_name(fault: usize) -> &'static str {
+    FaultVector::NAMES[INDEX[fault]]
+}
+
+/// State of health of an actuator, or of one fault.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum HealthState {
+    /// Nothing was judged yet.
+    #[default]
+    Unknown,
+    /// No fault has reached its watch level.
+    Nominal,
+    /// A fault is visible.
+    Watch,
+    /// Plan its repair.
+    Warning,
+    /// Repair before the next use.
+    Critical,
+}
+
+impl HealthState {
+    /// From good to bad.
+    pub const ALL: [Self; 5] = [Self::Unknown, Self::Nominal, Self::Watch, Self::Warning, Self::Critical];
+
+    /// The state that a record names; unknown for any other word.
+    #[must_use]
+    pub fn named(name: &str) -> Self {
+        let found = Self::ALL.into_iter().find(|state| state.name() == name);
+        found.unwrap_or_default()
+    }
+
+    /// The name that records and the command line use.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Unknown => "unknown",
+            Self::Nominal => "nominal",
+            Self::Watch => "watch",
+            Self::Warning => "warning",
+            Self::Critical => "critical",
+        }
+    }
+}
+
+impl core::fmt::Display for HealthState {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// Rules for the health of one fault: the damage, in 0…1, at which its state changes. Section `[health]` of a configuration.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Levels {
+    /// From here on [`HealthState::Watch`].
+    pub watch: f64,
+    /// From here on [`HealthState::Warning`]; above `watch`.
+    pub warning: f64,
+    /// From here on [`HealthState::Critical`]; above `warning`.
+    pub critical: f64,
+    /// Where the life of the part ends, above `critical`; the remaining life counts to here.
+    pub end_of_life: f64,
+    /// How far the damage must fall below a level before the state improves; below `watch`.
+    pub hysteresis: f64,
+    /// Windows in a row that a worse state needs, at least 1.
+    pub persistence: u32,
+}
+
+impl Default for Levels {
+    fn default() -> Self {
+        Self {
+            watch: 0.05,
+            warning: 0.3,
+            critical: 0.6,
+            end_of_life: 0.8,
+            hysteresis: 0.02,
+            persistence: 1,
+        }
+    }
+}
+
+/// Levels that were refused.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{fault}.{setting}")]
+pub struct LevelsError {
+    /// Name of the fault.
+    pub fault: &'static str,
+    /// The level, and what it must be.
+    pub setting: SettingError,
+}
+
+impl Levels {
+    /// Values of a level. Below 0.001 there is nothing to see, whatever the sensors.
+    pub(crate) const LEVEL: RangeInclusive<f64> = 0.001..=1.0;
+    /// Values of the hysteresis.
+    pub(crate) const HYSTERESIS: RangeInclusive<f64> = 0.0..=1.0;
+    /// Values of the persistence, windows.
+    pub(crate) const PERSISTENCE: RangeInclusive<u32> = 1..=1_000;
+
+    /// The same levels for the judgement of a single window: reached at once.
+    #[must_use]
+    pub fn at_once(self) -> Self {
+        Self { persistence: 1, ..self }
+    }
+
+    /// The same levels, if they are possible together.
+    ///
+    /// # Errors
+    /// The first that is no number or out of its range, not above the one before it, or a hysteresis not below `watch`.
+    pub fn checked(self) -> Result<Self, SettingError> {
+        let ascending = [
+            ("watch", self.watch),
+            ("warning", self.warning),
+            ("critical", self.critical),
+            ("end_of_life", self.end_of_life),
+        ];
+        for (field, level) in ascending {
+            SettingError::unless_within(field, level, Self::LEVEL)?;
+        }
+        SettingError::unless_within("hysteresis", self.hysteresis, Self::HYSTERESIS)?;
+        let persistence = Self::PERSISTENCE;
+        let windows = f64::from(*persistence.start())..=f64::from(*persistence.end());
+        SettingError::unless_within("persistence", self.persistence.into(), windows)?;
+        for pair in ascending.windows(2) {
+            let (lower, (field, got)) = (pair[0], pair[1]);
+            if got <= lower.1 {
+                let expected = Expected::MoreThan(lower);
+                return Err(SettingError { field, got, expected });
+            }
+        }
+        if self.hysteresis >= self.watch {
+            return Err(SettingError {
+                field: "hysteresis",
+                got: self.hysteresis,
+                expected: Expected::LessThan(("watch", self.watch)),
+            });
+        }
+        Ok(self)
+    }
+
+    /// The levels of watch, warning, critical.
+    fn steps(&self) -> [f64; STEPS] {
+        [self.watch, self.warning, self.critical]
+    }
+}
+
+const STEPS: usize = 3;
+
+/// State of a fault by the number of levels that it has reached.
+const STATES: [HealthState; STEPS + 1] = [
+    HealthState::Nominal,
+    HealthState::Watch,
+    HealthState::Warning,
+    HealthState::Critical,
+];
+
+/// What the identification of one window says of the damage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Judgement {
+    /// Damage in fault-vector order (see [`FaultVector::damage`]); index 6, the direction, is never read. A damage that is
+    /// no number was not observable in this window and leaves its fault as it is.
+    pub damage: [f64; FAULT_COUNT],
+    /// Standard deviations, same order; one that is no number makes its damage unobservable.
+    pub sigma: Option<[f64; FAULT_COUNT]>,
+}
+
+/// Health after a window.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HealthDecision {
+    /// Number of the window.
+    pub window: u64,
+    /// The worst state of all faults.
+    pub state: HealthState,
+    /// Names of the faults at watch or worse, in the order of [`fault_name`].
+    pub faults: Vec<&'static str>,
+    /// State of every fault, same order.
+    pub states: [HealthState; FAULTS],
+    /// Whether `state` or the list of faults is another than after the window before.
+    pub changed: bool,
+}
+
+/// Health of one actuator.
+///
+/// A fault worsens to a level when as many judged windows in a row as its own `persistence` have reached it, each with a
+/// damage of at least [`SIGNIFICANCE`] sigmas. It improves at once when the damage and one sigma together are below the level by more than the
+/// hysteresis. Windows that were not judged change nothing and interrupt nothing.
+///
+/// ```
+/// use crate::health::{Health, HealthState, Judgement, Levels};
+/// let mut health = Health::new([Levels::default(); 7])?;
+/// assert_eq!(health.update(0, None).state, HealthState::Unknown);
+/// let worn = Judgement { damage: [0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01], sigma: None };
+/// let decision = health.update(1, Some(&worn));
+/// assert_eq!((decision.state, decision.faults), (HealthState::Watch, vec!["friction"]));
+/// # Ok::<(), crate::health::LevelsError>(())
+/// ```
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Health {
+    /// The rules. They come from the configuration, never from a file in which the rest is kept.
+    #[serde(skip)]
+    levels: [Levels; FAULTS],
+    judged: bool,
+    last: (HealthState, [HealthState; FAULTS]),
+    faults: [FaultMemory; FAULTS],
+}
+
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct FaultMemory {
+    /// Levels reached: index into [`STATES`].
+    reached: usize,
+    /// AssessedWindow windows in a row at or above each level.
+    above: [u32; STEPS],
+}
+
+/// A damage of fewer sigmas than this is no evidence of a fault.
+pub const SIGNIFICANCE: f64 = 3.0;
+
+impl Health {
+    /// With the levels of each fault in the order of [`fault_name`].
+    ///
+    /// # Errors
+    /// The first level that [`Levels::checked`] refuses, and of which fault.
+    pub fn new(levels: [Levels; FAULTS]) -> Result<Self, LevelsError> {
+        for (fault, levels) in levels.iter().enumerate() {
+            let fault = fault_name(fault);
+            levels.checked().map_err(|setting| LevelsError { fault, setting })?;
+        }
+        Ok(Self {
+            levels,
+            judged: false,
+            last: (HealthState::Unknown, [HealthState::Unknown; FAULTS]),
+            faults: [FaultMemory::default(); FAULTS],
+        })
+    }
+
+    /// The same memory under the levels of another.
+    #[must_use]
+    pub(crate) fn with_rules_of(self, other: &Self) -> Self {
+        Self {
+            levels: other.levels,
+            ..self
+        }
+    }
+
+    /// Whether it could have come about: a file may say anything.
+    pub(crate) fn is_possible(&self) -> bool {
+        self.faults.iter().all(|memory| memory.reached <= STEPS)
+    }
+
+    /// Windows in a row that a worse state needs by a fault; without one, the most that any fault needs.
+    pub(crate) fn persistence(&self, fault: Option<usize>) -> u32 {
+        let most = || self.levels.iter().map(|levels| levels.persistence).max();
+        fault.map_or_else(|| most().unwrap_or(1), |fault| self.levels[fault].persistence)
+    }
+
+    /// AssessedWindow windows in a row that ask for a worse state than the one reached, the most of any fault; 0 when none does.
+    pub(crate) fn pending(&self) -> u32 {
+        let next = |memory: &FaultMemory| memory.above.get(memory.reached).copied();
+        self.faults.iter().filter_map(next).max().unwrap_or(0)
+    }
+
+    /// State after the last window.
+    #[must_use]
+    pub fn state(&self) -> HealthState {
+        self.last.0
+    }
+
+    /// Forgets everything, as after the replacement of the part.
+    pub fn reset(&mut self) {
+        self.judged = false;
+        self.last = (HealthState::Unknown, [HealthState::Unknown; FAULTS]);
+        self.faults = [FaultMemory::default(); FAULTS];
+    }
+
+    /// Takes the next window; `None` if it was not judged.
+    pub fn update(&mut self, window: u64, judgement: Option<&Judgement>) -> HealthDecision {
+        for (fault, memory) in self.faults.iter_mut().enumerate() {
+            let Some((damage, sigma)) = judgement.and_then(|judgement| judgement.of(fault)) else {
+                continue;
+            };
+            memory.update(damage, sigma, &self.levels[fault]);
+            self.judged = true;
+        }
+        let states = self.faults.map(|memory| {
+            if self.judged {
+                STATES[memory.reached]
+            } else {
+                HealthState::Unknown
+            }
+        });
+        let state = states.iter().copied().max().unwrap_or_default();
+        let changed = (state, states.map(is_fault)) != (self.last.0, self.last.1.map(is_fault));
+        self.last = (state, states);
+        let faults = (0..FAULTS)
+            .filter(|&fault| is_fault(states[fault]))
+            .map(fault_name)
+            .collect();
+        HealthDecision {
+            window,
+            state,
+            faults,
+            states,
+            changed,
+        }
+    }
+}
+
+fn is_fault(state: HealthState) -> bool {
+    state >= HealthState::Watch
+}
+
+impl Judgement {
+    /// Damage and sigma of a fault, if it was observable.
+    pub(crate) fn of(&self, fault: usize) -> Option<(f64, f64)> {
+        let damage = self.damage[INDEX[fault]];
+        let sigma = self.sigma.map_or(0.0, |sigma| sigma[INDEX[fault]]);
+        (damage.is_finite() && sigma.is_finite() && sigma >= 0.0).then_some((damage, sigma))
+    }
+}
+
+impl FaultMemory {
+    fn update(&mut self, damage: f64, sigma: f64, levels: &Levels) {
+        let steps = levels.steps();
+        let significant = damage >= SIGNIFICANCE * sigma;
+        for (above, level) in self.above.iter_mut().zip(steps) {
+            *above = if significant && damage >= level {
+                above.saturating_add(1)
+            } else {
+                0
+            };
+        }
+        let worse = self.above.iter().filter(|&&above| above >= levels.persistence).count();
+        if worse > self.reached {
+            self.reached = worse;
+            return;
+        }
+        while self.reached > 0 && damage + sigma < steps[self.reached - 1] - levels.hysteresis {
+            self.reached -= 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn friction(damage: f64) -> Judgement {
+        Judgement {
+            damage: [damage, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            sigma: None,
+        }
+    }
+
+    fn health(persistence: u32) -> Health {
+        let levels = Levels {
+            persistence,
+            ..Levels::default()
+        };
+        Health::new([levels; FAULTS]).unwrap()
+    }
+
+    /// A history of friction damage, NaN for a window that was not judged, and the initials of the states after each window.
+    fn states(persistence: u32, history: &[f64]) -> String {
+        let mut health = health(persistence);
+        let decide = |(n, &damage): (usize, &f64)| {
+            let judged = friction(damage);
+            health.update(n as u64, (!damage.is_nan()).then_some(&judged)).state
+        };
+        let initial = |state| match state {
+            HealthState::Unknown => '?',
+            HealthState::Nominal => 'n',
+            HealthState::Watch => 'w',
+            HealthState::Warning => 'W',
+            HealthState::Critical => 'C',
+        };
+        history.iter().enumerate().map(decide).map(initial).collect()
+    }
+
+    #[test]
+    fn what_asks_for_a_worse_state_is_counted() {
+        let mut health = health(3);
+        let pending = [0.0, 0.25, 0.25, 0.25, 0.25, 0.0].map(|damage| {
+            health.update(0, Some(&friction(damage)));
+            health.pending()
+        });
+        assert_eq!(
+            pending,
+            [0, 1, 2, 0, 0, 0],
+            "counted towards the next level, and reached with the third"
+        );
+    }
+
+    #[test]
+    fn histories() {
+        const NONE: f64 = f64::NAN;
+        for (persistence, history, expected) in [
+            (1, &[NONE, NONE, 0.0, NONE][..], "??nn"),
+            // Each level counts from its own value on.
+            (1, &[0.049, 0.05, 0.299, 0.3, 0.599, 0.6, 1.0], "nwwWWCC"),
+            // Improvement only below the level less the hysteresis.
+            (1, &[0.61, 0.59, 0.581, 0.579, 0.281, 0.279, 0.031, 0.029], "CCCWWwwn"),
+            // A repair is seen at once, through all levels.
+            (1, &[0.9, 0.0], "Cn"),
+            // Windows that were not judged leave the state.
+            (1, &[0.4, NONE, NONE, 0.4], "WWWW"),
+            // Persistence: two in a row, not interrupted by a window without judgement; a single outlier is nothing.
+            (2, &[0.4, 0.0, 0.4, NONE, 0.4], "nnnnW"),
+            // The worst level that two windows in a row reached.
+            (2, &[0.9, 0.1, 0.9, 0.9], "nwwC"),
+        ] {
+            assert_eq!(
+                states(persistence, history),
+                expected,
+                "{history:?} with persistence {persistence}"
+            );
+        }
+    }
+
+    #[test]
+    fn each_fault_has_its_own_persistence() {
+        let mut levels = [Levels::default(); FAULTS];
+        levels[6].persistence = 3;
+        let mut health = Health::new(levels).unwrap();
+        let both = Judgement {
+            damage: [0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.4],
+            sigma: None,
+        };
+        let named = [0, 1, 2].map(|window| health.update(window, Some(&both)).faults.join(" "));
+        assert_eq!(named, ["friction", "friction", "friction gain"]);
+        let needed = [Some(0), Some(6), None].map(|fault| health.persistence(fault));
+        assert_eq!(needed, [1, 3, 3], "of no fault in particular: the most");
+    }
+
+    #[test]
+    fn faults_are_named_in_order_and_the_direction_is_none() {
+        let mut health = health(1);
+        let damage = [0.1, 0.0, 0.7, 0.0, 0.0, 0.06, 1.0, 0.31];
+        let decision = health.update(3, Some(&Judgement { damage, sigma: None }));
+        assert_eq!(decision.faults, ["friction", "short_a", "eccentricity", "gain"]);
+        assert_eq!(
+            (decision.window, decision.state, decision.changed),
+            (3, HealthState::Critical, true)
+        );
+        assert!(!health.update(4, None).changed);
+        let all = Judgement {
+            damage: [1.0; FAULT_COUNT],
+            sigma: None,
+        };
+        let names = [
+            "friction",
+            "backlash",
+            "short_a",
+            "short_b",
+            "short_c",
+            "eccentricity",
+            "gain",
+        ];
+        assert_eq!(health.update(5, Some(&all)).faults, names);
+        health.reset();
+        assert_eq!(health.state(), HealthState::Unknown);
+    }
+
+    #[test]
+    fn an_uncertain_damage_neither_alarms_nor_clears() {
+        let with_sigma = |damage: f64, sigma: f64| Judgement {
+            sigma: Some([sigma; FAULT_COUNT]),
+            ..friction(damage)
+        };
+        let mut health = health(1);
+        assert_eq!(
+            health.update(0, Some(&with_sigma(0.4, 0.2))).state,
+            HealthState::Nominal
+        );
+        assert_eq!(
+            health.update(1, Some(&with_sigma(0.4, 0.1))).state,
+            HealthState::Warning
+        );
+        assert_eq!(
+            health.update(2, Some(&with_sigma(0.1, 0.2))).state,
+            HealthState::Warning
+        );
+        assert_eq!(
+            health.update(3, Some(&with_sigma(0.0, f64::NAN))).state,
+            HealthState::Warning
+        );
+        assert_eq!(health.update(4, Some(&friction(f64::NAN))).state, HealthState::Warning);
+        assert_eq!(
+            health.update(5, Some(&with_sigma(0.0, 0.01))).state,
+            HealthState::Nominal
+        );
+    }
+
+    #[test]
+    fn an_unobservable_first_window_judges_nothing() {
+        let nothing = Judgement {
+            damage: [f64::NAN; FAULT_COUNT],
+            sigma: None,
+        };
+        assert_eq!(health(1).update(0, Some(&nothing)).state, HealthState::Unknown);
+    }
+
+    #[test]
+    fn impossible_levels_are_refused_by_name() {
+        type Change = fn(&mut Levels);
+        let cases: [(&str, Change); 7] = [
+            ("watch", |l| l.watch = f64::NAN),
+            ("warning", |l| l.warning = 0.05),
+            ("critical", |l| l.critical = 1.1),
+            ("end_of_life", |l| l.end_of_life = 0.0),
+            // A life that ends before the repair is due.
+            ("end_of_life", |l| l.end_of_life = 0.6),
+            // A state that would never improve.
+            ("hysteresis", |l| l.hysteresis = 0.05),
+            ("persistence", |l| l.persistence = 0),
+        ];
+        for (field, change) in cases {
+            let mut levels = [Levels::default(); FAULTS];
+            change(&mut levels[6]);
+            let refused = Health::new(levels).map(|_| ());
+            assert_eq!(refused.map_err(|e| (e.fault, e.setting.field)), Err(("gain", field)));
+        }
+        let zero = Levels {
+            hysteresis: 0.0,
+            ..Levels::default()
+        };
+        assert!(Health::new([zero; FAULTS]).is_ok());
+    }
+
+    #[test]
+    fn states_are_spelled_in_lower_case() {
+        for state in STATES.into_iter().chain([HealthState::Unknown]) {
+            assert_eq!(serde_json::to_string(&state).unwrap(), format!("\"{state}\""));
+        }
+        assert!(HealthState::Critical > HealthState::Watch && HealthState::Nominal > HealthState::Unknown);
+    }
+
+    proptest! {
+        #[test]
+        fn no_chatter_inside_the_band(
+            level in prop::sample::select(vec![0.05, 0.3, 0.6]),
+            places in prop::collection::vec(0.0..=1.0f64, 1..60),
+            above in 0.0..0.2f64,
+            start in 0.0..1.0f64,
+            persistence in 1u32..4,
+        ) {
+            let mut health = health(persistence);
+            for n in 0..4 {
+                health.update(n, Some(&friction(start)));
+            }
+            // Damage that stays within the hysteresis below the level, and anywhere short of the next level above it.
+            let mut seen = Vec::new();
+            for (n, place) in places.iter().enumerate() {
+                let damage = level - 0.019 + place * (0.019 + above);
+                seen.push(health.update(10 + n as u64, Some(&friction(damage))).state);
+            }
+            seen.dedup();
+            let sorted = seen.is_sorted() || seen.iter().rev().is_sorted();
+            prop_assert!(sorted, "a state was left and entered again: {:?}", seen);
+        }
+
+        #[test]
+        fn never_panics_and_a_persistent_damage_gives_its_own_level(
+            junk in prop::collection::vec(prop::array::uniform8(prop::num::f64::ANY), 0..20),
+            damage in 0.0..1.0f64,
+        ) {
+            let mut health = health(2);
+            for (n, damage) in junk.iter().enumerate() {
+                health.update(n as u64, Some(&Judgement { damage: *damage, sigma: Some(*damage) }));
+            }
+            health.update(90, Some(&friction(0.0)));
+            health.update(91, Some(&friction(damage)));
+            let expected = STATES[Levels::default().steps().iter().filter(|&&level| damage >= level).count()];
+            prop_assert_eq!(health.update(92, Some(&friction(damage))).state, expected);
+        }
+    }
+}

@@ -1,0 +1,238 @@
+//! The functional end of life: when the faults foretold keep the actuator from meeting its specification.
+
+use ema_models::{FAULT_COUNT, FaultVector};
+use serde::{Deserialize, Serialize};
+
+use crate::functional_check::{Shortfall, TRIED, Trial};
+use crate::health::{FAULTS, INDEX};
+use crate::rul::{Forecast, Life, Prognosis, Quantiles, normal_cdf};
+
+/// Times at which each quantile is tried at once.
+const TIMES: usize = 10;
+
+/// The first search: from now to the end of life by damage, both included; the second: between two of its times.
+/// Together they find the functional end to 1/99 of the life by damage.
+const ROUNDS: [Round; 2] = [Round { offset: 0, parts: 9 }, Round { offset: 1, parts: 11 }];
+
+/// Which times between two others are tried.
+#[derive(Clone, Copy)]
+struct Round {
+    /// Parts before the first.
+    offset: usize,
+    /// Equal parts.
+    parts: usize,
+}
+
+/// Where the functional end of one quantile is sought.
+#[derive(Clone, Copy)]
+struct Search {
+    /// Quantile of every damage.
+    share: f64,
+    /// When the actuator does its work, as a share of the hours to the end by damage.
+    from: f64,
+    /// When it misses `missed`; 1 when it does not.
+    to: f64,
+    missed: Option<Shortfall>,
+}
+
+impl Search {
+    fn new(share: f64) -> Self {
+        Self {
+            share,
+            from: 0.0,
+            to: 1.0,
+            missed: None,
+        }
+    }
+
+    fn time(&self, round: Round, n: usize) -> f64 {
+        self.from + (self.to - self.from) * (n + round.offset) as f64 / round.parts as f64
+    }
+
+    /// What the trial says of the times of a round, the earliest first.
+    fn narrow(&mut self, round: Round, tried: &[Option<Shortfall>]) {
+        let first = tried.iter().position(Option::is_some);
+        let last_good = first.unwrap_or(tried.len()).checked_sub(1);
+        let from = last_good.map_or(self.from, |n| self.time(round, n));
+        if let Some(n) = first {
+            (self.to, self.missed) = (self.time(round, n), tried[n]);
+        }
+        // Missed at once, the end is now.
+        self.from = from.min(self.to);
+    }
+}
+
+/// Normal deviate of the 90 % quantile.
+const NORMAL_90: f64 = 1.281_552;
+
+/// What ends the life of an actuator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Governs {
+    /// The damage of one fault.
+    Damage,
+    /// A requirement that all faults together make it miss.
+    Function(Shortfall),
+}
+
+impl Governs {
+    /// The name that records use.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Damage => "damage",
+            Self::Function(shortfall) => shortfall.name(),
+        }
+    }
+}
+
+/// Windows after which the function is tried again, however little has changed: a trial costs more than all else.
+const TRIED_EVERY: u32 = 8;
+
+/// Change of any fault parameter after which it is tried at once.
+const MOVED: f64 = 0.02;
+
+/// What the last trial of the function said.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Tried {
+    /// The fault vector then.
+    fault: [f64; FAULT_COUNT],
+    /// Operating hours then.
+    at_h: f64,
+    /// Whether there was a trend.
+    had_trend: bool,
+    /// Windows since.
+    windows: u32,
+    /// Functional end at the 10, 50 and 90 % quantile, as shares of the hours to the end by damage.
+    shares: [f64; 3],
+    /// The requirement missed at the median.
+    missed: Option<Shortfall>,
+}
+
+impl Tried {
+    fn is_due(&self, fault: &[f64; FAULT_COUNT], has_trend: bool) -> bool {
+        let moved = |(now, then): (&f64, &f64)| (now - then).abs() > MOVED;
+        self.windows >= TRIED_EVERY || self.had_trend != has_trend || fault.iter().zip(&self.fault).any(moved)
+    }
+
+    /// Hours to the functional end, of those to the end by damage: the same share of the time from the trial on.
+    fn carried(&self, share: f64, by_damage_h: f64, now_h: f64) -> f64 {
+        let since = now_h - self.at_h;
+        (share * (since + by_damage_h) - since).clamp(0.0, by_damage_h)
+    }
+}
+
+/// Brings the life of the actuator forward to where the function ends, if that is earlier.
+///
+/// All faults are taken at the same quantile of their damage: where all are worse than foretold, the life is short.
+/// `seen` is the newest fault vector, whose direction of eccentricity and sign of the gain hold on. Between two trials
+/// the functional end moves with that by damage.
+pub(super) fn bring_forward(
+    forecast: &mut Forecast,
+    prognosis: &Prognosis,
+    seen: &FaultVector,
+    shortfalls: &Trial<'_>,
+    last: &mut Option<Tried>,
+) -> Governs {
+    let (fault, now_h, by_damage) = (seen.to_array(), prognosis.now().hours, forecast.actuator.ok());
+    let tried = match last {
+        Some(tried) if !tried.is_due(&fault, by_damage.is_some()) => tried,
+        _ => {
+            let (shares, missed) = match &by_damage {
+                Some(life) => search(prognosis, seen, life, shortfalls),
+                // Without a trend only the present counts.
+                None => {
+                    let present = foretold(prognosis, seen, 0.0, 0.5);
+                    ([0.0; 3], shortfalls(&[present; TRIED])[0])
+                }
+            };
+            last.insert(Tried {
+                fault,
+                at_h: now_h,
+                had_trend: by_damage.is_some(),
+                windows: 0,
+                shares,
+                missed,
+            })
+        }
+    };
+    tried.windows += 1;
+    let Some(missed) = tried.missed else {
+        return Governs::Damage;
+    };
+    let nothing = Quantiles {
+        p10: 0.0,
+        p50: 0.0,
+        p90: 0.0,
+    };
+    let by_damage_h = by_damage.map_or(nothing, |life| life.hours);
+    let [p10, p50, p90] = tried.shares;
+    let p50 = tried.carried(p50, by_damage_h.p50, now_h);
+    let hours = Quantiles {
+        p10: tried.carried(p10, by_damage_h.p10, now_h).min(p50),
+        p50,
+        p90: tried.carried(p90, by_damage_h.p90, now_h).max(p50),
+    };
+    let within = by_damage.map_or(1.0, |life| {
+        let by_function = probability_within(&hours, forecast.horizon_h);
+        life.fails_within_horizon.max(by_function)
+    });
+    forecast.actuator = Ok(prognosis.life_of(hours, within));
+    Governs::Function(missed)
+}
+
+/// Functional end at the 10, 50 and 90 % quantile, as shares of the hours to the end by damage, and what is missed at the
+/// median.
+fn search(
+    prognosis: &Prognosis,
+    seen: &FaultVector,
+    by_damage: &Life,
+    shortfalls: &Trial<'_>,
+) -> ([f64; 3], Option<Shortfall>) {
+    let ends = [by_damage.hours.p10, by_damage.hours.p50, by_damage.hours.p90];
+    let mut searches = [0.9, 0.5, 0.1].map(Search::new);
+    for round in ROUNDS {
+        let at = |m: usize, n: usize| {
+            let search = &searches[m];
+            foretold(prognosis, seen, ends[m] * search.time(round, n), search.share)
+        };
+        // The two that are left over try the first again.
+        let mut faults = [at(0, 0); TRIED];
+        for (place, fault) in faults.iter_mut().enumerate().take(searches.len() * TIMES) {
+            *fault = at(place / TIMES, place % TIMES);
+        }
+        let tried = shortfalls(&faults);
+        for (search, tried) in searches.iter_mut().zip(tried.chunks(TIMES)) {
+            search.narrow(round, tried);
+        }
+        if searches.iter().all(|search| search.missed.is_none()) {
+            break;
+        }
+    }
+    (searches.map(|search| search.to), searches[1].missed)
+}
+
+/// The fault vector after some hours, each damage at one quantile.
+fn foretold(prognosis: &Prognosis, seen: &FaultVector, hours: f64, share: f64) -> FaultVector {
+    let mut k = seen.to_array();
+    for fault in 0..FAULTS {
+        let damage = prognosis.damage_after(fault, hours, share).clamp(0.0, 1.0);
+        let p = INDEX[fault];
+        k[p] = match (p, seen.gain < 0.5) {
+            (7, true) => 0.5 - 0.5 * damage,
+            (7, false) => 0.5 + 0.5 * damage,
+            _ => damage,
+        };
+    }
+    FaultVector::from_array(k)
+}
+
+/// Probability of an end within some hours, by straight lines between the quantiles as normal deviates.
+fn probability_within(quantiles: &Quantiles, hours: f64) -> f64 {
+    let Quantiles { p10, p50, p90 } = *quantiles;
+    let width = if hours < p50 { p50 - p10 } else { p90 - p50 };
+    if width > 0.0 {
+        normal_cdf(NORMAL_90 * (hours - p50) / width)
+    } else {
+        f64::from(u8::from(hours >= p50))
+    }
+}

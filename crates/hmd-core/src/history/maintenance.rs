@@ -1,0 +1,32 @@
+//! Maintenance events: a part was replaced, and the history of the unit starts again.
+
+use serde::{Deserialize, Serialize};
+
+/// One event.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Event {
+    /// When, UTC ns.
+    pub t_ns: u64,
+    /// Which actuator.
+    pub actuator: String,
+    /// What happened.
+    pub event: EventKind,
+}
+
+/// What happened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum EventKind {
+    /// The unit was replaced or overhauled: what was known of its wear is void.
+    Reset,
+}
+
+/// The events of a file.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Events {
+    /// In the order of time.
+    pub list: Vec<Event>,
+    /// Lines that were never finished, as when the power went while one was written; from 1.
+    pub unfinished: Vec<usize>,
+}

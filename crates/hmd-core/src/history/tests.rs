@@ -1,0 +1,356 @@
+use std::cell::Cell;
+use std::sync::Arc;
+
+use ema_models::ActuatorParams;
+
+use super::*;
+use crate::channel::MeasuredConditions;
+use crate::functional_check::{Shortfall, TRIED, Trial};
+use crate::window::{Verdict, Window};
+
+const HOUR_NS: u64 = 3_600_000_000_000;
+
+/// A window of `ema0` that began after some hours, and the operating time shown by the frames.
+fn job(config: &Config, number: u64, hours: f64, operating_s: f64) -> WindowJob {
+    let actuator = config.actuator_named("ema0").expect("every number is watched").clone();
+    WindowJob {
+        params: actuator.params,
+        actuator: Arc::new(actuator),
+        window: Window {
+            number,
+            t_start_ns: 1_700_000_000_000_000_000 + (hours * HOUR_NS as f64) as u64,
+            trigger: 0,
+            samples: Vec::new(),
+            expected: 0,
+            verdict: Verdict::Complete,
+            lost: 0,
+            rejected: 0,
+            filled: Vec::new(),
+            duplicates: 0,
+            clock_jumps: 0,
+        },
+        conditions: MeasuredConditions::default(),
+        operating_s,
+    }
+}
+
+fn friction(damage: f64) -> Judgement {
+    let mut all = [0.0; FAULT_COUNT];
+    all[0] = damage;
+    Judgement {
+        damage: all,
+        sigma: Some([0.003; FAULT_COUNT]),
+    }
+}
+
+fn shown<'a>(judgement: Option<&'a Judgement>, fit: &'a Fit) -> Shown<'a> {
+    Shown {
+        judgement,
+        fault: None,
+        fit,
+        shortfall: None,
+    }
+}
+
+fn config(rul: &str) -> Arc<Config> {
+    Arc::new(Config::from_toml_str(&format!("[rul]\n{rul}"), "test").expect("a configuration"))
+}
+
+/// Friction that grows by 0.008 each 10 h, from window `from` to before `to`.
+fn wear_out(lives: &mut Lives, config: &Config, from: u64, to: u64) -> Vec<LifeDecision> {
+    (from..to)
+        .map(|n| {
+            let job = job(config, n, 10.0 * n as f64, 0.0);
+            let life = lives.at(&job.actuator, job.window.t_start_ns).expect("levels");
+            life.update(&job, &shown(Some(&friction(0.008 * n as f64)), &Fit::default()), config)
+        })
+        .collect()
+}
+
+#[test]
+fn a_whole_life_goes_through_all_states_in_order_and_its_end_is_foretold() {
+    let config = config("hours = \"elapsed\"\nwarning_h = 300\ncritical_h = 100");
+    let told = wear_out(&mut Lives::new(config.clone()), &config, 0, 100);
+    let mut states: Vec<HealthState> = told.iter().map(|t| t.state).collect();
+    states.dedup();
+    use HealthState::{Critical, Nominal, Warning, Watch};
+    assert_eq!(states, [Nominal, Watch, Warning, Critical]);
+    for (n, told) in told.iter().enumerate().skip(50) {
+        let left = told.forecast.actuator.expect("a trend").hours;
+        let truth = 1000.0 - 10.0 * n as f64;
+        assert!(
+            (left.p50 - truth).abs() <= 0.2 * truth,
+            "window {n}: {left:?}, truth {truth}"
+        );
+    }
+    assert!((told[99].used.hours - 990.0).abs() < 1e-6 && told[99].used.cycles.round() as u32 == 100);
+}
+
+#[test]
+fn what_is_left_can_be_worse_than_the_damage() {
+    let config = config("hours = \"elapsed\"\nwarning_h = 10000\ncritical_h = 100");
+    let told = wear_out(&mut Lives::new(config.clone()), &config, 0, 20);
+    assert_eq!(told[19].health.state, HealthState::Watch);
+    assert_eq!(told[19].state, HealthState::Warning);
+}
+
+#[test]
+fn the_persistence_of_one_fault_does_not_delay_another() {
+    let states = |text: &str| -> Vec<HealthState> {
+        let config = config(text);
+        let told = wear_out(&mut Lives::new(config.clone()), &config, 0, 100);
+        told.iter().map(|told| told.state).collect()
+    };
+    let rul = "hours = \"elapsed\"\nwarning_h = 300\ncritical_h = 100";
+    let gain = format!("{rul}\n[health.fault.gain]\npersistence = 50");
+    assert_eq!(states(&gain), states(rul), "friction alone grows");
+    let friction = format!("{rul}\n[health.fault.friction]\npersistence = 50");
+    assert_ne!(states(&friction), states(rul));
+}
+
+#[test]
+fn operating_hours_follow_the_frames_and_dropped_windows_are_cycles() {
+    let config = config("");
+    let mut life = Life::new(&config, None).expect("levels");
+    let mut used = |number, operating_s| {
+        let job = job(&config, number, 0.0, operating_s);
+        life.update(&job, &shown(None, &Fit::default()), &config).used
+    };
+    assert!((used(0, 3600.0).hours - 1.0).abs() < 1e-12);
+    // Two windows were dropped.
+    let second = used(3, 7200.0);
+    assert!((second.hours - 2.0).abs() < 1e-12 && (second.cycles - 4.0).abs() < 1e-12);
+    // The source began anew.
+    let third = used(0, 1800.0);
+    assert!((third.hours - 2.5).abs() < 1e-12 && (third.cycles - 5.0).abs() < 1e-12);
+}
+
+#[test]
+fn work_is_measured_and_others_count_as_the_mean() {
+    let config = config("");
+    let mut life = Life::new(&config, None).expect("levels");
+    let fit = Fit {
+        i_q_measured: vec![2.0; 1000],
+        omega_measured: vec![-50.0; 1000],
+        ..Fit::default()
+    };
+    // 1.5 × 0.9 Nm/A × 2 A × 50 rad/s for half a second.
+    let expected = 1.5 * ActuatorParams::bench().motor.k * 2.0 * 50.0 * 0.5;
+    let first = life
+        .update(&job(&config, 0, 0.0, 1.0), &shown(None, &fit), &config)
+        .used
+        .work_j;
+    assert!((first / expected - 1.0).abs() < 1e-6, "{first} J");
+    let second = life
+        .update(&job(&config, 1, 0.0, 2.0), &shown(None, &Fit::default()), &config)
+        .used
+        .work_j;
+    assert!((second / expected - 2.0).abs() < 1e-6, "{second} J");
+}
+
+#[test]
+fn a_maintenance_event_begins_a_new_life_once() {
+    let config = config("hours = \"elapsed\"");
+    let mut lives = Lives::new(config.clone());
+    let event = |hours: f64, actuator: &str| Event {
+        t_ns: job(&config, 0, hours, 0.0).window.t_start_ns,
+        actuator: actuator.to_owned(),
+        event: EventKind::Reset,
+    };
+    lives.follow(Events {
+        list: vec![event(405.0, "ema0"), event(605.0, "ema1")],
+        unfinished: vec![],
+    });
+    let told = wear_out(&mut lives, &config, 0, 100);
+    assert!(told[40].forecast.actuator.is_ok());
+    assert!(told[41].forecast.actuator.is_err() && told[41].used.cycles.round() as u32 == 1);
+    assert!(
+        told[99].forecast.actuator.is_ok(),
+        "not again by another's event, nor by the same"
+    );
+    assert_eq!(lives.take_notices().len(), 1);
+}
+
+/// The technician's clock was in 1970, or behind the one before.
+#[test]
+fn an_event_told_of_later_counts_even_if_it_lies_earlier() {
+    let config = config("hours = \"elapsed\"");
+    let mut lives = Lives::new(config.clone());
+    let event = |t_ns: u64| Event {
+        t_ns,
+        actuator: "ema0".to_owned(),
+        event: EventKind::Reset,
+    };
+    let first = event(job(&config, 0, 105.0, 0.0).window.t_start_ns);
+    let list = |list| Events {
+        list,
+        unfinished: vec![],
+    };
+    lives.follow(list(vec![first.clone()]));
+    wear_out(&mut lives, &config, 0, 30);
+    assert_eq!(lives.take_notices().len(), 1);
+    lives.follow(list(vec![event(3_600_000_000_000), first]));
+    let told = wear_out(&mut lives, &config, 30, 60);
+    assert!(told[0].forecast.actuator.is_err() && told[29].forecast.actuator.is_ok());
+    assert_eq!(lives.take_notices().len(), 1, "once");
+}
+
+/// The history of `ema0`, written and read again.
+fn stored(lives: &Lives) -> Life {
+    let text = serde_json::to_string(lives.get("ema0").expect("a history")).expect("numbers");
+    serde_json::from_str(&text).expect("a history")
+}
+
+#[test]
+fn a_restored_history_continues_and_a_new_unit_begins_its_own() {
+    let config = config("hours = \"elapsed\"");
+    let in_one = wear_out(&mut Lives::new(config.clone()), &config, 0, 60);
+    let mut first = Lives::new(config.clone());
+    wear_out(&mut first, &config, 0, 30);
+    let mut second = Lives::new(config.clone());
+    second.restore("ema0", stored(&first));
+    let rest = wear_out(&mut second, &config, 30, 60);
+    let [whole, kept] = [&in_one[59], &rest[29]].map(|told| told.forecast.actuator.expect("a trend").hours);
+    assert_eq!(whole, kept);
+
+    let other = stored(&second)
+        .resumed(&config, Some("another".to_owned()))
+        .expect("levels");
+    assert_eq!(other.used, Odometer::default());
+}
+
+/// Whatever a file says: it is refused, or the life goes on.
+#[test]
+fn a_kept_life_with_any_number_in_it_does_not_bring_the_daemon_down() {
+    fn numbers(value: &mut serde_json::Value) -> Vec<&mut serde_json::Value> {
+        match value {
+            serde_json::Value::Array(items) => items.iter_mut().flat_map(numbers).collect(),
+            serde_json::Value::Object(items) => items.values_mut().flat_map(numbers).collect(),
+            serde_json::Value::Number(_) => vec![value],
+            _ => vec![],
+        }
+    }
+    let config = config("hours = \"elapsed\"\nwarning_h = 100");
+    let mut lives = Lives::new(config.clone());
+    wear_out(&mut lives, &config, 0, 12);
+    let actuator = config.actuator_named("ema0").expect("watched");
+    let life = serde_json::to_value(lives.at(actuator, 0).expect("levels")).expect("numbers");
+    let count = numbers(&mut life.clone()).len();
+    let (mut refused, mut taken) = (0, 0);
+    // The first and the last fields, and of the laws, which are thousands, every so many.
+    for n in (0..40).chain((40..count).step_by(97)).chain(count - 40..count) {
+        for extreme in [
+            "0",
+            "1",
+            "99",
+            "-1",
+            "18446744073709551615",
+            "-9223372036854775808",
+            "1e308",
+            "-1e308",
+            "1e-308",
+        ] {
+            let mut bad = life.clone();
+            *numbers(&mut bad)[n] = serde_json::from_str(extreme).expect("a number");
+            match serde_json::from_value::<Life>(bad).ok().filter(Life::is_possible) {
+                None => refused += 1,
+                Some(life) => {
+                    taken += 1;
+                    let mut life = life.resumed(&config, None).expect("levels");
+                    for number in 12..20 {
+                        let job = job(&config, number, 10.0 * number as f64, 0.0);
+                        let judgement = friction(0.05 * number as f64);
+                        life.update(&job, &shown(Some(&judgement), &Fit::default()), &config);
+                    }
+                }
+            }
+        }
+    }
+    assert!(refused > 50 && taken > 50, "{refused} refused, {taken} taken");
+}
+
+/// A requirement that is missed from a friction of 0.5 on, and how often it was tried.
+fn useless(trials: &Cell<u32>) -> impl Fn(&[FaultVector; TRIED]) -> [Option<Shortfall>; TRIED] {
+    |faults| {
+        trials.set(trials.get() + 1);
+        faults.map(|fault| (fault.friction >= 0.5).then_some(Shortfall::SlewRate))
+    }
+}
+
+/// What is said after a window that shows this friction, where a requirement is tried.
+fn tried_after(life: &mut Life, job: &WindowJob, damage: f64, trial: &Trial<'_>, config: &Config) -> LifeDecision {
+    let fault = FaultVector {
+        friction: damage,
+        ..FaultVector::NOMINAL
+    };
+    let shown = Shown {
+        judgement: Some(&friction(damage)),
+        fault: Some(&fault),
+        fit: &Fit::default(),
+        shortfall: Some(trial),
+    };
+    life.update(job, &shown, config)
+}
+
+#[test]
+fn the_function_ends_a_life_before_the_damage_does() {
+    let config = config("hours = \"elapsed\"");
+    let mut life = Life::new(&config, None).expect("levels");
+    // Useless from a friction of 0.5 on: 625 h after the beginning instead of 1000 h.
+    let trials = Cell::new(0);
+    let useless = useless(&trials);
+    for n in 0..70_u64 {
+        let damage = 0.008 * n as f64;
+        let told = tried_after(
+            &mut life,
+            &job(&config, n, 10.0 * n as f64, 0.0),
+            damage,
+            &useless,
+            &config,
+        );
+        let Ok(left) = told.forecast.actuator else { continue };
+        let truth = (625.0 - 10.0 * n as f64).max(0.0);
+        if n >= 20 {
+            assert_eq!(told.governs, Governs::Function(Shortfall::SlewRate));
+            assert!(
+                (left.hours.p50 - truth).abs() <= 0.05 * truth + 5.0,
+                "window {n}: {left:?}, truth {truth}"
+            );
+            assert!(left.hours.p10 <= left.hours.p50 && left.hours.p50 <= left.hours.p90);
+            assert!(told.forecast.faults[0].expect("a trend").hours.p50 > left.hours.p50);
+        }
+    }
+    assert!(trials.get() <= 2 * 70 / 3 + 2, "{} trials", trials.get());
+    // A part that breaks now is tried now.
+    let mut fresh = Life::new(&config, None).expect("levels");
+    for (n, damage, governs) in [
+        (0, 0.0, Governs::Damage),
+        (1, 0.9, Governs::Function(Shortfall::SlewRate)),
+    ] {
+        let told = tried_after(&mut fresh, &job(&config, n, n as f64, 0.0), damage, &useless, &config);
+        assert_eq!(told.governs, governs, "window {n}");
+    }
+}
+
+#[test]
+fn a_slow_wear_is_tried_every_eighth_window() {
+    let config = config("hours = \"elapsed\"");
+    let mut life = Life::new(&config, None).expect("levels");
+    let trials = Cell::new(0);
+    let useless = useless(&trials);
+    for n in 0..240_u64 {
+        let damage = 0.002 * n as f64;
+        tried_after(
+            &mut life,
+            &job(&config, n, 10.0 * n as f64, 0.0),
+            damage,
+            &useless,
+            &config,
+        );
+    }
+    assert!(
+        (40..=2 * 240 / 8 + 4).contains(&trials.get()),
+        "{} trials",
+        trials.get()
+    );
+}

@@ -1,0 +1,32 @@
+//! From bus frames to health and remaining useful life: everything between a source and a recording, without files or clocks.
+//!
+//! The data path, in order: [`demux`] gives each [`frame`] to its actuator and decodes it ([`channel`]; a bus with a layout
+//! of its own by its [`dbc`]); [`window`] cuts actuations out of the samples; [`assess`] identifies each window and decides on
+//! [`health`]; [`history`] holds what is known of an actuator from window to window, and [`rul`] predicts how long it lasts;
+//! [`record`] has the messages that leave. [`pipeline`] counts everything on the way. [`config`] holds the settings, from
+//! text. Time comes with the frames, randomness from a seed.
+
+#[cfg(test)]
+extern crate self as hmd_core;
+
+pub mod assess;
+pub mod bus_state;
+pub mod catalogue;
+pub mod channel;
+pub mod config;
+pub mod dbc;
+pub mod demux;
+pub mod frame;
+pub mod functional_check;
+pub mod health;
+pub mod history;
+pub mod metadata_checksum;
+pub mod metrics;
+pub mod outliers;
+pub mod pipeline;
+pub mod record;
+pub mod rul;
+pub mod seed;
+pub mod setting;
+pub mod timestamp;
+pub mod window;

@@ -1,0 +1,255 @@
+//! Prognosis of one actuator: the trend of each fault, and the earliest end of them all.
+
+use serde::{Deserialize, Serialize};
+
+use super::forecast::{Remaining, quantile};
+use super::trend::Trend;
+use super::usage::{Odometer, Usage};
+use crate::health::FAULTS;
+
+/// Estimates that a trend needs.
+const ESTIMATES_MIN: u64 = 6;
+
+/// Probability of growth that a trend needs.
+const GROWTH_MIN: f64 = 0.999;
+
+/// Growth of damage that a trend needs: less is told from the monitor's own error only by luck.
+const GROWN_MIN: f64 = 0.01;
+
+/// A life is foretold up to this multiple of the hours over which its trend was watched.
+const REACH: f64 = 20.0;
+
+/// Quantiles of what is left, in one unit. A quantile beyond the reach of the trend is given as the reach.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Quantiles {
+    /// 10 %.
+    pub p10: f64,
+    /// Median.
+    pub p50: f64,
+    /// 90 %.
+    pub p90: f64,
+}
+
+impl Quantiles {
+    /// The same times a factor.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self {
+            p10: self.p10 * factor,
+            p50: self.p50 * factor,
+            p90: self.p90 * factor,
+        }
+    }
+}
+
+/// What is left, and when that was said.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Life {
+    /// Operating hours left.
+    pub hours: Quantiles,
+    /// Cycles left, if use goes on as of late; `None` without cycles.
+    pub cycles: Option<Quantiles>,
+    /// Probability of the end within the horizon.
+    pub fails_within_horizon: f64,
+}
+
+/// Why there is no number.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum NoTrend {
+    /// Too few estimates since the trend began.
+    #[error("no trend yet: {got} of {ESTIMATES_MIN} estimates")]
+    TooFew {
+        /// Their number.
+        got: u64,
+    },
+    /// The estimates left their trend for good; a new one has begun.
+    #[error("damage jumped, a new trend begins: {got} of {ESTIMATES_MIN} estimates")]
+    Jumped {
+        /// Estimates since.
+        got: u64,
+    },
+    /// Growth is not sure, or too small to matter.
+    #[error("no fault grows")]
+    NoGrowth,
+    /// The median is beyond what the trend can tell.
+    #[error("the end of life is more than {REACH} times the observed {observed_h:.3} h away")]
+    TooFar {
+        /// Hours over which the trend was watched.
+        observed_h: f64,
+    },
+}
+
+/// What is said after a window.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Forecast {
+    /// Of each fault, in the order of [`crate::health::fault_name`].
+    pub faults: [Result<Life, NoTrend>; FAULTS],
+    /// Of the actuator: the earliest of its faults, taken as independent.
+    pub actuator: Result<Life, NoTrend>,
+    /// The fault with the shortest median life; `None` without a trend.
+    pub dominant: Option<usize>,
+    /// Hours of [`Life::fails_within_horizon`].
+    pub horizon_h: f64,
+}
+
+/// Trends of all faults of one actuator. Bounded: at most some 150 laws for each fault and 64 readings of the odometer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Prognosis {
+    trends: [Trend; FAULTS],
+    usage: Usage,
+}
+
+impl Prognosis {
+    /// For a new part, with the damage at which each fault ends its life.
+    #[must_use]
+    pub fn new(end_of_life: [f64; FAULTS]) -> Self {
+        Self {
+            trends: end_of_life.map(Trend::new),
+            usage: Usage::default(),
+        }
+    }
+
+    /// Whether it could have come about: a file may say anything.
+    pub fn is_possible(&self) -> bool {
+        self.usage.is_possible() && self.trends.iter().all(Trend::is_possible)
+    }
+
+    /// Damage at the end of life of each fault.
+    #[must_use]
+    pub fn end_of_life(&self) -> [f64; FAULTS] {
+        std::array::from_fn(|fault| self.trends[fault].end_of_life)
+    }
+
+    /// The same trends to other ends.
+    #[must_use]
+    pub fn with_end_of_life(mut self, end_of_life: [f64; FAULTS]) -> Self {
+        for (trend, damage) in self.trends.iter_mut().zip(end_of_life) {
+            trend.end_of_life = damage;
+        }
+        self
+    }
+
+    /// Use so far.
+    #[must_use]
+    pub fn now(&self) -> Odometer {
+        self.usage.now()
+    }
+
+    /// Takes a window: use so far, and damage with its standard deviation of every fault that the window shows. A window
+    /// that was not judged shows none.
+    pub fn update(&mut self, at: Odometer, estimates: &[Option<(f64, f64)>; FAULTS]) {
+        self.usage.update(at);
+        for (trend, estimate) in self.trends.iter_mut().zip(estimates) {
+            if let Some((damage, sigma)) = *estimate {
+                trend.update(at, damage, sigma);
+            }
+        }
+    }
+
+    /// What is left of the life, with the probability of its end within `horizon_h` hours.
+    #[must_use]
+    pub fn forecast(&self, horizon_h: f64) -> Forecast {
+        let remaining: [Result<Remaining<'_>, NoTrend>; FAULTS] = std::array::from_fn(|fault| self.remaining(fault));
+        let faults = std::array::from_fn(|fault| match &remaining[fault] {
+            Ok(remaining) => self.life(|h| remaining.probability_within(h), remaining.observed_h(), horizon_h),
+            Err(none) => Err(*none),
+        });
+        let trends: Vec<(usize, &Remaining<'_>)> = (0..FAULTS)
+            .filter(|&fault| faults[fault].is_ok())
+            .filter_map(|fault| Some((fault, remaining[fault].as_ref().ok()?)))
+            .collect();
+        let survives = |hours: f64| {
+            trends
+                .iter()
+                .map(|(_, r)| 1.0 - r.probability_within(hours))
+                .product::<f64>()
+        };
+        let observed_h = trends.iter().map(|(_, r)| r.observed_h()).fold(0.0, f64::max);
+        let actuator = match trends.len() {
+            0 => Err(least_lacking(&faults)),
+            1 => faults[trends[0].0],
+            _ => self.life(|h| 1.0 - survives(h), observed_h, horizon_h),
+        };
+        let median = |fault: usize| faults[fault].map_or(f64::INFINITY, |life| life.hours.p50);
+        let dominant = trends
+            .iter()
+            .map(|(fault, _)| *fault)
+            .min_by(|a, b| median(*a).total_cmp(&median(*b)));
+        Forecast {
+            faults,
+            actuator,
+            dominant,
+            horizon_h,
+        }
+    }
+
+    /// Distribution of the hours left to one fault.
+    ///
+    /// # Errors
+    /// Why there is none.
+    pub fn remaining(&self, fault: usize) -> Result<Remaining<'_>, NoTrend> {
+        let trend = &self.trends[fault];
+        let got = trend.estimates;
+        if got < ESTIMATES_MIN {
+            return Err(if trend.jumps > 0 {
+                NoTrend::Jumped { got }
+            } else {
+                NoTrend::TooFew { got }
+            });
+        }
+        let rate = self.usage.rate().ok_or(NoTrend::TooFew { got })?;
+        let passed = self.usage.now().hours - trend.last.hours;
+        let remaining = Remaining::new(trend, rate, passed);
+        if remaining.probability_of_growth() < GROWTH_MIN || remaining.damage() - trend.first.damage < GROWN_MIN {
+            return Err(NoTrend::NoGrowth);
+        }
+        Ok(remaining)
+    }
+
+    /// Damage of a fault after some hours from now that is not exceeded with probability `share`; without a trend it stays
+    /// as it is.
+    pub fn damage_after(&self, fault: usize, hours: f64, share: f64) -> f64 {
+        match self.remaining(fault) {
+            Ok(remaining) => remaining.damage_quantile(hours, share),
+            Err(_) => self.trends[fault].damage(),
+        }
+    }
+
+    /// A life of these hours, with the cycles that belong to them.
+    pub fn life_of(&self, hours: Quantiles, fails_within_horizon: f64) -> Life {
+        let per_hour = self
+            .usage
+            .rate()
+            .map(|rate| rate.cycles_per_hour)
+            .filter(|rate| *rate > 0.0);
+        Life {
+            hours,
+            cycles: per_hour.map(|rate| hours.scaled(rate)),
+            fails_within_horizon,
+        }
+    }
+
+    fn life(&self, within: impl Fn(f64) -> f64, observed_h: f64, horizon_h: f64) -> Result<Life, NoTrend> {
+        let hours_max = REACH * observed_h;
+        let p50 = quantile(&within, 0.5, hours_max).ok_or(NoTrend::TooFar { observed_h })?;
+        let or_reach = |share| quantile(&within, share, hours_max).unwrap_or(hours_max);
+        let hours = Quantiles {
+            p10: or_reach(0.1),
+            p50,
+            p90: or_reach(0.9),
+        };
+        Ok(self.life_of(hours, within(horizon_h)))
+    }
+}
+
+/// The reason that is nearest to a number.
+fn least_lacking(faults: &[Result<Life, NoTrend>; FAULTS]) -> NoTrend {
+    let nearness = |none: &NoTrend| match none {
+        NoTrend::TooFew { got } => (0, *got),
+        NoTrend::NoGrowth => (1, 0),
+        NoTrend::Jumped { got } => (2, *got),
+        NoTrend::TooFar { .. } => (3, 0),
+    };
+    let lacking = faults.iter().filter_map(|life| life.err());
+    lacking.max_by_key(nearness).unwrap_or(NoTrend::NoGrowth)
+}

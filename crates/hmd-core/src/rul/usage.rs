@@ -1,0 +1,216 @@
+//! How much an actuator is used: hours, cycles and work, and how fast they go on.
+
+use serde::{Deserialize, Serialize};
+
+use super::law::Clock;
+
+/// Use since the part was new.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Odometer {
+    /// Operating hours.
+    pub hours: f64,
+    /// Actuations.
+    pub cycles: f64,
+    /// Work done, J.
+    pub work_j: f64,
+}
+
+impl Odometer {
+    /// What has been added since an earlier reading.
+    #[must_use]
+    pub fn since(&self, earlier: &Self) -> Self {
+        Self {
+            hours: self.hours - earlier.hours,
+            cycles: self.cycles - earlier.cycles,
+            work_j: self.work_j - earlier.work_j,
+        }
+    }
+
+    /// Whether hours have passed since an earlier reading, and nothing has gone back.
+    pub fn is_after(&self, earlier: &Self) -> bool {
+        let passed = self.since(earlier);
+        passed.hours > 0.0 && passed.hours.is_finite() && passed.cycles >= 0.0 && passed.work_j >= 0.0
+    }
+
+    /// The reading on one clock.
+    #[must_use]
+    pub fn on(&self, clock: Clock) -> f64 {
+        match clock {
+            Clock::Hours => self.hours,
+            Clock::Work => self.work_j,
+        }
+    }
+}
+
+/// Readings kept. When they are full, every other one is dropped.
+const READINGS: usize = 64;
+
+/// Share of the hours so far that counts as now.
+const RECENT: f64 = 0.05;
+
+/// Pieces of the past whose work rates are compared.
+const QUARTERS: usize = 4;
+
+/// Change of the work rate from quarter to quarter that is reckoned with beforehand, as a logarithm…
+const USUAL_CHANGE: f64 = 0.25;
+
+/// …and the number of such changes that this is worth.
+const USUAL_CHANGES: f64 = 2.0;
+
+/// Readings of the odometer of one actuator, of bounded number.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Usage {
+    readings: Vec<Odometer>,
+    /// Sum of the squared hours between readings, whether kept or not.
+    squared_steps: f64,
+}
+
+/// How fast use goes on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UseRate {
+    /// Cycles per hour.
+    pub cycles_per_hour: f64,
+    /// Work, J per hour.
+    pub work_j_per_hour: f64,
+    /// Length of the step between two windows, as seen from any hour: `Σ h² / Σ h`.
+    pub step_hours: f64,
+    /// Standard deviation of the logarithm of the mean work rate, over a time to come that is as long as the past.
+    pub log_sigma: f64,
+}
+
+impl Usage {
+    /// Whether it could have come about: a file may say anything.
+    pub(super) fn is_possible(&self) -> bool {
+        self.readings.len() <= READINGS
+    }
+
+    /// Takes a reading; one that is not later than the one before is passed over.
+    pub fn update(&mut self, at: Odometer) {
+        if let Some(last) = self.readings.last() {
+            if !at.is_after(last) {
+                return;
+            }
+            self.squared_steps += (at.hours - last.hours).powi(2);
+        }
+        if self.readings.len() == READINGS {
+            // The first stays, and the newest, from which the next step is measured.
+            let mut n = 0;
+            self.readings.retain(|_| {
+                n += 1;
+                n == 1 || n % 2 == 0
+            });
+        }
+        self.readings.push(at);
+    }
+
+    /// The newest reading.
+    #[must_use]
+    pub fn now(&self) -> Odometer {
+        self.readings.last().copied().unwrap_or_default()
+    }
+
+    /// Rates of late; `None` before there are two readings.
+    #[must_use]
+    pub fn rate(&self) -> Option<UseRate> {
+        let (last, earlier) = self.readings.split_last()?;
+        let all = last.since(earlier.first()?);
+        let is_recent = |reading: &&Odometer| last.hours - reading.hours >= RECENT * all.hours;
+        let from = earlier.iter().rev().skip(1).find(is_recent).or(earlier.first())?;
+        let recent = last.since(from);
+        Some(UseRate {
+            cycles_per_hour: recent.cycles / recent.hours,
+            work_j_per_hour: recent.work_j / recent.hours,
+            step_hours: self.squared_steps / all.hours,
+            log_sigma: self.log_sigma(),
+        })
+    }
+
+    /// Spread of the work rate to come, from its steps between quarters of the past, as of a random walk: the mean over
+    /// n quarters to come has the variance n/3 of a step.
+    fn log_sigma(&self) -> f64 {
+        let (first, hours) = (self.readings[0].hours, self.now().hours - self.readings[0].hours);
+        let work_at = |quarter: usize| self.work_at(first + hours * quarter as f64 / QUARTERS as f64);
+        let logs: Vec<f64> = (0..QUARTERS)
+            .map(|quarter| work_at(quarter + 1) - work_at(quarter))
+            .filter(|work| *work > 0.0)
+            .map(f64::ln)
+            .collect();
+        let seen: f64 = logs.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
+        let count = logs.len().saturating_sub(1) as f64;
+        let step = (seen + USUAL_CHANGES * USUAL_CHANGE * USUAL_CHANGE) / (count + USUAL_CHANGES);
+        (step * QUARTERS as f64 / 3.0).sqrt()
+    }
+
+    /// Work done by a time between the first and the newest reading.
+    fn work_at(&self, hours: f64) -> f64 {
+        let after = self.readings.partition_point(|r| r.hours < hours);
+        let (a, b) = match (after.checked_sub(1), self.readings.get(after)) {
+            (Some(before), Some(after)) => (self.readings[before], *after),
+            (None, Some(first)) => return first.work_j,
+            (_, None) => return self.now().work_j,
+        };
+        a.work_j + (b.work_j - a.work_j) * (hours - a.hours) / (b.hours - a.hours)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(hours: f64, per_hour: f64) -> Odometer {
+        Odometer {
+            hours,
+            cycles: per_hour * hours,
+            work_j: 50.0 * per_hour * hours,
+        }
+    }
+
+    #[test]
+    fn steady_use_has_its_rate_and_its_steps() {
+        let mut usage = Usage::default();
+        for n in 0..1000 {
+            usage.update(at(f64::from(n) * 2.0, 10.0));
+        }
+        assert!(usage.readings.len() <= READINGS);
+        let rate = usage.rate().expect("two readings");
+        assert!((rate.cycles_per_hour - 10.0).abs() < 1e-9);
+        assert!((rate.work_j_per_hour - 500.0).abs() < 1e-9);
+        assert!((rate.step_hours - 2.0).abs() < 1e-9);
+        assert!(
+            rate.log_sigma < 0.25,
+            "steady use is believed after a while: {}",
+            rate.log_sigma
+        );
+        assert_eq!(usage.now(), at(1998.0, 10.0));
+    }
+
+    #[test]
+    fn a_change_of_use_counts_soon_and_widens_what_comes() {
+        let mut usage = Usage::default();
+        let mut now = Odometer::default();
+        for n in 0..200 {
+            let per_hour = if n < 150 { 10.0 } else { 20.0 };
+            now = Odometer {
+                hours: now.hours + 1.0,
+                cycles: now.cycles + per_hour,
+                work_j: now.work_j + per_hour,
+            };
+            usage.update(now);
+        }
+        let rate = usage.rate().expect("two readings");
+        assert!((rate.cycles_per_hour - 20.0).abs() < 1e-9);
+        assert!(rate.log_sigma > 0.3, "{}", rate.log_sigma);
+    }
+
+    #[test]
+    fn what_goes_back_is_passed_over() {
+        let mut usage = Usage::default();
+        assert_eq!(usage.rate(), None);
+        usage.update(at(10.0, 1.0));
+        assert_eq!(usage.rate(), None);
+        usage.update(at(5.0, 1.0));
+        usage.update(at(f64::NAN, 1.0));
+        usage.update(at(f64::INFINITY, 1.0));
+        assert_eq!(usage.now(), at(10.0, 1.0));
+    }
+}

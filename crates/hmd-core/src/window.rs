@@ -1,0 +1,369 @@
+//! Samples of one actuator -> actuation windows. No I/O, no clock, bounded memory.
+//!
+//! [`Windower::push`] takes the samples of one actuator as they were received and now and then returns a [`Window`]: the
+//! samples of one actuation on an exact grid of 1/f_s, with a [`Verdict`] whether they are fit to be judged. In order:
+//!
+//! 1. order: a repeated sample is dropped, a counter that goes back ends what is open ([`Windower::push`]);
+//! 2. `glitch`: a setpoint that lasts one sample only is a transmission error, so each sample waits for the next one;
+//! 3. `ring`: the last samples by number, places of missing ones included;
+//! 4. `trigger`: has an actuation begun?
+//! 5. when the window is complete: `signals`, `counters`, `check` find what cannot be used and whether the rest is enough,
+//!    `fill` interpolates what is missing.
+//!
+//! `docs/windows.md` states the rules with their defaults. A window that is not fit says why; nothing in here ever takes
+//! bad data for a bad actuator.
+
+mod check;
+mod config;
+mod counters;
+mod fill;
+mod glitch;
+mod ring;
+mod signals;
+mod trigger;
+mod verdict;
+
+pub use config::WindowConfig;
+pub use verdict::{Counter, CutShort, Defect, Degradation, Invalidity, Signal, Verdict};
+
+use crate::setting::SettingError;
+use check::Limits;
+use ema_models::{ActuatorParams, SensedSample, Setpoint};
+use glitch::Deglitch;
+use ring::{Ring, Slot};
+use trigger::{Held, Trigger};
+
+/// One decoded sample and when it was taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TimedSample {
+    /// Sample number, unwrapped; the sample stands at t₀ + seq / f_s. `sensed.seq` is not read.
+    pub seq: u64,
+    /// UTC of the sample, ns.
+    pub stamp_ns: u64,
+    /// Currents, unwrapped counts, setpoint.
+    pub sensed: SensedSample,
+}
+
+/// One actuation, on a grid of one sample period.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Window {
+    /// Number of the window, from 0; counts every window, judged or not.
+    pub number: u64,
+    /// UTC of the first sample, ns: the trigger's stamp less the pre-trigger time.
+    pub t_start_ns: u64,
+    /// Index of the trigger in `samples`.
+    pub trigger: usize,
+    /// Samples on the grid, `seq` rising by one; what was missing or refused is interpolated (see `filled`).
+    pub samples: Vec<SensedSample>,
+    /// Samples that a window of full length has.
+    pub expected: usize,
+    /// Whether the samples are fit to be judged.
+    pub verdict: Verdict,
+    /// Samples missing by their counter.
+    pub lost: u64,
+    /// Samples received with at least one signal that could not be used.
+    pub rejected: u64,
+    /// Indices of all samples that are interpolated in whole or in part, rising; weigh them zero where it matters.
+    pub filled: Vec<usize>,
+    /// Repeated samples dropped while the window was open.
+    pub duplicates: u64,
+    /// Times the stamp moved against the sample counter by more than 50 ms. Counted, no handicap: time is taken
+    /// from the counter.
+    pub clock_jumps: u64,
+}
+
+impl Window {
+    /// Refuses the counts of samples that were found wrong afterwards: they are filled as if refused at once. An invalid
+    /// window stays as it is.
+    pub fn refuse_counts(&mut self, outliers: &[usize]) {
+        let mut handicaps = match &mut self.verdict {
+            Verdict::Invalid(_) => return,
+            Verdict::Complete => Vec::new(),
+            Verdict::Degraded(handicaps) => std::mem::take(handicaps),
+        };
+        self.rejected += outliers.len() as u64;
+        self.filled.extend(outliers);
+        self.filled.sort_unstable();
+        self.filled.dedup();
+        let filled = &self.filled;
+        fill::fill_motor(&mut self.samples, |n| filled.binary_search(&n).is_err());
+        handicaps.retain(|handicap| !matches!(handicap, Degradation::Filled { .. }));
+        handicaps.insert(
+            0,
+            Degradation::Filled {
+                lost: self.lost,
+                rejected: self.rejected,
+            },
+        );
+        self.verdict = Verdict::Degraded(handicaps);
+    }
+}
+
+/// What a [`Windower`] has seen since it was made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StreamCounts {
+    /// Samples taken in.
+    pub samples: u64,
+    /// Repeated samples, dropped; `samples + duplicates` is the number of calls of `push`.
+    pub duplicates: u64,
+    /// Samples missing by their counter.
+    pub missing: u64,
+    /// Times the counter went back.
+    pub restarts: u64,
+    /// Samples whose setpoint lasted one sample only, or was no number.
+    pub glitches: u64,
+}
+
+/// Cuts the samples of one actuator into windows. A pure state machine: the memory is reserved in `new`, and only a
+/// finished window allocates.
+///
+/// ```
+/// use ema_models::{ActuatorParams, SensedSample, Setpoint};
+/// use crate::window::{TimedSample, Verdict, WindowConfig, Windower};
+/// let mut windower = Windower::new(WindowConfig::default(), &ActuatorParams::bench())?;
+/// let at = |seq: u64| TimedSample {
+///     seq,
+///     stamp_ns: 500_000 * seq, // 2 kHz
+///     sensed: SensedSample {
+///         seq,
+///         currents: [0.0; 3],
+///         motor_counts: 0,
+///         output_counts: 0,
+///         setpoint: Setpoint::Position(if seq < 100 { 0.0 } else { 0.25 }),
+///     },
+/// };
+/// let window = (0..1200).find_map(|seq| windower.push(at(seq))).expect("one actuation");
+/// // From 20 ms before the command to 480 ms after it, both ends included.
+/// assert_eq!((window.trigger, window.samples.len()), (40, 1001));
+/// assert_eq!(window.samples[window.trigger].seq, 100);
+/// assert_eq!(window.verdict, Verdict::Complete);
+/// # Ok::<(), hmd::setting::SettingError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Windower {
+    limits: Limits,
+    trigger: Trigger,
+    held: Held,
+    deglitch: Deglitch,
+    ring: Ring,
+    open: Option<Open>,
+    last_seq: Option<u64>,
+    next_number: u64,
+    counts: StreamCounts,
+}
+
+/// The window that is being filled.
+#[derive(Clone, Copy, Debug)]
+struct Open {
+    first_seq: u64,
+    trigger_stamp_ns: u64,
+    setpoint: Setpoint,
+    another: Option<u64>,
+    duplicates_before: u64,
+}
+
+impl Windower {
+    /// For one actuator of the given type, sampled at `params.sensors.sample_rate`.
+    ///
+    /// # Errors
+    /// The first setting that is out of its range.
+    pub fn new(config: WindowConfig, params: &ActuatorParams) -> Result<Self, SettingError> {
+        let config = config.checked(params.sensors.sample_rate)?;
+        let limits = Limits::new(&config, params);
+        let trigger = Trigger::new(&config, limits.lengths.rest);
+        Ok(Self {
+            held: Held::new(&trigger),
+            deglitch: Deglitch::new(trigger.thresholds, limits.lengths.longest_gap as u64),
+            ring: Ring::with_capacity(limits.lengths.window.max(limits.lengths.rest + 1)),
+            trigger,
+            limits,
+            open: None,
+            last_seq: None,
+            next_number: 0,
+            counts: StreamCounts::default(),
+        })
+    }
+
+    /// The same for samples whose rate the device's own time has told: stamps then say nothing about it.
+    #[must_use]
+    pub fn at_device_time(mut self) -> Self {
+        self.limits.rate_is_unconfirmed = false;
+        self
+    }
+
+    /// Counts since the start.
+    #[must_use]
+    pub fn counts(&self) -> StreamCounts {
+        self.counts
+    }
+
+    /// Whether a window is being filled.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        self.open.is_some()
+    }
+
+    /// Takes the next sample; returns the window that it completed or ended, one sample after its last one.
+    pub fn push(&mut self, sample: TimedSample) -> Option<Window> {
+        let mut ended = None;
+        if let Some(last) = self.last_seq {
+            if sample.seq == last || (sample.seq < last && self.is_late_copy(&sample, last)) {
+                self.counts.duplicates += 1;
+                return None;
+            }
+            if sample.seq < last {
+                self.counts.restarts += 1;
+                ended = self.end(CutShort::CounterWentBack);
+            }
+        }
+        self.last_seq = Some(sample.seq);
+        self.counts.samples += 1;
+        let completed = self.deglitch.push(sample).and_then(|slot| self.accept(slot, true));
+        debug_assert!(ended.is_none() || completed.is_none(), "one sample ends one window");
+        ended.or(completed)
+    }
+
+    /// End of the stream, or a known break in it: an open window is returned, cut short unless this was its last sample.
+    /// The next sample begins afresh; numbers and counts go on.
+    pub fn finish(&mut self) -> Option<Window> {
+        self.end(CutShort::StreamEnded)
+    }
+
+    fn end(&mut self, why: CutShort) -> Option<Window> {
+        // No sample follows that could confirm a jump of the setpoint in this last one, so it opens no window.
+        let completed = self.deglitch.flush().and_then(|slot| self.accept(slot, false));
+        let cut = self.close(Some(Invalidity::CutShort(why)));
+        self.ring.clear();
+        self.held.forget();
+        self.last_seq = None;
+        debug_assert!(
+            completed.is_none() || cut.is_none(),
+            "a sample that completes a window opens none"
+        );
+        completed.or(cut)
+    }
+
+    /// Whether a sample of a lower number is one that came a moment ago; further back it is a restart, where a device at
+    /// rest repeats itself to the bit.
+    fn is_late_copy(&self, sample: &TimedSample, last: u64) -> bool {
+        last - sample.seq <= self.limits.lengths.longest_gap as u64 && self.ring.holds_copy_of(sample)
+    }
+
+    /// A sample in its place: first what is missing before it, then itself, which may open a window.
+    fn accept(&mut self, slot: Slot, may_open: bool) -> Option<Window> {
+        self.counts.glitches += u64::from(slot.is_command_glitch());
+        let gap = self
+            .ring
+            .latest()
+            .map_or(0, |latest| slot.sample.seq - latest.sample.seq - 1);
+        self.counts.missing = self.counts.missing.saturating_add(gap);
+        let completed = self.bridge(gap);
+        completed.or(self.advance(slot, may_open))
+    }
+
+    /// Places for `gap` missing samples. They hold the setpoint before them, so that rest goes on through a short gap;
+    /// what lies before a gap longer than the rest is forgotten.
+    fn bridge(&mut self, mut gap: u64) -> Option<Window> {
+        let mut completed = None;
+        while gap > 0 && self.open.is_some() {
+            completed = self.advance(self.ring.latest()?.missing_next(), false);
+            gap -= 1;
+        }
+        if gap > self.limits.lengths.rest as u64 {
+            self.ring.clear();
+            self.held.forget();
+        } else {
+            for _ in 0..gap {
+                let next = self.ring.latest()?.missing_next();
+                self.held.push(next.sample.setpoint);
+                self.ring.push(next);
+            }
+        }
+        completed
+    }
+
+    fn advance(&mut self, slot: Slot, may_open: bool) -> Option<Window> {
+        let setpoint = slot.sample.setpoint;
+        if let Some(open) = &self.open
+            && !trigger::same_mode(setpoint, open.setpoint)
+        {
+            let why = match setpoint {
+                Setpoint::Idle => Invalidity::CutShort(CutShort::WentIdle),
+                _ => Invalidity::ModeChanged,
+            };
+            let ended = self.close(Some(why));
+            self.held.push(setpoint);
+            self.ring.push(slot);
+            return ended;
+        }
+        let was_held = self.held.was_held();
+        self.held.push(setpoint);
+        self.ring.push(slot);
+        let Some(open) = &mut self.open else {
+            if may_open && self.trigger.fires(&self.ring) {
+                self.open = Some(Open {
+                    first_seq: slot.sample.seq - self.limits.lengths.pre_trigger as u64,
+                    trigger_stamp_ns: slot.stamp_ns,
+                    setpoint,
+                    another: None,
+                    duplicates_before: self.counts.duplicates,
+                });
+                self.held.forget();
+            }
+            return None;
+        };
+        if was_held && self.trigger.moved(&self.ring) {
+            open.another.get_or_insert(slot.sample.seq - open.first_seq);
+            self.held.forget();
+        }
+        let length = slot.sample.seq - open.first_seq + 1;
+        if length >= self.limits.lengths.window as u64 {
+            self.close(None)
+        } else {
+            None
+        }
+    }
+
+    /// Ends the open window with what the ring holds of it.
+    fn close(&mut self, why: Option<Invalidity>) -> Option<Window> {
+        let open = self.open.take()?;
+        let number = self.next_number;
+        self.next_number += 1;
+        let slots = self.ring.since(open.first_seq);
+        let findings = check::examine(slots, &self.limits);
+        let filled = fill::indices(slots);
+        let samples = fill::samples(slots, &self.limits.rotor);
+
+        let mut degradations = Vec::new();
+        if !filled.is_empty() {
+            degradations.push(Degradation::Filled {
+                lost: findings.lost,
+                rejected: findings.rejected,
+            });
+        }
+        if let Some(at) = open.another {
+            degradations.push(Degradation::AnotherActuation { at: at as usize });
+        }
+        if let Some(speed_rad_s) = findings.unsteady_rad_s {
+            degradations.push(Degradation::UnsteadyStart { speed_rad_s });
+        }
+        let pre_trigger_ns = 1e9 * self.limits.lengths.pre_trigger as f64 / self.limits.sample_rate;
+        Some(Window {
+            number,
+            t_start_ns: open.trigger_stamp_ns.saturating_sub(pre_trigger_ns.round() as u64),
+            trigger: self.limits.lengths.pre_trigger,
+            samples,
+            expected: self.limits.lengths.window,
+            verdict: match why.or(findings.invalid) {
+                Some(why) => Verdict::Invalid(why),
+                None if degradations.is_empty() => Verdict::Complete,
+                None => Verdict::Degraded(degradations),
+            },
+            lost: findings.lost,
+            rejected: findings.rejected,
+            filled,
+            duplicates: self.counts.duplicates - open.duplicates_before,
+            clock_jumps: findings.clock_jumps,
+        })
+    }
+}

@@ -1,0 +1,476 @@
+//! One recorded log, whatever its format.
+//!
+//! The format is told by the first bytes, not by the name. A source is opened up to its first frame, so that a file
+//! that has none is refused at once.
+
+use crate::Loss;
+use crate::candump::CandumpReader;
+use hmd_core::frame::{BusNames, RawFrame};
+use hmd_storage::mcap::McapFrames;
+use hmd_storage::shown;
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use thiserror::Error;
+
+/// Losses before the first frame after which a text is not taken for a log; also the most that are held in memory.
+pub const LEAD_LIMIT: usize = 1000;
+
+/// First bytes of compressed files that somebody may hand us.
+const COMPRESSED: [(&[u8], &str); 3] = [
+    (&[0x1f, 0x8b], "gzip"),
+    (&[0x28, 0xb5, 0x2f, 0xfd], "zstd"),
+    (b"\xfd7zXZ\0", "xz"),
+];
+
+/// What some editors put before UTF-8 text.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// Why a file cannot be used at all.
+#[derive(Debug, Error)]
+pub enum IngestError {
+    /// The file cannot be opened or read.
+    #[error("{file}: expected a readable file, found: {cause}")]
+    Unreadable {
+        /// The path.
+        file: String,
+        /// What the system says.
+        cause: io::Error,
+    },
+    /// The path is a directory.
+    #[error("{file}: expected a file, found a directory")]
+    Directory {
+        /// The path.
+        file: String,
+    },
+    /// The file has no bytes.
+    #[error("{file}: expected a candump or MCAP log, found an empty file")]
+    Empty {
+        /// The path.
+        file: String,
+    },
+    /// An MCAP file comes through a pipe.
+    #[error("{file}: expected a file that can be sought, found an MCAP stream in a pipe")]
+    NotSeekable {
+        /// The path.
+        file: String,
+    },
+    /// A text (or anything else) without one line that is a frame.
+    #[error("{file}: expected a candump or MCAP log, found no valid line in {lines}{}; candump -L writes such a log, can.logconvert of python-can makes one of others", first.as_ref().map(|loss| format!("; the first: {loss}")).unwrap_or_default())]
+    NoGoodLine {
+        /// The path.
+        file: String,
+        /// Lines looked at.
+        lines: u64,
+        /// The first bad line.
+        first: Option<Box<Loss>>,
+    },
+    /// Neither text nor MCAP.
+    #[error("{file}: expected a candump or MCAP log, found binary data starting with \"{found}\"")]
+    Binary {
+        /// The path.
+        file: String,
+        /// The first bytes, escaped.
+        found: String,
+    },
+    /// A compressed file.
+    #[error("{file}: expected a candump or MCAP log, found {format} data; decompress it first")]
+    Compressed {
+        /// The path.
+        file: String,
+        /// Name of the compression.
+        format: &'static str,
+    },
+    /// An MCAP file without raw frames.
+    #[error(
+        "{file}: expected raw frames (schema hmd.v1.RawBatch) on topics /bus/<interface>/raw, found {}",
+        found(topics, first)
+    )]
+    NoFrames {
+        /// The path.
+        file: String,
+        /// Topics of the file.
+        topics: Vec<String>,
+        /// The first thing that could not be read.
+        first: Option<Box<Loss>>,
+    },
+}
+
+fn found(topics: &[String], first: &Option<Box<Loss>>) -> String {
+    const MOST: usize = 4;
+    let mut text = match topics {
+        [] => "no topic".to_owned(),
+        some if some.iter().any(|topic| topic.starts_with("/bus/")) => "none that is intact".to_owned(),
+        some => format!(
+            "only {}",
+            some.iter()
+                .take(MOST)
+                .map(String::as_str)
+                .collect::<Vec<_>>()
+                .join(", ")
+        ),
+    };
+    if text.starts_with("only") && topics.len() > MOST {
+        text.push_str(&format!(" and {} more", topics.len() - MOST));
+    }
+    if let Some(first) = first {
+        text.push_str(&format!("; {first}"));
+    }
+    text
+}
+
+/// Format of a log.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LogFormat {
+    /// Text of `candump -l`.
+    Candump,
+    /// MCAP with our raw batches.
+    Mcap,
+}
+
+/// Frames of one file.
+#[derive(Debug)]
+pub struct FrameSource {
+    frames: Frames,
+    /// What came before and with the first frame.
+    lead: VecDeque<Result<RawFrame, Loss>>,
+    total_bytes: Option<u64>,
+    position: Arc<AtomicU64>,
+}
+
+// One per open file, so the difference in size does not matter.
+#[derive(Debug)]
+enum Frames {
+    Candump(Box<CandumpReader<BufReader<Counted>>>),
+    Mcap(Box<McapFrames<File>>),
+}
+
+/// Counts the bytes read, for the progress bar; the reader on top owns it, so the count is shared.
+#[derive(Debug)]
+struct Counted {
+    file: File,
+    position: Arc<AtomicU64>,
+}
+
+impl Read for Counted {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let read = self.file.read(buffer)?;
+        self.position.fetch_add(read as u64, Ordering::Relaxed);
+        Ok(read)
+    }
+}
+
+/// Opens a log with a fresh table of interfaces.
+///
+/// # Errors
+/// [`IngestError`] when nothing in the file can be used.
+pub fn open(path: &Path) -> Result<FrameSource, IngestError> {
+    open_with(path, BusNames::new())
+}
+
+/// Opens a file that hmd wrote.
+///
+/// # Errors
+/// What the system says; of a folder, which files in it are meant.
+pub fn open_recorded(path: &Path) -> io::Result<File> {
+    let file = File::open(path)?;
+    if file.metadata()?.is_dir() {
+        let folder = path.display();
+        let what = format!("expected files, found a folder; the records of hmd run are in {folder}/*-records.mcap");
+        return Err(io::Error::new(io::ErrorKind::IsADirectory, what));
+    }
+    Ok(file)
+}
+
+/// Opens a log; `names` is the table of interfaces of the log before, so that an interface keeps its index.
+///
+/// # Errors
+/// [`IngestError`] when nothing in the file can be used.
+pub fn open_with(path: &Path, names: BusNames) -> Result<FrameSource, IngestError> {
+    let file = path.display().to_string();
+    let unreadable = |cause| IngestError::Unreadable {
+        file: file.clone(),
+        cause,
+    };
+    let input = File::open(path).map_err(unreadable)?;
+    let about = input.metadata().map_err(unreadable)?;
+    if about.is_dir() {
+        return Err(IngestError::Directory { file });
+    }
+    let position = Arc::new(AtomicU64::new(0));
+    let mut input = BufReader::new(Counted {
+        file: input,
+        position: position.clone(),
+    });
+    let start = input.fill_buf().map_err(unreadable)?;
+    if start.is_empty() {
+        return Err(IngestError::Empty { file });
+    }
+    for (magic, format) in COMPRESSED {
+        if start.starts_with(magic) {
+            return Err(IngestError::Compressed { file, format });
+        }
+    }
+    let frames = if start.starts_with(mcap::MAGIC) {
+        if !about.is_file() {
+            return Err(IngestError::NotSeekable { file });
+        }
+        let input = input.into_inner().file;
+        Frames::Mcap(Box::new(McapFrames::new(input, &file, names).map_err(unreadable)?))
+    } else {
+        if start.contains(&0) && !start.contains(&b'\n') {
+            return Err(IngestError::Binary {
+                file,
+                found: shown(start),
+            });
+        }
+        if start.starts_with(BYTE_ORDER_MARK) {
+            input.consume(BYTE_ORDER_MARK.len());
+        }
+        Frames::Candump(Box::new(CandumpReader::new(input, &file, names)))
+    };
+    let total_bytes = about.is_file().then_some(about.len());
+    let mut source = FrameSource {
+        frames,
+        lead: VecDeque::new(),
+        total_bytes,
+        position,
+    };
+    source.find_first_frame(file)?;
+    Ok(source)
+}
+
+impl FrameSource {
+    /// Format of the file.
+    pub fn format(&self) -> LogFormat {
+        match self.frames {
+            Frames::Candump(_) => LogFormat::Candump,
+            Frames::Mcap(_) => LogFormat::Mcap,
+        }
+    }
+
+    /// The interfaces seen so far; it has every interface of a frame that was handed out.
+    pub fn bus_names(&self) -> &BusNames {
+        match &self.frames {
+            Frames::Candump(reader) => reader.bus_names(),
+            Frames::Mcap(reader) => reader.bus_names(),
+        }
+    }
+
+    /// The table of interfaces, to go on with in the next log.
+    pub fn into_bus_names(self) -> BusNames {
+        match self.frames {
+            Frames::Candump(reader) => reader.into_bus_names(),
+            Frames::Mcap(reader) => reader.into_bus_names(),
+        }
+    }
+
+    /// Size of the file, bytes; `None` for a pipe.
+    pub fn total_bytes(&self) -> Option<u64> {
+        self.total_bytes
+    }
+
+    /// How far the file was read, bytes; ahead of the frames handed out by at most one block.
+    pub fn position(&self) -> u64 {
+        match &self.frames {
+            Frames::Candump(_) => self.position.load(Ordering::Relaxed),
+            Frames::Mcap(reader) => reader.messages().position(),
+        }
+    }
+
+    /// The metadata record `name` of an MCAP file, if it was read already (ours stand at the start of the file).
+    pub fn metadata(&self, name: &str) -> Option<&std::collections::BTreeMap<String, String>> {
+        match &self.frames {
+            Frames::Candump(_) => None,
+            Frames::Mcap(reader) => reader.messages().metadata(name),
+        }
+    }
+
+    fn pull(&mut self) -> Option<Result<RawFrame, Loss>> {
+        match &mut self.frames {
+            Frames::Candump(reader) => reader.next().map(|item| item.map_err(Loss::from)),
+            Frames::Mcap(reader) => reader.next().map(|item| item.map_err(Loss::from)),
+        }
+    }
+
+    fn find_first_frame(&mut self, file: String) -> Result<(), IngestError> {
+        while self.lead.len() < LEAD_LIMIT {
+            match self.pull() {
+                Some(Ok(frame)) => {
+                    self.lead.push_back(Ok(frame));
+                    return Ok(());
+                }
+                Some(Err(loss)) => self.lead.push_back(Err(loss)),
+                None => break,
+            }
+        }
+        let first = self.lead.pop_front().and_then(Result::err).map(Box::new);
+        Err(match &self.frames {
+            Frames::Candump(reader) => IngestError::NoGoodLine {
+                file,
+                lines: reader.lines(),
+                first,
+            },
+            Frames::Mcap(reader) => IngestError::NoFrames {
+                file,
+                topics: reader.messages().topics(),
+                first,
+            },
+        })
+    }
+}
+
+impl Iterator for FrameSource {
+    type Item = Result<RawFrame, Loss>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.lead.pop_front().or_else(|| self.pull())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hmd_core::frame::FrameFlags;
+
+    fn refused(name: &str, content: &[u8]) -> String {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        let text = open(&path).unwrap_err().to_string();
+        assert!(!text.contains('\n'));
+        text.replace(&path.display().to_string(), "F")
+    }
+
+    #[test]
+    fn useless_files_are_refused_in_one_sentence() {
+        assert_eq!(
+            refused("a.log", b""),
+            "F: expected a candump or MCAP log, found an empty file"
+        );
+        assert_eq!(
+            refused("a.mcap", b"\x00\x01\x02"),
+            r#"F: expected a candump or MCAP log, found binary data starting with "\x00\x01\x02""#
+        );
+        assert_eq!(
+            refused("a.log", b"hello\nworld\n"),
+            "F: expected a candump or MCAP log, found no valid line in 2; the first: F:1: \
+             expected a stamp \"(seconds.fraction)\" with 6 or 9 decimals, found \"hello\"; candump -L writes such a log, can.logconvert of python-can \
+             makes one of others"
+        );
+        assert_eq!(
+            refused("a.log", b"\n\n"),
+            "F: expected a candump or MCAP log, found no valid line in 2; candump -L writes such a log, can.logconvert of \
+             python-can makes one of others"
+        );
+        assert_eq!(
+            refused("a.mcap", mcap::MAGIC),
+            "F: expected raw frames (schema hmd.v1.RawBatch) on topics /bus/<interface>/raw, found no topic; \
+             F: at byte 8: expected a record, found the end of the file: it was cut or never finished"
+        );
+        let garbage: Vec<u8> = (0..100_000_u32)
+            .map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8)
+            .collect();
+        assert!(refused("a.log", &garbage).contains("found no valid line in "));
+    }
+
+    #[test]
+    fn a_path_that_is_no_file_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(matches!(open(folder.path()), Err(IngestError::Directory { .. })));
+        assert!(matches!(
+            open(&folder.path().join("none")),
+            Err(IngestError::Unreadable { .. })
+        ));
+    }
+
+    #[test]
+    fn a_text_log_is_read_whatever_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.mcap");
+        std::fs::write(&path, "bad\n(1.000000) vcan0 123#00\nbad\n(2.000000) vcan1 123#00\n").unwrap();
+        let mut source = open(&path).unwrap();
+        assert_eq!((source.format(), source.total_bytes()), (LogFormat::Candump, Some(56)));
+        let stamps: Vec<_> = source
+            .by_ref()
+            .map(|item| item.ok().map(|frame| frame.stamp_ns / 1_000_000_000))
+            .collect();
+        assert_eq!(stamps, [None, Some(1), None, Some(2)]);
+        assert_eq!(source.position(), 56);
+        assert_eq!(source.bus_names().iter().collect::<Vec<_>>(), ["vcan0", "vcan1"]);
+    }
+
+    #[test]
+    fn the_same_frames_come_from_mcap_and_from_candump() {
+        let folder = tempfile::tempdir().unwrap();
+        let [text, recorded] = ["a.log", "a.mcap"].map(|name| folder.path().join(name));
+        let mut names = BusNames::new();
+        for name in ["vcan0", "vcan1"] {
+            names.intern(name).unwrap();
+        }
+        let mut log = Vec::new();
+        let out = std::fs::File::create(&recorded).unwrap();
+        let mut sink = hmd_storage::mcap_writer::Sink::new(out, &std::collections::BTreeMap::new()).unwrap();
+        let mut frames = Vec::new();
+        for i in 0..500_u64 {
+            let stamp_ns = 1_700_000_000_000_000_000 + 1000 * i;
+            let data = i.wrapping_mul(0x9E37_79B9_7F4A_7C15).to_le_bytes();
+            let (id, flags, data) = match i % 11 {
+                3 => (0x1234_5678, FrameFlags::EXTENDED, &data[..5]),
+                5 => (0x80, FrameFlags::ERROR, &data[..]),
+                7 => (0x321, FrameFlags::REMOTE, &data[..4]),
+                _ => (0x100 + (i % 4) as u32, FrameFlags::NONE, &data[..]),
+            };
+            let bus = u16::from(i > 0 && (i / 3) % 3 == 0);
+            let frame = RawFrame::new(stamp_ns, bus, id, flags, data).unwrap();
+            crate::candump::emit(
+                &frame,
+                names.name(bus).unwrap(),
+                crate::candump::Decimals::Six,
+                &mut log,
+            );
+            sink.raw(&frame, &names).unwrap();
+            frames.push(frame);
+        }
+        sink.finish().unwrap();
+        std::fs::write(&text, log).unwrap();
+        for path in [text, recorded] {
+            let read: Result<Vec<_>, _> = open(&path).unwrap().collect();
+            assert_eq!(read.unwrap(), frames, "{}", path.display());
+        }
+    }
+
+    #[test]
+    fn a_foreign_file_is_named_as_such() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("other.mcap");
+        let write = |topic: &str, schema: &str| {
+            let mut writer = ::mcap::Writer::new(std::fs::File::create(&path).unwrap()).unwrap();
+            let schema = writer.add_schema(schema, "protobuf", b"").unwrap();
+            let id = writer
+                .add_channel(schema, topic, "protobuf", &std::collections::BTreeMap::new())
+                .unwrap();
+            let header = ::mcap::records::MessageHeader {
+                channel_id: id,
+                sequence: 0,
+                log_time: 1,
+                publish_time: 1,
+            };
+            writer.write_to_known_channel(&header, b"\xFF\xFF").unwrap();
+            writer.finish().unwrap();
+            let text = open(&path).unwrap_err().to_string();
+            text.replace(&path.display().to_string(), "F")
+        };
+        assert_eq!(
+            write("/camera", "foxglove.Image"),
+            "F: expected raw frames (schema hmd.v1.RawBatch) on topics /bus/<interface>/raw, found only /camera"
+        );
+        assert!(
+            write("/bus/can0/raw", "a.B").ends_with("expected schema hmd.v1.RawBatch on /bus/can0/raw, found \"a.B\"")
+        );
+        assert!(write("/bus/can0/raw", "hmd.v1.RawBatch").contains("expected a raw batch, found another message: "));
+    }
+}

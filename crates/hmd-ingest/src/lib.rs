@@ -1,0 +1,21 @@
+//! Sources of raw frames, and what can be lost on the way in.
+//!
+//! A reader yields `Result<RawFrame, Loss>`: an unreadable line or chunk is an item like any other, so that the caller
+//! counts it, reports it and goes on. Only what makes a whole source useless is an error of `open`.
+//! Live sources ([`live`], [`can`], [`serial`]) never end by themselves: what is missing or fails is reported and tried again.
+//! Time stamps that step back are passed on as they are; later stages decide what they mean.
+
+#[cfg(test)]
+#[path = "../../hmd-core/src/frame/any_frame.rs"]
+mod any_frame;
+pub mod can;
+pub mod candump;
+pub mod feed;
+pub mod file;
+pub mod live;
+mod loss;
+pub mod serial;
+
+pub use candump::{BadLine, CandumpReader, LineFault};
+pub use file::{FrameSource, IngestError, LogFormat, open, open_recorded, open_with};
+pub use loss::Loss;

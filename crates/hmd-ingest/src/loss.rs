@@ -1,0 +1,42 @@
+//! What was in a source and could not be read.
+
+use hmd_core::pipeline::Losses;
+use hmd_storage::mcap::McapLoss;
+use thiserror::Error;
+
+use crate::candump::BadLine;
+
+/// Something that was in a source and could not be read.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum Loss {
+    /// A line of a text log.
+    #[error(transparent)]
+    Line(#[from] BadLine),
+    /// A stretch of an MCAP file.
+    #[error(transparent)]
+    Mcap(#[from] McapLoss),
+}
+
+impl Loss {
+    /// How many frames are known to be lost; 0 when that cannot be told.
+    pub fn frames(&self) -> u64 {
+        match self {
+            Self::Line(_) => 1,
+            Self::Mcap(loss) => loss.frames(),
+        }
+    }
+
+    /// Adds it to the losses of a run; the number of damaged places of a file, 0 or 1.
+    pub fn count_into(&self, losses: &mut Losses) -> u64 {
+        match self {
+            Self::Line(_) => {
+                losses.unreadable += 1;
+                0
+            }
+            Self::Mcap(_) => {
+                losses.damaged += self.frames();
+                1
+            }
+        }
+    }
+}

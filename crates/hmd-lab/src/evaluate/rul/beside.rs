@@ -1,0 +1,200 @@
+//! Forecasts that another program made of the suite's histories, scored as ours are.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::errors::ErrorTable;
+use super::{FAULTS, Growth, History, Scored, Scores, by_oracle, draw, fault_name, ours, score};
+use hmd_core::seed::mix;
+
+/// Hours left after each window of a history, as equally likely values in rising order: with n of them the m-th, from 0, is
+/// the quantile (m + ½)/n. A value of `None` is longer than any, and stands behind all others. A window without a forecast is `None`.
+pub type Lives = Vec<Option<Vec<Option<f64>>>>;
+
+/// Forecasts that do not belong to the histories.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected {expected} forecasts{}, found {found}", .history.map_or_else(String::new, |n| format!(" of history {n}")))]
+pub struct BesideError {
+    /// Number of the history; `None` when their number is wrong.
+    pub history: Option<usize>,
+    /// Histories, or windows of one.
+    pub expected: usize,
+    /// Forecasts.
+    pub found: usize,
+}
+
+/// Both on some of the histories, and what knows the true law.
+#[derive(Clone, Debug, Serialize)]
+pub struct Beside {
+    /// Fault, law or all.
+    pub name: String,
+    /// Their number.
+    pub histories: usize,
+    /// Of this monitor.
+    pub ours: Scores,
+    /// Of the other program.
+    pub theirs: Scores,
+    /// Of the oracle.
+    pub oracle: Scores,
+}
+
+/// One history, scored for each.
+struct ScoredAll {
+    fault: usize,
+    growth: Growth,
+    ours: Scored,
+    theirs: Scored,
+    oracle: Scored,
+}
+
+/// The first `n` histories of each fault of the suite, fault by fault.
+///
+/// # Errors
+/// A stored table of errors that cannot be read.
+pub fn rul_histories(n: u64, seed: u64) -> Result<Vec<History>, serde_json::Error> {
+    let errors = ErrorTable::stored()?;
+    let each = |number: u64| draw((number / n) as usize, number % n, &errors, seed);
+    Ok((0..FAULTS as u64 * n).map(each).collect())
+}
+
+/// Scores of all, by fault, by law of growth and over all; one entry of `theirs` for each of [`rul_histories`].
+///
+/// # Errors
+/// Forecasts that are too few or too many.
+pub fn rul_beside(histories: &[History], theirs: &[Lives]) -> Result<Vec<Beside>, BesideError> {
+    if histories.len() != theirs.len() {
+        return Err(BesideError {
+            history: None,
+            expected: histories.len(),
+            found: theirs.len(),
+        });
+    }
+    let each = histories.len() / FAULTS;
+    let scored: Vec<ScoredAll> = histories
+        .par_iter()
+        .zip(theirs)
+        .enumerate()
+        .map(|(n, (history, lives))| {
+            let fault = n / each;
+            let theirs = by_lives(history, lives).map_err(|found| BesideError {
+                history: Some(n),
+                expected: history.windows.len(),
+                found,
+            })?;
+            Ok(ScoredAll {
+                fault,
+                growth: history.growth,
+                ours: ours(history, fault),
+                theirs,
+                oracle: by_oracle(history, mix(fault as u64, &[8, n as u64])),
+            })
+        })
+        .collect::<Result<_, BesideError>>()?;
+    let group = |name: &str, belongs: &dyn Fn(&ScoredAll) -> bool| {
+        let members: Vec<_> = scored.iter().filter(|member| belongs(member)).collect();
+        Beside {
+            name: name.to_owned(),
+            histories: members.len(),
+            ours: Scores::of(members.iter().map(|member| &member.ours)),
+            theirs: Scores::of(members.iter().map(|member| &member.theirs)),
+            oracle: Scores::of(members.iter().map(|member| &member.oracle)),
+        }
+    };
+    let mut groups: Vec<Beside> = (0..FAULTS)
+        .map(|fault| group(fault_name(fault), &|member| member.fault == fault))
+        .collect();
+    groups.extend(Growth::ALL.map(|law| group(law.name(), &|member| member.growth == law)));
+    groups.push(group("all", &|_| true));
+    Ok(groups)
+}
+
+/// A history as somebody else told it; the number of forecasts where it is wrong.
+fn by_lives(history: &History, told: &Lives) -> Result<Scored, usize> {
+    if told.len() != history.windows.len() {
+        return Err(told.len());
+    }
+    let mut forecasts = told.iter();
+    Ok(score(history, |_, tell| {
+        if let Some(Some(lives)) = forecasts.next() {
+            let lives: Vec<f64> = lives.iter().map(|life| life.unwrap_or(f64::INFINITY)).collect();
+            let quantile = |share| Some(quantile_of(&lives, share)).filter(|hours: &f64| hours.is_finite());
+            tell([0.1, 0.5, 0.9].map(quantile), &|hours| {
+                probability_within(&lives, hours)
+            });
+        }
+    }))
+}
+
+/// A quantile by straight lines between equally likely values.
+fn quantile_of(lives: &[f64], share: f64) -> f64 {
+    let place = (share * lives.len() as f64 - 0.5).clamp(0.0, lives.len().saturating_sub(1) as f64);
+    let (low, part) = (place.floor() as usize, place.fract());
+    let at = |n: usize| lives.get(n).copied().unwrap_or(f64::INFINITY);
+    if part > 0.0 {
+        at(low) + part * (at(low + 1) - at(low))
+    } else {
+        at(low)
+    }
+}
+
+/// Probability of a life within some hours, by the same lines.
+fn probability_within(lives: &[f64], hours: f64) -> f64 {
+    let below = lives.partition_point(|&life| life <= hours);
+    let counted = match (below.checked_sub(1), lives.get(below)) {
+        (Some(last), Some(&next)) if next.is_finite() => {
+            below as f64 - 0.5 + (hours - lives[last]) / (next - lives[last])
+        }
+        _ => below as f64,
+    };
+    counted / lives.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equally_likely_values_are_a_distribution() {
+        let lives: Vec<f64> = (0..100).map(|n| f64::from(n) + 0.5).collect();
+        for share in [0.1, 0.5, 0.9] {
+            let hours = quantile_of(&lives, share);
+            assert!((hours - 100.0 * share).abs() < 1e-9, "{hours}");
+            assert!((probability_within(&lives, hours) - share).abs() < 1e-9);
+        }
+        assert!(probability_within(&lives, 0.0).abs() < 1e-12);
+        assert!((probability_within(&lives, 200.0) - 1.0).abs() < 1e-12);
+        let never = [10.0, f64::INFINITY];
+        assert!(quantile_of(&never, 0.9).is_infinite());
+        assert!((probability_within(&never, 1e9) - 0.5).abs() < 1e-12);
+        assert!(probability_within(&[], 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_truth_scores_best_and_silence_worst() -> Result<(), Box<dyn std::error::Error>> {
+        let histories = rul_histories(2, 5)?;
+        let told = |of: &dyn Fn(f64) -> Option<Vec<Option<f64>>>| -> Vec<Lives> {
+            let windows = |history: &History| {
+                history
+                    .windows
+                    .iter()
+                    .map(|w| of(history.life_h - w.at.hours))
+                    .collect()
+            };
+            histories.iter().map(windows).collect()
+        };
+        let truth = told(&|left| Some(vec![Some(0.99 * left), Some(1.01 * left)]));
+        let all = rul_beside(&histories, &truth)?.pop().ok_or("a row for all")?;
+        assert_eq!((all.histories, all.theirs.alpha_lambda_pass_rate), (14, 1.0));
+        assert!(all.theirs.cra > 0.99 && all.ours.cra > 0.5);
+        let silence = rul_beside(&histories, &told(&|_| None))?.pop().ok_or("a row for all")?;
+        assert_eq!(
+            (silence.theirs.alpha_lambda_pass_rate, silence.theirs.coverage_80),
+            (0.0, 0.0)
+        );
+        assert!(rul_beside(&histories, &truth[1..]).is_err());
+        let mut short = truth;
+        short[3].pop();
+        assert_eq!(rul_beside(&histories, &short).map(|_| ()).unwrap_err().history, Some(3));
+        Ok(())
+    }
+}

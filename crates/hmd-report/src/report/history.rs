@@ -1,0 +1,240 @@
+//! What recorded files say of an actuator.
+
+use std::collections::BTreeMap;
+use std::io::BufReader;
+use std::path::Path;
+
+use prost::Message;
+
+use hmd_core::record::{Estimate, Health, Log, Record, Rul, Status, Window};
+use hmd_ingest::file::open_recorded;
+use hmd_storage::mcap::{McapLoss, McapMessages};
+use hmd_storage::mcap_writer::METADATA_NAME;
+
+/// Why there is no report.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// A file that cannot be read.
+    #[error("{file}: {source}")]
+    Io {
+        /// The file.
+        file: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A record that is not what its schema says.
+    #[error("{file}: {source}")]
+    Record {
+        /// The file.
+        file: String,
+        /// Why.
+        source: prost::DecodeError,
+    },
+    /// Files without records of windows.
+    #[error("{files}: expected records of windows, found none; hmd replay LOG -o OUT.mcap makes them")]
+    Empty {
+        /// The files.
+        files: String,
+    },
+    /// No such actuator, or none named where there are several.
+    #[error("--actuator: expected one of {known}, found {found}")]
+    Actuator {
+        /// Those that the files have.
+        known: String,
+        /// What was asked for.
+        found: String,
+    },
+}
+
+/// One window of a history.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Point {
+    /// Number of the window.
+    pub window: u64,
+    /// Its start, UTC ns.
+    pub t_start_ns: u64,
+    /// `ok`, `degraded`, `invalid` or `unmodelled`.
+    pub status: String,
+    /// State of health.
+    pub health: String,
+    /// Fault vector, if it was judged.
+    pub estimate: Option<Estimate>,
+    /// Root mean square of the current residual, A.
+    pub residual_rms_a: Option<f64>,
+    /// Operating hours so far.
+    pub used_h: Option<f64>,
+    /// Hours left: 10, 50 and 90 % quantile.
+    pub left_h: Option<[f64; 3]>,
+}
+
+/// How one file was made, and what it lost.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Source {
+    /// Name of the file.
+    pub file: String,
+    /// Its metadata: build, configuration, model, seed…
+    pub metadata: BTreeMap<String, String>,
+    /// Counts at its end.
+    pub status: Status,
+    /// Parts of the file were damaged.
+    pub damaged: bool,
+}
+
+/// What is known of one actuator.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct History {
+    /// Its name.
+    pub actuator: String,
+    /// Its windows, as recorded.
+    pub points: Vec<Point>,
+    /// The newest health record, and what was left then.
+    pub newest: (Health, Rul),
+    /// The newest window that was fitted.
+    pub fitted: Option<Window>,
+    /// Samples of all windows: called for, received, missing.
+    pub samples: [u64; 3],
+    /// Reasons of windows that are not `ok`, with their number.
+    pub reasons: BTreeMap<String, u64>,
+}
+
+/// What some files say: of each actuator, of themselves, and events.
+#[derive(Clone, Debug, Default)]
+pub struct Files {
+    /// By name.
+    pub actuators: BTreeMap<String, History>,
+    /// In the order of reading.
+    pub sources: Vec<Source>,
+    /// UTC ns and text.
+    pub events: Vec<(u64, String)>,
+}
+
+impl Files {
+    /// Reads files in the order of time.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or a record that is none. Damaged parts are passed over, told to `tell` each with its
+    /// place, and mentioned on the page.
+    pub fn read<P: AsRef<Path>>(paths: &[P], tell: &mut dyn FnMut(&McapLoss)) -> Result<Self, ReportError> {
+        let mut files = Self::default();
+        for path in paths {
+            let name = path.as_ref().display().to_string();
+            let io = |source| ReportError::Io {
+                file: name.clone(),
+                source,
+            };
+            let file = open_recorded(path.as_ref()).map_err(io)?;
+            let mut messages = McapMessages::new(BufReader::new(file), &name).map_err(io)?;
+            let mut source = Source {
+                file: path
+                    .as_ref()
+                    .file_name()
+                    .unwrap_or_default()
+                    .to_string_lossy()
+                    .into_owned(),
+                ..Source::default()
+            };
+            let record = |source| ReportError::Record {
+                file: name.clone(),
+                source,
+            };
+            for message in messages.by_ref() {
+                let message = match message {
+                    Ok(message) => message,
+                    Err(loss) => {
+                        tell(&loss);
+                        source.damaged = true;
+                        continue;
+                    }
+                };
+                let data = message.data.as_slice();
+                match &*message.schema {
+                    Window::SCHEMA_NAME => files.window(Window::decode(data).map_err(record)?),
+                    Health::SCHEMA_NAME => files.health(Health::decode(data).map_err(record)?),
+                    Rul::SCHEMA_NAME => files.rul(Rul::decode(data).map_err(record)?),
+                    Status::SCHEMA_NAME => source.status = Status::decode(data).map_err(record)?,
+                    Log::SCHEMA_NAME => {
+                        let text = Log::decode(data).map_err(record)?.message;
+                        files.events.push((message.log_time_ns, text));
+                    }
+                    _ => {}
+                }
+            }
+            match messages.verified_metadata(METADATA_NAME) {
+                Ok(metadata) => source.metadata = metadata.cloned().unwrap_or_default(),
+                Err(loss) => {
+                    tell(&loss);
+                    source.damaged = true;
+                }
+            }
+            files.sources.push(source);
+        }
+        Ok(files)
+    }
+
+    /// The actuator of this name, or the only one.
+    ///
+    /// # Errors
+    /// None, or none of this name, or several and no name.
+    pub fn actuator(&self, name: Option<&str>) -> Result<&History, ReportError> {
+        if self.actuators.is_empty() {
+            let files: Vec<&str> = self.sources.iter().map(|source| source.file.as_str()).collect();
+            return Err(ReportError::Empty {
+                files: files.join(", "),
+            });
+        }
+        let only = self.actuators.values().next().filter(|_| self.actuators.len() == 1);
+        let found = name.map_or(only, |name| self.actuators.get(name));
+        found.ok_or_else(|| ReportError::Actuator {
+            known: self.actuators.keys().cloned().collect::<Vec<_>>().join(", "),
+            found: name.map_or_else(|| "none".to_owned(), |name| format!("{name:?}")),
+        })
+    }
+
+    fn of(&mut self, actuator: &str) -> &mut History {
+        self.actuators.entry(actuator.to_owned()).or_insert_with(|| History {
+            actuator: actuator.to_owned(),
+            ..History::default()
+        })
+    }
+
+    fn window(&mut self, window: Window) {
+        let history = self.of(&window.actuator);
+        let counts = [window.samples_expected, window.samples, window.samples_lost];
+        for (sum, count) in history.samples.iter_mut().zip(counts) {
+            *sum += count;
+        }
+        if !window.fitted_i_q_a.is_empty() {
+            history.fitted = Some(window);
+        }
+    }
+
+    fn health(&mut self, health: Health) {
+        let history = self.of(&health.actuator);
+        if !health.reason.is_empty() {
+            *history.reasons.entry(health.reason.clone()).or_default() += 1;
+        }
+        history.points.push(Point {
+            window: health.window,
+            t_start_ns: health.t_start_ns,
+            status: health.status.clone(),
+            health: health.health.clone(),
+            estimate: health.estimate(),
+            residual_rms_a: health.residual_rms_a,
+            used_h: None,
+            left_h: None,
+        });
+        history.newest = (health, Rul::default());
+    }
+
+    fn rul(&mut self, rul: Rul) {
+        let history = self.of(&rul.actuator);
+        if let Some(point) = history.points.last_mut().filter(|point| point.window == rul.window) {
+            point.used_h = rul.operating_h;
+            point.left_h = match (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) {
+                (Some(p10), Some(p50), Some(p90)) => Some([p10, p50, p90]),
+                _ => None,
+            };
+            history.newest.1 = rul;
+        }
+    }
+}

@@ -1,0 +1,206 @@
+//! What the state means at a moment, in words and figures.
+
+use super::follow::Progress;
+use super::state::{Known, State};
+use hmd_core::health::HealthState;
+use hmd_core::record::{FAULT_NAMES, Status};
+
+/// Silence from which a source that should be live is called silent, s: status records come every ten seconds and are on the
+/// disk a second later.
+pub const NEWS_MAX_S: f64 = 15.0;
+
+/// How the source stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Condition {
+    /// It is being read; share, 0…1.
+    Reading(f64),
+    /// It is being written; s since something was.
+    Live(f64),
+    /// It should be written and is not; s since something was.
+    Silent(f64),
+    /// The daemon ended in order; s since then.
+    Ended(f64),
+    /// A finished file: all that is shown was so at its end.
+    Recorded,
+}
+
+impl Condition {
+    /// From how far the reading came, and the seconds since something was written.
+    #[must_use]
+    pub fn new(progress: Progress, silent_s: f64) -> Self {
+        match progress {
+            Progress::Reading(share) => Self::Reading(share),
+            Progress::Finished => Self::Recorded,
+            Progress::Closed => Self::Ended(silent_s),
+            Progress::Waiting if silent_s > NEWS_MAX_S => Self::Silent(silent_s),
+            Progress::Waiting => Self::Live(silent_s),
+        }
+    }
+
+    /// Seconds since the newest record was written, as far as they make what it says old.
+    fn passed_s(self) -> f64 {
+        match self {
+            Self::Live(s) | Self::Silent(s) | Self::Ended(s) => s,
+            Self::Reading(_) | Self::Recorded => 0.0,
+        }
+    }
+}
+
+/// How old an actuator's data are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Freshness {
+    /// The source does not say: a replay has no clock.
+    Unsaid,
+    /// Fresh by the word of the daemon.
+    Fresh,
+    /// No sample for so many seconds.
+    Stale(f64),
+}
+
+/// One line of the table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row<'a> {
+    /// Name of the actuator.
+    pub name: &'a str,
+    /// Age of its data.
+    pub freshness: Freshness,
+    /// State by its last window.
+    pub health: HealthState,
+    /// Its state alarms nobody.
+    pub passive: bool,
+    /// Windows in a row that ask for a worse state; 0 where the source does not say.
+    pub persistence: u64,
+    /// Fault and damage, 0…1: the largest of the newest window that was judged.
+    pub worst: Option<(&'static str, f64)>,
+    /// Seconds since the start of its newest window.
+    pub window_age_s: Option<f64>,
+    /// Its newest records; `None` when no window was read.
+    pub known: Option<&'a Known>,
+    /// Last change of its state, as a sentence.
+    pub changed: Option<String>,
+}
+
+/// All that is shown.
+#[derive(Clone, Debug)]
+pub struct Model<'a> {
+    /// Folder or file.
+    pub place: &'a str,
+    /// How the source stands.
+    pub condition: Condition,
+    /// The records behind it.
+    pub state: &'a State,
+    /// The actuators.
+    pub rows: Vec<Row<'a>>,
+    /// How many are in each state, from bad to good, without those of which there are none.
+    pub counts: Vec<(HealthState, usize)>,
+    /// How many have stale data.
+    pub stale: usize,
+}
+
+impl<'a> Model<'a> {
+    /// The state of `place` at this moment. With `worst_first` the gravest stand on top; else they keep their order.
+    #[must_use]
+    pub fn new(place: &'a str, state: &'a State, condition: Condition, worst_first: bool) -> Self {
+        let names = state.names();
+        let rows = names
+            .into_iter()
+            .enumerate()
+            .map(|(n, name)| row(state, condition, n, name));
+        let mut rows: Vec<Row<'_>> = rows.collect();
+        if worst_first {
+            // Stable, so that equal ones keep their order.
+            rows.sort_by(|a, b| {
+                gravity(b)
+                    .0
+                    .cmp(&gravity(a).0)
+                    .then(gravity(b).1.total_cmp(&gravity(a).1))
+            });
+        }
+        let of = |health| (health, rows.iter().filter(|row| row.health == health).count());
+        let counts = HealthState::ALL
+            .into_iter()
+            .rev()
+            .map(of)
+            .filter(|(_, count)| *count > 0);
+        Self {
+            place,
+            condition,
+            state,
+            counts: counts.collect(),
+            stale: rows
+                .iter()
+                .filter(|row| matches!(row.freshness, Freshness::Stale(_)))
+                .count(),
+            rows,
+        }
+    }
+}
+
+fn gravity(row: &Row<'_>) -> (HealthState, f64) {
+    (row.health, row.worst.map_or(0.0, |(_, damage)| damage))
+}
+
+fn row<'a>(state: &'a State, condition: Condition, n: usize, name: &'a str) -> Row<'a> {
+    let known = state.of(name).filter(|known| !known.health.actuator.is_empty());
+    let since = |then_ns: u64| state.newest_ns().saturating_sub(then_ns) as f64 * 1e-9 + condition.passed_s();
+    let status = state
+        .status()
+        .filter(|(_, status)| status.actuator.get(n).is_some_and(|of| of == name));
+    let told = status.and_then(|(_, status)| status.health.get(n));
+    let judged = known.map(|known| &known.health.health);
+    let damages = known
+        .and_then(|known| known.judged.as_ref())
+        .map(|health| health.damages());
+    let largest = |damages: [Option<f64>; FAULT_NAMES.len()]| {
+        let damages = FAULT_NAMES.into_iter().zip(damages);
+        damages
+            .filter_map(|(fault, damage)| Some((fault, damage?)))
+            .max_by(|a, b| a.1.total_cmp(&b.1))
+    };
+    Row {
+        name,
+        freshness: status.map_or(Freshness::Unsaid, |(at_ns, status)| {
+            freshness(status, n, condition, since(*at_ns))
+        }),
+        // The window's own record comes before the counters that repeat it.
+        health: judged
+            .or(told)
+            .map_or(HealthState::Unknown, |name| HealthState::named(name)),
+        passive: status.is_some_and(|(_, status)| status.passive.get(n) == Some(&true)),
+        persistence: status
+            .and_then(|(_, status)| status.persistence.get(n))
+            .copied()
+            .unwrap_or(0),
+        worst: damages.and_then(largest),
+        window_age_s: known.map(|known| since(known.health.t_start_ns)),
+        known,
+        changed: status.and_then(|(_, status)| changed(status, n)),
+    }
+}
+
+/// What the counters say of an actuator's data, `since_s` ago. The daemon tells at once when they become stale, so what was
+/// fresh is fresh as long as it lives.
+fn freshness(status: &Status, n: usize, condition: Condition, since_s: f64) -> Freshness {
+    let told_s = status.data_age_s.get(n).copied().unwrap_or(0.0);
+    let was_stale = status.data_state.get(n).is_some_and(|state| state == "STALE");
+    let nobody_looks = match condition {
+        Condition::Silent(_) => true,
+        Condition::Ended(s) => s > NEWS_MAX_S,
+        Condition::Live(_) | Condition::Reading(_) | Condition::Recorded => false,
+    };
+    if was_stale || nobody_looks {
+        Freshness::Stale(told_s + since_s)
+    } else {
+        Freshness::Fresh
+    }
+}
+
+fn changed(status: &Status, n: usize) -> Option<String> {
+    let at_ns = *status.changed_ns.get(n).filter(|at| **at > 0)?;
+    let [from, to] = [&status.changed_from, &status.health].map(|list| list.get(n).map_or("", String::as_str));
+    let faults = status.changed_faults.get(n).filter(|faults| !faults.is_empty());
+    let faults = faults.map_or_else(|| "no fault".to_owned(), |faults| faults.replace(',', ", "));
+    let damage = status.changed_damage.get(n).copied().unwrap_or(0.0);
+    let when = hmd_core::timestamp::minute(at_ns);
+    Some(format!("{from} to {to} at {when}: {faults}, damage {damage:.2}"))
+}

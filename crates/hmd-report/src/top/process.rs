@@ -1,0 +1,99 @@
+//! How the process that writes the records fares, by its counters.
+
+use hmd_core::record::Status;
+
+/// Interfaces that are not well, by name; how many are; queues; storage.
+pub(super) fn buses(status: &Status) -> String {
+    let state = |n: usize| {
+        let link = status.link.get(n).map_or("", String::as_str);
+        let bus = status.bus_state.get(n).map_or("", String::as_str);
+        (link, bus)
+    };
+    let well = |n: usize| matches!(state(n), ("up" | "", "error-active" | ""));
+    let interfaces = status.interface.iter().enumerate();
+    let (well, ill): (Vec<_>, Vec<_>) = interfaces.partition(|(n, _)| well(*n));
+    let mut said: Vec<String> = ill
+        .iter()
+        .map(|(n, name)| match state(*n) {
+            ("up" | "", bus) => format!("{name} {bus}"),
+            (link, _) => format!("{name} {}", link.to_uppercase()),
+        })
+        .collect();
+    match well.as_slice() {
+        [] => {}
+        [(_, only)] => said.push(format!("{only} well")),
+        several => said.push(format!("{} well", several.len())),
+    }
+    if said.is_empty() {
+        said.push("none told of".to_owned());
+    }
+    let mut said = format!("buses    {}", said.join(", "));
+    // A replay has none.
+    if !status.actuator.is_empty() {
+        said += &format!(
+            "; queues {} inputs, {} windows",
+            status.queued_inputs, status.queued_windows
+        );
+    }
+    if !status.storage.is_empty() {
+        said += &format!(
+            "; storage {}, {} free",
+            status.storage,
+            bytes(status.storage_free_bytes)
+        );
+    }
+    said
+}
+
+/// What came in, and what was lost by cause.
+pub(super) fn losses(status: &Status, damaged: u64) -> String {
+    let lost: Vec<String> = status
+        .losses()
+        .iter()
+        .filter(|(_, count)| *count > 0)
+        .map(|(cause, count)| format!("{count} {cause}"))
+        .collect();
+    let lost = if lost.is_empty() {
+        "nothing".to_owned()
+    } else {
+        lost.join(", ")
+    };
+    let windows = [
+        (status.windows_ok, "ok"),
+        (status.windows_degraded, "degraded"),
+        (status.windows_invalid, "invalid"),
+        (status.windows_unmodelled, "unmodelled"),
+    ];
+    let windows: Vec<String> = windows
+        .iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, status)| format!("{count} {status}"))
+        .collect();
+    let windows = if windows.is_empty() {
+        "0".to_owned()
+    } else {
+        windows.join(", ")
+    };
+    format!(
+        "lost     {lost}; frames {}, windows {windows}{}",
+        status.frames_received,
+        damage(damaged)
+    )
+}
+
+/// Places in the files that could not be read; nothing where there are none.
+pub(super) fn damage(damaged: u64) -> String {
+    if damaged > 0 {
+        format!("; {damaged} damaged places in the file")
+    } else {
+        String::new()
+    }
+}
+
+fn bytes(count: u64) -> String {
+    match count as f64 {
+        b if b < 1e6 => format!("{:.0} kB", b / 1e3),
+        b if b < 1e9 => format!("{:.0} MB", b / 1e6),
+        b => format!("{:.0} GB", b / 1e9),
+    }
+}

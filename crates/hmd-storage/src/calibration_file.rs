@@ -1,0 +1,66 @@
+//! Files of calibrations: of a type and of one unit.
+
+use std::io;
+use std::path::Path;
+
+use ema_identify::calibration::MonitorForm;
+use ema_identify::unit_calibration::UnitCalibration;
+use hmd_core::assess::{AssessError, Models, TypeModel, model_hash};
+use hmd_core::config::{ActuatorType, Config};
+
+/// Reads everything that the windows of a configuration are assessed with.
+///
+/// # Errors
+/// The first calibration that cannot be read or used.
+pub fn load_models(config: &Config) -> Result<Models, AssessError> {
+    Models::load(config, &read_text)
+}
+
+/// Reads the calibrations of the types alone, as for units that nobody has calibrated yet.
+///
+/// # Errors
+/// The first calibration that cannot be read or used.
+pub fn load_type_models(config: &Config) -> Result<Models, AssessError> {
+    Models::load_types(config, &read_text)
+}
+
+/// Reads the calibration of a type, from the file that the configuration names or as shipped.
+///
+/// # Errors
+/// It cannot be read or used.
+pub fn load_type_model(
+    name: &str,
+    of_type: &ActuatorType,
+    form: MonitorForm,
+    config: &Config,
+) -> Result<TypeModel, AssessError> {
+    let path = of_type.calibration.as_deref().map(|path| config.resolve(path));
+    TypeModel::load(name, &of_type.params, form, path.as_deref(), &read_text)
+}
+
+/// Reads the calibration of a unit of a type.
+///
+/// # Errors
+/// It cannot be read or used.
+pub fn load_unit(path: &Path, actuator_type: &str) -> Result<UnitCalibration, AssessError> {
+    let name = path.display().to_string();
+    let text = read_text(path).map_err(|source| AssessError::Read {
+        path: name.clone(),
+        source,
+    })?;
+    Ok(UnitCalibration::parse(&text, &name, actuator_type)?)
+}
+
+/// Hash of the type calibrations of a configuration, as shipped or as their files stand.
+#[must_use]
+pub fn hash_of_models(config: &Config) -> String {
+    model_hash(config, &read_text)
+}
+
+/// The text of a calibration file.
+///
+/// # Errors
+/// What the system says.
+pub fn read_text(path: &Path) -> io::Result<String> {
+    std::fs::read_to_string(path)
+}

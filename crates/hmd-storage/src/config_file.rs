@@ -1,0 +1,89 @@
+//! The files of a configuration: one, and `conf.d/*.toml` beside it.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::regular_file::read_regular;
+use hmd_core::config::{Config, ConfigError};
+
+/// Folder of the drop-ins, beside the file.
+const FOLDER: &str = "conf.d";
+
+/// Most bytes of a drop-in.
+const DROPIN_BYTES_MAX: u64 = 1 << 20;
+
+/// Name and text of the file that was asked for; it may be a pipe.
+fn read(path: &Path) -> Result<(String, String), ConfigError> {
+    named(path, std::fs::read_to_string(path))
+}
+
+/// Name and text of a drop-in. Nobody named it: what is no regular file is refused, not waited for.
+fn read_dropin(path: &Path) -> Result<(String, String), ConfigError> {
+    let text = read_regular(path, DROPIN_BYTES_MAX)
+        .and_then(|bytes| String::from_utf8(bytes).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e)));
+    named(path, text)
+}
+
+fn named(path: &Path, text: io::Result<String>) -> Result<(String, String), ConfigError> {
+    let file = path.display().to_string();
+    match text {
+        Ok(text) => Ok((file, text)),
+        Err(source) => Err(ConfigError::Read { file, source }),
+    }
+}
+
+/// The drop-ins of a file, in the order of their names; none without the folder.
+fn list(path: &Path) -> Result<Vec<PathBuf>, ConfigError> {
+    let folder = path.parent().unwrap_or(Path::new("")).join(FOLDER);
+    let error = |source| ConfigError::Read {
+        file: folder.display().to_string(),
+        source,
+    };
+    let entries = match std::fs::read_dir(&folder) {
+        Err(missing) if matches!(missing.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {
+            return Ok(Vec::new());
+        }
+        entries => entries.map_err(error)?,
+    };
+    let mut files = Vec::new();
+    for entry in entries {
+        let path = entry.map_err(error)?.path();
+        if path.extension().is_some_and(|end| end == "toml") {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// Largest DBC file that is read, bytes.
+const DBC_BYTES_MAX: u64 = 16 << 20;
+
+/// Reads and checks a configuration file, with the drop-ins `conf.d/*.toml` beside it in the order of their names: what a
+/// later one sets again holds, and its `[[actuator]]`s are further ones. Relative paths start at the file's directory.
+///
+/// # Errors
+/// [`ConfigError`] with file, line, key, what was expected and what was found.
+pub fn load_config(path: impl AsRef<Path>) -> Result<Config, ConfigError> {
+    let path = path.as_ref();
+    let mut files = vec![read(path)?];
+    for dropin in list(path)? {
+        files.push(read_dropin(&dropin)?);
+    }
+    Config::from_texts(&files, &read_dbc)
+}
+
+/// The bytes of a DBC file, or why there are none.
+///
+/// # Errors
+/// What was found instead, as part of a sentence.
+pub fn read_dbc(path: &Path) -> Result<Vec<u8>, String> {
+    let metadata = std::fs::metadata(path).map_err(|e| e.to_string())?;
+    if !metadata.is_file() {
+        return Err("it is no file".to_owned());
+    }
+    if metadata.len() > DBC_BYTES_MAX {
+        return Err(format!("it has {} bytes", metadata.len()));
+    }
+    std::fs::read(path).map_err(|e| e.to_string())
+}

@@ -1,0 +1,156 @@
+//! Maintenance events: a part was replaced, and a new life begins. A file of lines, in JSON, that only grows.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::Path;
+
+use hmd_core::config::Config;
+use hmd_core::history::{Event, Events};
+
+use crate::regular_file::read_regular;
+
+/// Most bytes of a file: a hundred thousand events.
+const BYTES_MAX: u64 = 16 << 20;
+
+/// Why events cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum EventError {
+    /// The file cannot be read or written.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A line is no event.
+    #[error("{path}:{line}: expected a maintenance event, found {found}")]
+    Line {
+        /// The file.
+        path: String,
+        /// Its line, from 1.
+        line: usize,
+        /// What the reader said.
+        found: String,
+    },
+}
+
+/// Reads all events; none if there is no file.
+///
+/// # Errors
+/// [`EventError`].
+pub fn read(path: &Path) -> Result<Events, EventError> {
+    let name = || path.display().to_string();
+    let bytes = match read_regular(path, BYTES_MAX) {
+        Ok(bytes) => bytes,
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Events::default()),
+        Err(source) => return Err(EventError::Io { path: name(), source }),
+    };
+    let mut events = Events::default();
+    let lines: Vec<&[u8]> = bytes.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii).collect();
+    for (n, line) in lines.iter().enumerate().filter(|(_, line)| !line.is_empty()) {
+        // Behind the last end of a line; a power cut may leave zeros there as well.
+        let is_torn = n + 1 == lines.len() || line.contains(&0);
+        match serde_json::from_slice::<Event>(line) {
+            Ok(event) => events.list.push(event),
+            Err(e) if e.is_eof() || is_torn => events.unfinished.push(n + 1),
+            Err(e) => {
+                return Err(EventError::Line {
+                    path: name(),
+                    line: n + 1,
+                    found: e.to_string(),
+                });
+            }
+        }
+    }
+    events.list.sort_by_key(|event| event.t_ns);
+    Ok(events)
+}
+
+/// The maintenance events of a configuration.
+///
+/// # Errors
+/// A file that is there and cannot be read.
+pub fn events_of(config: &Config) -> Result<Events, EventError> {
+    match &config.rul().events {
+        Some(path) => read(&config.resolve(path)),
+        None => Ok(Events::default()),
+    }
+}
+
+/// Adds an event at the end of the file.
+///
+/// # Errors
+/// [`EventError::Io`].
+pub fn append(path: &Path, event: &Event) -> Result<(), EventError> {
+    let put = || {
+        let mut file = OpenOptions::new().create(true).read(true).append(true).open(path)?;
+        // After a line that was never finished.
+        let begin = if ends_a_line(&mut file)? { "" } else { "\n" };
+        file.write_all(format!("{begin}{}\n", serde_json::to_string(event)?).as_bytes())?;
+        file.sync_data()
+    };
+    put().map_err(|source| EventError::Io {
+        path: path.display().to_string(),
+        source,
+    })
+}
+
+/// Whether the next line can begin at the end of a file.
+fn ends_a_line(file: &mut File) -> io::Result<bool> {
+    if file.seek(SeekFrom::End(0))? == 0 {
+        return Ok(true);
+    }
+    let mut last = [0];
+    file.seek(SeekFrom::End(-1))?;
+    file.read_exact(&mut last)?;
+    Ok(last == *b"\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hmd_core::history::EventKind;
+
+    #[test]
+    fn events_are_read_in_the_order_of_time_and_a_bad_line_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("events.jsonl");
+        assert_eq!(read(&path).unwrap(), Events::default());
+        let found = |list, unfinished| assert_eq!(read(&path).unwrap(), Events { list, unfinished });
+        let event = |t_ns| Event {
+            t_ns,
+            actuator: "ema0".to_owned(),
+            event: EventKind::Reset,
+        };
+        for t_ns in [2, 1] {
+            append(&path, &event(t_ns)).unwrap();
+        }
+        found(vec![event(1), event(2)], vec![]);
+        // The power goes at any byte of a third, and somebody tells of it again.
+        let two = std::fs::read(&path).unwrap();
+        append(&path, &event(3)).unwrap();
+        let three = std::fs::read(&path).unwrap();
+        for cut in two.len() + 1..three.len() - 1 {
+            std::fs::write(&path, &three[..cut]).unwrap();
+            found(vec![event(1), event(2)], vec![3]);
+            append(&path, &event(4)).unwrap();
+            found(vec![event(1), event(2), event(4)], vec![3]);
+        }
+        std::fs::write(&path, &three[..three.len() - 1]).unwrap();
+        append(&path, &event(4)).unwrap();
+        assert_eq!(
+            read(&path).unwrap().list.len(),
+            4,
+            "only the end of the line was missing"
+        );
+        std::fs::write(&path, [two.as_slice(), &[0, 0, 0xff]].concat()).unwrap();
+        found(vec![event(1), event(2)], vec![3]);
+        std::fs::write(&path, "{\"t_ns\":1,\"actuator\":\"ema0\",\"event\":\"party\"}\n").unwrap();
+        let error = read(&path).unwrap_err().to_string();
+        assert!(
+            error.contains("events.jsonl:1: expected a maintenance event"),
+            "{error}"
+        );
+    }
+}

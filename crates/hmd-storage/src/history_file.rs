@@ -1,0 +1,235 @@
+//! Lives in files: one for each actuator, versioned, replaced as a whole.
+
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use serde_json::value::RawValue;
+use sha2::{Digest, Sha256};
+
+use crate::regular_file::{create_beside, read_regular};
+use hmd_core::config::Config;
+use hmd_core::history::{Life, Lives};
+use hmd_core::metadata_checksum::hex;
+
+/// Version of what is written. Version 1 had no checksum, version 2 held the levels of health too, which are those of the
+/// configuration; both are read as well. A file of another one is not.
+const VERSION: u32 = 3;
+
+/// Most bytes of a file: a life has less than one MiB.
+const BYTES_MAX: u64 = 16 << 20;
+
+/// Files that are put aside for each actuator; with more, the newest replaces the last.
+const ASIDE_MAX: usize = 8;
+
+/// Why a life that was kept cannot be used, or not be kept.
+#[derive(Debug, thiserror::Error)]
+pub enum StateError {
+    /// The file cannot be read or written.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// It is no state of a life.
+    #[error("{path}: expected the life of an actuator, found {found}")]
+    Content {
+        /// The file.
+        path: String,
+        /// What the reader said.
+        found: String,
+    },
+    /// It was written by a program that keeps lives in another form.
+    #[error("{path}: expected version 1 to {VERSION}, found {found}")]
+    Version {
+        /// The file.
+        path: String,
+        /// Its version.
+        found: u64,
+    },
+}
+
+/// What version a file has, read before anything else of it.
+#[derive(Deserialize)]
+struct Versioned {
+    version: u64,
+}
+
+#[derive(Serialize)]
+struct Written<'a> {
+    version: u32,
+    actuator: &'a str,
+    /// Of the text of `life`.
+    sha256: String,
+    life: &'a RawValue,
+}
+
+#[derive(Deserialize)]
+struct Read<'a> {
+    actuator: String,
+    sha256: Option<String>,
+    #[serde(borrow)]
+    life: &'a RawValue,
+}
+
+/// Where the life of an actuator is.
+#[must_use]
+pub(super) fn path(directory: &Path, actuator: &str) -> PathBuf {
+    directory.join(format!("{actuator}.life.json"))
+}
+
+fn checksum(life: &RawValue) -> String {
+    hex(&Sha256::digest(life.get()))
+}
+
+/// Writes a life: to a file beside, then onto its place, so that there is always a whole one, and on the disk when this
+/// returns.
+///
+/// # Errors
+/// [`StateError::Io`].
+pub fn save(directory: &Path, actuator: &str, life: &Life) -> Result<(), StateError> {
+    let place = path(directory, actuator);
+    let beside = place.with_extension("json.new");
+    let put = || {
+        let life = serde_json::value::to_raw_value(life)?;
+        let written = Written {
+            version: VERSION,
+            actuator,
+            sha256: checksum(&life),
+            life: &life,
+        };
+        fs::create_dir_all(directory)?;
+        let mut file = create_beside(&beside)?;
+        file.write_all(&serde_json::to_vec(&written)?)?;
+        file.sync_data()?;
+        fs::rename(&beside, &place)?;
+        File::open(directory)?.sync_all()
+    };
+    put().map_err(|source| StateError::Io {
+        path: place.display().to_string(),
+        source,
+    })
+}
+
+/// Reads a life; `None` where none was kept.
+///
+/// # Errors
+/// [`StateError`].
+pub fn load(directory: &Path, actuator: &str) -> Result<Option<Life>, StateError> {
+    let place = path(directory, actuator);
+    let name = || place.display().to_string();
+    let bytes = match read_regular(&place, BYTES_MAX) {
+        Ok(bytes) => bytes,
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(source) => return Err(StateError::Io { path: name(), source }),
+    };
+    let content = |found: String| StateError::Content { path: name(), found };
+    let unreadable = |e: serde_json::Error| content(e.to_string());
+    let found = serde_json::from_slice::<Versioned>(&bytes).map_err(unreadable)?.version;
+    if !(1..=u64::from(VERSION)).contains(&found) {
+        return Err(StateError::Version { path: name(), found });
+    }
+    let read: Read<'_> = serde_json::from_slice(&bytes).map_err(unreadable)?;
+    if read.actuator != actuator {
+        return Err(content(format!("that of {:?}", read.actuator)));
+    }
+    match &read.sha256 {
+        Some(sum) if *sum != checksum(read.life) => {
+            return Err(content("another checksum than its text has".to_owned()));
+        }
+        None if found > 1 => return Err(content("no checksum".to_owned())),
+        _ => {}
+    }
+    let life: Life = serde_json::from_str(read.life.get()).map_err(unreadable)?;
+    if !life.is_possible() {
+        return Err(content("numbers that no life has".to_owned()));
+    }
+    Ok(Some(life))
+}
+
+/// Gives the kept histories of all actuators of a configuration to a run. A file that cannot be used is reported and put
+/// aside.
+pub fn restore_all(directory: &Path, config: &Config, lives: &mut Lives) {
+    for actuator in config.actuators() {
+        match load(directory, &actuator.name) {
+            Ok(Some(life)) => lives.restore(&actuator.name, life),
+            Ok(None) => {}
+            Err(error) => {
+                lives.notice(format!("{error}; a new life begins"));
+                if let Err(error) = put_aside(directory, &actuator.name) {
+                    lives.notice(error.to_string());
+                }
+            }
+        }
+    }
+}
+
+/// Puts a file that cannot be used aside, as `….unusable-1` and so on, so that nothing is lost and a new life can be kept.
+///
+/// # Errors
+/// [`StateError::Io`].
+pub fn put_aside(directory: &Path, actuator: &str) -> Result<(), StateError> {
+    let place = path(directory, actuator);
+    let aside = |n: usize| place.with_extension(format!("json.unusable-{n}"));
+    let free = (1..=ASIDE_MAX).map(aside).find(|path| !path.exists());
+    fs::rename(&place, free.unwrap_or_else(|| aside(ASIDE_MAX))).map_err(|source| StateError::Io {
+        path: place.display().to_string(),
+        source,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+
+    #[test]
+    fn a_life_is_kept_and_a_bad_file_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let config = Config::default();
+        assert!(load(folder.path(), "ema0").unwrap().is_none());
+        let life = Life::new(&config, Some("S1".to_owned())).unwrap();
+        save(folder.path(), "ema0", &life).unwrap();
+        let again = load(folder.path(), "ema0").unwrap().unwrap();
+        assert_eq!(
+            serde_json::to_string(&again).unwrap(),
+            serde_json::to_string(&life).unwrap()
+        );
+        let file = path(folder.path(), "ema0");
+        let good = fs::read_to_string(&file).unwrap();
+        for (content, expected) in [
+            ("{", "expected the life of an actuator"),
+            ("{\"version\":1}", "expected the life of an actuator"),
+            ("{\"version\":99}", "expected version 1 to 3, found 99"),
+            (&good.replace("ema0", "ema1"), "found that of \"ema1\""),
+            (&good.replace("\"S1\"", "\"S2\""), "found another checksum"),
+            (&good.replace("sha256", "sha255"), "found no checksum"),
+        ] {
+            fs::write(&file, content).unwrap();
+            let error = load(folder.path(), "ema0").unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        }
+        for n in 1..=ASIDE_MAX + 1 {
+            fs::write(&file, n.to_string()).unwrap();
+            put_aside(folder.path(), "ema0").unwrap();
+            assert!(load(folder.path(), "ema0").unwrap().is_none());
+        }
+        let aside = |n: usize| fs::read_to_string(file.with_extension(format!("json.unusable-{n}"))).unwrap();
+        assert_eq!([aside(1), aside(ASIDE_MAX - 1), aside(ASIDE_MAX)], ["1", "7", "9"]);
+    }
+
+    #[test]
+    fn an_unusable_history_is_reported_and_put_aside() {
+        let folder = tempfile::tempdir().unwrap();
+        let config = Arc::new(Config::default());
+        fs::write(path(folder.path(), "ema0"), "{").unwrap();
+        let mut lives = Lives::new(config.clone());
+        restore_all(folder.path(), &config, &mut lives);
+        assert_eq!(lives.take_notices().len(), 1);
+        assert!(folder.path().join("ema0.life.json.unusable-1").exists());
+    }
+}

@@ -1,0 +1,23 @@
+//! What `hmd` keeps on disk: MCAP recordings, folders of segments, configuration, calibration, history and event files.
+
+#[cfg(test)]
+#[path = "../../hmd-core/src/frame/any_frame.rs"]
+mod any_frame;
+pub mod calibration_file;
+pub mod clock;
+pub mod config_file;
+pub mod event_file;
+pub mod history_file;
+pub mod mcap;
+pub mod mcap_writer;
+pub mod metrics_file;
+pub mod recorder;
+pub mod recover;
+pub mod regular_file;
+pub mod retry_delay;
+pub mod same_file;
+pub mod schema_copy;
+pub mod segment_store;
+mod shown;
+
+pub use shown::shown;

@@ -1,0 +1,216 @@
+//! Raw frames from an MCAP file that `hmd` wrote.
+//!
+//! Batches of one round are put back into the order in which their frames arrived on all buses, so that replay sees
+//! what live saw. At most one round and one chunk are in memory.
+
+mod chunk;
+pub(crate) mod definitions;
+mod fault;
+pub(crate) mod messages;
+mod records;
+mod summary;
+mod tail;
+mod walk;
+
+pub use fault::{McapFault, McapLoss};
+pub use messages::{McapMessage, McapMessages};
+pub use tail::{McapTail, TailError};
+
+use hmd_core::frame::{BusNames, RawFrame};
+use hmd_core::record::{RawBatch, Record};
+use prost::Message;
+use std::collections::{BTreeSet, VecDeque};
+use std::io::{self, Read, Seek};
+
+/// Most frames held back for one round; a file of ours has fewer.
+const ROUND_LIMIT: usize = 1 << 16;
+/// Longest batch that is decoded, bytes; of ours, none comes near 200 kB. Its frames take some 25 times as much at most.
+const BATCH_BYTES_MAX: usize = 512 << 10;
+
+/// Iterates over the raw frames of an MCAP file, in the order of their arrival.
+#[derive(Debug)]
+pub struct McapFrames<R> {
+    messages: McapMessages<R>,
+    names: BusNames,
+    /// Interfaces by topic, in the order of the batches; a frame enters `names` only when it is handed out.
+    seen: BusNames,
+    round: Vec<(u64, RawFrame)>,
+    round_number: u64,
+    round_at_byte: u64,
+    next_index: u64,
+    refused_topics: BTreeSet<String>,
+    any_batch: bool,
+    queue: VecDeque<Result<RawFrame, McapLoss>>,
+}
+
+impl<R: Read + Seek> McapFrames<R> {
+    /// A reader of `input` from its start; `file` names it in errors, `names` is the table of interfaces to go on with.
+    ///
+    /// # Errors
+    /// When the input cannot be read or sought.
+    pub fn new(input: R, file: &str, names: BusNames) -> io::Result<Self> {
+        Ok(Self {
+            messages: McapMessages::new(input, file)?,
+            names,
+            seen: BusNames::new(),
+            round: Vec::new(),
+            round_number: 0,
+            round_at_byte: 0,
+            next_index: 0,
+            refused_topics: BTreeSet::new(),
+            any_batch: false,
+            queue: VecDeque::new(),
+        })
+    }
+
+    /// The interfaces seen so far.
+    pub fn bus_names(&self) -> &BusNames {
+        &self.names
+    }
+
+    /// The table of interfaces, to go on with in the next log.
+    pub fn into_bus_names(self) -> BusNames {
+        self.names
+    }
+
+    /// The messages below, for their position, topics, chunks and metadata.
+    pub fn messages(&self) -> &McapMessages<R> {
+        &self.messages
+    }
+
+    /// Whether any intact batch of raw frames was found so far.
+    pub fn any_batch(&self) -> bool {
+        self.any_batch
+    }
+
+    fn take(&mut self, message: &McapMessage) {
+        let Some(interface) = interface_of(&message.topic) else {
+            return;
+        };
+        if self.refused_topics.contains(&*message.topic) {
+            return;
+        }
+        let topic = message.topic.to_string();
+        let fault = if *message.schema != *RawBatch::SCHEMA_NAME {
+            let found = message.schema.to_string();
+            McapFault::Schema {
+                topic: topic.clone(),
+                expected: RawBatch::SCHEMA_NAME,
+                found,
+            }
+        } else {
+            match self.seen.intern(interface) {
+                Err(cause) => McapFault::Bus {
+                    topic: topic.clone(),
+                    cause,
+                },
+                Ok(bus) => return self.take_batch(message, bus),
+            }
+        };
+        // Said once per topic: all its messages have the same fault.
+        self.refused_topics.insert(topic);
+        self.lose(message.at_byte, fault);
+    }
+
+    fn take_batch(&mut self, message: &McapMessage, bus: u16) {
+        if message.data.len() > BATCH_BYTES_MAX {
+            let text = format!("{} bytes, instead of at most {BATCH_BYTES_MAX}", message.data.len());
+            return self.lose(message.at_byte, McapFault::Batch(text));
+        }
+        let batch = match RawBatch::decode(message.data.as_slice()) {
+            Ok(batch) => batch,
+            Err(error) => return self.lose(message.at_byte, McapFault::Batch(error.to_string())),
+        };
+        let frames = match batch.unpack(bus) {
+            Ok(frames) => frames,
+            Err(error) => return self.lose(message.at_byte, McapFault::Batch(error.to_string())),
+        };
+        if batch.round != self.round_number || self.round.len() + frames.len() > ROUND_LIMIT {
+            self.end_round();
+        }
+        self.round_number = batch.round;
+        self.round_at_byte = message.at_byte;
+        self.round.extend(frames);
+        self.any_batch = true;
+    }
+
+    /// Hands out the frames of a round in their order, after a note on those that are missing before or between them.
+    fn end_round(&mut self) {
+        let mut round = std::mem::take(&mut self.round);
+        round.sort_by_key(|(index, _)| *index);
+        let (Some((first, _)), Some((last, _))) = (round.first(), round.last()) else {
+            return;
+        };
+        // Smaller places than expected: recordings were joined, and a new count begins.
+        let expected = if *first < self.next_index {
+            *first
+        } else {
+            self.next_index
+        };
+        let missing = (last - expected).saturating_add(1).saturating_sub(round.len() as u64);
+        self.next_index = last.saturating_add(1);
+        if missing > 0 {
+            self.lose(
+                self.round_at_byte,
+                McapFault::MissingFrames {
+                    first_index: expected,
+                    count: missing,
+                },
+            );
+        }
+        for (_, frame) in round.drain(..) {
+            let interface = self.seen.name(frame.bus).unwrap_or_default();
+            match self.names.intern(interface) {
+                Ok(bus) => self.queue.push_back(Ok(frame.with_bus(bus))),
+                Err(cause) => {
+                    let topic = format!("/bus/{interface}/raw");
+                    if self.refused_topics.insert(topic.clone()) {
+                        self.lose(self.round_at_byte, McapFault::Bus { topic, cause });
+                    }
+                }
+            }
+        }
+        self.round = round;
+    }
+
+    fn lose(&mut self, at_byte: u64, fault: McapFault) {
+        self.queue.push_back(Err(McapLoss {
+            file: self.messages.file().clone(),
+            at_byte,
+            fault,
+        }));
+    }
+}
+
+/// `vcan0` of `/bus/vcan0/raw`.
+fn interface_of(topic: &str) -> Option<&str> {
+    topic
+        .strip_prefix("/bus/")?
+        .strip_suffix("/raw")
+        .filter(|name| !name.is_empty() && !name.contains('/'))
+}
+
+impl<R: Read + Seek> Iterator for McapFrames<R> {
+    type Item = Result<RawFrame, McapLoss>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(item) = self.queue.pop_front() {
+                return Some(item);
+            }
+            match self.messages.next() {
+                Some(Ok(message)) => self.take(&message),
+                Some(Err(loss)) => {
+                    // The frames before the damage come before its report.
+                    self.end_round();
+                    self.queue.push_back(Err(loss));
+                }
+                None if self.round.is_empty() => return None,
+                None => self.end_round(),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,308 @@
+//! Messages of an MCAP file, as far as a checksum vouches for them.
+//!
+//! Chunks are decoded only after their CRC was checked; whatever else stands in the file (bare messages, chunks without
+//! a CRC) is not trusted. A damaged chunk costs that chunk, and a broken record costs none behind it ([`super::walk`]).
+//!
+//! Tried and dropped: the crate's `MessageStream` and `IndexedReader`. A flipped byte gave silently wrong messages or
+//! allocations that ended the process.
+
+use super::chunk::{Content, malformed};
+use super::definitions::{Channel, Definitions};
+use super::fault::{McapFault, McapLoss};
+use super::records;
+use super::summary::read_summary;
+use super::walk::{Found, Walk, What};
+use crate::schema_copy::{CHANNEL_NAME, LIBRARY_START, SCHEMA_NAME};
+use hmd_core::metadata_checksum::is_sealed;
+use mcap::records::op;
+use std::collections::BTreeMap;
+use std::io::{self, Read, Seek};
+use std::sync::Arc;
+
+/// Most metadata records that are kept, definitions apart; each further one is a loss.
+pub(super) const METADATA_MAX: usize = 1024;
+/// Most bytes of all of them together, as they stand in the file; in memory it is some ten times that.
+pub(super) const METADATA_BYTES_MAX: usize = 1 << 20;
+
+/// One message of an intact chunk.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct McapMessage {
+    /// Topic.
+    pub topic: Arc<str>,
+    /// Name of the schema; empty when the channel has none.
+    pub schema: Arc<str>,
+    /// UTC time of the record, ns.
+    pub log_time_ns: u64,
+    /// Time at which it was published, ns.
+    pub publish_time_ns: u64,
+    /// Its number in the channel.
+    pub sequence: u32,
+    /// Place of its chunk in the file.
+    pub at_byte: u64,
+    /// The encoded message.
+    pub data: Vec<u8>,
+    pub(crate) channel: Arc<Channel>,
+}
+
+/// A metadata record. MCAP gives it no checksum; one of ours has it as an entry ([`mod@hmd_core::metadata_checksum`]).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct McapMetadata {
+    pub(crate) at_byte: u64,
+    pub(crate) name: String,
+    pub(crate) content: BTreeMap<String, String>,
+}
+
+/// Iterates over the messages of an MCAP file in bounded memory.
+#[derive(Debug)]
+pub struct McapMessages<R> {
+    walk: Walk<R>,
+    file: Arc<str>,
+    definitions: Definitions,
+    summary: Definitions,
+    metadata: Vec<McapMetadata>,
+    metadata_bytes: usize,
+    /// The header is one of ours, so that its copies of definitions are believed.
+    is_ours: bool,
+    /// The chunk that is being read: its messages are handed out one by one, not all held at once.
+    chunk: Option<Open>,
+    /// To be handed out next.
+    loss: Option<McapLoss>,
+    chunks: u64,
+    attachments: u64,
+    all_verified: bool,
+    any_loss: bool,
+}
+
+/// A chunk that is being read.
+#[derive(Debug)]
+struct Open {
+    at_byte: u64,
+    content: Content,
+    /// The first thing wrong in it; said once, because all of them have the same cause.
+    fault: Option<McapFault>,
+}
+
+impl<R: Read + Seek> McapMessages<R> {
+    /// A reader of `input` from its start; `file` names it in errors.
+    ///
+    /// # Errors
+    /// When the input cannot be read or sought.
+    pub fn new(mut input: R, file: &str) -> io::Result<Self> {
+        let summary = read_summary(&mut input)?.unwrap_or_default();
+        Ok(Self::over(Walk::new(input)?, summary, file))
+    }
+
+    /// A reader of a file that is being written: as far as `length`, where a record must end.
+    pub(super) fn growing(input: R, file: &str, length: u64) -> Self {
+        Self::over(Walk::growing(input, length), Definitions::default(), file)
+    }
+
+    /// Goes on as far as `length`, where a record must end unless nothing more will come.
+    pub(super) fn grow(&mut self, length: u64, last: bool) {
+        self.walk.grow(length, last);
+    }
+
+    fn over(walk: Walk<R>, summary: Definitions, file: &str) -> Self {
+        Self {
+            walk,
+            file: file.into(),
+            definitions: Definitions::default(),
+            summary,
+            metadata: Vec::new(),
+            metadata_bytes: 0,
+            is_ours: false,
+            chunk: None,
+            loss: None,
+            chunks: 0,
+            attachments: 0,
+            all_verified: false,
+            any_loss: false,
+        }
+    }
+
+    /// The file's name, as given.
+    pub fn file(&self) -> &Arc<str> {
+        &self.file
+    }
+
+    /// Place in the file up to which records were read.
+    pub fn position(&self) -> u64 {
+        self.walk.position()
+    }
+
+    /// The newest metadata record of this name read so far. Nothing vouches for it yet: see [`hmd_core::metadata_checksum::is_sealed`], and
+    /// [`McapMessages::verified_metadata`] at the end of the file.
+    pub fn metadata(&self, name: &str) -> Option<&BTreeMap<String, String>> {
+        let named = self.metadata.iter().rev().find(|metadata| metadata.name == name);
+        named.map(|metadata| &metadata.content)
+    }
+
+    /// The newest metadata record of this name that a checksum vouches for, its own or the one over all data, which is known
+    /// at the end of the file; `None` if the file has no record of this name.
+    ///
+    /// # Errors
+    /// The place of the record, where it has the name and no checksum is right.
+    pub fn verified_metadata(&self, name: &str) -> Result<Option<&BTreeMap<String, String>>, McapLoss> {
+        let mut named = self.metadata.iter().rev().filter(|metadata| metadata.name == name);
+        let Some(newest) = named.clone().next() else {
+            return Ok(None);
+        };
+        let vouched = named.find(|metadata| self.all_verified || is_sealed(name, &metadata.content));
+        match vouched {
+            Some(metadata) => Ok(Some(&metadata.content)),
+            None => Err(McapLoss {
+                file: self.file.clone(),
+                at_byte: newest.at_byte,
+                fault: McapFault::Metadata { name: name.to_owned() },
+            }),
+        }
+    }
+
+    /// All metadata records read so far.
+    pub(crate) fn all_metadata(&self) -> &[McapMetadata] {
+        &self.metadata
+    }
+
+    /// Intact chunks so far.
+    pub fn chunks(&self) -> u64 {
+        self.chunks
+    }
+
+    /// Attachments so far; they are not read.
+    pub fn attachments(&self) -> u64 {
+        self.attachments
+    }
+
+    /// Whether the checksum over all data was found right: then metadata are too.
+    pub fn all_verified(&self) -> bool {
+        self.all_verified
+    }
+
+    /// Topics known so far, sorted.
+    pub fn topics(&self) -> Vec<String> {
+        let mut topics: Vec<String> = self.definitions.topics().chain(self.summary.topics()).collect();
+        topics.sort_unstable();
+        topics.dedup();
+        topics
+    }
+
+    fn take(&mut self, found: Found) {
+        let at_byte = found.at_byte;
+        match found.what {
+            What::Chunk(content) => {
+                self.chunks += 1;
+                self.chunk = Some(Open {
+                    at_byte,
+                    content,
+                    fault: None,
+                });
+            }
+            What::Header(data) => {
+                self.is_ours = records::library(&data).is_some_and(|library| library.starts_with(LIBRARY_START));
+            }
+            What::Metadata(data) => {
+                if let Err(fault) = self.take_metadata(at_byte, &data) {
+                    self.lose(at_byte, fault);
+                }
+            }
+            What::AllVerified => self.all_verified = true,
+            What::Attachment => self.attachments += 1,
+            // After a damaged chunk the sum over all data is wrong as well: nothing new.
+            What::Fault(McapFault::DataCrc { .. }) if self.any_loss => {}
+            What::Fault(fault) => self.lose(at_byte, fault),
+        }
+    }
+
+    fn take_metadata(&mut self, at_byte: u64, data: &[u8]) -> Result<(), McapFault> {
+        let limit = McapFault::MetadataLimit { got: data.len() };
+        if data.len() > METADATA_BYTES_MAX {
+            return Err(limit);
+        }
+        let (name, content) = records::metadata(data).ok_or(McapFault::Metadata { name: String::new() })?;
+        if [SCHEMA_NAME, CHANNEL_NAME].contains(&name) {
+            return match is_sealed(name, &content) {
+                false => Err(McapFault::Metadata { name: name.to_owned() }),
+                true if self.is_ours => self.definitions.add_copy(name, &content),
+                // The numbers in it may be those of another file.
+                true => Ok(()),
+            };
+        }
+        if self.metadata.len() == METADATA_MAX || self.metadata_bytes + data.len() > METADATA_BYTES_MAX {
+            return Err(limit);
+        }
+        self.metadata_bytes += data.len();
+        let name = name.to_owned();
+        self.metadata.push(McapMetadata { at_byte, name, content });
+        Ok(())
+    }
+
+    /// The next message of a chunk; what stands before it is taken.
+    fn next_of(&mut self, chunk: &mut Open) -> Option<McapMessage> {
+        while let Some((opcode, data)) = chunk.content.next() {
+            let taken = match opcode {
+                op::SCHEMA | op::CHANNEL => self.definitions.add(opcode, data),
+                op::MESSAGE => match self.message(chunk.at_byte, data) {
+                    Ok(message) => return Some(message),
+                    Err(fault) => Err(fault),
+                },
+                _ => Ok(()),
+            };
+            chunk.fault = chunk.fault.take().or(taken.err());
+        }
+        None
+    }
+
+    fn message(&self, at_byte: u64, data: &[u8]) -> Result<McapMessage, McapFault> {
+        let message = records::message(data).ok_or_else(malformed)?;
+        let id = message.channel_id;
+        let known = self.definitions.channel(id).or_else(|| self.summary.channel(id));
+        let channel = known.cloned().ok_or(McapFault::UnknownChannel { id })?;
+        Ok(McapMessage {
+            topic: channel.topic.clone(),
+            schema: channel.protobuf_schema(),
+            log_time_ns: message.log_time_ns,
+            publish_time_ns: message.publish_time_ns,
+            sequence: message.sequence,
+            at_byte,
+            data: message.data.to_vec(),
+            channel,
+        })
+    }
+
+    fn lose(&mut self, at_byte: u64, fault: McapFault) {
+        self.loss = Some(McapLoss {
+            file: self.file.clone(),
+            at_byte,
+            fault,
+        });
+        self.any_loss = true;
+    }
+}
+
+impl<R: Read + Seek> Iterator for McapMessages<R> {
+    type Item = Result<McapMessage, McapLoss>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(loss) = self.loss.take() {
+                return Some(Err(loss));
+            }
+            let Some(mut chunk) = self.chunk.take() else {
+                let found = self.walk.next()?;
+                self.take(found);
+                continue;
+            };
+            match self.next_of(&mut chunk) {
+                Some(message) => {
+                    self.chunk = Some(chunk);
+                    return Some(Ok(message));
+                }
+                None => {
+                    if let Some(fault) = chunk.fault {
+                        self.lose(chunk.at_byte, fault);
+                    }
+                }
+            }
+        }
+    }
+}

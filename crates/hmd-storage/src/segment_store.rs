@@ -1,0 +1,414 @@
+//! A folder of segments: storage that outlives kill -9, power cuts, full and failing disks.
+//!
+//! Raw frames and records go to segments of their own, so that old frames can go while the records stay. A segment is
+//! written under a name with `.part`, in whole chunks, each synced: records at once with a health record, everything
+//! within a second ([`Store::tick`]). Full or old, it gets its summary and its closed name. A start repairs what a cut
+//! left behind ([`repair`](self)). `docs/storage.md` is the page for operators.
+//!
+//! A write that fails costs the segment, never the process: what it had not synced is counted as lost, and the next
+//! segment is tried after a pause of at most a second.
+
+mod disk;
+mod lane;
+mod list;
+mod name;
+mod repair;
+
+pub use disk::{Disk, Out, RealDisk};
+pub use list::{RecordsSegment, records_segments};
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{self, File, TryLockError};
+use std::io;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use crate::clock::now_ns;
+use crate::mcap_writer::SinkError;
+use hmd_core::config::Limits;
+use hmd_core::frame::{BusNames, RawFrame};
+use hmd_core::record::{LogLevel, Record, StoreStatus};
+use lane::{Begin, Lane, is_gone};
+use name::{Kind, Name, Stage};
+
+/// Why a store cannot be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// The folder cannot be made, opened or listed.
+    #[error("{folder}: expected a folder for segments, found: {cause}")]
+    Folder {
+        /// The folder.
+        folder: String,
+        /// What the system said.
+        cause: io::Error,
+    },
+    /// Another process writes there.
+    #[error("{folder}: expected a folder that nobody writes to, found one in use by another process")]
+    InUse {
+        /// The folder.
+        folder: String,
+    },
+}
+
+/// How a store ended.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct StoreEnd {
+    /// How things stand then.
+    pub status: StoreStatus,
+    /// What an operator should read.
+    pub messages: Vec<(LogLevel, String)>,
+}
+
+/// The folder. Call [`Store::finish`]; a store that is only dropped leaves its segments to the next start.
+pub struct Store {
+    folder: PathBuf,
+    limits: Limits,
+    metadata: BTreeMap<String, String>,
+    disk: Box<dyn Disk>,
+    /// The folder, locked.
+    lock: File,
+    now: Instant,
+    next_number: u64,
+    raw: Lane,
+    records: Lane,
+    /// All segments but those in progress, oldest first.
+    closed: BTreeMap<(Kind, u64), (Stage, u64)>,
+    free_bytes: u64,
+    deleted: u64,
+    raw_paused: bool,
+    /// A segment could not be deleted when room was made last.
+    undeletable: bool,
+    /// Failures told already, so that each is told once until all is well again; at most [`MESSAGES_MAX`].
+    told: Vec<String>,
+    messages: Vec<(LogLevel, String)>,
+}
+
+impl Store {
+    /// Opens a folder, made if need be, repairs what an earlier run left cut, and begins.
+    ///
+    /// `metadata` goes into each segment. A disk that fails from here on is told by [`Store::tick`].
+    ///
+    /// # Errors
+    /// [`StoreError`] when there is no such folder for us.
+    pub fn open(
+        folder: &Path,
+        metadata: &BTreeMap<String, String>,
+        limits: Limits,
+        disk: Box<dyn Disk>,
+        now: Instant,
+    ) -> Result<Self, StoreError> {
+        let name = folder.display().to_string();
+        let error = |cause| StoreError::Folder {
+            folder: name.clone(),
+            cause,
+        };
+        let Some(lock) = hold(folder).map_err(error)? else {
+            return Err(StoreError::InUse { folder: name });
+        };
+        let found = repair::look(folder, &*disk).map_err(error)?;
+        let mut metadata = metadata.clone();
+        // Which segments belong together: no two runs have both numbers in common.
+        metadata.insert("run".to_owned(), format!("{}-{}", found.next_number, now_ns()));
+        let mut store = Self {
+            folder: folder.to_owned(),
+            limits,
+            metadata,
+            disk,
+            lock,
+            now,
+            next_number: 0,
+            raw: Lane::new(Kind::Raw),
+            records: Lane::new(Kind::Records),
+            closed: BTreeMap::new(),
+            free_bytes: 0,
+            deleted: 0,
+            raw_paused: false,
+            undeletable: false,
+            told: Vec::new(),
+            messages: Vec::new(),
+        };
+        store.take(found);
+        store.make_room();
+        store.begin(Kind::Records);
+        Ok(store)
+    }
+
+    /// Takes one frame as received.
+    pub fn raw(&mut self, frame: &RawFrame, names: &BusNames) {
+        if self.raw_paused {
+            self.raw.lost += 1;
+            return;
+        }
+        if self.raw.is_due(&self.limits, self.now) {
+            self.end(Kind::Raw);
+        }
+        self.begin(Kind::Raw);
+        let put = self.raw.put(|sink| sink.raw(frame, names));
+        self.check(Kind::Raw, put);
+    }
+
+    /// Writes one record; it is on the disk after the next [`Store::sync_records`] or [`Store::tick`].
+    pub fn write<R: Record>(&mut self, log_time_ns: u64, record: &R) {
+        self.begin(Kind::Records);
+        let put = self.records.put(|sink| sink.write(log_time_ns, record));
+        self.check(Kind::Records, put);
+    }
+
+    /// Writes a record that a replay of the raw frames needs as well.
+    pub fn write_to_both<R: Record>(&mut self, log_time_ns: u64, record: &R) {
+        self.write(log_time_ns, record);
+        if self.raw.name().is_some() {
+            let put = self.raw.put(|sink| sink.write(log_time_ns, record));
+            self.check(Kind::Raw, put);
+        }
+    }
+
+    /// Brings all records to the disk. Whether they are there.
+    pub fn sync_records(&mut self) -> bool {
+        let synced = self.records.sync();
+        self.check(Kind::Records, synced);
+        !self.records.has_failed()
+    }
+
+    /// To be called every second: syncs, closes what is full or old, makes room, tries again what failed.
+    /// What an operator should read.
+    pub fn tick(&mut self, now: Instant) -> Vec<(LogLevel, String)> {
+        self.now = now;
+        let limits = self.limits;
+        for kind in [Kind::Records, Kind::Raw] {
+            let synced = self.lane(kind).sync();
+            self.check(kind, synced);
+            if self.lane(kind).is_due(&limits, now) {
+                self.end(kind);
+            }
+        }
+        self.make_room();
+        self.begin(Kind::Records);
+        if !self.told.is_empty() && !self.undeletable && !self.records.has_failed() && !self.raw.has_failed() {
+            self.told.clear();
+            let text = format!(
+                "storage: written again; not stored since the start: {} frames, {} records",
+                self.raw.lost, self.records.lost
+            );
+            self.messages.push((LogLevel::Info, text));
+        }
+        self.take_messages()
+    }
+
+    /// What an operator should read, since the last time.
+    pub fn take_messages(&mut self) -> Vec<(LogLevel, String)> {
+        std::mem::take(&mut self.messages)
+    }
+
+    /// Ends all segments. What could not be ended is repaired by the next start.
+    pub fn finish(mut self) -> StoreEnd {
+        self.end(Kind::Raw);
+        self.end(Kind::Records);
+        StoreEnd {
+            status: self.status(),
+            messages: self.take_messages(),
+        }
+    }
+
+    /// How things stand.
+    #[must_use]
+    pub fn status(&self) -> StoreStatus {
+        let open = [&self.raw, &self.records];
+        StoreStatus {
+            lost_frames: self.raw.lost,
+            lost_records: self.records.lost,
+            used_bytes: self.used_bytes(),
+            free_bytes: self.free_bytes,
+            segments: (self.closed.len() + open.iter().filter(|lane| lane.name().is_some()).count()) as u64,
+            deleted: self.deleted,
+            state: if open.iter().any(|lane| lane.has_failed()) {
+                "failing"
+            } else if self.raw_paused {
+                "raw-paused"
+            } else {
+                "ok"
+            },
+        }
+    }
+
+    fn lane(&mut self, kind: Kind) -> &mut Lane {
+        match kind {
+            Kind::Raw => &mut self.raw,
+            Kind::Records => &mut self.records,
+        }
+    }
+
+    fn used_bytes(&self) -> u64 {
+        let closed: u64 = self.closed.values().map(|(_, bytes)| bytes).sum();
+        closed + self.raw.bytes() + self.records.bytes()
+    }
+
+    fn keep(&mut self, name: Name, bytes: u64) {
+        self.closed.insert((name.kind, name.number), (name.stage, bytes));
+    }
+
+    /// Begins a segment if there is none and it is time.
+    fn begin(&mut self, kind: Kind) {
+        let now = self.now;
+        if !self.lane(kind).may_begin(now) {
+            return;
+        }
+        if let Err(cause) = self.hold_folder() {
+            self.check(kind, Err(SinkError::Io(cause)));
+            return;
+        }
+        let number = self.next_number;
+        self.next_number += 1;
+        let with = Begin {
+            folder: &self.folder,
+            disk: &*self.disk,
+            metadata: &self.metadata,
+            number,
+            now,
+        };
+        let lane = match kind {
+            Kind::Raw => &mut self.raw,
+            Kind::Records => &mut self.records,
+        };
+        let begun = lane.begin(&with);
+        self.check(kind, begun);
+    }
+
+    /// Goes on in a new folder where somebody has removed ours or put another in its place.
+    fn hold_folder(&mut self) -> io::Result<()> {
+        let is = |found: &fs::Metadata, held: &fs::Metadata| (found.dev(), found.ino()) == (held.dev(), held.ino());
+        if let (Ok(found), Ok(held)) = (fs::metadata(&self.folder), self.lock.metadata())
+            && is(&found, &held)
+        {
+            return Ok(());
+        }
+        self.lock = hold(&self.folder)?.ok_or(io::ErrorKind::ResourceBusy)?;
+        let found = repair::look(&self.folder, &*self.disk)?;
+        self.closed.clear();
+        self.take(found);
+        let text = format!("storage: {} was removed; it is made anew", self.folder.display());
+        self.messages.push((LogLevel::Error, text));
+        Ok(())
+    }
+
+    fn take(&mut self, found: repair::Found) {
+        self.next_number = self.next_number.max(found.next_number);
+        self.messages.extend(found.messages);
+        for (name, bytes) in found.segments {
+            self.keep(name, bytes);
+        }
+    }
+
+    fn end(&mut self, kind: Kind) {
+        let folder = self.folder.clone();
+        let before = self.lane(kind).name().map(|name| (name, self.lane(kind).bytes()));
+        match self.lane(kind).end(&folder) {
+            Ok(Some((name, bytes))) => self.keep(name, bytes),
+            Ok(None) => {}
+            Err(error) => {
+                if let (Some((name, bytes)), None) = (before, self.lane(kind).name())
+                    && !is_gone(&folder, name)
+                {
+                    self.keep(name, bytes);
+                }
+                self.check(kind, Err(error));
+            }
+        }
+    }
+
+    /// After a failed step the lane gives its segment up.
+    fn check(&mut self, kind: Kind, step: Result<(), SinkError>) {
+        let Err(error) = step else { return };
+        let (now, folder) = (self.now, self.folder.clone());
+        if let Some((name, bytes)) = self.lane(kind).fail(&folder, now) {
+            self.keep(name, bytes);
+        }
+        self.tell_once(format!(
+            "storage: {kind}: {error}; tried again every second, and what is not stored is counted"
+        ));
+    }
+
+    fn tell_once(&mut self, text: String) {
+        if self.told.len() < MESSAGES_MAX && !self.told.contains(&text) {
+            self.told.push(text.clone());
+            self.messages.push((LogLevel::Error, text));
+        }
+    }
+
+    /// Deletes the oldest segments until budget and free space are kept: raw frames first, records last, and those only
+    /// for the budget: the history is not given up for what others write.
+    fn make_room(&mut self) {
+        let mut free = self.disk.free_bytes(&self.folder).ok();
+        let too_little = |free: Option<u64>, least: u64| free.is_some_and(|free| free < least);
+        let mut stays = BTreeSet::new();
+        loop {
+            let over = self.used_bytes() > self.limits.budget_bytes;
+            if !over && !too_little(free, self.limits.free_bytes_min) {
+                break;
+            }
+            let has_raw = |key: &(Kind, u64)| key.0 == Kind::Raw && !stays.contains(key);
+            if !self.closed.keys().any(has_raw) && self.raw.name().is_some() {
+                self.end(Kind::Raw);
+            }
+            // Raw sorts before records, and small numbers before large ones.
+            let mut left = self.closed.iter().filter(|(key, _)| !stays.contains(*key));
+            let oldest = left.next().map(|(key, (stage, _))| (*key, *stage));
+            let Some((key, stage)) = oldest.filter(|(key, _)| over || key.0 == Kind::Raw) else {
+                break;
+            };
+            if !self.delete(key, stage) {
+                stays.insert(key);
+            }
+            free = self.disk.free_bytes(&self.folder).ok();
+        }
+        self.undeletable = !stays.is_empty();
+        let used = self.used_bytes();
+        let short = used > self.limits.budget_bytes || too_little(free, self.limits.free_bytes_min);
+        let room = used + self.limits.segment_bytes <= self.limits.budget_bytes
+            && !too_little(free, self.limits.free_bytes_min + self.limits.segment_bytes);
+        if short != self.raw_paused && (short || room) {
+            self.raw_paused = short;
+            let (level, text) = if short {
+                (LogLevel::Error, "no room: raw frames are not stored, and counted")
+            } else {
+                (LogLevel::Info, "room again: raw frames are stored")
+            };
+            self.messages.push((level, format!("storage: {text}")));
+        }
+        self.free_bytes = free.unwrap_or(0);
+    }
+
+    fn delete(&mut self, key: (Kind, u64), stage: Stage) -> bool {
+        let (kind, number) = key;
+        let name = Name { number, kind, stage };
+        match fs::remove_file(self.folder.join(name.to_string())) {
+            Ok(()) => self.deleted += 1,
+            // Somebody else took it.
+            Err(cause) if cause.kind() == io::ErrorKind::NotFound => {}
+            Err(cause) => {
+                self.tell_once(format!("storage: {name} cannot be deleted: {cause}"));
+                return false;
+            }
+        }
+        self.closed.remove(&key);
+        true
+    }
+}
+
+/// The folder, made if need be and locked; `None` if another process has it.
+fn hold(folder: &Path) -> io::Result<Option<File>> {
+    fs::create_dir_all(folder)?;
+    let lock = File::open(folder)?;
+    match lock.try_lock() {
+        Ok(()) => Ok(Some(lock)),
+        Err(TryLockError::WouldBlock) => Ok(None),
+        Err(TryLockError::Error(cause)) => Err(cause),
+    }
+}
+
+/// Most different failures that are told before all is well again.
+const MESSAGES_MAX: usize = 64;
+
+#[cfg(test)]
+mod tests;

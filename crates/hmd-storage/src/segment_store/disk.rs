@@ -1,0 +1,59 @@
+//! What a store asks of the system; tests put a disk in its place that fails.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Seek, Write};
+use std::path::Path;
+
+use super::name::Name;
+use crate::mcap_writer::SyncedFile;
+
+/// A segment in progress; `flush` brings it to the disk.
+pub trait Out: Write + Seek + Send {}
+
+impl<T: Write + Seek + Send> Out for T {}
+
+/// The disk.
+pub trait Disk: Send {
+    /// Makes a file that is not there yet.
+    ///
+    /// # Errors
+    /// What the system says.
+    fn create(&self, path: &Path) -> io::Result<Box<dyn Out>>;
+
+    /// Bytes that an ordinary user may still write to the file system of a folder.
+    ///
+    /// # Errors
+    /// What the system says.
+    fn free_bytes(&self, folder: &Path) -> io::Result<u64>;
+}
+
+/// The real one.
+#[derive(Clone, Copy, Debug)]
+pub struct RealDisk;
+
+impl Disk for RealDisk {
+    fn create(&self, path: &Path) -> io::Result<Box<dyn Out>> {
+        let file = OpenOptions::new().write(true).create_new(true).open(path)?;
+        Ok(Box::new(SyncedFile::new(file)))
+    }
+
+    fn free_bytes(&self, folder: &Path) -> io::Result<u64> {
+        let about = nix::sys::statvfs::statvfs(folder)?;
+        Ok(about.blocks_available().saturating_mul(about.fragment_size()))
+    }
+}
+
+/// Gives a segment another name that nobody has yet, for good.
+pub(super) fn rename(folder: &Path, from: Name, to: Name) -> io::Result<()> {
+    let [from, to] = [from, to].map(|name| folder.join(name.to_string()));
+    if to.exists() {
+        return Err(io::ErrorKind::AlreadyExists.into());
+    }
+    std::fs::rename(from, to)?;
+    sync_folder(folder)
+}
+
+/// Brings the names of a folder to the disk: a new or renamed file is not safe before.
+pub(super) fn sync_folder(folder: &Path) -> io::Result<()> {
+    File::open(folder)?.sync_all()
+}

@@ -1,0 +1,83 @@
+//! The segments in a folder, for those who only read.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::name::{Kind, Name, Stage, is_ours};
+
+/// A segment with records.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RecordsSegment {
+    /// Where it is now; it loses its `.part` when it is closed, and goes when there is no room.
+    pub path: PathBuf,
+    /// Being written, or left by a run that did not end.
+    pub is_open: bool,
+}
+
+/// The segments with records from number `first` on; the numbers are the order of their writing. Nothing is locked or changed.
+///
+/// # Errors
+/// When the folder cannot be listed.
+pub fn records_segments(folder: &Path, first: u64) -> io::Result<BTreeMap<u64, RecordsSegment>> {
+    let mut segments = BTreeMap::new();
+    for entry in std::fs::read_dir(folder)? {
+        let entry = entry?;
+        let name = entry.file_name().to_str().and_then(Name::parse);
+        let Some(name) = name.filter(|name| is_records(name) && name.number >= first) else {
+            continue;
+        };
+        // One that has gone or is somebody else's is none.
+        if !is_ours(&entry.path()).unwrap_or(false) {
+            continue;
+        }
+        let is_open = name.stage == Stage::Open;
+        // Between a repair and the end of its source there are both.
+        if is_open && segments.contains_key(&name.number) {
+            continue;
+        }
+        let path = entry.path();
+        segments.insert(name.number, RecordsSegment { path, is_open });
+    }
+    Ok(segments)
+}
+
+/// Whether it holds records, and is no copy that is being made or was kept.
+fn is_records(name: &Name) -> bool {
+    name.kind == Kind::Records && matches!(name.stage, Stage::Open | Stage::Closed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mcap_writer::Sink;
+
+    #[test]
+    fn only_our_records_are_listed_in_their_order() {
+        let folder = tempfile::tempdir().unwrap();
+        let profile = super::super::name::PROFILE;
+        let sink = Sink::with_profile(io::Cursor::new(Vec::new()), &Default::default(), profile).unwrap();
+        let ours = sink.finish().unwrap().0.into_inner();
+        for name in [
+            "hmd-00000002-records.mcap",
+            "hmd-00000002-records.mcap.part",
+            "hmd-00000010-records.mcap.part",
+            "hmd-00000001-records.mcap.repair",
+            "hmd-00000001-records.mcap.damaged",
+            "hmd-00000003-raw.mcap",
+        ] {
+            std::fs::write(folder.path().join(name), &ours).unwrap();
+        }
+        std::fs::write(folder.path().join("hmd-00000004-records.mcap"), b"a letter").unwrap();
+        // Whoever opens it waits for its other end.
+        let fifo = folder.path().join("hmd-00000005-records.mcap.part");
+        nix::unistd::mkfifo(&fifo, nix::sys::stat::Mode::S_IRWXU).unwrap();
+        let found = records_segments(folder.path(), 0).unwrap();
+        let open: Vec<_> = found
+            .iter()
+            .map(|(number, segment)| (*number, segment.is_open))
+            .collect();
+        assert_eq!(open, [(2, false), (10, true)]);
+        assert_eq!(records_segments(folder.path(), 3).unwrap().len(), 1);
+    }
+}

@@ -1,0 +1,248 @@
+//! What a start finds: segments of earlier runs, some of them cut.
+//!
+//! A source goes only when nothing but its torn end was lost. Where a repair loses more, the source is kept beside the
+//! copy ([`Stage::Damaged`]), for somebody to look at; of those, the newest [`DAMAGED_MAX`] stay.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::Path;
+
+use super::disk::{Disk, rename};
+use super::name::{NUMBER_MAX, Name, PROFILE, Stage, is_ours};
+use crate::mcap::McapFault;
+use crate::recover::{RecoverError, Recovered, recover};
+use crate::regular_file::open_regular;
+use hmd_core::record::LogLevel;
+
+/// Most damaged segments that are kept as they were; the oldest go.
+const DAMAGED_MAX: usize = 8;
+/// Most files of others that are told by name; the rest is counted.
+const OTHERS_TOLD_MAX: usize = 16;
+
+/// What lies in the folder.
+#[derive(Debug, Default)]
+pub(super) struct Found {
+    /// Segments of ours, with their sizes. One that could not be repaired stays at [`Stage::Open`].
+    pub(super) segments: BTreeMap<Name, u64>,
+    /// One more than the largest number in any name.
+    pub(super) next_number: u64,
+    /// What an operator should read.
+    pub(super) messages: Vec<(LogLevel, String)>,
+}
+
+/// Looks at every name in the folder, repairs cut segments, and touches nothing else.
+///
+/// # Errors
+/// When the folder cannot be listed.
+pub(super) fn look(folder: &Path, disk: &dyn Disk) -> io::Result<Found> {
+    let mut found = Found::default();
+    let (mut ours, mut others) = (Vec::new(), Vec::new());
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        let Some(name) = entry.file_name().to_str().and_then(Name::parse) else {
+            continue;
+        };
+        let regular = entry.metadata().is_ok_and(|about| about.is_file());
+        let is_ours = regular && is_ours(&entry.path()).unwrap_or(false);
+        // No file must use our numbers up, whoever gave it its name.
+        if name.number < NUMBER_MAX / 2 {
+            found.next_number = found.next_number.max(name.number + 1);
+        }
+        if is_ours { &mut ours } else { &mut others }.push(name);
+    }
+    ours.sort_unstable();
+    others.sort_unstable();
+    // A power cut may leave the copy empty; beside its source it is ours all the same.
+    let (empty, others): (Vec<_>, Vec<_>) = others.into_iter().partition(|name| {
+        name.stage == Stage::Repair && ours.contains(&name.at(Stage::Open)) && is_empty_file(folder, *name)
+    });
+    found.tell_of_others(&others);
+    let at = |stage| ours.iter().copied().filter(move |name| name.stage == stage);
+    for name in at(Stage::Repair).chain(empty) {
+        // A repair that was itself cut; its source is still there.
+        found.remove(folder, name);
+    }
+    for name in at(Stage::Open) {
+        if ours.contains(&name.at(Stage::Closed)) {
+            // Repaired and renamed; only what becomes of the source was cut.
+            found.settle(folder, name);
+        } else {
+            found.repair(folder, name, disk);
+        }
+    }
+    for name in at(Stage::Closed) {
+        found.add(folder, name);
+    }
+    found.thin_out_damaged(folder)?;
+    Ok(found)
+}
+
+fn is_empty_file(folder: &Path, name: Name) -> bool {
+    let about = fs::symlink_metadata(folder.join(name.to_string()));
+    about.is_ok_and(|about| about.is_file() && about.len() == 0)
+}
+
+impl Found {
+    fn tell(&mut self, level: LogLevel, text: &str) {
+        self.messages.push((level, format!("storage: {text}")));
+    }
+
+    fn tell_of_others(&mut self, others: &[Name]) {
+        for name in others.iter().take(OTHERS_TOLD_MAX) {
+            let text = format!("{name} is not one of our segments; it is left alone");
+            self.tell(LogLevel::Warning, &text);
+        }
+        if let Some(more) = others.len().checked_sub(OTHERS_TOLD_MAX).filter(|more| *more > 0) {
+            let text = format!("{more} more files with names of segments are none; they are left alone");
+            self.tell(LogLevel::Warning, &text);
+        }
+    }
+
+    fn add(&mut self, folder: &Path, name: Name) {
+        let size = fs::metadata(folder.join(name.to_string())).map_or(0, |about| about.len());
+        self.segments.insert(name, size);
+    }
+
+    /// What cannot be removed is not counted: the closed one of the same number is, and the next start tries again.
+    fn remove(&mut self, folder: &Path, name: Name) {
+        if let Err(cause) = fs::remove_file(folder.join(name.to_string())) {
+            self.tell(LogLevel::Error, &format!("{name} cannot be removed: {cause}"));
+        }
+    }
+
+    fn repair(&mut self, folder: &Path, name: Name, disk: &dyn Disk) {
+        match repaired(folder, name, disk) {
+            Ok(repaired) => {
+                let closed = name.at(Stage::Closed);
+                let (bytes, is_spent) = (repaired.bytes, repaired.is_source_spent);
+                let (messages, lost) = (repaired.report.messages, repaired.report.losses_total);
+                let text = match messages {
+                    0 if is_spent => format!("before its first record, after {bytes} bytes"),
+                    0 => format!("none of its {bytes} bytes could be kept; {lost} damaged places"),
+                    _ => format!("{messages} records kept in {closed}; {lost} damaged places in its {bytes} bytes"),
+                };
+                self.tell(LogLevel::Warning, &format!("{name} was cut: {text}"));
+                if messages > 0 {
+                    self.add(folder, closed);
+                }
+                self.dispose(folder, name, is_spent);
+            }
+            Err(cause) => {
+                // It may be repaired by the next start, or by hand.
+                self.add(folder, name);
+                self.tell(
+                    LogLevel::Error,
+                    &format!("{name} was cut and cannot be repaired: {cause}"),
+                );
+            }
+        }
+    }
+
+    /// Does with a source that has its copy what the repair would have done.
+    fn settle(&mut self, folder: &Path, name: Name) {
+        match copied(folder, name, io::empty()) {
+            Ok(copied) => self.dispose(folder, name, copied.is_source_spent),
+            Err(cause) => {
+                let text = format!("{name} was repaired and cannot be read again: {cause}");
+                self.tell(LogLevel::Error, &text);
+            }
+        }
+    }
+
+    /// Removes the source of a repair, or keeps it aside.
+    fn dispose(&mut self, folder: &Path, name: Name, is_spent: bool) {
+        if is_spent {
+            return self.remove(folder, name);
+        }
+        let aside = name.at(Stage::Damaged);
+        match rename(folder, name, aside) {
+            Ok(()) => self.tell(LogLevel::Error, &format!("{name} was damaged, and is kept as {aside}")),
+            Err(cause) => {
+                let text = format!("{name} was damaged, and cannot be kept as {aside}: {cause}; it stays");
+                self.tell(LogLevel::Error, &text);
+            }
+        }
+    }
+
+    /// Removes the oldest damaged segments beyond [`DAMAGED_MAX`].
+    fn thin_out_damaged(&mut self, folder: &Path) -> io::Result<()> {
+        let mut damaged = Vec::new();
+        for entry in fs::read_dir(folder)? {
+            let entry = entry?;
+            let name = entry.file_name().to_str().and_then(Name::parse);
+            let regular = entry.metadata().is_ok_and(|about| about.is_file());
+            if let Some(name) = name.filter(|name| regular && name.stage == Stage::Damaged)
+                && is_ours(&entry.path()).unwrap_or(false)
+            {
+                damaged.push(name);
+            }
+        }
+        damaged.sort_unstable();
+        let beyond = damaged.len().saturating_sub(DAMAGED_MAX);
+        for name in damaged.into_iter().take(beyond) {
+            let text = format!("{name} is removed: the newest {DAMAGED_MAX} damaged segments are kept");
+            self.tell(LogLevel::Warning, &text);
+            self.remove(folder, name);
+        }
+        Ok(())
+    }
+}
+
+/// What became of a cut segment.
+struct Repaired {
+    report: Recovered,
+    /// Size of the source.
+    bytes: u64,
+    /// All that was in the source is in the copy, but for its torn end.
+    is_source_spent: bool,
+}
+
+/// Writes the intact part of a cut segment beside it and gives it the closed name, if there is any.
+fn repaired(folder: &Path, name: Name, disk: &dyn Disk) -> Result<Repaired, RecoverError> {
+    let output_error = |cause: io::Error| RecoverError::Output(cause.into());
+    let copy = folder.join(name.at(Stage::Repair).to_string());
+    let out = disk.create(&copy).map_err(output_error)?;
+    // The copy ends with a flush, which for a segment is a sync.
+    let copied = copied(folder, name, out);
+    let kept = copied.as_ref().is_ok_and(|copied| copied.report.messages > 0);
+    let renamed = kept.then(|| rename(folder, name.at(Stage::Repair), name.at(Stage::Closed)));
+    if !matches!(renamed, Some(Ok(()))) {
+        // It is ours: it was made above.
+        fs::remove_file(copy).map_err(output_error)?;
+    }
+    renamed.transpose().map_err(output_error)?;
+    copied
+}
+
+/// Copies the intact part of a cut segment.
+fn copied<W: Write + Seek>(folder: &Path, name: Name, out: W) -> Result<Repaired, RecoverError> {
+    let input_error = |cause| RecoverError::Input {
+        file: name.to_string(),
+        cause,
+    };
+    let mut input = open_regular(&folder.join(name.to_string())).map_err(input_error)?;
+    let bytes = input.metadata().map_err(input_error)?.len();
+    let (_, report) = recover(&input, &name.to_string(), out, PROFILE)?;
+    let is_source_spent = is_spent(&mut input, &report).map_err(input_error)?;
+    Ok(Repaired {
+        report,
+        bytes,
+        is_source_spent,
+    })
+}
+
+/// Whether nothing but a torn end was lost; of a segment without any record, not even a torn chunk.
+fn is_spent(input: &mut fs::File, report: &Recovered) -> io::Result<bool> {
+    if report.is_whole() {
+        return Ok(true);
+    }
+    let torn_at = match report.losses.as_slice() {
+        [loss] if loss.fault == McapFault::Truncated && report.attachments_lost == 0 => loss.at_byte,
+        _ => return Ok(false),
+    };
+    let mut opcode = Vec::new();
+    input.seek(SeekFrom::Start(torn_at))?;
+    input.take(1).read_to_end(&mut opcode)?;
+    Ok(report.messages > 0 || opcode != [mcap::records::op::CHUNK])
+}

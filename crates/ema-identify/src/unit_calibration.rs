@@ -2,7 +2,7 @@
 
 use std::borrow::ToOwned;
 use std::format;
-use std::string::{String, ToString};
+use std::string::String;
 
 use ema_models::{MotorDeviation, MotorKnowledge};
 use serde::{Deserialize, Serialize};
@@ -131,6 +131,8 @@ impl UnitCalibration {
 
 #[cfg(test)]
 mod tests {
+    use std::string::ToString;
+
     use super::*;
 
     #[test]

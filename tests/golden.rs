@@ -10,21 +10,28 @@
 //! ```
 //!
 //! writes the table, and those limits that no longer hold. The diff is what gets reviewed.
+//!
+//! The firmware's identification of the same windows comes to the same decisions.
+
+mod target_cases;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::thread;
 
+use ema_identify::Estimate;
 use ema_models::{FAULT_COUNT, FaultVector, rss_pct, wrapped_phase_difference};
 use hmd::replay::{Observer, Replay};
-use hmd_core::assess::AssessedWindow;
+use hmd_core::assess::{AssessedWindow, damage_evidence};
 use hmd_core::config::Config;
+use hmd_core::health::Health;
 use hmd_core::record;
 use serde_json::Value;
+use target_cases::{golden, golden_logs};
 
 /// Seed of every search.
 const SEED: u64 = 1;
@@ -64,9 +71,25 @@ struct Row {
     evaluations: u64,
 }
 
+/// What the host decides of one window.
+#[derive(Clone, Debug, PartialEq)]
+struct Decision {
+    status: String,
+    faults: Vec<String>,
+    observable: [bool; FAULT_COUNT],
+    /// Whether another fault vector explains the window as well.
+    ambiguous: bool,
+}
+
+/// What every log gives by a replay, computed once.
+fn replayed() -> &'static [(Row, Decision)] {
+    static REPLAYED: OnceLock<Vec<(Row, Decision)>> = OnceLock::new();
+    REPLAYED.get_or_init(|| of_all(&golden_logs(), replay))
+}
+
 #[test]
 fn every_log_gives_its_golden_estimate() {
-    let rows = replay_all(&log_names());
+    let rows: Vec<Row> = replayed().iter().map(|(row, _)| row.clone()).collect();
     if std::env::var_os("UPDATE_GOLDEN").is_some() {
         update(&rows);
         return;
@@ -98,6 +121,42 @@ fn every_log_gives_its_golden_estimate() {
         "seed {SEED}:\n{}\n{HOW_TO_UPDATE}",
         failures.join("\n")
     );
+}
+
+/// The host's default search has a population before its descents, the firmware's has none.
+#[test]
+fn the_firmware_decides_as_the_host_does() {
+    let found = of_all(&golden_logs(), |log| {
+        let case = golden(log);
+        let estimate = case.on_the_controller();
+        assert_eq!(estimate, case.on_the_host(), "{log}: the same search, bit for bit");
+        decision(&estimate)
+    });
+    for ((row, host), firmware) in replayed().iter().zip(found) {
+        assert_eq!(firmware, *host, "{}", row.log);
+    }
+}
+
+/// What the host makes of an estimate of a sound window, at the default levels.
+fn decision(estimate: &Estimate) -> Decision {
+    let mut health = Health::new(*Config::default().health().levels()).expect("the defaults are in order");
+    let hidden = (0..FAULT_COUNT).any(|p| p != 6 && !estimate.observable[p]);
+    let ambiguous = estimate.competing_optimum.is_some();
+    let status = if estimate.is_unmodelled() {
+        "unmodelled"
+    } else if hidden || ambiguous || estimate.cut {
+        "degraded"
+    } else {
+        "ok"
+    };
+    let explained = (!estimate.is_unmodelled()).then(|| damage_evidence(estimate));
+    let faults = health.update(0, explained.as_ref()).faults;
+    Decision {
+        status: status.to_owned(),
+        faults: faults.into_iter().map(|fault| fault.name().to_owned()).collect(),
+        observable: estimate.observable,
+        ambiguous,
+    }
 }
 
 #[test]
@@ -205,30 +264,31 @@ fn rounded(x: f64, per_unit: f64) -> f64 {
     (x * per_unit).round() / per_unit
 }
 
-/// Replays the logs side by side; rows in the order of the names.
-fn replay_all(names: &[String]) -> Vec<Row> {
+/// Does the same work for every log, on all processors; results in the order of the names.
+fn of_all<T: Send>(names: &[String], work: impl Fn(&str) -> T + Sync) -> Vec<T> {
     let next = AtomicUsize::new(0);
     let worker = || {
         let mut done = Vec::new();
-        while let Some(name) = names.get(next.fetch_add(1, Ordering::Relaxed)) {
-            done.push(replay(name));
+        loop {
+            let n = next.fetch_add(1, Ordering::Relaxed);
+            let Some(name) = names.get(n) else { return done };
+            done.push((n, work(name)));
         }
-        done
     };
     let threads = thread::available_parallelism().map_or(2, usize::from);
-    let mut rows: Vec<Row> = thread::scope(|scope| {
+    let mut results: Vec<(usize, T)> = thread::scope(|scope| {
         let workers: Vec<_> = (0..threads).map(|_| scope.spawn(worker)).collect();
         workers
             .into_iter()
             .flat_map(|w| w.join().unwrap_or_else(|e| std::panic::resume_unwind(e)))
             .collect()
     });
-    rows.sort_by(|a, b| a.log.cmp(&b.log));
-    rows
+    results.sort_by_key(|&(n, _)| n);
+    results.into_iter().map(|(_, result)| result).collect()
 }
 
 /// The one window of a log, assessed with every default.
-fn replay(name: &str) -> Row {
+fn replay(name: &str) -> (Row, Decision) {
     let log = fixtures().join("logs").join(name);
     let logs = [log.clone()];
     let mut windows = Windows::default();
@@ -244,11 +304,16 @@ fn replay(name: &str) -> Row {
     let [health] = &windows.0[..] else {
         panic!("{name}: expected one window, found {}", windows.0.len())
     };
-    let k = health
+    let record::Estimate { k, observable, .. } = health
         .estimate()
-        .unwrap_or_else(|| panic!("{name}: no estimate: {}", health.reason))
-        .k;
-    Row {
+        .unwrap_or_else(|| panic!("{name}: no estimate: {}", health.reason));
+    let decision = Decision {
+        status: health.status.clone(),
+        faults: health.fault_list.clone(),
+        observable,
+        ambiguous: health.reason.contains("ambiguous"),
+    };
+    let row = Row {
         log: name.to_owned(),
         status: health.status.clone(),
         health: health.health.clone(),
@@ -257,7 +322,8 @@ fn replay(name: &str) -> Row {
         rss_pct: rss_pct(&FaultVector::from_array(k), &read_truth(&log)),
         cost: health.cost.unwrap_or(f64::NAN),
         evaluations: health.evaluations,
-    }
+    };
+    (row, decision)
 }
 
 #[derive(Default)]
@@ -296,22 +362,6 @@ fn update(rows: &[Row]) {
         let path = golden_file(name);
         std::fs::write(&path, text).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     }
-}
-
-/// Names of the logs, sorted.
-fn log_names() -> Vec<String> {
-    let directory = fixtures().join("logs");
-    let entries = directory
-        .read_dir()
-        .unwrap_or_else(|e| panic!("{}: {e}", directory.display()));
-    let mut names: Vec<String> = entries
-        .flatten()
-        .filter_map(|entry| entry.file_name().into_string().ok())
-        .filter(|name| !name.ends_with(".truth.jsonl"))
-        .collect();
-    names.sort();
-    assert!(!names.is_empty(), "{}: no logs", directory.display());
-    names
 }
 
 /// The fault vector of the log's only window.

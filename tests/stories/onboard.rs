@@ -1,51 +1,39 @@
 //! Identification as it runs on the controller, here: against the host's own.
 
-#[path = "../target_case.rs"]
-mod target_case;
+#[path = "../target_cases.rs"]
+mod target_cases;
 
-use ema_identify::Prepared;
-use ema_models::{ComparedSample, Scale, SensedSample, Setpoint, rss_pct};
-use firmware_image::RecordedWindow;
-use target_case::{Case, REST};
+use ema_identify::RecordedWindow;
+use ema_models::{ComparedSample, FaultVector, rss_pct};
+use target_cases::worn;
 
 #[test]
 fn the_controller_reads_its_words_as_the_host_does() {
-    let case = Case::new().expect("a window");
-    let params = &case.identification.params;
-    let sensed: Vec<SensedSample> = (0..)
-        .zip(&case.samples)
-        .map(|(seq, word)| SensedSample {
-            seq,
-            currents: word.currents_a(),
-            motor_counts: word.motor_counts.into(),
-            output_counts: word.output_counts.into(),
-            setpoint: Setpoint::Position(word.setpoint_rad().expect("position mode")),
-        })
-        .collect();
-    let host = Prepared::new(params, &sensed, &[], REST);
-    let window = RecordedWindow::new(params, &case.samples, REST).expect("a window");
-    assert_eq!(*window.initial(), host.recording().initial);
-    assert_eq!(
-        window.compared().collect::<Vec<ComparedSample>>(),
-        host.recording().samples
-    );
+    let case = worn();
+    let host = case.prepared.recording();
+    let window = RecordedWindow::new(&case.actuator.params, &case.samples, case.rest).expect("a window");
+    assert_eq!(*window.initial(), host.initial);
+    assert_eq!(window.compared().collect::<Vec<ComparedSample>>(), host.samples);
 }
 
 #[test]
-fn single_precision_on_one_thread_finds_what_the_host_finds() {
-    let case = Case::new().expect("a window");
-    let params = &case.identification.params;
-    let window = RecordedWindow::new(params, &case.samples, REST).expect("a window");
-    let found = case.identification.identify(&window);
-    let single = Scale::new(params).unknowns(&found.at).fault;
-    let host = case
-        .identifier
-        .identify(&case.simulated.prepared, case.simulated.conditions, 1);
-    let double = host.expect("a search that cannot be wrong").fault;
-    let (apart, wrong) = (rss_pct(&single, &double), rss_pct(&single, &case.worn));
-    // Seen: 0.13 % apart, 0.32 % from the truth.
-    assert!(
-        apart < 0.3 && wrong < 0.8,
-        "{apart} % apart, {wrong} % from the truth: {single:?}"
-    );
+fn the_controller_finds_the_bits_that_the_host_finds() {
+    let mut case = worn();
+    let found = case.on_the_controller();
+    assert_eq!(found, case.on_the_host());
+    let truth = FaultVector {
+        friction: 0.4,
+        backlash: 0.1,
+        short_b: 0.15,
+        ..FaultVector::NOMINAL
+    };
+    let wrong = rss_pct(&found.fault, &truth);
+    // Seen: 0.35 %.
+    assert!(wrong < 0.8, "{wrong} % from the truth: {found:?}");
+
+    // Two starts, and one motor among many.
+    case.conditions.load_torque = None;
+    case.actuator.motor = hmd_core::assess::TYPE_TOLERANCE;
+    case.identifier.motor = case.actuator.motor;
+    assert_eq!(case.on_the_controller(), case.on_the_host(), "unmeasured load");
 }

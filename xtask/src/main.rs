@@ -88,7 +88,11 @@ enum Verb {
     /// The daemon on real SocketCAN, in a user-mode Linux.
     Can,
     /// Identification on an emulated Cortex-M7, bit for bit, and what it costs.
-    Target,
+    Target {
+        /// Identify the windows of all golden logs, not of three only.
+        #[arg(long)]
+        all: bool,
+    },
     /// Firmware on an emulated Cortex-M7, its serial port, and the daemon, until a growing fault is found.
     Firmware,
     /// Fuzzing of every reader, seconds each; needs a nightly compiler.
@@ -142,7 +146,7 @@ fn main() -> ExitCode {
         Verb::Python => wheel::check(),
         Verb::Fleet { logs } => fleet::measure(logs),
         Verb::Can => can::check(),
-        Verb::Target => target::check(),
+        Verb::Target { all } => target::check(all),
         Verb::Firmware => firmware::check(),
         Verb::Fuzz => fuzz::check(false),
         Verb::FuzzLong => fuzz::check(true),

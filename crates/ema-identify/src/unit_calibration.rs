@@ -1,5 +1,9 @@
 //! The calibration of one motor, as text.
 
+use std::borrow::ToOwned;
+use std::format;
+use std::string::String;
+
 use ema_models::{MotorDeviation, MotorKnowledge};
 use serde::{Deserialize, Serialize};
 
@@ -127,6 +131,8 @@ impl UnitCalibration {
 
 #[cfg(test)]
 mod tests {
+    use std::string::ToString;
+
     use super::*;
 
     #[test]

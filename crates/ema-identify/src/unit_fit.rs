@@ -3,6 +3,8 @@
 //! A motor's resistance and back-EMF coefficient differ from the type's by some percent. A weak magnet and three slightly
 //! shorted phases look the same in one window, so this has to be learnt while the actuator is known to be healthy.
 
+use std::vec::Vec;
+
 use ema_models::{
     Comparison, Coordinates, FaultVector, MOTOR_COORDINATES, MotorDeviation, MotorKnowledge, RANK_LANES, Scale,
     UNKNOWN_COUNT, Unknowns,
@@ -147,7 +149,7 @@ fn start(window: &Comparison<'_>, scale: &Scale) -> Vector2<f64> {
         Some(load) => load / scale.load_unit(),
         None => {
             let shares: [f64; RANK_LANES] =
-                std::array::from_fn(|n| (n as f64 - 0.5 * (RANK_LANES - 1) as f64) * LOAD_SPACING);
+                core::array::from_fn(|n| (n as f64 - 0.5 * (RANK_LANES - 1) as f64) * LOAD_SPACING);
             let costs = window.rank(&shares.map(|share| Unknowns {
                 load_torque: share * scale.load_unit(),
                 ..healthy

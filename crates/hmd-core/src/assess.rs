@@ -118,7 +118,7 @@ impl Assessor {
                 if let Some(unseen) = unseen(&estimate) {
                     reasons.push(unseen);
                 }
-                reasons.extend(estimate.rival.as_ref().map(|rival| ambiguous(&estimate, rival)));
+                reasons.extend(estimate.competing_optimum.map(|other| ambiguous(&estimate, &other)));
                 if estimate.cut {
                     let budget = self.config.identification().evaluations_max;
                     reasons.push(format!("best of {budget} evaluations, the search had not ended"));
@@ -214,19 +214,19 @@ fn unseen(estimate: &Estimate) -> Option<String> {
 }
 
 /// The reason that names the values of a competing optimum, which explains the window as well.
-fn ambiguous(estimate: &Estimate, rival: &ema_models::FaultVector) -> String {
-    let (k, other) = (estimate.fault.to_array(), rival.to_array());
+fn ambiguous(estimate: &Estimate, other: &ema_models::FaultVector) -> String {
+    let (k, other) = (estimate.fault.to_array(), other.to_array());
     let names: Vec<String> = FaultId::ALL
         .into_iter()
         .map(|fault| (fault.name(), k[fault.parameter()], other[fault.parameter()]))
-        .filter(|(_, k, other)| (k - other).abs() > RIVAL_DIFFERENCE)
+        .filter(|(_, k, other)| (k - other).abs() > NOTABLE_DIFFERENCE)
         .map(|(name, k, other)| format!("{name} {k:.2} or {other:.2}"))
         .collect();
     format!("ambiguous: {}", names.join(", "))
 }
 
 /// Difference between competing optima from which on it is named.
-const RIVAL_DIFFERENCE: f64 = 0.02;
+const NOTABLE_DIFFERENCE: f64 = 0.02;
 
 /// FNV-1a, so that an actuator's searches do not depend on which others are there.
 fn name_hash(name: &str) -> u64 {

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use crate::simulated::SimulatedWindow;
 use ema_identify::calibration::{CALIBRATION_VERSION, Mismatch, MonitorForm, Quality, SignalTable, TypeCalibration};
-use ema_identify::{comparison, pull_from};
+use ema_identify::{comparison, estimator_bias};
 
 /// Windows a calibration learns from.
 const HEALTHY_WINDOWS: u64 = 8;
@@ -307,6 +307,6 @@ fn each_pull(
     );
     windows
         .par_iter()
-        .map(|w| pull_from(&compare(w, params, &coefficients, weights), &w.truth))
+        .map(|w| estimator_bias(&compare(w, params, &coefficients, weights), &w.truth))
         .collect()
 }

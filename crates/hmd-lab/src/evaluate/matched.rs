@@ -14,7 +14,7 @@ use super::motors::NOISE_RMS_A;
 use crate::calibrate_type::random_faults;
 use crate::simulated::SimulatedWindow;
 use ema_identify::calibration::{Mismatch, SignalTable, TypeCalibration};
-use ema_identify::{Identifier, bound, refine_from};
+use ema_identify::{Identifier, cramer_rao_bound, refined_from};
 use hmd_core::seed::mix;
 
 /// Components whose truth lies nearer to an end of its range than this many bounds are left out: there the range itself
@@ -81,7 +81,7 @@ pub(super) fn crlb_ratio(of_type: &Identifier, rate: f64, n: u64, seed: u64) -> 
             };
             let end = sharpest_fit(&identifier, &exact, of_type.calibration.weights(rate), case_seed)?;
             let scale = Scale::new(&params);
-            let bounds = bound(&exact, &scale.coordinates(&exact.unknowns_with_fault(truth)));
+            let bounds = cramer_rao_bound(&exact, &scale.coordinates(&exact.unknowns_with_fault(truth)));
             let (k, t) = (scale.unknowns(&end).fault.to_array(), truth.to_array());
             Ok([0, 1, 2, 3, 4, 7]
                 .into_iter()
@@ -108,7 +108,7 @@ fn sharpest_fit(
     let found = identifier.search(&blurred, seed)?;
     Ok((1..=STAGES).fold(found, |at, stage| {
         let weights = between(ordinary, exact.weights, f64::from(stage) / f64::from(STAGES));
-        refine_from(&Comparison { weights, ..*exact }, at)
+        refined_from(&Comparison { weights, ..*exact }, at)
     }))
 }
 

@@ -285,7 +285,7 @@ impl Pair {
             observable: estimate.observable,
             named: decision.state > HealthState::Nominal && !decision.faults.is_empty(),
             unmodelled: estimate.is_unmodelled(),
-            ambiguous: estimate.rival.is_some(),
+            ambiguous: estimate.competing_optimum.is_some(),
             cost: estimate.cost,
         })
     }

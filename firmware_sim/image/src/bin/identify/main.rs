@@ -1,7 +1,7 @@
-//! One identification on the processor, with what it costs, as `name value` lines on the debugger's console.
+//! Identifications on the processor, with what they cost, as `name value` lines on the debugger's console.
 //!
-//! The window is the source file that `HMD_TARGET_CASE` names (`tests/examples/target_case.rs` writes it);
-//! `cargo xtask target` builds, runs and judges this.
+//! The windows are in the source file that `HMD_TARGET_CASES` names (`tests/examples/target_cases.rs` writes it);
+//! `cargo xtask target` builds and runs this and compares what it prints with what the host finds.
 #![no_std]
 #![no_main]
 
@@ -12,34 +12,39 @@ use core::hint::black_box;
 use board::Clock;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hprintln};
+use ema_identify::calibration::{Mismatch, SignalTable};
+use ema_identify::{ActuatorKnowledge, MonitoredWindow, RecordedWindow, StreamedWindow, identify_from_health};
 use ema_models::Form::ThreePhase;
 use ema_models::{
-    ActuatorParams, Calibration, Conditions, ControllerParams, Coordinates, MotorDeviation, MotorKnowledge,
-    MotorParams, Prior, Ripple, Scale, SensorParams, Signals, TransmissionParams,
+    ActuatorParams, Calibration, Conditions, ControllerParams, Coordinates, FaultVector, Monitor, MotorDeviation,
+    MotorKnowledge, MotorParams, Real, Ripple, Scale, SensorParams, TransmissionParams,
 };
-use ema_wire::{ActuatorId, Mode, Sample};
-use firmware_image::{Identification, RecordedWindow};
+use ema_wire::Mode::{self, Position};
+use firmware_image::{EstimateLines, StoredSample};
 
-/// Phase currents, mA; motor and output counts; setpoint, µrad.
-type Word = (i16, i16, i16, i32, i32, i32);
+/// One recorded window, and what is known of its actuator.
+struct Case {
+    name: &'static str,
+    actuator: ActuatorKnowledge,
+    conditions: Conditions,
+    /// Samples before the trigger.
+    rest: usize,
+    words: &'static [Word],
+}
 
-include!(env!("HMD_TARGET_CASE"));
+/// Phase currents, mA; motor and output counts; setpoint and its mode.
+type Word = ([i16; 3], i32, i32, i32, Mode);
+
+// `CASES`, and `LONGEST`, the samples of the longest window.
+include!(env!("HMD_TARGET_CASES"));
 
 /// A sample before it is recorded.
-const NOTHING: Sample = Sample {
-    actuator: match ActuatorId::new(0) {
-        Some(actuator) => actuator,
-        None => panic!("there is an actuator 0"),
-    },
-    seq: 0,
-    time_us: 0,
-    i_a_ma: 0,
-    i_b_ma: 0,
-    i_c_ma: 0,
+const NOTHING: StoredSample = StoredSample {
+    currents_ma: [0; 3],
+    mode: Mode::Idle,
     motor_counts: 0,
     output_counts: 0,
     setpoint: 0,
-    mode: Mode::Idle,
 };
 
 /// Passes of the loop that the count of instructions is checked with.
@@ -62,32 +67,28 @@ fn run(clock: Clock) -> Option<()> {
     hprintln!("loop_expected {}", board::INSTRUCTIONS_PER_PASS * PASSES);
     hprintln!("loop_counted {}", counted);
 
-    let mut samples = [NOTHING; WINDOW.len()];
-    record(&mut samples);
-    let (window, counted) = clock.count(|| RecordedWindow::new(&IDENTIFICATION.params, &samples, REST));
-    let window = window?;
-    hprintln!("prepare_instructions {}", counted);
-
-    let healthy = Coordinates(core::array::from_fn(|p| if p == 7 { 0.5 } else { 0.0 }));
-    monitor_steps(clock, &window, &healthy)?;
-    let (cost, counted) = clock.count(|| IDENTIFICATION.cost(&window, black_box(&healthy)));
-    black_box(cost);
-    hprintln!("cost_instructions {}", counted);
-    let (sums, counted) = clock.count(|| IDENTIFICATION.normal_equations(&window, black_box(&healthy), 2e-2));
-    black_box(sums);
-    hprintln!("linearisation_instructions {}", counted);
-
-    let (found, counted) = clock.count(|| IDENTIFICATION.identify(&window));
-    hprintln!("identify_instructions {}", counted);
-    for (p, x) in found.at.0.iter().enumerate() {
-        hprintln!("x{} {:016x}", p, x.to_bits());
+    let mut samples = [NOTHING; LONGEST];
+    for (n, case) in CASES.iter().enumerate() {
+        let samples = samples.get_mut(..case.words.len())?;
+        record(samples, case.words);
+        let (window, counted) = clock.count(|| RecordedWindow::new(&case.actuator.params, samples, case.rest));
+        let window = window?;
+        hprintln!("{}/prepare_instructions {}", case.name, counted);
+        let streamed = StreamedWindow::new(&window, &case.actuator, case.conditions);
+        if n == 0 {
+            measure_parts(clock, case, &window, &streamed)?;
+        }
+        let (estimate, counted) = clock.count(|| identify_from_health(&streamed, &case.actuator.mismatch));
+        hprintln!("{}/identify_instructions {}", case.name, counted);
+        let (name, estimate) = (case.name, &estimate);
+        hprintln!("{}", EstimateLines { name, estimate });
     }
-    hprintln!("cost {:016x}", found.cost.to_bits());
-    hprintln!("linearisations {}", found.linearisations);
-    hprintln!("runs {}", found.runs);
 
     hprintln!("window_bytes {}", size_of_val(&samples));
-    hprintln!("case_bytes {}", size_of_val(&WINDOW));
+    hprintln!(
+        "case_bytes {}",
+        CASES.iter().map(|case| size_of_val(case.words)).sum::<usize>()
+    );
     hprintln!("flash_bytes {}", board::flash_bytes());
     hprintln!("static_bytes {}", board::static_bytes());
     hprintln!("stack_bytes {}", board::stack_bytes());
@@ -96,43 +97,67 @@ fn run(clock: Clock) -> Option<()> {
 
 /// Fills the window in RAM, as a recorder does.
 #[inline(never)]
-fn record(into: &mut [Sample]) {
-    for (n, (slot, word)) in into.iter_mut().zip(&WINDOW).enumerate() {
-        let (i_a_ma, i_b_ma, i_c_ma, motor_counts, output_counts, setpoint) = *word;
-        *slot = Sample {
-            seq: n as u16,
-            time_us: (500 * n) as u16,
-            i_a_ma,
-            i_b_ma,
-            i_c_ma,
+fn record(into: &mut [StoredSample], words: &[Word]) {
+    for (slot, &(currents_ma, motor_counts, output_counts, setpoint, mode)) in into.iter_mut().zip(words) {
+        *slot = StoredSample {
+            currents_ma,
+            mode,
             motor_counts,
             output_counts,
             setpoint,
-            mode: Mode::Position,
-            ..*slot
         };
     }
 }
 
-/// The monitor alone, on what is made ready for it once a sample.
+/// What the parts of an identification cost.
 #[inline(never)]
-fn monitor_steps(clock: Clock, window: &RecordedWindow<'_>, at: &Coordinates) -> Option<()> {
-    let monitor = IDENTIFICATION.monitor(&Scale::new(&IDENTIFICATION.params).unknowns(at));
+fn measure_parts(
+    clock: Clock,
+    case: &Case,
+    window: &RecordedWindow<'_, StoredSample>,
+    streamed: &StreamedWindow<'_, StoredSample>,
+) -> Option<()> {
+    let healthy = Scale::new(&case.actuator.params).coordinates(&streamed.unknowns_with(FaultVector::NOMINAL));
+    let single = monitor_instructions::<f32>(clock, case, window, &healthy)?;
+    hprintln!("single_instructions {}", single);
+    let double = monitor_instructions::<f64>(clock, case, window, &healthy)?;
+    hprintln!("double_instructions {}", double);
+    let per_sample = ema_models::STEPS_PER_CONTROL as usize * window.controls();
+    hprintln!("monitor_steps {}", per_sample * window.len());
+    let (cost, counted) = clock.count(|| streamed.cost(black_box(&healthy)));
+    black_box(cost);
+    hprintln!("cost_instructions {}", counted);
+    let (sums, counted) = clock.count(|| streamed.normal_equations(black_box(&healthy), 2e-2));
+    black_box(sums);
+    hprintln!("linearisation_instructions {}", counted);
+    Some(())
+}
+
+/// Instructions of the monitor alone over the window, in numbers of type `R`, on what is made ready for it once a sample.
+#[inline(never)]
+fn monitor_instructions<R: Real>(
+    clock: Clock,
+    case: &Case,
+    window: &RecordedWindow<'_, StoredSample>,
+    at: &Coordinates,
+) -> Option<u64> {
+    let ActuatorKnowledge {
+        params, calibration, ..
+    } = &case.actuator;
+    let unknowns = case.conditions.warmed(&Scale::new(params).unknowns(at));
+    let monitor = Monitor::new(params, calibration, case.conditions.v_dc, &unknowns).map(R::splat);
     let mut state = monitor.start(window.initial(), &window.compared().next()?);
     let (_, nothing) = clock.count(|| ());
-    let (mut total, mut steps) = (0, 0);
-    for drive in window.drives() {
+    let mut total = 0;
+    for drive in window.drives::<R>() {
         let counted = &drive.counted[..window.controls()];
         let (_, count) = clock.count(|| {
             monitor.run_sample_period_with(&mut state, window.initial(), drive.setpoint, counted, drive.theta_m);
         });
         total += count - nothing;
-        steps += ema_models::STEPS_PER_CONTROL * window.controls() as u32;
     }
-    black_box(monitor.output(&state));
-    hprintln!("monitor_instructions {}", total);
-    hprintln!("monitor_steps {}", steps);
-    Some(())
+    black_box(monitor.output(&state).theta_m);
+    Some(total)
 }
 
 #[panic_handler]

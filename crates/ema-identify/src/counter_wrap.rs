@@ -1,7 +1,7 @@
-//! Which wrap of its counter an angle is on.
+//! Undoes the wraps of the two angle counters of a window.
 //!
-//! A log may begin after a counter has wrapped, and then resolver and encoder seem to be turns apart. They belong together
-//! through the gear, so the wraps are those that bring them together.
+//! A log may begin after a counter has wrapped, and then resolver and encoder seem to be turns apart. The gear couples the
+//! two angles, so the right wraps are those that bring them together.
 
 use ema_models::{ActuatorParams, SensedSample, Setpoint};
 
@@ -18,7 +18,7 @@ const TOGETHER: f64 = 0.1;
 
 /// Puts both counters of a window on the wraps that bring the angles together at its first sample, the fewest that do; a
 /// window where none do stays as it is. In position mode the encoder is on the setpoint's own turn, and stays there.
-pub(crate) fn align(params: &ActuatorParams, samples: &mut [SensedSample]) {
+pub(crate) fn align_counter_wraps(params: &ActuatorParams, samples: &mut [SensedSample]) {
     let Some(first) = samples.first() else { return };
     let per_motor_count = params.sensors.motor_lsb() / params.transmission.gear_ratio;
     let per_output_count = params.sensors.output_lsb();
@@ -53,7 +53,7 @@ pub(crate) fn align(params: &ActuatorParams, samples: &mut [SensedSample]) {
 mod tests {
     use super::*;
 
-    fn at(motor_counts: i64, output_counts: i64, setpoint: Setpoint) -> SensedSample {
+    fn sample(motor_counts: i64, output_counts: i64, setpoint: Setpoint) -> SensedSample {
         SensedSample {
             seq: 0,
             currents: [0.0; 3],
@@ -76,8 +76,8 @@ mod tests {
             let output = turns * 20_000;
             let motor = (output as f64 * per_output) as i64;
             let wrapped_output = (output + OUTPUT_WRAP / 2).rem_euclid(OUTPUT_WRAP) - OUTPUT_WRAP / 2;
-            let mut samples = [at(i64::from(motor as i32), wrapped_output, setpoint)];
-            align(&params, &mut samples);
+            let mut samples = [sample(i64::from(motor as i32), wrapped_output, setpoint)];
+            align_counter_wraps(&params, &mut samples);
             let apart = samples[0].motor_counts as f64 / per_output - samples[0].output_counts as f64;
             assert!(apart.abs() < 1.0, "{turns} turns: {apart} counts apart");
             assert_eq!((samples[0].motor_counts - motor).rem_euclid(1 << 16), 0);
@@ -86,9 +86,9 @@ mod tests {
 
     #[test]
     fn counters_that_do_not_belong_together_stay() {
-        let far = at(0, 5000, Setpoint::Position(0.0));
+        let far = sample(0, 5000, Setpoint::Position(0.0));
         let mut samples = [far];
-        align(&ActuatorParams::bench(), &mut samples);
+        align_counter_wraps(&ActuatorParams::bench(), &mut samples);
         assert_eq!(samples, [far]);
     }
 }

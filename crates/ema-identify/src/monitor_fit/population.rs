@@ -1,16 +1,27 @@
-//! Searches by many individuals at once, and what they minimise.
+//! Searches by many individuals at once over the fault vector, and what they minimise. Host only.
 
 use ema_ga::{
-    Bounds, ConfigError, Control, Objective, Outcome, Parallel, Search, cma_es_owned, differential_evolution_owned,
-    evolve_owned,
+    Bounds, CmaConfig, ConfigError, Control, DeConfig, GaConfig, Objective, Outcome, Parallel, Search, cma_es_owned,
+    differential_evolution_owned, evolve_owned,
 };
-use ema_models::{ActuatorParams, Comparison, FAULT_COUNT, FaultVector, RANK_LANES};
+use ema_models::{ActuatorParams, Comparison, FAULT_COUNT, FaultVector, Feedback, RANK_LANES, Weights};
 
-use super::{Population, box_of};
+use super::least_squares::constant_box;
+
+/// A search by many individuals at once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Population {
+    /// The genetic algorithm.
+    Genetic(GaConfig),
+    /// Differential evolution.
+    Differential(DeConfig),
+    /// Evolution strategy with covariance matrix adaptation.
+    CmaEs(CmaConfig),
+}
 
 impl Population {
     /// Monitor runs that one identification may take; `None` without a limit.
-    pub(super) fn budget(&self) -> Option<u64> {
+    pub(crate) fn budget(&self) -> Option<u64> {
         match self {
             Self::Genetic(config) => config.stop.max_evaluations,
             Self::Differential(config) => config.stop.max_evaluations,
@@ -19,7 +30,7 @@ impl Population {
     }
 
     /// The best of all individuals, one of the first being health.
-    pub(super) fn search(&self, comparison: Comparison<'_>, seed: u64) -> Result<Outcome<FAULT_COUNT>, ConfigError> {
+    pub(crate) fn search(&self, comparison: Comparison<'_>, seed: u64) -> Result<Outcome<FAULT_COUNT>, ConfigError> {
         let objective = LeastSquares {
             comparison,
             bounds: unit_box(),
@@ -41,7 +52,7 @@ impl Population {
 
 /// [0, 1] in every component of the fault vector.
 fn unit_box() -> Bounds<FAULT_COUNT> {
-    box_of([0.0; FAULT_COUNT], [1.0; FAULT_COUNT])
+    constant_box([0.0; FAULT_COUNT], [1.0; FAULT_COUNT])
 }
 
 struct LeastSquares<'a> {
@@ -62,9 +73,11 @@ impl Objective<FAULT_COUNT> for LeastSquares<'_> {
 
     fn cost_batch(&self, genes: &[[f64; FAULT_COUNT]], costs: &mut [f64]) {
         // Lanes that a short last batch leaves over run the first individual again.
-        let of = |lane: usize| genes.get(lane).or(genes.first()).copied().unwrap_or([0.0; FAULT_COUNT]);
-        let unknowns =
-            std::array::from_fn(|lane| self.comparison.unknowns_with_fault(FaultVector::from_array(of(lane))));
+        let genes_of = |lane: usize| genes.get(lane).or(genes.first()).copied().unwrap_or([0.0; FAULT_COUNT]);
+        let unknowns = core::array::from_fn(|lane| {
+            self.comparison
+                .unknowns_with_fault(FaultVector::from_array(genes_of(lane)))
+        });
         for (slot, cost) in costs.iter_mut().zip(self.comparison.rank(&unknowns)) {
             *slot = cost;
         }
@@ -75,8 +88,30 @@ impl Objective<FAULT_COUNT> for LeastSquares<'_> {
     }
 }
 
+/// The best individual of the paper's genetic algorithm: its fitness function on the quadrature current alone, by a monitor
+/// that simulates its own feedback.
+pub(crate) fn search_by_paper(
+    comparison: &Comparison<'_>,
+    config: &GaConfig,
+    seed: u64,
+) -> Result<Outcome<FAULT_COUNT>, ConfigError> {
+    let alone = Comparison {
+        weights: Weights::CURRENT_ONLY,
+        feedback: Feedback::Simulated,
+        ..*comparison
+    };
+    let objective = PaperCost::new(alone, comparison.params);
+    let search = Search {
+        objective: &objective,
+        evaluate: Parallel,
+        seed,
+        initial: &[],
+    };
+    evolve_owned(&search, config, |_| Control::Continue)
+}
+
 /// The paper's fitness function.
-pub(super) struct PaperCost<'a> {
+struct PaperCost<'a> {
     comparison: Comparison<'a>,
     bounds: Bounds<FAULT_COUNT>,
     time_scale: f64,
@@ -84,7 +119,7 @@ pub(super) struct PaperCost<'a> {
 
 impl<'a> PaperCost<'a> {
     /// The derivative is made dimensionless by the electrical time constant over the rated current.
-    pub(super) fn new(comparison: Comparison<'a>, params: &ActuatorParams) -> Self {
+    fn new(comparison: Comparison<'a>, params: &ActuatorParams) -> Self {
         let time_scale = params.motor.l_s / params.motor.r_s / params.motor.i_max;
         Self {
             comparison,

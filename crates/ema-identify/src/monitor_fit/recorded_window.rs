@@ -1,57 +1,70 @@
-//! One actuation as the controller recorded it: raw sensor words, 24 bytes a sample.
+//! One window as the controller recorded it: raw sensor words, turned into the monitor's terms sample by sample, each time
+//! that a monitor runs over them. Nothing is copied.
 
 use ema_models::{
-    ActuatorParams, AngleReading, ComparedSample, Encoder, InitialState, OutputAngleEstimator, SensedSample, Setpoint,
-    Signals, WindowFrame, output_angle_between,
+    ActuatorParams, AngleReading, ComparedSample, Encoder, InitialState, OutputAngleEstimator, Real, SensedSample,
+    Setpoint, Signals, WindowFrame, output_angle_between,
 };
-use ema_wire::{Mode, Sample, quantity};
+
+/// A recorded sample in whatever form its owner keeps it.
+pub trait RecordedSample: Copy {
+    /// The sample in SI units, as the sample number `seq` of its window. Counters do not wrap within a window.
+    fn sensed(&self, seq: u64) -> SensedSample;
+}
+
+impl RecordedSample for SensedSample {
+    fn sensed(&self, seq: u64) -> SensedSample {
+        Self { seq, ..*self }
+    }
+}
 
 /// Control periods per sample at most: 400 Hz at 100 µs.
 pub const MAX_CONTROLS: usize = 25;
 
-/// A window of consecutive samples, none missing, its counters on one wrap; read through, never copied.
+/// A window of consecutive samples, none missing, its counters on one wrap.
 #[derive(Clone, Copy, Debug)]
-pub struct RecordedWindow<'a> {
-    samples: &'a [Sample],
+pub struct RecordedWindow<'a, S> {
+    samples: &'a [S],
     frame: WindowFrame,
     output: OutputAngleEstimator,
-    encoder: Encoder<f32>,
+    output_lsb: f64,
     controls: usize,
     initial: InitialState,
 }
 
 /// What all monitors of a window take from one sample.
 #[derive(Clone, Copy, Debug)]
-pub struct Drive {
+pub struct SampleDrive<R> {
     /// What the sensors said.
-    pub measured: Signals<f32>,
+    pub measured: Signals<R>,
     /// The setpoint latched with it.
-    pub setpoint: Setpoint<f32>,
+    pub setpoint: Setpoint<R>,
     /// Output angle as counted at each control period, rad; as many as [`RecordedWindow::controls`].
-    pub counted: [f32; MAX_CONTROLS],
+    pub counted: [R; MAX_CONTROLS],
     /// Motor angle at the sample's end, rad.
-    pub theta_m: f32,
+    pub theta_m: R,
 }
 
-impl<'a> RecordedWindow<'a> {
+impl<'a, S: RecordedSample> RecordedWindow<'a, S> {
     /// A window whose first `rest` samples precede the trigger; `None` of an empty one, or of one sampled less often than
     /// every [`MAX_CONTROLS`] control periods.
     #[must_use]
-    pub fn new(params: &ActuatorParams, samples: &'a [Sample], rest: usize) -> Option<Self> {
+    pub fn new(params: &ActuatorParams, samples: &'a [S], rest: usize) -> Option<Self> {
         let controls = libm::round(1.0 / (params.sensors.sample_rate * params.controller.period)) as usize;
         let rest = rest.clamp(1, samples.len().max(1));
         let (first, last_at_rest) = (samples.first()?, samples.get(rest - 1)?);
-        let frame = WindowFrame::new(params, &sensed(0, first));
+        let frame = WindowFrame::new(params, &first.sensed(0));
         let output = OutputAngleEstimator::new(params, &frame.origin(), || {
             samples.iter().map(|sample| reading(&frame, sample))
         });
         let at_rest = (0..rest).map(|n| compared(&frame, samples, n));
-        let initial = frame.initial_state(&sensed(rest - 1, last_at_rest), at_rest.map(|s| [s.i_d, s.i_q]));
+        let last_at_rest = last_at_rest.sensed(rest as u64 - 1);
+        let initial = frame.initial_state(&last_at_rest, at_rest.map(|s| [s.i_d, s.i_q]));
         (controls <= MAX_CONTROLS).then_some(Self {
             samples,
             frame,
             output,
-            encoder: Encoder::new(params.sensors.output_lsb()),
+            output_lsb: params.sensors.output_lsb(),
             controls,
             initial,
         })
@@ -91,8 +104,9 @@ impl<'a> RecordedWindow<'a> {
         })
     }
 
-    /// What the monitors take from each sample.
-    pub fn drives(&self) -> impl Iterator<Item = Drive> {
+    /// What monitors in numbers of type `R` take from each sample.
+    pub fn drives<R: Real>(&self) -> impl Iterator<Item = SampleDrive<R>> {
+        let encoder = Encoder::<R>::new(self.output_lsb);
         let mut ahead = self.compared();
         let mut next = ahead.next();
         core::iter::from_fn(move || {
@@ -100,47 +114,36 @@ impl<'a> RecordedWindow<'a> {
             next = ahead.next();
             // The last sample holds.
             let after = next.unwrap_or(now);
-            let mut counted = [0.0; MAX_CONTROLS];
+            let mut counted = [R::zero(); MAX_CONTROLS];
             for (control, slot) in (0..).zip(&mut counted[..self.controls]) {
                 let read = output_angle_between(&now, &after, control, self.controls as u32);
-                *slot = self.encoder.counted_angle(read as f32);
+                *slot = encoder.counted_angle(R::splat(read));
             }
-            Some(Drive {
-                measured: Signals::from_sample(&now).map(|x| x as f32),
-                setpoint: now.setpoint.map(|x| x as f32),
+            Some(SampleDrive {
+                measured: Signals::from_sample(&now).map(R::splat),
+                setpoint: now.setpoint.map(R::splat),
                 counted,
-                theta_m: after.theta_m as f32,
+                theta_m: R::splat(after.theta_m),
             })
         })
     }
 }
 
 /// The sample of a place between its neighbours.
-fn compared(frame: &WindowFrame, samples: &[Sample], n: usize) -> ComparedSample {
-    let at = |n: usize| sensed(n, &samples[n]);
-    frame.compared(&at(n.saturating_sub(1)), &at(n), &at((n + 1).min(samples.len() - 1)))
+fn compared<S: RecordedSample>(frame: &WindowFrame, samples: &[S], n: usize) -> ComparedSample {
+    let sensed = |n: usize| samples[n].sensed(n as u64);
+    frame.compared(
+        &sensed(n.saturating_sub(1)),
+        &sensed(n),
+        &sensed((n + 1).min(samples.len() - 1)),
+    )
 }
 
-fn reading(frame: &WindowFrame, sample: &Sample) -> AngleReading {
-    let [theta_m, theta_out] = frame.angles(&sensed(0, sample));
+fn reading<S: RecordedSample>(frame: &WindowFrame, sample: &S) -> AngleReading {
+    let [theta_m, theta_out] = frame.angles(&sample.sensed(0));
     AngleReading {
         theta_m,
         theta_out,
         measured: true,
-    }
-}
-
-/// A sample in SI units, at its place in the window.
-fn sensed(n: usize, sample: &Sample) -> SensedSample {
-    SensedSample {
-        seq: n as u64,
-        currents: sample.currents_a(),
-        motor_counts: i64::from(sample.motor_counts),
-        output_counts: i64::from(sample.output_counts),
-        setpoint: match sample.mode {
-            Mode::Idle => Setpoint::Idle,
-            Mode::Position => Setpoint::Position(quantity::position_setpoint_rad(sample.setpoint)),
-            Mode::Speed => Setpoint::Speed(quantity::speed_setpoint_rad_s(sample.setpoint)),
-        },
     }
 }

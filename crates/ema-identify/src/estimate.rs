@@ -1,0 +1,109 @@
+//! What identification says of one window: the fault vector, how far it can be trusted, and whether it is worth anything.
+
+use core::fmt;
+
+use ema_models::{FAULT_COUNT, FaultVector, Unknowns};
+
+/// Fault vector of one window, and how far it can be trusted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// Best fault vector.
+    pub fault: FaultVector,
+    /// The same with its companions.
+    pub unknowns: Unknowns,
+    /// One standard deviation of each component, model error included; `None` where it means nothing (k7 without
+    /// eccentricity) or the component is not observable.
+    pub sigma: [Option<f64>; FAULT_COUNT],
+    /// Whether the window shows the component.
+    pub observable: [bool; FAULT_COUNT],
+    /// Mean over the samples of half the squared weighted residuals.
+    pub cost: f64,
+    /// Root-mean-square residual of the quadrature current, A.
+    pub residual_rms_a: f64,
+    /// Monitor evaluations spent.
+    pub evaluations: u64,
+    /// Whether the budget of evaluations was spent before the search had ended: the best so far.
+    pub cut: bool,
+    /// Another fault vector, far from this one, that explains the window as well; the sigmas reach as far as it.
+    pub competing_optimum: Option<FaultVector>,
+    /// Back-EMF coefficient of the motor beyond what was expected of it, as a share of the type's.
+    pub back_emf_off: f64,
+    /// Whether another motor than the one expected explains the window clearly better.
+    pub other_motor: bool,
+    /// Whether the motor stood while it was commanded to move.
+    pub locked: bool,
+}
+
+impl Estimate {
+    /// Whether the data, though good, are of something the monitor does not know.
+    #[must_use]
+    pub fn is_unmodelled(&self) -> bool {
+        self.unmodelled().is_some()
+    }
+
+    /// Why the data, though good, are of something the monitor does not know; `None` where it knows.
+    #[must_use]
+    pub fn unmodelled(&self) -> Option<Unmodelled> {
+        if self.locked {
+            Some(Unmodelled::Locked)
+        } else if is_unmodelled(self.cost) {
+            Some(Unmodelled::Cost(self.cost))
+        } else if self.back_emf_off.abs() > BACK_EMF_OFF || self.other_motor {
+            Some(Unmodelled::Magnets(self.back_emf_off))
+        } else {
+            None
+        }
+    }
+
+    /// One standard deviation of each damage (see [`FaultVector::damage`]); infinite where it is not observable.
+    #[must_use]
+    pub fn damage_sigma(&self) -> [f64; FAULT_COUNT] {
+        let mut sigma = self.sigma.map(|s| s.unwrap_or(f64::INFINITY));
+        // The gain's damage is 2 |k8 − ½|.
+        sigma[7] *= 2.0;
+        sigma
+    }
+}
+
+/// What makes an estimate worthless though the data are good.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Unmodelled {
+    /// The motor does not turn as commanded.
+    Locked,
+    /// No fault vector explains the data: the cost.
+    Cost(f64),
+    /// The motor is none of its type: its back-EMF coefficient beyond what was expected, as a share.
+    Magnets(f64),
+}
+
+impl fmt::Display for Unmodelled {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Locked => write!(f, "the motor does not turn as it is told"),
+            Self::Cost(cost) => write!(f, "no fault vector explains the data: cost {cost:.0}"),
+            Self::Magnets(off) => write!(
+                f,
+                "no motor of this type: back-EMF {:+.0} % off what is expected",
+                100.0 * off
+            ),
+        }
+    }
+}
+
+/// Whether a cost alone says that the data are of something the monitor does not know.
+#[must_use]
+pub fn is_unmodelled(cost: f64) -> bool {
+    cost.is_nan() || cost > UNMODELLED_COST
+}
+
+/// A cost above this says that no fault vector explains the window: weighted residuals of four times their expected
+/// size. Good windows of every profile cost 1.0 to 1.5 without sensor noise, 2.0 to 2.7 with 50 mA rms on the currents and
+/// 5.5 to 6.3 with 100 mA.
+const UNMODELLED_COST: f64 = 15.0;
+
+/// A back-EMF coefficient this far from what was expected, as a share, is no motor of the type: it is twice what
+/// manufacturers guarantee, and what the temperature explains is part of what is expected.
+const BACK_EMF_OFF: f64 = 0.15;
+
+/// A parameter with a larger standard deviation is not observable.
+pub(crate) const OBSERVABLE_SIGMA: f64 = 0.1;

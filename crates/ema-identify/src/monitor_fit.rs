@@ -1,0 +1,42 @@
+//! Fits the monitor to one window: the unknowns with the least squares of measured minus modelled.
+//!
+//! 1. `least_squares`: Levenberg–Marquardt descents from each start, coarse differences and then fine ones; each ends in a
+//!    local optimum. The host adds a start found by a population search (`population`).
+//! 2. `conclusion`: the signals are weighted by the window's own noise, the best optimum is refined once more, and the
+//!    other explanations are looked at: `competing_optima`, `weak_magnet`.
+//! 3. `uncertainty`: the sigma of each parameter from the curvature of the cost, for friction from `friction_bound` where
+//!    the curvature is unreliable, together with the monitor's own mismatch; `locked` says whether the motor moved at all.
+//!
+//! All of it is generic over [`MonitoredWindow`]; `recorded_window` and `streamed` are the firmware's.
+
+mod competing_optima;
+mod conclusion;
+mod friction_bound;
+mod least_squares;
+mod locked;
+#[cfg(feature = "std")]
+mod population;
+mod recorded_window;
+mod streamed;
+mod uncertainty;
+mod weak_magnet;
+mod window;
+
+pub use conclusion::identify_from_health;
+#[cfg(feature = "std")]
+pub(crate) use conclusion::{Search, conclude};
+#[cfg(feature = "std")]
+pub(crate) use least_squares::{LocalOptimum, UNLIMITED, best_first, descend_side_by_side, starts};
+pub use least_squares::{estimator_bias, refined_from};
+#[cfg(feature = "std")]
+pub use population::Population;
+#[cfg(feature = "std")]
+pub(crate) use population::search_by_paper;
+pub use recorded_window::{MAX_CONTROLS, RecordedSample, RecordedWindow, SampleDrive};
+pub use streamed::StreamedWindow;
+pub use uncertainty::cramer_rao_bound;
+#[cfg(feature = "std")]
+pub(crate) use uncertainty::{RUNS_OF_ASSESSMENT, assess};
+#[cfg(feature = "std")]
+pub(crate) use window::prior;
+pub use window::{ActuatorKnowledge, MonitoredWindow};

@@ -1,0 +1,200 @@
+//! The firmware's window: monitors in lock-step over recorded samples, their residuals summed as they come, none stored.
+//!
+//! Residuals and sums are those of [`Comparison`](ema_models::Comparison), operation by operation: both give the same bits.
+//! Double precision throughout, because the short steps of the fine differences vanish in single precision.
+
+use ema_models::{
+    ActuatorParams, Calibration, Conditions, Coordinates, Monitor, MonitorState, MotorKnowledge, NormalEquations,
+    Prior, ResidualState, SIGNAL_COUNT, Scale, Setpoint, UNKNOWN_COUNT, Unknowns, Weights,
+};
+
+use super::recorded_window::{RecordedSample, RecordedWindow};
+use super::window::{ActuatorKnowledge, MonitoredWindow, prior};
+
+/// A recorded window, and the monitor that it is compared with.
+#[derive(Clone, Copy, Debug)]
+pub struct StreamedWindow<'a, S> {
+    window: &'a RecordedWindow<'a, S>,
+    params: &'a ActuatorParams,
+    calibration: &'a Calibration,
+    conditions: Conditions,
+    weights: Weights,
+    prior: Prior,
+}
+
+/// One monitor at work.
+#[derive(Clone, Copy)]
+struct Running {
+    monitor: Monitor<f64>,
+    state: MonitorState<f64>,
+    residual: ResidualState<f64>,
+}
+
+/// Monitors of one linearisation: the point and one step along each coordinate.
+const POINT_AND_STEPS: usize = UNKNOWN_COUNT + 1;
+
+impl<'a, S: RecordedSample> StreamedWindow<'a, S> {
+    /// A window of an actuator under some conditions, all signals with the weights of the calibration.
+    #[must_use]
+    pub fn new(window: &'a RecordedWindow<'a, S>, actuator: &'a ActuatorKnowledge, conditions: Conditions) -> Self {
+        let ActuatorKnowledge {
+            params,
+            calibration,
+            mismatch,
+            motor,
+        } = actuator;
+        Self {
+            window,
+            params,
+            calibration,
+            conditions,
+            weights: mismatch.weights(params.sensors.sample_rate, calibration.form),
+            prior: prior(params, &conditions, *motor),
+        }
+    }
+
+    /// Runs monitors in lock-step over the window and shows their unweighted residuals, sample by sample.
+    ///
+    /// What all of them take from a sample is made ready once for all.
+    fn run<const N: usize>(
+        &self,
+        unknowns: impl Fn(usize) -> Unknowns,
+        mut visit: impl FnMut(&[[f64; SIGNAL_COUNT]; N]),
+    ) {
+        let initial = self.window.initial();
+        let Some(first) = self.window.compared().next() else {
+            return;
+        };
+        let start = |n| {
+            let unknowns = self.conditions.at_temperature(&unknowns(n));
+            let monitor = Monitor::new(self.params, self.calibration, self.conditions.v_dc, &unknowns);
+            Running {
+                state: monitor.start(initial, &first),
+                monitor,
+                residual: ResidualState::new(self.params.sensors.sample_rate),
+            }
+        };
+        // Not `from_fn`, which makes the array twice, one on top of the other on the stack.
+        let mut running = [start(0); N];
+        for (n, one) in running.iter_mut().enumerate().skip(1) {
+            *one = start(n);
+        }
+        for (n, drive) in self.window.drives().enumerate() {
+            let mut residuals = [[0.0; SIGNAL_COUNT]; N];
+            for (one, residuals) in running.iter_mut().zip(&mut residuals) {
+                let earlier = n >= one.residual.span();
+                let output = one.monitor.output(&one.state);
+                *residuals = one.residual.next(&drive.measured, &output, earlier).to_array();
+                let counted = &drive.counted[..self.window.controls()];
+                one.monitor
+                    .run_sample_period_with(&mut one.state, initial, drive.setpoint, counted, drive.theta_m);
+            }
+            visit(&residuals);
+        }
+    }
+}
+
+impl<S: RecordedSample> MonitoredWindow for StreamedWindow<'_, S> {
+    fn params(&self) -> &ActuatorParams {
+        self.params
+    }
+
+    fn conditions(&self) -> &Conditions {
+        &self.conditions
+    }
+
+    fn weights(&self) -> &Weights {
+        &self.weights
+    }
+
+    fn prior(&self) -> &Prior {
+        &self.prior
+    }
+
+    fn with_weights(self, weights: Weights) -> Self {
+        Self { weights, ..self }
+    }
+
+    fn with_motor(mut self, motor: MotorKnowledge) -> Self {
+        self.prior.motor = motor;
+        self
+    }
+
+    fn sample_count(&self) -> usize {
+        self.window.len()
+    }
+
+    fn setpoints_and_angles(&self) -> impl Iterator<Item = (Setpoint, f64)> {
+        self.window.compared().map(|sample| (sample.setpoint, sample.theta_m))
+    }
+
+    #[inline(never)]
+    fn mean_cost(&self, unknowns: &Unknowns) -> f64 {
+        let weights = self.weights.to_array();
+        let mut sum = 0.0;
+        self.run::<1>(
+            |_| *unknowns,
+            |[residuals]| {
+                for (weight, r) in weights.iter().zip(residuals) {
+                    let weighted = weight * r;
+                    sum += weighted * weighted;
+                }
+            },
+        );
+        sum * (0.5 / self.window.len().max(1) as f64)
+    }
+
+    #[inline(never)]
+    fn squared_residuals(&self, unknowns: &Unknowns) -> ([f64; SIGNAL_COUNT], usize) {
+        let (mut squares, mut count) = ([0.0; SIGNAL_COUNT], 0);
+        self.run::<1>(
+            |_| *unknowns,
+            |[residuals]| {
+                for (sum, &r) in squares.iter_mut().zip(residuals) {
+                    *sum += r * r;
+                }
+                count += 1;
+            },
+        );
+        (squares, count)
+    }
+
+    #[inline(never)]
+    fn normal_equations(&self, at: &Coordinates, step: f64) -> NormalEquations {
+        let scale = Scale::new(self.params);
+        let steps = at.inward_steps(step);
+        let per_step = steps.map(|step| 1.0 / step);
+        let weights = self.weights.to_array();
+        let mut sums = NormalEquations::default();
+        let stepped = |n: usize| {
+            let mut x = *at;
+            if let Some(p) = n.checked_sub(1) {
+                x.0[p] += steps[p];
+            }
+            scale.unknowns(&x)
+        };
+        self.run::<POINT_AND_STEPS>(stepped, |residuals| {
+            let [point, along @ ..] = residuals;
+            for signal in 0..SIGNAL_COUNT {
+                let weight = weights[signal];
+                let r = point[signal] * weight;
+                sums.cost += 0.5 * r * r;
+                let slope: [f64; UNKNOWN_COUNT] =
+                    core::array::from_fn(|p| (along[p][signal] * weight - r) * per_step[p]);
+                for p in 0..UNKNOWN_COUNT {
+                    sums.jtr[p] += slope[p] * r;
+                    for q in 0..=p {
+                        sums.jtj[p][q] += slope[p] * slope[q];
+                    }
+                }
+            }
+        });
+        for p in 0..UNKNOWN_COUNT {
+            for q in 0..p {
+                sums.jtj[q][p] = sums.jtj[p][q];
+            }
+        }
+        self.prior.add_to(&mut sums, &scale, &self.conditions, at);
+        sums
+    }
+}

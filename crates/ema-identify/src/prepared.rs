@@ -1,0 +1,38 @@
+//! A window made ready for comparison once, for the many monitor runs of a search on the host.
+
+use std::vec;
+use std::vec::Vec;
+
+use ema_models::{ActuatorParams, ComparedSample, InitialState, Recording, SensedSample, prepare_window};
+
+use crate::counter_wrap::align_counter_wraps;
+
+/// A window made ready for comparison, owning its samples.
+#[derive(Clone, Debug)]
+pub struct Prepared {
+    samples: Vec<ComparedSample>,
+    initial: InitialState,
+}
+
+impl Prepared {
+    /// Makes a window ready; its first `rest` samples precede the trigger, and those of the indices `filled` were not
+    /// measured.
+    #[must_use]
+    pub fn new(params: &ActuatorParams, window: &[SensedSample], filled: &[usize], rest: usize) -> Self {
+        let mut sensed = window.to_vec();
+        align_counter_wraps(params, &mut sensed);
+        let mut samples = vec![ComparedSample::default(); sensed.len()];
+        let initial = prepare_window(params, &sensed, filled, rest, &mut samples);
+        Self { samples, initial }
+    }
+
+    /// The samples and their initial state.
+    #[must_use]
+    pub fn recording(&self) -> Recording<'_> {
+        Recording {
+            samples: &self.samples,
+            drive: &self.samples,
+            initial: self.initial,
+        }
+    }
+}

@@ -6,15 +6,15 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use ema_models::{SensedSample, Setpoint};
-use hmd_core::sample::{MeasuredConditions, SampleRate};
 use hmd::commands::{check_files, load_config};
-use hmd_core::config::Config;
-use hmd_report::export::{TableKind, health_row};
+use hmd::replay::{Observer, Replay};
 use hmd_core::actuator_stream::cut_windows;
 use hmd_core::assess::{self, Assessor};
+use hmd_core::config::Config;
 use hmd_core::record::HealthLine;
-use hmd::replay::{Observer, Replay};
+use hmd_core::sample::{MeasuredConditions, SampleRate};
 use hmd_core::window::TimedSample;
+use hmd_report::export::{TableKind, health_row};
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use hmd::commands::{check_files, load_config};
-use hmd_report::export::{TableKind, export, export_raw, raw_heads};
 use hmd_core::assess::model_hash;
+use hmd_report::export::{TableKind, export, export_raw, raw_heads};
 use pyo3::prelude::*;
 
 use crate::arrow::{ArrowTable, Shared};

@@ -7,6 +7,7 @@ use anyhow::{Context, ensure};
 
 use crate::debian;
 use crate::no_std::TARGET;
+use crate::programs::Programs;
 use crate::shell::{cargo, program, root, run, target_dir};
 
 /// The emulator.
@@ -34,18 +35,7 @@ pub(crate) fn check() -> anyhow::Result<()> {
     debian::install(&PACKAGES)?;
     run(program("rustup", ["target", "add", TARGET]))?;
     let case = target_dir()?.join("target_case.rs");
-    let here = numbers(
-        cargo([
-            "run",
-            "--quiet",
-            "--package",
-            "hmd-tests",
-            "--example",
-            "target_case",
-            "--",
-        ])
-        .arg(&case),
-    )?;
+    let here = numbers(&mut program(Programs::build()?.example("target_case"), [&case]))?;
     let there = on_target(&case)?;
     same_bits(&here, &there)?;
     let figures = Figures::of(&there)?;

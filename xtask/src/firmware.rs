@@ -13,6 +13,7 @@ use serde_json::Value;
 
 use crate::debian;
 use crate::no_std::TARGET;
+use crate::programs::Programs;
 use crate::shell::{cargo, program, run, run_to_file, target_dir};
 use crate::target::{FLAGS, PACKAGES};
 
@@ -61,28 +62,23 @@ pub(crate) fn check() -> anyhow::Result<()> {
     run(cargo(image)
         .args(["--bin", "actuator", "--features", "image", "--target", TARGET])
         .env("RUSTFLAGS", FLAGS))?;
-    run(cargo([
-        "build",
-        "--quiet",
-        "--package",
-        "hmd",
-        "--package",
-        "firmware_sim",
-    ]))?;
+    let programs = Programs::build()?;
     for wear in &WEARS {
         let folder = target_dir()?.join("firmware").join(wear.name);
         if folder.exists() {
             fs::remove_dir_all(&folder).with_context(|| folder.display().to_string())?;
         }
         fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
-        watch(wear, &folder).with_context(|| format!("{} that grows, in {}", wear.name, folder.display()))?;
+        watch(wear, &programs, &folder)
+            .with_context(|| format!("{} that grows, in {}", wear.name, folder.display()))?;
     }
     Ok(())
 }
 
 /// The whole life of one actuator on the processor, watched, judged and compared.
-fn watch(wear: &Wear, folder: &Path) -> anyhow::Result<()> {
-    let expected = by_host(wear, &folder.join("expected.bin"))?;
+fn watch(wear: &Wear, programs: &Programs, folder: &Path) -> anyhow::Result<()> {
+    let hmd = || program(programs.hmd(), [] as [&str; 0]);
+    let expected = by_host(wear, programs, &folder.join("expected.bin"))?;
     let sent = folder.join("sent.bin");
     let mut processor = Running::start(emulator()?.arg("-chardev").arg(logged(&sent)), folder, "emulator")?;
     let terminal = processor.wait_for("redirected to /dev/pts/")?;
@@ -90,7 +86,7 @@ fn watch(wear: &Wear, folder: &Path) -> anyhow::Result<()> {
     fs::write(&config, configuration(&terminal)).with_context(|| config.display().to_string())?;
     let log = folder.join("run.mcap");
     let mut daemon = Running::start(
-        hmd()?.args(["run", "--json", "-c"]).arg(&config).arg("-o").arg(&log),
+        hmd().args(["run", "--json", "-c"]).arg(&config).arg("-o").arg(&log),
         folder,
         "run",
     )?;
@@ -119,7 +115,7 @@ fn watch(wear: &Wear, folder: &Path) -> anyhow::Result<()> {
     let lines = daemon.lines();
     wear.judge(&lines)?;
     let replayed = folder.join("replay.jsonl");
-    let mut replay = hmd()?;
+    let mut replay = hmd();
     replay.args(["replay", "--json", "-c"]).arg(&config).arg(&log);
     run_to_file(replay, None, &replayed)?;
     ensure!(
@@ -151,10 +147,6 @@ fn logged(sent: &Path) -> String {
     format!("pty,id=uart,logfile={}", sent.display())
 }
 
-fn hmd() -> anyhow::Result<Command> {
-    Ok(program(target_dir()?.join("debug/hmd"), [] as [&str; 0]))
-}
-
 fn configuration(terminal: &str) -> String {
     format!(
         "[[actuator]]\nid = 0\nname = \"m7\"\nbus = \"uart1\"\n\n[[serial]]\nbus = \"uart1\"\ndevice = \"{terminal}\"\n"
@@ -162,9 +154,9 @@ fn configuration(terminal: &str) -> String {
 }
 
 /// What the host program sends by the same settings; it must be the very same bytes.
-fn by_host(wear: &Wear, file: &Path) -> anyhow::Result<Vec<u8>> {
+fn by_host(wear: &Wear, programs: &Programs, file: &Path) -> anyhow::Result<Vec<u8>> {
     let settings = wear.settings("--");
-    run(program(target_dir()?.join("debug/firmware_sim"), settings.split(' '))
+    run(program(programs.firmware_sim(), settings.split(' '))
         .arg("--output")
         .arg(file))?;
     fs::read(file).with_context(|| file.display().to_string())

@@ -4,6 +4,6 @@ use crate::shell::{cargo, run, target_dir};
 
 /// Runs the orders; a failing one is printed so that it can be run again.
 pub(crate) fn check() -> anyhow::Result<()> {
-    let test = ["test", "--release", "--locked", "--manifest-path", "model/Cargo.toml"];
-    run(cargo(test).env("CARGO_TARGET_DIR", target_dir()?.join("model")))
+    let test = ["test", "--locked", "--manifest-path", "model/Cargo.toml"];
+    run(cargo(test).env("CARGO_TARGET_DIR", target_dir()?))
 }

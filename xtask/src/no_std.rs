@@ -7,36 +7,16 @@ const CRATES: [&str; 5] = ["ema-models", "ema-ga", "ema-wire", "firmware_sim", "
 /// A Cortex-M7 with double-precision floating point.
 pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
 
-/// Builds them for the host and for the target.
-pub(crate) fn build() -> anyhow::Result<()> {
+/// Lints them without features, for the host and for the target. Their code for the target is generated and linked by the verbs
+/// `target` and `firmware`, whose images hold all of them.
+pub(crate) fn check() -> anyhow::Result<()> {
     // rustup installs nothing that is already there.
     run(program("rustup", ["target", "add", TARGET]))?;
-    for name in CRATES {
-        run(cargo(["build", "--package", name, "--no-default-features"]))?;
-        run(cargo([
-            "build",
-            "--package",
-            name,
-            "--no-default-features",
-            "--target",
-            TARGET,
-        ]))?;
-    }
-    Ok(())
-}
-
-/// Lints them without features.
-pub(crate) fn lint() -> anyhow::Result<()> {
-    for name in CRATES {
-        run(cargo([
-            "clippy",
-            "--package",
-            name,
-            "--no-default-features",
-            "--",
-            "-D",
-            "warnings",
-        ]))?;
+    for target in [&[] as &[&str], &["--target", TARGET]] {
+        for name in CRATES {
+            let alone = ["clippy", "--quiet", "--package", name, "--no-default-features"];
+            run(cargo(alone).args(target).args(["--", "-D", "warnings"]))?;
+        }
     }
     Ok(())
 }

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use crate::programs::Programs;
 use crate::python::Python;
-use crate::shell::{cargo, run_to_file, target_dir};
+use crate::shell::{program, run_to_file, target_dir};
 
 /// The version that the bounds in the script were measured with.
 const PACKAGES: [&str; 1] = ["motulator==0.5.0"];
@@ -12,16 +13,7 @@ const PACKAGES: [&str; 1] = ["motulator==0.5.0"];
 pub(crate) fn check() -> anyhow::Result<()> {
     let python = Python::with_packages(&PACKAGES)?;
     let recorded = target_dir()?.join("oracle.csv");
-    let example = [
-        "run",
-        "--quiet",
-        "--package",
-        "ema-models",
-        "--features",
-        "std",
-        "--example",
-        "oracle",
-    ];
-    run_to_file(cargo(example), None, &recorded)?;
+    let oracle = Programs::build()?.example("oracle");
+    run_to_file(program(oracle, [] as [&str; 0]), None, &recorded)?;
     python.script("fixtures/reference/oracle_motulator.py", &[Path::new(&recorded)])
 }

@@ -12,7 +12,8 @@ const PACKAGES: [(&str, &str); 2] = [
 /// Cuts the power so many times; the test says what was told as synced and what was found.
 pub(crate) fn check(cuts: u32) -> anyhow::Result<()> {
     debian::install(&PACKAGES)?;
-    let test = ["test", "--package", "hmd", "--test", "storage", "--"];
+    // Of the whole workspace, as the programs: nothing is compiled again.
+    let test = ["test", "--workspace", "--test", "storage", "--"];
     let long = ["what_was_synced", "--ignored", "--nocapture"];
     let preload = guest_state::library()?;
     run(cargo(test)

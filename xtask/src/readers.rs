@@ -5,8 +5,9 @@ use std::path::Path;
 
 use anyhow::{Context, ensure};
 
+use crate::programs::Programs;
 use crate::python::Python;
-use crate::shell::{cargo, program, root, run, run_to_file, target_dir};
+use crate::shell::{program, root, run, run_to_file, target_dir};
 
 /// What the readers are made of.
 pub(crate) const PACKAGES: [&str; 4] = [
@@ -34,17 +35,17 @@ pub(crate) fn check() -> anyhow::Result<()> {
     let python = Python::with_packages(&PACKAGES)?;
     let folder = target_dir()?.join("readers");
     fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
-    mcap(&python, &folder)?;
-    tables(&python, &folder)?;
-    dbc(&python, &folder)?;
-    buses(&python, &folder)?;
-    any_dbc(&python, &folder)
+    let programs = Programs::build()?;
+    mcap(&python, &programs, &folder)?;
+    tables(&python, &programs, &folder)?;
+    dbc(&python, &programs, &folder)?;
+    buses(&python, &programs, &folder)?;
+    any_dbc(&python, &programs, &folder)
 }
 
 /// One run as text and as MCAP: both replay to the same records, and the reference library reads every file.
-fn mcap(python: &Python, folder: &Path) -> anyhow::Result<()> {
-    run(cargo(["build", "--quiet", "--package", "hmd"]))?;
-    let hmd = target_dir()?.join("debug/hmd");
+fn mcap(python: &Python, programs: &Programs, folder: &Path) -> anyhow::Result<()> {
+    let hmd = programs.hmd();
     let [text, mcap] = ["text.log", "binary.mcap"].map(|name| folder.join(name));
     for log in [&text, &mcap] {
         let options = [
@@ -94,8 +95,8 @@ fn mcap(python: &Python, folder: &Path) -> anyhow::Result<()> {
 }
 
 /// Both tables of a replayed log in both forms.
-fn tables(python: &Python, folder: &Path) -> anyhow::Result<()> {
-    let hmd = target_dir()?.join("debug/hmd");
+fn tables(python: &Python, programs: &Programs, folder: &Path) -> anyhow::Result<()> {
+    let hmd = programs.hmd();
     let recorded = folder.join("text.replayed.mcap");
     for table in ["health", "samples"] {
         let [csv, parquet] = ["csv", "parquet"].map(|form| folder.join(table).with_extension(form));
@@ -110,8 +111,8 @@ fn tables(python: &Python, folder: &Path) -> anyhow::Result<()> {
 }
 
 /// Simulated and random frames, each signal decoded here and by `cantools` from the DBC file.
-fn dbc(python: &Python, folder: &Path) -> anyhow::Result<()> {
-    let example = |name| cargo(["run", "--quiet", "--package", "ema-wire", "--example", name, "--"]);
+fn dbc(python: &Python, programs: &Programs, folder: &Path) -> anyhow::Result<()> {
+    let example = |name| program(programs.example(name), [] as [&str; 0]);
     let random = folder.join("random.log");
     let mut make = example("random_candump");
     make.args(["20000", "1"]);
@@ -125,8 +126,8 @@ fn dbc(python: &Python, folder: &Path) -> anyhow::Result<()> {
 }
 
 /// The recordings of other buses are what `cantools` encodes of simulated ones by their DBC files.
-fn buses(python: &Python, folder: &Path) -> anyhow::Result<()> {
-    let hmd = target_dir()?.join("debug/hmd");
+fn buses(python: &Python, programs: &Programs, folder: &Path) -> anyhow::Result<()> {
+    let hmd = programs.hmd();
     for (bus, options) in BUSES {
         let ours = folder.join(format!("{bus}.simulated.log"));
         run(program(&hmd, ["simulate", "-o"])
@@ -145,16 +146,8 @@ fn buses(python: &Python, folder: &Path) -> anyhow::Result<()> {
 }
 
 /// Random frames of random DBC files, each signal decoded here and by `cantools`.
-fn any_dbc(python: &Python, folder: &Path) -> anyhow::Result<()> {
-    run(cargo([
-        "build",
-        "--quiet",
-        "--package",
-        "hmd",
-        "--example",
-        "decode_dbc",
-    ]))?;
-    let decode = target_dir()?.join("debug/examples/decode_dbc");
+fn any_dbc(python: &Python, programs: &Programs, folder: &Path) -> anyhow::Result<()> {
+    let decode = programs.example("decode_dbc");
     let [database, frames, decoded] = ["any.dbc", "any.txt", "any.jsonl"].map(|name| folder.join(name));
     for seed in 1..=RANDOM_DBCS {
         run(program(

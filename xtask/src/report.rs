@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
+use crate::programs::Programs;
 use crate::python::Python;
-use crate::shell::{cargo, program, run, target_dir};
-use crate::wheel;
+use crate::shell::{program, run, target_dir};
+use crate::wheel::{self, Profile};
 
 /// What drives the browser and knows the rules.
 const PACKAGES: [&str; 2] = ["selenium==4.51.0", "axe-selenium-python==2.1.6"];
@@ -27,8 +28,7 @@ pub(crate) fn check() -> anyhow::Result<()> {
     let python = Python::with_packages(&PACKAGES)?;
     let folder = target_dir()?.join("report");
     fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
-    run(cargo(["build", "--quiet", "--release", "--package", "hmd"]))?;
-    let hmd = target_dir()?.join("release/hmd");
+    let hmd = Programs::build()?.hmd();
     let [life, page] = ["life.mcap", "ema0.html"].map(|name| folder.join(name));
     run(program(&hmd, ["demo", "-o"]).arg(&life))?;
     run(program(&hmd, ["report", "-o"]).arg(&page).arg(&life))?;
@@ -41,7 +41,7 @@ pub(crate) fn check() -> anyhow::Result<()> {
 
 /// The report of a small fleet: a unit whose friction grows, one that is like new, and a log that is none.
 fn fleet_page(hmd: &Path, folder: &Path) -> anyhow::Result<PathBuf> {
-    let python = wheel::installed()?;
+    let python = wheel::installed(Profile::Dev)?;
     let _ = fs::remove_dir_all(folder);
     let [logs, out] = ["logs", "out"].map(|name| folder.join(name));
     for (unit, growth) in [("growing", 0.05), ("new", 0.0)] {

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use anyhow::{Context, ensure};
 
-use crate::shell::{cargo, program, root, run, succeeds, target_dir};
+use crate::programs::Programs;
+use crate::shell::{program, root, run, succeeds, target_dir};
 
 /// What each variant adds to the unit, and the highest exposure that is accepted, in tenths.
 const VARIANTS: [(&str, Option<&str>, &str); 3] = [
@@ -17,8 +18,7 @@ const VARIANTS: [(&str, Option<&str>, &str); 3] = [
 /// Checks all variants.
 pub(crate) fn check() -> anyhow::Result<()> {
     install()?;
-    run(cargo(["build", "--quiet", "--package", "hmd"]))?;
-    let hmd = target_dir()?.join("debug/hmd");
+    let hmd = Programs::build()?.hmd();
     let folder = target_dir()?.join("systemd");
     for (name, variant, threshold) in VARIANTS {
         eprintln!("{name}:");

@@ -7,6 +7,7 @@ use anyhow::{Context, ensure};
 
 use crate::debian;
 use crate::no_std::TARGET;
+use crate::programs::Programs;
 use crate::shell::{cargo, program, root, run, target_dir};
 
 /// The emulator.
@@ -43,19 +44,7 @@ pub(crate) fn check(all: bool) -> anyhow::Result<()> {
     run(program("rustup", ["target", "add", TARGET]))?;
     let cases = target_dir()?.join("target_cases.rs");
     let logs: &[&str] = if all { &["all"] } else { &SOME_LOGS };
-    let here = numbers(
-        cargo([
-            "run",
-            "--quiet",
-            "--package",
-            "hmd-tests",
-            "--example",
-            "target_cases",
-            "--",
-        ])
-        .arg(&cases)
-        .args(logs),
-    )?;
+    let here = numbers(program(Programs::build()?.example("target_cases"), [&cases]).args(logs))?;
     let there = on_target(&cases)?;
     let windows = same_estimates(&here, &there)?;
     let figures = Figures::of(&there)?;

@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 
 use crate::debian;
+use crate::programs::Programs;
 use crate::python::Python;
-use crate::shell::{cargo, program, root, run, target_dir};
+use crate::shell::{program, root, run, target_dir};
 
 /// What builds the wheel.
 const BUILDER: [&str; 1] = ["maturin==1.16.0"];
@@ -30,23 +31,20 @@ const PACKAGES: [&str; 12] = [
 
 const MANIFEST: &str = "python/Cargo.toml";
 
+/// How the wheel is built.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Profile {
+    /// As the tests, from what they have built.
+    Dev,
+    /// As it is shipped.
+    Release,
+}
+
 /// Checks the package as one who installs it would.
 pub(crate) fn check() -> anyhow::Result<()> {
-    run(cargo(["fmt", "--manifest-path", MANIFEST, "--", "--check"]))?;
     debian::install(&[("parallel", "/usr/bin/parallel")])?;
-    let python = installed()?;
-    let build = folder()?.join("build");
-    let clippy = [
-        "clippy",
-        "--release",
-        "--locked",
-        "--manifest-path",
-        MANIFEST,
-        "--",
-        "-D",
-        "warnings",
-    ];
-    run(cargo(clippy).env("CARGO_TARGET_DIR", build))?;
+    let programs = Programs::build()?;
+    let python = installed(Profile::Dev)?;
     let inside = |module: &str, args: &[&str]| {
         let mut command = program(python.interpreter(), ["-m", module]);
         command.args(args).current_dir(root().join("python"));
@@ -55,9 +53,8 @@ pub(crate) fn check() -> anyhow::Result<()> {
     run(inside("ruff", &["format", "--check", "."]))?;
     run(inside("ruff", &["check", "."]))?;
     run(inside("mypy", &["package"]))?;
-    run(cargo(["build", "--quiet", "--release", "--package", "hmd"]))?;
-    let hmd = target_dir()?.join("release/hmd");
-    run(inside("pytest", &["--quiet", "-p", "no:cacheprovider"]).env("HMD_PROGRAM", hmd))?;
+    let pytest = ["--quiet", "-p", "no:cacheprovider"];
+    run(inside("pytest", &pytest).env("HMD_PROGRAM", programs.hmd()))?;
     run_notebook(&python)
 }
 
@@ -65,26 +62,24 @@ pub(crate) fn check() -> anyhow::Result<()> {
 ///
 /// # Errors
 /// The package cannot be built or installed.
-pub(crate) fn installed() -> anyhow::Result<Python> {
+pub(crate) fn installed(profile: Profile) -> anyhow::Result<Python> {
     let folder = folder()?;
     let wheels = folder.join("wheels");
     if wheels.exists() {
         fs::remove_dir_all(&wheels).with_context(|| wheels.display().to_string())?;
     }
     let builder = Python::with_packages(&BUILDER)?;
-    let build = [
-        "-m",
-        "maturin",
-        "build",
-        "--release",
-        "--locked",
-        "--manifest-path",
-        MANIFEST,
-        "--out",
-    ];
+    let build = ["-m", "maturin", "build", "--locked", "--manifest-path", MANIFEST];
+    let release: &[&str] = if profile == Profile::Release {
+        &["--release"]
+    } else {
+        &[]
+    };
     run(program(builder.interpreter(), build)
+        .args(release)
+        .arg("--out")
         .arg(&wheels)
-        .env("CARGO_TARGET_DIR", folder.join("build")))?;
+        .env("CARGO_TARGET_DIR", target_dir()?))?;
     let python = Python::fresh(&folder.join("environment"), &PACKAGES)?;
     let wheel = only_file(&wheels)?;
     let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];

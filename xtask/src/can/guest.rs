@@ -9,6 +9,7 @@ use std::process::Stdio;
 use anyhow::{Context, bail};
 
 use super::between;
+use crate::programs::Programs;
 use crate::shell::program;
 use crate::{debian, guest_state};
 
@@ -36,14 +37,14 @@ pub(super) struct Results {
 
 /// Starts the guest, which sees the files of this computer, and waits for its end. `python` runs the serial adapter; `seed`
 /// draws the order in which things come and go.
-pub(super) fn start(folder: &Path, hmd: &Path, firmware: &Path, python: &Path, seed: u32) -> anyhow::Result<Results> {
+pub(super) fn start(folder: &Path, programs: &Programs, python: &Path, seed: u32) -> anyhow::Result<Results> {
     let init = folder.join("init.sh");
     let adapter = fs::canonicalize("fixtures/slcan.py").context("fixtures/slcan.py")?;
     let head = format!(
         "#!/bin/sh\nWORK='{}'\nHMD='{}'\nFIRMWARE='{}'\nPYTHON='{}'\nADAPTER='{}'\nSEED={seed}\n",
         folder.display(),
-        hmd.display(),
-        firmware.display(),
+        programs.hmd().display(),
+        programs.firmware_sim().display(),
         python.display(),
         adapter.display()
     );

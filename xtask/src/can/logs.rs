@@ -6,7 +6,8 @@ use std::path::Path;
 
 use anyhow::{Context, ensure};
 
-use crate::shell::{cargo, program, run, run_to_file};
+use crate::programs::Programs;
+use crate::shell::{program, run, run_to_file};
 
 /// Actuators, and after how many of them the next interface begins: six at 400 Hz fit on a bus of 1 Mbit/s.
 pub(super) const ACTUATORS: u32 = 16;
@@ -82,18 +83,9 @@ fn in_turn(line: &str, bus: u64) -> Option<String> {
 }
 
 /// Makes logs of FD and classic frames of ours, and of frames of nobody; and the configurations of the short runs.
-pub(super) fn shorts(folder: &Path) -> anyhow::Result<()> {
+pub(super) fn shorts(programs: &Programs, folder: &Path) -> anyhow::Result<()> {
     let random = folder.join("random.log");
-    let mut make = cargo([
-        "run",
-        "--quiet",
-        "--package",
-        "ema-wire",
-        "--example",
-        "random_candump",
-        "--",
-    ]);
-    make.args(["3000", "1"]);
+    let make = program(programs.example("random_candump"), ["3000", "1"]);
     run_to_file(make, None, &random)?;
     let text = fs::read_to_string(&random)?;
     let ours = text.replace(" can0 ", " vcan0 ");

@@ -16,7 +16,7 @@ use hmd_core::sample::{MeasuredConditions, SampleRate};
 use hmd_core::window::TimedSample;
 use hmd_report::export::{TableKind, health_row};
 use hmd_storage::calibration_file::load_models;
-use hmd_storage::event_file::events_of;
+use hmd_storage::event_file::load_events;
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 
@@ -249,7 +249,7 @@ pub(crate) fn identify(
         gathered
             .notices
             .extend(notices.into_iter().map(|notice| notice.message));
-        let events = events_of(&config)?;
+        let events = load_events(&config)?;
         let mut assessor = Assessor::new(config.clone(), load_models(&config)?, seed);
         assessor.histories().set_events(events);
         for job in jobs {

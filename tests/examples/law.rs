@@ -164,7 +164,7 @@ fn periods(identifier: &Identifier, fault: FaultVector, seed: u64) -> Vec<Period
                 }
             }
             motion[2] = (state.theta_m, state.omega_m);
-            let (v, taken) = monitor.control_control_period_along(&mut model, state.i_ref, motion);
+            let (v, taken) = monitor.control_period_along(&mut model, state.i_ref, motion);
             if motion[0].1 != 0.0 {
                 found.push(Period {
                     voltage: Complex::new(v[0], v[1]) / (0.5 * params.motor.v_dc),

@@ -1,6 +1,6 @@
 //! From bus frames to health and remaining useful life: everything between a source and a recording, without files or clocks.
 //!
-//! The data path, in order: [`demux`] gives each [`frame`] to its actuator and decodes it ([`channel`]; a bus with a layout
+//! The data path, in order: [`demux`] gives each [`frame`] to its actuator and decodes it ([`actuator_stream`]; a bus with a layout
 //! of its own by its [`dbc`]); [`window`] cuts actuations out of the samples; [`assess`] identifies each window and decides on
 //! [`health`]; [`history`] holds what is known of an actuator from window to window, and [`rul`] predicts how long it lasts;
 //! [`record`] has the messages that leave. [`pipeline`] counts everything on the way. [`config`] holds the settings, from

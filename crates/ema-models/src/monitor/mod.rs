@@ -83,7 +83,7 @@ pub(crate) struct Derived<R> {
     star_ohms_without: [R; 3],
 }
 
-/// State of the monitor. Angles are relative to the window's [`Origin`].
+/// State of the monitor. Angles are relative to the window's [`Origin`](crate::Origin).
 #[derive(Clone, Copy, Debug)]
 pub struct MonitorState<R> {
     /// Phase currents, A (three-phase form).

@@ -25,7 +25,7 @@ pub fn motor_knowledge_at(motor: MotorKnowledge, winding_temp_deg_c: Option<f64>
 }
 
 /// Load, supply and temperature as measured; without a measurement the load is left open, the supply is nominal and the
-/// temperature widens what is known of the motor ([`known_at`]).
+/// temperature widens what is known of the motor ([`motor_knowledge_at`]).
 ///
 /// # Errors
 /// A sentence when a measurement is beyond what the actuator can have been working with: then the sensor is bad.

@@ -24,7 +24,8 @@ use crate::arrow::{ArrowTable, Batches};
 use crate::error::{misuse, raised};
 
 /// Assessed windows, and notices about them.
-#[pyclass(frozen)]
+// The name in Python is public there.
+#[pyclass(frozen, name = "Judged")]
 pub(crate) struct AssessedWindow {
     /// The lines of `hmd replay --json`.
     #[pyo3(get)]

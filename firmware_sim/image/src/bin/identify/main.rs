@@ -144,7 +144,7 @@ fn monitor_instructions<R: Real>(
     let ActuatorKnowledge {
         params, calibration, ..
     } = &case.actuator;
-    let unknowns = case.conditions.warmed(&Scale::new(params).unknowns(at));
+    let unknowns = case.conditions.at_temperature(&Scale::new(params).unknowns(at));
     let monitor = Monitor::new(params, calibration, case.conditions.v_dc, &unknowns).map(R::splat);
     let mut state = monitor.start(window.initial(), &window.compared().next()?);
     let (_, nothing) = clock.count(|| ());

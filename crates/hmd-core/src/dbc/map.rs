@@ -163,7 +163,7 @@ pub struct MapDraft {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Misfit {
     /// A quantity without which nothing can be assessed is missing.
-    #[error("a signal for {0}, without which no window can be judged")]
+    #[error("a signal for {0}, without which no window can be assessed")]
     Missing(&'static str),
     /// Nothing is commanded.
     #[error("a signal for command.position or command.speed, without which no window begins")]

@@ -148,8 +148,8 @@ fn row<'a>(state: &'a State, condition: Condition, n: usize, name: &'a str) -> R
         let of = status.actuators.get(n).filter(|of| of.actuator == name)?;
         Some((at_ns, of))
     });
-    let told = status.map(|(_, of)| &of.health);
-    let assessed = known.map(|known| &known.health.health);
+    let reported = status.map(|(_, of)| &of.health);
+    let health = known.map(|known| &known.health.health);
     let damages = known
         .and_then(|known| known.assessed.as_ref())
         .map(|health| health.damages());
@@ -163,8 +163,8 @@ fn row<'a>(state: &'a State, condition: Condition, n: usize, name: &'a str) -> R
         name,
         freshness: status.map_or(Freshness::Unsaid, |(at_ns, of)| freshness(of, condition, since(*at_ns))),
         // The window's own record comes before the counters that repeat it.
-        health: assessed
-            .or(told)
+        health: health
+            .or(reported)
             .map_or(HealthState::Unknown, |name| HealthState::named(name)),
         passive: status.is_some_and(|(_, of)| of.passive),
         persistence: status.map_or(0, |(_, of)| of.persistence),

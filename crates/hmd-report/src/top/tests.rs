@@ -154,7 +154,7 @@ fn six_actuators_fill_a_small_terminal() {
     let expected = [
         "hmd top  LIVE, newest record written 2 s ago  /records",
         "6 actuators  1 critical  5 nominal  1 STALE",
-        "buses    can1 DOWN, can0 well; queues 5 inputs, 0 windows; storage ok, 4 GB free",
+        "buses    can1 DOWN, can0 OK; queues 5 inputs, 0 windows; storage ok, 4 GB free",
         "lost     3 samples; frames 1234, windows 7 ok",
         "  ACTUATOR   DATA         HEALTH    LEFT, h (10..90 %) LARGEST DAMAGE        AGO",
         "  ema0       STALE 5 s    nominal   651 (579..728)     friction      40 %   12 s",

@@ -30,7 +30,7 @@ struct Open {
     taken: u64,
     /// Those of them that are not yet known to be on the disk.
     unsynced: u64,
-    /// How often something was; each time adds a chunk, and an entry to the index that is held until the end.
+    /// Number of syncs with unsynced data; each adds a chunk, and an entry to the index that is held until the end.
     syncs: u32,
 }
 

@@ -344,7 +344,7 @@ pub(super) fn publish_last_summaries(shared: &mut Shared, observer: &impl Observ
     Ok(())
 }
 
-/// Says something to the operator and into the records.
+/// Publishes a notice to operator and records.
 pub(super) fn publish(
     notice: &Notice,
     level: LogLevel,

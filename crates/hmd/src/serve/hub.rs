@@ -73,7 +73,7 @@ struct Client {
     queue: VecDeque<(u32, Arc<Item>)>,
     queue_bytes: usize,
     missed: u64,
-    /// What it was given last is still on its way.
+    /// A message is being sent to this client.
     is_sending: bool,
     wake: Arc<Notify>,
 }

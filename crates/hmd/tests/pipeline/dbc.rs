@@ -47,7 +47,7 @@ fn a_map_that_does_not_fit_is_refused_with_what_comes_closest() {
         (("currents.b =", "currents.d ="), "unknown key"),
         (
             ("currents.b = \"ACE1_Phase.I_B\"\n", ""),
-            "expected a signal for currents.b, without which no window can be judged",
+            "expected a signal for currents.b, without which no window can be assessed",
         ),
         (
             ("position.output = \"ACE1_Angles.Theta_O\"\n", ""),

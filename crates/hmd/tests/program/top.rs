@@ -101,7 +101,7 @@ fn a_running_daemon_is_watched_across_segments_until_it_ends() {
     terminal.wait_for("  silent     STALE");
     let screen = terminal.wait_for("> left_inne~ fresh");
     assert!(
-        screen.contains("2 actuators") && screen.contains("uart1 well"),
+        screen.contains("2 actuators") && screen.contains("uart1 OK"),
         "{screen}"
     );
     terminal.wait_for("k1 friction [");
@@ -159,7 +159,7 @@ fn a_recording_is_shown_as_it_stood_at_its_end() {
             screen.contains("> ema0")
                 && screen.contains("critical")
                 && screen.contains("friction      74 %")
-                && screen.contains("buses    can0 well"),
+                && screen.contains("buses    can0 OK"),
             "{screen}"
         );
         assert!(terminal.is_taken() && terminal.has_colour());

@@ -64,7 +64,7 @@ const WRONG: [(&str, &str, &str, &str, &str); 10] = [
         "[-214748|214748] \"deg\"",
         "[-214748|214748] \"rad\"",
         "unmodelled",
-        "the motor does not turn as it is told",
+        "the motor does not turn as commanded",
     ),
 ];
 
@@ -120,7 +120,7 @@ fn a_clock_that_jitters_tells_the_rate_and_a_coarse_one_is_told_apart() {
         );
     }
     let printed = with_clock(&|_, clock| clock / 1000 * 1000);
-    assert!(printed.contains("not monitored: its clock tells 4"), "{printed}");
+    assert!(printed.contains("not monitored: its clock shows 4"), "{printed}");
     let text = map() + "\n[type.bench.sensors]\nsample_rate_hz = 400\n";
     fs::write(folder.path().join("flap.toml"), text).expect("flap.toml");
     let printed = with_clock(&|_, clock| clock / 1000 * 1000);

@@ -24,7 +24,7 @@ pub struct BesideError {
     pub found: usize,
 }
 
-/// Both on some of the histories, and what knows the true law.
+/// Scores of this monitor, another program and the oracle on a group of histories.
 #[derive(Clone, Debug, Serialize)]
 pub struct Beside {
     /// Fault, law or all.

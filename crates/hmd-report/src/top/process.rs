@@ -10,23 +10,23 @@ pub(super) fn buses(status: &Status) -> String {
     };
     let is_ok = |n: usize| matches!(state(n), ("up" | "", "error-active" | ""));
     let interfaces = status.interfaces.iter().map(|on| &on.interface).enumerate();
-    let (is_ok, ill): (Vec<_>, Vec<_>) = interfaces.partition(|(n, _)| is_ok(*n));
-    let mut text: Vec<String> = ill
+    let (ok, others): (Vec<_>, Vec<_>) = interfaces.partition(|(n, _)| is_ok(*n));
+    let mut parts: Vec<String> = others
         .iter()
         .map(|(n, name)| match state(*n) {
             ("up" | "", bus) => format!("{name} {bus}"),
             (link, _) => format!("{name} {}", link.to_uppercase()),
         })
         .collect();
-    match is_ok.as_slice() {
+    match ok.as_slice() {
         [] => {}
-        [(_, only)] => text.push(format!("{only} OK")),
-        several => text.push(format!("{} OK", several.len())),
+        [(_, only)] => parts.push(format!("{only} OK")),
+        several => parts.push(format!("{} OK", several.len())),
     }
-    if text.is_empty() {
-        text.push("none reported".to_owned());
+    if parts.is_empty() {
+        parts.push("none reported".to_owned());
     }
-    let mut text = format!("buses    {}", text.join(", "));
+    let mut text = format!("buses    {}", parts.join(", "));
     // A replay has none.
     if !status.actuators.is_empty() {
         text += &format!(

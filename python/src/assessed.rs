@@ -247,9 +247,7 @@ pub(crate) fn identify(
     let records = compute(py, threads, || {
         let mut records = CollectedRecords::new();
         let (jobs, notices) = cut_windows(&config, &known, rate, conditions, samples);
-        records
-            .notices
-            .extend(notices.into_iter().map(|notice| notice.message));
+        records.notices.extend(notices.into_iter().map(|notice| notice.message));
         let events = load_events(&config)?;
         let mut assessor = Assessor::new(config.clone(), load_models(&config)?, seed);
         assessor.histories().set_events(events);

@@ -102,9 +102,9 @@ pub struct Binding {
     pub role: Role,
     /// Where its bits are.
     pub signal: Signal,
-    /// What its physical value is in ours.
+    /// Conversion of its physical value to the internal unit.
     pub unit: Unit,
-    /// Difference after which it begins again, in our unit; `None`: never. Of angles alone.
+    /// Difference after which it begins again, in the internal unit; `None`: never. Of angles alone.
     pub wraps_after: Option<f64>,
 }
 

@@ -143,8 +143,9 @@ impl Trend {
 
     /// Begins with the first estimates; the very first is left out if the two after it agree against it.
     fn begin(&mut self, start: &[Estimate]) {
-        let apart =
-            |a: &Estimate, b: &Estimate| (a.damage - b.damage).powi(2) > DISAGREEMENT_SIGMAS * DISAGREEMENT_SIGMAS * (a.variance + b.variance);
+        let apart = |a: &Estimate, b: &Estimate| {
+            (a.damage - b.damage).powi(2) > DISAGREEMENT_SIGMAS * DISAGREEMENT_SIGMAS * (a.variance + b.variance)
+        };
         let [a, b, c] = [&start[0], &start[1], &start[2]];
         let outlier = apart(a, b) && apart(a, c) && !apart(b, c);
         let begun = &start[usize::from(outlier)..];

@@ -110,7 +110,7 @@ fn check(damaged: &[u8], chunks: &[Chunk], whole: impl Fn(&Chunk) -> bool, what:
 fn check_cut(file: &[u8], chunks: &[Chunk], end: usize) {
     let what = format!("cut at {end}");
     let report = check(&file[..end], chunks, |chunk| chunk.end <= end, &what);
-    assert!(!report.is_whole(), "{what}: not noticed");
+    assert!(!report.is_intact(), "{what}: not noticed");
 }
 
 /// Flips `bits` at `at` of a finished file.
@@ -120,7 +120,7 @@ fn check_flip(file: &[u8], chunks: &[Chunk], data_end: usize, at: usize, bits: u
     damaged[at] ^= bits;
     let report = check(&damaged, chunks, |chunk| !(chunk.start..chunk.end).contains(&at), &what);
     // Behind the data stands nothing that is needed while they are whole.
-    assert!(at >= data_end || !report.is_whole(), "{what}: not noticed");
+    assert!(at >= data_end || !report.is_intact(), "{what}: not noticed");
 }
 
 /// The same in a file that was cut at `end`, so that it has no summary: `at` is before the cut.
@@ -164,7 +164,7 @@ fn flips(file: &[u8], count: u64) {
 fn a_whole_file_is_kept_whole() {
     let file = recording();
     let (copy, report) = recovered(&file);
-    assert!(report.is_whole(), "{report:?}");
+    assert!(report.is_intact(), "{report:?}");
     assert_eq!(
         (report.chunks, report.metadata),
         (CHUNKS + 2, 1),
@@ -266,7 +266,7 @@ fn a_lost_block_costs_the_chunks_that_it_touches() {
             let mut damaged = file[..data_end].to_vec();
             damaged[from..to].fill(0);
             let (copy, report) = recovered(&damaged);
-            assert!(!report.is_whole());
+            assert!(!report.is_intact());
             let found = messages(&copy);
             let apart = |chunk: &&Chunk| chunk.end <= from || chunk.start >= to + THIRD_COPY;
             for chunk in chunks.iter().filter(apart) {
@@ -339,7 +339,7 @@ fn rubbish_around_the_chunks_is_passed() {
     damaged.extend(&rubbish);
     let report = check(&damaged, &chunks, |_| true, "rubbish between all chunks");
     assert_eq!(report.chunks, chunks.len() as u64);
-    assert!(!report.is_whole());
+    assert!(!report.is_intact());
 }
 
 /// A file made to keep the search busy: nothing but heads of chunks that promise megabytes.
@@ -361,7 +361,7 @@ fn a_hostile_file_is_given_up_in_bounded_time() {
     let since = std::time::Instant::now();
     let (_, report) = recovered(&file);
     assert_eq!(report.messages, 0);
-    assert!(!report.is_whole());
+    assert!(!report.is_intact());
     assert!(since.elapsed().as_secs() < 60, "{:?}", since.elapsed());
 }
 

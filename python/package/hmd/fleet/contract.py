@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from .. import _hmd
-from .._hmd import ConfigError, Error
 from .._assessed import replay
+from .._hmd import ConfigError, Error
 
 CONTRACT = 1
 """Version of the result files; a part of their names."""

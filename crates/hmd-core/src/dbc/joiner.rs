@@ -33,7 +33,7 @@ pub struct DecodedUpdate {
     pub conditions: Option<MeasuredConditions>,
 }
 
-/// Collects the frames of one mapped actuator into samples.
+/// Collects the frames of one mapped actuator into samples, as [`ema_wire::Assembler`] does on a bus of the built-in layout.
 #[derive(Clone, Debug)]
 pub struct Joiner {
     actuator: ActuatorId,

@@ -1,8 +1,7 @@
-//! Stories from end to end: a simulated actuator's frames, through decoding, windows and identification, to the verdict.
+//! From end to end: a simulated actuator's frames, through decoding, windows and identification, to the assessment.
 //!
 //! Time is virtual throughout, seeds are fixed, one window costs about a second of one core in the dev profile.
 
-mod alien;
 mod bad_link;
 mod bench;
 mod foreign_bus;
@@ -10,6 +9,7 @@ mod function;
 mod identification;
 mod link;
 mod onboard;
+mod unmodelled;
 
 use bench::{frames, unit, watch, watch_all};
 use ema_models::FaultVector;

@@ -50,9 +50,9 @@ impl Condition {
 /// How old an actuator's data are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Freshness {
-    /// The source does not say: a replay has no clock.
-    Unsaid,
-    /// Fresh by the word of the daemon.
+    /// Not reported by the source: a replay has no clock.
+    NotReported,
+    /// Fresh, as the daemon reports.
     Fresh,
     /// No sample for so many seconds.
     Stale(f64),
@@ -161,7 +161,9 @@ fn row<'a>(state: &'a State, condition: Condition, n: usize, name: &'a str) -> R
     };
     Row {
         name,
-        freshness: status.map_or(Freshness::Unsaid, |(at_ns, of)| freshness(of, condition, since(*at_ns))),
+        freshness: status.map_or(Freshness::NotReported, |(at_ns, of)| {
+            freshness(of, condition, since(*at_ns))
+        }),
         // The window's own record comes before the counters that repeat it.
         health: health
             .or(reported)

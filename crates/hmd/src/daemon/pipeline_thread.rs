@@ -94,7 +94,7 @@ impl PipelineThread {
                 self.process(input, &mut shared, observer)?;
                 // A tick came through the I/O thread and the queue, and the writer has synced or reported a failure.
                 if is_tick && windows.busy_for() < ASSESSING_MAX {
-                    observer.alive();
+                    observer.heartbeat();
                 }
             }
             self.publish_notices(&mut shared, observer)?;

@@ -109,7 +109,7 @@ fn each_fault_is_named_from_one_window() {
 }
 
 #[test]
-fn two_faults_at_once_are_told_apart() {
+fn two_faults_at_once_are_distinguished() {
     let truth = FaultVector {
         backlash: 0.3,
         short_c: 0.2,
@@ -119,7 +119,7 @@ fn two_faults_at_once_are_told_apart() {
 }
 
 #[test]
-fn a_life_goes_from_nominal_to_critical() {
+fn a_wearing_unit_goes_from_nominal_to_critical() {
     let ages = [0.0, 0.15, 0.45, 0.75];
     let sorties = (31..)
         .zip(ages)

@@ -81,7 +81,11 @@ fn stream(results: &Results, hmd: &Path, folder: &Path) -> anyhow::Result<()> {
     equal("decoded", decoded, received)?;
     let dropped = results.counted("stream", "windows")?;
     let expected = u64::from(logs::ACTUATORS * logs::STREAM_S);
-    equal("windows", dropped + windows(&results.said("stream.jsonl")?)?, expected)?;
+    equal(
+        "windows",
+        dropped + windows(&results.output("stream.jsonl")?)?,
+        expected,
+    )?;
 
     let live = folder.join("stream.jsonl");
     let again = folder.join("stream.replayed.jsonl");
@@ -184,8 +188,8 @@ fn bus(results: &Results, folder: &Path) -> anyhow::Result<()> {
         decoded + malformed + ERROR_FRAMES,
         received,
     )?;
-    let said = results.said("bus.err")?;
-    let states: Vec<_> = said
+    let text = results.output("bus.err")?;
+    let states: Vec<_> = text
         .lines()
         .filter_map(|line| line.strip_prefix("vcan0: bus "))
         .collect();
@@ -205,8 +209,8 @@ fn bus(results: &Results, folder: &Path) -> anyhow::Result<()> {
 
 /// An interface that comes and goes.
 fn link(results: &Results) -> anyhow::Result<()> {
-    let said = results.said("link.err")?;
-    let states: Vec<_> = said
+    let text = results.output("link.err")?;
+    let states: Vec<_> = text
         .lines()
         .filter_map(|line| line.strip_prefix("vcan0: "))
         .map(|line| line.split(' ').next().unwrap_or_default())
@@ -225,7 +229,7 @@ fn link(results: &Results) -> anyhow::Result<()> {
     );
     ensure!(
         results
-            .said("link.deleted")?
+            .output("link.deleted")?
             .trim_end()
             .lines()
             .next_back()
@@ -256,7 +260,7 @@ fn slcan(results: &Results, folder: &Path) -> anyhow::Result<()> {
     equal("frames received", results.counted("slcan", "frames received")?, played)?;
     equal("decoded", results.counted("slcan", "decoded")?, played)?;
     equal("frames to send", results.number("slcan.asked")?, 0)?;
-    let lines = results.said("slcan.jsonl")?;
+    let lines = results.output("slcan.jsonl")?;
     // As in the stream: the guest may tear a sample apart, and then its window is not assessed.
     let assessed = lines.lines().filter(|line| !line.contains("\"k\":null")).count();
     let right = lines

@@ -46,9 +46,9 @@ pub(crate) fn check(long: bool) -> anyhow::Result<()> {
     let mut failed = Vec::new();
     for (target, (mut child, log)) in running {
         let status = child.wait().with_context(|| target.to_owned())?;
-        let said = fs::read_to_string(&log).with_context(|| log.display().to_string())?;
+        let text = fs::read_to_string(&log).with_context(|| log.display().to_string())?;
         let told = |key: &str| {
-            said.lines()
+            text.lines()
                 .find_map(|line| line.strip_prefix(key))
                 .unwrap_or("?")
                 .trim()

@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_life_stays_small_and_no_text_becomes_markup() {
+    fn a_long_history_stays_small_and_no_text_becomes_markup() {
         let mut history = history(20_000);
         history.newest.0 = Health {
             health: "watch".to_owned(),
@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn every_loss_is_told_and_an_error_frame_is_none() {
+    fn every_loss_is_reported_and_an_error_frame_is_none() {
         let of = |status| {
             let source = Source {
                 status,

@@ -220,7 +220,7 @@ fn any_size_is_drawn() {
 }
 
 #[test]
-fn nothing_is_said_by_colour_alone() {
+fn no_state_is_shown_by_colour_alone() {
     let state = fleet(2);
     let model = Model::new("/records", &state, Condition::Silent(40.0), false);
     let coloured = screen(&model, 0, (80, 24), Colours::On);
@@ -248,7 +248,7 @@ fn nothing_is_said_by_colour_alone() {
 }
 
 #[test]
-fn what_nobody_writes_any_more_is_stale() {
+fn records_that_are_no_longer_written_are_stale() {
     let state = fleet(2);
     let of = |condition| Model::new("/records", &state, condition, false).rows[1].freshness;
     assert_eq!(of(Condition::new(Progress::Waiting, 2.0)), Freshness::Fresh);
@@ -279,7 +279,7 @@ fn the_worst_stand_first_when_asked_for() {
 }
 
 #[test]
-fn an_invalid_window_keeps_the_estimate_of_the_last_good_one_and_says_so() {
+fn an_invalid_window_keeps_the_estimate_of_the_last_good_one_and_reports_it() {
     let state = state(|writer| {
         writer.write(START, &health(0, "watch")).unwrap();
         writer.write(START, &rul(0)).unwrap();

@@ -286,7 +286,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pipe_that_nobody_reads_takes_no_line() {
+    fn a_full_pipe_is_not_writable() {
         let (reader, mut writer) = io::pipe().unwrap();
         let soon = Duration::from_millis(10);
         assert!(is_writable(&writer, soon));

@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_client_misses_the_oldest_and_is_told_how_many() {
+    fn a_slow_client_misses_the_oldest_and_gets_their_count() {
         let hub = Hub::default();
         hub.publish(record("/a", 0, 1));
         let [(slow, _), (gone, _)] = [hub.enter(), hub.enter()];

@@ -262,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn a_client_that_does_not_read_holds_nobody_back() {
+    fn a_client_that_does_not_read_delays_no_other() {
         const RECORDS: u64 = 200;
         let (hub, address) = hub();
         hub.publish(record(0, 1));

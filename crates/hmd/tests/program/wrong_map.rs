@@ -1,4 +1,4 @@
-//! What a map that is wrong in one thing makes of a good recording: no verdict, and the words of the tutorial's table.
+//! What a map that is wrong in one thing makes of a good recording: no assessment, and the words of the tutorial's table.
 
 use std::fs;
 use std::path::Path;
@@ -89,7 +89,7 @@ fn replayed(folder: &Path, log: &Path) -> String {
 /// The rate is nowhere but in the device's clock, whose steps no real device makes to the microsecond; or to the
 /// millisecond, and then the map must do without it.
 #[test]
-fn a_clock_that_jitters_tells_the_rate_and_a_coarse_one_is_told_apart() {
+fn a_jittering_clock_shows_the_rate_and_a_coarse_one_is_recognised() {
     let folder = tempfile::tempdir().expect("a temporary directory");
     let buses = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/buses");
     fs::copy(buses.join("flap.dbc"), folder.path().join("flap.dbc")).expect("flap.dbc");
@@ -131,7 +131,7 @@ fn a_clock_that_jitters_tells_the_rate_and_a_coarse_one_is_told_apart() {
 }
 
 #[test]
-fn each_wrong_thing_is_told_by_what_the_tutorial_says() {
+fn each_wrong_map_is_reported_as_the_tutorial_lists() {
     let folder = tempfile::tempdir().expect("a temporary directory");
     let buses = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/buses");
     let database = fs::read_to_string(buses.join("flap.dbc")).expect("flap.dbc");

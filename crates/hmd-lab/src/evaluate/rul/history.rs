@@ -207,7 +207,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn histories_are_as_the_suite_says() -> Result<(), serde_json::Error> {
+    fn histories_are_distributed_as_specified() -> Result<(), serde_json::Error> {
         let errors = ErrorTable::stored()?;
         let (mut windows, mut assessed, mut by_growth) = (0, 0, [0; 3]);
         for seed in 0..300 {

@@ -35,7 +35,7 @@ pub enum Input {
         stamp_ns: u64,
         /// What it is now.
         state: LinkState,
-        /// What the system said, if anything.
+        /// Error of the operating system, if any.
         cause: Option<Box<str>>,
     },
     /// Data were lost before they became frames.

@@ -31,7 +31,7 @@ pub enum StateError {
     Io {
         /// The file.
         path: String,
-        /// What the system said.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// It is no history of this actuator.
@@ -39,7 +39,7 @@ pub enum StateError {
     Content {
         /// The file.
         path: String,
-        /// What the reader said.
+        /// Error of the reader.
         found: String,
     },
     /// It was written by a program with another form of history.

@@ -29,7 +29,7 @@ pub enum RecoverError {
     Input {
         /// The file.
         file: String,
-        /// What the system said.
+        /// Error of the operating system.
         cause: io::Error,
     },
     /// The result cannot be written.

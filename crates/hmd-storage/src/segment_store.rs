@@ -40,7 +40,7 @@ pub enum SegmentStoreError {
     Folder {
         /// The folder.
         folder: String,
-        /// What the system said.
+        /// Error of the operating system.
         cause: io::Error,
     },
     /// Another process writes to it.

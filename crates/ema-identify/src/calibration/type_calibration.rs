@@ -79,7 +79,7 @@ pub enum CalibrationError {
     Parse {
         /// The file.
         path: String,
-        /// What the parser said, on one line.
+        /// Error of the parser, on one line.
         message: String,
     },
     /// The file is of another version.

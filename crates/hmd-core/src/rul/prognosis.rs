@@ -13,7 +13,7 @@ const ESTIMATES_MIN: u64 = 6;
 /// Probability of growth that a trend needs.
 const GROWTH_MIN: f64 = 0.999;
 
-/// Growth of damage that a trend needs: less cannot be told from the monitor's own error.
+/// Growth of damage that a trend needs: less cannot be distinguished from the monitor's own error.
 const GROWN_MIN: f64 = 0.01;
 
 /// A life is predicted up to this multiple of the hours over which its trend was observed.

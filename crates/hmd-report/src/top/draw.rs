@@ -184,11 +184,14 @@ impl Page<'_> {
             }
             None => {
                 self.line(
-                    "buses    not told yet: a record of the counters comes every ten seconds",
+                    "buses    not reported yet: a record of the counters comes every ten seconds",
                     Style::new(),
                 );
                 self.line(
-                    &format!("lost     not told yet{}", super::process::damage(model.state.damaged)),
+                    &format!(
+                        "lost     not reported yet{}",
+                        super::process::damage(model.state.damaged)
+                    ),
                     Style::new(),
                 );
             }

@@ -53,7 +53,7 @@ pub(super) fn repair_folder(folder: &Path, disk: &dyn Disk) -> io::Result<Found>
     }
     ours.sort_unstable();
     others.sort_unstable();
-    // A power cut may leave the copy empty; beside its source it is ours all the same.
+    // A power cut may leave the copy empty; beside its source it counts as a segment.
     let (empty, others): (Vec<_>, Vec<_>) = others.into_iter().partition(|name| {
         name.stage == Stage::Repair && ours.contains(&name.with_stage(Stage::Open)) && is_empty_file(folder, *name)
     });

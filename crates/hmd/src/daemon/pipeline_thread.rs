@@ -314,13 +314,13 @@ impl PipelineThread {
 /// The frames of a serial line that could not be read since then, by cause; `None` if there are none.
 fn unreadable_since(then: DeframerStats, now: DeframerStats) -> Option<String> {
     let fresh = FrameError::ALL.map(|fault| (now.dropped_for(fault) - then.dropped_for(fault), fault));
-    let said: Vec<String> = fresh
+    let parts: Vec<String> = fresh
         .iter()
         .filter(|(count, _)| *count > 0)
         .map(|(count, fault)| format!("{count} {fault}"))
         .collect();
     let frames: u64 = fresh.iter().map(|(count, _)| count).sum();
-    (frames > 0).then(|| format!("{frames} frames lost: {}", said.join(", ")))
+    (frames > 0).then(|| format!("{frames} frames lost: {}", parts.join(", ")))
 }
 
 /// Tells it, unless there were many of its kind lately.

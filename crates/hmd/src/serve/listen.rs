@@ -96,11 +96,11 @@ fn answer(request: &Request<Incoming>) -> Response<Full<Bytes>> {
         tokens(headers, &SEC_WEBSOCKET_PROTOCOL).find_map(|name| SUBPROTOCOLS.into_iter().find(|of| *of == name));
     let (true, Some(key), Some(protocol)) = (is_websocket, headers.get(SEC_WEBSOCKET_KEY), offered) else {
         *response.status_mut() = StatusCode::BAD_REQUEST;
-        let said = format!(
+        let page = format!(
             "expected a WebSocket with one of the protocols {}\n",
             SUBPROTOCOLS.join(", ")
         );
-        *response.body_mut() = Full::from(said);
+        *response.body_mut() = Full::from(page);
         return response;
     };
     let mut sum = Sha1::from(key.as_bytes());

@@ -5,12 +5,18 @@
 //! the monitor. The signals of a sample are latched together, before the step that starts at this instant; the ACE uses the
 //! setpoint latched with the last sample.
 
+mod effects;
 mod inverter;
 mod pmsm;
 mod scenario;
 mod sensors;
 mod unmodelled_fault;
 
+pub use effects::{
+    Cogging, Compliance, ControllerEffects, Deviations, Drive, EFFECTS, EffectError, EffectInfo, Effects,
+    FrictionEffects, LinkEffects, LoadEffects, MotorEffects, ResolverError, Scale, SensorEffects, ShortedTurns,
+    VectorDrive,
+};
 pub use inverter::Inverter;
 pub use pmsm::Phases;
 pub use scenario::{Actuations, Scenario, ScenarioRun};

@@ -1,7 +1,7 @@
 //! Scenarios: a series of actuations of one simulated unit, and the samples that its electronics send.
 
 use super::sensors::{CurrentSensing, encoder_count};
-use super::{Reference, ReferenceState, UnmodelledFault};
+use super::{Effects, Reference, ReferenceState, UnmodelledFault};
 use crate::command::Profile;
 use crate::control::Setpoint;
 use crate::fault::FaultVector;
@@ -83,6 +83,8 @@ pub struct Scenario {
     pub winding_temp_deg_c: f64,
     /// A fault that the fault vector does not contain.
     pub unmodelled_fault: Option<UnmodelledFault>,
+    /// What the unit has besides; its deviations apply to `unit` and to the controller of `nominal`.
+    pub effects: Effects,
     /// Current measurement.
     pub sensing: CurrentSensing,
     /// Commands.
@@ -108,6 +110,7 @@ impl Scenario {
             load_torque: 0.0,
             winding_temp_deg_c: REFERENCE_TEMPERATURE_DEG_C,
             unmodelled_fault: None,
+            effects: Effects::default(),
             sensing: CurrentSensing::IDEAL,
             actuations: Actuations::single(Profile::Mixed),
             seed,
@@ -137,13 +140,26 @@ impl Scenario {
         }
     }
 
+    /// Temperature of the winding, which the unit measures, °C.
+    #[must_use]
+    pub fn temperature_deg_c(&self) -> f64 {
+        self.winding_temp_deg_c + self.effects.friction.temperature_rise
+    }
+
+    /// Parameters of the unit at its temperature, with its deviations.
+    fn hardware(&self) -> ActuatorParams {
+        let unit = self.effects.deviations.hardware(&self.unit);
+        ActuatorParams {
+            motor: unit.motor.at_temperature(self.temperature_deg_c()),
+            ..unit
+        }
+    }
+
     /// The unit at its temperature, under its fault vector.
     fn reference(&self) -> Reference {
-        let warm = ActuatorParams {
-            motor: self.unit.motor.at_temperature(self.winding_temp_deg_c),
-            ..self.unit
-        };
-        Reference::new(&warm, &self.nominal, &self.fault, self.load_torque).with_unmodelled_fault(self.unmodelled_fault)
+        let controller = self.effects.deviations.controller(&self.nominal);
+        Reference::new(&self.hardware(), &controller, &self.fault, self.load_torque)
+            .with_unmodelled_fault(self.unmodelled_fault)
     }
 }
 

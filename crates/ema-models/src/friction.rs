@@ -28,11 +28,19 @@ impl DryFriction<f64> {
     /// `(1 − η_a) |T_l/n|` while it aids; the former is also added to T_s. k1 does not scale the losses of the gear.
     #[must_use]
     pub fn new(transmission: &TransmissionParams, fault: &FaultVector, load_torque: f64) -> Self {
-        let load = load_torque / transmission.gear_ratio;
+        Self::under_load(
+            transmission,
+            load_torque / transmission.gear_ratio,
+            transmission.friction_dynamic * fault.friction_factor(),
+            transmission.friction_static * fault.friction_factor(),
+        )
+    }
+
+    /// Friction with the dry torques `dynamic` and `breakaway`, Nm, under a load torque at the motor shaft, Nm.
+    #[must_use]
+    pub(crate) fn under_load(transmission: &TransmissionParams, load: f64, dynamic: f64, breakaway: f64) -> Self {
         let opposing = (1.0 / transmission.efficiency_opposing - 1.0) * libm::fabs(load);
         let aiding = (1.0 - transmission.efficiency_aiding) * libm::fabs(load);
-        let dynamic = transmission.friction_dynamic * fault.friction_factor();
-        let breakaway = transmission.friction_static * fault.friction_factor() + opposing;
         let (positive, negative) = if load > 0.0 {
             (opposing, aiding)
         } else {
@@ -42,7 +50,7 @@ impl DryFriction<f64> {
             load,
             moving_positive: dynamic + positive,
             moving_negative: dynamic + negative,
-            breakaway,
+            breakaway: breakaway + opposing,
             stop_transition: 0.0,
         }
     }

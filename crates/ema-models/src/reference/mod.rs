@@ -5,6 +5,7 @@
 //! the monitor. The signals of a sample are latched together, before the step that starts at this instant; the ACE uses the
 //! setpoint latched with the last sample.
 
+mod detailed;
 mod effects;
 mod inverter;
 mod pmsm;
@@ -12,6 +13,7 @@ mod scenario;
 mod sensors;
 mod unmodelled_fault;
 
+pub use detailed::{DetailedReference, DetailedState};
 pub use effects::{
     Cogging, Compliance, ControllerEffects, Deviations, Drive, EFFECTS, EffectError, EffectInfo, Effects,
     FrictionEffects, LinkEffects, LoadEffects, MotorEffects, ResolverError, Scale, SensorEffects, ShortedTurns,

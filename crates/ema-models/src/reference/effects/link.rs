@@ -1,5 +1,7 @@
 //! DC link that is not stiff.
 
+use crate::real::Real;
+
 /// Effects of the supply on the DC link voltage: `V = V_dc − R_link i_dc + V_w sin 2π f_w t`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkEffects {
@@ -19,5 +21,27 @@ impl Default for LinkEffects {
             ripple: 0.0,
             ripple_frequency: 300.0,
         }
+    }
+}
+
+/// Time constant with which the link's capacitor smooths the current, s.
+const SMOOTHING: f64 = 1e-3;
+
+/// Smallest voltage of the link, as a share of the nominal one.
+const FLOOR: f64 = 0.05;
+
+impl LinkEffects {
+    /// Voltage at a time, s, for the smoothed current of the link, A, in V.
+    pub(crate) fn voltage(&self, v_dc: f64, current: f64, t: f64) -> f64 {
+        let mut v = v_dc - self.resistance * current;
+        if self.ripple > 0.0 {
+            v += self.ripple * (core::f64::consts::TAU * self.ripple_frequency * t).sin_cos_poly().0;
+        }
+        v.max(FLOOR * v_dc)
+    }
+
+    /// Smoothed current after a step with the instantaneous current `now`, A.
+    pub(crate) fn smoothed(&self, current: f64, now: f64, dt: f64) -> f64 {
+        current + (now - current) * (dt / SMOOTHING)
     }
 }

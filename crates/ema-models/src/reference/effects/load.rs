@@ -1,5 +1,7 @@
 //! Loads at the output besides the constant one of the scenario; no measurement reports them.
 
+use crate::real::Real;
+
 /// Unmeasured loads, Nm at the output, positive when they oppose positive motion:
 /// `T_u + k_s (θ_out − θ_out(0)) + T_w sin(2πt/τ)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,5 +25,16 @@ impl Default for LoadEffects {
             drift: 0.0,
             drift_period: 10.0,
         }
+    }
+}
+
+impl LoadEffects {
+    /// Unmeasured load at an output angle relative to the initial one, rad, and a time, s, in Nm.
+    pub(crate) fn torque(&self, travel: f64, t: f64) -> f64 {
+        let mut torque = self.constant + self.spring * travel;
+        if self.drift > 0.0 {
+            torque += self.drift * (core::f64::consts::TAU * t / self.drift_period).sin_cos_poly().0;
+        }
+        torque
     }
 }

@@ -29,6 +29,12 @@ pub use motor::MotorEffects;
 pub use sensors::{ResolverError, SensorEffects};
 pub use shorted_turns::ShortedTurns;
 
+pub(crate) use compliance::TwoMasses;
+pub(crate) use controller::{Controller, ControllerState};
+pub(crate) use drive::{DriveInput, VectorControl, VectorState};
+pub(crate) use friction::FrictionCurve;
+pub(crate) use shorted_turns::ShortedPhase;
+
 /// All effects of a simulated unit.
 ///
 /// ```

@@ -1,5 +1,7 @@
 //! Sensors with deviations: currents, resolver, output encoder, and the instants at which they are latched.
 
+use crate::real::Real;
+
 /// Deviations of the sensors. Gain and offset of the currents and the resolver's error reach the controller as well as the
 /// samples; filter, latencies and jitter belong to the samples alone.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -35,4 +37,51 @@ pub struct ResolverError {
     pub amplitude: f64,
     /// Phase φ, rad.
     pub phase: f64,
+}
+
+impl ResolverError {
+    /// `[a sin(x + φ), a cos(x + φ)]` for the angle x with this sine and cosine.
+    fn at(&self, (sin, cos): (f64, f64)) -> [f64; 2] {
+        if self.amplitude <= 0.0 {
+            return [0.0; 2];
+        }
+        let (s, c) = self.phase.sin_cos_poly();
+        [
+            self.amplitude * (sin * c + cos * s),
+            self.amplitude * (cos * c - sin * s),
+        ]
+    }
+}
+
+impl SensorEffects {
+    /// Error of the resolver, rad electrical, and its derivative with respect to the electrical angle, at the angle with this
+    /// sine and cosine.
+    pub(crate) fn resolver_error(&self, (sin, cos): (f64, f64)) -> [f64; 2] {
+        let [first, first_slope] = self.resolver_1.at((sin, cos));
+        let [second, second_slope] = self.resolver_2.at((2.0 * sin * cos, cos * cos - sin * sin));
+        [first + second, first_slope + 2.0 * second_slope]
+    }
+
+    /// Output angle as the encoder sees it, rad.
+    pub(crate) fn output_angle(&self, theta_out: f64) -> f64 {
+        if self.encoder_eccentricity <= 0.0 {
+            return theta_out;
+        }
+        theta_out + self.encoder_eccentricity * (theta_out + self.encoder_phase).sin_cos_poly().0
+    }
+
+    /// Phase currents as the sensors see them, before filter, noise and converter, A.
+    pub(crate) fn currents(&self, i: [f64; 3]) -> [f64; 3] {
+        let seen = core::array::from_fn(|j| i[j] * (1.0 + self.current_gain[j]) + self.current_offset[j]);
+        self.completed(seen)
+    }
+
+    /// The currents with the third from the other two, where it has no sensor, A.
+    pub(crate) fn completed(&self, [a, b, c]: [f64; 3]) -> [f64; 3] {
+        if self.two_current_sensors {
+            [a, b, -a - b]
+        } else {
+            [a, b, c]
+        }
+    }
 }

@@ -1,4 +1,12 @@
 //! Kinds of power electronics: hysteresis comparators, or a vector drive with pulse-width modulation.
+//!
+//! In: currents, rotor angle and speed, current reference, link voltage. Out: phase voltages of each step. The vector drive
+//! switches: a step's voltage is the mean over its edges, whose instants are exact.
+
+mod current_loop;
+mod pwm;
+
+pub(crate) use current_loop::{DriveInput, VectorControl, VectorState};
 
 /// Kind of the power electronics and their current control.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

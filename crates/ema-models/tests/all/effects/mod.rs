@@ -7,5 +7,6 @@ mod energy;
 mod identity;
 mod mechanics;
 mod motor;
+mod page;
 mod rig;
 mod sensors;

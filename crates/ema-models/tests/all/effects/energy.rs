@@ -185,3 +185,21 @@ fn deviations_alone_are_the_plain_model_with_other_parameters() {
     let with_parameters: Vec<SensedSample> = scenario.run().collect();
     assert_eq!(with_effects, with_parameters);
 }
+
+#[test]
+fn a_temperature_rise_warms_the_motor_and_the_friction() {
+    let samples = |temperature: f64, values: &[(&str, f64)]| -> Vec<SensedSample> {
+        let mut scenario = Scenario::new(ActuatorParams::bench(), FaultVector::NOMINAL, 4);
+        scenario.winding_temp_deg_c = temperature;
+        scenario.effects = super::rig::effects(values);
+        scenario.run().collect()
+    };
+    // The motor alone: R and k at 60 °C, by the plain model's own law.
+    assert_eq!(samples(20.0, &[("temperature_rise_k", 40.0)]), samples(60.0, &[]));
+    // With the friction.
+    let ratio = ("viscous_temperature", 3.0);
+    assert_eq!(
+        samples(20.0, &[("temperature_rise_k", -40.0), ratio]),
+        samples(-20.0, &[ratio])
+    );
+}

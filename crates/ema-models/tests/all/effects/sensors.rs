@@ -227,3 +227,35 @@ fn every_effect_alone_and_all_together_give_finite_samples_in_both_modes() {
         }
     }
 }
+
+#[test]
+fn values_at_their_limits_stay_finite() {
+    for params in [ActuatorParams::bench(), ActuatorParams::servo28()] {
+        for info in EFFECTS {
+            for value in [info.limits.0, info.limits.1] {
+                for drive in ["hysteresis", "vector"] {
+                    let mut set = effects(&[(info.name, value)]);
+                    if set.drive == Drive::Hysteresis {
+                        set.drive = Drive::from_name(drive).unwrap();
+                    }
+                    // The effect whose parameter it is, at its usual value.
+                    if let Some(part_of) = EFFECTS.iter().find(|other| Some(other.name) == info.part_of) {
+                        set.set(part_of.name, part_of.usual_on(&params).1).unwrap();
+                    }
+                    let fault = FaultVector {
+                        short_c: 1.0,
+                        ..FaultVector::NOMINAL
+                    };
+                    let mut scenario = Scenario::new(params, fault, 3);
+                    scenario.actuations.length = 0.02;
+                    scenario.actuations.rest = 0.02;
+                    scenario.effects = set;
+                    for sample in scenario.run() {
+                        let finite = sample.currents.iter().all(|i| i.is_finite());
+                        assert!(finite, "{} = {value}, {drive}", info.name);
+                    }
+                }
+            }
+        }
+    }
+}

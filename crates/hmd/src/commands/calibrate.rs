@@ -64,7 +64,7 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = load_config(args.config.as_deref())?;
     #[cfg(feature = "full")]
-    if args.of_type.is_asked()? {
+    if args.of_type.is_requested()? {
         no_input(&args.output, read_files(&config, true))?;
         use_threads(args.threads.map(usize::from))?;
         let calibration = args.of_type.calibrate(&config, args.seed)?;
@@ -120,12 +120,12 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
         let identifier = assessor.identifier_of(job)?;
         let conditions = conditions(job).map_err(anyhow::Error::msg)?;
         let (window, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, args.seed)?;
-        let verdict = Health::new(levels)?.update(0, Some(&damage_evidence(&estimate)));
-        if !verdict.faults.is_empty() {
+        let decision = Health::new(levels)?.update(0, Some(&damage_evidence(&estimate)));
+        if !decision.faults.is_empty() {
             bail!(
                 "window {}: expected a healthy unit, found {}",
                 job.window.number,
-                verdict
+                decision
                     .faults
                     .iter()
                     .map(|fault| fault.name())

@@ -21,7 +21,7 @@ use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
 /// Longest wait for anything.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// One end of a serial line; the other is found under a path that stays the same.
 pub(crate) struct Plug {
@@ -112,7 +112,7 @@ impl Device {
     }
 }
 
-/// What was said and assessed.
+/// Notices and assessed windows.
 #[derive(Default)]
 pub(crate) struct Lines {
     health: Mutex<Vec<String>>,
@@ -134,7 +134,7 @@ impl Lines {
     }
 
     pub(crate) fn wait_for_notice(&self, count: usize, part: &str) {
-        let said = || {
+        let count_of = || {
             self.notices
                 .lock()
                 .unwrap()
@@ -142,13 +142,13 @@ impl Lines {
                 .filter(|line| line.contains(part))
                 .count()
         };
-        self.wait_until(|| said() >= count, &format!("{part:?}, {count} times"));
+        self.wait_until(|| count_of() >= count, &format!("{part:?}, {count} times"));
     }
 
     pub(crate) fn wait_until(&self, reached: impl Fn() -> bool, what: &str) {
         let start = Instant::now();
         while !reached() {
-            if start.elapsed() > PATIENCE {
+            if start.elapsed() > TIMEOUT {
                 panic!(
                     "expected {what}, found {:?} {:?}",
                     self.notices.lock().unwrap(),

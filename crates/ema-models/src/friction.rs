@@ -6,8 +6,8 @@ use crate::fault::FaultVector;
 use crate::params::TransmissionParams;
 use crate::real::Real;
 
-/// Friction and load torques of one transmission under a fault vector, at the motor shaft, Nm.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Friction and load torques of one transmission under a fault vector, at the motor shaft, Nm. The default has neither.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DryFriction<R> {
     /// Load torque T_l / n; positive when it opposes positive motion.
     load: R,
@@ -28,11 +28,25 @@ impl DryFriction<f64> {
     /// `(1 − η_a) |T_l/n|` while it aids; the former is also added to T_s. k1 does not scale the losses of the gear.
     #[must_use]
     pub fn new(transmission: &TransmissionParams, fault: &FaultVector, load_torque: f64) -> Self {
-        let load = load_torque / transmission.gear_ratio;
-        let opposing = (1.0 / transmission.efficiency_opposing - 1.0) * libm::fabs(load);
-        let aiding = (1.0 - transmission.efficiency_aiding) * libm::fabs(load);
-        let dynamic = transmission.friction_dynamic * fault.friction_factor();
-        let breakaway = transmission.friction_static * fault.friction_factor() + opposing;
+        Self::under_load(
+            transmission.gear_loss_shares(),
+            load_torque / transmission.gear_ratio,
+            transmission.friction_dynamic * fault.friction_factor(),
+            transmission.friction_static * fault.friction_factor(),
+        )
+    }
+
+    /// Friction with the dry torques `dynamic` and `breakaway`, Nm, and the gear's loss under a load torque at the motor shaft,
+    /// Nm, of which the gear takes these shares ([`TransmissionParams::gear_loss_shares`]).
+    #[must_use]
+    pub(crate) fn under_load(
+        [opposing_share, aiding_share]: [f64; 2],
+        load: f64,
+        dynamic: f64,
+        breakaway: f64,
+    ) -> Self {
+        let opposing = opposing_share * libm::fabs(load);
+        let aiding = aiding_share * libm::fabs(load);
         let (positive, negative) = if load > 0.0 {
             (opposing, aiding)
         } else {
@@ -42,7 +56,7 @@ impl DryFriction<f64> {
             load,
             moving_positive: dynamic + positive,
             moving_negative: dynamic + negative,
-            breakaway,
+            breakaway: breakaway + opposing,
             stop_transition: 0.0,
         }
     }

@@ -1,7 +1,7 @@
 //! Scenarios: a series of actuations of one simulated unit, and the samples that its electronics send.
 
 use super::sensors::{CurrentSensing, encoder_count};
-use super::{Reference, ReferenceState, UnmodelledFault};
+use super::{DetailedReference, DetailedState, Effects, Reference, ReferenceState, UnmodelledFault};
 use crate::command::Profile;
 use crate::control::Setpoint;
 use crate::fault::FaultVector;
@@ -83,6 +83,8 @@ pub struct Scenario {
     pub winding_temp_deg_c: f64,
     /// A fault that the fault vector does not contain.
     pub unmodelled_fault: Option<UnmodelledFault>,
+    /// What the unit has besides; its deviations apply to `unit` and to the controller of `nominal`.
+    pub effects: Effects,
     /// Current measurement.
     pub sensing: CurrentSensing,
     /// Commands.
@@ -108,6 +110,7 @@ impl Scenario {
             load_torque: 0.0,
             winding_temp_deg_c: REFERENCE_TEMPERATURE_DEG_C,
             unmodelled_fault: None,
+            effects: Effects::default(),
             sensing: CurrentSensing::IDEAL,
             actuations: Actuations::single(Profile::Mixed),
             seed,
@@ -124,11 +127,13 @@ impl Scenario {
         let sign = if rng.random_bool(0.5) { 1.0 } else { -1.0 };
         let theta_out = theta_m / reference.gear_ratio + place * reference.half_play;
         let lsb = self.nominal.sensors.output_lsb();
+        let seen = self.effects.sensors.output_angle(theta_out);
         ScenarioRun {
-            state: ReferenceState::at_rest(theta_m, theta_out),
+            state: DetailedState::at_rest(theta_m, theta_out, reference.gear_ratio),
             reference,
+            detailed: self.detailed(),
             scenario: self.clone(),
-            rest_angle: encoder_count(theta_out, lsb) as f64 * lsb,
+            rest_angle: encoder_count(seen, lsb) as f64 * lsb,
             sign,
             seq: 0,
             samples: libm::round(self.actuations.duration() * self.nominal.sensors.sample_rate) as u64,
@@ -137,13 +142,42 @@ impl Scenario {
         }
     }
 
-    /// The unit at its temperature, under its fault vector.
+    /// Temperature of the winding, which the unit measures, °C.
+    #[must_use]
+    pub fn temperature_deg_c(&self) -> f64 {
+        self.winding_temp_deg_c + self.effects.friction.temperature_rise
+    }
+
+    /// Parameters of the unit at its temperature, with its deviations.
+    fn hardware(&self) -> ActuatorParams {
+        let unit = self.effects.deviations.hardware(&self.unit);
+        ActuatorParams {
+            motor: unit.motor.at_temperature(self.temperature_deg_c()),
+            ..unit
+        }
+    }
+
+    /// The unit at its temperature, under its fault vector, without effects but deviations.
     fn reference(&self) -> Reference {
-        let warm = ActuatorParams {
-            motor: self.unit.motor.at_temperature(self.winding_temp_deg_c),
-            ..self.unit
-        };
-        Reference::new(&warm, &self.nominal, &self.fault, self.load_torque).with_unmodelled_fault(self.unmodelled_fault)
+        let controller = self.effects.deviations.controller(&self.nominal);
+        Reference::new(&self.hardware(), &controller, &self.fault, self.load_torque)
+            .with_unmodelled_fault(self.unmodelled_fault)
+    }
+
+    /// The unit with its effects, where it has any that the plain model does not know.
+    fn detailed(&self) -> Option<DetailedReference> {
+        (!self.effects.only_change_parameters()).then(|| {
+            let controller = self.effects.deviations.controller(&self.nominal);
+            DetailedReference::new(
+                &self.hardware(),
+                &controller,
+                &self.fault,
+                self.load_torque,
+                self.temperature_deg_c(),
+                &self.effects,
+            )
+            .with_unmodelled_fault(self.unmodelled_fault)
+        })
     }
 }
 
@@ -151,7 +185,9 @@ impl Scenario {
 #[derive(Clone, Debug)]
 pub struct ScenarioRun {
     reference: Reference,
-    state: ReferenceState,
+    /// The model with effects, which then takes the place of `reference`.
+    detailed: Option<DetailedReference>,
+    state: DetailedState,
     scenario: Scenario,
     rest_angle: f64,
     sign: f64,
@@ -162,16 +198,89 @@ pub struct ScenarioRun {
 }
 
 impl ScenarioRun {
-    /// The true state one sample period after the last sample.
+    /// The true state one sample period after the last sample; with effects, at the instant of the last sample.
     #[must_use]
     pub fn state(&self) -> &ReferenceState {
-        &self.state
+        &self.state.shaft
     }
 
     /// Changes the fault vector; the motion continues from its present state.
     pub fn set_fault(&mut self, fault: FaultVector) {
         self.scenario.fault = fault;
         self.reference = self.scenario.reference();
+        self.detailed = self.scenario.detailed();
+    }
+
+    /// Setpoint latched with a sample.
+    fn setpoint(&self, seq: u64) -> Setpoint {
+        let t = seq as f64 / self.scenario.nominal.sensors.sample_rate;
+        self.scenario.actuations.setpoint(t, self.sign, self.rest_angle)
+    }
+
+    /// The next sample of the plain model, which then takes the steps of one sample period.
+    fn plain_sample(&mut self) -> SensedSample {
+        let sensors = &self.scenario.nominal.sensors;
+        let setpoint = self.setpoint(self.seq);
+        let state = &mut self.state.shaft;
+        let sample = SensedSample {
+            seq: self.seq,
+            currents: self.scenario.sensing.measure(sensors, state.i, &mut self.rng),
+            motor_counts: encoder_count(
+                UnmodelledFault::resolver_angle(self.scenario.unmodelled_fault, state.theta_m),
+                sensors.motor_lsb(),
+            ),
+            output_counts: encoder_count(state.theta_out, sensors.output_lsb()),
+            setpoint,
+        };
+        for _ in 0..self.steps_per_sample {
+            self.reference.step(state, setpoint);
+        }
+        sample
+    }
+
+    /// The next sample of a unit with effects: the model runs to the instants at which currents and angles are latched.
+    ///
+    /// An instant before the first step, or before the other instant of the last sample, counts as the present one.
+    fn detailed_sample(&mut self, detailed: &DetailedReference) -> SensedSample {
+        let sensing = self.scenario.sensing;
+        let (sensors, effects) = (self.scenario.nominal.sensors, self.scenario.effects.sensors);
+        let jitter = if effects.sample_jitter > 0.0 {
+            self.rng.random_range(-effects.sample_jitter..effects.sample_jitter)
+        } else {
+            0.0
+        };
+        let period = self.steps_per_sample as f64;
+        let instant =
+            |age: f64| libm::round((self.seq as f64 + jitter) * period - age / REFERENCE_STEP).max(0.0) as u64;
+        let (currents_at, angles_at) = (instant(effects.current_latency), instant(effects.angle_latency));
+        self.run_until(detailed, currents_at.min(angles_at));
+        let first = self.state;
+        self.run_until(detailed, currents_at.max(angles_at));
+        let (at_currents, at_angles) = if currents_at < angles_at {
+            (&first, &self.state)
+        } else {
+            (&self.state, &first)
+        };
+        let currents = detailed.sampled_currents(at_currents);
+        SensedSample {
+            seq: self.seq,
+            currents: effects.completed(sensing.measure(&sensors, currents, &mut self.rng)),
+            motor_counts: detailed.motor_counts(at_angles),
+            output_counts: encoder_count(detailed.output_angle(at_angles), sensors.output_lsb()),
+            setpoint: self.setpoint(self.seq),
+        }
+    }
+
+    /// Steps of the model with effects up to an instant.
+    fn run_until(&mut self, detailed: &DetailedReference, instant: u64) {
+        while self.state.shaft.steps < instant {
+            let seq = self.state.shaft.steps / self.steps_per_sample;
+            let setpoint = self.setpoint(seq);
+            let end = instant.min((seq + 1) * self.steps_per_sample);
+            while self.state.shaft.steps < end {
+                detailed.step(&mut self.state, setpoint);
+            }
+        }
     }
 }
 
@@ -182,22 +291,14 @@ impl Iterator for ScenarioRun {
         if self.seq >= self.samples {
             return None;
         }
-        let sensors = &self.scenario.nominal.sensors;
-        let t = self.seq as f64 / sensors.sample_rate;
-        let setpoint = self.scenario.actuations.setpoint(t, self.sign, self.rest_angle);
-        let sample = SensedSample {
-            seq: self.seq,
-            currents: self.scenario.sensing.measure(sensors, self.state.i, &mut self.rng),
-            motor_counts: encoder_count(
-                UnmodelledFault::resolver_angle(self.scenario.unmodelled_fault, self.state.theta_m),
-                sensors.motor_lsb(),
-            ),
-            output_counts: encoder_count(self.state.theta_out, sensors.output_lsb()),
-            setpoint,
+        let sample = match self.detailed.take() {
+            None => self.plain_sample(),
+            Some(detailed) => {
+                let sample = self.detailed_sample(&detailed);
+                self.detailed = Some(detailed);
+                sample
+            }
         };
-        for _ in 0..self.steps_per_sample {
-            self.reference.step(&mut self.state, setpoint);
-        }
         self.seq += 1;
         Some(sample)
     }

@@ -3,6 +3,7 @@
 
 mod accuracy;
 mod averaged;
+mod effects;
 mod faults;
 mod lanes;
 mod monitor;

@@ -1,6 +1,6 @@
 //! A day in compressed time: the whole live chain but the sockets, on sixteen actuators at 400 Hz with a window a minute.
 //!
-//! Requirement S-26 of `docs/safety.md`. What must not grow does not, what was told is read back, and the disk budget holds.
+//! Requirement S-26 of `docs/safety.md`. What must not grow does not, what was observed is read back, and the disk budget holds.
 //! `HMD_SOAK_MINUTES` says how long the long form is.
 #![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
 
@@ -39,16 +39,16 @@ const HEAP_GROWTH_MAX: usize = 1 << 20;
 const RESIDENT_MAX_KIB: u64 = 32 * 1024;
 
 /// Longest from the start to ready, and from the end of a window to its record on the disk.
-const PROMPT: Duration = Duration::from_secs(1);
+const LATENCY_MAX: Duration = Duration::from_secs(1);
 
 /// Windows that identification may lie behind: its queue holds 64, and a bus is in the midst of its minute.
-const BEHIND: u64 = 2 * ACTUATORS;
+const BACKLOG_MAX: u64 = 2 * ACTUATORS;
 
 /// Held by each test: one measures what this process holds, the other is in real time.
 static ALONE: Mutex<()> = Mutex::new(());
 
 /// Minutes between two lines of progress.
-const SAY_EVERY_MINUTES: u64 = 60;
+const PROGRESS_EVERY_MINUTES: u64 = 60;
 
 /// What the process holds in a minute: the highest of what each of its seconds began with.
 #[derive(Clone, Copy, Debug, Default)]
@@ -59,7 +59,7 @@ struct Minute {
 }
 
 impl Minute {
-    fn look(&mut self) {
+    fn sample(&mut self) {
         self.resident_kib = self.resident_kib.max(resident_kib());
         let open = fs::read_dir("/proc/self/fd").unwrap().count();
         self.descriptors = Some(self.descriptors.map_or(open, |least| least.min(open)));
@@ -70,9 +70,9 @@ fn resident_kib() -> u64 {
     kib(&fs::read_to_string("/proc/self/status").unwrap(), "VmRSS:")
 }
 
-/// What is told.
+/// What the daemon reported.
 #[derive(Default)]
-struct Told {
+struct Observed {
     assessed: Arc<AtomicU64>,
     /// Highest use of the disk that a status named, bytes.
     used: AtomicU64,
@@ -80,7 +80,7 @@ struct Told {
     statuses: Mutex<BTreeMap<(String, String), u64>>,
 }
 
-impl Observer for Told {
+impl Observer for Observed {
     fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
         let health = &assessed.health;
         let key = (health.actuator.clone(), health.status.to_string());
@@ -120,13 +120,13 @@ fn soak(minutes: u64, warm: u64, grown: Memory, limits: Limits) {
     let folder = tempfile::tempdir().unwrap();
     let config = Arc::new(Config::from_toml_str(&config(), "hmd.toml").unwrap());
     let recorder = Recorder::open_folder(folder.path(), &metadata(&config, "test", 1), limits).unwrap();
-    let (told, templates) = (Told::default(), Template::all());
+    let (observed, templates) = (Observed::default(), Template::all());
     let seen = Arc::new(Mutex::new([Minute::default(); 2]));
     let since = Instant::now();
     let ended = Arc::new(AtomicU64::new(0));
     let heap = Arc::new(Mutex::new(Vec::new()));
     let sources = (0..BUSES).map(|bus| {
-        let (assessed, ended, seen) = (told.assessed.clone(), ended.clone(), seen.clone());
+        let (assessed, ended, seen) = (observed.assessed.clone(), ended.clone(), seen.clone());
         let heap = heap.clone();
         let before = move |second: u64| {
             let minute = second / 60;
@@ -134,7 +134,7 @@ fn soak(minutes: u64, warm: u64, grown: Memory, limits: Limits) {
                 ended.fetch_add(ACTUATORS_PER_BUS, Ordering::Relaxed);
             }
             // Compressed time has no pace of its own: nothing is dropped, so nothing may fall behind.
-            while ended.load(Ordering::Relaxed) > assessed.load(Ordering::Acquire) + BEHIND {
+            while ended.load(Ordering::Relaxed) > assessed.load(Ordering::Acquire) + BACKLOG_MAX {
                 std::thread::sleep(Duration::from_millis(1));
             }
             if bus > 0 {
@@ -149,9 +149,9 @@ fn soak(minutes: u64, warm: u64, grown: Memory, limits: Limits) {
             }
             let which = [warm, minutes].iter().position(|at| minute + 1 == *at);
             if let Some(which) = which {
-                seen.lock().unwrap()[which].look();
+                seen.lock().unwrap()[which].sample();
             }
-            if second.is_multiple_of(60 * SAY_EVERY_MINUTES) {
+            if second.is_multiple_of(60 * PROGRESS_EVERY_MINUTES) {
                 eprintln!(
                     "minute {minute}: {} s, {} KiB",
                     since.elapsed().as_secs(),
@@ -167,7 +167,7 @@ fn soak(minutes: u64, warm: u64, grown: Memory, limits: Limits) {
         recorder: Some(recorder),
         watch: Some((config, 1)),
     };
-    let status = daemon.run(pending(), &told).unwrap();
+    let status = daemon.run(pending(), &observed).unwrap();
     let took = since.elapsed();
 
     let expected = ACTUATORS * minutes;
@@ -184,23 +184,23 @@ fn soak(minutes: u64, warm: u64, grown: Memory, limits: Limits) {
         .map(|entry| entry.unwrap().metadata().unwrap().len())
         .sum();
     eprintln!(
-        "{minutes} minutes in {:.1} s: {} frames, {expected} records expected, {} told, {found} read back; resident in \
+        "{minutes} minutes in {:.1} s: {} frames, {expected} records expected, {} observed, {found} read back; resident in \
          minute {warm} {} KiB, in the last {} KiB; heap {held_early} and {held_late} bytes; {:?} and {:?} descriptors; at most {} bytes on the disk, {} segments \
          deleted, {frames} frames left",
         took.as_secs_f64(),
         status.frames_received,
-        told.assessed.load(Ordering::Acquire),
+        observed.assessed.load(Ordering::Acquire),
         early.resident_kib,
         late.resident_kib,
         early.descriptors.unwrap(),
         late.descriptors.unwrap(),
-        told.used.load(Ordering::Relaxed),
+        observed.used.load(Ordering::Relaxed),
         status.storage_deleted,
     );
-    eprintln!("{:?}", told.statuses.lock().unwrap());
+    eprintln!("{:?}", observed.statuses.lock().unwrap());
     assert_eq!(status.frames_received, FRAMES_PER_SECOND * 60 * minutes);
     assert!(!status.data_lost(), "{status:?}");
-    assert_eq!(told.assessed.load(Ordering::Acquire), expected);
+    assert_eq!(observed.assessed.load(Ordering::Acquire), expected);
     for id in 0..ACTUATORS {
         assert_eq!(health.get(&format!("ema{id}")), Some(&minutes), "ema{id}");
     }
@@ -275,8 +275,8 @@ fn a_day_grows_by_nothing_and_loses_nothing() {
 #[test]
 fn the_program_is_ready_soon_and_small() {
     let _alone = ALONE.lock();
-    let shown = shown_by_the_program(Duration::from_secs(8));
-    assert!(!shown.records.is_empty());
+    let measured = measure_program(Duration::from_secs(8));
+    assert!(!measured.records.is_empty());
 }
 
 /// Requirement S-28.
@@ -284,25 +284,29 @@ fn the_program_is_ready_soon_and_small() {
 #[ignore = "a minute of real time; cargo xtask soak"]
 fn the_program_is_ready_soon_and_small_and_its_records_are_prompt() {
     // All actuations of a minute, and their records.
-    let shown = shown_by_the_program(Duration::from_secs(62));
-    let longest = shown.records.iter().max().unwrap();
-    assert_eq!(shown.records.len() as u64, ACTUATORS);
-    assert!(*longest <= PROMPT, "a record after {longest:?}");
+    let measured = measure_program(Duration::from_secs(62));
+    let longest = measured.records.iter().max().unwrap();
+    assert_eq!(measured.records.len() as u64, ACTUATORS);
+    assert!(*longest <= LATENCY_MAX, "a record after {longest:?}");
 }
 
 /// Runs the program; it must be ready soon and small.
-fn shown_by_the_program(time: Duration) -> program::Shown {
+fn measure_program(time: Duration) -> program::Measurements {
     let folder = tempfile::tempdir().unwrap();
-    let shown = program::run(folder.path(), time);
+    let measured = program::run(folder.path(), time);
     eprintln!(
-        "ready after {:.3} s; {} records synced and told, at most {:.3} s after the last sample of their windows; resident \
+        "ready after {:.3} s; {} records synced and observed, at most {:.3} s after the last sample of their windows; resident \
          memory at most {} KiB",
-        shown.ready.as_secs_f64(),
-        shown.records.len(),
-        shown.records.iter().max().map_or(0.0, Duration::as_secs_f64),
-        shown.resident_kib
+        measured.ready.as_secs_f64(),
+        measured.records.len(),
+        measured.records.iter().max().map_or(0.0, Duration::as_secs_f64),
+        measured.resident_kib
     );
-    assert!(shown.ready <= PROMPT, "ready after {:?}", shown.ready);
-    assert!(shown.resident_kib <= RESIDENT_MAX_KIB, "{} KiB", shown.resident_kib);
-    shown
+    assert!(measured.ready <= LATENCY_MAX, "ready after {:?}", measured.ready);
+    assert!(
+        measured.resident_kib <= RESIDENT_MAX_KIB,
+        "{} KiB",
+        measured.resident_kib
+    );
+    measured
 }

@@ -6,6 +6,7 @@
 //! setpoint latched with the last sample.
 
 mod detailed;
+mod effect_settings;
 mod effects;
 mod inverter;
 mod pmsm;
@@ -14,6 +15,7 @@ mod sensors;
 mod unmodelled_fault;
 
 pub use detailed::{DetailedReference, DetailedState};
+pub use effect_settings::{EffectConflict, EffectSettings};
 pub use effects::{
     Cogging, Compliance, ControllerEffects, Deviations, Drive, EFFECTS, EffectError, EffectInfo, Effects,
     FrictionEffects, LinkEffects, LoadEffects, MotorEffects, ResolverError, Scale, SensorEffects, ShortedTurns,

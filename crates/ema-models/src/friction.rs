@@ -6,8 +6,8 @@ use crate::fault::FaultVector;
 use crate::params::TransmissionParams;
 use crate::real::Real;
 
-/// Friction and load torques of one transmission under a fault vector, at the motor shaft, Nm.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Friction and load torques of one transmission under a fault vector, at the motor shaft, Nm. The default has neither.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DryFriction<R> {
     /// Load torque T_l / n; positive when it opposes positive motion.
     load: R,
@@ -29,18 +29,24 @@ impl DryFriction<f64> {
     #[must_use]
     pub fn new(transmission: &TransmissionParams, fault: &FaultVector, load_torque: f64) -> Self {
         Self::under_load(
-            transmission,
+            transmission.gear_loss_shares(),
             load_torque / transmission.gear_ratio,
             transmission.friction_dynamic * fault.friction_factor(),
             transmission.friction_static * fault.friction_factor(),
         )
     }
 
-    /// Friction with the dry torques `dynamic` and `breakaway`, Nm, under a load torque at the motor shaft, Nm.
+    /// Friction with the dry torques `dynamic` and `breakaway`, Nm, and the gear's loss under a load torque at the motor shaft,
+    /// Nm, of which the gear takes these shares ([`TransmissionParams::gear_loss_shares`]).
     #[must_use]
-    pub(crate) fn under_load(transmission: &TransmissionParams, load: f64, dynamic: f64, breakaway: f64) -> Self {
-        let opposing = (1.0 / transmission.efficiency_opposing - 1.0) * libm::fabs(load);
-        let aiding = (1.0 - transmission.efficiency_aiding) * libm::fabs(load);
+    pub(crate) fn under_load(
+        [opposing_share, aiding_share]: [f64; 2],
+        load: f64,
+        dynamic: f64,
+        breakaway: f64,
+    ) -> Self {
+        let opposing = opposing_share * libm::fabs(load);
+        let aiding = aiding_share * libm::fabs(load);
         let (positive, negative) = if load > 0.0 {
             (opposing, aiding)
         } else {

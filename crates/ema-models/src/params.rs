@@ -63,6 +63,15 @@ pub struct TransmissionParams {
     pub backlash: f64,
 }
 
+impl TransmissionParams {
+    /// Shares `[1/η_o − 1, 1 − η_a]` of the load torque that the gear adds to friction while the load opposes and aids the
+    /// motion.
+    #[must_use]
+    pub(crate) fn gear_loss_shares(&self) -> [f64; 2] {
+        [1.0 / self.efficiency_opposing - 1.0, 1.0 - self.efficiency_aiding]
+    }
+}
+
 /// Actuator control electronics: position loop, speed loop, current loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ControllerParams {

@@ -2,12 +2,15 @@
 //!
 //! Input and output are those of [`Reference`](super::Reference), which stays the model of a unit without effects. Each family
 //! of effects has its law in its own file; this module only connects them: controller, drive, windings, shaft, sensors.
+//!
+//! Currents, speeds and angles take steps of 1 µs. What varies far more slowly (friction curve, cogging, loads, voltage of the
+//! link) is computed every fifth step and held; everything on then costs less than three times the plain model.
 
 mod windings;
 
 use self::windings::Windings;
 use super::effects::{
-    Cogging, Controller, ControllerState, DriveInput, Effects, FrictionCurve, LinkEffects, TwoMasses, VectorControl,
+    Cogging, Controller, ControllerState, DriveInput, Effects, FrictionCurve, ResolverCurve, TwoMasses, VectorControl,
     VectorState,
 };
 use super::sensors::encoder_count;
@@ -17,37 +20,45 @@ use crate::control::{Encoder, Setpoint};
 use crate::fault::FaultVector;
 use crate::frames::phase_shapes;
 use crate::friction::DryFriction;
-use crate::params::{ActuatorParams, REFERENCE_STEP, TransmissionParams};
+use crate::params::{ActuatorParams, REFERENCE_STEP};
 use crate::real::Real;
 use crate::winding::Winding;
+
+/// Steps between two updates of the slow quantities.
+const HOLD_STEPS: u64 = 5;
 
 /// Constants of one simulated actuator with effects.
 #[derive(Clone, Debug)]
 pub struct DetailedReference {
+    effects: Effects,
+    unmodelled_fault: Option<UnmodelledFault>,
     controller: Controller,
     encoder: Encoder<f64>,
     control_steps: u64,
     half_band: f64,
     vector: Option<VectorControl>,
-    link: LinkEffects,
     v_dc: f64,
     pole_pairs: f64,
+    resolver: Option<ResolverCurve>,
+    motor_lsb: f64,
     k: f64,
     winding: Winding<f64>,
     windings: Windings,
-    effects: Effects,
     cogging: Cogging,
     viscous: f64,
-    inertia: f64,
+    /// Δt / J of the motor side; of the whole shaft where it is rigid.
+    motor_step: f64,
+    /// Δt / J_l of the load side.
+    load_step: f64,
     two_masses: Option<TwoMasses>,
     /// Friction of the motor side; of the whole shaft where it is rigid.
     friction: FrictionCurve,
     load_friction: FrictionCurve,
-    transmission: TransmissionParams,
+    gear_loss: [f64; 2],
+    output_per_motor: f64,
     half_play: f64,
     load_torque: f64,
-    unmodelled_fault: Option<UnmodelledFault>,
-    motor_lsb: f64,
+    /// Share of the difference by which the filtered currents move in one step.
     filter_share: f64,
 }
 
@@ -56,7 +67,7 @@ pub struct DetailedReference {
 pub struct DetailedState {
     /// What the plain model knows too. `v` are mean phase voltages over the last step, `torque` is that of the currents.
     pub shaft: ReferenceState,
-    /// Angle of the load side at the motor shaft, n θ_out, rad; follows the motor where the shaft is rigid.
+    /// Angle of the load side at the motor shaft, n θ_out, rad; that of the motor where the shaft is rigid.
     pub load_angle: f64,
     /// Speed of the load side at the motor shaft, rad/s; that of the motor where the shaft is rigid.
     pub load_speed: f64,
@@ -64,12 +75,18 @@ pub struct DetailedState {
     pub i_short: [f64; 3],
     /// DC link voltage of the last step, V.
     pub link_voltage: f64,
+    /// Load torque at the output of the last step, Nm.
+    pub load_torque: f64,
     controller: ControllerState,
+    steps_to_control: u64,
     drive: VectorState,
     link_current: f64,
     filtered: [f64; 3],
     /// Output angle at which the spring has no torque, rad.
     spring_zero: f64,
+    cogging: f64,
+    friction: DryFriction<f64>,
+    load_friction: DryFriction<f64>,
 }
 
 impl DetailedState {
@@ -82,11 +99,16 @@ impl DetailedState {
             load_speed: 0.0,
             i_short: [0.0; 3],
             link_voltage: 0.0,
+            load_torque: 0.0,
             controller: ControllerState::default(),
+            steps_to_control: 0,
             drive: VectorState::default(),
             link_current: 0.0,
             filtered: [0.0; 3],
             spring_zero: theta_out,
+            cogging: 0.0,
+            friction: DryFriction::default(),
+            load_friction: DryFriction::default(),
         }
     }
 }
@@ -103,7 +125,7 @@ impl DetailedReference {
         temperature_deg_c: f64,
         effects: &Effects,
     ) -> Self {
-        let (m, t) = (&unit.motor, unit.transmission);
+        let (m, t) = (&unit.motor, &unit.transmission);
         let full_turns = FaultVector {
             short_a: 0.0,
             short_b: 0.0,
@@ -119,12 +141,18 @@ impl DetailedReference {
         );
         let half_play = 0.5 * t.backlash * fault.backlash_factor();
         let two_masses = TwoMasses::new(&effects.compliance, m.j, half_play * t.gear_ratio);
-        let load_share = match two_masses {
-            None => 0.0,
-            Some(_) => effects.compliance.load_friction,
+        let (load_share, motor_inertia, load_inertia) = match &two_masses {
+            None => (0.0, m.j, m.j),
+            Some(masses) => (
+                effects.compliance.load_friction,
+                masses.motor_inertia,
+                masses.load_inertia,
+            ),
         };
-        let dt_over_filter = REFERENCE_STEP * core::f64::consts::TAU * effects.sensors.current_filter;
+        let per_filter_time = core::f64::consts::TAU * effects.sensors.current_filter;
         Self {
+            effects: *effects,
+            unmodelled_fault: None,
             controller: Controller::new(controller, fault.gain_factor(), &effects.controller),
             encoder: Encoder::new(controller.sensors.output_lsb()),
             control_steps: libm::round(controller.controller.period / REFERENCE_STEP) as u64,
@@ -132,25 +160,25 @@ impl DetailedReference {
             vector: effects
                 .vector_drive()
                 .map(|drive| VectorControl::new(drive, &controller.motor)),
-            link: effects.link,
             v_dc: m.v_dc,
             pole_pairs: m.pole_pairs,
+            resolver: effects.sensors.resolver(),
+            motor_lsb: controller.sensors.motor_lsb(),
             k: m.k,
             winding: Winding::new(&full_turns),
             windings: Windings::new(m, fault.winding_turns_ratio(), effects),
-            effects: *effects,
             cogging: effects.cogging.of_motor(m.pole_pairs),
             viscous: viscous * m.c,
-            inertia: m.j,
+            motor_step: REFERENCE_STEP / motor_inertia,
+            load_step: REFERENCE_STEP / load_inertia,
             two_masses,
             friction: friction.share(1.0 - load_share),
             load_friction: friction.share(load_share),
-            transmission: t,
+            gear_loss: t.gear_loss_shares(),
+            output_per_motor: 1.0 / t.gear_ratio,
             half_play,
             load_torque,
-            unmodelled_fault: None,
-            motor_lsb: controller.sensors.motor_lsb(),
-            filter_share: 1.0 - libm::exp(-dt_over_filter),
+            filter_share: 1.0 - libm::exp(-REFERENCE_STEP * per_filter_time),
         }
     }
 
@@ -166,14 +194,18 @@ impl DetailedReference {
     /// One step of 1 µs; `setpoint` is that of the last sample.
     pub fn step(&self, state: &mut DetailedState, setpoint: Setpoint) {
         let true_angle = (self.pole_pairs * state.shaft.theta_m).sin_cos_poly();
-        let resolver = self.resolver(state.shaft.theta_m, true_angle);
-        if state.shaft.steps.is_multiple_of(self.control_steps) {
-            self.control(state, setpoint, &resolver);
+        if state.steps_to_control == 0 {
+            state.steps_to_control = self.control_steps;
+            self.control(state, setpoint, true_angle);
         }
-        self.supply(state, &resolver);
+        if state.shaft.steps.is_multiple_of(HOLD_STEPS) {
+            self.hold(state);
+        }
+        self.switch(state, true_angle);
         self.electrical(state, true_angle);
         self.mechanical(state);
         self.filter(state);
+        state.steps_to_control -= 1;
         state.shaft.steps += 1;
     }
 
@@ -181,8 +213,7 @@ impl DetailedReference {
     #[must_use]
     pub fn motor_counts(&self, state: &DetailedState) -> i64 {
         let theta_m = state.shaft.theta_m;
-        let resolver = self.resolver(theta_m, (self.pole_pairs * theta_m).sin_cos_poly());
-        encoder_count(resolver.theta_m, self.motor_lsb)
+        self.resolver_count(theta_m, (self.pole_pairs * theta_m).sin_cos_poly())
     }
 
     /// Output angle of a state as its encoder sees it, before it counts, rad.
@@ -201,52 +232,82 @@ impl DetailedReference {
         }
     }
 
-    fn resolver(&self, theta_m: f64, true_angle: (f64, f64)) -> Resolver {
+    fn resolver_count(&self, theta_m: f64, true_angle: (f64, f64)) -> i64 {
+        let error = self.resolver.map_or(0.0, |resolver| resolver.at(true_angle)[0]);
         let seen = UnmodelledFault::resolver_angle(self.unmodelled_fault, theta_m);
-        let angle = if self.unmodelled_fault.is_none() {
-            true_angle
-        } else {
-            (self.pole_pairs * seen).sin_cos_poly()
+        encoder_count(seen + error / self.pole_pairs, self.motor_lsb)
+    }
+
+    /// Sine and cosine of the electrical angle as the resolver sees it.
+    fn seen_angle(&self, theta_m: f64, true_angle: (f64, f64)) -> (f64, f64) {
+        let angle = match self.unmodelled_fault {
+            None => true_angle,
+            fault => (self.pole_pairs * UnmodelledFault::resolver_angle(fault, theta_m)).sin_cos_poly(),
         };
-        let [error, slope] = self.effects.sensors.resolver_error(true_angle);
-        Resolver {
-            theta_m: seen + error / self.pole_pairs,
-            sin_cos: Real::rotate(angle, error),
-            speed_factor: 1.0 + slope,
+        match &self.resolver {
+            None => angle,
+            Some(resolver) => Real::rotate(angle, resolver.at(true_angle)[0]),
         }
     }
 
     /// One control period.
-    fn control(&self, state: &mut DetailedState, setpoint: Setpoint, resolver: &Resolver) {
+    fn control(&self, state: &mut DetailedState, setpoint: Setpoint, true_angle: (f64, f64)) {
         let shaft = &mut state.shaft;
-        let counted = self
-            .encoder
-            .counted_angle(self.effects.sensors.output_angle(shaft.theta_out));
+        let output = self.effects.sensors.output_angle(shaft.theta_out);
+        let slope = self.resolver.map_or(0.0, |resolver| resolver.at(true_angle)[1]);
         shaft.i_ref = self.controller.step(
             &mut state.controller,
             setpoint,
-            counted,
-            encoder_count(resolver.theta_m, self.motor_lsb),
-            shaft.omega_m * resolver.speed_factor,
+            self.encoder.counted_angle(output),
+            self.resolver_count(shaft.theta_m, true_angle),
+            shaft.omega_m * (1.0 + slope),
         );
     }
 
-    /// Voltages of the link and of the phases.
-    fn supply(&self, state: &mut DetailedState, resolver: &Resolver) {
-        let shaft = &mut state.shaft;
+    /// The slow quantities: voltage of the link, loads, cogging, friction.
+    fn hold(&self, state: &mut DetailedState) {
+        let shaft = &state.shaft;
         let t = shaft.steps as f64 * REFERENCE_STEP;
-        let v_dc = self.link.voltage(self.v_dc, state.link_current, t);
-        let measured = self.effects.sensors.currents(shaft.i);
+        state.link_voltage = self.effects.link.voltage(self.v_dc, state.link_current, t);
+        state.cogging = self.cogging.torque_at(shaft.theta_m);
+        state.load_torque = self.load_torque + self.effects.load.torque(shaft.theta_out - state.spring_zero, t);
+        let load = state.load_torque * self.output_per_motor;
+        let brake = UnmodelledFault::brake_torque(self.unmodelled_fault);
+        let [moving, breakaway] = self.friction.torques(shaft.omega_m, shaft.theta_m);
+        if self.two_masses.is_none() {
+            let dry = DryFriction::under_load(self.gear_loss, load, moving, breakaway);
+            state.friction = dry.with_brake_torque(brake);
+            return;
+        }
+        state.friction = DryFriction::under_load(self.gear_loss, 0.0, moving, breakaway);
+        let [moving, breakaway] = self.load_friction.torques(state.load_speed, state.load_angle);
+        let dry = DryFriction::under_load(self.gear_loss, load, moving, breakaway);
+        state.load_friction = dry.with_brake_torque(brake);
+    }
+
+    /// Voltages of the phases, and the current that the link gives.
+    fn switch(&self, state: &mut DetailedState, true_angle: (f64, f64)) {
+        let shaft = &mut state.shaft;
+        let v_dc = state.link_voltage;
         shaft.v = match &self.vector {
             None => {
-                let i_ref = phase_shapes(resolver.sin_cos).map(|s| shaft.i_ref * s);
+                let seen = self.seen_angle(shaft.theta_m, true_angle);
+                let i_ref = phase_shapes(seen).map(|s| shaft.i_ref * s);
+                let measured = self.effects.sensors.currents(shaft.i);
                 shaft.inverter.switch(i_ref, measured, self.half_band, v_dc)
             }
             Some(control) => {
+                let samples = control.samples_within(&state.drive, REFERENCE_STEP);
+                let (measured, sin_cos) = if samples {
+                    let seen = self.seen_angle(shaft.theta_m, true_angle);
+                    (self.effects.sensors.currents(shaft.i), seen)
+                } else {
+                    (shaft.i, true_angle)
+                };
                 let input = DriveInput {
                     measured,
                     i: shaft.i,
-                    sin_cos: resolver.sin_cos,
+                    sin_cos,
                     omega_m: shaft.omega_m,
                     i_ref: shaft.i_ref,
                     v_dc,
@@ -254,9 +315,13 @@ impl DetailedReference {
                 control.step(&mut state.drive, &input, REFERENCE_STEP)
             }
         };
-        let power: f64 = (0..3).map(|j| shaft.v[j] * shaft.i[j]).sum();
-        state.link_current = self.link.smoothed(state.link_current, power / v_dc, REFERENCE_STEP);
-        state.link_voltage = v_dc;
+        if self.effects.link.sags() {
+            let power: f64 = (0..3).map(|j| shaft.v[j] * shaft.i[j]).sum();
+            state.link_current = self
+                .effects
+                .link
+                .smoothed(state.link_current, power / v_dc, REFERENCE_STEP);
+        }
     }
 
     /// Currents and torque of the motor.
@@ -268,46 +333,29 @@ impl DetailedReference {
         let linked = self.windings.linked(shaft.i, state.i_short);
         shaft.torque = (0..3).map(|j| k[j] * linked[j]).sum();
         let emf = k.map(|k| k * shaft.omega_m);
-        self.windings
-            .step(shaft.v, emf, &mut shaft.i, &mut state.i_short, REFERENCE_STEP);
+        self.windings.step(shaft.v, emf, &mut shaft.i, &mut state.i_short);
     }
 
     /// Motion of the motor and of the load.
     fn mechanical(&self, state: &mut DetailedState) {
         let shaft = &mut state.shaft;
-        let t = shaft.steps as f64 * REFERENCE_STEP;
-        let load = self.load_torque + self.effects.load.torque(shaft.theta_out - state.spring_zero, t);
-        let load_at_motor = load / self.transmission.gear_ratio;
         let before = shaft.omega_m;
-        let drive = shaft.torque + self.cogging.torque_at(shaft.theta_m) - self.viscous * before;
-        let [moving, breakaway] = self.friction.torques(before, shaft.theta_m);
-        let brake = UnmodelledFault::brake_torque(self.unmodelled_fault);
+        let drive = shaft.torque + state.cogging - self.viscous * before;
         let Some(masses) = &self.two_masses else {
-            let dry = DryFriction::under_load(&self.transmission, load_at_motor, moving, breakaway);
-            shaft.omega_m = dry
-                .with_brake_torque(brake)
-                .step(before, drive, REFERENCE_STEP / self.inertia);
+            shaft.omega_m = state.friction.step(before, drive, self.motor_step);
             shaft.theta_m += 0.5 * (before + shaft.omega_m) * REFERENCE_STEP;
-            shaft.theta_out = follow_through_play(
-                shaft.theta_out,
-                shaft.theta_m / self.transmission.gear_ratio,
-                self.half_play,
-            );
+            let centre = shaft.theta_m * self.output_per_motor;
+            shaft.theta_out = follow_through_play(shaft.theta_out, centre, self.half_play);
             (state.load_speed, state.load_angle) = (shaft.omega_m, shaft.theta_m);
             return;
         };
         let transmitted = masses.transmitted(shaft.theta_m - state.load_angle, before - state.load_speed);
-        let dry = DryFriction::under_load(&self.transmission, 0.0, moving, breakaway);
-        shaft.omega_m = dry.step(before, drive - transmitted, REFERENCE_STEP / masses.motor_inertia);
-        let [moving, breakaway] = self.load_friction.torques(state.load_speed, state.load_angle);
-        let dry = DryFriction::under_load(&self.transmission, load_at_motor, moving, breakaway);
-        state.load_speed =
-            dry.with_brake_torque(brake)
-                .step(state.load_speed, transmitted, REFERENCE_STEP / masses.load_inertia);
+        shaft.omega_m = state.friction.step(before, drive - transmitted, self.motor_step);
+        state.load_speed = state.load_friction.step(state.load_speed, transmitted, self.load_step);
         // Angles by the new speeds: this keeps the energy of an undamped oscillation bounded.
         shaft.theta_m += shaft.omega_m * REFERENCE_STEP;
         state.load_angle += state.load_speed * REFERENCE_STEP;
-        shaft.theta_out = state.load_angle / self.transmission.gear_ratio;
+        shaft.theta_out = state.load_angle * self.output_per_motor;
     }
 
     /// Filter in the path of the sampled currents.
@@ -319,14 +367,4 @@ impl DetailedReference {
             }
         }
     }
-}
-
-/// What the resolver shows of a motor angle.
-struct Resolver {
-    /// Motor angle, rad.
-    theta_m: f64,
-    /// Sine and cosine of the electrical angle.
-    sin_cos: (f64, f64),
-    /// Speed relative to the true one.
-    speed_factor: f64,
 }

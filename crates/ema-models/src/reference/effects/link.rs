@@ -40,6 +40,11 @@ impl LinkEffects {
         v.max(FLOOR * v_dc)
     }
 
+    /// Whether the voltage depends on the current.
+    pub(crate) fn sags(&self) -> bool {
+        self.resistance > 0.0
+    }
+
     /// Smoothed current after a step with the instantaneous current `now`, A.
     pub(crate) fn smoothed(&self, current: f64, now: f64, dt: f64) -> f64 {
         current + (now - current) * (dt / SMOOTHING)

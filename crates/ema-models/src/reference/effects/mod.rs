@@ -33,6 +33,7 @@ pub(crate) use compliance::TwoMasses;
 pub(crate) use controller::{Controller, ControllerState};
 pub(crate) use drive::{DriveInput, VectorControl, VectorState};
 pub(crate) use friction::FrictionCurve;
+pub(crate) use sensors::ResolverCurve;
 pub(crate) use shorted_turns::ShortedPhase;
 
 /// All effects of a simulated unit.

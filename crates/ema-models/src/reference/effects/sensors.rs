@@ -40,26 +40,38 @@ pub struct ResolverError {
 }
 
 impl ResolverError {
-    /// `[a sin(x + φ), a cos(x + φ)]` for the angle x with this sine and cosine.
-    fn at(&self, (sin, cos): (f64, f64)) -> [f64; 2] {
-        if self.amplitude <= 0.0 {
-            return [0.0; 2];
-        }
-        let (s, c) = self.phase.sin_cos_poly();
-        [
-            self.amplitude * (sin * c + cos * s),
-            self.amplitude * (cos * c - sin * s),
-        ]
+    /// `[a cos φ, a sin φ]`.
+    fn components(&self) -> [f64; 2] {
+        let (sin, cos) = self.phase.sin_cos_poly();
+        [self.amplitude * cos, self.amplitude * sin]
+    }
+}
+
+/// Error of one resolver as a function of the electrical angle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ResolverCurve {
+    first: [f64; 2],
+    second: [f64; 2],
+}
+
+impl ResolverCurve {
+    /// Error, rad electrical, and its derivative with respect to the electrical angle, at the angle with this sine and cosine.
+    pub(crate) fn at(&self, (sin, cos): (f64, f64)) -> [f64; 2] {
+        // a sin(x + φ) and a cos(x + φ).
+        let wave = |[along, across]: [f64; 2], s: f64, c: f64| [along * s + across * c, along * c - across * s];
+        let [first, first_slope] = wave(self.first, sin, cos);
+        let [second, second_slope] = wave(self.second, 2.0 * sin * cos, cos * cos - sin * sin);
+        [first + second, first_slope + 2.0 * second_slope]
     }
 }
 
 impl SensorEffects {
-    /// Error of the resolver, rad electrical, and its derivative with respect to the electrical angle, at the angle with this
-    /// sine and cosine.
-    pub(crate) fn resolver_error(&self, (sin, cos): (f64, f64)) -> [f64; 2] {
-        let [first, first_slope] = self.resolver_1.at((sin, cos));
-        let [second, second_slope] = self.resolver_2.at((2.0 * sin * cos, cos * cos - sin * sin));
-        [first + second, first_slope + 2.0 * second_slope]
+    /// The error of the resolver; `None` without error.
+    pub(crate) fn resolver(&self) -> Option<ResolverCurve> {
+        (self.resolver_1.amplitude + self.resolver_2.amplitude > 0.0).then(|| ResolverCurve {
+            first: self.resolver_1.components(),
+            second: self.resolver_2.components(),
+        })
     }
 
     /// Output angle as the encoder sees it, rad.

@@ -3,7 +3,7 @@
 //! The fault vector says which share σ = 1 − N_j of the turns of phase j is shorted. Without this effect these turns are
 //! missing; with it a resistance R_f bridges them.
 
-use crate::params::MotorParams;
+use crate::params::{MotorParams, REFERENCE_STEP};
 
 /// Bridge over the shorted turns, the same in each phase with a short.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,10 +33,10 @@ pub(crate) struct ShortedPhase {
     r: f64,
     /// R_f, Ω.
     bridge: f64,
-    /// σ² L, H.
-    l: f64,
-    /// Mutual inductance c N σ L, H.
-    mutual: f64,
+    /// σ² L / Δt, Ω.
+    l_over_dt: f64,
+    /// Mutual inductance over the step, c N σ L / Δt, Ω.
+    mutual_over_dt: f64,
 }
 
 /// The shorted turns over one step as seen by the rest of their phase.
@@ -67,21 +67,21 @@ impl ShortedPhase {
             share,
             r: share * motor.r_s,
             bridge: turns.resistance,
-            l: share * share * motor.l_s,
-            mutual: turns.coupling * intact * share * motor.l_s,
+            l_over_dt: share * share * motor.l_s / REFERENCE_STEP,
+            mutual_over_dt: turns.coupling * intact * share * motor.l_s / REFERENCE_STEP,
         })
     }
 
-    /// One step, solved for the change of i_f (backward Euler, since the leakage of the shorted turns is small):
+    /// One step of 1 µs, solved for the change of i_f (backward Euler, since the leakage of the shorted turns is small):
     ///
     /// `0 = σR i_f + R_f (i_f − i_j) + σ²L di_f/dt + c N σ L di_j/dt + σ e_j`, and the rest of the phase sees
     /// `c N σ L di_f/dt + R_f (i_j − i_f)`. `emf` is the back-EMF e_j of the full phase, V; `saturation` the factor on all
     /// inductances.
-    pub(crate) fn step(&self, i_phase: f64, i_short: f64, emf: f64, saturation: f64, dt: f64) -> SeenByPhase {
-        let mutual = saturation * self.mutual / dt - self.bridge;
-        let own = self.r + self.bridge + saturation * self.l / dt;
-        let constant = -((self.r + self.bridge) * i_short - self.bridge * i_phase + self.share * emf) / own;
-        let slope = -mutual / own;
+    pub(crate) fn step(&self, i_phase: f64, i_short: f64, emf: f64, saturation: f64) -> SeenByPhase {
+        let mutual = saturation * self.mutual_over_dt - self.bridge;
+        let per_own = 1.0 / (self.r + self.bridge + saturation * self.l_over_dt);
+        let constant = ((self.bridge * i_phase - self.share * emf) - (self.r + self.bridge) * i_short) * per_own;
+        let slope = -mutual * per_own;
         SeenByPhase {
             voltage: self.bridge * (i_phase - i_short) + mutual * constant,
             impedance: self.bridge + mutual * slope,

@@ -40,6 +40,8 @@ pub(crate) struct VectorControl {
 pub(crate) struct VectorState {
     /// Time since the beginning of the PWM period, s.
     elapsed: f64,
+    /// Time in the period until which no leg changes its level, s.
+    quiet_until: f64,
     /// Integral parts of the d and q voltage, V.
     integral: [f64; 2],
     /// Direct current reference, A; negative while the field is weakened.
@@ -54,6 +56,7 @@ impl Default for VectorState {
     fn default() -> Self {
         Self {
             elapsed: f64::INFINITY,
+            quiet_until: 0.0,
             integral: [0.0; 2],
             i_d_ref: 0.0,
             running: [Pulse::default(); 3],
@@ -84,8 +87,18 @@ impl VectorControl {
         }
     }
 
+    /// Whether a PWM period begins within the next `dt`: only then the drive looks at what it measures.
+    pub(crate) fn samples_within(&self, state: &VectorState, dt: f64) -> bool {
+        state.elapsed + dt > self.period - INSTANT
+    }
+
     /// Mean phase voltages over the next `dt`, relative to the midpoint of the DC link, V.
     pub(crate) fn step(&self, state: &mut VectorState, input: &DriveInput, dt: f64) -> [f64; 3] {
+        if state.elapsed + dt <= state.quiet_until {
+            state.elapsed += dt;
+            let half = 0.5 * input.v_dc;
+            return state.legs.map(|leg| if leg.is_high() { half } else { -half });
+        }
         let mut high = [0.0; 3];
         let mut left = dt;
         while left > INSTANT {
@@ -100,6 +113,8 @@ impl VectorControl {
             state.elapsed = to;
             left -= to - from;
         }
+        let changes = (0..3).map(|j| state.legs[j].next_change(state.running[j], state.elapsed));
+        state.quiet_until = changes.fold(self.period - INSTANT, f64::min);
         high.map(|time| input.v_dc * (time / dt - 0.5))
     }
 
@@ -114,6 +129,9 @@ impl VectorControl {
             0.0
         };
         state.running = state.next;
+        for leg in &mut state.legs {
+            leg.begin_period(self.period);
+        }
 
         let omega_e = self.motor.pole_pairs * input.omega_m;
         let [i_d, i_q] = dq_from_abc(input.measured, input.sin_cos);

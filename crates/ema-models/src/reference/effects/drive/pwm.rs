@@ -23,15 +23,47 @@ impl Pulse {
 /// After a commanded edge both switches are open for the dead time, and the current's diode determines the level: current out of
 /// the leg keeps it low, current into the leg keeps it high. So the edge is late by the dead time when the diode holds the old
 /// level, and a pulse shorter than the dead time may vanish. A current that reaches zero within the dead time is not modelled.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Leg {
     commanded: bool,
     high: bool,
-    /// Time until the output follows the command, s, where they differ.
-    left: f64,
+    /// Time at which the output follows the command, s from the beginning of the period; infinite while they agree.
+    follows_at: f64,
+}
+
+impl Default for Leg {
+    fn default() -> Self {
+        Self {
+            commanded: false,
+            high: false,
+            follows_at: f64::INFINITY,
+        }
+    }
 }
 
 impl Leg {
+    /// Whether the output is high.
+    pub(super) fn is_high(&self) -> bool {
+        self.high
+    }
+
+    /// Begins a new PWM period, s after the last one.
+    pub(super) fn begin_period(&mut self, period: f64) {
+        self.follows_at -= period;
+    }
+
+    /// Time of the next change after `t`, s, if the command stays.
+    pub(super) fn next_change(&self, pulse: Pulse, t: f64) -> f64 {
+        let edge = if t < pulse.rise {
+            pulse.rise
+        } else if t < pulse.fall {
+            pulse.fall
+        } else {
+            f64::INFINITY
+        };
+        edge.min(self.follows_at)
+    }
+
     /// Time for which the output is high from `from` to `to` within a period, s, at a current out of the leg, A.
     pub(super) fn advance(&mut self, pulse: Pulse, from: f64, to: f64, dead_time: f64, current: f64) -> f64 {
         let mut time_high = 0.0;
@@ -41,28 +73,21 @@ impl Leg {
             if commanded != self.commanded {
                 self.commanded = commanded;
                 let held_by_diode = if commanded { current > 0.0 } else { current < 0.0 };
-                if held_by_diode && dead_time > 0.0 {
-                    self.left = dead_time;
+                self.follows_at = if self.high == commanded {
+                    f64::INFINITY
+                } else if held_by_diode {
+                    t + dead_time
                 } else {
-                    self.high = commanded;
-                }
+                    t
+                };
             }
-            let mut end = to;
-            for edge in [pulse.rise, pulse.fall] {
-                if t < edge && edge < end {
-                    end = edge;
-                }
+            if self.follows_at <= t {
+                self.high = self.commanded;
+                self.follows_at = f64::INFINITY;
             }
-            let follows = self.high != self.commanded && t + self.left < end;
-            if follows {
-                end = t + self.left;
-            }
+            let end = self.next_change(pulse, t).min(to);
             if self.high {
                 time_high += end - t;
-            }
-            self.left -= end - t;
-            if follows {
-                self.high = self.commanded;
             }
             t = end;
         }
@@ -82,6 +107,7 @@ mod tests {
         let pulse = Pulse::centred(duty, PERIOD);
         for _ in 0..20 {
             let mut t = 0.0;
+            leg.begin_period(PERIOD);
             while t < PERIOD {
                 let to = (t + 0.7e-6).min(PERIOD);
                 sum += leg.advance(pulse, t, to, dead_time, current);

@@ -129,10 +129,7 @@ mod tests {
     fn a_file_sets_numbers_by_name_and_the_drive() {
         let text = "# A unit.\ndrive = \"vector\"\ncogging_nm = 0.05\npwm_hz = 16_000\ndead_time_s = 1.5e-6\n";
         let settings = parse("unit.toml", text).unwrap();
-        let mut expected = EffectSettings {
-            drive: Drive::from_name("vector"),
-            ..EffectSettings::default()
-        };
+        let mut expected = EffectSettings::with_drive(Drive::from_name("vector"));
         for (name, value) in [("cogging_nm", 0.05), ("pwm_hz", 16e3), ("dead_time_s", 1.5e-6)] {
             expected.set(name, value).unwrap();
         }

@@ -43,6 +43,13 @@ fn wrong_options_are_rejected_with_one_line() {
         (&["--drop", "2"][..], "expected a number from 0 to 1"),
         (&["--growth", "1,2"], "expected 8 numbers, found 2"),
         (&["--can", "a", "--pty", "b"], "cannot be used with"),
+        (&["--with", "coging_nm=0.1"], "expected a name such as cogging_nm"),
+        (&["--with", "emf_5=2"], "emf_5 = 2: expected a number from -0.3 to 0.3"),
+        (
+            &["--with", "decoupling=0.5"],
+            "decoupling: expected the vector drive, found the hysteresis drive",
+        ),
+        (&["--drive", "stepper"], "expected hysteresis or vector"),
     ] {
         let output = firmware_sim().args(options).output().expect("the program runs");
         assert_eq!(output.status.code(), Some(2));

@@ -65,6 +65,15 @@ impl fmt::Display for EffectConflict {
 impl core::error::Error for EffectConflict {}
 
 impl EffectSettings {
+    /// This kind of drive, everything else off.
+    #[must_use]
+    pub fn with_drive(drive: Option<Drive>) -> Self {
+        Self {
+            drive,
+            ..Self::default()
+        }
+    }
+
     /// Sets a value, in place of an earlier one of this name.
     ///
     /// # Errors
@@ -127,10 +136,7 @@ mod tests {
     use super::*;
 
     fn settings<'a>(drive: Option<&str>, values: impl IntoIterator<Item = (&'a str, f64)>) -> EffectSettings {
-        let mut settings = EffectSettings {
-            drive: drive.and_then(Drive::from_name),
-            ..EffectSettings::default()
-        };
+        let mut settings = EffectSettings::with_drive(drive.and_then(Drive::from_name));
         for (name, value) in values {
             settings.set(name, value).unwrap();
         }

@@ -41,14 +41,20 @@ pub struct Args {
     /// Effects from a TOML file: lines EFFECT = VALUE, and drive = "vector".
     #[arg(long, value_name = "FILE")]
     effects: Option<PathBuf>,
-    /// Print name, unit, usual range for the type, equation and source of each effect, and write nothing.
+    /// Print name, unit, usual range for the type, equation and source ([D]: declared here) of each effect, and write nothing.
     #[arg(long)]
     list_effects: bool,
     /// What each actuation commands.
     #[arg(long, value_parser = named_profile, default_value = "mixed", value_name = "step|ramp|chirp|mixed")]
     profile: Profile,
-    /// Whether the profile commands the output angle or the motor speed.
-    #[arg(long, value_enum, default_value_t)]
+    /// What the profile commands: the output angle or the motor speed.
+    #[arg(
+        long,
+        value_enum,
+        default_value_t,
+        value_name = "position|speed",
+        hide_possible_values = true
+    )]
     mode: Mode,
     /// Number of actuations, their direction alternating.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
@@ -144,9 +150,18 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
 /// Prints every effect, with the range of usual values for a type.
 fn list_effects(params: &ActuatorParams) -> anyhow::Result<Exit> {
     let rows = EFFECTS.iter().map(|info| {
-        let (min, max) = info.usual_on(params);
-        let usual = format!("{} to {}", rounded(min), rounded(max));
-        [info.name, info.unit, &usual, info.equation, info.source].map(str::to_owned)
+        let equation = match info.part_of {
+            None => info.equation.to_owned(),
+            Some(part_of) => format!("{} (with {part_of})", info.equation),
+        };
+        let usual = range(info.usual_on(params));
+        [
+            info.name.to_owned(),
+            info.unit.to_owned(),
+            usual,
+            equation,
+            info.source.to_owned(),
+        ]
     });
     let head = ["effect", "unit", "usual range", "equation", "source"].map(str::to_owned);
     let table: Vec<_> = std::iter::once(head).chain(rows).collect();
@@ -159,9 +174,24 @@ fn list_effects(params: &ActuatorParams) -> anyhow::Result<Exit> {
     Ok(Exit::Done)
 }
 
-/// A number with at most three significant digits.
-fn rounded(x: f64) -> f64 {
-    format!("{x:.2e}").parse().unwrap_or(x)
+/// A range of numbers with at most three significant digits.
+fn range((min, max): (f64, f64)) -> String {
+    let short = |x: f64| {
+        let digits = format!("{x:.2e}").parse().unwrap_or(x);
+        if x.abs() < 1e-3 && x.abs() > 0.0 {
+            format!("{digits:e}")
+        } else {
+            digits.to_string()
+        }
+    };
+    let (min, max) = (short(min), short(max));
+    if min == max {
+        max
+    } else if min.strip_prefix('-') == Some(&max) {
+        format!("±{max}")
+    } else {
+        format!("{min} to {max}")
+    }
 }
 
 /// The profile in the mode asked for.

@@ -14,7 +14,7 @@ pub enum Profile {
     Mixed,
     /// Speed mode: 100 rad/s + 20 rad/s · sin 2π(0.5 τ + 7.5 τ²) at the motor shaft; [`Profile::Mixed`] in speed mode.
     Speed,
-    /// Speed mode: a step of 100 rad/s.
+    /// Speed mode: a step to 100 rad/s, which is held until the next.
     SpeedStep,
     /// Speed mode: a ramp of 240 rad/s², which reaches 120 rad/s in 0.5 s.
     SpeedRamp,

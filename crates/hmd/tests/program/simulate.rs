@@ -158,16 +158,21 @@ fn in_speed_mode_each_profile_commands_the_motor_speed() {
     let folder = Folder::new();
     for profile in ["step", "ramp", "chirp", "mixed"] {
         folder.done(&format!(
-            "simulate -o speed.log --rate 400 --mode speed --profile {profile}"
+            "simulate -o speed.log --rate 400 --windows 2 --mode speed --profile {profile}"
         ));
         let log = String::from_utf8(folder.read("speed.log")).expect("text");
         // Byte 4 of a command frame is the mode.
         let mut commands = log.lines().filter_map(|line| line.split_once(" 102#"));
-        assert!(commands.all(|(_, data)| &data[8..10] == "02"), "{profile}");
-        let record: Value = serde_json::from_str(&folder.done("replay --json speed.log")).expect("one line of JSON");
-        assert!(
-            record["k"].is_array() && record["faults"] == json!([]),
-            "{profile}: {record}"
-        );
+        assert!(commands.all(|(_, bytes)| &bytes[8..10] == "02"), "{profile}");
+        // Each actuation is one window, as in the truth.
+        let records = folder.done("replay --json speed.log");
+        assert_eq!(records.lines().count(), truth(&folder, "speed.log").len(), "{profile}");
+        for line in records.lines() {
+            let record: Value = serde_json::from_str(line).expect("JSON");
+            assert!(
+                record["k"].is_array() && record["faults"] == json!([]),
+                "{profile}: {record}"
+            );
+        }
     }
 }

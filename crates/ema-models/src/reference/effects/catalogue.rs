@@ -403,7 +403,7 @@ pub const EFFECTS: &[EffectInfo] = &[
         "T_l + x", "[D]", field load.constant
     ),
     effect!(
-        "spring_nm_per_rad", "Nm/rad", usual (50.0, 500.0) => OutputTorque, within (0.0, 1e7), real, None,
+        "spring_nm_per_rad", "Nm/rad", usual (50.0, 500.0) => OutputTorque, within (0.0, 1e6), real, None,
         "T_l + x (θ_out − θ_out(0))", "[D]", field load.spring
     ),
     effect!(

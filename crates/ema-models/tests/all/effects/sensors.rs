@@ -33,6 +33,22 @@ fn the_drive_controls_the_currents_that_its_sensors_show() {
 }
 
 #[test]
+fn with_two_sensors_the_noise_of_the_samples_has_no_common_part() {
+    let mut scenario = Scenario::new(ActuatorParams::bench(), FaultVector::NOMINAL, 2);
+    scenario.sensing.noise_rms = 0.05;
+    scenario.actuations.length = 0.05;
+    scenario.effects = effects(&[("two_current_sensors", 1.0)]);
+    for sample in scenario.run() {
+        close(
+            sample.currents.iter().sum::<f64>(),
+            0.0,
+            1e-12,
+            "sum of the currents, A",
+        );
+    }
+}
+
+#[test]
 fn gain_and_offset_of_three_sensors_scale_and_shift_the_samples() {
     let values = [
         ("current_gain_a", 0.01),
@@ -223,6 +239,38 @@ fn every_effect_alone_and_all_together_give_finite_samples_in_both_modes() {
                 assert_eq!(count, 560, "{names:?}");
                 assert!(largest < 1.7 * params.motor.i_max, "{names:?}: {largest} A");
                 assert!(largest > 0.05 * params.motor.i_max, "{names:?}: {largest} A");
+            }
+        }
+    }
+}
+
+#[test]
+fn values_at_their_limits_stay_finite() {
+    for params in [ActuatorParams::bench(), ActuatorParams::servo28()] {
+        for info in EFFECTS {
+            for value in [info.limits.0, info.limits.1] {
+                for drive in ["hysteresis", "vector"] {
+                    let mut set = effects(&[(info.name, value)]);
+                    if set.drive == Drive::Hysteresis {
+                        set.drive = Drive::from_name(drive).unwrap();
+                    }
+                    // The effect whose parameter it is, at its usual value.
+                    if let Some(part_of) = EFFECTS.iter().find(|other| Some(other.name) == info.part_of) {
+                        set.set(part_of.name, part_of.usual_on(&params).1).unwrap();
+                    }
+                    let fault = FaultVector {
+                        short_c: 1.0,
+                        ..FaultVector::NOMINAL
+                    };
+                    let mut scenario = Scenario::new(params, fault, 3);
+                    scenario.actuations.length = 0.02;
+                    scenario.actuations.rest = 0.02;
+                    scenario.effects = set;
+                    for sample in scenario.run() {
+                        let finite = sample.currents.iter().all(|i| i.is_finite());
+                        assert!(finite, "{} = {value}, {drive}", info.name);
+                    }
+                }
             }
         }
     }

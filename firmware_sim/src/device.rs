@@ -7,15 +7,12 @@ use ema_wire::{ActuatorId, Mode, Sample, SerialPacket, Status, quantity};
 /// Status packets per second.
 const STATUS_RATE_HZ: f64 = 10.0;
 
-/// Winding temperature for which the motor's resistance is given, °C.
-const REFERENCE_TEMPERATURE_C: f64 = 20.0;
-
 /// Input of a simulated device.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// Number of the actuator in its frames.
     pub actuator: ActuatorId,
-    /// The actuator, its load, its sensors, its commands, and the seed.
+    /// The actuator, its effects, its load, its sensors, its commands, and the seed.
     pub scenario: Scenario,
     /// Wear per actuation, in fault-vector order: added to the fault vector at the end of each actuation and limited to 0
     /// to 1.
@@ -53,7 +50,7 @@ impl Plan {
             status_every: ((rate_hz / STATUS_RATE_HZ + 0.5) as u64).max(1),
             status: Status {
                 dc_link_dv: quantity::dc_link_dv(self.scenario.unit.motor.v_dc),
-                winding_temp_dc: quantity::winding_temp_dc(REFERENCE_TEMPERATURE_C),
+                winding_temp_dc: quantity::winding_temp_dc(self.scenario.temperature_deg_c()),
                 load_torque_dnm: Some(quantity::load_torque_dnm(self.scenario.load_torque)),
                 fault_flags: 0,
                 seq8: 0,

@@ -2,7 +2,7 @@
 
 use core::str::FromStr;
 
-use ema_models::reference::{Actuations, CurrentSensing, Scenario};
+use ema_models::reference::{Actuations, CurrentSensing, Drive, EffectSettings, Scenario};
 use ema_models::{ActuatorParams, FAULT_COUNT, FaultVector, Profile};
 use ema_wire::ActuatorId;
 
@@ -23,8 +23,12 @@ pub struct Settings {
     pub k: FaultVector,
     /// Wear: the increase of the fault vector with each actuation.
     pub growth: [f64; FAULT_COUNT],
+    /// Effects of real actuators, by name.
+    pub effects: EffectSettings,
     /// Command of each actuation.
     pub profile: Profile,
+    /// Whether the profile commands the motor speed, in place of the output angle.
+    pub speed_mode: bool,
     /// Number of actuations, one per second, in alternating directions.
     pub windows: u32,
     /// Sampling rate, Hz; `None` for that of the type.
@@ -63,7 +67,8 @@ impl core::fmt::Display for BadSetting {
 impl core::error::Error for BadSetting {}
 
 /// Names of the settings in text.
-const NAMES: &str = "actuator=, id=, k=, growth=, profile=, windows=, rate=, noise=, load=, seed=";
+const NAMES: &str = "actuator=, id=, k=, growth=, with=, drive=, profile=, mode=, windows=, rate=, noise=, load=, \
+                     seed=";
 
 impl Settings {
     /// A healthy `bench` actuator, number 0, without noise and load, one mixed actuation.
@@ -74,7 +79,9 @@ impl Settings {
             id,
             k: FaultVector::NOMINAL,
             growth: [0.0; FAULT_COUNT],
+            effects: EffectSettings::default(),
             profile: Profile::Mixed,
+            speed_mode: false,
             windows: 1,
             rate_hz: None,
             noise_a: 0.0,
@@ -91,6 +98,8 @@ impl Settings {
     /// let settings = Settings::new(ActuatorId::new(0).expect("0 to 15"), 1);
     /// let changed = settings.with_text("k=0.4,0,0,0,0,0,0.5,0.5 profile=ramp rate=400 seed=7")?;
     /// assert_eq!((changed.k.friction, changed.rate_hz, changed.seed), (0.4, Some(400.0), 7));
+    /// let real = settings.with_text("drive=vector with=dead_time_s=1e-6 with=cogging_nm=0.05 mode=speed")?;
+    /// assert_eq!(real.plan()?.scenario.effects.vector_drive().map(|drive| drive.dead_time), Some(1e-6));
     /// assert_eq!(settings.with_text("k=1"), Err(BadSetting("k")));
     /// # Ok::<(), BadSetting>(())
     /// ```
@@ -105,7 +114,10 @@ impl Settings {
                 "id" => self.id = valid("id", parse(value).and_then(ActuatorId::new))?,
                 "k" => self.k = valid("k", parse_fault_vector(value).map(FaultVector::from_array))?,
                 "growth" => self.growth = valid("growth", parse_fault_vector(value))?,
+                "with" => valid("with", set_effect(&mut self.effects, value))?,
+                "drive" => self.effects.drive = Some(valid("drive", Drive::from_name(value))?),
                 "profile" => self.profile = valid("profile", profile_by_name(value))?,
+                "mode" => self.speed_mode = valid("mode", is_speed_mode(value))?,
                 "windows" => self.windows = valid("windows", parse(value))?,
                 "rate" => self.rate_hz = Some(valid("rate", parse(value))?),
                 "noise" => self.noise_a = valid("noise", parse(value))?,
@@ -140,14 +152,20 @@ impl Settings {
         if let Some((name, _)) = in_range.iter().find(|(_, good)| !good) {
             return Err(BadSetting(name));
         }
+        let profile = if self.speed_mode {
+            self.profile.in_speed_mode().ok_or(BadSetting("profile"))?
+        } else {
+            self.profile
+        };
         let scenario = Scenario {
             load_torque: self.load_nm,
+            effects: self.effects.effects().map_err(|_| BadSetting("with"))?,
             sensing: CurrentSensing {
                 quantised: self.noise_a > 0.0,
                 noise_rms: self.noise_a,
             },
             actuations: Actuations {
-                profile: self.profile,
+                profile,
                 count: self.windows,
                 rest: REST_S,
                 length: LENGTH_S,
@@ -186,6 +204,20 @@ fn profile_by_name(name: &str) -> Option<Profile> {
     found.map(|(_, profile)| profile)
 }
 
+fn is_speed_mode(name: &str) -> Option<bool> {
+    match name {
+        "position" => Some(false),
+        "speed" => Some(true),
+        _ => None,
+    }
+}
+
+/// Sets an effect from `name=value`.
+fn set_effect(effects: &mut EffectSettings, text: &str) -> Option<()> {
+    let (name, value) = text.split_once('=')?;
+    effects.set(name, parse(value)?).ok()
+}
+
 /// Numbers in fault-vector order, separated by commas.
 fn parse_fault_vector(text: &str) -> Option<[f64; FAULT_COUNT]> {
     let mut words = text.split(',');
@@ -207,7 +239,11 @@ mod tests {
     #[test]
     fn text_can_change_every_setting() {
         let text = "actuator=servo28 id=3 k=0.1,0,0,0,0,0,0.5,0.5 growth=0,0.1,0,0,0,0,0,0 \
-                    profile=chirp windows=9 rate=500 noise=0.05 load=-2 seed=18446744073709551615";
+                    with=cogging_nm=0.1 with=decoupling=0.5 drive=vector profile=chirp mode=speed windows=9 rate=500 \
+                    noise=0.05 load=-2 seed=18446744073709551615";
+        let mut effects = EffectSettings::with_drive(Drive::from_name("vector"));
+        effects.set("cogging_nm", 0.1).expect("within its limits");
+        effects.set("decoupling", 0.5).expect("within its limits");
         let changed = settings().with_text(text).expect("every setting is valid");
         let expected = Settings {
             actuator: ActuatorKind::Servo28,
@@ -217,7 +253,9 @@ mod tests {
                 ..FaultVector::NOMINAL
             },
             growth: [0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            effects,
             profile: Profile::Chirp,
+            speed_mode: true,
             windows: 9,
             rate_hz: Some(500.0),
             noise_a: 0.05,
@@ -225,7 +263,8 @@ mod tests {
             seed: u64::MAX,
         };
         assert_eq!(changed, expected);
-        assert!(changed.plan().is_ok());
+        let actuations = changed.plan().expect("every setting is valid").scenario.actuations;
+        assert_eq!(actuations.profile, Profile::SpeedChirp);
     }
 
     #[test]
@@ -236,6 +275,12 @@ mod tests {
             ("id=16", "id"),
             ("profile=sine", "profile"),
             ("windows=0", "windows"),
+            ("mode=idle", "mode"),
+            ("drive=stepper", "drive"),
+            ("with=coging_nm=0.1", "with"),
+            ("with=cogging_nm=-1", "with"),
+            ("with=cogging_nm", "with"),
+            ("with=decoupling=0.5", "with"),
             ("noise=nan", "noise"),
             ("rate=3", "rate"),
             ("growth=inf,0,0,0,0,0,0,0", "growth"),

@@ -4,7 +4,7 @@
 use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -54,7 +54,26 @@ const WEARS: [Wear; 2] = [
     },
 ];
 
-/// Builds all programs, and lets an actuator wear in each way.
+/// Effects of each family of a worn actuator in speed mode: words for the firmware, with two dashes options of the host program.
+const EFFECTS: [&str; 15] = [
+    "drive=vector",
+    "with=dead_time_s=1.5e-6",
+    "with=resistance_deviation=0.1",
+    "with=speed_filter_hz=500",
+    "with=compliance_hz=100",
+    "with=stribeck_nm=0.1",
+    "with=temperature_rise_k=-30",
+    "with=cogging_nm=0.1",
+    "with=spring_nm_per_rad=50",
+    "with=emf_5=0.03",
+    "with=short_resistance_ohm=0.1",
+    "with=resolver_error_1_rad=0.005",
+    "with=link_resistance_ohm=1",
+    "k=0.2,0,0.2,0,0,0.1,0.5,0.5",
+    "mode=speed",
+];
+
+/// Builds all programs, lets an actuator wear in each way, and compares one with effects to the host's.
 pub(crate) fn check() -> anyhow::Result<()> {
     debian::install(&PACKAGES)?;
     run(program("rustup", ["target", "add", TARGET]))?;
@@ -72,6 +91,29 @@ pub(crate) fn check() -> anyhow::Result<()> {
         watch(wear, &programs, &folder)
             .with_context(|| format!("{} that grows, in {}", wear.name, folder.display()))?;
     }
+    let folder = target_dir()?.join("firmware").join("effects");
+    fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
+    compare_with_effects(&programs, &folder).context("an actuator with effects")
+}
+
+/// An actuator with effects on the processor: the firmware sends what the host program sends.
+fn compare_with_effects(programs: &Programs, folder: &Path) -> anyhow::Result<()> {
+    let options = EFFECTS.map(|word| format!("--{word}"));
+    let expected = host_bytes(programs, options, &folder.join("expected.bin"))?;
+    let mut emulator = emulator()?;
+    emulator.args(["-chardev", "stdio,id=uart"]).stdin(Stdio::piped());
+    let mut processor = Running::start(&mut emulator, folder, "emulator")?;
+    // The port stays open: the handle belongs to the child.
+    let port = processor.child.stdin.as_mut().context("a pipe to the emulator")?;
+    writeln!(port, "{}", EFFECTS.join(" "))?;
+    let sent = processor.out.clone();
+    processor.wait_until(LIMIT, "all frames", |_| length(&sent) >= expected.len() as u64)?;
+    ensure!(
+        fs::read(&sent)? == expected,
+        "the firmware and the host program send different bytes, see {}",
+        folder.display()
+    );
+    eprintln!("effects: {} bytes, as the host program sends them", expected.len());
     Ok(())
 }
 
@@ -156,9 +198,12 @@ fn configuration(terminal: &str) -> String {
 /// What the host program sends by the same settings; it must be the very same bytes.
 fn by_host(wear: &Wear, programs: &Programs, file: &Path) -> anyhow::Result<Vec<u8>> {
     let settings = wear.settings("--");
-    run(program(programs.firmware_sim(), settings.split(' '))
-        .arg("--output")
-        .arg(file))?;
+    host_bytes(programs, settings.split(' ').map(str::to_owned), file)
+}
+
+/// What the host program sends by these options.
+fn host_bytes(programs: &Programs, options: impl IntoIterator<Item = String>, file: &Path) -> anyhow::Result<Vec<u8>> {
+    run(program(programs.firmware_sim(), options).arg("--output").arg(file))?;
     fs::read(file).with_context(|| file.display().to_string())
 }
 

@@ -12,8 +12,14 @@ pub enum Profile {
     /// A step with a chirp, 0.25 rad + 0.01 rad · sin 2π(0.5 τ + 7.5 τ²); the default.
     #[default]
     Mixed,
-    /// Speed mode: 100 rad/s + 20 rad/s · sin 2π(0.5 τ + 7.5 τ²) at the motor shaft.
+    /// Speed mode: 100 rad/s + 20 rad/s · sin 2π(0.5 τ + 7.5 τ²) at the motor shaft; [`Profile::Mixed`] in speed mode.
     Speed,
+    /// Speed mode: a step to 100 rad/s, which is held until the next.
+    SpeedStep,
+    /// Speed mode: a ramp of 240 rad/s², which reaches 120 rad/s in 0.5 s.
+    SpeedRamp,
+    /// Speed mode: a chirp, 20 rad/s · sin 2π(0.5 τ + 7.5 τ²).
+    SpeedChirp,
     /// A command as in flight: six moves drawn from this seed, each of 5 to 200 mrad in either direction, at 0.1 to 3 rad/s.
     /// The first begins at the start, the others within 0.4 s.
     Service(u64),
@@ -23,7 +29,7 @@ pub enum Profile {
 const MOVES: u32 = 6;
 
 impl Profile {
-    /// Profiles of the command line, by name.
+    /// Profiles of the command line, by name; [`Profile::in_speed_mode`] gives those of speed mode.
     pub const NAMES: [(&'static str, Self); 4] = [
         ("step", Self::Step),
         ("ramp", Self::Ramp),
@@ -43,7 +49,7 @@ impl Profile {
             Self::Ramp => 0.6 * tau,
             Self::Chirp => 0.05 * sweep(tau),
             Self::Mixed => 0.25 + 0.01 * sweep(tau),
-            Self::Speed => 0.0,
+            Self::Speed | Self::SpeedStep | Self::SpeedRamp | Self::SpeedChirp => 0.0,
             Self::Service(seed) => service(seed, tau),
         }
     }
@@ -51,7 +57,27 @@ impl Profile {
     /// Commanded motor speed at the time `tau` after the start, s, in rad/s; 0 for negative `tau`, `None` in position mode.
     #[must_use]
     pub fn commanded_speed(self, tau: f64) -> Option<f64> {
-        (self == Self::Speed).then(|| if tau < 0.0 { 0.0 } else { 100.0 + 20.0 * sweep(tau) })
+        let speed: fn(f64) -> f64 = match self {
+            Self::Speed => |tau| 100.0 + 20.0 * sweep(tau),
+            Self::SpeedStep => |_| 100.0,
+            Self::SpeedRamp => |tau| 240.0 * tau,
+            Self::SpeedChirp => |tau| 20.0 * sweep(tau),
+            Self::Step | Self::Ramp | Self::Chirp | Self::Mixed | Self::Service(_) => return None,
+        };
+        Some(if tau < 0.0 { 0.0 } else { speed(tau) })
+    }
+
+    /// The profile of this shape in speed mode; `None` for a service command, which is one of angles.
+    #[must_use]
+    pub fn in_speed_mode(self) -> Option<Self> {
+        match self {
+            Self::Step => Some(Self::SpeedStep),
+            Self::Ramp => Some(Self::SpeedRamp),
+            Self::Chirp => Some(Self::SpeedChirp),
+            Self::Mixed => Some(Self::Speed),
+            Self::Speed | Self::SpeedStep | Self::SpeedRamp | Self::SpeedChirp => Some(self),
+            Self::Service(_) => None,
+        }
     }
 }
 
@@ -91,6 +117,22 @@ fn uniform(state: &mut u64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn each_named_profile_commands_an_angle_and_in_speed_mode_a_speed() {
+        for (name, profile) in Profile::NAMES {
+            let speed = profile.in_speed_mode().unwrap();
+            assert_eq!(speed.in_speed_mode(), Some(speed), "{name}");
+            assert_eq!(profile.commanded_speed(0.2), None, "{name}");
+            assert!(profile.commanded_angle(0.2).abs() > 0.0 && speed.commanded_angle(0.2) < f64::MIN_POSITIVE);
+            let commanded = |tau| speed.commanded_speed(tau).unwrap();
+            assert!(commanded(-1e-9) < f64::MIN_POSITIVE, "{name}");
+            // A window begins where the commanded speed has changed by 1 rad/s.
+            let most = (0..500).map(|ms| commanded(f64::from(ms) * 1e-3)).fold(0.0, f64::max);
+            assert!((1.0..=120.0).contains(&most), "{name}: {most}");
+        }
+        assert_eq!(Profile::Service(1).in_speed_mode(), None);
+    }
 
     #[test]
     fn a_service_command_moves_within_its_limits_of_angle_and_rate() {

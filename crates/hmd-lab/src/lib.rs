@@ -5,6 +5,8 @@
 pub mod bench;
 pub mod calibrate_type;
 pub mod demo;
+pub mod effects_file;
 pub mod evaluate;
+pub mod recording;
 pub mod simulate;
 pub mod simulated;

@@ -47,7 +47,7 @@ impl SimulatedWindow {
             conditions: Conditions {
                 load_torque: Some(scenario.load_torque),
                 v_dc: scenario.unit.motor.v_dc,
-                winding_temp_deg_c: Some(scenario.winding_temp_deg_c),
+                winding_temp_deg_c: Some(scenario.temperature_deg_c()),
             },
         }
     }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Parser, ValueEnum};
+use ema_models::reference::{Drive, EffectSettings};
 use ema_models::{FAULT_COUNT, FaultVector, Profile};
 use ema_wire::ActuatorId;
 use firmware_sim::{ActuatorKind, LinkFaults, Plan, Settings};
@@ -31,9 +32,24 @@ pub(crate) struct Args {
     /// Wear: the increase of the fault vector with each actuation.
     #[arg(long, value_parser = numbers, value_name = "K1,…,K8", allow_hyphen_values = true)]
     growth: Option<[f64; FAULT_COUNT]>,
+    /// One effect of a real actuator by name, as in hmd simulate (hmd simulate --list-effects prints all).
+    #[arg(long, value_parser = effect, value_name = "EFFECT=VALUE")]
+    with: Vec<EffectSettings>,
+    /// Power electronics; default hysteresis.
+    #[arg(long, value_parser = drive, value_name = "hysteresis|vector")]
+    drive: Option<Drive>,
     /// Command of each actuation.
     #[arg(long, value_parser = profile, default_value = "mixed", value_name = "step|ramp|chirp|mixed")]
     profile: Profile,
+    /// What the profile commands: the output angle or the motor speed.
+    #[arg(
+        long,
+        value_enum,
+        default_value_t,
+        value_name = "position|speed",
+        hide_possible_values = true
+    )]
+    mode: Mode,
     /// Number of actuations, one per second, in alternating directions.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     windows: u32,
@@ -81,6 +97,14 @@ pub(crate) struct Args {
     drift: f64,
 }
 
+/// What the profile commands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum Mode {
+    #[default]
+    Position,
+    Speed,
+}
+
 /// Times of transmission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Pace {
@@ -92,11 +116,18 @@ pub(crate) enum Pace {
 
 impl Args {
     pub(crate) fn plan(&self) -> Result<Plan, String> {
+        let mut effects = EffectSettings::with_drive(self.drive);
+        for one in &self.with {
+            effects = effects.overridden_by(one);
+        }
+        effects.effects().map_err(|e| e.to_string())?;
         let settings = Settings {
             actuator: ActuatorKind::from_name(&self.actuator).unwrap_or_default(),
             k: self.k,
             growth: self.growth.unwrap_or_default(),
+            effects,
             profile: self.profile,
+            speed_mode: self.mode == Mode::Speed,
             windows: self.windows,
             rate_hz: self.rate,
             noise_a: self.noise,
@@ -145,6 +176,17 @@ fn fault_vector(text: &str) -> Result<FaultVector, String> {
     } else {
         Err("expected numbers from 0 to 1".to_owned())
     }
+}
+
+fn effect(text: &str) -> Result<EffectSettings, String> {
+    let (name, value) = text.split_once('=').ok_or("expected EFFECT=VALUE")?;
+    let mut settings = EffectSettings::default();
+    settings.set(name, finite(value)?).map_err(|e| e.to_string())?;
+    Ok(settings)
+}
+
+fn drive(text: &str) -> Result<Drive, String> {
+    Drive::from_name(text).ok_or_else(|| "expected hysteresis or vector".to_owned())
 }
 
 fn profile(text: &str) -> Result<Profile, String> {

@@ -6,7 +6,8 @@ mod output;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use clap::Parser;
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser};
 use firmware_sim::{CanFrames, Link, SerialFrames, Timed};
 
 use args::Args;
@@ -23,7 +24,11 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<(), String> {
-    let (plan, faults) = (args.plan()?, args.faults());
+    // Options that are right alone and wrong together are refused as the parser refuses one.
+    let plan = args
+        .plan()
+        .unwrap_or_else(|message| Args::command().error(ErrorKind::ValueValidation, message).exit());
+    let faults = args.faults();
     let device = faults.with_stuck_sensors(plan.start(), args.seed);
     let output = args.output()?;
     let paced = args.pace.map_or(output.is_live(), |pace| pace == args::Pace::RealTime);

@@ -9,6 +9,7 @@
 //! which composes the laws of the effects around the same controller, winding, friction and backlash.
 
 mod detailed;
+mod effect_settings;
 mod effects;
 mod inverter;
 mod pmsm;
@@ -17,6 +18,7 @@ mod sensors;
 mod unmodelled_fault;
 
 pub use detailed::{DetailedReference, DetailedState};
+pub use effect_settings::{EffectConflict, EffectSettings};
 pub use effects::{
     Cogging, Compliance, ControllerEffects, Deviations, Drive, EFFECTS, EffectError, EffectInfo, Effects,
     FrictionEffects, LinkEffects, LoadEffects, MotorEffects, ResolverError, Scale, SensorEffects, ShortedTurns,

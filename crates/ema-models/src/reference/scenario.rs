@@ -55,9 +55,11 @@ impl Actuations {
         let done = libm::floor(since_first / cycle).clamp(0.0, f64::from(self.count) - 1.0);
         let tau = since_first - done * cycle;
         let direction = if done % 2.0 == 0.0 { sign } else { -sign };
-        // Between two actuations in speed mode, the commanded speed is zero.
+        // Between two actuations in speed mode, the commanded speed is zero. A step is held: it rests, so that its end would be
+        // an actuation too.
         if let Some(speed) = self.profile.commanded_speed(tau) {
-            let speed = if tau > self.length { 0.0 } else { direction * speed };
+            let ended = tau > self.length && self.profile != Profile::SpeedStep;
+            let speed = if ended { 0.0 } else { direction * speed };
             return Setpoint::Speed(libm::round(speed / SPEED_LSB) * SPEED_LSB);
         }
         let travel = self.profile.commanded_angle(self.length);

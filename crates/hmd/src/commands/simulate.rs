@@ -1,47 +1,61 @@
 //! `hmd simulate`: the reference model writes a log, and its truth beside it.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
-use ema_models::reference::{Actuations, CurrentSensing, Scenario};
-use ema_models::{FAULT_COUNT, FaultVector, Profile};
+use clap::ValueEnum;
+use ema_models::reference::{Actuations, CurrentSensing, Drive, EFFECTS, EffectSettings, Effects, Scenario};
+use ema_models::{ActuatorParams, FAULT_COUNT, FaultVector, Profile};
 use ema_wire::ActuatorId;
 use ema_wire::bus_load::bus_load;
-use serde::Serialize;
 
-use super::{Exit, Misuse, load_config, no_input, unknown_type};
+use super::{Exit, Misuse, load_config, no_input, say, unknown_type};
 use hmd_core::config::LOAD_MAX;
-use hmd_core::frame::BusNames;
-use hmd_ingest::candump::{Decimals, emit};
-use hmd_lab::simulate::{EPOCH_NS, traffic};
-use hmd_storage::mcap_writer::{McapWriter, SyncedFile};
+use hmd_lab::effects_file::{self, EffectsFileError};
+use hmd_lab::recording::{self, RecordingFormat};
 
 /// Bit rate of the simulated bus.
 const BIT_RATE_BIT_S: f64 = 1e6;
-
-/// Name of the simulated interface.
-const INTERFACE: &str = "can0";
 
 /// Write a log of simulated actuations.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n\
     \x20 hmd simulate -o worn.log --fault friction=0.4 --noise 0.05 --seed 7\n\
-    \x20 hmd simulate -o slow.mcap --rate 400 --windows 5 --k 0.2,0,0,0.1,0,0,0.5,0.5")]
+    \x20 hmd simulate -o slow.mcap --rate 400 --windows 5 --k 0.2,0,0,0.1,0,0,0.5,0.5\n\
+    \x20 hmd simulate -o real.log --drive vector --with dead_time_s=1.5e-6 --with cogging_nm=0.05")]
 pub struct Args {
     /// Log to write: `.mcap`, or `.log` for candump text.
-    #[arg(short, long)]
-    output: PathBuf,
+    #[arg(short, long, required_unless_present = "list_effects")]
+    output: Option<PathBuf>,
     /// The whole fault vector, k1,…,k8.
     #[arg(long, value_delimiter = ',', value_name = "K1,…,K8")]
     k: Vec<f64>,
     /// One fault by name (friction, backlash, short_a, short_b, short_c, eccentricity, eccentricity_phase, gain).
     #[arg(long, value_parser = named_fault, value_name = "NAME=K")]
     fault: Vec<(usize, f64)>,
+    /// One effect of a real actuator by name (see --list-effects); holds over the same effect in --effects.
+    #[arg(long, value_parser = named_effect, value_name = "EFFECT=VALUE")]
+    with: Vec<EffectSettings>,
+    /// Power electronics; default hysteresis.
+    #[arg(long, value_parser = named_drive, value_name = "hysteresis|vector")]
+    drive: Option<Drive>,
+    /// Effects from a TOML file: lines EFFECT = VALUE, and drive = "vector".
+    #[arg(long, value_name = "FILE")]
+    effects: Option<PathBuf>,
+    /// Print name, unit, usual range for the type, equation and source ([D]: declared here) of each effect, and write nothing.
+    #[arg(long)]
+    list_effects: bool,
     /// What each actuation commands.
     #[arg(long, value_parser = named_profile, default_value = "mixed", value_name = "step|ramp|chirp|mixed")]
     profile: Profile,
+    /// What the profile commands: the output angle or the motor speed.
+    #[arg(
+        long,
+        value_enum,
+        default_value_t,
+        value_name = "position|speed",
+        hide_possible_values = true
+    )]
+    mode: Mode,
     /// Number of actuations, their direction alternating.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     windows: u32,
@@ -68,26 +82,32 @@ pub struct Args {
     seed: u64,
 }
 
-/// One line of the truth file.
-#[derive(Serialize)]
-struct Truth<'a> {
-    actuator: &'a str,
-    window: u32,
-    k: [f64; FAULT_COUNT],
+/// What the profile commands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum Mode {
+    #[default]
+    Position,
+    Speed,
 }
 
 /// Runs the verb.
 ///
 /// # Errors
-/// A bad configuration or argument, or a file that cannot be written.
+/// A bad configuration or argument, or a file that cannot be read or written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
-    no_input(&args.output, &args.config)?;
-    no_input(&truth_path(&args.output), &args.config)?;
     let config = load_config(args.config.as_deref())?;
     let Some(found) = config.actuator_type(&args.actuator) else {
         return Err(unknown_type(&args.actuator).into());
     };
     let mut params = found.params;
+    // Without a log to write, the list of effects was asked for.
+    let (Some(output), false) = (&args.output, args.list_effects) else {
+        return list_effects(&params);
+    };
+    let inputs = [&args.config, &args.effects];
+    for written in [output, &recording::truth_path(output)] {
+        no_input(written, inputs.into_iter().flatten())?;
+    }
     if let Some(rate) = args.rate {
         params.sensors.sample_rate = rate;
         params = params.checked().map_err(|e| Misuse(format!("--rate: {e}")))?;
@@ -101,90 +121,104 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         ))
         .into());
     }
-    let fault = fault_vector(args)?;
-    let sensing = CurrentSensing {
-        quantised: args.noise > 0.0,
-        noise_rms: args.noise,
+    let Some(actuator) = ActuatorId::new(args.id) else {
+        return Err(Misuse(format!("--id: expected 0 to 15, found {}", args.id)).into());
     };
     let scenario = Scenario {
         load_torque: args.load,
-        sensing,
+        effects: effects(args)?,
+        sensing: CurrentSensing {
+            quantised: args.noise > 0.0,
+            noise_rms: args.noise,
+        },
         actuations: Actuations {
-            profile: args.profile,
+            profile: profile(args),
             count: args.windows,
             rest: 0.5,
             length: 0.5,
         },
-        ..Scenario::new(params, fault, args.seed)
+        ..Scenario::new(params, fault_vector(args)?, args.seed)
     };
-    let Some(actuator) = ActuatorId::new(args.id) else {
-        return Err(Misuse(format!("--id: expected 0 to 15, found {}", args.id)).into());
+    let Some(format) = RecordingFormat::of(output) else {
+        let found = output.display();
+        return Err(Misuse(format!("{found}: expected a name that ends in .mcap or .log")).into());
     };
-    write_log(&args.output, &scenario, actuator)?;
-
-    let name = actuator.to_string();
-    let truth_path = truth_path(&args.output);
-    let mut truth = BufWriter::new(create(&truth_path)?);
-    for window in 0..args.windows {
-        let line = Truth {
-            actuator: &name,
-            window,
-            k: fault.to_array(),
-        };
-        writeln!(truth, "{}", serde_json::to_string(&line)?).with_context(|| truth_path.display().to_string())?;
-    }
-    truth.flush().with_context(|| truth_path.display().to_string())?;
+    recording::write(output, format, &scenario, actuator)?;
     Ok(Exit::Done)
 }
 
-/// `LOG.truth.jsonl` beside `LOG`.
-fn truth_path(log: &Path) -> PathBuf {
-    let mut name = log.as_os_str().to_owned();
-    name.push(".truth.jsonl");
-    PathBuf::from(name)
-}
-
-fn create(path: &Path) -> anyhow::Result<File> {
-    File::create(path).with_context(|| path.display().to_string())
-}
-
-fn write_log(path: &Path, scenario: &Scenario, actuator: ActuatorId) -> anyhow::Result<()> {
-    let mut names = BusNames::new();
-    names.intern(INTERFACE)?;
-    let frames = traffic(scenario, actuator, EPOCH_NS);
-    match path.extension().and_then(|e| e.to_str()) {
-        Some("mcap") => {
-            let metadata = [
-                ("build", concat!("hmd ", env!("CARGO_PKG_VERSION")).to_owned()),
-                ("clock_source", "simulated".to_owned()),
-                ("seed", scenario.seed.to_string()),
-            ];
-            let metadata = metadata.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
-            let mut writer = McapWriter::new(SyncedFile::new(create(path)?), &metadata)
-                .with_context(|| path.display().to_string())?;
-            for frame in frames {
-                writer
-                    .write_frame(&frame, &names)
-                    .with_context(|| path.display().to_string())?;
-            }
-            writer.finish().with_context(|| path.display().to_string())?;
-        }
-        Some("log") => {
-            let mut file = BufWriter::new(create(path)?);
-            let mut line = Vec::new();
-            for frame in frames {
-                line.clear();
-                emit(&frame, INTERFACE, Decimals::Six, &mut line);
-                file.write_all(&line).with_context(|| path.display().to_string())?;
-            }
-            file.flush().with_context(|| path.display().to_string())?;
-        }
-        _ => {
-            let found = path.display();
-            return Err(Misuse(format!("{found}: expected a name that ends in .mcap or .log")).into());
-        }
+/// Prints every effect, with the range of usual values for a type.
+fn list_effects(params: &ActuatorParams) -> anyhow::Result<Exit> {
+    let rows = EFFECTS.iter().map(|info| {
+        let equation = match info.part_of {
+            None => info.equation.to_owned(),
+            Some(part_of) => format!("{} (with {part_of})", info.equation),
+        };
+        let usual = range(info.usual_on(params));
+        [
+            info.name.to_owned(),
+            info.unit.to_owned(),
+            usual,
+            equation,
+            info.source.to_owned(),
+        ]
+    });
+    let head = ["effect", "unit", "usual range", "equation", "source"].map(str::to_owned);
+    let table: Vec<_> = std::iter::once(head).chain(rows).collect();
+    let width = |column: usize| table.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let widths = [0, 1, 2, 3].map(width);
+    for [name, unit, usual, equation, source] in &table {
+        let [a, b, c, d] = widths;
+        say(&format!("{name:a$}  {unit:b$}  {usual:c$}  {equation:d$}  {source}"))?;
     }
-    Ok(())
+    Ok(Exit::Done)
+}
+
+/// A range of numbers with at most three significant digits.
+fn range((min, max): (f64, f64)) -> String {
+    let short = |x: f64| {
+        let digits = format!("{x:.2e}").parse().unwrap_or(x);
+        if x.abs() < 1e-3 && x.abs() > 0.0 {
+            format!("{digits:e}")
+        } else {
+            digits.to_string()
+        }
+    };
+    let (min, max) = (short(min), short(max));
+    if min == max {
+        max
+    } else if min.strip_prefix('-') == Some(&max) {
+        format!("±{max}")
+    } else {
+        format!("{min} to {max}")
+    }
+}
+
+/// The profile in the mode asked for.
+fn profile(args: &Args) -> Profile {
+    match args.mode {
+        Mode::Position => args.profile,
+        // Every profile that has a name has a shape in speed mode.
+        Mode::Speed => args.profile.in_speed_mode().unwrap_or(Profile::Speed),
+    }
+}
+
+/// The effects of the file and the options, which hold over the file.
+fn effects(args: &Args) -> anyhow::Result<Effects> {
+    let file = args.effects.as_deref().map(from_file).transpose()?;
+    let mut settings = file.unwrap_or_default();
+    settings.drive = args.drive.or(settings.drive);
+    for one in &args.with {
+        settings = settings.overridden_by(one);
+    }
+    Ok(settings.effects().map_err(|e| Misuse(e.to_string()))?)
+}
+
+fn from_file(path: &Path) -> anyhow::Result<EffectSettings> {
+    effects_file::load(path).map_err(|error| match error {
+        EffectsFileError::Read { .. } => error.into(),
+        wrong => Misuse(wrong.to_string()).into(),
+    })
 }
 
 fn fault_vector(args: &Args) -> anyhow::Result<FaultVector> {
@@ -231,6 +265,20 @@ pub(super) fn named_profile(text: &str) -> Result<Profile, String> {
     found
         .map(|(_, profile)| profile)
         .ok_or_else(|| "expected step, ramp, chirp or mixed".to_owned())
+}
+
+fn named_effect(text: &str) -> Result<EffectSettings, String> {
+    let (name, value) = text.split_once('=').ok_or("expected EFFECT=VALUE")?;
+    let value = value
+        .parse()
+        .map_err(|_| format!("expected a number, found {value:?}"))?;
+    let mut settings = EffectSettings::default();
+    settings.set(name, value).map_err(|e| e.to_string())?;
+    Ok(settings)
+}
+
+fn named_drive(text: &str) -> Result<Drive, String> {
+    Drive::from_name(text).ok_or_else(|| "expected hysteresis or vector".to_owned())
 }
 
 fn finite(text: &str) -> Result<f64, String> {

@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 use tempfile::TempDir;
 
 /// A working directory of its own; commands run in it, so that messages name files as given.
-struct Folder(TempDir);
+pub(crate) struct Folder(TempDir);
 
 /// How a command ended.
 struct Ended {
@@ -18,19 +18,19 @@ struct Ended {
 }
 
 impl Folder {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self(tempfile::tempdir().expect("a temporary directory"))
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
 
-    fn read(&self, name: &str) -> Vec<u8> {
+    pub(crate) fn read(&self, name: &str) -> Vec<u8> {
         fs::read(self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
     }
 
-    fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+    pub(crate) fn write(&self, name: &str, content: impl AsRef<[u8]>) {
         fs::write(self.path(name), content).unwrap_or_else(|e| panic!("{name}: {e}"));
     }
 
@@ -63,14 +63,14 @@ impl Folder {
     }
 
     /// A command that does its work and loses nothing; returns what it printed.
-    fn done(&self, line: &str) -> String {
+    pub(crate) fn done(&self, line: &str) -> String {
         let ended = self.hmd(line);
         assert_eq!(ended.code, 0, "hmd {line}: {}", ended.stderr);
         ended.stdout
     }
 
     /// A command that is refused with a code and one sentence, and prints no record.
-    fn refused(&self, line: &str, code: i32) -> String {
+    pub(crate) fn refused(&self, line: &str, code: i32) -> String {
         let ended = self.hmd(line);
         assert_eq!(ended.code, code, "hmd {line}: {}", ended.stderr);
         assert_eq!(ended.stderr.lines().count(), 1, "hmd {line}: {}", ended.stderr);
@@ -79,7 +79,7 @@ impl Folder {
     }
 
     /// A command whose arguments are refused; the parser of arguments adds a hint on further lines.
-    fn misused(&self, line: &str) -> String {
+    pub(crate) fn misused(&self, line: &str) -> String {
         let ended = self.hmd(line);
         assert_eq!(ended.code, 2, "hmd {line}");
         assert!(ended.stdout.is_empty(), "hmd {line}: {}", ended.stdout);
@@ -185,6 +185,35 @@ fn a_bad_value_of_an_argument_is_named_and_nothing_is_written() {
         ("--noise -1", "'-1'"),
         ("--windows 0", "'--windows <WINDOWS>'"),
         ("--profile nonsense", "expected step, ramp, chirp or mixed"),
+        ("--mode idle", "invalid value 'idle' for '--mode <position|speed>'"),
+        (
+            "--with coging_nm=0.1",
+            "for '--with <EFFECT=VALUE>': unknown effect: expected a name such as cogging_nm,",
+        ),
+        ("--with cogging_nm", "'--with <EFFECT=VALUE>': expected EFFECT=VALUE"),
+        ("--with cogging_nm=much", "expected a number, found \"much\""),
+        ("--with emf_5=0.5", "emf_5 = 0.5: expected a number from -0.3 to 0.3"),
+        ("--with emf_5=NaN", "emf_5 = NaN: expected a number from -0.3 to 0.3"),
+        (
+            "--with control_delay_periods=0.5",
+            "control_delay_periods = 0.5: expected a whole number",
+        ),
+        (
+            "--drive stepper",
+            "for '--drive <hysteresis|vector>': expected hysteresis or vector",
+        ),
+        (
+            "--with decoupling=0.5",
+            "hmd: decoupling: expected the vector drive, found the hysteresis drive",
+        ),
+        (
+            "--with dead_time_s=1e-6 --drive hysteresis",
+            "hmd: dead_time_s: expected the vector drive, found the hysteresis drive",
+        ),
+        (
+            "--with gear_teeth=11",
+            "hmd: gear_teeth: expected mesh_ripple as well, of which it is a parameter",
+        ),
         (
             "--actuator nonsense",
             "--actuator: expected bench, servo28 or a type of the configuration, found \"nonsense\"",

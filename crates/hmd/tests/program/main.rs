@@ -10,6 +10,7 @@ mod safety;
 mod serial;
 mod serial_rig;
 mod service;
+mod simulate;
 mod terminal_rig;
 mod top;
 mod wrong_map;

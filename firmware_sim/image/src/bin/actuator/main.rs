@@ -16,8 +16,8 @@ use cortex_m_semihosting::{debug, hio};
 use ema_wire::ActuatorId;
 use firmware_sim::{BadSetting, Plan, SerialFrames, Settings};
 
-/// Longest line of settings, bytes.
-const LINE_MAX: usize = 512;
+/// Longest line of settings, bytes: every setting and every effect has room.
+const LINE_MAX: usize = 4096;
 
 #[entry]
 fn main() -> ! {

@@ -1,0 +1,187 @@
+//! Effects as a command line or a file sets them: by name, in any order, checked together at the end.
+//!
+//! Input are a kind of drive and values by their names in [`EFFECTS`], output is [`Effects`]. [`Effects::set`] accepts each value
+//! alone; here a value that would have no effect, or would change the drive unasked, is refused.
+
+use core::fmt;
+
+use super::effects::{Drive, EFFECTS, EffectError, Effects};
+
+/// Values by name and the kind of drive, not yet checked together.
+///
+/// ```
+/// use ema_models::reference::{Drive, EffectSettings};
+/// let mut settings = EffectSettings::default();
+/// settings.set("dead_time_s", 1e-6).unwrap();
+/// assert!(settings.effects().is_err(), "the hysteresis drive has no dead time");
+/// settings.drive = Drive::from_name("vector");
+/// assert_eq!(settings.effects().unwrap().vector_drive().unwrap().dead_time, 1e-6);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EffectSettings {
+    /// Kind of drive, with its usual parameters; `None` for the hysteresis drive.
+    pub drive: Option<Drive>,
+    /// Values in the order of [`EFFECTS`].
+    values: [Option<f64>; EFFECTS.len()],
+}
+
+impl Default for EffectSettings {
+    /// Everything off.
+    fn default() -> Self {
+        Self {
+            drive: None,
+            values: [None; EFFECTS.len()],
+        }
+    }
+}
+
+/// Why settings that are right alone are refused together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EffectConflict {
+    /// A parameter of the vector drive, without this drive.
+    NotVectorDrive(&'static str),
+    /// A parameter of an effect, without this effect.
+    WithoutEffect {
+        /// The parameter.
+        name: &'static str,
+        /// The effect.
+        part_of: &'static str,
+    },
+}
+
+impl fmt::Display for EffectConflict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotVectorDrive(name) => {
+                write!(f, "{name}: expected the vector drive, found the hysteresis drive")
+            }
+            Self::WithoutEffect { name, part_of } => {
+                write!(f, "{name}: expected {part_of} as well, of which it is a parameter")
+            }
+        }
+    }
+}
+
+impl core::error::Error for EffectConflict {}
+
+impl EffectSettings {
+    /// This kind of drive, everything else off.
+    #[must_use]
+    pub fn with_drive(drive: Option<Drive>) -> Self {
+        Self {
+            drive,
+            ..Self::default()
+        }
+    }
+
+    /// Sets a value, in place of an earlier one of this name.
+    ///
+    /// # Errors
+    /// An unknown name, or a value outside its range, as [`Effects::set`] refuses them.
+    pub fn set(&mut self, name: &str, value: f64) -> Result<(), EffectError> {
+        Effects::default().set(name, value)?;
+        for (info, place) in EFFECTS.iter().zip(&mut self.values) {
+            if info.name == name {
+                *place = Some(value);
+            }
+        }
+        Ok(())
+    }
+
+    /// The settings with those of `over` in place of their own.
+    #[must_use]
+    pub fn overridden_by(mut self, over: &Self) -> Self {
+        self.drive = over.drive.or(self.drive);
+        for (place, value) in self.values.iter_mut().zip(over.values) {
+            *place = value.or(*place);
+        }
+        self
+    }
+
+    /// The effects of these settings.
+    ///
+    /// # Errors
+    /// The first value without the drive or the effect that it is a parameter of.
+    pub fn effects(&self) -> Result<Effects, EffectConflict> {
+        let mut effects = Effects {
+            drive: self.drive.unwrap_or_default(),
+            ..Effects::default()
+        };
+        for (info, value) in EFFECTS.iter().zip(self.values) {
+            let Some(value) = value else { continue };
+            let name = info.name;
+            if let Some(part_of) = info.part_of.filter(|part_of| !self.has(part_of)) {
+                return Err(EffectConflict::WithoutEffect { name, part_of });
+            }
+            let drive = effects.drive;
+            // `Self::set` has accepted this value.
+            let _ = effects.set(name, value);
+            if drive.name() != effects.drive.name() {
+                return Err(EffectConflict::NotVectorDrive(name));
+            }
+        }
+        Ok(effects)
+    }
+
+    fn has(&self, name: &str) -> bool {
+        EFFECTS
+            .iter()
+            .zip(self.values)
+            .any(|(info, value)| info.name == name && value.is_some())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings<'a>(drive: Option<&str>, values: impl IntoIterator<Item = (&'a str, f64)>) -> EffectSettings {
+        let mut settings = EffectSettings::with_drive(drive.and_then(Drive::from_name));
+        for (name, value) in values {
+            settings.set(name, value).unwrap();
+        }
+        settings
+    }
+
+    #[test]
+    fn what_is_on_can_be_set_again() {
+        let values = EFFECTS.iter().map(|info| (info.name, info.usual.1));
+        let effects = settings(Some("vector"), values).effects().unwrap();
+        let again = settings(Some(effects.drive.name()), effects.active());
+        assert_eq!(again.effects(), Ok(effects));
+        assert_eq!(EffectSettings::default().effects(), Ok(Effects::default()));
+    }
+
+    #[test]
+    fn a_parameter_needs_its_drive_and_its_effect() {
+        for drive in [None, Some("hysteresis")] {
+            let conflict = settings(drive, [("decoupling", 0.5)]).effects().unwrap_err();
+            assert_eq!(conflict, EffectConflict::NotVectorDrive("decoupling"));
+        }
+        for info in EFFECTS {
+            let Some(part_of) = info.part_of else { continue };
+            let name = info.name;
+            let alone = settings(Some("vector"), [(name, info.usual.1)]);
+            assert_eq!(alone.effects(), Err(EffectConflict::WithoutEffect { name, part_of }));
+        }
+    }
+
+    #[test]
+    fn later_settings_override_earlier_ones() {
+        let file = settings(Some("vector"), [("cogging_nm", 0.1), ("emf_5", 0.02)]);
+        let line = settings(Some("hysteresis"), [("cogging_nm", 0.2)]);
+        let both = file.overridden_by(&line);
+        assert_eq!(
+            both,
+            settings(Some("hysteresis"), [("cogging_nm", 0.2), ("emf_5", 0.02)])
+        );
+        assert_eq!(file.overridden_by(&EffectSettings::default()), file);
+    }
+
+    #[test]
+    fn a_refused_value_changes_nothing() {
+        let mut settings = EffectSettings::default();
+        assert!(settings.set("coging_nm", 0.1).is_err() && settings.set("cogging_nm", f64::NAN).is_err());
+        assert_eq!(settings, EffectSettings::default());
+    }
+}

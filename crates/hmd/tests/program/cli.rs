@@ -187,7 +187,7 @@ fn a_bad_value_of_an_argument_is_named_and_nothing_is_written() {
         ("--profile nonsense", "expected step, ramp, chirp or mixed"),
         (
             "--actuator nonsense",
-            "--actuator: expected bench, servo28 or a type of the configuration, found \"nonsense\"",
+            "--actuator: expected bench, servo28, servo270 or a type of the configuration, found \"nonsense\"",
         ),
         ("--id 16", "'--id <ID>'"),
         ("--seed x", "'--seed <SEED>'"),

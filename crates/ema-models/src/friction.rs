@@ -6,8 +6,8 @@ use crate::fault::FaultVector;
 use crate::params::TransmissionParams;
 use crate::real::Real;
 
-/// Friction and load torques of one transmission under a fault vector, at the motor shaft, Nm.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Friction and load torques of one transmission under a fault vector, at the motor shaft, Nm. The default has neither.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DryFriction<R> {
     /// Load torque T_l / n; positive when it opposes positive motion.
     load: R,

@@ -4,6 +4,9 @@
 //! three hysteresis comparators, unequal phases in star connection, dry friction, backlash. The model shares no averaging with
 //! the monitor. The signals of a sample are latched together, before the step that starts at this instant; the ACE uses the
 //! setpoint latched with the last sample.
+//!
+//! [`Reference`] is the ideal actuator of the specification. A scenario with [`Effects`] is simulated by [`DetailedReference`],
+//! which composes the laws of the effects around the same controller, winding, friction and backlash.
 
 mod built_in_drive;
 mod detailed;

@@ -85,8 +85,8 @@ pub struct DetailedState {
     /// Output angle at which the spring has no torque, rad.
     spring_zero: f64,
     cogging: f64,
-    friction: Option<DryFriction<f64>>,
-    load_friction: Option<DryFriction<f64>>,
+    friction: DryFriction<f64>,
+    load_friction: DryFriction<f64>,
 }
 
 impl DetailedState {
@@ -107,8 +107,8 @@ impl DetailedState {
             filtered: [0.0; 3],
             spring_zero: theta_out,
             cogging: 0.0,
-            friction: None,
-            load_friction: None,
+            friction: DryFriction::default(),
+            load_friction: DryFriction::default(),
         }
     }
 }
@@ -276,13 +276,13 @@ impl DetailedReference {
         let [moving, breakaway] = self.friction.torques(shaft.omega_m, shaft.theta_m);
         if self.two_masses.is_none() {
             let dry = DryFriction::under_load(self.gear_loss, load, moving, breakaway);
-            state.friction = Some(dry.with_brake_torque(brake));
+            state.friction = dry.with_brake_torque(brake);
             return;
         }
-        state.friction = Some(DryFriction::under_load(self.gear_loss, 0.0, moving, breakaway));
+        state.friction = DryFriction::under_load(self.gear_loss, 0.0, moving, breakaway);
         let [moving, breakaway] = self.load_friction.torques(state.load_speed, state.load_angle);
         let dry = DryFriction::under_load(self.gear_loss, load, moving, breakaway);
-        state.load_friction = Some(dry.with_brake_torque(brake));
+        state.load_friction = dry.with_brake_torque(brake);
     }
 
     /// Voltages of the phases, and the current that the link gives.
@@ -338,12 +338,11 @@ impl DetailedReference {
 
     /// Motion of the motor and of the load.
     fn mechanical(&self, state: &mut DetailedState) {
-        let Some(friction) = &state.friction else { return };
         let shaft = &mut state.shaft;
         let before = shaft.omega_m;
         let drive = shaft.torque + state.cogging - self.viscous * before;
-        let (Some(masses), Some(load_friction)) = (&self.two_masses, &state.load_friction) else {
-            shaft.omega_m = friction.step(before, drive, self.motor_step);
+        let Some(masses) = &self.two_masses else {
+            shaft.omega_m = state.friction.step(before, drive, self.motor_step);
             shaft.theta_m += 0.5 * (before + shaft.omega_m) * REFERENCE_STEP;
             let centre = shaft.theta_m * self.output_per_motor;
             shaft.theta_out = follow_through_play(shaft.theta_out, centre, self.half_play);
@@ -351,8 +350,8 @@ impl DetailedReference {
             return;
         };
         let transmitted = masses.transmitted(shaft.theta_m - state.load_angle, before - state.load_speed);
-        shaft.omega_m = friction.step(before, drive - transmitted, self.motor_step);
-        state.load_speed = load_friction.step(state.load_speed, transmitted, self.load_step);
+        shaft.omega_m = state.friction.step(before, drive - transmitted, self.motor_step);
+        state.load_speed = state.load_friction.step(state.load_speed, transmitted, self.load_step);
         // Angles by the new speeds: this keeps the energy of an undamped oscillation bounded.
         shaft.theta_m += shaft.omega_m * REFERENCE_STEP;
         state.load_angle += state.load_speed * REFERENCE_STEP;

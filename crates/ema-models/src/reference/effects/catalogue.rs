@@ -27,7 +27,7 @@ pub struct EffectInfo {
     pub part_of: Option<&'static str>,
     /// What it does, with `x` for the value where the equation has no symbol for it.
     pub equation: &'static str,
-    /// Where the equation comes from.
+    /// Where the equation comes from: `[D]` declared here, `derived` derived here, or a key of `docs/references.md`.
     pub source: &'static str,
     get: fn(&Effects) -> Option<f64>,
     set: fn(&mut Effects, f64),
@@ -240,279 +240,279 @@ macro_rules! effect {
 pub const EFFECTS: &[EffectInfo] = &[
     effect!(
         "pwm_hz", "Hz", usual (8000.0, 4e4) => Absolute, within (2000.0, 1e5), real, None,
-        "T_p = 1/f; currents sampled and voltages updated once per T_p, one T_p late", "declared here", drive pwm_frequency
+        "T_p = 1/f; currents sampled and voltages updated once per T_p, one T_p late", "[D]", drive pwm_frequency
     ),
     effect!(
         "current_bandwidth_hz", "Hz", usual (400.0, 1200.0) => Absolute, within (10.0, 5000.0), real, None,
-        "K_p = 2πf L, K_i = 2πf R", "declared here", drive bandwidth
+        "K_p = 2πf L, K_i = 2πf R", "[D]", drive bandwidth
     ),
     effect!(
         "dead_time_s", "s", usual (5e-7, 2e-6) => Absolute, within (0.0, 5e-6), real, None,
-        "mean of v_j falls by V_dc (t_d/T_p) sign i_j", "derived here", drive dead_time
+        "mean of v_j falls by V_dc (t_d/T_p) sign i_j", "derived", drive dead_time
     ),
     effect!(
         "dead_time_compensation", "1", usual (0.0, 1.0) => Absolute, within (0.0, 1.5), real, Some("dead_time_s"),
-        "share of V_dc (t_d/T_p) sign i_j added to the reference", "declared here", drive dead_time_compensation
+        "share of V_dc (t_d/T_p) sign i_j added to the reference", "[D]", drive dead_time_compensation
     ),
     effect!(
         "decoupling", "1", usual (0.0, 0.8) => Absolute, within (0.0, 1.0), real, None,
-        "share of −ω_e L i_q, ω_e L i_d + k ω_m added to v_d, v_q", "derived here", drive decoupling
+        "share of −ω_e L i_q, ω_e L i_d + k ω_m added to v_d, v_q", "derived", drive decoupling
     ),
     effect!(
         "field_weakening_a", "A", usual (1.0, 3.0) => Current, within (0.0, 1000.0), real, None,
-        "i_d* falls to at most −I while the voltage does not suffice", "declared here", drive field_weakening
+        "i_d* falls to at most −I while the voltage does not suffice", "[D]", drive field_weakening
     ),
     effect!(
         "back_emf_deviation", "1", usual (-0.075, 0.075) => Absolute, within (-0.9, 9.0), real, None,
-        "k (1 + x)", "declared here", field deviations.back_emf
+        "k (1 + x)", "[D]", field deviations.back_emf
     ),
     effect!(
         "resistance_deviation", "1", usual (-0.1, 0.1) => Absolute, within (-0.9, 9.0), real, None,
-        "R (1 + x)", "declared here", field deviations.resistance
+        "R (1 + x)", "[D]", field deviations.resistance
     ),
     effect!(
         "inductance_deviation", "1", usual (-0.1, 0.1) => Absolute, within (-0.9, 9.0), real, None,
-        "L (1 + x)", "declared here", field deviations.inductance
+        "L (1 + x)", "[D]", field deviations.inductance
     ),
     effect!(
         "inertia_deviation", "1", usual (-0.1, 0.1) => Absolute, within (-0.9, 9.0), real, None,
-        "J (1 + x)", "declared here", field deviations.inertia
+        "J (1 + x)", "[D]", field deviations.inertia
     ),
     effect!(
         "viscous_deviation", "1", usual (-0.5, 0.5) => Absolute, within (-0.9, 9.0), real, None,
-        "C (1 + x)", "declared here", field deviations.viscous
+        "C (1 + x)", "[D]", field deviations.viscous
     ),
     effect!(
         "dynamic_friction_deviation", "1", usual (-0.2, 0.2) => Absolute, within (-0.9, 9.0), real, None,
-        "T_d (1 + x)", "declared here", field deviations.dynamic_friction
+        "T_d (1 + x)", "[D]", field deviations.dynamic_friction
     ),
     effect!(
         "static_friction_deviation", "1", usual (-0.2, 0.2) => Absolute, within (-0.9, 9.0), real, None,
-        "T_s (1 + x)", "declared here", field deviations.static_friction
+        "T_s (1 + x)", "[D]", field deviations.static_friction
     ),
     effect!(
         "play_deviation", "1", usual (-0.5, 0.5) => Absolute, within (-0.9, 9.0), real, None,
-        "b₀ (1 + x)", "declared here", field deviations.play
+        "b₀ (1 + x)", "[D]", field deviations.play
     ),
     effect!(
         "opposing_efficiency_deviation", "1", usual (-0.1, 0.1) => Absolute, within (-0.9, 9.0), real, None,
-        "η_o (1 + x)", "declared here", field deviations.opposing_efficiency
+        "η_o (1 + x)", "[D]", field deviations.opposing_efficiency
     ),
     effect!(
         "aiding_efficiency_deviation", "1", usual (-0.1, 0.1) => Absolute, within (-0.9, 9.0), real, None,
-        "η_a (1 + x)", "declared here", field deviations.aiding_efficiency
+        "η_a (1 + x)", "[D]", field deviations.aiding_efficiency
     ),
     effect!(
         "link_voltage_deviation", "1", usual (-0.02, 0.02) => Absolute, within (-0.9, 9.0), real, None,
-        "V_dc (1 + x)", "declared here", field deviations.link_voltage
+        "V_dc (1 + x)", "[D]", field deviations.link_voltage
     ),
     effect!(
         "current_limit_deviation", "1", usual (-0.02, 0.02) => Absolute, within (-0.9, 9.0), real, None,
-        "I_max (1 + x)", "declared here", field deviations.current_limit
+        "I_max (1 + x)", "[D]", field deviations.current_limit
     ),
     effect!(
         "position_gain_deviation", "1", usual (-0.01, 0.01) => Absolute, within (-0.9, 9.0), real, None,
-        "G_p (1 + x)", "declared here", field deviations.position_gain
+        "G_p (1 + x)", "[D]", field deviations.position_gain
     ),
     effect!(
         "speed_gain_deviation", "1", usual (-0.01, 0.01) => Absolute, within (-0.9, 9.0), real, None,
-        "K_p (1 + x)", "declared here", field deviations.speed_gain
+        "K_p (1 + x)", "[D]", field deviations.speed_gain
     ),
     effect!(
         "integral_gain_deviation", "1", usual (-0.01, 0.01) => Absolute, within (-0.9, 9.0), real, None,
-        "K_i (1 + x)", "declared here", field deviations.integral_gain
+        "K_i (1 + x)", "[D]", field deviations.integral_gain
     ),
     effect!(
         "speed_limit_deviation", "1", usual (-0.01, 0.01) => Absolute, within (-0.9, 9.0), real, None,
-        "ω_max (1 + x)", "declared here", field deviations.speed_limit
+        "ω_max (1 + x)", "[D]", field deviations.speed_limit
     ),
     effect!(
         "setpoint_rate_rad_s", "rad/s", usual (0.5, 3.0) => Absolute, within (0.0, 1000.0), real, None,
-        "position setpoint moves by at most x Δt per control period", "declared here", field controller.setpoint_rate
+        "position setpoint moves by at most x Δt per control period", "[D]", field controller.setpoint_rate
     ),
     effect!(
         "speed_setpoint_rate_rad_s2", "rad/s²", usual (1000.0, 1e4) => Absolute, within (0.0, 1e7), real, None,
-        "speed setpoint moves by at most x Δt per control period", "declared here", field controller.speed_setpoint_rate
+        "speed setpoint moves by at most x Δt per control period", "[D]", field controller.speed_setpoint_rate
     ),
     effect!(
         "speed_filter_hz", "Hz", usual (300.0, 1000.0) => Absolute, within (0.0, 1e4), real, None,
-        "differenced resolver counts through 1/(1 + s/2πf)", "declared here", field controller.speed_filter
+        "differenced resolver counts through 1/(1 + s/2πf)", "[D]", field controller.speed_filter
     ),
     effect!(
         "control_delay_periods", "1", usual (1.0, 1.0) => Absolute, within (0.0, 3.0), whole, None,
-        "I_ref applied x control periods late", "declared here", field controller.delay
+        "I_ref applied x control periods late", "[D]", field controller.delay
     ),
     effect!(
         "compliance_hz", "Hz", usual (40.0, 400.0) => Absolute, within (0.0, 2000.0), real, None,
-        "K = (2πf)² J_m J_l/(J_m + J_l)", "derived here", field compliance.resonance
+        "K = (2πf)² J_m J_l/(J_m + J_l)", "derived", field compliance.resonance
     ),
     effect!(
         "compliance_damping", "1", usual (0.01, 0.1) => Absolute, within (0.0, 1.0), real, Some("compliance_hz"),
-        "D = 2 x 2πf J_m J_l/(J_m + J_l)", "derived here", field compliance.damping_ratio
+        "D = 2 x 2πf J_m J_l/(J_m + J_l)", "derived", field compliance.damping_ratio
     ),
     effect!(
         "load_inertia_share", "1", usual (0.1, 0.4) => Absolute, within (0.01, 0.99), real, Some("compliance_hz"),
-        "J_l = x J, J_m = (1 − x) J", "declared here", field compliance.load_inertia
+        "J_l = x J, J_m = (1 − x) J", "[D]", field compliance.load_inertia
     ),
     effect!(
         "load_friction_share", "1", usual (0.0, 0.5) => Absolute, within (0.0, 1.0), real, Some("compliance_hz"),
-        "share of T_d and T_s on the load side", "declared here", field compliance.load_friction
+        "share of T_d and T_s on the load side", "[D]", field compliance.load_friction
     ),
     effect!(
         "stribeck_nm", "Nm", usual (0.05, 0.15) => Stiction, within (0.0, 1e4), real, None,
-        "T_d + x exp(−(ω/ω_s)²) while moving", "Armstrong-Hélouvry 1994", field friction.stribeck
+        "T_d + x exp(−(ω/ω_s)²) while moving", "[Armstrong]", field friction.stribeck
     ),
     effect!(
         "stribeck_speed_rad_s", "rad/s", usual (5.0, 30.0) => Absolute, within (0.1, 1000.0), real, Some("stribeck_nm"),
-        "ω_s", "Armstrong-Hélouvry 1994", field friction.stribeck_speed
+        "ω_s", "[Armstrong]", field friction.stribeck_speed
     ),
     effect!(
         "viscous_temperature", "1", usual (1.0, 3.0) => Absolute, within (0.0, 99.0), real, Some("temperature_rise_k"),
-        "C (1 + x)^((20 °C − T)/80 K)", "declared here", field friction.viscous_temperature
+        "C (1 + x)^((20 °C − T)/80 K)", "[D]", field friction.viscous_temperature
     ),
     effect!(
         "dry_temperature", "1", usual (0.2, 1.0) => Absolute, within (0.0, 99.0), real, Some("temperature_rise_k"),
-        "T_d, T_s (1 + x)^((20 °C − T)/80 K)", "declared here", field friction.dry_temperature
+        "T_d, T_s (1 + x)^((20 °C − T)/80 K)", "[D]", field friction.dry_temperature
     ),
     effect!(
         "temperature_rise_k", "K", usual (-60.0, 60.0) => Absolute, within (-80.0, 200.0), real, None,
-        "T = scenario + x; R, k, C, T_d, T_s follow T", "declared here", field friction.temperature_rise
+        "T = scenario + x; R, k, C, T_d, T_s follow T", "[D]", field friction.temperature_rise
     ),
     effect!(
         "mesh_ripple", "1", usual (0.05, 0.1) => Absolute, within (0.0, 0.9), real, None,
-        "T_d, T_s (1 + x sin N_t θ_m)", "declared here", field friction.mesh_ripple
+        "T_d, T_s (1 + x sin N_t θ_m)", "[D]", field friction.mesh_ripple
     ),
     effect!(
         "gear_teeth", "1", usual (7.0, 23.0) => Absolute, within (1.0, 500.0), whole, Some("mesh_ripple"),
-        "N_t per motor revolution", "declared here", field friction.teeth
+        "N_t per motor revolution", "[D]", field friction.teeth
     ),
     effect!(
         "cogging_nm", "Nm", usual (0.03, 0.29) => PeakTorque, within (0.0, 1e4), real, None,
-        "T_c sin(N_c θ_m + φ)", "declared here", field cogging.torque
+        "T_c sin(N_c θ_m + φ)", "[D]", field cogging.torque
     ),
     effect!(
         "cogging_periods", "1", usual (24.0, 24.0) => PolePairs, within (0.0, 500.0), whole, Some("cogging_nm"),
-        "N_c; 0 for 6 P", "declared here", field cogging.periods
+        "N_c; 0 for 6 P", "[D]", field cogging.periods
     ),
     effect!(
         "cogging_phase_rad", "rad", usual (-PI, PI) => Absolute, within (-7.0, 7.0), real, Some("cogging_nm"),
-        "φ", "declared here", field cogging.phase
+        "φ", "[D]", field cogging.phase
     ),
     effect!(
         "unmeasured_load_nm", "Nm", usual (-50.0, 50.0) => OutputTorque, within (-1e6, 1e6), real, None,
-        "T_l + x", "declared here", field load.constant
+        "T_l + x", "[D]", field load.constant
     ),
     effect!(
-        "spring_nm_per_rad", "Nm/rad", usual (50.0, 500.0) => OutputTorque, within (0.0, 1e7), real, None,
-        "T_l + x (θ_out − θ_out(0))", "declared here", field load.spring
+        "spring_nm_per_rad", "Nm/rad", usual (50.0, 500.0) => OutputTorque, within (0.0, 1e6), real, None,
+        "T_l + x (θ_out − θ_out(0))", "[D]", field load.spring
     ),
     effect!(
         "load_drift_nm", "Nm", usual (10.0, 40.0) => OutputTorque, within (0.0, 1e6), real, None,
-        "T_l + x sin 2πt/τ", "declared here", field load.drift
+        "T_l + x sin 2πt/τ", "[D]", field load.drift
     ),
     effect!(
         "load_drift_period_s", "s", usual (5.0, 30.0) => Absolute, within (0.1, 1e5), real, Some("load_drift_nm"),
-        "τ", "declared here", field load.drift_period
+        "τ", "[D]", field load.drift_period
     ),
     effect!(
         "emf_5", "1", usual (0.01, 0.05) => Absolute, within (-0.3, 0.3), real, None,
-        "k_j + k N_j x (−sin 5θ_j)", "declared here", field motor.harmonic_5
+        "k_j + k N_j x (−sin 5θ_j)", "[D]", field motor.harmonic_5
     ),
     effect!(
         "emf_7", "1", usual (0.01, 0.03) => Absolute, within (-0.3, 0.3), real, None,
-        "k_j + k N_j x (−sin 7θ_j)", "declared here", field motor.harmonic_7
+        "k_j + k N_j x (−sin 7θ_j)", "[D]", field motor.harmonic_7
     ),
     effect!(
         "saturation", "1", usual (0.05, 0.2) => Absolute, within (0.0, 0.8), real, None,
-        "L_j (1 − x min(1, i_j²/I_max²))", "declared here", field motor.saturation
+        "L_j (1 − x min(1, i_j²/I_max²))", "[D]", field motor.saturation
     ),
     effect!(
         "current_gain_a", "1", usual (-0.01, 0.01) => Absolute, within (-0.5, 0.5), real, None,
-        "i_A (1 + x)", "declared here", field sensors.current_gain[0]
+        "i_A (1 + x)", "[D]", field sensors.current_gain[0]
     ),
     effect!(
         "current_gain_b", "1", usual (-0.01, 0.01) => Absolute, within (-0.5, 0.5), real, None,
-        "i_B (1 + x)", "declared here", field sensors.current_gain[1]
+        "i_B (1 + x)", "[D]", field sensors.current_gain[1]
     ),
     effect!(
         "current_gain_c", "1", usual (-0.01, 0.01) => Absolute, within (-0.5, 0.5), real, None,
-        "i_C (1 + x)", "declared here", field sensors.current_gain[2]
+        "i_C (1 + x)", "[D]", field sensors.current_gain[2]
     ),
     effect!(
         "current_offset_a_a", "A", usual (-0.05, 0.05) => Current, within (-100.0, 100.0), real, None,
-        "i_A + x", "declared here", field sensors.current_offset[0]
+        "i_A + x", "[D]", field sensors.current_offset[0]
     ),
     effect!(
         "current_offset_b_a", "A", usual (-0.05, 0.05) => Current, within (-100.0, 100.0), real, None,
-        "i_B + x", "declared here", field sensors.current_offset[1]
+        "i_B + x", "[D]", field sensors.current_offset[1]
     ),
     effect!(
         "current_offset_c_a", "A", usual (-0.05, 0.05) => Current, within (-100.0, 100.0), real, None,
-        "i_C + x", "declared here", field sensors.current_offset[2]
+        "i_C + x", "[D]", field sensors.current_offset[2]
     ),
     effect!(
         "current_filter_hz", "Hz", usual (1000.0, 5000.0) => Absolute, within (0.0, 1e5), real, None,
-        "samples of i_j through 1/(1 + s/2πf)", "declared here", field sensors.current_filter
+        "samples of i_j through 1/(1 + s/2πf)", "[D]", field sensors.current_filter
     ),
     effect!(
         "two_current_sensors", "1", usual (1.0, 1.0) => Absolute, within (0.0, 1.0), whole, None,
-        "i_C = −i_A − i_B", "declared here", flag sensors.two_current_sensors
+        "i_C = −i_A − i_B", "[D]", flag sensors.two_current_sensors
     ),
     effect!(
         "current_latency_s", "s", usual (2e-5, 1e-4) => Absolute, within (0.0, 5e-4), real, None,
-        "samples hold i(t − x)", "declared here", field sensors.current_latency
+        "samples hold i(t − x)", "[D]", field sensors.current_latency
     ),
     effect!(
         "angle_latency_s", "s", usual (2e-5, 1e-4) => Absolute, within (0.0, 5e-4), real, None,
-        "samples hold θ(t − x)", "declared here", field sensors.angle_latency
+        "samples hold θ(t − x)", "[D]", field sensors.angle_latency
     ),
     effect!(
         "sample_jitter", "1", usual (0.05, 0.2) => Absolute, within (0.0, 0.45), real, None,
-        "sampled at t + u/f_s, u uniform in ±x", "declared here", field sensors.sample_jitter
+        "sampled at t + u/f_s, u uniform in ±x", "[D]", field sensors.sample_jitter
     ),
     effect!(
         "resolver_error_1_rad", "rad", usual (0.002, 0.0058) => Absolute, within (0.0, 0.2), real, None,
-        "θ_e + x sin(θ_e + φ) seen", "declared here", field sensors.resolver_1.amplitude
+        "θ_e + x sin(θ_e + φ) seen", "[D]", field sensors.resolver_1.amplitude
     ),
     effect!(
         "resolver_phase_1_rad", "rad", usual (-PI, PI) => Absolute, within (-7.0, 7.0), real, Some("resolver_error_1_rad"),
-        "φ", "declared here", field sensors.resolver_1.phase
+        "φ", "[D]", field sensors.resolver_1.phase
     ),
     effect!(
         "resolver_error_2_rad", "rad", usual (0.002, 0.0058) => Absolute, within (0.0, 0.2), real, None,
-        "θ_e + x sin(2θ_e + φ) seen", "declared here", field sensors.resolver_2.amplitude
+        "θ_e + x sin(2θ_e + φ) seen", "[D]", field sensors.resolver_2.amplitude
     ),
     effect!(
         "resolver_phase_2_rad", "rad", usual (-PI, PI) => Absolute, within (-7.0, 7.0), real, Some("resolver_error_2_rad"),
-        "φ", "declared here", field sensors.resolver_2.phase
+        "φ", "[D]", field sensors.resolver_2.phase
     ),
     effect!(
         "encoder_eccentricity_rad", "rad", usual (2e-4, 5e-4) => Absolute, within (0.0, 0.05), real, None,
-        "θ_out + x sin(θ_out + φ) seen", "declared here", field sensors.encoder_eccentricity
+        "θ_out + x sin(θ_out + φ) seen", "[D]", field sensors.encoder_eccentricity
     ),
     effect!(
         "encoder_phase_rad", "rad", usual (-PI, PI) => Absolute, within (-7.0, 7.0), real, Some("encoder_eccentricity_rad"),
-        "φ", "declared here", field sensors.encoder_phase
+        "φ", "[D]", field sensors.encoder_phase
     ),
     effect!(
         "link_resistance_ohm", "Ω", usual (0.5, 2.0) => LinkResistance, within (0.0, 1e4), real, None,
-        "V_dc − x i_dc, i_dc smoothed over 1 ms", "declared here", field link.resistance
+        "V_dc − x i_dc, i_dc smoothed over 1 ms", "[D]", field link.resistance
     ),
     effect!(
         "link_ripple_v", "V", usual (4.0, 19.0) => LinkVoltage, within (0.0, 1000.0), real, None,
-        "V_dc + x sin 2πft", "declared here", field link.ripple
+        "V_dc + x sin 2πft", "[D]", field link.ripple
     ),
     effect!(
         "link_ripple_hz", "Hz", usual (300.0, 2400.0) => Absolute, within (1.0, 2e4), real, Some("link_ripple_v"),
-        "f", "declared here", field link.ripple_frequency
+        "f", "[D]", field link.ripple_frequency
     ),
     effect!(
         "short_resistance_ohm", "Ω", usual (0.0, 1.0) => PhaseResistance, within (0.0, 1e6), real, None,
-        "σR i_f + R_f (i_f − i_j) + σ²L di_f/dt + cNσL di_j/dt + σe_j = 0", "derived here", short resistance
+        "σR i_f + R_f (i_f − i_j) + σ²L di_f/dt + cNσL di_j/dt + σe_j = 0", "derived", short resistance
     ),
     effect!(
         "short_coupling", "1", usual (0.8, 0.98) => Absolute, within (0.0, 1.0), real, Some("short_resistance_ohm"),
-        "c", "declared here", short coupling
+        "c", "[D]", short coupling
     ),
 ];
 

@@ -107,7 +107,7 @@ impl Controller {
         if self.effects.speed_filter <= 0.0 {
             return omega_m;
         }
-        let moved = motor_counts - state.motor_counts.unwrap_or(motor_counts);
+        let moved = motor_counts.saturating_sub(state.motor_counts.unwrap_or(motor_counts));
         state.motor_counts = Some(motor_counts);
         let speed = moved as f64 * self.motor_lsb / self.period;
         state.filtered_speed += self.filter_weight * (speed - state.filtered_speed);

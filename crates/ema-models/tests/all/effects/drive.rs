@@ -66,6 +66,37 @@ fn voltages_follow_the_pi_law_one_period_late_less_the_dead_time_along_the_curre
 }
 
 #[test]
+fn voltages_are_decoupled_and_turned_to_the_middle_of_their_period() {
+    // v_d = PI − ω_e L i_q, v_q = PI + ω_e L i_d + k ω, applied at the angle of the middle of the next period, θ_e + 1.5 T_p ω_e.
+    let (params, omega) = (flywheel(), 100.0);
+    let m = params.motor;
+    let mut rig = Rig::new(&params, &[("current_bandwidth_hz", 200.0)]);
+    rig.state.shaft.omega_m = omega;
+    let setpoint = rig.for_current(2.0, omega);
+    let omega_c = TAU * 200.0;
+    let (mut integral, mut next) = ([0.0; 2], [0.0; 3]);
+    for n in 0..300 {
+        let theta_e = m.pole_pairs * rig.state.shaft.theta_m;
+        let (v, i) = periods(&mut rig, setpoint, 1)[0];
+        for j in 0..3 {
+            if n > 1 {
+                close(v[j], next[j], 0.05, "mean phase voltage");
+            }
+        }
+        let [d, q] = dq_from_abc(i, theta_e.sin_cos_poly());
+        let errors = [-d, 2.0 - q];
+        let omega_e = m.pole_pairs * omega;
+        let decoupling = [-omega_e * m.l_s * q, omega_e * m.l_s * d + m.k * omega];
+        let wanted: [f64; 2] = core::array::from_fn(|a| omega_c * m.l_s * errors[a] + integral[a] + decoupling[a]);
+        for a in 0..2 {
+            integral[a] += omega_c * m.r_s * 50e-6 * errors[a];
+        }
+        let middle = theta_e + 1.5 * 50e-6 * omega_e;
+        next = abc_from_alpha_beta(alpha_beta_from_dq(wanted, middle.sin_cos_poly()));
+    }
+}
+
+#[test]
 fn the_current_loop_has_its_bandwidth_and_phase_margin() {
     // With the pole of the winding cancelled, the open loop is (ω_c/jω) e^(−1.5 jω T_p): gain 1 at the bandwidth, with a phase
     // margin of 90° − 1.5 ω_c T_p.
@@ -186,4 +217,13 @@ fn field_weakening_holds_the_voltage_at_its_limit() {
     println!("i_d {}, i_q {}, expected {low}", sums[0] / n, sums[1] / n);
     close(sums[0] / n, low, 0.05, "i_d");
     close(sums[1] / n, i_q, 0.02, "i_q");
+
+    // At the current limit, the direct current takes its share of I_max.
+    let setpoint = rig.for_current(m.i_max, 150.0);
+    rig.state.shaft.omega_m = 150.0;
+    rig.settle(0.2, setpoint);
+    let [i_d, i_q] = rig.dq(&rig.state);
+    println!("i_d {i_d}, i_q {i_q} at the limit");
+    close(i_d.hypot(i_q), m.i_max, 0.02 * m.i_max, "current at the limit");
+    assert!(i_d < -2.0, "{i_d}");
 }

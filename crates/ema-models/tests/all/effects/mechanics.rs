@@ -93,6 +93,83 @@ fn play_between_the_masses_transmits_nothing_inside_it() {
     close(momentum, 0.77 * 2.0, 1e-9, "momentum over J");
 }
 
+#[test]
+fn flanks_of_the_play_push_and_never_pull() {
+    let mut params = coasting();
+    params.transmission.backlash = 1e-3;
+    let mut rig = Rig::new(&params, &[("compliance_hz", 100.0), ("compliance_damping", 0.5)]);
+    rig.state.shaft.omega_m = 2.0;
+    let (mut touched, mut parted) = (0, 0);
+    rig.run(0.05, Setpoint::Idle, |before, after| {
+        let twist = before.shaft.theta_m - before.load_angle;
+        if twist > 0.05 {
+            touched += 1;
+            parted += i32::from(before.shaft.omega_m < before.load_speed);
+            assert!(
+                after.load_speed >= before.load_speed,
+                "the load is pulled at a twist of {twist} rad"
+            );
+        }
+    });
+    assert!(touched > 1000 && parted > 100, "{touched} {parted}");
+}
+
+#[test]
+fn each_side_has_its_share_of_friction_at_its_own_speed() {
+    // The load alone moves inside a wide play: J_l dω/dt = −s (T_d + ΔT e^(−(ω/ω_s)²)).
+    let mut params = coasting();
+    params.transmission.backlash = 0.01;
+    params.transmission.friction_dynamic = 0.2;
+    params.transmission.friction_static = 0.4;
+    let values = [
+        ("compliance_hz", 100.0),
+        ("stribeck_nm", 0.2),
+        ("load_friction_share", 0.4),
+    ];
+    let mut rig = Rig::new(&params, &values);
+    rig.state.load_speed = 20.0;
+    rig.settle(100e-6, Setpoint::Idle);
+    let torque = 0.4 * (0.2 + 0.2 * (-4.0f64).exp());
+    close(
+        rig.state.load_speed - 20.0,
+        -torque / 0.23e-3 * 100e-6,
+        1e-4,
+        "change of speed",
+    );
+    rig.state.load_speed = 0.0;
+    rig.state.shaft.omega_m = 20.0;
+    rig.settle(100e-6, Setpoint::Idle);
+    let torque = 0.6 * (0.2 + 0.2 * (-4.0f64).exp());
+    close(
+        rig.state.shaft.omega_m - 20.0,
+        -torque / 0.77e-3 * 100e-6,
+        1e-4,
+        "change of speed",
+    );
+}
+
+#[test]
+fn the_shaft_breaks_away_at_the_static_torque_of_its_tooth() {
+    let mut params = coasting();
+    params.transmission.friction_dynamic = 0.15;
+    params.transmission.friction_static = 0.30;
+    let moves = |values: &[(&str, f64)], theta_m: f64, torque: f64| {
+        let load = ("unmeasured_load_nm", 100.0 * torque);
+        let values: Vec<_> = values.iter().copied().chain([load]).collect();
+        let mut rig = Rig::with_fault(&params, &FaultVector::NOMINAL, theta_m, &values);
+        rig.settle(1e-3, Setpoint::Idle);
+        rig.state.shaft.omega_m.abs() > 0.0
+    };
+    for theta_m in [0.05f64, 0.2, 0.33] {
+        let limit = 0.30 * (1.0 + 0.4 * (13.0 * theta_m).sin());
+        let values = [("mesh_ripple", 0.4)];
+        assert!(!moves(&values, theta_m, 0.99 * limit) && moves(&values, theta_m, 1.01 * limit));
+    }
+    // A Stribeck part that exceeds T_s − T_d raises the breakaway torque to that of the slowest motion, 0.45 Nm.
+    let values = [("stribeck_nm", 0.3)];
+    assert!(!moves(&values, 0.3, 0.449) && moves(&values, 0.3, 0.451));
+}
+
 /// Mean torque at a constant speed, from the current, Nm.
 fn torque_at(params: &ActuatorParams, temperature: f64, omega: f64, values: &[(&str, f64)]) -> f64 {
     let mut rig = Rig::new(params, values);

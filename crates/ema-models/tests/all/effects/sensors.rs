@@ -33,6 +33,22 @@ fn the_drive_controls_the_currents_that_its_sensors_show() {
 }
 
 #[test]
+fn with_two_sensors_the_noise_of_the_samples_has_no_common_part() {
+    let mut scenario = Scenario::new(ActuatorParams::bench(), FaultVector::NOMINAL, 2);
+    scenario.sensing.noise_rms = 0.05;
+    scenario.actuations.length = 0.05;
+    scenario.effects = effects(&[("two_current_sensors", 1.0)]);
+    for sample in scenario.run() {
+        close(
+            sample.currents.iter().sum::<f64>(),
+            0.0,
+            1e-12,
+            "sum of the currents, A",
+        );
+    }
+}
+
+#[test]
 fn gain_and_offset_of_three_sensors_scale_and_shift_the_samples() {
     let values = [
         ("current_gain_a", 0.01),

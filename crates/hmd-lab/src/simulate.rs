@@ -44,7 +44,7 @@ pub fn traffic(
         status_every: ((STATUS_PERIOD_S * rate).round() as u64).max(1),
         status: Status {
             dc_link_dv: quantity::dc_link_dv(scenario.unit.motor.v_dc),
-            winding_temp_dc: quantity::winding_temp_dc(scenario.winding_temp_deg_c),
+            winding_temp_dc: quantity::winding_temp_dc(scenario.temperature_deg_c()),
             load_torque_dnm: Some(quantity::load_torque_dnm(scenario.load_torque)),
             fault_flags: 0,
             seq8: 0,

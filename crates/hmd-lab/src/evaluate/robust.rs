@@ -225,45 +225,41 @@ impl RobustOptions {
 /// The `robust` suite. `finished` are units of an earlier run with the same options, `keep` gets every unit that is finished now,
 /// `done` the number of windows that are.
 ///
+/// One unit after the other, its windows in parallel, so that a run that ends early has lost one unit.
+///
 /// # Errors
 /// [`RobustError`].
 pub fn robust(
     options: &RobustOptions,
     finished: Vec<FinishedUnit>,
-    keep: &(dyn Fn(&FinishedUnit) -> io::Result<()> + Sync),
+    keep: &mut dyn FnMut(&FinishedUnit) -> io::Result<()>,
     done: &(dyn Fn(u64) + Sync),
 ) -> Result<RobustReport, RobustError> {
-    let finished: HashMap<(String, String), FinishedUnit> = finished
+    let mut finished: HashMap<(String, String), FinishedUnit> = finished
         .into_iter()
         .map(|unit| ((unit.entry.clone(), unit.actuator.clone()), unit))
         .collect();
-    let units: Vec<(&Entry, UnitReport, FinishedUnit)> = options
-        .plan()?
-        .into_par_iter()
-        .map(|(entry, actuator)| {
-            let config = config_of(actuator, options.rate_hz)?;
-            let effects = draw_effects(entry, actuator, &config.actuators()[0].params, options.seed)?;
-            let result = match finished.get(&(entry.name.clone(), actuator.to_owned())) {
-                Some(unit) => {
-                    done(options.windows_of_unit());
-                    unit.clone()
-                }
-                None => {
-                    let unit = run_unit(options, entry, actuator, &Unit::new(Arc::new(config), effects), done)?;
-                    keep(&unit)?;
-                    unit
-                }
-            };
-            let report = UnitReport {
-                actuator: actuator.to_owned(),
-                effects: effects.active().collect(),
-                before: result.before.rates(),
-                after: result.after.rates(),
-                reason: result.refused.clone(),
-            };
-            Ok((entry, report, result))
-        })
-        .collect::<Result<_, RobustError>>()?;
+    let mut units: Vec<(&Entry, UnitReport, FinishedUnit)> = Vec::new();
+    for (entry, actuator) in options.plan()? {
+        let config = config_of(actuator, options.rate_hz)?;
+        let effects = draw_effects(entry, actuator, &config.actuators()[0].params, options.seed)?;
+        let result = if let Some(unit) = finished.remove(&(entry.name.clone(), actuator.to_owned())) {
+            done(options.windows_of_unit());
+            unit
+        } else {
+            let unit = run_unit(options, entry, actuator, &Unit::new(Arc::new(config), effects), done)?;
+            keep(&unit)?;
+            unit
+        };
+        let report = UnitReport {
+            actuator: actuator.to_owned(),
+            effects: effects.active().collect(),
+            before: result.before.rates(),
+            after: result.after.rates(),
+            reason: result.refused.clone(),
+        };
+        units.push((entry, report, result));
+    }
     let group = |is_meant: &dyn Fn(&FinishedUnit) -> bool| {
         Group::of(units.iter().map(|unit| &unit.2).filter(|unit| is_meant(unit)))
     };
@@ -344,13 +340,18 @@ fn run_unit(
     let (assessed, commissioning) = windows.split_at(assessed_windows as usize);
 
     let of_type = Models::load_types(&unit.config, &no_file)?;
-    let before = assess_all(&unit.config, &of_type, assessed, done)?;
-
-    let mut jobs: Vec<WindowJob> = commissioning.iter().filter_map(|window| window.job.clone()).collect();
-    jobs.retain(|job| job.window.quality.is_fit());
-    let assessor = Assessor::new(unit.config.clone(), of_type, seed);
-    let calibrated = calibrate_unit(&assessor, *unit.config.health().levels(), &mut jobs, seed);
-    done(options.commissioning_windows());
+    let (before, calibrated) = rayon::join(
+        || assess_all(&unit.config, &of_type, assessed, done),
+        || {
+            let mut jobs: Vec<WindowJob> = commissioning.iter().filter_map(|window| window.job.clone()).collect();
+            jobs.retain(|job| job.window.quality.is_fit());
+            let assessor = Assessor::new(unit.config.clone(), of_type.clone(), seed);
+            let calibrated = calibrate_unit(&assessor, *unit.config.health().levels(), &mut jobs, seed);
+            done(options.commissioning_windows());
+            calibrated
+        },
+    );
+    let before = before?;
     let (refused, after) = match calibrated {
         Ok(calibration) => {
             let of_unit = models_of(&unit.config, &calibration)?;
@@ -426,17 +427,17 @@ mod tests {
 
     /// The report as JSON, and the state that the run kept.
     fn run(options: &RobustOptions, threads: usize, finished: Vec<FinishedUnit>) -> (String, String) {
-        let state = Mutex::new(first_line(options));
+        let mut state = first_line(options);
         let windows = Mutex::new(0);
-        let keep = |unit: &FinishedUnit| {
-            state.lock().unwrap().push_str(&unit.line());
+        let mut keep = |unit: &FinishedUnit| {
+            state += &unit.line();
             Ok(())
         };
         let done = |n| *windows.lock().unwrap() += n;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let report = pool.install(|| robust(options, finished, &keep, &done)).unwrap();
+        let report = pool.install(|| robust(options, finished, &mut keep, &done)).unwrap();
         assert_eq!(*windows.lock().unwrap(), options.windows().unwrap());
-        (serde_json::to_string(&report).unwrap(), state.into_inner().unwrap())
+        (serde_json::to_string(&report).unwrap(), state)
     }
 
     #[test]

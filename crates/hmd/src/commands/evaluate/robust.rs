@@ -3,7 +3,6 @@
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
 
 use anyhow::Context;
 use ema_models::ActuatorParams;
@@ -33,20 +32,19 @@ pub(super) fn run(args: &Args) -> anyhow::Result<Exit> {
         entries: args.entry.clone(),
     };
     let windows = options.windows().map_err(as_misuse)?;
-    let (finished, state) = match &args.resume {
+    let (finished, mut state) = match &args.resume {
         Some(path) => {
             let (finished, state) = resumed(path, &options).with_context(|| path.display().to_string())?;
-            (finished, Some(Mutex::new(state)))
+            (finished, Some(state))
         }
         None => (Vec::new(), None),
     };
-    let keep = |unit: &FinishedUnit| -> io::Result<()> {
-        let Some(state) = &state else { return Ok(()) };
-        let mut file = state.lock().unwrap_or_else(PoisonError::into_inner);
-        file.write_all(unit.line().as_bytes())
+    let mut keep = |unit: &FinishedUnit| match &mut state {
+        Some(file) => file.write_all(unit.line().as_bytes()),
+        None => Ok(()),
     };
     let bar = progress::over_pieces(windows);
-    let report = robust(&options, finished, &keep, &|windows| bar.inc(windows)).map_err(as_misuse)?;
+    let report = robust(&options, finished, &mut keep, &|windows| bar.inc(windows)).map_err(as_misuse)?;
     bar.finish_and_clear();
     print(args, &report, robust_table)?;
     Ok(Exit::Done)

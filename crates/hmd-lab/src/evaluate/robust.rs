@@ -18,7 +18,7 @@ use std::sync::Arc;
 use ema_identify::unit_calibration::UnitCalibration;
 use ema_identify::unit_fit::WINDOWS_MIN;
 use ema_models::reference::EffectError;
-use ema_models::{ActuatorParams, FaultVector};
+use ema_models::{ActuatorParams, FaultVector, ParamsError};
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Models};
 use hmd_core::commissioning::{CommissioningError, calibrate_unit};
 use hmd_core::config::{Config, ConfigError};
@@ -150,7 +150,10 @@ pub enum RobustError {
     },
     /// The sample rate.
     #[error("--rate: {0}")]
-    Rate(#[from] ConfigError),
+    Rate(#[from] ParamsError),
+    /// The sample rate, by the load of a bus.
+    #[error("--rate: {0}")]
+    Config(#[from] ConfigError),
     /// An effect that the reference refuses.
     #[error(transparent)]
     Effect(#[from] EffectError),
@@ -193,7 +196,7 @@ impl RobustOptions {
     /// Windows that are assessed or used for calibration.
     ///
     /// # Errors
-    /// An unknown entry or type.
+    /// An unknown entry or type, or an impossible rate.
     pub fn windows(&self) -> Result<u64, RobustError> {
         Ok(self.plan()?.len() as u64 * self.windows_of_unit())
     }
@@ -212,9 +215,12 @@ impl RobustOptions {
         if let Some(unknown) = self.entries.iter().find(|name| !known(name)) {
             return Err(RobustError::Entry { found: unknown.clone() });
         }
-        let known = |name: &&String| ActuatorParams::BUILT_IN.contains(&name.as_str());
-        if let Some(unknown) = self.actuators.iter().find(|name| !known(name)) {
-            return Err(RobustError::Actuator { found: unknown.clone() });
+        for name in &self.actuators {
+            let Some(mut params) = ActuatorParams::built_in(name) else {
+                return Err(RobustError::Actuator { found: name.clone() });
+            };
+            params.sensors.sample_rate = self.rate_hz;
+            params.checked()?;
         }
         let is_meant = |entry: &&Entry| self.entries.is_empty() || self.entries.contains(&entry.name);
         let of_entry = |entry| self.actuators.iter().map(move |actuator| (entry, actuator.as_str()));
@@ -498,5 +504,9 @@ mod tests {
             ..tiny()
         };
         assert!(matches!(unknown.windows(), Err(RobustError::Actuator { .. })));
+        for rate_hz in [333.0, f64::NAN, -1.0] {
+            let odd = RobustOptions { rate_hz, ..tiny() };
+            assert!(matches!(odd.windows(), Err(RobustError::Rate(_))), "{rate_hz}");
+        }
     }
 }

@@ -68,7 +68,7 @@ fn resumed(path: &Path, options: &RobustOptions) -> anyhow::Result<(Vec<Finished
 /// A wrong argument is told as one.
 fn as_misuse(error: RobustError) -> anyhow::Error {
     match error {
-        RobustError::Entry { .. } | RobustError::Actuator { .. } | RobustError::Rate(_) => {
+        RobustError::Entry { .. } | RobustError::Actuator { .. } | RobustError::Rate(_) | RobustError::Config(_) => {
             Misuse(error.to_string()).into()
         }
         other => other.into(),

@@ -76,7 +76,7 @@ pub struct RobustReport {
     #[serde(flatten)]
     pub all: Group,
     /// The same for each actuator type.
-    pub actuators: Vec<Named>,
+    pub actuators: Vec<OfType>,
     /// The same for each entry.
     pub entries: Vec<EntryReport>,
 }
@@ -96,7 +96,7 @@ pub struct Group {
 
 /// Rates of the units of an actuator type.
 #[derive(Clone, Debug, Serialize)]
-pub struct Named {
+pub struct OfType {
     /// Name of the type.
     pub actuator: String,
     /// Its rates.
@@ -278,7 +278,7 @@ pub fn robust(
         actuators: options
             .actuators
             .iter()
-            .map(|actuator| Named {
+            .map(|actuator| OfType {
                 actuator: actuator.clone(),
                 group: group(&|unit| unit.actuator == *actuator),
             })

@@ -30,7 +30,7 @@ use serde::Serialize;
 
 use entries::{ENTRIES, Entry};
 use score::Tally;
-use unit::{Unit, config_of, draw_effects, single_fault};
+use unit::{UNIT_FILE, Unit, config_of, draw_effects, single_fault};
 
 pub use entries::{EntryKind, entry_names};
 pub use score::Rates;
@@ -358,17 +358,22 @@ fn run_unit(
         },
     );
     let before = before?;
-    let (refused, after) = match calibrated {
+    let usable = match calibrated {
+        // What `hmd calibrate` would not write.
+        Ok(calibration) => UnitCalibration::parse(&calibration.emit(), UNIT_FILE, actuator).map_err(|e| e.to_string()),
+        Err(refused) if refused.is_by_windows() => Err(refused.to_string()),
+        Err(error) => return Err(RobustError::Commissioning(error)),
+    };
+    let (refused, after) = match usable {
         Ok(calibration) => {
             let of_unit = models_of(&unit.config, &calibration)?;
             (None, assess_all(&unit.config, &of_unit, assessed, done)?)
         }
-        Err(refused) if refused.is_by_windows() => {
+        Err(refused) => {
             // Without a calibration of the unit, the same windows give the same results again.
             done(assessed_windows);
-            (Some(refused.to_string()), before.clone())
+            (Some(refused), before.clone())
         }
-        Err(error) => return Err(RobustError::Commissioning(error)),
     };
     Ok(FinishedUnit {
         entry: entry.name.clone(),

@@ -28,6 +28,9 @@ const DAMAGE: std::ops::Range<f64> = 0.15..0.4;
 /// Interface that the frames are on.
 const INTERFACE: &str = "can0";
 
+/// Name of the calibration of the unit; no file is written.
+pub(super) const UNIT_FILE: &str = "unit.toml";
+
 /// Places of the fault vector with the sign in which each grows worse; the controller gain drifts both ways.
 const DIRECTIONS: [(usize, f64); 8] = [
     (0, 1.0),
@@ -111,7 +114,7 @@ pub(super) fn single_fault(n: u64, seed: u64) -> (usize, FaultVector) {
 pub(super) fn config_of(type_name: &str, rate_hz: f64) -> Result<Config, hmd_core::config::ConfigError> {
     Config::from_toml_str(
         &format!(
-            "[[actuator]]\nid = 0\ntype = \"{type_name}\"\ncalibration = \"unit.toml\"\n\
+            "[[actuator]]\nid = 0\ntype = \"{type_name}\"\ncalibration = \"{UNIT_FILE}\"\n\
              [type.{type_name}.sensors]\nsample_rate_hz = {rate_hz:?}"
         ),
         "robust.toml",

@@ -487,6 +487,24 @@ mod tests {
     }
 
     #[test]
+    fn a_calibration_that_no_replay_would_take_is_refused() {
+        let options = RobustOptions {
+            rate_hz: 2000.0,
+            seed: 1,
+            actuators: vec!["servo28".to_owned()],
+            entries: vec!["vector_drive+dynamic_friction".to_owned()],
+            ..tiny()
+        };
+        let report = robust(&options, Vec::new(), &mut |_| Ok(()), &|_| ()).unwrap();
+        let reason = report.entries[0].of_units[0].reason.as_deref().unwrap();
+        assert!(
+            reason.contains("expected a unit's calibration, found resistance = 1.9"),
+            "{reason}"
+        );
+        assert_eq!(report.all.refused, 1);
+    }
+
+    #[test]
     fn the_state_of_another_run_and_unknown_names_are_refused() {
         let options = tiny();
         let other = RobustOptions { seed: 4, ..tiny() };

@@ -1,4 +1,4 @@
-//! Orders of pushing, judging and closing, drawn at random from a fixed seed, and by a scheduler that prefers rare ones.
+//! Orders of pushing, popping and closing, drawn at random from a fixed seed, and by a scheduler that prefers rare ones.
 
 use shuttle::scheduler::{PctScheduler, RandomScheduler, Scheduler};
 use shuttle::sync::Arc;
@@ -24,29 +24,29 @@ fn in_any_order(body: impl Fn() + Send + Sync + Clone + 'static) {
 const WINDOWS: usize = QUEUE_WINDOWS + 6;
 
 #[test]
-fn every_window_is_judged_or_given_back_once_and_in_order() {
+fn every_window_is_popped_or_returned_once_and_in_order() {
     in_any_order(|| {
         let queue = Arc::new(WindowQueue::new());
-        let judge = {
+        let consumer = {
             let queue = queue.clone();
             thread::spawn(move || std::iter::from_fn(|| queue.pop()).collect::<Vec<usize>>())
         };
         let dropped: Vec<usize> = (0..WINDOWS).filter_map(|n| queue.push(n)).collect();
         queue.close();
-        let judged = judge.join().unwrap();
-        assert!(judged.is_sorted() && dropped.is_sorted(), "{judged:?} {dropped:?}");
-        assert_eq!(judged.last(), Some(&(WINDOWS - 1)), "the newest is judged");
-        let mut all = [judged, dropped].concat();
+        let popped = consumer.join().unwrap();
+        assert!(popped.is_sorted() && dropped.is_sorted(), "{popped:?} {dropped:?}");
+        assert_eq!(popped.last(), Some(&(WINDOWS - 1)), "the newest is popped");
+        let mut all = [popped, dropped].concat();
         all.sort_unstable();
         assert_eq!(all, (0..WINDOWS).collect::<Vec<_>>());
     });
 }
 
 #[test]
-fn the_last_windows_wait_for_room_and_nobody_waits_for_ever() {
+fn the_last_windows_wait_for_room_and_no_thread_waits_for_ever() {
     in_any_order(|| {
         let queue = Arc::new(WindowQueue::new());
-        let judge = {
+        let consumer = {
             let queue = queue.clone();
             thread::spawn(move || std::iter::from_fn(|| queue.pop()).count())
         };
@@ -54,15 +54,15 @@ fn the_last_windows_wait_for_room_and_nobody_waits_for_ever() {
             queue.push_waiting(n);
         }
         queue.close();
-        assert_eq!(judge.join().unwrap(), WINDOWS);
+        assert_eq!(consumer.join().unwrap(), WINDOWS);
     });
 }
 
 #[test]
-fn a_judge_that_gives_up_sets_everybody_free() {
+fn closing_the_queue_unblocks_all_threads() {
     in_any_order(|| {
         let queue = Arc::new(WindowQueue::new());
-        let judge = {
+        let consumer = {
             let queue = queue.clone();
             thread::spawn(move || {
                 let first = queue.pop();
@@ -75,6 +75,6 @@ fn a_judge_that_gives_up_sets_everybody_free() {
         }
         assert!(queue.len() <= WINDOWS);
         queue.close();
-        assert_eq!(judge.join().unwrap(), Some(0));
+        assert_eq!(consumer.join().unwrap(), Some(0));
     });
 }

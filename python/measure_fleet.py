@@ -1,6 +1,6 @@
 """What a fleet costs on this computer: `cargo xtask fleet`. Prints the figures that stand in docs/fleet.md.
 
-measure_fleet.py FOLDER LOGS: simulates logs of one actuation at 400 Hz, ten of each unit, then judges them with one
+measure_fleet.py FOLDER LOGS: simulates logs of one actuation at 400 Hz, ten of each unit, then assesses them with one
 worker and with four, with four of which one is killed half-way, and once more.
 """
 
@@ -43,7 +43,7 @@ def make(unit: int, folder: Path) -> None:
         Path(f"{log}.truth.jsonl").unlink()
 
 
-def judge(folder: Path, out: Path, workers: int) -> float:
+def assess(folder: Path, out: Path, workers: int) -> float:
     """Seconds of a run, with everything: the start of Python and of the cluster, table and report."""
     before, busy_before, since = resource.getrusage(resource.RUSAGE_CHILDREN), busy_s(), time.monotonic()
     words = [sys.executable, "-m", "hmd.fleet", str(folder), "-o", str(out), "--workers", str(workers)]
@@ -95,15 +95,15 @@ def main() -> None:
     for _ in range(PAIRS):
         shutil.rmtree(outs["one"], ignore_errors=True)
         shutil.rmtree(outs["four"], ignore_errors=True)
-        pairs.append((judge(logs, outs["one"], 1), judge(logs, outs["four"], 4)))
+        pairs.append((assess(logs, outs["one"], 1), assess(logs, outs["four"], 4)))
         print(f"four workers: {pairs[-1][0] / pairs[-1][1]:.2f} times one", flush=True)
     one, four = (min(times) for times in zip(*pairs, strict=True))
     print(f"fastest of each: {one / four:.2f} times; {1e3 * one / count:.0f} ms of one worker for each log")
     killer = threading.Thread(target=kill_one, args=(outs["killed"], count // 2, outs["killed"]))
     killer.start()
-    judge(logs, outs["killed"], 4)
+    assess(logs, outs["killed"], 4)
     killer.join()
-    again = judge(logs, outs["killed"], 4)
+    again = assess(logs, outs["killed"], 4)
     print(f"again, with everything done: {again:.1f} s")
 
     tables = [pq.read_table(out / "fleet.parquet") for out in outs.values()]

@@ -216,8 +216,8 @@ impl Row {
             );
         }
         if (&self.status, &self.health, &self.faults) != (&golden.status, &golden.health, &golden.faults) {
-            let verdict = |row: &Self| format!("{} {} {:?}", row.status, row.health, row.faults);
-            differ("verdict", verdict(self), verdict(golden));
+            let outcome = |row: &Self| format!("{} {} {:?}", row.status, row.health, row.faults);
+            differ("outcome", outcome(self), outcome(golden));
         }
     }
 

@@ -41,14 +41,14 @@ pub(crate) struct AssessedWindow {
     table: Py<ArrowTable>,
 }
 
-/// Keeps what a replay tells.
-struct Gathered {
+/// Collects the records of a replay.
+struct CollectedRecords {
     lines: Vec<String>,
     notices: Vec<String>,
     rows: Batches,
 }
 
-impl Gathered {
+impl CollectedRecords {
     fn new() -> Self {
         Self {
             lines: Vec::new(),
@@ -63,7 +63,7 @@ impl Gathered {
         self.rows.row(health_row(&assessed.health, &assessed.rul));
     }
 
-    fn into_judged(mut self, py: Python<'_>, loss: Option<String>) -> PyResult<AssessedWindow> {
+    fn into_assessed(mut self, py: Python<'_>, loss: Option<String>) -> PyResult<AssessedWindow> {
         Ok(AssessedWindow {
             lines: self.lines,
             notices: self.notices,
@@ -73,7 +73,7 @@ impl Gathered {
     }
 }
 
-impl Observer for Gathered {
+impl Observer for CollectedRecords {
     fn assessed(&mut self, assessed: &assess::AssessedWindow) -> io::Result<()> {
         self.take(assessed);
         Ok(())
@@ -102,7 +102,7 @@ fn checked_config(path: Option<&PathBuf>) -> anyhow::Result<Arc<Config>> {
     Ok(Arc::new(config))
 }
 
-/// Judges logs.
+/// Assesses logs.
 #[pyfunction]
 pub(crate) fn replay(
     py: Python<'_>,
@@ -115,19 +115,19 @@ pub(crate) fn replay(
     if logs.is_empty() {
         return Err(misuse("expected a log, found none"));
     }
-    let (gathered, loss) = compute(py, threads, || {
-        let mut gathered = Gathered::new();
+    let (records, loss) = compute(py, threads, || {
+        let mut records = CollectedRecords::new();
         let replay = Replay {
             logs: &logs,
             output: output.as_deref(),
             config: checked_config(config.as_ref())?,
             seed,
         };
-        let summary = replay.run(&mut gathered)?;
+        let summary = replay.run(&mut records)?;
         summary.check(&logs, &replay.config)?;
-        Ok((gathered, summary.loss()))
+        Ok((records, summary.loss()))
     })?;
-    gathered.into_judged(py, loss)
+    records.into_assessed(py, loss)
 }
 
 /// Samples of one actuator, a value of each column for each sample.
@@ -244,19 +244,17 @@ pub(crate) fn identify(
             "actuator: expected one of the configuration, found {actuator:?}"
         )));
     };
-    let gathered = compute(py, threads, || {
-        let mut gathered = Gathered::new();
+    let records = compute(py, threads, || {
+        let mut records = CollectedRecords::new();
         let (jobs, notices) = cut_windows(&config, &known, rate, conditions, samples);
-        gathered
-            .notices
-            .extend(notices.into_iter().map(|notice| notice.message));
+        records.notices.extend(notices.into_iter().map(|notice| notice.message));
         let events = load_events(&config)?;
         let mut assessor = Assessor::new(config.clone(), load_models(&config)?, seed);
         assessor.histories().set_events(events);
         for job in jobs {
-            gathered.take(&assessor.assess(job)?);
+            records.take(&assessor.assess(job)?);
         }
-        Ok(gathered)
+        Ok(records)
     })?;
-    gathered.into_judged(py, None)
+    records.into_assessed(py, None)
 }

@@ -9,7 +9,7 @@ create_exception!(
     hmd,
     Error,
     PyException,
-    "What `hmd` would end with 1 for: a log that cannot be read or has nothing to judge."
+    "What `hmd` would end with 1 for: a log that cannot be read or has nothing to assess."
 );
 create_exception!(
     hmd,

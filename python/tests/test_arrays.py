@@ -93,10 +93,10 @@ def test_arrays_that_make_no_sense_are_refused(worn: Path) -> None:
         with pytest.raises(hmd.UsageError) as caught:
             hmd.identify(**{**samples, **change})
         assert str(caught.value).replace(str(n), "1000").replace(str(n - 1), "999").startswith(text)
-    # No windower for such a rate: said, not judged.
-    judged = hmd.identify(**{**samples, "rate_hz": math.nan})
-    assert judged.lines == []
-    assert "not monitored" in judged.notices[0]
+    # No windower for such a rate: reported, not assessed.
+    assessed = hmd.identify(**{**samples, "rate_hz": math.nan})
+    assert assessed.lines == []
+    assert "not monitored" in assessed.notices[0]
 
 
 def test_raw_samples_have_units_and_go_to_polars(worn: Path) -> None:
@@ -115,7 +115,7 @@ def test_raw_samples_have_units_and_go_to_polars(worn: Path) -> None:
 
 def test_records_are_those_of_the_export(program: str, worn: Path, tmp_path: Path) -> None:
     recorded = tmp_path / "worn.mcap"
-    judged = hmd.replay(worn, output=recorded)
+    assessed = hmd.replay(worn, output=recorded)
     for kind in ("health", "samples"):
         exported = tmp_path / f"{kind}.parquet"
         subprocess.run([program, "export", recorded, "--table", kind, "-o", exported], check=True)
@@ -127,7 +127,7 @@ def test_records_are_those_of_the_export(program: str, worn: Path, tmp_path: Pat
         assert table.cast(expected.schema, safe=True).to_pylist() == expected.to_pylist()
         units = json.loads(pq.read_metadata(exported).metadata[b"units"])
         assert {f.name: f.metadata[b"unit"].decode() for f in table.schema if f.metadata} == units
-    assert hmd.read_records(recorded).equals(judged.to_arrow())
+    assert hmd.read_records(recorded).equals(assessed.to_arrow())
 
 
 def test_damage_is_warned_of(worn: Path, tmp_path: Path) -> None:

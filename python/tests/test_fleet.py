@@ -20,7 +20,7 @@ from conftest import REPOSITORY
 import hmd
 from hmd.fleet import Job, cluster, contract, find_logs, one_log
 from hmd.fleet.__main__ import run
-from hmd.fleet.look import outliers, read_units, silent, trends, worst
+from hmd.fleet.statistics import outliers, rarely_assessed, read_units, trends, worst
 
 UNITS, DAYS = 6, 10
 DAY_S = 86_400
@@ -74,8 +74,8 @@ def test_a_result_is_the_replay_and_is_named_by_what_it_is_made_of(fleet: Path, 
     outcome = one_log(log, job)
     assert outcome.computed
     head, *lines = job.result(outcome.key).read_text().splitlines()
-    told = subprocess.run([program, "replay", log, "--json"], capture_output=True, text=True, check=True)
-    assert lines == told.stdout.splitlines()
+    replayed = subprocess.run([program, "replay", log, "--json"], capture_output=True, text=True, check=True)
+    assert lines == replayed.stdout.splitlines()
     assert json.loads(head)["exit"] == 0
     again = one_log(log, job)
     assert (again.key, again.computed) == (outcome.key, False)
@@ -85,7 +85,7 @@ def test_a_result_is_the_replay_and_is_named_by_what_it_is_made_of(fleet: Path, 
     others = [Job.prepared(tmp_path / "out", None, 2), Job.prepared(tmp_path / "out", config, 1)]
     keys = {outcome.key, *(other.key(outcome.content) for other in others), job.key("other bytes")}
     assert len(keys) == 4
-    config.write_text("# the same, said otherwise\n[window]\nduration_ms = 300.0\n")
+    config.write_text("# the same, written otherwise\n[window]\nduration_ms = 300.0\n")
     assert Job.prepared(tmp_path / "out", config, 1).identity == others[1].identity
 
 
@@ -173,7 +173,7 @@ def test_a_killed_worker_changes_nothing_and_a_second_run_does_nothing(
     assert run(fleet, rough, workers=2) == 0
     assert time.monotonic() - since < 2
     assert {path: path.stat().st_mtime_ns for path in rough.rglob("*") if path.is_file()} == before
-    assert f" 0 judged now, {UNITS * DAYS} were done" in capsys.readouterr().out.splitlines()[-1]
+    assert f" 0 assessed now, {UNITS * DAYS} were done" in capsys.readouterr().out.splitlines()[-1]
 
 
 def worker_of_this_process() -> int:
@@ -185,7 +185,7 @@ def worker_of_this_process() -> int:
     return int(nannies[0].pid)
 
 
-def test_a_log_that_kills_its_worker_is_listed_and_the_others_are_judged(
+def test_a_log_that_kills_its_worker_is_listed_and_the_others_are_assessed(
     fleet: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = tmp_path / "logs"
@@ -207,23 +207,23 @@ def test_a_log_that_kills_its_worker_is_listed_and_the_others_are_judged(
     monkeypatch.setattr(cluster, "batch", deadly)
     out = tmp_path / "out"
     assert run(folder, out, workers=2) == 3
-    told = json.loads((out / "fleet.json").read_text())
-    assert told["counts"] | {"judged": 9, "bad": 1} == told["counts"]
-    assert told["bad"] == [{"log": "deadly.log", "message": "its worker died each time"}]
+    summary = json.loads((out / "fleet.json").read_text())
+    assert summary["counts"] | {"judged": 9, "bad": 1} == summary["counts"]
+    assert summary["bad"] == [{"log": "deadly.log", "message": "its worker died each time"}]
 
 
 def test_bad_logs_are_listed_and_end_nothing(spoilt: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert run(spoilt, out, workers=2) == 3
-    told = json.loads((out / "fleet.json").read_text())
+    summary = json.loads((out / "fleet.json").read_text())
     counts = {"logs": 8, "judged": 5, "bad": 2, "with_losses": 1, "same_twice": 1, "windows": 5, "units": 2}
-    assert told["counts"] == counts
-    assert [bad["log"] for bad in told["bad"]] == ["bad.mcap", "empty.log"]
-    assert told["lossy"][0]["log"] == "torn.log"
-    assert told["twice"] == [{"log": "zz-copy.log", "same_as": "unit-0/day-00.log"}]
+    assert summary["counts"] == counts
+    assert [bad["log"] for bad in summary["bad"]] == ["bad.mcap", "empty.log"]
+    assert summary["lossy"][0]["log"] == "torn.log"
+    assert summary["twice"] == [{"log": "zz-copy.log", "same_as": "unit-0/day-00.log"}]
     report = (out / "report.html").read_text()
-    assert all(escape(bad["message"]) in report for bad in told["bad"])
-    # A log that is mended is judged, and only that one.
+    assert all(escape(bad["message"]) in report for bad in summary["bad"])
+    # A log that is mended is assessed, and only that one.
     (spoilt / "empty.log").write_bytes((spoilt / "unit-0/day-02.log").read_bytes().replace(b"(17", b"(18"))
     assert run(spoilt, out, workers=2) == 3
     assert json.loads((out / "fleet.json").read_text())["counts"]["judged"] == 6
@@ -247,7 +247,7 @@ def test_the_report_finds_the_unit_that_wears(fleet: Path, tmp_path: Path) -> No
     Balanced().feed(text)
 
 
-def test_a_unit_that_was_never_judged_is_listed_as_such(fleet: Path, tmp_path: Path) -> None:
+def test_a_unit_that_was_never_assessed_is_listed_as_such(fleet: Path, tmp_path: Path) -> None:
     folder = tmp_path / "logs"
     for day in range(3):
         log = fleet / f"unit-1/day-{day:02}.log"
@@ -261,9 +261,9 @@ def test_a_unit_that_was_never_judged_is_listed_as_such(fleet: Path, tmp_path: P
     (folder / "dumb/0.log").write_text("".join(lines))
     assert run(folder, tmp_path / "out", workers=0) == 3
     units = read_units(tmp_path / "out/fleet.parquet")
-    assert [unit.name for unit in silent(units)] == ["dumb/ema0"]
+    assert [unit.name for unit in rarely_assessed(units)] == ["dumb/ema0"]
     assert [unit.name for unit in worst(units)] == ["good/ema0"]
-    assert "Hardly judged" in (tmp_path / "out/report.html").read_text()
+    assert "Hardly assessed" in (tmp_path / "out/report.html").read_text()
 
 
 class Balanced(HTMLParser):

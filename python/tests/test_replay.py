@@ -39,24 +39,24 @@ def test_the_lines_are_those_of_the_program(
     ended = command(program, log, "--json", "--seed", str(seed), *options)
     assert ended.returncode == 0, ended.stderr
     for threads in (1, 3):
-        judged = hmd.replay(log, config=config, seed=seed, threads=threads)
-        assert "".join(f"{line}\n" for line in judged.lines) == ended.stdout
-        assert judged.loss is None
-    assert [json.loads(line) for line in ended.stdout.splitlines()] == judged.windows
+        assessed = hmd.replay(log, config=config, seed=seed, threads=threads)
+        assert "".join(f"{line}\n" for line in assessed.lines) == ended.stdout
+        assert assessed.loss is None
+    assert [json.loads(line) for line in ended.stdout.splitlines()] == assessed.windows
 
 
 def test_another_seed_or_configuration_gives_another_result(tmp_path: Path) -> None:
     config = tmp_path / "hmd.toml"
     config.write_text(STRICT)
     results = [hmd.replay(LOGS[0], seed=1), hmd.replay(LOGS[0], seed=2), hmd.replay(LOGS[0], config=config)]
-    assert len({tuple(judged.lines) for judged in results}) == 3
+    assert len({tuple(assessed.lines) for assessed in results}) == 3
 
 
 def test_the_table_holds_the_same_numbers_for_pandas(worn: Path) -> None:
-    judged = hmd.replay(worn)
-    frame: pandas.DataFrame = judged.to_arrow().to_pandas()
-    assert len(frame) == len(judged.windows) == 2
-    for (_, row), window in zip(frame.iterrows(), judged.windows, strict=True):
+    assessed = hmd.replay(worn)
+    frame: pandas.DataFrame = assessed.to_arrow().to_pandas()
+    assert len(frame) == len(assessed.windows) == 2
+    for (_, row), window in zip(frame.iterrows(), assessed.windows, strict=True):
         assert row["t_start_ns"].value == window["t_start_ns"]
         for n in range(8):
             assert row[f"k{n + 1}"] == window["k"][n]
@@ -95,18 +95,18 @@ def test_an_error_is_the_sentence_of_the_program(program: str, tmp_path: Path) -
         assert ended.stderr.splitlines()[-1] == f"hmd: {caught.value}"
 
 
-def test_what_is_lost_is_said_and_the_rest_is_judged(program: str, worn: Path, tmp_path: Path) -> None:
+def test_losses_are_reported_and_the_rest_is_assessed(program: str, worn: Path, tmp_path: Path) -> None:
     lines = worn.read_text().splitlines(keepends=True)
     lines[3000] = "this is no frame\n"
     torn = tmp_path / "torn.log"
     torn.write_text("".join(lines))
     ended = command(program, torn, "--json")
-    judged = hmd.replay(torn)
+    assessed = hmd.replay(torn)
     assert ended.returncode == 3
-    assert judged.loss is not None
-    assert f"{torn}: {judged.loss}" in ended.stderr
-    assert all(notice in ended.stderr for notice in judged.notices)
-    assert ended.stdout.splitlines() == judged.lines
+    assert assessed.loss is not None
+    assert f"{torn}: {assessed.loss}" in ended.stderr
+    assert all(notice in ended.stderr for notice in assessed.notices)
+    assert ended.stdout.splitlines() == assessed.lines
 
 
 def test_other_threads_go_on_meanwhile() -> None:

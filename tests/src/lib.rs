@@ -1,1 +1,1 @@
-//! End-to-end stories; see the files beside this package's manifest.
+//! End-to-end tests; see the files beside this package's manifest.

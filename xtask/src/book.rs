@@ -248,10 +248,10 @@ fn build() -> anyhow::Result<()> {
     let book = target_dir()?.join("book");
     let mut mdbook = program(MDBOOK.path()?, ["build", "docs", "--dest-dir"]);
     let built = mdbook.arg(&book).output().context("mdbook")?;
-    let said = String::from_utf8_lossy(&built.stderr);
-    eprint!("{said}");
+    let text = String::from_utf8_lossy(&built.stderr);
+    eprint!("{text}");
     ensure!(built.status.success(), "mdbook: {}", built.status);
-    ensure!(!said.contains("WARN"), "mdbook: expected no warning");
+    ensure!(!text.contains("WARN"), "mdbook: expected no warning");
     links::check(&book)?;
     eprintln!("the book: {}", book.join("index.html").display());
     Ok(())

@@ -1,6 +1,6 @@
-//! The daemon on real SocketCAN: user-mode Linux with virtual CAN interfaces, real players, and the books checked.
+//! The daemon on real SocketCAN: user-mode Linux with virtual CAN interfaces, real players, and the counts checked.
 //!
-//! Nothing that runs inside judges: `can/guest.sh` plays and writes down, and this compares with what was played.
+//! Nothing is checked inside: `can/guest.sh` plays and records, and this compares with what was played.
 
 mod guest;
 mod logs;
@@ -81,7 +81,11 @@ fn stream(results: &Results, hmd: &Path, folder: &Path) -> anyhow::Result<()> {
     equal("decoded", decoded, received)?;
     let dropped = results.counted("stream", "windows")?;
     let expected = u64::from(logs::ACTUATORS * logs::STREAM_S);
-    equal("windows", dropped + windows(&results.said("stream.jsonl")?)?, expected)?;
+    equal(
+        "windows",
+        dropped + windows(&results.output("stream.jsonl")?)?,
+        expected,
+    )?;
 
     let live = folder.join("stream.jsonl");
     let again = folder.join("stream.replayed.jsonl");
@@ -109,7 +113,7 @@ fn stream(results: &Results, hmd: &Path, folder: &Path) -> anyhow::Result<()> {
 /// What became of one actuator's windows.
 #[derive(Default)]
 struct Tally {
-    judged: u64,
+    assessed: u64,
     right: u64,
     other: u64,
 }
@@ -118,7 +122,7 @@ struct Tally {
 /// the others.
 ///
 /// The guest's one processor may hold a frame back for longer than the parts of a sample may be apart, and such a window
-/// may not be judged; so not every window must be, nor every one right.
+/// may not be assessed; so not every window must be, nor every one right.
 fn windows(lines: &str) -> anyhow::Result<u64> {
     let mut tally: BTreeMap<u32, Tally> = BTreeMap::new();
     for line in lines.lines() {
@@ -133,7 +137,7 @@ fn windows(lines: &str) -> anyhow::Result<u64> {
         );
         let tally = tally.entry(id).or_default();
         if status == "ok" || status == "degraded" {
-            tally.judged += 1;
+            tally.assessed += 1;
             tally.right += u64::from(found == expected);
         } else {
             tally.other += 1;
@@ -146,21 +150,21 @@ fn windows(lines: &str) -> anyhow::Result<u64> {
     )?;
     for (id, of) in &tally {
         eprintln!(
-            "  ema{id}: {} windows judged, {} of them right; {} not judged",
-            of.judged, of.right, of.other
+            "  ema{id}: {} windows assessed, {} of them right; {} not assessed",
+            of.assessed, of.right, of.other
         );
     }
     for (id, of) in &tally {
         ensure!(
-            of.judged >= 4 * of.other,
-            "ema{id}: expected four of five windows judged"
+            of.assessed >= 4 * of.other,
+            "ema{id}: expected four of five windows assessed"
         );
         ensure!(
-            10 * of.right >= 9 * of.judged,
-            "ema{id}: expected nine of ten judged windows right"
+            10 * of.right >= 9 * of.assessed,
+            "ema{id}: expected nine of ten assessed windows right"
         );
     }
-    Ok(tally.values().map(|of| of.judged + of.other).sum())
+    Ok(tally.values().map(|of| of.assessed + of.other).sum())
 }
 
 /// FD, foreign and error frames, and a flood.
@@ -184,8 +188,8 @@ fn bus(results: &Results, folder: &Path) -> anyhow::Result<()> {
         decoded + malformed + ERROR_FRAMES,
         received,
     )?;
-    let said = results.said("bus.err")?;
-    let states: Vec<_> = said
+    let text = results.output("bus.err")?;
+    let states: Vec<_> = text
         .lines()
         .filter_map(|line| line.strip_prefix("vcan0: bus "))
         .collect();
@@ -205,8 +209,8 @@ fn bus(results: &Results, folder: &Path) -> anyhow::Result<()> {
 
 /// An interface that comes and goes.
 fn link(results: &Results) -> anyhow::Result<()> {
-    let said = results.said("link.err")?;
-    let states: Vec<_> = said
+    let text = results.output("link.err")?;
+    let states: Vec<_> = text
         .lines()
         .filter_map(|line| line.strip_prefix("vcan0: "))
         .map(|line| line.split(' ').next().unwrap_or_default())
@@ -225,7 +229,7 @@ fn link(results: &Results) -> anyhow::Result<()> {
     );
     ensure!(
         results
-            .said("link.deleted")?
+            .output("link.deleted")?
             .trim_end()
             .lines()
             .next_back()
@@ -256,35 +260,35 @@ fn slcan(results: &Results, folder: &Path) -> anyhow::Result<()> {
     equal("frames received", results.counted("slcan", "frames received")?, played)?;
     equal("decoded", results.counted("slcan", "decoded")?, played)?;
     equal("frames to send", results.number("slcan.asked")?, 0)?;
-    let lines = results.said("slcan.jsonl")?;
-    // As in the stream: the guest may tear a sample apart, and then its window is not judged.
-    let judged = lines.lines().filter(|line| !line.contains("\"k\":null")).count();
+    let lines = results.output("slcan.jsonl")?;
+    // As in the stream: the guest may tear a sample apart, and then its window is not assessed.
+    let assessed = lines.lines().filter(|line| !line.contains("\"k\":null")).count();
     let right = lines
         .lines()
         .filter(|line| line.contains("\"faults\":[\"friction\"]"))
         .count();
     equal("windows", lines.lines().count() as u64, logs::SLCAN_WINDOWS.into())?;
     ensure!(
-        judged > 0 && right == judged,
-        "expected friction in every window that was judged, found {lines}"
+        assessed > 0 && right == assessed,
+        "expected friction in every window that was assessed, found {lines}"
     );
-    eprintln!("slcan: {played} frames, none sent; {judged} windows judged, all right");
+    eprintln!("slcan: {played} frames, none sent; {assessed} windows assessed, all right");
     Ok(())
 }
 
-/// Whatever comes and goes, the next actuations are judged.
+/// Whatever comes and goes, the next actuations are assessed.
 fn order(results: &Results, folder: &Path) -> anyhow::Result<()> {
     let missed = fs::read_to_string(folder.join("order.missed")).unwrap_or_default();
     ensure!(missed.is_empty(), "seed {SEED}: {missed}");
     let events = results.number("order.events")?;
     // Once more before the first.
     equal(
-        "events after which actuations were judged",
+        "events after which actuations were assessed",
         results.number("order.good")?,
         events + 1,
     )?;
     equal("daemons that failed", results.number("order.failed")?, 0)?;
-    eprintln!("order: {events} events by seed {SEED}, actuations judged after each");
+    eprintln!("order: {events} events by seed {SEED}, actuations assessed after each");
     Ok(())
 }
 

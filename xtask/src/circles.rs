@@ -1,12 +1,12 @@
-//! Import circles: modules of one crate that import each other, directly or through others.
+//! Import cycles: modules of one crate that import each other, directly or through others.
 //!
-//! In: the library and the programs of every package of the workspace. Out: each circle with one import for each of its
-//! steps; any circle is an error.
+//! In: the library and the programs of every package of the workspace. Out: each cycle with one import for each of its
+//! steps; any cycle is an error.
 //!
-//! The idea: a file and its submodules are one room. An import between two modules is an edge between the two children of
+//! The idea: a file and its submodules count as one module. An import between two modules is an edge between the two children of
 //! their nearest common parent which contain them, and no set of siblings may import each other. An import of a name that
 //! a module passes on (`pub use b::X`) is an import of the module where the name is defined. What a parent defines is free
-//! for its children, and what a child defines is free for its parent: these are one room. Code for tests does not count.
+//! for its children, and what a child defines is free for its parent: these count as one. Code for tests does not count.
 
 mod graph;
 mod modules;
@@ -18,29 +18,29 @@ use serde_json::Value;
 
 use crate::shell::{cargo, root};
 
-/// Looks for circles in every crate of the workspace.
+/// Looks for import cycles in every crate of the workspace.
 pub(crate) fn check() -> anyhow::Result<()> {
     let metadata = ["metadata", "--no-deps", "--offline", "--format-version", "1"];
     let output = cargo(metadata).output().context("cargo metadata")?;
     ensure!(output.status.success(), "cargo metadata: {}", output.status);
     let metadata: Value = serde_json::from_slice(&output.stdout).context("cargo metadata")?;
-    let (mut crates, mut modules, mut circles) = (0, 0, 0);
+    let (mut crates, mut modules, mut cycles) = (0, 0, 0);
     for package in list(&metadata["packages"]) {
         for target in list(&package["targets"]).filter(|target| is_product(target)) {
             let file = Path::new(target["src_path"].as_str().context("src_path of a target")?);
             let tree = modules::Tree::read(file)?;
-            let found = graph::circles(&tree);
-            for circle in &found {
+            let found = graph::cycles(&tree);
+            for cycle in &found {
                 let shown = file.strip_prefix(root()).unwrap_or(file).display();
-                println!("{} ({shown}): {circle}", package["name"].as_str().unwrap_or_default());
+                println!("{} ({shown}): {cycle}", package["name"].as_str().unwrap_or_default());
             }
             crates += 1;
             modules += tree.modules.len();
-            circles += found.len();
+            cycles += found.len();
         }
     }
-    println!("{crates} crates, {modules} modules, {circles} import circles");
-    ensure!(circles == 0, "expected no import circle, found {circles}");
+    println!("{crates} crates, {modules} modules, {cycles} import cycles");
+    ensure!(cycles == 0, "expected no import cycle, found {cycles}");
     Ok(())
 }
 
@@ -60,9 +60,9 @@ fn list(values: &Value) -> impl Iterator<Item = &Value> {
 mod tests {
     use super::*;
 
-    /// Circles of a crate whose files are given by their paths; the first one is its root.
-    fn circles(files: &[(&str, &str)]) -> Vec<String> {
-        let folder = std::env::temp_dir().join(format!("circles-{}-{:p}", std::process::id(), files));
+    /// Cycles of a crate whose files are given by their paths; the first one is its root.
+    fn cycles(files: &[(&str, &str)]) -> Vec<String> {
+        let folder = std::env::temp_dir().join(format!("cycles-{}-{:p}", std::process::id(), files));
         for (path, text) in files {
             let file = folder.join(path);
             std::fs::create_dir_all(file.parent().unwrap()).unwrap();
@@ -70,13 +70,13 @@ mod tests {
         }
         let tree = modules::Tree::read(&folder.join(files[0].0)).unwrap();
         std::fs::remove_dir_all(&folder).unwrap();
-        let found = graph::circles(&tree);
-        found.iter().map(|circle| circle.rooms.join(" ")).collect()
+        let found = graph::cycles(&tree);
+        found.iter().map(|cycle| cycle.modules.join(" ")).collect()
     }
 
     #[test]
-    fn two_files_that_import_each_other_are_a_circle() {
-        let found = circles(&[
+    fn two_files_that_import_each_other_are_a_cycle() {
+        let found = cycles(&[
             ("lib.rs", "mod a; mod b; mod c;"),
             ("a.rs", "use crate::b::B; pub struct A(B); use crate::c::C;"),
             ("b.rs", "pub struct B; fn f() -> super::a::A { todo!() }"),
@@ -86,8 +86,8 @@ mod tests {
     }
 
     #[test]
-    fn a_circle_of_three_is_one() {
-        let found = circles(&[
+    fn a_cycle_of_three_is_one() {
+        let found = cycles(&[
             ("lib.rs", "mod a; mod b; mod c;"),
             ("a.rs", "use crate::b::B;"),
             ("b.rs", "pub struct B; use crate::{c::{self, C}};"),
@@ -97,8 +97,8 @@ mod tests {
     }
 
     #[test]
-    fn a_file_and_its_submodules_are_one_room() {
-        let found = circles(&[
+    fn a_file_and_its_submodules_count_as_one_module() {
+        let found = cycles(&[
             ("lib.rs", "mod a; mod b;"),
             (
                 "a.rs",
@@ -108,7 +108,7 @@ mod tests {
             ("b.rs", "pub struct B;"),
         ]);
         assert_eq!(found, [""; 0]);
-        let found = circles(&[
+        let found = cycles(&[
             ("lib.rs", "mod a; mod b;"),
             ("a/mod.rs", "mod inner; use crate::b::B;"),
             ("a/inner.rs", "pub struct Inner;"),
@@ -119,45 +119,45 @@ mod tests {
 
     #[test]
     fn a_name_that_a_parent_passes_on_counts_where_it_is_defined() {
-        let found = circles(&[
-            ("lib.rs", "mod room;"),
+        let found = cycles(&[
+            ("lib.rs", "mod outer;"),
             (
-                "room.rs",
+                "outer.rs",
                 "mod a; mod b; pub use a::A; pub(crate) use b::*; pub struct Own;",
             ),
-            ("room/a.rs", "use super::{B, Own}; pub struct A;"),
-            ("room/b.rs", "use crate::room::A as Other; pub struct B;"),
+            ("outer/a.rs", "use super::{B, Own}; pub struct A;"),
+            ("outer/b.rs", "use crate::outer::A as Other; pub struct B;"),
         ]);
-        assert_eq!(found, ["room::a room::b"]);
-        let found = circles(&[
-            ("lib.rs", "mod room;"),
-            ("room.rs", "mod a; mod b; pub use a::A; pub struct Own;"),
-            ("room/a.rs", "use super::*; pub struct A; fn f() -> Own { todo!() }"),
-            ("room/b.rs", "use super::*; pub struct B; fn f() -> A { todo!() }"),
+        assert_eq!(found, ["outer::a outer::b"]);
+        let found = cycles(&[
+            ("lib.rs", "mod outer;"),
+            ("outer.rs", "mod a; mod b; pub use a::A; pub struct Own;"),
+            ("outer/a.rs", "use super::*; pub struct A; fn f() -> Own { todo!() }"),
+            ("outer/b.rs", "use super::*; pub struct B; fn f() -> A { todo!() }"),
         ]);
         assert_eq!(found, [""; 0]);
     }
 
     #[test]
     fn names_that_come_by_a_star_count_where_they_are_used() {
-        let found = circles(&[
-            ("lib.rs", "mod room;"),
-            ("room.rs", "mod a; mod b; pub use a::A; use b::B;"),
-            ("room/a.rs", "use super::*; pub struct A; fn f() -> B { todo!() }"),
-            ("room/b.rs", "use super::*; pub struct B; fn f() -> A { todo!() }"),
+        let found = cycles(&[
+            ("lib.rs", "mod outer;"),
+            ("outer.rs", "mod a; mod b; pub use a::A; use b::B;"),
+            ("outer/a.rs", "use super::*; pub struct A; fn f() -> B { todo!() }"),
+            ("outer/b.rs", "use super::*; pub struct B; fn f() -> A { todo!() }"),
         ]);
-        assert_eq!(found, ["room::a room::b"]);
+        assert_eq!(found, ["outer::a outer::b"]);
     }
 
     #[test]
     fn macros_and_paths_within_them_count() {
-        let found = circles(&[
+        let found = cycles(&[
             ("lib.rs", "#[macro_use] mod a; mod b;"),
             ("a.rs", "macro_rules! low { () => { $crate::b::B } }"),
             ("b.rs", "pub struct B; fn f() { low!(); }"),
         ]);
         assert_eq!(found, ["a b"]);
-        let found = circles(&[
+        let found = cycles(&[
             ("lib.rs", "mod a; mod b;"),
             ("a.rs", "pub fn a() { println!(\"{}\", crate::b::b()); }"),
             ("b.rs", "use crate::a; pub fn b() {}"),
@@ -167,7 +167,7 @@ mod tests {
 
     #[test]
     fn code_for_tests_and_documentation_do_not_count() {
-        let found = circles(&[
+        let found = cycles(&[
             ("lib.rs", "mod a; mod b;"),
             ("a.rs", "use crate::b::B; pub struct A;"),
             (

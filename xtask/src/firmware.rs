@@ -75,7 +75,7 @@ pub(crate) fn check() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The whole life of one actuator on the processor, watched, judged and compared.
+/// The whole life of one actuator on the processor, watched, assessed and compared.
 fn watch(wear: &Wear, programs: &Programs, folder: &Path) -> anyhow::Result<()> {
     let hmd = || program(programs.hmd(), [] as [&str; 0]);
     let expected = by_host(wear, programs, &folder.join("expected.bin"))?;
@@ -105,15 +105,15 @@ fn watch(wear: &Wear, programs: &Programs, folder: &Path) -> anyhow::Result<()> 
         fs::read(&sent)? == expected,
         "the firmware and the host program send different bytes"
     );
-    daemon.wait_until(LIMIT, "a line for each actuation", |said| {
-        said.lines().filter(|line| line.starts_with('{')).count() >= WINDOWS
+    daemon.wait_until(LIMIT, "a line for each actuation", |output| {
+        output.lines().filter(|line| line.starts_with('{')).count() >= WINDOWS
     })?;
     run(program("kill", ["-TERM", &daemon.child.id().to_string()]))?;
     let ended = daemon.wait(SOON)?;
-    ensure!(ended.success(), "hmd run: {ended}: {}", daemon.said());
+    ensure!(ended.success(), "hmd run: {ended}: {}", daemon.output());
 
     let lines = daemon.lines();
-    wear.judge(&lines)?;
+    wear.check_lines(&lines)?;
     let replayed = folder.join("replay.jsonl");
     let mut replay = hmd();
     replay.args(["replay", "--json", "-c"]).arg(&config).arg(&log);
@@ -183,8 +183,8 @@ impl Wear {
             .join(" ")
     }
 
-    /// Nothing before the damage is worth a word, then its name alone, and its level.
-    fn judge(&self, lines: &str) -> anyhow::Result<()> {
+    /// Checks the lines: no fault before the damage, then its name alone, and its level.
+    fn check_lines(&self, lines: &str) -> anyhow::Result<()> {
         let lines: Vec<&str> = lines.lines().collect();
         ensure!(
             lines.len() == WINDOWS,
@@ -218,7 +218,7 @@ impl Wear {
     }
 }
 
-/// A program at work, with what it says in two files; it does not outlive this.
+/// A running program with its output in two files; dropping this ends it.
 struct Running {
     child: Child,
     out: PathBuf,
@@ -234,8 +234,8 @@ impl Running {
         Ok(Self { child, out, err })
     }
 
-    /// All that it has said so far.
-    fn said(&self) -> String {
+    /// All its output so far.
+    fn output(&self) -> String {
         self.lines() + &read(&self.err)
     }
 
@@ -244,22 +244,26 @@ impl Running {
         read(&self.out)
     }
 
-    /// Waits until it says something with `part` in it, and gives the word in which that ends.
+    /// Waits until its output contains `part`, and returns the word in which that ends.
     fn wait_for(&mut self, part: &str) -> anyhow::Result<String> {
-        let whole_word = |said: &str| {
-            let after = &said[said.find(part)? + part.rfind(' ')? + 1..];
+        let whole_word = |output: &str| {
+            let after = &output[output.find(part)? + part.rfind(' ')? + 1..];
             Some(after[..after.find(char::is_whitespace)?].to_owned())
         };
-        self.wait_until(SOON, part, |said| whole_word(said).is_some())?;
-        whole_word(&self.said()).context("expected what was there")
+        self.wait_until(SOON, part, |output| whole_word(output).is_some())?;
+        whole_word(&self.output()).context("expected what was there")
     }
 
     fn wait_until(&mut self, limit: Duration, what: &str, reached: impl Fn(&str) -> bool) -> anyhow::Result<()> {
         let since = Instant::now();
-        while !reached(&self.said()) {
+        while !reached(&self.output()) {
             let ended = self.child.try_wait()?;
             if since.elapsed() > limit || ended.is_some() {
-                bail!("expected {what}, found after {:.0?}: {}", since.elapsed(), self.said());
+                bail!(
+                    "expected {what}, found after {:.0?}: {}",
+                    since.elapsed(),
+                    self.output()
+                );
             }
             sleep(Duration::from_millis(20));
         }
@@ -274,7 +278,7 @@ impl Running {
                 return Ok(status);
             }
             if since.elapsed() > limit {
-                bail!("expected an end within {limit:.0?}, found: {}", self.said());
+                bail!("expected an end within {limit:.0?}, found: {}", self.output());
             }
             sleep(Duration::from_millis(20));
         }

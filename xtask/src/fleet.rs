@@ -3,7 +3,7 @@
 use crate::shell::{program, run, target_dir};
 use crate::wheel::{self, Profile};
 
-/// Simulates logs and judges them with one worker, with four, and with one of four killed.
+/// Simulates logs and assesses them with one worker, with four, and with one of four killed.
 pub(crate) fn measure(logs: u32) -> anyhow::Result<()> {
     let python = wheel::installed(Profile::Release)?;
     let place = target_dir()?.join("fleet");

@@ -46,14 +46,17 @@ pub(crate) fn check(long: bool) -> anyhow::Result<()> {
     let mut failed = Vec::new();
     for (target, (mut child, log)) in running {
         let status = child.wait().with_context(|| target.to_owned())?;
-        let said = fs::read_to_string(&log).with_context(|| log.display().to_string())?;
-        let told = |key: &str| {
-            said.lines()
+        let text = fs::read_to_string(&log).with_context(|| log.display().to_string())?;
+        let statistic = |key: &str| {
+            text.lines()
                 .find_map(|line| line.strip_prefix(key))
                 .unwrap_or("?")
                 .trim()
         };
-        let (runs, peak) = (told("stat::number_of_executed_units:"), told("stat::peak_rss_mb:"));
+        let (runs, peak) = (
+            statistic("stat::number_of_executed_units:"),
+            statistic("stat::peak_rss_mb:"),
+        );
         println!("{target}: {runs} runs, at most {peak} MiB, {status}");
         if !status.success() {
             failed.push(log.display().to_string());

@@ -51,9 +51,9 @@ struct Cli {
 
 #[derive(Debug, Clone, Copy, Subcommand)]
 enum Verb {
-    /// Formatting, lints as errors, import circles, and what the flight build contains.
+    /// Formatting, lints as errors, import cycles, and what the flight build contains.
     Check,
-    /// Modules of one crate that import each other; one such circle is an error.
+    /// Modules of one crate that import each other; one such cycle is an error.
     Circles,
     /// All tests.
     Test,
@@ -71,11 +71,11 @@ enum Verb {
     Deny,
     /// Readers that nobody here wrote read what hmd writes.
     Readers,
-    /// A drive model that nobody here wrote against the reference.
+    /// A drive that nobody here wrote against the reference: the motor alone, and a whole actuator in logs that hmd reads.
     Oracle,
     /// A report, and that of a fleet, in headless Chromium: no console message, no request, accessible; with pictures.
     Report,
-    /// A viewer beside the program: it is told what is recorded.
+    /// A viewer beside the program: it gets what is recorded.
     Viewers,
     /// Our forecasts beside those of NASA's progpy, on the same histories.
     Progpy,

@@ -14,7 +14,7 @@ pub(crate) fn check(cuts: u32) -> anyhow::Result<()> {
     debian::install(&PACKAGES)?;
     // Of the whole workspace, as the programs: nothing is compiled again.
     let test = ["test", "--workspace", "--test", "storage", "--"];
-    let long = ["what_was_synced", "--ignored", "--nocapture"];
+    let long = ["survives_power_loss", "--ignored", "--nocapture"];
     let preload = guest_state::library()?;
     run(cargo(test)
         .args(long)

@@ -17,7 +17,7 @@ const DOCUMENT: &str = "fixtures/results/progpy.md";
 const BEGIN: &str = "<!-- $ cargo xtask progpy -->\n";
 const END: &str = "<!-- end -->";
 
-/// Draws the histories, lets both foretell them, and puts the scores in place.
+/// Draws the histories, lets both predict them, and puts the scores in place.
 pub(crate) fn compare() -> anyhow::Result<()> {
     let python = Python::with_packages(&PACKAGES)?;
     let folder = target_dir()?.join("progpy");
@@ -39,9 +39,9 @@ pub(crate) fn compare() -> anyhow::Result<()> {
         command
     };
     run_to_file(example("histories"), None, &histories)?;
-    let mut foretell = program(python.interpreter(), ["fixtures/reference/prognosis_progpy.py"]);
-    foretell.arg(&histories);
-    run_to_file(foretell, None, &forecasts)?;
+    let mut predict = program(python.interpreter(), ["fixtures/reference/prognosis_progpy.py"]);
+    predict.arg(&histories);
+    run_to_file(predict, None, &forecasts)?;
     let mut score = example("score");
     score.arg(&forecasts);
     run_to_file(score, None, &table)?;

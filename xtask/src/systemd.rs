@@ -54,13 +54,13 @@ pub(crate) fn check() -> anyhow::Result<()> {
 fn verify(unit: &Path) -> anyhow::Result<()> {
     let mut verify = program("systemd-analyze", ["verify", "--man=no", "--recursive-errors=no"]);
     let output = verify.arg(unit).output().context("systemd-analyze")?;
-    let said = String::from_utf8_lossy(&output.stderr);
+    let text = String::from_utf8_lossy(&output.stderr);
     // The manager of a computer without systemd has no units of its own to order the unit by.
-    let ours: Vec<_> = said.lines().filter(|line| line.contains("hmd.service")).collect();
+    let unit_lines: Vec<_> = text.lines().filter(|line| line.contains("hmd.service")).collect();
     ensure!(
-        output.status.success() && ours.is_empty(),
+        output.status.success() && unit_lines.is_empty(),
         "systemd-analyze verify: {}",
-        said.trim()
+        text.trim()
     );
     Ok(())
 }

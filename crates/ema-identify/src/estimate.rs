@@ -79,7 +79,7 @@ pub enum Unmodelled {
 impl fmt::Display for Unmodelled {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Locked => write!(f, "the motor does not turn as it is told"),
+            Self::Locked => write!(f, "the motor does not turn as commanded"),
             Self::Cost(cost) => write!(f, "no fault vector explains the data: cost {cost:.0}"),
             Self::Magnets(off) => write!(
                 f,

@@ -16,6 +16,8 @@
 //! The assembler holds one sample and queues nothing. After a restart of the device at most `max_span_ns` of samples count
 //! as late. A complete sample that was delayed by more than `max_span_ns` is delivered out of order and counted as a restart.
 //! Rule 1 needs stamps: in a log without stamps (all zero), a silence of n × 256 samples inside a sample is not detected.
+//!
+//! A bus with a layout of its own has no such frames; there `hmd_core::dbc::Joiner` builds the samples.
 
 mod parts;
 

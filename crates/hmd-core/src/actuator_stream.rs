@@ -308,7 +308,7 @@ impl ActuatorStream {
                 })
                 .map_err(|e| e.to_string()),
             Err(_) if rate.is_measured => Err(format!(
-                "its clock tells {:.1} samples/s, of a period that is no whole number of control periods of {} ms; if that is \
+                "its clock shows {:.1} samples/s, of a period that is no whole number of control periods of {} ms; if that is \
                  wrong, leave sample.time out of the map and set sensors.sample_rate_hz of type {}",
                 rate.hz,
                 1e3 * control_s,

@@ -148,9 +148,9 @@ impl Assessor {
         let falls_short = |faults: &[FaultVector; CHECK_LANES]| {
             unmet_requirements(&job.params, &coefficients, &specification, faults)
         };
-        let assessed = explained.map(damage_evidence);
+        let damage = explained.map(damage_evidence);
         let evidence = WindowEvidence {
-            damage_evidence: assessed.as_ref(),
+            damage_evidence: damage.as_ref(),
             fault: explained.map(|estimate| &estimate.fault),
             fit: &fit,
             unmet_requirement: specification.is_set().then_some(&falls_short as _),

@@ -51,7 +51,7 @@ impl BusStates {
     pub fn push(&mut self, frame: &RawFrame) -> Option<BusState> {
         let before = self.state_of(frame.bus);
         let now = if frame.is_error() {
-            told_by(frame)?
+            state_in(frame)?
         } else if before == BusState::BusOff {
             // A controller that is cut off receives nothing.
             BusState::ErrorActive
@@ -66,7 +66,7 @@ impl BusStates {
 }
 
 /// The state that an error frame reports, if it is about the state: the worst of several.
-fn told_by(frame: &RawFrame) -> Option<BusState> {
+fn state_in(frame: &RawFrame) -> Option<BusState> {
     let error = CanErrorFrame::new_error(frame.id() & !socketcan::ERR, frame.data()).ok()?;
     let states = error.into_error().into_iter().filter_map(|cause| match cause {
         ErrorCause::BusOff => Some(BusState::BusOff),

@@ -2,6 +2,8 @@
 //!
 //! Goes in: the damage of each fault with its standard deviation ([`DamageEvidence`]). Comes out: a state for each fault and
 //! for the actuator ([`HealthDecision`]). Each fault has its own levels with hysteresis and persistence; no clock.
+//!
+//! The actuator's state is the worse of this and the state by remaining life (`history/urgency.rs`).
 
 use std::ops::RangeInclusive;
 
@@ -379,8 +381,8 @@ mod tests {
     fn states(persistence: u32, history: &[f64]) -> String {
         let mut health = health(persistence);
         let decide = |(n, &damage): (usize, &f64)| {
-            let assessed = friction(damage);
-            health.update(n as u64, (!damage.is_nan()).then_some(&assessed)).state
+            let evidence = friction(damage);
+            health.update(n as u64, (!damage.is_nan()).then_some(&evidence)).state
         };
         let initial = |state| match state {
             HealthState::Unknown => '?',

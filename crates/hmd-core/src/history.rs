@@ -150,13 +150,14 @@ impl UnitHistory {
         })
     }
 
-    /// Takes a window and what it shows.
+    /// Adds a window and its evidence, and decides on the health state: the worse of the state by damage and the state by
+    /// remaining life.
     pub fn update(&mut self, job: &WindowJob, evidence: &WindowEvidence<'_>, config: &Config) -> UnitAssessment {
         self.count(job, evidence.fit, config.rul().hours);
         let estimates = FaultId::ALL.map(|fault| {
             evidence
                 .damage_evidence
-                .and_then(|damage_evidence| damage_evidence.damage_and_sigma(fault))
+                .and_then(|evidence| evidence.damage_and_sigma(fault))
         });
         self.prognosis.update(self.used, &estimates);
         let mut forecast = self.prognosis.forecast(config.rul().horizon_h);
@@ -175,7 +176,7 @@ impl UnitHistory {
             _ => LimitingCriterion::Damage,
         };
         let health = self.health.update(job.window.number, evidence.damage_evidence);
-        let left_h = forecast.actuator.ok().map(|history| history.hours.p10);
+        let left_h = forecast.actuator.ok().map(|remaining| remaining.hours.p10);
         // The function is missed by all faults together.
         let ends_by = forecast
             .dominant

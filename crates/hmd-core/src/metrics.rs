@@ -150,7 +150,7 @@ fn of_actuators(out: &mut DescriptorEncoder<'_>, status: &Status) -> fmt::Result
     gauges(
         out,
         "passive",
-        "1 for an actuator whose health alarms nobody",
+        "1 for an actuator whose health raises no alarm",
         "actuator",
         passive,
     )

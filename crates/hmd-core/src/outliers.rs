@@ -18,7 +18,7 @@ const FACTOR: f64 = 20.0;
 const COUNTS: f64 = 3.0;
 
 /// Share of a window that may be found wrong this way; where more sticks out, the monitor is wrong and not the sensor.
-const MOST: f64 = 0.02;
+const SHARE_MAX: f64 = 0.02;
 
 /// Times a window is identified again; a large outlier may have hidden a small one.
 const PASSES: usize = 2;
@@ -42,7 +42,7 @@ pub fn identify_without_outliers(
         let comparison = identifier.comparison(&prepared, &coefficients, conditions);
         let outliers = outliers(&comparison, &estimate.unknowns);
         evaluations += estimate.evaluations + 1;
-        if passes_left == 0 || outliers.is_empty() || outliers.len() as f64 > MOST * window.samples.len() as f64 {
+        if passes_left == 0 || outliers.is_empty() || outliers.len() as f64 > SHARE_MAX * window.samples.len() as f64 {
             estimate.evaluations = evaluations;
             return Ok((prepared, estimate));
         }

@@ -288,8 +288,8 @@ mod tests {
         let ids: Vec<ActuatorId> = [0, 7, 15].into_iter().filter_map(ActuatorId::new).collect();
         let filters = filters(&wanted);
         for can_id in 0..=MAX_STANDARD_ID {
-            let ours = Message::from_id(can_id as u16).is_some_and(|(id, _)| ids.contains(&id));
-            assert_eq!(passes(&filters, can_id), ours, "{can_id:#x}");
+            let expected = Message::from_id(can_id as u16).is_some_and(|(id, _)| ids.contains(&id));
+            assert_eq!(passes(&filters, can_id), expected, "{can_id:#x}");
             assert!(!passes(&filters, can_id | socketcan::EFF), "{can_id:#x} extended");
             assert!(!passes(&filters, can_id | socketcan::RTR), "{can_id:#x} remote");
         }

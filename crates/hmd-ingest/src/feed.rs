@@ -1,7 +1,7 @@
 //! Inputs of live sources to the pipeline, and the one bounded queue between them.
 //!
 //! A source is one task on the I/O runtime that turns one bus into [`Input`]s and sends them, in the order of the bus,
-//! through its [`Feed`]. It never gives up: what is missing or fails is reported once as a [`LinkState`] and tried again after
+//! through its [`Feed`]. It retries without limit: what is missing or fails is reported once as a [`LinkState`] and tried again after
 //! a bounded pause ([`RetryDelay`](hmd_storage::retry_delay::RetryDelay)), until the feed closes.
 
 use std::fmt;
@@ -35,7 +35,7 @@ pub enum Input {
         stamp_ns: u64,
         /// What it is now.
         state: LinkState,
-        /// What the system said, if anything.
+        /// Error of the operating system, if any.
         cause: Option<Box<str>>,
     },
     /// Data were lost before they became frames.

@@ -7,7 +7,7 @@ use crate::Loss;
 use crate::candump::CandumpReader;
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_storage::mcap::McapFrames;
-use hmd_storage::shown;
+use hmd_storage::quoted;
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
@@ -100,21 +100,21 @@ pub enum IngestError {
 }
 
 fn found(topics: &[String], first: &Option<Box<Loss>>) -> String {
-    const MOST: usize = 4;
+    const TOPICS_LISTED_MAX: usize = 4;
     let mut text = match topics {
         [] => "no topic".to_owned(),
         some if some.iter().any(|topic| topic.starts_with("/bus/")) => "none that is intact".to_owned(),
         some => format!(
             "only {}",
             some.iter()
-                .take(MOST)
+                .take(TOPICS_LISTED_MAX)
                 .map(String::as_str)
                 .collect::<Vec<_>>()
                 .join(", ")
         ),
     };
-    if text.starts_with("only") && topics.len() > MOST {
-        text.push_str(&format!(" and {} more", topics.len() - MOST));
+    if text.starts_with("only") && topics.len() > TOPICS_LISTED_MAX {
+        text.push_str(&format!(" and {} more", topics.len() - TOPICS_LISTED_MAX));
     }
     if let Some(first) = first {
         text.push_str(&format!("; {first}"));
@@ -224,7 +224,7 @@ pub fn open_with(path: &Path, names: BusNames) -> Result<FrameSource, IngestErro
         if start.contains(&0) && !start.contains(&b'\n') {
             return Err(IngestError::Binary {
                 file,
-                found: shown(start),
+                found: quoted(start),
             });
         }
         if start.starts_with(BYTE_ORDER_MARK) {
@@ -289,7 +289,7 @@ impl FrameSource {
         }
     }
 
-    fn pull(&mut self) -> Option<Result<RawFrame, Loss>> {
+    fn next_from_reader(&mut self) -> Option<Result<RawFrame, Loss>> {
         match &mut self.frames {
             Frames::Candump(reader) => reader.next().map(|item| item.map_err(Loss::from)),
             Frames::Mcap(reader) => reader.next().map(|item| item.map_err(Loss::from)),
@@ -298,7 +298,7 @@ impl FrameSource {
 
     fn find_first_frame(&mut self, file: String) -> Result<(), IngestError> {
         while self.lead.len() < LEAD_LIMIT {
-            match self.pull() {
+            match self.next_from_reader() {
                 Some(Ok(frame)) => {
                     self.lead.push_back(Ok(frame));
                     return Ok(());
@@ -327,7 +327,7 @@ impl Iterator for FrameSource {
     type Item = Result<RawFrame, Loss>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        self.lead.pop_front().or_else(|| self.pull())
+        self.lead.pop_front().or_else(|| self.next_from_reader())
     }
 }
 

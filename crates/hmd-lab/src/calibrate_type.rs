@@ -279,7 +279,7 @@ fn mismatch(calibration: &TypeCalibration, params: &ActuatorParams, windows: &[S
                 at_rate: vec![table],
                 ..calibration.clone()
             };
-            table.model_sigma = pulls(&tried, params, windows);
+            table.model_sigma = rms_bias(&tried, params, windows);
             let total = table.model_sigma.iter().map(|s| s * s).sum::<f64>();
             if best.is_none_or(|(least, _)| total < least) {
                 best = Some((total, table));
@@ -290,13 +290,13 @@ fn mismatch(calibration: &TypeCalibration, params: &ActuatorParams, windows: &[S
     best.expect("a candidate").1
 }
 
-/// Root-mean-square distance that the mismatch pulls estimates which start at the truth.
-fn pulls(calibration: &TypeCalibration, params: &ActuatorParams, windows: &[SimulatedWindow]) -> [f64; FAULT_COUNT] {
-    let pulls = each_pull(calibration, params, windows);
-    std::array::from_fn(|p| (pulls.iter().map(|d| d[p] * d[p]).sum::<f64>() / pulls.len().max(1) as f64).sqrt())
+/// Root-mean-square estimator bias that the mismatch causes, over the windows.
+fn rms_bias(calibration: &TypeCalibration, params: &ActuatorParams, windows: &[SimulatedWindow]) -> [f64; FAULT_COUNT] {
+    let biases = each_bias(calibration, params, windows);
+    std::array::from_fn(|p| (biases.iter().map(|d| d[p] * d[p]).sum::<f64>() / biases.len().max(1) as f64).sqrt())
 }
 
-fn each_pull(
+fn each_bias(
     calibration: &TypeCalibration,
     params: &ActuatorParams,
     windows: &[SimulatedWindow],

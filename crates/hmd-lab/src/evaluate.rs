@@ -25,8 +25,8 @@ pub use detection::{ByFault, DetectionError, DetectionReport, Wrong, detection};
 pub use noise::{NOISE_RATES_HZ, NoiseAtRate, NoiseReport, noise};
 pub use profiles::{CONDITION_ROWS, PROFILE_ROWS, ProfileRow, ProfilesError, ProfilesReport, conditions, profiles};
 pub use rul::{
-    AtLambda, Beside, BesideError, Group as RulGroup, Growth, History, Lives, RulReport, Scored, Scores, Seen, rul,
-    rul_beside, rul_histories,
+    AtLambda, Comparison, ComparisonError, Group as RulGroup, Growth, History, RemainingHoursSamples, RulReport,
+    Scored, Scores, Seen, compare_forecasts, rul, rul_histories,
 };
 
 /// Random vector of the paper's Table III.

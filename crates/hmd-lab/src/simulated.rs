@@ -19,7 +19,7 @@ pub struct SimulatedWindow {
     pub truth: FaultVector,
     /// The samples, ready for comparison.
     pub prepared: Prepared,
-    /// Load and supply.
+    /// Load, supply voltage and winding temperature.
     pub conditions: Conditions,
 }
 

@@ -20,7 +20,7 @@ pub enum EventError {
     Io {
         /// The file.
         path: String,
-        /// What the system said.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// A line is no event.
@@ -30,7 +30,7 @@ pub enum EventError {
         path: String,
         /// Its line, from 1.
         line: usize,
-        /// What the reader said.
+        /// Error of the reader.
         found: String,
     },
 }

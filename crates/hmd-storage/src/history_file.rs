@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use sha2::{Digest, Sha256};
 
-use crate::regular_file::{create_beside, read_regular};
+use crate::regular_file::{create_temporary, read_regular};
 use hmd_core::config::Config;
 use hmd_core::history::{HistoryStore, UnitHistory};
 use hmd_core::metadata_checksum::hex;
@@ -31,7 +31,7 @@ pub enum StateError {
     Io {
         /// The file.
         path: String,
-        /// What the system said.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// It is no history of this actuator.
@@ -39,7 +39,7 @@ pub enum StateError {
     Content {
         /// The file.
         path: String,
-        /// What the reader said.
+        /// Error of the reader.
         found: String,
     },
     /// It was written by a program with another form of history.
@@ -62,17 +62,18 @@ struct Versioned {
 struct Written<'a> {
     version: u32,
     actuator: &'a str,
-    /// Of the text of `life`.
+    /// Of the text of the history.
     sha256: String,
-    life: &'a RawValue,
+    #[serde(rename = "life")]
+    history: &'a RawValue,
 }
 
 #[derive(Deserialize)]
 struct Read<'a> {
     actuator: String,
     sha256: Option<String>,
-    #[serde(borrow)]
-    life: &'a RawValue,
+    #[serde(borrow, rename = "life")]
+    history: &'a RawValue,
 }
 
 /// File of the history of an actuator.
@@ -81,31 +82,31 @@ pub(super) fn path(directory: &Path, actuator: &str) -> PathBuf {
     directory.join(format!("{actuator}.life.json"))
 }
 
-fn checksum(life: &RawValue) -> String {
-    hex(&Sha256::digest(life.get()))
+fn checksum(history: &RawValue) -> String {
+    hex(&Sha256::digest(history.get()))
 }
 
-/// Writes a history: to a file beside, then onto its place, so that there is always a whole one, and on the disk when this
+/// Writes a history: to a temporary file, then onto its place, so that there is always a whole one, and on the disk when this
 /// returns.
 ///
 /// # Errors
 /// [`StateError::Io`].
-pub fn save(directory: &Path, actuator: &str, life: &UnitHistory) -> Result<(), StateError> {
+pub fn save(directory: &Path, actuator: &str, history: &UnitHistory) -> Result<(), StateError> {
     let place = path(directory, actuator);
-    let beside = place.with_extension("json.new");
+    let temporary = place.with_extension("json.new");
     let put = || {
-        let life = serde_json::value::to_raw_value(life)?;
+        let history = serde_json::value::to_raw_value(history)?;
         let written = Written {
             version: VERSION,
             actuator,
-            sha256: checksum(&life),
-            life: &life,
+            sha256: checksum(&history),
+            history: &history,
         };
         fs::create_dir_all(directory)?;
-        let mut file = create_beside(&beside)?;
+        let mut file = create_temporary(&temporary)?;
         file.write_all(&serde_json::to_vec(&written)?)?;
         file.sync_data()?;
-        fs::rename(&beside, &place)?;
+        fs::rename(&temporary, &place)?;
         File::open(directory)?.sync_all()
     };
     put().map_err(|source| StateError::Io {
@@ -137,17 +138,17 @@ pub fn load(directory: &Path, actuator: &str) -> Result<Option<UnitHistory>, Sta
         return Err(content(format!("that of {:?}", read.actuator)));
     }
     match &read.sha256 {
-        Some(sum) if *sum != checksum(read.life) => {
+        Some(sum) if *sum != checksum(read.history) => {
             return Err(content("another checksum than its text has".to_owned()));
         }
         None if found > 1 => return Err(content("no checksum".to_owned())),
         _ => {}
     }
-    let life: UnitHistory = serde_json::from_str(read.life.get()).map_err(unreadable)?;
-    if !life.is_possible() {
+    let history: UnitHistory = serde_json::from_str(read.history.get()).map_err(unreadable)?;
+    if !history.is_possible() {
         return Err(content("impossible numbers".to_owned()));
     }
-    Ok(Some(life))
+    Ok(Some(history))
 }
 
 /// Gives the stored histories of all actuators of a configuration to a run. A file that cannot be used is reported and put
@@ -155,7 +156,7 @@ pub fn load(directory: &Path, actuator: &str) -> Result<Option<UnitHistory>, Sta
 pub fn restore_all(directory: &Path, config: &Config, histories: &mut HistoryStore) {
     for actuator in config.actuators() {
         match load(directory, &actuator.name) {
-            Ok(Some(life)) => histories.restore(&actuator.name, life),
+            Ok(Some(history)) => histories.restore(&actuator.name, history),
             Ok(None) => {}
             Err(error) => {
                 histories.notice(format!("{error}; history reset"));
@@ -192,12 +193,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let config = Config::default();
         assert!(load(folder.path(), "ema0").unwrap().is_none());
-        let life = UnitHistory::new(&config, Some("S1".to_owned())).unwrap();
-        save(folder.path(), "ema0", &life).unwrap();
+        let history = UnitHistory::new(&config, Some("S1".to_owned())).unwrap();
+        save(folder.path(), "ema0", &history).unwrap();
         let again = load(folder.path(), "ema0").unwrap().unwrap();
         assert_eq!(
             serde_json::to_string(&again).unwrap(),
-            serde_json::to_string(&life).unwrap()
+            serde_json::to_string(&history).unwrap()
         );
         let file = path(folder.path(), "ema0");
         let good = fs::read_to_string(&file).unwrap();

@@ -11,6 +11,7 @@ pub mod history_file;
 pub mod mcap;
 pub mod mcap_writer;
 pub mod metrics_file;
+mod quoted;
 pub mod recorder;
 pub mod recover;
 pub mod regular_file;
@@ -18,6 +19,5 @@ pub mod retry_delay;
 pub mod same_file;
 pub mod schema_copy;
 pub mod segment_store;
-mod shown;
 
-pub use shown::shown;
+pub use quoted::quoted;

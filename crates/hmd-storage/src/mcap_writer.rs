@@ -386,7 +386,7 @@ impl<W: Seek> Seek for Counting<W> {
 
 /// A file whose `flush` brings the data to the disk, so that a power cut costs at most the window in progress.
 ///
-/// What is written to a file that somebody removed goes with it, so a `flush` then fails.
+/// If the file was removed, its data are lost and `flush` fails.
 #[derive(Debug)]
 pub struct SyncedFile {
     file: BufWriter<File>,

@@ -5,20 +5,20 @@ use std::io::{self, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
-use crate::regular_file::create_beside;
+use crate::regular_file::create_temporary;
 
 /// Puts rendered metrics into a file in one step: a reader sees the old or the new ones.
 ///
 /// # Errors
 /// What the system says.
 pub fn write_textfile(path: &Path, metrics: &str) -> io::Result<()> {
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".tmp");
-    let mut file = create_beside(Path::new(&beside))?;
+    let mut temporary = path.as_os_str().to_owned();
+    temporary.push(".tmp");
+    let mut file = create_temporary(Path::new(&temporary))?;
     file.write_all(metrics.as_bytes())?;
     // Its reader is another user, whatever the mask of the service.
     file.set_permissions(Permissions::from_mode(0o644))?;
-    std::fs::rename(beside, path)
+    std::fs::rename(temporary, path)
 }
 
 #[cfg(test)]

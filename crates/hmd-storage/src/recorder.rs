@@ -28,7 +28,7 @@ pub enum RecordError {
     Create {
         /// The file.
         path: String,
-        /// What the system said.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// There is no such folder for us.

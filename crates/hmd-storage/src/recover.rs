@@ -29,7 +29,7 @@ pub enum RecoverError {
     Input {
         /// The file.
         file: String,
-        /// What the system said.
+        /// Error of the operating system.
         cause: io::Error,
     },
     /// The result cannot be written.
@@ -56,9 +56,9 @@ pub struct Recovered {
 }
 
 impl Recovered {
-    /// Whether the file was whole.
+    /// Whether the file was intact.
     #[must_use]
-    pub fn is_whole(&self) -> bool {
+    pub fn is_intact(&self) -> bool {
         self.losses_total == 0 && self.attachments_lost == 0
     }
 

@@ -40,11 +40,11 @@ pub(crate) fn read_regular(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Makes a file anew beside the one that it is to replace; what was there under that name goes, and is not followed.
+/// Creates the temporary file that is to replace another; a file or link of that name is removed, not followed.
 ///
 /// # Errors
 /// What the system says.
-pub(crate) fn create_beside(path: &Path) -> io::Result<File> {
+pub(crate) fn create_temporary(path: &Path) -> io::Result<File> {
     match std::fs::remove_file(path) {
         Err(cause) if cause.kind() != io::ErrorKind::NotFound => return Err(cause),
         _ => {}
@@ -82,7 +82,7 @@ mod tests {
         assert_eq!(read_regular(&file, 4).unwrap(), b"four");
         assert_eq!(read_regular(&file, 3).unwrap_err().kind(), io::ErrorKind::FileTooLarge);
         std::os::unix::fs::symlink(&file, &link).unwrap();
-        drop(create_beside(&link).unwrap());
+        drop(create_temporary(&link).unwrap());
         assert_eq!(std::fs::read(&file).unwrap(), b"four", "what the link led to");
         assert_eq!(std::fs::read(&link).unwrap(), b"");
     }

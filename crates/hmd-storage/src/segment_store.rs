@@ -30,7 +30,7 @@ use hmd_core::config::Limits;
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_core::record::{LogLevel, Record, StorageState, StoreStatus};
 use name::{Kind, Name, Stage};
-use segment_stream::{SegmentStart, SegmentStream, is_gone};
+use segment_stream::{SegmentStart, SegmentStream, is_removed};
 
 /// Why a store cannot be opened.
 #[derive(Debug, thiserror::Error)]
@@ -40,7 +40,7 @@ pub enum SegmentStoreError {
     Folder {
         /// The folder.
         folder: String,
-        /// What the system said.
+        /// Error of the operating system.
         cause: io::Error,
     },
     /// Another process writes to it.
@@ -308,7 +308,7 @@ impl SegmentStore {
             Ok(None) => {}
             Err(error) => {
                 if let (Some((name, bytes)), None) = (before, self.stream(kind).name())
-                    && !is_gone(&folder, name)
+                    && !is_removed(&folder, name)
                 {
                     self.add_closed(name, bytes);
                 }

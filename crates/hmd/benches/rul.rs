@@ -1,4 +1,4 @@
-//! One update and forecast of the prognosis late in a life with all faults growing: the dearest case. And one trial of a
+//! One update and forecast of the prognosis late in a life with all faults growing: the most expensive case. And one trial of a
 //! specification on 32 fault vectors, of which a window takes one or two where something is required, and as many again
 //! where a stall load is.
 

@@ -106,7 +106,7 @@ pub trait Observer: Sync {
     /// Every source has reported its state, and the output is open; called once.
     fn ready(&self) {}
     /// Ingest, pipeline, writer and identification have all made progress; about every second, and not otherwise.
-    fn alive(&self) {}
+    fn heartbeat(&self) {}
 }
 
 /// What a live run is made of.
@@ -325,7 +325,7 @@ fn assess_windows(
         };
         if windows.is_closed() {
             // There are no ticks any more.
-            observer.alive();
+            observer.heartbeat();
         }
         // Reported only now: what is reported as assessed is on the disk.
         let reported = if stored {

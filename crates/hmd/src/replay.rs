@@ -483,7 +483,7 @@ mod tests {
     use hmd_core::assess::Models;
 
     #[test]
-    fn a_log_tells_the_serial_numbers_of_its_units() {
+    fn a_log_contains_the_serial_numbers_of_its_units() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("unit.mcap");
         let text = "[[actuator]]\nid = 0\nserial_number = \"S7\"";
@@ -503,7 +503,7 @@ mod tests {
     }
 
     #[test]
-    fn another_unit_begins_its_own_life() {
+    fn a_new_serial_number_resets_the_history() {
         struct Nobody;
         impl Observer for Nobody {
             fn assessed(&mut self, _: &AssessedWindow) -> io::Result<()> {

@@ -100,16 +100,16 @@ impl Results {
         found.with_context(|| format!("expected the guest to write down {name}"))
     }
 
-    /// What a daemon said on stderr.
-    pub(super) fn said(&self, name: &str) -> anyhow::Result<String> {
+    /// Output of a daemon on stderr.
+    pub(super) fn output(&self, name: &str) -> anyhow::Result<String> {
         let path = self.folder.join(name);
         fs::read_to_string(&path).with_context(|| path.display().to_string())
     }
 
     /// The number before a phrase, in the two lines with which a daemon ends.
     pub(super) fn counted(&self, name: &str, phrase: &str) -> anyhow::Result<u64> {
-        let said = self.said(&format!("{name}.err"))?;
-        let last = said
+        let output = self.output(&format!("{name}.err"))?;
+        let last = output
             .lines()
             .filter(|line| line.contains(" frames received: ") || line.starts_with("data lost: "));
         for part in last.flat_map(|line| line.split([',', ':'])) {

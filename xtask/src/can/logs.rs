@@ -24,7 +24,7 @@ pub(super) const FAULTS: [(u32, &str, &str); 6] = [
 ];
 
 /// Length of the stream in the time of the actuators, s: an actuation each second.
-pub(super) const STREAM_S: u32 = 60;
+pub(super) const STREAM_S: u32 = 20;
 
 /// The shipped calibration of the bench serves at any rate.
 const AT_400_HZ: &str = "[type.bench.sensors]\nsample_rate_hz = 400\n";
@@ -37,8 +37,8 @@ const TURN_US: u64 = 1_500_000;
 
 /// Makes the streams of the three buses, each frame at the time at which it is played, and the configuration.
 ///
-/// The guest has one processor, which cannot send and receive three full buses at once and judge. So the three take
-/// turns, a second each in real time, and half a second of pause for the judge.
+/// The guest has one processor, which cannot send and receive three full buses at once and identify. So the three take
+/// turns, a second each in real time, and half a second of pause for identification.
 pub(super) fn streams(hmd: &Path, folder: &Path) -> anyhow::Result<()> {
     let mut config = String::from(AT_400_HZ);
     for (bus, ends) in FIRST_OF_BUS.windows(2).enumerate() {

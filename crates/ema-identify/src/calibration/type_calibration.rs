@@ -14,7 +14,7 @@ use super::mismatch::{Mismatch, SignalTable};
 /// Version of the file's layout.
 pub const CALIBRATION_VERSION: u32 = 3;
 
-/// Which monitor a calibration belongs to.
+/// Form of the monitor model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MonitorForm {
@@ -79,7 +79,7 @@ pub enum CalibrationError {
     Parse {
         /// The file.
         path: String,
-        /// What the parser said, on one line.
+        /// Error of the parser, on one line.
         message: String,
     },
     /// The file is of another version.

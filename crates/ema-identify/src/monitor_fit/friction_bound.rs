@@ -13,23 +13,23 @@ use crate::estimate::OBSERVABLE_SIGMA;
 /// Place of the friction among the coordinates.
 const FRICTION: usize = 0;
 
-/// Up to this the curvature is believed: only a shaft that turns both ways shows friction so well, and there the cost has no
+/// Up to this the curvature is used: only a shaft that turns both ways shows friction so well, and there the cost has no
 /// dips.
-const BELIEVED: f64 = 0.005;
+const CURVATURE_SUFFICIENT: f64 = 0.005;
 
 /// How far off the other value is: twice what a window that shows friction may leave open.
-const REACH: f64 = 2.0 * OBSERVABLE_SIGMA;
+const PROBE_DISTANCE: f64 = 2.0 * OBSERVABLE_SIGMA;
 
-/// The bound, and what it took.
+/// Standard deviation of the friction with its cost in monitor runs.
 pub(super) struct FrictionBound {
     pub(super) sigma: f64,
     /// Monitor runs spent.
     pub(super) spent: u64,
-    /// Whether there were too few of them.
+    /// Whether the budget of monitor runs ended the computation.
     pub(super) cut: bool,
 }
 
-/// Standard deviation of the friction at an optimum: the one by curvature, or the one by which the costs `REACH` to
+/// Standard deviation of the friction at an optimum: the one by curvature, or the one by which the costs `PROBE_DISTANCE` to
 /// either side rise (`σ = Δk / √(2 Δcost / excess)`), whichever is larger. At least: a coarse descent ends a little above the
 /// valley's floor. Infinite where it comes to no end within `budget` monitor runs.
 pub(super) fn friction_bound(
@@ -46,18 +46,18 @@ pub(super) fn friction_bound(
         cut: false,
     };
     // A sigma that is no number is left as it is, too.
-    let open = by_curvature > BELIEVED && by_curvature <= OBSERVABLE_SIGMA;
+    let open = by_curvature > CURVATURE_SUFFICIENT && by_curvature <= OBSERVABLE_SIGMA;
     if !open {
         return bound;
     }
     // First to where there is more room.
     let middle = 0.5 * (Coordinates::LOWER[FRICTION] + Coordinates::UPPER[FRICTION]);
-    let inwards = REACH.copysign(middle - at.0[FRICTION]);
+    let inwards = PROBE_DISTANCE.copysign(middle - at.0[FRICTION]);
     for reach in [inwards, -inwards] {
         let there = (at.0[FRICTION] + reach).clamp(Coordinates::LOWER[FRICTION], Coordinates::UPPER[FRICTION]);
         let off = (there - at.0[FRICTION]).abs();
         // Beside a limit there is no other side; and the second side adds nothing if the first shows too little already.
-        if off < 0.5 * REACH || bound.sigma > OBSERVABLE_SIGMA {
+        if off < 0.5 * PROBE_DISTANCE || bound.sigma > OBSERVABLE_SIGMA {
             continue;
         }
         let left = budget.saturating_sub(bound.spent);

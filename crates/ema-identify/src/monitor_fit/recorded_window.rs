@@ -35,7 +35,7 @@ pub struct RecordedWindow<'a, S> {
 /// What all monitors of a window take from one sample.
 #[derive(Clone, Copy, Debug)]
 pub struct SampleDrive<R> {
-    /// What the sensors said.
+    /// Sensor readings.
     pub measured: Signals<R>,
     /// The setpoint latched with it.
     pub setpoint: Setpoint<R>,

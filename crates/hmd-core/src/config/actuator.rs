@@ -96,7 +96,7 @@ impl ActuatorConfig {
     ) -> Result<Self, ConfigError> {
         let last = ActuatorId::COUNT - 1;
         let index = section
-            .whole("id", 0..=u32::from(last))?
+            .integer("id", 0..=u32::from(last))?
             .and_then(|id| u8::try_from(id).ok());
         let Some(id) = index.and_then(ActuatorId::new) else {
             return Err(section.refuse("id", &format!("a whole number from 0 to {last}")));

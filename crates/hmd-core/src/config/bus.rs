@@ -62,11 +62,11 @@ impl BusConfig {
         let default = Self::default();
         let bus = Self {
             bitrate_bit_s: section
-                .whole("bitrate_bit_s", 10_000..=1_000_000)?
+                .integer("bitrate_bit_s", 10_000..=1_000_000)?
                 .unwrap_or(default.bitrate_bit_s),
             fd: section.flag("fd", default.fd)?,
             data_bitrate_bit_s: section
-                .whole("data_bitrate_bit_s", 10_000..=8_000_000)?
+                .integer("data_bitrate_bit_s", 10_000..=8_000_000)?
                 .unwrap_or(default.data_bitrate_bit_s),
         };
         if bus.data_bitrate_bit_s < bus.bitrate_bit_s {

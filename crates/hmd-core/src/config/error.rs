@@ -51,7 +51,7 @@ pub enum ConfigError {
         /// What it is.
         found: String,
     },
-    /// The configured actuators do not fit on their bus.
+    /// The computed load of a bus exceeds 90 %.
     #[error(
         "{file}: bus {bus}: expected a load of at most 90 %, found {load_percent:.0} % of {bitrate_bit_s} bit/s by \
          {actuators} actuator{}; lower sensors.sample_rate_hz of their type, or set actuator.bus to spread them over \

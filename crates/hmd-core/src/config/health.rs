@@ -29,7 +29,7 @@ fn levels(section: &Section<'_>, default: Levels) -> Result<Levels, ConfigError>
         end_of_life: level("end_of_life", default.end_of_life)?,
         hysteresis: section.number("hysteresis", default.hysteresis, Levels::HYSTERESIS)?,
         persistence: section
-            .whole("persistence", Levels::PERSISTENCE)?
+            .integer("persistence", Levels::PERSISTENCE)?
             .unwrap_or(default.persistence),
     };
     levels.checked().map_err(|refused| section.refuse_setting(&refused))

@@ -70,12 +70,14 @@ impl IdentificationConfig {
         let default = Self::for_method(section.choice("method", SearchMethod::default(), &SearchMethod::NAMES)?);
         let config = Self {
             monitor: section.choice("monitor", default.monitor, &MONITOR_NAMES)?,
-            population: section.whole("population", 4..=100_000)?.unwrap_or(default.population),
+            population: section
+                .integer("population", 4..=100_000)?
+                .unwrap_or(default.population),
             generations: section
-                .whole("generations", 1..=100_000)?
+                .integer("generations", 1..=100_000)?
                 .unwrap_or(default.generations),
             evaluations_max: section
-                .whole("evaluations_max", 1..=1_000_000_000)?
+                .integer("evaluations_max", 1..=1_000_000_000)?
                 .unwrap_or(default.evaluations_max),
             ..default
         };

@@ -44,13 +44,13 @@ impl OutputConfig {
 
     pub(super) fn read(section: &Section<'_>) -> Result<Self, ConfigError> {
         let default = Self::default();
-        let whole = |key, range, default| Ok(section.whole(key, range)?.unwrap_or(default));
+        let integer = |key, range, default| Ok(section.integer(key, range)?.unwrap_or(default));
         let output = Self {
             raw_frames: section.flag("raw_frames", default.raw_frames)?,
-            segment_mib: whole("segment_mib", 1..=1024, default.segment_mib)?,
-            segment_age_s: whole("segment_age_s", 10..=86_400, default.segment_age_s)?,
-            disk_budget_mib: whole("disk_budget_mib", 4..=1 << 30, default.disk_budget_mib)?,
-            disk_free_min_mib: whole("disk_free_min_mib", 0..=1 << 30, default.disk_free_min_mib)?,
+            segment_mib: integer("segment_mib", 1..=1024, default.segment_mib)?,
+            segment_age_s: integer("segment_age_s", 10..=86_400, default.segment_age_s)?,
+            disk_budget_mib: integer("disk_budget_mib", 4..=1 << 30, default.disk_budget_mib)?,
+            disk_free_min_mib: integer("disk_free_min_mib", 0..=1 << 30, default.disk_free_min_mib)?,
         };
         // One of each kind in progress, and one of each that is kept.
         if output.disk_budget_mib / 4 < output.segment_mib {

@@ -164,8 +164,8 @@ impl<'a> Section<'a> {
         number.map(Some).ok_or_else(|| self.refuse(key, &expected()))
     }
 
-    /// A whole number within `range`; `None` if the document does not set `key`.
-    pub(super) fn whole(&self, key: &str, range: RangeInclusive<u32>) -> Result<Option<u32>, ConfigError> {
+    /// An integer within `range`; `None` if the document does not set `key`.
+    pub(super) fn integer(&self, key: &str, range: RangeInclusive<u32>) -> Result<Option<u32>, ConfigError> {
         let number = match self.get(key).map(Spanned::get_ref) {
             None => return Ok(None),
             Some(DeValue::Integer(i)) => u32::from_str_radix(i.as_str(), i.radix()).ok(),

@@ -36,7 +36,7 @@ impl SerialConfig {
                 .map(PathBuf::from)
                 .ok_or_else(|| section.refuse("device", "the path of a terminal"))?,
             bitrate_bit_s: section
-                .whole("bitrate_bit_s", 1200..=12_000_000)?
+                .integer("bitrate_bit_s", 1200..=12_000_000)?
                 .unwrap_or(DEFAULT_BITRATE_BIT_S),
         })
     }

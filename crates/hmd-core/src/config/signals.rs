@@ -140,23 +140,25 @@ impl MapReader<'_> {
         let (message, found, signal) = self.signal(section, key, name)?;
         let sensors = &self.params.sensors;
         let dimension = role.dimension(sensors.motor_counts_per_rev, sensors.output_counts_per_rev);
-        let told = table.map_or(Ok(None), |table| table.text("unit"))?;
-        let unit = dimension.unit(told.as_deref().unwrap_or(&found.unit)).ok_or_else(|| {
-            let expected = format!("one of the units {}", dimension.names());
-            match (table, told) {
-                (Some(table), Some(_)) => table.refuse("unit", &expected),
-                _ => {
-                    let why = format!(
-                        "a signal in {expected}, or {{ signal = …, unit = … }} ({} says {:?})",
-                        self.file, found.unit
-                    );
-                    section.refuse(key, &why)
+        let unit_override = table.map_or(Ok(None), |table| table.text("unit"))?;
+        let unit = dimension
+            .unit(unit_override.as_deref().unwrap_or(&found.unit))
+            .ok_or_else(|| {
+                let expected = format!("one of the units {}", dimension.names());
+                match (table, unit_override) {
+                    (Some(table), Some(_)) => table.refuse("unit", &expected),
+                    _ => {
+                        let why = format!(
+                            "a signal in {expected}, or {{ signal = …, unit = … }} ({} says {:?})",
+                            self.file, found.unit
+                        );
+                        section.refuse(key, &why)
+                    }
                 }
-            }
-        })?;
+            })?;
         if let (Role::Mode, Some(table)) = (role, table) {
             let codes = ModeCodes::default();
-            let code = |key: &str, default: i64| Ok(table.whole(key, 0..=u32::MAX)?.map_or(default, i64::from));
+            let code = |key: &str, default: i64| Ok(table.integer(key, 0..=u32::MAX)?.map_or(default, i64::from));
             draft.set_modes(ModeCodes {
                 position: code("position", codes.position)?,
                 speed: code("speed", codes.speed)?,
@@ -165,12 +167,13 @@ impl MapReader<'_> {
         let wraps_after = match role {
             Role::MotorPosition | Role::OutputPosition => {
                 let expected = || "a number above 0".to_owned();
-                let told = table.map_or(Ok(None), |table| table.any_number("wraps_after", expected))?;
-                if let (Some(table), false) = (table, told.is_none_or(|told| told.is_finite() && told > 0.0)) {
+                let wraps_after = table.map_or(Ok(None), |table| table.any_number("wraps_after", expected))?;
+                if let (Some(table), false) = (table, wraps_after.is_none_or(|range| range.is_finite() && range > 0.0))
+                {
                     return Err(table.refuse("wraps_after", &expected()));
                 }
                 // The scale of an angle is positive.
-                told.or(signal.range()).map(|range| range * unit.scale)
+                wraps_after.or(signal.range()).map(|range| range * unit.scale)
             }
             _ => None,
         };

@@ -29,7 +29,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slips_are_recognised_and_strangers_are_not() {
+    fn slips_are_recognised_and_unrelated_words_are_not() {
         let known = ["duration_ms", "rest_ms", "phase_resistance_ohm"];
         assert_eq!(closest("duration_m", &known), Some("duration_ms"));
         assert_eq!(closest("duration", &known), Some("duration_ms"));

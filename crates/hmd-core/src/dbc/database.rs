@@ -66,7 +66,7 @@ pub enum DbcError {
     #[error("factor or offset is no use")]
     Scale,
     /// A multiplexed signal whose multiplexor is not given, or is multiplexed by itself.
-    #[error("its multiplexor cannot be told")]
+    #[error("its multiplexor is ambiguous")]
     Multiplexor,
 }
 

@@ -33,7 +33,7 @@ pub struct DecodedUpdate {
     pub conditions: Option<MeasuredConditions>,
 }
 
-/// Collects the frames of one mapped actuator into samples.
+/// Collects the frames of one mapped actuator into samples, as [`ema_wire::Assembler`] does on a bus of the built-in layout.
 #[derive(Clone, Debug)]
 pub struct Joiner {
     actuator: ActuatorId,
@@ -122,7 +122,7 @@ impl Joiner {
             let Some(value) = binding.signal.value(data) else {
                 continue;
             };
-            let value = Some(binding.unit.ours(value)).filter(|value| value.is_finite())?;
+            let value = Some(binding.unit.to_internal(value)).filter(|value| value.is_finite())?;
             if binding.role.is_sampled() {
                 part.values[binding.role as usize] = value;
                 part.filled |= bit(binding.role);
@@ -143,12 +143,12 @@ impl Joiner {
         let conditions = &mut self.conditions;
         match role {
             Role::DcLink => {
-                let told = quantity::dc_link_dv(value);
-                conditions.dc_link_v = (told > 0).then(|| quantity::dc_link_v(told));
+                let raw = quantity::dc_link_dv(value);
+                conditions.dc_link_v = (raw > 0).then(|| quantity::dc_link_v(raw));
             }
             Role::WindingTemp => {
-                let told = quantity::winding_temp_dc(value);
-                conditions.winding_temp_deg_c = Some(quantity::winding_temp_deg_c(told));
+                let raw = quantity::winding_temp_dc(value);
+                conditions.winding_temp_deg_c = Some(quantity::winding_temp_deg_c(raw));
             }
             _ => conditions.load_torque_nm = Some(quantity::load_torque_nm(quantity::load_torque_dnm(value))),
         }
@@ -185,12 +185,12 @@ impl Joiner {
         let Some(open) = &self.open else { return Place::New };
         let apart_ns = open.since_ns.abs_diff(stamp_ns);
         match (open.counter, part.counter) {
-            (Some((theirs, their_bits)), Some((ours, our_bits))) => {
+            (Some((open_count, open_bits)), Some((count, bits))) => {
                 if apart_ns > self.counted_span_ns {
                     return Place::New;
                 }
-                let bits = their_bits.min(our_bits).min(64);
-                let ahead = ours.wrapping_sub(theirs) << (64 - bits);
+                let bits = open_bits.min(bits).min(64);
+                let ahead = count.wrapping_sub(open_count) << (64 - bits);
                 match ahead.cast_signed() {
                     0 => Place::Here,
                     1.. => Place::New,
@@ -297,7 +297,7 @@ impl Open {
 
     /// What is commanded; a mode whose command is not mapped counts as idle.
     fn mode(&self, map: &SignalMap) -> Mode {
-        let told = if map.has(Role::Mode) {
+        let mode = if map.has(Role::Mode) {
             let code = self.values[Role::Mode as usize].round() as i64;
             let modes = [(map.modes.position, Mode::Position), (map.modes.speed, Mode::Speed)];
             modes
@@ -309,9 +309,9 @@ impl Open {
         } else {
             Mode::Speed
         };
-        match told {
-            Mode::Position if map.has(Role::CommandPosition) => told,
-            Mode::Speed if map.has(Role::CommandSpeed) => told,
+        match mode {
+            Mode::Position if map.has(Role::CommandPosition) => mode,
+            Mode::Speed if map.has(Role::CommandSpeed) => mode,
             _ => Mode::Idle,
         }
     }

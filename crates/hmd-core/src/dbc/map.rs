@@ -102,9 +102,9 @@ pub struct Binding {
     pub role: Role,
     /// Where its bits are.
     pub signal: Signal,
-    /// What its physical value is in ours.
+    /// Conversion of its physical value to the internal unit.
     pub unit: Unit,
-    /// Difference after which it begins again, in our unit; `None`: never. Of angles alone.
+    /// Difference after which it begins again, in the internal unit; `None`: never. Of angles alone.
     pub wraps_after: Option<f64>,
 }
 
@@ -163,7 +163,7 @@ pub struct MapDraft {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Misfit {
     /// A quantity without which nothing can be assessed is missing.
-    #[error("a signal for {0}, without which no window can be judged")]
+    #[error("a signal for {0}, without which no window can be assessed")]
     Missing(&'static str),
     /// Nothing is commanded.
     #[error("a signal for command.position or command.speed, without which no window begins")]

@@ -28,17 +28,17 @@ pub enum Dimension {
     Number,
 }
 
-/// `ours = scale · theirs + offset`.
+/// `internal value = scale · bus value + offset`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Unit {
-    /// Ours for one of theirs.
+    /// Scale: internal units per bus unit.
     pub scale: f64,
-    /// Ours at their zero.
+    /// Offset: internal value at zero on the bus.
     pub offset: f64,
 }
 
 impl Unit {
-    /// Theirs is ours.
+    /// Identity conversion.
     pub const SAME: Self = Self {
         scale: 1.0,
         offset: 0.0,
@@ -48,10 +48,10 @@ impl Unit {
         Self { scale, offset: 0.0 }
     }
 
-    /// A value of theirs in our unit.
+    /// Converts a value on the bus to the internal unit.
     #[must_use]
-    pub fn ours(self, theirs: f64) -> f64 {
-        theirs * self.scale + self.offset
+    pub fn to_internal(self, value: f64) -> f64 {
+        value * self.scale + self.offset
     }
 }
 
@@ -137,20 +137,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn units_become_ours() {
+    fn bus_values_become_internal_units() {
         let resolver = Dimension::Angle {
             counts_per_rev: 65_536.0,
         };
-        let ours = |dimension: Dimension, unit: &str, theirs: f64| dimension.unit(unit).expect(unit).ours(theirs);
+        let internal =
+            |dimension: Dimension, unit: &str, value: f64| dimension.unit(unit).expect(unit).to_internal(value);
         let cases = [
-            (ours(Dimension::Current, "mA", 1_500.0), 1.5),
-            (ours(resolver, "deg", 90.0), 16_384.0),
-            (ours(resolver, "rad", core::f64::consts::PI), 32_768.0),
-            (ours(resolver, "counts", 7.0), 7.0),
-            (ours(Dimension::CommandedAngle, "deg", 180.0), core::f64::consts::PI),
-            (ours(Dimension::Speed, "rpm", 60.0), TURN_RAD),
-            (ours(Dimension::Time, "ms", 2.0), 2_000.0),
-            (ours(Dimension::Temperature, "K", 293.15), 20.0),
+            (internal(Dimension::Current, "mA", 1_500.0), 1.5),
+            (internal(resolver, "deg", 90.0), 16_384.0),
+            (internal(resolver, "rad", core::f64::consts::PI), 32_768.0),
+            (internal(resolver, "counts", 7.0), 7.0),
+            (internal(Dimension::CommandedAngle, "deg", 180.0), core::f64::consts::PI),
+            (internal(Dimension::Speed, "rpm", 60.0), TURN_RAD),
+            (internal(Dimension::Time, "ms", 2.0), 2_000.0),
+            (internal(Dimension::Temperature, "K", 293.15), 20.0),
         ];
         for (found, expected) in cases {
             assert!((found - expected).abs() < 1e-9 * expected.abs(), "{found} {expected}");

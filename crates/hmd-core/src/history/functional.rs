@@ -178,7 +178,7 @@ pub(super) fn bring_forward(
         let by_function = probability_within(&hours, forecast.horizon_h);
         remaining.fails_within_horizon.max(by_function)
     });
-    forecast.actuator = Ok(prognosis.life_of(hours, within));
+    forecast.actuator = Ok(prognosis.remaining_life_of(hours, within));
     LimitingCriterion::Function(missed)
 }
 

@@ -50,7 +50,7 @@ impl HistoryStore {
         let reported = &self.events.unfinished;
         for line in events.unfinished.iter().filter(|line| !reported.contains(line)) {
             self.notices.push(format!(
-                "maintenance events, line {line}: never finished and passed over; tell of that event again"
+                "maintenance events, line {line}: never finished and ignored; record that event again"
             ));
         }
         self.events = events;

@@ -74,7 +74,7 @@ fn wear_out(histories: &mut HistoryStore, config: &Config, from: u64, to: u64) -
 }
 
 #[test]
-fn a_whole_life_goes_through_all_states_in_order_and_its_end_is_predicted() {
+fn a_wearing_unit_goes_through_all_states_in_order_and_its_end_is_predicted() {
     let config = config("hours = \"elapsed\"\nwarning_h = 300\ncritical_h = 100");
     let assessments = wear_out(&mut HistoryStore::new(config.clone()), &config, 0, 100);
     let mut states: Vec<HealthState> = assessments.iter().map(|t| t.state).collect();
@@ -155,7 +155,7 @@ fn work_is_measured_and_others_count_as_the_mean() {
 }
 
 #[test]
-fn a_maintenance_event_begins_a_new_life_once() {
+fn a_maintenance_event_resets_the_history_once() {
     let config = config("hours = \"elapsed\"");
     let mut histories = HistoryStore::new(config.clone());
     let event = |hours: f64, actuator: &str| Event {
@@ -179,7 +179,7 @@ fn a_maintenance_event_begins_a_new_life_once() {
 
 /// The technician's clock was in 1970, or behind the one before.
 #[test]
-fn an_event_told_of_later_counts_even_if_it_lies_earlier() {
+fn an_event_recorded_later_counts_even_if_it_lies_earlier() {
     let config = config("hours = \"elapsed\"");
     let mut histories = HistoryStore::new(config.clone());
     let event = |t_ns: u64| Event {
@@ -228,7 +228,7 @@ fn a_restored_history_continues_and_a_new_unit_begins_its_own() {
 
 /// Whatever numbers a file holds: it is refused, or the history resumes.
 #[test]
-fn a_kept_life_with_any_number_in_it_does_not_bring_the_daemon_down() {
+fn a_stored_history_with_any_number_in_it_does_not_stop_the_daemon() {
     fn numbers(value: &mut serde_json::Value) -> Vec<&mut serde_json::Value> {
         match value {
             serde_json::Value::Array(items) => items.iter_mut().flat_map(numbers).collect(),
@@ -309,7 +309,7 @@ fn tried_after(
 }
 
 #[test]
-fn the_function_ends_a_life_before_the_damage_does() {
+fn an_unmet_requirement_ends_the_life_before_the_damage_does() {
     let config = config("hours = \"elapsed\"");
     let mut history = UnitHistory::new(&config, None).expect("levels");
     // Useless from a friction of 0.5 on: 625 h after the beginning instead of 1000 h.

@@ -15,7 +15,7 @@ message! {
         frames_received: u64 = 1 uint64;
         /// Frames that gave a value.
         frames_decoded: u64 = 2 uint64;
-        /// Frames that no mapping wants.
+        /// Frames of no monitored actuator.
         frames_filtered: u64 = 3 uint64;
         /// Error frames of the controllers.
         frames_error: u64 = 4 uint64;

@@ -13,11 +13,11 @@ const ESTIMATES_MIN: u64 = 6;
 /// Probability of growth that a trend needs.
 const GROWTH_MIN: f64 = 0.999;
 
-/// Growth of damage that a trend needs: less cannot be told from the monitor's own error.
+/// Growth of damage that a trend needs: less cannot be distinguished from the monitor's own error.
 const GROWN_MIN: f64 = 0.01;
 
 /// A life is predicted up to this multiple of the hours over which its trend was observed.
-const REACH: f64 = 20.0;
+const EXTRAPOLATION_MAX: f64 = 20.0;
 
 /// Quantiles of what is left, in one unit. A quantile beyond the reach of the trend is given as the reach.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -72,7 +72,7 @@ pub enum NoTrend {
     #[error("no fault grows")]
     NoGrowth,
     /// The median is beyond the reach of the trend.
-    #[error("the end of life is more than {REACH} times the observed {observed_h:.3} h away")]
+    #[error("the end of life is more than {EXTRAPOLATION_MAX} times the observed {observed_h:.3} h away")]
     TooFar {
         /// Hours over which the trend was watched.
         observed_h: f64,
@@ -151,7 +151,9 @@ impl Prognosis {
     pub fn forecast(&self, horizon_h: f64) -> Forecast {
         let remaining = FaultId::ALL.map(|fault| self.remaining(fault));
         let faults = remaining.each_ref().map(|remaining| match remaining {
-            Ok(remaining) => self.life(|h| remaining.probability_within(h), remaining.observed_h(), horizon_h),
+            Ok(remaining) => {
+                self.remaining_life(|h| remaining.probability_within(h), remaining.observed_h(), horizon_h)
+            }
             Err(none) => Err(*none),
         });
         let trends: Vec<(FaultId, &Remaining<'_>)> = FaultId::ALL
@@ -169,7 +171,7 @@ impl Prognosis {
         let actuator = match trends.len() {
             0 => Err(least_lacking(&faults)),
             1 => faults[trends[0].0.index()],
-            _ => self.life(|h| 1.0 - survives(h), observed_h, horizon_h),
+            _ => self.remaining_life(|h| 1.0 - survives(h), observed_h, horizon_h),
         };
         let median = |fault: FaultId| faults[fault.index()].map_or(f64::INFINITY, |life| life.hours.p50);
         let dominant = trends
@@ -217,7 +219,7 @@ impl Prognosis {
     }
 
     /// A remaining life of these hours, with the cycles that belong to them.
-    pub fn life_of(&self, hours: Quantiles, fails_within_horizon: f64) -> RemainingLife {
+    pub fn remaining_life_of(&self, hours: Quantiles, fails_within_horizon: f64) -> RemainingLife {
         let per_hour = self
             .usage
             .rate()
@@ -230,8 +232,13 @@ impl Prognosis {
         }
     }
 
-    fn life(&self, within: impl Fn(f64) -> f64, observed_h: f64, horizon_h: f64) -> Result<RemainingLife, NoTrend> {
-        let hours_max = REACH * observed_h;
+    fn remaining_life(
+        &self,
+        within: impl Fn(f64) -> f64,
+        observed_h: f64,
+        horizon_h: f64,
+    ) -> Result<RemainingLife, NoTrend> {
+        let hours_max = EXTRAPOLATION_MAX * observed_h;
         let p50 = quantile(&within, 0.5, hours_max).ok_or(NoTrend::TooFar { observed_h })?;
         let or_reach = |share| quantile(&within, share, hours_max).unwrap_or(hours_max);
         let hours = Quantiles {
@@ -239,7 +246,7 @@ impl Prognosis {
             p50,
             p90: or_reach(0.9),
         };
-        Ok(self.life_of(hours, within(horizon_h)))
+        Ok(self.remaining_life_of(hours, within(horizon_h)))
     }
 }
 

@@ -8,11 +8,11 @@ use super::usage::Odometer;
 /// Ratio of neighbouring exponential rates. At 1.1 the nearest rate misses the true one by enough to spoil the intervals.
 const RATE_STEP: f64 = 1.04;
 
-/// An exponential differs visibly from a straight line once rate × time reaches this…
-const CURVED: f64 = 0.05;
+/// An exponential differs visibly from a straight line once rate × time reaches this.
+const CURVATURE_VISIBLE: f64 = 0.05;
 
-/// …and has lost when rate × time reaches this: no life is so long of its rate.
-const EXHAUSTED: f64 = 16.0;
+/// A law is dropped when rate × time exceeds this.
+const LAW_DROPPED: f64 = 16.0;
 
 /// Largest rate × life of an exponential growth; beyond it is a shock, not a trend.
 const RATE_LIFE_MAX: f64 = 8.0;
@@ -30,7 +30,7 @@ const START: usize = 3;
 const SLOPE_SIGMA_MAX: f64 = 1e100;
 
 /// Two estimates further apart than this, in standard deviations, do not agree.
-const APART: f64 = 5.0;
+const DISAGREEMENT_SIGMAS: f64 = 5.0;
 
 /// Estimates in a row that fit no law, after which a new trend begins.
 const JUMP_AFTER: u32 = 4;
@@ -41,7 +41,7 @@ const SCATTER_MEMORY: f64 = 20.0;
 /// Largest contribution of a single estimate to the scatter, in variances.
 const SCATTER_CAP: f64 = 9.0;
 
-/// Laws that no trend has: there are about 150.
+/// Upper limit on laws in a stored trend; about 150 occur.
 const LAWS_MAX: usize = 200;
 
 /// Beyond this `RATE_STEP^number` is no longer a number of the machine.
@@ -143,8 +143,9 @@ impl Trend {
 
     /// Begins with the first estimates; the very first is left out if the two after it agree against it.
     fn begin(&mut self, start: &[Estimate]) {
-        let apart =
-            |a: &Estimate, b: &Estimate| (a.damage - b.damage).powi(2) > APART * APART * (a.variance + b.variance);
+        let apart = |a: &Estimate, b: &Estimate| {
+            (a.damage - b.damage).powi(2) > DISAGREEMENT_SIGMAS * DISAGREEMENT_SIGMAS * (a.variance + b.variance)
+        };
         let [a, b, c] = [&start[0], &start[1], &start[2]];
         let outlier = apart(a, b) && apart(a, c) && !apart(b, c);
         let begun = &start[usize::from(outlier)..];
@@ -208,8 +209,8 @@ impl Trend {
             let number = (hours / curvature).ln() / RATE_STEP.ln();
             number.floor().clamp(-limit, limit) as i32
         };
-        let newest = number_for(CURVED);
-        let oldest = number_for(EXHAUSTED) + 1;
+        let newest = number_for(CURVATURE_VISIBLE);
+        let oldest = number_for(LAW_DROPPED) + 1;
         for number in self.slowest.map_or(oldest, |slowest| oldest.max(slowest + 1))..=newest {
             let rate = RATE_STEP.powi(-number);
             self.laws.push(Law {
@@ -218,7 +219,7 @@ impl Trend {
             });
             self.slowest = Some(number);
         }
-        self.laws.retain(|law| law.rate * hours <= EXHAUSTED);
+        self.laws.retain(|law| law.rate * hours <= LAW_DROPPED);
     }
 
     /// Damage at the last estimate: the laws' mean, or before there are any the last estimate itself.

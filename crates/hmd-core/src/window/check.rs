@@ -125,8 +125,8 @@ fn counters_disagree(slots: &[Slot], limits: &Limits) -> Option<Invalidity> {
 
 /// Range of the motor angle before the trigger, if the setpoint was not held there and the motor turned.
 ///
-/// The turning point of a commanded oscillation looks like rest to the trigger. One who joins there knows neither the play's
-/// side nor what the integrator carries, and wear would be read out of both.
+/// The turning point of a commanded oscillation looks like rest to the trigger. A window that starts there has an unknown
+/// backlash side and integral, which would be identified as wear.
 fn start_in_motion(slots: &[Slot], limits: &Limits) -> Option<Invalidity> {
     let rest = slots.get(..limits.lengths.pre_trigger)?;
     let range = |values: &mut dyn Iterator<Item = f64>| {

@@ -1,7 +1,7 @@
 //! One line of a candump log and one frame, in both directions.
 
 use hmd_core::frame::{BusError, BusNames, FrameError, FrameFlags, MAX_DATA, RawFrame};
-use hmd_storage::shown;
+use hmd_storage::quoted;
 use std::io;
 use thiserror::Error;
 
@@ -86,7 +86,7 @@ pub fn parse(line: &[u8], names: &mut BusNames) -> Result<RawFrame, LineFault> {
     let mut word = || words.next().unwrap_or_default();
     let bad = |expected, found: &[u8]| LineFault::Part {
         expected,
-        found: shown(found),
+        found: quoted(found),
     };
 
     let stamp = word();
@@ -149,7 +149,7 @@ pub fn parse(line: &[u8], names: &mut BusNames) -> Result<RawFrame, LineFault> {
     let flags = flags.with(FrameFlags::SENT, sent);
     let mut frame = RawFrame::from_socketcan(stamp_ns, 0, can_id, flags, &data[..len])?;
     frame.bus = names.intern(name).map_err(|cause| LineFault::Bus {
-        found: shown(interface),
+        found: quoted(interface),
         cause,
     })?;
     Ok(frame)

@@ -1,5 +1,5 @@
 //! The mean effect of the hysteresis band on the currents of one type of actuator: first by sweeps at constant speed, then by
-//! what pulls estimates least in actuations.
+//! the least estimator bias in actuations.
 
 use ema_models::reference::{Reference, ReferenceState};
 use ema_models::{
@@ -8,7 +8,7 @@ use ema_models::{
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
 
-use super::{each_pull, mismatch};
+use super::{each_bias, mismatch};
 use crate::simulated::SimulatedWindow;
 use ema_identify::calibration::TypeCalibration;
 
@@ -107,8 +107,8 @@ const COEFFICIENTS: usize = RIPPLE_KNOTS + 2;
 /// reference of the current does not stand still as it does in a sweep; hump and peak are known from the shipped actuators.
 const SPREAD: [f64; COEFFICIENTS] = [0.1, 0.03, 0.03, 0.03, 0.03, 0.03, 0.03, 1.0, 0.4];
 
-/// Adjusts the ripple to what pulls estimates least in actuations, with the sweeps as what is known beforehand: Gauss–Newton on
-/// the windows' pulls, each window counting by the inverse square of its own, so that a few with large ones do not decide.
+/// Adjusts the ripple to the least estimator bias in actuations, with the sweeps as what is known beforehand: Gauss–Newton on
+/// the windows' biases, each window counting by the inverse square of its own, so that a few with large ones do not decide.
 pub(super) fn fit(calibration: &mut TypeCalibration, params: &ActuatorParams, windows: &[SimulatedWindow]) {
     type Vector = SVector<f64, COEFFICIENTS>;
     let known = coefficients(calibration);
@@ -116,11 +116,11 @@ pub(super) fn fit(calibration: &mut TypeCalibration, params: &ActuatorParams, wi
         // The weights depend on the ripple, hardly, and the ripple on the weights.
         calibration.at_rate = vec![mismatch(calibration, params, windows)];
         let at = coefficients(calibration);
-        let pulls = each_pull(calibration, params, windows);
+        let biases = each_bias(calibration, params, windows);
         let slopes: [Vec<[f64; FAULT_COUNT]>; COEFFICIENTS] = std::array::from_fn(|c| {
             let mut moved = at;
             moved[c] += DIFFERENCE * SPREAD[c];
-            each_pull(&with_coefficients(calibration, moved), params, windows)
+            each_bias(&with_coefficients(calibration, moved), params, windows)
         });
         let mut normal = SMatrix::<f64, COEFFICIENTS, COEFFICIENTS>::zeros();
         let mut rhs = Vector::zeros();
@@ -128,20 +128,20 @@ pub(super) fn fit(calibration: &mut TypeCalibration, params: &ActuatorParams, wi
             normal[(c, c)] = 1.0 / (SPREAD[c] * SPREAD[c]);
             rhs[c] = (known[c] - at[c]) * normal[(c, c)];
         }
-        for (w, pull) in pulls.iter().enumerate() {
-            let weight = 1.0 / (pull.iter().map(|d| d * d).sum::<f64>() + SMALL_PULL * SMALL_PULL);
+        for (w, bias) in biases.iter().enumerate() {
+            let weight = 1.0 / (bias.iter().map(|d| d * d).sum::<f64>() + SMALL_BIAS * SMALL_BIAS);
             for p in 0..FAULT_COUNT {
-                let slope = Vector::from_fn(|c, _| (slopes[c][w][p] - pull[p]) / (DIFFERENCE * SPREAD[c]));
+                let slope = Vector::from_fn(|c, _| (slopes[c][w][p] - bias[p]) / (DIFFERENCE * SPREAD[c]));
                 normal += slope * slope.transpose() * weight;
-                rhs -= slope * (pull[p] * weight);
+                rhs -= slope * (bias[p] * weight);
             }
         }
         let Some(factor) = normal.cholesky() else { return };
         let step = factor.solve(&rhs);
-        let before = mean_length(&pulls);
+        let before = mean_length(&biases);
         let better = [1.0, 0.5, 0.25].into_iter().find_map(|share| {
             let tried = with_coefficients(calibration, std::array::from_fn(|c| rounded(at[c] + share * step[c])));
-            (mean_length(&each_pull(&tried, params, windows)) < before).then_some(tried)
+            (mean_length(&each_bias(&tried, params, windows)) < before).then_some(tried)
         });
         match better {
             Some(better) => *calibration = better,
@@ -156,8 +156,8 @@ const ROUNDS: u32 = 3;
 /// Step of its differences, in [`SPREAD`].
 const DIFFERENCE: f64 = 0.1;
 
-/// A pull so small that smaller ones count no more.
-const SMALL_PULL: f64 = 2e-3;
+/// Bias below which smaller ones have no greater weight.
+const SMALL_BIAS: f64 = 2e-3;
 
 fn coefficients(calibration: &TypeCalibration) -> [f64; COEFFICIENTS] {
     let mut all = [calibration.ripple_peak; COEFFICIENTS];
@@ -175,8 +175,8 @@ fn with_coefficients(calibration: &TypeCalibration, all: [f64; COEFFICIENTS]) ->
     }
 }
 
-/// Mean distance of pulls.
-fn mean_length(pulls: &[[f64; FAULT_COUNT]]) -> f64 {
-    let lengths = pulls.iter().map(|pull| pull.iter().map(|d| d * d).sum::<f64>().sqrt());
-    lengths.sum::<f64>() / pulls.len().max(1) as f64
+/// Mean length of the biases.
+fn mean_length(biases: &[[f64; FAULT_COUNT]]) -> f64 {
+    let lengths = biases.iter().map(|bias| bias.iter().map(|d| d * d).sum::<f64>().sqrt());
+    lengths.sum::<f64>() / biases.len().max(1) as f64
 }

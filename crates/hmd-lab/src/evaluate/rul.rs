@@ -1,6 +1,6 @@
-//! The `rul` suite: forecasts over whole lives, beside an oracle that knows the true law.
+//! The `rul` suite: forecasts over whole lifetimes, compared with an oracle that knows the true law.
 
-mod beside;
+mod comparison;
 mod errors;
 mod history;
 mod metrics;
@@ -11,13 +11,13 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use errors::ErrorTable;
-use history::{END_OF_LIFE, LIFE_H};
+use history::{END_OF_LIFE, LIFETIME_H};
 use hmd_core::rul::{Prognosis, Quantiles, quantile};
 use hmd_core::seed::mix;
 use metrics::{ALPHA, LAMBDAS, Medians, convergence, horizon_fraction};
 use oracle::Oracle;
 
-pub use beside::{Beside, BesideError, Lives, rul_beside, rul_histories};
+pub use comparison::{Comparison, ComparisonError, RemainingHoursSamples, compare_forecasts, rul_histories};
 pub use history::{Growth, History, Seen};
 pub use metrics::{AtLambda, Scored, Scores};
 
@@ -46,7 +46,7 @@ pub struct Group {
     pub name: String,
     /// Their number.
     pub histories: usize,
-    /// Our scores.
+    /// Scores of this monitor.
     #[serde(flatten)]
     pub scores: Scores,
     /// The oracle's.
@@ -57,7 +57,7 @@ pub struct Group {
 struct Predicted {
     fault: usize,
     growth: Growth,
-    ours: Scored,
+    own: Scored,
     oracle: Scored,
 }
 
@@ -75,7 +75,7 @@ pub fn rul(n: u64, seed: u64, done: &(dyn Fn() + Sync)) -> Result<RulReport, ser
             let predicted = Predicted {
                 fault,
                 growth: history.growth,
-                ours: ours(&history, fault),
+                own: score_own(&history, fault),
                 oracle: by_oracle(&history, mix(seed, &[8, number])),
             };
             done();
@@ -87,7 +87,7 @@ pub fn rul(n: u64, seed: u64, done: &(dyn Fn() + Sync)) -> Result<RulReport, ser
         Group {
             name,
             histories: members.len(),
-            scores: Scores::mean_of(members.iter().map(|t| &t.ours)),
+            scores: Scores::mean_of(members.iter().map(|t| &t.own)),
             oracle: Scores::mean_of(members.iter().map(|t| &t.oracle)),
         }
     };
@@ -101,7 +101,7 @@ pub fn rul(n: u64, seed: u64, done: &(dyn Fn() + Sync)) -> Result<RulReport, ser
         suite: "rul",
         seed,
         histories_per_fault: n,
-        scores: Scores::mean_of(predictions.iter().map(|t| &t.ours)),
+        scores: Scores::mean_of(predictions.iter().map(|t| &t.own)),
         oracle: Scores::mean_of(predictions.iter().map(|t| &t.oracle)),
         groups,
     })
@@ -112,43 +112,43 @@ fn draw(fault: usize, n: u64, errors: &ErrorTable, seed: u64) -> History {
 }
 
 /// Prediction of a history by the monitor's own filter.
-fn ours(history: &History, fault: usize) -> Scored {
+fn score_own(history: &History, fault: usize) -> Scored {
     let mut prognosis = Prognosis::new([END_OF_LIFE; FaultId::COUNT]);
-    score(history, |seen, tell| {
+    score(history, |seen, report| {
         let mut estimates = [None; FaultId::COUNT];
         estimates[fault] = seen.estimate;
         prognosis.update(seen.at, &estimates);
-        if let (Ok(life), Ok(remaining)) = (
+        if let (Ok(forecast), Ok(remaining)) = (
             prognosis.forecast(0.0).faults[fault],
             prognosis.remaining(FaultId::ALL[fault]),
         ) {
-            let Quantiles { p10, p50, p90 } = life.hours;
-            tell([p10, p50, p90].map(Some), &|hours| remaining.probability_within(hours));
+            let Quantiles { p10, p50, p90 } = forecast.hours;
+            report([p10, p50, p90].map(Some), &|hours| remaining.probability_within(hours));
         }
     })
 }
 
 /// Hours beyond which the oracle is not asked: twice the longest life.
-const HOURS_MAX: f64 = 2.0 * LIFE_H[1];
+const HOURS_MAX: f64 = 2.0 * LIFETIME_H[1];
 
 /// Prediction of a history by the oracle.
 fn by_oracle(history: &History, seed: u64) -> Scored {
     let mut oracle = Oracle::new(history);
     let mut n = 0;
-    score(history, |seen, tell| {
+    score(history, |seen, report| {
         oracle.update(seen);
         n += 1;
         let forecast = oracle.remaining(seen, mix(seed, &[n]));
         let within = |hours: f64| forecast.probability_within(hours);
-        tell([0.1, 0.5, 0.9].map(|share| quantile(within, share, HOURS_MAX)), &within);
+        report([0.1, 0.5, 0.9].map(|share| quantile(within, share, HOURS_MAX)), &within);
     })
 }
 
 /// Takes the quantiles of the hours left, and the probability of failing within some hours.
-type Tell<'a> = &'a mut dyn FnMut([Option<f64>; 3], &dyn Fn(f64) -> f64);
+type Report<'a> = &'a mut dyn FnMut([Option<f64>; 3], &dyn Fn(f64) -> f64);
 
 /// Scores the prediction after each window of a history; no prediction is a forecast missed.
-fn score(history: &History, mut after: impl FnMut(&Seen, Tell<'_>)) -> Scored {
+fn score(history: &History, mut after: impl FnMut(&Seen, Report<'_>)) -> Scored {
     let mut medians = Medians::new();
     let mut at = Vec::new();
     let lambda_windows = LAMBDAS.map(|lambda| {
@@ -191,14 +191,14 @@ mod tests {
     #[test]
     fn the_suite_is_near_its_oracle_and_repeats_itself() -> Result<(), Box<dyn std::error::Error>> {
         let report = rul(6, 11, &|| {})?;
-        let (ours, oracle) = (&report.scores, &report.oracle);
+        let (own, oracle) = (&report.scores, &report.oracle);
         assert!(
-            ours.alpha_lambda_pass_rate >= 0.9 * oracle.alpha_lambda_pass_rate,
-            "{ours:?} {oracle:?}"
+            own.alpha_lambda_pass_rate >= 0.9 * oracle.alpha_lambda_pass_rate,
+            "{own:?} {oracle:?}"
         );
-        assert!(ours.prognostic_horizon_fraction >= 0.5, "{ours:?}");
-        assert!(ours.cra >= 0.85 && ours.cra <= oracle.cra + 0.02, "{ours:?} {oracle:?}");
-        assert!((0.65..0.95).contains(&ours.coverage_80), "{ours:?}");
+        assert!(own.prognostic_horizon_fraction >= 0.5, "{own:?}");
+        assert!(own.cra >= 0.85 && own.cra <= oracle.cra + 0.02, "{own:?} {oracle:?}");
+        assert!((0.65..0.95).contains(&own.coverage_80), "{own:?}");
         assert!(oracle.alpha_lambda_pass_rate > 0.8, "{oracle:?}");
         assert_eq!(
             serde_json::to_string(&report)?,

@@ -74,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_disk_is_told_with_the_name_of_the_table() {
+    fn a_full_disk_is_reported_with_the_name_of_the_table() {
         let folder = tempfile::tempdir().unwrap();
         for name in ["out.csv", "out.parquet"] {
             let path = folder.path().join(name);

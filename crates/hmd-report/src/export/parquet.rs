@@ -133,7 +133,7 @@ fn field(head: &Head) -> Result<Type, ParquetError> {
 fn write_column(column: &mut SerializedColumnWriter<'_>, kind: Kind, values: Vec<Value>) -> Result<(), ParquetError> {
     match kind {
         Kind::Time | Kind::Count | Kind::Signed => {
-            let values: Vec<i64> = values.into_iter().filter_map(whole).collect();
+            let values: Vec<i64> = values.into_iter().filter_map(integer).collect();
             column.typed::<Int64Type>().write_batch(&values, None, None)?;
         }
         Kind::Text => {
@@ -177,7 +177,7 @@ fn write_column(column: &mut SerializedColumnWriter<'_>, kind: Kind, values: Vec
 }
 
 /// Times and counts stay below 2^63 for as long as stamps do: until the year 2262.
-fn whole(value: Value) -> Option<i64> {
+fn integer(value: Value) -> Option<i64> {
     match value {
         Value::Time(n) | Value::Count(n) => Some(i64::try_from(n).unwrap_or(i64::MAX)),
         Value::Signed(n) => Some(n),

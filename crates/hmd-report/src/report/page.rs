@@ -24,7 +24,7 @@ pub fn page(files: &Files, history: &History) -> String {
     let mut body = format!(
         "<h1>Health report of {name}</h1>\n{}{}",
         period(history),
-        verdict(history)
+        assessment(history)
     );
     let mut section = |heading: &str, content: String| {
         let _ = writeln!(body, "<section><h2>{heading}</h2>\n{content}</section>");
@@ -63,11 +63,11 @@ fn period(history: &History) -> String {
 }
 
 /// State, what is left, and why.
-fn verdict(history: &History) -> String {
+fn assessment(history: &History) -> String {
     let (health, rul) = &history.newest;
     let state = escaped(&health.health);
     format!(
-        "<p class=\"verdict {state}\"><strong>{state}</strong><br>{}</p>\n",
+        "<p class=\"assessment {state}\"><strong>{state}</strong><br>{}</p>\n",
         escaped(&left(rul))
     )
 }
@@ -109,16 +109,16 @@ fn words(name: &str) -> String {
 /// Damage of each fault, and what is left to it alone.
 fn faults(history: &History) -> String {
     let (health, rul) = &history.newest;
-    let lives = rul.faults();
+    let remaining = rul.faults();
     let mut rows = String::new();
-    for ((name, damage), life) in FaultId::NAMES.iter().zip(history.newest.0.damages()).zip(lives) {
+    for ((name, damage), hours) in FaultId::NAMES.iter().zip(history.newest.0.damages()).zip(remaining) {
         let damage = damage.map_or_else(|| "not known".to_owned(), |d| format!("{:.1} %", 100.0 * d));
         let detected = if health.fault_list.iter().any(|fault| fault == name) {
             "yes"
         } else {
             "no"
         };
-        let left = life.map_or_else(
+        let left = hours.map_or_else(
             || "no trend".to_owned(),
             |[p10, p50, p90]| format!("{p50:.0} ({p10:.0} … {p90:.0})"),
         );
@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_life_stays_small_and_no_text_becomes_markup() {
+    fn a_long_history_stays_small_and_no_text_becomes_markup() {
         let mut history = history(20_000);
         history.newest.0 = Health {
             health: "watch".to_owned(),
@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn every_loss_is_told_and_an_error_frame_is_none() {
+    fn every_loss_is_reported_and_an_error_frame_is_none() {
         let of = |status| {
             let source = Source {
                 status,

@@ -239,7 +239,7 @@ pub(super) fn significant(value: f64) -> String {
     format!("{value:.digits$}")
 }
 
-/// Text as HTML and SVG take it.
+/// Escapes text for HTML and SVG.
 pub(super) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

@@ -138,12 +138,12 @@ pub(super) fn fault_vector(history: &History) -> String {
             .iter()
             .rev()
             .find_map(|(_, point)| Some((value(point)?, interval(point))));
-        let said = match newest {
+        let summary = match newest {
             Some((k, Some((low, high)))) => format!("newest {k:.3}, 95 % between {low:.3} and {high:.3}"),
             Some((k, None)) => format!("newest {k:.3}"),
             None => "no window shows it".to_owned(),
         };
-        text += &figure(&plot, &format!("k{} {}: {said}", p + 1, escaped(&name)));
+        text += &figure(&plot, &format!("k{} {}: {summary}", p + 1, escaped(&name)));
     }
     text
 }

@@ -34,7 +34,7 @@ pub(super) fn lines(row: &Row<'_>) -> Vec<String> {
         .map(|n| format!("{}  {}", bar(estimate.as_ref(), n), bar(estimate.as_ref(), n + 4)))
         .collect();
     lines.push(window(row));
-    lines.push(life(row));
+    lines.push(remaining_life(row));
     lines.push(used(row));
     lines.extend(row.changed.iter().map(|changed| format!("changed  {changed}")));
     lines
@@ -52,41 +52,41 @@ fn bar(estimate: Option<&Estimate>, n: usize) -> String {
     let k = estimate.k[n];
     let full = (k.clamp(0.0, 1.0) * BAR as f64).round() as usize;
     let bar = format!("{}{}", "#".repeat(full), ".".repeat(BAR - full));
-    let said = match (estimate.observable[n], estimate.sigma[n]) {
+    let value = match (estimate.observable[n], estimate.sigma[n]) {
         (true, Some(sigma)) => format!("{k:.3} +-{:.3}", 1.96 * sigma),
         (true, None) => format!("{k:.3}"),
         (false, _) => "not shown".to_owned(),
     };
     // What the window does not show is no value.
     let bar = if estimate.observable[n] { bar } else { " ".repeat(BAR) };
-    format!("{name:<11} [{bar}] {said:<13}")
+    format!("{name:<11} [{bar}] {value:<13}")
 }
 
 fn window(row: &Row<'_>) -> String {
     let Some(known) = row.known else { return String::new() };
     let health = &known.health;
-    let mut said = format!("window   {} {}", health.window, health.status);
+    let mut text = format!("window   {} {}", health.window, health.status);
     if !health.reason.is_empty() {
-        said += &format!(" ({})", health.reason);
+        text += &format!(" ({})", health.reason);
     }
     if let Some(assessed) = known
         .assessed
         .as_ref()
         .filter(|assessed| assessed.window != health.window)
     {
-        said += &format!(", k of window {}", assessed.window);
+        text += &format!(", k of window {}", assessed.window);
     }
-    said += &format!(", began {}", minute(health.t_start_ns));
+    text += &format!(", began {}", minute(health.t_start_ns));
     if let Some(window) = known.window.as_ref().filter(|window| window.window == health.window) {
-        said += &format!(", {} of {} samples", window.samples, window.samples_expected);
+        text += &format!(", {} of {} samples", window.samples, window.samples_expected);
     }
     if let Some(residual) = health.residual_rms_a {
-        said += &format!(", residual {residual:.3} A");
+        text += &format!(", residual {residual:.3} A");
     }
-    said
+    text
 }
 
-fn life(row: &Row<'_>) -> String {
+fn remaining_life(row: &Row<'_>) -> String {
     let Some(rul) = row.known.and_then(|known| known.rul.as_ref()) else {
         return "left     unknown".to_owned();
     };
@@ -94,17 +94,17 @@ fn life(row: &Row<'_>) -> String {
         let why = if rul.reason.is_empty() { "no trend" } else { &rul.reason };
         return format!("left     unknown: {why}");
     };
-    let mut said = format!(
+    let mut text = format!(
         "left     {p50:.0} h, 80 % in {p10:.0}..{p90:.0} h, by {}",
         rul.governed_by
     );
     if rul.governed_by == "damage" {
-        said += &format!(" of {}", rul.dominant_fault);
+        text += &format!(" of {}", rul.dominant_fault);
     }
     if let (Some(probability), Some(horizon)) = (rul.failure_probability, rul.horizon_h) {
-        said += &format!("; P {probability:.2} in {horizon:.0} h");
+        text += &format!("; P {probability:.2} in {horizon:.0} h");
     }
-    said
+    text
 }
 
 fn used(row: &Row<'_>) -> String {
@@ -114,14 +114,14 @@ fn used(row: &Row<'_>) -> String {
     let [hours, cycles] = [rul.operating_h, rul.operating_cycles];
     let value =
         |value: Option<f64>, unit| value.map_or_else(|| format!("? {unit}"), |value| format!("{value:.1} {unit}"));
-    let mut said = format!("used     {}, {}", value(hours, "h"), value(cycles, "cycles"));
+    let mut text = format!("used     {}, {}", value(hours, "h"), value(cycles, "cycles"));
     if row.persistence > 0 {
-        said += &format!("; {} windows in a row ask for a worse state", row.persistence);
+        text += &format!("; {} windows in a row ask for a worse state", row.persistence);
     }
     if row.passive {
-        said += "; passive: alarms nobody";
+        text += "; passive: raises no alarm";
     }
-    said
+    text
 }
 
 /// A time in at most six characters.

@@ -158,10 +158,10 @@ impl Page<'_> {
     }
 
     fn head(&mut self, model: &Model<'_>, rows: Range<usize>) {
-        let (said, style) = condition(model);
+        let (text, style) = condition(model);
         self.spans(&[
             ("hmd top  ", bold()),
-            (&said, style),
+            (&text, style),
             ("  ", Style::new()),
             (model.place, Style::new()),
         ]);
@@ -184,11 +184,14 @@ impl Page<'_> {
             }
             None => {
                 self.line(
-                    "buses    not told yet: a record of the counters comes every ten seconds",
+                    "buses    not reported yet: a record of the counters comes every ten seconds",
                     Style::new(),
                 );
                 self.line(
-                    &format!("lost     not told yet{}", super::process::damage(model.state.damaged)),
+                    &format!(
+                        "lost     not reported yet{}",
+                        super::process::damage(model.state.damaged)
+                    ),
                     Style::new(),
                 );
             }
@@ -226,7 +229,7 @@ impl Page<'_> {
         );
         self.line(&head, bold());
         if model.rows.is_empty() {
-            self.line("  no actuator told of yet", Style::new());
+            self.line("  no actuator reported yet", Style::new());
         }
         for (n, row) in model.rows.iter().enumerate().skip(rows.start).take(rows.len()) {
             self.row(row, n == selected);
@@ -235,7 +238,7 @@ impl Page<'_> {
 
     fn row(&mut self, row: &Row<'_>, is_selected: bool) {
         let (data, data_style) = match row.freshness {
-            Freshness::Unsaid => ("-".to_owned(), Style::new()),
+            Freshness::NotReported => ("-".to_owned(), Style::new()),
             Freshness::Fresh => ("fresh".to_owned(), Style::new()),
             Freshness::Stale(s) => (format!("STALE {}", duration(s)), alarm()),
         };

@@ -50,9 +50,9 @@ impl Condition {
 /// How old an actuator's data are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Freshness {
-    /// The source does not say: a replay has no clock.
-    Unsaid,
-    /// Fresh by the word of the daemon.
+    /// Not reported by the source: a replay has no clock.
+    NotReported,
+    /// Fresh, as the daemon reports.
     Fresh,
     /// No sample for so many seconds.
     Stale(f64),
@@ -148,8 +148,8 @@ fn row<'a>(state: &'a State, condition: Condition, n: usize, name: &'a str) -> R
         let of = status.actuators.get(n).filter(|of| of.actuator == name)?;
         Some((at_ns, of))
     });
-    let told = status.map(|(_, of)| &of.health);
-    let assessed = known.map(|known| &known.health.health);
+    let reported = status.map(|(_, of)| &of.health);
+    let health = known.map(|known| &known.health.health);
     let damages = known
         .and_then(|known| known.assessed.as_ref())
         .map(|health| health.damages());
@@ -161,10 +161,12 @@ fn row<'a>(state: &'a State, condition: Condition, n: usize, name: &'a str) -> R
     };
     Row {
         name,
-        freshness: status.map_or(Freshness::Unsaid, |(at_ns, of)| freshness(of, condition, since(*at_ns))),
+        freshness: status.map_or(Freshness::NotReported, |(at_ns, of)| {
+            freshness(of, condition, since(*at_ns))
+        }),
         // The window's own record comes before the counters that repeat it.
-        health: assessed
-            .or(told)
+        health: health
+            .or(reported)
             .map_or(HealthState::Unknown, |name| HealthState::named(name)),
         passive: status.is_some_and(|(_, of)| of.passive),
         persistence: status.map_or(0, |(_, of)| of.persistence),

@@ -1,47 +1,47 @@
-//! How the process that writes the records fares, by its counters.
+//! Status lines of the recording process.
 
 use hmd_core::record::Status;
 
-/// Interfaces that are not well, by name; how many are; queues; storage.
+/// Interfaces that are not OK, by name; how many are; queues; storage.
 pub(super) fn buses(status: &Status) -> String {
     let state = |n: usize| {
         let interface = &status.interfaces[n];
         (interface.link.as_str(), interface.bus_state.as_str())
     };
-    let well = |n: usize| matches!(state(n), ("up" | "", "error-active" | ""));
+    let is_ok = |n: usize| matches!(state(n), ("up" | "", "error-active" | ""));
     let interfaces = status.interfaces.iter().map(|on| &on.interface).enumerate();
-    let (well, ill): (Vec<_>, Vec<_>) = interfaces.partition(|(n, _)| well(*n));
-    let mut said: Vec<String> = ill
+    let (ok, others): (Vec<_>, Vec<_>) = interfaces.partition(|(n, _)| is_ok(*n));
+    let mut parts: Vec<String> = others
         .iter()
         .map(|(n, name)| match state(*n) {
             ("up" | "", bus) => format!("{name} {bus}"),
             (link, _) => format!("{name} {}", link.to_uppercase()),
         })
         .collect();
-    match well.as_slice() {
+    match ok.as_slice() {
         [] => {}
-        [(_, only)] => said.push(format!("{only} well")),
-        several => said.push(format!("{} well", several.len())),
+        [(_, only)] => parts.push(format!("{only} OK")),
+        several => parts.push(format!("{} OK", several.len())),
     }
-    if said.is_empty() {
-        said.push("none told of".to_owned());
+    if parts.is_empty() {
+        parts.push("none reported".to_owned());
     }
-    let mut said = format!("buses    {}", said.join(", "));
+    let mut text = format!("buses    {}", parts.join(", "));
     // A replay has none.
     if !status.actuators.is_empty() {
-        said += &format!(
+        text += &format!(
             "; queues {} inputs, {} windows",
             status.queued_inputs, status.queued_windows
         );
     }
     if !status.storage.is_empty() {
-        said += &format!(
+        text += &format!(
             "; storage {}, {} free",
             status.storage,
             bytes(status.storage_free_bytes)
         );
     }
-    said
+    text
 }
 
 /// What came in, and what was lost by cause.

@@ -154,7 +154,7 @@ fn six_actuators_fill_a_small_terminal() {
     let expected = [
         "hmd top  LIVE, newest record written 2 s ago  /records",
         "6 actuators  1 critical  5 nominal  1 STALE",
-        "buses    can1 DOWN, can0 well; queues 5 inputs, 0 windows; storage ok, 4 GB free",
+        "buses    can1 DOWN, can0 OK; queues 5 inputs, 0 windows; storage ok, 4 GB free",
         "lost     3 samples; frames 1234, windows 7 ok",
         "  ACTUATOR   DATA         HEALTH    LEFT, h (10..90 %) LARGEST DAMAGE        AGO",
         "  ema0       STALE 5 s    nominal   651 (579..728)     friction      40 %   12 s",
@@ -220,7 +220,7 @@ fn any_size_is_drawn() {
 }
 
 #[test]
-fn nothing_is_said_by_colour_alone() {
+fn no_state_is_shown_by_colour_alone() {
     let state = fleet(2);
     let model = Model::new("/records", &state, Condition::Silent(40.0), false);
     let coloured = screen(&model, 0, (80, 24), Colours::On);
@@ -248,7 +248,7 @@ fn nothing_is_said_by_colour_alone() {
 }
 
 #[test]
-fn what_nobody_writes_any_more_is_stale() {
+fn records_that_are_no_longer_written_are_stale() {
     let state = fleet(2);
     let of = |condition| Model::new("/records", &state, condition, false).rows[1].freshness;
     assert_eq!(of(Condition::new(Progress::Waiting, 2.0)), Freshness::Fresh);
@@ -279,7 +279,7 @@ fn the_worst_stand_first_when_asked_for() {
 }
 
 #[test]
-fn an_invalid_window_keeps_the_estimate_of_the_last_good_one_and_says_so() {
+fn an_invalid_window_keeps_the_estimate_of_the_last_good_one_and_reports_it() {
     let state = state(|writer| {
         writer.write(START, &health(0, "watch")).unwrap();
         writer.write(START, &rul(0)).unwrap();

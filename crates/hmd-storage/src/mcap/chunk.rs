@@ -3,7 +3,7 @@
 use super::fault::McapFault;
 use super::limits::RECORD_BYTES_MAX;
 use super::records;
-use crate::shown;
+use crate::quoted;
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{McapError, records::op};
 use std::io::{self, Read};
@@ -82,7 +82,7 @@ fn chunk_fault(error: McapError) -> McapFault {
         },
         McapError::ChunkTooLarge(got) | McapError::RecordTooLarge { len: got, .. } => McapFault::TooLarge { got },
         McapError::UnsupportedCompression(name) => {
-            McapFault::Chunk(format!("unknown compression \"{}\"", shown(name.as_bytes())))
+            McapFault::Chunk(format!("unknown compression \"{}\"", quoted(name.as_bytes())))
         }
         McapError::DecompressionError(text) => McapFault::Chunk(text),
         McapError::Io(error) => McapFault::Chunk(error.to_string()),

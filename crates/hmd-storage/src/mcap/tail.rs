@@ -282,10 +282,10 @@ mod tests {
         let path = folder.path().join("a.txt");
         for content in ["", "(1700000000.0) can0 100#00\n"] {
             fs::write(&path, content).unwrap();
-            let said = McapTail::open(&path).unwrap_err().to_string();
+            let text = McapTail::open(&path).unwrap_err().to_string();
             assert!(
-                said.ends_with("expected an MCAP file, found one that begins differently"),
-                "{said}"
+                text.ends_with("expected an MCAP file, found one that begins differently"),
+                "{text}"
             );
         }
         assert!(

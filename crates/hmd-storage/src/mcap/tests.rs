@@ -230,7 +230,7 @@ fn missing_frames_are_counted() {
             first_index: 30 * window as u64,
             count: 30,
         };
-        // After the last frame nothing tells how many there were.
+        // After the last frame their number is unknown.
         let expected = if window < 3 { vec![&expected] } else { vec![] };
         assert_eq!(counted, expected);
     }

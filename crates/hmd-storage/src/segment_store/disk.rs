@@ -1,4 +1,4 @@
-//! What a store asks of the system; tests put a disk in its place that fails.
+//! File-system operations that the segment store needs; tests replace them by a failing disk.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Seek, Write};
@@ -12,7 +12,7 @@ pub trait Out: Write + Seek + Send {}
 
 impl<T: Write + Seek + Send> Out for T {}
 
-/// The disk.
+/// File-system operations of the segment store.
 pub trait Disk: Send {
     /// Makes a file that is not there yet.
     ///

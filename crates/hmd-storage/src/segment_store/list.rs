@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::name::{Kind, Name, Stage, is_ours};
+use super::name::{Kind, Name, Stage, is_segment};
 
 /// A segment with records.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -28,7 +28,7 @@ pub fn records_segments(folder: &Path, first: u64) -> io::Result<BTreeMap<u64, R
             continue;
         };
         // A file that has gone or is foreign is skipped.
-        if !is_ours(&entry.path()).unwrap_or(false) {
+        if !is_segment(&entry.path()).unwrap_or(false) {
             continue;
         }
         let is_open = name.stage == Stage::Open;

@@ -1,4 +1,4 @@
-//! Names of segments, and how a segment of ours is recognised.
+//! Names of segments, and how a segment is recognised.
 
 use std::fmt;
 use std::io::{self, Read};
@@ -100,9 +100,9 @@ impl fmt::Display for Name {
     }
 }
 
-/// Whether a regular file begins as a segment of ours does. One that was cut within that beginning is not: nothing
+/// Whether a regular file begins as a segment does. One that was cut within that beginning is not: nothing
 /// in it identifies it.
-pub(super) fn is_ours(path: &Path) -> io::Result<bool> {
+pub(super) fn is_segment(path: &Path) -> io::Result<bool> {
     let mut expected = mcap::MAGIC.to_vec();
     expected.push(mcap::records::op::HEADER);
     // The length of the header record depends on the version that wrote it; the profile comes first in it.
@@ -155,7 +155,7 @@ mod tests {
         let ours = ours.finish().unwrap().0.into_inner();
         let is = |bytes: &[u8]| {
             std::fs::write(&path, bytes).unwrap();
-            is_ours(&path).unwrap()
+            is_segment(&path).unwrap()
         };
         let header = mcap::MAGIC.len() + 9 + 4 + PROFILE.len();
         for length in 0..ours.len() {

@@ -9,7 +9,7 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use super::disk::{Disk, rename};
-use super::name::{NUMBER_MAX, Name, PROFILE, Stage, is_ours};
+use super::name::{NUMBER_MAX, Name, PROFILE, Stage, is_segment};
 use crate::mcap::McapFault;
 use crate::recover::{RecoverError, Recovered, recover};
 use crate::regular_file::open_regular;
@@ -44,16 +44,16 @@ pub(super) fn repair_folder(folder: &Path, disk: &dyn Disk) -> io::Result<Found>
             continue;
         };
         let regular = entry.metadata().is_ok_and(|about| about.is_file());
-        let is_ours = regular && is_ours(&entry.path()).unwrap_or(false);
+        let is_segment = regular && is_segment(&entry.path()).unwrap_or(false);
         // No file must use our numbers up, whoever gave it its name.
         if name.number < NUMBER_MAX / 2 {
             found.next_number = found.next_number.max(name.number + 1);
         }
-        if is_ours { &mut ours } else { &mut others }.push(name);
+        if is_segment { &mut ours } else { &mut others }.push(name);
     }
     ours.sort_unstable();
     others.sort_unstable();
-    // A power cut may leave the copy empty; beside its source it is ours all the same.
+    // A power cut may leave the copy empty; beside its source it counts as a segment.
     let (empty, others): (Vec<_>, Vec<_>) = others.into_iter().partition(|name| {
         name.stage == Stage::Repair && ours.contains(&name.with_stage(Stage::Open)) && is_empty_file(folder, *name)
     });
@@ -173,7 +173,7 @@ impl Found {
             let name = entry.file_name().to_str().and_then(Name::parse);
             let regular = entry.metadata().is_ok_and(|about| about.is_file());
             if let Some(name) = name.filter(|name| regular && name.stage == Stage::Damaged)
-                && is_ours(&entry.path()).unwrap_or(false)
+                && is_segment(&entry.path()).unwrap_or(false)
             {
                 damaged.push(name);
             }
@@ -234,7 +234,7 @@ fn copied<W: Write + Seek>(folder: &Path, name: Name, out: W) -> Result<Repaired
 
 /// Whether nothing but a torn end was lost; of a segment without any record, not even a torn chunk.
 fn is_spent(input: &mut fs::File, report: &Recovered) -> io::Result<bool> {
-    if report.is_whole() {
+    if report.is_intact() {
         return Ok(true);
     }
     let torn_at = match report.losses.as_slice() {

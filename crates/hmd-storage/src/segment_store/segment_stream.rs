@@ -30,7 +30,7 @@ struct Open {
     taken: u64,
     /// Those of them that are not yet known to be on the disk.
     unsynced: u64,
-    /// How often something was; each time adds a chunk, and an entry to the index that is held until the end.
+    /// Number of syncs with unsynced data; each adds a chunk, and an entry to the index that is held until the end.
     syncs: u32,
 }
 
@@ -154,7 +154,7 @@ impl SegmentStream {
         // What is in it is on the disk already; without its end it is repaired by the next start.
         let ended = open.writer.finish().map(|_| ());
         if let Err(error) = ended.and_then(|()| Ok(rename(folder, open.name, closed)?)) {
-            if is_gone(folder, open.name) {
+            if is_removed(folder, open.name) {
                 self.lost += open.taken;
             }
             return Err(error);
@@ -173,7 +173,7 @@ impl SegmentStream {
         self.segment += 1;
         self.retry_at = Some(now + self.pause.next_delay());
         let open = self.open.take()?;
-        let (name, bytes, gone) = (open.name, open.writer.bytes(), is_gone(folder, open.name));
+        let (name, bytes, gone) = (open.name, open.writer.bytes(), is_removed(folder, open.name));
         self.lost += if gone { open.taken } else { open.unsynced };
         let kept = open.syncs > 0 && !gone;
         drop(open);
@@ -185,7 +185,7 @@ impl SegmentStream {
 }
 
 /// Whether there is no file of that name any more.
-pub(super) fn is_gone(folder: &Path, name: Name) -> bool {
+pub(super) fn is_removed(folder: &Path, name: Name) -> bool {
     matches!(folder.join(name.to_string()).try_exists(), Ok(false))
 }
 

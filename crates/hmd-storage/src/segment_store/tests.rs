@@ -12,7 +12,7 @@ use std::time::Duration;
 struct BadDisk {
     /// What the next writes and syncs say; all is well without it.
     error: Arc<Mutex<Option<io::ErrorKind>>>,
-    /// Free bytes told; plenty when 0.
+    /// Free bytes reported; plenty when 0.
     free: Arc<AtomicU64>,
 }
 
@@ -65,7 +65,7 @@ struct Bench {
     names: BusNames,
     now: Instant,
     frames: u64,
-    said: Vec<String>,
+    reported: Vec<String>,
 }
 
 const LIMITS: Limits = Limits {
@@ -85,7 +85,7 @@ impl Bench {
             names,
             now: Instant::now(),
             frames: 0,
-            said: Vec::new(),
+            reported: Vec::new(),
         }
     }
 
@@ -116,7 +116,7 @@ impl Bench {
     fn tick(&mut self, store: &mut SegmentStore, seconds: u64) {
         self.now += Duration::from_secs(seconds);
         let messages = store.tick(self.now);
-        self.said.extend(messages.into_iter().map(|(_, text)| text));
+        self.reported.extend(messages.into_iter().map(|(_, text)| text));
     }
 
     fn names(&self) -> Vec<String> {
@@ -185,7 +185,7 @@ fn segments_are_closed_by_size_and_by_age() {
 }
 
 #[test]
-fn what_a_killed_process_had_synced_is_repaired_and_said() {
+fn what_a_killed_process_had_synced_is_repaired_and_reported() {
     let mut bench = Bench::new();
     let mut store = bench.open();
     bench.put_frames(&mut store, 100);
@@ -218,11 +218,11 @@ fn what_a_killed_process_had_synced_is_repaired_and_said() {
     );
     bench.tick(&mut store, 1);
     assert!(
-        bench.said[0].contains("hmd-00000000-records.mcap.part was cut: 1 records kept"),
+        bench.reported[0].contains("hmd-00000000-records.mcap.part was cut: 1 records kept"),
         "{:?}",
-        bench.said
+        bench.reported
     );
-    assert!(bench.said[1].contains("1 damaged places"), "{:?}", bench.said);
+    assert!(bench.reported[1].contains("1 damaged places"), "{:?}", bench.reported);
     store.finish();
     assert_eq!(bench.read(), (100, vec![1]));
 }
@@ -283,10 +283,10 @@ fn a_flip_in_any_chunk_costs_that_chunk_and_the_source_is_kept() {
         store.finish();
         let kept = fs::read(bench.folder.path().join("hmd-00000007-raw.mcap.damaged")).unwrap();
         assert_eq!(kept, damaged);
-        let said = bench.said.concat();
+        let reported = bench.reported.concat();
         assert!(
-            said.contains("hmd-00000007-raw.mcap.part was damaged, and is kept as"),
-            "{said}"
+            reported.contains("hmd-00000007-raw.mcap.part was damaged, and is kept as"),
+            "{reported}"
         );
         let repaired = File::open(bench.folder.path().join("hmd-00000007-raw.mcap")).unwrap();
         let frames = McapFrames::new(repaired, "", BusNames::new()).unwrap();
@@ -332,7 +332,10 @@ fn the_newest_damaged_segments_are_kept() {
     let left: Vec<_> = names.iter().filter(|name| name.ends_with(".damaged")).collect();
     assert_eq!(left.len(), 9, "{left:?}");
     assert_eq!(left[0], "hmd-00000012-raw.mcap.damaged");
-    assert_eq!(bench.said.iter().filter(|text| text.contains("is removed")).count(), 12);
+    assert_eq!(
+        bench.reported.iter().filter(|text| text.contains("is removed")).count(),
+        12
+    );
     assert_eq!(names.last().unwrap(), "hmd-00000021-records.mcap.part");
 }
 
@@ -363,7 +366,7 @@ fn an_empty_copy_is_ours_only_beside_its_source() {
 }
 
 #[test]
-fn what_nothing_says_is_ours_is_left_alone_and_no_number_runs_out() {
+fn unrecognised_files_are_kept() {
     let mut bench = Bench::new();
     let place = |name: &str| bench.folder.path().join(name);
     let foreign = [
@@ -393,12 +396,12 @@ fn what_nothing_says_is_ours_is_left_alone_and_no_number_runs_out() {
         "{:?}",
         bench.names()
     );
-    let about_others = bench.said.iter().filter(|text| text.contains("left alone")).count();
-    assert_eq!(about_others, 17, "{:?}", bench.said);
+    let about_others = bench.reported.iter().filter(|text| text.contains("left alone")).count();
+    assert_eq!(about_others, 17, "{:?}", bench.reported);
     assert!(
-        bench.said.iter().any(|text| text.contains("20 more files")),
+        bench.reported.iter().any(|text| text.contains("20 more files")),
         "{:?}",
-        bench.said
+        bench.reported
     );
 }
 
@@ -427,7 +430,7 @@ fn files_of_others_are_never_touched() {
     assert!(store.status().deleted > 0);
     assert!(
         bench
-            .said
+            .reported
             .iter()
             .any(|text| text.contains("hmd-00000003-raw.mcap is not one of our segments"))
     );
@@ -486,7 +489,7 @@ fn too_little_free_space_costs_raw_frames_and_never_the_records() {
     assert_eq!((status.state, status.lost_frames), (StorageState::Ok, 10));
     assert_eq!(bench.read(), (10, vec![1, 2]));
     assert_eq!(
-        bench.said,
+        bench.reported,
         [
             "storage: no room: raw frames are not stored, and counted",
             "storage: room again: raw frames are stored"
@@ -509,7 +512,7 @@ fn a_disk_that_fails_for_a_while_costs_what_is_counted() {
         bench.disk.set(Some(kind));
         for window in 2..5 {
             bench.put_frames(&mut store, 100);
-            assert!(!Bench::put_health(&mut store, window), "not told as stored");
+            assert!(!Bench::put_health(&mut store, window), "not reported as stored");
             bench.tick(&mut store, 1);
         }
         assert_eq!(store.status().state, StorageState::Failing);
@@ -525,13 +528,13 @@ fn a_disk_that_fails_for_a_while_costs_what_is_counted() {
             "{kind:?}"
         );
         let failures = bench
-            .said
+            .reported
             .iter()
             .filter(|text| text.contains("tried again every second"))
             .count();
-        assert!(failures <= 2, "each is told once: {:?}", bench.said);
+        assert!(failures <= 2, "each is reported once: {:?}", bench.reported);
         let last = "storage: written again; not stored since the start: 300 frames, 3 records";
-        assert_eq!(bench.said.last().unwrap(), last);
+        assert_eq!(bench.reported.last().unwrap(), last);
         drop(bench.open());
         assert_eq!(bench.read(), (200, vec![1, 5]), "{kind:?}");
     }
@@ -553,7 +556,7 @@ fn a_disk_that_fails_for_long_leaves_no_file_for_each_attempt() {
 }
 
 #[test]
-fn a_disk_that_is_full_at_the_start_is_waited_for() {
+fn store_retries_when_disk_full_at_start() {
     let mut bench = Bench::new();
     bench.disk.set(Some(io::ErrorKind::StorageFull));
     let mut store = bench.open();
@@ -566,7 +569,7 @@ fn a_disk_that_is_full_at_the_start_is_waited_for() {
 }
 
 #[test]
-fn segments_that_somebody_removes_are_lost_and_said() {
+fn removed_segments_are_lost_and_reported() {
     let mut bench = Bench::new();
     let mut store = bench.open();
     bench.put_frames(&mut store, 100);
@@ -574,16 +577,16 @@ fn segments_that_somebody_removes_are_lost_and_said() {
     bench.tick(&mut store, 1);
     fs::remove_dir_all(bench.folder.path()).unwrap();
     bench.put_frames(&mut store, 10);
-    assert!(!Bench::put_health(&mut store, 2), "not told as stored");
+    assert!(!Bench::put_health(&mut store, 2), "not reported as stored");
     bench.tick(&mut store, 1);
     assert_eq!((store.status().lost_frames, store.status().lost_records), (110, 2));
     bench.tick(&mut store, 1);
     assert!(Bench::put_health(&mut store, 3), "goes on in a new folder");
     bench.put_frames(&mut store, 10);
     bench.tick(&mut store, 1);
-    let said = bench.said.join("\n");
-    assert!(said.contains("somebody has removed it"), "{said}");
-    assert!(said.contains("was removed; it is created again"), "{said}");
+    let reported = bench.reported.join("\n");
+    assert!(reported.contains("somebody has removed it"), "{reported}");
+    assert!(reported.contains("was removed; it is created again"), "{reported}");
     let status = store.finish().status;
     assert_eq!((status.lost_frames, status.lost_records), (110, 2));
     assert_eq!(bench.read(), (10, vec![3]));

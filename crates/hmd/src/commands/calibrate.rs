@@ -61,7 +61,7 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = load_config(args.config.as_deref())?;
     #[cfg(feature = "full")]
-    if args.of_type.is_asked()? {
+    if args.of_type.is_requested()? {
         no_input(&args.output, read_files(&config, true))?;
         use_threads(args.threads.map(usize::from))?;
         let calibration = args.of_type.calibrate(&config, args.seed)?;

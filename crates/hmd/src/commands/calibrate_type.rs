@@ -25,7 +25,7 @@ impl TypeArgs {
     ///
     /// # Errors
     /// An option of a type without `--type`.
-    pub(super) fn is_asked(&self) -> Result<bool, Misuse> {
+    pub(super) fn is_requested(&self) -> Result<bool, Misuse> {
         if !self.of_type && (self.actuator.is_some() || self.monitor.is_some()) {
             let sentence = "--actuator and --monitor: expected together with --type, found alone";
             return Err(Misuse(sentence.to_owned()));

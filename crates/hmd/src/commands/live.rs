@@ -8,9 +8,9 @@ use tokio::sync::mpsc;
 use super::{Exit, warn};
 use hmd_core::record::Status;
 
-/// What an operator asks of a running daemon.
+/// Request of an operator to a running daemon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Asked {
+pub(super) enum Request {
     /// SIGINT or SIGTERM.
     Stop,
     /// SIGHUP.
@@ -22,7 +22,7 @@ pub(super) enum Asked {
 const WAITING_MAX: usize = 2;
 
 /// Signals from now on, on a thread of their own: none is missed before the daemon runs, or between two runs of it.
-pub(super) fn signals() -> io::Result<mpsc::Receiver<Asked>> {
+pub(super) fn signals() -> io::Result<mpsc::Receiver<Request>> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
     let (sender, receiver) = mpsc::channel(WAITING_MAX);
     let [mut interrupt, mut terminate, mut hangup, _too_large] = {
@@ -38,14 +38,14 @@ pub(super) fn signals() -> io::Result<mpsc::Receiver<Asked>> {
     std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
         runtime.block_on(async {
             loop {
-                let asked = tokio::select! {
-                    _ = interrupt.recv() => Asked::Stop,
-                    _ = terminate.recv() => Asked::Stop,
-                    _ = hangup.recv() => Asked::Reload,
+                let request = tokio::select! {
+                    _ = interrupt.recv() => Request::Stop,
+                    _ = terminate.recv() => Request::Stop,
+                    _ = hangup.recv() => Request::Reload,
                 };
-                if asked == Asked::Stop || sender.capacity() == WAITING_MAX {
+                if request == Request::Stop || sender.capacity() == WAITING_MAX {
                     // A full channel asks for the stop already.
-                    let _ = sender.try_send(asked);
+                    let _ = sender.try_send(request);
                 }
             }
         });

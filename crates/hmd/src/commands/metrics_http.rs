@@ -59,15 +59,17 @@ pub(super) fn serve(address: SocketAddr, page: Page) -> io::Result<SocketAddr> {
     local_server::serve(address, "metrics", CLIENTS_MAX, move |stream| {
         let page = page.clone();
         async move {
-            let answered = local_server::http()
-                .serve_connection(TokioIo::new(stream), service_fn(|request| answer(request, page.text())));
+            let answered = local_server::http().serve_connection(
+                TokioIo::new(stream),
+                service_fn(|request| respond(request, page.text())),
+            );
             // A client that goes away or is too slow is its own affair.
             let _ = tokio::time::timeout(2 * HEAD_MAX, answered).await;
         }
     })
 }
 
-async fn answer(request: Request<Incoming>, page: String) -> Result<Response<Full<Bytes>>, Infallible> {
+async fn respond(request: Request<Incoming>, page: String) -> Result<Response<Full<Bytes>>, Infallible> {
     let mut response = Response::new(Full::default());
     if request.uri().path() != "/metrics" {
         *response.status_mut() = StatusCode::NOT_FOUND;
@@ -87,12 +89,12 @@ mod tests {
 
     use super::*;
 
-    fn ask(address: SocketAddr, request: &str) -> String {
+    fn request(address: SocketAddr, text: &str) -> String {
         let mut stream = TcpStream::connect(address).unwrap();
-        stream.write_all(request.as_bytes()).unwrap();
-        let mut text = String::new();
-        stream.read_to_string(&mut text).unwrap();
-        text
+        stream.write_all(text.as_bytes()).unwrap();
+        let mut response = String::new();
+        stream.read_to_string(&mut response).unwrap();
+        response
     }
 
     #[test]
@@ -102,18 +104,18 @@ mod tests {
         page.set("hmd_samples_total 3\n# EOF\n".to_owned());
         // Clients that say nothing do not keep others out while there is room.
         let _silent = [(); CLIENTS_MAX - 1].map(|()| TcpStream::connect(address).unwrap());
-        let text = ask(address, "GET /metrics HTTP/1.1\r\nHost: here\r\n\r\n");
+        let text = request(address, "GET /metrics HTTP/1.1\r\nHost: here\r\n\r\n");
         assert!(text.starts_with("HTTP/1.1 200 OK\r\n"), "{text}");
         assert!(text.contains("application/openmetrics-text"), "{text}");
         assert!(text.ends_with("hmd_samples_total 3\n# EOF\n"), "{text}");
-        let other = ask(address, "GET / HTTP/1.1\r\nHost: here\r\n\r\n");
+        let other = request(address, "GET / HTTP/1.1\r\nHost: here\r\n\r\n");
         assert!(other.starts_with("HTTP/1.1 404"), "{other}");
-        let post = ask(
+        let post = request(
             address,
             "POST /metrics HTTP/1.1\r\nHost: here\r\nContent-Length: 0\r\n\r\n",
         );
         assert!(post.starts_with("HTTP/1.1 405"), "{post}");
-        assert!(ask(address, "rubbish\r\n\r\n").starts_with("HTTP/1.1 400"));
+        assert!(request(address, "rubbish\r\n\r\n").starts_with("HTTP/1.1 400"));
     }
 
     #[test]

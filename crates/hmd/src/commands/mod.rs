@@ -66,10 +66,10 @@ pub const FAILED: u8 = 1;
 /// Exit code of a bad configuration (`EX_CONFIG`).
 pub const BAD_CONFIG: u8 = 78;
 
-/// Exit code of arguments that make no sense, as that of the argument parser.
+/// Exit code of an invalid combination of arguments, as that of the argument parser.
 pub const USAGE: u8 = 2;
 
-/// Arguments that the parser takes and that make no sense all the same.
+/// Valid syntax, invalid combination of arguments.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 struct Misuse(String);

@@ -54,7 +54,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         .map(|(key, value)| (key.to_owned(), value.to_owned()))
         .collect();
     no_recording(&args.output)?;
-    let mut asked = signals().context("signals")?;
+    let mut requests = signals().context("signals")?;
     let daemon = Daemon {
         sources: sources.collect(),
         recorder: Some(Recorder::open(
@@ -65,9 +65,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         watch: None,
     };
     let end = async {
-        asked.recv().await;
+        requests.recv().await;
     };
-    Ok(report(&daemon.run(end, &Teller)?))
+    Ok(report(&daemon.run(end, &NoticePrinter)?))
 }
 
 fn serial_line(text: &str) -> Result<(String, SerialSource), String> {
@@ -81,9 +81,9 @@ fn serial_line(text: &str) -> Result<(String, SerialSource), String> {
     Ok((bus.to_owned(), SerialSource::new(Path::new(device), rate)))
 }
 
-struct Teller;
+struct NoticePrinter;
 
-impl Observer for Teller {
+impl Observer for NoticePrinter {
     fn assessed(&self, _: &AssessedWindow) -> io::Result<()> {
         Ok(())
     }

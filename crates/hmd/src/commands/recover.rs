@@ -47,7 +47,7 @@ fn print_report(report: &Recovered, name: &str, path: &str, frames: u64, missing
         "{name}: kept {} chunks with {} messages and {frames} raw frames, and {} metadata records, in {path}",
         report.chunks, report.messages, report.metadata
     ))?;
-    if report.is_whole() && missing == 0 {
+    if report.is_intact() && missing == 0 {
         return Ok(Exit::Done);
     }
     for loss in &report.losses {

@@ -13,7 +13,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use tokio::sync::mpsc;
 
 use super::journal::Journal;
-use super::live::{Asked, report, signals};
+use super::live::{Request, report, signals};
 use super::metrics_http::{self, Page, loopback};
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
@@ -73,7 +73,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         no_input(metrics, config.files())?;
     }
     use_threads(args.threads.map(usize::from))?;
-    let mut asked = signals().context("signals")?;
+    let mut requests = signals().context("signals")?;
     let printer = Printer {
         json: args.json,
         alone: args.output.is_none(),
@@ -94,7 +94,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     loop {
         let mut next = None;
         let stop = async {
-            next = new_config(args, &mut asked, &printer).await;
+            next = new_config(args, &mut requests, &printer).await;
         };
         match daemon(args, config, &viewers)?.run(stop, &printer) {
             Ok(status) if report(&status) == Exit::DataLost => exit = Exit::DataLost,
@@ -121,8 +121,8 @@ fn load(args: &Args) -> anyhow::Result<Arc<Config>> {
 }
 
 /// Waits until the daemon shall stop (`None`), or go on with another configuration. A bad one changes nothing.
-async fn new_config(args: &Args, asked: &mut mpsc::Receiver<Asked>, printer: &Printer) -> Option<Arc<Config>> {
-    while asked.recv().await? == Asked::Reload {
+async fn new_config(args: &Args, requests: &mut mpsc::Receiver<Request>, printer: &Printer) -> Option<Arc<Config>> {
+    while requests.recv().await? == Request::Reload {
         service::reloading();
         if args.output.as_ref().is_some_and(|path| !is_folder(path)) {
             printer.notice_with_level(
@@ -178,8 +178,8 @@ fn daemon(args: &Args, config: Arc<Config>, viewers: &Viewers) -> anyhow::Result
 /// waits for it.
 const STDOUT_STALLED: Duration = Duration::from_secs(5);
 
-/// Whether a stream takes a line within some time. A pipe that is ready has room for a page, which is longer.
-fn takes_a_line(stream: impl AsFd, within: Duration) -> bool {
+/// Whether a stream can be written to within some time. A pipe that is ready has room for a page, which is longer.
+fn is_writable(stream: impl AsFd, within: Duration) -> bool {
     let within = Timespec::try_from(within).ok();
     let mut streams = [PollFd::new(&stream, PollFlags::OUT)];
     // An error is reported by the write.
@@ -207,7 +207,7 @@ impl Observer for Printer {
         if !self.read.load(Ordering::Relaxed) {
             return Ok(());
         }
-        if !self.alone && !takes_a_line(io::stdout(), STDOUT_STALLED) {
+        if !self.alone && !is_writable(io::stdout(), STDOUT_STALLED) {
             self.read.store(false, Ordering::Relaxed);
             let text = format!("stdout: not read for {STDOUT_STALLED:?}; the records go to the output alone");
             self.notice_with_level(LogLevel::Error, &text);
@@ -276,8 +276,8 @@ impl Observer for Printer {
         service::ready();
     }
 
-    fn alive(&self) {
-        service::alive();
+    fn heartbeat(&self) {
+        service::heartbeat();
     }
 }
 
@@ -286,15 +286,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pipe_that_nobody_reads_takes_no_line() {
+    fn a_full_pipe_is_not_writable() {
         let (reader, mut writer) = io::pipe().unwrap();
         let soon = Duration::from_millis(10);
-        assert!(takes_a_line(&writer, soon));
+        assert!(is_writable(&writer, soon));
         // A page at a time, until the next would wait.
-        while takes_a_line(&writer, soon) {
+        while is_writable(&writer, soon) {
             writer.write_all(&[b'x'; 4096]).unwrap();
         }
         drop(reader);
-        assert!(takes_a_line(&writer, soon), "the write says that it is broken");
+        assert!(is_writable(&writer, soon), "the write says that it is broken");
     }
 }

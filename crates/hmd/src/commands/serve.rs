@@ -14,7 +14,7 @@ use hmd_storage::recorder::RecordObserver;
 const ADDRESS: &str = "127.0.0.1:8765";
 
 /// Longest wait, at the end of a run, for clients to take what is queued.
-const PATIENCE: Duration = Duration::from_secs(2);
+const TIMEOUT: Duration = Duration::from_secs(2);
 
 /// The option.
 #[derive(Debug, clap::Args)]
@@ -63,9 +63,9 @@ impl Viewers {
     /// Goes on for those who look until a signal ends it.
     pub(super) fn stay(&self, tell: impl FnOnce(&str)) -> anyhow::Result<()> {
         if self.0.is_some() {
-            let mut asked = signals().context("signals")?;
+            let mut requests = signals().context("signals")?;
             tell("replayed; served on until Ctrl-C");
-            asked.blocking_recv();
+            requests.blocking_recv();
         }
         Ok(())
     }
@@ -74,7 +74,7 @@ impl Viewers {
     pub(super) fn finish(&self) {
         let Some(hub) = &self.0 else { return };
         let since = Instant::now();
-        while !hub.is_idle() && since.elapsed() < PATIENCE {
+        while !hub.is_idle() && since.elapsed() < TIMEOUT {
             std::thread::sleep(Duration::from_millis(10));
         }
     }

@@ -8,7 +8,7 @@ pub(super) fn ready() {
 }
 
 /// Everything makes progress.
-pub(super) fn alive() {
+pub(super) fn heartbeat() {
     notify(&[NotifyState::Watchdog]);
 }
 

@@ -40,8 +40,8 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     }
     // A file that is no log is refused before the terminal changes.
     watch.read()?;
-    let mut asked = signals().context("signals")?;
-    match show(&mut watch, || asked.try_recv().is_ok())? {
+    let mut requests = signals().context("signals")?;
+    match show(&mut watch, || requests.try_recv().is_ok())? {
         ScreenEnd::Asked => Ok(Exit::Done),
         ScreenEnd::HungUp => std::process::exit(Exit::Done as i32),
     }

@@ -6,7 +6,7 @@ use hmd_core::outbox::Notice;
 use hmd_core::record::LogLevel;
 
 /// Notices of one kind published within [`PERIOD_NS`]; further ones are counted, and the count is published at its end.
-const MOST: u64 = 10;
+const PUBLISHED_MAX: u64 = 10;
 
 /// From the first notice of a kind, ns.
 const PERIOD_NS: u64 = 60_000_000_000;
@@ -40,7 +40,7 @@ impl Notices {
             held: 0,
             last: None,
         });
-        if kind.published < MOST {
+        if kind.published < PUBLISHED_MAX {
             kind.published += 1;
             return true;
         }
@@ -121,7 +121,7 @@ mod tests {
         for n in 0..2000 {
             let whom = format!("bus{n}: up");
             let published = notices.admit(&notice(0, &whom), LogLevel::Info);
-            assert_eq!(published, n < KINDS as u64 + MOST, "{n}");
+            assert_eq!(published, n < KINDS as u64 + PUBLISHED_MAX, "{n}");
         }
         assert_eq!(notices.0.len(), KINDS + 1);
         assert_eq!(notices.last_summaries(1).len(), 1);

@@ -94,7 +94,7 @@ impl PipelineThread {
                 self.process(input, &mut shared, observer)?;
                 // A tick came through the I/O thread and the queue, and the writer has synced or reported a failure.
                 if is_tick && windows.busy_for() < ASSESSING_MAX {
-                    observer.alive();
+                    observer.heartbeat();
                 }
             }
             self.publish_notices(&mut shared, observer)?;
@@ -314,13 +314,13 @@ impl PipelineThread {
 /// The frames of a serial line that could not be read since then, by cause; `None` if there are none.
 fn unreadable_since(then: DeframerStats, now: DeframerStats) -> Option<String> {
     let fresh = FrameError::ALL.map(|fault| (now.dropped_for(fault) - then.dropped_for(fault), fault));
-    let said: Vec<String> = fresh
+    let parts: Vec<String> = fresh
         .iter()
         .filter(|(count, _)| *count > 0)
         .map(|(count, fault)| format!("{count} {fault}"))
         .collect();
     let frames: u64 = fresh.iter().map(|(count, _)| count).sum();
-    (frames > 0).then(|| format!("{frames} frames lost: {}", said.join(", ")))
+    (frames > 0).then(|| format!("{frames} frames lost: {}", parts.join(", ")))
 }
 
 /// Tells it, unless there were many of its kind lately.
@@ -344,7 +344,7 @@ pub(super) fn publish_last_summaries(shared: &mut Shared, observer: &impl Observ
     Ok(())
 }
 
-/// Says something to the operator and into the records.
+/// Publishes a notice to operator and records.
 pub(super) fn publish(
     notice: &Notice,
     level: LogLevel,

@@ -73,7 +73,7 @@ struct Client {
     queue: VecDeque<(u32, Arc<Item>)>,
     queue_bytes: usize,
     missed: u64,
-    /// What it was given last is still on its way.
+    /// A message is being sent to this client.
     is_sending: bool,
     wake: Arc<Notify>,
 }
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_client_misses_the_oldest_and_is_told_how_many() {
+    fn a_slow_client_misses_the_oldest_and_gets_their_count() {
         let hub = Hub::default();
         hub.publish(record("/a", 0, 1));
         let [(slow, _), (gone, _)] = [hub.enter(), hub.enter()];

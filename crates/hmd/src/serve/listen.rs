@@ -96,11 +96,11 @@ fn answer(request: &Request<Incoming>) -> Response<Full<Bytes>> {
         tokens(headers, &SEC_WEBSOCKET_PROTOCOL).find_map(|name| SUBPROTOCOLS.into_iter().find(|of| *of == name));
     let (true, Some(key), Some(protocol)) = (is_websocket, headers.get(SEC_WEBSOCKET_KEY), offered) else {
         *response.status_mut() = StatusCode::BAD_REQUEST;
-        let said = format!(
+        let page = format!(
             "expected a WebSocket with one of the protocols {}\n",
             SUBPROTOCOLS.join(", ")
         );
-        *response.body_mut() = Full::from(said);
+        *response.body_mut() = Full::from(page);
         return response;
     };
     let mut sum = Sha1::from(key.as_bytes());
@@ -262,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn a_client_that_does_not_read_holds_nobody_back() {
+    fn a_client_that_does_not_read_delays_no_other() {
         const RECORDS: u64 = 200;
         let (hub, address) = hub();
         hub.publish(record(0, 1));

@@ -214,10 +214,10 @@ fn a_serial_line_is_a_bus_with_a_device() {
         (DEFAULT_BITRATE_BIT_S, Some("ttyACM0"))
     );
     assert_eq!(config.serial("can0"), None);
-    let said = config.describe();
+    let text = config.describe();
     assert!(
-        said.contains("serial line: uart1 at ttyACM0\nbus load: uart1 85 % of 921600 bit/s"),
-        "{said}"
+        text.contains("serial line: uart1 at ttyACM0\nbus load: uart1 85 % of 921600 bit/s"),
+        "{text}"
     );
 
     let second = on_uart.replace("[[serial]]", "[[actuator]]\nid = 1\nbus = \"uart1\"\n[[serial]]");
@@ -247,8 +247,8 @@ fn a_serial_line_is_a_bus_with_a_device() {
             "serial[0].bitrate_bit_s: expected a whole number from 1200",
         ),
     ] {
-        let said = refusal(&text);
-        assert!(said.contains(expected), "{said}");
+        let text = refusal(&text);
+        assert!(text.contains(expected), "{text}");
     }
 }
 
@@ -435,7 +435,7 @@ fn refusals_say_where_what_and_why() {
         ("a\n= [", "hmd.toml:1: not valid TOML: "),
     ] {
         let message = refusal(text);
-        assert!(message.contains(words), "{text}\n  said   {message}\n  wanted {words}");
+        assert!(message.contains(words), "{text}\n  found  {message}\n  wanted {words}");
         assert!(!message.contains('\n'), "one line: {message}");
     }
 }
@@ -532,7 +532,7 @@ proptest! {
 /// Requirement S-13 of `docs/safety.md`.
 /// Whoever reads a FIFO waits for its other end; nobody asked for that one.
 #[test]
-fn a_drop_in_that_is_no_file_is_refused_and_not_waited_for() {
+fn fifo_drop_in_is_refused_without_blocking() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("hmd.toml");
     std::fs::write(&file, "").unwrap();

@@ -47,7 +47,7 @@ fn a_map_that_does_not_fit_is_refused_with_what_comes_closest() {
         (("currents.b =", "currents.d ="), "unknown key"),
         (
             ("currents.b = \"ACE1_Phase.I_B\"\n", ""),
-            "expected a signal for currents.b, without which no window can be judged",
+            "expected a signal for currents.b, without which no window can be assessed",
         ),
         (
             ("position.output = \"ACE1_Angles.Theta_O\"\n", ""),
@@ -92,17 +92,17 @@ fn a_map_that_does_not_fit_is_refused_with_what_comes_closest() {
 }
 
 #[test]
-fn what_a_map_lacks_is_said() {
+fn missing_signals_of_a_map_are_reported() {
     let lacking = [
         "currents.c = \"ACE1_Phase.I_C\"\n",
         "sample.time = \"ACE1_Demand.Clock\"\nstatus.dc_link = \"ACE1_Phase.U_dc\"\n",
     ];
-    let said = changed(lacking[0], "").unwrap().describe();
+    let text = changed(lacking[0], "").unwrap().describe();
     assert!(
-        said.contains("    no currents.c: it is what the other two leave\n"),
-        "{said}"
+        text.contains("    no currents.c: it is what the other two leave\n"),
+        "{text}"
     );
-    let said = changed(lacking[1], "").unwrap().describe();
+    let text = changed(lacking[1], "").unwrap().describe();
     for line in [
         "    mapped by foreign.dbc:\n",
         "    ACE1_Phase 2C0: currents.a currents.b currents.c status.winding_temp status.load_torque \
@@ -112,7 +112,7 @@ fn what_a_map_lacks_is_said() {
         "    no sample.time: the rate is taken to be 400 Hz\n",
         "    no status.dc_link: the nominal voltage of the type holds\n",
     ] {
-        assert!(said.contains(line), "expected {line}\nfound {said}");
+        assert!(text.contains(line), "expected {line}\nfound {text}");
     }
 }
 

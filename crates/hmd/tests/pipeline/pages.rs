@@ -77,7 +77,7 @@ fn metrics() {
 
 #[test]
 fn fields() {
-    let begin = "// Written from the code by a test (docs/README.md); what the fields mean is in docs/records.md.\n\nsyntax = \"proto3\";\n";
+    let begin = "// Written from the code by a test (CONTRIBUTING.md); what the fields mean is in docs/records.md.\n\nsyntax = \"proto3\";\n";
     let mut ours = format!("{begin}package hmd.v1;\n");
     fields_of::<RawBatch>(&mut ours);
     fields_of::<Window>(&mut ours);

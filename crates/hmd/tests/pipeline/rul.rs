@@ -58,7 +58,7 @@ fn a_steady_growth_ends_where_the_line_meets_the_threshold() {
 }
 
 #[test]
-fn an_exponential_growth_is_foretold_at_half_life() {
+fn an_exponential_growth_is_predicted_at_half_life() {
     let damage = |hours: f64| 0.8 * (4.0 * hours / 1000.0).exp_m1() / 4.0_f64.exp_m1();
     let history = (0..100).map(|n| (5.0 * n as f64, damage(5.0 * n as f64) + error(n)));
     let life = after(history, SIGMA).forecast(100.0).actuator.expect("a trend");
@@ -108,7 +108,7 @@ fn several_faults_end_the_actuator_before_the_first_alone() {
 }
 
 #[test]
-fn missing_and_unjudged_windows_and_outliers_do_little() {
+fn missing_and_unassessed_windows_and_outliers_do_little() {
     let clean = after(steady(100), SIGMA)
         .forecast(1.0)
         .actuator
@@ -193,7 +193,7 @@ fn what_comes_twice_or_late_changes_nothing() {
 }
 
 #[test]
-fn a_jump_begins_a_new_trend_and_says_so() {
+fn a_jump_begins_a_new_trend_and_is_reported() {
     let jumped = || steady(50).chain((50..).map(|n| (10.0 * f64::from(n), 0.5 + error(n as usize))));
     let prognosis = after(jumped().take(55), SIGMA);
     let reason = prognosis.forecast(1.0).actuator.expect_err("a new trend");

@@ -284,7 +284,7 @@ fn another_actuation_in_the_window_is_named_and_opens_none() {
 }
 
 #[test]
-fn who_joins_an_actuation_judges_nothing_of_it() {
+fn a_window_that_starts_mid_motion_is_invalid() {
     let mut scenario = Scenario {
         sensing: NOISY,
         ..Scenario::new(bench(2000.0), FaultVector::NOMINAL, 43)
@@ -576,7 +576,7 @@ fn another_sample_rate_than_configured_is_found() {
         Invalidity::SampleRate { by_stamps_hz } => assert!((by_stamps_hz - 1000.0).abs() < 1e-6),
         other => panic!("{other:?}"),
     }
-    // Against a rate that the device's own time has told, stamps have no say.
+    // Against a rate that the device's own time has shown, stamps have no influence.
     let windower = Windower::new(WindowConfig::default(), &bench(2000.0)).expect("default settings");
     let mut windower = windower.at_device_time();
     let window = samples
@@ -704,7 +704,7 @@ proptest! {
                 3 => sensed.motor_counts ^= 1 << bit,
                 4 => sensed.output_counts ^= 1 << (bit % 24),
                 _ => {
-                    // At the step itself (80) a wrong height on the way to the right one cannot be told from a command.
+                    // At the step itself (80) a wrong height on the way to the right one cannot be distinguished from a command.
                     if let Setpoint::Position(angle) = sensed.setpoint
                         && at != 80
                     {

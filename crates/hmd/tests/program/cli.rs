@@ -265,7 +265,7 @@ fn foreign_mcap() -> Vec<u8> {
 }
 
 #[test]
-fn a_log_without_what_is_needed_says_what_is_missing() {
+fn a_log_without_what_is_needed_reports_what_is_missing() {
     let folder = Folder::new();
     let lines = folder.actuation();
     folder.write_lines(
@@ -379,7 +379,7 @@ fn stamps_that_step_back_do_not_stop_the_monitoring() {
 }
 
 #[test]
-fn a_log_in_reversed_order_is_never_judged() {
+fn a_log_in_reversed_order_is_never_assessed() {
     let folder = Folder::new();
     let lines = folder.actuation();
     folder.write_lines("reversed.log", lines.iter().rev());
@@ -508,7 +508,7 @@ fn a_full_disk_fails() {
 }
 
 #[test]
-fn a_sentence_says_each_thing_once_and_names_the_file() {
+fn a_message_contains_each_fact_once_and_names_the_file() {
     let folder = Folder::new();
     folder.actuation();
     for (line, code, file) in [
@@ -657,7 +657,7 @@ fn with_bytes(line: &str, change: impl FnOnce(&mut Vec<u8>)) -> String {
 }
 
 #[test]
-fn a_device_time_that_stands_still_is_said_and_the_window_judged_at_the_nominal_rate() {
+fn a_device_time_that_stands_still_is_reported_and_the_window_assessed_at_the_nominal_rate() {
     let folder = Folder::new();
     let lines = folder.actuation();
     folder.write_lines(
@@ -826,7 +826,7 @@ fn a_lost_footer_is_no_lost_frame() {
 }
 
 #[test]
-fn a_device_that_restarts_in_the_window_is_said() {
+fn a_device_that_restarts_in_the_window_is_reported() {
     let folder = Folder::new();
     let lines = folder.actuation();
     let (from, to) = (line_of_sample(&lines, 100), line_of_sample(&lines, 300));
@@ -914,7 +914,7 @@ fn a_unit_is_calibrated_from_healthy_windows_only() {
 }
 
 #[test]
-fn a_calibration_from_a_damaged_log_says_what_was_lost() {
+fn a_calibration_from_a_damaged_log_reports_what_was_lost() {
     let folder = Folder::new();
     folder.done("simulate --rate 400 --noise 0.05 --windows 6 --seed 3 -o healthy.log");
     let lines = String::from_utf8(folder.read("healthy.log")).expect("text");
@@ -960,8 +960,8 @@ fn a_unit_can_be_calibrated_under_the_configuration_that_names_the_result() {
     }
     folder.write("hmd.toml", "[type.bench]\ncalibration = \"bench.toml\"\n");
     folder.write("bench.toml", "read by the calibration of a unit");
-    let said = folder.refused("calibrate healthy.log -c hmd.toml -o bench.toml", 2);
-    assert!(said.contains("expected another output"), "{said}");
+    let text = folder.refused("calibrate healthy.log -c hmd.toml -o bench.toml", 2);
+    assert!(text.contains("expected another output"), "{text}");
 }
 
 #[test]
@@ -1010,11 +1010,11 @@ fn an_event_needs_a_place_and_a_known_actuator() {
     );
     fs::write(folder.path("hmd.toml"), "[rul]\nevents = \"events.jsonl\"\n").expect("a file");
     assert!(folder.refused("event --reset nobody -c hmd.toml", 2).contains("nobody"));
-    let told = folder
+    let output = folder
         .command("event --reset ema0 -c hmd.toml --at 5")
         .output()
         .expect("hmd starts");
-    assert_eq!(told.status.code(), Some(0));
+    assert_eq!(output.status.code(), Some(0));
     let line = fs::read_to_string(folder.path("events.jsonl")).expect("the events");
     assert_eq!(line, "{\"t_ns\":5,\"actuator\":\"ema0\",\"event\":\"reset\"}\n");
     fs::write(folder.path("events.jsonl"), "nonsense\n").expect("a file");
@@ -1099,10 +1099,10 @@ fn no_verb_writes_over_what_it_reads_by_whatever_name() {
         "export a.mcap -o hard.csv",
         "calibrate actuation.log -o hard.log",
     ] {
-        let said = folder.refused(line, 2);
+        let text = folder.refused(line, 2);
         assert!(
-            said.contains("expected another output than a file that is read"),
-            "{line}: {said}"
+            text.contains("expected another output than a file that is read"),
+            "{line}: {text}"
         );
     }
     folder.refused("replay actuation.log -o hard.log", 2);
@@ -1122,8 +1122,8 @@ fn no_verb_writes_over_what_it_reads_by_whatever_name() {
 fn a_bus_that_cannot_be_is_seen_by_the_check_of_the_configuration() {
     let folder = Folder::new();
     folder.write("hmd.toml", "[[actuator]]\nid = 0\nbus = \"a_name_too_long_0\"\n");
-    let said = folder.refused("check-config -c hmd.toml", 78);
-    assert!(said.contains("a_name_too_long_0"), "{said}");
+    let text = folder.refused("check-config -c hmd.toml", 78);
+    assert!(text.contains("a_name_too_long_0"), "{text}");
     let many = (0..65).map(|n| format!("[[actuator]]\nid = 0\nname = \"a{n}\"\nbus = \"can{n}\""));
     folder.write_lines("hmd.toml", many);
     folder.refused("check-config -c hmd.toml", 78);

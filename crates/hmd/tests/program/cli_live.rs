@@ -9,19 +9,19 @@ fn hmd() -> Command {
     Command::new(env!("CARGO_BIN_EXE_hmd"))
 }
 
-/// Starts, waits until the missing bus has been told, sends SIGTERM; exit code and what else was said.
-fn until_told(command: &mut Command) -> (Option<i32>, String) {
+/// Starts, waits until the missing bus has been reported, sends SIGTERM; exit code and the text on stderr.
+fn run_until_first_report(command: &mut Command) -> (Option<i32>, String) {
     let mut child = command.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
     let mut stderr = BufReader::new(child.stderr.take().unwrap());
-    let mut said = String::new();
-    stderr.read_line(&mut said).unwrap();
+    let mut text = String::new();
+    stderr.read_line(&mut text).unwrap();
     let killed = Command::new("kill").arg(child.id().to_string()).status().unwrap();
     assert!(killed.success());
-    stderr.read_to_string(&mut said).unwrap();
-    (child.wait().unwrap().code(), said)
+    stderr.read_to_string(&mut text).unwrap();
+    (child.wait().unwrap().code(), text)
 }
 
-fn is_whole(file: &Path) {
+fn is_complete(file: &Path) {
     assert!(
         std::fs::read(file).unwrap().ends_with(mcap::MAGIC),
         "a footer stands at the end"
@@ -29,41 +29,41 @@ fn is_whole(file: &Path) {
 }
 
 #[test]
-fn a_missing_bus_is_waited_for_until_a_signal_ends_the_run() {
+fn run_retries_missing_bus_until_signal() {
     let folder = tempfile::tempdir().unwrap();
     let [config, output] = ["hmd.toml", "out.mcap"].map(|name| folder.path().join(name));
     std::fs::write(&config, "[[actuator]]\nid = 3\nbus = \"nosuchbus0\"\n").unwrap();
-    let (code, said) = until_told(hmd().arg("run").arg("-c").arg(&config).arg("-o").arg(&output));
-    assert_eq!(code, Some(0), "{said}");
+    let (code, text) = run_until_first_report(hmd().arg("run").arg("-c").arg(&config).arg("-o").arg(&output));
+    assert_eq!(code, Some(0), "{text}");
     // Missing, or down where the kernel has no CAN at all.
-    assert!(said.starts_with("nosuchbus0: "), "{said}");
-    assert!(said.ends_with("0 frames received: 0 decoded, 0 of no actuator that is watched, 0 error frames\n"));
-    is_whole(&output);
+    assert!(text.starts_with("nosuchbus0: "), "{text}");
+    assert!(text.ends_with("0 frames received: 0 decoded, 0 of no actuator that is watched, 0 error frames\n"));
+    is_complete(&output);
 
     let output = folder.path().join("raw.mcap");
-    let (code, said) = until_told(hmd().args(["record", "nosuchbus0", "-o"]).arg(&output));
-    assert_eq!(code, Some(0), "{said}");
-    is_whole(&output);
+    let (code, text) = run_until_first_report(hmd().args(["record", "nosuchbus0", "-o"]).arg(&output));
+    assert_eq!(code, Some(0), "{text}");
+    is_complete(&output);
 }
 
 #[test]
-fn a_missing_serial_line_is_waited_for_too() {
+fn run_retries_missing_serial_device() {
     let folder = tempfile::tempdir().unwrap();
     let [config, output] = ["hmd.toml", "out.mcap"].map(|name| folder.path().join(name));
     let text = "[[actuator]]\nid = 3\nbus = \"uart1\"\n[[serial]]\nbus = \"uart1\"\ndevice = \"nosuchtty\"\n";
     std::fs::write(&config, text).unwrap();
-    let (code, said) = until_told(hmd().arg("run").arg("-c").arg(&config).arg("-o").arg(&output));
-    assert_eq!(code, Some(0), "{said}");
-    assert!(said.starts_with("uart1: missing (No such file"), "{said}");
-    is_whole(&output);
+    let (code, text) = run_until_first_report(hmd().arg("run").arg("-c").arg(&config).arg("-o").arg(&output));
+    assert_eq!(code, Some(0), "{text}");
+    assert!(text.starts_with("uart1: missing (No such file"), "{text}");
+    is_complete(&output);
 
     // What is there and no terminal is down.
     let output = folder.path().join("raw.mcap");
     let line = format!("uart1={}@400000", config.display());
-    let (code, said) = until_told(hmd().args(["record", "--serial", &line, "-o"]).arg(&output));
-    assert_eq!(code, Some(0), "{said}");
-    assert!(said.starts_with("uart1: down (Inappropriate ioctl"), "{said}");
-    is_whole(&output);
+    let (code, text) = run_until_first_report(hmd().args(["record", "--serial", &line, "-o"]).arg(&output));
+    assert_eq!(code, Some(0), "{text}");
+    assert!(text.starts_with("uart1: down (Inappropriate ioctl"), "{text}");
+    is_complete(&output);
 }
 
 #[test]
@@ -79,8 +79,8 @@ fn a_serial_line_without_a_name_or_a_rate_is_refused() {
             .output()
             .unwrap();
         assert_eq!(output.status.code(), Some(2));
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert!(said.contains(expected), "{said}");
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert!(text.contains(expected), "{text}");
     }
 }
 
@@ -94,10 +94,10 @@ fn a_configuration_that_says_not_where_to_listen_is_refused() {
         assert_eq!(output.status.code(), Some(78));
         String::from_utf8(output.stderr).unwrap()
     };
-    let said = refused("[[actuator]]\nid = 3\n");
-    assert!(said.contains("expected a bus for every [[actuator]] that is watched live, found none for ema3"));
-    let said = refused("[[actuator]]\nid = 3\nbus = \"a/b\"\n");
-    assert!(said.contains("bus \"a/b\""), "{said}");
+    let text = refused("[[actuator]]\nid = 3\n");
+    assert!(text.contains("expected a bus for every [[actuator]] that is watched live, found none for ema3"));
+    let text = refused("[[actuator]]\nid = 3\nbus = \"a/b\"\n");
+    assert!(text.contains("bus \"a/b\""), "{text}");
     refused("");
 }
 
@@ -112,9 +112,9 @@ fn a_recording_is_not_replaced() {
         hmd().args(["record", "nosuchbus0", "-o"]).arg(&output),
     ] {
         let ended = command.output().unwrap();
-        let said = String::from_utf8(ended.stderr).unwrap();
-        assert_eq!(ended.status.code(), Some(2), "{said}");
-        assert!(said.contains("11 bytes: it is not replaced"), "{said}");
+        let text = String::from_utf8(ended.stderr).unwrap();
+        assert_eq!(ended.status.code(), Some(2), "{text}");
+        assert!(text.contains("11 bytes: it is not replaced"), "{text}");
     }
     assert_eq!(std::fs::read(&output).unwrap(), b"a recording");
 }

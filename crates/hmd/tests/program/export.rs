@@ -85,13 +85,13 @@ fn both_forms_hold_what_was_recorded() {
     let column = |name: &str| head.iter().position(|known| known == name).expect("a column");
     let json = done(&folder, "inspect life.mcap --json");
     for (row, line) in rows.iter().zip(json.lines()) {
-        let told: serde_json::Value = serde_json::from_str(line).expect("JSON");
-        assert_eq!(row[column("t_start_ns")], told["t_start_ns"].to_string());
-        assert_eq!(row[column("health")], told["health"].as_str().expect("text"));
+        let expected: serde_json::Value = serde_json::from_str(line).expect("JSON");
+        assert_eq!(row[column("t_start_ns")], expected["t_start_ns"].to_string());
+        assert_eq!(row[column("health")], expected["health"].as_str().expect("text"));
         for (name, value) in [
-            ("damage_friction", &told["damage"]["friction"]),
-            ("rul_p50_h", &told["rul_h"]["p50"]),
-            ("operating_h", &told["operating_h"]),
+            ("damage_friction", &expected["damage"]["friction"]),
+            ("rul_p50_h", &expected["rul_h"]["p50"]),
+            ("operating_h", &expected["operating_h"]),
         ] {
             // serde_json reads a number to within its last digit.
             let (found, expected) = (row[column(name)].parse::<f64>().ok(), value.as_f64());
@@ -124,14 +124,14 @@ fn both_forms_hold_what_was_recorded() {
     assert!(head == parquet_head && rows == parquet_rows);
     assert!(rows.is_sorted_by_key(|row| row[0].parse::<u64>().expect("a time")));
 
-    // What cannot be read leaves the table of another day, and a damaged file is told with its place.
+    // What cannot be read leaves the table of another day, and a damaged file is reported with its place.
     let before = fs::read(folder.path().join("samples.csv")).expect("a table");
-    for (line, said) in [
+    for (line, message) in [
         ("export missing.mcap -o samples.csv", "missing.mcap: "),
         ("export life.mcap -o none/out.csv", "none/out.csv: "),
     ] {
         let (code, _, stderr) = code_of(&folder, line);
-        assert!(code == Some(1) && stderr.contains(said), "{line}: {stderr}");
+        assert!(code == Some(1) && stderr.contains(message), "{line}: {stderr}");
     }
     assert!(fs::read(folder.path().join("samples.csv")).expect("a table") == before);
     let mut damaged = fs::read(folder.path().join("life.mcap")).expect("a file");
@@ -145,8 +145,8 @@ fn both_forms_hold_what_was_recorded() {
     ] {
         let (code, _, stderr) = code_of(&folder, line);
         assert_eq!(code, Some(3), "{line}: {stderr}");
-        for said in ["damaged.mcap: at byte ", "data lost: "] {
-            assert!(stderr.contains(said), "{said}, {line}: {stderr}");
+        for message in ["damaged.mcap: at byte ", "data lost: "] {
+            assert!(stderr.contains(message), "{message}, {line}: {stderr}");
         }
     }
     // The build that made it is in a record without a checksum of MCAP's own.
@@ -167,7 +167,7 @@ fn both_forms_hold_what_was_recorded() {
 fn what_cannot_be_a_table_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     fs::write(folder.path().join("text.log"), "no log\n").expect("a file");
-    for (line, code, said) in [
+    for (line, code, message) in [
         (
             "export text.log -o out.xlsx",
             2,
@@ -182,7 +182,7 @@ fn what_cannot_be_a_table_is_refused() {
     ] {
         let (found, _, stderr) = code_of(&folder, line);
         assert_eq!(found, Some(code), "{line}: {stderr}");
-        assert!(stderr.contains(said), "{line}: {stderr}");
+        assert!(stderr.contains(message), "{line}: {stderr}");
         assert!(!folder.path().join("out.csv").exists(), "{line}: a table of nothing");
     }
 }

@@ -45,10 +45,10 @@ fn replay(config: Option<&str>) -> (Option<i32>, String) {
 
 #[test]
 fn without_a_map_the_map_is_asked_for() {
-    let (code, said) = replay(None);
+    let (code, text) = replay(None);
     assert_eq!(code, Some(1));
     assert_eq!(
-        said,
+        text,
         "hmd: rudder.log: expected frames of an actuator with the identifiers of ema.dbc, or a configuration (-c) that maps the \
          DBC file of this bus, found none (1815 other frames on can1)\n"
     );
@@ -56,34 +56,34 @@ fn without_a_map_the_map_is_asked_for() {
 
 #[test]
 fn on_another_bus_both_buses_and_the_identifiers_are_named() {
-    let (code, said) = replay(Some(&MAP.replace("can1", "can0")));
+    let (code, text) = replay(Some(&MAP.replace("can1", "can0")));
     assert_eq!(code, Some(1));
     assert_eq!(
-        said,
+        text,
         "hmd: rudder.log: expected frames of rudder on can0 (18FF2301), found none (1815 other frames on can1)\n"
     );
 }
 
 #[test]
 fn without_a_clock_a_wrong_rate_is_doubted_and_a_right_one_is_not() {
-    let (_, said) = replay(Some(MAP));
+    let (_, text) = replay(Some(MAP));
     let doubt = "; by their stamps they come at 400: is sample_rate_hz of type bench right?\n";
-    assert!(said.ends_with(doubt), "{said}");
-    let (code, said) = replay(Some(&format!("{MAP}{RATE}")));
+    assert!(text.ends_with(doubt), "{text}");
+    let (code, text) = replay(Some(&format!("{MAP}{RATE}")));
     assert_eq!(code, Some(0));
     assert_eq!(
-        said,
+        text,
         "rudder: no sample.time is mapped; windows are cut at the nominal 400 samples/s\n"
     );
 }
 
 #[test]
-fn when_nothing_is_commanded_it_is_said_what_begins_a_window() {
+fn without_a_command_it_is_reported_what_begins_a_window() {
     let map = MAP.replace("\"RUD_Data.Mode\"", "{ signal = \"RUD_Data.Mode\", position = 3 }");
-    let (_, said) = replay(Some(&format!("{map}{RATE}")));
+    let (_, text) = replay(Some(&format!("{map}{RATE}")));
     assert!(
-        said.contains("rudder.log: expected an actuation, found none in 600 samples: a setpoint that rests and then moves, in a mode that is not idle"),
-        "{said}"
+        text.contains("rudder.log: expected an actuation, found none in 600 samples: a setpoint that rests and then moves, in a mode that is not idle"),
+        "{text}"
     );
 }
 

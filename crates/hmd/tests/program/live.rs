@@ -256,25 +256,25 @@ fn a_host_that_reads_late_and_then_a_lot_at_once_spoils_no_window() {
 }
 
 #[test]
-fn a_bus_state_is_told_live_and_in_replay() {
+fn a_bus_state_is_reported_live_and_in_replay() {
     let folder = tempfile::tempdir().unwrap();
     let [live, again] = ["live", "again"].map(|name| folder.path().join(name).with_extension("mcap"));
     let mut traffic = frames(0, 1);
     let bus_off = RawFrame::new(traffic[9].stamp_ns, 0, 0x40, FrameFlags::ERROR, &[0; 8]).unwrap();
     traffic.insert(10, bus_off);
     let (lines, status) = run(vec![("can1", traffic)], &live);
-    let told = ["can1: bus bus-off", "can1: bus error-active"];
-    assert_eq!(*lines.notices.lock().unwrap(), told);
+    let reported = ["can1: bus bus-off", "can1: bus error-active"];
+    assert_eq!(*lines.notices.lock().unwrap(), reported);
     assert_eq!(
         (status.frames_error, status.interfaces[0].bus_state.as_str()),
         (1, "error-active")
     );
     let (lines, _) = replayed(&live, &again);
-    assert_eq!(*lines.notices.lock().unwrap(), told);
+    assert_eq!(*lines.notices.lock().unwrap(), reported);
 }
 
 #[test]
-fn a_trouble_that_comes_with_every_window_is_told_ten_times_a_minute() {
+fn a_trouble_that_comes_with_every_window_is_reported_ten_times_a_minute() {
     let folder = tempfile::tempdir().unwrap();
     let events = folder.path().join("events.jsonl");
     std::fs::write(&events, "no event\n").unwrap();
@@ -286,16 +286,20 @@ fn a_trouble_that_comes_with_every_window_is_told_ten_times_a_minute() {
     let (lines, _) = run_with(config, vec![("can1", traffic)], &folder.path().join("live.mcap"));
     assert_eq!(lines.health.into_inner().unwrap().len(), 14);
     let notices = lines.notices.into_inner().unwrap();
-    let told: Vec<_> = notices
+    let reported: Vec<_> = notices
         .iter()
         .filter(|text| text.contains("maintenance event"))
         .collect();
-    assert_eq!(told.len(), 11, "{told:?}");
-    assert!(told[10].contains("(the last of 4 not reported)"), "{}", told[10]);
+    assert_eq!(reported.len(), 11, "{reported:?}");
+    assert!(
+        reported[10].contains("(the last of 4 not reported)"),
+        "{}",
+        reported[10]
+    );
 }
 
 #[test]
-fn a_daemon_that_is_told_to_stop_ends_its_file() {
+fn a_stopped_daemon_ends_its_file() {
     let folder = tempfile::tempdir().unwrap();
     let live = folder.path().join("live.mcap");
     let lines = Lines::default();

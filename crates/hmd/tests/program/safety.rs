@@ -39,7 +39,7 @@ fn test_in(file: &str, test: &str) -> Result<Runs, String> {
         return Ok(Runs::Always);
     };
     let verb = ignored.split_once("cargo xtask ").map(|(_, rest)| rest);
-    let verb = verb.ok_or("it is ignored, and no verb of xtask is said to run it")?;
+    let verb = verb.ok_or("it is ignored, and no verb of xtask is listed to run it")?;
     Ok(Runs::Verb(verb.trim_end_matches("\"]").to_owned()))
 }
 
@@ -95,7 +95,7 @@ fn every_requirement_has_the_tests_that_it_names() {
 }
 
 #[test]
-fn a_function_that_is_no_test_or_that_nobody_runs_is_found() {
+fn a_function_that_is_no_test_or_never_runs_is_found() {
     let file = "
         fn plain() {}
         #[test]

@@ -99,7 +99,7 @@ fn assert_replay_is_equal(log: &Path, lines: &Lines, live: &Status) {
 }
 
 #[test]
-fn garbage_and_a_pulled_plug_cost_what_they_touch_and_replay_tells_the_same() {
+fn garbage_and_a_pulled_plug_cost_what_they_touch_and_replay_reports_the_same() {
     let folder = tempfile::tempdir().unwrap();
     let (mut plug, log, lines) = (
         Plug::new(folder.path()),
@@ -157,7 +157,7 @@ fn garbage_and_a_pulled_plug_cost_what_they_touch_and_replay_tells_the_same() {
 }
 
 #[test]
-fn whatever_happens_to_the_device_the_next_actuation_is_judged() {
+fn whatever_happens_to_the_device_the_next_actuation_is_assessed() {
     #[derive(Clone, Copy, Debug)]
     enum Event {
         Replugged,
@@ -243,7 +243,7 @@ fn a_daemon_that_was_restarted_joins_the_line_and_loses_nothing() {
 }
 
 #[test]
-fn a_capture_of_a_line_is_judged_later() {
+fn a_capture_of_a_line_is_assessed_later() {
     let folder = tempfile::tempdir().unwrap();
     let (mut plug, log, lines) = (
         Plug::new(folder.path()),
@@ -255,7 +255,7 @@ fn a_capture_of_a_line_is_judged_later() {
         lines.wait_for_notice(1, "uart1: up");
         Device::start(1).play(&plug, Duration::from_millis(600));
         plug.write(b"\x05abc\0");
-        // Until it has been read: nothing tells.
+        // Until it has been read: there is no notification.
         std::thread::sleep(Duration::from_millis(200));
     });
     let (assessed, replayed) = replayed(&log);
@@ -344,10 +344,10 @@ fn a_stdout_that_cannot_be_written_costs_no_record_where_there_is_an_output() {
         assert!(start.elapsed() < Duration::from_secs(60), "{} windows", windows());
         device.play(&plug, Duration::from_millis(200));
     }
-    let told = std::process::Command::new("kill")
+    let killed = std::process::Command::new("kill")
         .arg(program.id().to_string())
         .status();
-    assert!(told.unwrap().success());
+    assert!(killed.unwrap().success());
     let ended = loop {
         assert!(start.elapsed() < Duration::from_secs(90), "it does not stop");
         match program.try_wait().unwrap() {

@@ -1,4 +1,4 @@
-//! `hmd run` under a service manager: this test is the manager, and hears what it is told.
+//! `hmd run` under a service manager: this test is the manager, and reads its notifications.
 #![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
 
 use std::fs::File;
@@ -17,7 +17,7 @@ struct Manager {
     folder: tempfile::TempDir,
     socket: UnixDatagram,
     child: Child,
-    said: BufReader<ChildStderr>,
+    stderr: BufReader<ChildStderr>,
 }
 
 const CONFIG: &str = "[[actuator]]\nid = 3\nbus = \"nosuchbus0\"\npassive = true\n";
@@ -42,12 +42,12 @@ impl Manager {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
-        let said = BufReader::new(child.stderr.take().unwrap());
+        let stderr = BufReader::new(child.stderr.take().unwrap());
         Self {
             folder,
             socket,
             child,
-            said,
+            stderr,
         }
     }
 
@@ -55,20 +55,20 @@ impl Manager {
         self.folder.path().join(name)
     }
 
-    /// The next message that is no sign of life; how many of those came before it.
-    fn told(&self) -> (String, u32) {
-        let mut alive = 0;
+    /// The next message that is no heartbeat; how many of those came before it.
+    fn next_message(&self) -> (String, u32) {
+        let mut heartbeats = 0;
         loop {
             let mut text = [0; 512];
             let length = self.socket.recv(&mut text).unwrap();
             match std::str::from_utf8(&text[..length]).unwrap().trim_end() {
-                "WATCHDOG=1" => alive += 1,
-                other => return (other.to_owned(), alive),
+                "WATCHDOG=1" => heartbeats += 1,
+                other => return (other.to_owned(), heartbeats),
             }
         }
     }
 
-    fn alive(&self) {
+    fn expect_heartbeat(&self) {
         let mut text = [0; 512];
         let length = self.socket.recv(&mut text).unwrap();
         assert_eq!(&text[..length], b"WATCHDOG=1\n");
@@ -80,19 +80,19 @@ impl Manager {
     }
 
     /// Reads stderr up to a line with this text, and returns it.
-    fn until_said(&mut self, text: &str) -> String {
+    fn read_until(&mut self, text: &str) -> String {
         let mut line = String::new();
         while !line.contains(text) {
             line.clear();
-            let read = self.said.read_line(&mut line).unwrap();
-            assert_ne!(read, 0, "ended without saying {text:?}");
+            let read = self.stderr.read_line(&mut line).unwrap();
+            assert_ne!(read, 0, "ended without {text:?}");
         }
         line
     }
 
     fn stop(&mut self) {
         self.signal("-TERM");
-        assert_eq!(self.told().0, "STOPPING=1");
+        assert_eq!(self.next_message().0, "STOPPING=1");
         assert_eq!(self.child.wait().unwrap().code(), Some(0));
     }
 }
@@ -101,11 +101,11 @@ impl Manager {
 fn metrics_come_to_a_file_and_over_http_on_this_computer() {
     let more = ["--metrics", "hmd.prom", "--metrics-listen", "127.0.0.1:0"];
     let mut manager = Manager::start("segments/", &more);
-    let line = manager.until_said("metrics: http://");
+    let line = manager.read_until("metrics: http://");
     let address = line.trim().strip_prefix("metrics: http://").unwrap();
     let address = address.strip_suffix("/metrics").unwrap();
-    assert_eq!(manager.told().0, "READY=1");
-    manager.alive();
+    assert_eq!(manager.next_message().0, "READY=1");
+    manager.expect_heartbeat();
     let mut stream = TcpStream::connect(address).unwrap();
     stream
         .write_all(b"GET /metrics HTTP/1.1\r\nHost: here\r\n\r\n")
@@ -145,19 +145,19 @@ fn last_status(folder: &Path) -> Status {
 #[test]
 fn a_silent_actuator_is_stale_in_log_status_and_metrics() {
     let mut manager = Manager::start("segments/", &["--metrics", "hmd.prom"]);
-    let line = manager.until_said("STALE");
+    let line = manager.read_until("STALE");
     assert!(
         line.starts_with("ema3: STALE, no sample for ") && line.ends_with("since the start\n"),
         "{line}"
     );
-    // The status follows the word.
+    // The status follows the notice.
     let since = Instant::now();
     let stale = "hmd_data_stale{actuator=\"ema3\"} 1";
     while !std::fs::read_to_string(manager.at("hmd.prom")).unwrap().contains(stale) {
         assert!(since.elapsed() < Duration::from_secs(5), "no {stale}");
         std::thread::sleep(Duration::from_millis(20));
     }
-    assert_eq!(manager.told().0, "READY=1");
+    assert_eq!(manager.next_message().0, "READY=1");
     manager.stop();
     let status = last_status(&manager.at("segments"));
     let [ema3] = status.actuators.as_slice() else {
@@ -181,25 +181,25 @@ fn segments(folder: &Path) -> usize {
 
 /// Requirements S-10, S-11 and S-12 of `docs/safety.md`.
 #[test]
-fn the_manager_hears_of_readiness_progress_reload_and_end() {
+fn the_manager_is_notified_of_readiness_progress_reload_and_end() {
     let since = Instant::now();
     let mut manager = Manager::start("segments/", &[]);
-    assert_eq!(manager.told(), ("READY=1".to_owned(), 0));
+    assert_eq!(manager.next_message(), ("READY=1".to_owned(), 0));
     assert!(since.elapsed() < Duration::from_secs(5), "{:?}", since.elapsed());
-    manager.alive();
+    manager.expect_heartbeat();
 
     manager.signal("-HUP");
-    let reloading = manager.told().0;
+    let reloading = manager.next_message().0;
     assert!(reloading.starts_with("RELOADING=1\nMONOTONIC_USEC="), "{reloading}");
-    assert_eq!(manager.told().0, "READY=1");
-    manager.alive();
+    assert_eq!(manager.next_message().0, "READY=1");
+    manager.expect_heartbeat();
 
     std::fs::write(manager.at("hmd.toml"), "[[actuator]]\nid = 99\n").unwrap();
     manager.signal("-HUP");
-    assert!(manager.told().0.starts_with("RELOADING=1"));
-    assert_eq!(manager.told().0, "READY=1");
-    manager.until_said("not reloaded, the configuration stays as it was: ");
-    manager.alive();
+    assert!(manager.next_message().0.starts_with("RELOADING=1"));
+    assert_eq!(manager.next_message().0, "READY=1");
+    manager.read_until("not reloaded, the configuration stays as it was: ");
+    manager.expect_heartbeat();
 
     manager.stop();
     assert_eq!(segments(&manager.at("segments")), 2, "one of each configuration");
@@ -208,11 +208,11 @@ fn the_manager_hears_of_readiness_progress_reload_and_end() {
 #[test]
 fn one_file_belongs_to_one_configuration() {
     let mut manager = Manager::start("one.mcap", &[]);
-    assert_eq!(manager.told().0, "READY=1");
+    assert_eq!(manager.next_message().0, "READY=1");
     manager.signal("-HUP");
-    assert!(manager.told().0.starts_with("RELOADING=1"));
-    assert_eq!(manager.told().0, "READY=1");
-    manager.until_said("not reloaded: the output is one file");
+    assert!(manager.next_message().0.starts_with("RELOADING=1"));
+    assert_eq!(manager.next_message().0, "READY=1");
+    manager.read_until("not reloaded: the output is one file");
     manager.stop();
     assert!(std::fs::read(manager.at("one.mcap")).unwrap().ends_with(mcap::MAGIC));
 }

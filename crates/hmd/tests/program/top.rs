@@ -101,7 +101,7 @@ fn a_running_daemon_is_watched_across_segments_until_it_ends() {
     terminal.wait_for("  silent     STALE");
     let screen = terminal.wait_for("> left_inne~ fresh");
     assert!(
-        screen.contains("2 actuators") && screen.contains("uart1 well"),
+        screen.contains("2 actuators") && screen.contains("uart1 OK"),
         "{screen}"
     );
     terminal.wait_for("k1 friction [");
@@ -159,7 +159,7 @@ fn a_recording_is_shown_as_it_stood_at_its_end() {
             screen.contains("> ema0")
                 && screen.contains("critical")
                 && screen.contains("friction      74 %")
-                && screen.contains("buses    can0 well"),
+                && screen.contains("buses    can0 OK"),
             "{screen}"
         );
         assert!(terminal.is_taken() && terminal.has_colour());
@@ -229,7 +229,7 @@ fn a_terminal_that_hangs_up_ends_the_watch() {
 }
 
 #[test]
-fn what_cannot_be_shown_is_said_in_one_sentence_on_the_terminal_as_it_was() {
+fn what_cannot_be_shown_is_reported_in_one_sentence_on_the_terminal_as_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let empty = folder.path().join("empty");
     fs::create_dir(&empty).unwrap();
@@ -258,9 +258,9 @@ fn what_cannot_be_shown_is_said_in_one_sentence_on_the_terminal_as_it_was() {
     ] {
         for args in [&["top", "--once"][..], &["top"]] {
             let terminal = Terminal::start(hmd().args(args).arg(place));
-            let (status, said) = terminal.end();
-            let said = said.replace('\n', "");
-            assert!(said.contains(expected), "{said}");
+            let (status, text) = terminal.end();
+            let text = text.replace('\n', "");
+            assert!(text.contains(expected), "{text}");
             assert_eq!(status.code(), Some(1));
         }
     }
@@ -287,10 +287,10 @@ fn a_folder_that_goes_away_gives_the_terminal_back() {
     terminal.wait_for("LIVE");
     daemon.stop("-TERM");
     fs::remove_dir_all(&records).unwrap();
-    let (status, said) = terminal.end();
-    assert_eq!(status.code(), Some(1), "{said}");
+    let (status, text) = terminal.end();
+    assert_eq!(status.code(), Some(1), "{text}");
     assert!(
-        said.replace('\n', "").contains("records: No such file or directory"),
-        "{said}"
+        text.replace('\n', "").contains("records: No such file or directory"),
+        "{text}"
     );
 }

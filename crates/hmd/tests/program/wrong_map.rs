@@ -1,4 +1,4 @@
-//! What a map that is wrong in one thing makes of a good recording: no verdict, and the words of the tutorial's table.
+//! What a map that is wrong in one thing makes of a good recording: no assessment, and the words of the tutorial's table.
 
 use std::fs;
 use std::path::Path;
@@ -64,7 +64,7 @@ const WRONG: [(&str, &str, &str, &str, &str); 10] = [
         "[-214748|214748] \"deg\"",
         "[-214748|214748] \"rad\"",
         "unmodelled",
-        "the motor does not turn as it is told",
+        "the motor does not turn as commanded",
     ),
 ];
 
@@ -89,7 +89,7 @@ fn replayed(folder: &Path, log: &Path) -> String {
 /// The rate is nowhere but in the device's clock, whose steps no real device makes to the microsecond; or to the
 /// millisecond, and then the map must do without it.
 #[test]
-fn a_clock_that_jitters_tells_the_rate_and_a_coarse_one_is_told_apart() {
+fn a_jittering_clock_shows_the_rate_and_a_coarse_one_is_recognised() {
     let folder = tempfile::tempdir().expect("a temporary directory");
     let buses = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/buses");
     fs::copy(buses.join("flap.dbc"), folder.path().join("flap.dbc")).expect("flap.dbc");
@@ -120,7 +120,7 @@ fn a_clock_that_jitters_tells_the_rate_and_a_coarse_one_is_told_apart() {
         );
     }
     let printed = with_clock(&|_, clock| clock / 1000 * 1000);
-    assert!(printed.contains("not monitored: its clock tells 4"), "{printed}");
+    assert!(printed.contains("not monitored: its clock shows 4"), "{printed}");
     let text = map() + "\n[type.bench.sensors]\nsample_rate_hz = 400\n";
     fs::write(folder.path().join("flap.toml"), text).expect("flap.toml");
     let printed = with_clock(&|_, clock| clock / 1000 * 1000);
@@ -131,7 +131,7 @@ fn a_clock_that_jitters_tells_the_rate_and_a_coarse_one_is_told_apart() {
 }
 
 #[test]
-fn each_wrong_thing_is_told_by_what_the_tutorial_says() {
+fn each_wrong_map_is_reported_as_the_tutorial_lists() {
     let folder = tempfile::tempdir().expect("a temporary directory");
     let buses = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/buses");
     let database = fs::read_to_string(buses.join("flap.dbc")).expect("flap.dbc");

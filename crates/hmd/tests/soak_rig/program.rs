@@ -17,7 +17,7 @@ use super::{
 };
 
 /// What the run showed.
-pub(crate) struct Shown {
+pub(crate) struct Measurements {
     /// From the start of the process to its word that it is ready.
     pub(crate) ready: Duration,
     /// From the last sample of each window to its line, which is printed once its records are synced.
@@ -27,7 +27,7 @@ pub(crate) struct Shown {
 }
 
 /// Runs the program for so long; all files in `folder`.
-pub(crate) fn run(folder: &Path, time: Duration) -> Shown {
+pub(crate) fn run(folder: &Path, time: Duration) -> Measurements {
     let lines: Vec<(File, String)> = (0..BUSES).map(|_| line()).collect();
     let mut text = config();
     for (bus, (_, device)) in lines.iter().enumerate() {
@@ -45,10 +45,10 @@ pub(crate) fn run(folder: &Path, time: Duration) -> Shown {
         .stderr(Stdio::inherit())
         .spawn()
         .unwrap();
-    let mut told = [0; 64];
-    let length = manager.recv(&mut told).unwrap();
+    let mut observed = [0; 64];
+    let length = manager.recv(&mut observed).unwrap();
     let ready = since.elapsed();
-    assert_eq!(&told[..length], b"READY=1\n");
+    assert_eq!(&observed[..length], b"READY=1\n");
     // Nobody listens to the signs of life that follow; a full socket must not matter.
     drop(manager);
 
@@ -72,7 +72,7 @@ pub(crate) fn run(folder: &Path, time: Duration) -> Shown {
         assert!(line.contains("\"status\":\"ok\""), "{line}");
         then.duration_since(*at)
     });
-    Shown {
+    Measurements {
         ready,
         records: records.collect(),
         resident_kib,

@@ -1,5 +1,5 @@
-//! A disk that answers with EIO for a while, between the program and a real file system: nothing that was told as stored is
-//! lost, and what was not is told so.
+//! A disk that answers with EIO for a while, between the program and a real file system: nothing that was reported as stored is
+//! lost, and what was not is reported so.
 //!
 //! Requirement S-9 of `docs/safety.md`. The load is that of `survive.rs`, in a process of its own; a small library in C
 //! (`failing_disk/shim.c`), loaded before the C library, stands for the disk.
@@ -17,7 +17,7 @@ use hmd_storage::recorder::Recorder;
 
 /// Actuations of a run.
 const ACTUATIONS: u32 = 14;
-/// Records stored before the disk fails, and lost before it is well again.
+/// Records stored before the disk fails, and lost before it works again.
 const BEFORE: usize = 4;
 const LOST: usize = 3;
 
@@ -31,8 +31,8 @@ fn shim(folder: &Path) -> PathBuf {
     library
 }
 
-/// What the writer said, while the disk failed after some records and until some were lost.
-fn said(folder: &Path, all: bool) -> Vec<String> {
+/// Output of the writer, while the disk failed after some records and until some were lost.
+fn output(folder: &Path, all: bool) -> Vec<String> {
     let flag = folder.join("failing");
     let mut writer = writer_of(folder, 0);
     writer
@@ -66,24 +66,24 @@ fn said(folder: &Path, all: bool) -> Vec<String> {
 fn fails_for_a_while(all: bool) {
     let folder = tempfile::tempdir().unwrap();
     write_load(&folder.path().join(LOAD), ACTUATIONS);
-    let lines = said(folder.path(), all);
+    let lines = output(folder.path(), all);
     // The next start repairs the segments that were given up.
     let segments = folder.path().join("segments");
     let next = Recorder::open_folder(&segments, &BTreeMap::new(), Limits::new(1, 60, 1000, 0)).unwrap();
     next.finish().unwrap();
     let first_lost = lines.iter().position(|line| line == "unstored").unwrap();
     let keys = |lines: &[String]| lines.iter().filter_map(|line| stored(line)).collect::<Vec<_>>();
-    let told = keys(&lines).into_iter().collect();
-    let found = compare(&told, &segments);
+    let reported = keys(&lines).into_iter().collect();
+    let found = compare(&reported, &segments);
     let after = keys(&lines[first_lost..]).len();
     assert!(after > 0, "no record after the failure: {lines:#?}");
-    let all_said = lines.join("\n");
+    let output = lines.join("\n");
     for text in ["Input/output error", "written again", "ended"] {
-        assert!(all_said.contains(text), "{text}: {all_said}");
+        assert!(output.contains(text), "{text}: {output}");
     }
     eprintln!(
-        "{} records told as stored, {after} of them after the failure; {found} found",
-        told.len()
+        "{} records reported as stored, {after} of them after the failure; {found} found",
+        reported.len()
     );
 }
 
@@ -92,7 +92,7 @@ fn a_disk_that_fails_for_a_while_ends_nothing() {
     fails_for_a_while(true);
 }
 
-/// What was written is there, but nobody knows for how long: it must not be told as stored.
+/// What was written is there, but nobody knows for how long: it must not be reported as stored.
 #[test]
 fn a_disk_that_takes_all_and_cannot_sync_ends_nothing() {
     fails_for_a_while(false);

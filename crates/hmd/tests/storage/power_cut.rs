@@ -1,4 +1,4 @@
-//! The power goes at random moments under load: every record told as synced is on the disk after fsck and a restart.
+//! The power goes at random moments under load: every record reported as synced is on the disk after fsck and a restart.
 //!
 //! Requirement S-27 of `docs/safety.md`. The load of `survive.rs` writes to ext4 in a user-mode Linux, which is killed with
 //! its page cache: what was written and not synced is gone, what the disk was in the midst of is torn. The image lies in this
@@ -21,7 +21,7 @@ use hmd_core::seed::mix;
 /// Longest that the power stays on, from the start of the guest or, every second time, from the first record.
 const LONGEST: Duration = Duration::from_secs(4);
 /// Longest wait for the first record, and for a run that comes to its end.
-const PATIENCE: Duration = Duration::from_secs(120);
+const TIMEOUT: Duration = Duration::from_secs(120);
 /// Actuations of a run: more than it has time for.
 const ACTUATIONS: u32 = 200;
 /// The disk, bytes.
@@ -56,7 +56,7 @@ fn write_init(folder: &Path, run: u64) {
     fs::set_permissions(&init, fs::Permissions::from_mode(0o755)).unwrap();
 }
 
-/// Everything that the guest said, without its power after `wait`, or until it ends without.
+/// Output of the guest, without its power after `wait`, or until it ends without.
 fn guest(folder: &Path, run: u64, wait: Option<Duration>) -> String {
     write_init(folder, run);
     let mut guest = Command::new("linux.uml");
@@ -81,13 +81,13 @@ fn guest(folder: &Path, run: u64, wait: Option<Duration>) -> String {
         guest.env("LD_PRELOAD", library);
     }
     let mut guest = guest.spawn().unwrap();
-    let said = BufReader::new(guest.stdout.take().unwrap());
+    let output = BufReader::new(guest.stdout.take().unwrap());
     let (first, stored_first) = mpsc::channel();
     let (end, ended) = mpsc::channel();
     let reader = std::thread::spawn(move || {
         let mut text = String::new();
         // The guest's terminal ends its lines with a carriage return as well.
-        for line in said.split(b'\n').map_while(Result::ok) {
+        for line in output.split(b'\n').map_while(Result::ok) {
             let line = String::from_utf8_lossy(&line).trim_end().to_owned();
             if stored(&line).is_some() {
                 // Nobody may wait for it.
@@ -101,11 +101,11 @@ fn guest(folder: &Path, run: u64, wait: Option<Duration>) -> String {
     });
     let in_time = match wait {
         Some(wait) => {
-            let in_time = run.is_multiple_of(2) || stored_first.recv_timeout(PATIENCE).is_ok();
+            let in_time = run.is_multiple_of(2) || stored_first.recv_timeout(TIMEOUT).is_ok();
             std::thread::sleep(wait);
             in_time
         }
-        None => ended.recv_timeout(PATIENCE).is_ok(),
+        None => ended.recv_timeout(TIMEOUT).is_ok(),
     };
     // A guest is several processes.
     let group = format!("-{}", guest.id());
@@ -143,31 +143,31 @@ fn survives(cuts: u64) {
             .args([&disk, &image])
             .arg(DISK_BYTES),
     );
-    let (mut told, mut corrected, mut repaired, mut late) = (BTreeSet::new(), 0, 0, 0);
+    let (mut reported, mut corrected, mut repaired, mut late) = (BTreeSet::new(), 0, 0, 0);
     for run in 0..=cuts {
         // The last comes to its end.
         let wait = (run < cuts).then(|| Duration::from_nanos(mix(17, &[run]) % LONGEST.as_nanos() as u64));
-        let said = guest(folder.path(), run, wait);
-        told.extend(said.lines().filter_map(stored));
-        repaired += u64::from(said.contains("was cut"));
-        let came_to_end = said.contains("unmounted");
-        assert!(wait.is_some() || came_to_end, "{said}");
+        let output = guest(folder.path(), run, wait);
+        reported.extend(output.lines().filter_map(stored));
+        repaired += u64::from(output.contains("was cut"));
+        let came_to_end = output.contains("unmounted");
+        assert!(wait.is_some() || came_to_end, "{output}");
         late += u64::from(wait.is_some() && came_to_end);
         corrected += u64::from(check(&image));
     }
     let dump = format!("rdump segments {}", back.display());
     done(Command::new("debugfs").args(["-R", &dump]).arg(&image));
-    let found = compare(&told, &back.join("segments"));
+    let found = compare(&reported, &back.join("segments"));
     eprintln!(
-        "{cuts} power cuts, {late} of them after the end: {} records told as synced, {found} found; {corrected} times fsck put something right, {repaired} \
+        "{cuts} power cuts, {late} of them after the end: {} records reported as synced, {found} found; {corrected} times fsck put something right, {repaired} \
          starts had segments to repair",
-        told.len()
+        reported.len()
     );
-    assert!(told.len() as u64 > cuts, "{} records are no load", told.len());
+    assert!(reported.len() as u64 > cuts, "{} records are no load", reported.len());
 }
 
 #[test]
 #[ignore = "needs user-mode Linux; cargo xtask power-cut"]
-fn what_was_synced_outlives_the_power() {
+fn survives_power_loss() {
     survives(std::env::var("HMD_POWER_CUTS").map_or(5, |cuts| cuts.parse().unwrap()));
 }

@@ -110,7 +110,7 @@ fn check(damaged: &[u8], chunks: &[Chunk], whole: impl Fn(&Chunk) -> bool, what:
 fn check_cut(file: &[u8], chunks: &[Chunk], end: usize) {
     let what = format!("cut at {end}");
     let report = check(&file[..end], chunks, |chunk| chunk.end <= end, &what);
-    assert!(!report.is_whole(), "{what}: not noticed");
+    assert!(!report.is_intact(), "{what}: not noticed");
 }
 
 /// Flips `bits` at `at` of a finished file.
@@ -120,7 +120,7 @@ fn check_flip(file: &[u8], chunks: &[Chunk], data_end: usize, at: usize, bits: u
     damaged[at] ^= bits;
     let report = check(&damaged, chunks, |chunk| !(chunk.start..chunk.end).contains(&at), &what);
     // Behind the data stands nothing that is needed while they are whole.
-    assert!(at >= data_end || !report.is_whole(), "{what}: not noticed");
+    assert!(at >= data_end || !report.is_intact(), "{what}: not noticed");
 }
 
 /// The same in a file that was cut at `end`, so that it has no summary: `at` is before the cut.
@@ -135,7 +135,11 @@ fn check_flip_of_cut(file: &[u8], chunks: &[Chunk], end: usize, at: usize, bits:
     // The last one, hit in its length, looks like a torn one.
     let is_inner = there.clone().any(is_hit) && !there.next_back().is_some_and(is_hit);
     let least = 1 + u64::from(lost && is_inner);
-    assert!(report.losses_total >= least, "{what}: not told, {:?}", report.losses);
+    assert!(
+        report.losses_total >= least,
+        "{what}: not reported, {:?}",
+        report.losses
+    );
 }
 
 /// Where the data section ends: behind the last chunk and its message indexes.
@@ -164,7 +168,7 @@ fn flips(file: &[u8], count: u64) {
 fn a_whole_file_is_kept_whole() {
     let file = recording();
     let (copy, report) = recovered(&file);
-    assert!(report.is_whole(), "{report:?}");
+    assert!(report.is_intact(), "{report:?}");
     assert_eq!(
         (report.chunks, report.metadata),
         (CHUNKS + 2, 1),
@@ -233,7 +237,7 @@ fn the_definitions_outlive_their_chunk() {
             check_flip_of_cut(&file, &chunks, data_end, at, 0x10);
         }
     }
-    // Every copy: the later chunks cannot be named, and that is told.
+    // Every copy: the later chunks cannot be named, and that is reported.
     let mut damaged = file[..data_end].to_vec();
     let copies: Vec<usize> = (0..data_end - 11)
         .filter(|at| file[*at..].starts_with(b"hmd-channel"))
@@ -243,17 +247,17 @@ fn the_definitions_outlive_their_chunk() {
     }
     damaged[chunks[0].start + 100] ^= 1;
     let (_, report) = recovered(&damaged);
-    let said: Vec<_> = report.losses.iter().map(|loss| loss.fault.to_string()).collect();
+    let text: Vec<_> = report.losses.iter().map(|loss| loss.fault.to_string()).collect();
     assert!(
-        said.iter()
+        text.iter()
             .any(|text| text.contains("expected metadata with a checksum")),
-        "{said:?}"
+        "{text:?}"
     );
-    assert!(said.iter().any(|text| text.contains("unknown channel 1")), "{said:?}");
+    assert!(text.iter().any(|text| text.contains("unknown channel 1")), "{text:?}");
 }
 
 /// A block of a disk, wherever it lies, in a file without a summary. Where it takes the first two copies of a definition,
-/// what comes before the third one is told as unknown; that is at the first sync when 8 KiB have been written.
+/// what comes before the third one is reported as unknown; that is at the first sync when 8 KiB have been written.
 #[test]
 fn a_lost_block_costs_the_chunks_that_it_touches() {
     const THIRD_COPY: usize = 8192 + 25_000;
@@ -266,7 +270,7 @@ fn a_lost_block_costs_the_chunks_that_it_touches() {
             let mut damaged = file[..data_end].to_vec();
             damaged[from..to].fill(0);
             let (copy, report) = recovered(&damaged);
-            assert!(!report.is_whole());
+            assert!(!report.is_intact());
             let found = messages(&copy);
             let apart = |chunk: &&Chunk| chunk.end <= from || chunk.start >= to + THIRD_COPY;
             for chunk in chunks.iter().filter(apart) {
@@ -339,7 +343,7 @@ fn rubbish_around_the_chunks_is_passed() {
     damaged.extend(&rubbish);
     let report = check(&damaged, &chunks, |_| true, "rubbish between all chunks");
     assert_eq!(report.chunks, chunks.len() as u64);
-    assert!(!report.is_whole());
+    assert!(!report.is_intact());
 }
 
 /// A file made to keep the search busy: nothing but heads of chunks that promise megabytes.
@@ -361,7 +365,7 @@ fn a_hostile_file_is_given_up_in_bounded_time() {
     let since = std::time::Instant::now();
     let (_, report) = recovered(&file);
     assert_eq!(report.messages, 0);
-    assert!(!report.is_whole());
+    assert!(!report.is_intact());
     assert!(since.elapsed().as_secs() < 60, "{:?}", since.elapsed());
 }
 
@@ -376,31 +380,31 @@ fn the_verb_says_what_is_lost_and_exits_with_3() {
             .args(args)
             .output()
             .unwrap();
-        let said = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
-        (output.status.code(), said)
+        let text = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
+        (output.status.code(), text)
     };
     let dash_o = std::path::Path::new("-o");
 
     std::fs::write(&log, &file).unwrap();
-    let (code, [told, lost]) = run(&[&log, dash_o, &out]);
-    assert_eq!((code, lost.as_str()), (Some(0), ""), "{told}");
+    let (code, [summary, lost]) = run(&[&log, dash_o, &out]);
+    assert_eq!((code, lost.as_str()), (Some(0), ""), "{summary}");
     assert!(
-        told.contains("kept 6 chunks with 9 messages and 8000 raw frames, and 1 metadata records"),
-        "{told}"
+        summary.contains("kept 6 chunks with 9 messages and 8000 raw frames, and 1 metadata records"),
+        "{summary}"
     );
 
     let mut damaged = file[..file.len() - 9].to_vec();
     damaged[chunks(&file)[2].start + 500] ^= 1;
     std::fs::write(&log, &damaged).unwrap();
-    let (code, [told, lost]) = run(&[&log, dash_o, &out]);
-    assert_eq!(code, Some(3), "{told}{lost}");
-    assert!(told.contains("kept 5 chunks"), "{told}");
+    let (code, [summary, lost]) = run(&[&log, dash_o, &out]);
+    assert_eq!(code, Some(3), "{summary}{lost}");
+    assert!(summary.contains("kept 5 chunks"), "{summary}");
     assert!(lost.contains("2000 raw frames missing"), "{lost}");
 
-    let (code, [_, said]) = run(&[&log, dash_o, &log]);
-    assert_eq!(code, Some(2), "{said}");
+    let (code, [_, text]) = run(&[&log, dash_o, &log]);
+    assert_eq!(code, Some(2), "{text}");
     std::fs::write(&log, b"rubbish").unwrap();
-    let (code, [_, said]) = run(&[&log, dash_o, &out]);
-    assert_eq!(code, Some(1), "{said}");
-    assert!(said.contains("expected an intact chunk, found none"), "{said}");
+    let (code, [_, text]) = run(&[&log, dash_o, &out]);
+    assert_eq!(code, Some(1), "{text}");
+    assert!(text.contains("expected an intact chunk, found none"), "{text}");
 }

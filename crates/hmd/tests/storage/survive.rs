@@ -1,4 +1,4 @@
-//! kill -9 at random moments under load: what was told as written is read back, and every restart works.
+//! kill -9 at random moments under load: what was reported as written is read back, and every restart works.
 //!
 //! Requirements S-1 and S-3 of `docs/safety.md`. The page cache outlives the process, so this does not show that a power
 //! cut is survived. The load is the whole live chain, daemon, identification and store, in a process of its own (this
@@ -20,18 +20,18 @@ use hmd_storage::recorder::Recorder;
 /// Actuations of a run.
 const ACTUATIONS: u32 = 40;
 
-/// Starts the writer and kills it after `wait`, or lets it come to its end without; what it told as stored, and whether it came to its end.
+/// Starts the writer and kills it after `wait`, or lets it come to its end without; what it reported as stored, and whether it came to its end.
 fn killed(folder: &Path, run: u64, wait: Option<Duration>) -> (Vec<(u64, u64)>, bool) {
     let mut child = writer_of(folder, run)
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    let said = BufReader::new(child.stderr.take().unwrap());
+    let output = BufReader::new(child.stderr.take().unwrap());
     let (first, stored_first) = mpsc::channel();
     let reader = std::thread::spawn(move || {
         let mut text = String::new();
-        for line in said.split(b'\n') {
+        for line in output.split(b'\n') {
             let line = String::from_utf8(line.unwrap()).unwrap();
             if line.starts_with("stored") {
                 // Nobody may wait for it.
@@ -61,25 +61,25 @@ fn killed(folder: &Path, run: u64, wait: Option<Duration>) -> (Vec<(u64, u64)>, 
 fn survives(kills: u64, longest: Duration) {
     let folder = tempfile::tempdir().unwrap();
     write_load(&folder.path().join(LOAD), ACTUATIONS);
-    let mut told_stored = BTreeSet::new();
+    let mut reported_stored = BTreeSet::new();
     let mut ended = 0;
     for run in 0..kills {
         let wait = Duration::from_nanos(mix(13, &[run]) % longest.as_nanos() as u64);
-        let (told, came_to_end) = killed(folder.path(), run, Some(wait));
-        told_stored.extend(told);
+        let (reported, came_to_end) = killed(folder.path(), run, Some(wait));
+        reported_stored.extend(reported);
         ended += u64::from(came_to_end);
     }
     // The last start repairs what the last kill left, and ends in order.
-    let (told, came_to_end) = killed(folder.path(), kills, None);
-    assert!(came_to_end, "{told:?}");
-    let told_last = told.len() as u64;
-    told_stored.extend(told);
-    let found = compare(&told_stored, &folder.path().join("segments"));
+    let (reported, came_to_end) = killed(folder.path(), kills, None);
+    assert!(came_to_end, "{reported:?}");
+    let reported_last = reported.len() as u64;
+    reported_stored.extend(reported);
+    let found = compare(&reported_stored, &folder.path().join("segments"));
     eprintln!(
-        "{kills} kills, {ended} of them after the end: {} records told as stored, {found} found",
-        told_stored.len()
+        "{kills} kills, {ended} of them after the end: {} records reported as stored, {found} found",
+        reported_stored.len()
     );
-    let of_killed = told_stored.len() as u64 - told_last;
+    let of_killed = reported_stored.len() as u64 - reported_last;
     assert!(of_killed > kills, "{of_killed} records are no load");
 }
 
@@ -116,26 +116,26 @@ fn a_disk_that_is_really_full_for_a_while_ends_nothing() {
         .current_dir(folder.path())
         .output()
         .unwrap();
-    let said = String::from_utf8(output.stderr).unwrap();
-    eprintln!("{said}");
-    assert!(output.status.success() && said.contains("ended"), "{said}");
+    let text = String::from_utf8(output.stderr).unwrap();
+    eprintln!("{text}");
+    assert!(output.status.success() && text.contains("ended"), "{text}");
     // The next start repairs the segments that were given up.
     let kept = folder.path().join("kept");
     let next = Recorder::open_folder(&kept, &BTreeMap::new(), Limits::new(1, 60, 1000, 0)).unwrap();
     next.finish().unwrap();
     let found = read(&kept);
     let (mut kept, mut after, mut lost) = (0, 0, 0);
-    for line in said.lines() {
+    for line in text.lines() {
         if line == "unstored" {
             lost += 1;
         } else if let Some(key) = stored(line) {
-            assert!(found.contains_key(&key), "told as stored and not found: {line}");
+            assert!(found.contains_key(&key), "reported as stored and not found: {line}");
             kept += 1;
             after += u32::from(lost > 0);
         }
     }
-    eprintln!("{kept} records stored and found, {after} of them after the disk was full; {lost} lost and told so");
+    eprintln!("{kept} records stored and found, {after} of them after the disk was full; {lost} lost and reported so");
     assert!(lost > 0, "the disk was never full");
     assert!(after > 0, "no record after the disk was full");
-    assert!(said.contains("No space left on device") && said.contains("written again"));
+    assert!(text.contains("No space left on device") && text.contains("written again"));
 }

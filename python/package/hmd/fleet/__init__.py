@@ -1,4 +1,4 @@
-"""A fleet's logs, each judged once, on whatever runs programs.
+"""A fleet's logs, each assessed once, on whatever runs programs.
 
 The contract (`contract`): one log in, one result out, named by what it is made of, written whole or not at all. Who
 keeps it may run anything, anywhere, again: `python -m hmd.fleet` with Dask, `python -m hmd.fleet.one` under Slurm, GNU

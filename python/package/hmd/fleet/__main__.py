@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from .._hmd import VERSION, ConfigError
-from .cluster import judge_all
+from .cluster import assess_all
 from .contract import Index, Job, Outcome, find_logs, write_whole
 
 STALE_S = 3600
@@ -18,7 +18,7 @@ STALE_S = 3600
 def main(words: list[str] | None = None) -> int:
     """Exit codes: 0 done, 1 no log at all, 3 done but some logs are bad or lost data, 78 bad configuration."""
     parser = argparse.ArgumentParser(
-        prog="python -m hmd.fleet", description="Judge a folder of logs on a Dask cluster."
+        prog="python -m hmd.fleet", description="Assess a folder of logs on a Dask cluster."
     )
     parser.add_argument("folder", type=Path, help="logs, *.mcap and *.log, in folders of any depth")
     parser.add_argument("-o", "--output", required=True, type=Path, help="folder of the results")
@@ -37,7 +37,7 @@ def main(words: list[str] | None = None) -> int:
 def run(
     folder: Path, out: Path, config: Path | None = None, seed: int = 1, scheduler: str | None = None, workers: int = 1
 ) -> int:
-    """Judges what has no result yet, then writes `fleet.parquet`, `fleet.json` and `report.html`, unless they stand."""
+    """Assesses logs without a result, then writes `fleet.parquet`, `fleet.json` and `report.html` unless they stand."""
     since = time.monotonic()
     folder, out = folder.absolute(), out.absolute()
     job = Job.prepared(out, config, seed)
@@ -60,40 +60,40 @@ def run(
 
     if todo:
         try:
-            judge_all(todo, job, scheduler=scheduler, workers=min(workers, len(todo)), each=each)
+            assess_all(todo, job, scheduler=scheduler, workers=min(workers, len(todo)), each=each)
         finally:
             index.write([outcomes[log] for log in sorted(outcomes)])
             _sweep(out)
-    judged_s = time.monotonic() - since
+    assessed_s = time.monotonic() - since
     summary = _write_tables(folder, out, job, [outcomes[str(log)] for log in logs])
     counts = summary["counts"]
     # Also those that a worker had done before it died.
     done = sum(bool(outcome.key) for outcome in outcomes.values()) - computed
     print(
-        f"{counts['logs']} logs: {computed} judged now, {done} were done, {counts['bad']} bad, "
+        f"{counts['logs']} logs: {computed} assessed now, {done} were done, {counts['bad']} bad, "
         f"{counts['with_losses']} with losses, {counts['windows']} windows of {counts['units']} units; "
-        f"{judged_s:.1f} s to judge, {time.monotonic() - since:.1f} s in all"
+        f"{assessed_s:.1f} s to assess, {time.monotonic() - since:.1f} s in all"
     )
     return 3 if counts["bad"] or counts["with_losses"] else 0
 
 
 def _write_tables(folder: Path, out: Path, job: Job, outcomes: list[Outcome]) -> dict[str, dict[str, int]]:
     # Here, because each worker that is started imports this file, and needs no tables.
-    from .look import read_units
     from .report import page
+    from .statistics import read_units
     from .table import Results, inputs_of, is_current, write_table
 
-    table, told = out / "fleet.parquet", out / "fleet.json"
+    table, summary_file = out / "fleet.parquet", out / "fleet.json"
     inputs = inputs_of(job, outcomes)
-    if is_current(table, inputs) and told.exists() and (out / "report.html").exists():
-        found: dict[str, dict[str, int]] = json.loads(told.read_text(encoding="utf-8"))
+    if is_current(table, inputs) and summary_file.exists() and (out / "report.html").exists():
+        found: dict[str, dict[str, int]] = json.loads(summary_file.read_text(encoding="utf-8"))
         return found
     results = Results(folder, job, outcomes)
     windows = write_table(table, inputs, results.rows())
     units = read_units(table)
     counts = {
         "logs": len(outcomes),
-        "judged": results.judged,
+        "judged": results.assessed,
         "bad": len(results.bad),
         "with_losses": len(results.lossy),
         "same_twice": len(results.twice),
@@ -104,7 +104,7 @@ def _write_tables(folder: Path, out: Path, job: Job, outcomes: list[Outcome]) ->
     lists = {"bad": results.bad, "lossy": results.lossy, "twice": results.twice}
     summary = {"counts": counts, "made": made, **lists}
     write_whole(out / "report.html", page(units, summary))
-    write_whole(told, json.dumps(summary, indent=1) + "\n")
+    write_whole(summary_file, json.dumps(summary, indent=1) + "\n")
     return {"counts": counts}
 
 

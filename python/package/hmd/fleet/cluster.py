@@ -18,10 +18,10 @@ AHEAD_LEAST = 64
 """The same for all workers together."""
 
 
-def judge_all(
+def assess_all(
     logs: list[Path], job: Job, *, scheduler: str | None, workers: int, each: Callable[[Outcome], None]
 ) -> None:
-    """Judges logs on a cluster, showing each outcome as it comes.
+    """Assesses logs on a cluster, showing each outcome as it comes.
 
     A task whose worker dies goes to another one; where that happens four times, its logs go one by one, and one that
     kills its workers again is an outcome without a key. No worker at all is this process, without Dask.

@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from .. import _hmd
+from .._assessed import replay
 from .._hmd import ConfigError, Error
-from .._judged import replay
 
 CONTRACT = 1
 """Version of the result files; a part of their names."""
@@ -94,7 +94,7 @@ def hash_of(path: Path) -> str:
 
 
 def one_log(log: Path, job: Job) -> Outcome:
-    """Judges a log unless its result is there already. May be run again, or twice at the same time.
+    """Assesses a log unless its result is there already. May be run again, or twice at the same time.
 
     A log that `hmd` refuses has a result too, which says why. Raises `ConfigError`, which is no log's fault.
     """
@@ -105,7 +105,7 @@ def one_log(log: Path, job: Job) -> Outcome:
         place = job.result(key)
         computed = not place.exists()
         if computed:
-            text = _judge(log, content, job)
+            text = _assess(log, content, job)
             after = log.stat()
             if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
                 return Outcome(str(log), message="expected a log that nobody writes, found one that changed")
@@ -115,15 +115,15 @@ def one_log(log: Path, job: Job) -> Outcome:
     return Outcome(str(log), before.st_size, before.st_mtime_ns, content, key, computed)
 
 
-def _judge(log: Path, content: str, job: Job) -> str:
+def _assess(log: Path, content: str, job: Job) -> str:
     """A line about the result, then those of `hmd replay --json`."""
     lines: list[str] = []
     code, message = 0, ""
     try:
-        judged = replay(log, config=job.config, seed=job.seed, threads=1)
-        lines = judged.lines
-        if judged.loss is not None:
-            code, message = 3, judged.loss
+        assessed = replay(log, config=job.config, seed=job.seed, threads=1)
+        lines = assessed.lines
+        if assessed.loss is not None:
+            code, message = 3, assessed.loss
     except ConfigError:
         raise
     except Error as error:

@@ -13,7 +13,7 @@ from .contract import Job, find_logs, one_log
 
 def main(words: list[str] | None = None) -> int:
     """Exit codes as those of `hmd`: 0 done, 1 a log could not be read at all, 78 bad configuration."""
-    parser = argparse.ArgumentParser(prog="python -m hmd.fleet.one", description="Judge logs, a result for each.")
+    parser = argparse.ArgumentParser(prog="python -m hmd.fleet.one", description="Assess logs, a result for each.")
     parser.add_argument("logs", nargs="+", type=Path, help="logs, or folders of them")
     parser.add_argument("-o", "--output", required=True, type=Path, help="folder of the results")
     parser.add_argument("-c", "--config", type=Path, help="configuration")

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .look import (
+from .statistics import (
     LEVEL_WINDOWS,
     OUTLIER_Z,
     TREND_WINDOWS,
@@ -13,7 +13,7 @@ from .look import (
     Trend,
     Unit,
     outliers,
-    silent,
+    rarely_assessed,
     trends,
     worst,
 )
@@ -38,23 +38,26 @@ td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space:
 def page(units: list[Unit], summary: dict[str, Any]) -> str:
     """The page of a fleet's units and of `fleet.json`."""
     counts = summary["counts"]
-    facts = [(name.replace("_", " "), str(count)) for name, count in counts.items()]
+    # The key in `fleet.json` is older.
+    facts = [("assessed" if name == "judged" else name.replace("_", " "), str(count)) for name, count in counts.items()]
     parts = [
         _table("counts", ["what", "how many"], [[name, count] for name, count in facts], numbers=(1,)),
         "<h2>Worst actuators</h2>",
-        "<p>By health of the newest judged window, then by the largest damage"
+        "<p>By health of the newest assessed window, then by the largest damage"
         f" (median of the last {LEVEL_WINDOWS} windows).</p>",
-        _list(worst(units), ["unit", "health", "faults", "largest damage", "windows", "not judged"], _worst, (3, 4, 5)),
+        _list(
+            worst(units), ["unit", "health", "faults", "largest damage", "windows", "not assessed"], _worst, (3, 4, 5)
+        ),
         "<h2>Growing damage</h2>",
         "<p>Theil–Sen slope over calendar time where the Mann–Kendall score exceeds chance;"
-        f" units with fewer than {TREND_WINDOWS} judged windows show none.</p>",
+        f" units with fewer than {TREND_WINDOWS} assessed windows show none.</p>",
         _list(trends(units), ["unit", "fault", "growth in 30 days", "level", "score", "history"], _trend, (2, 3, 4)),
         "<h2>Unlike the fleet</h2>",
         f"<p>More than {OUTLIER_Z:.0f} robust standard deviations from the median of all units.</p>",
         _list(outliers(units), ["unit", "fault", "damage", "fleet's median", "distance"], _outlier, (2, 3, 4)),
-        "<h2>Hardly judged</h2>",
-        "<p>Half of the windows or more were not fit to be judged, or nothing that is known explains them.</p>",
-        _list(silent(units), ["unit", "windows", "not judged"], _silent, (1, 2)),
+        "<h2>Hardly assessed</h2>",
+        "<p>Half of the windows or more were not fit to be assessed, or nothing that is known explains them.</p>",
+        _list(rarely_assessed(units), ["unit", "windows", "not assessed"], _rarely_assessed, (1, 2)),
         "<h2>Logs without a result</h2>",
         _list(summary["bad"], ["log", "why"], lambda bad: [bad["log"], bad["message"]]),
         "<h2>Logs with losses</h2>",
@@ -106,7 +109,7 @@ def _worst(unit: Unit) -> list[str]:
     ]
 
 
-def _silent(unit: Unit) -> list[str]:
+def _rarely_assessed(unit: Unit) -> list[str]:
     return [unit.name, str(unit.windows), str(unit.refused)]
 
 

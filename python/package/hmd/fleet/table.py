@@ -72,7 +72,7 @@ def row(log: str, unit: str, window: dict[str, Any]) -> dict[str, Any]:
 
 
 def unit_of(log: str, actuator: str, serial_numbers: dict[str, str]) -> str:
-    """Whose windows these are: the serial number if the log tells one, else the log's folder, else its own name."""
+    """Whose windows these are: the serial number if the log holds one, else the log's folder, else its own name."""
     if actuator in serial_numbers:
         return serial_numbers[actuator]
     place = Path(log)
@@ -130,7 +130,7 @@ class Results:
         self.bad: list[dict[str, str]] = []
         self.lossy: list[dict[str, str]] = []
         self.twice: list[dict[str, str]] = []
-        self.judged = 0
+        self.assessed = 0
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Rows of all windows; those of the same bytes under a second name only once."""
@@ -151,7 +151,7 @@ class Results:
                     continue
                 if head["exit"] == 3:
                     self.lossy.append({"log": log, "message": head["message"]})
-                self.judged += 1
+                self.assessed += 1
                 for line in lines:
                     window = json.loads(line)
                     yield row(log, unit_of(log, window["actuator"], head["serial_numbers"]), window)

@@ -1,4 +1,4 @@
-//! Lives of actuators, drawn at random, as the windows of a monitor show them.
+//! Simulated histories of actuators, drawn at random, as the windows of a monitor show them.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -11,11 +11,11 @@ use hmd_core::rul::Odometer;
 /// Damage at the end of life, the default of the configuration.
 pub(super) const END_OF_LIFE: f64 = 0.8;
 
-/// Lives, h; log-uniform.
-pub(super) const LIFE_H: [f64; 2] = [500.0, 5000.0];
+/// Lifetimes, h; log-uniform.
+pub(super) const LIFETIME_H: [f64; 2] = [500.0, 5000.0];
 
 /// Rate × life of an exponential growth; uniform.
-pub(super) const RATE_LIFE: [f64; 2] = [2.0, 5.0];
+pub(super) const RATE_TIMES_LIFETIME: [f64; 2] = [2.0, 5.0];
 
 /// How often the rate of use changes in a life, each number equally likely.
 pub(super) const USE_CHANGES: [u32; 2] = [2, 4];
@@ -118,8 +118,8 @@ impl History {
     pub(super) fn draw(fault: usize, errors: &ErrorTable, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let growth = Growth::ALL[rng.random_range(0..Growth::ALL.len())];
-        let nominal_h = rng.random_range(LIFE_H[0].ln()..LIFE_H[1].ln()).exp();
-        let kappa: f64 = rng.random_range(RATE_LIFE[0]..RATE_LIFE[1]);
+        let nominal_h = rng.random_range(LIFETIME_H[0].ln()..LIFETIME_H[1].ln()).exp();
+        let kappa: f64 = rng.random_range(RATE_TIMES_LIFETIME[0]..RATE_TIMES_LIFETIME[1]);
         let usage = UseProfile::draw(nominal_h, &mut rng);
         let whole_work = usage.odometer(nominal_h).work_j;
         let law = |at: &Odometer| {
@@ -207,7 +207,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn histories_are_as_the_suite_says() -> Result<(), serde_json::Error> {
+    fn histories_are_distributed_as_specified() -> Result<(), serde_json::Error> {
         let errors = ErrorTable::stored()?;
         let (mut windows, mut assessed, mut by_growth) = (0, 0, [0; 3]);
         for seed in 0..300 {

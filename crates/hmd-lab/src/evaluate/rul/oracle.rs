@@ -1,16 +1,16 @@
-//! What the very best could say: the true law and the distribution of its parameters are known, only they are not.
+//! Upper bound of any forecast: a filter that knows the true law and the distribution of its parameters, but not their values.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::history::{END_OF_LIFE, Growth, History, LIFE_H, RATE_LIFE, Seen, USE_CHANGES, USE_FACTOR};
+use super::history::{END_OF_LIFE, Growth, History, LIFETIME_H, RATE_TIMES_LIFETIME, Seen, USE_CHANGES, USE_FACTOR};
 use hmd_core::rul::{Clock, Law, Odometer, Remaining, UseRate};
 
 /// Ratio of neighbouring exponential rates.
 const RATE_STEP: f64 = 1.02;
 
-/// Lives drawn for one forecast where use decides.
+/// Remaining hours drawn for one forecast where use decides.
 const DRAWS: u64 = 400;
 
 /// Filter with the true law; damage begins at 0.
@@ -23,16 +23,19 @@ pub(super) struct Oracle<'a> {
 
 impl<'a> Oracle<'a> {
     pub(super) fn new(history: &'a History) -> Self {
-        let whole_work = LIFE_H[0] * history.windows.first().map_or(1.0, |w| w.at.work_j / w.at.hours);
+        let whole_work = LIFETIME_H[0] * history.windows.first().map_or(1.0, |w| w.at.work_j / w.at.hours);
         let new = |clock, rate, slope_sigma| Law::new(clock, rate, 0.0, 0.0, slope_sigma);
         let laws = match history.growth {
-            Growth::Linear => vec![new(Clock::Hours, 0.0, END_OF_LIFE / LIFE_H[0])],
+            Growth::Linear => vec![new(Clock::Hours, 0.0, END_OF_LIFE / LIFETIME_H[0])],
             Growth::Work => vec![new(Clock::Work, 0.0, 4.0 * END_OF_LIFE / whole_work)],
             Growth::Exponential => {
-                let (low, high) = (RATE_LIFE[0] / LIFE_H[1], RATE_LIFE[1] / LIFE_H[0]);
+                let (low, high) = (
+                    RATE_TIMES_LIFETIME[0] / LIFETIME_H[1],
+                    RATE_TIMES_LIFETIME[1] / LIFETIME_H[0],
+                );
                 let count = ((high / low).ln() / RATE_STEP.ln()).ceil() as i32;
                 (0..=count)
-                    .map(|n| new(Clock::Hours, low * RATE_STEP.powi(n), END_OF_LIFE / LIFE_H[0]))
+                    .map(|n| new(Clock::Hours, low * RATE_STEP.powi(n), END_OF_LIFE / LIFETIME_H[0]))
                     .collect()
             }
         };
@@ -55,10 +58,10 @@ impl<'a> Oracle<'a> {
         self.squared_steps += passed.hours * passed.hours;
     }
 
-    /// The hours left, at a window, as the lives that are possible with their weights.
+    /// The hours left at a window: the possible lifetimes with their weights.
     pub(super) fn remaining(&self, seen: &Seen, seed: u64) -> Forecast<'_> {
         if self.history.growth == Growth::Work {
-            return Forecast::Lives(self.lives(seen, seed));
+            return Forecast::Weighted(self.draw_remaining_hours(seen, seed));
         }
         let elapsed = self.last.hours;
         let best = self
@@ -71,7 +74,8 @@ impl<'a> Oracle<'a> {
             let evidence = (law.log_evidence - best).exp() / (slope * (-law.rate * elapsed).exp());
             let life = elapsed + law.time_to((END_OF_LIFE - law.damage).max(0.0) / slope);
             let kappa = law.rate * life;
-            let possible = (RATE_LIFE[0]..=RATE_LIFE[1]).contains(&kappa) && possible_life(life);
+            let possible =
+                (RATE_TIMES_LIFETIME[0]..=RATE_TIMES_LIFETIME[1]).contains(&kappa) && is_possible_lifetime(life);
             if possible { evidence * -(-kappa).exp_m1() } else { 0.0 }
         };
         let mut laws: Vec<_> = self
@@ -94,10 +98,10 @@ impl<'a> Oracle<'a> {
         Forecast::Laws(Box::new(Remaining::from_laws(laws, END_OF_LIFE, elapsed, passed, rate)))
     }
 
-    /// Lives of all possible uses to come, drawn and weighed: the work that is left is known well, when it will have been
+    /// Remaining hours of all possible uses to come, drawn and weighed: the work that is left is known well, when it will have been
     /// done is not. For a use to come of a given shape the life follows; its prior is log-uniform, and the changes so far
     /// have the likelihood of c of n changes falling where they did.
-    fn lives(&self, seen: &Seen, seed: u64) -> Vec<(f64, f64)> {
+    fn draw_remaining_hours(&self, seen: &Seen, seed: u64) -> Vec<(f64, f64)> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let law = &self.laws[0];
         let now = seen.at.hours;
@@ -106,7 +110,7 @@ impl<'a> Oracle<'a> {
             .filter(|piece| piece.0 <= now)
             .count() as u32;
         let rate = self.history.work_rate_at(now);
-        let mut lives = Vec::new();
+        let mut draws = Vec::new();
         for _ in 0..DRAWS {
             let all = rng.random_range(USE_CHANGES[0]..=USE_CHANGES[1]);
             if all < changes {
@@ -125,21 +129,21 @@ impl<'a> Oracle<'a> {
             }
             let left = work / (rate * mean);
             let life = now + left;
-            if !possible_life(life) {
+            if !is_possible_lifetime(life) {
                 continue;
             }
             let placed: f64 = (all - changes + 1..=all).map(f64::from).product();
             let weight =
                 placed * life.powi(-(changes as i32)) * (left / life).powi((all - changes) as i32) * left / life;
-            lives.push((left, weight));
+            draws.push((left, weight));
         }
-        lives
+        draws
     }
 }
 
 /// Noise may end a life a little before or after its nominal end.
-fn possible_life(hours: f64) -> bool {
-    (0.95 * LIFE_H[0]..=1.05 * LIFE_H[1]).contains(&hours)
+fn is_possible_lifetime(hours: f64) -> bool {
+    (0.95 * LIFETIME_H[0]..=1.05 * LIFETIME_H[1]).contains(&hours)
 }
 
 /// A damage and a slope out of a law's distribution.
@@ -159,8 +163,8 @@ fn sample(law: &Law, rng: &mut ChaCha8Rng) -> (f64, f64) {
 pub(super) enum Forecast<'a> {
     /// By laws.
     Laws(Box<Remaining<'a>>),
-    /// By lives with weights.
-    Lives(Vec<(f64, f64)>),
+    /// By remaining hours with weights.
+    Weighted(Vec<(f64, f64)>),
 }
 
 impl Forecast<'_> {
@@ -168,9 +172,9 @@ impl Forecast<'_> {
     pub(super) fn probability_within(&self, hours: f64) -> f64 {
         match self {
             Self::Laws(remaining) => remaining.probability_within(hours),
-            Self::Lives(lives) => {
-                let sum: f64 = lives.iter().map(|life| life.1).sum();
-                let within: f64 = lives.iter().filter(|life| life.0 <= hours).map(|life| life.1).sum();
+            Self::Weighted(draws) => {
+                let sum: f64 = draws.iter().map(|draw| draw.1).sum();
+                let within: f64 = draws.iter().filter(|draw| draw.0 <= hours).map(|draw| draw.1).sum();
                 if sum > 0.0 { within / sum } else { 0.0 }
             }
         }

@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_says_what_is_known() {
+    fn a_line_shows_what_is_known() {
         let (mut health, mut rul) = full();
         health.actuator = "ema0".to_owned();
         health.window = 7;

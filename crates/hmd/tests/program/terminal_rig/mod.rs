@@ -16,7 +16,7 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{LocalModes, Winsize, tcgetattr, tcsetwinsize};
 
 /// Longest wait for anything on the screen.
-const PATIENCE: Duration = Duration::from_secs(30);
+const TIMEOUT: Duration = Duration::from_secs(30);
 
 /// A terminal with a program on it.
 pub(crate) struct Terminal {
@@ -95,7 +95,7 @@ impl Terminal {
                 return text;
             }
             assert!(
-                since.elapsed() < PATIENCE,
+                since.elapsed() < TIMEOUT,
                 "expected {what:?} on the screen, found\n{text}"
             );
             std::thread::sleep(Duration::from_millis(20));
@@ -150,7 +150,7 @@ impl Terminal {
         loop {
             match self.child.try_wait().unwrap() {
                 Some(status) => return status,
-                None => assert!(since.elapsed() < PATIENCE, "it goes on without a terminal"),
+                None => assert!(since.elapsed() < TIMEOUT, "it goes on without a terminal"),
             }
             std::thread::sleep(Duration::from_millis(20));
         }

@@ -1,4 +1,4 @@
-//! The load that is killed, what it tells, and what is read back.
+//! The load that is killed, what it reports, and what is read back.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -88,9 +88,9 @@ fn frames(log: &Path, run: u64) -> Vec<RawFrame> {
 }
 
 /// Says each health record as soon as the daemon says that it is stored.
-struct Teller;
+struct StderrReporter;
 
-impl Observer for Teller {
+impl Observer for StderrReporter {
     fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
         let line = format!("stored {} {}\n", assessed.health.t_start_ns, assessed.health.window);
         io::stderr().write_all(line.as_bytes())
@@ -109,7 +109,7 @@ impl Observer for Teller {
     }
 }
 
-/// The process that is killed: writes as the environment says, and tells on stderr.
+/// The process that is killed: writes as the environment says, and reports on stderr.
 pub(crate) fn write() {
     let Ok(folder) = std::env::var(FOLDER) else { return };
     let run: u64 = std::env::var(RUN).unwrap().parse().unwrap();
@@ -133,7 +133,7 @@ pub(crate) fn write() {
         recorder: Some(recorder),
         watch: Some((config, run)),
     };
-    daemon.run(pending(), &Teller).unwrap();
+    daemon.run(pending(), &StderrReporter).unwrap();
     eprintln!("ended");
 }
 
@@ -186,17 +186,17 @@ fn is_left_by_a_cut(path: &Path) -> bool {
     }
 }
 
-/// Start and number of the window that a line tells as stored, if it is whole.
+/// Start and number of the window that a line reports as stored, if it is whole.
 pub(crate) fn stored(line: &str) -> Option<(u64, u64)> {
     let (start, window) = line.strip_prefix("stored ")?.split_once(' ')?;
     Some((start.parse().ok()?, window.parse().ok()?))
 }
 
-/// Asserts that everything told as stored was found, once; how many were found.
+/// Asserts that everything reported as stored was found, once; how many were found.
 pub(crate) fn compare(stored: &BTreeSet<(u64, u64)>, folder: &Path) -> usize {
     let found = read(folder);
     let missing: Vec<_> = stored.iter().filter(|key| !found.contains_key(key)).collect();
-    assert_eq!(missing, [] as [&(u64, u64); 0], "told as stored and not found");
+    assert_eq!(missing, [] as [&(u64, u64); 0], "reported as stored and not found");
     assert!(found.values().all(|count| *count == 1), "no record twice");
     found.len()
 }

@@ -6,9 +6,9 @@ use ema_models::reference::UnmodelledFault;
 use crate::bench::{frames, unit, watch};
 
 /// Status and named faults of one window at 400 Hz with noise.
-fn verdict(alien: Option<UnmodelledFault>, back_emf: f64, seed: u64) -> (String, String, String) {
+fn assess_window(unmodelled: Option<UnmodelledFault>, back_emf: f64, seed: u64) -> (String, String, String) {
     let mut scenario = unit(FaultVector::NOMINAL, seed);
-    scenario.unmodelled_fault = alien;
+    scenario.unmodelled_fault = unmodelled;
     scenario.unit.motor.k *= back_emf;
     let health = watch(frames(&scenario, 0)).window().health.clone();
     (health.status, health.faults, health.reason)
@@ -18,10 +18,10 @@ fn verdict(alien: Option<UnmodelledFault>, back_emf: f64, seed: u64) -> (String,
 fn a_resolver_tooth_is_no_fault_and_a_large_one_not_passed_over() {
     for seed in 81..85 {
         // What sticks out of the fit is refused, sample by sample.
-        let (status, faults, reason) = verdict(Some(UnmodelledFault::ResolverTooth(0.02)), 1.0, seed);
+        let (status, faults, reason) = assess_window(Some(UnmodelledFault::ResolverTooth(0.02)), 1.0, seed);
         assert_ne!(status, "ok", "seed {seed}");
         assert_eq!(faults, "", "seed {seed}: {reason}");
-        let (_, faults, reason) = verdict(Some(UnmodelledFault::ResolverTooth(0.002)), 1.0, seed);
+        let (_, faults, reason) = assess_window(Some(UnmodelledFault::ResolverTooth(0.002)), 1.0, seed);
         assert_eq!(faults, "", "seed {seed}: {reason}");
     }
 }
@@ -29,7 +29,7 @@ fn a_resolver_tooth_is_no_fault_and_a_large_one_not_passed_over() {
 #[test]
 fn a_locked_output_is_unmodelled() {
     for seed in [83, 84] {
-        let (status, faults, reason) = verdict(Some(UnmodelledFault::Brake(100.0)), 1.0, seed);
+        let (status, faults, reason) = assess_window(Some(UnmodelledFault::Brake(100.0)), 1.0, seed);
         assert_eq!(
             (status.as_str(), faults.as_str()),
             ("unmodelled", ""),
@@ -42,18 +42,18 @@ fn a_locked_output_is_unmodelled() {
 #[test]
 fn a_dragging_brake_is_friction() {
     for seed in [85, 86] {
-        let (_, faults, reason) = verdict(Some(UnmodelledFault::Brake(0.15)), 1.0, seed);
+        let (_, faults, reason) = assess_window(Some(UnmodelledFault::Brake(0.15)), 1.0, seed);
         assert_eq!(faults, "friction", "seed {seed}: {reason}");
     }
     // More than any wear makes.
-    let (status, faults, reason) = verdict(Some(UnmodelledFault::Brake(0.9)), 1.0, 87);
+    let (status, faults, reason) = assess_window(Some(UnmodelledFault::Brake(0.9)), 1.0, 87);
     assert_eq!((status.as_str(), faults.as_str()), ("unmodelled", ""), "{reason}");
 }
 
 #[test]
 fn weak_magnets_are_no_shorted_phases() {
     for (seed, left) in [(88, 0.8), (89, 0.75), (90, 0.7), (91, 0.5)] {
-        let (status, faults, reason) = verdict(None, left, seed);
+        let (status, faults, reason) = assess_window(None, left, seed);
         assert_eq!(
             (status.as_str(), faults.as_str()),
             ("unmodelled", ""),

@@ -1,4 +1,4 @@
-"""Windows judged: of logs, and of samples in arrays."""
+"""Windows assessed: of logs, and of samples in arrays."""
 
 import json
 from typing import TYPE_CHECKING, Any
@@ -13,34 +13,34 @@ if TYPE_CHECKING:
 
 
 class Judged:
-    """What was judged, window by window."""
+    """What was assessed, window by window."""
 
-    def __init__(self, judged: _hmd.Judged) -> None:
-        self._judged = judged
+    def __init__(self, assessed: _hmd.Judged) -> None:
+        self._assessed = assessed
 
     @property
     def lines(self) -> list[str]:
         """The lines of `hmd replay --json`, byte for byte."""
-        return self._judged.lines
+        return self._assessed.lines
 
     @property
     def windows(self) -> list[dict[str, Any]]:
         """The same as objects: actuator, window, status, k, sigma, observable, cost, evaluations, health and so on."""
-        return [json.loads(line) for line in self._judged.lines]
+        return [json.loads(line) for line in self._assessed.lines]
 
     @property
     def notices(self) -> list[str]:
         """What an operator should read, a sentence each."""
-        return self._judged.notices
+        return self._assessed.notices
 
     @property
     def loss(self) -> str | None:
         """What was lost on the way (the program's exit code 3), or `None`."""
-        return self._judged.loss
+        return self._assessed.loss
 
     def to_arrow(self) -> "pyarrow.Table":
         """A row for each window, with the columns of `hmd export`."""
-        return to_pyarrow(self._judged.table)
+        return to_pyarrow(self._assessed.table)
 
 
 def replay(
@@ -51,7 +51,7 @@ def replay(
     output: Path | None = None,
     threads: int | None = None,
 ) -> Judged:
-    """Judges logs in the order of time, as `hmd replay LOG… -c CONFIG --seed SEED -o OUTPUT` does.
+    """Assesses logs in the order of time, as `hmd replay LOG… -c CONFIG --seed SEED -o OUTPUT` does.
 
     The result does not depend on `threads` (all cores without it). Other Python threads go on meanwhile.
 
@@ -88,7 +88,7 @@ def identify(
       without it;
     - supply, winding temperature and load at the output, if they were measured.
 
-    `actuator` is a name of the configuration, which tells its type and calibration; without a configuration `ema0` to
+    `actuator` is a name of the configuration, which gives its type and calibration; without a configuration `ema0` to
     `ema15` are actuators of the bench. Too few samples, no actuation, or bad data give an empty or an `invalid` result,
     never a fault.
 

@@ -1,8 +1,7 @@
-//! Stories from end to end: a simulated actuator's frames, through decoding, windows and identification, to the verdict.
+//! From end to end: a simulated actuator's frames, through decoding, windows and identification, to the assessment.
 //!
 //! Time is virtual throughout, seeds are fixed, one window costs about a second of one core in the dev profile.
 
-mod alien;
 mod bad_link;
 mod bench;
 mod foreign_bus;
@@ -10,6 +9,7 @@ mod function;
 mod identification;
 mod link;
 mod onboard;
+mod unmodelled;
 
 use bench::{frames, unit, watch, watch_all};
 use ema_models::FaultVector;
@@ -109,7 +109,7 @@ fn each_fault_is_named_from_one_window() {
 }
 
 #[test]
-fn two_faults_at_once_are_told_apart() {
+fn two_faults_at_once_are_distinguished() {
     let truth = FaultVector {
         backlash: 0.3,
         short_c: 0.2,
@@ -119,7 +119,7 @@ fn two_faults_at_once_are_told_apart() {
 }
 
 #[test]
-fn a_life_goes_from_nominal_to_critical() {
+fn a_wearing_unit_goes_from_nominal_to_critical() {
     let ages = [0.0, 0.15, 0.45, 0.75];
     let sorties = (31..)
         .zip(ages)

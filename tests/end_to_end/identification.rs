@@ -63,7 +63,7 @@ fn a_population_alone_goes_by_slopes() {
 }
 
 #[test]
-fn a_budget_that_does_not_reach_says_so() {
+fn an_exhausted_budget_is_reported() {
     let Method::Hybrid(Population::Genetic(mut config)) = Method::hybrid() else {
         panic!("the default's population is genetic")
     };

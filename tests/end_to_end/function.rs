@@ -47,7 +47,7 @@ fn true_end_h(misses: impl Fn(&FaultVector) -> bool) -> f64 {
 }
 
 #[test]
-fn faults_that_are_harmless_one_by_one_end_the_life_together() {
+fn faults_that_are_harmless_one_by_one_reach_the_end_of_life_together() {
     let form = MonitorForm::ThreePhase;
     let calibration = TypeCalibration::built_in("bench", form)
         .expect("it is shipped")

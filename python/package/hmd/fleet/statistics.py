@@ -1,4 +1,4 @@
-"""What a table says of a fleet: who is worst, who gets worse, who is unlike the others."""
+"""Statistics of a fleet's table: the worst units, growing damage, units unlike the others."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +28,7 @@ OUTLIER_Z = 6.0
 """Distance from the fleet's median, in its own robust standard deviations."""
 
 SPREAD_LEAST = 0.01
-"""Smallest spread of a fleet that is believed: what estimates differ by anyway."""
+"""Smallest spread of a fleet that is used: what estimates differ by anyway."""
 
 MONTH_S = 30 * 86_400.0
 
@@ -44,18 +44,18 @@ class Unit:
     damage: NDArray[np.float64]
     windows: int
     refused: int
-    """Windows that were not fit to be judged, or that no fault vector explains."""
+    """Windows that were not fit to be assessed, or that no fault vector explains."""
 
     @property
     def level(self) -> NDArray[np.float64]:
-        """Median damage of the newest windows; not a number where none was judged."""
+        """Median damage of the newest windows; not a number where none was assessed."""
         if not len(self.damage):
             return np.full(len(FAULTS), np.nan)
         return np.median(self.damage[-LEVEL_WINDOWS:], axis=0)
 
     @property
     def largest(self) -> float:
-        """Largest of these; below any damage where none was judged."""
+        """Largest of these; below any damage where none was assessed."""
         return float(self.level.max()) if len(self.damage) else -1.0
 
 
@@ -98,18 +98,18 @@ def read_units(table: Path) -> list[Unit]:
     starts = np.flatnonzero(np.r_[True, of[1:] != of[:-1]]) if len(of) else np.array([], dtype=int)
     units = []
     for start, end in zip(starts, [*starts[1:], len(of)], strict=True):
-        judged = start + np.flatnonzero(np.isfinite(damage[start:end]).all(axis=1))
-        told = judged[-NEWEST:]
-        last = judged[-1] if len(judged) else end - 1
+        assessed = start + np.flatnonzero(np.isfinite(damage[start:end]).all(axis=1))
+        newest = assessed[-NEWEST:]
+        last = assessed[-1] if len(assessed) else end - 1
         units.append(
             Unit(
                 name=known["unit"][of[start]],
                 health=known["health"][health[last]],
                 faults=known["faults"][faults[last]],
-                time_s=time_s[told],
-                damage=damage[told],
+                time_s=time_s[newest],
+                damage=damage[newest],
                 windows=int(end - start),
-                refused=int(end - start - len(judged)),
+                refused=int(end - start - len(assessed)),
             )
         )
     return units
@@ -121,8 +121,8 @@ def worst(units: list[Unit]) -> list[Unit]:
     return sorted(found, key=lambda unit: (-HEALTH.index(unit.health), -unit.largest, unit.name))
 
 
-def silent(units: list[Unit]) -> list[Unit]:
-    """The units of whose windows half or more could not be judged, the most silent first."""
+def rarely_assessed(units: list[Unit]) -> list[Unit]:
+    """The units of whose windows half or more could not be assessed, the least assessed first."""
     found = [unit for unit in units if 2 * unit.refused >= unit.windows]
     return sorted(found, key=lambda unit: (-unit.refused / unit.windows, -unit.windows, unit.name))
 
@@ -151,13 +151,13 @@ def trends(units: list[Unit]) -> list[Trend]:
 
 def outliers(units: list[Unit]) -> list[Outlier]:
     """Damages far from the fleet's median, the farthest first."""
-    judged = [unit for unit in units if len(unit.damage)]
-    if len(judged) < 3:
+    assessed = [unit for unit in units if len(unit.damage)]
+    if len(assessed) < 3:
         return []
-    levels = np.array([unit.level for unit in judged])
+    levels = np.array([unit.level for unit in assessed])
     fleet = np.median(levels, axis=0)
     spread = np.maximum(1.4826 * np.median(np.abs(levels - fleet), axis=0), SPREAD_LEAST)
     z = (levels - fleet) / spread
     far = [(n, p) for n, p in zip(*np.nonzero(np.abs(z) > OUTLIER_Z), strict=True)]
-    found = [Outlier(judged[n], int(p), float(levels[n, p]), float(fleet[p]), float(z[n, p])) for n, p in far]
+    found = [Outlier(assessed[n], int(p), float(levels[n, p]), float(fleet[p]), float(z[n, p])) for n, p in far]
     return sorted(found, key=lambda outlier: (-abs(outlier.z), outlier.unit.name))

@@ -160,7 +160,7 @@ def test_a_simulation_is_that_of_the_program(program: str, tmp_path: Path) -> No
         ({"noise_a": math.nan}, "invalid value 'nan' for '--noise <NOISE>': expected a number"),
         ({"rate_hz": 5000}, "--rate: expected at most 90 % of a 1 Mbit/s bus"),
         ({"k": [2.0] * 8}, "friction: expected a number from 0 to 1, found 2"),
-        ({"actuator": "none"}, "--actuator: expected bench, servo28 or a type of the configuration"),
+        ({"actuator": "none"}, "--actuator: expected bench, servo28, servo270 or a type of the configuration"),
     ],
 )
 def test_a_simulation_that_cannot_be_is_refused(tmp_path: Path, options: dict[str, Any], text: str) -> None:

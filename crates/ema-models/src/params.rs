@@ -1,7 +1,7 @@
 //! Parameters of an actuator type: motor, transmission, controller and sensors, in SI units, with a check of their ranges.
 //!
-//! Two types are built in: [`ActuatorParams::bench`], the test bench of \[P\], Table I, and [`ActuatorParams::servo28`], a
-//! small 28 V servo defined here.
+//! Three types are built in: [`ActuatorParams::bench`], the test bench of \[P\], Table I; [`ActuatorParams::servo28`], a small
+//! 28 V servo, and [`ActuatorParams::servo270`], a 270 V actuator between the two, both defined here.
 
 use crate::temperature::temperature_factors;
 
@@ -178,6 +178,9 @@ impl core::error::Error for ParamsError {}
 pub const REFERENCE_STEP: f64 = 1e-6;
 
 impl ActuatorParams {
+    /// Names of the built-in types.
+    pub const BUILT_IN: [&'static str; 3] = ["bench", "servo28", "servo270"];
+
     /// The test bench of \[P\]: Siemens 1FK7060 motor (Table I) with a printed compound planetary gearbox.
     ///
     /// ```
@@ -251,6 +254,62 @@ impl ActuatorParams {
                 hysteresis: 0.05,
             },
             sensors: SensorParams::standard(),
+        }
+    }
+
+    /// A 270 V actuator with a vector drive, between the other two in size (all values declared here).
+    ///
+    /// 270 V is the DC supply of aircraft. Torque (2.5 Nm), inertia, L/R and the share of friction are near the geometric mean of
+    /// `bench` and `servo28`; the controller's bandwidths lie between theirs: G_p / n = 22.5 rad/s, K_p / J = 357 rad/s,
+    /// K_i / K_p = 16 1/s. At ω_max and I_max the phase voltage is 92 V of the 156 V that the link allows (V_dc / √3). The
+    /// simulated drive is [`Drive::of_built_in`](crate::reference::Drive::of_built_in); the half band stands for its ripple.
+    ///
+    /// ```
+    /// let m = ema_models::ActuatorParams::servo270().motor;
+    /// assert!((m.torque_gain() * m.i_max - 2.5).abs() < 0.05);
+    /// ```
+    #[must_use]
+    pub fn servo270() -> Self {
+        Self {
+            motor: MotorParams {
+                pole_pairs: 5.0,
+                r_s: 1.3,
+                l_s: 6.0e-3,
+                k: 0.300,
+                i_max: 5.6,
+                v_dc: 270.0,
+                j: 1.4e-4,
+                c: 1.0e-4,
+            },
+            transmission: TransmissionParams {
+                gear_ratio: 120.0,
+                efficiency_opposing: 0.72,
+                efficiency_aiding: 0.60,
+                friction_dynamic: 0.040,
+                friction_static: 0.080,
+                backlash: 1.5e-4,
+            },
+            controller: ControllerParams {
+                period: 100e-6,
+                g_p: 2700.0,
+                k_p: 0.05,
+                k_i: 0.8,
+                k_d: 0.0,
+                omega_max: 250.0,
+                hysteresis: 0.05,
+            },
+            sensors: SensorParams::standard(),
+        }
+    }
+
+    /// The built-in type of this name.
+    #[must_use]
+    pub fn built_in(name: &str) -> Option<Self> {
+        match name {
+            "bench" => Some(Self::bench()),
+            "servo28" => Some(Self::servo28()),
+            "servo270" => Some(Self::servo270()),
+            _ => None,
         }
     }
 
@@ -337,7 +396,7 @@ impl ActuatorParams {
 }
 
 impl SensorParams {
-    /// The sensors both shipped actuators carry: 5000-line output encoder ×4, 16-bit resolver, 12-bit ±16 A
+    /// The sensors all shipped actuators carry: 5000-line output encoder ×4, 16-bit resolver, 12-bit ±16 A
     /// converters, 2 kHz.
     #[must_use]
     pub fn standard() -> Self {
@@ -357,8 +416,8 @@ mod tests {
 
     #[test]
     fn shipped_actuators_pass_their_own_check() {
-        for params in [ActuatorParams::bench(), ActuatorParams::servo28()] {
-            assert!(params.checked().is_ok());
+        for name in ActuatorParams::BUILT_IN {
+            assert!(ActuatorParams::built_in(name).unwrap().checked().is_ok(), "{name}");
         }
     }
 

@@ -19,7 +19,7 @@ use crate::history::{HistoryStore, WindowEvidence};
 use crate::outbox::WindowJob;
 use crate::outliers::identify_without_outliers;
 use crate::record::{self, WindowStatus};
-use crate::seed::mix;
+use crate::seed::{mix, name_hash};
 use crate::window::WindowQuality;
 use ema_identify::{Estimate, Fit, Identifier, Method, Population};
 use records::{health_record, rul_record, window_record};
@@ -227,10 +227,3 @@ fn ambiguous(estimate: &Estimate, other: &ema_models::FaultVector) -> String {
 
 /// Difference between competing optima from which on it is named.
 const NOTABLE_DIFFERENCE: f64 = 0.02;
-
-/// FNV-1a, so that an actuator's searches do not depend on which others are there.
-fn name_hash(name: &str) -> u64 {
-    name.bytes().fold(0xCBF2_9CE4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)
-    })
-}

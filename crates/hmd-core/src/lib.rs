@@ -3,7 +3,7 @@
 //! The data path, in order: [`demux`] gives each [`frame`] to its actuator and decodes it ([`actuator_stream`]; a bus with a layout
 //! of its own by its [`dbc`]); [`window`] cuts actuations out of the samples; [`assess`] identifies each window and decides on
 //! [`health`]; [`history`] holds what is known of an actuator from window to window, and [`rul`] predicts how long it lasts;
-//! [`record`] has the messages that leave. [`pipeline`] counts everything on the way. [`config`] holds the settings, from
+//! [`commissioning`] calibrates one unit by windows of it; [`record`] has the messages that leave. [`pipeline`] counts everything on the way. [`config`] holds the settings, from
 //! text. Time comes with the frames, randomness from a seed.
 
 #[cfg(test)]
@@ -13,6 +13,7 @@ pub mod actuator_stream;
 pub mod assess;
 pub mod bus_state;
 pub mod catalogue;
+pub mod commissioning;
 pub mod config;
 pub mod dbc;
 pub mod demux;

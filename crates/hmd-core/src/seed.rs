@@ -12,3 +12,11 @@ pub fn mix(seed: u64, parts: &[u64]) -> u64 {
     }
     x
 }
+
+/// A number for a name (FNV-1a), so that what belongs to it does not depend on which others there are.
+#[must_use]
+pub fn name_hash(name: &str) -> u64 {
+    name.bytes().fold(0xCBF2_9CE4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3)
+    })
+}

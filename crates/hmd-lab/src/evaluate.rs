@@ -5,6 +5,7 @@ mod matched;
 mod motors;
 mod noise;
 mod profiles;
+pub mod robust;
 mod rul;
 pub mod tables;
 

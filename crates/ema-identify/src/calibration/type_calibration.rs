@@ -114,6 +114,7 @@ impl TypeCalibration {
             ("bench", MonitorForm::ThreePhase) => include_str!("../../calibration/bench.toml"),
             ("bench", MonitorForm::Paper) => include_str!("../../calibration/bench-paper.toml"),
             ("servo28", MonitorForm::ThreePhase) => include_str!("../../calibration/servo28.toml"),
+            ("servo270", MonitorForm::ThreePhase) => include_str!("../../calibration/servo270.toml"),
             _ => return None,
         };
         Self::parse(text, "built-in calibration").ok()

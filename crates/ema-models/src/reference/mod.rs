@@ -8,6 +8,7 @@
 //! [`Reference`] is the ideal actuator of the specification. A scenario with [`Effects`] is simulated by [`DetailedReference`],
 //! which composes the laws of the effects around the same controller, winding, friction and backlash.
 
+mod built_in_drive;
 mod detailed;
 mod effect_settings;
 mod effects;
@@ -137,7 +138,7 @@ impl Reference {
             winding,
             friction: DryFriction::new(&unit.transmission, fault, load_torque),
             gear_ratio: unit.transmission.gear_ratio,
-            half_play: 0.5 * unit.transmission.backlash * fault.backlash_factor(),
+            half_play: 0.5 * worn_play(unit.transmission.backlash, nominal.transmission.backlash, fault),
             unmodelled_fault: None,
         }
     }
@@ -184,5 +185,28 @@ impl Reference {
         state.theta_m += 0.5 * (before + state.omega_m) * self.step;
         state.theta_out = follow_through_play(state.theta_out, state.theta_m / self.gear_ratio, self.half_play);
         state.steps += 1;
+    }
+}
+
+/// Total play of a unit under a fault vector, rad: its own, and wear by the play b₀ of its type, `b + 99 k2 b₀`.
+pub(crate) fn worn_play(of_unit: f64, of_type: f64, fault: &FaultVector) -> f64 {
+    let factor = fault.backlash_factor();
+    // Exactly `b₀ (1 + 99 k2)` for a unit that is its type.
+    of_unit * factor + (of_type - of_unit) * (factor - 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn play_wears_by_that_of_the_type() {
+        let worn = FaultVector {
+            backlash: 0.2,
+            ..FaultVector::NOMINAL
+        };
+        assert!((worn_play(0.5e-4, 1e-4, &worn) - (0.5e-4 + 99.0 * 0.2 * 1e-4)).abs() < 1e-18);
+        let (same, plain) = (worn_play(1e-4, 1e-4, &worn), 1e-4 * worn.backlash_factor());
+        assert_eq!(same.to_bits(), plain.to_bits());
     }
 }

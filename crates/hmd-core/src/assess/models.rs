@@ -96,12 +96,7 @@ impl TypeModel {
             });
         }
         // The sample rate does not count: it is read from the device's own time, and the calibration serves any.
-        let shipped_params = match type_name {
-            "bench" => Some(ActuatorParams::bench()),
-            "servo28" => Some(ActuatorParams::servo28()),
-            _ => None,
-        };
-        let unchanged = shipped_params.is_some_and(|mut shipped| {
+        let unchanged = ActuatorParams::built_in(type_name).is_some_and(|mut shipped| {
             shipped.sensors.sample_rate = params.sensors.sample_rate;
             shipped == *params
         });

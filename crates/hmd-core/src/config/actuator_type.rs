@@ -1,4 +1,4 @@
-//! Types of actuators: the two built-in ones and every `[type.NAME]`.
+//! Types of actuators: the built-in ones and every `[type.NAME]`.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -29,10 +29,11 @@ pub struct ActuatorType {
 }
 
 /// The built-in types by name.
-fn built_in() -> [(&'static str, ActuatorParams); 2] {
+fn built_in() -> [(&'static str, ActuatorParams); 3] {
     [
         (DEFAULT_TYPE, ActuatorParams::bench()),
         ("servo28", ActuatorParams::servo28()),
+        ("servo270", ActuatorParams::servo270()),
     ]
 }
 
@@ -64,7 +65,7 @@ pub(super) fn read_all(root: &Section<'_>) -> Result<BTreeMap<String, ActuatorTy
         let choices = built_in.map(|(name, params)| (name, Some(params)));
         let base = section.choice("based_on", own.flatten(), &choices)?;
         let Some(base) = base else {
-            return Err(section.refuse("based_on", "\"bench\" or \"servo28\""));
+            return Err(section.refuse("based_on", "\"bench\", \"servo28\" or \"servo270\""));
         };
         let params = params::read(&section, base)?;
         let calibration = section.text("calibration")?.map(PathBuf::from);

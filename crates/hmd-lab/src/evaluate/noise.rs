@@ -16,7 +16,7 @@ use hmd_core::seed::mix;
 pub const NOISE_RATES_HZ: [f64; 2] = [2000.0, 400.0];
 
 /// Normal deviate of a two-sided 95 % interval.
-const NORMAL_95: f64 = 1.959_964;
+pub(super) const NORMAL_95: f64 = 1.959_964;
 
 /// Result of `hmd evaluate noise`.
 #[derive(Clone, Debug, Serialize)]

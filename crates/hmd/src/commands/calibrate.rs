@@ -9,13 +9,10 @@ use super::{Exit, load_config, no_input, use_threads, warn};
 use crate::unit_windows::windows_of;
 #[cfg(feature = "full")]
 use ema_identify::calibration::TypeCalibration;
-use ema_identify::is_unmodelled;
 use ema_identify::unit_calibration::UnitCalibration;
-use ema_identify::unit_fit::{WINDOWS_MIN, fit_motor};
-use hmd_core::assess::{Assessor, conditions, damage_evidence};
+use hmd_core::assess::{Assessor, conditions};
+use hmd_core::commissioning::{CommissioningError, calibrate_unit};
 use hmd_core::config::Config;
-use hmd_core::health::{Health, Levels};
-use hmd_core::outliers::identify_without_outliers;
 use hmd_storage::calibration_file::load_type_models;
 
 /// Calibrate the monitor for one unit from logs in which it was healthy, or for a type of actuator.
@@ -92,7 +89,6 @@ fn read_files(config: &Config, of_type: bool) -> Vec<PathBuf> {
 fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
     use_threads(args.threads.map(usize::from))?;
     let config = Arc::new(config);
-    let levels = config.health().levels().map(Levels::at_once);
     let mut found = windows_of(&args.logs, &config, args.name.as_deref(), &mut |message| warn(message))?;
     let jobs = &mut found.jobs;
     jobs.retain(|job| match conditions(job) {
@@ -105,58 +101,17 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
             false
         }
     });
-    if jobs.len() < WINDOWS_MIN {
-        let logs: Vec<String> = args.logs.iter().map(|log| log.display().to_string()).collect();
-        bail!(
-            "{}: expected at least {WINDOWS_MIN} windows that can be assessed, found {}",
-            logs.join(", "),
-            jobs.len()
-        );
-    }
     let assessor = Assessor::new(config.clone(), load_type_models(&config)?, args.seed);
-    let mut prepared = Vec::new();
-    for job in &mut *jobs {
-        // The unit is calibrated anew, without an earlier calibration of it.
-        let identifier = assessor.identifier_of(job)?;
-        let conditions = conditions(job).map_err(anyhow::Error::msg)?;
-        let (window, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, args.seed)?;
-        let decision = Health::new(levels)?.update(0, Some(&damage_evidence(&estimate)));
-        if !decision.faults.is_empty() {
-            bail!(
-                "window {}: expected a healthy unit, found {}",
-                job.window.number,
-                decision
-                    .faults
-                    .iter()
-                    .map(|fault| fault.name())
-                    .collect::<Vec<_>>()
-                    .join(", ")
-            );
+    let calibration = match calibrate_unit(&assessor, *config.health().levels(), jobs, args.seed) {
+        Ok(calibration) => calibration,
+        // The exit code of a bad configuration belongs to this one.
+        Err(CommissioningError::Assess(error)) => return Err(error.into()),
+        Err(error @ CommissioningError::TooFew(_)) => {
+            let logs: Vec<String> = args.logs.iter().map(|log| log.display().to_string()).collect();
+            bail!("{}: {error}", logs.join(", "));
         }
-        prepared.push((identifier, window, conditions));
-    }
-    let coefficients: Vec<_> = prepared
-        .iter()
-        .map(|(identifier, ..)| identifier.calibration.coefficients())
-        .collect();
-    let compared: Vec<_> = prepared
-        .iter()
-        .zip(&coefficients)
-        .map(|((identifier, window, conditions), coefficients)| {
-            identifier.comparison(window, coefficients, *conditions)
-        })
-        .collect();
-    let Some(fit) = fit_motor(&compared) else {
-        bail!("expected windows that tell of the motor, found none that do");
+        Err(error) => return Err(error.into()),
     };
-    if is_unmodelled(fit.cost) {
-        bail!(
-            "expected windows of a healthy unit of type {}, found none of its motors explains them: cost {:.0}",
-            jobs[0].actuator.type_name,
-            fit.cost
-        );
-    }
-    let calibration = UnitCalibration::new(&jobs[0].actuator.type_name, jobs.len() as u32, &fit.motor);
     warn(format_args!(
         "{}: resistance {:+.2} % ± {:.2} %, back-EMF {:+.3} % ± {:.3} % of type {}, from {} windows",
         jobs[0].actuator.name,

@@ -12,7 +12,7 @@ pub(super) struct TypeArgs {
     /// Calibrate a type of actuator: the monitor against the reference model.
     #[arg(long = "type", conflicts_with = "logs")]
     of_type: bool,
-    /// With --type, the type to calibrate: bench (without it), servo28 or one of the configuration's.
+    /// With --type, the type to calibrate: bench (without it), servo28, servo270 or one of the configuration's.
     #[arg(long, value_name = "TYPE")]
     actuator: Option<String>,
     /// With --type, the monitor form: three-phase (without it), one-axis or paper.

@@ -1,5 +1,7 @@
 //! `hmd evaluate`: the accuracy suites.
 
+mod robust;
+
 use std::path::PathBuf;
 
 use serde::Serialize;
@@ -27,15 +29,26 @@ pub struct Args {
     #[arg(value_enum)]
     suite: Suite,
     /// Number of random fault vectors, of motors (`detection`), of histories per fault (`rul`) or of pairs of windows for
-    /// each row (`profiles`, `conditions`); 200 without it, 100 motors, 20 pairs. The suite `paper` has a fixed content.
+    /// each row (`profiles`, `conditions`); 200 without it, 100 motors, 20 pairs. In `robust` the healthy windows of each unit, 12
+    /// without it, beside twice as many faulty ones. The suite `paper` has a fixed content.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     n: Option<u64>,
     /// Seed of the suite.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Type of the actuator: bench, servo28 or one of the configuration's.
-    #[arg(long, default_value = "bench", value_name = "TYPE")]
-    actuator: String,
+    /// Type of the actuator: bench (without it), servo28, servo270 or one of the configuration's. The suite `robust` takes the
+    /// built-in ones, all without it.
+    #[arg(long, value_name = "TYPE")]
+    actuator: Option<String>,
+    /// Sample rate of the suite `robust`, Hz; 2000 without it.
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
+    /// Entry of the suite `robust`, also several times; all without it.
+    #[arg(long, value_name = "NAME")]
+    entry: Vec<String>,
+    /// File that keeps the finished units of the suite `robust`; a later run with the same arguments resumes there.
+    #[arg(long, value_name = "FILE")]
+    resume: Option<PathBuf>,
     /// Monitor form, instead of the configuration's: three-phase, one-axis or paper.
     #[arg(long, value_parser = super::calibrate_type::named_monitor)]
     monitor: Option<MonitorForm>,
@@ -70,18 +83,20 @@ enum Suite {
     Conditions,
     /// Remaining useful life predicted over whole histories of estimates, beside an oracle.
     Rul,
+    /// Units with imperfections of drive, mechanics, motor and sensors, before and after their calibration.
+    Robust,
 }
 
 /// The identifier of the type that is asked for; `None` where no such type is known.
-fn identifier(config: &Config, args: &Args) -> Result<Option<Identifier>, AssessError> {
-    let Some(found) = config.actuator_type(&args.actuator) else {
+fn identifier(config: &Config, actuator: &str, args: &Args) -> Result<Option<Identifier>, AssessError> {
+    let Some(found) = config.actuator_type(actuator) else {
         return Ok(None);
     };
     let form = args.monitor.unwrap_or(config.identification().monitor);
     let settings = args.method.map(IdentificationConfig::for_method);
     Ok(Some(Identifier {
         params: found.params,
-        calibration: load_type_model(&args.actuator, found, form, config)?.calibration,
+        calibration: load_type_model(actuator, found, form, config)?.calibration,
         method: method(settings.as_ref().unwrap_or(config.identification())),
         motor: MotorKnowledge::default(),
     }))
@@ -98,51 +113,44 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         let sentence = format!("--n: expected none with the suite paper, whose content is fixed, found {n}");
         return Err(Misuse(sentence).into());
     }
-    if args.suite == Suite::Rul {
-        for (option, is_set) in [
-            ("--monitor", args.monitor.is_some()),
-            ("--method", args.method.is_some()),
-        ] {
-            if is_set {
-                let sentence = format!("{option}: expected none with the suite rul, which identifies nothing");
-                return Err(Misuse(sentence).into());
-            }
-        }
-    }
+    refuse_options(args)?;
     let config = load_config(args.config.as_deref())?;
     use_threads(args.threads.map(usize::from))?;
-    if args.suite == Suite::Rul {
-        return run_rul(args);
+    match args.suite {
+        Suite::Rul => return run_rul(args),
+        Suite::Robust => return robust::run(args),
+        _ => {}
     }
     let levels = *config.health().levels();
-    let Some(identifier) = identifier(&config, args)? else {
-        return Err(unknown_type(&args.actuator).into());
+    let actuator = args.actuator.as_deref().unwrap_or("bench");
+    let Some(identifier) = identifier(&config, actuator, args)? else {
+        return Err(unknown_type(actuator).into());
     };
     match args.suite {
         Suite::Paper => {
             let bar = progress::over_pieces(160);
-            let report = paper(&identifier, &args.actuator, args.seed, &|| bar.inc(1))?;
+            let report = paper(&identifier, actuator, args.seed, &|| bar.inc(1))?;
             bar.finish_and_clear();
             print(args, &report, paper_table)?;
         }
         Suite::Random => {
             let n = args.n.unwrap_or(200);
             let bar = progress::over_pieces(n);
-            let report = random(&identifier, &args.actuator, n, args.seed, &|| bar.inc(1))?;
+            let report = random(&identifier, actuator, n, args.seed, &|| bar.inc(1))?;
             bar.finish_and_clear();
             print(args, &report, random_table)?;
         }
         Suite::Noise => {
             let n = args.n.unwrap_or(200);
             let bar = progress::over_pieces(n * NOISE_RATES_HZ.len() as u64);
-            let report = noise(&identifier, &args.actuator, n, args.seed, &|| bar.inc(1))?;
+            let report = noise(&identifier, actuator, n, args.seed, &|| bar.inc(1))?;
             bar.finish_and_clear();
             print(args, &report, noise_table)?;
         }
         Suite::Detection => {
             let n = args.n.unwrap_or(100);
             let bar = progress::over_pieces(n * 200);
-            let report = detection(&identifier, levels, &args.actuator, n, args.seed, &|| bar.inc(1))?;
+            let report = detection(&identifier, levels, actuator, n, args.seed, &|| bar.inc(1))?;
             bar.finish_and_clear();
             print(args, &report, detection_table)?;
         }
@@ -150,7 +158,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             let n = args.n.unwrap_or(20);
             let all = args.suite == Suite::Profiles;
             let bar = progress::over_pieces(n * if all { PROFILE_ROWS } else { CONDITION_ROWS });
-            let (name, seed) = (args.actuator.as_str(), args.seed);
+            let (name, seed) = (actuator, args.seed);
             let done = || bar.inc(1);
             let report = if all {
                 profiles(&identifier, levels, name, n, seed, &done)?
@@ -160,10 +168,37 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             bar.finish_and_clear();
             print(args, &report, profiles_table)?;
         }
-        // It needs no identifier, and has run.
-        Suite::Rul => {}
+        // They need no identifier, and have run.
+        Suite::Rul | Suite::Robust => {}
     }
     Ok(Exit::Done)
+}
+
+/// Refuses options that the suite does not take.
+fn refuse_options(args: &Args) -> Result<(), Misuse> {
+    let of_identifier = [
+        ("--monitor", args.monitor.is_some()),
+        ("--method", args.method.is_some()),
+    ];
+    let of_robust = [
+        ("--rate", args.rate.is_some()),
+        ("--entry", !args.entry.is_empty()),
+        ("--resume", args.resume.is_some()),
+    ];
+    let refuse = |options: &[(&str, bool)], why: &str| match options.iter().find(|(_, is_set)| *is_set) {
+        Some((option, _)) => Err(Misuse(format!("{option}: expected none with {why}"))),
+        None => Ok(()),
+    };
+    match args.suite {
+        Suite::Rul => refuse(&of_identifier, "the suite rul, which identifies nothing")?,
+        Suite::Robust => {
+            let why = "the suite robust, which measures the built-in types with their defaults";
+            refuse(&of_identifier, why)?;
+            return refuse(&[("--config", args.config.is_some())], why);
+        }
+        _ => {}
+    }
+    refuse(&of_robust, "this suite; the suite robust takes it")
 }
 
 /// The one suite that identifies nothing: its estimates are drawn.

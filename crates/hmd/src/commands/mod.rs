@@ -112,7 +112,7 @@ pub fn sentence(error: &anyhow::Error) -> String {
 #[cfg(feature = "full")]
 fn unknown_type(name: &str) -> Misuse {
     Misuse(format!(
-        "--actuator: expected bench, servo28 or a type of the configuration, found {name:?}"
+        "--actuator: expected bench, servo28, servo270 or a type of the configuration, found {name:?}"
     ))
 }
 

@@ -68,7 +68,7 @@ pub struct Args {
     /// Constant load at the output, Nm; positive opposes positive motion.
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite, value_name = "NM")]
     load: f64,
-    /// Type of the actuator: bench, servo28 or one of the configuration's.
+    /// Type of the actuator: bench, servo28, servo270 or one of the configuration's.
     #[arg(long, default_value = "bench", value_name = "TYPE")]
     actuator: String,
     /// CAN number of the actuator.

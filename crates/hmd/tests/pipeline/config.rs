@@ -41,6 +41,7 @@ fn empty_file_means_the_built_in_defaults() {
     for (name, params) in [
         ("bench", ActuatorParams::bench()),
         ("servo28", ActuatorParams::servo28()),
+        ("servo270", ActuatorParams::servo270()),
     ] {
         assert_eq!(config.actuator_type(name).unwrap().params, params);
     }
@@ -128,7 +129,7 @@ fn built_in_type_can_be_redefined_and_a_new_one_must_say_from_what() {
     );
     assert_eq!(
         refusal("[type.flap]"),
-        "hmd.toml:1: type.flap.based_on: expected \"bench\" or \"servo28\", found no such key"
+        "hmd.toml:1: type.flap.based_on: expected \"bench\", \"servo28\" or \"servo270\", found no such key"
     );
 }
 
@@ -382,7 +383,7 @@ fn refusals_say_where_what_and_why() {
         ),
         (
             "[[actuator]]\nid = 1\ntype = \"x\"",
-            "actuator[0].type: expected a type: bench, servo28, found \"x\"",
+            "actuator[0].type: expected a type: bench, servo270, servo28, found \"x\"",
         ),
         (
             "[[actuator]]\nid = 1\nbus = \"can0\"\n[[actuator]]\nid = 1\nname = \"b\"",

@@ -216,7 +216,7 @@ fn a_bad_value_of_an_argument_is_named_and_nothing_is_written() {
         ),
         (
             "--actuator nonsense",
-            "--actuator: expected bench, servo28 or a type of the configuration, found \"nonsense\"",
+            "--actuator: expected bench, servo28, servo270 or a type of the configuration, found \"nonsense\"",
         ),
         ("--id 16", "'--id <ID>'"),
         ("--seed x", "'--seed <SEED>'"),
@@ -802,10 +802,39 @@ fn an_option_that_a_suite_does_not_read_is_refused() {
             "evaluate rul --n 1 --method ga",
             "--method: expected none with the suite rul",
         ),
+        (
+            "evaluate robust --config hmd.toml",
+            "--config: expected none with the suite robust",
+        ),
+        ("evaluate paper --rate 400", "--rate: expected none with this suite"),
+        ("evaluate robust --rate 333", "--rate: 1 / sensors.sample_rate = "),
+        ("evaluate robust --entry nix", "--entry: expected one of vector_drive, "),
+        (
+            "evaluate robust --actuator nix",
+            "--actuator: expected one of bench, servo28, servo270, found \"nix\"",
+        ),
     ] {
         let sentence = Folder::new().refused(line, 2);
         assert!(sentence.contains(expected), "{sentence}");
     }
+}
+
+#[test]
+fn the_robust_suite_resumes_and_refuses_the_state_of_another_run() {
+    let folder = Folder::new();
+    let line = "evaluate robust --n 1 --rate 400 --actuator servo28 --entry resistance --resume state.jsonl --json";
+    let first = folder.done(line);
+    let report: serde_json::Value = serde_json::from_str(&first).expect("JSON");
+    assert_eq!(report["units"], 1);
+    assert!(report["before"]["judged_rate"].is_f64() && report["after"]["named_rate"].is_f64());
+    let state = folder.read("state.jsonl");
+    assert_eq!(folder.done(line), first);
+    assert_eq!(folder.read("state.jsonl"), state);
+    let sentence = folder.refused(&line.replace("--n 1", "--n 2"), 1);
+    assert!(
+        sentence.contains("state.jsonl: expected the state of the run"),
+        "{sentence}"
+    );
 }
 
 #[test]

@@ -14,7 +14,7 @@ use super::effects::{
     VectorState,
 };
 use super::sensors::encoder_count;
-use super::{ReferenceState, UnmodelledFault};
+use super::{ReferenceState, UnmodelledFault, worn_play};
 use crate::backlash::follow_through_play;
 use crate::control::{Encoder, Setpoint};
 use crate::fault::FaultVector;
@@ -139,7 +139,7 @@ impl DetailedReference {
             t.friction_static,
             dry * fault.friction_factor(),
         );
-        let half_play = 0.5 * t.backlash * fault.backlash_factor();
+        let half_play = 0.5 * worn_play(t.backlash, controller.transmission.backlash, fault);
         let two_masses = TwoMasses::new(&effects.compliance, m.j, half_play * t.gear_ratio);
         let (load_share, motor_inertia, load_inertia) = match &two_masses {
             None => (0.0, m.j, m.j),

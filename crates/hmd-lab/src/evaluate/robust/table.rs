@@ -1,0 +1,50 @@
+//! The result of the suite as Markdown.
+
+use super::{Group, Rates, RobustReport};
+
+/// Rates of each actuator type, then of each entry, before and after the calibration of the unit.
+#[must_use]
+pub fn robust_table(report: &RobustReport) -> String {
+    let mut text = String::new();
+    head(&mut text, "actuator");
+    for of_type in &report.actuators {
+        row(&mut text, &format!("`{}`", of_type.actuator), &of_type.group);
+    }
+    row(&mut text, "**all**", &report.all);
+    text.push('\n');
+    head(&mut text, "entry");
+    for entry in &report.entries {
+        row(&mut text, &entry.entry.replace('+', " + "), &entry.group);
+    }
+    text.truncate(text.trim_end().len());
+    text
+}
+
+fn head(text: &mut String, first: &str) {
+    *text += &format!(
+        "| {first} | before: judged, % | false, % | named, % | refused | after: judged, % | false, % | named, % | median error | covers, % |\n\
+         |---|---|---|---|---|---|---|---|---|---|\n"
+    );
+}
+
+fn row(text: &mut String, name: &str, group: &Group) {
+    let percent = |rate: f64| format!("{:.1}", 100.0 * rate);
+    let three = |rates: &Rates| {
+        [rates.judged_rate, rates.false_fault_rate, rates.named_rate]
+            .map(percent)
+            .join(" | ")
+    };
+    let none = || "–".to_owned();
+    *text += &format!(
+        "| {name} | {} | {} of {} | {} | {} | {} |\n",
+        three(&group.before),
+        group.refused,
+        group.units,
+        three(&group.after),
+        group
+            .after
+            .median_error
+            .map_or_else(none, |error| format!("{error:.3}")),
+        group.after.coverage_95.map_or_else(none, percent),
+    );
+}

@@ -3,7 +3,7 @@
 use anyhow::{Context, ensure};
 
 use crate::dist::Build;
-use crate::shell::cargo;
+use crate::shell::{cargo, run};
 
 /// Crates that no aircraft needs.
 const GROUND: [&str; 4] = ["hmd-lab", "hmd-report", "ratatui", "clap_mangen"];
@@ -11,10 +11,10 @@ const GROUND: [&str; 4] = ["hmd-lab", "hmd-report", "ratatui", "clap_mangen"];
 /// Features of crates that do fly, as `cargo tree` prints them.
 const GROUND_FEATURES: [&str; 1] = ["ema-models feature \"reference\""];
 
-/// Asks cargo's resolution of its normal dependencies.
+/// Asks cargo's resolution of its normal dependencies, and lints the build itself: in the workspace all features are on.
 ///
 /// # Errors
-/// One of them is in it.
+/// One of them is in it, or it does not compile without a warning.
 pub(crate) fn check() -> anyhow::Result<()> {
     let crates = tree("normal")?;
     for name in GROUND {
@@ -28,7 +28,9 @@ pub(crate) fn check() -> anyhow::Result<()> {
             "flight build: expected no {feature}, found it"
         );
     }
-    Ok(())
+    let mut clippy = cargo(["clippy", "--quiet", "--package", "hmd"]);
+    clippy.args(Build::Flight.features()).args(["--", "-D", "warnings"]);
+    run(clippy)
 }
 
 fn tree(edges: &str) -> anyhow::Result<String> {

@@ -71,7 +71,7 @@ enum Verb {
     Deny,
     /// Readers that nobody here wrote read what hmd writes.
     Readers,
-    /// A drive model that nobody here wrote against the reference.
+    /// A drive that nobody here wrote against the reference: the motor alone, and a whole actuator in logs that hmd reads.
     Oracle,
     /// A report, and that of a fleet, in headless Chromium: no console message, no request, accessible; with pictures.
     Report,

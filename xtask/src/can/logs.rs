@@ -24,7 +24,7 @@ pub(super) const FAULTS: [(u32, &str, &str); 6] = [
 ];
 
 /// Length of the stream in the time of the actuators, s: an actuation each second.
-pub(super) const STREAM_S: u32 = 60;
+pub(super) const STREAM_S: u32 = 20;
 
 /// The shipped calibration of the bench serves at any rate.
 const AT_400_HZ: &str = "[type.bench.sensors]\nsample_rate_hz = 400\n";

@@ -11,7 +11,8 @@ use hmd_core::frame::BusNames;
 use hmd_core::pipeline::Pipeline;
 use hmd_lab::simulate::{EPOCH_NS, traffic};
 
-use crate::{ALONE, ASKED};
+use crate::ALONE;
+use crate::counting_allocator::requests;
 
 #[test]
 fn no_sample_takes_memory() {
@@ -57,10 +58,10 @@ fn assert_no_sample_takes_memory(config: Config) {
     let mut pipeline = Pipeline::new(Arc::new(config));
     let (mut windows, mut steady, mut taken) = (0, 0u64, 0);
     for frame in &frames {
-        let before = ASKED.get();
+        let before = requests();
         pipeline.push(frame, &names);
         let ended = pipeline.take_windows();
-        let asked = ASKED.get() - before;
+        let asked = requests() - before;
         if ended.is_empty() {
             // The first window sets the sizes; only the one that ends may take memory, for itself.
             if windows > 0 {

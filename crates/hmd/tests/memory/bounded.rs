@@ -5,7 +5,6 @@
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
-use std::sync::atomic::Ordering::Relaxed;
 
 use hmd_core::frame::BusNames;
 use hmd_core::record::{RawBatch, Record};
@@ -15,7 +14,8 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::{WriteOptions, Writer};
 use prost::Message;
 
-use crate::{ALONE, HELD, MOST};
+use crate::ALONE;
+use crate::counting_allocator::most_held_bytes;
 
 const MIB: usize = 1 << 20;
 /// Length of the longest record or chunk of each file.
@@ -23,14 +23,6 @@ const RECORD: usize = 24 * MIB;
 /// The record, its content twice (as expanded, and for reading), a copy of the definition or message in hand, and all
 /// that is bounded by itself.
 const MOST_HELD: usize = 4 * RECORD + 8 * MIB;
-
-/// The most that was held, beyond what was held before, while `read` ran.
-fn most_held<T>(read: impl FnOnce() -> T) -> (usize, T) {
-    let before = HELD.load(Relaxed);
-    MOST.store(before, Relaxed);
-    let result = read();
-    (MOST.load(Relaxed) - before, result)
-}
 
 fn writer() -> Writer<Cursor<Vec<u8>>> {
     let zstd = Some(mcap::Compression::Zstd);
@@ -138,10 +130,10 @@ fn no_file_takes_more_memory_than_some_records() {
     ];
     for (name, file) in &files {
         // The copy is written to nowhere: it is no part of what is read.
-        let (most, (_, report)) = most_held(|| recover(Cursor::new(file), name, std::io::empty(), "").unwrap());
+        let (most, (_, report)) = most_held_bytes(|| recover(Cursor::new(file), name, std::io::empty(), "").unwrap());
         println!("{name}: {} MiB of file, recover {} MiB", file.len() / MIB, most / MIB);
         assert!(most < MOST_HELD, "{name}: {} MiB", most / MIB);
-        let (most, _) = most_held(|| {
+        let (most, _) = most_held_bytes(|| {
             McapFrames::new(Cursor::new(file), name, BusNames::new())
                 .unwrap()
                 .count()

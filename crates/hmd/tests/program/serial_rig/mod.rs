@@ -8,14 +8,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-use ema_models::reference::{Actuations, Scenario};
+use ema_models::reference::{Actuations, Scenario, ScenarioRun};
 use ema_models::{ActuatorParams, FaultVector, Profile};
-use ema_wire::ActuatorId;
-use firmware_sim::{Plan, SerialFrame, SerialFrames, Timed};
+use ema_wire::serial::MAX_FRAME_LEN;
+use ema_wire::{ActuatorId, SerialPacket};
 use hmd::daemon::Observer;
 use hmd::replay;
 use hmd_core::assess::AssessedWindow;
 use hmd_core::record::HealthLine;
+use hmd_lab::simulate::encode;
 use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
@@ -75,12 +76,15 @@ impl Plug {
 }
 
 /// A healthy actuator at 400 Hz: 40 ms of rest, half a second of motion, over and over.
-pub(crate) struct Device(Box<dyn Iterator<Item = Timed<SerialFrame>>>);
+pub(crate) struct Device(ScenarioRun);
+
+/// Sample rate of the device, Hz.
+const RATE_HZ: f64 = 400.0;
 
 impl Device {
     pub(crate) fn start(seed: u64) -> Self {
         let mut params = ActuatorParams::bench();
-        params.sensors.sample_rate = 400.0;
+        params.sensors.sample_rate = RATE_HZ;
         let scenario = Scenario {
             actuations: Actuations {
                 count: 1000,
@@ -88,18 +92,19 @@ impl Device {
             },
             ..Scenario::new(params, FaultVector::NOMINAL, seed)
         };
-        let plan = Plan::new(ActuatorId::new(0).unwrap(), scenario);
-        Self(Box::new(SerialFrames(plan.start())))
+        Self(scenario.run())
     }
 
     /// Goes on for some time, in real time.
     pub(crate) fn play(&mut self, plug: &Plug, duration: Duration) {
         let start = Instant::now();
         let mut first_us = None;
-        for frame in &mut self.0 {
-            let since = Duration::from_micros(frame.at_us - *first_us.get_or_insert(frame.at_us));
+        for sensed in &mut self.0 {
+            let time_us = (sensed.seq as f64 * 1e6 / RATE_HZ).round() as u64;
+            let since = Duration::from_micros(time_us - *first_us.get_or_insert(time_us));
             std::thread::sleep(since.saturating_sub(start.elapsed()));
-            plug.write(frame.value.bytes());
+            let packet = SerialPacket::Sample(encode(ActuatorId::new(0).unwrap(), &sensed, time_us));
+            plug.write(packet.emit(&mut [0; MAX_FRAME_LEN]).unwrap());
             if since >= duration {
                 return;
             }

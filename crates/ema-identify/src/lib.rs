@@ -27,6 +27,7 @@ mod identifier;
 mod monitor_fit;
 #[cfg(feature = "std")]
 mod prepared;
+pub mod relations;
 #[cfg(feature = "std")]
 pub mod unit_calibration;
 #[cfg(feature = "std")]

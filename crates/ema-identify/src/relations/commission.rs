@@ -139,7 +139,7 @@ fn window_sums<S: RecordedSample>(
     load: OutputLoad,
 ) -> NormalEquations<WINDOW_COUNT> {
     let mut sums = NormalEquations::new();
-    for row in balance_rows(window, shape, load) {
+    for row in balance_rows(window, shape, load).flatten() {
         let (a, y) = window_row(&row);
         sums.add(&a, y);
     }

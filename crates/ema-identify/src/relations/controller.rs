@@ -10,6 +10,7 @@ use super::elements::{Needed, Reading};
 use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
 use super::normal_equations::NormalEquations;
+use super::overlap::Overlap;
 use super::sliding::Sliding;
 use crate::monitor_fit::RecordedSample;
 
@@ -30,51 +31,55 @@ pub(super) fn gain_ratio<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> R
     let speed_limit = SPEED_SHARE * controller.omega_max;
     let mut ring = Sliding::<3>::new(kernel.span);
     let mut equations = NormalEquations::<2>::new();
+    let mut overlap = Overlap::new(&kernel.first, kernel.span);
     let mut in_position_mode = false;
     for n in window.inner() {
-        let Some(error) = window.position_error(n) else {
+        let error = window.position_error(n);
+        in_position_mode |= error.is_some();
+        let now = window.quantities(n);
+        let reference = error.map(|error| controller.g_p * error);
+        let torque = torque_gain * dq_from_abc(now.i, now.sin_cos_e)[1];
+        let within = |reference: &f64| libm::fabs(*reference) < speed_limit && libm::fabs(torque) < torque_limit;
+        let usable = reference.filter(within).filter(|_| window.is_measured(n));
+        let Some(reference) = usable else {
             ring.clear();
+            overlap.add(None);
             continue;
         };
-        in_position_mode = true;
-        let now = window.quantities(n);
-        let reference = controller.g_p * error;
-        let torque = torque_gain * dq_from_abc(now.i, now.sin_cos_e)[1];
-        let limited = libm::fabs(reference) >= speed_limit || libm::fabs(torque) >= torque_limit;
-        if limited || !window.is_measured(n) {
-            ring.clear();
+        ring.push([reference, window.central_speed(n), torque]);
+        if !ring.is_full() {
+            overlap.add(None);
             continue;
         }
-        let before = window.sensed(n - 1).motor_counts;
-        let turned = window.sensed(n + 1).motor_counts - before;
-        let omega = 0.5 * turned as f64 * params.sensors.motor_lsb() * rate;
-        ring.push([reference, omega, torque]);
-        if ring.is_full() {
-            let [reference, omega, _] = ring.sums(&kernel.smooth);
-            let [d_reference, d_omega, d_torque] = ring.sums(&kernel.first);
-            let law = |d: f64, value: f64| controller.k_p * d + controller.k_i * value;
-            equations.add(&[law(d_reference, reference), -law(d_omega, omega)], d_torque);
-        }
+        let [reference, omega, _] = ring.sums(&kernel.smooth);
+        let [d_reference, d_omega, d_torque] = ring.sums(&kernel.first);
+        let law = |d: f64, value: f64| controller.k_p * d + controller.k_i * value;
+        let row = [law(d_reference, reference), -law(d_omega, omega)];
+        equations.add(&row, d_torque);
+        overlap.add(Some(&row));
     }
     if !in_position_mode {
         return Err(Needed::PositionMode);
     }
-    ratio(&equations, kernel.span).ok_or(Needed::UnsaturatedControl)
+    ratio(&equations, overlap, kernel.span).ok_or(Needed::UnsaturatedControl)
 }
 
+/// Kernels whose rows do not overlap, at least, for a ratio.
+const MIN_INDEPENDENT: usize = 4;
+
 /// Ratio of both unknowns and its standard deviation; `None` where the rows do not show it.
-fn ratio(equations: &NormalEquations<2>, span: usize) -> Option<Reading> {
-    if equations.rows < 4 * span {
+fn ratio(equations: &NormalEquations<2>, overlap: Overlap<2>, span: usize) -> Option<Reading> {
+    if equations.rows < MIN_INDEPENDENT * span {
         return None;
     }
     let solution = equations.solve()?;
+    let covariance = overlap.covariance(equations, &solution);
     let (g, h) = (solution.x[0], solution.x[1]);
-    let variance = solution.residual_rms * solution.residual_rms * span as f64;
-    // Gradient (1/h, −g/h²) of the ratio; the correlation of both unknowns is left out, which widens a ratio of equal signs.
-    let relative = solution.inverse_diagonal[0] + solution.inverse_diagonal[1] * (g / h) * (g / h);
+    // Gradient of g/h.
+    let gradient = nalgebra::Vector2::new(1.0 / h, -g / (h * h));
     let reading = Reading {
         value: g / h,
-        sigma: libm::sqrt(variance * relative) / libm::fabs(h),
+        sigma: libm::sqrt(gradient.dot(&(covariance * gradient)).max(0.0)),
     };
     (reading.value.is_finite() && reading.sigma.is_finite()).then_some(reading)
 }

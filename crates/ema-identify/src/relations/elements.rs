@@ -90,7 +90,7 @@ pub enum Needed {
 pub struct Reading {
     /// The number.
     pub value: f64,
-    /// One standard deviation, rows of overlapping kernels taken as one in 2W + 1.
+    /// One standard deviation.
     pub sigma: f64,
 }
 

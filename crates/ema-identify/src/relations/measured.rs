@@ -110,6 +110,13 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
         }
     }
 
+    /// Motor speed at a sample of [`MeasuredWindow::inner`], rad/s: central difference of the angle.
+    pub(super) fn central_speed(&self, n: usize) -> f64 {
+        let sensors = &self.params.sensors;
+        let turned = self.sensed(n + 1).motor_counts - self.sensed(n - 1).motor_counts;
+        0.5 * turned as f64 * sensors.motor_lsb() * sensors.sample_rate
+    }
+
     /// Control deviation `θ_cmd − θ_out` as the controller counts it, rad; `None` outside position mode.
     pub(super) fn position_error(&self, n: usize) -> Option<f64> {
         let sample = self.sensed(n);

@@ -24,8 +24,8 @@ pub(super) struct NormalEquations<const M: usize> {
 pub(super) struct Solution<const M: usize> {
     /// The unknowns.
     pub(super) x: SVector<f64, M>,
-    /// Diagonal of `(Σ a aᵀ)⁻¹`.
-    pub(super) inverse_diagonal: SVector<f64, M>,
+    /// `(Σ a aᵀ)⁻¹`.
+    pub(super) inverse: SMatrix<f64, M, M>,
     /// Root-mean-square of `y − a · x`.
     pub(super) residual_rms: f64,
 }
@@ -81,7 +81,7 @@ impl<const M: usize> NormalEquations<M> {
         let squares = self.yy - 2.0 * x.dot(&self.aty) + x.dot(&(matrix * x));
         let solution = Solution {
             x,
-            inverse_diagonal: SVector::from_fn(|m, _| inverse[(m, m)] * scale[m] * scale[m]),
+            inverse: SMatrix::from_fn(|row, column| inverse[(row, column)] * scale[row] * scale[column]),
             residual_rms: libm::sqrt(squares.max(0.0) / (self.rows.max(1) as f64)),
         };
         (solution.x.iter().all(|x| x.is_finite()) && solution.residual_rms.is_finite()).then_some(solution)
@@ -101,7 +101,7 @@ mod tests {
         }
         let solution = equations.solve().unwrap();
         assert!((solution.x[0] - 2.0).abs() < 1e-6 && (solution.x[1] + 0.5).abs() < 1e-6);
-        assert!(solution.x[2].abs() < 1e-12 && solution.inverse_diagonal[2] > 1e9);
+        assert!(solution.x[2].abs() < 1e-12 && solution.inverse[(2, 2)] > 1e9);
         assert!(solution.residual_rms < 1e-6);
     }
 

@@ -43,21 +43,31 @@ impl<const M: usize> Sliding<M> {
         self.usable >= self.span
     }
 
-    /// Sums of all quantities with one set of weights, oldest sample first.
-    #[must_use]
-    pub(super) fn sums(&self, weights: &[f64; MAX_SPAN]) -> [f64; M] {
-        self.sums_each(|place, _| weights[place])
+    /// The samples, oldest first.
+    fn oldest_first(&self) -> impl Iterator<Item = &[f64; M]> {
+        let (later, earlier) = self.ring[..self.span].split_at(self.oldest);
+        earlier.iter().chain(later)
     }
 
-    /// Sums of all quantities, each with its own weights, by the place of a sample (oldest first) and the quantity.
+    /// Sums of all quantities with one set of weights, oldest sample first; samples not yet pushed are zero.
     #[must_use]
-    #[inline(always)]
-    pub(super) fn sums_each(&self, weight: impl Fn(usize, usize) -> f64) -> [f64; M] {
+    pub(super) fn sums(&self, weights: &[f64; MAX_SPAN]) -> [f64; M] {
         let mut sums = [0.0; M];
-        for place in 0..self.span {
-            let sample = &self.ring[(self.oldest + place) % self.span];
+        for (weight, sample) in weights.iter().zip(self.oldest_first()) {
             for m in 0..M {
-                sums[m] += weight(place, m) * sample[m];
+                sums[m] += weight * sample[m];
+            }
+        }
+        sums
+    }
+
+    /// Sums of all quantities, each with its own weights, oldest sample first.
+    #[must_use]
+    pub(super) fn sums_each(&self, weights: &[[f64; M]; MAX_SPAN]) -> [f64; M] {
+        let mut sums = [0.0; M];
+        for (weights, sample) in weights.iter().zip(self.oldest_first()) {
+            for m in 0..M {
+                sums[m] += weights[m] * sample[m];
             }
         }
         sums

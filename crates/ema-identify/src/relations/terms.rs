@@ -136,18 +136,19 @@ pub(super) struct BalanceRow {
 /// Smallest speed under the kernel, rad/s: below, friction is no function of the measured speed.
 const MOVING: f64 = 3.0;
 
-/// Rows of a window: one per sample around which the motor turns in one direction, at 3 rad/s or more, all measured.
+/// Rows of a window, one per inner sample; `None` unless the motor turns in one direction under the kernel that ends there, at
+/// 3 rad/s or more, and all of it was measured.
 pub(super) fn balance_rows<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     shape: &BalanceShape,
     load: OutputLoad,
-) -> impl Iterator<Item = BalanceRow> {
+) -> impl Iterator<Item = Option<BalanceRow>> {
     let (window, integrands) = (*window, Integrands::new(window.params(), shape, load));
     let kernel = Kernel::new(window.params().sensors.sample_rate);
     let weights = weights(&kernel);
     let mut ring = Sliding::<TERM_COUNT>::new(kernel.span);
     let mut forward = true;
-    window.inner().filter_map(move |n| {
+    window.inner().map(move |n| {
         let now = window.quantities(n);
         if libm::fabs(now.omega_m) < MOVING || !window.is_measured(n) {
             ring.clear();
@@ -160,7 +161,7 @@ pub(super) fn balance_rows<S: RecordedSample>(
         }
         ring.push(integrands.of(&now));
         ring.is_full().then(|| BalanceRow {
-            terms: ring.sums_each(|place, term| weights[place][term]),
+            terms: ring.sums_each(&weights),
             forward,
         })
     })

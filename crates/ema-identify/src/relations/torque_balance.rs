@@ -8,6 +8,7 @@ use super::elements::{Element, ElementReadings, Needed, Reading};
 use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
 use super::normal_equations::NormalEquations;
+use super::overlap::Overlap;
 use super::terms::{BalanceShape, OutputLoad, TERM_COUNT, Term, balance_rows};
 use crate::monitor_fit::RecordedSample;
 
@@ -76,7 +77,7 @@ pub(super) fn torque_balance<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     unit: &BalanceCoefficients,
 ) -> TorqueBalance {
-    let span = Kernel::new(window.params().sensors.sample_rate).span;
+    let kernel = Kernel::new(window.params().sensors.sample_rate);
     let mut balance = TorqueBalance {
         readings: ElementReadings::none(),
         load: OutputLoad::default(),
@@ -84,11 +85,10 @@ pub(super) fn torque_balance<S: RecordedSample>(
         rows: 0,
     };
     for _ in 0..LOAD_ROUNDS {
-        let Sums { equations, directions } = sums(window, unit, balance.load);
-        balance.rows = equations.rows;
-        // Rows of overlapping kernels are correlated: one of 2W + 1 counts.
-        let independent = equations.rows / span;
-        let Some(solution) = equations.solve().filter(|_| independent > FREE_COUNT) else {
+        let sums = sums(window, unit, &kernel, balance.load);
+        balance.rows = sums.equations.rows;
+        let enough = balance.rows / kernel.span > FREE_COUNT;
+        let Some(solution) = sums.equations.solve().filter(|_| enough) else {
             balance.readings.fail(Element::BALANCE, Needed::LongerMotion);
             return balance;
         };
@@ -97,16 +97,15 @@ pub(super) fn torque_balance<S: RecordedSample>(
             constant: solution.x[LOAD],
             spring: solution.x[SPRING],
         };
-        let freedom = equations.rows as f64 / (equations.rows - FREE_COUNT) as f64;
-        let variance = solution.residual_rms * solution.residual_rms * freedom * span as f64;
-        let reading = |place: usize| Reading {
-            value: solution.x[place],
-            sigma: libm::sqrt(variance * solution.inverse_diagonal[place]),
-        };
+        let covariance = sums.overlap.covariance(&sums.equations, &solution);
         for (place, element) in Element::BALANCE.into_iter().enumerate() {
-            balance.readings.set(element, reading(place));
+            let reading = Reading {
+                value: solution.x[place],
+                sigma: libm::sqrt(covariance[(place, place)].max(0.0)),
+            };
+            balance.readings.set(element, reading);
         }
-        if directions.iter().any(|&rows| rows < span) {
+        if sums.directions.iter().any(|&rows| rows < kernel.span) {
             // With motion in one direction the load takes the place of friction.
             balance.readings.fail([Element::Friction], Needed::BothDirections);
         }
@@ -114,28 +113,41 @@ pub(super) fn torque_balance<S: RecordedSample>(
     balance
 }
 
-/// Normal equations of a window, and its rows in either direction.
+/// Sums over the rows of a window.
 struct Sums {
     equations: NormalEquations<FREE_COUNT>,
+    overlap: Overlap<FREE_COUNT>,
+    /// Rows in either direction.
     directions: [usize; 2],
 }
 
-fn sums<S: RecordedSample>(window: &MeasuredWindow<'_, S>, unit: &BalanceCoefficients, load: OutputLoad) -> Sums {
+fn sums<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    unit: &BalanceCoefficients,
+    kernel: &Kernel,
+    load: OutputLoad,
+) -> Sums {
     let mut known = unit.values;
     for term in FREE.into_iter().chain(WORN) {
         known[term as usize] = 0.0;
     }
     let mut sums = Sums {
         equations: NormalEquations::new(),
+        overlap: Overlap::new(&kernel.average, kernel.span),
         directions: [0; 2],
     };
     for row in balance_rows(window, &unit.shape, load) {
+        let Some(row) = row else {
+            sums.overlap.add(None);
+            continue;
+        };
         let term = |term: Term| row.terms[term as usize];
         let friction = WORN.iter().map(|&worn| unit.of(worn) * term(worn)).sum();
         let [a, b, c, ecc_cos, ecc_sin, constant, spring] = FREE.map(term);
         let rest: f64 = known.iter().zip(&row.terms).map(|(x, term)| x * term).sum();
-        sums.equations
-            .add(&[a, b, c, ecc_cos, ecc_sin, friction, constant, spring], -rest);
+        let free = [a, b, c, ecc_cos, ecc_sin, friction, constant, spring];
+        sums.equations.add(&free, -rest);
+        sums.overlap.add(Some(&free));
         sums.directions[usize::from(row.forward)] += 1;
     }
     sums

@@ -10,6 +10,7 @@ mod function;
 mod identification;
 mod link;
 mod onboard;
+mod relations;
 
 use bench::{frames, unit, watch, watch_all};
 use ema_models::FaultVector;

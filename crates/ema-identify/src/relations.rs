@@ -25,6 +25,7 @@ mod elements;
 mod kernel;
 mod measured;
 mod normal_equations;
+mod output_load;
 mod overlap;
 mod sliding;
 mod terms;

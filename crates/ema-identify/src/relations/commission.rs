@@ -6,13 +6,15 @@
 
 use std::vec::Vec;
 
+use ema_models::ActuatorParams;
 use nalgebra::{SMatrix, SVector};
 
 use super::commissioned::{Baseline, CommissionedRelations, element_readings};
 use super::elements::{ELEMENT_COUNT, Element};
 use super::measured::MeasuredWindow;
 use super::normal_equations::NormalEquations;
-use super::terms::{BalanceRow, BalanceShape, OutputLoad, TERM_COUNT, Term, balance_rows};
+use super::output_load::OutputLoad;
+use super::terms::{BalanceRow, BalanceShape, TERM_COUNT, Term, balance_rows};
 use super::torque_balance::{BalanceCoefficients, LOAD_ROUNDS};
 use crate::monitor_fit::RecordedSample;
 
@@ -107,8 +109,8 @@ fn shared_coefficients<S: RecordedSample>(
             add_without_own(&mut shared, sums);
         }
         let solution = shared.solve().ok_or(CommissionError::NoSolution)?;
-        for (sums, load) in sums.iter().zip(&mut loads) {
-            *load = own_load(sums, &solution.x);
+        for ((window, sums), load) in windows.iter().zip(&sums).zip(&mut loads) {
+            *load = own_load(sums, &solution.x, window.params());
         }
         learnt = Ok(coefficients(&solution.x, shape, solution.residual_rms));
     }
@@ -193,12 +195,17 @@ fn add_without_own(shared: &mut NormalEquations<SHARED_COUNT>, sums: &NormalEqua
     shared.rows += sums.rows;
 }
 
-/// Load and spring of a window for given shared unknowns.
-fn own_load(sums: &NormalEquations<WINDOW_COUNT>, shared: &SVector<f64, SHARED_COUNT>) -> OutputLoad {
+/// Load and spring of a window for given shared unknowns, as far as the gear loses torque under them.
+fn own_load(
+    sums: &NormalEquations<WINDOW_COUNT>,
+    shared: &SVector<f64, SHARED_COUNT>,
+    params: &ActuatorParams,
+) -> OutputLoad {
     let own = Own::new(sums);
-    let x = own.inverse * (own.rhs - own.coupling.transpose() * shared);
-    OutputLoad {
-        constant: x[0],
-        spring: x[1],
-    }
+    let found = own.inverse * (own.rhs - own.coupling.transpose() * shared);
+    let information = sums
+        .symmetric()
+        .fixed_view::<2, 2>(SHARED_COUNT, SHARED_COUNT)
+        .into_owned();
+    OutputLoad::new(&found).losing(&information, sums.rows, params)
 }

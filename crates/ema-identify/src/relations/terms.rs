@@ -7,6 +7,7 @@ use ema_models::{ActuatorParams, phase_shapes};
 
 use super::kernel::{Kernel, MAX_SPAN};
 use super::measured::{MeasuredWindow, Quantities};
+use super::output_load::OutputLoad;
 use super::sliding::Sliding;
 use crate::monitor_fit::RecordedSample;
 
@@ -113,15 +114,6 @@ impl BalanceShape {
             teeth: 13.0,
         }
     }
-}
-
-/// A load at the output that is known or was found: a constant part and a spring.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct OutputLoad {
-    /// Constant part, Nm; positive opposes positive motion.
-    pub(super) constant: f64,
-    /// Stiffness about the first output angle, Nm/rad.
-    pub(super) spring: f64,
 }
 
 /// One row of the torque balance.

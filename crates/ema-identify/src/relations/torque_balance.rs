@@ -2,14 +2,16 @@
 //!
 //! In: a window and the coefficients that all windows of the unit share. Out: the eight coefficients that may differ in this
 //! window (intact turns, eccentricity, scale of friction, load, spring) by one linear least squares. What the gear loses under
-//! the load depends on load and spring, so four rounds find both; without it every spring would look like friction.
+//! the load depends on load and spring, so four rounds find both; without it every spring would
+//! look like friction.
 
 use super::elements::{Element, ElementReadings, Needed, Reading};
 use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
 use super::normal_equations::NormalEquations;
+use super::output_load::OutputLoad;
 use super::overlap::Overlap;
-use super::terms::{BalanceShape, OutputLoad, TERM_COUNT, Term, balance_rows};
+use super::terms::{BalanceShape, TERM_COUNT, Term, balance_rows};
 use crate::monitor_fit::RecordedSample;
 
 /// Coefficients of the torque balance that all windows of one unit share, in the order of [`Term`].
@@ -54,10 +56,9 @@ pub(super) const LOAD_ROUNDS: usize = 4;
 /// Free coefficients of a window: N_A, N_B, N_C, ζ cos φ_e, ζ sin φ_e, scale of friction, load, spring.
 const FREE_COUNT: usize = 8;
 
-/// Places of friction, load and spring among the free coefficients.
+/// Places of friction and of load and spring among the free coefficients.
 const FRICTION: usize = 5;
 const LOAD: usize = 6;
-const SPRING: usize = 7;
 
 /// Torque balance of one window.
 #[derive(Clone, Copy, Debug)]
@@ -84,8 +85,9 @@ pub(super) fn torque_balance<S: RecordedSample>(
         residual_rms: 0.0,
         rows: 0,
     };
+    let mut losing = OutputLoad::default();
     for _ in 0..LOAD_ROUNDS {
-        let sums = sums(window, unit, &kernel, balance.load);
+        let sums = sums(window, unit, &kernel, losing);
         balance.rows = sums.equations.rows;
         let enough = balance.rows / kernel.span > FREE_COUNT;
         let Some(solution) = sums.equations.solve().filter(|_| enough) else {
@@ -93,10 +95,9 @@ pub(super) fn torque_balance<S: RecordedSample>(
             return balance;
         };
         balance.residual_rms = solution.residual_rms;
-        balance.load = OutputLoad {
-            constant: solution.x[LOAD],
-            spring: solution.x[SPRING],
-        };
+        balance.load = OutputLoad::new(&solution.x.fixed_rows::<2>(LOAD).into_owned());
+        let information = sums.equations.symmetric().fixed_view::<2, 2>(LOAD, LOAD).into_owned();
+        losing = balance.load.losing(&information, balance.rows, window.params());
         let covariance = sums.overlap.covariance(&sums.equations, &solution);
         for (place, element) in Element::BALANCE.into_iter().enumerate() {
             let reading = Reading {

@@ -61,7 +61,7 @@ fn each_fault_of_a_small_servo_is_found() {
 #[test]
 fn offsets_gains_and_cogging_are_learnt() {
     let learnt = UNITS[2].learnt().balance;
-    // Offsets of 50, −50 and 20 mA: against that of phase C, and with the other sign.
+    // Offsets of 50, −50 and 20 mA: about their mean, and with the other sign.
     let near = |term: Term, expected: f64, within: f64| {
         let found = learnt.of(term);
         assert!(
@@ -69,8 +69,8 @@ fn offsets_gains_and_cogging_are_learnt() {
             "{term:?}: {found} instead of {expected}"
         );
     };
-    near(Term::OffsetA, -0.030, 0.006);
-    near(Term::OffsetB, 0.070, 0.006);
+    near(Term::OffsetA, 0.02 / 3.0 - 0.05, 0.004);
+    near(Term::OffsetB, 0.02 / 3.0 + 0.05, 0.004);
     near(Term::CoggingSin, 0.144 * 0.4f64.cos(), 0.005);
     near(Term::CoggingCos, 0.144 * 0.4f64.sin(), 0.005);
     // A sensor that reads 1 % too much makes its phase seem to have 1 % fewer turns, relative to the mean of all.

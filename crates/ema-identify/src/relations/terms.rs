@@ -53,9 +53,10 @@ pub enum Term {
     /// `−Σ_j k (sin 5θ_j − sin 7θ_j) i_j`, `θ_j = θ_e − 2πj/3`; coefficient: difference of the EMF's 5th and 7th harmonic. With
     /// sinusoidal currents only the difference shows.
     EmfHarmonics,
-    /// `k (s_A − s_C)`; coefficient: minus the offset of the current of phase A, A.
+    /// `k (s_A − s_C)`; coefficient: minus the offset of the current of phase A about the mean of the three, A (a common
+    /// offset makes no torque).
     OffsetA,
-    /// `k (s_B − s_C)`; coefficient: minus the offset of the current of phase B, A.
+    /// `k (s_B − s_C)`; coefficient: the same of phase B, A.
     OffsetB,
     /// `Σ_j k s_j i_j'`; coefficient: age of the currents against the angle, s.
     Latency,

@@ -97,6 +97,24 @@ fn a_window_says_what_it_would_have_needed() {
     assert_eq!(ramp.needed[0], Some(Needed::BothDirections), "{ramp:?}");
     assert!(ramp.sigma[0].is_none() && ramp.k[0].abs() < 1e-12);
 
+    let slow = {
+        let unit = &UNITS[0];
+        let mut params = unit.params();
+        params.sensors.sample_rate = 400.0;
+        let slow = |mut scenario: Scenario| {
+            (scenario.nominal, scenario.unit) = (params, params);
+            scenario
+        };
+        let recordings = simulated(&unit.commissioning().into_iter().map(slow).collect::<Vec<_>>());
+        let windows: Vec<_> = recordings
+            .iter()
+            .map(|samples| MeasuredWindow::new(&params, samples, &[]))
+            .collect();
+        let learnt = commission(&windows, &BalanceShape::usual(&params)).expect("a unit from healthy windows");
+        learnt.estimate(&windows[0])
+    };
+    assert_eq!(slow.needed[0], Some(Needed::FasterSampling), "{slow:?}");
+
     let speed = estimate_of(Profile::Speed);
     assert_eq!(speed.needed[7], Some(Needed::PositionMode), "{speed:?}");
 

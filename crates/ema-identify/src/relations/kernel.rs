@@ -4,8 +4,8 @@
 //! its exact differences on the grid of the samples: analytic derivatives, sampled, do not sum to zero and would leak the
 //! angle itself into its acceleration. Derived here.
 
-/// Largest half width W, samples.
-pub(super) const MAX_HALF_WIDTH: usize = 6;
+/// Largest half width W, samples: 3 ms at 5 kHz. Above 10 kHz the kernel is too short for the resolver's counts.
+const MAX_HALF_WIDTH: usize = 15;
 
 /// Samples under the widest kernel.
 pub(super) const MAX_SPAN: usize = 2 * MAX_HALF_WIDTH + 1;
@@ -33,7 +33,7 @@ pub(super) struct Kernel {
 }
 
 impl Kernel {
-    /// The kernel for a sample rate, Hz: 3 ms on either side, 2 to 6 samples.
+    /// The kernel for a sample rate, Hz: 3 ms on either side, 2 to 15 samples.
     #[must_use]
     pub(super) fn new(sample_rate: f64) -> Self {
         let half = (libm::round(HALF_WIDTH_S * sample_rate) as usize).clamp(MIN_HALF_WIDTH, MAX_HALF_WIDTH);
@@ -115,6 +115,6 @@ mod tests {
     #[test]
     fn the_half_width_follows_the_sample_rate() {
         let widths = [400.0, 1000.0, 2000.0, 5000.0].map(|rate| half_width(&Kernel::new(rate)));
-        assert_eq!(widths, [2, 3, 6, 6]);
+        assert_eq!(widths, [2, 3, 6, 15]);
     }
 }

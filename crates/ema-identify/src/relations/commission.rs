@@ -36,7 +36,7 @@ pub enum CommissionError {
 }
 
 /// Shared terms besides the turns, whose sum is fixed.
-const SHARED: [Term; 18] = [
+const SHARED: [Term; 19] = [
     Term::EccentricityCos,
     Term::EccentricitySin,
     Term::Inertia,
@@ -55,6 +55,7 @@ const SHARED: [Term; 18] = [
     Term::OffsetA,
     Term::OffsetB,
     Term::Latency,
+    Term::SetpointHold,
 ];
 
 /// Shared unknowns: `N_B − 1`, `N_C − 1`, the shared terms.
@@ -74,7 +75,7 @@ pub fn commission<S: RecordedSample>(
     let balance = shared_coefficients(windows, shape)?;
     let readings: Vec<_> = windows
         .iter()
-        .map(|window| element_readings(window, &balance).0)
+        .map(|window| element_readings(window, &balance, None).0)
         .collect();
     let baseline: [Baseline; ELEMENT_COUNT] = Element::ALL.map(|element| {
         let shown: Vec<f64> = readings

@@ -16,10 +16,10 @@ use crate::monitor_fit::RecordedSample;
 
 /// Largest speed reference at the nominal gain, as a share of ω_max: with the largest gain factor of 1.5 it stays below the
 /// limit.
-const SPEED_SHARE: f64 = 0.65;
+pub(super) const SPEED_SHARE: f64 = 0.65;
 
 /// Largest torque, as a share of `G_T I_max`.
-const TORQUE_SHARE: f64 = 0.9;
+pub(super) const TORQUE_SHARE: f64 = 0.9;
 
 /// Ratio `g/h` of a window.
 pub(super) fn gain_ratio<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Result<Reading, Needed> {

@@ -81,8 +81,6 @@ pub enum Needed {
     PositionMode,
     /// More samples with neither speed nor torque at their limits, while the position error changes.
     UnsaturatedControl,
-    /// A higher sampling rate: the torque's fast part between the samples hides the element.
-    FasterSampling,
     /// Commissioning windows that show the element: at least two.
     CommissioningThatShowsIt,
 }

@@ -4,6 +4,7 @@ use core::f64::consts::TAU;
 
 use ema_models::{ActuatorParams, Real, SensedSample, Setpoint};
 
+use super::controller::SPEED_SHARE;
 use crate::monitor_fit::RecordedSample;
 
 /// A window of consecutive samples, its counters on one wrap.
@@ -37,6 +38,10 @@ pub(super) struct Quantities {
     pub(super) omega_m: f64,
     /// Output angle since the first sample, rad.
     pub(super) travel: f64,
+    /// Change of the speed reference that the last two set points made, mean of both, rad/s.
+    pub(super) reference_step: f64,
+    /// Whether the speed reference may be at its limit.
+    pub(super) is_speed_limited: bool,
     /// Sine and cosine of the electrical angle.
     pub(super) sin_cos_e: (f64, f64),
 }
@@ -106,8 +111,28 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
             angle_in_turn,
             omega_m: turned as f64 * motor_lsb * rate / 6.0,
             travel: (now.output_counts - first.output_counts) as f64 * sensors.output_lsb(),
+            reference_step: 0.5
+                * (self.reference_step(two_before.setpoint, before.setpoint)
+                    + self.reference_step(before.setpoint, now.setpoint)),
+            is_speed_limited: self.is_speed_limited(n),
             sin_cos_e: (self.params.motor.pole_pairs * angle_in_turn).sin_cos_poly(),
         }
+    }
+
+    /// Change of the speed reference from one set point to the next, rad/s, before any limit.
+    fn reference_step(&self, from: Setpoint, to: Setpoint) -> f64 {
+        match (from, to) {
+            (Setpoint::Position(from), Setpoint::Position(to)) => self.params.controller.g_p * (to - from),
+            (Setpoint::Speed(from), Setpoint::Speed(to)) => to - from,
+            _ => 0.0,
+        }
+    }
+
+    /// Whether the position loop may be at its speed limit.
+    fn is_speed_limited(&self, n: usize) -> bool {
+        let controller = &self.params.controller;
+        self.position_error(n)
+            .is_some_and(|error| libm::fabs(controller.g_p * error) >= SPEED_SHARE * controller.omega_max)
     }
 
     /// Motor speed at a sample of [`MeasuredWindow::inner`], rad/s: central difference of the angle.

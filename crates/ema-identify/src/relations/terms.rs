@@ -5,6 +5,7 @@
 
 use ema_models::{ActuatorParams, phase_shapes};
 
+use super::controller::TORQUE_SHARE;
 use super::kernel::{Kernel, MAX_SPAN};
 use super::measured::{MeasuredWindow, Quantities};
 use super::output_load::OutputLoad;
@@ -60,6 +61,10 @@ pub enum Term {
     OffsetB,
     /// `Σ_j k s_j i_j'`; coefficient: age of the currents against the angle, s.
     Latency,
+    /// `K_p Δω_ref`, where neither speed nor torque is at its limit: what each new set point adds to the torque behind the sample with
+    /// which it is latched; coefficient: the share of it in the mean torque between two samples, about ½. Without it, a set point
+    /// that is held from sample to sample looks like friction.
+    SetpointHold,
     /// `−1/n`; coefficient: constant load at the output, Nm.
     Load,
     /// `−(θ_out − θ_out(0))/n`; coefficient: stiffness of a spring load at the output, Nm/rad.
@@ -70,7 +75,7 @@ pub enum Term {
 }
 
 /// Number of terms.
-pub const TERM_COUNT: usize = 24;
+pub const TERM_COUNT: usize = 25;
 
 /// The derivative under which the kernel smooths a term.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -175,6 +180,8 @@ fn weights(kernel: &Kernel) -> [[f64; TERM_COUNT]; MAX_SPAN] {
 #[derive(Clone, Copy)]
 struct Integrands {
     k: f64,
+    k_p: f64,
+    largest_torque: f64,
     gear_ratio: f64,
     loss_shares: [f64; 2],
     shape: BalanceShape,
@@ -185,6 +192,8 @@ impl Integrands {
     fn new(params: &ActuatorParams, shape: &BalanceShape, load: OutputLoad) -> Self {
         Self {
             k: params.motor.k,
+            k_p: params.controller.k_p,
+            largest_torque: TORQUE_SHARE * params.motor.torque_gain() * params.motor.i_max,
             gear_ratio: params.transmission.gear_ratio,
             loss_shares: params.transmission.gear_loss_shares(),
             shape: *shape,
@@ -232,10 +241,18 @@ impl Integrands {
             self.k * (s[0] - s[2]),
             self.k * (s[1] - s[2]),
             (0..3).map(|j| self.k * s[j] * now.di[j]).sum(),
+            self.setpoint_hold(now, torque.iter().sum()),
             -1.0 / self.gear_ratio,
             -now.travel / self.gear_ratio,
             -sign * libm::fabs(load_torque) * loss_share,
         ]
+    }
+}
+
+impl Integrands {
+    fn setpoint_hold(&self, now: &Quantities, torque: f64) -> f64 {
+        let limited = now.is_speed_limited || libm::fabs(torque) > self.largest_torque;
+        if limited { 0.0 } else { self.k_p * now.reference_step }
     }
 }
 

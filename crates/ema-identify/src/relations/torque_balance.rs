@@ -36,6 +36,16 @@ impl BalanceCoefficients {
     }
 }
 
+impl BalanceCoefficients {
+    /// The coefficients of the unit with its position gain changed by a factor.
+    #[must_use]
+    pub(super) fn with_gain(&self, factor: f64) -> Self {
+        let mut changed = *self;
+        changed.values[Term::SetpointHold as usize] *= factor;
+        changed
+    }
+}
+
 /// Terms of friction, which wear together.
 const WORN: [Term; 4] = [Term::DryFriction, Term::Stribeck, Term::MeshCos, Term::MeshSin];
 

@@ -14,21 +14,12 @@ use super::overlap::Overlap;
 use super::sliding::Sliding;
 use crate::monitor_fit::RecordedSample;
 
-/// Largest speed reference at the nominal gain, as a share of ω_max: with the largest gain factor of 1.5 it stays below the
-/// limit.
-pub(super) const SPEED_SHARE: f64 = 0.65;
-
-/// Largest torque, as a share of `G_T I_max`.
-pub(super) const TORQUE_SHARE: f64 = 0.9;
-
 /// Ratio `g/h` of a window.
 pub(super) fn gain_ratio<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Result<Reading, Needed> {
     let params = window.params();
     let (controller, rate) = (&params.controller, params.sensors.sample_rate);
     let kernel = Kernel::new(rate);
     let torque_gain = params.motor.torque_gain();
-    let torque_limit = TORQUE_SHARE * torque_gain * params.motor.i_max;
-    let speed_limit = SPEED_SHARE * controller.omega_max;
     let mut ring = Sliding::<3>::new(kernel.span);
     let mut equations = NormalEquations::<2>::new();
     let mut overlap = Overlap::new(&kernel.first, kernel.span);
@@ -39,8 +30,8 @@ pub(super) fn gain_ratio<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> R
         let now = window.quantities(n);
         let reference = error.map(|error| controller.g_p * error);
         let torque = torque_gain * dq_from_abc(now.i, now.sin_cos_e)[1];
-        let within = |reference: &f64| libm::fabs(*reference) < speed_limit && libm::fabs(torque) < torque_limit;
-        let usable = reference.filter(within).filter(|_| window.is_measured(n));
+        let limited = now.is_speed_limited || window.is_torque_limited(torque);
+        let usable = reference.filter(|_| !limited && window.is_measured(n));
         let Some(reference) = usable else {
             ring.clear();
             overlap.add(None);

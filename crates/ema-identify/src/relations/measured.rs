@@ -4,7 +4,6 @@ use core::f64::consts::TAU;
 
 use ema_models::{ActuatorParams, Real, SensedSample, Setpoint};
 
-use super::controller::SPEED_SHARE;
 use crate::monitor_fit::RecordedSample;
 
 /// A window of consecutive samples, its counters on one wrap.
@@ -45,6 +44,13 @@ pub(super) struct Quantities {
     /// Sine and cosine of the electrical angle.
     pub(super) sin_cos_e: (f64, f64),
 }
+
+/// Largest speed reference at the nominal gain, as a share of ω_max: with the largest gain factor of 1.5 it stays below the
+/// limit.
+const SPEED_SHARE: f64 = 0.65;
+
+/// Largest torque, as a share of `G_T I_max`.
+const TORQUE_SHARE: f64 = 0.9;
 
 /// Samples that [`MeasuredWindow::quantities`] needs on either side.
 pub(super) const MARGIN: usize = 2;
@@ -126,6 +132,12 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
             (Setpoint::Speed(from), Setpoint::Speed(to)) => to - from,
             _ => 0.0,
         }
+    }
+
+    /// Whether a torque, Nm, may be at the controller's limit.
+    pub(super) fn is_torque_limited(&self, torque: f64) -> bool {
+        let motor = &self.params.motor;
+        libm::fabs(torque) >= TORQUE_SHARE * motor.torque_gain() * motor.i_max
     }
 
     /// Whether the position loop may be at its speed limit.

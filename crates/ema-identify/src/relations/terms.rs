@@ -5,7 +5,6 @@
 
 use ema_models::{ActuatorParams, phase_shapes};
 
-use super::controller::TORQUE_SHARE;
 use super::kernel::{Kernel, MAX_SPAN};
 use super::measured::{MeasuredWindow, Quantities};
 use super::output_load::OutputLoad;
@@ -157,7 +156,7 @@ pub(super) fn balance_rows<S: RecordedSample>(
             forward = !forward;
             ring.clear();
         }
-        ring.push(integrands.of(&now));
+        ring.push(integrands.of(&window, &now));
         ring.is_full().then(|| BalanceRow {
             terms: ring.sums_each(&weights),
             forward,
@@ -181,7 +180,6 @@ fn weights(kernel: &Kernel) -> [[f64; TERM_COUNT]; MAX_SPAN] {
 struct Integrands {
     k: f64,
     k_p: f64,
-    largest_torque: f64,
     gear_ratio: f64,
     loss_shares: [f64; 2],
     shape: BalanceShape,
@@ -193,7 +191,6 @@ impl Integrands {
         Self {
             k: params.motor.k,
             k_p: params.controller.k_p,
-            largest_torque: TORQUE_SHARE * params.motor.torque_gain() * params.motor.i_max,
             gear_ratio: params.transmission.gear_ratio,
             loss_shares: params.transmission.gear_loss_shares(),
             shape: *shape,
@@ -201,7 +198,7 @@ impl Integrands {
         }
     }
 
-    fn of(&self, now: &Quantities) -> [f64; TERM_COUNT] {
+    fn of(&self, window: &MeasuredWindow<'_, impl RecordedSample>, now: &Quantities) -> [f64; TERM_COUNT] {
         use ema_models::Real;
         let e = now.sin_cos_e;
         let (sin, cos) = e;
@@ -210,6 +207,7 @@ impl Integrands {
         let (fifth, seventh) = (sum(fourth, e), sum(sum(fourth, double), e));
         let s = phase_shapes(e);
         let torque: [f64; 3] = core::array::from_fn(|j| self.k * s[j] * now.i[j]);
+        let is_limited = now.is_speed_limited || window.is_torque_limited(torque.iter().sum());
         let sign = libm::copysign(1.0, now.omega_m);
         let ratio = now.omega_m / self.shape.stribeck_speed;
         let (mesh_sin, mesh_cos) = (self.shape.teeth * now.angle_in_turn).sin_cos_poly();
@@ -241,18 +239,11 @@ impl Integrands {
             self.k * (s[0] - s[2]),
             self.k * (s[1] - s[2]),
             (0..3).map(|j| self.k * s[j] * now.di[j]).sum(),
-            self.setpoint_hold(now, torque.iter().sum()),
+            if is_limited { 0.0 } else { self.k_p * now.reference_step },
             -1.0 / self.gear_ratio,
             -now.travel / self.gear_ratio,
             -sign * libm::fabs(load_torque) * loss_share,
         ]
-    }
-}
-
-impl Integrands {
-    fn setpoint_hold(&self, now: &Quantities, torque: f64) -> f64 {
-        let limited = now.is_speed_limited || libm::fabs(torque) > self.largest_torque;
-        if limited { 0.0 } else { self.k_p * now.reference_step }
     }
 }
 

@@ -27,6 +27,13 @@ impl OutputLoad {
         }
     }
 
+    /// Whether another load of the same window differs by less than a thousandth of the larger one, in both parts.
+    #[must_use]
+    pub(super) fn is_close(&self, other: &Self) -> bool {
+        let close = |a: f64, b: f64| libm::fabs(a - b) <= 1e-3 * libm::fabs(a).max(libm::fabs(b));
+        close(self.constant, other.constant) && close(self.spring, other.spring)
+    }
+
     /// The part of a found load under which the gear loses torque: `max(0, 1 − (T₀/T)²)` of it, T its root-mean-square torque
     /// at the motor and T₀ 0.1 % of `G_T I_max`.
     ///

@@ -2,7 +2,7 @@
 //!
 //! In: a window and the coefficients that all windows of the unit share. Out: the eight coefficients that may differ in this
 //! window (intact turns, eccentricity, scale of friction, load, spring) by one linear least squares. What the gear loses under
-//! the load depends on load and spring, so four rounds find both; without it every spring would
+//! the load depends on load and spring, so up to four rounds find both; without it every spring would
 //! look like friction.
 
 use super::elements::{Element, ElementReadings, Needed, Reading};
@@ -107,7 +107,7 @@ pub(super) fn torque_balance<S: RecordedSample>(
         balance.residual_rms = solution.residual_rms;
         balance.load = OutputLoad::new(&solution.x.fixed_rows::<2>(LOAD).into_owned());
         let information = sums.equations.symmetric().fixed_view::<2, 2>(LOAD, LOAD).into_owned();
-        losing = balance.load.losing(&information, balance.rows, window.params());
+        let found = balance.load.losing(&information, balance.rows, window.params());
         let covariance = sums.overlap.covariance(&sums.equations, &solution);
         for (place, element) in Element::BALANCE.into_iter().enumerate() {
             let reading = Reading {
@@ -120,6 +120,10 @@ pub(super) fn torque_balance<S: RecordedSample>(
             // With motion in one direction the load takes the place of friction.
             balance.readings.fail([Element::Friction], Needed::BothDirections);
         }
+        if found.is_close(&losing) {
+            break;
+        }
+        losing = found;
     }
     balance
 }

@@ -11,8 +11,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use ema_identify::relations::{MeasuredWindow, RelationsEstimate};
-use ema_models::FaultVector;
 use ema_models::reference::Scenario;
+use ema_models::{FAULT_COUNT, FaultId, FaultVector};
 use ema_wire::ActuatorId;
 use hmd_core::frame::RawFrame;
 use hmd_ingest::candump::{Decimals, emit};
@@ -26,6 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             write_logs(Path::new(folder), number, unit)?;
         }
         report(unit);
+        rates(unit);
     }
     Ok(())
 }
@@ -60,6 +61,62 @@ fn report(unit: &Unit) {
     println!(
         "one estimate {:.2} ms",
         start.elapsed().as_secs_f64() * 1e3 / f64::from(RUNS)
+    );
+}
+
+/// Healthy windows, and windows of each fault, from which rates are counted.
+const HEALTHY_WINDOWS: u64 = 120;
+const WINDOWS_PER_FAULT: u64 = 10;
+
+/// Prints how many windows are named rightly, with an alarm at damages above 0.05 and three sigmas, and the errors' coverage.
+fn rates(unit: &Unit) {
+    let learnt = unit.learnt();
+    let mut errors = Vec::new();
+    let (mut inside, mut all) = (0, 0);
+    let mut rightly_named = |k: [f64; FAULT_COUNT], windows: std::ops::Range<u64>| {
+        let truth = FaultVector::from_array(k);
+        let scenarios: Vec<Scenario> = windows.map(|seed| unit.scenario(truth, seed)).collect();
+        let is_right = |estimate: &RelationsEstimate| {
+            let mut right = true;
+            for fault in FaultId::ALL {
+                let parameter = fault.parameter();
+                let Some(sigma) = estimate.sigma[parameter] else {
+                    right = false;
+                    continue;
+                };
+                let error = estimate.k[parameter] - k[parameter];
+                (inside, all) = (inside + u32::from(error.abs() < 1.96 * sigma), all + 1);
+                let found = FaultVector::from_array(estimate.k).damage_of(fault);
+                let per_parameter = if fault == FaultId::Gain { 2.0 } else { 1.0 };
+                let is_damaged = truth.damage_of(fault) > 0.0;
+                right &= is_damaged == (found > (3.0 * per_parameter * sigma).max(0.05));
+                if is_damaged {
+                    errors.push((found - truth.damage_of(fault)).abs());
+                }
+            }
+            right
+        };
+        unit.estimates(&learnt, &scenarios)
+            .iter()
+            .map(is_right)
+            .filter(|right| *right)
+            .count()
+    };
+    let nominal = FaultVector::NOMINAL.to_array();
+    let healthy = rightly_named(nominal, 5000..5000 + HEALTHY_WINDOWS);
+    let mut faulty = 0;
+    for (first, (parameter, value)) in (6000..).step_by(100).zip(FAULTS) {
+        let mut k = nominal;
+        k[parameter] = value;
+        faulty += rightly_named(k, first..first + WINDOWS_PER_FAULT);
+    }
+    errors.sort_by(f64::total_cmp);
+    let coverage = 100.0 * f64::from(inside) / f64::from(all);
+    println!(
+        "{healthy} of {HEALTHY_WINDOWS} healthy windows without an alarm, {faulty} of {} faults named; error of the damage {:.4}, 95 % {:.4}; {coverage:.1} % within 1.96 sigma",
+        errors.len(),
+        errors[errors.len() / 2],
+        errors[errors.len() * 95 / 100],
     );
 }
 

@@ -9,6 +9,7 @@ mod function;
 mod identification;
 mod link;
 mod onboard;
+mod relations;
 mod unmodelled;
 
 use bench::{frames, unit, watch, watch_all};

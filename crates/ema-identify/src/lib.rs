@@ -10,6 +10,7 @@
 //!   and runs monitors in SIMD lanes, the firmware's [`StreamedWindow`] reads raw samples again on each run and stores no
 //!   residual. Both compute the same bits.
 //! - [`calibration`]: how wrong the calibrated monitor of a type of actuator still is, and what each signal weighs.
+//! - [`relations`]: the faults of a commissioned unit with any drive, from relations between measured signals; no monitor.
 //! - `std` adds the population search ahead of the descents, descents side by side, and calibrations as text
 //!   ([`Identifier`], [`calibration::TypeCalibration`]). Without `std` nothing allocates.
 #![no_std]
@@ -27,6 +28,7 @@ mod identifier;
 mod monitor_fit;
 #[cfg(feature = "std")]
 mod prepared;
+pub mod relations;
 #[cfg(feature = "std")]
 pub mod unit_calibration;
 #[cfg(feature = "std")]

@@ -65,9 +65,9 @@ pub struct TransmissionParams {
 
 impl TransmissionParams {
     /// Shares `[1/η_o − 1, 1 − η_a]` of the load torque that the gear adds to friction while the load opposes and aids the
-    /// motion.
+    /// motion; dimensionless. Source: \[P\] 5.1.5.
     #[must_use]
-    pub(crate) fn gear_loss_shares(&self) -> [f64; 2] {
+    pub fn gear_loss_shares(&self) -> [f64; 2] {
         [1.0 / self.efficiency_opposing - 1.0, 1.0 - self.efficiency_aiding]
     }
 }

@@ -1,0 +1,41 @@
+//! Relations between measured signals: an actuator's faults from least squares, without a model of its drive.
+//!
+//! Currents, motor angle, output angle and set point are measured, so the actuator falls apart into relations between
+//! measured signals. Each fault lives in one of them, and each is linear in nearly everything:
+//!
+//! | file | relation | faults |
+//! |---|---|---|
+//! | `terms`, `torque_balance` | torque balance of the motor shaft | friction, shorts, eccentricity |
+//! | `controller` | differentiated PI law of the speed loop | controller gain |
+//! | `transmission` | output angle behind a play | backlash |
+//!
+//! In goes a window of samples ([`MeasuredWindow`]) of a unit that was commissioned ([`CommissionedRelations`], learnt from
+//! healthy windows); out comes a [`RelationsEstimate`]: each fault parameter as the change since commissioning with its
+//! standard deviation, or what the window would have needed to show it. The windows are streamed through the kernel
+//! (`kernel`, `sliding`) into normal equations of fixed size; nothing allocates but commissioning, which has feature `std`.
+//!
+//! One rigid mass: a compliant transmission needs a balance of fourth order, which is not here. Measured accuracy and what is
+//! left out: `docs/design/relations.md`.
+
+#[cfg(feature = "std")]
+mod commission;
+mod commissioned;
+mod controller;
+mod elements;
+mod kernel;
+mod measured;
+mod normal_equations;
+mod output_load;
+mod overlap;
+mod sliding;
+mod terms;
+mod torque_balance;
+mod transmission;
+
+#[cfg(feature = "std")]
+pub use commission::{CommissionError, commission};
+pub use commissioned::{Baseline, CommissionedRelations, RelationsEstimate};
+pub use elements::{ELEMENT_COUNT, Element, Needed, Reading};
+pub use measured::MeasuredWindow;
+pub use terms::{BalanceShape, TERM_COUNT, Term};
+pub use torque_balance::BalanceCoefficients;

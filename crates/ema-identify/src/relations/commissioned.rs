@@ -1,0 +1,274 @@
+//! A commissioned unit, and what a later window says of it: the change of each element since commissioning.
+
+use core::f64::consts::{PI, TAU};
+
+use ema_models::{ActuatorParams, FAULT_COUNT, FaultVector};
+
+use super::controller::gain_ratio;
+use super::elements::{ELEMENT_COUNT, Element, ElementReadings, Needed, Reading};
+use super::measured::MeasuredWindow;
+use super::output_load::OutputLoad;
+use super::torque_balance::{BalanceCoefficients, TorqueBalance, torque_balance};
+use super::transmission::play_width;
+use crate::estimate::OBSERVABLE_SIGMA;
+use crate::monitor_fit::RecordedSample;
+
+/// What the healthy windows of a unit have in common.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CommissionedRelations {
+    /// Coefficients of the torque balance.
+    pub balance: BalanceCoefficients,
+    /// What the healthy windows show of each element, in the order of [`Element::ALL`].
+    pub baseline: [Baseline; ELEMENT_COUNT],
+}
+
+/// What healthy windows show of one element.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Baseline {
+    /// Mean over the windows, in the element's unit.
+    pub mean: f64,
+    /// Standard deviation from window to window.
+    pub scatter: f64,
+    /// Windows that show the element.
+    pub windows: usize,
+}
+
+impl Baseline {
+    /// Mean and scatter of the numbers that windows show.
+    #[cfg(feature = "std")]
+    pub(super) fn of(shown: &[f64]) -> Self {
+        let n = shown.len() as f64;
+        let mean = shown.iter().sum::<f64>() / n.max(1.0);
+        let squares: f64 = shown.iter().map(|value| (value - mean) * (value - mean)).sum();
+        Self {
+            mean,
+            scatter: libm::sqrt(squares / (n - 1.0).max(1.0)),
+            windows: shown.len(),
+        }
+    }
+
+    /// A reading of a later window with the uncertainty of the unit: its own sigma or the scatter of the healthy windows,
+    /// whichever is larger, and the uncertainty of their mean. Derived here.
+    fn widened(&self, reading: Reading) -> Result<Reading, Needed> {
+        if self.windows < 2 {
+            return Err(Needed::CommissioningThatShowsIt);
+        }
+        let scatter = self.scatter * self.scatter;
+        let sigma = libm::sqrt((reading.sigma * reading.sigma).max(scatter) + scatter / self.windows as f64);
+        Ok(Reading { sigma, ..reading })
+    }
+}
+
+/// Faults of one window as changes since commissioning.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RelationsEstimate {
+    /// Apparent k1…k8, in index order of the fault vector and not limited to its range: noise makes small ones negative. k7 is
+    /// the direction of the change of eccentricity, in [0, 1]. Without observation the nominal value.
+    pub k: [f64; FAULT_COUNT],
+    /// One standard deviation of each; `None` where it is not observable.
+    pub sigma: [Option<f64>; FAULT_COUNT],
+    /// What the window would have needed to show a parameter; `None` where it is observable, and for k7 where the eccentricity
+    /// does not stand clear of its own uncertainty.
+    pub needed: [Option<Needed>; FAULT_COUNT],
+    /// Root-mean-square residual of the torque balance, Nm.
+    pub torque_residual_rms: f64,
+    /// Rows of the torque balance.
+    pub torque_rows: usize,
+    /// Constant load at the output, Nm; positive opposes positive motion.
+    pub load_torque: f64,
+    /// Stiffness of a spring load at the output about its first angle, Nm/rad.
+    pub spring_stiffness: f64,
+}
+
+impl RelationsEstimate {
+    /// Whether the window shows each parameter.
+    #[must_use]
+    pub fn observable(&self) -> [bool; FAULT_COUNT] {
+        self.sigma.map(|sigma| sigma.is_some())
+    }
+}
+
+impl CommissionedRelations {
+    /// Estimates the faults of one window of the unit.
+    ///
+    /// `k1 = (s/s₀ − 1)/2`, `k2 = (b − b_u)/(99 b₀)`, `k3…k5 = 1 − N_j/N_j₀`, `ζ = |ζ⃗ − ζ⃗₀|`, `k8 = g/g₀ − ½`: index 0 (and
+    /// `b_u`) are the commissioned unit's values, `b₀` is the type's play. Derived here from the definition of the fault
+    /// vector.
+    #[must_use]
+    pub fn estimate<S: RecordedSample>(&self, window: &MeasuredWindow<'_, S>) -> RelationsEstimate {
+        let nominal_gain = self.baseline[Element::Gain as usize];
+        let (readings, balance) = element_readings(window, &self.balance, Some(&nominal_gain));
+        let changes = Element::ALL.map(|element| {
+            let baseline = &self.baseline[element as usize];
+            let reading = readings.get(element).and_then(|reading| baseline.widened(reading))?;
+            let changed = change(element, reading, baseline.mean, window.params());
+            let error = ModelError::of(element, window.params().sensors.sample_rate);
+            let sigma = libm::hypot(changed.sigma, error.floor);
+            // A sum that is not a number is no observation. The share does not count: it hides no large damage.
+            if !changed.value.is_finite() || sigma.is_nan() || sigma > OBSERVABLE_SIGMA {
+                return Err(needed_for(element));
+            }
+            let share = error.share * (changed.value - healthy(element));
+            Ok(Reading {
+                sigma: libm::hypot(sigma, share),
+                ..changed
+            })
+        });
+        let mut estimate = RelationsEstimate {
+            k: FaultVector::NOMINAL.to_array(),
+            sigma: [None; FAULT_COUNT],
+            needed: [None; FAULT_COUNT],
+            torque_residual_rms: balance.residual_rms,
+            torque_rows: balance.rows,
+            load_torque: balance.load.constant,
+            spring_stiffness: balance.load.spring,
+        };
+        for (element, changed) in Element::ALL.into_iter().zip(changes) {
+            if !matches!(element, Element::EccentricityCos | Element::EccentricitySin) {
+                estimate.report(element.fault().parameter(), changed);
+            }
+        }
+        let component = |element: Element| changes[element as usize];
+        match (component(Element::EccentricityCos), component(Element::EccentricitySin)) {
+            (Ok(cos), Ok(sin)) => estimate.report_eccentricity(cos, sin),
+            (Err(needed), _) | (_, Err(needed)) => estimate.report(ECCENTRICITY, Err(needed)),
+        }
+        estimate
+    }
+}
+
+/// Place of k6 in the fault vector.
+const ECCENTRICITY: usize = FaultVector::ECCENTRICITY_PHASE_INDEX - 1;
+
+impl RelationsEstimate {
+    fn report(&mut self, parameter: usize, changed: Result<Reading, Needed>) {
+        match changed {
+            Ok(Reading { value, sigma }) => (self.k[parameter], self.sigma[parameter]) = (value, Some(sigma)),
+            Err(needed) => self.needed[parameter] = Some(needed),
+        }
+    }
+
+    /// Amplitude and direction of the change `(ζ cos φ_e, ζ sin φ_e)`.
+    fn report_eccentricity(&mut self, cos: Reading, sin: Reading) {
+        let amplitude = libm::hypot(cos.value, sin.value);
+        let sigma = cos.sigma.max(sin.sigma);
+        self.report(
+            ECCENTRICITY,
+            Ok(Reading {
+                value: amplitude,
+                sigma,
+            }),
+        );
+        if amplitude > CLEAR * sigma {
+            let direction = Reading {
+                value: 0.5 * (libm::atan2(sin.value, cos.value) / PI + 1.0),
+                sigma: sigma / amplitude / TAU,
+            };
+            self.report(FaultVector::ECCENTRICITY_PHASE_INDEX, Ok(direction));
+        }
+    }
+}
+
+/// Standard deviations from zero at which an eccentricity has a direction.
+const CLEAR: f64 = 3.0;
+
+/// The fault parameter that belongs to a reading; for the eccentricity one component of its change.
+fn change(element: Element, Reading { value, sigma }: Reading, unit: f64, params: &ActuatorParams) -> Reading {
+    let play_per_k2 = 99.0 * params.transmission.backlash;
+    let [value, slope] = match element {
+        Element::Friction => [0.5 * (value / unit - 1.0), 0.5 / unit],
+        Element::Backlash => [(value - unit) / play_per_k2, 1.0 / play_per_k2],
+        Element::TurnsA | Element::TurnsB | Element::TurnsC => [1.0 - value / unit, 1.0 / unit],
+        Element::EccentricityCos | Element::EccentricitySin => [value - unit, 1.0],
+        Element::Gain => [value / unit - 0.5, 1.0 / unit],
+    };
+    Reading {
+        value,
+        sigma: sigma * libm::fabs(slope),
+    }
+}
+
+/// The parameter of an element that has not changed.
+fn healthy(element: Element) -> f64 {
+    if element == Element::Gain { 0.5 } else { 0.0 }
+}
+
+/// Systematic error of a change that neither its covariance nor the scatter of healthy windows shows.
+struct ModelError {
+    /// Standard deviation as a share of the change.
+    share: f64,
+    /// Standard deviation whatever the change: what other worn parts add.
+    floor: f64,
+}
+
+impl ModelError {
+    /// Systematic errors at a sample rate, Hz.
+    ///
+    /// Friction: what the torque does between the samples, beyond [`Term::SetpointHold`](super::Term::SetpointHold). Gain: the
+    /// differentiated law leaves out current loop, delay and the quantised feedback. Largest bias over the units of
+    /// `tests/relations_units.rs`, mixed motion, at 400 Hz to 5 kHz.
+    fn of(element: Element, sample_rate: f64) -> Self {
+        let slower = 2000.0 / sample_rate;
+        let (share, floor) = match element {
+            Element::Friction => (0.03 * slower, 0.006 * slower),
+            Element::Gain => (0.05 * slower, 0.006 * slower),
+            Element::Backlash => (0.01, 0.001),
+            _ => (0.01, 0.002),
+        };
+        Self { share, floor }
+    }
+}
+
+/// What a window needs whose estimate of an element is too uncertain.
+fn needed_for(element: Element) -> Needed {
+    match element {
+        Element::Friction => Needed::LongerMotion,
+        Element::Backlash => Needed::Reversal,
+        Element::TurnsA | Element::TurnsB | Element::TurnsC | Element::EccentricityCos | Element::EccentricitySin => {
+            Needed::MoreCurrent
+        }
+        Element::Gain => Needed::UnsaturatedControl,
+    }
+}
+
+/// Range of the gain factor `0.5 + k8`.
+const MIN_GAIN: f64 = 0.5;
+const MAX_GAIN: f64 = 1.5;
+
+/// Readings of all elements of one window, and its torque balance; the gain relative to that of healthy windows, where it is
+/// known, scales what the set point adds to the torque.
+pub(super) fn element_readings<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    unit: &BalanceCoefficients,
+    healthy_gain: Option<&Baseline>,
+) -> (ElementReadings, Balance) {
+    let gain = gain_ratio(window);
+    let relative_gain = match (gain, healthy_gain) {
+        (Ok(gain), Some(healthy)) if healthy.windows > 0 => (gain.value / healthy.mean).clamp(MIN_GAIN, MAX_GAIN),
+        _ => 1.0,
+    };
+    let TorqueBalance {
+        mut readings,
+        load,
+        residual_rms,
+        rows,
+    } = torque_balance(window, &unit.with_gain(relative_gain));
+    readings.put(Element::Backlash, play_width(window));
+    readings.put(Element::Gain, gain);
+    (
+        readings,
+        Balance {
+            load,
+            residual_rms,
+            rows,
+        },
+    )
+}
+
+/// What the torque balance says besides its elements.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Balance {
+    load: OutputLoad,
+    residual_rms: f64,
+    rows: usize,
+}

@@ -1,0 +1,120 @@
+//! The kernel that turns differential equations into equations between samples.
+//!
+//! An equation is multiplied by the kernel f around every sample and summed. Derivatives move onto the kernel, where they are
+//! its exact differences on the grid of the samples: analytic derivatives, sampled, do not sum to zero and would leak the
+//! angle itself into its acceleration. Derived here.
+
+/// Largest half width W, samples: 3 ms at 5 kHz. Above 10 kHz the kernel is too short for the resolver's counts.
+const MAX_HALF_WIDTH: usize = 15;
+
+/// Samples under the widest kernel.
+pub(super) const MAX_SPAN: usize = 2 * MAX_HALF_WIDTH + 1;
+
+/// Smallest half width W, samples.
+const MIN_HALF_WIDTH: usize = 2;
+
+/// Half width of the kernel in time, s: 6 samples at 2 kHz.
+const HALF_WIDTH_S: f64 = 3e-3;
+
+/// Weights of one half width; sample `n + m − W` has the weights at place `m`, places beyond the span are zero.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Kernel {
+    /// Samples under the kernel, `2 W + 1`.
+    pub(super) span: usize,
+    /// `f_m ∝ (1 − (m/W)²)⁴`, of unit sum, zero at both ends.
+    pub(super) smooth: [f64; MAX_SPAN],
+    /// `f + Δ²f / 12`: for what is not differentiated, beside the second difference of an angle. That difference is the
+    /// acceleration smoothed by f and by a triangle of one sample, whose second moment is `Δ²/12` of f.
+    pub(super) average: [f64; MAX_SPAN],
+    /// First derivative, 1/s: `Σ first_m x_m` is x' smoothed by f, from the central difference of the kernel.
+    pub(super) first: [f64; MAX_SPAN],
+    /// Second derivative, 1/s²: `Σ second_m x_m` is x'' smoothed by f, from the second difference of the kernel.
+    pub(super) second: [f64; MAX_SPAN],
+}
+
+impl Kernel {
+    /// The kernel for a sample rate, Hz: 3 ms on either side, 2 to 15 samples.
+    #[must_use]
+    pub(super) fn new(sample_rate: f64) -> Self {
+        let half = (libm::round(HALF_WIDTH_S * sample_rate) as usize).clamp(MIN_HALF_WIDTH, MAX_HALF_WIDTH);
+        let span = 2 * half + 1;
+        let raw = |m: usize| {
+            if m >= span {
+                return 0.0;
+            }
+            let x = (m as f64 - half as f64) / half as f64;
+            let quadratic = 1.0 - x * x;
+            let square = quadratic * quadratic;
+            square * square
+        };
+        let sum: f64 = (0..span).map(raw).sum();
+        // Zero outside, so that the differences at both ends are exact.
+        let f = |m: usize, shift: isize| m.checked_add_signed(shift).map_or(0.0, |m| raw(m) / sum);
+        let weights = |weight: &dyn Fn(usize) -> f64| {
+            let mut weights = [0.0; MAX_SPAN];
+            for (m, slot) in weights.iter_mut().enumerate().take(span) {
+                *slot = weight(m);
+            }
+            weights
+        };
+        let difference = |m| 0.5 * (f(m, 1) - f(m, -1));
+        let curvature = |m| f(m, 1) - 2.0 * f(m, 0) + f(m, -1);
+        Self {
+            span,
+            smooth: weights(&|m| f(m, 0)),
+            average: weights(&|m| f(m, 0) + curvature(m) / 12.0),
+            first: weights(&|m| -difference(m) * sample_rate),
+            second: weights(&|m| curvature(m) * sample_rate * sample_rate),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn half_width(kernel: &Kernel) -> usize {
+        kernel.span / 2
+    }
+
+    /// Weighted sum of `x` at sample times around zero.
+    fn applied(weights: &[f64; MAX_SPAN], kernel: &Kernel, rate: f64, x: impl Fn(f64) -> f64) -> f64 {
+        let half = half_width(kernel) as f64;
+        (0..kernel.span).map(|m| weights[m] * x((m as f64 - half) / rate)).sum()
+    }
+
+    #[test]
+    fn differences_are_exact_on_polynomials() {
+        for rate in [400.0, 2000.0] {
+            let kernel = Kernel::new(rate);
+            let close =
+                |a: f64, b: f64| assert!((a - b).abs() < 1e-7 * (1.0 + b.abs()), "{rate} Hz: {a} instead of {b}");
+            close(applied(&kernel.smooth, &kernel, rate, |_| 1.0), 1.0);
+            close(applied(&kernel.average, &kernel, rate, |_| 1.0), 1.0);
+            for (weights, expected) in [(&kernel.first, [0.0, 1.0, 0.0]), (&kernel.second, [0.0, 0.0, 2.0])] {
+                for (degree, expected) in expected.into_iter().enumerate() {
+                    close(
+                        applied(weights, &kernel, rate, |t| libm::pow(t, degree as f64)),
+                        expected,
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn average_and_second_difference_smooth_an_oscillation_alike() {
+        // x = cos ωt: x'' = −ω² x, so the ratio of both sums is −ω², up to the fourth order of ωΔt.
+        let (rate, omega) = (2000.0, core::f64::consts::TAU * 50.0);
+        let kernel = Kernel::new(rate);
+        let x = |t: f64| libm::cos(omega * t);
+        let ratio = applied(&kernel.second, &kernel, rate, x) / applied(&kernel.average, &kernel, rate, x);
+        assert!((ratio / (-omega * omega) - 1.0).abs() < 1e-5, "{ratio}");
+    }
+
+    #[test]
+    fn the_half_width_follows_the_sample_rate() {
+        let widths = [400.0, 1000.0, 2000.0, 5000.0].map(|rate| half_width(&Kernel::new(rate)));
+        assert_eq!(widths, [2, 3, 6, 15]);
+    }
+}

@@ -1,0 +1,189 @@
+//! A window as the relations read it: measured quantities of each sample in SI units.
+
+use core::f64::consts::TAU;
+
+use ema_models::{ActuatorParams, Real, SensedSample, Setpoint};
+
+use crate::monitor_fit::RecordedSample;
+
+/// A window of consecutive samples, its counters on one wrap.
+#[derive(Debug)]
+pub struct MeasuredWindow<'a, S> {
+    params: &'a ActuatorParams,
+    samples: &'a [S],
+    filled: &'a [usize],
+}
+
+impl<S> Clone for MeasuredWindow<'_, S> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<S> Copy for MeasuredWindow<'_, S> {}
+
+/// Measured quantities of one sample.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Quantities {
+    /// Phase currents, A.
+    pub(super) i: [f64; 3],
+    /// Their derivatives, A/s: central differences.
+    pub(super) di: [f64; 3],
+    /// Motor angle since the first sample, rad.
+    pub(super) theta_m: f64,
+    /// Motor angle within its turn, rad.
+    pub(super) angle_in_turn: f64,
+    /// Motor speed, rad/s: mean of three central differences of the angle.
+    pub(super) omega_m: f64,
+    /// Output angle since the first sample, rad.
+    pub(super) travel: f64,
+    /// Change of the speed reference that the last two set points made, mean of both, rad/s.
+    pub(super) reference_step: f64,
+    /// Whether the speed reference may be at its limit.
+    pub(super) is_speed_limited: bool,
+    /// Sine and cosine of the electrical angle.
+    pub(super) sin_cos_e: (f64, f64),
+}
+
+/// Largest speed reference at the nominal gain, as a share of ω_max: with the largest gain factor of 1.5 it stays below the
+/// limit.
+const SPEED_SHARE: f64 = 0.65;
+
+/// Largest torque, as a share of `G_T I_max`.
+const TORQUE_SHARE: f64 = 0.9;
+
+/// Samples that [`MeasuredWindow::quantities`] needs on either side.
+pub(super) const MARGIN: usize = 2;
+
+impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
+    /// A window of an actuator's samples; those of the ascending indices `filled` were not measured, and no kernel reaches
+    /// over them.
+    #[must_use]
+    pub fn new(params: &'a ActuatorParams, samples: &'a [S], filled: &'a [usize]) -> Self {
+        Self {
+            params,
+            samples,
+            filled,
+        }
+    }
+
+    /// The actuator's type.
+    #[must_use]
+    pub fn params(&self) -> &'a ActuatorParams {
+        self.params
+    }
+
+    /// Number of samples.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.samples.len()
+    }
+
+    /// Whether there is no sample.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.samples.is_empty()
+    }
+
+    /// Indices of the samples that have [`MARGIN`] neighbours.
+    pub(super) fn inner(&self) -> core::ops::Range<usize> {
+        MARGIN..self.len().saturating_sub(MARGIN).max(MARGIN)
+    }
+
+    /// The sample of a place.
+    pub(super) fn sensed(&self, n: usize) -> SensedSample {
+        self.samples[n].sensed(n as u64)
+    }
+
+    /// Whether a sample and the neighbours from which its derivatives come were measured.
+    pub(super) fn is_measured(&self, n: usize) -> bool {
+        let near = self.filled.partition_point(|&filled| filled + MARGIN < n);
+        self.filled.get(near).is_none_or(|&filled| filled > n + MARGIN)
+    }
+
+    /// Quantities of a sample of [`MeasuredWindow::inner`].
+    pub(super) fn quantities(&self, n: usize) -> Quantities {
+        let sensors = &self.params.sensors;
+        let (motor_lsb, rate) = (sensors.motor_lsb(), sensors.sample_rate);
+        let [first, two_before, before, now, after, two_after] =
+            [0, n - 2, n - 1, n, n + 1, n + 2].map(|n| self.sensed(n));
+        let per_turn = sensors.motor_counts_per_rev as i64;
+        let angle_in_turn = (now.motor_counts.rem_euclid(per_turn) as f64 + 0.5) * TAU / sensors.motor_counts_per_rev;
+        let turned = after.motor_counts + two_after.motor_counts - before.motor_counts - two_before.motor_counts;
+        Quantities {
+            i: now.currents,
+            di: core::array::from_fn(|j| 0.5 * (after.currents[j] - before.currents[j]) * rate),
+            theta_m: (now.motor_counts - first.motor_counts) as f64 * motor_lsb,
+            angle_in_turn,
+            omega_m: turned as f64 * motor_lsb * rate / 6.0,
+            travel: (now.output_counts - first.output_counts) as f64 * sensors.output_lsb(),
+            reference_step: 0.5
+                * (self.reference_step(two_before.setpoint, before.setpoint)
+                    + self.reference_step(before.setpoint, now.setpoint)),
+            is_speed_limited: self.is_speed_limited(n),
+            sin_cos_e: (self.params.motor.pole_pairs * angle_in_turn).sin_cos_poly(),
+        }
+    }
+
+    /// Change of the speed reference from one set point to the next, rad/s, before any limit.
+    fn reference_step(&self, from: Setpoint, to: Setpoint) -> f64 {
+        match (from, to) {
+            (Setpoint::Position(from), Setpoint::Position(to)) => self.params.controller.g_p * (to - from),
+            (Setpoint::Speed(from), Setpoint::Speed(to)) => to - from,
+            _ => 0.0,
+        }
+    }
+
+    /// Whether a torque, Nm, may be at the controller's limit.
+    pub(super) fn is_torque_limited(&self, torque: f64) -> bool {
+        let motor = &self.params.motor;
+        libm::fabs(torque) >= TORQUE_SHARE * motor.torque_gain() * motor.i_max
+    }
+
+    /// Whether the position loop may be at its speed limit.
+    fn is_speed_limited(&self, n: usize) -> bool {
+        let controller = &self.params.controller;
+        self.position_error(n)
+            .is_some_and(|error| libm::fabs(controller.g_p * error) >= SPEED_SHARE * controller.omega_max)
+    }
+
+    /// Motor speed at a sample of [`MeasuredWindow::inner`], rad/s: central difference of the angle.
+    pub(super) fn central_speed(&self, n: usize) -> f64 {
+        let sensors = &self.params.sensors;
+        let turned = self.sensed(n + 1).motor_counts - self.sensed(n - 1).motor_counts;
+        0.5 * turned as f64 * sensors.motor_lsb() * sensors.sample_rate
+    }
+
+    /// Control deviation `θ_cmd − θ_out` as the controller counts it, rad; `None` outside position mode.
+    pub(super) fn position_error(&self, n: usize) -> Option<f64> {
+        let sample = self.sensed(n);
+        match sample.setpoint {
+            Setpoint::Position(angle) => Some(angle - sample.output_counts as f64 * self.params.sensors.output_lsb()),
+            Setpoint::Idle | Setpoint::Speed(_) => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_filled_sample_spoils_its_neighbours() {
+        let params = ActuatorParams::bench();
+        let sample = SensedSample {
+            seq: 0,
+            currents: [0.0; 3],
+            motor_counts: 0,
+            output_counts: 0,
+            setpoint: Setpoint::Idle,
+        };
+        let samples = [sample; 20];
+        let window = MeasuredWindow::new(&params, &samples, &[5, 12]);
+        let spoilt = [3, 4, 5, 6, 7, 10, 11, 12, 13, 14];
+        for n in window.inner() {
+            assert_eq!(window.is_measured(n), !spoilt.contains(&n), "{n}");
+        }
+        assert!(MeasuredWindow::new(&params, &samples[..3], &[]).inner().is_empty());
+    }
+}

@@ -1,0 +1,114 @@
+//! Normal equations of a linear least-squares problem of fixed size, accumulated row by row.
+
+use nalgebra::{SMatrix, SVector};
+
+/// Information added to each unknown, relative to its own column: keeps what no row shows solvable, at zero with a
+/// variance that tells, and changes nothing else.
+const RELATIVE_RIDGE: f64 = 1e-10;
+
+/// Sums over the rows `a · x = y`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NormalEquations<const M: usize> {
+    /// `Σ a aᵀ`.
+    pub(super) ata: SMatrix<f64, M, M>,
+    /// `Σ a y`.
+    pub(super) aty: SVector<f64, M>,
+    /// `Σ y²`.
+    pub(super) yy: f64,
+    /// Number of rows.
+    pub(super) rows: usize,
+}
+
+/// Solution of a least-squares problem.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Solution<const M: usize> {
+    /// The unknowns.
+    pub(super) x: SVector<f64, M>,
+    /// `(Σ a aᵀ)⁻¹`.
+    pub(super) inverse: SMatrix<f64, M, M>,
+    /// Root-mean-square of `y − a · x`.
+    pub(super) residual_rms: f64,
+}
+
+impl<const M: usize> NormalEquations<M> {
+    /// No rows.
+    #[must_use]
+    pub(super) fn new() -> Self {
+        Self {
+            ata: SMatrix::zeros(),
+            aty: SVector::zeros(),
+            yy: 0.0,
+            rows: 0,
+        }
+    }
+
+    /// Adds the row `a · x = y`.
+    pub(super) fn add(&mut self, a: &[f64; M], y: f64) {
+        for column in 0..M {
+            for row in column..M {
+                self.ata[(row, column)] += a[row] * a[column];
+            }
+            self.aty[column] += a[column] * y;
+        }
+        self.yy += y * y;
+        self.rows += 1;
+    }
+
+    /// The matrix `Σ a aᵀ`, whose upper triangle [`NormalEquations::add`] leaves out.
+    #[must_use]
+    pub(super) fn symmetric(&self) -> SMatrix<f64, M, M> {
+        let mut whole = self.ata;
+        whole.fill_upper_triangle_with_lower_triangle();
+        whole
+    }
+
+    /// The unknowns with the least sum of squares; `None` when a sum is not finite.
+    #[must_use]
+    pub(super) fn solve(&self) -> Option<Solution<M>> {
+        let matrix = self.symmetric();
+        let scale = SVector::<f64, M>::from_fn(|m, _| {
+            let length = libm::sqrt(matrix[(m, m)]);
+            if length > 0.0 { 1.0 / length } else { 1.0 }
+        });
+        let mut scaled =
+            SMatrix::<f64, M, M>::from_fn(|row, column| matrix[(row, column)] * scale[row] * scale[column]);
+        for m in 0..M {
+            scaled[(m, m)] += RELATIVE_RIDGE;
+        }
+        let factor = scaled.cholesky()?;
+        let inverse = factor.inverse();
+        let x = factor.solve(&self.aty.component_mul(&scale)).component_mul(&scale);
+        let squares = self.yy - 2.0 * x.dot(&self.aty) + x.dot(&(matrix * x));
+        let solution = Solution {
+            x,
+            inverse: SMatrix::from_fn(|row, column| inverse[(row, column)] * scale[row] * scale[column]),
+            residual_rms: libm::sqrt(squares.max(0.0) / (self.rows.max(1) as f64)),
+        };
+        (solution.x.iter().all(|x| x.is_finite()) && solution.residual_rms.is_finite()).then_some(solution)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_found_and_an_empty_column_is_uncertain() {
+        let mut equations = NormalEquations::<3>::new();
+        for n in 0..20 {
+            let t = f64::from(n);
+            equations.add(&[1.0, t, 0.0], 2.0 - 0.5 * t);
+        }
+        let solution = equations.solve().unwrap();
+        assert!((solution.x[0] - 2.0).abs() < 1e-6 && (solution.x[1] + 0.5).abs() < 1e-6);
+        assert!(solution.x[2].abs() < 1e-12 && solution.inverse[(2, 2)] > 1e9);
+        assert!(solution.residual_rms < 1e-6);
+    }
+
+    #[test]
+    fn a_sum_that_is_not_finite_has_no_solution() {
+        let mut equations = NormalEquations::<1>::new();
+        equations.add(&[f64::NAN], 1.0);
+        assert!(equations.solve().is_none());
+    }
+}

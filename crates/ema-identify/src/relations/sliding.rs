@@ -1,0 +1,94 @@
+//! The last samples of a stream under the kernel.
+
+use super::kernel::MAX_SPAN;
+
+/// As many of the last samples as the kernel spans, `M` quantities each.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sliding<const M: usize> {
+    ring: [[f64; M]; MAX_SPAN],
+    span: usize,
+    /// Place of the oldest sample, which the next one replaces.
+    oldest: usize,
+    /// Usable samples since the last unusable one.
+    usable: usize,
+}
+
+impl<const M: usize> Sliding<M> {
+    /// An empty ring for this many samples.
+    #[must_use]
+    pub(super) fn new(span: usize) -> Self {
+        Self {
+            ring: [[0.0; M]; MAX_SPAN],
+            span: span.min(MAX_SPAN),
+            oldest: 0,
+            usable: 0,
+        }
+    }
+
+    /// Appends a sample.
+    pub(super) fn push(&mut self, sample: [f64; M]) {
+        self.ring[self.oldest] = sample;
+        self.oldest = (self.oldest + 1) % self.span;
+        self.usable += 1;
+    }
+
+    /// Forgets all samples: none before this instant may share a kernel with one after it.
+    pub(super) fn clear(&mut self) {
+        self.usable = 0;
+    }
+
+    /// Whether the samples fill the span.
+    #[must_use]
+    pub(super) fn is_full(&self) -> bool {
+        self.usable >= self.span
+    }
+
+    /// The samples, oldest first.
+    fn oldest_first(&self) -> impl Iterator<Item = &[f64; M]> {
+        let (later, earlier) = self.ring[..self.span].split_at(self.oldest);
+        earlier.iter().chain(later)
+    }
+
+    /// Sums of all quantities with one set of weights, oldest sample first; samples not yet pushed are zero.
+    #[must_use]
+    pub(super) fn sums(&self, weights: &[f64; MAX_SPAN]) -> [f64; M] {
+        let mut sums = [0.0; M];
+        for (weight, sample) in weights.iter().zip(self.oldest_first()) {
+            for m in 0..M {
+                sums[m] += weight * sample[m];
+            }
+        }
+        sums
+    }
+
+    /// Sums of all quantities, each with its own weights, oldest sample first.
+    #[must_use]
+    pub(super) fn sums_each(&self, weights: &[[f64; M]; MAX_SPAN]) -> [f64; M] {
+        let mut sums = [0.0; M];
+        for (weights, sample) in weights.iter().zip(self.oldest_first()) {
+            for m in 0..M {
+                sums[m] += weights[m] * sample[m];
+            }
+        }
+        sums
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_apply_oldest_first_to_the_last_samples() {
+        let mut ring = Sliding::<2>::new(3);
+        let mut weights = [0.0; MAX_SPAN];
+        weights[..3].copy_from_slice(&[1.0, 10.0, 100.0]);
+        for n in 0..5 {
+            assert_eq!(ring.is_full(), n >= 3);
+            ring.push([f64::from(n), -1.0]);
+        }
+        assert_eq!(ring.sums(&weights).map(|sum| sum as i32), [432, -111]);
+        ring.clear();
+        assert!(!ring.is_full());
+    }
+}

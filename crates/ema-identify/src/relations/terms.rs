@@ -1,0 +1,280 @@
+//! Terms of the torque balance of the motor shaft, each smoothed by the kernel, row by row over a window.
+//!
+//! With the true coefficients the terms of a row sum to zero: `Σ_j N_j T_j + … − J ω' − C ω − T_d sign ω − … = 0`. Derived
+//! here from the equation of motion of the motor shaft, torques at the motor, of one rigid mass.
+
+use ema_models::{ActuatorParams, phase_shapes};
+
+use super::kernel::{Kernel, MAX_SPAN};
+use super::measured::{MeasuredWindow, Quantities};
+use super::output_load::OutputLoad;
+use super::sliding::Sliding;
+use crate::monitor_fit::RecordedSample;
+
+/// A term of the torque balance; its coefficient has the stated unit, coefficient times term is a torque, Nm.
+///
+/// `s_j = −sin(θ_e − 2πj/3)`; sign ω is that of the measured speed. Derived here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Term {
+    /// `k s_A i_A`; coefficient N_A.
+    TurnsA,
+    /// `k s_B i_B`; coefficient N_B.
+    TurnsB,
+    /// `k s_C i_C`; coefficient N_C.
+    TurnsC,
+    /// `Σ_j k s_j i_j cos(θ_e + 2πj/3)`; coefficient `ζ cos φ_e`.
+    EccentricityCos,
+    /// `Σ_j k s_j i_j sin(θ_e + 2πj/3)`; coefficient `ζ sin φ_e`.
+    EccentricitySin,
+    /// `−θ_m''`; coefficient J, kg·m².
+    Inertia,
+    /// `−θ_m'`; coefficient C, Nm·s/rad.
+    Damping,
+    /// `−sign ω`; coefficient T_d, Nm.
+    DryFriction,
+    /// `−sign ω e^(−(ω/ω_s)²)`; coefficient T_s' − T_d of Stribeck's curve, Nm.
+    Stribeck,
+    /// `−sign ω cos N_t θ_m`; coefficient of the friction's part once per tooth, Nm.
+    MeshCos,
+    /// `−sign ω sin N_t θ_m`; coefficient of the friction's part once per tooth, Nm.
+    MeshSin,
+    /// `cos N_c θ_m`; coefficient of the cogging torque, Nm.
+    CoggingCos,
+    /// `sin N_c θ_m`; coefficient of the cogging torque, Nm.
+    CoggingSin,
+    /// `−(cos θ_e)''`; coefficient −J times the resolver's error at the motor shaft, kg·m²·rad.
+    Resolver1Cos,
+    /// `−(sin θ_e)''`; coefficient as before.
+    Resolver1Sin,
+    /// `−(cos 2θ_e)''`; coefficient as before.
+    Resolver2Cos,
+    /// `−(sin 2θ_e)''`; coefficient as before.
+    Resolver2Sin,
+    /// `−Σ_j k (sin 5θ_j − sin 7θ_j) i_j`, `θ_j = θ_e − 2πj/3`; coefficient: difference of the EMF's 5th and 7th harmonic. With
+    /// sinusoidal currents only the difference shows.
+    EmfHarmonics,
+    /// `k (s_A − s_C)`; coefficient: minus the offset of the current of phase A about the mean of the three, A (a common
+    /// offset makes no torque).
+    OffsetA,
+    /// `k (s_B − s_C)`; coefficient: the same of phase B, A.
+    OffsetB,
+    /// `Σ_j k s_j i_j'`; coefficient: age of the currents against the angle, s.
+    Latency,
+    /// `K_p Δω_ref`, where neither speed nor torque is at its limit: what each new set point adds to the torque behind the sample with
+    /// which it is latched; coefficient: the share of it in the mean torque between two samples, about ½. Without it, a set point
+    /// that is held from sample to sample looks like friction.
+    SetpointHold,
+    /// `−1/n`; coefficient: constant load at the output, Nm.
+    Load,
+    /// `−(θ_out − θ_out(0))/n`; coefficient: stiffness of a spring load at the output, Nm/rad.
+    Spring,
+    /// `−sign ω |T_l/n| (1/η_o − 1)` while the load T_l opposes the motion, `(1 − η_a)` while it aids; coefficient 1. T_l is
+    /// load and spring as given.
+    GearLoss,
+}
+
+/// Number of terms.
+pub const TERM_COUNT: usize = 25;
+
+/// The derivative under which the kernel smooths a term.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Derivative {
+    None,
+    First,
+    Second,
+}
+
+impl Term {
+    fn derivative(term: usize) -> Derivative {
+        const INERTIA: usize = Term::Inertia as usize;
+        const DAMPING: usize = Term::Damping as usize;
+        const FIRST_OF_RESOLVER: usize = Term::Resolver1Cos as usize;
+        const LAST_OF_RESOLVER: usize = Term::Resolver2Sin as usize;
+        match term {
+            DAMPING => Derivative::First,
+            INERTIA | FIRST_OF_RESOLVER..=LAST_OF_RESOLVER => Derivative::Second,
+            _ => Derivative::None,
+        }
+    }
+}
+
+/// Constants of the terms that an actuator type's parameters do not hold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BalanceShape {
+    /// Stribeck speed ω_s at the motor shaft, rad/s.
+    pub stribeck_speed: f64,
+    /// Periods of the cogging torque per motor revolution, N_c, a whole number.
+    pub cogging_periods: f64,
+    /// Teeth of the first gear stage per motor revolution, N_t, a whole number.
+    pub teeth: f64,
+}
+
+impl BalanceShape {
+    /// Usual values: 10 rad/s, six cogging periods per pole pair, 13 teeth.
+    #[must_use]
+    pub fn usual(params: &ActuatorParams) -> Self {
+        Self {
+            stribeck_speed: 10.0,
+            cogging_periods: 6.0 * params.motor.pole_pairs,
+            teeth: 13.0,
+        }
+    }
+}
+
+/// One row of the torque balance.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BalanceRow {
+    /// The terms in the order of [`Term`].
+    pub(super) terms: [f64; TERM_COUNT],
+    /// Whether the motor turns in the positive direction.
+    pub(super) forward: bool,
+}
+
+/// Smallest speed under the kernel, rad/s: below, friction is no function of the measured speed.
+const MOVING: f64 = 3.0;
+
+/// Rows of a window, one per inner sample; `None` unless the motor turns in one direction under the kernel that ends there, at
+/// 3 rad/s or more, and all of it was measured.
+pub(super) fn balance_rows<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    shape: &BalanceShape,
+    load: OutputLoad,
+) -> impl Iterator<Item = Option<BalanceRow>> {
+    let (window, integrands) = (*window, Integrands::new(window.params(), shape, load));
+    let kernel = Kernel::new(window.params().sensors.sample_rate);
+    let weights = weights(&kernel);
+    let mut ring = Sliding::<TERM_COUNT>::new(kernel.span);
+    let mut forward = true;
+    window.inner().map(move |n| {
+        let now = window.quantities(n);
+        if libm::fabs(now.omega_m) < MOVING || !window.is_measured(n) {
+            ring.clear();
+            return None;
+        }
+        // At full torque the speed may change its sign between two samples.
+        if forward != (now.omega_m > 0.0) {
+            forward = !forward;
+            ring.clear();
+        }
+        ring.push(integrands.of(&window, &now));
+        ring.is_full().then(|| BalanceRow {
+            terms: ring.sums_each(&weights),
+            forward,
+        })
+    })
+}
+
+/// Weight of each sample in each term.
+fn weights(kernel: &Kernel) -> [[f64; TERM_COUNT]; MAX_SPAN] {
+    core::array::from_fn(|place| {
+        core::array::from_fn(|term| match Term::derivative(term) {
+            Derivative::None => kernel.average[place],
+            Derivative::First => -kernel.first[place],
+            Derivative::Second => -kernel.second[place],
+        })
+    })
+}
+
+/// What the terms are made of before the kernel.
+#[derive(Clone, Copy)]
+struct Integrands {
+    k: f64,
+    k_p: f64,
+    gear_ratio: f64,
+    loss_shares: [f64; 2],
+    shape: BalanceShape,
+    load: OutputLoad,
+}
+
+impl Integrands {
+    fn new(params: &ActuatorParams, shape: &BalanceShape, load: OutputLoad) -> Self {
+        Self {
+            k: params.motor.k,
+            k_p: params.controller.k_p,
+            gear_ratio: params.transmission.gear_ratio,
+            loss_shares: params.transmission.gear_loss_shares(),
+            shape: *shape,
+            load,
+        }
+    }
+
+    fn of(&self, window: &MeasuredWindow<'_, impl RecordedSample>, now: &Quantities) -> [f64; TERM_COUNT] {
+        use ema_models::Real;
+        let e = now.sin_cos_e;
+        let (sin, cos) = e;
+        let double = sum(e, e);
+        let fourth = sum(double, double);
+        let (fifth, seventh) = (sum(fourth, e), sum(sum(fourth, double), e));
+        let s = phase_shapes(e);
+        let torque: [f64; 3] = core::array::from_fn(|j| self.k * s[j] * now.i[j]);
+        let is_limited = now.is_speed_limited || window.is_torque_limited(torque.iter().sum());
+        let sign = libm::copysign(1.0, now.omega_m);
+        let ratio = now.omega_m / self.shape.stribeck_speed;
+        let (mesh_sin, mesh_cos) = (self.shape.teeth * now.angle_in_turn).sin_cos_poly();
+        let (cogging_sin, cogging_cos) = (self.shape.cogging_periods * now.angle_in_turn).sin_cos_poly();
+        let load_torque = (self.load.constant + self.load.spring * now.travel) / self.gear_ratio;
+        let [opposing, aiding] = self.loss_shares;
+        let loss_share = if load_torque * sign >= 0.0 { opposing } else { aiding };
+        // 5 θ_j = 5 θ_e + 2πj/3 and 7 θ_j = 7 θ_e − 2πj/3, up to whole turns.
+        let harmonics = |j: usize| ahead(fifth, j).0 - ahead(seventh, (3 - j) % 3).0;
+        [
+            torque[0],
+            torque[1],
+            torque[2],
+            (0..3).map(|j| torque[j] * ahead(e, j).1).sum(),
+            (0..3).map(|j| torque[j] * ahead(e, j).0).sum(),
+            now.theta_m,
+            now.theta_m,
+            -sign,
+            -sign * libm::exp(-ratio * ratio),
+            -sign * mesh_cos,
+            -sign * mesh_sin,
+            cogging_cos,
+            cogging_sin,
+            cos,
+            sin,
+            double.1,
+            double.0,
+            -(0..3).map(|j| self.k * harmonics(j) * now.i[j]).sum::<f64>(),
+            self.k * (s[0] - s[2]),
+            self.k * (s[1] - s[2]),
+            (0..3).map(|j| self.k * s[j] * now.di[j]).sum(),
+            if is_limited { 0.0 } else { self.k_p * now.reference_step },
+            -1.0 / self.gear_ratio,
+            -now.travel / self.gear_ratio,
+            -sign * libm::fabs(load_torque) * loss_share,
+        ]
+    }
+}
+
+/// Sine and cosine of the sum of two angles.
+fn sum((sin_a, cos_a): (f64, f64), (sin_b, cos_b): (f64, f64)) -> (f64, f64) {
+    (sin_a * cos_b + cos_a * sin_b, cos_a * cos_b - sin_a * sin_b)
+}
+
+/// Sine and cosine of an angle plus `2πj/3`.
+fn ahead(angle: (f64, f64), j: usize) -> (f64, f64) {
+    const SQRT3_2: f64 = 0.866_025_403_784_438_6;
+    const THIRDS: [(f64, f64); 3] = [(0.0, 1.0), (SQRT3_2, -0.5), (-SQRT3_2, -0.5)];
+    sum(angle, THIRDS[j])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ema_models::Real;
+
+    #[test]
+    fn angles_ahead_by_thirds_of_a_turn() {
+        for j in 0..3 {
+            let (sin, cos) = ahead(0.3f64.sin_cos_poly(), j);
+            let angle = 0.3 + core::f64::consts::TAU * j as f64 / 3.0;
+            assert!((sin - libm::sin(angle)).abs() < 1e-11 && (cos - libm::cos(angle)).abs() < 1e-11);
+        }
+    }
+
+    #[test]
+    fn the_last_term_is_the_last_of_the_table() {
+        assert_eq!(Term::GearLoss as usize + 1, TERM_COUNT);
+    }
+}

@@ -1,0 +1,171 @@
+//! Friction, shorts and eccentricity of one window from the torque balance of the motor shaft.
+//!
+//! In: a window and the coefficients that all windows of the unit share. Out: the eight coefficients that may differ in this
+//! window (intact turns, eccentricity, scale of friction, load, spring) by one linear least squares. What the gear loses under
+//! the load depends on load and spring, so up to four rounds find both; without it every spring would
+//! look like friction.
+
+use super::elements::{Element, ElementReadings, Needed, Reading};
+use super::kernel::Kernel;
+use super::measured::MeasuredWindow;
+use super::normal_equations::NormalEquations;
+use super::output_load::OutputLoad;
+use super::overlap::Overlap;
+use super::terms::{BalanceShape, TERM_COUNT, Term, balance_rows};
+use crate::monitor_fit::RecordedSample;
+
+/// Coefficients of the torque balance that all windows of one unit share, in the order of [`Term`].
+///
+/// The balance has no absolute scale of torque: `N_A + N_B + N_C = 3`, and J, T_d, C are relative to the type's k. Load and
+/// spring are zero, because each window has its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BalanceCoefficients {
+    /// The coefficients.
+    pub values: [f64; TERM_COUNT],
+    /// Constants of the terms.
+    pub shape: BalanceShape,
+    /// Root-mean-square residual of the windows from which they were learnt, Nm.
+    pub residual_rms: f64,
+}
+
+impl BalanceCoefficients {
+    /// Coefficient of a term.
+    #[must_use]
+    pub fn of(&self, term: Term) -> f64 {
+        self.values[term as usize]
+    }
+}
+
+impl BalanceCoefficients {
+    /// The coefficients of the unit with its position gain changed by a factor.
+    #[must_use]
+    pub(super) fn with_gain(&self, factor: f64) -> Self {
+        let mut changed = *self;
+        changed.values[Term::SetpointHold as usize] *= factor;
+        changed
+    }
+}
+
+/// Terms of friction, which wear together.
+const WORN: [Term; 4] = [Term::DryFriction, Term::Stribeck, Term::MeshCos, Term::MeshSin];
+
+/// Terms that are free or stand in a free sum.
+const FREE: [Term; 7] = [
+    Term::TurnsA,
+    Term::TurnsB,
+    Term::TurnsC,
+    Term::EccentricityCos,
+    Term::EccentricitySin,
+    Term::Load,
+    Term::Spring,
+];
+
+/// Rounds in which load and the gear's losses find each other.
+pub(super) const LOAD_ROUNDS: usize = 4;
+
+/// Free coefficients of a window: N_A, N_B, N_C, ζ cos φ_e, ζ sin φ_e, scale of friction, load, spring.
+const FREE_COUNT: usize = 8;
+
+/// Places of friction and of load and spring among the free coefficients.
+const FRICTION: usize = 5;
+const LOAD: usize = 6;
+
+/// Torque balance of one window.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TorqueBalance {
+    /// Friction scale, turns and eccentricity; the other elements are untouched.
+    pub(super) readings: ElementReadings,
+    /// Load at the output.
+    pub(super) load: OutputLoad,
+    /// Root-mean-square residual, Nm.
+    pub(super) residual_rms: f64,
+    /// Rows used.
+    pub(super) rows: usize,
+}
+
+/// Fits the free coefficients of a window.
+pub(super) fn torque_balance<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    unit: &BalanceCoefficients,
+) -> TorqueBalance {
+    let kernel = Kernel::new(window.params().sensors.sample_rate);
+    let mut balance = TorqueBalance {
+        readings: ElementReadings::none(),
+        load: OutputLoad::default(),
+        residual_rms: 0.0,
+        rows: 0,
+    };
+    let mut losing = OutputLoad::default();
+    for _ in 0..LOAD_ROUNDS {
+        let sums = sums(window, unit, &kernel, losing);
+        balance.rows = sums.equations.rows;
+        let enough = balance.rows / kernel.span > FREE_COUNT;
+        let Some(solution) = sums.equations.solve().filter(|_| enough) else {
+            balance.readings.fail(Element::BALANCE, Needed::LongerMotion);
+            return balance;
+        };
+        balance.residual_rms = solution.residual_rms;
+        balance.load = OutputLoad::new(&solution.x.fixed_rows::<2>(LOAD).into_owned());
+        let information = sums.equations.symmetric().fixed_view::<2, 2>(LOAD, LOAD).into_owned();
+        let found = balance.load.losing(&information, balance.rows, window.params());
+        let covariance = sums.overlap.covariance(&sums.equations, &solution);
+        for (place, element) in Element::BALANCE.into_iter().enumerate() {
+            let reading = Reading {
+                value: solution.x[place],
+                sigma: libm::sqrt(covariance[(place, place)].max(0.0)),
+            };
+            balance.readings.set(element, reading);
+        }
+        if sums.directions.iter().any(|&rows| rows < kernel.span) {
+            // With motion in one direction the load takes the place of friction.
+            balance.readings.fail([Element::Friction], Needed::BothDirections);
+        }
+        if found.is_close(&losing) {
+            break;
+        }
+        losing = found;
+    }
+    balance
+}
+
+/// Sums over the rows of a window.
+struct Sums {
+    equations: NormalEquations<FREE_COUNT>,
+    overlap: Overlap<FREE_COUNT>,
+    /// Rows in either direction.
+    directions: [usize; 2],
+}
+
+fn sums<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    unit: &BalanceCoefficients,
+    kernel: &Kernel,
+    load: OutputLoad,
+) -> Sums {
+    let mut known = unit.values;
+    for term in FREE.into_iter().chain(WORN) {
+        known[term as usize] = 0.0;
+    }
+    let mut sums = Sums {
+        equations: NormalEquations::new(),
+        overlap: Overlap::new(&kernel.average, kernel.span),
+        directions: [0; 2],
+    };
+    for row in balance_rows(window, &unit.shape, load) {
+        let Some(row) = row else {
+            sums.overlap.add(None);
+            continue;
+        };
+        let term = |term: Term| row.terms[term as usize];
+        let friction = WORN.iter().map(|&worn| unit.of(worn) * term(worn)).sum();
+        let [a, b, c, ecc_cos, ecc_sin, constant, spring] = FREE.map(term);
+        let rest: f64 = known.iter().zip(&row.terms).map(|(x, term)| x * term).sum();
+        let free = [a, b, c, ecc_cos, ecc_sin, friction, constant, spring];
+        sums.equations.add(&free, -rest);
+        sums.overlap.add(Some(&free));
+        sums.directions[usize::from(row.forward)] += 1;
+    }
+    sums
+}
+
+const _: () = assert!(FRICTION + 1 == Element::BALANCE.len());

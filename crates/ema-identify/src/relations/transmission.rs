@@ -1,0 +1,161 @@
+//! Width of the play of one window, from the measured motor angle against the counts of the output encoder.
+//!
+//! The output angle follows `θ_m/n` through a play of width b ([`follow_through_play`]); the width whose output leaves least of
+//! the counts is found by a search over one number. The zeros of both counters need not agree: a constant difference is
+//! free. The motion counts from the instant at which the output has moved by two counts, because then the motor is known to
+//! push at the flank of that direction. Derived here.
+
+use ema_models::follow_through_play;
+
+use super::elements::{Needed, Reading};
+use super::kernel::Kernel;
+use super::measured::MeasuredWindow;
+use crate::monitor_fit::RecordedSample;
+
+/// Largest width of the search, in healthy widths b₀; the worst fault is 100.
+const MAX_WIDTHS: f64 = 120.0;
+
+/// Widths of the first, coarse search.
+const COARSE: usize = 40;
+
+/// Steps of the golden section between the neighbours of the best coarse width.
+const GOLDEN_STEPS: usize = 22;
+
+/// Output counts by which the output moves before it counts as pushed.
+const PUSHED_COUNTS: i64 = 2;
+
+/// Width of the play, rad at the output.
+pub(super) fn play_width<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Result<Reading, Needed> {
+    let start = pushed(window).ok_or(Needed::LongerMotion)?;
+    let params = window.params();
+    let span = Kernel::new(params.sensors.sample_rate).span;
+    let mismatch = |width: f64| follow(window, start, width).mismatch();
+    let step = MAX_WIDTHS * params.transmission.backlash / COARSE as f64;
+    let mut best = (f64::INFINITY, 0.0);
+    for n in 0..=COARSE {
+        let width = step * n as f64;
+        let left = mismatch(width);
+        if left < best.0 {
+            best = (left, width);
+        }
+    }
+    let width = golden_section((best.1 - step).max(0.0), best.1 + step, mismatch);
+
+    let followed = follow(window, start, width);
+    if followed.flanks.iter().any(|&samples| samples < span) {
+        return Err(Needed::Reversal);
+    }
+    // Curvature over one count, below which the mismatch is rough.
+    let lsb = params.sensors.output_lsb();
+    let (centre, at) = (width.max(lsb), followed.mismatch());
+    let curvature = (mismatch(centre - lsb) + mismatch(centre + lsb) - 2.0 * mismatch(centre)) / (lsb * lsb);
+    let variance = 2.0 * at / followed.samples * span as f64 / curvature;
+    if curvature > 0.0 && variance.is_finite() {
+        Ok(Reading {
+            value: width,
+            sigma: libm::sqrt(variance),
+        })
+    } else {
+        Err(Needed::Reversal)
+    }
+}
+
+/// Where the motion counts from.
+#[derive(Clone, Copy)]
+struct Start {
+    sample: usize,
+    forward: bool,
+}
+
+/// The first sample at which the motor is known to push the output.
+fn pushed<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Option<Start> {
+    let inner = window.inner();
+    let rest = window.sensed(inner.clone().next()?).output_counts;
+    inner
+        .map(|n| (n, window.sensed(n).output_counts - rest))
+        .find_map(|(sample, moved)| {
+            (moved.abs() >= PUSHED_COUNTS).then_some(Start {
+                sample,
+                forward: moved > 0,
+            })
+        })
+}
+
+/// How an output behind a play compares with the counts.
+struct Followed {
+    samples: f64,
+    sum: f64,
+    squares: f64,
+    /// Samples at which the motor pushes the output backwards and forwards.
+    flanks: [usize; 2],
+}
+
+impl Followed {
+    /// Sum of squared differences about their mean, rad².
+    fn mismatch(&self) -> f64 {
+        (self.squares - self.sum * self.sum / self.samples.max(1.0)).max(0.0)
+    }
+}
+
+fn follow<S: RecordedSample>(window: &MeasuredWindow<'_, S>, start: Start, width: f64) -> Followed {
+    let params = window.params();
+    let (sensors, half) = (&params.sensors, 0.5 * width);
+    let first = window.sensed(start.sample);
+    let per_motor_count = sensors.motor_lsb() / params.transmission.gear_ratio;
+    let mut output = if start.forward { -half } else { half };
+    let mut followed = Followed {
+        samples: 0.0,
+        sum: 0.0,
+        squares: 0.0,
+        flanks: [0; 2],
+    };
+    for n in start.sample..window.inner().end {
+        let now = window.sensed(n);
+        let centre = (now.motor_counts - first.motor_counts) as f64 * per_motor_count;
+        let before = output;
+        output = follow_through_play(output, centre, half);
+        if output > before {
+            followed.flanks[1] += 1;
+        } else if output < before {
+            followed.flanks[0] += 1;
+        }
+        if window.is_measured(n) {
+            let counted = (now.output_counts - first.output_counts) as f64 * sensors.output_lsb();
+            let difference = counted - output;
+            followed.samples += 1.0;
+            followed.sum += difference;
+            followed.squares += difference * difference;
+        }
+    }
+    followed
+}
+
+/// Place of the least value of a function between two bounds, where it has one.
+fn golden_section(mut low: f64, mut high: f64, cost: impl Fn(f64) -> f64) -> f64 {
+    const SHARE: f64 = 0.618_033_988_749_894_9;
+    let (mut left, mut right) = (high - SHARE * (high - low), low + SHARE * (high - low));
+    let (mut at_left, mut at_right) = (cost(left), cost(right));
+    for _ in 0..GOLDEN_STEPS {
+        if at_left <= at_right {
+            (high, right, at_right) = (right, left, at_left);
+            left = high - SHARE * (high - low);
+            at_left = cost(left);
+        } else {
+            (low, left, at_left) = (left, right, at_right);
+            right = low + SHARE * (high - low);
+            at_right = cost(right);
+        }
+    }
+    0.5 * (low + high)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::golden_section;
+
+    #[test]
+    fn golden_section_finds_the_bottom() {
+        let found = golden_section(0.0, 1.0, |x| (x - 0.3) * (x - 0.3));
+        assert!((found - 0.3).abs() < 1e-4, "{found}");
+    }
+}

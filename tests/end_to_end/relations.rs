@@ -1,0 +1,176 @@
+//! Units far from their data sheet, with a vector drive: the relations between measured signals find what is worn.
+
+#[path = "../relations_units.rs"]
+mod relations_units;
+
+use ema_identify::relations::{
+    BalanceShape, CommissionError, MeasuredWindow, Needed, RelationsEstimate, Term, commission,
+};
+use ema_models::reference::{Actuations, Scenario};
+use ema_models::{FAULT_COUNT, FaultVector, Profile};
+use relations_units::{FAULTS, UNITS, Unit, simulated};
+
+/// Largest error of a damaged parameter, and of one that is not: the largest seen on these windows is 0.02 (gain 0.7)
+/// and 0.024 (short of the small servo, whose sigma is 0.01).
+const DAMAGED: f64 = 0.03;
+const HEALTHY: f64 = 0.03;
+
+fn check(unit: &Unit) {
+    let learnt = unit.learnt();
+    let nominal = FaultVector::NOMINAL.to_array();
+    let healthy = unit.estimates(&learnt, &unit.healthy());
+    let faulty = unit.estimates(&learnt, &unit.faulty());
+    let truths = FAULTS.iter().map(|&(parameter, value)| {
+        let mut truth = nominal;
+        truth[parameter] = value;
+        truth
+    });
+    let cases = healthy
+        .iter()
+        .map(|estimate| (nominal, estimate))
+        .chain(truths.zip(&faulty));
+    for (truth, estimate) in cases {
+        for parameter in (0..FAULT_COUNT).filter(|&parameter| parameter != FaultVector::ECCENTRICITY_PHASE_INDEX) {
+            let error = (estimate.k[parameter] - truth[parameter]).abs();
+            let damaged = (truth[parameter] - nominal[parameter]).abs() > 0.0;
+            let limit = if damaged { DAMAGED } else { HEALTHY };
+            assert!(error < limit, "{}: {truth:?} as {estimate:?}", unit.name);
+            let sigma = estimate.sigma[parameter].expect("a mixed motion shows all");
+            assert!(error < 4.5 * sigma, "{}: {truth:?} as {estimate:?}", unit.name);
+        }
+    }
+    let direction = faulty[4].k[FaultVector::ECCENTRICITY_PHASE_INDEX];
+    assert!((direction - 0.7).abs() < 0.02, "{}: direction {direction}", unit.name);
+}
+
+#[test]
+fn each_fault_of_a_unit_with_other_parameters_is_found() {
+    check(&UNITS[1]);
+}
+
+#[test]
+fn each_fault_of_a_unit_with_wrong_sensors_is_found() {
+    check(&UNITS[2]);
+}
+
+#[test]
+fn each_fault_of_a_small_servo_is_found() {
+    check(&UNITS[3]);
+}
+
+/// At 400 Hz, where the torque changes much between two samples.
+#[test]
+fn each_fault_is_found_at_400_hz() {
+    let unit = &UNITS[0];
+    let mut params = unit.params();
+    params.sensors.sample_rate = 400.0;
+    let windows_of = |scenarios: Vec<Scenario>| {
+        let slow = |mut scenario: Scenario| {
+            (scenario.nominal, scenario.unit) = (params, params);
+            scenario
+        };
+        simulated(&scenarios.into_iter().map(slow).collect::<Vec<_>>())
+    };
+    let recordings = windows_of(unit.commissioning());
+    let windows: Vec<_> = recordings
+        .iter()
+        .map(|samples| MeasuredWindow::new(&params, samples, &[]))
+        .collect();
+    let learnt = commission(&windows, &BalanceShape::usual(&params)).expect("a unit from healthy windows");
+    assert!((learnt.balance.of(Term::SetpointHold) - 0.5).abs() < 0.15, "{learnt:?}");
+    for ((parameter, value), samples) in FAULTS.into_iter().zip(windows_of(unit.faulty())) {
+        let estimate = learnt.estimate(&MeasuredWindow::new(&params, &samples, &[]));
+        let limit = if parameter < 2 { 0.05 } else { 0.04 };
+        assert!(
+            (estimate.k[parameter] - value).abs() < limit,
+            "{parameter}: {value} as {estimate:?}"
+        );
+    }
+}
+
+#[test]
+fn offsets_gains_and_cogging_are_learnt() {
+    let learnt = UNITS[2].learnt().balance;
+    // Offsets of 50, −50 and 20 mA: about their mean, and with the other sign.
+    let near = |term: Term, expected: f64, within: f64| {
+        let found = learnt.of(term);
+        assert!(
+            (found - expected).abs() < within,
+            "{term:?}: {found} instead of {expected}"
+        );
+    };
+    near(Term::OffsetA, 0.02 / 3.0 - 0.05, 0.004);
+    near(Term::OffsetB, 0.02 / 3.0 + 0.05, 0.004);
+    near(Term::CoggingSin, 0.144 * 0.4f64.cos(), 0.005);
+    near(Term::CoggingCos, 0.144 * 0.4f64.sin(), 0.005);
+    // A sensor that reads 1 % too much makes its phase seem to have 1 % fewer turns, relative to the mean of all.
+    near(Term::TurnsA, 1.0 - 0.010 + 0.005 / 3.0, 0.003);
+    near(Term::TurnsB, 1.0 + 0.010 + 0.005 / 3.0, 0.003);
+    near(Term::Inertia, 1e-3, 1e-5);
+    near(Term::DryFriction, 0.15, 0.005);
+}
+
+/// The estimate of one window of another profile.
+fn estimate_of(profile: Profile) -> RelationsEstimate {
+    let unit = &UNITS[0];
+    let scenario = Scenario {
+        actuations: Actuations::single(profile),
+        ..unit.scenario(FaultVector::NOMINAL, 301)
+    };
+    let params = unit.params();
+    let samples: Vec<_> = scenario.run().collect();
+    unit.learnt().estimate(&MeasuredWindow::new(&params, &samples, &[]))
+}
+
+#[test]
+fn a_window_says_what_it_would_have_needed() {
+    let ramp = estimate_of(Profile::Ramp);
+    assert_eq!(ramp.needed[0], Some(Needed::BothDirections), "{ramp:?}");
+    assert!(ramp.sigma[0].is_none() && ramp.k[0].abs() < 1e-12);
+
+    let speed = estimate_of(Profile::Speed);
+    assert_eq!(speed.needed[7], Some(Needed::PositionMode), "{speed:?}");
+
+    let unit = &UNITS[0];
+    let (params, learnt) = (unit.params(), unit.learnt());
+    let samples = &simulated(&unit.healthy()[..1])[0];
+    let at_rest = learnt.estimate(&MeasuredWindow::new(&params, &samples[..40], &[]));
+    assert_eq!(at_rest.observable(), [false; FAULT_COUNT]);
+    assert!(at_rest.needed[2] == Some(Needed::LongerMotion), "{at_rest:?}");
+    for bad in [0, 1, 4, 5] {
+        let nothing = learnt.estimate(&MeasuredWindow::new(&params, &samples[..bad], &[]));
+        assert_eq!(nothing.observable(), [false; FAULT_COUNT]);
+    }
+}
+
+#[test]
+fn filled_samples_and_numbers_that_are_not_change_no_estimate_silently() {
+    let unit = &UNITS[0];
+    let (params, learnt) = (unit.params(), unit.learnt());
+    let mut samples = simulated(&unit.healthy()[..1]).remove(0);
+    let whole = learnt.estimate(&MeasuredWindow::new(&params, &samples, &[]));
+    samples[300].currents[0] = f64::NAN;
+    let filled = learnt.estimate(&MeasuredWindow::new(&params, &samples, &[300]));
+    assert!(filled.torque_rows < whole.torque_rows && filled.torque_rows + 20 > whole.torque_rows);
+    for parameter in [0, 1, 2, 3, 4, 5, 7] {
+        assert!((filled.k[parameter] - whole.k[parameter]).abs() < 0.01, "{filled:?}");
+    }
+    let spoilt = learnt.estimate(&MeasuredWindow::new(&params, &samples, &[]));
+    assert!(
+        spoilt.sigma[2].is_none() && spoilt.k.iter().all(|k| k.is_finite()),
+        "{spoilt:?}"
+    );
+}
+
+#[test]
+fn too_few_healthy_windows_are_refused() {
+    let unit = &UNITS[0];
+    let params = unit.params();
+    let recordings = simulated(&unit.commissioning()[..4]);
+    let windows: Vec<_> = recordings
+        .iter()
+        .map(|samples| MeasuredWindow::new(&params, samples, &[]))
+        .collect();
+    let refused = commission(&windows, &BalanceShape::usual(&params));
+    assert_eq!(refused, Err(CommissionError::TooFewWindows { found: 4 }));
+}

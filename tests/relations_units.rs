@@ -42,13 +42,13 @@ pub(crate) const UNITS: [Unit; 4] = [
     Unit {
         name: "vector drive",
         actuator: "bench",
-        effects: &[("pwm_hz", 20e3), ("dead_time_s", 1.5e-6)],
+        effects: &[("pwm_frequency_hz", 20e3), ("dead_time_s", 1.5e-6)],
     },
     Unit {
         name: "parameters off",
         actuator: "bench",
         effects: &[
-            ("pwm_hz", 20e3),
+            ("pwm_frequency_hz", 20e3),
             ("dead_time_s", 2e-6),
             ("dead_time_compensation", 0.8),
             ("resistance_deviation", 0.08),
@@ -67,7 +67,7 @@ pub(crate) const UNITS: [Unit; 4] = [
         name: "sensors, controller, cogging",
         actuator: "bench",
         effects: &[
-            ("pwm_hz", 20e3),
+            ("pwm_frequency_hz", 20e3),
             ("dead_time_s", 1.5e-6),
             ("resolver_error_1_rad", 0.0058),
             ("resolver_phase_1_rad", 0.7),
@@ -90,7 +90,7 @@ pub(crate) const UNITS: [Unit; 4] = [
         name: "small servo",
         actuator: "servo28",
         effects: &[
-            ("pwm_hz", 20e3),
+            ("pwm_frequency_hz", 20e3),
             ("dead_time_s", 1e-6),
             ("dynamic_friction_deviation", 0.2),
             ("static_friction_deviation", 0.2),

@@ -49,6 +49,8 @@ pub enum ActuatorKind {
     Bench,
     /// [`ActuatorParams::servo28`].
     Servo28,
+    /// [`ActuatorParams::servo270`].
+    Servo270,
 }
 
 /// A rejected setting, by its name in the text; `""` for a word that is not a setting.
@@ -137,6 +139,7 @@ impl Settings {
         let mut params = match self.actuator {
             ActuatorKind::Bench => ActuatorParams::bench(),
             ActuatorKind::Servo28 => ActuatorParams::servo28(),
+            ActuatorKind::Servo270 => ActuatorParams::servo270(),
         };
         if let Some(rate_hz) = self.rate_hz {
             params.sensors.sample_rate = rate_hz;
@@ -159,7 +162,10 @@ impl Settings {
         };
         let scenario = Scenario {
             load_torque: self.load_nm,
-            effects: self.effects.effects().map_err(|_| BadSetting("with"))?,
+            effects: self
+                .effects
+                .effects_on(Drive::of_built_in(self.actuator.name()))
+                .map_err(|_| BadSetting("with"))?,
             sensing: CurrentSensing {
                 quantised: self.noise_a > 0.0,
                 noise_rms: self.noise_a,
@@ -186,7 +192,18 @@ impl ActuatorKind {
         match name {
             "bench" => Some(Self::Bench),
             "servo28" => Some(Self::Servo28),
+            "servo270" => Some(Self::Servo270),
             _ => None,
+        }
+    }
+
+    /// The name of the type.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Bench => "bench",
+            Self::Servo28 => "servo28",
+            Self::Servo270 => "servo270",
         }
     }
 }

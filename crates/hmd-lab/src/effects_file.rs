@@ -127,10 +127,15 @@ mod tests {
 
     #[test]
     fn a_file_sets_numbers_by_name_and_the_drive() {
-        let text = "# A unit.\ndrive = \"vector\"\ncogging_nm = 0.05\npwm_hz = 16_000\ndead_time_s = 1.5e-6\n";
+        let text =
+            "# A unit.\ndrive = \"vector\"\ncogging_nm = 0.05\npwm_frequency_hz = 16_000\ndead_time_s = 1.5e-6\n";
         let settings = parse("unit.toml", text).unwrap();
         let mut expected = EffectSettings::with_drive(Drive::from_name("vector"));
-        for (name, value) in [("cogging_nm", 0.05), ("pwm_hz", 16e3), ("dead_time_s", 1.5e-6)] {
+        for (name, value) in [
+            ("cogging_nm", 0.05),
+            ("pwm_frequency_hz", 16e3),
+            ("dead_time_s", 1.5e-6),
+        ] {
             expected.set(name, value).unwrap();
         }
         assert_eq!(settings, expected);

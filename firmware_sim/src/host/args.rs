@@ -63,7 +63,7 @@ pub(crate) struct Args {
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite, value_name = "NM")]
     load: f64,
     /// Type of the actuator.
-    #[arg(long, default_value = "bench", value_parser = ["bench", "servo28"])]
+    #[arg(long, default_value = "bench", value_parser = ["bench", "servo28", "servo270"])]
     actuator: String,
     /// Number of the actuator in its frames.
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..16))]
@@ -120,7 +120,8 @@ impl Args {
         for one in &self.with {
             effects = effects.overridden_by(one);
         }
-        effects.effects().map_err(|e| e.to_string())?;
+        let drive_of_type = Drive::of_built_in(&self.actuator);
+        effects.effects_on(drive_of_type).map_err(|e| e.to_string())?;
         let settings = Settings {
             actuator: ActuatorKind::from_name(&self.actuator).unwrap_or_default(),
             k: self.k,

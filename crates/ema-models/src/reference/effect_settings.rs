@@ -19,7 +19,7 @@ use super::effects::{Drive, EFFECTS, EffectError, Effects};
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EffectSettings {
-    /// Kind of drive, with its usual parameters; `None` for the hysteresis drive.
+    /// Kind of drive, with its usual parameters; `None` for the drive of the actuator's type.
     pub drive: Option<Drive>,
     /// Values in the order of [`EFFECTS`].
     values: [Option<f64>; EFFECTS.len()],
@@ -98,13 +98,21 @@ impl EffectSettings {
         self
     }
 
-    /// The effects of these settings.
+    /// The effects of these settings on a unit whose type has the hysteresis drive.
     ///
     /// # Errors
     /// The first value without the drive or the effect that it is a parameter of.
     pub fn effects(&self) -> Result<Effects, EffectConflict> {
+        self.effects_on(Drive::Hysteresis)
+    }
+
+    /// The effects of these settings on a unit whose type has this drive, see [`Drive::of_built_in`].
+    ///
+    /// # Errors
+    /// The first value without the drive or the effect that it is a parameter of.
+    pub fn effects_on(&self, drive_of_type: Drive) -> Result<Effects, EffectConflict> {
         let mut effects = Effects {
-            drive: self.drive.unwrap_or_default(),
+            drive: self.drive.unwrap_or(drive_of_type),
             ..Effects::default()
         };
         for (info, value) in EFFECTS.iter().zip(self.values) {
@@ -150,6 +158,17 @@ mod tests {
         let again = settings(Some(effects.drive.name()), effects.active());
         assert_eq!(again.effects(), Ok(effects));
         assert_eq!(EffectSettings::default().effects(), Ok(Effects::default()));
+    }
+
+    #[test]
+    fn the_drive_of_the_type_holds_where_none_is_set() {
+        let on_type = Drive::of_built_in("servo270");
+        let effects = |drive, values: &[(&str, f64)]| settings(drive, values.iter().copied()).effects_on(on_type);
+        assert_eq!(effects(None, &[]).unwrap().drive, on_type);
+        let late = effects(None, &[("dead_time_s", 1e-6)]).unwrap();
+        let drive = late.vector_drive().unwrap();
+        assert_eq!((drive.pwm_frequency, drive.dead_time), (16e3, 1e-6));
+        assert_eq!(effects(Some("hysteresis"), &[]), Ok(Effects::default()));
     }
 
     #[test]

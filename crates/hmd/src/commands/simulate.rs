@@ -203,7 +203,7 @@ fn profile(args: &Args) -> Profile {
     }
 }
 
-/// The effects of the file and the options, which hold over the file.
+/// The effects of the file and the options, which hold over the file; else the drive of the built-in type.
 fn effects(args: &Args) -> anyhow::Result<Effects> {
     let file = args.effects.as_deref().map(from_file).transpose()?;
     let mut settings = file.unwrap_or_default();
@@ -211,7 +211,9 @@ fn effects(args: &Args) -> anyhow::Result<Effects> {
     for one in &args.with {
         settings = settings.overridden_by(one);
     }
-    Ok(settings.effects().map_err(|e| Misuse(e.to_string()))?)
+    Ok(settings
+        .effects_on(Drive::of_built_in(&args.actuator))
+        .map_err(|e| Misuse(e.to_string()))?)
 }
 
 fn from_file(path: &Path) -> anyhow::Result<EffectSettings> {

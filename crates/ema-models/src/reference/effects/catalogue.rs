@@ -239,7 +239,7 @@ macro_rules! effect {
 /// Every settable value, in the order of the families.
 pub const EFFECTS: &[EffectInfo] = &[
     effect!(
-        "pwm_hz", "Hz", usual (8000.0, 4e4) => Absolute, within (2000.0, 1e5), real, None,
+        "pwm_frequency_hz", "Hz", usual (8000.0, 4e4) => Absolute, within (2000.0, 1e5), real, None,
         "T_p = 1/f; currents sampled and voltages updated once per T_p, one T_p late", "[D]", drive pwm_frequency
     ),
     effect!(

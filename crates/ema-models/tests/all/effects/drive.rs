@@ -102,7 +102,10 @@ fn the_current_loop_has_its_bandwidth_and_phase_margin() {
     // margin of 90° − 1.5 ω_c T_p.
     for (bandwidth, pwm) in [(400.0, 20e3), (800.0, 20e3), (800.0, 10e3)] {
         let params = locked();
-        let mut rig = Rig::new(&params, &[("current_bandwidth_hz", bandwidth), ("pwm_hz", pwm)]);
+        let mut rig = Rig::new(
+            &params,
+            &[("current_bandwidth_hz", bandwidth), ("pwm_frequency_hz", pwm)],
+        );
         let period = (1e6 / pwm).round() as usize;
         let (mut errors, mut currents) = (Vec::new(), Vec::new());
         let controls = 1000;

@@ -64,7 +64,7 @@ fn a_locked_load_twists_by_the_torque_over_the_stiffness() {
         ("load_inertia_share", 0.4),
         ("load_friction_share", 1.0),
         ("compliance_damping", 0.5),
-        ("pwm_hz", 20e3),
+        ("pwm_frequency_hz", 20e3),
     ];
     let mut rig = Rig::new(&params, &values);
     let setpoint = rig.for_current(2.0, 0.0);
@@ -194,7 +194,11 @@ fn torque_at(params: &ActuatorParams, temperature: f64, omega: f64, values: &[(&
 #[test]
 fn friction_falls_with_the_speed_along_stribecks_curve() {
     let params = ActuatorParams::bench();
-    let values = [("stribeck_nm", 0.15), ("stribeck_speed_rad_s", 12.0), ("pwm_hz", 20e3)];
+    let values = [
+        ("stribeck_nm", 0.15),
+        ("stribeck_speed_rad_s", 12.0),
+        ("pwm_frequency_hz", 20e3),
+    ];
     for omega in [3.0, 6.0, 12.0, 24.0, 60.0] {
         let torque = torque_at(&params, 20.0, omega, &values);
         let expected = 0.15 + 0.15 * (-(omega / 12.0).powi(2)).exp() + 1e-3 * omega;
@@ -206,7 +210,11 @@ fn friction_falls_with_the_speed_along_stribecks_curve() {
 #[test]
 fn friction_follows_the_temperature() {
     let params = ActuatorParams::bench();
-    let values = [("viscous_temperature", 3.0), ("dry_temperature", 0.5), ("pwm_hz", 20e3)];
+    let values = [
+        ("viscous_temperature", 3.0),
+        ("dry_temperature", 0.5),
+        ("pwm_frequency_hz", 20e3),
+    ];
     for temperature in [-40.0f64, 20.0, 40.0] {
         let cold = (20.0 - temperature) / 80.0;
         for omega in [40.0, 140.0] {

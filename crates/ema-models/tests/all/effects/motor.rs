@@ -151,7 +151,7 @@ fn the_link_sags_by_its_power_and_ripples() {
     let mut params = flywheel();
     params.motor.v_dc = 400.0;
     let omega = 100.0;
-    let mut rig = Rig::new(&params, &[("link_resistance_ohm", 5.0), ("pwm_hz", 20e3)]);
+    let mut rig = Rig::new(&params, &[("link_resistance_ohm", 5.0), ("pwm_frequency_hz", 20e3)]);
     rig.state.shaft.omega_m = omega;
     let setpoint = rig.for_current(8.0, omega);
     rig.settle(0.1, setpoint);

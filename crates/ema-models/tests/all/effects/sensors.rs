@@ -15,7 +15,7 @@ fn the_drive_controls_the_currents_that_its_sensors_show() {
         ("current_gain_a", 0.03),
         ("current_offset_b_a", 0.2),
         ("two_current_sensors", 1.0),
-        ("pwm_hz", 20e3),
+        ("pwm_frequency_hz", 20e3),
     ];
     let mut rig = Rig::new(&params, &values);
     let setpoint = rig.for_current(5.0, 0.0);
@@ -97,7 +97,7 @@ fn the_resolver_error_reaches_counts_commutation_and_speed() {
         ("resolver_phase_1_rad", 0.4),
         ("resolver_error_2_rad", second),
         ("resolver_phase_2_rad", -0.9),
-        ("pwm_hz", 20e3),
+        ("pwm_frequency_hz", 20e3),
     ];
     let lsb = TAU / 65_536.0;
     for n in 0..50 {

@@ -108,7 +108,7 @@ const fn row(name: &'static str, values: &'static [(&'static str, Size)]) -> Imp
 use Size::{Between, Exactly, Tolerance, Usual};
 
 /// Carrier of a vector drive; with the bandwidth at least 45° of phase margin.
-const PWM: (&str, Size) = ("pwm_hz", Between(12e3, 20e3));
+const PWM: (&str, Size) = ("pwm_frequency_hz", Between(12e3, 20e3));
 /// Bandwidth of its current control.
 const BANDWIDTH: (&str, Size) = ("current_bandwidth_hz", Between(400.0, 1000.0));
 

@@ -114,3 +114,44 @@ fn currents_and_angles_jitter_together() {
     }
     assert!(early > 50 && late > 50, "{early} early, {late} late");
 }
+
+#[test]
+fn a_latency_of_several_periods_is_realised_with_jitter_too() {
+    // At 10 kHz; 400 µs are four periods. Jitter moves both instants of a sample alike, so currents are those of a unit whose
+    // angles are as old, and angles those of a unit whose currents are.
+    let samples = |[current, angle]: [f64; 2], jitter: f64| -> Vec<SensedSample> {
+        let values = [
+            ("current_latency_s", current),
+            ("angle_latency_s", angle),
+            ("sample_jitter", jitter),
+            ("cogging_nm", 0.05),
+        ];
+        let samples = samples(Profile::Speed, 10e3, &values);
+        samples.into_iter().map(|(sample, _)| sample).collect()
+    };
+    for jitter in [0.0, 0.3] {
+        for ages in [
+            [30e-6, 0.0],
+            [130e-6, 0.0],
+            [400e-6, 0.0],
+            [0.0, 400e-6],
+            [50e-6, 500e-6],
+        ] {
+            let found = samples(ages, jitter);
+            let [as_currents, as_angles] = ages.map(|age| samples([age; 2], jitter));
+            for (n, sample) in found.iter().enumerate() {
+                assert_eq!(sample.currents, as_currents[n].currents, "{ages:?} {jitter} {n}");
+                assert_eq!(sample.motor_counts, as_angles[n].motor_counts, "{ages:?} {jitter} {n}");
+                assert_eq!(
+                    sample.output_counts, as_angles[n].output_counts,
+                    "{ages:?} {jitter} {n}"
+                );
+            }
+        }
+    }
+    let (prompt, late) = (samples([0.0; 2], 0.0), samples([400e-6, 0.0], 0.0));
+    for n in 4..prompt.len() {
+        assert_eq!(late[n].currents, prompt[n - 4].currents);
+        assert_eq!(late[n].motor_counts, prompt[n].motor_counts);
+    }
+}

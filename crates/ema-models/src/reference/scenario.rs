@@ -140,6 +140,7 @@ impl Scenario {
             rest_angle: encoder_count(seen, lsb) as f64 * lsb,
             sign,
             seq: 0,
+            diverged: false,
             samples: libm::round(self.actuations.duration() * self.nominal.sensors.sample_rate) as u64,
             steps_per_sample: libm::round(1.0 / (self.nominal.sensors.sample_rate * REFERENCE_STEP)) as u64,
             rng,
@@ -185,7 +186,7 @@ impl Scenario {
     }
 }
 
-/// A running simulation, an iterator of samples.
+/// A running simulation, an iterator of samples. It ends early where the state is no longer finite ([`ScenarioRun::diverged`]).
 #[derive(Clone, Debug)]
 pub struct ScenarioRun {
     reference: Reference,
@@ -199,6 +200,8 @@ pub struct ScenarioRun {
     sign: f64,
     seq: u64,
     samples: u64,
+    /// Whether the samples ended before `seq` because the state was no longer finite.
+    diverged: bool,
     steps_per_sample: u64,
     rng: ChaCha8Rng,
 }
@@ -209,6 +212,21 @@ impl ScenarioRun {
     #[must_use]
     pub fn state(&self) -> &ReferenceState {
         &self.state.shaft
+    }
+
+    /// Time at which the samples ended because the state was no longer finite, s.
+    #[must_use]
+    pub fn diverged(&self) -> Option<f64> {
+        self.diverged
+            .then(|| self.seq as f64 / self.scenario.nominal.sensors.sample_rate)
+    }
+
+    /// Whether the quantities that reach a sample are numbers.
+    fn is_finite(&self, sample: &SensedSample) -> bool {
+        let shaft = &self.state.shaft;
+        sample.currents.iter().chain(&shaft.i).all(|i| i.is_finite())
+            && shaft.theta_m.is_finite()
+            && shaft.theta_out.is_finite()
     }
 
     /// Changes the fault vector; the motion continues from its present state.
@@ -303,7 +321,7 @@ impl Iterator for ScenarioRun {
     type Item = SensedSample;
 
     fn next(&mut self) -> Option<SensedSample> {
-        if self.seq >= self.samples {
+        if self.diverged || self.seq >= self.samples {
             return None;
         }
         let sample = match self.detailed.take() {
@@ -314,6 +332,10 @@ impl Iterator for ScenarioRun {
                 sample
             }
         };
+        self.diverged = !self.is_finite(&sample);
+        if self.diverged {
+            return None;
+        }
         self.seq += 1;
         Some(sample)
     }

@@ -257,32 +257,67 @@ fn every_effect_alone_and_all_together_give_finite_samples_in_both_modes() {
 
 #[test]
 fn values_at_their_limits_stay_finite() {
-    for params in [ActuatorParams::bench(), ActuatorParams::servo28()] {
+    for name in ActuatorParams::BUILT_IN {
+        let params = ActuatorParams::built_in(name).unwrap();
         for info in EFFECTS {
-            for value in [info.limits.0, info.limits.1] {
-                for drive in ["hysteresis", "vector"] {
-                    let mut set = effects(&[(info.name, value)]);
-                    if set.drive == Drive::Hysteresis {
-                        set.drive = Drive::from_name(drive).unwrap();
-                    }
-                    // The effect whose parameter it is, at its usual value.
-                    if let Some(part_of) = EFFECTS.iter().find(|other| Some(other.name) == info.part_of) {
-                        set.set(part_of.name, part_of.usual_on(&params).1).unwrap();
-                    }
+            let limits = [info.limits.0, info.limits.1];
+            for (value, drive) in limits
+                .into_iter()
+                .flat_map(|value| [(value, "hysteresis"), (value, "vector")])
+            {
+                let mut set = effects(&[(info.name, value)]);
+                if set.drive == Drive::Hysteresis {
+                    set.drive = Drive::from_name(drive).unwrap();
+                }
+                // The effect whose parameter it is, at its usual value.
+                if let Some(part_of) = EFFECTS.iter().find(|other| Some(other.name) == info.part_of) {
+                    set.set(part_of.name, part_of.usual_on(&params).1).unwrap();
+                }
+                // One or two windings with hardly any turn left, whose currents no drive controls.
+                for short in [0.0, 1.0] {
                     let fault = FaultVector {
-                        short_c: 1.0,
+                        short_a: short,
+                        short_b: short,
+                        short_c: 1.0 - short,
                         ..FaultVector::NOMINAL
                     };
                     let mut scenario = Scenario::new(params, fault, 3);
-                    scenario.actuations.length = 0.02;
+                    scenario.actuations.length = 0.05;
                     scenario.actuations.rest = 0.02;
                     scenario.effects = set;
-                    for sample in scenario.run() {
-                        let finite = sample.currents.iter().all(|i| i.is_finite());
-                        assert!(finite, "{} = {value}, {drive}", info.name);
-                    }
+                    let mut run = scenario.run();
+                    run.by_ref().for_each(drop);
+                    assert!(
+                        run.diverged().is_none(),
+                        "{name}: {} = {value}, {drive}, {short}",
+                        info.name
+                    );
                 }
             }
         }
+    }
+}
+
+#[test]
+fn a_simulation_that_diverges_ends_and_says_so() {
+    // A winding without inductance: the current of one step is beyond every number after some.
+    for values in [&[][..], &[("cogging_nm", 0.05)]] {
+        let mut scenario = Scenario::new(ActuatorParams::bench(), FaultVector::NOMINAL, 3);
+        scenario.effects = effects(values);
+        let mut healthy = scenario.run();
+        let samples = healthy.by_ref().count();
+        assert!(healthy.diverged().is_none());
+        scenario.unit.motor.j = 1e-12;
+        scenario.unit.motor.l_s = 1e-12;
+        let mut run = scenario.run();
+        let mut count = 0_usize;
+        for sample in run.by_ref() {
+            assert!(sample.currents.iter().all(|i| i.is_finite()));
+            count += 1;
+        }
+        assert!(count < samples, "{count}");
+        let diverged = run.diverged().unwrap();
+        close(diverged, count as f64 / 2000.0, 1e-12, "time, s");
+        assert!(run.next().is_none());
     }
 }

@@ -140,7 +140,8 @@ fn a_latency_of_several_periods_is_realised_with_jitter_too() {
             let found = samples(ages, jitter);
             let [as_currents, as_angles] = ages.map(|age| samples([age; 2], jitter));
             for (n, sample) in found.iter().enumerate() {
-                assert_eq!(sample.currents, as_currents[n].currents, "{ages:?} {jitter} {n}");
+                let expected = as_currents[n].currents.map(f64::to_bits);
+                assert_eq!(sample.currents.map(f64::to_bits), expected, "{ages:?} {jitter} {n}");
                 assert_eq!(sample.motor_counts, as_angles[n].motor_counts, "{ages:?} {jitter} {n}");
                 assert_eq!(
                     sample.output_counts, as_angles[n].output_counts,
@@ -151,7 +152,8 @@ fn a_latency_of_several_periods_is_realised_with_jitter_too() {
     }
     let (prompt, late) = (samples([0.0; 2], 0.0), samples([400e-6, 0.0], 0.0));
     for n in 4..prompt.len() {
-        assert_eq!(late[n].currents, prompt[n - 4].currents);
+        let expected = prompt[n - 4].currents.map(f64::to_bits);
+        assert_eq!(late[n].currents.map(f64::to_bits), expected);
         assert_eq!(late[n].motor_counts, prompt[n].motor_counts);
     }
 }

@@ -248,7 +248,8 @@ pub fn robust(
     let mut units: Vec<(&Entry, UnitReport, FinishedUnit)> = Vec::new();
     for (entry, actuator) in options.plan()? {
         let config = config_of(actuator, options.rate_hz)?;
-        let effects = draw_effects(entry, actuator, &config.actuators()[0].params, options.seed)?;
+        let of_type = &config.actuators()[0];
+        let effects = draw_effects(entry, &of_type.params, &of_type.drive, options.seed)?;
         let result = if let Some(unit) = finished.remove(&(entry.name.clone(), actuator.to_owned())) {
             done(options.windows_of_unit());
             unit

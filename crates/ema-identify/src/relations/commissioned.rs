@@ -15,6 +15,7 @@ use crate::monitor_fit::RecordedSample;
 
 /// What the healthy windows of a unit have in common.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "std", derive(serde::Serialize, serde::Deserialize))]
 pub struct CommissionedRelations {
     /// Coefficients of the torque balance.
     pub balance: BalanceCoefficients,
@@ -24,6 +25,7 @@ pub struct CommissionedRelations {
 
 /// What healthy windows show of one element.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "std", derive(serde::Serialize, serde::Deserialize))]
 pub struct Baseline {
     /// Mean over the windows, in the element's unit.
     pub mean: f64,

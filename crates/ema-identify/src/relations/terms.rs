@@ -100,6 +100,7 @@ impl Term {
 
 /// Constants of the terms that an actuator type's parameters do not hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "std", derive(serde::Serialize, serde::Deserialize))]
 pub struct BalanceShape {
     /// Stribeck speed ω_s at the motor shaft, rad/s.
     pub stribeck_speed: f64,

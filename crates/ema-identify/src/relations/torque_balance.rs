@@ -19,6 +19,7 @@ use crate::monitor_fit::RecordedSample;
 /// The balance has no absolute scale of torque: `N_A + N_B + N_C = 3`, and J, T_d, C are relative to the type's k. Load and
 /// spring are zero, because each window has its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "std", derive(serde::Serialize, serde::Deserialize))]
 pub struct BalanceCoefficients {
     /// The coefficients.
     pub values: [f64; TERM_COUNT],

@@ -353,7 +353,8 @@ fn run_unit(
             let mut jobs: Vec<WindowJob> = commissioning.iter().filter_map(|window| window.job.clone()).collect();
             jobs.retain(|job| job.window.quality.is_fit());
             let assessor = Assessor::new(unit.config.clone(), of_type.clone(), seed);
-            let calibrated = calibrate_unit(&assessor, *unit.config.health().levels(), &mut jobs, seed);
+            let levels = unit.config.health().levels();
+            let calibrated = calibrate_unit(&assessor, levels, &mut jobs, seed, &|_| ());
             done(options.commissioning_windows());
             calibrated
         },
@@ -361,7 +362,7 @@ fn run_unit(
     let before = before?;
     let usable = match calibrated {
         // What `hmd calibrate` would not write.
-        Ok(calibration) => UnitCalibration::parse(&calibration.emit(), UNIT_FILE, actuator).map_err(|e| e.to_string()),
+        Ok(found) => UnitCalibration::parse(&found.calibration.emit(), UNIT_FILE, actuator).map_err(|e| e.to_string()),
         Err(refused) if refused.is_by_windows() => Err(refused.to_string()),
         Err(error) => return Err(RobustError::Commissioning(error)),
     };

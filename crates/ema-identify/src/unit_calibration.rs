@@ -250,3 +250,112 @@ fn not_finite(table: &toml::Table) -> Option<String> {
         .find(|(_, value)| in_value(value))
         .map(|(key, _)| key.to_string())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::calibration::TypeCalibration;
+
+    fn by_monitor() -> UnitCalibration {
+        let deviation = |share| Deviation { share, sigma: 0.01 };
+        UnitCalibration {
+            version: UNIT_VERSION,
+            made_by: "hmd".to_owned(),
+            actuator_type: "bench".to_owned(),
+            parameters_hash: "00".to_owned(),
+            part_number: None,
+            serial_number: Some("0042".to_owned()),
+            windows: 12,
+            estimator: UnitEstimator::Monitor,
+            estimator_reason: "hysteresis drive".to_owned(),
+            seen: Seen {
+                winding_temp_deg_c: Some([18.0, 25.0]),
+                ..Seen::default()
+            },
+            smallest_damage: [("friction".to_owned(), 0.06)].into(),
+            monitor: Some(UnitMonitor {
+                cost: 2.1,
+                parameters: UnitParameters {
+                    resistance: deviation(0.03),
+                    back_emf: deviation(-0.02),
+                    inductance: deviation(0.07),
+                    inertia: deviation(0.0),
+                    viscous_damping: deviation(0.5),
+                    dry_friction: deviation(-0.2),
+                    resistance_back_emf_correlation: -0.1,
+                },
+                baseline: [ElementStatistics {
+                    mean: 0.01,
+                    scatter: 0.002,
+                    windows: 12,
+                }; ELEMENT_COUNT],
+            }),
+            relations: None,
+        }
+    }
+
+    fn refused(text: &str, actuator_type: &str) -> String {
+        let refused = UnitCalibration::parse(text, "unit.toml", actuator_type);
+        refused.expect_err("refused").to_string()
+    }
+
+    #[test]
+    fn what_was_written_is_read() {
+        let unit = by_monitor();
+        let read = UnitCalibration::parse(&unit.emit(), "unit.toml", "bench").unwrap();
+        assert_eq!(read, unit);
+        let covariance = read.monitor.unwrap().motor().covariance;
+        assert!((covariance[0][1] + 0.1 * 1e-4).abs() < 1e-15);
+    }
+
+    #[test]
+    fn files_that_are_no_calibration_of_this_unit_are_refused() {
+        let text = by_monitor().emit();
+        assert_eq!(
+            refused(&text, "servo28"),
+            "unit.toml: expected a unit of type servo28, found one of type bench"
+        );
+        for (what, by, reason) in [
+            (
+                "version = 2",
+                "version = 1",
+                "expected unit calibration version 2, found 1: make it anew",
+            ),
+            ("version = 2", "", "found no version"),
+            (
+                "estimator = \"monitor\"",
+                "estimator = \"relations\"",
+                "the estimator Relations without its table",
+            ),
+            ("cost = 2.1", "cost = nan", "monitor: a number that is not finite"),
+            (
+                "friction = 0.06",
+                "fraction = 0.06",
+                "smallest_damage.fraction: no fault",
+            ),
+            (
+                "share = 0.07",
+                "share = -1.5",
+                "a deviation of motor.phase_inductance_h of -1.5",
+            ),
+            ("correlation = -0.1", "correlation = 7.0", "a correlation of 7"),
+        ] {
+            let found = refused(&text.replacen(what, by, 1), "bench");
+            assert!(found.contains(reason), "{what} -> {by}: {found}");
+        }
+    }
+
+    #[test]
+    fn calibrations_of_types_and_units_are_told_apart() {
+        let of_type = include_str!("../calibration/bench.toml");
+        assert_eq!(
+            refused(of_type, "bench"),
+            "unit.toml: expected a unit's calibration, found the calibration of a type"
+        );
+        let refused = TypeCalibration::parse(&by_monitor().emit(), "type.toml").unwrap_err();
+        assert_eq!(
+            refused.to_string(),
+            "type.toml: expected a type calibration, found the calibration of a unit"
+        );
+    }
+}

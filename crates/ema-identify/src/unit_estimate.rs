@@ -11,7 +11,7 @@ use ema_models::FAULT_COUNT;
 use crate::estimate::Estimate;
 use crate::relations::Needed;
 
-pub use by_monitor::corrected;
+pub use by_monitor::{USUAL_COST, corrected};
 pub use by_relations::{AlignedWindow, estimate_by_relations};
 
 /// Estimate of one window of a commissioned unit.

@@ -11,6 +11,7 @@ mod evidence;
 
 use ema_identify::relations::CommissionError;
 use ema_identify::unit_calibration::{Seen, UNIT_VERSION, UnitCalibration, UnitEstimator};
+use ema_identify::unit_estimate::USUAL_COST;
 use ema_identify::unit_fit::WINDOWS_MIN;
 use ema_models::{DriveKind, FaultId};
 
@@ -157,7 +158,10 @@ pub fn calibrate_unit(
         estimator_reason,
         seen,
         smallest_damage: evidence.smallest_damage(levels),
-        monitor: by_monitor.as_ref().map(|learnt| learnt.unit),
+        // A parameter far from its type is not written.
+        monitor: by_monitor
+            .filter(|learnt| learnt.far_parameter(&jobs[0]).is_none())
+            .map(|learnt| learnt.unit),
         relations: by_relations.ok().map(|learnt| learnt.unit),
     };
     Ok(Commissioned { calibration, notes })
@@ -180,6 +184,12 @@ fn choose<'a>(
     monitor: Option<&'a MonitorLearnt>,
 ) -> Result<(UnitEstimator, String, &'a Evidence), CommissioningError> {
     let monitor_far = monitor.and_then(|learnt| learnt.far_parameter(job));
+    if let (Some(far), Some(learnt), false) = (&monitor_far, monitor, is_vector)
+        && learnt.unit.cost <= USUAL_COST
+    {
+        // Another drive would leave a larger cost: it is the parameter.
+        return Err(CommissioningError::Parameter(far.clone()));
+    }
     let usable = monitor.filter(|_| monitor_far.is_none());
     match (relations, usable) {
         (Ok(_), Some(monitor)) if !is_vector && monitor.evidence.is_sound() => {

@@ -7,8 +7,8 @@ use crate::estimate::{Estimate, OBSERVABLE_SIGMA};
 use crate::relations::{ELEMENT_COUNT, Element, Needed};
 use crate::unit_calibration::{UnitMonitor, change_since, elements_of, fault_of};
 
-/// Cost of a healthy window that needs no correction of the expected residual.
-const USUAL_COST: f64 = 3.0;
+/// Cost up to which the monitor explains a healthy window as well as those of its type.
+pub const USUAL_COST: f64 = 3.0;
 
 /// The estimate as change since commissioning.
 ///

@@ -129,7 +129,6 @@ fn read_text(path: &Path, read: ReadText<'_>) -> Result<String, AssessError> {
 pub struct Models {
     types: BTreeMap<String, TypeModel>,
     units: BTreeMap<String, UnitCalibration>,
-    warnings: Vec<String>,
 }
 
 impl Models {
@@ -145,12 +144,6 @@ impl Models {
                 let text = read_text(&path, read)?;
                 let name = path.display().to_string();
                 let unit = UnitCalibration::parse(&text, &name, &actuator.type_name)?;
-                if unit.parameters_hash != hash_of_type(actuator) {
-                    models.warnings.push(format!(
-                        "{name}: the parameters of type {} have changed since {} was commissioned",
-                        actuator.type_name, actuator.name
-                    ));
-                }
                 models.units.insert(actuator.name.clone(), unit);
             }
         }
@@ -197,12 +190,6 @@ impl Models {
         self.units.get(&actuator.name)
     }
 
-    /// Notices for an operator about the calibrations, a sentence each.
-    #[must_use]
-    pub fn warnings(&self) -> &[String] {
-        &self.warnings
-    }
-
     /// Prior knowledge of an actuator's motor: its own calibration, else the tolerance of its type.
     #[must_use]
     pub fn motor(&self, actuator: &ActuatorConfig) -> MotorKnowledge {
@@ -214,10 +201,7 @@ impl Models {
 /// Hash of the parameters of an actuator's type, whatever its sample rate.
 #[must_use]
 pub fn hash_of_type(actuator: &ActuatorConfig) -> String {
-    let mut params = actuator.params;
-    params.sensors.sample_rate = 0.0;
-    let text = format!("{:?} {params:?} {:?}", actuator.type_name, actuator.drive);
-    hex(&Sha256::digest(text))
+    hex(&Sha256::digest(actuator.parameters_as_text()))
 }
 
 /// Hash of the calibrations that a configuration's types are assessed with, as shipped or as their files stand.

@@ -10,7 +10,9 @@ use serde::Serialize;
 
 use super::ConfigError;
 use super::actuator_type::{ActuatorType, DEFAULT_TYPE};
+use super::drive;
 use super::name::{NAME_EXPECTED, is_name};
+use super::params;
 use super::reader::Section;
 use super::signals::{self, DbcFiles};
 use super::specification::Specification;
@@ -125,6 +127,14 @@ impl ActuatorConfig {
         actuator.serial_number = section.text("serial_number")?;
         actuator.passive = section.flag("passive", false)?;
         Ok(actuator)
+    }
+
+    /// Parameters of its type and drive under their keys, whatever the sample rate; two types with the same text are the same.
+    #[must_use]
+    pub fn parameters_as_text(&self) -> String {
+        let mut params = self.params;
+        params.sensors.sample_rate = 0.0;
+        format!("{:?} {}", params::by_key(&params), drive::as_text(&self.drive))
     }
 
     /// Whether frames of number `id` on interface `bus` are its own.

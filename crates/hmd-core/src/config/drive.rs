@@ -65,7 +65,7 @@ pub(super) fn read(type_section: &Section<'_>, base: DriveParams) -> Result<Driv
 }
 
 /// The drive as the file would spell it, without what is not known.
-#[derive(Serialize)]
+#[derive(Debug, Serialize)]
 struct FileKeys {
     kind: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -78,15 +78,25 @@ struct FileKeys {
     decoupling: Option<f64>,
 }
 
-pub(super) fn as_file_keys<S: Serializer>(drive: &DriveParams, serializer: S) -> Result<S::Ok, S::Error> {
-    FileKeys {
-        kind: drive.kind.name(),
-        pwm_frequency_hz: drive.pwm_frequency,
-        current_bandwidth_hz: drive.current_bandwidth,
-        dead_time_s: drive.dead_time,
-        decoupling: drive.decoupling,
+impl From<&DriveParams> for FileKeys {
+    fn from(drive: &DriveParams) -> Self {
+        Self {
+            kind: drive.kind.name(),
+            pwm_frequency_hz: drive.pwm_frequency,
+            current_bandwidth_hz: drive.current_bandwidth,
+            dead_time_s: drive.dead_time,
+            decoupling: drive.decoupling,
+        }
     }
-    .serialize(serializer)
+}
+
+pub(super) fn as_file_keys<S: Serializer>(drive: &DriveParams, serializer: S) -> Result<S::Ok, S::Error> {
+    FileKeys::from(drive).serialize(serializer)
+}
+
+/// The drive under its keys.
+pub(super) fn as_text(drive: &DriveParams) -> String {
+    format!("{:?}", FileKeys::from(drive))
 }
 
 #[cfg(test)]

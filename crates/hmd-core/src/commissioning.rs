@@ -11,7 +11,6 @@ mod evidence;
 
 use ema_identify::relations::CommissionError;
 use ema_identify::unit_calibration::{Seen, UNIT_VERSION, UnitCalibration, UnitEstimator};
-use ema_identify::unit_estimate::USUAL_COST;
 use ema_identify::unit_fit::WINDOWS_MIN;
 use ema_models::{DriveKind, FaultId};
 
@@ -185,9 +184,8 @@ fn choose<'a>(
 ) -> Result<(UnitEstimator, String, &'a Evidence), CommissioningError> {
     let monitor_far = monitor.and_then(|learnt| learnt.far_parameter(job));
     if let (Some(far), Some(learnt), false) = (&monitor_far, monitor, is_vector)
-        && learnt.unit.cost <= USUAL_COST
+        && learnt.is_certain()
     {
-        // Another drive would leave a larger cost: it is the parameter.
         return Err(CommissioningError::Parameter(far.clone()));
     }
     let usable = monitor.filter(|_| monitor_far.is_none());

@@ -2,7 +2,7 @@
 
 use ema_identify::relations::ELEMENT_COUNT;
 use ema_identify::unit_calibration::{ElementStatistics, UnitMonitor, UnitParameter, elements_of};
-use ema_identify::unit_estimate::corrected;
+use ema_identify::unit_estimate::{USUAL_COST, corrected};
 use ema_identify::unit_parameters_fit::fit_unit_parameters;
 use ema_identify::{Estimate, Identifier, Prepared};
 use ema_models::Conditions;
@@ -12,6 +12,9 @@ use super::{CommissioningError, FarParameter, TOLERANCES_MAX};
 use crate::assess::{AssessError, Assessor, conditions};
 use crate::outbox::WindowJob;
 use crate::outliers::identify_without_outliers;
+
+/// Tolerances from its type within which a parameter is usual.
+const USUAL_TOLERANCES: f64 = 2.0;
 
 /// A monitor that was learnt.
 pub(super) struct MonitorLearnt {
@@ -105,6 +108,17 @@ fn of_type(assessor: &Assessor, job: &WindowJob) -> Result<(Identifier, Conditio
 }
 
 impl MonitorLearnt {
+    /// Whether a parameter that is far from its type is the unit's own: the windows are explained like those of the type, and all
+    /// other parameters are usual. Another drive than the type's moves several of them, or leaves a larger cost.
+    pub(super) fn is_certain(&self) -> bool {
+        let distance =
+            |parameter: UnitParameter| self.unit.parameters.of(parameter).share.abs() / parameter.tolerance();
+        let unusual = UnitParameter::ALL
+            .into_iter()
+            .filter(|&parameter| distance(parameter) > USUAL_TOLERANCES);
+        self.unit.cost <= USUAL_COST && unusual.count() <= 1
+    }
+
     /// The first parameter that is far from the type.
     pub(super) fn far_parameter(&self, job: &WindowJob) -> Option<FarParameter> {
         UnitParameter::ALL.into_iter().find_map(|parameter| {

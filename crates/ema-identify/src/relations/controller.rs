@@ -14,11 +14,14 @@ use super::overlap::Overlap;
 use super::sliding::Sliding;
 use crate::monitor_fit::RecordedSample;
 
-/// Ratio `g/h` of a window.
-pub(super) fn gain_ratio<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Result<Reading, Needed> {
+/// Ratio `g/h` of a window, with a kernel of this half width, s.
+pub(super) fn gain_ratio<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    half_width_s: f64,
+) -> Result<Reading, Needed> {
     let params = window.params();
     let (controller, rate) = (&params.controller, params.sensors.sample_rate);
-    let kernel = Kernel::new(rate);
+    let kernel = Kernel::new(half_width_s, rate);
     let torque_gain = params.motor.torque_gain();
     let mut ring = Sliding::<3>::new(kernel.span);
     let mut equations = NormalEquations::<2>::new();

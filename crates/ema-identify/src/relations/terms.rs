@@ -134,16 +134,16 @@ pub(super) struct BalanceRow {
 /// Smallest speed under the kernel, rad/s: below, friction is no function of the measured speed.
 const MOVING: f64 = 3.0;
 
-/// Rows of a window, one per inner sample; `None` unless the motor turns in one direction under the kernel that ends there, at
+/// Rows of a window, one per inner sample; `None` between the kernel's strides, and unless the motor turns in one direction under the kernel that ends there, at
 /// 3 rad/s or more, and all of it was measured.
 pub(super) fn balance_rows<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     shape: &BalanceShape,
     load: OutputLoad,
+    kernel: &Kernel,
 ) -> impl Iterator<Item = Option<BalanceRow>> {
     let (window, integrands) = (*window, Integrands::new(window.params(), shape, load));
-    let kernel = Kernel::new(window.params().sensors.sample_rate);
-    let weights = weights(&kernel);
+    let (weights, stride) = (weights(kernel), kernel.stride);
     let mut ring = Sliding::<TERM_COUNT>::new(kernel.span);
     let mut forward = true;
     window.inner().map(move |n| {
@@ -158,7 +158,7 @@ pub(super) fn balance_rows<S: RecordedSample>(
             ring.clear();
         }
         ring.push(integrands.of(&window, &now));
-        ring.is_full().then(|| BalanceRow {
+        (ring.is_full() && n % stride == 0).then(|| BalanceRow {
             terms: ring.sums_each(&weights),
             forward,
         })

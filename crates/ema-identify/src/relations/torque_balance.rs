@@ -5,12 +5,15 @@
 //! the load depends on load and spring, so up to four rounds find both; without it every spring would
 //! look like friction.
 
+use nalgebra::SMatrix;
+
 use super::elements::{Element, ElementReadings, Needed, Reading};
 use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
-use super::normal_equations::NormalEquations;
+use super::normal_equations::{NormalEquations, Solution};
 use super::output_load::OutputLoad;
 use super::overlap::Overlap;
+use super::shared::{SHARED_COUNT, SharedMatrix, free_of_shared, is_free, is_worn, shared_columns};
 use super::terms::{BalanceShape, TERM_COUNT, Term, balance_rows};
 use crate::monitor_fit::RecordedSample;
 
@@ -27,6 +30,8 @@ pub struct BalanceCoefficients {
     pub shape: BalanceShape,
     /// Root-mean-square residual of the windows from which they were learnt, Nm.
     pub residual_rms: f64,
+    /// Half width of the kernel, s.
+    pub half_width_s: f64,
 }
 
 impl BalanceCoefficients {
@@ -39,7 +44,6 @@ impl BalanceCoefficients {
 
 impl BalanceCoefficients {
     /// The coefficients of the unit with its position gain changed by a factor.
-    #[must_use]
     pub(super) fn with_gain(&self, factor: f64) -> Self {
         let mut changed = *self;
         changed.values[Term::SetpointHold as usize] *= factor;
@@ -84,12 +88,13 @@ pub(super) struct TorqueBalance {
     pub(super) rows: usize,
 }
 
-/// Fits the free coefficients of a window.
+/// Fits the free coefficients of a window; `learnt` is the covariance of what the unit's windows share, once it is known.
 pub(super) fn torque_balance<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     unit: &BalanceCoefficients,
+    learnt: Option<&SharedMatrix>,
 ) -> TorqueBalance {
-    let kernel = Kernel::new(window.params().sensors.sample_rate);
+    let kernel = Kernel::new(unit.half_width_s, window.params().sensors.sample_rate);
     let mut balance = TorqueBalance {
         readings: ElementReadings::none(),
         load: OutputLoad::default(),
@@ -100,7 +105,7 @@ pub(super) fn torque_balance<S: RecordedSample>(
     for _ in 0..LOAD_ROUNDS {
         let sums = sums(window, unit, &kernel, losing);
         balance.rows = sums.equations.rows;
-        let enough = balance.rows / kernel.span > FREE_COUNT;
+        let enough = balance.rows * kernel.stride / kernel.span > FREE_COUNT;
         let Some(solution) = sums.equations.solve().filter(|_| enough) else {
             balance.readings.fail(Element::BALANCE, Needed::LongerMotion);
             return balance;
@@ -109,7 +114,12 @@ pub(super) fn torque_balance<S: RecordedSample>(
         balance.load = OutputLoad::new(&solution.x.fixed_rows::<2>(LOAD).into_owned());
         let information = sums.equations.symmetric().fixed_view::<2, 2>(LOAD, LOAD).into_owned();
         let found = balance.load.losing(&information, balance.rows, window.params());
-        let covariance = sums.overlap.covariance(&sums.equations, &solution);
+        let is_last = found.is_close(&losing);
+        let mut covariance = sums.overlap.covariance(&sums.equations, &solution);
+        if let Some(learnt) = learnt {
+            let error = error_of_shared(&solution, &sums.with_shared);
+            covariance += error * learnt * error.transpose();
+        }
         for (place, element) in Element::BALANCE.into_iter().enumerate() {
             let reading = Reading {
                 value: solution.x[place],
@@ -117,11 +127,11 @@ pub(super) fn torque_balance<S: RecordedSample>(
             };
             balance.readings.set(element, reading);
         }
-        if sums.directions.iter().any(|&rows| rows < kernel.span) {
+        if sums.directions.iter().any(|&rows| rows * kernel.stride < kernel.span) {
             // With motion in one direction the load takes the place of friction.
             balance.readings.fail([Element::Friction], Needed::BothDirections);
         }
-        if found.is_close(&losing) {
+        if is_last {
             break;
         }
         losing = found;
@@ -129,10 +139,36 @@ pub(super) fn torque_balance<S: RecordedSample>(
     balance
 }
 
+/// How an error of the shared unknowns changes the *change* of the free coefficients since commissioning.
+///
+/// With the columns a of the free coefficients and s of the shared ones, `x̂ = N⁻¹ Σ a (… + s c)`; turns and eccentricity are
+/// free and compared with the learnt ones. Derived here.
+fn error_of_shared(
+    solution: &Solution<FREE_COUNT>,
+    with_shared: &SMatrix<f64, FREE_COUNT, SHARED_COUNT>,
+) -> SMatrix<f64, FREE_COUNT, SHARED_COUNT> {
+    let mut error = solution.inverse * with_shared;
+    for unknown in 0..SHARED_COUNT {
+        if is_free(unknown) {
+            error.column_mut(unknown).fill(0.0);
+        } else if is_worn(unknown) {
+            error.column_mut(unknown).scale_mut(solution.x[FRICTION]);
+        }
+    }
+    for (row, of_shared) in free_of_shared().row_iter().enumerate() {
+        for unknown in 0..SHARED_COUNT {
+            error[(row, unknown)] -= of_shared[unknown];
+        }
+    }
+    error
+}
+
 /// Sums over the rows of a window.
 struct Sums {
     equations: NormalEquations<FREE_COUNT>,
     overlap: Overlap<FREE_COUNT>,
+    /// Products of the free columns with those of the shared unknowns.
+    with_shared: SMatrix<f64, FREE_COUNT, SHARED_COUNT>,
     /// Rows in either direction.
     directions: [usize; 2],
 }
@@ -150,9 +186,10 @@ fn sums<S: RecordedSample>(
     let mut sums = Sums {
         equations: NormalEquations::new(),
         overlap: Overlap::new(&kernel.average, kernel.span),
+        with_shared: SMatrix::zeros(),
         directions: [0; 2],
     };
-    for row in balance_rows(window, &unit.shape, load) {
+    for row in balance_rows(window, &unit.shape, load, kernel) {
         let Some(row) = row else {
             sums.overlap.add(None);
             continue;
@@ -164,6 +201,11 @@ fn sums<S: RecordedSample>(
         let free = [a, b, c, ecc_cos, ecc_sin, friction, constant, spring];
         sums.equations.add(&free, -rest);
         sums.overlap.add(Some(&free));
+        for (unknown, shared) in shared_columns(&row).into_iter().enumerate() {
+            for (place, free) in free.iter().enumerate() {
+                sums.with_shared[(place, unknown)] += free * shared;
+            }
+        }
         sums.directions[usize::from(row.forward)] += 1;
     }
     sums

@@ -5,6 +5,7 @@
 //! calibration, the unit is calibrated from other healthy windows, and the same windows are assessed again. Windows go as frames
 //! through the pipeline, each assessed alone with the default configuration.
 
+mod catalogue_unit;
 mod entries;
 mod score;
 mod state;
@@ -32,6 +33,7 @@ use entries::{ENTRIES, Entry};
 use score::Tally;
 use unit::{UNIT_FILE, Unit, config_of, draw_effects, single_fault};
 
+pub use catalogue_unit::CatalogueUnit;
 pub use entries::{EntryKind, entry_names};
 pub use score::Rates;
 pub use state::{FinishedUnit, first_line, read_state};

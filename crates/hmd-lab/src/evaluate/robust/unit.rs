@@ -121,6 +121,22 @@ pub(super) fn config_of(type_name: &str, rate_hz: f64) -> Result<Config, hmd_cor
     )
 }
 
+/// One mixed actuation of a unit with these effects.
+pub(super) fn scenario(nominal: ActuatorParams, effects: Effects, fault: FaultVector, seed: u64) -> Scenario {
+    Scenario {
+        effects,
+        sensing: CurrentSensing {
+            quantised: true,
+            noise_rms: NOISE_RMS_A,
+        },
+        actuations: Actuations {
+            rest: REST_S,
+            ..Actuations::single(Profile::Mixed)
+        },
+        ..Scenario::new(nominal, fault, seed)
+    }
+}
+
 /// One unit of a type.
 #[derive(Clone, Debug)]
 pub(super) struct Unit {
@@ -146,18 +162,7 @@ impl Unit {
     /// # Errors
     /// An interface name that is refused.
     pub(super) fn window(&self, fault: FaultVector, seed: u64) -> Result<Option<WindowJob>, RobustError> {
-        let scenario = Scenario {
-            effects: self.effects,
-            sensing: CurrentSensing {
-                quantised: true,
-                noise_rms: NOISE_RMS_A,
-            },
-            actuations: Actuations {
-                rest: REST_S,
-                ..Actuations::single(Profile::Mixed)
-            },
-            ..Scenario::new(self.nominal, fault, seed)
-        };
+        let scenario = scenario(self.nominal, self.effects, fault, seed);
         let mut names = BusNames::new();
         names.intern(INTERFACE)?;
         let mut pipeline = Pipeline::new(self.config.clone());

@@ -132,7 +132,7 @@ pub fn calibrate_unit(
     progress(jobs.len() as u64);
     let is_vector = jobs[0].actuator.drive.kind == DriveKind::Vector;
     let by_monitor = match &by_relations {
-        Ok(relations) if is_vector && relations.evidence.is_sound() => None,
+        Ok(relations) if is_vector && relations.evidence.shown() == FaultId::COUNT => None,
         _ => learn_monitor(assessor, jobs, seed, progress)?,
     };
     let (estimator, estimator_reason, evidence) =
@@ -189,25 +189,28 @@ fn choose<'a>(
         return Err(CommissioningError::Parameter(far.clone()));
     }
     let usable = monitor.filter(|_| monitor_far.is_none());
+    let far_relations = relations.ok().and_then(|learnt| learnt.far_parameter(job));
     match (relations, usable) {
-        (Ok(_), Some(monitor)) if !is_vector && monitor.evidence.is_sound() => {
+        (Ok(relations), Some(monitor))
+            if monitor.evidence.is_sound()
+                && (!relations.evidence.is_sound() || monitor.evidence.is_clearly_better_than(&relations.evidence)) =>
+        {
             let reason = format!(
-                "hysteresis drive, which the monitor explains with cost {:.1}",
-                monitor.unit.cost
+                "it shows {} of {} faults, the relations {}",
+                monitor.evidence.shown(),
+                FaultId::COUNT,
+                relations.evidence.shown()
             );
             Ok((UnitEstimator::Monitor, reason, &monitor.evidence))
         }
         (Ok(relations), _) => {
-            if let Some(far) = relations.far_parameter(job) {
+            if let Some(far) = far_relations {
                 return Err(CommissioningError::Parameter(far));
             }
-            let reason = match (is_vector, monitor, &monitor_far) {
-                (true, ..) => "vector drive".to_owned(),
-                (false, _, Some(far)) => format!("the monitor would need {} = {:.3e}", far.key, far.found),
-                (false, Some(learnt), None) => {
-                    format!("the monitor does not explain the unit: cost {:.1}", learnt.unit.cost)
-                }
-                (false, None, None) => "the monitor cannot be learnt from these windows".to_owned(),
+            let reason = match (is_vector, usable) {
+                (true, _) => "vector drive".to_owned(),
+                (false, Some(learnt)) => format!("the monitor explains the unit with cost {:.1}", learnt.unit.cost),
+                (false, None) => "the monitor does not explain the unit".to_owned(),
             };
             Ok((UnitEstimator::Relations, reason, &relations.evidence))
         }

@@ -14,7 +14,7 @@ use crate::outbox::WindowJob;
 use crate::outliers::identify_without_outliers;
 
 /// Tolerances from its type within which a parameter is usual.
-const USUAL_TOLERANCES: f64 = 2.0;
+const USUAL_TOLERANCES: f64 = 1.0;
 
 /// A monitor that was learnt.
 pub(super) struct MonitorLearnt {

@@ -41,6 +41,31 @@ impl Evidence {
         self.explained >= EXPLAINED_MIN && self.sigma.iter().any(Option::is_some)
     }
 
+    /// Faults that a window shows.
+    pub(super) fn shown(&self) -> usize {
+        FaultId::ALL
+            .into_iter()
+            .filter(|fault| self.sigma[fault.parameter()].is_some())
+            .count()
+    }
+
+    /// Whether an estimator serves better than another one: it shows more faults, or as many with sigmas of less than half the size
+    /// (root mean square).
+    pub(super) fn is_clearly_better_than(&self, other: &Self) -> bool {
+        match self.shown().cmp(&other.shown()) {
+            std::cmp::Ordering::Greater => true,
+            std::cmp::Ordering::Equal => 2.0 * self.sigma_rms() < other.sigma_rms(),
+            std::cmp::Ordering::Less => false,
+        }
+    }
+
+    fn sigma_rms(&self) -> f64 {
+        let sigmas = FaultId::ALL
+            .into_iter()
+            .filter_map(|fault| self.sigma[fault.parameter()]);
+        (sigmas.map(|sigma| sigma * sigma).sum::<f64>() / self.shown().max(1) as f64).sqrt()
+    }
+
     /// Smallest damage of each fault that a window shows with a probability of 99 %, at a false alarm rate of 0.1 % and by the levels
     /// of the configuration.
     pub(super) fn smallest_damage(&self, levels: &[Levels; FaultId::COUNT]) -> BTreeMap<String, f64> {

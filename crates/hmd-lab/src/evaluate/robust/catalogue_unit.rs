@@ -1,7 +1,7 @@
 //! The simulated windows of the suite without the pipeline: scenarios of a unit by name of its entry and type.
 
 use ema_models::reference::{Effects, Scenario};
-use ema_models::{ActuatorParams, FaultVector};
+use ema_models::{ActuatorParams, DriveParams, FaultVector};
 use hmd_core::seed::{mix, name_hash};
 
 use super::entries::ENTRIES;
@@ -34,7 +34,7 @@ impl CatalogueUnit {
         let nominal = nominal.checked()?;
         Ok(Self {
             nominal,
-            effects: draw_effects(known, actuator, &nominal, seed)?,
+            effects: draw_effects(known, &nominal, &DriveParams::of_built_in(actuator), seed)?,
             seed: mix(seed, &[name_hash(entry), name_hash(actuator)]),
         })
     }

@@ -23,6 +23,7 @@
 mod commission;
 mod commissioned;
 mod controller;
+mod current_noise;
 mod elements;
 mod kernel;
 mod measured;

@@ -144,6 +144,13 @@ impl Run {
                 return Ok(result);
             }
         };
+        if self.show {
+            result.shown.push(format!("{:.6?}", learnt.balance.values));
+            result.shown.push(format!(
+                "kernel {} s, controller {} s, {:.4?}",
+                learnt.balance.half_width_s, learnt.gain_half_width_s, learnt.baseline
+            ));
+        }
         for (motion, tally) in self.judge.iter().zip(&mut result.judged) {
             for number in 0..assessed {
                 let (place, scenario) = unit.window(number, self.n);

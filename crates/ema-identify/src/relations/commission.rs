@@ -133,7 +133,7 @@ impl SharedBalance {
     fn expected_variance<S: RecordedSample>(&self, windows: &[MeasuredWindow<'_, S>]) -> f64 {
         let readings: Vec<_> = windows
             .iter()
-            .map(|window| torque_balance(window, &self.balance, Some(&self.covariance)).readings)
+            .map(|window| torque_balance(window, &self.balance, 1.0, Some(&self.covariance)).readings)
             .collect();
         Element::BALANCE
             .into_iter()
@@ -210,7 +210,7 @@ fn window_sums<S: RecordedSample>(
     kernel: &Kernel,
 ) -> NormalEquations<WINDOW_COUNT> {
     let mut sums = NormalEquations::new();
-    for row in balance_rows(window, shape, load, kernel).flatten() {
+    for row in balance_rows(window, shape, load, kernel, 1.0).flatten() {
         let (a, y) = window_row(&row);
         sums.add(&a, y);
     }

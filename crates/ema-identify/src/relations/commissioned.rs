@@ -32,10 +32,12 @@ pub struct CommissionedRelations {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "std", derive(serde::Serialize, serde::Deserialize))]
 pub struct Baseline {
-    /// Mean over the windows, in the element's unit.
+    /// Mean over the windows, each weighted by its own information, in the element's unit.
     pub mean: f64,
-    /// Standard deviation from window to window.
+    /// Standard deviation from window to window, so weighted.
     pub scatter: f64,
+    /// Sigma of a window of mean information.
+    pub sigma: f64,
     /// Root-mean-square of deviation over sigma, at least 1: what the readings' own sigmas leave out.
     pub excess: f64,
     /// Windows that show the element.
@@ -46,31 +48,34 @@ impl Baseline {
     /// Mean and scatter of what windows show.
     #[cfg(feature = "std")]
     pub(super) fn of(shown: &[Reading]) -> Self {
+        let weight = |reading: &Reading| 1.0 / (reading.sigma * reading.sigma).max(f64::MIN_POSITIVE);
+        let weights: f64 = shown.iter().map(weight).sum();
+        let weighted = |of: &dyn Fn(&Reading) -> f64| {
+            shown.iter().map(|reading| weight(reading) * of(reading)).sum::<f64>() / weights.max(f64::MIN_POSITIVE)
+        };
         let n = shown.len() as f64;
-        let mean = shown.iter().map(|reading| reading.value).sum::<f64>() / n.max(1.0);
-        let square = |x: f64| x * x;
-        let squares: f64 = shown.iter().map(|reading| square(reading.value - mean)).sum();
-        let relative: f64 = shown
-            .iter()
-            .map(|reading| square((reading.value - mean) / reading.sigma.max(f64::MIN_POSITIVE)))
-            .sum();
-        let freedom = (n - 1.0).max(1.0);
+        let unbiased = n / (n - 1.0).max(1.0);
+        let mean = weighted(&|reading| reading.value);
+        let squares = weighted(&|reading| (reading.value - mean) * (reading.value - mean));
+        // The mean of deviation² over sigma².
+        let relative = squares * weights / n.max(1.0);
         Self {
             mean,
-            scatter: libm::sqrt(squares / freedom),
-            excess: libm::sqrt(relative / freedom).max(1.0),
+            scatter: libm::sqrt(unbiased * squares),
+            sigma: libm::sqrt(n / weights.max(f64::MIN_POSITIVE)),
+            excess: libm::sqrt(unbiased * relative).max(1.0),
             windows: shown.len(),
         }
     }
 
     /// A reading of a later window with the uncertainty of the unit: its own sigma, as much wider as the healthy windows
-    /// scatter more than theirs, and the uncertainty of their mean. Derived here.
+    /// scatter more than theirs, but not below what these show, and the uncertainty of their mean. Derived here.
     fn widened(&self, reading: Reading) -> Result<Reading, Needed> {
         if self.windows < 2 {
             return Err(Needed::CommissioningThatShowsIt);
         }
         let mean = self.scatter / libm::sqrt(self.windows as f64);
-        let sigma = libm::hypot(self.excess * reading.sigma, mean);
+        let sigma = libm::hypot((self.excess * reading.sigma).max(self.sigma), mean);
         Ok(Reading { sigma, ..reading })
     }
 }
@@ -270,7 +275,7 @@ impl CommissionedRelations {
             load,
             residual_rms,
             rows,
-        } = torque_balance(window, &self.balance.with_gain(relative_gain), Some(&covariance));
+        } = torque_balance(window, &self.balance, relative_gain, Some(&covariance));
         readings.put(Element::Backlash, play_width(window));
         readings.put(Element::Gain, gain);
         (

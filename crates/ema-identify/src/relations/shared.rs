@@ -118,3 +118,23 @@ pub(super) fn priors(params: &ActuatorParams) -> [(f64, f64); SHARED_COUNT] {
         }
     })
 }
+
+/// Variance by which the shared unknowns of one window differ from those of another, beyond what commissioning can know: a torque
+/// step reaches the current the later the larger it is, ripple and dead time act as offsets.
+pub(super) fn spread(params: &ActuatorParams) -> Shared {
+    let (motor, gear) = (&params.motor, &params.transmission);
+    Shared::from_fn(|unknown, _| {
+        if unknown < 2 {
+            return 0.0;
+        }
+        let sigma = match SHARED[unknown - 2] {
+            Term::Inertia => 0.003 * motor.j,
+            Term::DryFriction => 0.02 * gear.friction_dynamic,
+            Term::OffsetA | Term::OffsetB => 3e-4 * motor.i_max,
+            Term::Latency => 1e-5,
+            Term::SetpointHold => 0.08,
+            _ => 0.0,
+        };
+        sigma * sigma
+    })
+}

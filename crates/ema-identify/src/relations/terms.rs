@@ -135,14 +135,15 @@ pub(super) struct BalanceRow {
 const MOVING: f64 = 3.0;
 
 /// Rows of a window, one per inner sample; `None` between the kernel's strides, and unless the motor turns in one direction under the kernel that ends there, at
-/// 3 rad/s or more, and all of it was measured.
+/// 3 rad/s or more, and all of it was measured. `gain` is the factor of the position gain against the healthy unit's.
 pub(super) fn balance_rows<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     shape: &BalanceShape,
     load: OutputLoad,
     kernel: &Kernel,
+    gain: f64,
 ) -> impl Iterator<Item = Option<BalanceRow>> {
-    let (window, integrands) = (*window, Integrands::new(window.params(), shape, load));
+    let (window, integrands) = (*window, Integrands::new(window.params(), shape, load, gain));
     let (weights, stride) = (weights(kernel), kernel.stride);
     let mut ring = Sliding::<TERM_COUNT>::new(kernel.span);
     let mut forward = true;
@@ -185,10 +186,12 @@ struct Integrands {
     loss_shares: [f64; 2],
     shape: BalanceShape,
     load: OutputLoad,
+    /// Factor of the position gain.
+    gain: f64,
 }
 
 impl Integrands {
-    fn new(params: &ActuatorParams, shape: &BalanceShape, load: OutputLoad) -> Self {
+    fn new(params: &ActuatorParams, shape: &BalanceShape, load: OutputLoad, gain: f64) -> Self {
         Self {
             k: params.motor.k,
             k_p: params.controller.k_p,
@@ -196,6 +199,7 @@ impl Integrands {
             loss_shares: params.transmission.gear_loss_shares(),
             shape: *shape,
             load,
+            gain,
         }
     }
 
@@ -208,7 +212,7 @@ impl Integrands {
         let (fifth, seventh) = (sum(fourth, e), sum(sum(fourth, double), e));
         let s = phase_shapes(e);
         let torque: [f64; 3] = core::array::from_fn(|j| self.k * s[j] * now.i[j]);
-        let is_limited = now.is_speed_limited || window.is_torque_limited(torque.iter().sum());
+        let is_limited = now.speed_reference * self.gain >= 1.0 || window.is_torque_limited(torque.iter().sum());
         let sign = libm::copysign(1.0, now.omega_m);
         let ratio = now.omega_m / self.shape.stribeck_speed;
         let (mesh_sin, mesh_cos) = (self.shape.teeth * now.angle_in_turn).sin_cos_poly();
@@ -240,7 +244,11 @@ impl Integrands {
             self.k * (s[0] - s[2]),
             self.k * (s[1] - s[2]),
             (0..3).map(|j| self.k * s[j] * now.di[j]).sum(),
-            if is_limited { 0.0 } else { self.k_p * now.reference_step },
+            if is_limited {
+                0.0
+            } else {
+                self.gain * self.k_p * now.reference_step
+            },
             -1.0 / self.gear_ratio,
             -now.travel / self.gear_ratio,
             -sign * libm::fabs(load_torque) * loss_share,

@@ -7,13 +7,14 @@
 
 use nalgebra::SMatrix;
 
+use super::current_noise::{current_noise, noise_of_columns};
 use super::elements::{Element, ElementReadings, Needed, Reading};
 use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
 use super::normal_equations::{NormalEquations, Solution};
 use super::output_load::OutputLoad;
 use super::overlap::Overlap;
-use super::shared::{SHARED_COUNT, SharedMatrix, free_of_shared, is_free, is_worn, shared_columns};
+use super::shared::{SHARED_COUNT, SharedMatrix, free_of_shared, is_free, is_worn, shared_columns, spread};
 use super::terms::{BalanceShape, TERM_COUNT, Term, balance_rows};
 use crate::monitor_fit::RecordedSample;
 
@@ -39,15 +40,6 @@ impl BalanceCoefficients {
     #[must_use]
     pub fn of(&self, term: Term) -> f64 {
         self.values[term as usize]
-    }
-}
-
-impl BalanceCoefficients {
-    /// The coefficients of the unit with its position gain changed by a factor.
-    pub(super) fn with_gain(&self, factor: f64) -> Self {
-        let mut changed = *self;
-        changed.values[Term::SetpointHold as usize] *= factor;
-        changed
     }
 }
 
@@ -88,10 +80,11 @@ pub(super) struct TorqueBalance {
     pub(super) rows: usize,
 }
 
-/// Fits the free coefficients of a window; `learnt` is the covariance of what the unit's windows share, once it is known.
+/// Fits the free coefficients of a window whose position gain is that of the unit times `gain`; `learnt` is the covariance of what the unit's windows share, once it is known.
 pub(super) fn torque_balance<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     unit: &BalanceCoefficients,
+    gain: f64,
     learnt: Option<&SharedMatrix>,
 ) -> TorqueBalance {
     let kernel = Kernel::new(unit.half_width_s, window.params().sensors.sample_rate);
@@ -101,9 +94,11 @@ pub(super) fn torque_balance<S: RecordedSample>(
         residual_rms: 0.0,
         rows: 0,
     };
+    let noise = noise_of_columns(current_noise(window), window.params().motor.k, &kernel);
     let mut losing = OutputLoad::default();
     for _ in 0..LOAD_ROUNDS {
-        let sums = sums(window, unit, &kernel, losing);
+        let mut sums = sums(window, unit, &kernel, losing, gain);
+        sums.without_noise(&noise);
         balance.rows = sums.equations.rows;
         let enough = balance.rows * kernel.stride / kernel.span > FREE_COUNT;
         let Some(solution) = sums.equations.solve().filter(|_| enough) else {
@@ -117,6 +112,7 @@ pub(super) fn torque_balance<S: RecordedSample>(
         let is_last = found.is_close(&losing);
         let mut covariance = sums.overlap.covariance(&sums.equations, &solution);
         if let Some(learnt) = learnt {
+            let learnt = learnt + SharedMatrix::from_diagonal(&spread(window.params()));
             let error = error_of_shared(&solution, &sums.with_shared);
             covariance += error * learnt * error.transpose();
         }
@@ -173,11 +169,23 @@ struct Sums {
     directions: [usize; 2],
 }
 
+impl Sums {
+    /// Subtracts the expected products of the current noise, at most half of a column's own.
+    fn without_noise(&mut self, noise: &[f64; 5]) {
+        let ata = &mut self.equations.ata;
+        for (place, noise) in noise.iter().enumerate() {
+            let whole = ata[(place, place)];
+            ata[(place, place)] -= (noise * self.equations.rows as f64).min(0.5 * whole);
+        }
+    }
+}
+
 fn sums<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     unit: &BalanceCoefficients,
     kernel: &Kernel,
     load: OutputLoad,
+    gain: f64,
 ) -> Sums {
     let mut known = unit.values;
     for term in FREE.into_iter().chain(WORN) {
@@ -189,7 +197,7 @@ fn sums<S: RecordedSample>(
         with_shared: SMatrix::zeros(),
         directions: [0; 2],
     };
-    for row in balance_rows(window, &unit.shape, load, kernel) {
+    for row in balance_rows(window, &unit.shape, load, kernel, gain) {
         let Some(row) = row else {
             sums.overlap.add(None);
             continue;

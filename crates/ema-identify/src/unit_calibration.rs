@@ -218,7 +218,7 @@ impl UnitCalibration {
             }
         }
         if let Some(relations) = &self.relations {
-            if relations.residual_rms_nm <= 0.0 {
+            if relations.residual_rms_nm < 0.0 {
                 return Some(format!("relations.residual_rms_nm = {}", relations.residual_rms_nm));
             }
             if let Some(factor) = relations.sigma_factors.iter().find(|&&factor| factor < 1.0) {

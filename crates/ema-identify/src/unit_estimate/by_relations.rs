@@ -38,9 +38,12 @@ impl<'a> AlignedWindow<'a> {
     }
 }
 
+/// Residual of the torque balance that is usual with any unit, as a share of the largest torque.
+const RESIDUAL_FLOOR: f64 = 5e-3;
+
 /// Estimates one window by the relations of its unit.
 ///
-/// The cost is `½ (r/r₀)²`, r the residual of the torque balance and r₀ that of healthy windows. `is_locked`: the motor stood while
+/// The cost is `½ (r² + f²)/(r₀² + f²)`: r is the residual of the torque balance, r₀ that of healthy windows, f 0.5 % of the largest torque. `is_locked`: the motor stood while
 /// it was commanded to move.
 #[must_use]
 pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, is_locked: bool) -> UnitEstimate {
@@ -56,7 +59,10 @@ pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, i
             .fold(1.0, f64::max);
         sigma[parameter] = found.sigma[parameter].map(|sigma| factor * sigma);
     }
-    let ratio = found.torque_residual_rms / unit.residual_rms_nm;
+    let motor = &window.params.motor;
+    // Where noise explains all of it, the residual is 0.
+    let floor = RESIDUAL_FLOOR * motor.torque_gain() * motor.i_max;
+    let ratio = found.torque_residual_rms.hypot(floor) / unit.residual_rms_nm.hypot(floor);
     let fault = FaultVector::from_array(found.k.map(|k| k.clamp(0.0, 1.0)));
     let estimate = Estimate {
         fault,
@@ -69,7 +75,7 @@ pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, i
         sigma,
         observable: sigma.map(|sigma| sigma.is_some()),
         cost: 0.5 * ratio * ratio,
-        residual_rms_a: found.torque_residual_rms / window.params.motor.torque_gain(),
+        residual_rms_a: found.torque_residual_rms / motor.torque_gain(),
         evaluations: 0,
         cut: false,
         competing_optimum: None,

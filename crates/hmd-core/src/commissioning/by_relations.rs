@@ -70,7 +70,7 @@ pub(super) fn learn_relations(jobs: &[WindowJob]) -> Result<RelationsLearnt, Com
         mean.sqrt().max(untested)
     });
     let unit = UnitRelations {
-        residual_rms_nm: rms.max(f64::MIN_POSITIVE),
+        residual_rms_nm: rms,
         sigma_factors,
         commissioned,
     };

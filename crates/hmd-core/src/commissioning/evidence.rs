@@ -13,6 +13,9 @@ const NORMAL_99: f64 = 2.326_348;
 /// Least share of windows that the estimator explains.
 const EXPLAINED_MIN: f64 = 0.8;
 
+/// Sigma up to which every fault of a damage of 0.1 is named.
+const SIGMA_SMALL: f64 = 0.03;
+
 /// How well an estimator knows a unit.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Evidence {
@@ -49,21 +52,17 @@ impl Evidence {
             .count()
     }
 
-    /// Whether an estimator serves better than another one: it shows more faults, or as many with sigmas of less than half the size
-    /// (root mean square).
+    /// Whether an estimator serves clearly better than another one: it shows a fault that the other does not, or one that the other
+    /// shows badly with half the sigma, and none badly that the other shows well.
     pub(super) fn is_clearly_better_than(&self, other: &Self) -> bool {
-        match self.shown().cmp(&other.shown()) {
-            std::cmp::Ordering::Greater => true,
-            std::cmp::Ordering::Equal => 2.0 * self.sigma_rms() < other.sigma_rms(),
-            std::cmp::Ordering::Less => false,
-        }
-    }
-
-    fn sigma_rms(&self) -> f64 {
-        let sigmas = FaultId::ALL
-            .into_iter()
-            .filter_map(|fault| self.sigma[fault.parameter()]);
-        (sigmas.map(|sigma| sigma * sigma).sum::<f64>() / self.shown().max(1) as f64).sqrt()
+        let sigmas = |fault: FaultId| {
+            let of = |evidence: &Self| evidence.sigma[fault.parameter()].unwrap_or(f64::INFINITY);
+            (of(self), of(other))
+        };
+        let is_better = |(own, other): (f64, f64)| other > SIGMA_SMALL && 2.0 * own < other;
+        let is_worse = |(own, other): (f64, f64)| own > SIGMA_SMALL && own > other;
+        let faults = || FaultId::ALL.into_iter().map(sigmas);
+        faults().any(is_better) && !faults().any(is_worse)
     }
 
     /// Smallest damage of each fault that a window shows with a probability of 99 %, at a false alarm rate of 0.1 % and by the levels

@@ -150,6 +150,14 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
         0.5 * turned as f64 * sensors.motor_lsb() * sensors.sample_rate
     }
 
+    /// Output angle less the motor angle at the output, both since the first sample, rad.
+    pub(super) fn behind_gear(&self, n: usize) -> f64 {
+        let (sensors, gear_ratio) = (&self.params.sensors, self.params.transmission.gear_ratio);
+        let (first, now) = (self.sensed(0), self.sensed(n));
+        (now.output_counts - first.output_counts) as f64 * sensors.output_lsb()
+            - (now.motor_counts - first.motor_counts) as f64 * sensors.motor_lsb() / gear_ratio
+    }
+
     /// Control deviation `θ_cmd − θ_out` as the controller counts it, rad; `None` outside position mode.
     pub(super) fn position_error(&self, n: usize) -> Option<f64> {
         let sample = self.sensed(n);

@@ -10,7 +10,7 @@ use nalgebra::{SMatrix, SVector};
 use super::terms::{BalanceRow, TERM_COUNT, Term};
 
 /// Shared terms besides the turns, whose sum is fixed.
-const SHARED: [Term; 19] = [
+const SHARED: [Term; 20] = [
     Term::EccentricityCos,
     Term::EccentricitySin,
     Term::Inertia,
@@ -30,6 +30,7 @@ const SHARED: [Term; 19] = [
     Term::OffsetB,
     Term::Latency,
     Term::SetpointHold,
+    Term::CountedOutput,
 ];
 
 /// Number of shared unknowns: `N_B − 1`, `N_C − 1`, the shared terms.
@@ -114,6 +115,7 @@ pub(super) fn priors(params: &ActuatorParams) -> [(f64, f64); SHARED_COUNT] {
             Term::OffsetA | Term::OffsetB => (0.0, 0.01 * motor.i_max),
             Term::Latency => (0.0, 2e-4),
             Term::SetpointHold => (0.5, 0.5),
+            Term::CountedOutput => (0.5, 0.5),
             _ => (0.0, 0.05),
         }
     })

@@ -3,6 +3,8 @@
 //! With the true coefficients the terms of a row sum to zero: `Σ_j N_j T_j + … − J ω' − C ω − T_d sign ω − … = 0`. Derived
 //! here from the equation of motion of the motor shaft, torques at the motor, of one rigid mass.
 
+use core::ops::Range;
+
 use ema_models::{ActuatorParams, phase_shapes};
 
 use super::kernel::{Kernel, MAX_SPAN};
@@ -64,6 +66,10 @@ pub enum Term {
     /// which it is latched; coefficient: the share of it in the mean torque between two samples, about ½. Without it, a set point
     /// that is held from sample to sample looks like friction.
     SetpointHold,
+    /// `K_p G_p (θ_out − θ_m/n)`, less its mean over 17 ms, where neither speed nor torque is at its limit: the count within which
+    /// the output stands changes the torque at the sample's instant, but little of its mean between two samples; coefficient: the
+    /// share of it in the sampled torque, up to 1.
+    CountedOutput,
     /// `−1/n`; coefficient: constant load at the output, Nm.
     Load,
     /// `−(θ_out − θ_out(0))/n`; coefficient: stiffness of a spring load at the output, Nm/rad.
@@ -74,7 +80,7 @@ pub enum Term {
 }
 
 /// Number of terms.
-pub const TERM_COUNT: usize = 25;
+pub const TERM_COUNT: usize = 26;
 
 /// The derivative under which the kernel smooths a term.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -147,8 +153,10 @@ pub(super) fn balance_rows<S: RecordedSample>(
     let (weights, stride) = (weights(kernel), kernel.stride);
     let mut ring = Sliding::<TERM_COUNT>::new(kernel.span);
     let mut forward = true;
+    let mut counting = Counting::new(&window);
     window.inner().map(move |n| {
         let now = window.quantities(n);
+        let counted = counting.deviation(&window, n);
         if libm::fabs(now.omega_m) < MOVING || !window.is_measured(n) {
             ring.clear();
             return None;
@@ -158,12 +166,48 @@ pub(super) fn balance_rows<S: RecordedSample>(
             forward = !forward;
             ring.clear();
         }
-        ring.push(integrands.of(&window, &now));
+        ring.push(integrands.of(&window, &now, counted));
         (ring.is_full() && n % stride == 0).then(|| BalanceRow {
             terms: ring.sums_each(&weights),
             forward,
         })
     })
+}
+
+/// Time on either side of a sample over which the mean of the output's counting error is taken, s.
+const COUNTING_S: f64 = 8.5e-3;
+
+/// Difference between the counted output angle and the motor angle at the output, less its mean around the sample.
+struct Counting {
+    half: usize,
+    /// Samples of the sum, as many on either side as there are.
+    range: Range<usize>,
+    sum: f64,
+}
+
+impl Counting {
+    fn new<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Self {
+        let rate = window.params().sensors.sample_rate;
+        Self {
+            half: libm::round(COUNTING_S * rate).max(2.0) as usize,
+            range: 0..0,
+            sum: 0.0,
+        }
+    }
+
+    /// The deviation at a sample, rad at the output; samples in ascending order.
+    fn deviation<S: RecordedSample>(&mut self, window: &MeasuredWindow<'_, S>, n: usize) -> f64 {
+        let half = self.half.min(n).min(window.len() - 1 - n);
+        while self.range.end <= n + half {
+            self.sum += window.behind_gear(self.range.end);
+            self.range.end += 1;
+        }
+        while self.range.start < n - half {
+            self.sum -= window.behind_gear(self.range.start);
+            self.range.start += 1;
+        }
+        window.behind_gear(n) - self.sum / self.range.len() as f64
+    }
 }
 
 /// Weight of each sample in each term.
@@ -182,6 +226,7 @@ fn weights(kernel: &Kernel) -> [[f64; TERM_COUNT]; MAX_SPAN] {
 struct Integrands {
     k: f64,
     k_p: f64,
+    g_p: f64,
     gear_ratio: f64,
     loss_shares: [f64; 2],
     shape: BalanceShape,
@@ -195,6 +240,7 @@ impl Integrands {
         Self {
             k: params.motor.k,
             k_p: params.controller.k_p,
+            g_p: params.controller.g_p,
             gear_ratio: params.transmission.gear_ratio,
             loss_shares: params.transmission.gear_loss_shares(),
             shape: *shape,
@@ -203,7 +249,12 @@ impl Integrands {
         }
     }
 
-    fn of(&self, window: &MeasuredWindow<'_, impl RecordedSample>, now: &Quantities) -> [f64; TERM_COUNT] {
+    fn of(
+        &self,
+        window: &MeasuredWindow<'_, impl RecordedSample>,
+        now: &Quantities,
+        counted: f64,
+    ) -> [f64; TERM_COUNT] {
         use ema_models::Real;
         let e = now.sin_cos_e;
         let (sin, cos) = e;
@@ -248,6 +299,11 @@ impl Integrands {
                 0.0
             } else {
                 self.gain * self.k_p * now.reference_step
+            },
+            if is_limited {
+                0.0
+            } else {
+                self.gain * self.k_p * self.g_p * counted
             },
             -1.0 / self.gear_ratio,
             -now.travel / self.gear_ratio,

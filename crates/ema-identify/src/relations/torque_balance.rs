@@ -5,7 +5,7 @@
 //! the load depends on load and spring, so up to four rounds find both; without it every spring would
 //! look like friction.
 
-use nalgebra::SMatrix;
+use nalgebra::{SMatrix, SVector};
 
 use super::current_noise::{current_noise, noise_of_columns};
 use super::elements::{Element, ElementReadings, Needed, Reading};
@@ -116,10 +116,11 @@ pub(super) fn torque_balance<S: RecordedSample>(
             let error = error_of_shared(&solution, &sums.with_shared);
             covariance += error * learnt * error.transpose();
         }
+        let attenuation = attenuation(&solution, balance.rows);
         for (place, element) in Element::BALANCE.into_iter().enumerate() {
             let reading = Reading {
                 value: solution.x[place],
-                sigma: libm::sqrt(covariance[(place, place)].max(0.0)),
+                sigma: libm::hypot(libm::sqrt(covariance[(place, place)].max(0.0)), attenuation[place]),
             };
             balance.readings.set(element, reading);
         }
@@ -133,6 +134,20 @@ pub(super) fn torque_balance<S: RecordedSample>(
         losing = found;
     }
     balance
+}
+
+/// Largest bias of the free coefficients by errors of the sampled torque: as much as if the whole residual were the quadrature
+/// current's, whose error stands in the columns of the turns too and draws them towards zero.
+///
+/// An error ε of `1.5 k i_q` is `ε s_j²/1.5` in the column of phase j; the mean of `s_i² s_j²` is 3/8 or 3/16. Derived here.
+fn attenuation(solution: &Solution<FREE_COUNT>, rows: usize) -> SVector<f64, FREE_COUNT> {
+    let squares = solution.residual_rms * solution.residual_rms * rows as f64 / 2.25;
+    let turns = solution.x.fixed_rows::<3>(0);
+    let mut products = SVector::<f64, FREE_COUNT>::zeros();
+    for j in 0..3 {
+        products[j] = squares * 0.1875 * (turns.sum() + turns[j]);
+    }
+    solution.inverse * products
 }
 
 /// How an error of the shared unknowns changes the *change* of the free coefficients since commissioning.

@@ -9,6 +9,8 @@
 //! | `controller` | differentiated PI law of the speed loop | controller gain |
 //! | `transmission` | output angle behind a play | backlash |
 //!
+//! `shared` names what all windows of a unit have in common, `commission` learns it.
+//!
 //! In goes a window of samples ([`MeasuredWindow`]) of a unit that was commissioned ([`CommissionedRelations`], learnt from
 //! healthy windows); out comes a [`RelationsEstimate`]: each fault parameter as the change since commissioning with its
 //! standard deviation, or what the window would have needed to show it. The windows are streamed through the kernel
@@ -21,12 +23,14 @@
 mod commission;
 mod commissioned;
 mod controller;
+mod current_noise;
 mod elements;
 mod kernel;
 mod measured;
 mod normal_equations;
 mod output_load;
 mod overlap;
+mod shared;
 mod sliding;
 mod terms;
 mod torque_balance;
@@ -37,5 +41,6 @@ pub use commission::{CommissionError, commission};
 pub use commissioned::{Baseline, CommissionedRelations, RelationsEstimate};
 pub use elements::{ELEMENT_COUNT, Element, Needed, Reading};
 pub use measured::MeasuredWindow;
+pub use shared::SHARED_COUNT;
 pub use terms::{BalanceShape, TERM_COUNT, Term};
 pub use torque_balance::BalanceCoefficients;

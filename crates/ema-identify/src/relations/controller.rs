@@ -14,11 +14,18 @@ use super::overlap::Overlap;
 use super::sliding::Sliding;
 use crate::monitor_fit::RecordedSample;
 
-/// Ratio `g/h` of a window.
-pub(super) fn gain_ratio<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Result<Reading, Needed> {
+/// Largest speed reference at the nominal gain, as a share of ω_max: with the largest gain factor of 1.5 it stays below the
+/// limit.
+const SPEED_SHARE: f64 = 0.65;
+
+/// Ratio `g/h` of a window, with a kernel of this half width, s.
+pub(super) fn gain_ratio<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    half_width_s: f64,
+) -> Result<Reading, Needed> {
     let params = window.params();
     let (controller, rate) = (&params.controller, params.sensors.sample_rate);
-    let kernel = Kernel::new(rate);
+    let kernel = Kernel::new(half_width_s, rate);
     let torque_gain = params.motor.torque_gain();
     let mut ring = Sliding::<3>::new(kernel.span);
     let mut equations = NormalEquations::<2>::new();
@@ -30,7 +37,7 @@ pub(super) fn gain_ratio<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> R
         let now = window.quantities(n);
         let reference = error.map(|error| controller.g_p * error);
         let torque = torque_gain * dq_from_abc(now.i, now.sin_cos_e)[1];
-        let limited = now.is_speed_limited || window.is_torque_limited(torque);
+        let limited = now.speed_reference >= SPEED_SHARE || window.is_torque_limited(torque);
         let usable = reference.filter(|_| !limited && window.is_measured(n));
         let Some(reference) = usable else {
             ring.clear();

@@ -8,7 +8,7 @@
 use ema_models::follow_through_play;
 
 use super::elements::{Needed, Reading};
-use super::kernel::Kernel;
+use super::kernel::{HALF_WIDTHS_S, Kernel};
 use super::measured::MeasuredWindow;
 use crate::monitor_fit::RecordedSample;
 
@@ -28,7 +28,7 @@ const PUSHED_COUNTS: i64 = 2;
 pub(super) fn play_width<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Result<Reading, Needed> {
     let start = pushed(window).ok_or(Needed::LongerMotion)?;
     let params = window.params();
-    let span = Kernel::new(params.sensors.sample_rate).span;
+    let span = Kernel::new(HALF_WIDTHS_S[0], params.sensors.sample_rate).span;
     let mismatch = |width: f64| follow(window, start, width).mismatch();
     let step = MAX_WIDTHS * params.transmission.backlash / COARSE as f64;
     let mut best = (f64::INFINITY, 0.0);

@@ -11,7 +11,7 @@ use std::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use ema_identify::relations::{BalanceShape, MeasuredWindow, RelationsEstimate, commission};
+use ema_identify::relations::{BalanceShape, MeasuredWindow, RELATION_COUNT, RelationsEstimate, commission};
 use ema_models::reference::{Drive, Scenario};
 use ema_models::{FaultId, FaultVector, Profile, SensedSample, Setpoint};
 use hmd_lab::evaluate::robust::{CatalogueUnit, entry_names};
@@ -268,13 +268,18 @@ struct Tally {
     damaged_z: [Vec<f64>; KINDS],
     /// Error over sigma of the same element in healthy windows.
     healthy_z: [Vec<f64>; KINDS],
+    /// Healthy and faulty windows that a relation does not explain.
+    unexplained: [[usize; 2]; RELATION_COUNT],
 }
 
 impl Tally {
-    const HEAD: &str = "  false   shown named/shown named  median    95 %  cover  cover healthy";
+    const HEAD: &str = "  false   shown named/shown named  median    95 %  cover  cover healthy, healthy and faulty not explained by each relation";
 
     /// Whether the window is judged rightly.
     fn add(&mut self, place: Option<usize>, truth: &FaultVector, estimate: &RelationsEstimate) -> bool {
+        for (counts, explained) in self.unexplained.iter_mut().zip(estimate.explained) {
+            counts[usize::from(place.is_some())] += usize::from(!explained);
+        }
         let mut alarms = [false; KINDS];
         for (fault, alarm) in FaultId::ALL.iter().zip(&mut alarms) {
             let parameter = fault.parameter();
@@ -320,6 +325,9 @@ impl Tally {
         for tally in tallies {
             sum.healthy += tally.healthy;
             sum.false_alarms += tally.false_alarms;
+            for (sum, counts) in sum.unexplained.iter_mut().zip(&tally.unexplained) {
+                *sum = [sum[0] + counts[0], sum[1] + counts[1]];
+            }
             for kind in 0..KINDS {
                 for m in 0..6 {
                     sum.kinds[kind][m] += tally.kinds[kind][m];
@@ -334,14 +342,15 @@ impl Tally {
 
     fn line(&self) -> String {
         let total = |m: usize| self.kinds.iter().map(|counts| counts[m]).sum::<usize>();
-        row(
+        let row = row(
             self.false_alarms,
             self.healthy,
             [total(1), total(2), total(3)],
             self.errors.concat(),
             &self.damaged_z.concat(),
             &self.healthy_z.concat(),
-        )
+        );
+        format!("{row} {:?}", self.unexplained)
     }
 
     fn faults(&self) -> Vec<String> {

@@ -16,6 +16,7 @@ use super::kernel::{HALF_WIDTHS_S, Kernel};
 use super::measured::MeasuredWindow;
 use super::normal_equations::NormalEquations;
 use super::output_load::OutputLoad;
+use super::residual::{HealthyResidual, RELATION_COUNT, Relation};
 use super::shared::{SHARED_COUNT, SharedMatrix, coefficients, priors, shared_columns};
 use super::terms::{BalanceRow, BalanceShape, Term, balance_rows};
 use super::torque_balance::{BalanceCoefficients, LOAD_ROUNDS, torque_balance};
@@ -74,16 +75,23 @@ pub fn commission<S: RecordedSample>(
         covariance: core::array::from_fn(|row| core::array::from_fn(|column| shared.covariance[(row, column)])),
         gain_half_width_s,
         baseline: [Baseline::default(); ELEMENT_COUNT],
+        residual: [HealthyResidual::default(); RELATION_COUNT],
     };
-    let readings: Vec<_> = windows.iter().map(|window| learnt.readings(window, None).0).collect();
+    let readings: Vec<_> = windows.iter().map(|window| learnt.readings(window, None)).collect();
     let baseline: [Baseline; ELEMENT_COUNT] = Element::ALL.map(|element| {
         let shown: Vec<Reading> = readings
             .iter()
-            .filter_map(|readings| readings.get(element).ok())
+            .filter_map(|(readings, _)| readings.get(element).ok())
             .collect();
         Baseline::of(&shown)
     });
-    Ok(CommissionedRelations { baseline, ..learnt })
+    let residual = Relation::ALL
+        .map(|relation| HealthyResidual::of(readings.iter().map(|(_, balance)| balance.residuals[relation as usize])));
+    Ok(CommissionedRelations {
+        baseline,
+        residual,
+        ..learnt
+    })
 }
 
 /// A wider kernel is taken where it brings the expected variance below this share of that of a narrower one.
@@ -93,7 +101,9 @@ const CLEARLY_LESS: f64 = 0.5;
 fn gain_half_width<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>]) -> f64 {
     let mut best = (f64::INFINITY, HALF_WIDTHS_S[0]);
     for half_width_s in HALF_WIDTHS_S {
-        let readings = windows.iter().map(|window| gain_ratio(window, half_width_s));
+        let readings = windows
+            .iter()
+            .map(|window| gain_ratio(window, half_width_s).map(|(gain, _)| gain));
         let variance = expected_variance(readings, 1.0);
         if variance < CLEARLY_LESS * best.0 {
             best = (variance, half_width_s);

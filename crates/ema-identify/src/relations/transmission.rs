@@ -10,6 +10,7 @@ use ema_models::follow_through_play;
 use super::elements::{Needed, Reading};
 use super::kernel::{HALF_WIDTHS_S, Kernel};
 use super::measured::MeasuredWindow;
+use super::residual::Residual;
 use crate::monitor_fit::RecordedSample;
 
 /// Largest width of the search, in healthy widths b₀; the worst fault is 100.
@@ -24,8 +25,8 @@ const GOLDEN_STEPS: usize = 22;
 /// Output counts by which the output moves before it counts as pushed.
 const PUSHED_COUNTS: i64 = 2;
 
-/// Width of the play, rad at the output.
-pub(super) fn play_width<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Result<Reading, Needed> {
+/// Width of the play, rad at the output, and residual of the output angle, rad.
+pub(super) fn play_width<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Result<(Reading, Residual), Needed> {
     let start = pushed(window).ok_or(Needed::LongerMotion)?;
     let params = window.params();
     let span = Kernel::new(HALF_WIDTHS_S[0], params.sensors.sample_rate).span;
@@ -51,10 +52,15 @@ pub(super) fn play_width<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> R
     let curvature = (mismatch(centre - lsb) + mismatch(centre + lsb) - 2.0 * mismatch(centre)) / (lsb * lsb);
     let variance = 2.0 * at / followed.samples * span as f64 / curvature;
     if curvature > 0.0 && variance.is_finite() {
-        Ok(Reading {
+        let reading = Reading {
             value: width,
             sigma: libm::sqrt(variance),
-        })
+        };
+        let residual = Residual {
+            rms: libm::sqrt(at / followed.samples),
+            independent: followed.samples / span as f64,
+        };
+        Ok((reading, residual))
     } else {
         Err(Needed::Reversal)
     }

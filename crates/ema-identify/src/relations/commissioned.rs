@@ -10,6 +10,7 @@ use super::measured::MeasuredWindow;
 use super::output_load::OutputLoad;
 use super::residual::{HealthyResidual, RELATION_COUNT, Relation, Residual};
 use super::shared::{SHARED_COUNT, SharedMatrix};
+use super::terms::Term;
 use super::torque_balance::{BalanceCoefficients, TorqueBalance, torque_balance};
 use super::transmission::play_width;
 use crate::estimate::OBSERVABLE_SIGMA;
@@ -287,7 +288,10 @@ impl CommissionedRelations {
             rows,
             independent,
         } = torque_balance(window, &self.balance, relative_gain, Some(&covariance));
-        let play = play_width(window);
+        let friction = self.balance.of(Term::DryFriction) / self.balance.of(Term::Inertia);
+        let deceleration = libm::fabs(friction) / window.params().transmission.gear_ratio;
+        let transmission = &self.residual[Relation::Transmission as usize];
+        let play = play_width(window, transmission, deceleration);
         readings.put(Element::Backlash, play.map(|(width, _)| width));
         readings.put(Element::Gain, gain.map(|(gain, _)| gain));
         let torque = Residual {

@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 use std::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use ema_identify::relations::{BalanceShape, MeasuredWindow, RELATION_COUNT, RelationsEstimate, commission};
 use ema_models::reference::{Drive, Scenario};
@@ -150,6 +151,12 @@ impl Run {
                 "kernel {} s, controller {} s, {:.4?}",
                 learnt.balance.half_width_s, learnt.gain_half_width_s, learnt.baseline
             ));
+            let start = Instant::now();
+            for window in &windows {
+                std::hint::black_box(learnt.estimate(std::hint::black_box(window)));
+            }
+            let each = start.elapsed().as_secs_f64() * 1e3 / windows.len() as f64;
+            result.shown.push(format!("one estimate {each:.2} ms"));
         }
         for (motion, tally) in self.judge.iter().zip(&mut result.judged) {
             for number in 0..assessed {

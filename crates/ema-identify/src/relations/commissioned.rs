@@ -241,7 +241,7 @@ impl ModelError {
         let slower = 2000.0 / sample_rate;
         let (share, floor) = match element {
             Element::Friction => (0.03 * slower, 0.006 * slower),
-            Element::Gain => (0.05 * slower, 0.006 * slower),
+            Element::Gain => (0.05 * libm::sqrt(slower), 0.006 * libm::sqrt(slower)),
             Element::Backlash => (0.01, 0.001),
             _ => (0.01, 0.002),
         };

@@ -112,8 +112,8 @@ fn gain_half_width<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>]) -> f64 
     best.1
 }
 
-/// Variance with which windows show an element: their mean variance or their scatter, whichever is larger; a window that does
-/// not show it counts as the least observable one. `slope` leads to a damage.
+/// Variance with which windows show an element: their mean variance or their scatter, whichever is larger; a window without a
+/// reading counts as the least observable one. `slope` leads to a damage.
 fn expected_variance(readings: impl Iterator<Item = Result<Reading, Needed>>, slope: f64) -> f64 {
     const NOT_SHOWN: f64 = OBSERVABLE_SIGMA * OBSERVABLE_SIGMA;
     let mut shown = Vec::new();
@@ -122,7 +122,7 @@ fn expected_variance(readings: impl Iterator<Item = Result<Reading, Needed>>, sl
         windows += 1.0;
         match reading {
             Ok(reading) => {
-                variance += (slope * reading.sigma * slope * reading.sigma).min(NOT_SHOWN);
+                variance += slope * reading.sigma * slope * reading.sigma;
                 shown.push(reading);
             }
             Err(_) => variance += NOT_SHOWN,

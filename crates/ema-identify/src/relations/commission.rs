@@ -53,8 +53,13 @@ pub fn commission<S: RecordedSample>(
 ) -> Result<CommissionedRelations, CommissionError> {
     let mut best: Option<(f64, SharedBalance)> = None;
     let mut refused = CommissionError::NoSolution;
+    let residual = |half_width_s| {
+        shared_balance(windows, shape, half_width_s, false).map_or(0.0, |shared| shared.balance.residual_rms)
+    };
+    let [narrow, .., wide] = HALF_WIDTHS_S;
+    let angle_errors = residual(narrow) > ANGLE_ERRORS * residual(wide);
     for half_width_s in HALF_WIDTHS_S {
-        let shared = match shared_balance(windows, shape, half_width_s) {
+        let shared = match shared_balance(windows, shape, half_width_s, angle_errors) {
             Ok(shared) => shared,
             Err(error) => {
                 refused = error;
@@ -93,6 +98,10 @@ pub fn commission<S: RecordedSample>(
         ..learnt
     })
 }
+
+/// Residual of the narrow kernel, relative to the wide one, from which the errors are those of the angle: a kernel four times as
+/// wide leaves ½ of white errors of the torque, 1/32 of white errors of the angle.
+const ANGLE_ERRORS: f64 = 6.0;
 
 /// A wider kernel is taken where it brings the expected variance below this share of that of a narrower one.
 const CLEARLY_LESS: f64 = 0.5;
@@ -160,6 +169,7 @@ fn shared_balance<S: RecordedSample>(
     windows: &[MeasuredWindow<'_, S>],
     shape: &BalanceShape,
     half_width_s: f64,
+    angle_errors: bool,
 ) -> Result<SharedBalance, CommissionError> {
     let params = windows
         .first()
@@ -203,6 +213,7 @@ fn shared_balance<S: RecordedSample>(
             shape: *shape,
             residual_rms: solution.residual_rms,
             half_width_s,
+            angle_errors,
         };
         learnt = Ok(SharedBalance {
             balance,

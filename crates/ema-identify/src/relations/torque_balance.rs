@@ -33,6 +33,8 @@ pub struct BalanceCoefficients {
     pub residual_rms: f64,
     /// Half width of the kernel, s.
     pub half_width_s: f64,
+    /// Whether the errors of the rows are those of the motor angle, as jittering sample instants make them, instead of torques.
+    pub angle_errors: bool,
 }
 
 impl BalanceCoefficients {
@@ -214,7 +216,14 @@ fn sums<S: RecordedSample>(
     }
     let mut sums = Sums {
         equations: NormalEquations::new(),
-        overlap: Overlap::new(&kernel.average, kernel.span),
+        overlap: Overlap::new(
+            if unit.angle_errors {
+                &kernel.second
+            } else {
+                &kernel.average
+            },
+            kernel.span,
+        ),
         with_shared: SMatrix::zeros(),
         directions: [0; 2],
     };

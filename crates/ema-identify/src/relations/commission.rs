@@ -20,7 +20,6 @@ use super::residual::{HealthyResidual, RELATION_COUNT, Relation};
 use super::shared::{SHARED_COUNT, SharedMatrix, coefficients, priors, shared_columns};
 use super::terms::{BalanceRow, BalanceShape, Term, balance_rows};
 use super::torque_balance::{BalanceCoefficients, LOAD_ROUNDS, torque_balance};
-use crate::estimate::OBSERVABLE_SIGMA;
 use crate::monitor_fit::RecordedSample;
 
 /// Fewest healthy windows from which a unit is learnt.
@@ -121,24 +120,15 @@ fn gain_half_width<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>]) -> f64 
     best.1
 }
 
-/// Variance with which windows show an element: their mean variance or their scatter, whichever is larger; a window without a
-/// reading counts as the least observable one. `slope` leads to a damage.
+/// Variance with which windows show an element: that of their mean information or their scatter, whichever is larger; 1 where none
+/// has a reading. `slope` leads to a damage.
 fn expected_variance(readings: impl Iterator<Item = Result<Reading, Needed>>, slope: f64) -> f64 {
-    const NOT_SHOWN: f64 = OBSERVABLE_SIGMA * OBSERVABLE_SIGMA;
-    let mut shown = Vec::new();
-    let (mut variance, mut windows) = (0.0, 0.0);
-    for reading in readings {
-        windows += 1.0;
-        match reading {
-            Ok(reading) => {
-                variance += slope * reading.sigma * slope * reading.sigma;
-                shown.push(reading);
-            }
-            Err(_) => variance += NOT_SHOWN,
-        }
-    }
-    let scatter = slope * Baseline::of(&shown).scatter;
-    (variance / f64::max(windows, 1.0)).max(scatter * scatter)
+    let readings: Vec<_> = readings.collect();
+    let shown: Vec<Reading> = readings.iter().filter_map(|reading| reading.ok()).collect();
+    let squared = |sigma: f64| (slope * sigma * slope * sigma).max(f64::MIN_POSITIVE);
+    let information: f64 = shown.iter().map(|reading| 1.0 / squared(reading.sigma)).sum();
+    let windows = readings.len() as f64;
+    (windows / (windows + information)).max(squared(Baseline::of(&shown).scatter))
 }
 
 /// What the windows share in the torque balance.
@@ -148,19 +138,23 @@ struct SharedBalance {
 }
 
 impl SharedBalance {
-    /// Sum over the elements of the balance of the variance of a damage.
+    /// Geometric mean over the elements of the balance of the variance of a damage.
     fn expected_variance<S: RecordedSample>(&self, windows: &[MeasuredWindow<'_, S>]) -> f64 {
         let readings: Vec<_> = windows
             .iter()
             .map(|window| torque_balance(window, &self.balance, 1.0, Some(&self.covariance)).readings)
             .collect();
-        Element::BALANCE
+        let logarithms = Element::BALANCE
             .into_iter()
             .map(|element| {
                 let slope = if element == Element::Friction { 0.5 } else { 1.0 };
-                expected_variance(readings.iter().map(|readings| readings.get(element)), slope)
+                libm::log(expected_variance(
+                    readings.iter().map(|readings| readings.get(element)),
+                    slope,
+                ))
             })
-            .sum()
+            .sum::<f64>();
+        libm::exp(logarithms / Element::BALANCE.len() as f64)
     }
 }
 

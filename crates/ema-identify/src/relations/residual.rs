@@ -41,8 +41,8 @@ pub struct HealthyResidual {
     pub windows: usize,
 }
 
-/// Factor by which the residual of another motion or a damaged unit may be larger. Largest one of explained windows on the units of
-/// the suite `robust`: 1.8.
+/// Factor by which the residual of another motion or a damaged unit may be larger. Chosen here: on the units of the suite `robust`, no
+/// healthy window exceeds it and what four standard deviations add.
 const ALLOWED: f64 = 2.0;
 
 /// Standard deviations of the test.

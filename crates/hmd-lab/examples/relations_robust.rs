@@ -10,8 +10,9 @@ use std::collections::BTreeMap;
 use std::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
-use ema_identify::relations::{BalanceShape, MeasuredWindow, RelationsEstimate, commission};
+use ema_identify::relations::{BalanceShape, MeasuredWindow, RELATION_COUNT, RelationsEstimate, commission};
 use ema_models::reference::{Drive, Scenario};
 use ema_models::{FaultId, FaultVector, Profile, SensedSample, Setpoint};
 use hmd_lab::evaluate::robust::{CatalogueUnit, entry_names};
@@ -150,6 +151,12 @@ impl Run {
                 "kernel {} s, controller {} s, {:.4?}",
                 learnt.balance.half_width_s, learnt.gain_half_width_s, learnt.baseline
             ));
+            let start = Instant::now();
+            for window in &windows {
+                std::hint::black_box(learnt.estimate(std::hint::black_box(window)));
+            }
+            let each = start.elapsed().as_secs_f64() * 1e3 / windows.len() as f64;
+            result.shown.push(format!("one estimate {each:.2} ms"));
         }
         for (motion, tally) in self.judge.iter().zip(&mut result.judged) {
             for number in 0..assessed {
@@ -268,13 +275,18 @@ struct Tally {
     damaged_z: [Vec<f64>; KINDS],
     /// Error over sigma of the same element in healthy windows.
     healthy_z: [Vec<f64>; KINDS],
+    /// Healthy and faulty windows that a relation does not explain.
+    unexplained: [[usize; 2]; RELATION_COUNT],
 }
 
 impl Tally {
-    const HEAD: &str = "  false   shown named/shown named  median    95 %  cover  cover healthy";
+    const HEAD: &str = "  false   shown named/shown named  median    95 %  cover  cover healthy, healthy and faulty not explained by each relation";
 
     /// Whether the window is judged rightly.
     fn add(&mut self, place: Option<usize>, truth: &FaultVector, estimate: &RelationsEstimate) -> bool {
+        for (counts, explained) in self.unexplained.iter_mut().zip(estimate.explained) {
+            counts[usize::from(place.is_some())] += usize::from(!explained);
+        }
         let mut alarms = [false; KINDS];
         for (fault, alarm) in FaultId::ALL.iter().zip(&mut alarms) {
             let parameter = fault.parameter();
@@ -320,6 +332,9 @@ impl Tally {
         for tally in tallies {
             sum.healthy += tally.healthy;
             sum.false_alarms += tally.false_alarms;
+            for (sum, counts) in sum.unexplained.iter_mut().zip(&tally.unexplained) {
+                *sum = [sum[0] + counts[0], sum[1] + counts[1]];
+            }
             for kind in 0..KINDS {
                 for m in 0..6 {
                     sum.kinds[kind][m] += tally.kinds[kind][m];
@@ -334,14 +349,15 @@ impl Tally {
 
     fn line(&self) -> String {
         let total = |m: usize| self.kinds.iter().map(|counts| counts[m]).sum::<usize>();
-        row(
+        let row = row(
             self.false_alarms,
             self.healthy,
             [total(1), total(2), total(3)],
             self.errors.concat(),
             &self.damaged_z.concat(),
             &self.healthy_z.concat(),
-        )
+        );
+        format!("{row} {:?}", self.unexplained)
     }
 
     fn faults(&self) -> Vec<String> {

@@ -16,10 +16,10 @@ use super::kernel::{HALF_WIDTHS_S, Kernel};
 use super::measured::MeasuredWindow;
 use super::normal_equations::NormalEquations;
 use super::output_load::OutputLoad;
+use super::residual::{HealthyResidual, RELATION_COUNT, Relation};
 use super::shared::{SHARED_COUNT, SharedMatrix, coefficients, priors, shared_columns};
 use super::terms::{BalanceRow, BalanceShape, Term, balance_rows};
 use super::torque_balance::{BalanceCoefficients, LOAD_ROUNDS, torque_balance};
-use crate::estimate::OBSERVABLE_SIGMA;
 use crate::monitor_fit::RecordedSample;
 
 /// Fewest healthy windows from which a unit is learnt.
@@ -52,8 +52,13 @@ pub fn commission<S: RecordedSample>(
 ) -> Result<CommissionedRelations, CommissionError> {
     let mut best: Option<(f64, SharedBalance)> = None;
     let mut refused = CommissionError::NoSolution;
+    let residual = |half_width_s| {
+        shared_balance(windows, shape, half_width_s, false).map_or(0.0, |shared| shared.balance.residual_rms)
+    };
+    let [narrow, .., wide] = HALF_WIDTHS_S;
+    let angle_errors = residual(narrow) > ANGLE_ERRORS * residual(wide);
     for half_width_s in HALF_WIDTHS_S {
-        let shared = match shared_balance(windows, shape, half_width_s) {
+        let shared = match shared_balance(windows, shape, half_width_s, angle_errors) {
             Ok(shared) => shared,
             Err(error) => {
                 refused = error;
@@ -74,17 +79,28 @@ pub fn commission<S: RecordedSample>(
         covariance: core::array::from_fn(|row| core::array::from_fn(|column| shared.covariance[(row, column)])),
         gain_half_width_s,
         baseline: [Baseline::default(); ELEMENT_COUNT],
+        residual: [HealthyResidual::default(); RELATION_COUNT],
     };
-    let readings: Vec<_> = windows.iter().map(|window| learnt.readings(window, None).0).collect();
+    let readings: Vec<_> = windows.iter().map(|window| learnt.readings(window, None)).collect();
     let baseline: [Baseline; ELEMENT_COUNT] = Element::ALL.map(|element| {
         let shown: Vec<Reading> = readings
             .iter()
-            .filter_map(|readings| readings.get(element).ok())
+            .filter_map(|(readings, _)| readings.get(element).ok())
             .collect();
         Baseline::of(&shown)
     });
-    Ok(CommissionedRelations { baseline, ..learnt })
+    let residual = Relation::ALL
+        .map(|relation| HealthyResidual::of(readings.iter().map(|(_, balance)| balance.residuals[relation as usize])));
+    Ok(CommissionedRelations {
+        baseline,
+        residual,
+        ..learnt
+    })
 }
+
+/// Residual of the narrow kernel, relative to the wide one, from which the errors are those of the angle: a kernel four times as
+/// wide leaves ½ of white errors of the torque, 1/32 of white errors of the angle.
+const ANGLE_ERRORS: f64 = 6.0;
 
 /// A wider kernel is taken where it brings the expected variance below this share of that of a narrower one.
 const CLEARLY_LESS: f64 = 0.5;
@@ -93,7 +109,9 @@ const CLEARLY_LESS: f64 = 0.5;
 fn gain_half_width<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>]) -> f64 {
     let mut best = (f64::INFINITY, HALF_WIDTHS_S[0]);
     for half_width_s in HALF_WIDTHS_S {
-        let readings = windows.iter().map(|window| gain_ratio(window, half_width_s));
+        let readings = windows
+            .iter()
+            .map(|window| gain_ratio(window, half_width_s).map(|(gain, _)| gain));
         let variance = expected_variance(readings, 1.0);
         if variance < CLEARLY_LESS * best.0 {
             best = (variance, half_width_s);
@@ -102,24 +120,15 @@ fn gain_half_width<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>]) -> f64 
     best.1
 }
 
-/// Variance with which windows show an element: their mean variance or their scatter, whichever is larger; a window that does
-/// not show it counts as the least observable one. `slope` leads to a damage.
+/// Variance with which windows show an element: that of their mean information or their scatter, whichever is larger; 1 where none
+/// has a reading. `slope` leads to a damage.
 fn expected_variance(readings: impl Iterator<Item = Result<Reading, Needed>>, slope: f64) -> f64 {
-    const NOT_SHOWN: f64 = OBSERVABLE_SIGMA * OBSERVABLE_SIGMA;
-    let mut shown = Vec::new();
-    let (mut variance, mut windows) = (0.0, 0.0);
-    for reading in readings {
-        windows += 1.0;
-        match reading {
-            Ok(reading) => {
-                variance += (slope * reading.sigma * slope * reading.sigma).min(NOT_SHOWN);
-                shown.push(reading);
-            }
-            Err(_) => variance += NOT_SHOWN,
-        }
-    }
-    let scatter = slope * Baseline::of(&shown).scatter;
-    (variance / f64::max(windows, 1.0)).max(scatter * scatter)
+    let readings: Vec<_> = readings.collect();
+    let shown: Vec<Reading> = readings.iter().filter_map(|reading| reading.ok()).collect();
+    let squared = |sigma: f64| (slope * sigma * slope * sigma).max(f64::MIN_POSITIVE);
+    let information: f64 = shown.iter().map(|reading| 1.0 / squared(reading.sigma)).sum();
+    let windows = readings.len() as f64;
+    (windows / (windows + information)).max(squared(Baseline::of(&shown).scatter))
 }
 
 /// What the windows share in the torque balance.
@@ -129,19 +138,23 @@ struct SharedBalance {
 }
 
 impl SharedBalance {
-    /// Sum over the elements of the balance of the variance of a damage.
+    /// Geometric mean over the elements of the balance of the variance of a damage.
     fn expected_variance<S: RecordedSample>(&self, windows: &[MeasuredWindow<'_, S>]) -> f64 {
         let readings: Vec<_> = windows
             .iter()
             .map(|window| torque_balance(window, &self.balance, 1.0, Some(&self.covariance)).readings)
             .collect();
-        Element::BALANCE
+        let logarithms = Element::BALANCE
             .into_iter()
             .map(|element| {
                 let slope = if element == Element::Friction { 0.5 } else { 1.0 };
-                expected_variance(readings.iter().map(|readings| readings.get(element)), slope)
+                libm::log(expected_variance(
+                    readings.iter().map(|readings| readings.get(element)),
+                    slope,
+                ))
             })
-            .sum()
+            .sum::<f64>();
+        libm::exp(logarithms / Element::BALANCE.len() as f64)
     }
 }
 
@@ -150,6 +163,7 @@ fn shared_balance<S: RecordedSample>(
     windows: &[MeasuredWindow<'_, S>],
     shape: &BalanceShape,
     half_width_s: f64,
+    angle_errors: bool,
 ) -> Result<SharedBalance, CommissionError> {
     let params = windows
         .first()
@@ -193,6 +207,7 @@ fn shared_balance<S: RecordedSample>(
             shape: *shape,
             residual_rms: solution.residual_rms,
             half_width_s,
+            angle_errors,
         };
         learnt = Ok(SharedBalance {
             balance,

@@ -8,7 +8,9 @@ use super::controller::gain_ratio;
 use super::elements::{ELEMENT_COUNT, Element, ElementReadings, Needed, Reading};
 use super::measured::MeasuredWindow;
 use super::output_load::OutputLoad;
+use super::residual::{HealthyResidual, RELATION_COUNT, Relation, Residual};
 use super::shared::{SHARED_COUNT, SharedMatrix};
+use super::terms::Term;
 use super::torque_balance::{BalanceCoefficients, TorqueBalance, torque_balance};
 use super::transmission::play_width;
 use crate::estimate::OBSERVABLE_SIGMA;
@@ -26,6 +28,8 @@ pub struct CommissionedRelations {
     pub gain_half_width_s: f64,
     /// What the healthy windows show of each element, in the order of [`Element::ALL`].
     pub baseline: [Baseline; ELEMENT_COUNT],
+    /// Residuals of the healthy windows, in the order of [`Relation::ALL`].
+    pub residual: [HealthyResidual; RELATION_COUNT],
 }
 
 /// What healthy windows show of one element.
@@ -91,6 +95,9 @@ pub struct RelationsEstimate {
     /// What the window would have needed to show a parameter; `None` where it is observable, and for k7 where the eccentricity
     /// does not stand clear of its own uncertainty.
     pub needed: [Option<Needed>; FAULT_COUNT],
+    /// Whether the window is explained by each relation, in the order of [`Relation::ALL`]; also where the relation has no
+    /// rows. One that alone is not points at its sensors, all together at a fault that none of them knows.
+    pub explained: [bool; RELATION_COUNT],
     /// Root-mean-square residual of the torque balance, Nm.
     pub torque_residual_rms: f64,
     /// Rows of the torque balance.
@@ -139,7 +146,9 @@ impl CommissionedRelations {
             k: FaultVector::NOMINAL.to_array(),
             sigma: [None; FAULT_COUNT],
             needed: [None; FAULT_COUNT],
-            torque_residual_rms: balance.residual_rms,
+            explained: Relation::ALL
+                .map(|relation| self.residual[relation as usize].explains(balance.residuals[relation as usize])),
+            torque_residual_rms: balance.residuals[Relation::TorqueBalance as usize].rms,
             torque_rows: balance.rows,
             load_torque: balance.load.constant,
             spring_stiffness: balance.load.spring,
@@ -232,7 +241,7 @@ impl ModelError {
         let slower = 2000.0 / sample_rate;
         let (share, floor) = match element {
             Element::Friction => (0.03 * slower, 0.006 * slower),
-            Element::Gain => (0.05 * slower, 0.006 * slower),
+            Element::Gain => (0.05 * libm::sqrt(slower), 0.006 * libm::sqrt(slower)),
             Element::Backlash => (0.01, 0.001),
             _ => (0.01, 0.002),
         };
@@ -266,7 +275,9 @@ impl CommissionedRelations {
     ) -> (ElementReadings, Balance) {
         let gain = gain_ratio(window, self.gain_half_width_s);
         let relative_gain = match (gain, healthy_gain) {
-            (Ok(gain), Some(healthy)) if healthy.windows > 0 => (gain.value / healthy.mean).clamp(MIN_GAIN, MAX_GAIN),
+            (Ok((gain, _)), Some(healthy)) if healthy.windows > 0 => {
+                (gain.value / healthy.mean).clamp(MIN_GAIN, MAX_GAIN)
+            }
             _ => 1.0,
         };
         let covariance = SharedMatrix::from_fn(|row, column| self.covariance[row][column]);
@@ -275,24 +286,36 @@ impl CommissionedRelations {
             load,
             residual_rms,
             rows,
+            independent,
         } = torque_balance(window, &self.balance, relative_gain, Some(&covariance));
-        readings.put(Element::Backlash, play_width(window));
-        readings.put(Element::Gain, gain);
+        let friction = self.balance.of(Term::DryFriction) / self.balance.of(Term::Inertia);
+        let deceleration = libm::fabs(friction) / window.params().transmission.gear_ratio;
+        let transmission = &self.residual[Relation::Transmission as usize];
+        let play = play_width(window, transmission, deceleration);
+        readings.put(Element::Backlash, play.map(|(width, _)| width));
+        readings.put(Element::Gain, gain.map(|(gain, _)| gain));
+        let torque = Residual {
+            rms: residual_rms,
+            independent,
+        };
+        let of =
+            |found: Result<(Reading, Residual), Needed>| found.map_or(Residual::default(), |(_, residual)| residual);
         (
             readings,
             Balance {
                 load,
-                residual_rms,
+                residuals: [torque, of(gain), of(play)],
                 rows,
             },
         )
     }
 }
 
-/// What the torque balance says besides its elements.
+/// What the relations say besides the elements.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Balance {
     load: OutputLoad,
-    residual_rms: f64,
+    /// Residual of each relation, in the order of [`Relation::ALL`].
+    pub(super) residuals: [Residual; RELATION_COUNT],
     rows: usize,
 }

@@ -11,6 +11,7 @@ use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
 use super::normal_equations::NormalEquations;
 use super::overlap::Overlap;
+use super::residual::Residual;
 use super::sliding::Sliding;
 use crate::monitor_fit::RecordedSample;
 
@@ -18,11 +19,11 @@ use crate::monitor_fit::RecordedSample;
 /// limit.
 const SPEED_SHARE: f64 = 0.65;
 
-/// Ratio `g/h` of a window, with a kernel of this half width, s.
+/// Ratio `g/h` of a window and residual of the law, Nm/s, with a kernel of this half width, s.
 pub(super) fn gain_ratio<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     half_width_s: f64,
-) -> Result<Reading, Needed> {
+) -> Result<(Reading, Residual), Needed> {
     let params = window.params();
     let (controller, rate) = (&params.controller, params.sensors.sample_rate);
     let kernel = Kernel::new(half_width_s, rate);
@@ -66,7 +67,7 @@ pub(super) fn gain_ratio<S: RecordedSample>(
 const MIN_INDEPENDENT: usize = 4;
 
 /// Ratio of both unknowns and its standard deviation; `None` where the rows do not show it.
-fn ratio(equations: &NormalEquations<2>, overlap: Overlap<2>, span: usize) -> Option<Reading> {
+fn ratio(equations: &NormalEquations<2>, overlap: Overlap<2>, span: usize) -> Option<(Reading, Residual)> {
     if equations.rows < MIN_INDEPENDENT * span {
         return None;
     }
@@ -79,5 +80,9 @@ fn ratio(equations: &NormalEquations<2>, overlap: Overlap<2>, span: usize) -> Op
         value: g / h,
         sigma: libm::sqrt(gradient.dot(&(covariance * gradient)).max(0.0)),
     };
-    (reading.value.is_finite() && reading.sigma.is_finite()).then_some(reading)
+    let residual = Residual {
+        rms: solution.residual_rms,
+        independent: (equations.rows / span) as f64,
+    };
+    (reading.value.is_finite() && reading.sigma.is_finite()).then_some((reading, residual))
 }

@@ -7,7 +7,9 @@
 use ema_models::ActuatorParams;
 use nalgebra::{SMatrix, SVector};
 
-use super::terms::{BalanceRow, TERM_COUNT, Term};
+#[cfg(feature = "std")]
+use super::terms::TERM_COUNT;
+use super::terms::{BalanceRow, Term};
 
 /// Shared terms besides the turns, whose sum is fixed.
 const SHARED: [Term; 20] = [
@@ -79,6 +81,7 @@ pub(super) fn free_of_shared() -> SMatrix<f64, 5, SHARED_COUNT> {
 }
 
 /// Coefficients of all terms for given shared unknowns.
+#[cfg(feature = "std")]
 pub(super) fn coefficients(x: &Shared) -> [f64; TERM_COUNT] {
     let mut values = [0.0; TERM_COUNT];
     values[Term::TurnsA as usize] = 1.0 - x[0] - x[1];
@@ -92,6 +95,7 @@ pub(super) fn coefficients(x: &Shared) -> [f64; TERM_COUNT] {
 }
 
 /// What is known of a shared unknown before any window: value and standard deviation.
+#[cfg(feature = "std")]
 pub(super) fn priors(params: &ActuatorParams) -> [(f64, f64); SHARED_COUNT] {
     let (motor, gear) = (&params.motor, &params.transmission);
     let peak = motor.torque_gain() * motor.i_max;

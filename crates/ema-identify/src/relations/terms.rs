@@ -68,7 +68,7 @@ pub enum Term {
     SetpointHold,
     /// `K_p G_p (θ_out − θ_m/n)`, less its mean over 17 ms, where neither speed nor torque is at its limit: the count within which
     /// the output stands changes the torque at the sample's instant, but little of its mean between two samples; coefficient: the
-    /// share of it in the sampled torque, up to 1.
+    /// share of it in the sampled torque, of the other sign where the current lags.
     CountedOutput,
     /// `−1/n`; coefficient: constant load at the output, Nm.
     Load,

@@ -33,6 +33,8 @@ pub struct BalanceCoefficients {
     pub residual_rms: f64,
     /// Half width of the kernel, s.
     pub half_width_s: f64,
+    /// Whether the errors of the rows are those of the motor angle, as jittering sample instants make them, instead of torques.
+    pub angle_errors: bool,
 }
 
 impl BalanceCoefficients {
@@ -78,6 +80,8 @@ pub(super) struct TorqueBalance {
     pub(super) residual_rms: f64,
     /// Rows used.
     pub(super) rows: usize,
+    /// Rows used that share no sample.
+    pub(super) independent: f64,
 }
 
 /// Fits the free coefficients of a window whose position gain is that of the unit times `gain`; `learnt` is the covariance of what the unit's windows share, once it is known.
@@ -93,6 +97,7 @@ pub(super) fn torque_balance<S: RecordedSample>(
         load: OutputLoad::default(),
         residual_rms: 0.0,
         rows: 0,
+        independent: 0.0,
     };
     let noise = noise_of_columns(current_noise(window), window.params().motor.k, &kernel);
     let mut losing = OutputLoad::default();
@@ -100,7 +105,8 @@ pub(super) fn torque_balance<S: RecordedSample>(
         let mut sums = sums(window, unit, &kernel, losing, gain);
         sums.without_noise(&noise);
         balance.rows = sums.equations.rows;
-        let enough = balance.rows * kernel.stride / kernel.span > FREE_COUNT;
+        balance.independent = (balance.rows * kernel.stride) as f64 / kernel.span as f64;
+        let enough = balance.independent >= (FREE_COUNT + 1) as f64;
         let Some(solution) = sums.equations.solve().filter(|_| enough) else {
             balance.readings.fail(Element::BALANCE, Needed::LongerMotion);
             return balance;
@@ -112,7 +118,9 @@ pub(super) fn torque_balance<S: RecordedSample>(
         let is_last = found.is_close(&losing);
         let mut covariance = sums.overlap.covariance(&sums.equations, &solution);
         if let Some(learnt) = learnt {
-            let learnt = learnt + SharedMatrix::from_diagonal(&spread(window.params()));
+            // What fits worse has more of what commissioning does not know.
+            let worse = (solution.residual_rms / unit.residual_rms.max(f64::MIN_POSITIVE)).max(1.0);
+            let learnt = learnt + SharedMatrix::from_diagonal(&(spread(window.params()) * (worse * worse)));
             let error = error_of_shared(&solution, &sums.with_shared);
             covariance += error * learnt * error.transpose();
         }
@@ -208,7 +216,14 @@ fn sums<S: RecordedSample>(
     }
     let mut sums = Sums {
         equations: NormalEquations::new(),
-        overlap: Overlap::new(&kernel.average, kernel.span),
+        overlap: Overlap::new(
+            if unit.angle_errors {
+                &kernel.second
+            } else {
+                &kernel.average
+            },
+            kernel.span,
+        ),
         with_shared: SMatrix::zeros(),
         directions: [0; 2],
     };

@@ -81,11 +81,14 @@ fn stream(results: &Results, hmd: &Path, folder: &Path) -> anyhow::Result<()> {
     equal("decoded", decoded, received)?;
     let dropped = results.counted("stream", "windows")?;
     let expected = u64::from(logs::ACTUATORS * logs::STREAM_S);
-    equal(
-        "windows",
-        dropped + windows(&results.output("stream.jsonl")?)?,
-        expected,
-    )?;
+    let (assessed, with_gap) = windows(&results.output("stream.jsonl")?)?;
+    let cut = dropped + assessed + with_gap;
+    if with_gap == 0 {
+        equal("windows", cut, expected)?;
+    } else {
+        // A gap within a motion may make two windows of it, or hide its start.
+        ensure!(cut >= expected / 2, "expected about {expected} windows, found {cut}");
+    }
 
     let live = folder.join("stream.jsonl");
     let again = folder.join("stream.replayed.jsonl");
@@ -118,12 +121,12 @@ struct Tally {
     other: u64,
 }
 
-/// Counts the windows with health records, and looks at their faults: none for the healthy actuators, the right one for
-/// the others.
+/// Counts the windows with health records, assessed and with a gap, and looks at their faults: none for the healthy
+/// actuators, the right one for the others.
 ///
 /// On a busy computer the guest's one processor holds frames back for longer than the parts of a sample may be apart. Such a
 /// window is invalid for its gap, and how many are depends on what else this computer does; so the assessed ones count.
-fn windows(lines: &str) -> anyhow::Result<u64> {
+fn windows(lines: &str) -> anyhow::Result<(u64, u64)> {
     let mut tally: BTreeMap<u32, Tally> = BTreeMap::new();
     for line in lines.lines() {
         let id: u32 = between(line, "\"actuator\":\"ema", "\"")?.parse()?;
@@ -140,10 +143,10 @@ fn windows(lines: &str) -> anyhow::Result<u64> {
             tally.assessed += 1;
             tally.right += u64::from(found == expected);
         } else {
-            let gap = "\"reason\":\"gap: ";
+            let by_link = ["gap: ", "cut short: "].map(|reason| line.contains(&format!("\"reason\":\"{reason}")));
             ensure!(
-                status == "invalid" && line.contains(gap),
-                "expected a window with a gap, found {line}"
+                status == "invalid" && by_link.contains(&true),
+                "expected a window that lacks samples, found {line}"
             );
             tally.other += 1;
         }
@@ -173,7 +176,7 @@ fn windows(lines: &str) -> anyhow::Result<u64> {
             "ema{id}: expected most assessed windows right"
         );
     }
-    Ok(assessed + other)
+    Ok((assessed, other))
 }
 
 /// FD, foreign and error frames, and a flood.

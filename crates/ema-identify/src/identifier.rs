@@ -12,7 +12,7 @@ use crate::calibration::TypeCalibration;
 use crate::estimate::Estimate;
 use crate::monitor_fit::{
     LocalOptimum, Population, RUNS_OF_ASSESSMENT, Search, UNLIMITED, assess, best_first, conclude,
-    descend_side_by_side, prior, search_by_paper, starts,
+    descend_side_by_side, is_locked, prior, search_by_paper, starts,
 };
 use crate::prepared::Prepared;
 
@@ -158,6 +158,13 @@ impl Identifier {
             self.calibration.weights(self.params.sensors.sample_rate),
             self.motor,
         )
+    }
+
+    /// Whether the motor stood in a window while it was commanded to move.
+    #[must_use]
+    pub fn is_locked(&self, window: &Prepared, conditions: Conditions) -> bool {
+        let coefficients = self.calibration.coefficients();
+        is_locked(&self.comparison(window, &coefficients, conditions))
     }
 
     /// Monitor runs that one identification may take.

@@ -33,18 +33,37 @@ pub fn identify_without_outliers(
     conditions: Conditions,
     seed: u64,
 ) -> Result<(Prepared, Estimate), ConfigError> {
-    let coefficients = identifier.calibration.coefficients();
     let mut evaluations = 0;
+    let (prepared, mut estimate) = estimate_without_outliers(identifier, window, conditions, |_, prepared| {
+        let estimate = identifier.identify(prepared, conditions, seed)?;
+        evaluations += estimate.evaluations + 1;
+        let unknowns = estimate.unknowns;
+        Ok((estimate, unknowns))
+    })?;
+    estimate.evaluations = evaluations;
+    Ok((prepared, estimate))
+}
+
+/// Estimates a window; refuses counts that stick out from the monitor with the unknowns of the estimate, and estimates once more
+/// without them.
+///
+/// # Errors
+/// Those of the estimate.
+pub fn estimate_without_outliers<T, E>(
+    identifier: &Identifier,
+    window: &mut Window,
+    conditions: Conditions,
+    mut estimate: impl FnMut(&Window, &Prepared) -> Result<(T, Unknowns), E>,
+) -> Result<(Prepared, T), E> {
+    let coefficients = identifier.calibration.coefficients();
     let mut passes_left = PASSES;
     loop {
         let prepared = Prepared::new(&identifier.params, &window.samples, &window.filled, window.trigger);
-        let mut estimate = identifier.identify(&prepared, conditions, seed)?;
+        let (found, unknowns) = estimate(window, &prepared)?;
         let comparison = identifier.comparison(&prepared, &coefficients, conditions);
-        let outliers = outliers(&comparison, &estimate.unknowns);
-        evaluations += estimate.evaluations + 1;
+        let outliers = outliers(&comparison, &unknowns);
         if passes_left == 0 || outliers.is_empty() || outliers.len() as f64 > SHARE_MAX * window.samples.len() as f64 {
-            estimate.evaluations = evaluations;
-            return Ok((prepared, estimate));
+            return Ok((prepared, found));
         }
         window.refuse_counts(&outliers);
         passes_left -= 1;

@@ -72,11 +72,12 @@ fn write_actuators(out: &mut String, config: &Config) -> fmt::Result {
     for actuator in config.actuators() {
         write!(
             out,
-            "  {}: number {} on {}, type {} at {} Hz",
+            "  {}: number {} on {}, type {} with {} drive at {} Hz",
             actuator.name,
             actuator.id.index(),
             actuator.bus.as_deref().unwrap_or("any bus"),
             actuator.type_name,
+            actuator.drive.kind.name(),
             actuator.params.sensors.sample_rate
         )?;
         for (what, file) in [("type", &actuator.type_calibration), ("unit", &actuator.calibration)] {

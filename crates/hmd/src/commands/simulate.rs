@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use ema_models::reference::{Actuations, CurrentSensing, Drive, EFFECTS, EffectSettings, Effects, Scenario};
-use ema_models::{ActuatorParams, FAULT_COUNT, FaultVector, Profile};
+use ema_models::{ActuatorParams, DriveParams, FAULT_COUNT, FaultVector, Profile};
 use ema_wire::ActuatorId;
 use ema_wire::bus_load::bus_load;
 
@@ -127,7 +127,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     };
     let scenario = Scenario {
         load_torque: args.load,
-        effects: effects(args)?,
+        effects: effects(args, &found.drive)?,
         sensing: CurrentSensing {
             quantised: args.noise > 0.0,
             noise_rms: args.noise,
@@ -144,7 +144,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         let found = output.display();
         return Err(Misuse(format!("{found}: expected a name that ends in .mcap or .log")).into());
     };
-    let drive_of_type = Drive::of_built_in(&args.actuator);
+    let drive_of_type = Drive::of_type(&found.drive);
     recording::write(output, format, &scenario, &drive_of_type, actuator)?;
     Ok(Exit::Done)
 }
@@ -205,8 +205,8 @@ fn profile(args: &Args) -> Profile {
     }
 }
 
-/// The effects of the file and the options, which hold over the file; else the drive of the built-in type.
-fn effects(args: &Args) -> anyhow::Result<Effects> {
+/// The effects of the file and the options, which hold over the file; else the drive of the type.
+fn effects(args: &Args, of_type: &DriveParams) -> anyhow::Result<Effects> {
     let file = args.effects.as_deref().map(from_file).transpose()?;
     let mut settings = file.unwrap_or_default();
     settings.drive = args.drive.or(settings.drive);
@@ -214,7 +214,7 @@ fn effects(args: &Args) -> anyhow::Result<Effects> {
         settings = settings.overridden_by(one);
     }
     Ok(settings
-        .effects_on(Drive::of_built_in(&args.actuator))
+        .effects_on(Drive::of_type(of_type))
         .map_err(|e| Misuse(e.to_string()))?)
 }
 

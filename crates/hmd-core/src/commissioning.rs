@@ -2,8 +2,8 @@
 //!
 //! In: windows of one unit that are fit for an assessment and healthy on the operator's word, and the calibrations of their type.
 //! Out: the [`UnitCalibration`], or why the windows do not suffice. Both estimators learn the unit where they can: the relations
-//! between measured signals ([`by_relations`]), and the monitor with the unit's parameters ([`by_monitor`]). What they say of windows
-//! from which they did not learn decides which one assesses the unit ([`evidence`]). CPU-bound.
+//! between measured signals (`by_relations`), and the monitor with the unit's parameters (`by_monitor`). What they say of windows
+//! from which they did not learn decides which one assesses the unit (`evidence`). CPU-bound.
 
 mod by_monitor;
 mod by_relations;

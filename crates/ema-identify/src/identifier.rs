@@ -5,14 +5,14 @@ use std::vec::Vec;
 use ema_ga::{ConfigError, GaConfig, Outcome, StopReason};
 use ema_models::{
     ActuatorParams, Calibration, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector, Feedback,
-    MotorKnowledge, Scale, Weights,
+    MotorKnowledge, Scale, Tolerances, Weights,
 };
 
 use crate::calibration::TypeCalibration;
 use crate::estimate::Estimate;
 use crate::monitor_fit::{
     LocalOptimum, Population, RUNS_OF_ASSESSMENT, Search, UNLIMITED, assess, best_first, conclude,
-    descend_side_by_side, prior, search_by_paper, starts,
+    conclude_with_tolerances, descend_side_by_side, prior, search_by_paper, starts,
 };
 use crate::prepared::Prepared;
 
@@ -58,6 +58,8 @@ pub struct Identifier {
     pub method: Method,
     /// How far the motor is off its type, and how well that is known.
     pub motor: MotorKnowledge,
+    /// How well the other parameters are known.
+    pub tolerances: Tolerances,
 }
 
 /// One window's fit, sample by sample, for records and plots.
@@ -94,6 +96,9 @@ impl Identifier {
                 cut: search.cut,
                 ..assess(&comparison, mismatch, search.best().at, None, search.evaluations, None)
             },
+            Method::LeastSquares | Method::Hybrid(_) if !self.tolerances.are_zero_beside_motor() => {
+                conclude_with_tolerances(&comparison, mismatch, &self.tolerances, &search).estimate
+            }
             Method::LeastSquares | Method::Hybrid(_) => conclude(&comparison, mismatch, &search, self.budget()),
         })
     }

@@ -175,6 +175,7 @@ impl Assessor {
             calibration: self.models.of_type(&job.actuator.type_name)?.calibration.clone(),
             method: self.method,
             motor: motor_knowledge_at(self.models.motor(&job.actuator), job.conditions.winding_temp_deg_c),
+            tolerances: job.actuator.tolerances,
         })
     }
 }

@@ -1,6 +1,6 @@
 //! Local optima other than the best that explain a window as well as it does.
 
-use ema_models::{Coordinates, FAULT_COUNT};
+use ema_models::{Coordinates, FAULT_COUNT, Tolerances};
 
 use super::least_squares::LocalOptimum;
 use super::window::MonitoredWindow;
@@ -50,6 +50,7 @@ mod tests {
             calibration: TypeCalibration::built_in("bench", MonitorForm::ThreePhase).unwrap(),
             method: Method::hybrid(),
             motor: MotorKnowledge::default(),
+            tolerances: Tolerances::NONE,
         };
         let at_rest = SensedSample {
             seq: 0,

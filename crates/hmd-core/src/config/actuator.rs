@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use ema_models::ActuatorParams;
+use ema_models::{ActuatorParams, Tolerances};
 use ema_wire::ActuatorId;
 use serde::Serialize;
 
@@ -47,6 +47,9 @@ pub struct ActuatorConfig {
     /// Parameters of its type.
     #[serde(skip)]
     pub params: ActuatorParams,
+    /// How well its type's parameters are known.
+    #[serde(skip)]
+    pub tolerances: Tolerances,
     /// Calibration of its type, as written in the file.
     #[serde(skip)]
     pub type_calibration: Option<PathBuf>,
@@ -78,6 +81,7 @@ impl ActuatorConfig {
             bus: None,
             type_name: type_name.to_owned(),
             params: found.params,
+            tolerances: found.tolerances,
             type_calibration: found.calibration.clone(),
             specification: found.specification,
             calibration: None,

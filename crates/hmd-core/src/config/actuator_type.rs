@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use ema_models::ActuatorParams;
+use ema_models::{ActuatorParams, Tolerances};
 use serde::{Serialize, Serializer};
 
 use super::ConfigError;
@@ -21,6 +21,9 @@ pub struct ActuatorType {
     /// Its physics; serialised under the keys of the file.
     #[serde(flatten, serialize_with = "as_file_keys")]
     pub params: ActuatorParams,
+    /// How well the parameters are known.
+    #[serde(skip)]
+    pub tolerances: Tolerances,
     /// Calibration of the monitor against the reference for this type, as written in the file; see
     /// [`Config::resolve`](super::Config::resolve).
     pub calibration: Option<PathBuf>,
@@ -46,6 +49,7 @@ pub(super) fn read_all(root: &Section<'_>) -> Result<BTreeMap<String, ActuatorTy
                 name.to_owned(),
                 ActuatorType {
                     params,
+                    tolerances: Tolerances::default(),
                     calibration: None,
                     specification: Specification::default(),
                 },
@@ -72,6 +76,7 @@ pub(super) fn read_all(root: &Section<'_>) -> Result<BTreeMap<String, ActuatorTy
         let specification = Specification::read(&section.section("specification", Specification::KEYS)?)?;
         let found = ActuatorType {
             params,
+            tolerances: Tolerances::default(),
             calibration,
             specification,
         };

@@ -3,8 +3,8 @@
 use ema_ga::ConfigError;
 use ema_models::reference::CurrentSensing;
 use ema_models::{
-    ComparedSample, Comparison, Coordinates, FaultVector, Profile, Real, Recording, SIGNAL_COUNT, Scale, Weights,
-    abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc,
+    ComparedSample, Comparison, Coordinates, FaultVector, Profile, Real, Recording, SIGNAL_COUNT, Scale, Tolerances,
+    Weights, abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc,
 };
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -164,6 +164,7 @@ mod tests {
             calibration: TypeCalibration::built_in("bench", MonitorForm::ThreePhase).expect("shipped"),
             method: Method::hybrid(),
             motor: MotorKnowledge::default(),
+            tolerances: Tolerances::NONE,
         };
         let ratio = crlb_ratio(&identifier, 2000.0, 7, 1).expect("valid settings");
         assert!((0.3..1.3).contains(&ratio), "{ratio}");

@@ -5,14 +5,14 @@ use std::vec::Vec;
 use ema_ga::{ConfigError, GaConfig, Outcome, StopReason};
 use ema_models::{
     ActuatorParams, Calibration, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector, Feedback,
-    MotorKnowledge, Scale, Tolerances, Weights,
+    MotorKnowledge, Scale, Signals, Tolerances, Weights,
 };
 
 use crate::calibration::TypeCalibration;
 use crate::estimate::Estimate;
 use crate::monitor_fit::{
     LocalOptimum, Population, RUNS_OF_ASSESSMENT, Search, UNLIMITED, assess, best_first, conclude,
-    conclude_with_tolerances, descend_side_by_side, prior, search_by_paper, starts,
+    conclude_with_tolerances, descend_side_by_side, prior, residuals_with_tolerances, search_by_paper, starts,
 };
 use crate::prepared::Prepared;
 
@@ -97,7 +97,7 @@ impl Identifier {
                 ..assess(&comparison, mismatch, search.best().at, None, search.evaluations, None)
             },
             Method::LeastSquares | Method::Hybrid(_) if !self.tolerances.are_zero_beside_motor() => {
-                conclude_with_tolerances(&comparison, mismatch, &self.tolerances, &search).estimate
+                conclude_with_tolerances(&comparison, mismatch, &self.tolerances, &search)
             }
             Method::LeastSquares | Method::Hybrid(_) => conclude(&comparison, mismatch, &search, self.budget()),
         })
@@ -173,22 +173,37 @@ impl Identifier {
         }
     }
 
+    /// Calls `visit` with index and unweighted residuals of each measured sample for an estimate.
+    pub fn residuals(
+        &self,
+        window: &Prepared,
+        conditions: Conditions,
+        estimate: &Estimate,
+        visit: impl FnMut(usize, Signals<f64>),
+    ) {
+        let coefficients = self.calibration.coefficients();
+        let comparison = self.comparison(window, &coefficients, conditions);
+        if estimate.deviations.is_empty() {
+            comparison.residuals(&estimate.unknowns, visit);
+        } else {
+            residuals_with_tolerances(&comparison, &self.tolerances, estimate, visit);
+        }
+    }
+
     /// The fit of an estimate to a window.
     #[must_use]
     pub fn fit(&self, window: &Prepared, conditions: Conditions, estimate: &Estimate) -> Fit {
-        let coefficients = self.calibration.coefficients();
         let samples = window.recording().samples;
         let mut fit = Fit::default();
-        self.comparison(window, &coefficients, conditions)
-            .residuals(&estimate.unknowns, |n, r| {
-                let sample = &samples[n];
-                fit.i_q_measured.push(sample.i_q as f32);
-                fit.i_q_fitted.push((sample.i_q - r.i_q) as f32);
-                fit.omega_measured.push(sample.omega_m as f32);
-                fit.omega_fitted.push((sample.omega_m - r.omega_m) as f32);
-                fit.theta_out_measured.push(sample.theta_out as f32);
-                fit.theta_out_fitted.push((sample.theta_out - r.theta_out) as f32);
-            });
+        self.residuals(window, conditions, estimate, |n, r| {
+            let sample = &samples[n];
+            fit.i_q_measured.push(sample.i_q as f32);
+            fit.i_q_fitted.push((sample.i_q - r.i_q) as f32);
+            fit.omega_measured.push(sample.omega_m as f32);
+            fit.omega_fitted.push((sample.omega_m - r.omega_m) as f32);
+            fit.theta_out_measured.push(sample.theta_out as f32);
+            fit.theta_out_fitted.push((sample.theta_out - r.theta_out) as f32);
+        });
         fit
     }
 }

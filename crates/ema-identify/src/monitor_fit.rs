@@ -38,7 +38,7 @@ pub(crate) use population::search_by_paper;
 pub use recorded_window::{MAX_CONTROLS, RecordedSample, RecordedWindow, SampleDrive};
 pub use streamed::StreamedWindow;
 #[cfg(feature = "std")]
-pub(crate) use tolerance::conclude_with_tolerances;
+pub(crate) use tolerance::{conclude_with_tolerances, residuals_with_tolerances};
 pub use uncertainty::cramer_rao_bound;
 #[cfg(feature = "std")]
 pub(crate) use uncertainty::{RUNS_OF_ASSESSMENT, assess};

@@ -9,7 +9,7 @@ use crate::residual::{COST_LANES, Comparison, SIGNAL_COUNT, Signals};
 use crate::unknowns::Unknowns;
 
 /// Disturbance torques that a [`MonitorVariant`] can have at once.
-pub const DISTURBANCE_COUNT: usize = 19;
+pub const DISTURBANCE_COUNT: usize = 20;
 
 /// Each disturbance during the sample period after one sample, Nm at the motor shaft per unit; positive opposes positive motion.
 pub type Disturbances = [f64; DISTURBANCE_COUNT];
@@ -123,7 +123,7 @@ fn sum_of_disturbances<R: Real>(sizes: &[R; DISTURBANCE_COUNT], row: Option<&Dis
 }
 
 /// Columns of a [`GramRow`].
-pub const GRAM_COLUMNS: usize = 52;
+pub const GRAM_COLUMNS: usize = 56;
 
 /// One equation of a least-squares problem: derivatives of its residual, the residual, and zeros up to the length.
 pub type GramRow = [f64; GRAM_COLUMNS];

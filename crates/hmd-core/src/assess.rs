@@ -24,7 +24,7 @@ use crate::window::WindowQuality;
 use ema_identify::{Estimate, Fit, Identifier, Method, Population};
 use records::{health_record, rul_record, window_record};
 
-pub use conditions::{TYPE_TOLERANCE, conditions, motor_knowledge_at};
+pub use conditions::{conditions, motor_knowledge_at, motor_within};
 pub use models::{AssessError, Models, ReadText, TypeModel, model_hash};
 
 /// Assesses the windows of all actuators, in the order in which they come.

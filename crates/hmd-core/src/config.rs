@@ -21,6 +21,7 @@ mod signals;
 mod specification;
 mod spelling;
 mod storage_limits;
+mod tolerances;
 mod window;
 
 pub use actuator::ActuatorConfig;

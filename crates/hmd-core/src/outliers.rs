@@ -6,7 +6,7 @@
 //! A single wrong count sticks out of that by its full size.
 
 use ema_ga::ConfigError;
-use ema_models::{Comparison, Conditions, Unknowns};
+use ema_models::Conditions;
 
 use crate::window::Window;
 use ema_identify::{Estimate, Identifier, Prepared};
@@ -33,14 +33,12 @@ pub fn identify_without_outliers(
     conditions: Conditions,
     seed: u64,
 ) -> Result<(Prepared, Estimate), ConfigError> {
-    let coefficients = identifier.calibration.coefficients();
     let mut evaluations = 0;
     let mut passes_left = PASSES;
     loop {
         let prepared = Prepared::new(&identifier.params, &window.samples, &window.filled, window.trigger);
         let mut estimate = identifier.identify(&prepared, conditions, seed)?;
-        let comparison = identifier.comparison(&prepared, &coefficients, conditions);
-        let outliers = outliers(&comparison, &estimate.unknowns);
+        let outliers = outliers(identifier, &prepared, conditions, &estimate);
         evaluations += estimate.evaluations + 1;
         if passes_left == 0 || outliers.is_empty() || outliers.len() as f64 > SHARE_MAX * window.samples.len() as f64 {
             estimate.evaluations = evaluations;
@@ -52,10 +50,10 @@ pub fn identify_without_outliers(
 }
 
 /// Indices of samples whose resolver or encoder count sticks out, in rising order.
-fn outliers(comparison: &Comparison<'_>, unknowns: &Unknowns) -> Vec<usize> {
-    let sensors = &comparison.params.sensors;
+fn outliers(identifier: &Identifier, window: &Prepared, conditions: Conditions, estimate: &Estimate) -> Vec<usize> {
+    let sensors = &identifier.params.sensors;
     let (mut motor, mut output) = (Vec::new(), Vec::new());
-    comparison.residuals(unknowns, |n, r| {
+    identifier.residuals(window, conditions, estimate, |n, r| {
         motor.push((n, r.theta_m / sensors.motor_lsb()));
         output.push((n, r.theta_out / sensors.output_lsb()));
     });

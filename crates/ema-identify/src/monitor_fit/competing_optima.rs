@@ -1,6 +1,6 @@
 //! Local optima other than the best that explain a window as well as it does.
 
-use ema_models::{Coordinates, FAULT_COUNT, Tolerances};
+use ema_models::{Coordinates, FAULT_COUNT};
 
 use super::least_squares::LocalOptimum;
 use super::window::MonitoredWindow;
@@ -41,7 +41,7 @@ mod tests {
     use super::*;
     use crate::calibration::{MonitorForm, TypeCalibration};
     use crate::{Identifier, Method, Prepared};
-    use ema_models::{ActuatorParams, Conditions, MotorKnowledge, SensedSample, Setpoint, UNKNOWN_COUNT};
+    use ema_models::{ActuatorParams, Conditions, MotorKnowledge, SensedSample, Setpoint, Tolerances, UNKNOWN_COUNT};
 
     #[test]
     fn only_optima_that_differ_and_are_as_good_compete() {

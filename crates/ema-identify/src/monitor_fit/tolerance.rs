@@ -11,4 +11,4 @@ mod conclusion;
 mod nuisance;
 mod problem;
 
-pub(crate) use conclusion::{ToleratedEstimate, conclude_with_tolerances};
+pub(crate) use conclusion::{conclude_with_tolerances, residuals_with_tolerances};

@@ -10,7 +10,7 @@ use ema_identify::unit_calibration::{UnitCalibration, UnitError};
 use ema_models::{ActuatorParams, MotorKnowledge};
 use sha2::{Digest, Sha256};
 
-use super::TYPE_TOLERANCE;
+use super::motor_within;
 use crate::config::{ActuatorConfig, Config};
 use crate::health::LevelsError;
 use crate::metadata_checksum::hex;
@@ -180,10 +180,11 @@ impl Models {
         found.ok_or_else(|| AssessError::NoModel(type_name.to_owned()))
     }
 
-    /// Prior knowledge of an actuator's motor: its own calibration, else the tolerance of its type.
+    /// Prior knowledge of an actuator's motor: its own calibration, else the tolerances of its type.
     #[must_use]
     pub fn motor(&self, actuator: &ActuatorConfig) -> MotorKnowledge {
-        self.units.get(&actuator.name).copied().unwrap_or(TYPE_TOLERANCE)
+        let of_unit = self.units.get(&actuator.name).copied();
+        of_unit.unwrap_or_else(|| motor_within(&actuator.tolerances))
     }
 }
 

@@ -11,6 +11,7 @@ use super::name::{NAME_EXPECTED, is_name};
 use super::params::{self, GROUPS};
 use super::reader::Section;
 use super::specification::Specification;
+use super::tolerances;
 
 /// Type of an actuator that names none.
 pub(super) const DEFAULT_TYPE: &str = "bench";
@@ -22,7 +23,7 @@ pub struct ActuatorType {
     #[serde(flatten, serialize_with = "as_file_keys")]
     pub params: ActuatorParams,
     /// How well the parameters are known.
-    #[serde(skip)]
+    #[serde(serialize_with = "tolerances::as_file_keys")]
     pub tolerances: Tolerances,
     /// Calibration of the monitor against the reference for this type, as written in the file; see
     /// [`Config::resolve`](super::Config::resolve).
@@ -71,12 +72,12 @@ pub(super) fn read_all(root: &Section<'_>) -> Result<BTreeMap<String, ActuatorTy
         let Some(base) = base else {
             return Err(section.refuse("based_on", "\"bench\", \"servo28\" or \"servo270\""));
         };
-        let params = params::read(&section, base)?;
+        let (params, tolerances) = params::read(&section, base)?;
         let calibration = section.text("calibration")?.map(PathBuf::from);
         let specification = Specification::read(&section.section("specification", Specification::KEYS)?)?;
         let found = ActuatorType {
             params,
-            tolerances: Tolerances::default(),
+            tolerances,
             calibration,
             specification,
         };

@@ -4,6 +4,7 @@ use std::fmt::{self, Write};
 use std::path::Path;
 
 use super::actuator_type::DEFAULT_TYPE;
+use super::tolerances;
 use super::{ActuatorConfig, Config, HoursOf, LOAD_MAX, MONITOR_NAMES, RulConfig, SearchMethod};
 use crate::dbc::{Role, SignalMap};
 use crate::health::Levels;
@@ -17,6 +18,7 @@ pub(super) fn describe(config: &Config) -> String {
 
 fn write_all(out: &mut String, config: &Config) -> fmt::Result {
     write_actuators(out, config)?;
+    write_tolerances(out, config)?;
     let window = config.window();
     writeln!(
         out,
@@ -100,6 +102,21 @@ fn write_actuators(out: &mut String, config: &Config) -> fmt::Result {
     for load in config.bus_loads() {
         let (name, percent) = (load.name(), 100.0 * load.load);
         writeln!(out, "bus load: {name} {percent:.0} % of {} bit/s", load.bitrate_bit_s)?;
+    }
+    Ok(())
+}
+
+/// The tolerances that differ from the default ones.
+fn write_tolerances(out: &mut String, config: &Config) -> fmt::Result {
+    for (name, of_type) in config.types() {
+        let mut changed = tolerances::changed(&of_type.tolerances).peekable();
+        if changed.peek().is_some() {
+            write!(out, "type {name}:")?;
+            for (group, key, value) in changed {
+                write!(out, " {group}.{key} {value}")?;
+            }
+            writeln!(out)?;
+        }
     }
     Ok(())
 }

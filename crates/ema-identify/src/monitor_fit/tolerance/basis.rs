@@ -5,12 +5,12 @@
 use std::vec::Vec;
 
 use ema_models::{
-    ComparedSample, Comparison, Disturbances, Real, SIGNAL_COUNT, Signals, abc_from_alpha_beta, alpha_beta_from_dq,
-    phase_shapes,
+    ComparedSample, Comparison, Disturbances, Real, SIGNAL_COUNT, Signals, Tolerances, abc_from_alpha_beta,
+    alpha_beta_from_dq, phase_shapes,
 };
 
 /// Changes of the measured signals.
-pub(super) const CHANGE_COUNT: usize = 6;
+pub(super) const CHANGE_COUNT: usize = 8;
 
 /// One sample's changes of the signals.
 pub(super) type Changes = [[f64; SIGNAL_COUNT]; CHANGE_COUNT];
@@ -20,6 +20,8 @@ pub(super) type Changes = [[f64; SIGNAL_COUNT]; CHANGE_COUNT];
 pub(super) struct Basis {
     pub(super) disturbances: Vec<Disturbances>,
     pub(super) changes: Vec<Changes>,
+    /// Share of each signal's weight: less where the current changes, because drives differ in how it does.
+    pub(super) confidence: Vec<[f64; SIGNAL_COUNT]>,
 }
 
 /// Speed at which the friction beyond T_d has fallen to 1/e, rad/s: the middle of what gears have.
@@ -32,10 +34,14 @@ const DIRECTION_SPEED: f64 = 1.0;
 const SPEED_SPAN: f64 = 1e-3;
 
 impl Basis {
-    pub(super) fn new(window: &Comparison<'_>) -> Self {
+    pub(super) fn new(window: &Comparison<'_>, tolerances: &Tolerances) -> Self {
         let samples = window.recording.samples;
-        let disturbances = (0..samples.len()).map(|n| disturbances(window, n)).collect();
-        let mut changes: Vec<Changes> = (0..samples.len()).map(|n| changes(window, n)).collect();
+        let confidence = (0..samples.len()).map(|n| confidence(window, tolerances.control_latency, n));
+        let confidence = confidence.collect();
+        let coupled = coupled_currents(window);
+        let disturbances = (0..samples.len()).map(|n| disturbances(window, &coupled, n));
+        let disturbances = disturbances.collect();
+        let mut changes: Vec<Changes> = (0..samples.len()).map(|n| changes(window, &coupled, n)).collect();
         // The speed is compared as the difference of two angles.
         let rate = window.params.sensors.sample_rate;
         let span = (libm::round(rate * SPEED_SPAN) as usize).clamp(1, 8);
@@ -55,11 +61,36 @@ impl Basis {
                 };
             }
         }
-        Self { disturbances, changes }
+        Self {
+            disturbances,
+            changes,
+            confidence,
+        }
     }
 }
 
+/// Confidence in the signals of sample `n`, for currents that lag by a time known to `latency`, s.
+fn confidence(window: &Comparison<'_>, latency: f64, n: usize) -> [f64; SIGNAL_COUNT] {
+    let samples = window.recording.samples;
+    let rate = window.params.sensors.sample_rate;
+    let (from, to) = (n.saturating_sub(2), (n + 2).min(samples.len() - 1));
+    // Differences of neighbours, the largest nearby; what noise does to them is small.
+    let steepest = samples[from..=to]
+        .windows(2)
+        .map(|pair| (pair[1].i_q - pair[0].i_q).abs() * rate)
+        .fold(0.0, f64::max);
+    let weights = window.weights.to_array();
+    let mut confidence = [1.0; SIGNAL_COUNT];
+    for signal in [DIRECT_CURRENT, QUADRATURE_CURRENT] {
+        let off = weights[signal] * latency * steepest;
+        confidence[signal] = 1.0 / libm::sqrt(1.0 + off * off);
+    }
+    confidence
+}
+
 /// Places among the signals.
+const DIRECT_CURRENT: usize = 0;
+const QUADRATURE_CURRENT: usize = 1;
 const MOTOR_ANGLE: usize = 2;
 const MOTOR_SPEED: usize = 3;
 
@@ -83,8 +114,33 @@ impl Slopes {
     }
 }
 
+/// What a current control with integral part and without decoupling adds to the direct and quadrature current, A, per time
+/// constant of its loop, s: `s τ/(1 + s τ)` with τ = L/R of the rotational voltages over L, ω_e i_q and −(ω_e i_d + k ω_m/L).
+fn coupled_currents(window: &Comparison<'_>) -> Vec<[f64; 2]> {
+    let motor = &window.params.motor;
+    let samples = window.recording.samples;
+    let step = 1.0 / window.params.sensors.sample_rate;
+    let kept = libm::exp(-step * motor.r_s / motor.l_s);
+    let (mut slow, mut first) = ([0.0; 2], true);
+    let of_sample = |sample: &ComparedSample| {
+        let omega_e = motor.pole_pairs * sample.omega_m;
+        let coupled = [
+            omega_e * sample.i_q,
+            -(omega_e * sample.i_d + motor.k * sample.omega_m / motor.l_s),
+        ];
+        if first {
+            (slow, first) = (coupled, false);
+        }
+        for (slow, now) in slow.iter_mut().zip(coupled) {
+            *slow = kept * *slow + (1.0 - kept) * now;
+        }
+        [coupled[0] - slow[0], coupled[1] - slow[1]]
+    };
+    samples.iter().map(of_sample).collect()
+}
+
 /// Disturbances between sample `n` and the next one.
-fn disturbances(window: &Comparison<'_>, n: usize) -> Disturbances {
+fn disturbances(window: &Comparison<'_>, coupled: &[[f64; 2]], n: usize) -> Disturbances {
     let params = window.params;
     let samples = window.recording.samples;
     let origin = &window.recording.initial.origin;
@@ -146,6 +202,7 @@ fn disturbances(window: &Comparison<'_>, n: usize) -> Disturbances {
         k * shapes[2] * i[2],
         gain * latency.i_q,
         params.controller.k_p * latency.omega_m,
+        -gain * coupled[n][1],
     ]
 }
 
@@ -157,7 +214,7 @@ fn slope_at_next(samples: &[ComparedSample], n: usize, rate: f64) -> f64 {
 }
 
 /// Changes of the signals of sample `n`, the speed left out.
-fn changes(window: &Comparison<'_>, n: usize) -> Changes {
+fn changes(window: &Comparison<'_>, coupled: &[[f64; 2]], n: usize) -> Changes {
     let params = window.params;
     let samples = window.recording.samples;
     let sample = &samples[n];
@@ -193,6 +250,14 @@ fn changes(window: &Comparison<'_>, n: usize) -> Changes {
         }),
         change(Signals {
             theta_out: cos_out - 1.0,
+            ..none
+        }),
+        change(Signals {
+            i_d: coupled[n][0],
+            ..none
+        }),
+        change(Signals {
+            i_q: coupled[n][1],
             ..none
         }),
     ]

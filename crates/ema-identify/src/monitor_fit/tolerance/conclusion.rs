@@ -1,28 +1,21 @@
 //! From the best optimum of a search to the estimate of a window whose numbers have tolerances.
 
-use ema_ga::{LmConfig, levenberg_marquardt};
+use ema_ga::{LmConfig, Residuals, levenberg_marquardt};
 use ema_models::{
-    Comparison, FAULT_COUNT, FaultVector, SIGNAL_COUNT, Scale, Signals, Tolerances, UNKNOWN_COUNT, Weights,
+    Comparison, Coordinates, FAULT_COUNT, FaultVector, MOTOR_COORDINATES, MotorKnowledge, SIGNAL_COUNT, Scale, Signals,
+    Tolerances, UNKNOWN_COUNT, Weights,
 };
-use std::vec::Vec;
 
 use super::basis::Basis;
-use super::nuisance::NUISANCE_COUNT;
-use super::problem::{DIMENSION, Linearised, NUISANCE_MAX, Point, Problem};
+use super::problem::{DIMENSION, Linearised, NUISANCE_MAX, Point, Problem, coordinates};
 use crate::calibration::Mismatch;
 use crate::estimate::{Estimate, OBSERVABLE_SIGMA};
+use crate::monitor_fit::competing_optima::{differ, undecided_difference};
 use crate::monitor_fit::conclusion::Search;
 use crate::monitor_fit::least_squares::constant_box;
 use crate::monitor_fit::locked::is_locked;
+use crate::monitor_fit::weak_magnet::{ALL_SHORTED, ANY_MAGNET};
 use crate::monitor_fit::window::MonitoredWindow;
-use ema_models::Coordinates;
-
-/// An estimate with its nuisances.
-pub(crate) struct ToleratedEstimate {
-    pub(crate) estimate: Estimate,
-    /// In standard deviations.
-    pub(crate) nuisances: [f64; NUISANCE_COUNT],
-}
 
 /// Step of the finite differences along the unknowns.
 const STEP: f64 = 1e-3;
@@ -33,32 +26,100 @@ const MAX_ITERATIONS: u32 = 8;
 /// Blocks of consecutive samples whose contributions to an estimate are compared.
 const BLOCKS: usize = 16;
 
+/// Cost from which on a residual is taken for something that no nuisance describes: it lasts, and so does not average out as noise
+/// does; sigmas grow with the cost. Units with any imperfection that a nuisance describes cost 0.9 to 1.9.
+const SYSTEMATIC_COST: f64 = 2.0;
+
 /// Fits unknowns and nuisances of a window, from the best optimum of the search and from health.
 pub(crate) fn conclude_with_tolerances(
     window: &Comparison<'_>,
     mismatch: &Mismatch,
     tolerances: &Tolerances,
     search: &Search,
-) -> ToleratedEstimate {
-    let basis = Basis::new(window);
+) -> Estimate {
+    let basis = Basis::new(window, tolerances);
     let problem = Problem::new(*window, &basis, tolerances, STEP);
     let best = search.best().at;
     let mut healthy = Scale::new(window.params).coordinates(&window.unknowns_with_fault(FaultVector::NOMINAL));
-    healthy.0[8..].copy_from_slice(&best.0[8..]);
-    let mut descents: Vec<Descent> = [best, healthy]
-        .into_iter()
-        .map(|start| descend(&problem, point(&start)))
-        .collect();
+    healthy.0[FAULT_COUNT..].copy_from_slice(&best.0[FAULT_COUNT..]);
+    let mut descents = [best, healthy].map(|start| descend(&problem, point(&start)));
     descents.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let reweighted = problem.with_weights(weights_by_noise(&problem, mismatch, &descents[0].at));
-    let refined = descend(&reweighted, descents[0].at);
-    let spent = search.evaluations + descents.iter().map(|d| d.spent).sum::<u64>() + refined.spent;
-    let mut estimate = assess(&reweighted, mismatch, &refined.at, spent);
-    estimate.cost = problem.mean_cost(&refined.at);
-    estimate.cut = search.cut;
-    ToleratedEstimate {
-        estimate,
-        nuisances: core::array::from_fn(|n| refined.at[UNKNOWN_COUNT + n]),
+    let [first, second] = descents;
+    let reweighted = problem.with_weights(weights_by_noise(&problem, mismatch, &first.at));
+    let refined = descend(&reweighted, first.at);
+    let undecided = undecided_difference(window, first.cost);
+    let as_good = (second.cost - first.cost < undecided).then_some(second.at);
+    let (magnet, more) = weak_magnet(&reweighted, &refined);
+    let (at, other_motor) = match &magnet {
+        WeakMagnet::Yes(other) => (*other, true),
+        WeakMagnet::No | WeakMagnet::Perhaps(_) => (refined.at, false),
+    };
+    let competing = match magnet {
+        WeakMagnet::Perhaps(other) => Some(other),
+        WeakMagnet::No | WeakMagnet::Yes(_) => as_good,
+    };
+    let spent = search.evaluations + first.spent + second.spent + refined.spent + more;
+    let cost = problem.mean_cost(&at);
+    let misfit = (cost / SYSTEMATIC_COST).max(1.0);
+    Estimate {
+        cost,
+        cut: search.cut,
+        other_motor,
+        ..assess(&reweighted, mismatch, &at, competing, misfit, spent)
+    }
+}
+
+/// Calls `visit` with index and unweighted residuals of each measured sample for an estimate with deviations.
+pub(crate) fn residuals_with_tolerances(
+    window: &Comparison<'_>,
+    tolerances: &Tolerances,
+    estimate: &Estimate,
+    mut visit: impl FnMut(usize, Signals<f64>),
+) {
+    let basis = Basis::new(window, tolerances);
+    let problem = Problem::new(*window, &basis, tolerances, STEP);
+    let mut at = point(&Scale::new(window.params).coordinates(&estimate.unknowns));
+    for (slot, deviation) in at[UNKNOWN_COUNT..].iter_mut().zip(&estimate.deviations) {
+        *slot = *deviation;
+    }
+    problem.residuals(&at, |n, residuals| visit(n, Signals::from_array(residuals)));
+}
+
+/// Whether the magnets are weak, rather than all three phases shorted.
+enum WeakMagnet {
+    No,
+    Perhaps(Point),
+    Yes(Point),
+}
+
+/// As without tolerances: where all three phases are shorted, tries whether the motor's back-EMF, left open, takes their place.
+/// Monitor runs spent, too.
+fn weak_magnet(problem: &Problem<'_>, optimum: &Descent) -> (WeakMagnet, u64) {
+    let common = optimum.at[2].min(optimum.at[3]).min(optimum.at[4]);
+    let known = problem.comparison().prior.motor;
+    if common < ALL_SHORTED || known.information().is_none() {
+        return (WeakMagnet::No, 0);
+    }
+    let open = problem.with_motor(MotorKnowledge {
+        mean: known.mean,
+        covariance: [[known.covariance[0][0], 0.0], [0.0, ANY_MAGNET * ANY_MAGNET]],
+    });
+    let mut start = optimum.at;
+    for phase in &mut start[2..=4] {
+        *phase -= common;
+    }
+    start[MOTOR_COORDINATES[1]] -= common;
+    let found = descend(&open, start);
+    let before = open.cost(&optimum.at);
+    let allowed = undecided_difference(problem.comparison(), found.cost.min(before));
+    let spent = found.spent + 1;
+    let different = differ(&coordinates(&found.at), &coordinates(&optimum.at), |_| true);
+    if different && found.cost < before - allowed {
+        (WeakMagnet::Yes(found.at), spent)
+    } else if different && found.cost < before + allowed {
+        (WeakMagnet::Perhaps(found.at), spent)
+    } else {
+        (WeakMagnet::No, spent)
     }
 }
 
@@ -108,7 +169,14 @@ fn weights_by_noise(problem: &Problem<'_>, mismatch: &Mismatch, at: &Point) -> W
 }
 
 /// The estimate of a point, and how uncertain it is.
-fn assess(problem: &Problem<'_>, mismatch: &Mismatch, at: &Point, evaluations: u64) -> Estimate {
+fn assess(
+    problem: &Problem<'_>,
+    mismatch: &Mismatch,
+    at: &Point,
+    competing: Option<Point>,
+    misfit: f64,
+    evaluations: u64,
+) -> Estimate {
     let window = problem.comparison();
     let linearised = problem.linearised(at);
     let unknowns = problem.unknowns(at);
@@ -116,11 +184,15 @@ fn assess(problem: &Problem<'_>, mismatch: &Mismatch, at: &Point, evaluations: u
     let (squares, count) = problem.squared_residuals(at);
     let n = (count as f64).max(1.0);
     let excess = (2.0 * linearised.cost() / (n * window.weighted_signals())).max(1.0);
-    let [by_data, with_nuisances] = sigmas(&linearised, excess);
+    let [by_data, with_nuisances] = sigmas(&linearised, excess).map(|sigma| sigma.map(|sigma| misfit * sigma));
     let with_model = |sigma: [f64; FAULT_COUNT]| -> [f64; FAULT_COUNT] {
         core::array::from_fn(|p| sigma[p].hypot(mismatch.model_sigma[p]))
     };
-    let (alone, total) = (with_model(by_data), with_model(with_nuisances));
+    let (alone, tolerated) = (with_model(by_data), with_model(with_nuisances));
+    let competing =
+        competing.filter(|other| differ(&coordinates(other), &coordinates(at), |p| alone[p] <= OBSERVABLE_SIGMA));
+    let total: [f64; FAULT_COUNT] =
+        core::array::from_fn(|p| tolerated[p].hypot(competing.map_or(0.0, |other| other[p] - at[p])));
     let mut sigma = [None; FAULT_COUNT];
     let mut observable = [false; FAULT_COUNT];
     for p in [0, 1, 2, 3, 4, 7] {
@@ -143,10 +215,11 @@ fn assess(problem: &Problem<'_>, mismatch: &Mismatch, at: &Point, evaluations: u
         residual_rms_a: libm::sqrt(squares[1] / n),
         evaluations: evaluations + DIMENSION as u64 + 1,
         cut: false,
-        competing_optimum: None,
+        competing_optimum: competing.map(|other| problem.unknowns(&other).fault),
         back_emf_off: unknowns.motor.back_emf - window.prior.motor.mean.back_emf,
         other_motor: false,
         locked: is_locked(window),
+        deviations: at[UNKNOWN_COUNT..].to_vec(),
     }
 }
 

@@ -6,7 +6,14 @@
 use ema_models::{ActuatorParams, Conditions, REFERENCE_TEMPERATURE_DEG_C, Scale, Tolerances};
 
 /// Number of nuisances.
-pub(crate) const NUISANCE_COUNT: usize = 39;
+pub(crate) const NUISANCE_COUNT: usize = 41;
+
+/// Numbers of nuisances that act as a fault does.
+pub(super) const DYNAMIC_FRICTION: usize = 3;
+pub(super) const STATIC_FRICTION: usize = 4;
+pub(super) const FRICTION_TEMPERATURE: usize = 5;
+pub(super) const BACKLASH: usize = 6;
+pub(super) const POSITION_GAIN: usize = 11;
 
 /// The actuator as the monitor takes it.
 #[derive(Clone, Copy, Debug)]
@@ -21,6 +28,8 @@ pub(super) struct Hardware {
 pub(super) enum Action {
     /// A parameter, by a share of its value.
     Parameter(fn(&mut Hardware, f64)),
+    /// The healthy backlash, by a share of its value; wear adds to it.
+    Backlash,
     /// A disturbance torque: its place among the disturbances.
     Torque(usize),
     /// The measured signals: the place among the changes of signals.
@@ -206,4 +215,6 @@ pub(super) const NUISANCES: [Nuisance; NUISANCE_COUNT] = [
     signals(3, |k| k.tolerances.sample_latency),
     signals(4, |k| k.tolerances.encoder_error),
     signals(5, |k| k.tolerances.encoder_error),
+    signals(6, |k| k.tolerances.control_latency),
+    torque_and_signals(19, 7, |k| k.tolerances.control_latency),
 ];

@@ -6,12 +6,15 @@ use std::vec::Vec;
 use ema_ga::Residuals;
 use ema_models::{
     COST_LANES, Comparison, Coordinates, DISTURBANCE_COUNT, GRAM_COLUMNS, GramRow, LaneResiduals, MonitorVariant,
-    NormalEquations, SIGNAL_COUNT, Scale, Tolerances, UNKNOWN_COUNT, Unknowns, Weights, add_gram,
+    MotorKnowledge, NormalEquations, SIGNAL_COUNT, Scale, Tolerances, UNKNOWN_COUNT, Unknowns, Weights, add_gram,
 };
 use nalgebra::{SMatrix, SVector};
 
 use super::basis::Basis;
-use super::nuisance::{Action, Hardware, NUISANCE_COUNT, NUISANCES, sigmas};
+use super::nuisance::{
+    Action, BACKLASH, DYNAMIC_FRICTION, FRICTION_TEMPERATURE, Hardware, NUISANCE_COUNT, NUISANCES, POSITION_GAIN,
+    STATIC_FRICTION, sigmas,
+};
 
 /// Unknowns of the window, then nuisances in standard deviations.
 pub(super) const DIMENSION: usize = UNKNOWN_COUNT + NUISANCE_COUNT;
@@ -23,7 +26,10 @@ pub(super) type Point = [f64; DIMENSION];
 pub(super) const NUISANCE_MAX: f64 = 5.0;
 
 /// Step of the finite differences along a nuisance, standard deviations.
-const NUISANCE_STEP: f64 = 0.05;
+const NUISANCE_STEP: f64 = 0.025;
+
+/// The healthy backlash in units of k2: b = b₀ (1 + 99 k2).
+const HEALTHY_BACKLASH: f64 = 1.0 / 99.0;
 
 /// Place of the residual in a [`GramRow`].
 const RESIDUAL: usize = DIMENSION;
@@ -49,6 +55,13 @@ pub(super) struct Linearised {
     pub(super) rows_per_sample: usize,
 }
 
+/// A coordinate whose column is a sum of others.
+struct SameDirection {
+    of: usize,
+    /// Coordinates, and the factor of each.
+    as_much_as: Vec<(usize, f64)>,
+}
+
 impl<'a> Problem<'a> {
     pub(super) fn new(comparison: Comparison<'a>, basis: &'a Basis, tolerances: &Tolerances, step: f64) -> Self {
         Self {
@@ -64,6 +77,12 @@ impl<'a> Problem<'a> {
         let mut weighed = self.clone();
         weighed.comparison.weights = weights;
         weighed
+    }
+
+    pub(super) fn with_motor(&self, motor: MotorKnowledge) -> Self {
+        let mut other = self.clone();
+        other.comparison.prior.motor = motor;
+        other
     }
 
     pub(super) fn comparison(&self) -> &Comparison<'a> {
@@ -90,15 +109,17 @@ impl<'a> Problem<'a> {
             v_dc: self.comparison.conditions.v_dc,
         };
         let mut torques = [0.0; DISTURBANCE_COUNT];
+        let mut unknowns = self.unknowns(at);
         for ((nuisance, sigma), size) in NUISANCES.iter().zip(self.sigma).zip(&at[UNKNOWN_COUNT..]) {
             match nuisance.action {
                 Action::Parameter(apply) => apply(&mut hardware, sigma * size),
+                Action::Backlash => unknowns.fault.backlash += (sigma * size).max(-1.0) * HEALTHY_BACKLASH,
                 Action::Torque(place) | Action::TorqueAndSignals(place, _) => torques[place] = sigma * size,
                 Action::Signals(_) => {}
             }
         }
         self.comparison
-            .variant(&hardware.params, hardware.v_dc, &self.unknowns(at), torques)
+            .variant(&hardware.params, hardware.v_dc, &unknowns, torques)
     }
 
     /// What the nuisances of a point add to the signals of a sample.
@@ -123,11 +144,12 @@ impl<'a> Problem<'a> {
         known + 0.5 * at[UNKNOWN_COUNT..].iter().map(|size| size * size).sum::<f64>()
     }
 
-    /// Squared unweighted residuals at a point, summed for each signal, and their number.
+    /// Squared residuals at a point, by the confidence in each sample, summed for each signal, and their number.
     pub(super) fn squared_residuals(&self, at: &Point) -> ([f64; SIGNAL_COUNT], usize) {
         let (mut squares, mut count) = ([0.0; SIGNAL_COUNT], 0);
-        self.residuals(at, |_, residuals| {
-            for (sum, residual) in squares.iter_mut().zip(residuals) {
+        self.residuals(at, |n, residuals| {
+            for (signal, sum) in squares.iter_mut().enumerate() {
+                let residual = self.basis.confidence[n][signal] * residuals[signal];
                 *sum += residual * residual;
             }
             count += 1;
@@ -150,9 +172,9 @@ impl<'a> Problem<'a> {
     pub(super) fn mean_cost(&self, at: &Point) -> f64 {
         let weights = self.comparison.weights.to_array();
         let mut sum = 0.0;
-        self.residuals(at, |_, residuals| {
-            for (weight, residual) in weights.iter().zip(residuals) {
-                let weighted = weight * residual;
+        self.residuals(at, |n, residuals| {
+            for signal in 0..SIGNAL_COUNT {
+                let weighted = weights[signal] * self.basis.confidence[n][signal] * residuals[signal];
                 sum += 0.5 * weighted * weighted;
             }
         });
@@ -166,13 +188,14 @@ impl<'a> Problem<'a> {
             None => own[p],
             Some(_) => NUISANCE_STEP.copysign(-at[p]),
         };
-        // Lane 0 is at the point; signals that change need no lane.
+        let same = self.same_directions(at);
+        // Lane 0 is at the point; what changes the signals alone, or as another coordinate does, needs no lane.
         let in_lanes: Vec<usize> = (0..DIMENSION)
             .filter(|&p| {
                 let signals = p
                     .checked_sub(UNKNOWN_COUNT)
                     .is_some_and(|n| matches!(NUISANCES[n].action, Action::Signals(_)));
-                !signals && !self.is_known(p)
+                !signals && !self.is_known(p) && same.iter().all(|direction| direction.of != p)
             })
             .collect();
         let at_point = self.variant(at);
@@ -207,7 +230,7 @@ impl<'a> Problem<'a> {
                 if !sample.measured {
                     continue;
                 }
-                let weight = weights[signal];
+                let weight = weights[signal] * self.basis.confidence[n][signal];
                 let point = passes[0][n][signal][0];
                 for (place, (&p, per_step)) in in_lanes.iter().zip(&per_step).enumerate() {
                     let lane = place + 1;
@@ -218,6 +241,9 @@ impl<'a> Problem<'a> {
                     if let Action::Signals(place) | Action::TorqueAndSignals(_, place) = nuisance.action {
                         row[UNKNOWN_COUNT + number] -= sigma * self.basis.changes[n][place][signal] * weight;
                     }
+                }
+                for direction in &same {
+                    row[direction.of] = direction.as_much_as.iter().map(|&(p, factor)| factor * row[p]).sum();
                 }
                 row[RESIDUAL] = (point - change[signal]) * weight;
             }
@@ -230,6 +256,46 @@ impl<'a> Problem<'a> {
             sums,
             rows_per_sample: weighted.len(),
         }
+    }
+
+    /// Coordinates that change the monitor as others do, so that no roughness of the cost tells them apart.
+    fn same_directions(&self, at: &Point) -> Vec<SameDirection> {
+        let sigma = |n: usize| self.sigma[n];
+        let unknown = |n: usize| sigma(n) > 0.0;
+        let mut same = Vec::new();
+        // k1 and the temperature scale T_d and T_s by the same share.
+        if unknown(DYNAMIC_FRICTION) && unknown(STATIC_FRICTION) {
+            let share = |n: usize| 1.0 + sigma(n) * at[UNKNOWN_COUNT + n];
+            let both = |factor: f64| {
+                [DYNAMIC_FRICTION, STATIC_FRICTION].map(|n| (UNKNOWN_COUNT + n, factor * share(n) / sigma(n)))
+            };
+            same.push(SameDirection {
+                of: 0,
+                as_much_as: both(2.0 / (1.0 + 2.0 * at[0])).to_vec(),
+            });
+            if unknown(FRICTION_TEMPERATURE) {
+                let warm = sigma(FRICTION_TEMPERATURE);
+                let factor = warm / (1.0 + warm * at[UNKNOWN_COUNT + FRICTION_TEMPERATURE]);
+                same.push(SameDirection {
+                    of: UNKNOWN_COUNT + FRICTION_TEMPERATURE,
+                    as_much_as: both(factor).to_vec(),
+                });
+            }
+        }
+        if unknown(BACKLASH) {
+            same.push(SameDirection {
+                of: UNKNOWN_COUNT + BACKLASH,
+                as_much_as: vec![(1, sigma(BACKLASH) * HEALTHY_BACKLASH)],
+            });
+        }
+        if unknown(POSITION_GAIN) {
+            let share = 1.0 + sigma(POSITION_GAIN) * at[UNKNOWN_COUNT + POSITION_GAIN];
+            same.push(SameDirection {
+                of: UNKNOWN_COUNT + POSITION_GAIN,
+                as_much_as: vec![(7, sigma(POSITION_GAIN) / share * (at[7] + 0.5))],
+            });
+        }
+        same
     }
 
     fn add_prior(&self, at: &Point, sums: &mut [GramRow; GRAM_COLUMNS]) {
@@ -275,7 +341,7 @@ impl Linearised {
 }
 
 /// The window's own coordinates of a point.
-fn coordinates(at: &Point) -> Coordinates {
+pub(super) fn coordinates(at: &Point) -> Coordinates {
     Coordinates(core::array::from_fn(|p| at[p]))
 }
 
@@ -318,7 +384,8 @@ impl Residuals<DIMENSION> for Problem<'_> {
             for (n, row) in residuals.iter().enumerate().filter(|(n, _)| samples[*n].measured) {
                 let change = self.change(point, n);
                 for signal in 0..SIGNAL_COUNT {
-                    let weighted = weights[signal] * (row[signal][lane] - change[signal]);
+                    let residual = row[signal][lane] - change[signal];
+                    let weighted = weights[signal] * self.basis.confidence[n][signal] * residual;
                     sum += 0.5 * weighted * weighted;
                 }
             }

@@ -295,7 +295,7 @@ fn replay(name: &str) -> (Row, Decision) {
     let summary = Replay {
         logs: &logs,
         output: None,
-        config: Arc::new(Config::default()),
+        config: Arc::new(hmd_tests::known_units()),
         seed: SEED,
     }
     .run(&mut windows)

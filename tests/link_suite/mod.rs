@@ -186,7 +186,7 @@ fn over_serial(
 
 /// The whole chain over the frames of one actuation; its first window.
 fn one(frames: &[RawFrame]) -> Option<AssessedWindow> {
-    let config = Arc::new(Config::default());
+    let config = Arc::new(hmd_tests::known_units());
     let mut names = BusNames::new();
     names.intern("bus0").expect("room for one bus");
     let mut pipeline = Pipeline::new(config.clone());

@@ -597,6 +597,7 @@ fn a_reader_that_goes_away_leaves_a_whole_output_file() {
 #[test]
 fn one_run_gives_the_same_lines_from_text_and_mcap_on_any_number_of_threads() {
     let folder = Folder::new();
+    folder.write("known.toml", include_str!("../../../../fixtures/known.toml"));
     for log in ["run.log", "run.mcap"] {
         folder.done(&format!(
             "simulate -o {log} --rate 400 --windows 2 --fault friction=0.3 --noise 0.05 --seed 9"
@@ -604,7 +605,7 @@ fn one_run_gives_the_same_lines_from_text_and_mcap_on_any_number_of_threads() {
     }
     assert_eq!(folder.read("run.log.truth.jsonl"), folder.read("run.mcap.truth.jsonl"));
 
-    let lines = folder.done("replay --json run.log --threads 1 -o one.mcap");
+    let lines = folder.done("replay -c known.toml --json run.log --threads 1 -o one.mcap");
     assert_eq!(lines.lines().count(), 2);
     for line in lines.lines() {
         let record: serde_json::Value = serde_json::from_str(line).expect("a line of JSON");
@@ -614,18 +615,21 @@ fn one_run_gives_the_same_lines_from_text_and_mcap_on_any_number_of_threads() {
             "{line}"
         );
     }
-    assert_eq!(folder.done("replay --json run.mcap --threads 4"), lines);
+    assert_eq!(folder.done("replay -c known.toml --json run.mcap --threads 4"), lines);
 
     // Truth is for `evaluate` alone.
     fs::remove_file(folder.path("run.log.truth.jsonl")).expect("a truth file");
-    assert_eq!(folder.done("replay --json run.log --threads 4 -o four.mcap"), lines);
+    assert_eq!(
+        folder.done("replay -c known.toml --json run.log --threads 4 -o four.mcap"),
+        lines
+    );
     assert!(
         folder.read("one.mcap") == folder.read("four.mcap"),
         "the output files differ"
     );
 
     // The output holds the frames as they came.
-    assert_eq!(folder.done("replay --json four.mcap"), lines);
+    assert_eq!(folder.done("replay -c known.toml --json four.mcap"), lines);
 }
 
 #[test]

@@ -153,12 +153,10 @@ pub(super) const NUISANCES: [Nuisance; NUISANCE_COUNT] = [
             deviate(&mut h.params.transmission.friction_static, x);
         },
     ),
-    parameter(
-        |k| k.tolerances.backlash,
-        |h, x| {
-            deviate(&mut h.params.transmission.backlash, x);
-        },
-    ),
+    Nuisance {
+        sigma: |k| k.tolerances.backlash,
+        action: Action::Backlash,
+    },
     parameter(
         |k| k.tolerances.efficiency_opposing,
         |h, x| {

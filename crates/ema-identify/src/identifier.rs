@@ -96,8 +96,8 @@ impl Identifier {
                 cut: search.cut,
                 ..assess(&comparison, mismatch, search.best().at, None, search.evaluations, None)
             },
-            Method::LeastSquares | Method::Hybrid(_) if !self.tolerances.are_zero_beside_motor() => {
-                conclude_with_tolerances(&comparison, mismatch, &self.tolerances, &search)
+            Method::LeastSquares | Method::Hybrid(_) if self.has_tolerances() => {
+                conclude_with_tolerances(&comparison, mismatch, &self.tolerances, &search, self.budget())
             }
             Method::LeastSquares | Method::Hybrid(_) => conclude(&comparison, mismatch, &search, self.budget()),
         })
@@ -126,6 +126,8 @@ impl Identifier {
                 let starts = starts(comparison, &faults);
                 // The same share for each descent and for the last one, whichever of them needs it.
                 let share = population.budget().map_or(UNLIMITED, |budget| {
+                    // Half is left for the nuisances.
+                    let budget = if self.has_tolerances() { budget / 2 } else { budget };
                     budget.saturating_sub(found.evaluations + RUNS_OF_ASSESSMENT) / (starts.len() as u64 + 1)
                 });
                 let cut = found.stop == StopReason::MaxEvaluations;
@@ -163,6 +165,11 @@ impl Identifier {
             self.calibration.weights(self.params.sensors.sample_rate),
             self.motor,
         )
+    }
+
+    /// Whether anything but the motor is known within tolerances only.
+    fn has_tolerances(&self) -> bool {
+        !self.tolerances.are_zero_beside_motor()
     }
 
     /// Monitor runs that one identification may take.

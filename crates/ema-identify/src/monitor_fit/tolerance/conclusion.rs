@@ -1,6 +1,6 @@
 //! From the best optimum of a search to the estimate of a window whose numbers have tolerances.
 
-use ema_ga::{LmConfig, Residuals, levenberg_marquardt};
+use ema_ga::{LmConfig, LmStop, Residuals, levenberg_marquardt};
 use ema_models::{
     Comparison, Coordinates, FAULT_COUNT, FaultVector, MOTOR_COORDINATES, MotorKnowledge, SIGNAL_COUNT, Scale, Signals,
     Tolerances, UNKNOWN_COUNT, Weights,
@@ -23,6 +23,15 @@ const STEP: f64 = 1e-3;
 /// Linearisations at most of one descent.
 const MAX_ITERATIONS: u32 = 8;
 
+/// Trials that a linearisation takes at most, on average.
+const TRIALS_PER_STEP: u32 = 3;
+
+/// Monitor runs of a linearisation at most: the point and one step along each coordinate.
+const RUNS_PER_LINEARISATION: u64 = DIMENSION as u64 + 1;
+
+/// Descents at most: from two starts, after the reweighting, and with another magnet.
+const DESCENTS: u64 = 4;
+
 /// Blocks of consecutive samples whose contributions to an estimate are compared.
 const BLOCKS: usize = 16;
 
@@ -30,26 +39,30 @@ const BLOCKS: usize = 16;
 /// does; sigmas grow with the cost. Units with any imperfection that a nuisance describes cost 0.9 to 1.9.
 const SYSTEMATIC_COST: f64 = 2.0;
 
-/// Fits unknowns and nuisances of a window, from the best optimum of the search and from health.
+/// Fits unknowns and nuisances of a window, from the best optimum of the search and from health. `budget` are the monitor runs that
+/// the whole identification may take.
 pub(crate) fn conclude_with_tolerances(
     window: &Comparison<'_>,
     mismatch: &Mismatch,
     tolerances: &Tolerances,
     search: &Search,
+    budget: u64,
 ) -> Estimate {
     let basis = Basis::new(window, tolerances);
     let problem = Problem::new(*window, &basis, tolerances, STEP);
     let best = search.best().at;
     let mut healthy = Scale::new(window.params).coordinates(&window.unknowns_with_fault(FaultVector::NOMINAL));
     healthy.0[FAULT_COUNT..].copy_from_slice(&best.0[FAULT_COUNT..]);
-    let mut descents = [best, healthy].map(|start| descend(&problem, point(&start)));
+    let left = budget.saturating_sub(search.evaluations + RUNS_PER_LINEARISATION);
+    let share = left / DESCENTS;
+    let mut descents = [best, healthy].map(|start| descend(&problem, point(&start), share));
     descents.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let [first, second] = descents;
     let reweighted = problem.with_weights(weights_by_noise(&problem, mismatch, &first.at));
-    let refined = descend(&reweighted, first.at);
+    let refined = descend(&reweighted, first.at, share);
     let undecided = undecided_difference(window, first.cost);
     let as_good = (second.cost - first.cost < undecided).then_some(second.at);
-    let (magnet, more) = weak_magnet(&reweighted, &refined);
+    let (magnet, more) = weak_magnet(&reweighted, &refined, share);
     let (at, other_motor) = match &magnet {
         WeakMagnet::Yes(other) => (*other, true),
         WeakMagnet::No | WeakMagnet::Perhaps(_) => (refined.at, false),
@@ -63,7 +76,7 @@ pub(crate) fn conclude_with_tolerances(
     let misfit = (cost / SYSTEMATIC_COST).max(1.0);
     Estimate {
         cost,
-        cut: search.cut,
+        cut: search.cut || first.cut || refined.cut,
         other_motor,
         ..assess(&reweighted, mismatch, &at, competing, misfit, spent)
     }
@@ -94,7 +107,7 @@ enum WeakMagnet {
 
 /// As without tolerances: where all three phases are shorted, tries whether the motor's back-EMF, left open, takes their place.
 /// Monitor runs spent, too.
-fn weak_magnet(problem: &Problem<'_>, optimum: &Descent) -> (WeakMagnet, u64) {
+fn weak_magnet(problem: &Problem<'_>, optimum: &Descent, budget: u64) -> (WeakMagnet, u64) {
     let common = optimum.at[2].min(optimum.at[3]).min(optimum.at[4]);
     let known = problem.comparison().prior.motor;
     if common < ALL_SHORTED || known.information().is_none() {
@@ -109,7 +122,7 @@ fn weak_magnet(problem: &Problem<'_>, optimum: &Descent) -> (WeakMagnet, u64) {
         *phase -= common;
     }
     start[MOTOR_COORDINATES[1]] -= common;
-    let found = descend(&open, start);
+    let found = descend(&open, start, budget);
     let before = open.cost(&optimum.at);
     let allowed = undecided_difference(problem.comparison(), found.cost.min(before));
     let spent = found.spent + 1;
@@ -127,13 +140,18 @@ fn point(at: &Coordinates) -> Point {
     core::array::from_fn(|p| at.0.get(p).copied().unwrap_or(0.0))
 }
 
+/// Where a descent ended.
 struct Descent {
     at: Point,
     cost: f64,
+    /// Monitor runs spent.
     spent: u64,
+    /// Whether the budget of monitor runs cut it short.
+    cut: bool,
 }
 
-fn descend(problem: &Problem<'_>, start: Point) -> Descent {
+/// A descent of at most `budget` monitor runs; with a budget too small for one step, the start itself.
+fn descend(problem: &Problem<'_>, start: Point, budget: u64) -> Descent {
     let side = |own: [f64; UNKNOWN_COUNT], nuisance: f64| -> Point {
         core::array::from_fn(|p| own.get(p).copied().unwrap_or(nuisance))
     };
@@ -141,9 +159,19 @@ fn descend(problem: &Problem<'_>, start: Point) -> Descent {
         side(Coordinates::LOWER, -NUISANCE_MAX),
         side(Coordinates::UPPER, NUISANCE_MAX),
     );
+    let affordable = budget / (RUNS_PER_LINEARISATION + u64::from(TRIALS_PER_STEP));
+    let iterations = affordable.min(u64::from(MAX_ITERATIONS)) as u32;
+    if iterations == 0 {
+        return Descent {
+            at: start,
+            cost: problem.cost(&start),
+            spent: 1,
+            cut: true,
+        };
+    }
     let config = LmConfig {
-        max_iterations: MAX_ITERATIONS,
-        max_evaluations: 4 * MAX_ITERATIONS,
+        max_iterations: iterations,
+        max_evaluations: (1 + TRIALS_PER_STEP) * iterations,
         step_tolerance: 1e-6,
         cost_tolerance: 1e-4,
         ..LmConfig::default()
@@ -152,7 +180,8 @@ fn descend(problem: &Problem<'_>, start: Point) -> Descent {
     Descent {
         at: found.genes,
         cost: found.cost,
-        spent: u64::from(found.iterations) * (DIMENSION as u64 + 1) + u64::from(found.evaluations - found.iterations),
+        spent: u64::from(found.iterations) * RUNS_PER_LINEARISATION + u64::from(found.evaluations - found.iterations),
+        cut: iterations < MAX_ITERATIONS && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations),
     }
 }
 
@@ -213,7 +242,7 @@ fn assess(
         observable,
         cost: linearised.cost() / n,
         residual_rms_a: libm::sqrt(squares[1] / n),
-        evaluations: evaluations + DIMENSION as u64 + 1,
+        evaluations: evaluations + RUNS_PER_LINEARISATION,
         cut: false,
         competing_optimum: competing.map(|other| problem.unknowns(&other).fault),
         back_emf_off: unknowns.motor.back_emf - window.prior.motor.mean.back_emf,

@@ -9,7 +9,6 @@ use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::{ActuatorId, SerialPacket, Splitter};
 use firmware_sim::{CanFrame, CanFrames, Link, LinkFaults, Plan, SerialFrames, StuckSensors, Timed};
 use hmd_core::assess::{AssessedWindow, Assessor, Models};
-use hmd_core::config::Config;
 use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
 use hmd_core::pipeline::Pipeline;
 use hmd_core::seed::mix;

@@ -3,8 +3,8 @@
 use ema_ga::ConfigError;
 use ema_models::reference::CurrentSensing;
 use ema_models::{
-    ComparedSample, Comparison, Coordinates, FaultVector, Profile, Real, Recording, SIGNAL_COUNT, Scale, Tolerances,
-    Weights, abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc,
+    ComparedSample, Comparison, Coordinates, FaultVector, Profile, Real, Recording, SIGNAL_COUNT, Scale, Weights,
+    abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc,
 };
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -150,7 +150,7 @@ const _: () = assert!(SIGNAL_COUNT == 5, "every signal has its noise above");
 
 #[cfg(test)]
 mod tests {
-    use ema_models::{ActuatorParams, MotorKnowledge};
+    use ema_models::{ActuatorParams, MotorKnowledge, Tolerances};
 
     use super::*;
     use ema_identify::Method;

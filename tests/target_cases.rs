@@ -16,7 +16,6 @@ use ema_wire::{ActuatorId, Mode, Sample, SerialPacket};
 use firmware_image::StoredSample;
 use hmd::unit_windows::windows_of;
 use hmd_core::assess::{Assessor, Models, conditions};
-use hmd_core::config::Config;
 
 /// One window, for both.
 pub(crate) struct Case {

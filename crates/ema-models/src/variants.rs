@@ -156,3 +156,103 @@ impl LaneWork for Gram<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Setpoint;
+    use crate::monitor::{Calibration, Conditions, Feedback};
+    use crate::recording::Recording;
+    use crate::residual::{Prior, Weights};
+    use crate::samples::{ComparedSample, InitialState};
+    use crate::unknowns::MotorKnowledge;
+    use crate::{FaultVector, MotorDeviation};
+
+    const SAMPLES: usize = 60;
+
+    /// A step of the setpoint, and sensors that show nothing.
+    fn sample() -> ComparedSample {
+        ComparedSample {
+            setpoint: Setpoint::Position(0.05),
+            measured: true,
+            ..ComparedSample::default()
+        }
+    }
+
+    #[test]
+    fn lanes_give_the_bits_of_a_single_monitor_and_only_a_disturbance_changes_them() {
+        let params = ActuatorParams::bench();
+        let calibration = Calibration::default();
+        let samples = [sample(); SAMPLES];
+        let comparison = Comparison {
+            recording: Recording {
+                samples: &samples,
+                drive: &samples,
+                initial: InitialState::default(),
+            },
+            params: &params,
+            calibration: &calibration,
+            conditions: Conditions {
+                load_torque: Some(0.0),
+                v_dc: params.motor.v_dc,
+                winding_temp_deg_c: None,
+            },
+            weights: Weights::CURRENT_ONLY,
+            feedback: Feedback::Measured,
+            prior: Prior {
+                load_torque: 1.0,
+                integral: 1.0,
+                motor: MotorKnowledge::default(),
+            },
+        };
+        let unknowns = Unknowns {
+            fault: FaultVector::NOMINAL,
+            load_torque: 0.0,
+            integral: 0.0,
+            motor: MotorDeviation::default(),
+        };
+        let mut size = [0.0; DISTURBANCE_COUNT];
+        let undisturbed = comparison.variant(&params, params.motor.v_dc, &unknowns, size);
+        size[3] = 0.2;
+        let disturbed = comparison.variant(&params, params.motor.v_dc, &unknowns, size);
+        let mut row = [0.0; DISTURBANCE_COUNT];
+        row[3] = 1.0;
+        let rows = [row; SAMPLES];
+
+        let mut in_lanes = [[[0.0; COST_LANES]; SIGNAL_COUNT]; SAMPLES];
+        let mut variants = [undisturbed; COST_LANES];
+        variants[1] = disturbed;
+        comparison.residuals_of_variants(&variants, &rows, &mut in_lanes);
+        let mut alone = [[[0.0; SIGNAL_COUNT]; SAMPLES]; 3];
+        comparison.residuals(&unknowns, |n, r| alone[0][n] = r.to_array());
+        comparison.residuals_of_variant(&undisturbed, &rows, |n, r| alone[1][n] = r.to_array());
+        comparison.residuals_of_variant(&disturbed, &rows, |n, r| alone[2][n] = r.to_array());
+        for (n, lanes) in in_lanes.iter().enumerate() {
+            for signal in 0..SIGNAL_COUNT {
+                let [plain, undisturbed, disturbed] = alone.map(|of| of[n][signal].to_bits());
+                assert_eq!(
+                    (plain, plain),
+                    (undisturbed, lanes[signal][0].to_bits()),
+                    "{n}, {signal}"
+                );
+                assert_eq!(disturbed, lanes[signal][1].to_bits(), "{n}, {signal}");
+            }
+        }
+        // 0.2 Nm against the motion: the shaft of the monitor is behind, its residual larger.
+        let last = in_lanes[SAMPLES - 1][2];
+        assert!(last[1] > last[0] + 0.01, "{last:?}");
+    }
+
+    #[test]
+    fn sums_of_products_are_those_of_the_rows() {
+        let rows: [GramRow; 3] = core::array::from_fn(|n| core::array::from_fn(|c| (n * 7 + c * 3 % 11) as f64 - 4.0));
+        let mut sums = [[0.0; GRAM_COLUMNS]; GRAM_COLUMNS];
+        add_gram(&rows, &mut sums);
+        for p in 0..GRAM_COLUMNS {
+            for q in 0..=p {
+                let expected: f64 = rows.iter().map(|row| row[p] * row[q]).sum();
+                assert!((sums[p][q] - expected).abs() < 1e-9, "{p}, {q}");
+            }
+        }
+    }
+}

@@ -295,7 +295,7 @@ fn replay(name: &str) -> (Row, Decision) {
     let summary = Replay {
         logs: &logs,
         output: None,
-        config: Arc::new(hmd_tests::known_units()),
+        config: Arc::new(Config::default()),
         seed: SEED,
     }
     .run(&mut windows)

@@ -16,6 +16,7 @@ use ema_wire::{ActuatorId, Mode, Sample, SerialPacket};
 use firmware_image::StoredSample;
 use hmd::unit_windows::windows_of;
 use hmd_core::assess::{Assessor, Models, conditions};
+use hmd_core::config::Config;
 
 /// One window, for both.
 pub(crate) struct Case {
@@ -71,7 +72,7 @@ pub(crate) fn worn() -> Case {
 /// The window of a log in `fixtures/logs`, as a replay with every default cuts it.
 pub(crate) fn golden(log: &str) -> Case {
     let path = logs().join(log);
-    let config = Arc::new(hmd_tests::known_units());
+    let config = Arc::new(Config::default());
     // A log of another sample rate says so; nothing is lost in any.
     let found = windows_of(&[path], &config, None, &mut |_| ());
     let found = found.unwrap_or_else(|e| panic!("{log}: {e}"));

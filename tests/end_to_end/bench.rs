@@ -51,7 +51,7 @@ pub(crate) fn watch(frames: impl IntoIterator<Item = RawFrame>) -> Outcome {
 
 /// The same over one stream after the other, each to its end, as the logs of several sorties.
 pub(crate) fn watch_all(streams: impl IntoIterator<Item = impl IntoIterator<Item = RawFrame>>) -> Outcome {
-    watch_all_with(hmd_tests::known_units(), streams)
+    watch_all_with(Config::default(), streams)
 }
 
 /// The same with other settings.

@@ -80,10 +80,7 @@ fn faults_that_are_harmless_one_by_one_reach_the_end_of_life_together() {
     }
     assert_eq!(missed(&worn(at_end)), Some(UnmetRequirement::Stall));
 
-    let text = format!(
-        "[rul]\nhours = \"elapsed\"\n[type.bench.specification]\nstall_load_nm = {STALL_LOAD_NM}\n{}",
-        hmd_tests::KNOWN_UNITS
-    );
+    let text = format!("[rul]\nhours = \"elapsed\"\n[type.bench.specification]\nstall_load_nm = {STALL_LOAD_NM}\n");
     let config = Config::from_toml_str(&text, "test").expect("a configuration");
     let outcome = watch_all_with(config, (0..SORTIES).map(sortie));
     let last = &outcome.windows.last().expect("windows").rul;

@@ -9,6 +9,7 @@ use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::{ActuatorId, SerialPacket, Splitter};
 use firmware_sim::{CanFrame, CanFrames, Link, LinkFaults, Plan, SerialFrames, StuckSensors, Timed};
 use hmd_core::assess::{AssessedWindow, Assessor, Models};
+use hmd_core::config::Config;
 use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
 use hmd_core::pipeline::Pipeline;
 use hmd_core::seed::mix;
@@ -185,7 +186,7 @@ fn over_serial(
 
 /// The whole chain over the frames of one actuation; its first window.
 fn one(frames: &[RawFrame]) -> Option<AssessedWindow> {
-    let config = Arc::new(hmd_tests::known_units());
+    let config = Arc::new(Config::default());
     let mut names = BusNames::new();
     names.intern("bus0").expect("room for one bus");
     let mut pipeline = Pipeline::new(config.clone());

@@ -190,9 +190,8 @@ fn logged(sent: &Path) -> String {
 }
 
 fn configuration(terminal: &str) -> String {
-    let known = include_str!("../../fixtures/known.toml");
     format!(
-        "[[actuator]]\nid = 0\nname = \"m7\"\nbus = \"uart1\"\n\n[[serial]]\nbus = \"uart1\"\ndevice = \"{terminal}\"\n\n{known}"
+        "[[actuator]]\nid = 0\nname = \"m7\"\nbus = \"uart1\"\n\n[[serial]]\nbus = \"uart1\"\ndevice = \"{terminal}\"\n"
     )
 }
 

@@ -12,7 +12,8 @@ use crate::calibration::TypeCalibration;
 use crate::estimate::Estimate;
 use crate::monitor_fit::{
     LocalOptimum, Population, RUNS_OF_ASSESSMENT, Search, UNLIMITED, assess, best_first, conclude,
-    conclude_with_tolerances, descend_side_by_side, prior, residuals_with_tolerances, search_by_paper, starts,
+    conclude_with_tolerances, descend_side_by_side, is_locked, prior, residuals_with_tolerances, search_by_paper,
+    starts,
 };
 use crate::prepared::Prepared;
 
@@ -170,6 +171,13 @@ impl Identifier {
     /// Whether anything but the motor is known within tolerances only.
     fn has_tolerances(&self) -> bool {
         !self.tolerances.are_zero_beside_motor()
+    }
+
+    /// Whether the motor stood in a window while it was commanded to move.
+    #[must_use]
+    pub fn is_locked(&self, window: &Prepared, conditions: Conditions) -> bool {
+        let coefficients = self.calibration.coefficients();
+        is_locked(&self.comparison(window, &coefficients, conditions))
     }
 
     /// Monitor runs that one identification may take.

@@ -32,7 +32,11 @@ pub mod relations;
 #[cfg(feature = "std")]
 pub mod unit_calibration;
 #[cfg(feature = "std")]
+pub mod unit_estimate;
+#[cfg(feature = "std")]
 pub mod unit_fit;
+#[cfg(feature = "std")]
+pub mod unit_parameters_fit;
 
 pub use estimate::{Estimate, Unmodelled, is_unmodelled};
 #[cfg(feature = "std")]

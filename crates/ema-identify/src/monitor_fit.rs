@@ -16,6 +16,8 @@ mod friction_bound;
 mod least_squares;
 mod locked;
 #[cfg(feature = "std")]
+pub(crate) use locked::is_locked;
+#[cfg(feature = "std")]
 mod population;
 mod recorded_window;
 mod streamed;

@@ -9,24 +9,30 @@
 //! | `controller` | differentiated PI law of the speed loop | controller gain |
 //! | `transmission` | output angle behind a play | backlash |
 //!
+//! `shared` names what all windows of a unit have in common, `commission` learns it.
+//!
 //! In goes a window of samples ([`MeasuredWindow`]) of a unit that was commissioned ([`CommissionedRelations`], learnt from
 //! healthy windows); out comes a [`RelationsEstimate`]: each fault parameter as the change since commissioning with its
-//! standard deviation, or what the window would have needed to show it. The windows are streamed through the kernel
-//! (`kernel`, `sliding`) into normal equations of fixed size; nothing allocates but commissioning, which has feature `std`.
+//! standard deviation, or what the window would have needed to show it, and whether each relation explains the window
+//! (`residual`). The windows are streamed through the kernel (`kernel`, `sliding`) into normal equations of fixed size; nothing
+//! allocates but commissioning, which has feature `std`.
 //!
-//! One rigid mass: a compliant transmission needs a balance of fourth order, which is not here. Measured accuracy and what is
-//! left out: `docs/design/relations.md`.
+//! One rigid mass: behind a compliant transmission a wider kernel attenuates the resonance (chosen in commissioning), and the output
+//! may coast through a worn play. Measured accuracy and what is left out: `docs/design/relations.md`.
 
 #[cfg(feature = "std")]
 mod commission;
 mod commissioned;
 mod controller;
+mod current_noise;
 mod elements;
 mod kernel;
 mod measured;
 mod normal_equations;
 mod output_load;
 mod overlap;
+mod residual;
+mod shared;
 mod sliding;
 mod terms;
 mod torque_balance;
@@ -37,5 +43,7 @@ pub use commission::{CommissionError, commission};
 pub use commissioned::{Baseline, CommissionedRelations, RelationsEstimate};
 pub use elements::{ELEMENT_COUNT, Element, Needed, Reading};
 pub use measured::MeasuredWindow;
+pub use residual::{HealthyResidual, RELATION_COUNT, Relation};
+pub use shared::SHARED_COUNT;
 pub use terms::{BalanceShape, TERM_COUNT, Term};
 pub use torque_balance::BalanceCoefficients;

@@ -46,7 +46,6 @@ pub struct UnitFit {
 #[must_use]
 pub fn fit_motor(windows: &[Comparison<'_>]) -> Option<UnitFit> {
     let first = windows.first()?;
-    let scale = Scale::new(first.params);
     let prior = first.prior.motor;
     let tolerance = prior
         .information()
@@ -55,7 +54,7 @@ pub fn fit_motor(windows: &[Comparison<'_>]) -> Option<UnitFit> {
     // The windows themselves say nothing of the motor beforehand: the tolerance counts once, not once in each.
     let windows: Vec<Comparison<'_>> = windows.iter().map(without_prior).collect();
 
-    let mut own: Vec<Vector2<f64>> = windows.iter().map(|w| start(w, &scale)).collect();
+    let mut own: Vec<Vector2<f64>> = windows.iter().map(start).collect();
     let mut motor = expected;
     let mut last: Option<(f64, Vector2<f64>, Vec<Vector2<f64>>)> = None;
     for _ in 0..ITERATIONS {
@@ -142,10 +141,16 @@ fn at(own: &Vector2<f64>, motor: &Vector2<f64>) -> Coordinates {
     Coordinates(x)
 }
 
-/// Load as measured, or the one of sixteen that fits best.
-fn start(window: &Comparison<'_>, scale: &Scale) -> Vector2<f64> {
+/// Load at the start of a fit.
+fn start(window: &Comparison<'_>) -> Vector2<f64> {
+    Vector2::new(load_share(window), 0.0)
+}
+
+/// Load as measured, or the one of sixteen that fits best, as a share of the largest torque.
+pub(crate) fn load_share(window: &Comparison<'_>) -> f64 {
+    let scale = Scale::new(window.params);
     let healthy = window.unknowns_with_fault(FaultVector::NOMINAL);
-    let share = match window.conditions.load_torque {
+    match window.conditions.load_torque {
         Some(load) => load / scale.load_unit(),
         None => {
             let shares: [f64; RANK_LANES] =
@@ -157,8 +162,7 @@ fn start(window: &Comparison<'_>, scale: &Scale) -> Vector2<f64> {
             let best = (0..RANK_LANES).min_by(|&a, &b| costs[a].total_cmp(&costs[b]));
             best.map_or(0.0, |n| shares[n])
         }
-    };
-    Vector2::new(share, 0.0)
+    }
 }
 
 /// The parts of one window's normal equations.

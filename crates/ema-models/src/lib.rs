@@ -5,7 +5,7 @@
 //!
 //! | module | content |
 //! |---|---|
-//! | `params`, `tolerances`, `temperature` | motor, transmission, controller, sensors, how well they are known; effect of the winding temperature |
+//! | `params`, `tolerances`, `drive`, `temperature` | motor, transmission, controller, sensors; how well they are known; power electronics; effect of the winding temperature |
 //! | `fault`, `unknowns` | the fault vector and the faults; all unknowns of a window as coordinates |
 //! | `frames`, `winding`, `friction`, `backlash`, `control`, `command` | the laws that both models share, each in one place |
 //! | `monitor` | [`Monitor`], the low-fidelity model, generic over the number type |
@@ -29,6 +29,7 @@ mod backlash;
 mod command;
 mod control;
 mod dispatch;
+mod drive;
 mod fault;
 mod frames;
 mod friction;
@@ -55,6 +56,7 @@ pub use backlash::follow_through_play;
 pub use command::Profile;
 pub use control::{Ace, AceState, Encoder, Setpoint};
 pub use dispatch::InstructionSet;
+pub use drive::{DriveKind, DriveParams};
 pub use fault::{FAULT_COUNT, FaultId, FaultVector, eq15_pct, rss_pct, wrapped_phase_difference};
 pub use frames::{
     abc_from_alpha_beta, alpha_beta_from_abc, alpha_beta_from_dq, dq_from_abc, dq_from_alpha_beta, phase_shapes,

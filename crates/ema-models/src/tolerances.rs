@@ -2,12 +2,12 @@
 
 /// Tolerances of a type: one standard deviation each.
 ///
-/// Shares are of the parameter's value. The default has the usual tolerances of a data sheet (declared here); with
-/// [`Tolerances::NONE`] every number is known exactly.
+/// Shares are of the parameter's value. [`Tolerances::USUAL`] has those of a data sheet (declared here); with
+/// [`Tolerances::MOTOR_ONLY`] every number but R and k is known exactly, with [`Tolerances::NONE`] these too.
 ///
 /// ```
 /// use ema_models::Tolerances;
-/// assert!(Tolerances::NONE.are_zero() && !Tolerances::default().are_zero());
+/// assert!(Tolerances::MOTOR_ONLY.are_zero_beside_motor() && !Tolerances::USUAL.are_zero_beside_motor());
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerances {
@@ -108,6 +108,48 @@ impl Tolerances {
         encoder_error: 0.0,
     };
 
+    /// Resistance within ±5 % and back-EMF within ±3 %, as the standard deviations of uniform distributions.
+    pub const MOTOR_ONLY: Self = Self {
+        r_s: 0.028_867_513_459_481_29,
+        k: 0.017_320_508_075_688_773,
+        ..Self::NONE
+    };
+
+    /// The usual tolerances of a data sheet.
+    pub const USUAL: Self = Self {
+        k: 0.03,
+        r_s: 0.05,
+        l_s: 0.07,
+        j: 0.05,
+        c: 0.5,
+        i_max: 0.02,
+        v_dc: 0.02,
+        cogging: 0.01,
+        emf_harmonics: 0.03,
+        friction_dynamic: 0.2,
+        friction_static: 0.2,
+        stribeck: 0.5,
+        friction_temperature: 0.5,
+        viscous_temperature: 1.4,
+        backlash: 0.5,
+        efficiency_opposing: 0.1,
+        efficiency_aiding: 0.1,
+        spring: 0.2,
+        load_drift: 0.02,
+        g_p: 0.01,
+        k_p: 0.01,
+        k_i: 0.01,
+        omega_max: 0.01,
+        hysteresis: 0.5,
+        control_latency: 150e-6,
+        current_gain: 0.01,
+        current_offset: 0.03,
+        sample_latency: 50e-6,
+        // Ten minutes of arc.
+        resolver_error: 2.9e-3,
+        encoder_error: 0.5e-3,
+    };
+
     /// Whether nothing but R and k, which are unknowns of every window, has a tolerance.
     #[must_use]
     pub fn are_zero_beside_motor(&self) -> bool {
@@ -123,43 +165,5 @@ impl Tolerances {
     #[must_use]
     pub fn are_zero(&self) -> bool {
         *self == Self::NONE
-    }
-}
-
-impl Default for Tolerances {
-    fn default() -> Self {
-        Self {
-            k: 0.03,
-            r_s: 0.05,
-            l_s: 0.07,
-            j: 0.05,
-            c: 0.5,
-            i_max: 0.02,
-            v_dc: 0.02,
-            cogging: 0.01,
-            emf_harmonics: 0.03,
-            friction_dynamic: 0.2,
-            friction_static: 0.2,
-            stribeck: 0.5,
-            friction_temperature: 0.5,
-            viscous_temperature: 1.4,
-            backlash: 0.5,
-            efficiency_opposing: 0.1,
-            efficiency_aiding: 0.1,
-            spring: 0.2,
-            load_drift: 0.02,
-            g_p: 0.01,
-            k_p: 0.01,
-            k_i: 0.01,
-            omega_max: 0.01,
-            hysteresis: 0.5,
-            control_latency: 150e-6,
-            current_gain: 0.01,
-            current_offset: 0.03,
-            sample_latency: 50e-6,
-            // Ten minutes of arc.
-            resolver_error: 2.9e-3,
-            encoder_error: 0.5e-3,
-        }
     }
 }

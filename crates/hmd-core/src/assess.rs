@@ -3,6 +3,7 @@
 //! Goes in: the windows of all actuators ([`WindowJob`]), in their order, and the calibrations ([`Models`]). Comes out: the
 //! records of each window ([`AssessedWindow`]).
 
+mod by_unit;
 mod conditions;
 mod models;
 mod records;
@@ -10,7 +11,7 @@ mod records;
 use std::sync::Arc;
 
 use ema_ga::GaConfig;
-use ema_models::{FAULT_COUNT, FaultId, FaultVector};
+use ema_models::{FAULT_COUNT, FaultId, FaultVector, Tolerances};
 
 use crate::config::{Config, IdentificationConfig, SearchMethod};
 use crate::functional_check::{CHECK_LANES, unmet_requirements};
@@ -21,11 +22,13 @@ use crate::outliers::identify_without_outliers;
 use crate::record::{self, WindowStatus};
 use crate::seed::{mix, name_hash};
 use crate::window::WindowQuality;
+use by_unit::Assessed;
 use ema_identify::{Estimate, Fit, Identifier, Method, Population};
 use records::{health_record, rul_record, window_record};
 
+pub(crate) use by_unit::motion_of;
 pub use conditions::{conditions, motor_knowledge_at, motor_within};
-pub use models::{AssessError, Models, ReadText, TypeModel, model_hash};
+pub use models::{AssessError, Models, ReadText, TypeModel, hash_of_type, model_hash};
 
 /// Assesses the windows of all actuators, in the order in which they come.
 #[derive(Debug)]
@@ -101,23 +104,33 @@ impl Assessor {
             _ if !job.window.quality.is_fit() => reasons.push(job.window.quality.to_string()),
             Err(absurd) => reasons.push(absurd),
             Ok(conditions) => {
-                let calibrated = self.models.of_type(&job.actuator.type_name)?.calibrated;
                 let identifier = self.identifier_of(&job)?;
                 let seed = mix(self.seed, &[name_hash(&job.actuator.name), job.window.number]);
-                let (prepared, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, seed)?;
-                fit = identifier.fit(&prepared, conditions, &estimate);
+                let unit = self.models.unit(&job.actuator);
+                let assessed = match unit {
+                    Some(unit) => by_unit::estimate(unit, &identifier, &mut job, conditions, seed)?,
+                    None => {
+                        let (prepared, estimate) =
+                            identify_without_outliers(&identifier, &mut job.window, conditions, seed)?;
+                        Assessed {
+                            fit: identifier.fit(&prepared, conditions, &estimate),
+                            reasons: unseen(&estimate).into_iter().collect(),
+                            estimate,
+                        }
+                    }
+                };
+                let estimate = assessed.estimate;
+                fit = assessed.fit;
                 if let WindowQuality::Degraded(handicaps) = &job.window.quality {
                     reasons.extend(handicaps.iter().map(ToString::to_string));
                 }
-                if !calibrated {
+                if unit.is_none() && !self.models.of_type(&job.actuator.type_name)?.calibrated {
                     reasons.push(format!(
                         "type {} is not calibrated",
                         identifier.calibration.actuator_type
                     ));
                 }
-                if let Some(unseen) = unseen(&estimate) {
-                    reasons.push(unseen);
-                }
+                reasons.extend(assessed.reasons);
                 reasons.extend(estimate.competing_optimum.map(|other| ambiguous(&estimate, &other)));
                 if estimate.cut {
                     let budget = self.config.identification().evaluations_max;
@@ -165,17 +178,20 @@ impl Assessor {
         })
     }
 
-    /// The identifier for a window: its type's calibration, and what is known of its motor.
+    /// The identifier for a window: its type's calibration, and what is known of its unit.
     ///
     /// # Errors
     /// No model was loaded for the actuator's type.
     pub fn identifier_of(&self, job: &WindowJob) -> Result<Identifier, AssessError> {
+        let unit = self.models.unit(&job.actuator);
+        let monitor = unit.and_then(|unit| unit.monitor);
         Ok(Identifier {
-            params: job.params,
+            params: monitor.map_or(job.params, |monitor| monitor.parameters.applied_to(&job.params)),
             calibration: self.models.of_type(&job.actuator.type_name)?.calibration.clone(),
             method: self.method,
             motor: motor_knowledge_at(self.models.motor(&job.actuator), job.conditions.winding_temp_deg_c),
-            tolerances: job.actuator.tolerances,
+            // The scatter of its own windows stands for them in a commissioned unit.
+            tolerances: unit.map_or(job.actuator.tolerances, |_| Tolerances::NONE),
         })
     }
 }

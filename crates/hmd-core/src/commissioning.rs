@@ -1,19 +1,27 @@
-//! Calibration of one unit: healthy windows of it -> how far its motor is off its type.
+//! Commissioning of one unit: healthy windows of it -> what it is like, and with what its later windows are assessed.
 //!
-//! In: windows of one unit that are fit for an assessment, and the calibrations of their type. Out: the [`UnitCalibration`], or why
-//! the windows are refused. CPU-bound.
+//! In: windows of one unit that are fit for an assessment and healthy on the operator's word, and the calibrations of their type.
+//! Out: the [`UnitCalibration`], or why the windows do not suffice. Both estimators learn the unit where they can: the relations
+//! between measured signals ([`by_relations`]), and the monitor with the unit's parameters ([`by_monitor`]). What they say of windows
+//! from which they did not learn decides which one assesses the unit ([`evidence`]). CPU-bound.
 
-use ema_identify::is_unmodelled;
-use ema_identify::unit_calibration::UnitCalibration;
-use ema_identify::unit_fit::{WINDOWS_MIN, fit_motor};
+mod by_monitor;
+mod by_relations;
+mod evidence;
 
-use crate::assess::{AssessError, Assessor, conditions, damage_evidence};
-use crate::health::{Health, Levels, LevelsError};
+use ema_identify::relations::CommissionError;
+use ema_identify::unit_calibration::{Seen, UNIT_VERSION, UnitCalibration, UnitEstimator};
+use ema_identify::unit_fit::WINDOWS_MIN;
+use ema_models::{DriveKind, FaultId};
+
+use crate::assess::{AssessError, Assessor, conditions, hash_of_type, motion_of};
+use crate::health::Levels;
 use crate::outbox::WindowJob;
-use crate::outliers::identify_without_outliers;
-use ema_models::FaultId;
+use by_monitor::{MonitorLearnt, learn_monitor};
+use by_relations::{RelationsLearnt, learn_relations};
+use evidence::Evidence;
 
-/// Why a unit was not calibrated.
+/// Why a unit was not commissioned.
 #[derive(Debug, thiserror::Error)]
 pub enum CommissioningError {
     /// Not enough windows.
@@ -27,93 +35,198 @@ pub enum CommissioningError {
         /// What is beyond.
         sentence: String,
     },
-    /// A window shows faults.
-    #[error("window {window}: expected a healthy unit, found {faults}")]
-    Faults {
-        /// Number of the window.
-        window: u64,
-        /// Their names.
-        faults: String,
-    },
-    /// No window says anything of the motor.
-    #[error("expected windows that tell of the motor, found none that do")]
-    Undetermined,
-    /// No motor of the type explains the windows.
-    #[error(
-        "expected windows of a healthy unit of type {type_name}, found none of its motors explains them: cost {cost:.0}"
-    )]
+    /// A parameter of the unit is far from that of its type.
+    #[error("{0}")]
+    Parameter(FarParameter),
+    /// The relations cannot be learnt, nor does the monitor explain the windows.
+    #[error("{relations}; and no motor of type {type_name} explains the windows: cost {cost:.0}")]
     Unmodelled {
+        /// Why the relations cannot be learnt.
+        relations: CommissionError,
         /// Name of the type.
         type_name: String,
         /// Mean cost of the windows.
         cost: f64,
     },
+    /// Neither the relations nor the monitor can be learnt.
+    #[error("{0}; and the windows do not determine the motor")]
+    Undetermined(CommissionError),
     /// The configuration cannot be used.
     #[error(transparent)]
     Assess(#[from] AssessError),
-    /// The search's settings contradict each other.
-    #[error(transparent)]
-    Search(#[from] ema_ga::ConfigError),
-    /// The health levels contradict each other.
-    #[error(transparent)]
-    Levels(#[from] LevelsError),
 }
 
 impl CommissioningError {
     /// Whether the windows are the reason, and not the settings.
     #[must_use]
     pub fn is_by_windows(&self) -> bool {
-        !matches!(self, Self::Assess(_) | Self::Search(_) | Self::Levels(_))
+        !matches!(self, Self::Assess(_))
     }
 }
 
-/// Calibrates one unit by its healthy windows, each assessed alone by `levels` and the type calibrations of `assessor`.
+/// A parameter that is more than five of its tolerances away from its type.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FarParameter {
+    /// Name of the type.
+    pub type_name: String,
+    /// Key in the type's section.
+    pub key: &'static str,
+    /// Value of the type.
+    pub of_type: f64,
+    /// What the windows show.
+    pub found: f64,
+    /// Tolerance, one standard deviation, in the unit of the value.
+    pub tolerance: f64,
+}
+
+/// Tolerances from its type within which a parameter must be.
+const TOLERANCES_MAX: f64 = 5.0;
+
+impl std::fmt::Display for FarParameter {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self {
+            type_name,
+            key,
+            of_type,
+            found,
+            tolerance,
+        } = self;
+        write!(
+            f,
+            "type.{type_name}.{key}: expected {of_type} within {TOLERANCES_MAX} tolerances of {tolerance:.2e}, found {found:.4} \
+             ({:.0} tolerances away); set {key} to what the unit has, or widen its tolerance",
+            (found - of_type).abs() / tolerance
+        )
+    }
+}
+
+/// A commissioned unit, and what an operator should read of it.
+#[derive(Clone, Debug)]
+pub struct Commissioned {
+    /// What was learnt.
+    pub calibration: UnitCalibration,
+    /// Sentences about it.
+    pub notes: Vec<String>,
+}
+
+/// Commissions one unit by its healthy windows. `levels` are those of the configuration; `progress` gets a number of windows whenever
+/// so many more are done, [`windows_of_work`] of them in all.
 ///
 /// # Errors
-/// [`CommissioningError`], also where a window shows a fault.
+/// [`CommissioningError`].
 pub fn calibrate_unit(
     assessor: &Assessor,
-    levels: [Levels; FaultId::COUNT],
+    levels: &[Levels; FaultId::COUNT],
     jobs: &mut [WindowJob],
     seed: u64,
-) -> Result<UnitCalibration, CommissioningError> {
+    progress: &dyn Fn(u64),
+) -> Result<Commissioned, CommissioningError> {
     if jobs.len() < WINDOWS_MIN {
         return Err(CommissioningError::TooFew(jobs.len()));
     }
-    let type_name = jobs[0].actuator.type_name.clone();
-    let levels = levels.map(Levels::at_once);
-    let mut prepared = Vec::new();
-    for job in &mut *jobs {
-        // The unit is calibrated anew, without an earlier calibration of it.
-        let identifier = assessor.identifier_of(job)?;
+    for job in &*jobs {
         let window = job.window.number;
-        let conditions = conditions(job).map_err(|sentence| CommissioningError::Conditions { window, sentence })?;
-        let (samples, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, seed)?;
-        let decision = Health::new(levels)?.update(0, Some(&damage_evidence(&estimate)));
-        if !decision.faults.is_empty() {
-            let names: Vec<&str> = decision.faults.iter().map(|fault| fault.name()).collect();
-            let faults = names.join(", ");
-            return Err(CommissioningError::Faults { window, faults });
-        }
-        prepared.push((identifier, samples, conditions));
+        conditions(job).map_err(|sentence| CommissioningError::Conditions { window, sentence })?;
     }
-    let coefficients: Vec<_> = prepared
-        .iter()
-        .map(|(identifier, ..)| identifier.calibration.coefficients())
-        .collect();
-    let compared: Vec<_> = prepared
-        .iter()
-        .zip(&coefficients)
-        .map(|((identifier, window, conditions), coefficients)| {
-            identifier.comparison(window, coefficients, *conditions)
-        })
-        .collect();
-    let Some(fit) = fit_motor(&compared) else {
-        return Err(CommissioningError::Undetermined);
+    let by_relations = learn_relations(jobs);
+    progress(jobs.len() as u64);
+    let is_vector = jobs[0].actuator.drive.kind == DriveKind::Vector;
+    let by_monitor = match &by_relations {
+        Ok(relations) if is_vector && relations.evidence.shown() == FaultId::COUNT => None,
+        _ => learn_monitor(assessor, jobs, seed, progress)?,
     };
-    if is_unmodelled(fit.cost) {
-        let cost = fit.cost;
-        return Err(CommissioningError::Unmodelled { type_name, cost });
+    let (estimator, estimator_reason, evidence) =
+        choose(&jobs[0], is_vector, by_relations.as_ref(), by_monitor.as_ref())?;
+    let actuator = &jobs[0].actuator;
+    let mut notes = Vec::new();
+    if let (UnitEstimator::Relations, Some(monitor)) = (estimator, &by_monitor)
+        && let Some(far) = monitor.far_parameter(&jobs[0])
+    {
+        notes.push(format!("the monitor is not used: {far}"));
     }
-    Ok(UnitCalibration::new(&type_name, jobs.len() as u32, &fit.motor))
+    let seen = Seen::of(&jobs.iter().map(motion_of).collect::<Vec<_>>());
+    let calibration = UnitCalibration {
+        version: UNIT_VERSION,
+        made_by: concat!("hmd ", env!("CARGO_PKG_VERSION")).to_owned(),
+        actuator_type: actuator.type_name.clone(),
+        parameters_hash: hash_of_type(actuator),
+        part_number: actuator.part_number.clone(),
+        serial_number: actuator.serial_number.clone(),
+        windows: jobs.len() as u32,
+        estimator,
+        estimator_reason,
+        seen,
+        smallest_damage: evidence.smallest_damage(levels),
+        // A parameter far from its type is not written.
+        monitor: by_monitor
+            .filter(|learnt| learnt.far_parameter(&jobs[0]).is_none())
+            .map(|learnt| learnt.unit),
+        relations: by_relations.ok().map(|learnt| learnt.unit),
+    };
+    Ok(Commissioned { calibration, notes })
+}
+
+/// Windows of work of [`calibrate_unit`] for so many windows.
+#[must_use]
+pub fn windows_of_work(windows: usize) -> u64 {
+    2 * windows as u64
+}
+
+/// The estimator that assesses the unit, why, and its evidence.
+///
+/// # Errors
+/// None serves, or a parameter of the unit that the estimator uses is far from its type.
+fn choose<'a>(
+    job: &WindowJob,
+    is_vector: bool,
+    relations: Result<&'a RelationsLearnt, &CommissionError>,
+    monitor: Option<&'a MonitorLearnt>,
+) -> Result<(UnitEstimator, String, &'a Evidence), CommissioningError> {
+    let monitor_far = monitor.and_then(|learnt| learnt.far_parameter(job));
+    if let (Some(far), Some(learnt), false) = (&monitor_far, monitor, is_vector)
+        && learnt.is_certain(&job.actuator.tolerances)
+    {
+        return Err(CommissioningError::Parameter(far.clone()));
+    }
+    let usable = monitor.filter(|_| monitor_far.is_none());
+    let far_relations = relations.ok().and_then(|learnt| learnt.far_parameter(job));
+    match (relations, usable) {
+        (Ok(relations), Some(monitor))
+            if monitor.evidence.is_sound()
+                && (!relations.evidence.is_sound() || monitor.evidence.is_clearly_better_than(&relations.evidence)) =>
+        {
+            let reason = format!(
+                "it shows {} of {} faults, the relations {}",
+                monitor.evidence.shown(),
+                FaultId::COUNT,
+                relations.evidence.shown()
+            );
+            Ok((UnitEstimator::Monitor, reason, &monitor.evidence))
+        }
+        (Ok(relations), _) => {
+            if let Some(far) = far_relations {
+                return Err(CommissioningError::Parameter(far));
+            }
+            let reason = match (is_vector, usable) {
+                (true, _) => "vector drive".to_owned(),
+                (false, Some(learnt)) => format!("the monitor explains the unit with cost {:.1}", learnt.unit.cost),
+                (false, None) => "the monitor does not explain the unit".to_owned(),
+            };
+            Ok((UnitEstimator::Relations, reason, &relations.evidence))
+        }
+        (Err(error), Some(monitor)) => {
+            if !monitor.evidence.is_sound() {
+                return Err(CommissioningError::Unmodelled {
+                    relations: *error,
+                    type_name: job.actuator.type_name.clone(),
+                    cost: monitor.unit.cost,
+                });
+            }
+            Ok((UnitEstimator::Monitor, format!("{error}"), &monitor.evidence))
+        }
+        (Err(error), None) => Err(match monitor_far {
+            Some(far) => CommissioningError::Parameter(far),
+            None => CommissioningError::Undetermined(*error),
+        }),
+    }
 }

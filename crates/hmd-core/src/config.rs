@@ -8,6 +8,7 @@ mod actuator;
 mod actuator_type;
 mod bus;
 mod describe;
+mod drive;
 mod error;
 mod health;
 mod identification;

@@ -34,15 +34,36 @@ pub fn identify_without_outliers(
     seed: u64,
 ) -> Result<(Prepared, Estimate), ConfigError> {
     let mut evaluations = 0;
+    let identify = |_: &Window, prepared: &Prepared| {
+        let estimate = identifier.identify(prepared, conditions, seed)?;
+        evaluations += estimate.evaluations + 1;
+        Ok(estimate)
+    };
+    let (prepared, mut estimate) =
+        estimate_without_outliers(identifier, window, conditions, identify, |estimate| estimate)?;
+    estimate.evaluations = evaluations;
+    Ok((prepared, estimate))
+}
+
+/// Estimates a window; refuses counts that stick out from the monitor with the estimate `of` what was found, and estimates once
+/// more without them.
+///
+/// # Errors
+/// Those of the estimate.
+pub fn estimate_without_outliers<T, E>(
+    identifier: &Identifier,
+    window: &mut Window,
+    conditions: Conditions,
+    mut estimate: impl FnMut(&Window, &Prepared) -> Result<T, E>,
+    of: impl Fn(&T) -> &Estimate,
+) -> Result<(Prepared, T), E> {
     let mut passes_left = PASSES;
     loop {
         let prepared = Prepared::new(&identifier.params, &window.samples, &window.filled, window.trigger);
-        let mut estimate = identifier.identify(&prepared, conditions, seed)?;
-        let outliers = outliers(identifier, &prepared, conditions, &estimate);
-        evaluations += estimate.evaluations + 1;
+        let found = estimate(window, &prepared)?;
+        let outliers = outliers(identifier, &prepared, conditions, of(&found));
         if passes_left == 0 || outliers.is_empty() || outliers.len() as f64 > SHARE_MAX * window.samples.len() as f64 {
-            estimate.evaluations = evaluations;
-            return Ok((prepared, estimate));
+            return Ok((prepared, found));
         }
         window.refuse_counts(&outliers);
         passes_left -= 1;

@@ -178,6 +178,14 @@ impl TypeCalibration {
             path: name.to_owned(),
             message: e.message().replace('\n', " "),
         };
+        // Both kinds of calibration are named in the same file.
+        let table: toml::Table = toml::from_str(text).map_err(unreadable)?;
+        if table.contains_key("estimator") {
+            return Err(CalibrationError::Parse {
+                path: name.to_owned(),
+                message: "the calibration of a unit".to_owned(),
+            });
+        }
         // First the version: another one has other keys.
         let Versioned { version } = toml::from_str(text).map_err(unreadable)?;
         if version != CALIBRATION_VERSION {

@@ -12,7 +12,7 @@ const TIME_TO_TURN: f64 = 0.1;
 
 /// Whether the motor stood while it was commanded to move. Then there is nothing to compare: a brake, a jam and a motor
 /// without any torque look the same.
-pub(super) fn is_locked(window: &impl MonitoredWindow) -> bool {
+pub(crate) fn is_locked(window: &impl MonitoredWindow) -> bool {
     let Some((first_setpoint, first_angle)) = window.setpoints_and_angles().next() else {
         return false;
     };

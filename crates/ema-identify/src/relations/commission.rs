@@ -9,13 +9,17 @@ use std::vec::Vec;
 use ema_models::ActuatorParams;
 use nalgebra::{SMatrix, SVector};
 
-use super::commissioned::{Baseline, CommissionedRelations, element_readings};
-use super::elements::{ELEMENT_COUNT, Element};
+use super::commissioned::{Baseline, CommissionedRelations};
+use super::controller::gain_ratio;
+use super::elements::{ELEMENT_COUNT, Element, Needed, Reading};
+use super::kernel::{HALF_WIDTHS_S, Kernel};
 use super::measured::MeasuredWindow;
 use super::normal_equations::NormalEquations;
 use super::output_load::OutputLoad;
-use super::terms::{BalanceRow, BalanceShape, TERM_COUNT, Term, balance_rows};
-use super::torque_balance::{BalanceCoefficients, LOAD_ROUNDS};
+use super::residual::{HealthyResidual, RELATION_COUNT, Relation};
+use super::shared::{SHARED_COUNT, SharedMatrix, coefficients, priors, shared_columns};
+use super::terms::{BalanceRow, BalanceShape, Term, balance_rows};
+use super::torque_balance::{BalanceCoefficients, LOAD_ROUNDS, torque_balance};
 use crate::monitor_fit::RecordedSample;
 
 /// Fewest healthy windows from which a unit is learnt.
@@ -35,32 +39,6 @@ pub enum CommissionError {
     NoSolution,
 }
 
-/// Shared terms besides the turns, whose sum is fixed.
-const SHARED: [Term; 19] = [
-    Term::EccentricityCos,
-    Term::EccentricitySin,
-    Term::Inertia,
-    Term::DryFriction,
-    Term::Stribeck,
-    Term::Damping,
-    Term::CoggingCos,
-    Term::CoggingSin,
-    Term::MeshCos,
-    Term::MeshSin,
-    Term::Resolver1Cos,
-    Term::Resolver1Sin,
-    Term::Resolver2Cos,
-    Term::Resolver2Sin,
-    Term::EmfHarmonics,
-    Term::OffsetA,
-    Term::OffsetB,
-    Term::Latency,
-    Term::SetpointHold,
-];
-
-/// Shared unknowns: `N_B − 1`, `N_C − 1`, the shared terms.
-const SHARED_COUNT: usize = 2 + SHARED.len();
-
 /// Unknowns of one window: the shared ones, load and spring.
 const WINDOW_COUNT: usize = SHARED_COUNT + 2;
 
@@ -72,34 +50,138 @@ pub fn commission<S: RecordedSample>(
     windows: &[MeasuredWindow<'_, S>],
     shape: &BalanceShape,
 ) -> Result<CommissionedRelations, CommissionError> {
-    let balance = shared_coefficients(windows, shape)?;
-    let readings: Vec<_> = windows
-        .iter()
-        .map(|window| element_readings(window, &balance, None).0)
-        .collect();
+    let mut best: Option<(f64, SharedBalance)> = None;
+    let mut refused = CommissionError::NoSolution;
+    let residual = |half_width_s| {
+        shared_balance(windows, shape, half_width_s, false).map_or(0.0, |shared| shared.balance.residual_rms)
+    };
+    let [narrow, .., wide] = HALF_WIDTHS_S;
+    let angle_errors = residual(narrow) > ANGLE_ERRORS * residual(wide);
+    for half_width_s in HALF_WIDTHS_S {
+        let shared = match shared_balance(windows, shape, half_width_s, angle_errors) {
+            Ok(shared) => shared,
+            Err(error) => {
+                refused = error;
+                continue;
+            }
+        };
+        let variance = shared.expected_variance(windows);
+        if best.as_ref().is_none_or(|best| variance < CLEARLY_LESS * best.0) {
+            best = Some((variance, shared));
+        }
+    }
+    let Some((_, shared)) = best else {
+        return Err(refused);
+    };
+    let gain_half_width_s = gain_half_width(windows);
+    let learnt = CommissionedRelations {
+        balance: shared.balance,
+        covariance: core::array::from_fn(|row| core::array::from_fn(|column| shared.covariance[(row, column)])),
+        gain_half_width_s,
+        baseline: [Baseline::default(); ELEMENT_COUNT],
+        residual: [HealthyResidual::default(); RELATION_COUNT],
+    };
+    let readings: Vec<_> = windows.iter().map(|window| learnt.readings(window, None)).collect();
     let baseline: [Baseline; ELEMENT_COUNT] = Element::ALL.map(|element| {
-        let shown: Vec<f64> = readings
+        let shown: Vec<Reading> = readings
             .iter()
-            .filter_map(|readings| readings.get(element).ok())
-            .map(|reading| reading.value)
+            .filter_map(|(readings, _)| readings.get(element).ok())
             .collect();
         Baseline::of(&shown)
     });
-    Ok(CommissionedRelations { balance, baseline })
+    let residual = Relation::ALL
+        .map(|relation| HealthyResidual::of(readings.iter().map(|(_, balance)| balance.residuals[relation as usize])));
+    Ok(CommissionedRelations {
+        baseline,
+        residual,
+        ..learnt
+    })
+}
+
+/// Residual of the narrow kernel, relative to the wide one, from which the errors are those of the angle: a kernel four times as
+/// wide leaves ½ of white errors of the torque, 1/32 of white errors of the angle.
+const ANGLE_ERRORS: f64 = 6.0;
+
+/// A wider kernel is taken where it brings the expected variance below this share of that of a narrower one.
+const CLEARLY_LESS: f64 = 0.5;
+
+/// The half width, s, with which the windows show the position gain best.
+fn gain_half_width<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>]) -> f64 {
+    let mut best = (f64::INFINITY, HALF_WIDTHS_S[0]);
+    for half_width_s in HALF_WIDTHS_S {
+        let readings = windows
+            .iter()
+            .map(|window| gain_ratio(window, half_width_s).map(|(gain, _)| gain));
+        let variance = expected_variance(readings, 1.0);
+        if variance < CLEARLY_LESS * best.0 {
+            best = (variance, half_width_s);
+        }
+    }
+    best.1
+}
+
+/// Variance with which windows show an element: that of their mean information or their scatter, whichever is larger; 1 where none
+/// has a reading. `slope` leads to a damage.
+fn expected_variance(readings: impl Iterator<Item = Result<Reading, Needed>>, slope: f64) -> f64 {
+    let readings: Vec<_> = readings.collect();
+    let shown: Vec<Reading> = readings.iter().filter_map(|reading| reading.ok()).collect();
+    let squared = |sigma: f64| (slope * sigma * slope * sigma).max(f64::MIN_POSITIVE);
+    let information: f64 = shown.iter().map(|reading| 1.0 / squared(reading.sigma)).sum();
+    let windows = readings.len() as f64;
+    (windows / (windows + information)).max(squared(Baseline::of(&shown).scatter))
+}
+
+/// What the windows share in the torque balance.
+struct SharedBalance {
+    balance: BalanceCoefficients,
+    covariance: SharedMatrix,
+}
+
+impl SharedBalance {
+    /// Geometric mean over the elements of the balance of the variance of a damage.
+    fn expected_variance<S: RecordedSample>(&self, windows: &[MeasuredWindow<'_, S>]) -> f64 {
+        let readings: Vec<_> = windows
+            .iter()
+            .map(|window| torque_balance(window, &self.balance, 1.0, Some(&self.covariance)).readings)
+            .collect();
+        let logarithms = Element::BALANCE
+            .into_iter()
+            .map(|element| {
+                let slope = if element == Element::Friction { 0.5 } else { 1.0 };
+                libm::log(expected_variance(
+                    readings.iter().map(|readings| readings.get(element)),
+                    slope,
+                ))
+            })
+            .sum::<f64>();
+        libm::exp(logarithms / Element::BALANCE.len() as f64)
+    }
 }
 
 /// The coefficients that all windows share.
-fn shared_coefficients<S: RecordedSample>(
+fn shared_balance<S: RecordedSample>(
     windows: &[MeasuredWindow<'_, S>],
     shape: &BalanceShape,
-) -> Result<BalanceCoefficients, CommissionError> {
+    half_width_s: f64,
+    angle_errors: bool,
+) -> Result<SharedBalance, CommissionError> {
+    let params = windows
+        .first()
+        .ok_or(CommissionError::TooFewWindows { found: 0 })?
+        .params();
+    let kernel = Kernel::new(half_width_s, params.sensors.sample_rate);
+    // Rows that count as one.
+    let squares: f64 = kernel.average.iter().map(|weight| weight * weight).sum();
+    let correlated = (1.0 / squares / kernel.stride as f64).max(1.0);
+    let priors = priors(params);
     let mut loads = std::vec![OutputLoad::default(); windows.len()];
     let mut learnt = Err(CommissionError::NoSolution);
-    for _ in 0..LOAD_ROUNDS {
+    let mut error_variance = 0.0;
+    for _ in 0..=LOAD_ROUNDS {
         let sums: Vec<_> = windows
             .iter()
             .zip(&loads)
-            .map(|(window, &load)| window_sums(window, shape, load))
+            .map(|(window, &load)| window_sums(window, shape, load, &kernel))
             .collect();
         let found = sums.iter().filter(|sums| sums.rows > 0).count();
         if found < MIN_WINDOWS {
@@ -109,30 +191,30 @@ fn shared_coefficients<S: RecordedSample>(
         for sums in &sums {
             add_without_own(&mut shared, sums);
         }
+        for (unknown, (value, sigma)) in priors.into_iter().enumerate() {
+            let weight = error_variance / (sigma * sigma);
+            shared.ata[(unknown, unknown)] += weight;
+            shared.aty[unknown] += weight * value;
+            shared.yy += weight * value * value;
+        }
         let solution = shared.solve().ok_or(CommissionError::NoSolution)?;
         for ((window, sums), load) in windows.iter().zip(&sums).zip(&mut loads) {
             *load = own_load(sums, &solution.x, window.params());
         }
-        learnt = Ok(coefficients(&solution.x, shape, solution.residual_rms));
+        error_variance = solution.residual_rms * solution.residual_rms * correlated;
+        let balance = BalanceCoefficients {
+            values: coefficients(&solution.x),
+            shape: *shape,
+            residual_rms: solution.residual_rms,
+            half_width_s,
+            angle_errors,
+        };
+        learnt = Ok(SharedBalance {
+            balance,
+            covariance: solution.inverse * error_variance,
+        });
     }
     learnt
-}
-
-/// Coefficients of the terms from the shared unknowns.
-fn coefficients(x: &SVector<f64, SHARED_COUNT>, shape: &BalanceShape, residual_rms: f64) -> BalanceCoefficients {
-    let mut values = [0.0; TERM_COUNT];
-    values[Term::TurnsA as usize] = 1.0 - x[0] - x[1];
-    values[Term::TurnsB as usize] = 1.0 + x[0];
-    values[Term::TurnsC as usize] = 1.0 + x[1];
-    values[Term::GearLoss as usize] = 1.0;
-    for (m, term) in SHARED.into_iter().enumerate() {
-        values[term as usize] = x[2 + m];
-    }
-    BalanceCoefficients {
-        values,
-        shape: *shape,
-        residual_rms,
-    }
 }
 
 /// Normal equations of one window.
@@ -140,9 +222,10 @@ fn window_sums<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     shape: &BalanceShape,
     load: OutputLoad,
+    kernel: &Kernel,
 ) -> NormalEquations<WINDOW_COUNT> {
     let mut sums = NormalEquations::new();
-    for row in balance_rows(window, shape, load).flatten() {
+    for row in balance_rows(window, shape, load, kernel, 1.0).flatten() {
         let (a, y) = window_row(&row);
         sums.add(&a, y);
     }
@@ -152,15 +235,12 @@ fn window_sums<S: RecordedSample>(
 /// The row `a · x = y` of the joint least squares.
 fn window_row(row: &BalanceRow) -> ([f64; WINDOW_COUNT], f64) {
     let term = |term: Term| row.terms[term as usize];
-    let [a, b, c] = [Term::TurnsA, Term::TurnsB, Term::TurnsC].map(term);
-    let mut row = [0.0; WINDOW_COUNT];
-    (row[0], row[1]) = (a - b, a - c);
-    for (slot, shared) in row[2..].iter_mut().zip(SHARED) {
-        *slot = -term(shared);
-    }
-    row[SHARED_COUNT] = -term(Term::Load);
-    row[SHARED_COUNT + 1] = -term(Term::Spring);
-    (row, a + b + c + term(Term::GearLoss))
+    let mut a = [0.0; WINDOW_COUNT];
+    a[..SHARED_COUNT].copy_from_slice(&shared_columns(row));
+    a[SHARED_COUNT] = -term(Term::Load);
+    a[SHARED_COUNT + 1] = -term(Term::Spring);
+    let whole = [Term::TurnsA, Term::TurnsB, Term::TurnsC, Term::GearLoss];
+    (a, whole.into_iter().map(term).sum())
 }
 
 /// Inverse of the block of load and spring, and its product with the other blocks.

@@ -8,6 +8,9 @@ use super::controller::gain_ratio;
 use super::elements::{ELEMENT_COUNT, Element, ElementReadings, Needed, Reading};
 use super::measured::MeasuredWindow;
 use super::output_load::OutputLoad;
+use super::residual::{HealthyResidual, RELATION_COUNT, Relation, Residual};
+use super::shared::{SHARED_COUNT, SharedMatrix};
+use super::terms::Term;
 use super::torque_balance::{BalanceCoefficients, TorqueBalance, torque_balance};
 use super::transmission::play_width;
 use crate::estimate::OBSERVABLE_SIGMA;
@@ -15,46 +18,68 @@ use crate::monitor_fit::RecordedSample;
 
 /// What the healthy windows of a unit have in common.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "std", derive(serde::Serialize, serde::Deserialize))]
 pub struct CommissionedRelations {
     /// Coefficients of the torque balance.
     pub balance: BalanceCoefficients,
+    /// Covariance of the shared unknowns of the balance: `N_B − 1`, `N_C − 1`, the terms from eccentricity to set point.
+    pub covariance: [[f64; SHARED_COUNT]; SHARED_COUNT],
+    /// Half width of the kernel of the controller's relation, s.
+    pub gain_half_width_s: f64,
     /// What the healthy windows show of each element, in the order of [`Element::ALL`].
     pub baseline: [Baseline; ELEMENT_COUNT],
+    /// Residuals of the healthy windows, in the order of [`Relation::ALL`].
+    pub residual: [HealthyResidual; RELATION_COUNT],
 }
 
 /// What healthy windows show of one element.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "std", derive(serde::Serialize, serde::Deserialize))]
 pub struct Baseline {
-    /// Mean over the windows, in the element's unit.
+    /// Mean over the windows, each weighted by its own information, in the element's unit.
     pub mean: f64,
-    /// Standard deviation from window to window.
+    /// Standard deviation from window to window, so weighted.
     pub scatter: f64,
+    /// Sigma of a window of mean information.
+    pub sigma: f64,
+    /// Root-mean-square of deviation over sigma, at least 1: what the readings' own sigmas leave out.
+    pub excess: f64,
     /// Windows that show the element.
     pub windows: usize,
 }
 
 impl Baseline {
-    /// Mean and scatter of the numbers that windows show.
+    /// Mean and scatter of what windows show.
     #[cfg(feature = "std")]
-    pub(super) fn of(shown: &[f64]) -> Self {
+    pub(super) fn of(shown: &[Reading]) -> Self {
+        let weight = |reading: &Reading| 1.0 / (reading.sigma * reading.sigma).max(f64::MIN_POSITIVE);
+        let weights: f64 = shown.iter().map(weight).sum();
+        let weighted = |of: &dyn Fn(&Reading) -> f64| {
+            shown.iter().map(|reading| weight(reading) * of(reading)).sum::<f64>() / weights.max(f64::MIN_POSITIVE)
+        };
         let n = shown.len() as f64;
-        let mean = shown.iter().sum::<f64>() / n.max(1.0);
-        let squares: f64 = shown.iter().map(|value| (value - mean) * (value - mean)).sum();
+        let unbiased = n / (n - 1.0).max(1.0);
+        let mean = weighted(&|reading| reading.value);
+        let squares = weighted(&|reading| (reading.value - mean) * (reading.value - mean));
+        // The mean of deviation² over sigma².
+        let relative = squares * weights / n.max(1.0);
         Self {
             mean,
-            scatter: libm::sqrt(squares / (n - 1.0).max(1.0)),
+            scatter: libm::sqrt(unbiased * squares),
+            sigma: libm::sqrt(n / weights.max(f64::MIN_POSITIVE)),
+            excess: libm::sqrt(unbiased * relative).max(1.0),
             windows: shown.len(),
         }
     }
 
-    /// A reading of a later window with the uncertainty of the unit: its own sigma or the scatter of the healthy windows,
-    /// whichever is larger, and the uncertainty of their mean. Derived here.
+    /// A reading of a later window with the uncertainty of the unit: its own sigma, as much wider as the healthy windows
+    /// scatter more than theirs, but not below what these show, and the uncertainty of their mean. Derived here.
     fn widened(&self, reading: Reading) -> Result<Reading, Needed> {
         if self.windows < 2 {
             return Err(Needed::CommissioningThatShowsIt);
         }
-        let scatter = self.scatter * self.scatter;
-        let sigma = libm::sqrt((reading.sigma * reading.sigma).max(scatter) + scatter / self.windows as f64);
+        let mean = self.scatter / libm::sqrt(self.windows as f64);
+        let sigma = libm::hypot((self.excess * reading.sigma).max(self.sigma), mean);
         Ok(Reading { sigma, ..reading })
     }
 }
@@ -70,6 +95,9 @@ pub struct RelationsEstimate {
     /// What the window would have needed to show a parameter; `None` where it is observable, and for k7 where the eccentricity
     /// does not stand clear of its own uncertainty.
     pub needed: [Option<Needed>; FAULT_COUNT],
+    /// Whether the window is explained by each relation, in the order of [`Relation::ALL`]; also where the relation has no
+    /// rows. One that alone is not points at its sensors, all together at a fault that none of them knows.
+    pub explained: [bool; RELATION_COUNT],
     /// Root-mean-square residual of the torque balance, Nm.
     pub torque_residual_rms: f64,
     /// Rows of the torque balance.
@@ -97,7 +125,7 @@ impl CommissionedRelations {
     #[must_use]
     pub fn estimate<S: RecordedSample>(&self, window: &MeasuredWindow<'_, S>) -> RelationsEstimate {
         let nominal_gain = self.baseline[Element::Gain as usize];
-        let (readings, balance) = element_readings(window, &self.balance, Some(&nominal_gain));
+        let (readings, balance) = self.readings(window, Some(&nominal_gain));
         let changes = Element::ALL.map(|element| {
             let baseline = &self.baseline[element as usize];
             let reading = readings.get(element).and_then(|reading| baseline.widened(reading))?;
@@ -118,7 +146,9 @@ impl CommissionedRelations {
             k: FaultVector::NOMINAL.to_array(),
             sigma: [None; FAULT_COUNT],
             needed: [None; FAULT_COUNT],
-            torque_residual_rms: balance.residual_rms,
+            explained: Relation::ALL
+                .map(|relation| self.residual[relation as usize].explains(balance.residuals[relation as usize])),
+            torque_residual_rms: balance.residuals[Relation::TorqueBalance as usize].rms,
             torque_rows: balance.rows,
             load_torque: balance.load.constant,
             spring_stiffness: balance.load.spring,
@@ -211,7 +241,7 @@ impl ModelError {
         let slower = 2000.0 / sample_rate;
         let (share, floor) = match element {
             Element::Friction => (0.03 * slower, 0.006 * slower),
-            Element::Gain => (0.05 * slower, 0.006 * slower),
+            Element::Gain => (0.05 * libm::sqrt(slower), 0.006 * libm::sqrt(slower)),
             Element::Backlash => (0.01, 0.001),
             _ => (0.01, 0.002),
         };
@@ -235,40 +265,57 @@ fn needed_for(element: Element) -> Needed {
 const MIN_GAIN: f64 = 0.5;
 const MAX_GAIN: f64 = 1.5;
 
-/// Readings of all elements of one window, and its torque balance; the gain relative to that of healthy windows, where it is
-/// known, scales what the set point adds to the torque.
-pub(super) fn element_readings<S: RecordedSample>(
-    window: &MeasuredWindow<'_, S>,
-    unit: &BalanceCoefficients,
-    healthy_gain: Option<&Baseline>,
-) -> (ElementReadings, Balance) {
-    let gain = gain_ratio(window);
-    let relative_gain = match (gain, healthy_gain) {
-        (Ok(gain), Some(healthy)) if healthy.windows > 0 => (gain.value / healthy.mean).clamp(MIN_GAIN, MAX_GAIN),
-        _ => 1.0,
-    };
-    let TorqueBalance {
-        mut readings,
-        load,
-        residual_rms,
-        rows,
-    } = torque_balance(window, &unit.with_gain(relative_gain));
-    readings.put(Element::Backlash, play_width(window));
-    readings.put(Element::Gain, gain);
-    (
-        readings,
-        Balance {
+impl CommissionedRelations {
+    /// Readings of all elements of one window, and its torque balance; the gain relative to that of healthy windows, where it is
+    /// known, scales what the set point adds to the torque.
+    pub(super) fn readings<S: RecordedSample>(
+        &self,
+        window: &MeasuredWindow<'_, S>,
+        healthy_gain: Option<&Baseline>,
+    ) -> (ElementReadings, Balance) {
+        let gain = gain_ratio(window, self.gain_half_width_s);
+        let relative_gain = match (gain, healthy_gain) {
+            (Ok((gain, _)), Some(healthy)) if healthy.windows > 0 => {
+                (gain.value / healthy.mean).clamp(MIN_GAIN, MAX_GAIN)
+            }
+            _ => 1.0,
+        };
+        let covariance = SharedMatrix::from_fn(|row, column| self.covariance[row][column]);
+        let TorqueBalance {
+            mut readings,
             load,
             residual_rms,
             rows,
-        },
-    )
+            independent,
+        } = torque_balance(window, &self.balance, relative_gain, Some(&covariance));
+        let friction = self.balance.of(Term::DryFriction) / self.balance.of(Term::Inertia);
+        let deceleration = libm::fabs(friction) / window.params().transmission.gear_ratio;
+        let transmission = &self.residual[Relation::Transmission as usize];
+        let play = play_width(window, transmission, deceleration);
+        readings.put(Element::Backlash, play.map(|(width, _)| width));
+        readings.put(Element::Gain, gain.map(|(gain, _)| gain));
+        let torque = Residual {
+            rms: residual_rms,
+            independent,
+        };
+        let of =
+            |found: Result<(Reading, Residual), Needed>| found.map_or(Residual::default(), |(_, residual)| residual);
+        (
+            readings,
+            Balance {
+                load,
+                residuals: [torque, of(gain), of(play)],
+                rows,
+            },
+        )
+    }
 }
 
-/// What the torque balance says besides its elements.
+/// What the relations say besides the elements.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Balance {
     load: OutputLoad,
-    residual_rms: f64,
+    /// Residual of each relation, in the order of [`Relation::ALL`].
+    pub(super) residuals: [Residual; RELATION_COUNT],
     rows: usize,
 }

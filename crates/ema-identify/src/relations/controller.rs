@@ -11,14 +11,22 @@ use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
 use super::normal_equations::NormalEquations;
 use super::overlap::Overlap;
+use super::residual::Residual;
 use super::sliding::Sliding;
 use crate::monitor_fit::RecordedSample;
 
-/// Ratio `g/h` of a window.
-pub(super) fn gain_ratio<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Result<Reading, Needed> {
+/// Largest speed reference at the nominal gain, as a share of ω_max: with the largest gain factor of 1.5 it stays below the
+/// limit.
+const SPEED_SHARE: f64 = 0.65;
+
+/// Ratio `g/h` of a window and residual of the law, Nm/s, with a kernel of this half width, s.
+pub(super) fn gain_ratio<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    half_width_s: f64,
+) -> Result<(Reading, Residual), Needed> {
     let params = window.params();
     let (controller, rate) = (&params.controller, params.sensors.sample_rate);
-    let kernel = Kernel::new(rate);
+    let kernel = Kernel::new(half_width_s, rate);
     let torque_gain = params.motor.torque_gain();
     let mut ring = Sliding::<3>::new(kernel.span);
     let mut equations = NormalEquations::<2>::new();
@@ -30,7 +38,7 @@ pub(super) fn gain_ratio<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> R
         let now = window.quantities(n);
         let reference = error.map(|error| controller.g_p * error);
         let torque = torque_gain * dq_from_abc(now.i, now.sin_cos_e)[1];
-        let limited = now.is_speed_limited || window.is_torque_limited(torque);
+        let limited = now.speed_reference >= SPEED_SHARE || window.is_torque_limited(torque);
         let usable = reference.filter(|_| !limited && window.is_measured(n));
         let Some(reference) = usable else {
             ring.clear();
@@ -59,7 +67,7 @@ pub(super) fn gain_ratio<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> R
 const MIN_INDEPENDENT: usize = 4;
 
 /// Ratio of both unknowns and its standard deviation; `None` where the rows do not show it.
-fn ratio(equations: &NormalEquations<2>, overlap: Overlap<2>, span: usize) -> Option<Reading> {
+fn ratio(equations: &NormalEquations<2>, overlap: Overlap<2>, span: usize) -> Option<(Reading, Residual)> {
     if equations.rows < MIN_INDEPENDENT * span {
         return None;
     }
@@ -72,5 +80,9 @@ fn ratio(equations: &NormalEquations<2>, overlap: Overlap<2>, span: usize) -> Op
         value: g / h,
         sigma: libm::sqrt(gradient.dot(&(covariance * gradient)).max(0.0)),
     };
-    (reading.value.is_finite() && reading.sigma.is_finite()).then_some(reading)
+    let residual = Residual {
+        rms: solution.residual_rms,
+        independent: (equations.rows / span) as f64,
+    };
+    (reading.value.is_finite() && reading.sigma.is_finite()).then_some((reading, residual))
 }

@@ -4,8 +4,8 @@
 //! its exact differences on the grid of the samples: analytic derivatives, sampled, do not sum to zero and would leak the
 //! angle itself into its acceleration. Derived here.
 
-/// Largest half width W, samples: 3 ms at 5 kHz. Above 10 kHz the kernel is too short for the resolver's counts.
-const MAX_HALF_WIDTH: usize = 15;
+/// Largest half width W, samples: 12 ms at 2 kHz, 3 ms at 8 kHz.
+const MAX_HALF_WIDTH: usize = 24;
 
 /// Samples under the widest kernel.
 pub(super) const MAX_SPAN: usize = 2 * MAX_HALF_WIDTH + 1;
@@ -13,14 +13,20 @@ pub(super) const MAX_SPAN: usize = 2 * MAX_HALF_WIDTH + 1;
 /// Smallest half width W, samples.
 const MIN_HALF_WIDTH: usize = 2;
 
-/// Half width of the kernel in time, s: 6 samples at 2 kHz.
-const HALF_WIDTH_S: f64 = 3e-3;
+/// Half widths of which one is chosen for a unit, s. A wide kernel attenuates what a derivative makes of a jittering sample
+/// instant and of a resonance, and the motion itself.
+pub(super) const HALF_WIDTHS_S: [f64; 3] = [3e-3, 6e-3, 12e-3];
+
+/// Rows per half width that are used, at least: those between are nearly sums of their neighbours.
+const ROWS_PER_HALF_WIDTH: usize = 6;
 
 /// Weights of one half width; sample `n + m − W` has the weights at place `m`, places beyond the span are zero.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kernel {
     /// Samples under the kernel, `2 W + 1`.
     pub(super) span: usize,
+    /// Samples from one used row to the next.
+    pub(super) stride: usize,
     /// `f_m ∝ (1 − (m/W)²)⁴`, of unit sum, zero at both ends.
     pub(super) smooth: [f64; MAX_SPAN],
     /// `f + Δ²f / 12`: for what is not differentiated, beside the second difference of an angle. That difference is the
@@ -33,10 +39,10 @@ pub(super) struct Kernel {
 }
 
 impl Kernel {
-    /// The kernel for a sample rate, Hz: 3 ms on either side, 2 to 15 samples.
+    /// The kernel for a half width, s, at a sample rate, Hz: 2 to 24 samples on either side.
     #[must_use]
-    pub(super) fn new(sample_rate: f64) -> Self {
-        let half = (libm::round(HALF_WIDTH_S * sample_rate) as usize).clamp(MIN_HALF_WIDTH, MAX_HALF_WIDTH);
+    pub(super) fn new(half_width_s: f64, sample_rate: f64) -> Self {
+        let half = (libm::round(half_width_s * sample_rate) as usize).clamp(MIN_HALF_WIDTH, MAX_HALF_WIDTH);
         let span = 2 * half + 1;
         let raw = |m: usize| {
             if m >= span {
@@ -61,6 +67,7 @@ impl Kernel {
         let curvature = |m| f(m, 1) - 2.0 * f(m, 0) + f(m, -1);
         Self {
             span,
+            stride: (half / ROWS_PER_HALF_WIDTH).max(1),
             smooth: weights(&|m| f(m, 0)),
             average: weights(&|m| f(m, 0) + curvature(m) / 12.0),
             first: weights(&|m| -difference(m) * sample_rate),
@@ -86,7 +93,7 @@ mod tests {
     #[test]
     fn differences_are_exact_on_polynomials() {
         for rate in [400.0, 2000.0] {
-            let kernel = Kernel::new(rate);
+            let kernel = Kernel::new(HALF_WIDTHS_S[0], rate);
             let close =
                 |a: f64, b: f64| assert!((a - b).abs() < 1e-7 * (1.0 + b.abs()), "{rate} Hz: {a} instead of {b}");
             close(applied(&kernel.smooth, &kernel, rate, |_| 1.0), 1.0);
@@ -106,7 +113,7 @@ mod tests {
     fn average_and_second_difference_smooth_an_oscillation_alike() {
         // x = cos ωt: x'' = −ω² x, so the ratio of both sums is −ω², up to the fourth order of ωΔt.
         let (rate, omega) = (2000.0, core::f64::consts::TAU * 50.0);
-        let kernel = Kernel::new(rate);
+        let kernel = Kernel::new(HALF_WIDTHS_S[0], rate);
         let x = |t: f64| libm::cos(omega * t);
         let ratio = applied(&kernel.second, &kernel, rate, x) / applied(&kernel.average, &kernel, rate, x);
         assert!((ratio / (-omega * omega) - 1.0).abs() < 1e-5, "{ratio}");
@@ -114,7 +121,7 @@ mod tests {
 
     #[test]
     fn the_half_width_follows_the_sample_rate() {
-        let widths = [400.0, 1000.0, 2000.0, 5000.0].map(|rate| half_width(&Kernel::new(rate)));
+        let widths = [400.0, 1000.0, 2000.0, 5000.0].map(|rate| half_width(&Kernel::new(HALF_WIDTHS_S[0], rate)));
         assert_eq!(widths, [2, 3, 6, 15]);
     }
 }

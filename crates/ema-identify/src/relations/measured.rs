@@ -39,15 +39,11 @@ pub(super) struct Quantities {
     pub(super) travel: f64,
     /// Change of the speed reference that the last two set points made, mean of both, rad/s.
     pub(super) reference_step: f64,
-    /// Whether the speed reference may be at its limit.
-    pub(super) is_speed_limited: bool,
+    /// Magnitude of the speed reference at the nominal gain, as a share of ω_max, before the limit; 0 in speed mode.
+    pub(super) speed_reference: f64,
     /// Sine and cosine of the electrical angle.
     pub(super) sin_cos_e: (f64, f64),
 }
-
-/// Largest speed reference at the nominal gain, as a share of ω_max: with the largest gain factor of 1.5 it stays below the
-/// limit.
-const SPEED_SHARE: f64 = 0.65;
 
 /// Largest torque, as a share of `G_T I_max`.
 const TORQUE_SHARE: f64 = 0.9;
@@ -120,7 +116,7 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
             reference_step: 0.5
                 * (self.reference_step(two_before.setpoint, before.setpoint)
                     + self.reference_step(before.setpoint, now.setpoint)),
-            is_speed_limited: self.is_speed_limited(n),
+            speed_reference: self.speed_reference(n),
             sin_cos_e: (self.params.motor.pole_pairs * angle_in_turn).sin_cos_poly(),
         }
     }
@@ -140,11 +136,11 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
         libm::fabs(torque) >= TORQUE_SHARE * motor.torque_gain() * motor.i_max
     }
 
-    /// Whether the position loop may be at its speed limit.
-    fn is_speed_limited(&self, n: usize) -> bool {
+    /// Magnitude of the position loop's speed reference at the nominal gain, as a share of ω_max, before the limit.
+    fn speed_reference(&self, n: usize) -> f64 {
         let controller = &self.params.controller;
-        self.position_error(n)
-            .is_some_and(|error| libm::fabs(controller.g_p * error) >= SPEED_SHARE * controller.omega_max)
+        let reference = self.position_error(n).map_or(0.0, |error| controller.g_p * error);
+        libm::fabs(reference) / controller.omega_max
     }
 
     /// Motor speed at a sample of [`MeasuredWindow::inner`], rad/s: central difference of the angle.
@@ -152,6 +148,14 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
         let sensors = &self.params.sensors;
         let turned = self.sensed(n + 1).motor_counts - self.sensed(n - 1).motor_counts;
         0.5 * turned as f64 * sensors.motor_lsb() * sensors.sample_rate
+    }
+
+    /// Output angle less the motor angle at the output, both since the first sample, rad.
+    pub(super) fn behind_gear(&self, n: usize) -> f64 {
+        let (sensors, gear_ratio) = (&self.params.sensors, self.params.transmission.gear_ratio);
+        let (first, now) = (self.sensed(0), self.sensed(n));
+        (now.output_counts - first.output_counts) as f64 * sensors.output_lsb()
+            - (now.motor_counts - first.motor_counts) as f64 * sensors.motor_lsb() / gear_ratio
     }
 
     /// Control deviation `θ_cmd − θ_out` as the controller counts it, rad; `None` outside position mode.

@@ -3,6 +3,8 @@
 //! With the true coefficients the terms of a row sum to zero: `Σ_j N_j T_j + … − J ω' − C ω − T_d sign ω − … = 0`. Derived
 //! here from the equation of motion of the motor shaft, torques at the motor, of one rigid mass.
 
+use core::ops::Range;
+
 use ema_models::{ActuatorParams, phase_shapes};
 
 use super::kernel::{Kernel, MAX_SPAN};
@@ -64,6 +66,10 @@ pub enum Term {
     /// which it is latched; coefficient: the share of it in the mean torque between two samples, about ½. Without it, a set point
     /// that is held from sample to sample looks like friction.
     SetpointHold,
+    /// `K_p G_p (θ_out − θ_m/n)`, less its mean over 17 ms, where neither speed nor torque is at its limit: the count within which
+    /// the output stands changes the torque at the sample's instant, but little of its mean between two samples; coefficient: the
+    /// share of it in the sampled torque, of the other sign where the current lags.
+    CountedOutput,
     /// `−1/n`; coefficient: constant load at the output, Nm.
     Load,
     /// `−(θ_out − θ_out(0))/n`; coefficient: stiffness of a spring load at the output, Nm/rad.
@@ -74,7 +80,7 @@ pub enum Term {
 }
 
 /// Number of terms.
-pub const TERM_COUNT: usize = 25;
+pub const TERM_COUNT: usize = 26;
 
 /// The derivative under which the kernel smooths a term.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -100,6 +106,7 @@ impl Term {
 
 /// Constants of the terms that an actuator type's parameters do not hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "std", derive(serde::Serialize, serde::Deserialize))]
 pub struct BalanceShape {
     /// Stribeck speed ω_s at the motor shaft, rad/s.
     pub stribeck_speed: f64,
@@ -133,20 +140,23 @@ pub(super) struct BalanceRow {
 /// Smallest speed under the kernel, rad/s: below, friction is no function of the measured speed.
 const MOVING: f64 = 3.0;
 
-/// Rows of a window, one per inner sample; `None` unless the motor turns in one direction under the kernel that ends there, at
-/// 3 rad/s or more, and all of it was measured.
+/// Rows of a window, one per inner sample; `None` between the kernel's strides, and unless the motor turns in one direction under the kernel that ends there, at
+/// 3 rad/s or more, and all of it was measured. `gain` is the factor of the position gain against the healthy unit's.
 pub(super) fn balance_rows<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     shape: &BalanceShape,
     load: OutputLoad,
+    kernel: &Kernel,
+    gain: f64,
 ) -> impl Iterator<Item = Option<BalanceRow>> {
-    let (window, integrands) = (*window, Integrands::new(window.params(), shape, load));
-    let kernel = Kernel::new(window.params().sensors.sample_rate);
-    let weights = weights(&kernel);
+    let (window, integrands) = (*window, Integrands::new(window.params(), shape, load, gain));
+    let (weights, stride) = (weights(kernel), kernel.stride);
     let mut ring = Sliding::<TERM_COUNT>::new(kernel.span);
     let mut forward = true;
+    let mut counting = Counting::new(&window);
     window.inner().map(move |n| {
         let now = window.quantities(n);
+        let counted = counting.deviation(&window, n);
         if libm::fabs(now.omega_m) < MOVING || !window.is_measured(n) {
             ring.clear();
             return None;
@@ -156,12 +166,48 @@ pub(super) fn balance_rows<S: RecordedSample>(
             forward = !forward;
             ring.clear();
         }
-        ring.push(integrands.of(&window, &now));
-        ring.is_full().then(|| BalanceRow {
+        ring.push(integrands.of(&window, &now, counted));
+        (ring.is_full() && n % stride == 0).then(|| BalanceRow {
             terms: ring.sums_each(&weights),
             forward,
         })
     })
+}
+
+/// Time on either side of a sample over which the mean of the output's counting error is taken, s.
+const COUNTING_S: f64 = 8.5e-3;
+
+/// Difference between the counted output angle and the motor angle at the output, less its mean around the sample.
+struct Counting {
+    half: usize,
+    /// Samples of the sum, as many on either side as there are.
+    range: Range<usize>,
+    sum: f64,
+}
+
+impl Counting {
+    fn new<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Self {
+        let rate = window.params().sensors.sample_rate;
+        Self {
+            half: libm::round(COUNTING_S * rate).max(2.0) as usize,
+            range: 0..0,
+            sum: 0.0,
+        }
+    }
+
+    /// The deviation at a sample, rad at the output; samples in ascending order.
+    fn deviation<S: RecordedSample>(&mut self, window: &MeasuredWindow<'_, S>, n: usize) -> f64 {
+        let half = self.half.min(n).min(window.len() - 1 - n);
+        while self.range.end <= n + half {
+            self.sum += window.behind_gear(self.range.end);
+            self.range.end += 1;
+        }
+        while self.range.start < n - half {
+            self.sum -= window.behind_gear(self.range.start);
+            self.range.start += 1;
+        }
+        window.behind_gear(n) - self.sum / self.range.len() as f64
+    }
 }
 
 /// Weight of each sample in each term.
@@ -180,25 +226,35 @@ fn weights(kernel: &Kernel) -> [[f64; TERM_COUNT]; MAX_SPAN] {
 struct Integrands {
     k: f64,
     k_p: f64,
+    g_p: f64,
     gear_ratio: f64,
     loss_shares: [f64; 2],
     shape: BalanceShape,
     load: OutputLoad,
+    /// Factor of the position gain.
+    gain: f64,
 }
 
 impl Integrands {
-    fn new(params: &ActuatorParams, shape: &BalanceShape, load: OutputLoad) -> Self {
+    fn new(params: &ActuatorParams, shape: &BalanceShape, load: OutputLoad, gain: f64) -> Self {
         Self {
             k: params.motor.k,
             k_p: params.controller.k_p,
+            g_p: params.controller.g_p,
             gear_ratio: params.transmission.gear_ratio,
             loss_shares: params.transmission.gear_loss_shares(),
             shape: *shape,
             load,
+            gain,
         }
     }
 
-    fn of(&self, window: &MeasuredWindow<'_, impl RecordedSample>, now: &Quantities) -> [f64; TERM_COUNT] {
+    fn of(
+        &self,
+        window: &MeasuredWindow<'_, impl RecordedSample>,
+        now: &Quantities,
+        counted: f64,
+    ) -> [f64; TERM_COUNT] {
         use ema_models::Real;
         let e = now.sin_cos_e;
         let (sin, cos) = e;
@@ -207,7 +263,7 @@ impl Integrands {
         let (fifth, seventh) = (sum(fourth, e), sum(sum(fourth, double), e));
         let s = phase_shapes(e);
         let torque: [f64; 3] = core::array::from_fn(|j| self.k * s[j] * now.i[j]);
-        let is_limited = now.is_speed_limited || window.is_torque_limited(torque.iter().sum());
+        let is_limited = now.speed_reference * self.gain >= 1.0 || window.is_torque_limited(torque.iter().sum());
         let sign = libm::copysign(1.0, now.omega_m);
         let ratio = now.omega_m / self.shape.stribeck_speed;
         let (mesh_sin, mesh_cos) = (self.shape.teeth * now.angle_in_turn).sin_cos_poly();
@@ -239,7 +295,16 @@ impl Integrands {
             self.k * (s[0] - s[2]),
             self.k * (s[1] - s[2]),
             (0..3).map(|j| self.k * s[j] * now.di[j]).sum(),
-            if is_limited { 0.0 } else { self.k_p * now.reference_step },
+            if is_limited {
+                0.0
+            } else {
+                self.gain * self.k_p * now.reference_step
+            },
+            if is_limited {
+                0.0
+            } else {
+                self.gain * self.k_p * self.g_p * counted
+            },
             -1.0 / self.gear_ratio,
             -now.travel / self.gear_ratio,
             -sign * libm::fabs(load_torque) * loss_share,

@@ -3,13 +3,14 @@
 //! The output angle follows `θ_m/n` through a play of width b ([`follow_through_play`]); the width whose output leaves least of
 //! the counts is found by a search over one number. The zeros of both counters need not agree: a constant difference is
 //! free. The motion counts from the instant at which the output has moved by two counts, because then the motor is known to
-//! push at the flank of that direction. Derived here.
+//! push at the flank of that direction. Within the play a rigid output rests; behind a compliant gear it coasts. Derived here.
 
 use ema_models::follow_through_play;
 
 use super::elements::{Needed, Reading};
-use super::kernel::Kernel;
+use super::kernel::{HALF_WIDTHS_S, Kernel};
 use super::measured::MeasuredWindow;
+use super::residual::{HealthyResidual, Residual};
 use crate::monitor_fit::RecordedSample;
 
 /// Largest width of the search, in healthy widths b₀; the worst fault is 100.
@@ -24,12 +25,53 @@ const GOLDEN_STEPS: usize = 22;
 /// Output counts by which the output moves before it counts as pushed.
 const PUSHED_COUNTS: i64 = 2;
 
-/// Width of the play, rad at the output.
-pub(super) fn play_width<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Result<Reading, Needed> {
+/// How the output behaves within the play.
+#[derive(Clone, Copy)]
+enum Within {
+    /// It rests: its inertia counts as the motor's.
+    Rests,
+    /// It coasts, decelerated by its own friction, rad/s² at the output.
+    Coasts(f64),
+}
+
+/// Decelerations that are tried, relative to that of the whole actuator by its dry friction.
+const DECELERATIONS: [f64; 3] = [0.7, 1.3, 2.6];
+
+/// Relative residual above which the output may coast.
+const COASTING: f64 = 1.5;
+
+/// Width of the play, rad at the output, and residual of the output angle, rad.
+///
+/// A rigid gear's output rests in the play. Where that leaves more than `healthy` windows do, a load inertia behind a compliant
+/// gear may coast through it: `deceleration` is that of the actuator by dry friction, rad/s² at the output.
+pub(super) fn play_width<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    healthy: &HealthyResidual,
+    deceleration: f64,
+) -> Result<(Reading, Residual), Needed> {
     let start = pushed(window).ok_or(Needed::LongerMotion)?;
+    let mut best = width_of(window, start, Within::Rests);
+    let worse =
+        |found: &Result<(Reading, Residual), Needed>| found.map_or(0.0, |(_, residual)| healthy.relative(residual));
+    if worse(&best) > COASTING {
+        for share in DECELERATIONS {
+            let coasting = width_of(window, start, Within::Coasts(share * deceleration));
+            if coasting.is_ok() && worse(&coasting) < worse(&best) {
+                best = coasting;
+            }
+        }
+    }
+    best
+}
+
+fn width_of<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    start: Start,
+    within: Within,
+) -> Result<(Reading, Residual), Needed> {
     let params = window.params();
-    let span = Kernel::new(params.sensors.sample_rate).span;
-    let mismatch = |width: f64| follow(window, start, width).mismatch();
+    let span = Kernel::new(HALF_WIDTHS_S[0], params.sensors.sample_rate).span;
+    let mismatch = |width: f64| follow(window, start, width, within).mismatch();
     let step = MAX_WIDTHS * params.transmission.backlash / COARSE as f64;
     let mut best = (f64::INFINITY, 0.0);
     for n in 0..=COARSE {
@@ -41,7 +83,7 @@ pub(super) fn play_width<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> R
     }
     let width = golden_section((best.1 - step).max(0.0), best.1 + step, mismatch);
 
-    let followed = follow(window, start, width);
+    let followed = follow(window, start, width, within);
     if followed.flanks.iter().any(|&samples| samples < span) {
         return Err(Needed::Reversal);
     }
@@ -51,10 +93,15 @@ pub(super) fn play_width<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> R
     let curvature = (mismatch(centre - lsb) + mismatch(centre + lsb) - 2.0 * mismatch(centre)) / (lsb * lsb);
     let variance = 2.0 * at / followed.samples * span as f64 / curvature;
     if curvature > 0.0 && variance.is_finite() {
-        Ok(Reading {
+        let reading = Reading {
             value: width,
             sigma: libm::sqrt(variance),
-        })
+        };
+        let residual = Residual {
+            rms: libm::sqrt(at / followed.samples),
+            independent: followed.samples / span as f64,
+        };
+        Ok((reading, residual))
     } else {
         Err(Needed::Reversal)
     }
@@ -97,12 +144,14 @@ impl Followed {
     }
 }
 
-fn follow<S: RecordedSample>(window: &MeasuredWindow<'_, S>, start: Start, width: f64) -> Followed {
+fn follow<S: RecordedSample>(window: &MeasuredWindow<'_, S>, start: Start, width: f64, within: Within) -> Followed {
     let params = window.params();
     let (sensors, half) = (&params.sensors, 0.5 * width);
     let first = window.sensed(start.sample);
     let per_motor_count = sensors.motor_lsb() / params.transmission.gear_ratio;
     let mut output = if start.forward { -half } else { half };
+    let period = 1.0 / sensors.sample_rate;
+    let (mut speed, mut centre_before) = (0.0, 0.0);
     let mut followed = Followed {
         samples: 0.0,
         sum: 0.0,
@@ -113,7 +162,19 @@ fn follow<S: RecordedSample>(window: &MeasuredWindow<'_, S>, start: Start, width
         let now = window.sensed(n);
         let centre = (now.motor_counts - first.motor_counts) as f64 * per_motor_count;
         let before = output;
-        output = follow_through_play(output, centre, half);
+        output = match within {
+            Within::Rests => follow_through_play(output, centre, half),
+            Within::Coasts(deceleration) => {
+                speed -= libm::copysign(libm::fabs(speed).min(deceleration * period), speed);
+                let free = output + speed * period;
+                let pushed = free.clamp(centre - half, centre + half);
+                if libm::fabs(pushed - free) > 0.0 {
+                    speed = (centre - centre_before) / period;
+                }
+                pushed
+            }
+        };
+        centre_before = centre;
         if output > before {
             followed.flanks[1] += 1;
         } else if output < before {

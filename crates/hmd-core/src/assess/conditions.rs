@@ -9,11 +9,17 @@ use crate::outbox::WindowJob;
 /// their sigma.
 #[must_use]
 pub fn motor_within(tolerances: &Tolerances) -> MotorKnowledge {
+    let default = Tolerances::MOTOR_ONLY;
+    // The product of the rounded deviations has other last bits than the variance.
+    let variance = |own: f64, default: f64, squared: f64| {
+        let is_default = own.to_bits() == default.to_bits();
+        if is_default { squared } else { own * own }
+    };
     MotorKnowledge {
         mean: MotorDeviation::default(),
         covariance: [
-            [tolerances.r_s * tolerances.r_s, 0.0],
-            [0.0, tolerances.k * tolerances.k],
+            [variance(tolerances.r_s, default.r_s, 0.05 * 0.05 / 3.0), 0.0],
+            [0.0, variance(tolerances.k, default.k, 0.03 * 0.03 / 3.0)],
         ],
     }
 }

@@ -42,6 +42,9 @@ pub enum AssessError {
     /// A unit's calibration is unusable.
     #[error(transparent)]
     Unit(#[from] UnitError),
+    /// A unit's calibration names an estimator that it does not hold.
+    #[error("{0}: expected the estimator that its calibration names, found none")]
+    NoEstimator(String),
     /// No calibration was loaded for a type.
     #[error("type {0}: expected a loaded calibration, found none")]
     NoModel(String),
@@ -125,7 +128,7 @@ fn read_text(path: &Path, read: ReadText<'_>) -> Result<String, AssessError> {
 #[derive(Clone, Debug, Default)]
 pub struct Models {
     types: BTreeMap<String, TypeModel>,
-    units: BTreeMap<String, MotorKnowledge>,
+    units: BTreeMap<String, UnitCalibration>,
 }
 
 impl Models {
@@ -139,8 +142,9 @@ impl Models {
             if let Some(path) = &actuator.calibration {
                 let path = config.resolve(path);
                 let text = read_text(&path, read)?;
-                let unit = UnitCalibration::parse(&text, &path.display().to_string(), &actuator.type_name)?;
-                models.units.insert(actuator.name.clone(), unit.motor());
+                let name = path.display().to_string();
+                let unit = UnitCalibration::parse(&text, &name, &actuator.type_name)?;
+                models.units.insert(actuator.name.clone(), unit);
             }
         }
         Ok(models)
@@ -180,12 +184,24 @@ impl Models {
         found.ok_or_else(|| AssessError::NoModel(type_name.to_owned()))
     }
 
+    /// What was learnt of a commissioned actuator.
+    #[must_use]
+    pub fn unit(&self, actuator: &ActuatorConfig) -> Option<&UnitCalibration> {
+        self.units.get(&actuator.name)
+    }
+
     /// Prior knowledge of an actuator's motor: its own calibration, else the tolerances of its type.
     #[must_use]
     pub fn motor(&self, actuator: &ActuatorConfig) -> MotorKnowledge {
-        let of_unit = self.units.get(&actuator.name).copied();
-        of_unit.unwrap_or_else(|| motor_within(&actuator.tolerances))
+        let monitor = self.unit(actuator).and_then(|unit| unit.monitor);
+        monitor.map_or_else(|| motor_within(&actuator.tolerances), |monitor| monitor.motor())
     }
+}
+
+/// Hash of the parameters of an actuator's type, whatever its sample rate.
+#[must_use]
+pub fn hash_of_type(actuator: &ActuatorConfig) -> String {
+    hex(&Sha256::digest(actuator.parameters_as_text()))
 }
 
 /// Hash of the calibrations that a configuration's types are assessed with, as shipped or as their files stand.

@@ -59,7 +59,12 @@ fn reported_state(state: HealthState, estimate: Option<&Estimate>) -> HealthStat
         let sigma = e.damage_sigma();
         let is_hidden = |fault: FaultId| {
             let damage = e.fault.damage_of(fault);
-            damage > HIDDEN_DAMAGE && damage < SIGNIFICANCE * sigma[fault.parameter()]
+            let is_uncertain = if e.deviations.is_empty() {
+                !e.observable[fault.parameter()]
+            } else {
+                damage < SIGNIFICANCE * sigma[fault.parameter()]
+            };
+            is_uncertain && damage > HIDDEN_DAMAGE
         };
         FaultId::ALL.into_iter().any(is_hidden)
     });

@@ -4,13 +4,15 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use ema_models::{ActuatorParams, Tolerances};
+use ema_models::{ActuatorParams, DriveParams, Tolerances};
 use ema_wire::ActuatorId;
 use serde::Serialize;
 
 use super::ConfigError;
 use super::actuator_type::{ActuatorType, DEFAULT_TYPE};
+use super::drive;
 use super::name::{NAME_EXPECTED, is_name};
+use super::params;
 use super::reader::Section;
 use super::signals::{self, DbcFiles};
 use super::specification::Specification;
@@ -50,6 +52,9 @@ pub struct ActuatorConfig {
     /// How well its type's parameters are known.
     #[serde(skip)]
     pub tolerances: Tolerances,
+    /// Drive of its type.
+    #[serde(skip)]
+    pub drive: DriveParams,
     /// Calibration of its type, as written in the file.
     #[serde(skip)]
     pub type_calibration: Option<PathBuf>,
@@ -82,6 +87,7 @@ impl ActuatorConfig {
             type_name: type_name.to_owned(),
             params: found.params,
             tolerances: found.tolerances,
+            drive: found.drive,
             type_calibration: found.calibration.clone(),
             specification: found.specification,
             calibration: None,
@@ -125,6 +131,14 @@ impl ActuatorConfig {
         actuator.serial_number = section.text("serial_number")?;
         actuator.passive = section.flag("passive", false)?;
         Ok(actuator)
+    }
+
+    /// Parameters of its type and drive under their keys, whatever the sample rate; two types with the same text are the same.
+    #[must_use]
+    pub fn parameters_as_text(&self) -> String {
+        let mut params = self.params;
+        params.sensors.sample_rate = 0.0;
+        format!("{:?} {}", params::by_key(&params), drive::as_text(&self.drive))
     }
 
     /// Whether frames of number `id` on interface `bus` are its own.

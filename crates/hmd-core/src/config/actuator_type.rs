@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use ema_models::{ActuatorParams, Tolerances};
+use ema_models::{ActuatorParams, DriveParams, Tolerances};
 use serde::{Serialize, Serializer};
 
 use super::ConfigError;
+use super::drive;
 use super::name::{NAME_EXPECTED, is_name};
 use super::params::{self, GROUPS};
 use super::reader::Section;
@@ -23,8 +24,14 @@ pub struct ActuatorType {
     #[serde(flatten, serialize_with = "as_file_keys")]
     pub params: ActuatorParams,
     /// How well the parameters are known.
-    #[serde(serialize_with = "tolerances::as_file_keys")]
+    #[serde(
+        skip_serializing_if = "tolerances::are_default",
+        serialize_with = "tolerances::as_file_keys"
+    )]
     pub tolerances: Tolerances,
+    /// Its power electronics.
+    #[serde(serialize_with = "drive::as_file_keys")]
+    pub drive: DriveParams,
     /// Calibration of the monitor against the reference for this type, as written in the file; see
     /// [`Config::resolve`](super::Config::resolve).
     pub calibration: Option<PathBuf>,
@@ -50,14 +57,19 @@ pub(super) fn read_all(root: &Section<'_>) -> Result<BTreeMap<String, ActuatorTy
                 name.to_owned(),
                 ActuatorType {
                     params,
-                    tolerances: Tolerances::default(),
+                    tolerances: Tolerances::MOTOR_ONLY,
+                    drive: DriveParams::of_built_in(name),
                     calibration: None,
                     specification: Specification::default(),
                 },
             )
         })
         .into();
-    let keys = [&["based_on", "calibration", "specification"], GROUPS.as_slice()].concat();
+    let keys = [
+        &["based_on", "calibration", "drive", "specification", "tolerances"],
+        GROUPS.as_slice(),
+    ]
+    .concat();
     for (name, section) in root.named_sections("type", &keys)? {
         if !is_name(name) {
             return Err(section.refuse_self(NAME_EXPECTED, name));
@@ -66,18 +78,21 @@ pub(super) fn read_all(root: &Section<'_>) -> Result<BTreeMap<String, ActuatorTy
         let own = built_in
             .iter()
             .find(|(built_in, _)| *built_in == name)
-            .map(|(_, params)| Some(*params));
-        let choices = built_in.map(|(name, params)| (name, Some(params)));
+            .map(|base| Some(*base));
+        let choices = built_in.map(|base| (base.0, Some(base)));
         let base = section.choice("based_on", own.flatten(), &choices)?;
-        let Some(base) = base else {
+        let Some((base_name, base)) = base else {
             return Err(section.refuse("based_on", "\"bench\", \"servo28\" or \"servo270\""));
         };
-        let (params, tolerances) = params::read(&section, base)?;
+        let known_within = tolerances::base(&section)?;
+        let (params, tolerances) = params::read(&section, base, known_within)?;
+        let drive = drive::read(&section, DriveParams::of_built_in(base_name))?;
         let calibration = section.text("calibration")?.map(PathBuf::from);
         let specification = Specification::read(&section.section("specification", Specification::KEYS)?)?;
         let found = ActuatorType {
             params,
             tolerances,
+            drive,
             calibration,
             specification,
         };

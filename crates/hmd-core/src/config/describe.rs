@@ -3,6 +3,8 @@
 use std::fmt::{self, Write};
 use std::path::Path;
 
+use ema_models::Tolerances;
+
 use super::actuator_type::DEFAULT_TYPE;
 use super::tolerances;
 use super::{ActuatorConfig, Config, HoursOf, LOAD_MAX, MONITOR_NAMES, RulConfig, SearchMethod};
@@ -74,11 +76,12 @@ fn write_actuators(out: &mut String, config: &Config) -> fmt::Result {
     for actuator in config.actuators() {
         write!(
             out,
-            "  {}: number {} on {}, type {} at {} Hz",
+            "  {}: number {} on {}, type {} with {} drive at {} Hz",
             actuator.name,
             actuator.id.index(),
             actuator.bus.as_deref().unwrap_or("any bus"),
             actuator.type_name,
+            actuator.drive.kind.name(),
             actuator.params.sensors.sample_rate
         )?;
         for (what, file) in [("type", &actuator.type_calibration), ("unit", &actuator.calibration)] {
@@ -106,13 +109,14 @@ fn write_actuators(out: &mut String, config: &Config) -> fmt::Result {
     Ok(())
 }
 
-/// The tolerances that differ from the default ones.
+/// The tolerances of types that set any.
 fn write_tolerances(out: &mut String, config: &Config) -> fmt::Result {
     for (name, of_type) in config.types() {
-        let mut changed = tolerances::changed(&of_type.tolerances).peekable();
-        if changed.peek().is_some() {
+        if of_type.tolerances == Tolerances::USUAL {
+            writeln!(out, "type {name}: usual tolerances")?;
+        } else if !tolerances::are_default(&of_type.tolerances) {
             write!(out, "type {name}:")?;
-            for (group, key, value) in changed {
+            for (group, key, value) in tolerances::set(&of_type.tolerances) {
                 write!(out, " {group}.{key} {value}")?;
             }
             writeln!(out)?;

@@ -74,13 +74,13 @@ const PARAMS: [Param; 26] = [
 /// Name under which `ParamsError` reports a sampling rate that is no multiple of the control period.
 const SAMPLE_PERIOD_FIELD: &str = "1 / sensors.sample_rate";
 
-/// `base` and the default tolerances, with everything that the subtables of `type_section` set.
+/// `base` and the tolerances `known_within`, with everything that the subtables of `type_section` set.
 pub(super) fn read(
     type_section: &Section<'_>,
     base: ActuatorParams,
+    mut known_within: Tolerances,
 ) -> Result<(ActuatorParams, Tolerances), ConfigError> {
     let mut params = base;
-    let mut known_within = Tolerances::default();
     let mut groups = Vec::with_capacity(GROUPS.len());
     for group in GROUPS {
         let of_group = || PARAMS.iter().filter(move |param| param.group == group);

@@ -1,5 +1,7 @@
 //! The tolerances of a type under their names in the file: `KEY_tolerance` beside the parameter `KEY`, a share of its value.
 //!
+//! `tolerances` of the type says which ones stand where none is set.
+//!
 //! Effects that no parameter describes have a tolerance of their own, with its unit in the name.
 
 use std::collections::BTreeMap;
@@ -74,6 +76,12 @@ fn of_group(group: &str) -> impl Iterator<Item = &'static Tolerance> {
     TOLERANCES.iter().filter(move |tolerance| tolerance.group == group)
 }
 
+/// The tolerances that a type starts from.
+pub(super) fn base(type_section: &Section<'_>) -> Result<Tolerances, ConfigError> {
+    let choices = [("exact", Tolerances::MOTOR_ONLY), ("usual", Tolerances::USUAL)];
+    type_section.choice("tolerances", Tolerances::MOTOR_ONLY, &choices)
+}
+
 /// Sets in `tolerances` what the subtable of a group sets.
 pub(super) fn read(section: &Section<'_>, group: &str, tolerances: &mut Tolerances) -> Result<(), ConfigError> {
     for tolerance in of_group(group) {
@@ -83,12 +91,16 @@ pub(super) fn read(section: &Section<'_>, group: &str, tolerances: &mut Toleranc
     Ok(())
 }
 
-/// Tolerances other than the default ones, by group and key.
-pub(super) fn changed(tolerances: &Tolerances) -> impl Iterator<Item = (&'static str, &'static str, f64)> {
-    let default = Tolerances::default();
+/// Tolerances that are not zero, by group and key.
+pub(super) fn set(tolerances: &Tolerances) -> impl Iterator<Item = (&'static str, &'static str, f64)> {
     let all = TOLERANCES.iter().map(|t| (t, (t.get)(tolerances)));
-    all.filter(move |(t, value)| value.to_bits() != (t.get)(&default).to_bits())
+    all.filter(|(_, value)| *value > 0.0)
         .map(|(t, value)| (t.group, t.key, value))
+}
+
+/// Whether the type has the tolerances of one that sets none.
+pub(super) fn are_default(tolerances: &Tolerances) -> bool {
+    *tolerances == Tolerances::MOTOR_ONLY
 }
 
 pub(super) fn as_file_keys<S: Serializer>(tolerances: &Tolerances, serializer: S) -> Result<S::Ok, S::Error> {
@@ -122,19 +134,36 @@ mod tests {
         }
     }
 
+    fn of_bench(text: &str) -> (Tolerances, Config) {
+        let config = Config::from_toml_str(text, "hmd.toml").unwrap();
+        (config.actuators()[0].tolerances, config)
+    }
+
     #[test]
-    fn a_type_without_any_tolerance_is_known_exactly() {
-        let text: String = TOLERANCES
-            .iter()
-            .map(|t| format!("[type.bench]\n{}.{} = 0\n", t.group, t.key))
-            .map(|line| line.replace("[type.bench]\n", "type.bench."))
-            .collect();
-        let config = Config::from_toml_str(&text, "hmd.toml").unwrap();
-        assert!(config.actuators()[0].tolerances.are_zero());
-        assert!(config.describe().contains("dynamic_friction_nm_tolerance 0"));
-        let other = Config::default();
-        assert_eq!(other.actuators()[0].tolerances, Tolerances::default());
-        assert!(!other.describe().contains("tolerance"));
+    fn a_type_is_known_exactly_but_for_its_motor_unless_it_says_otherwise() {
+        let (default, config) = of_bench("");
+        assert_eq!(default, Tolerances::MOTOR_ONLY);
+        assert!(!config.describe().contains("tolerance"));
+        let (exact, same) = of_bench("type.bench.tolerances = \"exact\"");
+        assert_eq!((exact, same.hash()), (default, config.hash()));
+
+        let (usual, config) = of_bench("type.bench.tolerances = \"usual\"");
+        assert_eq!(usual, Tolerances::USUAL);
+        assert!(config.describe().contains("type bench: usual tolerances\n"));
+        assert_ne!(config.hash(), same.hash());
+
+        let inertia = "type.bench.motor.inertia_kg_m2_tolerance = 0.1\n";
+        let (alone, _) = of_bench(inertia);
+        assert_eq!(alone, Tolerances { j: 0.1, ..default });
+        let (beside, config) = of_bench(&format!("{inertia}type.bench.tolerances = \"usual\""));
+        assert_eq!(beside, Tolerances { j: 0.1, ..usual });
+        assert!(config.describe().contains("motor.inertia_kg_m2_tolerance 0.1"));
+    }
+
+    #[test]
+    fn an_unknown_word_for_all_tolerances_is_refused() {
+        let error = Config::from_toml_str("type.bench.tolerances = \"none\"", "hmd.toml").unwrap_err();
+        assert!(error.to_string().contains("\"exact\" or \"usual\""), "{error}");
     }
 
     #[test]

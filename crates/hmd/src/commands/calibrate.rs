@@ -1,17 +1,19 @@
-//! `hmd calibrate`: one motor from healthy windows of it, or (feature `full`) the monitor against the reference.
+//! `hmd calibrate`: one unit from healthy windows of it, or (feature `full`) the monitor against the reference.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, bail};
 
+use super::progress::over_pieces;
 use super::{Exit, load_config, no_input, use_threads, warn};
 use crate::unit_windows::windows_of;
 #[cfg(feature = "full")]
 use ema_identify::calibration::TypeCalibration;
-use ema_identify::unit_calibration::UnitCalibration;
+use ema_identify::unit_calibration::{Deviation, UnitCalibration, UnitEstimator, UnitParameter};
+use ema_models::FaultId;
 use hmd_core::assess::{Assessor, conditions};
-use hmd_core::commissioning::{CommissioningError, calibrate_unit};
+use hmd_core::commissioning::{Commissioned, CommissioningError, calibrate_unit, windows_of_work};
 use hmd_core::config::Config;
 use hmd_storage::calibration_file::load_type_models;
 
@@ -85,7 +87,7 @@ fn read_files(config: &Config, of_type: bool) -> Vec<PathBuf> {
     files.filter(|file| !made.contains(file)).collect()
 }
 
-/// Fits one motor to its healthy windows.
+/// Commissions one unit by its healthy windows.
 fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
     use_threads(args.threads.map(usize::from))?;
     let config = Arc::new(config);
@@ -102,8 +104,11 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
         }
     });
     let assessor = Assessor::new(config.clone(), load_type_models(&config)?, args.seed);
-    let calibration = match calibrate_unit(&assessor, *config.health().levels(), jobs, args.seed) {
-        Ok(calibration) => calibration,
+    let bar = over_pieces(windows_of_work(jobs.len()));
+    let commissioned = calibrate_unit(&assessor, config.health().levels(), jobs, args.seed, &|n| bar.inc(n));
+    bar.finish_and_clear();
+    let Commissioned { calibration, notes } = match commissioned {
+        Ok(commissioned) => commissioned,
         // The exit code of a bad configuration belongs to this one.
         Err(CommissioningError::Assess(error)) => return Err(error.into()),
         Err(error @ CommissioningError::TooFew(_)) => {
@@ -112,19 +117,41 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
         }
         Err(error) => return Err(error.into()),
     };
-    warn(format_args!(
-        "{}: resistance {:+.2} % ± {:.2} %, back-EMF {:+.3} % ± {:.3} % of type {}, from {} windows",
-        jobs[0].actuator.name,
-        100.0 * calibration.resistance,
-        100.0 * calibration.resistance_sigma,
-        100.0 * calibration.back_emf,
-        100.0 * calibration.back_emf_sigma,
-        calibration.actuator_type,
-        calibration.windows
-    ));
+    let name = &jobs[0].actuator.name;
+    for line in notes.into_iter().chain(summary(&calibration)) {
+        warn(format_args!("{name}: {line}"));
+    }
     let (text, path) = (calibration.emit(), args.output.display().to_string());
     // What a replay would refuse is not written.
     UnitCalibration::parse(&text, &path, &calibration.actuator_type)?;
     std::fs::write(&args.output, text).context(path)?;
     Ok(if found.data_lost { Exit::DataLost } else { Exit::Done })
+}
+
+/// What was learnt, for an operator.
+fn summary(unit: &UnitCalibration) -> Vec<String> {
+    let name = match unit.estimator {
+        UnitEstimator::Monitor => "monitor",
+        UnitEstimator::Relations => "relations between measured signals",
+    };
+    let mut lines = vec![format!(
+        "assessed by the {name} ({}), from {} windows",
+        unit.estimator_reason, unit.windows
+    )];
+    if let (UnitEstimator::Monitor, Some(monitor)) = (unit.estimator, &unit.monitor) {
+        let deviations = UnitParameter::ALL.map(|parameter| {
+            let Deviation { share, sigma } = monitor.parameters.of(parameter);
+            format!("{} {:+.1} % ± {:.1} %", parameter.name(), 100.0 * share, 100.0 * sigma)
+        });
+        lines.push(format!("of type {}: {}", unit.actuator_type, deviations.join(", ")));
+    }
+    let smallest: Vec<String> = FaultId::ALL
+        .into_iter()
+        .map(|fault| match unit.smallest_damage.get(fault.name()) {
+            Some(damage) => format!("{} {damage:.2}", fault.plain_name()),
+            None => format!("{} not shown by these windows", fault.plain_name()),
+        })
+        .collect();
+    lines.push(format!("smallest damage that shows: {}", smallest.join(", ")));
+    lines
 }

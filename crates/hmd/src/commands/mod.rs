@@ -43,6 +43,7 @@ use anyhow::Context;
 use crate::daemon::DaemonError;
 use crate::replay::ReplayError;
 use hmd_core::assess::AssessError;
+use hmd_core::assess::hash_of_type;
 use hmd_core::config::{Config, ConfigError};
 use hmd_storage::calibration_file::{load_type_model, load_unit};
 use hmd_storage::config_file;
@@ -124,7 +125,8 @@ pub fn load_config(path: Option<&Path>) -> Result<Config, ConfigError> {
     path.map_or_else(|| Ok(Config::default()), config_file::load_config)
 }
 
-/// Whether every calibration and the events that the configuration names can be used, before a log is read.
+/// Whether every calibration and the events that the configuration names can be used, before a log is read. Warns of units that were
+/// commissioned under other parameters of their type.
 ///
 /// # Errors
 /// The first file that cannot.
@@ -136,8 +138,16 @@ pub fn check_files(config: &Config) -> anyhow::Result<()> {
     }
     for actuator in config.actuators() {
         if let Some(path) = &actuator.calibration {
-            load_unit(&config.resolve(path), &actuator.type_name)
+            let unit = load_unit(&config.resolve(path), &actuator.type_name)
                 .with_context(|| format!("actuator.calibration of {}", actuator.name))?;
+            if unit.parameters_hash != hash_of_type(actuator) {
+                warn(format_args!(
+                    "{}: warning: the parameters of type {} have changed since {} was commissioned",
+                    path.display(),
+                    actuator.type_name,
+                    actuator.name
+                ));
+            }
         }
     }
     Ok(())

@@ -8,7 +8,6 @@ pub(super) fn over_bytes(total: u64) -> ProgressBar {
 }
 
 /// A bar over pieces of work.
-#[cfg(feature = "full")]
 pub(super) fn over_pieces(total: u64) -> ProgressBar {
     styled(total, "{bar:40} {pos}/{len}, {eta} left")
 }

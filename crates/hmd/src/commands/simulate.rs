@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use ema_models::reference::{Actuations, CurrentSensing, Drive, EFFECTS, EffectSettings, Effects, Scenario};
-use ema_models::{ActuatorParams, FAULT_COUNT, FaultVector, Profile};
+use ema_models::{ActuatorParams, DriveParams, FAULT_COUNT, FaultVector, Profile};
 use ema_wire::ActuatorId;
 use ema_wire::bus_load::bus_load;
 
@@ -35,7 +35,7 @@ pub struct Args {
     /// One effect of a real actuator by name (see --list-effects); holds over the same effect in --effects.
     #[arg(long, value_parser = named_effect, value_name = "EFFECT=VALUE")]
     with: Vec<EffectSettings>,
-    /// Power electronics; default hysteresis.
+    /// Power electronics; default those of the type.
     #[arg(long, value_parser = named_drive, value_name = "hysteresis|vector")]
     drive: Option<Drive>,
     /// Effects from a TOML file: lines EFFECT = VALUE, and drive = "vector".
@@ -126,7 +126,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     };
     let scenario = Scenario {
         load_torque: args.load,
-        effects: effects(args)?,
+        effects: effects(args, &found.drive)?,
         sensing: CurrentSensing {
             quantised: args.noise > 0.0,
             noise_rms: args.noise,
@@ -203,8 +203,8 @@ fn profile(args: &Args) -> Profile {
     }
 }
 
-/// The effects of the file and the options, which hold over the file; else the drive of the built-in type.
-fn effects(args: &Args) -> anyhow::Result<Effects> {
+/// The effects of the file and the options, which hold over the file; else the drive of the type.
+fn effects(args: &Args, of_type: &DriveParams) -> anyhow::Result<Effects> {
     let file = args.effects.as_deref().map(from_file).transpose()?;
     let mut settings = file.unwrap_or_default();
     settings.drive = args.drive.or(settings.drive);
@@ -212,7 +212,7 @@ fn effects(args: &Args) -> anyhow::Result<Effects> {
         settings = settings.overridden_by(one);
     }
     Ok(settings
-        .effects_on(Drive::of_built_in(&args.actuator))
+        .effects_on(Drive::of_type(of_type))
         .map_err(|e| Misuse(e.to_string()))?)
 }
 

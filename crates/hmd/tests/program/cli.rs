@@ -597,7 +597,6 @@ fn a_reader_that_goes_away_leaves_a_whole_output_file() {
 #[test]
 fn one_run_gives_the_same_lines_from_text_and_mcap_on_any_number_of_threads() {
     let folder = Folder::new();
-    folder.write("known.toml", include_str!("../../../../fixtures/known.toml"));
     for log in ["run.log", "run.mcap"] {
         folder.done(&format!(
             "simulate -o {log} --rate 400 --windows 2 --fault friction=0.3 --noise 0.05 --seed 9"
@@ -605,7 +604,7 @@ fn one_run_gives_the_same_lines_from_text_and_mcap_on_any_number_of_threads() {
     }
     assert_eq!(folder.read("run.log.truth.jsonl"), folder.read("run.mcap.truth.jsonl"));
 
-    let lines = folder.done("replay -c known.toml --json run.log --threads 1 -o one.mcap");
+    let lines = folder.done("replay --json run.log --threads 1 -o one.mcap");
     assert_eq!(lines.lines().count(), 2);
     for line in lines.lines() {
         let record: serde_json::Value = serde_json::from_str(line).expect("a line of JSON");
@@ -615,21 +614,18 @@ fn one_run_gives_the_same_lines_from_text_and_mcap_on_any_number_of_threads() {
             "{line}"
         );
     }
-    assert_eq!(folder.done("replay -c known.toml --json run.mcap --threads 4"), lines);
+    assert_eq!(folder.done("replay --json run.mcap --threads 4"), lines);
 
     // Truth is for `evaluate` alone.
     fs::remove_file(folder.path("run.log.truth.jsonl")).expect("a truth file");
-    assert_eq!(
-        folder.done("replay -c known.toml --json run.log --threads 4 -o four.mcap"),
-        lines
-    );
+    assert_eq!(folder.done("replay --json run.log --threads 4 -o four.mcap"), lines);
     assert!(
         folder.read("one.mcap") == folder.read("four.mcap"),
         "the output files differ"
     );
 
     // The output holds the frames as they came.
-    assert_eq!(folder.done("replay -c known.toml --json four.mcap"), lines);
+    assert_eq!(folder.done("replay --json four.mcap"), lines);
 }
 
 #[test]
@@ -912,7 +908,7 @@ fn a_compressed_log_and_a_damaged_only_chunk_are_named() {
 }
 
 #[test]
-fn a_unit_is_calibrated_from_healthy_windows_only() {
+fn a_commissioned_unit_is_assessed_by_its_calibration() {
     let folder = Folder::new();
     folder.done("simulate --rate 400 --noise 0.05 --windows 5 --load 4 --seed 3 -o healthy.log");
     folder.done("calibrate healthy.log -o unit.toml");
@@ -922,15 +918,6 @@ fn a_unit_is_calibrated_from_healthy_windows_only() {
     let lines = folder.done("replay worn.log -c hmd.toml --json");
     assert!(lines.contains("\"faults\":[\"short_b\"]"), "{lines}");
 
-    let refused = folder.hmd("calibrate healthy.log worn.log -o no.toml");
-    assert_eq!(refused.code, 1);
-    assert!(
-        refused
-            .stderr
-            .contains("window 0: expected a healthy unit, found short_b"),
-        "{}",
-        refused.stderr
-    );
     folder.write(
         "other.toml",
         "[[actuator]]\nid = 0\ntype = \"servo28\"\ncalibration = \"unit.toml\"\n",
@@ -943,6 +930,79 @@ fn a_unit_is_calibrated_from_healthy_windows_only() {
             .contains("expected a unit of type servo28, found one of type bench"),
         "{}",
         refused.stderr
+    );
+}
+
+#[test]
+fn a_unit_with_a_vector_drive_is_commissioned_by_its_relations() {
+    let folder = Folder::new();
+    let drive = "--drive vector --with dead_time_s=1.5e-6 --with dynamic_friction_deviation=0.2 --noise 0.03";
+    folder.done(&format!("simulate {drive} --windows 6 --seed 3 -o healthy.log"));
+    let ended = folder.hmd("calibrate healthy.log -o unit.toml");
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+    for expected in [
+        "assessed by the relations between measured signals",
+        "smallest damage that shows: friction",
+    ] {
+        assert!(ended.stderr.contains(expected), "{expected} in\n{}", ended.stderr);
+    }
+    folder.write("hmd.toml", "[[actuator]]\nid = 0\ncalibration = \"unit.toml\"\n");
+    folder.done(&format!("simulate {drive} --windows 3 --seed 9 -o later.log"));
+    let lines = folder.done("replay later.log -c hmd.toml --json");
+    assert_eq!(lines.matches("\"status\":\"ok\"").count(), 3, "{lines}");
+    assert_eq!(lines.matches("\"faults\":[]").count(), 3, "{lines}");
+    folder.done(&format!("simulate {drive} --fault friction=0.2 --seed 11 -o worn.log"));
+    let lines = folder.done("replay worn.log -c hmd.toml --json");
+    assert!(lines.contains("\"faults\":[\"friction\"]"), "{lines}");
+
+    // Other parameters of the type than at commissioning.
+    folder.write(
+        "changed.toml",
+        "[type.bench.motor]\ninertia_kg_m2 = 1.1e-3\n[[actuator]]\nid = 0\ncalibration = \"unit.toml\"\n",
+    );
+    let ended = folder.hmd("check-config -c changed.toml");
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+    let expected = "unit.toml: warning: the parameters of type bench have changed since ema0 was commissioned";
+    assert!(ended.stderr.contains(expected), "{}", ended.stderr);
+}
+
+#[test]
+fn a_parameter_far_from_the_type_is_named_and_not_written() {
+    let folder = Folder::new();
+    folder.done("simulate --with inertia_deviation=0.6 --noise 0.03 --windows 5 --seed 3 -o healthy.log");
+    let text = folder.refused("calibrate healthy.log -o unit.toml", 1);
+    let key = "type.bench.motor.inertia_kg_m2: expected 0.001 within 5 tolerances";
+    assert!(text.contains(key), "{text}");
+    assert!(!folder.path("unit.toml").exists());
+
+    // The relations need no resistance.
+    folder.done("simulate --with resistance_deviation=0.6 --noise 0.03 --windows 5 --seed 3 -o healthy.log");
+    let ended = folder.hmd("calibrate healthy.log -o unit.toml");
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+    let key = "the monitor is not used: type.bench.motor.phase_resistance_ohm: expected 2.75 within 5 tolerances";
+    assert!(ended.stderr.contains(key), "{}", ended.stderr);
+    let written = String::from_utf8(folder.read("unit.toml")).expect("text");
+    assert!(!written.contains("[monitor]"), "{written}");
+}
+
+#[test]
+fn calibrations_in_the_wrong_place_are_refused() {
+    let folder = Folder::new();
+    folder.done("simulate --rate 400 --noise 0.05 --windows 5 --seed 3 -o healthy.log");
+    folder.done("calibrate healthy.log -o unit.toml");
+    folder.write("as_type.toml", "[type.bench]\ncalibration = \"unit.toml\"\n");
+    let text = folder.refused("check-config -c as_type.toml", 78);
+    assert!(
+        text.contains("expected a type calibration, found the calibration of a unit"),
+        "{text}"
+    );
+    let of_type = concat!(env!("CARGO_MANIFEST_DIR"), "/../ema-identify/calibration/bench.toml");
+    folder.write("type.toml", fs::read(of_type).expect("the shipped calibration"));
+    folder.write("as_unit.toml", "[[actuator]]\nid = 0\ncalibration = \"type.toml\"\n");
+    let text = folder.refused("check-config -c as_unit.toml", 78);
+    assert!(
+        text.contains("expected a unit's calibration, found the calibration of a type"),
+        "{text}"
     );
 }
 

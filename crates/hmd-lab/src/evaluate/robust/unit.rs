@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ema_models::reference::{Actuations, CurrentSensing, Drive, EFFECTS, EffectError, EffectInfo, Effects, Scenario};
-use ema_models::{ActuatorParams, FaultVector, Profile};
+use ema_models::{ActuatorParams, DriveParams, FaultVector, Profile};
 use hmd_core::config::Config;
 use hmd_core::frame::BusNames;
 use hmd_core::outbox::WindowJob;
@@ -50,12 +50,12 @@ const DIRECTIONS: [(usize, f64); 8] = [
 /// An effect that the reference does not know.
 pub(super) fn draw_effects(
     entry: &Entry,
-    type_name: &str,
     params: &ActuatorParams,
+    drive: &DriveParams,
     seed: u64,
 ) -> Result<Effects, EffectError> {
     let mut effects = Effects {
-        drive: Drive::of_built_in(type_name),
+        drive: Drive::of_type(drive),
         ..Effects::default()
     };
     let mut done: Vec<&str> = Vec::new();
@@ -121,6 +121,22 @@ pub(super) fn config_of(type_name: &str, rate_hz: f64) -> Result<Config, hmd_cor
     )
 }
 
+/// One mixed actuation of a unit with these effects.
+pub(super) fn scenario(nominal: ActuatorParams, effects: Effects, fault: FaultVector, seed: u64) -> Scenario {
+    Scenario {
+        effects,
+        sensing: CurrentSensing {
+            quantised: true,
+            noise_rms: NOISE_RMS_A,
+        },
+        actuations: Actuations {
+            rest: REST_S,
+            ..Actuations::single(Profile::Mixed)
+        },
+        ..Scenario::new(nominal, fault, seed)
+    }
+}
+
 /// One unit of a type.
 #[derive(Clone, Debug)]
 pub(super) struct Unit {
@@ -146,18 +162,7 @@ impl Unit {
     /// # Errors
     /// An interface name that is refused.
     pub(super) fn window(&self, fault: FaultVector, seed: u64) -> Result<Option<WindowJob>, RobustError> {
-        let scenario = Scenario {
-            effects: self.effects,
-            sensing: CurrentSensing {
-                quantised: true,
-                noise_rms: NOISE_RMS_A,
-            },
-            actuations: Actuations {
-                rest: REST_S,
-                ..Actuations::single(Profile::Mixed)
-            },
-            ..Scenario::new(self.nominal, fault, seed)
-        };
+        let scenario = scenario(self.nominal, self.effects, fault, seed);
         let mut names = BusNames::new();
         names.intern(INTERFACE)?;
         let mut pipeline = Pipeline::new(self.config.clone());
@@ -182,7 +187,7 @@ mod tests {
     fn a_unit_depends_on_the_seed_and_the_name_of_its_entry_alone() {
         let params = ActuatorParams::bench();
         for entry in ENTRIES.iter() {
-            let drawn = |entry: &Entry, seed| draw_effects(entry, "bench", &params, seed).unwrap();
+            let drawn = |entry: &Entry, seed| draw_effects(entry, &params, &DriveParams::default(), seed).unwrap();
             let effects = drawn(entry, 1);
             assert_eq!(effects, drawn(entry, 1), "{}", entry.name);
             assert!(!effects.are_off(), "{}", entry.name);
@@ -205,7 +210,7 @@ mod tests {
             for entry in ENTRIES.iter() {
                 for seed in 0..20 {
                     assert!(
-                        draw_effects(entry, name, &params, seed).is_ok(),
+                        draw_effects(entry, &params, &DriveParams::of_built_in(name), seed).is_ok(),
                         "{name}, {}",
                         entry.name
                     );

@@ -1,0 +1,98 @@
+//! Whether a window is explained: the residual of each relation against those of the healthy windows.
+
+#[cfg(feature = "std")]
+use std::vec::Vec;
+
+/// A relation between measured signals.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Relation {
+    /// Torque balance of the motor shaft: currents, resolver.
+    TorqueBalance,
+    /// Law of the speed loop: set point, angles, currents.
+    Controller,
+    /// Output angle behind the play: both angle sensors.
+    Transmission,
+}
+
+/// Number of relations.
+pub const RELATION_COUNT: usize = 3;
+
+impl Relation {
+    /// All relations in order.
+    pub const ALL: [Self; RELATION_COUNT] = [Self::TorqueBalance, Self::Controller, Self::Transmission];
+}
+
+/// Root-mean-square residual of a relation in one window, and how many independent rows it comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Residual {
+    pub(super) rms: f64,
+    pub(super) independent: f64,
+}
+
+/// Residuals of the healthy windows: mean and standard deviation of the logarithm of their root-mean-square.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "std", derive(serde::Serialize, serde::Deserialize))]
+pub struct HealthyResidual {
+    /// Mean logarithm.
+    pub mean_log: f64,
+    /// Standard deviation from window to window.
+    pub scatter: f64,
+    /// Windows with this relation.
+    pub windows: usize,
+}
+
+/// Factor by which the residual of another motion or a damaged unit may be larger. Chosen here: on the units of the suite `robust`, no
+/// healthy window exceeds it and what four standard deviations add.
+const ALLOWED: f64 = 2.0;
+
+/// Standard deviations of the test.
+const TEST_SIGMAS: f64 = 4.0;
+
+impl HealthyResidual {
+    /// The residuals of healthy windows.
+    #[cfg(feature = "std")]
+    pub(super) fn of(residuals: impl Iterator<Item = Residual>) -> Self {
+        let logs: Vec<f64> = residuals
+            .filter(|residual| residual.rms > 0.0 && residual.rms.is_finite())
+            .map(|residual| libm::log(residual.rms))
+            .collect();
+        let n = logs.len() as f64;
+        let mean_log = logs.iter().sum::<f64>() / n.max(1.0);
+        let squares: f64 = logs.iter().map(|log| (log - mean_log) * (log - mean_log)).sum();
+        Self {
+            mean_log,
+            scatter: libm::sqrt(squares / (n - 1.0).max(1.0)),
+            windows: logs.len(),
+        }
+    }
+
+    /// The residual relative to that of the healthy windows; 1 where there is none.
+    pub(super) fn relative(&self, residual: Residual) -> f64 {
+        if self.windows > 0 && residual.rms > 0.0 {
+            residual.rms / libm::exp(self.mean_log)
+        } else {
+            1.0
+        }
+    }
+
+    /// Whether a residual is as those of the healthy windows: its logarithm exceeds theirs by less than that of 2 and four standard
+    /// deviations, `√(s² + 1/2n)` with their scatter s and n independent rows. Derived here.
+    pub(super) fn explains(&self, residual: Residual) -> bool {
+        let variance = self.scatter * self.scatter + 0.5 / residual.independent.max(1.0);
+        let excess = libm::log(self.relative(residual));
+        excess < libm::log(ALLOWED) + TEST_SIGMAS * libm::sqrt(variance)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_residual_ten_times_the_healthy_ones_is_not_explained() {
+        let residual = |rms| Residual { rms, independent: 50.0 };
+        let healthy = HealthyResidual::of([0.9, 1.0, 1.1].into_iter().map(residual));
+        assert!(healthy.explains(residual(1.5)) && !healthy.explains(residual(10.0)));
+        assert!(healthy.explains(Residual::default()));
+    }
+}

@@ -1,0 +1,220 @@
+//! Conditions and motions of the windows from which a unit was learnt, and whether a later window is outside them.
+
+use core::fmt;
+use std::vec::Vec;
+
+use ema_models::{ActuatorParams, Scale, SensedSample, Setpoint};
+use serde::{Deserialize, Serialize};
+
+/// Conditions and motion of one window.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// Winding temperature, °C, where it is measured.
+    pub winding_temp_deg_c: Option<f64>,
+    /// Load torque at the output, Nm, where it is measured.
+    pub load_torque: Option<f64>,
+    /// Largest distance of the output from where it was at first, rad.
+    pub travel: f64,
+    /// Root-mean-square of the current vector, A: phase amplitude.
+    pub current_rms: f64,
+    /// Whether the motor speed was commanded.
+    pub is_speed_mode: bool,
+}
+
+impl Motion {
+    /// The motion of a window.
+    #[must_use]
+    pub fn of(params: &ActuatorParams, samples: &[SensedSample]) -> Self {
+        let first = samples.first().map_or(0, |sample| sample.output_counts);
+        // i_α² + i_β² = ⅔ Σ i_j².
+        let squared = |sample: &SensedSample| 2.0 / 3.0 * sample.currents.iter().map(|i| i * i).sum::<f64>();
+        let squares: f64 = samples.iter().map(squared).sum();
+        let counts = samples.iter().map(|sample| sample.output_counts.abs_diff(first)).max();
+        Self {
+            winding_temp_deg_c: None,
+            load_torque: None,
+            current_rms: (squares / samples.len().max(1) as f64).sqrt(),
+            travel: counts.unwrap_or(0) as f64 * params.sensors.output_lsb(),
+            is_speed_mode: samples
+                .iter()
+                .any(|sample| matches!(sample.setpoint, Setpoint::Speed(_))),
+        }
+    }
+}
+
+/// Ranges of the conditions and motions that a unit was learnt from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Seen {
+    /// Winding temperature, °C; without it none was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub winding_temp_deg_c: Option<[f64; 2]>,
+    /// Load torque at the output, Nm; without it none was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub load_torque_nm: Option<[f64; 2]>,
+    /// Travel of the output in a window, rad.
+    pub travel_rad: [f64; 2],
+    /// Root-mean-square of the current vector in a window, A.
+    pub current_rms_a: [f64; 2],
+    /// Whether windows with commanded position were among them.
+    pub position_mode: bool,
+    /// Whether windows with commanded speed were among them.
+    pub speed_mode: bool,
+}
+
+/// In what a window is outside all that was seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Unseen {
+    /// Winding temperature, °C: the range and the window's.
+    WindingTemp([f64; 2], f64),
+    /// Load torque, Nm.
+    LoadTorque([f64; 2], f64),
+    /// Travel, rad.
+    Travel([f64; 2], f64),
+    /// Root-mean-square of the current, A.
+    Current([f64; 2], f64),
+    /// Its mode.
+    Mode,
+}
+
+/// Temperature beyond the range that changes little, K.
+const TEMPERATURE_MARGIN_K: f64 = 15.0;
+
+/// Load beyond the range that changes little, as a share of what the motor can lift.
+const LOAD_MARGIN: f64 = 0.05;
+
+/// Travel and current within a factor of this to the range are the same motion.
+const MOTION_FACTOR: f64 = 2.0;
+
+impl Seen {
+    /// The ranges of several windows.
+    #[must_use]
+    pub fn of(windows: &[Motion]) -> Self {
+        let range = |values: Vec<f64>| {
+            let least = values.iter().copied().reduce(f64::min)?;
+            Some([least, values.iter().copied().fold(least, f64::max)])
+        };
+        Self {
+            winding_temp_deg_c: range(windows.iter().filter_map(|window| window.winding_temp_deg_c).collect()),
+            load_torque_nm: range(windows.iter().filter_map(|window| window.load_torque).collect()),
+            travel_rad: range(windows.iter().map(|window| window.travel).collect()).unwrap_or_default(),
+            current_rms_a: range(windows.iter().map(|window| window.current_rms).collect()).unwrap_or_default(),
+            position_mode: windows.iter().any(|window| !window.is_speed_mode),
+            speed_mode: windows.iter().any(|window| window.is_speed_mode),
+        }
+    }
+
+    /// In what a window is outside the ranges.
+    #[must_use]
+    pub fn unseen(&self, window: &Motion, params: &ActuatorParams) -> Vec<Unseen> {
+        let outside = |[min, max]: [f64; 2], margin: f64, value: f64| value < min - margin || value > max + margin;
+        let mut unseen = Vec::new();
+        if let (Some(range), Some(found)) = (self.winding_temp_deg_c, window.winding_temp_deg_c)
+            && outside(range, TEMPERATURE_MARGIN_K, found)
+        {
+            unseen.push(Unseen::WindingTemp(range, found));
+        }
+        let load_margin = LOAD_MARGIN * Scale::new(params).load_unit();
+        if let (Some(range), Some(found)) = (self.load_torque_nm, window.load_torque)
+            && outside(range, load_margin, found)
+        {
+            unseen.push(Unseen::LoadTorque(range, found));
+        }
+        let is_other = |[min, max]: [f64; 2], value: f64| value < min / MOTION_FACTOR || value > max * MOTION_FACTOR;
+        if is_other(self.travel_rad, window.travel) {
+            unseen.push(Unseen::Travel(self.travel_rad, window.travel));
+        }
+        if is_other(self.current_rms_a, window.current_rms) {
+            unseen.push(Unseen::Current(self.current_rms_a, window.current_rms));
+        }
+        let is_mode_seen = if window.is_speed_mode {
+            self.speed_mode
+        } else {
+            self.position_mode
+        };
+        if !is_mode_seen {
+            unseen.push(Unseen::Mode);
+        }
+        unseen
+    }
+}
+
+impl fmt::Display for Unseen {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::WindingTemp([min, max], found) => {
+                write!(f, "winding at {found:.0} °C, commissioned at {min:.0} to {max:.0} °C")
+            }
+            Self::LoadTorque([min, max], found) => {
+                write!(f, "load {found:.1} Nm, commissioned with {min:.1} to {max:.1} Nm")
+            }
+            Self::Travel([min, max], found) => {
+                write!(f, "travel {found:.3} rad, commissioned with {min:.3} to {max:.3} rad")
+            }
+            Self::Current([min, max], found) => {
+                write!(f, "current {found:.2} A rms, commissioned with {min:.2} to {max:.2} A")
+            }
+            Self::Mode => write!(f, "a mode that commissioning has not seen"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_window_is_unseen_in_what_is_outside_the_ranges() {
+        let params = ActuatorParams::bench();
+        let usual = Motion {
+            winding_temp_deg_c: Some(20.0),
+            load_torque: None,
+            travel: 0.25,
+            current_rms: 3.0,
+            is_speed_mode: false,
+        };
+        let seen = Seen::of(&[
+            usual,
+            Motion {
+                current_rms: 4.0,
+                ..usual
+            },
+        ]);
+        assert_eq!(
+            seen.unseen(
+                &Motion {
+                    load_torque: Some(50.0),
+                    ..usual
+                },
+                &params
+            ),
+            []
+        );
+        for (window, expected) in [
+            (
+                Motion {
+                    winding_temp_deg_c: Some(60.0),
+                    ..usual
+                },
+                Unseen::WindingTemp([20.0, 20.0], 60.0),
+            ),
+            (Motion { travel: 0.1, ..usual }, Unseen::Travel([0.25, 0.25], 0.1)),
+            (
+                Motion {
+                    current_rms: 9.0,
+                    ..usual
+                },
+                Unseen::Current([3.0, 4.0], 9.0),
+            ),
+            (
+                Motion {
+                    is_speed_mode: true,
+                    ..usual
+                },
+                Unseen::Mode,
+            ),
+        ] {
+            assert_eq!(seen.unseen(&window, &params), [expected]);
+        }
+    }
+}

@@ -1,0 +1,33 @@
+//! Estimates of one window of a commissioned unit: damage is what has changed since commissioning.
+//!
+//! In: the calibration of the unit and a window. Out: an [`Estimate`] like that of any other window, with what the window would have
+//! needed where it does not show an element.
+
+mod by_monitor;
+mod by_relations;
+
+use ema_models::FAULT_COUNT;
+
+use crate::estimate::Estimate;
+use crate::relations::Needed;
+
+pub use by_monitor::{USUAL_COST, corrected};
+pub use by_relations::{AlignedWindow, estimate_by_relations};
+
+/// Estimate of one window of a commissioned unit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UnitEstimate {
+    /// The estimate.
+    pub estimate: Estimate,
+    /// What the window would have needed to show a parameter, where it is known.
+    pub needed: [Option<Needed>; FAULT_COUNT],
+}
+
+impl UnitEstimate {
+    /// The same with every sigma multiplied: for conditions that commissioning has not seen.
+    #[must_use]
+    pub fn widened(mut self, factor: f64) -> Self {
+        self.estimate.sigma = self.estimate.sigma.map(|sigma| sigma.map(|sigma| factor * sigma));
+        self
+    }
+}

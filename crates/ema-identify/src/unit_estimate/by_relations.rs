@@ -1,0 +1,89 @@
+//! A window of a commissioned unit by the relations between measured signals.
+
+use std::vec::Vec;
+
+use ema_models::{ActuatorParams, FAULT_COUNT, FaultVector, MotorDeviation, SensedSample, Unknowns};
+
+use super::UnitEstimate;
+use crate::counter_wrap::align_counter_wraps;
+use crate::estimate::Estimate;
+use crate::relations::{Element, MeasuredWindow};
+use crate::unit_calibration::UnitRelations;
+
+/// A window's samples with both counters on the wraps that bring the angles together.
+#[derive(Clone, Debug)]
+pub struct AlignedWindow<'a> {
+    params: &'a ActuatorParams,
+    samples: Vec<SensedSample>,
+    filled: &'a [usize],
+}
+
+impl<'a> AlignedWindow<'a> {
+    /// Of a window; those of the indices `filled` were not measured.
+    #[must_use]
+    pub fn new(params: &'a ActuatorParams, window: &[SensedSample], filled: &'a [usize]) -> Self {
+        let mut samples = window.to_vec();
+        align_counter_wraps(params, &mut samples);
+        Self {
+            params,
+            samples,
+            filled,
+        }
+    }
+
+    /// The window as the relations read it.
+    #[must_use]
+    pub fn measured(&self) -> MeasuredWindow<'_, SensedSample> {
+        MeasuredWindow::new(self.params, &self.samples, self.filled)
+    }
+}
+
+/// Residual of the torque balance that is usual with any unit, as a share of the largest torque.
+const RESIDUAL_FLOOR: f64 = 5e-3;
+
+/// Estimates one window by the relations of its unit.
+///
+/// The cost is `½ (r² + f²)/(r₀² + f²)`: r is the residual of the torque balance, r₀ that of healthy windows, f 0.5 % of the largest torque. `is_locked`: the motor stood while
+/// it was commanded to move.
+#[must_use]
+pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, is_locked: bool) -> UnitEstimate {
+    let found = unit.commissioned.estimate(&window.measured());
+    let mut sigma = found.sigma;
+    for element in Element::ALL {
+        let parameter = element.fault().parameter();
+        // Of the two components of the eccentricity the larger factor.
+        let factor = Element::ALL
+            .into_iter()
+            .filter(|other| other.fault() == element.fault())
+            .map(|other| unit.sigma_factors[other as usize])
+            .fold(1.0, f64::max);
+        sigma[parameter] = found.sigma[parameter].map(|sigma| factor * sigma);
+    }
+    let motor = &window.params.motor;
+    // Where noise explains all of it, the residual is 0.
+    let floor = RESIDUAL_FLOOR * motor.torque_gain() * motor.i_max;
+    let ratio = found.torque_residual_rms.hypot(floor) / unit.residual_rms_nm.hypot(floor);
+    let fault = FaultVector::from_array(found.k.map(|k| k.clamp(0.0, 1.0)));
+    let estimate = Estimate {
+        fault,
+        unknowns: Unknowns {
+            fault,
+            load_torque: found.load_torque,
+            integral: 0.0,
+            motor: MotorDeviation::default(),
+        },
+        sigma,
+        observable: sigma.map(|sigma| sigma.is_some()),
+        cost: 0.5 * ratio * ratio,
+        residual_rms_a: found.torque_residual_rms / motor.torque_gain(),
+        evaluations: 0,
+        cut: false,
+        competing_optimum: None,
+        back_emf_off: 0.0,
+        other_motor: false,
+        locked: is_locked,
+        deviations: std::vec::Vec::new(),
+    };
+    let needed: [_; FAULT_COUNT] = found.needed;
+    UnitEstimate { estimate, needed }
+}

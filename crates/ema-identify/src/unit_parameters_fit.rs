@@ -1,0 +1,235 @@
+//! Parameters of one unit from windows in which it was healthy: one joint least squares of the monitor over all of them.
+//!
+//! The windows share the deviations of [`UnitParameter`]; each has a load and an integral of its own. The tolerances of the
+//! parameters are the prior.
+
+use std::vec::Vec;
+
+use ema_models::{
+    ActuatorParams, Comparison, FaultVector, LOAD_COORDINATE, MotorDeviation, MotorKnowledge, Scale, Tolerances,
+    Unknowns,
+};
+use nalgebra::{SMatrix, SVector};
+use rayon::prelude::*;
+
+use crate::unit_calibration::{Deviation, UNIT_PARAMETER_COUNT, UnitParameter, UnitParameters, apply};
+use crate::unit_fit::load_share;
+
+/// Unknowns of one window: the shared ones, load and integral in shares of the largest torque.
+const WINDOW_COUNT: usize = UNIT_PARAMETER_COUNT + 2;
+
+/// Iterations at most.
+const ITERATIONS: u32 = 15;
+
+/// A step of the shared unknowns below this share of their tolerances ends the fit.
+const TOLERANCE: f64 = 1e-3;
+
+/// Step of the finite differences of load and integral.
+const OWN_DIFFERENCE: f64 = 2e-3;
+
+/// Step of the finite differences of a parameter, as a share of its tolerance.
+const DIFFERENCE_SHARE: f64 = 0.1;
+
+/// Range of the deviations, as shares.
+const RANGE: [f64; 2] = [-0.9, 9.0];
+
+/// What a fit found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UnitParametersFit {
+    /// The deviations.
+    pub parameters: UnitParameters,
+    /// Mean cost of the windows.
+    pub cost: f64,
+}
+
+type Shared = SVector<f64, UNIT_PARAMETER_COUNT>;
+type Own = SVector<f64, 2>;
+
+/// Fits the parameters of one unit to healthy windows of it; all comparisons have the type's parameters. The prior of the first
+/// one's motor stands for the tolerances of R and k, `of_type` has the others.
+///
+/// Gauss–Newton with half steps back; each window's own unknowns are eliminated (Schur complement). `None` without windows, or
+/// where sums are not finite.
+#[must_use]
+pub fn fit_unit_parameters(windows: &[Comparison<'_>], of_type: &Tolerances) -> Option<UnitParametersFit> {
+    let first = windows.first()?;
+    let of_motor = first.prior.motor;
+    let mut prior = SMatrix::<f64, UNIT_PARAMETER_COUNT, UNIT_PARAMETER_COUNT>::from_diagonal(
+        &tolerances(of_type).map(|t| 1.0 / (t * t)),
+    );
+    if let Some(known) = of_motor.information() {
+        prior
+            .fixed_view_mut::<2, 2>(0, 0)
+            .copy_from(&nalgebra::Matrix2::from_fn(|r, c| known[r][c]));
+    }
+    let mut expected = Shared::zeros();
+    (expected[0], expected[1]) = (of_motor.mean.resistance, of_motor.mean.back_emf);
+
+    let mut shared = expected;
+    let mut own: Vec<Own> = windows
+        .par_iter()
+        .map(|window| Own::new(load_share(window), 0.0))
+        .collect();
+    let mut last: Option<(f64, Shared, Vec<Own>)> = None;
+    for _ in 0..ITERATIONS {
+        let sums: Vec<Sums> = windows
+            .par_iter()
+            .zip(&own)
+            .map(|(window, own)| Sums::of(window, &shared, own))
+            .collect();
+        let off = shared - expected;
+        let cost = sums.iter().map(|sums| sums.cost).sum::<f64>() + 0.5 * off.dot(&(prior * off));
+        if let Some((least, good, good_own)) = &last
+            && (cost > *least || !cost.is_finite())
+        {
+            let back = (good - shared) * 0.5;
+            shared += back;
+            own = own.iter().zip(good_own).map(|(a, b)| 0.5 * (a + b)).collect();
+            if is_small(&back) {
+                break;
+            }
+            continue;
+        }
+        last = Some((cost, shared, own.clone()));
+        let (mut information, mut gradient) = (prior, prior * off);
+        for sums in &sums {
+            let (of_window, along) = sums.without_own();
+            information += of_window;
+            gradient += along;
+        }
+        let step = -(information.try_inverse()? * gradient);
+        let moved = (shared + step).map(|x| x.clamp(RANGE[0], RANGE[1]));
+        for (own, sums) in own.iter_mut().zip(&sums) {
+            *own += sums.own_step(&(moved - shared));
+        }
+        let step = moved - shared;
+        shared = moved;
+        if is_small(&step) {
+            break;
+        }
+    }
+
+    let (_, shared, own) = last?;
+    let sums: Vec<Sums> = windows
+        .par_iter()
+        .zip(&own)
+        .map(|(window, own)| Sums::of(window, &shared, own))
+        .collect();
+    let samples: usize = windows.iter().map(|window| window.recording.samples.len()).sum();
+    let cost = sums.iter().map(|sums| sums.cost).sum::<f64>() / samples.max(1) as f64;
+    let signals = first.weights.to_array().iter().filter(|w| **w > 0.0).count() as f64;
+    let excess = (2.0 * cost / signals).max(1.0);
+    // The prior does not become worse where the windows fit badly.
+    let information = sums.iter().fold(prior, |sum, sums| sum + sums.without_own().0 / excess);
+    let covariance = information.try_inverse()?;
+    let deviation = |parameter: UnitParameter| Deviation {
+        share: shared[parameter as usize],
+        sigma: covariance[(parameter as usize, parameter as usize)].max(0.0).sqrt(),
+    };
+    let parameters = UnitParameters {
+        resistance: deviation(UnitParameter::Resistance),
+        back_emf: deviation(UnitParameter::BackEmf),
+        inductance: deviation(UnitParameter::Inductance),
+        inertia: deviation(UnitParameter::Inertia),
+        viscous_damping: deviation(UnitParameter::Damping),
+        dry_friction: deviation(UnitParameter::DryFriction),
+        resistance_back_emf_correlation: covariance[(0, 1)] / (covariance[(0, 0)] * covariance[(1, 1)]).sqrt(),
+    };
+    cost.is_finite().then_some(UnitParametersFit { parameters, cost })
+}
+
+fn tolerances(of_type: &Tolerances) -> Shared {
+    Shared::from_iterator(UnitParameter::ALL.map(|parameter| parameter.tolerance(of_type)))
+}
+
+fn is_small(step: &Shared) -> bool {
+    step.component_div(&tolerances(&Tolerances::USUAL)).amax() < TOLERANCE
+}
+
+/// Normal equations of one window.
+struct Sums {
+    ata: SMatrix<f64, WINDOW_COUNT, WINDOW_COUNT>,
+    atr: SVector<f64, WINDOW_COUNT>,
+    cost: f64,
+}
+
+impl Sums {
+    fn of(window: &Comparison<'_>, shared: &Shared, own: &Own) -> Self {
+        let at = residuals(window, shared, own);
+        let tolerances = tolerances(&Tolerances::USUAL);
+        let columns: Vec<Vec<f64>> = (0..WINDOW_COUNT)
+            .map(|place| {
+                let (mut shared, mut own) = (*shared, *own);
+                let step = if place < UNIT_PARAMETER_COUNT {
+                    let step = DIFFERENCE_SHARE * tolerances[place];
+                    shared[place] += step;
+                    step
+                } else {
+                    own[place - UNIT_PARAMETER_COUNT] += OWN_DIFFERENCE;
+                    OWN_DIFFERENCE
+                };
+                let moved = residuals(window, &shared, &own);
+                moved.iter().zip(&at).map(|(moved, at)| (moved - at) / step).collect()
+            })
+            .collect();
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        Self {
+            ata: SMatrix::from_fn(|r, c| dot(&columns[r], &columns[c])),
+            atr: SVector::from_fn(|r, _| dot(&columns[r], &at)),
+            cost: 0.5 * dot(&at, &at),
+        }
+    }
+
+    fn own_inverse(&self) -> SMatrix<f64, 2, 2> {
+        let own = self.ata.fixed_view::<2, 2>(UNIT_PARAMETER_COUNT, UNIT_PARAMETER_COUNT);
+        let regular = own + SMatrix::<f64, 2, 2>::identity() * 1e-9;
+        regular.try_inverse().unwrap_or_else(SMatrix::zeros)
+    }
+
+    /// Information and gradient of the shared unknowns.
+    fn without_own(&self) -> (SMatrix<f64, UNIT_PARAMETER_COUNT, UNIT_PARAMETER_COUNT>, Shared) {
+        let coupling = self.ata.fixed_view::<UNIT_PARAMETER_COUNT, 2>(0, UNIT_PARAMETER_COUNT);
+        let projected = coupling * self.own_inverse();
+        let shared = self.ata.fixed_view::<UNIT_PARAMETER_COUNT, UNIT_PARAMETER_COUNT>(0, 0);
+        let own_gradient = self.atr.fixed_rows::<2>(UNIT_PARAMETER_COUNT);
+        (
+            shared - projected * coupling.transpose(),
+            self.atr.fixed_rows::<UNIT_PARAMETER_COUNT>(0) - projected * own_gradient,
+        )
+    }
+
+    /// Step of load and integral for a step of the shared unknowns.
+    fn own_step(&self, step: &Shared) -> Own {
+        let coupling = self.ata.fixed_view::<UNIT_PARAMETER_COUNT, 2>(0, UNIT_PARAMETER_COUNT);
+        -(self.own_inverse() * (self.atr.fixed_rows::<2>(UNIT_PARAMETER_COUNT) + coupling.transpose() * step))
+    }
+}
+
+/// Weighted residuals of a window.
+fn residuals(window: &Comparison<'_>, shared: &Shared, own: &Own) -> Vec<f64> {
+    let mut params: ActuatorParams = *window.params;
+    for parameter in UnitParameter::ALL {
+        if !matches!(parameter, UnitParameter::Resistance | UnitParameter::BackEmf) {
+            apply(parameter, shared[parameter as usize], &mut params);
+        }
+    }
+    let mut compared = *window;
+    compared.params = &params;
+    compared.prior.motor = MotorKnowledge::default();
+    let scale = Scale::new(window.params);
+    let mut x = scale.coordinates(&compared.unknowns_with_fault(FaultVector::NOMINAL));
+    (x.0[LOAD_COORDINATE], x.0[LOAD_COORDINATE + 1]) = (own[0], own[1]);
+    let unknowns = Unknowns {
+        motor: MotorDeviation {
+            resistance: shared[0],
+            back_emf: shared[1],
+        },
+        ..scale.unknowns(&x)
+    };
+    let weights = window.weights.to_array();
+    let mut residuals = Vec::with_capacity(weights.len() * window.recording.samples.len());
+    compared.residuals(&unknowns, |_, r| {
+        residuals.extend(r.to_array().iter().zip(&weights).map(|(r, weight)| r * weight));
+    });
+    residuals
+}

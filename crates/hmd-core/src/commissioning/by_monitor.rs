@@ -1,0 +1,140 @@
+//! The monitor of one unit: its parameters from all windows, then the apparent fault vector of each.
+
+use ema_identify::relations::ELEMENT_COUNT;
+use ema_identify::unit_calibration::{ElementStatistics, UnitMonitor, UnitParameter, elements_of};
+use ema_identify::unit_estimate::{USUAL_COST, corrected};
+use ema_identify::unit_parameters_fit::fit_unit_parameters;
+use ema_identify::{Estimate, Identifier, Prepared};
+use ema_models::{Conditions, Tolerances};
+
+use super::evidence::Evidence;
+use super::{CommissioningError, FarParameter, TOLERANCES_MAX};
+use crate::assess::{AssessError, Assessor, conditions};
+use crate::outbox::WindowJob;
+use crate::outliers::identify_without_outliers;
+
+/// Tolerances from its type within which a parameter is usual.
+const USUAL_TOLERANCES: f64 = 1.0;
+
+/// A monitor that was learnt.
+pub(super) struct MonitorLearnt {
+    pub(super) unit: UnitMonitor,
+    pub(super) evidence: Evidence,
+}
+
+/// Learns the monitor of a unit; `None` where the windows do not determine it.
+///
+/// # Errors
+/// Those of the configuration.
+pub(super) fn learn_monitor(
+    assessor: &Assessor,
+    jobs: &mut [WindowJob],
+    seed: u64,
+    progress: &dyn Fn(u64),
+) -> Result<Option<MonitorLearnt>, CommissioningError> {
+    let Some(unit) = fit(assessor, jobs)? else {
+        progress(jobs.len() as u64);
+        return Ok(None);
+    };
+    let mut estimates: Vec<Estimate> = Vec::with_capacity(jobs.len());
+    for job in &mut *jobs {
+        let (mut identifier, conditions) = of_type(assessor, job)?;
+        identifier.params = unit.parameters.applied_to(&job.params);
+        identifier.motor = crate::assess::motor_knowledge_at(unit.motor(), job.conditions.winding_temp_deg_c);
+        let (_, estimate) =
+            identify_without_outliers(&identifier, &mut job.window, conditions, seed).map_err(AssessError::from)?;
+        estimates.push(estimate);
+        progress(1);
+    }
+    let shown: Vec<[Option<f64>; ELEMENT_COUNT]> = estimates
+        .iter()
+        .map(|estimate| {
+            let elements = elements_of(&estimate.fault);
+            std::array::from_fn(|n| {
+                let parameter = ema_identify::relations::Element::ALL[n].fault().parameter();
+                estimate.observable[parameter].then_some(elements[n])
+            })
+        })
+        .collect();
+    let unit = UnitMonitor {
+        cost: estimates.iter().map(|estimate| estimate.cost).sum::<f64>() / estimates.len() as f64,
+        baseline: ElementStatistics::of_windows(&shown),
+        ..unit
+    };
+    let of_unit: Vec<Estimate> = estimates
+        .into_iter()
+        .map(|estimate| corrected(&unit, estimate).estimate)
+        .collect();
+    let sigmas: Vec<_> = of_unit.iter().map(|estimate| estimate.sigma).collect();
+    let explained = of_unit.iter().filter(|estimate| !estimate.is_unmodelled()).count();
+    Ok(Some(MonitorLearnt {
+        evidence: Evidence::new(&sigmas, explained),
+        unit,
+    }))
+}
+
+/// The parameters of the unit; cost and baseline are still open.
+fn fit(assessor: &Assessor, jobs: &[WindowJob]) -> Result<Option<UnitMonitor>, CommissioningError> {
+    let mut prepared = Vec::with_capacity(jobs.len());
+    for job in jobs {
+        let (identifier, conditions) = of_type(assessor, job)?;
+        let window = &job.window;
+        let samples = Prepared::new(&identifier.params, &window.samples, &window.filled, window.trigger);
+        prepared.push((identifier, samples, conditions));
+    }
+    let coefficients: Vec<_> = prepared
+        .iter()
+        .map(|(identifier, ..)| identifier.calibration.coefficients())
+        .collect();
+    let compared: Vec<_> = prepared
+        .iter()
+        .zip(&coefficients)
+        .map(|((identifier, window, conditions), coefficients)| {
+            identifier.comparison(window, coefficients, *conditions)
+        })
+        .collect();
+    let of_type = jobs.first().map_or(Tolerances::USUAL, |job| job.actuator.tolerances);
+    Ok(fit_unit_parameters(&compared, &of_type).map(|fit| UnitMonitor {
+        cost: fit.cost,
+        parameters: fit.parameters,
+        baseline: Default::default(),
+    }))
+}
+
+/// The identifier of the type for a window, every number known exactly, and the window's conditions.
+fn of_type(assessor: &Assessor, job: &WindowJob) -> Result<(Identifier, Conditions), CommissioningError> {
+    let window = job.window.number;
+    let conditions = conditions(job).map_err(|sentence| CommissioningError::Conditions { window, sentence })?;
+    let mut identifier = assessor.identifier_of(job)?;
+    identifier.tolerances = Tolerances::NONE;
+    Ok((identifier, conditions))
+}
+
+impl MonitorLearnt {
+    /// Whether a parameter that is far from its type is the unit's own: the windows are explained like those of the type, and all
+    /// other parameters are usual. Another drive than the type's moves several of them, or leaves a larger cost.
+    pub(super) fn is_certain(&self, of_type: &Tolerances) -> bool {
+        let distance =
+            |parameter: UnitParameter| self.unit.parameters.of(parameter).share.abs() / parameter.tolerance(of_type);
+        let unusual = UnitParameter::ALL
+            .into_iter()
+            .filter(|&parameter| distance(parameter) > USUAL_TOLERANCES);
+        self.unit.cost <= USUAL_COST && unusual.count() <= 1
+    }
+
+    /// The first parameter that is far from the type.
+    pub(super) fn far_parameter(&self, job: &WindowJob) -> Option<FarParameter> {
+        UnitParameter::ALL.into_iter().find_map(|parameter| {
+            let share = self.unit.parameters.of(parameter).share;
+            let of_type = parameter.value(&job.params);
+            let tolerance = parameter.tolerance(&job.actuator.tolerances);
+            (share.abs() > TOLERANCES_MAX * tolerance).then(|| FarParameter {
+                type_name: job.actuator.type_name.clone(),
+                key: parameter.key(),
+                of_type,
+                found: (1.0 + share) * of_type,
+                tolerance: tolerance * of_type,
+            })
+        })
+    }
+}

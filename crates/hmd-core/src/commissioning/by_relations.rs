@@ -1,0 +1,134 @@
+//! The relations of one unit, and what they say of windows that were left out.
+
+use ema_identify::relations::{
+    BalanceShape, CommissionError, CommissionedRelations, Element, MeasuredWindow, Term, commission,
+};
+use ema_identify::unit_calibration::{UnitParameter, UnitRelations, nominal_elements};
+use ema_identify::unit_estimate::{AlignedWindow, estimate_by_relations};
+use ema_models::{FaultVector, SensedSample};
+
+use super::evidence::Evidence;
+use super::{FarParameter, TOLERANCES_MAX};
+use crate::outbox::WindowJob;
+
+/// Fewest windows of which one is left out at a time.
+const LEFT_OUT_FROM: usize = 6;
+
+/// Factor on sigmas where no window could be left out.
+const UNTESTED_FACTOR: f64 = 2.0;
+
+/// Tolerance of the play, as a share of the type's.
+const PLAY_TOLERANCE: f64 = 0.5;
+
+/// Relations that were learnt.
+pub(super) struct RelationsLearnt {
+    pub(super) unit: UnitRelations,
+    pub(super) evidence: Evidence,
+}
+
+/// Learns the relations of a unit.
+///
+/// # Errors
+/// The windows do not determine them.
+pub(super) fn learn_relations(jobs: &[WindowJob]) -> Result<RelationsLearnt, CommissionError> {
+    let aligned: Vec<AlignedWindow<'_>> = jobs
+        .iter()
+        .map(|job| AlignedWindow::new(&job.params, &job.window.samples, &job.window.filled))
+        .collect();
+    let windows: Vec<MeasuredWindow<'_, SensedSample>> = aligned.iter().map(AlignedWindow::measured).collect();
+    let shape = BalanceShape::usual(&jobs[0].params);
+    let commissioned = commission(&windows, &shape)?;
+    let left_out = windows.len() >= LEFT_OUT_FROM;
+    let mut found = Vec::with_capacity(windows.len());
+    for n in 0..windows.len() {
+        let of_others = if left_out {
+            let mut others = windows.clone();
+            others.remove(n);
+            commission(&others, &shape)?
+        } else {
+            commissioned
+        };
+        found.push(of_others.estimate(&windows[n]));
+    }
+    let rms = found.iter().map(|found| found.torque_residual_rms).sum::<f64>() / found.len() as f64;
+    let sigma_factors = Element::ALL.map(|element| {
+        let parameter = element.fault().parameter();
+        let nominal = if parameter == ECCENTRICITY {
+            0.0
+        } else {
+            nominal_elements()[element as usize]
+        };
+        // The amplitude of the eccentricity has two components.
+        let components = if parameter == ECCENTRICITY { 2.0 } else { 1.0 };
+        let squares: Vec<f64> = found
+            .iter()
+            .filter_map(|found| Some((found.k[parameter] - nominal) / found.sigma[parameter]?))
+            .map(|ratio| ratio * ratio / components)
+            .collect();
+        let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+        let untested = if left_out { 1.0 } else { UNTESTED_FACTOR };
+        mean.sqrt().max(untested)
+    });
+    let unit = UnitRelations {
+        residual_rms_nm: rms,
+        sigma_factors,
+        commissioned,
+    };
+    let sigmas: Vec<_> = aligned
+        .iter()
+        .map(|window| estimate_by_relations(&unit, window, false).estimate.sigma)
+        .collect();
+    let explained = found.iter().filter(|found| found.torque_rows > 0).count();
+    Ok(RelationsLearnt {
+        evidence: Evidence::new(&sigmas, explained),
+        unit,
+    })
+}
+
+const ECCENTRICITY: usize = FaultVector::ECCENTRICITY_PHASE_INDEX - 1;
+
+impl RelationsLearnt {
+    /// The first parameter that is far from the type. Torques are relative to the type's k.
+    pub(super) fn far_parameter(&self, job: &WindowJob) -> Option<FarParameter> {
+        let CommissionedRelations { balance, baseline, .. } = &self.unit.commissioned;
+        let tolerances = &job.actuator.tolerances;
+        let of_torque = |parameter: UnitParameter| {
+            parameter
+                .tolerance(tolerances)
+                .hypot(UnitParameter::BackEmf.tolerance(tolerances))
+        };
+        let far = |key, of_type: f64, found: f64, share: f64| FarParameter {
+            type_name: job.actuator.type_name.clone(),
+            key,
+            of_type,
+            found,
+            tolerance: share * of_type,
+        };
+        let of_balance = [
+            (UnitParameter::Inertia, balance.of(Term::Inertia)),
+            (UnitParameter::DryFriction, balance.of(Term::DryFriction)),
+            (UnitParameter::Damping, balance.of(Term::Damping)),
+        ]
+        .map(|(parameter, found)| {
+            far(
+                parameter.key(),
+                parameter.value(&job.params),
+                found,
+                of_torque(parameter),
+            )
+        });
+        let play = baseline[Element::Backlash as usize];
+        // The scatter from window to window is no property of the unit.
+        let sure = (play.mean - TOLERANCES_MAX * play.scatter).max(0.0);
+        let play = far(
+            "transmission.backlash_rad",
+            job.params.transmission.backlash,
+            sure,
+            PLAY_TOLERANCE,
+        );
+        of_balance
+            .into_iter()
+            .chain([play])
+            .find(|far| far.found - far.of_type > TOLERANCES_MAX * far.tolerance)
+    }
+}

@@ -7,9 +7,9 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use ema_models::FAULT_COUNT;
-use ema_models::reference::{Effects, Scenario};
+use ema_models::reference::{Drive, Effects, Scenario};
 use ema_wire::ActuatorId;
-use hmd_core::frame::{BusError, BusNames};
+use hmd_core::frame::{BusError, BusNames, RawFrame};
 use hmd_ingest::candump::{Decimals, emit};
 use hmd_storage::mcap_writer::{McapWriteError, McapWriter, SyncedFile};
 use serde::ser::SerializeMap;
@@ -56,6 +56,14 @@ pub enum RecordingError {
         /// The error of the system.
         cause: io::Error,
     },
+    /// The simulated state left all numbers; the log ends there, without truth.
+    #[error("{path}: expected a simulation with finite currents and angles, found one that diverges at {time_s} s")]
+    Diverged {
+        /// The log.
+        path: String,
+        /// Time in the scenario, s.
+        time_s: f64,
+    },
     /// The MCAP file cannot be written.
     #[error("{path}: {cause}")]
     Mcap {
@@ -66,22 +74,29 @@ pub enum RecordingError {
     },
 }
 
-/// Writes the log of a scenario, and its truth as `LOG.truth.jsonl` beside it.
+/// Writes the log of a scenario, and its truth as `LOG.truth.jsonl` beside it. The truth names the drive where it is not that of
+/// the type, or any effect is on.
 ///
 /// # Errors
-/// A file that cannot be written.
+/// A file that cannot be written, or a simulation that diverges.
 pub fn write(
     log: &Path,
     format: RecordingFormat,
     scenario: &Scenario,
+    drive_of_type: &Drive,
     actuator: ActuatorId,
 ) -> Result<(), RecordingError> {
+    let mut frames = traffic(scenario, actuator, EPOCH_NS);
     match format {
-        RecordingFormat::Mcap => write_mcap(log, scenario, actuator)?,
-        RecordingFormat::Candump => write_candump(log, scenario, actuator).map_err(|e| io_error(log, e))?,
+        RecordingFormat::Mcap => write_mcap(log, scenario.seed, &mut frames)?,
+        RecordingFormat::Candump => write_candump(log, &mut frames).map_err(|e| io_error(log, e))?,
+    }
+    if let Some(time_s) = frames.diverged() {
+        let path = log.display().to_string();
+        return Err(RecordingError::Diverged { path, time_s });
     }
     let truth = truth_path(log);
-    write_truth(&truth, scenario, actuator).map_err(|e| io_error(&truth, e))
+    write_truth(&truth, scenario, drive_of_type, actuator).map_err(|e| io_error(&truth, e))
 }
 
 /// `LOG.truth.jsonl` beside `LOG`.
@@ -97,13 +112,13 @@ fn io_error(path: &Path, cause: io::Error) -> RecordingError {
     RecordingError::Io { path, cause }
 }
 
-fn write_mcap(log: &Path, scenario: &Scenario, actuator: ActuatorId) -> Result<(), RecordingError> {
+fn write_mcap(log: &Path, seed: u64, frames: impl Iterator<Item = RawFrame>) -> Result<(), RecordingError> {
     let mut names = BusNames::new();
     names.intern(INTERFACE)?;
     let metadata = [
         ("build", concat!("hmd ", env!("CARGO_PKG_VERSION")).to_owned()),
         ("clock_source", "simulated".to_owned()),
-        ("seed", scenario.seed.to_string()),
+        ("seed", seed.to_string()),
     ];
     let metadata = metadata.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
     let failed = |cause| RecordingError::Mcap {
@@ -112,17 +127,17 @@ fn write_mcap(log: &Path, scenario: &Scenario, actuator: ActuatorId) -> Result<(
     };
     let file = SyncedFile::new(File::create(log).map_err(|e| io_error(log, e))?);
     let mut writer = McapWriter::new(file, &metadata).map_err(failed)?;
-    for frame in traffic(scenario, actuator, EPOCH_NS) {
+    for frame in frames {
         writer.write_frame(&frame, &names).map_err(failed)?;
     }
     writer.finish().map_err(failed)?;
     Ok(())
 }
 
-fn write_candump(log: &Path, scenario: &Scenario, actuator: ActuatorId) -> io::Result<()> {
+fn write_candump(log: &Path, frames: impl Iterator<Item = RawFrame>) -> io::Result<()> {
     let mut file = BufWriter::new(File::create(log)?);
     let mut line = Vec::new();
-    for frame in traffic(scenario, actuator, EPOCH_NS) {
+    for frame in frames {
         line.clear();
         emit(&frame, INTERFACE, Decimals::Six, &mut line);
         file.write_all(&line)?;
@@ -136,7 +151,7 @@ struct Truth<'a> {
     actuator: &'a str,
     window: u32,
     k: [f64; FAULT_COUNT],
-    /// Kind of drive, where any effect is on.
+    /// Kind of drive, where it is not that of the type or any effect is on.
     #[serde(skip_serializing_if = "Option::is_none")]
     drive: Option<&'static str>,
     /// Values of everything that is on, by name.
@@ -157,19 +172,43 @@ impl Serialize for Active<'_> {
     }
 }
 
-fn write_truth(path: &Path, scenario: &Scenario, actuator: ActuatorId) -> io::Result<()> {
+fn write_truth(path: &Path, scenario: &Scenario, drive_of_type: &Drive, actuator: ActuatorId) -> io::Result<()> {
     let name = actuator.to_string();
     let effects = (!scenario.effects.are_off()).then_some(&scenario.effects);
+    let drive = &scenario.effects.drive;
+    let names_drive = effects.is_some() || drive.name() != drive_of_type.name();
     let mut file = BufWriter::new(File::create(path)?);
     for window in 0..scenario.actuations.count {
         let line = Truth {
             actuator: &name,
             window,
             k: scenario.fault.to_array(),
-            drive: effects.map(|effects| effects.drive.name()),
+            drive: names_drive.then(|| drive.name()),
             effects: effects.map(Active),
         };
         writeln!(file, "{}", serde_json::to_string(&line)?)?;
     }
     file.flush()
+}
+
+#[cfg(test)]
+mod tests {
+    use ema_models::{ActuatorParams, FaultVector};
+
+    use super::*;
+
+    #[test]
+    fn a_simulation_that_diverges_is_an_error_and_has_no_truth() {
+        let folder = std::env::temp_dir();
+        let mut scenario = Scenario::new(ActuatorParams::bench(), FaultVector::NOMINAL, 1);
+        scenario.unit.motor.l_s = 1e-12;
+        scenario.unit.motor.j = 1e-12;
+        for (name, format) in [("a.log", RecordingFormat::Candump), ("a.mcap", RecordingFormat::Mcap)] {
+            let log = folder.join(format!("diverges-{}-{name}", std::process::id()));
+            let error = write(&log, format, &scenario, &Drive::Hysteresis, ActuatorId::new(0).unwrap()).unwrap_err();
+            assert!(matches!(error, RecordingError::Diverged { .. }), "{error}");
+            assert!(!truth_path(&log).exists());
+            std::fs::remove_file(&log).unwrap();
+        }
+    }
 }

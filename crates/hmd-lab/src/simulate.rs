@@ -1,6 +1,6 @@
 //! A simulated actuator's traffic: the reference model's samples as the frames its control electronics would send.
 
-use ema_models::reference::Scenario;
+use ema_models::reference::{Scenario, ScenarioRun};
 use ema_models::{SensedSample, Setpoint};
 use ema_wire::can::Status;
 use ema_wire::{ActuatorId, Frame, Mode, Sample, quantity};
@@ -33,11 +33,7 @@ pub struct Traffic<I> {
 /// Its status reports the temperature of the unit, but of supply and load only what the scenario has without its effects: nothing
 /// measures these.
 #[must_use]
-pub fn traffic(
-    scenario: &Scenario,
-    actuator: ActuatorId,
-    start_ns: u64,
-) -> Traffic<impl Iterator<Item = SensedSample> + use<>> {
+pub fn traffic(scenario: &Scenario, actuator: ActuatorId, start_ns: u64) -> Traffic<ScenarioRun> {
     let rate = scenario.nominal.sensors.sample_rate;
     Traffic {
         samples: scenario.run(),
@@ -76,6 +72,14 @@ impl<I: Iterator<Item = SensedSample>> Iterator for Traffic<I> {
             }
         }
         self.queue.pop_front()
+    }
+}
+
+impl Traffic<ScenarioRun> {
+    /// Time at which the frames ended because the simulated state was no longer finite, s.
+    #[must_use]
+    pub fn diverged(&self) -> Option<f64> {
+        self.samples.diverged()
     }
 }
 

@@ -33,7 +33,7 @@ use soak_rig::{ACTUATORS, ACTUATORS_PER_BUS, BUSES, Bus, FRAMES_PER_SECOND, Temp
 const GROWTH_MAX_KIB: u64 = 1024;
 
 /// Most that the heap may grow in two minutes after the first three, bytes: half a byte kept of each frame is more.
-const HEAP_GROWTH_MAX: usize = 1 << 20;
+const HEAP_GROWTH_MAX: usize = 3 << 19;
 
 /// Most that the program may hold with sixteen actuators at 400 Hz, KiB.
 const RESIDENT_MAX_KIB: u64 = 32 * 1024;

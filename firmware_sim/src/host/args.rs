@@ -35,7 +35,7 @@ pub(crate) struct Args {
     /// One effect of a real actuator by name, as in hmd simulate (hmd simulate --list-effects prints all).
     #[arg(long, value_parser = effect, value_name = "EFFECT=VALUE")]
     with: Vec<EffectSettings>,
-    /// Power electronics; default hysteresis.
+    /// Power electronics; default those of the type.
     #[arg(long, value_parser = drive, value_name = "hysteresis|vector")]
     drive: Option<Drive>,
     /// Command of each actuation.

@@ -5,7 +5,7 @@
 
 use core::fmt;
 
-use super::effects::{Drive, EFFECTS, EffectError, Effects};
+use super::effects::{Drive, EFFECTS, EffectError, Effects, VectorDrive};
 
 /// Values by name and the kind of drive, not yet checked together.
 ///
@@ -19,7 +19,8 @@ use super::effects::{Drive, EFFECTS, EffectError, Effects};
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EffectSettings {
-    /// Kind of drive, with its usual parameters; `None` for the drive of the actuator's type.
+    /// Kind of drive; `None` for the drive of the actuator's type, which also holds where it is of this kind. Another kind has its
+    /// usual parameters.
     pub drive: Option<Drive>,
     /// Values in the order of [`EFFECTS`].
     values: [Option<f64>; EFFECTS.len()],
@@ -47,6 +48,13 @@ pub enum EffectConflict {
         /// The effect.
         part_of: &'static str,
     },
+    /// A parameter of an effect whose value is that without the effect.
+    EffectOff {
+        /// The parameter.
+        name: &'static str,
+        /// The effect.
+        part_of: &'static str,
+    },
 }
 
 impl fmt::Display for EffectConflict {
@@ -57,6 +65,12 @@ impl fmt::Display for EffectConflict {
             }
             Self::WithoutEffect { name, part_of } => {
                 write!(f, "{name}: expected {part_of} as well, of which it is a parameter")
+            }
+            Self::EffectOff { name, part_of } => {
+                write!(
+                    f,
+                    "{name}: expected {part_of}, of which it is a parameter, other than 0"
+                )
             }
         }
     }
@@ -111,15 +125,21 @@ impl EffectSettings {
     /// # Errors
     /// The first value without the drive or the effect that it is a parameter of.
     pub fn effects_on(&self, drive_of_type: Drive) -> Result<Effects, EffectConflict> {
+        // A kind that the type has too is the type's, with its carrier and bandwidth.
+        let other_kind = self.drive.filter(|drive| drive.name() != drive_of_type.name());
         let mut effects = Effects {
-            drive: self.drive.unwrap_or(drive_of_type),
+            drive: other_kind.unwrap_or(drive_of_type),
             ..Effects::default()
         };
         for (info, value) in EFFECTS.iter().zip(self.values) {
             let Some(value) = value else { continue };
             let name = info.name;
-            if let Some(part_of) = info.part_of.filter(|part_of| !self.has(part_of)) {
-                return Err(EffectConflict::WithoutEffect { name, part_of });
+            if let Some(part_of) = info.part_of {
+                match self.is_on(part_of) {
+                    None => return Err(EffectConflict::WithoutEffect { name, part_of }),
+                    Some(false) => return Err(EffectConflict::EffectOff { name, part_of }),
+                    Some(true) => {}
+                }
             }
             let drive = effects.drive;
             // `Self::set` has accepted this value.
@@ -131,11 +151,19 @@ impl EffectSettings {
         Ok(effects)
     }
 
-    fn has(&self, name: &str) -> bool {
-        EFFECTS
-            .iter()
-            .zip(self.values)
-            .any(|(info, value)| info.name == name && value.is_some())
+    /// Whether the value of an effect differs from that without it; `None` where it is not set.
+    fn is_on(&self, name: &str) -> Option<bool> {
+        let mut values = EFFECTS.iter().zip(self.values);
+        let value = values.find_map(|(info, value)| value.filter(|_| info.name == name))?;
+        // Beside the vector drive, so that a parameter of it changes no kind.
+        let without = Effects {
+            drive: Drive::Vector(VectorDrive::default()),
+            ..Effects::default()
+        };
+        let mut with = without;
+        // `Self::set` has accepted this value.
+        let _ = with.set(name, value);
+        Some(with != without)
     }
 }
 
@@ -168,7 +196,27 @@ mod tests {
         let late = effects(None, &[("dead_time_s", 1e-6)]).unwrap();
         let drive = late.vector_drive().unwrap();
         assert_eq!((drive.pwm_frequency, drive.dead_time), (16e3, 1e-6));
+        assert_eq!(effects(Some("vector"), &[]).unwrap().drive, on_type);
         assert_eq!(effects(Some("hysteresis"), &[]), Ok(Effects::default()));
+    }
+
+    #[test]
+    fn an_effect_at_its_value_without_effect_is_off_and_has_no_parameters() {
+        for info in EFFECTS {
+            let Some(part_of) = info.part_of else { continue };
+            let name = info.name;
+            let together = |value| settings(Some("vector"), [(part_of, value), (name, info.usual.1)]).effects();
+            let effect = EFFECTS.iter().find(|effect| effect.name == part_of).unwrap();
+            assert!(together(effect.usual.1).is_ok(), "{name}");
+            if part_of == "short_resistance_ohm" {
+                // Turns that are shorted without resistance.
+                assert!(together(0.0).is_ok());
+                continue;
+            }
+            assert_eq!(together(0.0), Err(EffectConflict::EffectOff { name, part_of }));
+            let alone = settings(Some("vector"), [(part_of, 0.0)]).effects();
+            assert_eq!(alone, settings(Some("vector"), []).effects());
+        }
     }
 
     #[test]

@@ -130,14 +130,17 @@ impl Scenario {
         let theta_out = theta_m / reference.gear_ratio + place * reference.half_play;
         let lsb = self.nominal.sensors.output_lsb();
         let seen = self.effects.sensors.output_angle(theta_out);
+        let at_rest = DetailedState::at_rest(theta_m, theta_out, reference.gear_ratio);
         ScenarioRun {
-            state: DetailedState::at_rest(theta_m, theta_out, reference.gear_ratio),
+            state: at_rest,
+            earlier: at_rest,
             reference,
             detailed: self.detailed(),
             scenario: self.clone(),
             rest_angle: encoder_count(seen, lsb) as f64 * lsb,
             sign,
             seq: 0,
+            diverged: false,
             samples: libm::round(self.actuations.duration() * self.nominal.sensors.sample_rate) as u64,
             steps_per_sample: libm::round(1.0 / (self.nominal.sensors.sample_rate * REFERENCE_STEP)) as u64,
             rng,
@@ -183,27 +186,47 @@ impl Scenario {
     }
 }
 
-/// A running simulation, an iterator of samples.
+/// A running simulation, an iterator of samples. It ends early where the state is no longer finite ([`ScenarioRun::diverged`]).
 #[derive(Clone, Debug)]
 pub struct ScenarioRun {
     reference: Reference,
     /// The model with effects, which then takes the place of `reference`.
     detailed: Option<DetailedReference>,
     state: DetailedState,
+    /// With effects, the state at the earlier of the two instants of the last sample; `state` is that at the later one.
+    earlier: DetailedState,
     scenario: Scenario,
     rest_angle: f64,
     sign: f64,
     seq: u64,
     samples: u64,
+    /// Whether the samples ended before `seq` because the state was no longer finite.
+    diverged: bool,
     steps_per_sample: u64,
     rng: ChaCha8Rng,
 }
 
 impl ScenarioRun {
-    /// The true state one sample period after the last sample; with effects, at the instant of the last sample.
+    /// The true state one sample period after the last sample; with effects, at the instant of the last
+    /// sample, the later one where currents and angles have two.
     #[must_use]
     pub fn state(&self) -> &ReferenceState {
         &self.state.shaft
+    }
+
+    /// Time at which the samples ended because the state was no longer finite, s.
+    #[must_use]
+    pub fn diverged(&self) -> Option<f64> {
+        self.diverged
+            .then(|| self.seq as f64 / self.scenario.nominal.sensors.sample_rate)
+    }
+
+    /// Whether the quantities that reach a sample are numbers.
+    fn is_finite(&self, sample: &SensedSample) -> bool {
+        let shaft = &self.state.shaft;
+        sample.currents.iter().chain(&shaft.i).all(|i| i.is_finite())
+            && shaft.theta_m.is_finite()
+            && shaft.theta_out.is_finite()
     }
 
     /// Changes the fault vector; the motion continues from its present state.
@@ -240,9 +263,10 @@ impl ScenarioRun {
         sample
     }
 
-    /// The next sample of a unit with effects: the model runs to the instants at which currents and angles are latched.
+    /// The next sample of a unit with effects: currents and angles are latched at instants of their own.
     ///
-    /// An instant before the first step, or before the other instant of the last sample, counts as the present one.
+    /// The motion does not depend on the samples, so the state of each instant is reached from the nearest one before it; an
+    /// instant of angles may lie before the currents of earlier samples. An instant before the first step counts as the first.
     fn detailed_sample(&mut self, detailed: &DetailedReference) -> SensedSample {
         let sensing = self.scenario.sensing;
         let (sensors, effects) = (self.scenario.nominal.sensors, self.scenario.effects.sensors);
@@ -255,13 +279,19 @@ impl ScenarioRun {
         let instant =
             |age: f64| libm::round((self.seq as f64 + jitter) * period - age / REFERENCE_STEP).max(0.0) as u64;
         let (currents_at, angles_at) = (instant(effects.current_latency), instant(effects.angle_latency));
-        self.run_until(detailed, currents_at.min(angles_at));
-        let first = self.state;
-        self.run_until(detailed, currents_at.max(angles_at));
+        let first = currents_at.min(angles_at);
+        if self.state.shaft.steps <= first {
+            self.earlier = self.state;
+        }
+        self.earlier = self.run_until(detailed, self.earlier, first);
+        if self.state.shaft.steps < first {
+            self.state = self.earlier;
+        }
+        self.state = self.run_until(detailed, self.state, currents_at.max(angles_at));
         let (at_currents, at_angles) = if currents_at < angles_at {
-            (&first, &self.state)
+            (&self.earlier, &self.state)
         } else {
-            (&self.state, &first)
+            (&self.state, &self.earlier)
         };
         let currents = detailed.sampled_currents(at_currents);
         SensedSample {
@@ -273,16 +303,17 @@ impl ScenarioRun {
         }
     }
 
-    /// Steps of the model with effects up to an instant.
-    fn run_until(&mut self, detailed: &DetailedReference, instant: u64) {
-        while self.state.shaft.steps < instant {
-            let seq = self.state.shaft.steps / self.steps_per_sample;
+    /// The state at an instant, from one that is not later.
+    fn run_until(&self, detailed: &DetailedReference, mut state: DetailedState, instant: u64) -> DetailedState {
+        while state.shaft.steps < instant {
+            let seq = state.shaft.steps / self.steps_per_sample;
             let setpoint = self.setpoint(seq);
             let end = instant.min((seq + 1) * self.steps_per_sample);
-            while self.state.shaft.steps < end {
-                detailed.step(&mut self.state, setpoint);
+            while state.shaft.steps < end {
+                detailed.step(&mut state, setpoint);
             }
         }
+        state
     }
 }
 
@@ -290,7 +321,7 @@ impl Iterator for ScenarioRun {
     type Item = SensedSample;
 
     fn next(&mut self) -> Option<SensedSample> {
-        if self.seq >= self.samples {
+        if self.diverged || self.seq >= self.samples {
             return None;
         }
         let sample = match self.detailed.take() {
@@ -301,6 +332,10 @@ impl Iterator for ScenarioRun {
                 sample
             }
         };
+        self.diverged = !self.is_finite(&sample);
+        if self.diverged {
+            return None;
+        }
         self.seq += 1;
         Some(sample)
     }

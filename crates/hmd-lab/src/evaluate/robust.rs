@@ -168,6 +168,14 @@ pub enum RobustError {
     /// A unit cannot be calibrated, whatever its windows.
     #[error(transparent)]
     Commissioning(CommissioningError),
+    /// A finished unit is none of this catalogue.
+    #[error("expected the state of this catalogue, found {entry} on {actuator} with other effects; begin a new state")]
+    OtherUnit {
+        /// Its entry.
+        entry: String,
+        /// Its type.
+        actuator: String,
+    },
     /// The result of a unit cannot be kept.
     #[error("{0}")]
     Keep(#[from] io::Error),
@@ -253,6 +261,10 @@ pub fn robust(
         let of_type = &config.actuators()[0];
         let effects = draw_effects(entry, &of_type.params, &of_type.drive, options.seed)?;
         let result = if let Some(unit) = finished.remove(&(entry.name.clone(), actuator.to_owned())) {
+            if unit.drawn != state::drawn(&effects, &config.actuators()[0].params) {
+                let (entry, actuator) = (unit.entry, unit.actuator);
+                return Err(RobustError::OtherUnit { entry, actuator });
+            }
             done(options.windows_of_unit());
             unit
         } else {
@@ -383,6 +395,7 @@ fn run_unit(
     Ok(FinishedUnit {
         entry: entry.name.clone(),
         actuator: actuator.to_owned(),
+        drawn: unit.drawn(),
         refused,
         before,
         after,
@@ -474,7 +487,11 @@ mod tests {
 
         // The state as a kill in the middle of a line leaves it.
         let cut = &state[..state.len() - 10];
-        let (finished, whole) = read_state(cut, &options).unwrap();
+        let (mut finished, whole) = read_state(cut, &options).unwrap();
+        finished[0].drawn.clear();
+        let refused = robust(&options, finished, &mut |_| Ok(()), &|_| ()).unwrap_err();
+        assert!(matches!(refused, RobustError::OtherUnit { .. }), "{refused}");
+        let (finished, _) = read_state(cut, &options).unwrap();
         assert_eq!((finished.len(), cut.as_bytes()[whole - 1]), (1, b'\n'));
         let (resumed, added) = run(&options, 2, finished);
         assert_eq!(alone, resumed);
@@ -521,6 +538,14 @@ mod tests {
         let other = RobustOptions { seed: 4, ..tiny() };
         assert!(matches!(
             read_state(&first_line(&other), &options),
+            Err(StateError::OtherRun { .. })
+        ));
+        // Another build has another executable.
+        let mut of_other_build: serde_json::Value = serde_json::from_str(&first_line(&options)).unwrap();
+        assert!(of_other_build["program"].is_string());
+        of_other_build["program"] = "0".into();
+        assert!(matches!(
+            read_state(&format!("{of_other_build}\n"), &options),
             Err(StateError::OtherRun { .. })
         ));
         assert!(matches!(

@@ -115,9 +115,10 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let load = bus_load(params.sensors.sample_rate, 1, BIT_RATE_BIT_S);
     if load > LOAD_MAX {
         return Err(Misuse(format!(
-            "--rate: expected at most {:.0} % of a 1 Mbit/s bus, found {:.0} %",
+            "--rate: expected at most {:.0} % of a 1 Mbit/s bus, found {:.1} %",
             100.0 * LOAD_MAX,
-            100.0 * load
+            // Upwards, so that what exceeds the limit also reads so.
+            (1000.0 * load).ceil() / 10.0
         ))
         .into());
     }
@@ -143,7 +144,8 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         let found = output.display();
         return Err(Misuse(format!("{found}: expected a name that ends in .mcap or .log")).into());
     };
-    recording::write(output, format, &scenario, actuator)?;
+    let drive_of_type = Drive::of_type(&found.drive);
+    recording::write(output, format, &scenario, &drive_of_type, actuator)?;
     Ok(Exit::Done)
 }
 

@@ -86,7 +86,11 @@ fn every_parameter_can_be_overridden() {
     let json = read("").to_json();
     let bench = json["config"]["type"]["bench"].as_object().unwrap();
     let mut count = 0;
-    for (group, keys) in bench.iter().filter(|(_, value)| value.is_object()) {
+    // The drive has a kind, and numbers of one kind only.
+    for (group, keys) in bench
+        .iter()
+        .filter(|(name, value)| value.is_object() && *name != "drive")
+    {
         for (key, value) in keys.as_object().unwrap() {
             // Doubled or halved, whichever the limits and the other parameters allow.
             let half = matches!(
@@ -489,7 +493,9 @@ fn description_names_what_is_configured() {
     );
     let text = read(&example_in_full()).describe();
     assert!(
-        text.contains("flap-left: number 0 on can0, type bench400 at 400 Hz, part 1FK7060, serial 0042"),
+        text.contains(
+            "flap-left: number 0 on can0, type bench400 with hysteresis drive at 400 Hz, part 1FK7060, serial 0042"
+        ),
         "{text}"
     );
     let one = read("[health.fault.friction]\nwatch = 0.1").describe();

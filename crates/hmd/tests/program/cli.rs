@@ -180,6 +180,10 @@ fn a_bad_value_of_an_argument_is_named_and_nothing_is_written() {
         ),
         ("--rate 333", "--rate: "),
         ("--rate NaN", "expected a number from 50 to 20000"),
+        (
+            "--rate 2500",
+            "--rate: expected at most 90 % of a 1 Mbit/s bus, found 90.",
+        ),
         ("--rate 1e9", "expected a number from 50 to 20000"),
         ("--load inf", "expected a number from -1e6 to 1e6"),
         ("--noise -1", "'-1'"),
@@ -214,6 +218,11 @@ fn a_bad_value_of_an_argument_is_named_and_nothing_is_written() {
             "--with gear_teeth=11",
             "hmd: gear_teeth: expected mesh_ripple as well, of which it is a parameter",
         ),
+        (
+            "--with cogging_nm=0 --with cogging_phase_rad=1",
+            "hmd: cogging_phase_rad: expected cogging_nm, of which it is a parameter, other than 0",
+        ),
+        ("--with link_resistance_ohm=10000", "expected a number from 0 to 100"),
         (
             "--actuator nonsense",
             "--actuator: expected bench, servo28, servo270 or a type of the configuration, found \"nonsense\"",
@@ -626,6 +635,42 @@ fn one_run_gives_the_same_lines_from_text_and_mcap_on_any_number_of_threads() {
 
     // The output holds the frames as they came.
     assert_eq!(folder.done("replay --json four.mcap"), lines);
+}
+
+#[test]
+fn the_drive_of_the_type_keeps_its_parameters_and_another_is_in_the_truth() {
+    let folder = Folder::new();
+    let short = "--actuator servo270 --rate 400 --seed 2";
+    for (log, drive) in [
+        ("own", ""),
+        ("named", "--drive vector"),
+        ("other", "--drive hysteresis"),
+    ] {
+        folder.done(&format!("simulate -o {log}.log {short} {drive}"));
+    }
+    for file in ["log", "log.truth.jsonl"] {
+        assert_eq!(
+            folder.read(&format!("own.{file}")),
+            folder.read(&format!("named.{file}"))
+        );
+    }
+    let drive = |log: &str| -> serde_json::Value {
+        let truth = folder.read(&format!("{log}.log.truth.jsonl"));
+        let line: serde_json::Value = serde_json::from_slice(&truth).expect("a line of JSON");
+        line["drive"].clone()
+    };
+    assert_eq!([drive("own"), drive("other")], ["vector", "hysteresis"]);
+    assert!(folder.read("own.log") != folder.read("other.log"));
+
+    // An effect at its value without effect is off.
+    folder.done("simulate -o plain.log --rate 400");
+    folder.done("simulate -o off.log --rate 400 --with cogging_nm=0 --with saturation=0");
+    for file in ["log", "log.truth.jsonl"] {
+        assert_eq!(
+            folder.read(&format!("plain.{file}")),
+            folder.read(&format!("off.{file}"))
+        );
+    }
 }
 
 #[test]

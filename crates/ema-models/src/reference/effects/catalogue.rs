@@ -495,8 +495,8 @@ pub const EFFECTS: &[EffectInfo] = &[
         "φ", "[D]", field sensors.encoder_phase
     ),
     effect!(
-        "link_resistance_ohm", "Ω", usual (0.5, 2.0) => LinkResistance, within (0.0, 1e4), real, None,
-        "V_dc − x i_dc, i_dc smoothed over 1 ms", "[D]", field link.resistance
+        "link_resistance_ohm", "Ω", usual (0.5, 2.0) => LinkResistance, within (0.0, 100.0), real, None,
+        "V_dc − x i_dc, 0.05 to 2 V_dc; i_dc smoothed over 1 ms", "[D]", field link.resistance
     ),
     effect!(
         "link_ripple_v", "V", usual (4.0, 19.0) => LinkVoltage, within (0.0, 1000.0), real, None,

@@ -20,6 +20,23 @@ fn a_limited_setpoint_moves_the_output_at_its_rate() {
 }
 
 #[test]
+fn a_limited_setpoint_begins_at_the_present_position() {
+    // Far from zero, at rest and after speed mode: the limit leaves from where the output is, at 0.5 rad/s.
+    let params = ActuatorParams::bench();
+    for before in [Setpoint::Idle, Setpoint::Speed(0.0)] {
+        let mut rig = Rig::with_fault(&params, &FaultVector::NOMINAL, 200.0, &[("setpoint_rate_rad_s", 0.5)]);
+        rig.settle(0.05, before);
+        rig.run(0.1, Setpoint::Position(2.0), |_, s| {
+            close(s.shaft.theta_out, 2.0, 1e-3, "output angle, rad");
+        });
+        rig.settle(0.2, Setpoint::Position(2.2));
+        assert!(rig.state.shaft.theta_out < 2.101, "{}", rig.state.shaft.theta_out);
+        rig.settle(0.4, Setpoint::Position(2.2));
+        close(rig.state.shaft.theta_out, 2.2, 1e-3, "output angle, rad");
+    }
+}
+
+#[test]
 fn a_limited_speed_setpoint_accelerates_at_its_rate() {
     let params = ActuatorParams::bench();
     let mut rig = Rig::new(&params, &[("speed_setpoint_rate_rad_s2", 400.0)]);

@@ -66,6 +66,27 @@ fn voltages_follow_the_pi_law_one_period_late_less_the_dead_time_along_the_curre
 }
 
 #[test]
+fn pulses_lie_in_the_middle_of_their_period() {
+    let mut rig = Rig::new(&locked(), &[("pwm_frequency_hz", 20e3)]);
+    let setpoint = rig.for_current(5.0, 0.0);
+    rig.settle(200.0 * PERIOD as f64 * 1e-6, setpoint);
+    let mut voltages = Vec::new();
+    rig.run(PERIOD as f64 * 1e-6, setpoint, |_, after| voltages.push(after.shaft.v));
+    for j in 0..3 {
+        close(voltages[0][j], -190.0, 1e-9, "voltage at the beginning, V");
+        close(voltages[PERIOD / 2][j], 190.0, 1e-9, "voltage in the middle, V");
+        for n in 0..PERIOD {
+            close(
+                voltages[n][j],
+                voltages[PERIOD - 1 - n][j],
+                1e-3,
+                "voltage mirrored in time, V",
+            );
+        }
+    }
+}
+
+#[test]
 fn voltages_are_decoupled_and_turned_to_the_middle_of_their_period() {
     // v_d = PI − ω_e L i_q, v_q = PI + ω_e L i_d + k ω, applied at the angle of the middle of the next period, θ_e + 1.5 T_p ω_e.
     let (params, omega) = (flywheel(), 100.0);

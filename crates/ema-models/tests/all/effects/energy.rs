@@ -175,18 +175,6 @@ fn without_effects_the_detailed_model_moves_like_the_plain_one() {
 }
 
 #[test]
-fn deviations_alone_are_the_plain_model_with_other_parameters() {
-    let mut scenario = Scenario::new(ActuatorParams::bench(), FaultVector::NOMINAL, 4);
-    scenario.effects = super::rig::effects(&[("resistance_deviation", 0.1), ("dynamic_friction_deviation", 0.2)]);
-    let with_effects: Vec<SensedSample> = scenario.run().collect();
-    scenario.effects = Effects::default();
-    scenario.unit.motor.r_s *= 1.1;
-    scenario.unit.transmission.friction_dynamic *= 1.2;
-    let with_parameters: Vec<SensedSample> = scenario.run().collect();
-    assert_eq!(with_effects, with_parameters);
-}
-
-#[test]
 fn a_temperature_rise_warms_the_motor_and_the_friction() {
     let samples = |temperature: f64, values: &[(&str, f64)]| -> Vec<SensedSample> {
         let mut scenario = Scenario::new(ActuatorParams::bench(), FaultVector::NOMINAL, 4);

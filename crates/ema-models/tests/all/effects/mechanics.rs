@@ -149,6 +149,31 @@ fn each_side_has_its_share_of_friction_at_its_own_speed() {
 }
 
 #[test]
+fn friction_on_the_load_side_ripples_with_the_angle_of_the_load() {
+    // The load alone moves inside a wide play: J_l dω/dt = −s T_d (1 + a sin N θ_l).
+    let mut params = coasting();
+    params.transmission.backlash = 0.02;
+    params.transmission.friction_dynamic = 0.2;
+    params.transmission.friction_static = 0.2;
+    let values = [
+        ("compliance_hz", 100.0),
+        ("mesh_ripple", 0.4),
+        ("gear_teeth", 11.0),
+        ("load_friction_share", 0.5),
+    ];
+    for angle in [0.1, 0.2, 0.4, 0.5, 0.9] {
+        let mut rig = Rig::new(&params, &values);
+        rig.state.load_angle = angle;
+        rig.state.load_speed = 20.0;
+        rig.settle(100e-6, Setpoint::Idle);
+        // After half of the way, 1 mrad.
+        let torque = 0.5 * 0.2 * (1.0 + 0.4 * (11.0f64 * (angle + 1e-3)).sin());
+        let change = rig.state.load_speed - 20.0;
+        close(change, -torque / 0.23e-3 * 100e-6, 2e-4, "change of speed");
+    }
+}
+
+#[test]
 fn the_shaft_breaks_away_at_the_static_torque_of_its_tooth() {
     let mut params = coasting();
     params.transmission.friction_dynamic = 0.15;

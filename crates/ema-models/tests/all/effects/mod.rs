@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 mod controller;
+mod deviations;
 mod drive;
 mod energy;
 mod identity;
@@ -9,4 +10,5 @@ mod mechanics;
 mod motor;
 mod page;
 mod rig;
+mod samples;
 mod sensors;

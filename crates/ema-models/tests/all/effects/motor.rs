@@ -146,6 +146,68 @@ fn shorted_turns_carry_the_current_of_their_phasor_equations() {
 }
 
 #[test]
+fn shorted_turns_of_another_phase_are_those_of_phase_a_turned_by_120_degrees() {
+    let mut params = flywheel();
+    params.controller.hysteresis = 1e6;
+    let values = [("short_resistance_ohm", 0.7), ("short_coupling", 0.9)];
+    // Currents from phase `j` on, and the current of its shorted turns.
+    let run = |j: usize| {
+        let mut shorts = [0.0; 3];
+        shorts[j] = 0.3;
+        let [short_a, short_b, short_c] = shorts;
+        let fault = FaultVector {
+            short_a,
+            short_b,
+            short_c,
+            ..FaultVector::NOMINAL
+        };
+        let theta_e = 1.2 + TAU / 3.0 * j as f64;
+        let mut rig = Rig::with_fault(&params, &fault, theta_e / 4.0, &values);
+        rig.state.shaft.omega_m = TAU * 25.0;
+        rig.settle(0.013, Setpoint::Idle);
+        let (i, short) = (rig.state.shaft.i, rig.state.i_short);
+        close(
+            short[(j + 1) % 3] + short[(j + 2) % 3],
+            0.0,
+            0.0,
+            "turns that are not shorted, A",
+        );
+        [i[j], i[(j + 1) % 3], i[(j + 2) % 3], short[j], rig.state.shaft.torque]
+    };
+    let of_a = run(0);
+    assert!(of_a[3].abs() > 1.0, "{of_a:?}");
+    for j in [1, 2] {
+        for (got, expected) in run(j).into_iter().zip(of_a) {
+            close(got, expected, 1e-6, "current or torque");
+        }
+    }
+}
+
+#[test]
+fn the_link_current_is_smoothed_over_a_millisecond() {
+    // Without power, what the link lacks decays as e^(−t/1 ms).
+    let values = [("link_resistance_ohm", 20.0), ("pwm_frequency_hz", 20e3)];
+    let mut rig = Rig::new(&locked(), &values);
+    let (loaded, unloaded) = (rig.for_current(8.0, 0.0), rig.for_current(0.0, 0.0));
+    rig.settle(0.05, loaded);
+    assert!(rig.state.link_voltage < 370.0, "{} V", rig.state.link_voltage);
+    rig.settle(2e-3, unloaded);
+    let lacking = |rig: &Rig| 380.0 - rig.state.link_voltage;
+    let from = lacking(&rig);
+    assert!(from.abs() > 0.3, "{from} V");
+    for periods in 1..4 {
+        rig.settle(500e-6, unloaded);
+        let expected = from * (-0.5 * f64::from(periods)).exp();
+        close(
+            lacking(&rig),
+            expected,
+            0.03 * from.abs(),
+            "voltage that the link lacks, V",
+        );
+    }
+}
+
+#[test]
 fn the_link_sags_by_its_power_and_ripples() {
     // V = V_dc − R P/V: V = (V_dc + √(V_dc² − 4 R P))/2.
     let mut params = flywheel();

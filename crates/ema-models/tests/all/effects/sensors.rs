@@ -33,6 +33,36 @@ fn the_drive_controls_the_currents_that_its_sensors_show() {
 }
 
 #[test]
+fn the_hysteresis_drive_compares_measured_currents_at_the_measured_angle() {
+    // Means over many periods: (1 + g_j) i_j + o_j = I s_j, without common part with two sensors, at the angle that the resolver
+    // shows.
+    let angle = 4.0 * 0.3f64;
+    for (error, values) in [
+        (0.0, [("current_gain_a", 0.2), ("current_offset_b_a", 0.5)]),
+        (
+            0.2 * angle.sin(),
+            [("resolver_error_1_rad", 0.2), ("resolver_phase_1_rad", 0.0)],
+        ),
+    ] {
+        let values = [values[0], values[1], ("two_current_sensors", 1.0)];
+        let mut rig = Rig::new(&locked(), &values);
+        let setpoint = rig.for_current(5.0, 0.0);
+        rig.settle(0.05, setpoint);
+        let found: [f64; 3] = core::array::from_fn(|j| rig.mean(0.05, setpoint, |s| s.shaft.i[j]));
+        let reference = |j: f64| -5.0 * (angle + error - TAU / 3.0 * j).sin();
+        let expected = if error > 0.0 {
+            [reference(0.0), reference(1.0)]
+        } else {
+            [reference(0.0) / 1.2, reference(1.0) - 0.5]
+        };
+        println!("{found:?}, expected {expected:?}");
+        for j in 0..2 {
+            close(found[j], expected[j], 0.05, "mean current, A");
+        }
+    }
+}
+
+#[test]
 fn with_two_sensors_the_noise_of_the_samples_has_no_common_part() {
     let mut scenario = Scenario::new(ActuatorParams::bench(), FaultVector::NOMINAL, 2);
     scenario.sensing.noise_rms = 0.05;
@@ -45,25 +75,6 @@ fn with_two_sensors_the_noise_of_the_samples_has_no_common_part() {
             1e-12,
             "sum of the currents, A",
         );
-    }
-}
-
-#[test]
-fn gain_and_offset_of_three_sensors_scale_and_shift_the_samples() {
-    let values = [
-        ("current_gain_a", 0.01),
-        ("current_gain_b", -0.02),
-        ("current_gain_c", 0.03),
-        ("current_offset_a_a", 0.05),
-        ("current_offset_b_a", -0.04),
-        ("current_offset_c_a", 0.03),
-    ];
-    let mut rig = Rig::new(&locked(), &values);
-    rig.settle(0.02, rig.for_current(7.0, 0.0));
-    let (i, seen) = (rig.state.shaft.i, rig.plant.sampled_currents(&rig.state));
-    let (gains, offsets) = ([1.01, 0.98, 1.03], [0.05, -0.04, 0.03]);
-    for j in 0..3 {
-        close(seen[j], gains[j] * i[j] + offsets[j], 1e-12, "measured current, A");
     }
 }
 
@@ -246,32 +257,67 @@ fn every_effect_alone_and_all_together_give_finite_samples_in_both_modes() {
 
 #[test]
 fn values_at_their_limits_stay_finite() {
-    for params in [ActuatorParams::bench(), ActuatorParams::servo28()] {
+    for name in ActuatorParams::BUILT_IN {
+        let params = ActuatorParams::built_in(name).unwrap();
         for info in EFFECTS {
-            for value in [info.limits.0, info.limits.1] {
-                for drive in ["hysteresis", "vector"] {
-                    let mut set = effects(&[(info.name, value)]);
-                    if set.drive == Drive::Hysteresis {
-                        set.drive = Drive::from_name(drive).unwrap();
-                    }
-                    // The effect whose parameter it is, at its usual value.
-                    if let Some(part_of) = EFFECTS.iter().find(|other| Some(other.name) == info.part_of) {
-                        set.set(part_of.name, part_of.usual_on(&params).1).unwrap();
-                    }
+            let limits = [info.limits.0, info.limits.1];
+            for (value, drive) in limits
+                .into_iter()
+                .flat_map(|value| [(value, "hysteresis"), (value, "vector")])
+            {
+                let mut set = effects(&[(info.name, value)]);
+                if set.drive == Drive::Hysteresis {
+                    set.drive = Drive::from_name(drive).unwrap();
+                }
+                // The effect whose parameter it is, at its usual value.
+                if let Some(part_of) = EFFECTS.iter().find(|other| Some(other.name) == info.part_of) {
+                    set.set(part_of.name, part_of.usual_on(&params).1).unwrap();
+                }
+                // One or two windings with hardly any turn left, whose currents no drive controls.
+                for short in [0.0, 1.0] {
                     let fault = FaultVector {
-                        short_c: 1.0,
+                        short_a: short,
+                        short_b: short,
+                        short_c: 1.0 - short,
                         ..FaultVector::NOMINAL
                     };
                     let mut scenario = Scenario::new(params, fault, 3);
-                    scenario.actuations.length = 0.02;
+                    scenario.actuations.length = 0.05;
                     scenario.actuations.rest = 0.02;
                     scenario.effects = set;
-                    for sample in scenario.run() {
-                        let finite = sample.currents.iter().all(|i| i.is_finite());
-                        assert!(finite, "{} = {value}, {drive}", info.name);
-                    }
+                    let mut run = scenario.run();
+                    run.by_ref().for_each(drop);
+                    assert!(
+                        run.diverged().is_none(),
+                        "{name}: {} = {value}, {drive}, {short}",
+                        info.name
+                    );
                 }
             }
         }
+    }
+}
+
+#[test]
+fn a_simulation_that_diverges_ends_and_says_so() {
+    // A winding without inductance: the current of one step is beyond every number after some.
+    for values in [&[][..], &[("cogging_nm", 0.05)]] {
+        let mut scenario = Scenario::new(ActuatorParams::bench(), FaultVector::NOMINAL, 3);
+        scenario.effects = effects(values);
+        let mut healthy = scenario.run();
+        let samples = healthy.by_ref().count();
+        assert!(healthy.diverged().is_none());
+        scenario.unit.motor.j = 1e-12;
+        scenario.unit.motor.l_s = 1e-12;
+        let mut run = scenario.run();
+        let mut count = 0_usize;
+        for sample in run.by_ref() {
+            assert!(sample.currents.iter().all(|i| i.is_finite()));
+            count += 1;
+        }
+        assert!(count < samples, "{count}");
+        let diverged = run.diverged().unwrap();
+        close(diverged, count as f64 / 2000.0, 1e-12, "time, s");
+        assert!(run.next().is_none());
     }
 }

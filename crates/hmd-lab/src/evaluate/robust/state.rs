@@ -1,5 +1,11 @@
 //! Results of finished units as text, so that a run that ended early is resumed: a line for the run, then a line for each unit.
 
+use std::fs;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::sync::LazyLock;
+
+use ema_models::ActuatorParams;
+use ema_models::reference::Effects;
 use serde::{Deserialize, Serialize};
 
 use super::score::Tally;
@@ -10,16 +16,26 @@ use super::{RobustOptions, StateError};
 struct Run {
     suite: String,
     version: String,
+    /// Hash of the executable; `None` where it cannot be read.
+    program: Option<String>,
     rate_hz: f64,
     n: u64,
     seed: u64,
 }
+
+/// Hash of the running executable, so that no other build resumes what this one began.
+static PROGRAM: LazyLock<Option<String>> = LazyLock::new(|| {
+    let executable = fs::read(std::env::current_exe().ok()?).ok()?;
+    Some(hash(&executable))
+});
 
 /// The finished unit of one entry and actuator type.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FinishedUnit {
     pub(super) entry: String,
     pub(super) actuator: String,
+    /// Hash of what the unit was: its effects and the parameters of its type.
+    pub(super) drawn: String,
     /// Why the unit was not calibrated; `None` where it was.
     pub(super) refused: Option<String>,
     pub(super) before: Tally,
@@ -75,6 +91,7 @@ impl Run {
         Self {
             suite: super::SUITE.to_owned(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
+            program: PROGRAM.clone(),
             rate_hz: options.rate_hz,
             n: options.n,
             seed: options.seed,
@@ -85,4 +102,15 @@ impl Run {
 fn line(value: &impl Serialize) -> String {
     // Numbers, names and lists of them always serialise.
     serde_json::to_string(value).unwrap_or_default() + "\n"
+}
+
+/// Hash of what a unit is: its effects and the parameters of its type, of which every digit counts.
+pub(super) fn drawn(effects: &Effects, params: &ActuatorParams) -> String {
+    hash(&format!("{effects:?} {params:?}"))
+}
+
+fn hash(value: &impl Hash) -> String {
+    let mut hasher = DefaultHasher::new();
+    value.hash(&mut hasher);
+    format!("{:016x}", hasher.finish())
 }

@@ -157,6 +157,11 @@ impl Unit {
         }
     }
 
+    /// What [`FinishedUnit`](super::FinishedUnit) keeps of it.
+    pub(super) fn drawn(&self) -> String {
+        super::state::drawn(&self.effects, &self.nominal)
+    }
+
     /// The window of one mixed actuation; `None` where none is cut from the frames. The load is not measured.
     ///
     /// # Errors

@@ -10,7 +10,7 @@ use ema_identify::{
     identify_from_health,
 };
 use ema_models::reference::{CurrentSensing, Scenario};
-use ema_models::{ActuatorParams, Conditions, FaultVector, MotorKnowledge, SensedSample, Setpoint};
+use ema_models::{ActuatorParams, Conditions, FaultVector, MotorKnowledge, SensedSample, Setpoint, Tolerances};
 use ema_wire::quantity::{current_ma, position_setpoint_urad, speed_setpoint_mrad_s};
 use ema_wire::{ActuatorId, Mode, Sample, SerialPacket};
 use firmware_image::StoredSample;
@@ -59,6 +59,7 @@ pub(crate) fn worn() -> Case {
         calibration: TypeCalibration::built_in("bench", MonitorForm::ThreePhase).expect("a shipped calibration"),
         method: Method::LeastSquares,
         motor: MotorKnowledge::default(),
+        tolerances: Tolerances::NONE,
     };
     let conditions = Conditions {
         load_torque: Some(scenario.load_torque),

@@ -4,7 +4,7 @@
 use ema_identify::calibration::{MonitorForm, TypeCalibration};
 use ema_identify::{Estimate, Identifier, Method, Population};
 use ema_models::reference::{Actuations, CurrentSensing, Scenario};
-use ema_models::{ActuatorParams, FaultVector, MotorKnowledge, Profile, UNKNOWN_COUNT, rss_pct};
+use ema_models::{ActuatorParams, FaultVector, MotorKnowledge, Profile, Tolerances, UNKNOWN_COUNT, rss_pct};
 use hmd_lab::calibrate_type::random_faults;
 use hmd_lab::simulated::SimulatedWindow;
 
@@ -19,6 +19,7 @@ fn estimate(profile: Profile, seed: u64, method: Method) -> Estimate {
         calibration: TypeCalibration::built_in("servo28", MonitorForm::ThreePhase).unwrap(),
         method,
         motor: MotorKnowledge::default(),
+        tolerances: Tolerances::NONE,
     };
     let worn = FaultVector {
         friction: 0.3,
@@ -83,6 +84,7 @@ fn a_descent_does_not_get_lost_outside_the_disc() {
         calibration: TypeCalibration::built_in("servo28", MonitorForm::ThreePhase).expect("shipped"),
         method: Method::LeastSquares,
         motor: MotorKnowledge::default(),
+        tolerances: Tolerances::NONE,
     };
     let truth = random_faults(70_164);
     let window = SimulatedWindow::new(&params, truth, Profile::Mixed, 80_164);

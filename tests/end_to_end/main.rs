@@ -10,6 +10,7 @@ mod identification;
 mod link;
 mod onboard;
 mod relations;
+mod tolerances;
 mod unmodelled;
 
 use bench::{frames, unit, watch, watch_all};

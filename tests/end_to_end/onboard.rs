@@ -33,7 +33,7 @@ fn the_controller_finds_the_bits_that_the_host_finds() {
 
     // Two starts, and one motor among many.
     case.conditions.load_torque = None;
-    case.actuator.motor = hmd_core::assess::TYPE_TOLERANCE;
+    case.actuator.motor = hmd_core::assess::motor_within(&ema_models::Tolerances::MOTOR_ONLY);
     case.identifier.motor = case.actuator.motor;
     assert_eq!(case.on_the_controller(), case.on_the_host(), "unmeasured load");
 }

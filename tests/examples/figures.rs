@@ -9,7 +9,7 @@ use std::path::Path;
 use ema_identify::calibration::{MonitorForm, TypeCalibration};
 use ema_identify::{Fit, Identifier, Method};
 use ema_models::reference::{CurrentSensing, Scenario};
-use ema_models::{ActuatorParams, FaultVector, MotorKnowledge};
+use ema_models::{ActuatorParams, FaultVector, MotorKnowledge, Tolerances};
 use hmd_lab::simulated::SimulatedWindow;
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -29,6 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         calibration,
         method: Method::hybrid(),
         motor: MotorKnowledge::default(),
+        tolerances: Tolerances::NONE,
     };
     let worn = FaultVector {
         friction: 0.4,

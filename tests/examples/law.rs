@@ -10,8 +10,8 @@ use ema_identify::{Identifier, Method};
 use ema_models::reference::{Reference, Scenario};
 use ema_models::study::{CurrentTable, TABLE_HARMONICS, TABLE_VOLTAGES, set_current_table};
 use ema_models::{
-    ActuatorParams, FaultVector, Monitor, MotorDeviation, MotorKnowledge, Profile, REFERENCE_STEP, Unknowns,
-    alpha_beta_from_abc, rss_pct,
+    ActuatorParams, FaultVector, Monitor, MotorDeviation, MotorKnowledge, Profile, REFERENCE_STEP, Tolerances,
+    Unknowns, alpha_beta_from_abc, rss_pct,
 };
 use hmd_lab::evaluate::{TABLE_III, paper};
 use hmd_lab::simulated::SimulatedWindow;
@@ -38,6 +38,7 @@ fn main() {
         calibration: TypeCalibration::built_in("servo28", MonitorForm::ThreePhase).expect("shipped"),
         method: Method::hybrid(),
         motor: MotorKnowledge::default(),
+        tolerances: Tolerances::NONE,
     };
     println!("| actuator | monitor | the suite's 10 windows, %: mean | 100 windows, %: mean, median, p95, max |");
     println!("|---|---|---|---|");

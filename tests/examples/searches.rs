@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use ema_ga::{CmaConfig, DeConfig, GaConfig, StopRule};
 use ema_identify::calibration::{MonitorForm, TypeCalibration};
 use ema_identify::{Identifier, Method, Population};
-use ema_models::{ActuatorParams, FAULT_COUNT, MotorKnowledge, Profile, rss_pct};
+use ema_models::{ActuatorParams, FAULT_COUNT, MotorKnowledge, Profile, Tolerances, rss_pct};
 use hmd_lab::calibrate_type::random_faults;
 use hmd_lab::simulated::SimulatedWindow;
 
@@ -97,6 +97,7 @@ fn row(params: &ActuatorParams, form: MonitorForm, method: Method, windows: &[Si
         calibration: TypeCalibration::built_in("bench", form).expect("shipped"),
         method,
         motor: MotorKnowledge::default(),
+        tolerances: Tolerances::NONE,
     };
     let (mut errors, mut evaluations, mut time) = (Vec::new(), 0, Duration::ZERO);
     for (seed, window) in windows.iter().enumerate() {

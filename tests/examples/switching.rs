@@ -12,7 +12,7 @@
 use ema_identify::calibration::{MonitorForm, TypeCalibration};
 use ema_identify::{Identifier, Method};
 use ema_models::reference::{Actuations, CurrentSensing, Scenario};
-use ema_models::{ActuatorParams, FaultVector, MotorKnowledge, Profile, Scale, rss_pct};
+use ema_models::{ActuatorParams, FaultVector, MotorKnowledge, Profile, Scale, Tolerances, rss_pct};
 use hmd_lab::calibrate_type::random_faults;
 use hmd_lab::evaluate::TABLE_III;
 use hmd_lab::simulated::SimulatedWindow;
@@ -74,6 +74,7 @@ fn main() {
                 calibration: TypeCalibration::built_in(name, MonitorForm::ThreePhase).expect("shipped"),
                 method: Method::hybrid(),
                 motor: MotorKnowledge::default(),
+                tolerances: Tolerances::NONE,
             };
             let pairs = pairs(&identifier, &truths, sampling);
             let floors = pairs.iter().zip(&truths).map(|(pair, truth)| floor(truth, pair));

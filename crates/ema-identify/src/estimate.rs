@@ -32,6 +32,10 @@ pub struct Estimate {
     pub other_motor: bool,
     /// Whether the motor stood while it was commanded to move.
     pub locked: bool,
+    /// Deviations of the unit from its type that the fit found beside the unknowns, in tolerances; empty where every number is
+    /// known.
+    #[cfg(feature = "std")]
+    pub deviations: std::vec::Vec<f64>,
 }
 
 impl Estimate {

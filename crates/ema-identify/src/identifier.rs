@@ -5,14 +5,15 @@ use std::vec::Vec;
 use ema_ga::{ConfigError, GaConfig, Outcome, StopReason};
 use ema_models::{
     ActuatorParams, Calibration, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector, Feedback,
-    MotorKnowledge, Scale, Weights,
+    MotorKnowledge, Scale, Signals, Tolerances, Weights,
 };
 
 use crate::calibration::TypeCalibration;
 use crate::estimate::Estimate;
 use crate::monitor_fit::{
     LocalOptimum, Population, RUNS_OF_ASSESSMENT, Search, UNLIMITED, assess, best_first, conclude,
-    descend_side_by_side, is_locked, prior, search_by_paper, starts,
+    conclude_with_tolerances, descend_side_by_side, is_locked, prior, residuals_with_tolerances, search_by_paper,
+    starts,
 };
 use crate::prepared::Prepared;
 
@@ -58,6 +59,8 @@ pub struct Identifier {
     pub method: Method,
     /// How far the motor is off its type, and how well that is known.
     pub motor: MotorKnowledge,
+    /// How well the other parameters are known.
+    pub tolerances: Tolerances,
 }
 
 /// One window's fit, sample by sample, for records and plots.
@@ -94,6 +97,9 @@ impl Identifier {
                 cut: search.cut,
                 ..assess(&comparison, mismatch, search.best().at, None, search.evaluations, None)
             },
+            Method::LeastSquares | Method::Hybrid(_) if self.has_tolerances() => {
+                conclude_with_tolerances(&comparison, mismatch, &self.tolerances, &search, self.budget())
+            }
             Method::LeastSquares | Method::Hybrid(_) => conclude(&comparison, mismatch, &search, self.budget()),
         })
     }
@@ -121,6 +127,8 @@ impl Identifier {
                 let starts = starts(comparison, &faults);
                 // The same share for each descent and for the last one, whichever of them needs it.
                 let share = population.budget().map_or(UNLIMITED, |budget| {
+                    // Half is left for the nuisances.
+                    let budget = if self.has_tolerances() { budget / 2 } else { budget };
                     budget.saturating_sub(found.evaluations + RUNS_OF_ASSESSMENT) / (starts.len() as u64 + 1)
                 });
                 let cut = found.stop == StopReason::MaxEvaluations;
@@ -160,6 +168,11 @@ impl Identifier {
         )
     }
 
+    /// Whether anything but the motor is known within tolerances only.
+    fn has_tolerances(&self) -> bool {
+        !self.tolerances.are_zero_beside_motor()
+    }
+
     /// Whether the motor stood in a window while it was commanded to move.
     #[must_use]
     pub fn is_locked(&self, window: &Prepared, conditions: Conditions) -> bool {
@@ -175,22 +188,37 @@ impl Identifier {
         }
     }
 
+    /// Calls `visit` with index and unweighted residuals of each measured sample for an estimate.
+    pub fn residuals(
+        &self,
+        window: &Prepared,
+        conditions: Conditions,
+        estimate: &Estimate,
+        visit: impl FnMut(usize, Signals<f64>),
+    ) {
+        let coefficients = self.calibration.coefficients();
+        let comparison = self.comparison(window, &coefficients, conditions);
+        if estimate.deviations.is_empty() {
+            comparison.residuals(&estimate.unknowns, visit);
+        } else {
+            residuals_with_tolerances(&comparison, &self.tolerances, estimate, visit);
+        }
+    }
+
     /// The fit of an estimate to a window.
     #[must_use]
     pub fn fit(&self, window: &Prepared, conditions: Conditions, estimate: &Estimate) -> Fit {
-        let coefficients = self.calibration.coefficients();
         let samples = window.recording().samples;
         let mut fit = Fit::default();
-        self.comparison(window, &coefficients, conditions)
-            .residuals(&estimate.unknowns, |n, r| {
-                let sample = &samples[n];
-                fit.i_q_measured.push(sample.i_q as f32);
-                fit.i_q_fitted.push((sample.i_q - r.i_q) as f32);
-                fit.omega_measured.push(sample.omega_m as f32);
-                fit.omega_fitted.push((sample.omega_m - r.omega_m) as f32);
-                fit.theta_out_measured.push(sample.theta_out as f32);
-                fit.theta_out_fitted.push((sample.theta_out - r.theta_out) as f32);
-            });
+        self.residuals(window, conditions, estimate, |n, r| {
+            let sample = &samples[n];
+            fit.i_q_measured.push(sample.i_q as f32);
+            fit.i_q_fitted.push((sample.i_q - r.i_q) as f32);
+            fit.omega_measured.push(sample.omega_m as f32);
+            fit.omega_fitted.push((sample.omega_m - r.omega_m) as f32);
+            fit.theta_out_measured.push(sample.theta_out as f32);
+            fit.theta_out_fitted.push((sample.theta_out - r.theta_out) as f32);
+        });
         fit
     }
 }

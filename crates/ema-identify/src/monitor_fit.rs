@@ -6,6 +6,7 @@
 //!    other explanations are looked at: `competing_optima`, `weak_magnet`.
 //! 3. `uncertainty`: the sigma of each parameter from the curvature of the cost, for friction from `friction_bound` where
 //!    the curvature is unreliable, together with the monitor's own mismatch; `locked` says whether the motor moved at all.
+//! 4. `tolerance` takes the place of 2 and 3 on the host where the actuator's numbers are known within tolerances only.
 //!
 //! All of it is generic over [`MonitoredWindow`]; `recorded_window` and `streamed` are the firmware's.
 
@@ -20,6 +21,8 @@ pub(crate) use locked::is_locked;
 mod population;
 mod recorded_window;
 mod streamed;
+#[cfg(feature = "std")]
+mod tolerance;
 mod uncertainty;
 mod weak_magnet;
 mod window;
@@ -36,6 +39,8 @@ pub use population::Population;
 pub(crate) use population::search_by_paper;
 pub use recorded_window::{MAX_CONTROLS, RecordedSample, RecordedWindow, SampleDrive};
 pub use streamed::StreamedWindow;
+#[cfg(feature = "std")]
+pub(crate) use tolerance::{conclude_with_tolerances, residuals_with_tolerances};
 pub use uncertainty::cramer_rao_bound;
 #[cfg(feature = "std")]
 pub(crate) use uncertainty::{RUNS_OF_ASSESSMENT, assess};

@@ -6,7 +6,8 @@
 use std::vec::Vec;
 
 use ema_models::{
-    ActuatorParams, Comparison, FaultVector, LOAD_COORDINATE, MotorDeviation, MotorKnowledge, Scale, Unknowns,
+    ActuatorParams, Comparison, FaultVector, LOAD_COORDINATE, MotorDeviation, MotorKnowledge, Scale, Tolerances,
+    Unknowns,
 };
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
@@ -45,16 +46,17 @@ type Shared = SVector<f64, UNIT_PARAMETER_COUNT>;
 type Own = SVector<f64, 2>;
 
 /// Fits the parameters of one unit to healthy windows of it; all comparisons have the type's parameters. The prior of the first
-/// one's motor stands for the tolerances of R and k.
+/// one's motor stands for the tolerances of R and k, `of_type` has the others.
 ///
 /// Gauss–Newton with half steps back; each window's own unknowns are eliminated (Schur complement). `None` without windows, or
 /// where sums are not finite.
 #[must_use]
-pub fn fit_unit_parameters(windows: &[Comparison<'_>]) -> Option<UnitParametersFit> {
+pub fn fit_unit_parameters(windows: &[Comparison<'_>], of_type: &Tolerances) -> Option<UnitParametersFit> {
     let first = windows.first()?;
     let of_motor = first.prior.motor;
-    let mut prior =
-        SMatrix::<f64, UNIT_PARAMETER_COUNT, UNIT_PARAMETER_COUNT>::from_diagonal(&tolerances().map(|t| 1.0 / (t * t)));
+    let mut prior = SMatrix::<f64, UNIT_PARAMETER_COUNT, UNIT_PARAMETER_COUNT>::from_diagonal(
+        &tolerances(of_type).map(|t| 1.0 / (t * t)),
+    );
     if let Some(known) = of_motor.information() {
         prior
             .fixed_view_mut::<2, 2>(0, 0)
@@ -136,12 +138,12 @@ pub fn fit_unit_parameters(windows: &[Comparison<'_>]) -> Option<UnitParametersF
     cost.is_finite().then_some(UnitParametersFit { parameters, cost })
 }
 
-fn tolerances() -> Shared {
-    Shared::from_iterator(UnitParameter::ALL.into_iter().map(UnitParameter::tolerance))
+fn tolerances(of_type: &Tolerances) -> Shared {
+    Shared::from_iterator(UnitParameter::ALL.map(|parameter| parameter.tolerance(of_type)))
 }
 
 fn is_small(step: &Shared) -> bool {
-    step.component_div(&tolerances()).amax() < TOLERANCE
+    step.component_div(&tolerances(&Tolerances::USUAL)).amax() < TOLERANCE
 }
 
 /// Normal equations of one window.
@@ -154,7 +156,7 @@ struct Sums {
 impl Sums {
     fn of(window: &Comparison<'_>, shared: &Shared, own: &Own) -> Self {
         let at = residuals(window, shared, own);
-        let tolerances = tolerances();
+        let tolerances = tolerances(&Tolerances::USUAL);
         let columns: Vec<Vec<f64>> = (0..WINDOW_COUNT)
             .map(|place| {
                 let (mut shared, mut own) = (*shared, *own);

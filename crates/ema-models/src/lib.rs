@@ -5,13 +5,14 @@
 //!
 //! | module | content |
 //! |---|---|
-//! | `params`, `drive`, `temperature` | motor, transmission, controller, sensors; power electronics; effect of the winding temperature |
+//! | `params`, `tolerances`, `drive`, `temperature` | motor, transmission, controller, sensors; how well they are known; power electronics; effect of the winding temperature |
 //! | `fault`, `unknowns` | the fault vector and the faults; all unknowns of a window as coordinates |
 //! | `frames`, `winding`, `friction`, `backlash`, `control`, `command` | the laws that both models share, each in one place |
 //! | `monitor` | [`Monitor`], the low-fidelity model, generic over the number type |
 //! | `reference` | the high-fidelity three-phase switched actuator, in `f64` (feature `reference`) |
 //! | `samples`, `recording`, `output_angle` | samples of a window, and their preparation for the comparison |
 //! | `residual` | [`Comparison`]: residuals, costs and normal equations of the monitor over a window |
+//! | `variants` | residuals of monitors that differ in parameters and disturbance torques, side by side |
 //! | `step_response` | [`StepTrial`]: the response of a worn actuator to a step |
 //! | `real`, `lanes`, `simd`, `dispatch` | the number types: `f64`, `f32`, arrays and vector registers |
 //!
@@ -46,7 +47,9 @@ mod samples;
 mod simd;
 mod step_response;
 mod temperature;
+mod tolerances;
 mod unknowns;
+mod variants;
 mod winding;
 
 pub use backlash::follow_through_play;
@@ -77,7 +80,9 @@ pub use residual::{COST_LANES, Comparison, NormalEquations, Prior, ResidualState
 pub use samples::{ComparedSample, InitialState, Origin, SensedSample};
 pub use step_response::{StepResponse, StepTrial};
 pub use temperature::{BACK_EMF_PER_KELVIN, REFERENCE_TEMPERATURE_DEG_C, RESISTANCE_PER_KELVIN, temperature_factors};
+pub use tolerances::Tolerances;
 pub use unknowns::{
     Coordinates, LOAD_COORDINATE, MOTOR_COORDINATES, MotorDeviation, MotorKnowledge, Scale, UNKNOWN_COUNT, Unknowns,
 };
+pub use variants::{DISTURBANCE_COUNT, Disturbances, GRAM_COLUMNS, GramRow, LaneResiduals, MonitorVariant, add_gram};
 pub use winding::{DerivedShape, PaperShape, Winding, derived_shape};

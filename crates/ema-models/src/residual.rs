@@ -290,7 +290,20 @@ impl Comparison<'_> {
 
     /// Runs a monitor (or several, in lanes) over the window and calls `visit` with index and residuals of each measured sample.
     #[inline(always)]
-    fn run<R: Real>(&self, monitor: &Monitor<R>, mut visit: impl FnMut(usize, Signals<R>)) {
+    fn run<R: Real>(&self, monitor: &Monitor<R>, visit: impl FnMut(usize, Signals<R>)) {
+        self.run_under(monitor, |_| (), |torque, ()| torque, visit);
+    }
+
+    /// [`Comparison::run`] with another torque on the shaft: `on_shaft` gives it, Nm, from that of the motor and what
+    /// `disturbance` gives for the index of the sample before.
+    #[inline(always)]
+    pub(crate) fn run_under<R: Real, D: Copy>(
+        &self,
+        monitor: &Monitor<R>,
+        disturbance: impl Fn(usize) -> D,
+        on_shaft: impl Fn(R, D) -> R + Copy,
+        mut visit: impl FnMut(usize, Signals<R>),
+    ) {
         let Recording {
             samples,
             drive,
@@ -307,7 +320,9 @@ impl Comparison<'_> {
                 visit(n, signals);
             }
             let next = drive.get(n + 1).unwrap_or(now);
-            monitor.run_sample_period(&mut state, initial, now, next);
+            let disturbed = disturbance(n);
+            let on_shaft = |torque| on_shaft(torque, disturbed);
+            monitor.run_sample_period_under(&mut state, initial, [now, next], on_shaft);
         }
     }
 

@@ -11,7 +11,7 @@ mod records;
 use std::sync::Arc;
 
 use ema_ga::GaConfig;
-use ema_models::{FAULT_COUNT, FaultId, FaultVector};
+use ema_models::{FAULT_COUNT, FaultId, FaultVector, Tolerances};
 
 use crate::config::{Config, IdentificationConfig, SearchMethod};
 use crate::functional_check::{CHECK_LANES, unmet_requirements};
@@ -27,7 +27,7 @@ use ema_identify::{Estimate, Fit, Identifier, Method, Population};
 use records::{health_record, rul_record, window_record};
 
 pub(crate) use by_unit::motion_of;
-pub use conditions::{TYPE_TOLERANCE, conditions, motor_knowledge_at};
+pub use conditions::{conditions, motor_knowledge_at, motor_within};
 pub use models::{AssessError, Models, ReadText, TypeModel, hash_of_type, model_hash};
 
 /// Assesses the windows of all actuators, in the order in which they come.
@@ -183,12 +183,15 @@ impl Assessor {
     /// # Errors
     /// No model was loaded for the actuator's type.
     pub fn identifier_of(&self, job: &WindowJob) -> Result<Identifier, AssessError> {
-        let monitor = self.models.unit(&job.actuator).and_then(|unit| unit.monitor);
+        let unit = self.models.unit(&job.actuator);
+        let monitor = unit.and_then(|unit| unit.monitor);
         Ok(Identifier {
             params: monitor.map_or(job.params, |monitor| monitor.parameters.applied_to(&job.params)),
             calibration: self.models.of_type(&job.actuator.type_name)?.calibration.clone(),
             method: self.method,
             motor: motor_knowledge_at(self.models.motor(&job.actuator), job.conditions.winding_temp_deg_c),
+            // The scatter of its own windows stands for them in a commissioned unit.
+            tolerances: unit.map_or(job.actuator.tolerances, |_| Tolerances::NONE),
         })
     }
 }

@@ -184,7 +184,7 @@ fn choose<'a>(
 ) -> Result<(UnitEstimator, String, &'a Evidence), CommissioningError> {
     let monitor_far = monitor.and_then(|learnt| learnt.far_parameter(job));
     if let (Some(far), Some(learnt), false) = (&monitor_far, monitor, is_vector)
-        && learnt.is_certain()
+        && learnt.is_certain(&job.actuator.tolerances)
     {
         return Err(CommissioningError::Parameter(far.clone()));
     }

@@ -22,6 +22,7 @@ mod signals;
 mod specification;
 mod spelling;
 mod storage_limits;
+mod tolerances;
 mod window;
 
 pub use actuator::ActuatorConfig;

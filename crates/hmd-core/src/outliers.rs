@@ -6,7 +6,7 @@
 //! A single wrong count sticks out of that by its full size.
 
 use ema_ga::ConfigError;
-use ema_models::{Comparison, Conditions, Unknowns};
+use ema_models::Conditions;
 
 use crate::window::Window;
 use ema_identify::{Estimate, Identifier, Prepared};
@@ -34,18 +34,19 @@ pub fn identify_without_outliers(
     seed: u64,
 ) -> Result<(Prepared, Estimate), ConfigError> {
     let mut evaluations = 0;
-    let (prepared, mut estimate) = estimate_without_outliers(identifier, window, conditions, |_, prepared| {
+    let identify = |_: &Window, prepared: &Prepared| {
         let estimate = identifier.identify(prepared, conditions, seed)?;
         evaluations += estimate.evaluations + 1;
-        let unknowns = estimate.unknowns;
-        Ok((estimate, unknowns))
-    })?;
+        Ok(estimate)
+    };
+    let (prepared, mut estimate) =
+        estimate_without_outliers(identifier, window, conditions, identify, |estimate| estimate)?;
     estimate.evaluations = evaluations;
     Ok((prepared, estimate))
 }
 
-/// Estimates a window; refuses counts that stick out from the monitor with the unknowns of the estimate, and estimates once more
-/// without them.
+/// Estimates a window; refuses counts that stick out from the monitor with the estimate `of` what was found, and estimates once
+/// more without them.
 ///
 /// # Errors
 /// Those of the estimate.
@@ -53,15 +54,14 @@ pub fn estimate_without_outliers<T, E>(
     identifier: &Identifier,
     window: &mut Window,
     conditions: Conditions,
-    mut estimate: impl FnMut(&Window, &Prepared) -> Result<(T, Unknowns), E>,
+    mut estimate: impl FnMut(&Window, &Prepared) -> Result<T, E>,
+    of: impl Fn(&T) -> &Estimate,
 ) -> Result<(Prepared, T), E> {
-    let coefficients = identifier.calibration.coefficients();
     let mut passes_left = PASSES;
     loop {
         let prepared = Prepared::new(&identifier.params, &window.samples, &window.filled, window.trigger);
-        let (found, unknowns) = estimate(window, &prepared)?;
-        let comparison = identifier.comparison(&prepared, &coefficients, conditions);
-        let outliers = outliers(&comparison, &unknowns);
+        let found = estimate(window, &prepared)?;
+        let outliers = outliers(identifier, &prepared, conditions, of(&found));
         if passes_left == 0 || outliers.is_empty() || outliers.len() as f64 > SHARE_MAX * window.samples.len() as f64 {
             return Ok((prepared, found));
         }
@@ -71,10 +71,10 @@ pub fn estimate_without_outliers<T, E>(
 }
 
 /// Indices of samples whose resolver or encoder count sticks out, in rising order.
-fn outliers(comparison: &Comparison<'_>, unknowns: &Unknowns) -> Vec<usize> {
-    let sensors = &comparison.params.sensors;
+fn outliers(identifier: &Identifier, window: &Prepared, conditions: Conditions, estimate: &Estimate) -> Vec<usize> {
+    let sensors = &identifier.params.sensors;
     let (mut motor, mut output) = (Vec::new(), Vec::new());
-    comparison.residuals(unknowns, |n, r| {
+    identifier.residuals(window, conditions, estimate, |n, r| {
         motor.push((n, r.theta_m / sensors.motor_lsb()));
         output.push((n, r.theta_out / sensors.output_lsb()));
     });

@@ -13,7 +13,7 @@ use ema_ga::{ConfigError, GaConfig};
 use ema_models::reference::{Actuations, Scenario};
 use ema_models::{
     ActuatorParams, Comparison, Conditions, FaultVector, InstructionSet, MotorKnowledge, RANK_LANES, STEPS_PER_CONTROL,
-    Scale, SensedSample, Unknowns,
+    Scale, SensedSample, Tolerances, Unknowns,
 };
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -81,6 +81,7 @@ pub fn bench(threads: usize, done: &(dyn Fn() + Sync)) -> Result<BenchReport, Be
                 .ok_or(BenchError::Calibration(actuator))?,
             method: Method::hybrid(),
             motor: MotorKnowledge::default(),
+            tolerances: Tolerances::NONE,
         },
         window: window(&params, WINDOW),
         done,

@@ -16,6 +16,7 @@ fn window(c: &mut Criterion) {
         calibration: TypeCalibration::built_in("bench", MonitorForm::ThreePhase).expect("shipped with the program"),
         method: Method::hybrid(),
         motor: ema_models::MotorKnowledge::default(),
+        tolerances: ema_models::Tolerances::NONE,
     };
     let window = SimulatedWindow::new(&params, FaultVector::from_array(TABLE_III), Profile::Mixed, 1);
     let one = rayon::ThreadPoolBuilder::new()

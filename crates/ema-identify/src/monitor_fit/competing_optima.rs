@@ -41,7 +41,7 @@ mod tests {
     use super::*;
     use crate::calibration::{MonitorForm, TypeCalibration};
     use crate::{Identifier, Method, Prepared};
-    use ema_models::{ActuatorParams, Conditions, MotorKnowledge, SensedSample, Setpoint, UNKNOWN_COUNT};
+    use ema_models::{ActuatorParams, Conditions, MotorKnowledge, SensedSample, Setpoint, Tolerances, UNKNOWN_COUNT};
 
     #[test]
     fn only_optima_that_differ_and_are_as_good_compete() {
@@ -50,6 +50,7 @@ mod tests {
             calibration: TypeCalibration::built_in("bench", MonitorForm::ThreePhase).unwrap(),
             method: Method::hybrid(),
             motor: MotorKnowledge::default(),
+            tolerances: Tolerances::NONE,
         };
         let at_rest = SensedSample {
             seq: 0,

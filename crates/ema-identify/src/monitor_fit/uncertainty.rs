@@ -76,6 +76,8 @@ pub(crate) fn assess(
         back_emf_off: unknowns.motor.back_emf - window.prior().motor.mean.back_emf,
         other_motor: false,
         locked: is_locked(window),
+        #[cfg(feature = "std")]
+        deviations: std::vec::Vec::new(),
     }
 }
 

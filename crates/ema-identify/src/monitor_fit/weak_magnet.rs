@@ -7,10 +7,10 @@ use super::least_squares::{LocalOptimum, descend};
 use super::window::MonitoredWindow;
 
 /// Shorts in all three phases from which on a weak magnet is tried.
-const ALL_SHORTED: f64 = 0.05;
+pub(super) const ALL_SHORTED: f64 = 0.05;
 
 /// Standard deviation of the back-EMF coefficient for that, as a share.
-const ANY_MAGNET: f64 = 0.3;
+pub(super) const ANY_MAGNET: f64 = 0.3;
 
 /// Whether the magnets are weak, rather than all three phases shorted.
 pub(super) enum WeakMagnet {

@@ -84,7 +84,7 @@ impl HealthyResidual {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "std"))]
 mod tests {
     use super::*;
 

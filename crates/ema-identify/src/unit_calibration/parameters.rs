@@ -3,7 +3,7 @@
 use std::format;
 use std::string::String;
 
-use ema_models::ActuatorParams;
+use ema_models::{ActuatorParams, Tolerances};
 use serde::{Deserialize, Serialize};
 
 /// A parameter of a type in which its units differ.
@@ -63,16 +63,20 @@ impl UnitParameter {
         }
     }
 
-    /// Usual tolerance: one standard deviation, as a share of the type's value. Declared here.
+    /// Tolerance: one standard deviation, as a share of the type's value; the usual one where the type has none of its own.
     #[must_use]
-    pub fn tolerance(self) -> f64 {
-        match self {
-            Self::Resistance | Self::Inertia => 0.05,
-            Self::BackEmf => 0.03,
-            Self::Inductance => 0.07,
-            Self::Damping => 0.5,
-            Self::DryFriction => 0.2,
-        }
+    pub fn tolerance(self, of_type: &Tolerances) -> f64 {
+        let of = |tolerances: &Tolerances| match self {
+            Self::Resistance => tolerances.r_s,
+            Self::BackEmf => tolerances.k,
+            Self::Inductance => tolerances.l_s,
+            Self::Inertia => tolerances.j,
+            Self::Damping => tolerances.c,
+            Self::DryFriction => tolerances.friction_dynamic,
+        };
+        let own = of(of_type);
+        let has_own = own > 0.0 && own.to_bits() != of(&Tolerances::MOTOR_ONLY).to_bits();
+        if has_own { own } else { of(&Tolerances::USUAL) }
     }
 
     /// The type's value.

@@ -82,6 +82,7 @@ pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, i
         back_emf_off: 0.0,
         other_motor: false,
         locked: is_locked,
+        deviations: std::vec::Vec::new(),
     };
     let needed: [_; FAULT_COUNT] = found.needed;
     UnitEstimate { estimate, needed }

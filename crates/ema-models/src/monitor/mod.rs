@@ -203,6 +203,19 @@ impl<R: Real> Monitor<R> {
         now: &ComparedSample,
         next: &ComparedSample,
     ) {
+        self.run_sample_period_under(state, initial, [now, next], |torque| torque);
+    }
+
+    /// [`Monitor::run_sample_period`] from the first to the second sample, with another torque on the shaft: `on_shaft` gives it
+    /// from that of the motor, Nm.
+    #[inline(always)]
+    pub(crate) fn run_sample_period_under(
+        &self,
+        state: &mut MonitorState<R>,
+        initial: &InitialState,
+        [now, next]: [&ComparedSample; 2],
+        on_shaft: impl Fn(R) -> R + Copy,
+    ) {
         let setpoint = now.setpoint.map(R::splat);
         // The compiler keeps a local copy in registers.
         let mut own = *state;
@@ -215,7 +228,7 @@ impl<R: Real> Monitor<R> {
                     self.encoder.counted_angle(R::splat(read))
                 }
             };
-            self.control_period(&mut own, initial, setpoint, counted);
+            self.control_period(&mut own, initial, setpoint, counted, on_shaft);
         }
         if self.feedback == Feedback::Measured {
             self.move_output(&mut own, initial, R::splat(next.theta_m));
@@ -238,7 +251,7 @@ impl<R: Real> Monitor<R> {
         let mut own = *state;
         self.refresh_sin_cos(&mut own, initial);
         for &counted in counted {
-            self.control_period(&mut own, initial, setpoint, counted);
+            self.control_period(&mut own, initial, setpoint, counted, |torque| torque);
         }
         self.move_output(&mut own, initial, theta_m);
         *state = own;
@@ -252,7 +265,14 @@ impl<R: Real> Monitor<R> {
 
     /// The controller's step at the start of its period, and the integration steps within the period.
     #[inline(always)]
-    fn control_period(&self, state: &mut MonitorState<R>, initial: &InitialState, setpoint: Setpoint<R>, counted: R) {
+    fn control_period(
+        &self,
+        state: &mut MonitorState<R>,
+        initial: &InitialState,
+        setpoint: Setpoint<R>,
+        counted: R,
+        on_shaft: impl Fn(R) -> R + Copy,
+    ) {
         let i_ref = self.ace.step(&mut state.ace, setpoint, counted, state.omega_m);
         state.i_ref = match self.form {
             Form::ThreePhase => {
@@ -267,7 +287,7 @@ impl<R: Real> Monitor<R> {
             Form::Paper(_) | Form::OneAxis => [R::zero(), i_ref],
         };
         for _ in 0..self.steps_per_control {
-            self.step(state, initial);
+            self.step(state, initial, on_shaft);
         }
     }
 
@@ -323,7 +343,7 @@ impl<R: Real> Monitor<R> {
 
     /// One integration step: the currents at the predicted angle, then the motion under the mean torque of both ends.
     #[inline(always)]
-    fn step(&self, state: &mut MonitorState<R>, initial: &InitialState) {
+    fn step(&self, state: &mut MonitorState<R>, initial: &InitialState, on_shaft: impl Fn(R) -> R) {
         let m = &self.derived;
         let half = R::splat(0.5);
         let omega = state.omega_m;
@@ -360,7 +380,7 @@ impl<R: Real> Monitor<R> {
 
         state.omega_m = self.friction.long_step(
             omega,
-            torque - m.viscous * omega,
+            on_shaft(torque) - m.viscous * omega,
             m.dt_over_j,
             &mut state.breakaway_deficit,
         );

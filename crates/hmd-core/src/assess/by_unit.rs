@@ -3,12 +3,13 @@
 use ema_identify::relations::Needed;
 use ema_identify::unit_calibration::{Motion, UnitCalibration, UnitEstimator};
 use ema_identify::unit_estimate::{AlignedWindow, UnitEstimate, corrected, estimate_by_relations};
-use ema_identify::{Estimate, Fit, Identifier};
+use ema_identify::{Estimate, Fit, Identifier, Prepared};
 use ema_models::{Conditions, FaultId};
 
 use super::AssessError;
 use crate::outbox::WindowJob;
 use crate::outliers::{estimate_without_outliers, identify_without_outliers};
+use crate::window::Window;
 
 /// Factor on every sigma for each respect in which commissioning has not seen a window's conditions.
 const UNSEEN_FACTOR: f64 = 2.0;
@@ -35,12 +36,14 @@ pub(super) fn estimate(
     let (fit, mut found) = match (unit.estimator, &unit.relations, &unit.monitor) {
         (UnitEstimator::Relations, Some(relations), _) => {
             let params = job.params;
+            let estimate = |window: &Window, prepared: &Prepared| {
+                let aligned = AlignedWindow::new(&params, &window.samples, &window.filled);
+                let is_locked = identifier.is_locked(prepared, conditions);
+                Ok::<_, AssessError>(estimate_by_relations(relations, &aligned, is_locked))
+            };
             let (prepared, found) =
-                estimate_without_outliers(identifier, &mut job.window, conditions, |window, prepared| {
-                    let aligned = AlignedWindow::new(&params, &window.samples, &window.filled);
-                    let found = estimate_by_relations(relations, &aligned, identifier.is_locked(prepared, conditions));
-                    let unknowns = found.estimate.unknowns;
-                    Ok::<_, AssessError>((found, unknowns))
+                estimate_without_outliers(identifier, &mut job.window, conditions, estimate, |found| {
+                    &found.estimate
                 })?;
             (identifier.fit(&prepared, conditions, &found.estimate), found)
         }

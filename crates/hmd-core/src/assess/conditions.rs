@@ -1,19 +1,28 @@
 //! Operating conditions of a window, and the prior knowledge of a motor under them.
 
-use ema_models::{Conditions, MotorDeviation, MotorKnowledge, Scale};
+use ema_models::{Conditions, MotorDeviation, MotorKnowledge, Scale, Tolerances};
 
 use crate::outbox::WindowJob;
 
-/// Prior knowledge of the motor of a unit without a calibration: resistance within ±5 % of its type and back-EMF within ±3 %, as the
-/// standard deviations of uniform distributions. A weak magnet looks much like three slightly shorted phases; estimated
-/// along, it is not mistaken for them, and what cannot be distinguished widens their sigma.
-pub const TYPE_TOLERANCE: MotorKnowledge = MotorKnowledge {
-    mean: MotorDeviation {
-        resistance: 0.0,
-        back_emf: 0.0,
-    },
-    covariance: [[0.05 * 0.05 / 3.0, 0.0], [0.0, 0.03 * 0.03 / 3.0]],
-};
+/// Prior knowledge of the motor of a unit without a calibration: R and k of its type within their tolerances. A weak magnet looks
+/// much like three slightly shorted phases; estimated along, it is not mistaken for them, and what cannot be distinguished widens
+/// their sigma.
+#[must_use]
+pub fn motor_within(tolerances: &Tolerances) -> MotorKnowledge {
+    let default = Tolerances::MOTOR_ONLY;
+    // The product of the rounded deviations has other last bits than the variance.
+    let variance = |own: f64, default: f64, squared: f64| {
+        let is_default = own.to_bits() == default.to_bits();
+        if is_default { squared } else { own * own }
+    };
+    MotorKnowledge {
+        mean: MotorDeviation::default(),
+        covariance: [
+            [variance(tolerances.r_s, default.r_s, 0.05 * 0.05 / 3.0), 0.0],
+            [0.0, variance(tolerances.k, default.k, 0.03 * 0.03 / 3.0)],
+        ],
+    }
+}
 
 /// What is known of a motor under a temperature that is measured or not.
 #[must_use]

@@ -10,7 +10,7 @@ use ema_identify::unit_calibration::{UnitCalibration, UnitError};
 use ema_models::{ActuatorParams, MotorKnowledge};
 use sha2::{Digest, Sha256};
 
-use super::TYPE_TOLERANCE;
+use super::motor_within;
 use crate::config::{ActuatorConfig, Config};
 use crate::health::LevelsError;
 use crate::metadata_checksum::hex;
@@ -190,11 +190,11 @@ impl Models {
         self.units.get(&actuator.name)
     }
 
-    /// Prior knowledge of an actuator's motor: its own calibration, else the tolerance of its type.
+    /// Prior knowledge of an actuator's motor: its own calibration, else the tolerances of its type.
     #[must_use]
     pub fn motor(&self, actuator: &ActuatorConfig) -> MotorKnowledge {
         let monitor = self.unit(actuator).and_then(|unit| unit.monitor);
-        monitor.map_or(TYPE_TOLERANCE, |monitor| monitor.motor())
+        monitor.map_or_else(|| motor_within(&actuator.tolerances), |monitor| monitor.motor())
     }
 }
 

@@ -2,7 +2,7 @@
 
 use ema_models::{FaultId, Setpoint};
 
-use crate::health::{HealthDecision, HealthState};
+use crate::health::{HealthDecision, HealthState, SIGNIFICANCE};
 use crate::history::UnitAssessment;
 use crate::outbox::WindowJob;
 use crate::record::{self, WindowStatus};
@@ -52,10 +52,20 @@ pub(super) fn health_record(
     health
 }
 
-/// The state is unknown instead of nominal while the estimate has a damage that is not observable well enough to count.
+/// The state is unknown instead of nominal while the estimate has a damage that is too uncertain to count: the window does not show
+/// it, or the type's tolerances explain it as well.
 fn reported_state(state: HealthState, estimate: Option<&Estimate>) -> HealthState {
     let hidden = estimate.is_some_and(|e| {
-        let is_hidden = |fault: FaultId| !e.observable[fault.parameter()] && e.fault.damage_of(fault) > HIDDEN_DAMAGE;
+        let sigma = e.damage_sigma();
+        let is_hidden = |fault: FaultId| {
+            let damage = e.fault.damage_of(fault);
+            let is_uncertain = if e.deviations.is_empty() {
+                !e.observable[fault.parameter()]
+            } else {
+                damage < SIGNIFICANCE * sigma[fault.parameter()]
+            };
+            is_uncertain && damage > HIDDEN_DAMAGE
+        };
         FaultId::ALL.into_iter().any(is_hidden)
     });
     if hidden && state == HealthState::Nominal {
@@ -65,7 +75,7 @@ fn reported_state(state: HealthState, estimate: Option<&Estimate>) -> HealthStat
     }
 }
 
-/// Damage that makes a nominal state doubtful even where it is not observable.
+/// Damage that makes a nominal state doubtful even where it is uncertain.
 const HIDDEN_DAMAGE: f64 = 0.3;
 
 pub(super) fn rul_record(

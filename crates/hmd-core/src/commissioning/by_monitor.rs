@@ -5,7 +5,7 @@ use ema_identify::unit_calibration::{ElementStatistics, UnitMonitor, UnitParamet
 use ema_identify::unit_estimate::{USUAL_COST, corrected};
 use ema_identify::unit_parameters_fit::fit_unit_parameters;
 use ema_identify::{Estimate, Identifier, Prepared};
-use ema_models::Conditions;
+use ema_models::{Conditions, Tolerances};
 
 use super::evidence::Evidence;
 use super::{CommissioningError, FarParameter, TOLERANCES_MAX};
@@ -93,26 +93,29 @@ fn fit(assessor: &Assessor, jobs: &[WindowJob]) -> Result<Option<UnitMonitor>, C
             identifier.comparison(window, coefficients, *conditions)
         })
         .collect();
-    Ok(fit_unit_parameters(&compared).map(|fit| UnitMonitor {
+    let of_type = jobs.first().map_or(Tolerances::USUAL, |job| job.actuator.tolerances);
+    Ok(fit_unit_parameters(&compared, &of_type).map(|fit| UnitMonitor {
         cost: fit.cost,
         parameters: fit.parameters,
         baseline: Default::default(),
     }))
 }
 
-/// The identifier of the type for a window, and the window's conditions.
+/// The identifier of the type for a window, every number known exactly, and the window's conditions.
 fn of_type(assessor: &Assessor, job: &WindowJob) -> Result<(Identifier, Conditions), CommissioningError> {
     let window = job.window.number;
     let conditions = conditions(job).map_err(|sentence| CommissioningError::Conditions { window, sentence })?;
-    Ok((assessor.identifier_of(job)?, conditions))
+    let mut identifier = assessor.identifier_of(job)?;
+    identifier.tolerances = Tolerances::NONE;
+    Ok((identifier, conditions))
 }
 
 impl MonitorLearnt {
     /// Whether a parameter that is far from its type is the unit's own: the windows are explained like those of the type, and all
     /// other parameters are usual. Another drive than the type's moves several of them, or leaves a larger cost.
-    pub(super) fn is_certain(&self) -> bool {
+    pub(super) fn is_certain(&self, of_type: &Tolerances) -> bool {
         let distance =
-            |parameter: UnitParameter| self.unit.parameters.of(parameter).share.abs() / parameter.tolerance();
+            |parameter: UnitParameter| self.unit.parameters.of(parameter).share.abs() / parameter.tolerance(of_type);
         let unusual = UnitParameter::ALL
             .into_iter()
             .filter(|&parameter| distance(parameter) > USUAL_TOLERANCES);
@@ -124,12 +127,13 @@ impl MonitorLearnt {
         UnitParameter::ALL.into_iter().find_map(|parameter| {
             let share = self.unit.parameters.of(parameter).share;
             let of_type = parameter.value(&job.params);
-            (share.abs() > TOLERANCES_MAX * parameter.tolerance()).then(|| FarParameter {
+            let tolerance = parameter.tolerance(&job.actuator.tolerances);
+            (share.abs() > TOLERANCES_MAX * tolerance).then(|| FarParameter {
                 type_name: job.actuator.type_name.clone(),
                 key: parameter.key(),
                 of_type,
                 found: (1.0 + share) * of_type,
-                tolerance: parameter.tolerance() * of_type,
+                tolerance: tolerance * of_type,
             })
         })
     }

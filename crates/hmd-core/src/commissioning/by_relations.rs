@@ -91,7 +91,12 @@ impl RelationsLearnt {
     /// The first parameter that is far from the type. Torques are relative to the type's k.
     pub(super) fn far_parameter(&self, job: &WindowJob) -> Option<FarParameter> {
         let CommissionedRelations { balance, baseline, .. } = &self.unit.commissioned;
-        let of_torque = |parameter: UnitParameter| parameter.tolerance().hypot(UnitParameter::BackEmf.tolerance());
+        let tolerances = &job.actuator.tolerances;
+        let of_torque = |parameter: UnitParameter| {
+            parameter
+                .tolerance(tolerances)
+                .hypot(UnitParameter::BackEmf.tolerance(tolerances))
+        };
         let far = |key, of_type: f64, found: f64, share: f64| FarParameter {
             type_name: job.actuator.type_name.clone(),
             key,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use ema_models::{ActuatorParams, DriveParams};
+use ema_models::{ActuatorParams, DriveParams, Tolerances};
 use ema_wire::ActuatorId;
 use serde::Serialize;
 
@@ -49,6 +49,9 @@ pub struct ActuatorConfig {
     /// Parameters of its type.
     #[serde(skip)]
     pub params: ActuatorParams,
+    /// How well its type's parameters are known.
+    #[serde(skip)]
+    pub tolerances: Tolerances,
     /// Drive of its type.
     #[serde(skip)]
     pub drive: DriveParams,
@@ -83,6 +86,7 @@ impl ActuatorConfig {
             bus: None,
             type_name: type_name.to_owned(),
             params: found.params,
+            tolerances: found.tolerances,
             drive: found.drive,
             type_calibration: found.calibration.clone(),
             specification: found.specification,

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use ema_models::{ActuatorParams, DriveParams};
+use ema_models::{ActuatorParams, DriveParams, Tolerances};
 use serde::{Serialize, Serializer};
 
 use super::ConfigError;
@@ -12,6 +12,7 @@ use super::name::{NAME_EXPECTED, is_name};
 use super::params::{self, GROUPS};
 use super::reader::Section;
 use super::specification::Specification;
+use super::tolerances;
 
 /// Type of an actuator that names none.
 pub(super) const DEFAULT_TYPE: &str = "bench";
@@ -22,6 +23,12 @@ pub struct ActuatorType {
     /// Its physics; serialised under the keys of the file.
     #[serde(flatten, serialize_with = "as_file_keys")]
     pub params: ActuatorParams,
+    /// How well the parameters are known.
+    #[serde(
+        skip_serializing_if = "tolerances::are_default",
+        serialize_with = "tolerances::as_file_keys"
+    )]
+    pub tolerances: Tolerances,
     /// Its power electronics.
     #[serde(serialize_with = "drive::as_file_keys")]
     pub drive: DriveParams,
@@ -50,6 +57,7 @@ pub(super) fn read_all(root: &Section<'_>) -> Result<BTreeMap<String, ActuatorTy
                 name.to_owned(),
                 ActuatorType {
                     params,
+                    tolerances: Tolerances::MOTOR_ONLY,
                     drive: DriveParams::of_built_in(name),
                     calibration: None,
                     specification: Specification::default(),
@@ -58,7 +66,7 @@ pub(super) fn read_all(root: &Section<'_>) -> Result<BTreeMap<String, ActuatorTy
         })
         .into();
     let keys = [
-        &["based_on", "calibration", "drive", "specification"],
+        &["based_on", "calibration", "drive", "specification", "tolerances"],
         GROUPS.as_slice(),
     ]
     .concat();
@@ -76,12 +84,14 @@ pub(super) fn read_all(root: &Section<'_>) -> Result<BTreeMap<String, ActuatorTy
         let Some((base_name, base)) = base else {
             return Err(section.refuse("based_on", "\"bench\", \"servo28\" or \"servo270\""));
         };
-        let params = params::read(&section, base)?;
+        let known_within = tolerances::base(&section)?;
+        let (params, tolerances) = params::read(&section, base, known_within)?;
         let drive = drive::read(&section, DriveParams::of_built_in(base_name))?;
         let calibration = section.text("calibration")?.map(PathBuf::from);
         let specification = Specification::read(&section.section("specification", Specification::KEYS)?)?;
         let found = ActuatorType {
             params,
+            tolerances,
             drive,
             calibration,
             specification,

@@ -3,7 +3,10 @@
 use std::fmt::{self, Write};
 use std::path::Path;
 
+use ema_models::Tolerances;
+
 use super::actuator_type::DEFAULT_TYPE;
+use super::tolerances;
 use super::{ActuatorConfig, Config, HoursOf, LOAD_MAX, MONITOR_NAMES, RulConfig, SearchMethod};
 use crate::dbc::{Role, SignalMap};
 use crate::health::Levels;
@@ -17,6 +20,7 @@ pub(super) fn describe(config: &Config) -> String {
 
 fn write_all(out: &mut String, config: &Config) -> fmt::Result {
     write_actuators(out, config)?;
+    write_tolerances(out, config)?;
     let window = config.window();
     writeln!(
         out,
@@ -101,6 +105,22 @@ fn write_actuators(out: &mut String, config: &Config) -> fmt::Result {
     for load in config.bus_loads() {
         let (name, percent) = (load.name(), 100.0 * load.load);
         writeln!(out, "bus load: {name} {percent:.0} % of {} bit/s", load.bitrate_bit_s)?;
+    }
+    Ok(())
+}
+
+/// The tolerances of types that set any.
+fn write_tolerances(out: &mut String, config: &Config) -> fmt::Result {
+    for (name, of_type) in config.types() {
+        if of_type.tolerances == Tolerances::USUAL {
+            writeln!(out, "type {name}: usual tolerances")?;
+        } else if !tolerances::are_default(&of_type.tolerances) {
+            write!(out, "type {name}:")?;
+            for (group, key, value) in tolerances::set(&of_type.tolerances) {
+                write!(out, " {group}.{key} {value}")?;
+            }
+            writeln!(out)?;
+        }
     }
     Ok(())
 }

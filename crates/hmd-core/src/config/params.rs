@@ -4,10 +4,11 @@
 
 use std::collections::BTreeMap;
 
-use ema_models::{ActuatorParams, Expected, ParamsError};
+use ema_models::{ActuatorParams, Expected, ParamsError, Tolerances};
 
 use super::ConfigError;
 use super::reader::Section;
+use super::tolerances;
 
 /// Subtables of a `[type.NAME]`.
 pub(super) const GROUPS: [&str; 4] = ["motor", "transmission", "controller", "sensors"];
@@ -73,13 +74,20 @@ const PARAMS: [Param; 26] = [
 /// Name under which `ParamsError` reports a sampling rate that is no multiple of the control period.
 const SAMPLE_PERIOD_FIELD: &str = "1 / sensors.sample_rate";
 
-/// `base` with everything that the subtables of `type_section` set.
-pub(super) fn read(type_section: &Section<'_>, base: ActuatorParams) -> Result<ActuatorParams, ConfigError> {
+/// `base` and the tolerances `known_within`, with everything that the subtables of `type_section` set.
+pub(super) fn read(
+    type_section: &Section<'_>,
+    base: ActuatorParams,
+    mut known_within: Tolerances,
+) -> Result<(ActuatorParams, Tolerances), ConfigError> {
     let mut params = base;
     let mut groups = Vec::with_capacity(GROUPS.len());
     for group in GROUPS {
         let of_group = || PARAMS.iter().filter(move |param| param.group == group);
-        let keys: Vec<_> = of_group().map(|param| param.key).collect();
+        let keys: Vec<_> = of_group()
+            .map(|param| param.key)
+            .chain(tolerances::keys(group))
+            .collect();
         let section = type_section.section(group, &keys)?;
         for param in of_group() {
             let Some(value) = section.any_number(param.key, || "a number".to_owned())? else {
@@ -90,9 +98,10 @@ pub(super) fn read(type_section: &Section<'_>, base: ActuatorParams) -> Result<A
             }
             (param.set)(&mut params, value);
         }
+        tolerances::read(&section, group, &mut known_within)?;
         groups.push((group, section));
     }
-    params.checked().map_err(|error| {
+    let params = params.checked().map_err(|error| {
         let field = if error.field == SAMPLE_PERIOD_FIELD {
             "sensors.sample_rate"
         } else {
@@ -110,7 +119,8 @@ pub(super) fn read(type_section: &Section<'_>, base: ActuatorParams) -> Result<A
             }
             None => type_section.refuse_self("possible parameters", &error.to_string()),
         }
-    })
+    })?;
+    Ok((params, known_within))
 }
 
 /// What `error` asks for, in the names of the file.

@@ -150,7 +150,7 @@ const _: () = assert!(SIGNAL_COUNT == 5, "every signal has its noise above");
 
 #[cfg(test)]
 mod tests {
-    use ema_models::{ActuatorParams, MotorKnowledge};
+    use ema_models::{ActuatorParams, MotorKnowledge, Tolerances};
 
     use super::*;
     use ema_identify::Method;
@@ -164,6 +164,7 @@ mod tests {
             calibration: TypeCalibration::built_in("bench", MonitorForm::ThreePhase).expect("shipped"),
             method: Method::hybrid(),
             motor: MotorKnowledge::default(),
+            tolerances: Tolerances::NONE,
         };
         let ratio = crlb_ratio(&identifier, 2000.0, 7, 1).expect("valid settings");
         assert!((0.3..1.3).contains(&ratio), "{ratio}");

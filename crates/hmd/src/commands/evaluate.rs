@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::{Exit, Misuse, load_config, progress, say, unknown_type, use_threads};
 use ema_identify::Identifier;
 use ema_identify::calibration::MonitorForm;
-use ema_models::{FaultId, MotorKnowledge};
+use ema_models::{FaultId, MotorKnowledge, Tolerances};
 use hmd_core::assess::{AssessError, method};
 use hmd_core::config::SearchMethod;
 use hmd_core::config::{Config, IdentificationConfig};
@@ -99,6 +99,7 @@ fn identifier(config: &Config, actuator: &str, args: &Args) -> Result<Option<Ide
         calibration: load_type_model(actuator, found, form, config)?.calibration,
         method: method(settings.as_ref().unwrap_or(config.identification())),
         motor: MotorKnowledge::default(),
+        tolerances: Tolerances::NONE,
     }))
 }
 

@@ -1,0 +1,300 @@
+//! From the best optimum of a search to the estimate of a window whose numbers have tolerances.
+
+use ema_ga::{LmConfig, LmStop, Residuals, levenberg_marquardt};
+use ema_models::{
+    Comparison, Coordinates, FAULT_COUNT, FaultVector, MOTOR_COORDINATES, MotorKnowledge, SIGNAL_COUNT, Scale, Signals,
+    Tolerances, UNKNOWN_COUNT, Weights,
+};
+
+use super::basis::Basis;
+use super::problem::{DIMENSION, Linearised, NUISANCE_MAX, Point, Problem, coordinates};
+use crate::calibration::Mismatch;
+use crate::estimate::{Estimate, OBSERVABLE_SIGMA};
+use crate::monitor_fit::competing_optima::{differ, undecided_difference};
+use crate::monitor_fit::conclusion::Search;
+use crate::monitor_fit::least_squares::constant_box;
+use crate::monitor_fit::locked::is_locked;
+use crate::monitor_fit::weak_magnet::{ALL_SHORTED, ANY_MAGNET};
+use crate::monitor_fit::window::MonitoredWindow;
+
+/// Step of the finite differences along the unknowns.
+const STEP: f64 = 1e-3;
+
+/// Linearisations at most of one descent.
+const MAX_ITERATIONS: u32 = 8;
+
+/// Trials that a linearisation takes at most, on average.
+const TRIALS_PER_STEP: u32 = 3;
+
+/// Monitor runs of a linearisation at most: the point and one step along each coordinate.
+const RUNS_PER_LINEARISATION: u64 = DIMENSION as u64 + 1;
+
+/// Descents at most: from two starts, after the reweighting, and with another magnet.
+const DESCENTS: u64 = 4;
+
+/// Blocks of consecutive samples whose contributions to an estimate are compared.
+const BLOCKS: usize = 16;
+
+/// Cost from which on a residual is taken for something that no nuisance describes: it lasts, and so does not average out as noise
+/// does; sigmas grow with the cost. Units with any imperfection that a nuisance describes cost 0.9 to 1.9.
+const SYSTEMATIC_COST: f64 = 2.0;
+
+/// Fits unknowns and nuisances of a window, from the best optimum of the search and from health. `budget` are the monitor runs that
+/// the whole identification may take.
+pub(crate) fn conclude_with_tolerances(
+    window: &Comparison<'_>,
+    mismatch: &Mismatch,
+    tolerances: &Tolerances,
+    search: &Search,
+    budget: u64,
+) -> Estimate {
+    let basis = Basis::new(window, tolerances);
+    let problem = Problem::new(*window, &basis, tolerances, STEP);
+    let best = search.best().at;
+    let mut healthy = Scale::new(window.params).coordinates(&window.unknowns_with_fault(FaultVector::NOMINAL));
+    healthy.0[FAULT_COUNT..].copy_from_slice(&best.0[FAULT_COUNT..]);
+    let left = budget.saturating_sub(search.evaluations + RUNS_PER_LINEARISATION);
+    let share = left / DESCENTS;
+    let mut descents = [best, healthy].map(|start| descend(&problem, point(&start), share));
+    descents.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let [first, second] = descents;
+    let reweighted = problem.with_weights(weights_by_noise(&problem, mismatch, &first.at));
+    let refined = descend(&reweighted, first.at, share);
+    let undecided = undecided_difference(window, first.cost);
+    let as_good = (second.cost - first.cost < undecided).then_some(second.at);
+    let (magnet, more) = weak_magnet(&reweighted, &refined, share);
+    let (at, other_motor) = match &magnet {
+        WeakMagnet::Yes(other) => (*other, true),
+        WeakMagnet::No | WeakMagnet::Perhaps(_) => (refined.at, false),
+    };
+    let competing = match magnet {
+        WeakMagnet::Perhaps(other) => Some(other),
+        WeakMagnet::No | WeakMagnet::Yes(_) => as_good,
+    };
+    let spent = search.evaluations + first.spent + second.spent + refined.spent + more;
+    let cost = problem.mean_cost(&at);
+    let misfit = (cost / SYSTEMATIC_COST).max(1.0);
+    Estimate {
+        cost,
+        cut: search.cut || first.cut || refined.cut,
+        other_motor,
+        ..assess(&reweighted, mismatch, &at, competing, misfit, spent)
+    }
+}
+
+/// Calls `visit` with index and unweighted residuals of each measured sample for an estimate with deviations.
+pub(crate) fn residuals_with_tolerances(
+    window: &Comparison<'_>,
+    tolerances: &Tolerances,
+    estimate: &Estimate,
+    mut visit: impl FnMut(usize, Signals<f64>),
+) {
+    let basis = Basis::new(window, tolerances);
+    let problem = Problem::new(*window, &basis, tolerances, STEP);
+    let mut at = point(&Scale::new(window.params).coordinates(&estimate.unknowns));
+    for (slot, deviation) in at[UNKNOWN_COUNT..].iter_mut().zip(&estimate.deviations) {
+        *slot = *deviation;
+    }
+    problem.residuals(&at, |n, residuals| visit(n, Signals::from_array(residuals)));
+}
+
+/// Whether the magnets are weak, rather than all three phases shorted.
+enum WeakMagnet {
+    No,
+    Perhaps(Point),
+    Yes(Point),
+}
+
+/// As without tolerances: where all three phases are shorted, tries whether the motor's back-EMF, left open, takes their place.
+/// Monitor runs spent, too.
+fn weak_magnet(problem: &Problem<'_>, optimum: &Descent, budget: u64) -> (WeakMagnet, u64) {
+    let common = optimum.at[2].min(optimum.at[3]).min(optimum.at[4]);
+    let known = problem.comparison().prior.motor;
+    if common < ALL_SHORTED || known.information().is_none() {
+        return (WeakMagnet::No, 0);
+    }
+    let open = problem.with_motor(MotorKnowledge {
+        mean: known.mean,
+        covariance: [[known.covariance[0][0], 0.0], [0.0, ANY_MAGNET * ANY_MAGNET]],
+    });
+    let mut start = optimum.at;
+    for phase in &mut start[2..=4] {
+        *phase -= common;
+    }
+    start[MOTOR_COORDINATES[1]] -= common;
+    let found = descend(&open, start, budget);
+    let before = open.cost(&optimum.at);
+    let allowed = undecided_difference(problem.comparison(), found.cost.min(before));
+    let spent = found.spent + 1;
+    let different = differ(&coordinates(&found.at), &coordinates(&optimum.at), |_| true);
+    if different && found.cost < before - allowed {
+        (WeakMagnet::Yes(found.at), spent)
+    } else if different && found.cost < before + allowed {
+        (WeakMagnet::Perhaps(found.at), spent)
+    } else {
+        (WeakMagnet::No, spent)
+    }
+}
+
+fn point(at: &Coordinates) -> Point {
+    core::array::from_fn(|p| at.0.get(p).copied().unwrap_or(0.0))
+}
+
+/// Where a descent ended.
+struct Descent {
+    at: Point,
+    cost: f64,
+    /// Monitor runs spent.
+    spent: u64,
+    /// Whether the budget of monitor runs cut it short.
+    cut: bool,
+}
+
+/// A descent of at most `budget` monitor runs; with a budget too small for one step, the start itself.
+fn descend(problem: &Problem<'_>, start: Point, budget: u64) -> Descent {
+    let side = |own: [f64; UNKNOWN_COUNT], nuisance: f64| -> Point {
+        core::array::from_fn(|p| own.get(p).copied().unwrap_or(nuisance))
+    };
+    let bounds = constant_box(
+        side(Coordinates::LOWER, -NUISANCE_MAX),
+        side(Coordinates::UPPER, NUISANCE_MAX),
+    );
+    let affordable = budget / (RUNS_PER_LINEARISATION + u64::from(TRIALS_PER_STEP));
+    let iterations = affordable.min(u64::from(MAX_ITERATIONS)) as u32;
+    if iterations == 0 {
+        return Descent {
+            at: start,
+            cost: problem.cost(&start),
+            spent: 1,
+            cut: true,
+        };
+    }
+    let config = LmConfig {
+        max_iterations: iterations,
+        max_evaluations: (1 + TRIALS_PER_STEP) * iterations,
+        step_tolerance: 1e-6,
+        cost_tolerance: 1e-4,
+        ..LmConfig::default()
+    };
+    let found = levenberg_marquardt(problem, &bounds, start, &config);
+    Descent {
+        at: found.genes,
+        cost: found.cost,
+        spent: u64::from(found.iterations) * RUNS_PER_LINEARISATION + u64::from(found.evaluations - found.iterations),
+        cut: iterations < MAX_ITERATIONS && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations),
+    }
+}
+
+/// As without tolerances: less weight where a signal is noisier than in the windows of the calibration.
+fn weights_by_noise(problem: &Problem<'_>, mismatch: &Mismatch, at: &Point) -> Weights {
+    let expected = Signals::from(mismatch.residual_rms).to_array();
+    let (squares, count) = problem.squared_residuals(at);
+    let mut weights = problem.comparison().weights.to_array();
+    for signal in 0..SIGNAL_COUNT {
+        let found = libm::sqrt(squares[signal] / (count as f64).max(1.0));
+        weights[signal] *= (expected[signal] / found.max(f64::MIN_POSITIVE)).min(1.0);
+    }
+    Signals::from_array(weights)
+}
+
+/// The estimate of a point, and how uncertain it is.
+fn assess(
+    problem: &Problem<'_>,
+    mismatch: &Mismatch,
+    at: &Point,
+    competing: Option<Point>,
+    misfit: f64,
+    evaluations: u64,
+) -> Estimate {
+    let window = problem.comparison();
+    let linearised = problem.linearised(at);
+    let unknowns = problem.unknowns(at);
+    let fault = unknowns.fault;
+    let (squares, count) = problem.squared_residuals(at);
+    let n = (count as f64).max(1.0);
+    let excess = (2.0 * linearised.cost() / (n * window.weighted_signals())).max(1.0);
+    let [by_data, with_nuisances] = sigmas(&linearised, excess).map(|sigma| sigma.map(|sigma| misfit * sigma));
+    let with_model = |sigma: [f64; FAULT_COUNT]| -> [f64; FAULT_COUNT] {
+        core::array::from_fn(|p| sigma[p].hypot(mismatch.model_sigma[p]))
+    };
+    let (alone, tolerated) = (with_model(by_data), with_model(with_nuisances));
+    let competing =
+        competing.filter(|other| differ(&coordinates(other), &coordinates(at), |p| alone[p] <= OBSERVABLE_SIGMA));
+    let total: [f64; FAULT_COUNT] =
+        core::array::from_fn(|p| tolerated[p].hypot(competing.map_or(0.0, |other| other[p] - at[p])));
+    let mut sigma = [None; FAULT_COUNT];
+    let mut observable = [false; FAULT_COUNT];
+    for p in [0, 1, 2, 3, 4, 7] {
+        observable[p] = alone[p] <= OBSERVABLE_SIGMA;
+        sigma[p] = observable[p].then_some(total[p]);
+    }
+    observable[5] = alone[5].max(alone[6]) <= OBSERVABLE_SIGMA;
+    let amplitude_sigma = total[5].max(total[6]);
+    sigma[5] = observable[5].then_some(amplitude_sigma);
+    if observable[5] && fault.eccentricity > 3.0 * amplitude_sigma {
+        observable[6] = true;
+        sigma[6] = Some(amplitude_sigma / fault.eccentricity / core::f64::consts::TAU);
+    }
+    Estimate {
+        fault,
+        unknowns,
+        sigma,
+        observable,
+        cost: linearised.cost() / n,
+        residual_rms_a: libm::sqrt(squares[1] / n),
+        evaluations: evaluations + RUNS_PER_LINEARISATION,
+        cut: false,
+        competing_optimum: competing.map(|other| problem.unknowns(&other).fault),
+        back_emf_off: unknowns.motor.back_emf - window.prior.motor.mean.back_emf,
+        other_motor: false,
+        locked: is_locked(window),
+        deviations: at[UNKNOWN_COUNT..].to_vec(),
+    }
+}
+
+/// Standard deviations of the fault coordinates: with the nuisances known, and with their tolerances.
+///
+/// The latter is the larger of two: that of the curvature, and that of how differently blocks of samples contribute to the
+/// estimate, which also shows what no nuisance explains.
+fn sigmas(linearised: &Linearised, excess: f64) -> [[f64; FAULT_COUNT]; 2] {
+    let mut information = linearised.information();
+    for p in 0..DIMENSION {
+        information[(p, p)] += 1e-9;
+    }
+    let own = information
+        .fixed_view::<UNKNOWN_COUNT, UNKNOWN_COUNT>(0, 0)
+        .into_owned();
+    let (Some(own), Some(all)) = (own.cholesky(), information.cholesky()) else {
+        return [[f64::INFINITY; FAULT_COUNT]; 2];
+    };
+    let (own, all) = (own.inverse(), all.inverse());
+    let by_data = core::array::from_fn(|p| libm::sqrt(excess * own[(p, p)]));
+    let blocks = block_contributions(linearised, |p, q| all[(p, q)]);
+    let with_nuisances = core::array::from_fn(|p| {
+        let curvature = excess * all[(p, p)];
+        libm::sqrt(curvature.max(blocks[p]))
+    });
+    [by_data, with_nuisances]
+}
+
+/// Sum over the blocks of their squared contributions to each fault coordinate.
+fn block_contributions(linearised: &Linearised, covariance: impl Fn(usize, usize) -> f64) -> [f64; FAULT_COUNT] {
+    let rows = &linearised.rows;
+    let samples = rows.len() / linearised.rows_per_sample.max(1);
+    let per_block = samples.div_ceil(BLOCKS).max(1) * linearised.rows_per_sample.max(1);
+    let mut sums = [0.0; FAULT_COUNT];
+    for block in rows.chunks(per_block) {
+        let mut score = [0.0; DIMENSION];
+        for row in block {
+            let residual = row[DIMENSION];
+            for (sum, slope) in score.iter_mut().zip(row) {
+                *sum += slope * residual;
+            }
+        }
+        for (p, sum) in sums.iter_mut().enumerate() {
+            let contribution: f64 = (0..DIMENSION).map(|q| covariance(p, q) * score[q]).sum();
+            *sum += contribution * contribution;
+        }
+    }
+    sums
+}

@@ -1,0 +1,395 @@
+//! The least-squares problem of a window's unknowns together with the nuisances.
+
+use std::vec;
+use std::vec::Vec;
+
+use ema_ga::Residuals;
+use ema_models::{
+    COST_LANES, Comparison, Coordinates, DISTURBANCE_COUNT, GRAM_COLUMNS, GramRow, LaneResiduals, MonitorVariant,
+    MotorKnowledge, NormalEquations, SIGNAL_COUNT, Scale, Tolerances, UNKNOWN_COUNT, Unknowns, Weights, add_gram,
+};
+use nalgebra::{SMatrix, SVector};
+
+use super::basis::Basis;
+use super::nuisance::{
+    Action, BACKLASH, DYNAMIC_FRICTION, FRICTION_TEMPERATURE, Hardware, NUISANCE_COUNT, NUISANCES, POSITION_GAIN,
+    STATIC_FRICTION, sigmas,
+};
+
+/// Unknowns of the window, then nuisances in standard deviations.
+pub(super) const DIMENSION: usize = UNKNOWN_COUNT + NUISANCE_COUNT;
+
+/// A point of the problem.
+pub(super) type Point = [f64; DIMENSION];
+
+/// Nuisances beyond as many standard deviations are none of a tolerance.
+pub(super) const NUISANCE_MAX: f64 = 5.0;
+
+/// Step of the finite differences along a nuisance, standard deviations.
+const NUISANCE_STEP: f64 = 0.025;
+
+/// The healthy backlash in units of k2: b = b₀ (1 + 99 k2).
+const HEALTHY_BACKLASH: f64 = 1.0 / 99.0;
+
+/// Place of the residual in a [`GramRow`].
+const RESIDUAL: usize = DIMENSION;
+const _: () = assert!(RESIDUAL < GRAM_COLUMNS);
+
+/// One window with its nuisances.
+#[derive(Clone, Debug)]
+pub(super) struct Problem<'a> {
+    comparison: Comparison<'a>,
+    basis: &'a Basis,
+    scale: Scale,
+    sigma: [f64; NUISANCE_COUNT],
+    /// Step of the finite differences along the unknowns.
+    step: f64,
+}
+
+/// Derivatives and residuals at a point, weighted, one row per sample and signal.
+pub(super) struct Linearised {
+    pub(super) rows: Vec<GramRow>,
+    /// `Σ row rowᵀ`, lower triangle, the prior included.
+    pub(super) sums: [GramRow; GRAM_COLUMNS],
+    /// Number of rows of each sample.
+    pub(super) rows_per_sample: usize,
+}
+
+/// A coordinate whose column is a sum of others.
+struct SameDirection {
+    of: usize,
+    /// Coordinates, and the factor of each.
+    as_much_as: Vec<(usize, f64)>,
+}
+
+impl<'a> Problem<'a> {
+    pub(super) fn new(comparison: Comparison<'a>, basis: &'a Basis, tolerances: &Tolerances, step: f64) -> Self {
+        Self {
+            scale: Scale::new(comparison.params),
+            sigma: sigmas(tolerances, comparison.params, &comparison.conditions),
+            comparison,
+            basis,
+            step,
+        }
+    }
+
+    pub(super) fn with_weights(&self, weights: Weights) -> Self {
+        let mut weighed = self.clone();
+        weighed.comparison.weights = weights;
+        weighed
+    }
+
+    pub(super) fn with_motor(&self, motor: MotorKnowledge) -> Self {
+        let mut other = self.clone();
+        other.comparison.prior.motor = motor;
+        other
+    }
+
+    pub(super) fn comparison(&self) -> &Comparison<'a> {
+        &self.comparison
+    }
+
+    /// The window's own unknowns at a point.
+    pub(super) fn unknowns(&self, at: &Point) -> Unknowns {
+        self.scale.unknowns(&coordinates(at))
+    }
+
+    /// Whether a coordinate is known exactly.
+    fn is_known(&self, p: usize) -> bool {
+        match p.checked_sub(UNKNOWN_COUNT) {
+            Some(nuisance) => self.sigma[nuisance] <= 0.0,
+            None => ema_models::MOTOR_COORDINATES.contains(&p) && self.comparison.prior.motor.information().is_none(),
+        }
+    }
+
+    /// The monitor at a point.
+    fn variant(&self, at: &Point) -> MonitorVariant {
+        let mut hardware = Hardware {
+            params: *self.comparison.params,
+            v_dc: self.comparison.conditions.v_dc,
+        };
+        let mut torques = [0.0; DISTURBANCE_COUNT];
+        let mut unknowns = self.unknowns(at);
+        for ((nuisance, sigma), size) in NUISANCES.iter().zip(self.sigma).zip(&at[UNKNOWN_COUNT..]) {
+            match nuisance.action {
+                Action::Parameter(apply) => apply(&mut hardware, sigma * size),
+                Action::Backlash => unknowns.fault.backlash += (sigma * size).max(-1.0) * HEALTHY_BACKLASH,
+                Action::Torque(place) | Action::TorqueAndSignals(place, _) => torques[place] = sigma * size,
+                Action::Signals(_) => {}
+            }
+        }
+        self.comparison
+            .variant(&hardware.params, hardware.v_dc, &unknowns, torques)
+    }
+
+    /// What the nuisances of a point add to the signals of a sample.
+    fn change(&self, at: &Point, n: usize) -> [f64; SIGNAL_COUNT] {
+        let mut change = [0.0; SIGNAL_COUNT];
+        for ((nuisance, sigma), size) in NUISANCES.iter().zip(self.sigma).zip(&at[UNKNOWN_COUNT..]) {
+            if let Action::Signals(place) | Action::TorqueAndSignals(_, place) = nuisance.action {
+                for (sum, per_unit) in change.iter_mut().zip(self.basis.changes[n][place]) {
+                    *sum += sigma * size * per_unit;
+                }
+            }
+        }
+        change
+    }
+
+    /// Cost of the prior at a point.
+    fn prior_cost(&self, at: &Point) -> f64 {
+        let known = self
+            .comparison
+            .prior
+            .cost(&self.scale, &self.comparison.conditions, &coordinates(at));
+        known + 0.5 * at[UNKNOWN_COUNT..].iter().map(|size| size * size).sum::<f64>()
+    }
+
+    /// Squared residuals at a point, by the confidence in each sample, summed for each signal, and their number.
+    pub(super) fn squared_residuals(&self, at: &Point) -> ([f64; SIGNAL_COUNT], usize) {
+        let (mut squares, mut count) = ([0.0; SIGNAL_COUNT], 0);
+        self.residuals(at, |n, residuals| {
+            for (signal, sum) in squares.iter_mut().enumerate() {
+                let residual = self.basis.confidence[n][signal] * residuals[signal];
+                *sum += residual * residual;
+            }
+            count += 1;
+        });
+        (squares, count)
+    }
+
+    /// Calls `visit` with index and unweighted residuals of each measured sample.
+    pub(super) fn residuals(&self, at: &Point, mut visit: impl FnMut(usize, [f64; SIGNAL_COUNT])) {
+        let variant = self.variant(at);
+        self.comparison
+            .residuals_of_variant(&variant, &self.basis.disturbances, |n, residuals| {
+                let change = self.change(at, n);
+                let residuals = residuals.to_array();
+                visit(n, core::array::from_fn(|s| residuals[s] - change[s]));
+            });
+    }
+
+    /// Mean over the samples of half the squared weighted residuals, without the prior.
+    pub(super) fn mean_cost(&self, at: &Point) -> f64 {
+        let weights = self.comparison.weights.to_array();
+        let mut sum = 0.0;
+        self.residuals(at, |n, residuals| {
+            for signal in 0..SIGNAL_COUNT {
+                let weighted = weights[signal] * self.basis.confidence[n][signal] * residuals[signal];
+                sum += 0.5 * weighted * weighted;
+            }
+        });
+        sum / self.comparison.recording.samples.len().max(1) as f64
+    }
+
+    /// Derivatives and residuals at a point.
+    pub(super) fn linearised(&self, at: &Point) -> Linearised {
+        let own = coordinates(at).inward_steps(self.step);
+        let step = |p: usize| match p.checked_sub(UNKNOWN_COUNT) {
+            None => own[p],
+            Some(_) => NUISANCE_STEP.copysign(-at[p]),
+        };
+        let same = self.same_directions(at);
+        // Lane 0 is at the point; what changes the signals alone, or as another coordinate does, needs no lane.
+        let in_lanes: Vec<usize> = (0..DIMENSION)
+            .filter(|&p| {
+                let signals = p
+                    .checked_sub(UNKNOWN_COUNT)
+                    .is_some_and(|n| matches!(NUISANCES[n].action, Action::Signals(_)));
+                !signals && !self.is_known(p) && same.iter().all(|direction| direction.of != p)
+            })
+            .collect();
+        let at_point = self.variant(at);
+        let variants: Vec<MonitorVariant> = core::iter::once(at_point)
+            .chain(in_lanes.iter().map(|&p| {
+                let mut stepped = *at;
+                stepped[p] += step(p);
+                self.variant(&stepped)
+            }))
+            .collect();
+        let samples = self.comparison.recording.samples;
+        let passes: Vec<Vec<LaneResiduals>> = variants
+            .chunks(COST_LANES)
+            .map(|chunk| {
+                let lanes = core::array::from_fn(|lane| *chunk.get(lane).unwrap_or(&at_point));
+                let mut residuals = vec![[[0.0; COST_LANES]; SIGNAL_COUNT]; samples.len()];
+                self.comparison
+                    .residuals_of_variants(&lanes, &self.basis.disturbances, &mut residuals);
+                residuals
+            })
+            .collect();
+
+        let weights = self.comparison.weights.to_array();
+        let weighted: Vec<usize> = (0..SIGNAL_COUNT).filter(|&s| weights[s] > 0.0).collect();
+        let per_step: Vec<f64> = in_lanes.iter().map(|&p| 1.0 / step(p)).collect();
+        let mut rows = vec![[0.0; GRAM_COLUMNS]; samples.len() * weighted.len()];
+        let mut row = rows.iter_mut();
+        for (n, sample) in samples.iter().enumerate() {
+            let change = self.change(at, n);
+            for &signal in &weighted {
+                let Some(row) = row.next() else { break };
+                if !sample.measured {
+                    continue;
+                }
+                let weight = weights[signal] * self.basis.confidence[n][signal];
+                let point = passes[0][n][signal][0];
+                for (place, (&p, per_step)) in in_lanes.iter().zip(&per_step).enumerate() {
+                    let lane = place + 1;
+                    let stepped = passes[lane / COST_LANES][n][signal][lane % COST_LANES];
+                    row[p] = (stepped - point) * per_step * weight;
+                }
+                for (number, (nuisance, sigma)) in NUISANCES.iter().zip(self.sigma).enumerate() {
+                    if let Action::Signals(place) | Action::TorqueAndSignals(_, place) = nuisance.action {
+                        row[UNKNOWN_COUNT + number] -= sigma * self.basis.changes[n][place][signal] * weight;
+                    }
+                }
+                for direction in &same {
+                    row[direction.of] = direction.as_much_as.iter().map(|&(p, factor)| factor * row[p]).sum();
+                }
+                row[RESIDUAL] = (point - change[signal]) * weight;
+            }
+        }
+        let mut sums = [[0.0; GRAM_COLUMNS]; GRAM_COLUMNS];
+        add_gram(&rows, &mut sums);
+        self.add_prior(at, &mut sums);
+        Linearised {
+            rows,
+            sums,
+            rows_per_sample: weighted.len(),
+        }
+    }
+
+    /// Coordinates that change the monitor as others do, so that no roughness of the cost tells them apart.
+    fn same_directions(&self, at: &Point) -> Vec<SameDirection> {
+        let sigma = |n: usize| self.sigma[n];
+        let unknown = |n: usize| sigma(n) > 0.0;
+        let mut same = Vec::new();
+        // k1 and the temperature scale T_d and T_s by the same share.
+        if unknown(DYNAMIC_FRICTION) && unknown(STATIC_FRICTION) {
+            let share = |n: usize| 1.0 + sigma(n) * at[UNKNOWN_COUNT + n];
+            let both = |factor: f64| {
+                [DYNAMIC_FRICTION, STATIC_FRICTION].map(|n| (UNKNOWN_COUNT + n, factor * share(n) / sigma(n)))
+            };
+            same.push(SameDirection {
+                of: 0,
+                as_much_as: both(2.0 / (1.0 + 2.0 * at[0])).to_vec(),
+            });
+            if unknown(FRICTION_TEMPERATURE) {
+                let warm = sigma(FRICTION_TEMPERATURE);
+                let factor = warm / (1.0 + warm * at[UNKNOWN_COUNT + FRICTION_TEMPERATURE]);
+                same.push(SameDirection {
+                    of: UNKNOWN_COUNT + FRICTION_TEMPERATURE,
+                    as_much_as: both(factor).to_vec(),
+                });
+            }
+        }
+        if unknown(BACKLASH) {
+            same.push(SameDirection {
+                of: UNKNOWN_COUNT + BACKLASH,
+                as_much_as: vec![(1, sigma(BACKLASH) * HEALTHY_BACKLASH)],
+            });
+        }
+        if unknown(POSITION_GAIN) {
+            let share = 1.0 + sigma(POSITION_GAIN) * at[UNKNOWN_COUNT + POSITION_GAIN];
+            same.push(SameDirection {
+                of: UNKNOWN_COUNT + POSITION_GAIN,
+                as_much_as: vec![(7, sigma(POSITION_GAIN) / share * (at[7] + 0.5))],
+            });
+        }
+        same
+    }
+
+    fn add_prior(&self, at: &Point, sums: &mut [GramRow; GRAM_COLUMNS]) {
+        let mut own = NormalEquations::default();
+        self.comparison
+            .prior
+            .add_to(&mut own, &self.scale, &self.comparison.conditions, &coordinates(at));
+        for p in 0..UNKNOWN_COUNT {
+            for q in 0..=p {
+                sums[p][q] += own.jtj[p][q];
+            }
+            sums[RESIDUAL][p] += own.jtr[p];
+        }
+        for p in UNKNOWN_COUNT..DIMENSION {
+            sums[p][p] += 1.0;
+            sums[RESIDUAL][p] += at[p];
+        }
+        for p in (0..DIMENSION).filter(|&p| self.is_known(p)) {
+            for q in 0..DIMENSION {
+                sums[p.max(q)][p.min(q)] = 0.0;
+            }
+            sums[p][p] = 1.0;
+            sums[RESIDUAL][p] = 0.0;
+        }
+        sums[RESIDUAL][RESIDUAL] += 2.0 * self.prior_cost(at);
+    }
+
+    fn sum_with_prior(&self, at: &Point, mean: f64) -> f64 {
+        mean * self.comparison.recording.samples.len() as f64 + self.prior_cost(at)
+    }
+}
+
+impl Linearised {
+    /// Half the sum of the squares.
+    pub(super) fn cost(&self) -> f64 {
+        0.5 * self.sums[RESIDUAL][RESIDUAL]
+    }
+
+    /// `JᵀJ` with the prior.
+    pub(super) fn information(&self) -> SMatrix<f64, DIMENSION, DIMENSION> {
+        SMatrix::from_fn(|r, c| self.sums[r.max(c)][r.min(c)])
+    }
+}
+
+/// The window's own coordinates of a point.
+pub(super) fn coordinates(at: &Point) -> Coordinates {
+    Coordinates(core::array::from_fn(|p| at[p]))
+}
+
+impl Residuals<DIMENSION> for Problem<'_> {
+    fn normal_equations(
+        &self,
+        genes: &Point,
+        jtj: &mut SMatrix<f64, DIMENSION, DIMENSION>,
+        jtr: &mut SVector<f64, DIMENSION>,
+    ) -> f64 {
+        let linearised = self.linearised(genes);
+        jtj.copy_from(&linearised.information());
+        for p in 0..DIMENSION {
+            jtr[p] = linearised.sums[RESIDUAL][p];
+        }
+        linearised.cost()
+    }
+
+    fn cost(&self, genes: &Point) -> f64 {
+        self.sum_with_prior(genes, self.mean_cost(genes))
+    }
+
+    fn project(&self, genes: &mut Point) {
+        let projected = coordinates(genes).projected_to_unit_disc().0;
+        genes[..UNKNOWN_COUNT].copy_from_slice(&projected);
+    }
+
+    const SIDE_BY_SIDE: usize = COST_LANES;
+
+    fn costs(&self, points: &[Point], costs: &mut [f64]) {
+        let Some(first) = points.first() else { return };
+        let variants = core::array::from_fn(|lane| self.variant(points.get(lane).unwrap_or(first)));
+        let samples = self.comparison.recording.samples;
+        let mut residuals = vec![[[0.0; COST_LANES]; SIGNAL_COUNT]; samples.len()];
+        self.comparison
+            .residuals_of_variants(&variants, &self.basis.disturbances, &mut residuals);
+        let weights = self.comparison.weights.to_array();
+        for (lane, (point, cost)) in points.iter().zip(costs).enumerate() {
+            let mut sum = 0.0;
+            for (n, row) in residuals.iter().enumerate().filter(|(n, _)| samples[*n].measured) {
+                let change = self.change(point, n);
+                for signal in 0..SIGNAL_COUNT {
+                    let residual = row[signal][lane] - change[signal];
+                    let weighted = weights[signal] * self.basis.confidence[n][signal] * residual;
+                    sum += 0.5 * weighted * weighted;
+                }
+            }
+            *cost = self.sum_with_prior(point, sum / samples.len().max(1) as f64);
+        }
+    }
+}

@@ -1,0 +1,258 @@
+//! Monitors of one window that differ in parameters, unknowns and disturbances of the shaft, side by side in lanes.
+
+use crate::dispatch::{InstructionSet, LaneTypes, LaneWork};
+use crate::lanes::Lanes;
+use crate::monitor::Monitor;
+use crate::params::ActuatorParams;
+use crate::real::Real;
+use crate::residual::{COST_LANES, Comparison, SIGNAL_COUNT, Signals};
+use crate::unknowns::Unknowns;
+
+/// Disturbance torques that a [`MonitorVariant`] can have at once.
+pub const DISTURBANCE_COUNT: usize = 20;
+
+/// Each disturbance during the sample period after one sample, Nm at the motor shaft per unit; positive opposes positive motion.
+pub type Disturbances = [f64; DISTURBANCE_COUNT];
+
+/// One monitor of a window.
+#[derive(Clone, Copy, Debug)]
+pub struct MonitorVariant {
+    monitor: Monitor<f64>,
+    /// Size of each disturbance.
+    disturbance: Disturbances,
+}
+
+/// Residuals of one sample: for each signal, that of each lane; zero where the sample was not measured.
+pub type LaneResiduals = [[f64; COST_LANES]; SIGNAL_COUNT];
+
+impl Comparison<'_> {
+    /// The monitor of an actuator of these parameters, on a DC link of `v_dc`, V, under disturbances of these sizes.
+    #[must_use]
+    pub fn variant(
+        &self,
+        params: &ActuatorParams,
+        v_dc: f64,
+        unknowns: &Unknowns,
+        disturbance: Disturbances,
+    ) -> MonitorVariant {
+        let unknowns = self.conditions.at_temperature(unknowns);
+        MonitorVariant {
+            monitor: Monitor::new(params, self.calibration, v_dc, &unknowns).with_feedback(self.feedback),
+            disturbance,
+        }
+    }
+
+    /// Calls `visit` with index and unweighted residuals of each measured sample for one monitor.
+    pub fn residuals_of_variant(
+        &self,
+        variant: &MonitorVariant,
+        disturbances: &[Disturbances],
+        visit: impl FnMut(usize, Signals<f64>),
+    ) {
+        let torque = |n: usize| sum_of_disturbances(&variant.disturbance, disturbances.get(n));
+        self.run_under(
+            &variant.monitor,
+            torque,
+            |torque, disturbance| torque - disturbance,
+            visit,
+        );
+    }
+
+    /// Unweighted residuals of monitors side by side, one row per sample. `disturbances` and `residuals` have as many rows as the
+    /// window has samples; samples beyond the shorter are left out.
+    pub fn residuals_of_variants(
+        &self,
+        variants: &[MonitorVariant; COST_LANES],
+        disturbances: &[Disturbances],
+        residuals: &mut [LaneResiduals],
+    ) {
+        InstructionSet::best().run(VariantResiduals {
+            comparison: self,
+            variants,
+            disturbances,
+            residuals,
+        });
+    }
+}
+
+/// [`Comparison::residuals_of_variants`] as [`LaneWork`].
+struct VariantResiduals<'a> {
+    comparison: &'a Comparison<'a>,
+    variants: &'a [MonitorVariant; COST_LANES],
+    disturbances: &'a [Disturbances],
+    residuals: &'a mut [LaneResiduals],
+}
+
+impl LaneWork for VariantResiduals<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<N: LaneTypes>(self) {
+        let monitors = self.variants.map(|variant| variant.monitor);
+        let monitor = Monitor::side_by_side(&monitors, N::Double::from_lanes);
+        let sizes: [N::Double; DISTURBANCE_COUNT] =
+            core::array::from_fn(|d| N::Double::from_lanes(self.variants.map(|variant| variant.disturbance[d])));
+        let disturbance = |n: usize| sum_of_disturbances(&sizes, self.disturbances.get(n));
+        let residuals = self.residuals;
+        residuals.fill([[0.0; COST_LANES]; SIGNAL_COUNT]);
+        self.comparison.run_under(
+            &monitor,
+            disturbance,
+            |torque, disturbance| torque - disturbance,
+            |n, of_sample| {
+                if let Some(row) = residuals.get_mut(n) {
+                    for (slot, residual) in row.iter_mut().zip(of_sample.to_array()) {
+                        *slot = residual.to_lanes();
+                    }
+                }
+            },
+        );
+    }
+}
+
+/// Torque of all disturbances of these sizes, Nm; none without a row.
+#[inline(always)]
+fn sum_of_disturbances<R: Real>(sizes: &[R; DISTURBANCE_COUNT], row: Option<&Disturbances>) -> R {
+    let mut torque = R::zero();
+    if let Some(row) = row {
+        for (size, per_unit) in sizes.iter().zip(row) {
+            torque = torque + *size * R::splat(*per_unit);
+        }
+    }
+    torque
+}
+
+/// Columns of a [`GramRow`].
+pub const GRAM_COLUMNS: usize = 56;
+
+/// One equation of a least-squares problem: derivatives of its residual, the residual, and zeros up to the length.
+pub type GramRow = [f64; GRAM_COLUMNS];
+
+/// Adds `Σ row rowᵀ` to the lower triangle of `sums`.
+pub fn add_gram(rows: &[GramRow], sums: &mut [GramRow; GRAM_COLUMNS]) {
+    InstructionSet::best().run(Gram { rows, sums });
+}
+
+/// [`add_gram`] as [`LaneWork`].
+struct Gram<'a> {
+    rows: &'a [GramRow],
+    sums: &'a mut [GramRow; GRAM_COLUMNS],
+}
+
+impl LaneWork for Gram<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<N: LaneTypes>(self) {
+        for row in self.rows {
+            for (p, sum) in self.sums.iter_mut().enumerate() {
+                // Whole registers: some of the upper triangle is summed as well.
+                let end = (p / 4 + 1) * 4;
+                let factor = row[p];
+                for (sum, value) in sum[..end].iter_mut().zip(&row[..end]) {
+                    *sum += factor * value;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Setpoint;
+    use crate::monitor::{Calibration, Conditions, Feedback};
+    use crate::recording::Recording;
+    use crate::residual::{Prior, Weights};
+    use crate::samples::{ComparedSample, InitialState};
+    use crate::unknowns::MotorKnowledge;
+    use crate::{FaultVector, MotorDeviation};
+
+    const SAMPLES: usize = 60;
+
+    /// A step of the setpoint, and sensors that show nothing.
+    fn sample() -> ComparedSample {
+        ComparedSample {
+            setpoint: Setpoint::Position(0.05),
+            measured: true,
+            ..ComparedSample::default()
+        }
+    }
+
+    #[test]
+    fn lanes_give_the_bits_of_a_single_monitor_and_only_a_disturbance_changes_them() {
+        let params = ActuatorParams::bench();
+        let calibration = Calibration::default();
+        let samples = [sample(); SAMPLES];
+        let comparison = Comparison {
+            recording: Recording {
+                samples: &samples,
+                drive: &samples,
+                initial: InitialState::default(),
+            },
+            params: &params,
+            calibration: &calibration,
+            conditions: Conditions {
+                load_torque: Some(0.0),
+                v_dc: params.motor.v_dc,
+                winding_temp_deg_c: None,
+            },
+            weights: Weights::CURRENT_ONLY,
+            feedback: Feedback::Measured,
+            prior: Prior {
+                load_torque: 1.0,
+                integral: 1.0,
+                motor: MotorKnowledge::default(),
+            },
+        };
+        let unknowns = Unknowns {
+            fault: FaultVector::NOMINAL,
+            load_torque: 0.0,
+            integral: 0.0,
+            motor: MotorDeviation::default(),
+        };
+        let mut size = [0.0; DISTURBANCE_COUNT];
+        let undisturbed = comparison.variant(&params, params.motor.v_dc, &unknowns, size);
+        size[3] = 0.2;
+        let disturbed = comparison.variant(&params, params.motor.v_dc, &unknowns, size);
+        let mut row = [0.0; DISTURBANCE_COUNT];
+        row[3] = 1.0;
+        let rows = [row; SAMPLES];
+
+        let mut in_lanes = [[[0.0; COST_LANES]; SIGNAL_COUNT]; SAMPLES];
+        let mut variants = [undisturbed; COST_LANES];
+        variants[1] = disturbed;
+        comparison.residuals_of_variants(&variants, &rows, &mut in_lanes);
+        let mut alone = [[[0.0; SIGNAL_COUNT]; SAMPLES]; 3];
+        comparison.residuals(&unknowns, |n, r| alone[0][n] = r.to_array());
+        comparison.residuals_of_variant(&undisturbed, &rows, |n, r| alone[1][n] = r.to_array());
+        comparison.residuals_of_variant(&disturbed, &rows, |n, r| alone[2][n] = r.to_array());
+        for (n, lanes) in in_lanes.iter().enumerate() {
+            for signal in 0..SIGNAL_COUNT {
+                let [plain, undisturbed, disturbed] = alone.map(|of| of[n][signal].to_bits());
+                assert_eq!(
+                    (plain, plain),
+                    (undisturbed, lanes[signal][0].to_bits()),
+                    "{n}, {signal}"
+                );
+                assert_eq!(disturbed, lanes[signal][1].to_bits(), "{n}, {signal}");
+            }
+        }
+        // 0.2 Nm against the motion: the shaft of the monitor is behind, its residual larger.
+        let last = in_lanes[SAMPLES - 1][2];
+        assert!(last[1] > last[0] + 0.01, "{last:?}");
+    }
+
+    #[test]
+    fn sums_of_products_are_those_of_the_rows() {
+        let rows: [GramRow; 3] = core::array::from_fn(|n| core::array::from_fn(|c| (n * 7 + c * 3 % 11) as f64 - 4.0));
+        let mut sums = [[0.0; GRAM_COLUMNS]; GRAM_COLUMNS];
+        add_gram(&rows, &mut sums);
+        for p in 0..GRAM_COLUMNS {
+            for q in 0..=p {
+                let expected: f64 = rows.iter().map(|row| row[p] * row[q]).sum();
+                assert!((sums[p][q] - expected).abs() < 1e-9, "{p}, {q}");
+            }
+        }
+    }
+}

@@ -48,21 +48,7 @@ pub(crate) fn assess(
     let competing = competing.filter(|other| differ(other, &at, |p| alone[p] <= OBSERVABLE_SIGMA));
     let total: [f64; FAULT_COUNT] =
         core::array::from_fn(|p| hypot(alone[p], competing.map_or(0.0, |other| other.0[p] - at.0[p])));
-    let mut sigma = [None; FAULT_COUNT];
-    let mut observable = [false; FAULT_COUNT];
-    for p in [0, 1, 2, 3, 4, 7] {
-        observable[p] = total[p] <= OBSERVABLE_SIGMA;
-        sigma[p] = observable[p].then_some(total[p]);
-    }
-    // Amplitude and direction out of the Cartesian pair: along and across the vector; across is an angle only where
-    // the vector stands clear of its own uncertainty.
-    let amplitude_sigma = total[5].max(total[6]);
-    observable[5] = amplitude_sigma <= OBSERVABLE_SIGMA;
-    sigma[5] = observable[5].then_some(amplitude_sigma);
-    if observable[5] && fault.eccentricity > 3.0 * amplitude_sigma {
-        observable[6] = true;
-        sigma[6] = Some(amplitude_sigma / fault.eccentricity / core::f64::consts::TAU);
-    }
+    let (sigma, observable) = reported(fault.eccentricity, &total, &total);
     Estimate {
         fault,
         unknowns,
@@ -79,6 +65,31 @@ pub(crate) fn assess(
         #[cfg(feature = "std")]
         deviations: std::vec::Vec::new(),
     }
+}
+
+/// Standard deviation of each parameter as it is reported, and whether the window shows the parameter: `shown` up to
+/// [`OBSERVABLE_SIGMA`]. Both arguments are of the fault coordinates, with the eccentricity as a Cartesian pair.
+pub(super) fn reported(
+    eccentricity: f64,
+    shown: &[f64; FAULT_COUNT],
+    total: &[f64; FAULT_COUNT],
+) -> ([Option<f64>; FAULT_COUNT], [bool; FAULT_COUNT]) {
+    let mut sigma = [None; FAULT_COUNT];
+    let mut observable = [false; FAULT_COUNT];
+    for p in [0, 1, 2, 3, 4, 7] {
+        observable[p] = shown[p] <= OBSERVABLE_SIGMA;
+        sigma[p] = observable[p].then_some(total[p]);
+    }
+    // Amplitude and direction out of the Cartesian pair: along and across the vector; across is an angle only where
+    // the vector stands clear of its own uncertainty.
+    let amplitude_sigma = total[5].max(total[6]);
+    observable[5] = shown[5].max(shown[6]) <= OBSERVABLE_SIGMA;
+    sigma[5] = observable[5].then_some(amplitude_sigma);
+    if observable[5] && eccentricity > 3.0 * amplitude_sigma {
+        observable[6] = true;
+        sigma[6] = Some(amplitude_sigma / eccentricity / core::f64::consts::TAU);
+    }
+    (sigma, observable)
 }
 
 /// Place of the quadrature current among the signals.

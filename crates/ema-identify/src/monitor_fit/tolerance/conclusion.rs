@@ -14,6 +14,7 @@ use crate::monitor_fit::competing_optima::{differ, undecided_difference};
 use crate::monitor_fit::conclusion::Search;
 use crate::monitor_fit::least_squares::constant_box;
 use crate::monitor_fit::locked::is_locked;
+use crate::monitor_fit::uncertainty::reported;
 use crate::monitor_fit::weak_magnet::{ALL_SHORTED, ANY_MAGNET};
 use crate::monitor_fit::window::MonitoredWindow;
 
@@ -222,19 +223,7 @@ fn assess(
         competing.filter(|other| differ(&coordinates(other), &coordinates(at), |p| alone[p] <= OBSERVABLE_SIGMA));
     let total: [f64; FAULT_COUNT] =
         core::array::from_fn(|p| tolerated[p].hypot(competing.map_or(0.0, |other| other[p] - at[p])));
-    let mut sigma = [None; FAULT_COUNT];
-    let mut observable = [false; FAULT_COUNT];
-    for p in [0, 1, 2, 3, 4, 7] {
-        observable[p] = alone[p] <= OBSERVABLE_SIGMA;
-        sigma[p] = observable[p].then_some(total[p]);
-    }
-    observable[5] = alone[5].max(alone[6]) <= OBSERVABLE_SIGMA;
-    let amplitude_sigma = total[5].max(total[6]);
-    sigma[5] = observable[5].then_some(amplitude_sigma);
-    if observable[5] && fault.eccentricity > 3.0 * amplitude_sigma {
-        observable[6] = true;
-        sigma[6] = Some(amplitude_sigma / fault.eccentricity / core::f64::consts::TAU);
-    }
+    let (sigma, observable) = reported(fault.eccentricity, &alone, &total);
     Estimate {
         fault,
         unknowns,

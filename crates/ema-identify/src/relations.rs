@@ -25,6 +25,8 @@ mod commission;
 mod commissioned;
 mod controller;
 mod current_noise;
+#[cfg(feature = "std")]
+mod curves;
 mod elements;
 mod kernel;
 mod measured;
@@ -41,6 +43,8 @@ mod transmission;
 #[cfg(feature = "std")]
 pub use commission::{CommissionError, commission};
 pub use commissioned::{Baseline, CommissionedRelations, RelationsEstimate};
+#[cfg(feature = "std")]
+pub use curves::{Curve, CurvePoint};
 pub use elements::{ELEMENT_COUNT, Element, Needed, Reading};
 pub use measured::MeasuredWindow;
 pub use residual::{HealthyResidual, RELATION_COUNT, Relation};

@@ -26,7 +26,7 @@ use by_unit::Assessed;
 use ema_identify::{Estimate, Fit, Identifier, Method, Population};
 use records::{health_record, rul_record, window_record};
 
-pub(crate) use by_unit::motion_of;
+pub(crate) use by_unit::{motion_of, needed_in_words};
 pub use conditions::{conditions, motor_knowledge_at, motor_within};
 pub use models::{AssessError, Models, ReadText, TypeModel, hash_of_type, model_hash};
 

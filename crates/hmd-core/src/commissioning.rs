@@ -8,9 +8,10 @@
 mod by_monitor;
 mod by_relations;
 mod evidence;
+mod findings;
 
 use ema_identify::relations::CommissionError;
-use ema_identify::unit_calibration::{Seen, UNIT_VERSION, UnitCalibration, UnitEstimator};
+use ema_identify::unit_calibration::{Seen, UNIT_VERSION};
 use ema_identify::unit_fit::WINDOWS_MIN;
 use ema_models::{DriveKind, FaultId};
 
@@ -20,6 +21,10 @@ use crate::outbox::WindowJob;
 use by_monitor::{MonitorLearnt, learn_monitor};
 use by_relations::{RelationsLearnt, learn_relations};
 use evidence::Evidence;
+
+pub use ema_identify::relations::{Curve, CurvePoint, Relation};
+pub use ema_identify::unit_calibration::{UnitCalibration, UnitEstimator};
+pub use findings::{Findings, FoundParameter, HealthyWindow};
 
 /// Why a unit was not commissioned.
 #[derive(Debug, thiserror::Error)]
@@ -107,6 +112,8 @@ pub struct Commissioned {
     pub calibration: UnitCalibration,
     /// Sentences about it.
     pub notes: Vec<String>,
+    /// What was found, for a report.
+    pub findings: Findings,
 }
 
 /// Commissions one unit by its healthy windows. `levels` are those of the configuration; `progress` gets a number of windows whenever
@@ -144,6 +151,7 @@ pub fn calibrate_unit(
     {
         notes.push(format!("the monitor is not used: {far}"));
     }
+    let findings = findings(jobs, estimator, by_relations.as_ref().ok(), by_monitor.as_ref());
     let seen = Seen::of(&jobs.iter().map(motion_of).collect::<Vec<_>>());
     let calibration = UnitCalibration {
         version: UNIT_VERSION,
@@ -163,7 +171,46 @@ pub fn calibrate_unit(
             .map(|learnt| learnt.unit),
         relations: by_relations.ok().map(|learnt| learnt.unit),
     };
-    Ok(Commissioned { calibration, notes })
+    Ok(Commissioned {
+        calibration,
+        notes,
+        findings,
+    })
+}
+
+/// What was found, by the estimator that assesses the unit.
+fn findings(
+    jobs: &[WindowJob],
+    estimator: UnitEstimator,
+    relations: Option<&RelationsLearnt>,
+    monitor: Option<&MonitorLearnt>,
+) -> Findings {
+    let (curves_window, curves) = relations.map_or((0, Vec::new()), |learnt| findings::curves(jobs, &learnt.unit));
+    let (windows, needed) = match (estimator, relations, monitor) {
+        (UnitEstimator::Monitor, _, Some(learnt)) => (
+            findings::windows_by_monitor(jobs, &learnt.unit, &learnt.estimates),
+            Default::default(),
+        ),
+        (_, Some(learnt), _) => {
+            let needed: Vec<_> = learnt.left_out.iter().map(|found| found.needed).collect();
+            (
+                findings::windows_by_relations(jobs, &learnt.unit, &learnt.left_out),
+                findings::needed(&needed),
+            )
+        }
+        _ => Default::default(),
+    };
+    Findings {
+        parameters: findings::parameters(
+            &jobs[0],
+            relations.map(|learnt| &learnt.unit),
+            monitor.map(|learnt| &learnt.unit),
+        ),
+        curves_window,
+        curves,
+        windows,
+        needed,
+    }
 }
 
 /// Windows of work of [`calibrate_unit`] for so many windows.

@@ -1,12 +1,15 @@
 //! Files of calibrations: of a type and of one unit.
 
-use std::io;
+use std::fs::{self, File};
+use std::io::{self, Write};
 use std::path::Path;
 
 use ema_identify::calibration::MonitorForm;
 use ema_identify::unit_calibration::UnitCalibration;
 use hmd_core::assess::{AssessError, Models, TypeModel, model_hash};
 use hmd_core::config::{ActuatorType, Config};
+
+use crate::regular_file::create_temporary;
 
 /// Reads everything that the windows of a configuration are assessed with.
 ///
@@ -63,4 +66,22 @@ pub fn hash_of_models(config: &Config) -> String {
 /// What the system says.
 pub fn read_text(path: &Path) -> io::Result<String> {
     std::fs::read_to_string(path)
+}
+
+/// Writes the text of a calibration: to a temporary file beside its place, then onto it, so that there is always a whole one, and on
+/// the disk when this returns.
+///
+/// # Errors
+/// What the system says.
+pub fn save(path: &Path, text: &str) -> io::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let folder = folder.unwrap_or(Path::new("."));
+    let mut temporary = path.as_os_str().to_owned();
+    temporary.push(".new");
+    let temporary = Path::new(&temporary);
+    let mut file = create_temporary(temporary)?;
+    file.write_all(text.as_bytes())?;
+    file.sync_data()?;
+    fs::rename(temporary, path)?;
+    File::open(folder)?.sync_all()
 }

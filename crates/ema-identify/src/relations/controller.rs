@@ -24,43 +24,50 @@ pub(super) fn gain_ratio<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     half_width_s: f64,
 ) -> Result<(Reading, Residual), Needed> {
-    let params = window.params();
-    let (controller, rate) = (&params.controller, params.sensors.sample_rate);
-    let kernel = Kernel::new(half_width_s, rate);
-    let torque_gain = params.motor.torque_gain();
-    let mut ring = Sliding::<3>::new(kernel.span);
+    let kernel = Kernel::new(half_width_s, window.params().sensors.sample_rate);
     let mut equations = NormalEquations::<2>::new();
     let mut overlap = Overlap::new(&kernel.first, kernel.span);
-    let mut in_position_mode = false;
-    for n in window.inner() {
-        let error = window.position_error(n);
-        in_position_mode |= error.is_some();
+    for row in law_rows(window, &kernel) {
+        if let Some((row, d_torque)) = &row {
+            equations.add(row, *d_torque);
+        }
+        overlap.add(row.as_ref().map(|(row, _)| row));
+    }
+    if !window.inner().any(|n| window.position_error(n).is_some()) {
+        return Err(Needed::PositionMode);
+    }
+    ratio(&equations, overlap, kernel.span).ok_or(Needed::UnsaturatedControl)
+}
+
+/// Rows of the law, one per inner sample: factors of g and h, and T', Nm/s; `None` unless neither speed nor torque is at its limit
+/// under the kernel that ends there.
+pub(super) fn law_rows<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    kernel: &Kernel,
+) -> impl Iterator<Item = Option<([f64; 2], f64)>> {
+    let (window, kernel) = (*window, *kernel);
+    let params = window.params();
+    let controller = &params.controller;
+    let torque_gain = params.motor.torque_gain();
+    let mut ring = Sliding::<3>::new(kernel.span);
+    window.inner().map(move |n| {
+        let reference = window.position_error(n).map(|error| controller.g_p * error);
         let now = window.quantities(n);
-        let reference = error.map(|error| controller.g_p * error);
         let torque = torque_gain * dq_from_abc(now.i, now.sin_cos_e)[1];
         let limited = now.speed_reference >= SPEED_SHARE || window.is_torque_limited(torque);
-        let usable = reference.filter(|_| !limited && window.is_measured(n));
-        let Some(reference) = usable else {
+        let Some(reference) = reference.filter(|_| !limited && window.is_measured(n)) else {
             ring.clear();
-            overlap.add(None);
-            continue;
+            return None;
         };
         ring.push([reference, window.central_speed(n), torque]);
         if !ring.is_full() {
-            overlap.add(None);
-            continue;
+            return None;
         }
         let [reference, omega, _] = ring.sums(&kernel.smooth);
         let [d_reference, d_omega, d_torque] = ring.sums(&kernel.first);
         let law = |d: f64, value: f64| controller.k_p * d + controller.k_i * value;
-        let row = [law(d_reference, reference), -law(d_omega, omega)];
-        equations.add(&row, d_torque);
-        overlap.add(Some(&row));
-    }
-    if !in_position_mode {
-        return Err(Needed::PositionMode);
-    }
-    ratio(&equations, overlap, kernel.span).ok_or(Needed::UnsaturatedControl)
+        Some(([law(d_reference, reference), -law(d_omega, omega)], d_torque))
+    })
 }
 
 /// Kernels whose rows do not overlap, at least, for a ratio.

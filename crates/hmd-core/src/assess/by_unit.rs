@@ -85,7 +85,7 @@ fn not_observable(found: &UnitEstimate) -> Option<String> {
         .into_iter()
         .filter(|fault| !found.estimate.observable[fault.parameter()])
         .map(|fault| match found.needed[fault.parameter()] {
-            Some(needed) => format!("{} (needs {})", fault.name(), words(needed)),
+            Some(needed) => format!("{} (needs {})", fault.name(), needed_in_words(needed)),
             None => fault.name().to_owned(),
         })
         .collect();
@@ -93,7 +93,7 @@ fn not_observable(found: &UnitEstimate) -> Option<String> {
 }
 
 /// What a window would have needed, in words.
-fn words(needed: Needed) -> &'static str {
+pub(crate) fn needed_in_words(needed: Needed) -> &'static str {
     match needed {
         Needed::LongerMotion => "longer motion",
         Needed::BothDirections => "motion in both directions",

@@ -20,6 +20,8 @@ const USUAL_TOLERANCES: f64 = 1.0;
 pub(super) struct MonitorLearnt {
     pub(super) unit: UnitMonitor,
     pub(super) evidence: Evidence,
+    /// What was found in each window, before the baseline corrects it.
+    pub(super) estimates: Vec<Estimate>,
 }
 
 /// Learns the monitor of a unit; `None` where the windows do not determine it.
@@ -62,14 +64,15 @@ pub(super) fn learn_monitor(
         ..unit
     };
     let of_unit: Vec<Estimate> = estimates
-        .into_iter()
-        .map(|estimate| corrected(&unit, estimate).estimate)
+        .iter()
+        .map(|estimate| corrected(&unit, estimate.clone()).estimate)
         .collect();
     let sigmas: Vec<_> = of_unit.iter().map(|estimate| estimate.sigma).collect();
     let explained = of_unit.iter().filter(|estimate| !estimate.is_unmodelled()).count();
     Ok(Some(MonitorLearnt {
         evidence: Evidence::new(&sigmas, explained),
         unit,
+        estimates,
     }))
 }
 

@@ -6,17 +6,17 @@ use super::history::{History, Point};
 use super::plot::{Axis, Plot, escaped, significant};
 use hmd_core::record::Window;
 
-const HEIGHT: f64 = 230.0;
+pub(super) const HEIGHT: f64 = 230.0;
 
 /// Most samples of a window, and most windows of a history, that are drawn; then every n-th, and the last.
-const SAMPLES_MAX: usize = 1200;
+pub(super) const SAMPLES_MAX: usize = 1200;
 const POINTS_MAX: usize = 400;
 
 /// States of health as they stand in the timeline.
 const STATES: [&str; 5] = ["unknown", "nominal", "watch", "warning", "critical"];
 
 /// A drawing with the sentence below it; what is in the sentence is HTML.
-fn figure(plot: &Plot, caption: &str) -> String {
+pub(super) fn figure(plot: &Plot, caption: &str) -> String {
     format!("<figure>{}<figcaption>{caption}</figcaption></figure>\n", plot.svg())
 }
 
@@ -201,7 +201,7 @@ pub(super) fn residuals(history: &History) -> String {
 }
 
 /// Every n-th, so that no more than about `most` are left, and the last.
-fn thinned<T: Copy>(all: &[T], most: usize) -> Vec<T> {
+pub(super) fn thinned<T: Copy>(all: &[T], most: usize) -> Vec<T> {
     let step = all.len().div_ceil(most).max(1);
     let mut left: Vec<T> = all.iter().copied().step_by(step).collect();
     if all.len() % step != 1 % step {

@@ -15,14 +15,16 @@ use ema_models::FaultId;
 use hmd_core::assess::{Assessor, conditions};
 use hmd_core::commissioning::{Commissioned, CommissioningError, calibrate_unit, windows_of_work};
 use hmd_core::config::Config;
-use hmd_storage::calibration_file::load_type_models;
+#[cfg(feature = "full")]
+use hmd_report::report::commissioning_page;
+use hmd_storage::calibration_file::{load_type_models, save};
 
 /// Calibrate the monitor for one unit from logs in which it was healthy, or for a type of actuator.
 #[derive(Debug, clap::Args)]
 #[cfg_attr(
     feature = "full",
     command(after_help = "Examples:\n\
-    \x20 hmd calibrate healthy.mcap -c hmd.toml -o unit.calibration.toml\n\
+    \x20 hmd calibrate healthy.mcap -c hmd.toml -o unit.calibration.toml --report unit.html\n\
     \x20 hmd calibrate --type --actuator own -c hmd.toml -o own.calibration.toml")
 )]
 #[cfg_attr(
@@ -45,6 +47,10 @@ pub struct Args {
     /// Calibration file to write.
     #[arg(short, long)]
     output: PathBuf,
+    /// HTML page that shows what was learnt of the unit: parameters, residuals, smallest damage.
+    #[cfg(feature = "full")]
+    #[arg(long, value_name = "HTML", conflicts_with = "of_type")]
+    report: Option<PathBuf>,
     /// Configuration that defines further types, and the actuators of the logs.
     #[arg(short, long)]
     config: Option<PathBuf>,
@@ -70,10 +76,15 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         let (text, path) = (calibration.emit(), args.output.display().to_string());
         // What a replay would refuse is not written.
         TypeCalibration::parse(&text, &path)?;
-        std::fs::write(&args.output, text).context(path)?;
+        save(&args.output, &text).context(path)?;
         return Ok(Exit::Done);
     }
     no_input(&args.output, args.logs.iter().chain(&read_files(&config, false)))?;
+    #[cfg(feature = "full")]
+    if let Some(report) = &args.report {
+        let read = read_files(&config, false);
+        no_input(report, args.logs.iter().chain(&read).chain([&args.output]))?;
+    }
     unit(args, config)
 }
 
@@ -107,7 +118,7 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
     let bar = over_pieces(windows_of_work(jobs.len()));
     let commissioned = calibrate_unit(&assessor, config.health().levels(), jobs, args.seed, &|n| bar.inc(n));
     bar.finish_and_clear();
-    let Commissioned { calibration, notes } = match commissioned {
+    let commissioned = match commissioned {
         Ok(commissioned) => commissioned,
         // The exit code of a bad configuration belongs to this one.
         Err(CommissioningError::Assess(error)) => return Err(error.into()),
@@ -117,14 +128,20 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
         }
         Err(error) => return Err(error.into()),
     };
+    let Commissioned { calibration, notes, .. } = &commissioned;
     let name = &jobs[0].actuator.name;
-    for line in notes.into_iter().chain(summary(&calibration)) {
+    for line in notes.iter().cloned().chain(summary(calibration)) {
         warn(format_args!("{name}: {line}"));
     }
     let (text, path) = (calibration.emit(), args.output.display().to_string());
     // What a replay would refuse is not written.
     UnitCalibration::parse(&text, &path, &calibration.actuator_type)?;
-    std::fs::write(&args.output, text).context(path)?;
+    save(&args.output, &text).context(path)?;
+    #[cfg(feature = "full")]
+    if let Some(report) = &args.report {
+        let page = commissioning_page(name, calibration, &commissioned.findings);
+        std::fs::write(report, page).with_context(|| report.display().to_string())?;
+    }
     Ok(if found.data_lost { Exit::DataLost } else { Exit::Done })
 }
 

@@ -1,0 +1,394 @@
+//! The page of a commissioned unit: what was learnt of it, what remains, and what it will show.
+
+use std::fmt::Write;
+
+use ema_models::{FaultId, FaultVector};
+use hmd_core::commissioning::{
+    Curve, CurvePoint, Findings, FoundParameter, HealthyWindow, Relation, UnitCalibration, UnitEstimator,
+};
+
+use super::markup::{document, table};
+use super::plot::{Axis, Plot, escaped, significant};
+use super::sections::{HEIGHT, SAMPLES_MAX, figure, thinned};
+
+/// The report of a commissioned unit as one HTML file.
+#[must_use]
+pub fn commissioning_page(actuator: &str, unit: &UnitCalibration, findings: &Findings) -> String {
+    let title = format!("Commissioning of {}", escaped(actuator));
+    let mut body = format!("<h1>{title}</h1>\n{}", summary(unit));
+    let mut section = |heading: &str, content: String| {
+        let _ = writeln!(body, "<section><h2>{heading}</h2>\n{content}</section>");
+    };
+    section("Smallest damage that shows", smallest_damage(unit, findings));
+    section("Parameters", parameters(findings));
+    section("Measured against modelled", relations(findings));
+    section("Apparent damage of healthy windows", apparent(unit, findings));
+    section("What the windows could not show", open(unit, findings));
+    document(&title, &body)
+}
+
+fn summary(unit: &UnitCalibration) -> String {
+    let estimator = match unit.estimator {
+        UnitEstimator::Monitor => "the monitor",
+        UnitEstimator::Relations => "the relations between measured signals",
+    };
+    let identity: Vec<String> = [("part", &unit.part_number), ("serial", &unit.serial_number)]
+        .into_iter()
+        .filter_map(|(what, number)| Some(format!(", {what} {}", escaped(number.as_ref()?))))
+        .collect();
+    let range = |name: &str, unit: &str, [low, high]: [f64; 2]| {
+        format!("{name} {} to {} {unit}", significant(low), significant(high))
+    };
+    let seen = &unit.seen;
+    let mut conditions = vec![
+        range("travel", "rad", seen.travel_rad),
+        range("current", "A rms", seen.current_rms_a),
+    ];
+    conditions.extend(seen.winding_temp_deg_c.map(|of| range("winding", "°C", of)));
+    conditions.extend(seen.load_torque_nm.map(|of| range("load", "Nm", of)));
+    let modes: Vec<&str> = [(seen.position_mode, "position"), (seen.speed_mode, "speed")]
+        .into_iter()
+        .filter_map(|(is_seen, name)| is_seen.then_some(name))
+        .collect();
+    format!(
+        "<p class=\"faint\">Type {}{}; {}</p>\n<p class=\"assessment\"><strong>{} healthy windows</strong><br>\
+         Later windows are assessed by {estimator} ({}). Damage is the change since these windows.</p>\n\
+         <p>Seen: {} mode; {}. Outside of that a window says so, and its sigmas are wider.</p>\n",
+        escaped(&unit.actuator_type),
+        identity.concat(),
+        escaped(&unit.made_by),
+        unit.windows,
+        escaped(&unit.estimator_reason),
+        modes.join(" and "),
+        conditions.join("; "),
+    )
+}
+
+/// Damage of each fault that one window shows, as bars and numbers.
+fn smallest_damage(unit: &UnitCalibration, findings: &Findings) -> String {
+    let of = |fault: FaultId| unit.smallest_damage.get(fault.name()).copied();
+    let names = FaultId::ALL.map(short_name);
+    let largest = FaultId::ALL.into_iter().filter_map(of).fold(0.1, f64::max);
+    let mut plot = Plot::new(
+        "Smallest damage of each fault that a window shows",
+        HEIGHT,
+        Axis::between("damage", 0.0, 1.05 * largest),
+        Axis::with_names("", &names),
+    );
+    let mut rows = String::new();
+    for (at, fault) in FaultId::ALL.into_iter().enumerate() {
+        let at = at as f64;
+        let text = match of(fault) {
+            Some(damage) => {
+                let bar = (at - BAR, at + BAR);
+                plot.band("bar", [(0.0, Some(bar)), (damage, Some(bar))].into_iter());
+                format!("{damage:.3}")
+            }
+            None => match findings.needed[fault.index()] {
+                Some(needed) => format!("not shown: needs {needed}"),
+                None => "not shown".to_owned(),
+            },
+        };
+        let _ = writeln!(
+            rows,
+            "<tr><th scope=\"row\">{}</th><td class=\"n\">{text}</td></tr>",
+            fault.plain_name()
+        );
+    }
+    let drawn = figure(
+        &plot,
+        "Shown by one window with 99 % probability, at 0.1 % false alarms",
+    );
+    let listed = table("", &[("Fault", ""), ("Smallest damage", "n")], &rows);
+    format!("<div class=\"plots\">{drawn}{listed}</div>\n")
+}
+
+/// Half the height of a bar, in rows.
+const BAR: f64 = 0.3;
+
+fn short_name(fault: FaultId) -> &'static str {
+    match fault {
+        FaultId::Friction => "friction",
+        FaultId::Backlash => "backlash",
+        FaultId::ShortA => "short A",
+        FaultId::ShortB => "short B",
+        FaultId::ShortC => "short C",
+        FaultId::Eccentricity => "eccentr.",
+        FaultId::Gain => "gain",
+    }
+}
+
+/// Distances in tolerances up to which the axis reaches, at least and at most.
+const TOLERANCES_SHOWN: [f64; 2] = [2.5, 6.0];
+
+/// Factor on a standard deviation for 95 %.
+const NORMAL_95: f64 = 1.96;
+
+/// The parameters against their type, as intervals and numbers.
+fn parameters(findings: &Findings) -> String {
+    let rows = &findings.parameters;
+    if rows.is_empty() {
+        return "<p>None was learnt.</p>\n".to_owned();
+    }
+    // From the top to the bottom.
+    let names: Vec<String> = rows.iter().rev().map(|row| label(row, rows)).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let [least, most] = TOLERANCES_SHOWN;
+    let reach = rows
+        .iter()
+        .map(|row| row.tolerances_off().abs() + NORMAL_95 * row.sigma / row.tolerance)
+        .fold(least, f64::max)
+        .min(most);
+    let mut plot = Plot::new(
+        "Parameters of the unit against those of its type",
+        ROW_HEIGHT * rows.len() as f64 + 60.0,
+        Axis::between("distance from the type, tolerances", -1.05 * reach, 1.05 * reach),
+        Axis::with_names("", &names),
+    );
+    let whole = (-0.5, rows.len() as f64 - 0.5);
+    plot.band("band", [(-1.0, Some(whole)), (1.0, Some(whole))].into_iter());
+    plot.line("nominal", [(0.0, Some(whole.0)), (0.0, Some(whole.1))].into_iter());
+    let mut text = String::new();
+    for (n, row) in rows.iter().enumerate() {
+        let at = (rows.len() - 1 - n) as f64;
+        let (centre, half) = (row.tolerances_off(), NORMAL_95 * row.sigma / row.tolerance);
+        plot.line(
+            "value",
+            [(centre - half, Some(at)), (centre + half, Some(at))].into_iter(),
+        );
+        plot.dots("dots", std::iter::once((centre, at)));
+        let open = if row.is_open() { "; open" } else { "" };
+        let _ = writeln!(
+            text,
+            "<tr><th scope=\"row\">{} {}</th><td class=\"n\">{} ± {} {}</td><td class=\"n\">{} ± {}</td><td class=\"n\">{:+.1}</td>\
+             <td>{}{open}</td></tr>",
+            escaped(row.symbol),
+            row.name,
+            significant(row.of_type),
+            significant(row.tolerance),
+            row.unit,
+            significant(row.found),
+            significant(row.sigma),
+            row.tolerances_off(),
+            row.found_by,
+        );
+    }
+    let drawn = figure(
+        &plot,
+        "Dot and line: unit with its 95 % interval; band: one tolerance of the type to either side",
+    );
+    let listed = table(
+        "Type and unit with one standard deviation each. Torques by the relations are relative to the type's k; T_c, h, ε are amplitudes. \
+         Open: the windows say little more than the tolerance",
+        &[
+            ("Parameter", ""),
+            ("Type", "n"),
+            ("Unit", "n"),
+            ("Tolerances off", "n"),
+            ("Found by", ""),
+        ],
+        &text,
+    );
+    drawn + &listed
+}
+
+/// Height of a parameter's row in the drawing.
+const ROW_HEIGHT: f64 = 22.0;
+
+/// The symbol; with the estimator where both found the parameter.
+fn label(row: &FoundParameter, rows: &[FoundParameter]) -> String {
+    let is_found_twice = rows.iter().filter(|other| other.symbol == row.symbol).count() > 1;
+    match (is_found_twice, row.found_by.chars().next()) {
+        (true, Some(initial)) => format!("{} ({initial}.)", row.symbol),
+        _ => row.symbol.to_owned(),
+    }
+}
+
+/// Both sides of each relation over one window, and what remains of it.
+fn relations(findings: &Findings) -> String {
+    if findings.curves.is_empty() {
+        return "<p>The relations were not learnt.</p>\n".to_owned();
+    }
+    let mut text = format!("<p>Window {}.</p>\n<div class=\"plots\">", findings.curves_window);
+    for curve in &findings.curves {
+        text += &both_sides(curve);
+    }
+    text + "</div>\n"
+}
+
+fn both_sides(curve: &Curve) -> String {
+    // What is drawn, its unit and scale, and its caption.
+    let (name, unit, scale, measured, modelled) = match curve.relation {
+        Relation::TorqueBalance => (
+            "Torque balance",
+            "Nm",
+            1.0,
+            "torque by the currents",
+            "inertia, friction and load",
+        ),
+        Relation::Controller => (
+            "Controller",
+            "Nm/s",
+            1.0,
+            "derivative of the torque",
+            "law of the speed loop",
+        ),
+        Relation::Transmission => (
+            "Play",
+            "mrad",
+            1e3,
+            "output angle less motor angle",
+            "the same behind the unit's play",
+        ),
+    };
+    let Some(rms) = curve.residual_rms() else {
+        return format!("<p>{name}: not shown by this window.</p>\n");
+    };
+    let points: Vec<(f64, Option<[f64; 2]>)> = curve
+        .points
+        .iter()
+        .map(|CurvePoint { time_s, sides }| (*time_s, sides.map(|sides| sides.map(|side| scale * side))))
+        .collect();
+    let drawn = thinned(&points, SAMPLES_MAX);
+    let along = || Axis::over("time, s", points.iter().map(|point| point.0));
+    let shown = || points.iter().filter_map(|point| point.1);
+    let mut both = Plot::new(
+        &format!("{name}: measured and modelled"),
+        HEIGHT,
+        along(),
+        Axis::over(&format!("{name}, {unit}"), shown().flatten()),
+    );
+    both.line(
+        "measured",
+        drawn.iter().map(|(t, sides)| (*t, sides.map(|sides| sides[0]))),
+    );
+    both.line(
+        "fitted",
+        drawn.iter().map(|(t, sides)| (*t, sides.map(|sides| sides[1]))),
+    );
+    let caption = format!("<span class=\"key\">{measured}</span> <span class=\"key f\">{modelled}</span>");
+    let mut residual = Plot::new(
+        &format!("{name}: residual"),
+        HEIGHT,
+        along(),
+        Axis::over(
+            &format!("residual, {unit}"),
+            shown().map(|[measured, modelled]| measured - modelled).chain([0.0]),
+        ),
+    );
+    residual.line(
+        "residual",
+        drawn
+            .iter()
+            .map(|(t, sides)| (*t, sides.map(|[measured, modelled]| measured - modelled))),
+    );
+    let remains = format!(
+        "<span class=\"key r\">residual</span>, measured minus modelled: {} {unit} rms",
+        significant(scale * rms)
+    );
+    figure(&both, &caption) + &figure(&residual, &remains)
+}
+
+/// Apparent damage of each healthy window with its 95 % interval.
+fn apparent(unit: &UnitCalibration, findings: &Findings) -> String {
+    let windows = &findings.windows;
+    let mut text = match unit.estimator {
+        UnitEstimator::Relations => "<p>Each window is estimated by what was learnt from the others",
+        UnitEstimator::Monitor => {
+            "<p>Each window is compared with the mean of the others; the parameters are fitted to all of them"
+        }
+    }
+    .to_owned();
+    text += ": what is not zero is error. Lines: 95 % interval.</p>\n<div class=\"plots\">";
+    for fault in FaultId::ALL {
+        text += &apparent_damage(fault, windows);
+    }
+    text + "</div>\n"
+}
+
+fn apparent_damage(fault: FaultId, windows: &[HealthyWindow]) -> String {
+    let parameter = fault.parameter();
+    let nominal = FaultVector::NOMINAL.to_array()[parameter];
+    let shown: Vec<(f64, f64, f64)> = windows
+        .iter()
+        .enumerate()
+        .filter_map(|(place, window)| {
+            Some((
+                1.0 + place as f64,
+                window.k[parameter] - nominal,
+                window.sigma[parameter]?,
+            ))
+        })
+        .collect();
+    let name = fault.plain_name();
+    if shown.is_empty() {
+        return format!("<figure><figcaption>{name}: no window shows it</figcaption></figure>\n");
+    }
+    let bounds = shown
+        .iter()
+        .flat_map(|&(_, value, sigma)| [value - NORMAL_95 * sigma, value + NORMAL_95 * sigma]);
+    let mut plot = Plot::new(
+        &format!("Apparent change of {name} in healthy windows"),
+        HEIGHT,
+        Axis::between("recording", 0.0, windows.len() as f64 + 1.0),
+        Axis::over(&format!("change of k{}", parameter + 1), bounds.chain([0.0])),
+    );
+    plot.line(
+        "nominal",
+        [(0.0, Some(0.0)), (windows.len() as f64 + 1.0, Some(0.0))].into_iter(),
+    );
+    for &(at, value, sigma) in &shown {
+        let half = NORMAL_95 * sigma;
+        plot.line(
+            "value",
+            [(at, Some(value - half)), (at, Some(value + half))].into_iter(),
+        );
+    }
+    plot.dots("dots", shown.iter().map(|&(at, value, _)| (at, value)));
+    let n = shown.len() as f64;
+    let rms = (shown.iter().map(|&(_, value, _)| value * value).sum::<f64>() / n).sqrt();
+    let sigma = (shown.iter().map(|&(.., sigma)| sigma * sigma).sum::<f64>() / n).sqrt();
+    figure(
+        &plot,
+        &format!("{name}: {} rms, sigma {}", significant(rms), significant(sigma)),
+    )
+}
+
+/// Faults and parameters that the windows leave open, and conditions that they have not seen.
+fn open(unit: &UnitCalibration, findings: &Findings) -> String {
+    let mut items: Vec<String> = Vec::new();
+    for fault in FaultId::ALL {
+        if !unit.smallest_damage.contains_key(fault.name()) {
+            let needed =
+                findings.needed[fault.index()].map_or(String::new(), |needed| format!(": windows need {needed}"));
+            items.push(format!("{}{needed}", fault.plain_name()));
+        }
+    }
+    for row in findings.parameters.iter().filter(|row| row.is_open()) {
+        items.push(format!(
+            "{} ({}) stays at its tolerance: ± {} {}",
+            row.name,
+            row.found_by,
+            significant(row.sigma),
+            row.unit
+        ));
+    }
+    for (is_missing, what) in [
+        (
+            unit.seen.winding_temp_deg_c.is_none(),
+            "winding temperature: not measured",
+        ),
+        (unit.seen.load_torque_nm.is_none(), "load: not measured"),
+        (!unit.seen.position_mode, "position mode"),
+        (!unit.seen.speed_mode, "speed mode"),
+    ] {
+        if is_missing {
+            items.push(what.to_owned());
+        }
+    }
+    let items: String = items
+        .iter()
+        .map(|item| format!("<li>{}</li>\n", escaped(item)))
+        .collect();
+    format!("<ul>\n{items}</ul>\n")
+}

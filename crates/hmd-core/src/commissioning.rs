@@ -204,7 +204,9 @@ fn findings(
         parameters: findings::parameters(
             &jobs[0],
             relations.map(|learnt| &learnt.unit),
-            monitor.map(|learnt| &learnt.unit),
+            monitor
+                .filter(|learnt| learnt.far_parameter(&jobs[0]).is_none())
+                .map(|learnt| &learnt.unit),
         ),
         curves_window,
         curves,

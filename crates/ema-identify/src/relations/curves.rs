@@ -7,12 +7,13 @@ use ema_models::follow_through_play;
 use super::commissioned::{CommissionedRelations, RelationsEstimate};
 use super::controller::law_rows;
 use super::elements::Element;
-use super::kernel::Kernel;
+use super::kernel::{HALF_WIDTHS_S, Kernel};
 use super::measured::{MARGIN, MeasuredWindow};
 use super::normal_equations::NormalEquations;
 use super::output_load::OutputLoad;
 use super::residual::Relation;
 use super::shared::place_of;
+use super::sliding::Sliding;
 use super::terms::{TERM_COUNT, Term, balance_rows};
 use super::transmission::pushed;
 use crate::monitor_fit::RecordedSample;
@@ -149,7 +150,8 @@ impl CommissionedRelations {
             .collect()
     }
 
-    /// Output angle against that behind the unit's play, both less the motor angle at the output, rad.
+    /// Output angle against that behind the unit's play, both less the motor angle at the output and smoothed over the encoder's counts,
+    /// rad.
     fn play_points<S: RecordedSample>(&self, window: &MeasuredWindow<'_, S>) -> Vec<CurvePoint> {
         let Some(start) = pushed(window) else {
             return Vec::new();
@@ -163,16 +165,21 @@ impl CommissionedRelations {
             (now.motor_counts - first.motor_counts) as f64 * sensors.motor_lsb()
                 / window.params().transmission.gear_ratio
         };
+        let kernel = Kernel::new(HALF_WIDTHS_S[0], rate);
         let mut output = if start.forward { -half } else { half };
+        let mut ring = Sliding::<2>::new(kernel.span);
         let mut points: Vec<CurvePoint> = (start.sample..window.inner().end)
             .map(|n| {
                 let centre = motor_angle(n);
                 output = follow_through_play(output, centre, half);
+                if window.is_measured(n) {
+                    ring.push([window.behind_gear(n) - at_start, output - centre]);
+                } else {
+                    ring.clear();
+                }
                 CurvePoint {
-                    time_s: n as f64 / rate,
-                    sides: window
-                        .is_measured(n)
-                        .then(|| [window.behind_gear(n) - at_start, output - centre]),
+                    time_s: n as f64 / rate - 0.5 * (kernel.span - 1) as f64 / rate,
+                    sides: ring.is_full().then(|| ring.sums(&kernel.smooth)),
                 }
             })
             .collect();

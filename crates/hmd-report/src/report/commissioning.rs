@@ -67,7 +67,9 @@ fn summary(unit: &UnitCalibration) -> String {
 /// Damage of each fault that one window shows, as bars and numbers.
 fn smallest_damage(unit: &UnitCalibration, findings: &Findings) -> String {
     let of = |fault: FaultId| unit.smallest_damage.get(fault.name()).copied();
-    let names = FaultId::ALL.map(short_name);
+    let mut names = FaultId::ALL.map(short_name);
+    // From the top to the bottom.
+    names.reverse();
     let largest = FaultId::ALL.into_iter().filter_map(of).fold(0.1, f64::max);
     let mut plot = Plot::new(
         "Smallest damage of each fault that a window shows",
@@ -77,7 +79,7 @@ fn smallest_damage(unit: &UnitCalibration, findings: &Findings) -> String {
     );
     let mut rows = String::new();
     for (at, fault) in FaultId::ALL.into_iter().enumerate() {
-        let at = at as f64;
+        let at = (FaultId::COUNT - 1 - at) as f64;
         let text = match of(fault) {
             Some(damage) => {
                 let bar = (at - BAR, at + BAR);
@@ -124,11 +126,60 @@ const TOLERANCES_SHOWN: [f64; 2] = [2.5, 6.0];
 /// Factor on a standard deviation for 95 %.
 const NORMAL_95: f64 = 1.96;
 
-/// The parameters against their type, as intervals and numbers.
+/// The parameters against their type, as intervals and numbers: what the type has a value of, then effects that it does not have.
 fn parameters(findings: &Findings) -> String {
     let rows = &findings.parameters;
     if rows.is_empty() {
         return "<p>None was learnt.</p>\n".to_owned();
+    }
+    let (of_type, effects): (Vec<&FoundParameter>, Vec<&FoundParameter>) =
+        rows.iter().partition(|row| row.of_type > 0.0);
+    let text: String = rows
+        .iter()
+        .map(|row| {
+            let unit = if row.unit.is_empty() {
+                String::new()
+            } else {
+                format!(", {}", row.unit)
+            };
+            let open = if row.is_open() { "; open" } else { "" };
+            format!(
+                "<tr><th scope=\"row\">{} {}{unit}</th><td class=\"n\">{} ± {}</td><td class=\"n\">{} ± {}</td>\
+                 <td class=\"n\">{:+.1}</td><td>{}{open}</td></tr>\n",
+                escaped(row.symbol),
+                row.name,
+                number(row.of_type),
+                number(row.tolerance),
+                number(row.found),
+                number(row.sigma),
+                row.tolerances_off(),
+                row.found_by,
+            )
+        })
+        .collect();
+    let listed = table(
+        "Type and unit with one standard deviation each. Torques by the relations are relative to the type's k; T_c and ε are amplitudes. \
+         Open: the windows say little more than the tolerance",
+        &[
+            ("Parameter", ""),
+            ("Type", "n"),
+            ("Unit", "n"),
+            ("Tolerances off", "n"),
+            ("Found by", ""),
+        ],
+        &text,
+    );
+    let drawn: String = [&of_type, &effects].into_iter().map(|rows| intervals(rows)).collect();
+    format!(
+        "<div class=\"plots\">{drawn}</div>\n<p class=\"faint\">Dot and line: unit with its 95 % interval; band: one tolerance of the type \
+         to either side. What lies outside the axis stands at its end.</p>\n{listed}"
+    )
+}
+
+/// Intervals of parameters in tolerances from the type.
+fn intervals(rows: &[&FoundParameter]) -> String {
+    if rows.is_empty() {
+        return String::new();
     }
     // From the top to the bottom.
     let names: Vec<String> = rows.iter().rev().map(|row| label(row, rows)).collect();
@@ -148,7 +199,6 @@ fn parameters(findings: &Findings) -> String {
     let whole = (-0.5, rows.len() as f64 - 0.5);
     plot.band("band", [(-1.0, Some(whole)), (1.0, Some(whole))].into_iter());
     plot.line("nominal", [(0.0, Some(whole.0)), (0.0, Some(whole.1))].into_iter());
-    let mut text = String::new();
     for (n, row) in rows.iter().enumerate() {
         let at = (rows.len() - 1 - n) as f64;
         let (centre, half) = (row.tolerances_off(), NORMAL_95 * row.sigma / row.tolerance);
@@ -157,46 +207,29 @@ fn parameters(findings: &Findings) -> String {
             [(centre - half, Some(at)), (centre + half, Some(at))].into_iter(),
         );
         plot.dots("dots", std::iter::once((centre, at)));
-        let open = if row.is_open() { "; open" } else { "" };
-        let _ = writeln!(
-            text,
-            "<tr><th scope=\"row\">{} {}</th><td class=\"n\">{} ± {} {}</td><td class=\"n\">{} ± {}</td><td class=\"n\">{:+.1}</td>\
-             <td>{}{open}</td></tr>",
-            escaped(row.symbol),
-            row.name,
-            significant(row.of_type),
-            significant(row.tolerance),
-            row.unit,
-            significant(row.found),
-            significant(row.sigma),
-            row.tolerances_off(),
-            row.found_by,
-        );
     }
-    let drawn = figure(
-        &plot,
-        "Dot and line: unit with its 95 % interval; band: one tolerance of the type to either side",
-    );
-    let listed = table(
-        "Type and unit with one standard deviation each. Torques by the relations are relative to the type's k; T_c, h, ε are amplitudes. \
-         Open: the windows say little more than the tolerance",
-        &[
-            ("Parameter", ""),
-            ("Type", "n"),
-            ("Unit", "n"),
-            ("Tolerances off", "n"),
-            ("Found by", ""),
-        ],
-        &text,
-    );
-    drawn + &listed
+    let what = if rows[0].of_type <= 0.0 {
+        "Effects"
+    } else {
+        "Parameters"
+    };
+    figure(&plot, what)
+}
+
+/// A number with three significant digits, small ones with an exponent.
+fn number(value: f64) -> String {
+    if (f64::MIN_POSITIVE..1e-3).contains(&value.abs()) {
+        format!("{value:.2e}")
+    } else {
+        significant(value)
+    }
 }
 
 /// Height of a parameter's row in the drawing.
 const ROW_HEIGHT: f64 = 22.0;
 
 /// The symbol; with the estimator where both found the parameter.
-fn label(row: &FoundParameter, rows: &[FoundParameter]) -> String {
+fn label(row: &FoundParameter, rows: &[&FoundParameter]) -> String {
     let is_found_twice = rows.iter().filter(|other| other.symbol == row.symbol).count() > 1;
     match (is_found_twice, row.found_by.chars().next()) {
         (true, Some(initial)) => format!("{} ({initial}.)", row.symbol),
@@ -237,7 +270,7 @@ fn both_sides(curve: &Curve) -> String {
             "Play",
             "mrad",
             1e3,
-            "output angle less motor angle",
+            "output angle less motor angle, mean of 6 ms",
             "the same behind the unit's play",
         ),
     };
@@ -369,7 +402,7 @@ fn open(unit: &UnitCalibration, findings: &Findings) -> String {
             "{} ({}) stays at its tolerance: ± {} {}",
             row.name,
             row.found_by,
-            significant(row.sigma),
+            number(row.sigma),
             row.unit
         ));
     }

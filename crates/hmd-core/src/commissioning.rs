@@ -9,9 +9,10 @@ mod by_monitor;
 mod by_relations;
 mod evidence;
 mod findings;
+mod words;
 
 use ema_identify::relations::CommissionError;
-use ema_identify::unit_calibration::{Seen, UNIT_VERSION};
+use ema_identify::unit_calibration::{Seen, UNIT_VERSION, UnitError};
 use ema_identify::unit_fit::WINDOWS_MIN;
 use ema_models::{DriveKind, FaultId};
 
@@ -25,6 +26,7 @@ use evidence::Evidence;
 pub use ema_identify::relations::{Curve, CurvePoint, Relation};
 pub use ema_identify::unit_calibration::{UnitCalibration, UnitEstimator};
 pub use findings::{Findings, FoundParameter, HealthyWindow};
+pub use words::in_words;
 
 /// Why a unit was not commissioned.
 #[derive(Debug, thiserror::Error)]
@@ -56,6 +58,9 @@ pub enum CommissioningError {
     /// Neither the relations nor the monitor can be learnt.
     #[error("{0}; and the windows do not determine the motor")]
     Undetermined(CommissionError),
+    /// What was learnt is no calibration that a later run would take.
+    #[error("the windows do not determine the unit: {0}")]
+    Unusable(UnitError),
     /// The configuration cannot be used.
     #[error(transparent)]
     Assess(#[from] AssessError),
@@ -171,6 +176,9 @@ pub fn calibrate_unit(
             .map(|learnt| learnt.unit),
         relations: by_relations.ok().map(|learnt| learnt.unit),
     };
+    // What a later run would refuse is not written.
+    let calibration = UnitCalibration::parse(&calibration.emit(), &actuator.name, &actuator.type_name)
+        .map_err(CommissioningError::Unusable)?;
     Ok(Commissioned {
         calibration,
         notes,

@@ -18,7 +18,7 @@ use crate::metadata_checksum::hex;
 /// Why windows cannot be assessed; each has its cause in the configuration.
 #[derive(Debug, thiserror::Error)]
 pub enum AssessError {
-    /// A calibration cannot be read.
+    /// A calibration cannot be read, or not be written.
     #[error("{path}: {source}")]
     Read {
         /// The file.
@@ -42,6 +42,16 @@ pub enum AssessError {
     /// A unit's calibration is unusable.
     #[error(transparent)]
     Unit(#[from] UnitError),
+    /// What was learnt of a unit belongs to another one.
+    #[error("{path}: expected the unit with serial number {expected}, found that with {found}")]
+    Serial {
+        /// The file.
+        path: String,
+        /// Serial number of the configuration.
+        expected: String,
+        /// Serial number in the file.
+        found: String,
+    },
     /// A unit's calibration names an estimator that it does not hold.
     #[error("{0}: expected the estimator that its calibration names, found none")]
     NoEstimator(String),
@@ -190,6 +200,16 @@ impl Models {
         self.units.get(&actuator.name)
     }
 
+    /// Sets what was learnt of an actuator's unit.
+    pub(super) fn set_unit(&mut self, actuator: &str, unit: UnitCalibration) {
+        self.units.insert(actuator.to_owned(), unit);
+    }
+
+    /// Forgets what was learnt of an actuator's unit.
+    pub(super) fn remove_unit(&mut self, actuator: &str) {
+        self.units.remove(actuator);
+    }
+
     /// Prior knowledge of an actuator's motor: its own calibration, else the tolerances of its type.
     #[must_use]
     pub fn motor(&self, actuator: &ActuatorConfig) -> MotorKnowledge {
@@ -204,7 +224,7 @@ pub fn hash_of_type(actuator: &ActuatorConfig) -> String {
     hex(&Sha256::digest(actuator.parameters_as_text()))
 }
 
-/// Hash of the calibrations that a configuration's types are assessed with, as shipped or as their files stand.
+/// Hash of the calibrations that a configuration names, of its types as shipped or as their files stand, and of its units.
 #[must_use]
 pub fn model_hash(config: &Config, read: ReadText<'_>) -> String {
     let mut hash = Sha256::new();
@@ -219,6 +239,13 @@ pub fn model_hash(config: &Config, read: ReadText<'_>) -> String {
             if let Ok(known) = TypeModel::load(name, &found.params, form, path.as_deref(), read) {
                 hash.update(known.calibration.emit());
             }
+        }
+    }
+    for actuator in config.actuators() {
+        if let Some(path) = &actuator.calibration
+            && let Ok(text) = read(&config.resolve(path))
+        {
+            hash.update(text);
         }
     }
     hex(&hash.finalize())

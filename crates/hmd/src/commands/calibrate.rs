@@ -10,10 +10,8 @@ use super::{Exit, load_config, no_input, use_threads, warn};
 use crate::unit_windows::windows_of;
 #[cfg(feature = "full")]
 use ema_identify::calibration::TypeCalibration;
-use ema_identify::unit_calibration::{Deviation, UnitCalibration, UnitEstimator, UnitParameter};
-use ema_models::FaultId;
 use hmd_core::assess::{Assessor, conditions};
-use hmd_core::commissioning::{Commissioned, CommissioningError, calibrate_unit, windows_of_work};
+use hmd_core::commissioning::{Commissioned, CommissioningError, calibrate_unit, in_words, windows_of_work};
 use hmd_core::config::Config;
 #[cfg(feature = "full")]
 use hmd_report::report::commissioning_page;
@@ -130,45 +128,14 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
     };
     let Commissioned { calibration, notes, .. } = &commissioned;
     let name = &jobs[0].actuator.name;
-    for line in notes.iter().cloned().chain(summary(calibration)) {
+    for line in notes.iter().cloned().chain(in_words(calibration)) {
         warn(format_args!("{name}: {line}"));
     }
-    let (text, path) = (calibration.emit(), args.output.display().to_string());
-    // What a replay would refuse is not written.
-    UnitCalibration::parse(&text, &path, &calibration.actuator_type)?;
-    save(&args.output, &text).context(path)?;
+    save(&args.output, &calibration.emit()).with_context(|| args.output.display().to_string())?;
     #[cfg(feature = "full")]
     if let Some(report) = &args.report {
         let page = commissioning_page(name, calibration, &commissioned.findings);
         std::fs::write(report, page).with_context(|| report.display().to_string())?;
     }
     Ok(if found.data_lost { Exit::DataLost } else { Exit::Done })
-}
-
-/// What was learnt, for an operator.
-fn summary(unit: &UnitCalibration) -> Vec<String> {
-    let name = match unit.estimator {
-        UnitEstimator::Monitor => "monitor",
-        UnitEstimator::Relations => "relations between measured signals",
-    };
-    let mut lines = vec![format!(
-        "assessed by the {name} ({}), from {} windows",
-        unit.estimator_reason, unit.windows
-    )];
-    if let (UnitEstimator::Monitor, Some(monitor)) = (unit.estimator, &unit.monitor) {
-        let deviations = UnitParameter::ALL.map(|parameter| {
-            let Deviation { share, sigma } = monitor.parameters.of(parameter);
-            format!("{} {:+.1} % ± {:.1} %", parameter.name(), 100.0 * share, 100.0 * sigma)
-        });
-        lines.push(format!("of type {}: {}", unit.actuator_type, deviations.join(", ")));
-    }
-    let smallest: Vec<String> = FaultId::ALL
-        .into_iter()
-        .map(|fault| match unit.smallest_damage.get(fault.name()) {
-            Some(damage) => format!("{} {damage:.2}", fault.plain_name()),
-            None => format!("{} not shown by these windows", fault.plain_name()),
-        })
-        .collect();
-    lines.push(format!("smallest damage that shows: {}", smallest.join(", ")));
-    lines
 }

@@ -17,7 +17,7 @@ use super::live::{Request, report, signals};
 use super::metrics_http::{self, Page, loopback};
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, check_files, load_config, no_input, no_recording, service, use_threads, warn};
+use super::{Exit, check_files_of_run, load_config, no_input, no_recording, service, use_threads, warn};
 use crate::daemon::{Daemon, DaemonError, Observer};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::Config;
@@ -115,7 +115,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
 /// The configuration, if the daemon can run with it.
 fn load(args: &Args) -> anyhow::Result<Arc<Config>> {
     let config = load_config(Some(&args.config))?;
-    check_files(&config)?;
+    check_files_of_run(&config)?;
     config.interfaces(&args.config.display().to_string())?;
     Ok(Arc::new(config))
 }

@@ -11,10 +11,10 @@ use tempfile::TempDir;
 pub(crate) struct Folder(TempDir);
 
 /// How a command ended.
-struct Ended {
-    code: i32,
-    stdout: String,
-    stderr: String,
+pub(crate) struct Ended {
+    pub(crate) code: i32,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
 }
 
 impl Folder {
@@ -47,7 +47,7 @@ impl Folder {
         command
     }
 
-    fn hmd(&self, line: &str) -> Ended {
+    pub(crate) fn hmd(&self, line: &str) -> Ended {
         let output = self.command(line).output().expect("hmd starts");
         let text = |bytes| String::from_utf8(bytes).expect("hmd prints UTF-8");
         let (stdout, stderr) = (text(output.stdout), text(output.stderr));

@@ -29,7 +29,7 @@ use records::{health_record, rul_record, window_record};
 
 pub(crate) use by_unit::{motion_of, needed_in_words};
 pub use conditions::{conditions, motor_knowledge_at, motor_within};
-pub use models::{AssessError, Models, ReadText, TypeModel, hash_of_type, model_hash};
+pub use models::{AssessError, Models, ReadText, TypeModel, hash_of_parameters, hash_of_type, model_hash};
 
 /// Assesses the windows of all actuators, in the order in which they come.
 #[derive(Debug)]

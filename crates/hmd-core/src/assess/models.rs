@@ -11,7 +11,7 @@ use ema_models::{ActuatorParams, MotorKnowledge};
 use sha2::{Digest, Sha256};
 
 use super::motor_within;
-use crate::config::{ActuatorConfig, Config};
+use crate::config::{ActuatorConfig, ActuatorType, Config};
 use crate::health::LevelsError;
 use crate::metadata_checksum::hex;
 
@@ -222,6 +222,12 @@ impl Models {
 #[must_use]
 pub fn hash_of_type(actuator: &ActuatorConfig) -> String {
     hex(&Sha256::digest(actuator.parameters_as_text()))
+}
+
+/// The same of a type.
+#[must_use]
+pub fn hash_of_parameters(of_type: &ActuatorType) -> String {
+    hex(&Sha256::digest(of_type.parameters_as_text()))
 }
 
 /// Hash of the calibrations that a configuration names, of its types as shipped or as their files stand, and of its units.

@@ -10,10 +10,8 @@ use ema_wire::ActuatorId;
 use serde::Serialize;
 
 use super::ConfigError;
-use super::actuator_type::{ActuatorType, DEFAULT_TYPE};
-use super::drive;
+use super::actuator_type::{ActuatorType, DEFAULT_TYPE, parameters_as_text};
 use super::name::{NAME_EXPECTED, is_name};
-use super::params;
 use super::reader::Section;
 use super::signals::{self, DbcFiles};
 use super::specification::Specification;
@@ -179,9 +177,7 @@ impl ActuatorConfig {
     /// Parameters of its type and drive under their keys, whatever the sample rate; two types with the same text are the same.
     #[must_use]
     pub fn parameters_as_text(&self) -> String {
-        let mut params = self.params;
-        params.sensors.sample_rate = 0.0;
-        format!("{:?} {}", params::by_key(&params), drive::as_text(&self.drive))
+        parameters_as_text(&self.params, &self.drive)
     }
 
     /// Name of the file of what is learnt of its unit: its own name and, where configured, the unit's serial number, in letters, digits,

@@ -20,7 +20,7 @@ pub fn commissioning_page(actuator: &str, unit: &UnitCalibration, findings: &Fin
         let _ = writeln!(body, "<section><h2>{heading}</h2>\n{content}</section>");
     };
     section("Smallest damage that shows", smallest_damage(unit, findings));
-    section("Parameters", parameters(findings));
+    section("Parameters", parameters(unit, findings));
     section("Measured against modelled", relations(findings));
     section("Apparent damage of healthy windows", apparent(unit, findings));
     section("What the windows could not show", open(unit, findings));
@@ -127,7 +127,7 @@ const TOLERANCES_SHOWN: [f64; 2] = [2.5, 6.0];
 const NORMAL_95: f64 = 1.96;
 
 /// The parameters against their type, as intervals and numbers: what the type has a value of, then effects that it does not have.
-fn parameters(findings: &Findings) -> String {
+fn parameters(unit: &UnitCalibration, findings: &Findings) -> String {
     let rows = &findings.parameters;
     if rows.is_empty() {
         return "<p>None was learnt.</p>\n".to_owned();
@@ -169,10 +169,16 @@ fn parameters(findings: &Findings) -> String {
         ],
         &text,
     );
+    let note = match (unit.estimator, &unit.monitor) {
+        (UnitEstimator::Relations, Some(_)) => {
+            " The monitor's values are for comparison: it does not assess this unit."
+        }
+        _ => "",
+    };
     let drawn: String = [&of_type, &effects].into_iter().map(|rows| intervals(rows)).collect();
     format!(
         "<div class=\"plots\">{drawn}</div>\n<p class=\"faint\">Dot and line: unit with its 95 % interval; band: one tolerance of the type \
-         to either side. What lies outside the axis stands at its end.</p>\n{listed}"
+         to either side. What lies outside the axis stands at its end.{note}</p>\n{listed}"
     )
 }
 

@@ -23,7 +23,8 @@ use hmd_storage::calibration_file::{load_type_models, save};
     feature = "full",
     command(after_help = "Examples:\n\
     \x20 hmd calibrate healthy.mcap -c hmd.toml -o unit.calibration.toml --report unit.html\n\
-    \x20 hmd calibrate --type --actuator own -c hmd.toml -o own.calibration.toml")
+    \x20 hmd calibrate --type --actuator own -c hmd.toml -o own.calibration.toml\n\
+    \x20 hmd calibrate --type --actuator own -c hmd.toml --units unit*.toml -o conf.d/own.toml")
 )]
 #[cfg_attr(
     not(feature = "full"),
@@ -68,7 +69,14 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = load_config(args.config.as_deref())?;
     #[cfg(feature = "full")]
     if args.of_type.is_requested()? {
-        no_input(&args.output, read_files(&config, true))?;
+        no_input(
+            &args.output,
+            read_files(&config, true).iter().chain(args.of_type.units()),
+        )?;
+        if !args.of_type.units().is_empty() {
+            save(&args.output, &args.of_type.of_units(&config)?).with_context(|| args.output.display().to_string())?;
+            return Ok(Exit::Done);
+        }
         use_threads(args.threads.map(usize::from))?;
         let calibration = args.of_type.calibrate(&config, args.seed)?;
         let (text, path) = (calibration.emit(), args.output.display().to_string());

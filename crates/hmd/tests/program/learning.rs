@@ -187,3 +187,77 @@ fn contradictory_settings_of_learning_are_refused() {
         assert!(refused.contains(expected), "{refused}");
     }
 }
+
+#[test]
+fn a_type_is_made_of_several_units_and_replays() {
+    let folder = Folder::new();
+    let units = [(0.10, 0.2), (0.14, 0.35), (0.06, 0.05)];
+    for (n, (inertia, friction)) in units.into_iter().enumerate() {
+        folder.done(&format!(
+            "simulate --with inertia_deviation={inertia} --with dynamic_friction_deviation={friction} --with \
+             static_friction_deviation={friction} --noise 0.03 --windows 5 --seed {n} -o {n}.log"
+        ));
+        folder.done(&format!("calibrate {n}.log -o {n}.toml"));
+    }
+    let text = folder.refused("calibrate --type --units 0.toml 1.toml -o own.toml", 1);
+    assert!(
+        text.contains("expected the calibrations of at least 3 units, found 2"),
+        "{text}"
+    );
+    let text = folder.refused(
+        "calibrate --type --actuator servo28 --units 0.toml 1.toml 2.toml -o own.toml",
+        1,
+    );
+    assert!(
+        text.contains("expected a unit of type servo28, found one of type bench"),
+        "{text}"
+    );
+
+    std::fs::create_dir(folder.path("conf.d")).unwrap();
+    folder.done("calibrate --type --units 0.toml 1.toml 2.toml -o conf.d/own.toml");
+    folder.write("hmd.toml", "[[actuator]]\nid = 0\n");
+    let config = load_config(&folder.path("hmd.toml")).unwrap();
+    let (params, tolerances) = (&config.actuators()[0].params, &config.actuators()[0].tolerances);
+    let near = |found: f64, expected: f64, within: f64| {
+        assert!((found / expected - 1.0).abs() < within, "{found} instead of {expected}");
+    };
+    near(params.motor.j, 1.10e-3, 0.02);
+    near(params.transmission.friction_dynamic, 0.15 * 1.2, 0.03);
+    // Of three units: √(4/3) of their standard deviation.
+    near(tolerances.j, 0.04 / 1.1 * (4.0_f64 / 3.0).sqrt(), 0.3);
+    near(tolerances.friction_dynamic, 0.15 / 1.2 * (4.0_f64 / 3.0).sqrt(), 0.3);
+    // The relations do not measure it.
+    near(params.motor.r_s, ActuatorParams::bench().motor.r_s, 1e-9);
+    let lines = folder.done("replay 0.log -c hmd.toml --json");
+    assert_eq!(lines.lines().count(), 5, "{lines}");
+    assert!(!lines.contains("friction\"]"), "{lines}");
+    // Units are relative to the type's parameters.
+    let text = folder.refused(
+        "calibrate --type -c hmd.toml --units 0.toml 1.toml 2.toml -o again.toml",
+        1,
+    );
+    assert!(text.contains("commission it again"), "{text}");
+}
+
+#[test]
+fn the_page_of_a_commissioned_unit_needs_nothing_else() {
+    let folder = Folder::new();
+    folder.done("simulate --drive vector --noise 0.03 --windows 5 --seed 3 -o healthy.log");
+    folder.done("calibrate healthy.log -o unit.toml --report unit.html");
+    let page = String::from_utf8(folder.read("unit.html")).unwrap();
+    for expected in [
+        "<h1>Commissioning of ema0</h1>",
+        "Smallest damage that shows",
+        "Torque balance: measured and modelled",
+        "T_d dry friction, Nm",
+        "Apparent change of friction in healthy windows",
+        "<li>speed mode</li>",
+    ] {
+        assert!(page.contains(expected), "{expected}");
+    }
+    for forbidden in ["<script", "<img", "http://", "https://", "NaN", "inf "] {
+        assert!(!page.contains(forbidden), "{forbidden}");
+    }
+    folder.misused("calibrate healthy.log -o unit.toml --report healthy.log");
+    folder.misused("calibrate healthy.log -o unit.toml --report unit.toml");
+}

@@ -92,8 +92,9 @@ pub struct Learning {
 }
 
 impl Learning {
-    /// Windows that a unit can be learnt from; the upper bound is one of memory, some 100 kB each.
-    const WINDOWS: RangeInclusive<u32> = 5..=50;
+    /// Windows that a unit can be learnt from. Commissioning runs on the identification thread, and its time grows with their square:
+    /// 30 take some 15 s on one core; and each is some 100 kB.
+    const WINDOWS: RangeInclusive<u32> = 5..=30;
 
     fn read(section: &Section<'_>) -> Result<Option<Self>, ConfigError> {
         let windows = section.integer("learn_windows", Self::WINDOWS)?;

@@ -106,7 +106,17 @@ pub fn save_learnt(config: &Config, learnt: &LearntUnit) -> Result<PathBuf, Asse
 /// Hash of the calibrations that a configuration names, of its types as shipped or as their files stand, and of its units.
 #[must_use]
 pub fn hash_of_models(config: &Config) -> String {
-    model_hash(config, &read_text)
+    model_hash(config, &[], &read_text)
+}
+
+/// The same of a run, which goes on with what earlier ones learnt of units.
+#[must_use]
+pub fn hash_of_models_of_run(config: &Config) -> String {
+    let files = config
+        .actuators()
+        .iter()
+        .filter_map(|actuator| config.learnt_file(actuator));
+    model_hash(config, &files.collect::<Vec<_>>(), &read_text)
 }
 
 /// The text of a calibration file.

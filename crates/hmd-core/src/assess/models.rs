@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use ema_ga::ConfigError as SearchError;
 use ema_identify::calibration::{CalibrationError, MonitorForm, TypeCalibration};
@@ -230,9 +230,10 @@ pub fn hash_of_parameters(of_type: &ActuatorType) -> String {
     hex(&Sha256::digest(of_type.parameters_as_text()))
 }
 
-/// Hash of the calibrations that a configuration names, of its types as shipped or as their files stand, and of its units.
+/// Hash of the calibrations that a configuration names, of its types as shipped or as their files stand, and of its units; and of the
+/// further ones of units that `learnt` names.
 #[must_use]
-pub fn model_hash(config: &Config, read: ReadText<'_>) -> String {
+pub fn model_hash(config: &Config, learnt: &[PathBuf], read: ReadText<'_>) -> String {
     let mut hash = Sha256::new();
     let form = config.identification().monitor;
     let mut types: Vec<&str> = config.actuators().iter().map(|a| a.type_name.as_str()).collect();
@@ -247,12 +248,10 @@ pub fn model_hash(config: &Config, read: ReadText<'_>) -> String {
             }
         }
     }
-    for actuator in config.actuators() {
-        if let Some(path) = &actuator.calibration
-            && let Ok(text) = read(&config.resolve(path))
-        {
-            hash.update(text);
-        }
+    let named = config.actuators().iter().filter_map(|unit| unit.calibration.as_ref());
+    let named = named.map(|path| config.resolve(path));
+    for text in named.chain(learnt.iter().cloned()).filter_map(|path| read(&path).ok()) {
+        hash.update(text);
     }
     hex(&hash.finalize())
 }

@@ -132,6 +132,6 @@ impl RelationsLearnt {
         of_balance
             .into_iter()
             .chain([play])
-            .find(|far| far.found - far.of_type > TOLERANCES_MAX * far.tolerance)
+            .find(|far| (far.found - far.of_type).abs() > TOLERANCES_MAX * far.tolerance)
     }
 }

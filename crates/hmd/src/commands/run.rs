@@ -26,6 +26,7 @@ use hmd_core::record::{HealthLine, LogLevel, Status};
 use hmd_ingest::can::{CanSource, Wanted};
 use hmd_ingest::live::LiveSource;
 use hmd_ingest::serial::SerialSource;
+use hmd_storage::calibration_file::hash_of_models_of_run;
 use hmd_storage::metrics_file::write_textfile;
 use hmd_storage::recorder::{Recorder, is_folder, metadata};
 
@@ -158,7 +159,8 @@ fn daemon(args: &Args, config: Arc<Config>, viewers: &Viewers) -> anyhow::Result
     let sources = sources.collect();
     let recorder = match &args.output {
         Some(path) => {
-            let metadata = metadata(&config, "host", args.seed);
+            let mut metadata = metadata(&config, "host", args.seed);
+            metadata.insert("model_hash".to_owned(), hash_of_models_of_run(&config));
             Some(Recorder::open(path, &metadata, config.output().limits())?)
         }
         None => None,

@@ -1020,6 +1020,10 @@ fn a_parameter_far_from_the_type_is_named_and_not_written() {
     assert!(text.contains(key), "{text}");
     assert!(!folder.path("unit.toml").exists());
 
+    folder.done("simulate --with inertia_deviation=-0.4 --noise 0.03 --windows 5 --seed 3 -o healthy.log");
+    let text = folder.refused("calibrate healthy.log -o unit.toml", 1);
+    assert!(text.contains(key), "{text}");
+
     // The relations need no resistance.
     folder.done("simulate --with resistance_deviation=0.6 --noise 0.03 --windows 5 --seed 3 -o healthy.log");
     let ended = folder.hmd("calibrate healthy.log -o unit.toml");

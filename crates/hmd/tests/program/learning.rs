@@ -17,6 +17,7 @@ use hmd_core::record::HealthLine;
 use hmd_ingest::feed::Input;
 use hmd_ingest::live::LiveSource;
 use hmd_lab::simulate::{EPOCH_NS, traffic};
+use hmd_storage::calibration_file::{hash_of_models, hash_of_models_of_run};
 use hmd_storage::config_file::load_config;
 use hmd_storage::recorder::{Recorder, metadata};
 
@@ -86,7 +87,7 @@ const CONFIG: &str = "[type.bench]\ntolerances = \"usual\"\n[type.bench.sensors]
 fn a_unit_is_learnt_kept_and_learnt_again_by_a_replay() {
     let folder = Folder::new();
     folder.write("hmd.toml", CONFIG);
-    let config = Arc::new(load_config(&folder.path("hmd.toml")).unwrap());
+    let config = Arc::new(load_config(folder.path("hmd.toml")).unwrap());
     let kept = folder.path("units").join("flap+S_7.unit.toml");
 
     let (health, notices) = run(&config, 7, &folder.path("first.mcap"));
@@ -102,6 +103,19 @@ fn a_unit_is_learnt_kept_and_learnt_again_by_a_replay() {
         .count();
     assert_eq!(reported, 1, "{notices:?}");
     let unit = std::fs::read(&kept).unwrap();
+
+    // The hash of what windows are assessed with covers it.
+    let (without, with) = (hash_of_models(&config), hash_of_models_of_run(&config));
+    assert_ne!(without, with);
+    folder.write(
+        "named.toml",
+        CONFIG.replace(
+            "learn_windows = 5\nlearn_folder = \"units\"",
+            "calibration = \"units/flap+S_7.unit.toml\"",
+        ),
+    );
+    let named = load_config(folder.path("named.toml")).unwrap();
+    assert_eq!(hash_of_models(&named), with);
 
     // A replay learns the same from the same windows, and neither reads nor writes what is kept.
     std::fs::write(&kept, "rubbish").unwrap();
@@ -131,7 +145,7 @@ fn a_unit_is_learnt_kept_and_learnt_again_by_a_replay() {
 
     // Another unit has a file of its own.
     folder.write("hmd.toml", CONFIG.replace("S/7", "S8"));
-    let config = Arc::new(load_config(&folder.path("hmd.toml")).unwrap());
+    let config = Arc::new(load_config(folder.path("hmd.toml")).unwrap());
     let (health, _) = run(&config, 2, &folder.path("third.mcap"));
     assert!(health[1].contains("learning, 2 of 5 windows"), "{}", health[1]);
     // A file of another unit under its name is refused.
@@ -216,7 +230,7 @@ fn a_type_is_made_of_several_units_and_replays() {
     std::fs::create_dir(folder.path("conf.d")).unwrap();
     folder.done("calibrate --type --units 0.toml 1.toml 2.toml -o conf.d/own.toml");
     folder.write("hmd.toml", "[[actuator]]\nid = 0\n");
-    let config = load_config(&folder.path("hmd.toml")).unwrap();
+    let config = load_config(folder.path("hmd.toml")).unwrap();
     let (params, tolerances) = (&config.actuators()[0].params, &config.actuators()[0].tolerances);
     let near = |found: f64, expected: f64, within: f64| {
         assert!((found / expected - 1.0).abs() < within, "{found} instead of {expected}");

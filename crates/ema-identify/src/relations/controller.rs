@@ -19,13 +19,16 @@ use crate::monitor_fit::RecordedSample;
 /// limit.
 const SPEED_SHARE: f64 = 0.65;
 
+/// Unknowns: g and h.
+pub(super) const LAW_COUNT: usize = 2;
+
 /// Ratio `g/h` of a window and residual of the law, Nm/s, with a kernel of this half width, s.
 pub(super) fn gain_ratio<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     half_width_s: f64,
 ) -> Result<(Reading, Residual), Needed> {
     let kernel = Kernel::new(half_width_s, window.params().sensors.sample_rate);
-    let mut equations = NormalEquations::<2>::new();
+    let mut equations = NormalEquations::<LAW_COUNT>::new();
     let mut overlap = Overlap::new(&kernel.first, kernel.span);
     for row in law_rows(window, &kernel) {
         if let Some((row, d_torque)) = &row {
@@ -44,7 +47,7 @@ pub(super) fn gain_ratio<S: RecordedSample>(
 pub(super) fn law_rows<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     kernel: &Kernel,
-) -> impl Iterator<Item = Option<([f64; 2], f64)>> {
+) -> impl Iterator<Item = Option<([f64; LAW_COUNT], f64)>> {
     let (window, kernel) = (*window, *kernel);
     let params = window.params();
     let controller = &params.controller;

@@ -5,7 +5,7 @@ use std::vec::Vec;
 use ema_models::follow_through_play;
 
 use super::commissioned::{CommissionedRelations, RelationsEstimate};
-use super::controller::law_rows;
+use super::controller::{LAW_COUNT, law_rows};
 use super::elements::Element;
 use super::kernel::{HALF_WIDTHS_S, Kernel};
 use super::measured::{MARGIN, MeasuredWindow};
@@ -130,11 +130,11 @@ impl CommissionedRelations {
             .collect()
     }
 
-    /// Derivative of the torque against the law of the speed loop, both its factors fitted to the window, Nm/s.
+    /// Derivative of the torque against the law of the speed loop, its factors fitted to the window, Nm/s.
     fn controller_points<S: RecordedSample>(&self, window: &MeasuredWindow<'_, S>) -> Vec<CurvePoint> {
         let rate = window.params().sensors.sample_rate;
         let kernel = Kernel::new(self.gain_half_width_s, rate);
-        let mut equations = NormalEquations::<2>::new();
+        let mut equations = NormalEquations::<LAW_COUNT>::new();
         for (row, d_torque) in law_rows(window, &kernel).flatten() {
             equations.add(&row, d_torque);
         }
@@ -145,7 +145,10 @@ impl CommissionedRelations {
             .enumerate()
             .map(|(n, row)| CurvePoint {
                 time_s: centre_s(n, &kernel, rate),
-                sides: row.map(|(row, d_torque)| [d_torque, row[0] * solution.x[0] + row[1] * solution.x[1]]),
+                sides: row.map(|(row, d_torque)| {
+                    let modelled = row.iter().zip(&solution.x).map(|(a, x)| a * x).sum();
+                    [d_torque, modelled]
+                }),
             })
             .collect()
     }

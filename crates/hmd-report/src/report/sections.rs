@@ -12,6 +12,9 @@ pub(super) const HEIGHT: f64 = 230.0;
 pub(super) const SAMPLES_MAX: usize = 1200;
 const POINTS_MAX: usize = 400;
 
+/// Factor on a standard deviation for 95 %.
+pub(super) const NORMAL_95: f64 = 1.96;
+
 /// States of health as they stand in the timeline.
 const STATES: [&str; 5] = ["unknown", "nominal", "watch", "warning", "critical"];
 
@@ -108,7 +111,7 @@ pub(super) fn fault_vector(history: &History) -> String {
         let name = FaultVector::NAMES[p].replace('_', " ");
         let interval = |point: &Point| {
             let estimate = point.estimate.as_ref()?;
-            let half = 1.96 * estimate.sigma[p]?;
+            let half = NORMAL_95 * estimate.sigma[p]?;
             let k = estimate.k[p];
             Some(((k - half).max(0.0), (k + half).min(1.0)))
         };

@@ -23,6 +23,7 @@ const SPEED_SHARE: f64 = 0.65;
 pub(super) const LAW_COUNT: usize = 2;
 
 /// Ratio `g/h` of a window and residual of the law, Nm/s, with a kernel of this half width, s.
+#[inline(never)]
 pub(super) fn gain_ratio<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     half_width_s: f64,
@@ -39,7 +40,7 @@ pub(super) fn gain_ratio<S: RecordedSample>(
     if !window.inner().any(|n| window.position_error(n).is_some()) {
         return Err(Needed::PositionMode);
     }
-    ratio(&equations, overlap, kernel.span).ok_or(Needed::UnsaturatedControl)
+    ratio(&equations, &mut overlap, kernel.span).ok_or(Needed::UnsaturatedControl)
 }
 
 /// Rows of the law, one per inner sample: factors of g and h, and T', Nm/s; `None` unless neither speed nor torque is at its limit
@@ -77,7 +78,7 @@ pub(super) fn law_rows<S: RecordedSample>(
 const MIN_INDEPENDENT: usize = 4;
 
 /// Ratio of both unknowns and its standard deviation; `None` where the rows do not show it.
-fn ratio(equations: &NormalEquations<2>, overlap: Overlap<2>, span: usize) -> Option<(Reading, Residual)> {
+fn ratio(equations: &NormalEquations<2>, overlap: &mut Overlap<2>, span: usize) -> Option<(Reading, Residual)> {
     if equations.rows < MIN_INDEPENDENT * span {
         return None;
     }

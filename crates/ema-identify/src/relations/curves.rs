@@ -14,7 +14,7 @@ use super::output_load::OutputLoad;
 use super::residual::Relation;
 use super::shared::place_of;
 use super::sliding::Sliding;
-use super::terms::{TERM_COUNT, Term, balance_rows};
+use super::terms::{BalanceRing, TERM_COUNT, Term, balance_rows};
 use super::transmission::pushed;
 use crate::monitor_fit::RecordedSample;
 
@@ -109,7 +109,8 @@ impl CommissionedRelations {
         coefficients[Term::Spring as usize] = load.spring;
         let is_of_currents: [bool; TERM_COUNT] =
             core::array::from_fn(|term| OF_CURRENTS.iter().any(|&of| of as usize == term));
-        balance_rows(window, &self.balance.shape, load, &kernel, 1.0)
+        let mut ring = BalanceRing::new(kernel.span);
+        balance_rows(window, &self.balance.shape, load, &kernel, 1.0, &mut ring)
             .enumerate()
             .filter(|(n, _)| (n + MARGIN).is_multiple_of(kernel.stride))
             .map(|(n, row)| CurvePoint {

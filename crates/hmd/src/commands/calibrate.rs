@@ -129,7 +129,7 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
 }
 
 /// What was learnt, for an operator.
-fn summary(unit: &UnitCalibration) -> Vec<String> {
+pub(super) fn summary(unit: &UnitCalibration) -> Vec<String> {
     let name = match unit.estimator {
         UnitEstimator::Monitor => "monitor",
         UnitEstimator::Relations => "relations between measured signals",

@@ -2,7 +2,7 @@
 //!
 //! For each parameter the error with which a healthy actuator seems to have a damage of 0.02, where the configuration claims that
 //! every number is exact. The reference simulates the actuator with the error, the whole chain assesses it; the apparent damage is
-//! the mean over windows of the largest component's change, of the worse sign of the error. Prints the table of `docs/unit.md`.
+//! the mean over windows of the largest component's change, of the worse sign of the error. Prints the table of `docs/data-sheet.md`.
 
 #[path = "../one_window.rs"]
 mod one_window;

@@ -1196,10 +1196,8 @@ fn a_recorded_history_is_shown_in_three_forms() {
             .all(|line| columns(line) == columns(csv.lines().next().expect("a head")))
     );
     // Replay of the same frames says the same.
-    let config = "[rul]\nhours = \"elapsed\"\nwarning_h = 500\ncritical_h = 200\n";
-    fs::write(folder.path("hmd.toml"), config).expect("a file");
     let replayed = folder
-        .command("replay life.mcap -c hmd.toml --json")
+        .command("replay life.mcap -c life.mcap.toml --json")
         .output()
         .expect("hmd starts");
     let replayed = String::from_utf8(replayed.stdout).expect("text");

@@ -6,8 +6,8 @@
 //!
 //! Each unit has parameters drawn within the tolerances of its data sheet, a vector drive with dead time, a spring at the output,
 //! cogging, errors of resolver and current sensors. It is commissioned by the recordings as `hmd calibrate` does, then assessed
-//! healthy, and worn by each fault. Printed per unit and in all: healthy windows that are judged and that accuse a part, worn
-//! windows that name exactly the true part, median error, and errors within two sigmas.
+//! healthy, and worn by each fault. Printed per unit and in all: recordings that accuse a part before commissioning, healthy windows
+//! that are judged and that accuse a part, worn windows that name exactly the true part, errors within two sigmas, median error.
 
 #[path = "../one_window.rs"]
 mod one_window;
@@ -90,6 +90,11 @@ impl Run {
             .collect::<Result<_, String>>()?;
         recordings.retain(|job| job.window.quality.is_fit());
         let of_type = Models::load_types(&self.config, &|_| Ok(String::new()))?;
+        let before: Vec<bool> = recordings
+            .par_iter()
+            .map(|job| Assessor::new(self.config.clone(), of_type.clone(), 1).assess(job.clone()))
+            .map(|assessed| assessed.map(|assessed| !assessed.health.faults.is_empty()))
+            .collect::<Result<_, _>>()?;
         let assessor = Assessor::new(self.config.clone(), of_type, 1);
         let levels = self.config.health().levels();
         let learnt = calibrate_unit(&assessor, levels, &mut recordings, 1, &|_| ())?;
@@ -121,7 +126,11 @@ impl Run {
                 Ok(Tally::of(&assessed.map_err(|error| error.to_string())?, fault, &truth))
             })
             .collect::<Result<_, String>>()?;
-        let mut sum = Tally::default();
+        let mut sum = Tally {
+            before: before.len() as u64,
+            accused_before: before.iter().map(|&is_accused| u64::from(is_accused)).sum(),
+            ..Tally::default()
+        };
         tallies.into_iter().for_each(|tally| sum.add(tally));
         Ok(sum)
     }
@@ -221,6 +230,9 @@ fn normal(seed: u64) -> f64 {
 /// Counts of windows.
 #[derive(Default)]
 struct Tally {
+    /// Recordings, assessed before commissioning, and those that accuse a part.
+    before: u64,
+    accused_before: u64,
     healthy: u64,
     judged: u64,
     accused: u64,
@@ -265,6 +277,8 @@ impl Tally {
     }
 
     fn add(&mut self, other: Self) {
+        self.before += other.before;
+        self.accused_before += other.accused_before;
         self.healthy += other.healthy;
         self.judged += other.judged;
         self.accused += other.accused;
@@ -279,8 +293,15 @@ impl Tally {
         errors.sort_by(f64::total_cmp);
         let median = errors.get(errors.len() / 2).copied().unwrap_or(f64::NAN);
         format!(
-            "healthy: {} windows, {} judged, {} false; worn: {} windows, {} named, {} within two sigmas, median error {median:.4}",
-            self.healthy, self.judged, self.accused, self.worn, self.named, self.within
+            "before: {} windows, {} false; healthy: {} windows, {} judged, {} false; worn: {} windows, {} named, {} within two sigmas, median error {median:.4}",
+            self.before,
+            self.accused_before,
+            self.healthy,
+            self.judged,
+            self.accused,
+            self.worn,
+            self.named,
+            self.within
         )
     }
 }

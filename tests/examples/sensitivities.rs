@@ -19,7 +19,7 @@ use one_window::window_of;
 use rayon::prelude::*;
 
 /// Windows over which the apparent damage is averaged.
-const WINDOWS: u64 = 4;
+const WINDOWS: u64 = 8;
 
 /// Damage that an error may cost.
 const DAMAGE: f64 = 0.02;

@@ -93,7 +93,14 @@ impl Run {
         let before: Vec<bool> = recordings
             .par_iter()
             .map(|job| Assessor::new(self.config.clone(), of_type.clone(), 1).assess(job.clone()))
-            .map(|assessed| assessed.map(|assessed| !assessed.health.faults.is_empty()))
+            .map(|assessed| {
+                assessed.map(|assessed| {
+                    if !assessed.health.faults.is_empty() {
+                        eprintln!("before: {} {:?}", assessed.health.faults, assessed.health.estimate());
+                    }
+                    !assessed.health.faults.is_empty()
+                })
+            })
             .collect::<Result<_, _>>()?;
         let assessor = Assessor::new(self.config.clone(), of_type, 1);
         let levels = self.config.health().levels();

@@ -20,6 +20,7 @@ use crate::monitor_fit::RecordedSample;
 const SPEED_SHARE: f64 = 0.65;
 
 /// Ratio `g/h` of a window and residual of the law, Nm/s, with a kernel of this half width, s.
+#[inline(never)]
 pub(super) fn gain_ratio<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     half_width_s: f64,
@@ -60,14 +61,14 @@ pub(super) fn gain_ratio<S: RecordedSample>(
     if !in_position_mode {
         return Err(Needed::PositionMode);
     }
-    ratio(&equations, overlap, kernel.span).ok_or(Needed::UnsaturatedControl)
+    ratio(&equations, &mut overlap, kernel.span).ok_or(Needed::UnsaturatedControl)
 }
 
 /// Kernels whose rows do not overlap, at least, for a ratio.
 const MIN_INDEPENDENT: usize = 4;
 
 /// Ratio of both unknowns and its standard deviation; `None` where the rows do not show it.
-fn ratio(equations: &NormalEquations<2>, overlap: Overlap<2>, span: usize) -> Option<(Reading, Residual)> {
+fn ratio(equations: &NormalEquations<2>, overlap: &mut Overlap<2>, span: usize) -> Option<(Reading, Residual)> {
     if equations.rows < MIN_INDEPENDENT * span {
         return None;
     }

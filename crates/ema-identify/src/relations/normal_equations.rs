@@ -64,6 +64,7 @@ impl<const M: usize> NormalEquations<M> {
 
     /// The unknowns with the least sum of squares; `None` when a sum is not finite.
     #[must_use]
+    #[inline(never)]
     pub(super) fn solve(&self) -> Option<Solution<M>> {
         let matrix = self.symmetric();
         let scale = SVector::<f64, M>::from_fn(|m, _| {

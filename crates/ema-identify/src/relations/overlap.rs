@@ -32,6 +32,12 @@ impl<const M: usize> Overlap<M> {
         }
     }
 
+    /// As new.
+    pub(super) fn reset(&mut self) {
+        self.rows.reset();
+        self.sums.fill(0.0);
+    }
+
     /// Adds the row of a sample; `None` where it has none.
     pub(super) fn add(&mut self, row: Option<&[f64; M]>) {
         self.rows.push(row.copied().unwrap_or([0.0; M]));
@@ -45,7 +51,8 @@ impl<const M: usize> Overlap<M> {
 
     /// Covariance of the solution of the equations of these rows.
     #[must_use]
-    pub(super) fn covariance(mut self, equations: &NormalEquations<M>, solution: &Solution<M>) -> SMatrix<f64, M, M> {
+    #[inline(never)]
+    pub(super) fn covariance(&mut self, equations: &NormalEquations<M>, solution: &Solution<M>) -> SMatrix<f64, M, M> {
         for _ in 1..self.span {
             self.add(None);
         }

@@ -14,8 +14,8 @@ use super::measured::MeasuredWindow;
 use super::normal_equations::{NormalEquations, Solution};
 use super::output_load::OutputLoad;
 use super::overlap::Overlap;
-use super::shared::{SHARED_COUNT, SharedMatrix, free_of_shared, is_free, is_worn, shared_columns, spread};
-use super::terms::{BalanceShape, TERM_COUNT, Term, balance_rows};
+use super::shared::{SHARED_COUNT, Shared, free_of_shared, is_free, is_worn, shared_columns, spread};
+use super::terms::{BalanceRing, BalanceShape, TERM_COUNT, Term, balance_rows};
 use crate::monitor_fit::RecordedSample;
 
 /// Coefficients of the torque balance that all windows of one unit share, in the order of [`Term`].
@@ -85,11 +85,12 @@ pub(super) struct TorqueBalance {
 }
 
 /// Fits the free coefficients of a window whose position gain is that of the unit times `gain`; `learnt` is the covariance of what the unit's windows share, once it is known.
+#[inline(never)]
 pub(super) fn torque_balance<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     unit: &BalanceCoefficients,
     gain: f64,
-    learnt: Option<&SharedMatrix>,
+    learnt: Option<&[[f64; SHARED_COUNT]; SHARED_COUNT]>,
 ) -> TorqueBalance {
     let kernel = Kernel::new(unit.half_width_s, window.params().sensors.sample_rate);
     let mut balance = TorqueBalance {
@@ -101,8 +102,9 @@ pub(super) fn torque_balance<S: RecordedSample>(
     };
     let noise = noise_of_columns(current_noise(window), window.params().motor.k, &kernel);
     let mut losing = OutputLoad::default();
+    let mut sums = Sums::new(unit, &kernel);
     for _ in 0..LOAD_ROUNDS {
-        let mut sums = sums(window, unit, &kernel, losing, gain);
+        sums.fill(window, unit, &kernel, losing, gain);
         sums.without_noise(&noise);
         balance.rows = sums.equations.rows;
         balance.independent = (balance.rows * kernel.stride) as f64 / kernel.span as f64;
@@ -120,9 +122,8 @@ pub(super) fn torque_balance<S: RecordedSample>(
         if let Some(learnt) = learnt {
             // What fits worse has more of what commissioning does not know.
             let worse = (solution.residual_rms / unit.residual_rms.max(f64::MIN_POSITIVE)).max(1.0);
-            let learnt = learnt + SharedMatrix::from_diagonal(&(spread(window.params()) * (worse * worse)));
-            let error = error_of_shared(&solution, &sums.with_shared);
-            covariance += error * learnt * error.transpose();
+            let spread = spread(window.params()) * (worse * worse);
+            covariance += covariance_by_shared(&error_of_shared(&solution, &sums.with_shared), learnt, &spread);
         }
         let attenuation = attenuation(&solution, balance.rows);
         for (place, element) in Element::BALANCE.into_iter().enumerate() {
@@ -162,6 +163,7 @@ fn attenuation(solution: &Solution<FREE_COUNT>, rows: usize) -> SVector<f64, FRE
 ///
 /// With the columns a of the free coefficients and s of the shared ones, `x̂ = N⁻¹ Σ a (… + s c)`; turns and eccentricity are
 /// free and compared with the learnt ones. Derived here.
+#[inline(never)]
 fn error_of_shared(
     solution: &Solution<FREE_COUNT>,
     with_shared: &SMatrix<f64, FREE_COUNT, SHARED_COUNT>,
@@ -182,8 +184,32 @@ fn error_of_shared(
     error
 }
 
-/// Sums over the rows of a window.
+/// `E (P + D) Eᵀ` with the covariance P of the shared unknowns and a diagonal D, row by row: the controller has no room for a
+/// second matrix of their size.
+#[inline(never)]
+fn covariance_by_shared(
+    error: &SMatrix<f64, FREE_COUNT, SHARED_COUNT>,
+    learnt: &[[f64; SHARED_COUNT]; SHARED_COUNT],
+    spread: &Shared,
+) -> SMatrix<f64, FREE_COUNT, FREE_COUNT> {
+    let mut covariance = SMatrix::zeros();
+    for unknown in 0..SHARED_COUNT {
+        for place in 0..FREE_COUNT {
+            let along: f64 = (0..SHARED_COUNT)
+                .map(|other| error[(place, other)] * learnt[other][unknown])
+                .sum();
+            let weighted = along + error[(place, unknown)] * spread[unknown];
+            for other in 0..FREE_COUNT {
+                covariance[(place, other)] += weighted * error[(other, unknown)];
+            }
+        }
+    }
+    covariance
+}
+
+/// Sums over the rows of a window, with the rings that they are made through: the controller has room for these once.
 struct Sums {
+    ring: BalanceRing,
     equations: NormalEquations<FREE_COUNT>,
     overlap: Overlap<FREE_COUNT>,
     /// Products of the free columns with those of the shared unknowns.
@@ -193,6 +219,60 @@ struct Sums {
 }
 
 impl Sums {
+    fn new(unit: &BalanceCoefficients, kernel: &Kernel) -> Self {
+        let weights = if unit.angle_errors {
+            &kernel.second
+        } else {
+            &kernel.average
+        };
+        Self {
+            ring: BalanceRing::new(kernel.span),
+            equations: NormalEquations::new(),
+            overlap: Overlap::new(weights, kernel.span),
+            with_shared: SMatrix::zeros(),
+            directions: [0; 2],
+        }
+    }
+
+    /// Sums of a window under a load, instead of what was there.
+    #[inline(never)]
+    fn fill<S: RecordedSample>(
+        &mut self,
+        window: &MeasuredWindow<'_, S>,
+        unit: &BalanceCoefficients,
+        kernel: &Kernel,
+        load: OutputLoad,
+        gain: f64,
+    ) {
+        self.equations = NormalEquations::new();
+        self.overlap.reset();
+        self.with_shared.fill(0.0);
+        self.directions = [0; 2];
+        let mut known = unit.values;
+        for term in FREE.into_iter().chain(WORN) {
+            known[term as usize] = 0.0;
+        }
+        for row in balance_rows(window, &unit.shape, load, kernel, gain, &mut self.ring) {
+            let Some(row) = row else {
+                self.overlap.add(None);
+                continue;
+            };
+            let term = |term: Term| row.terms[term as usize];
+            let friction = WORN.iter().map(|&worn| unit.of(worn) * term(worn)).sum();
+            let [a, b, c, ecc_cos, ecc_sin, constant, spring] = FREE.map(term);
+            let rest: f64 = known.iter().zip(&row.terms).map(|(x, term)| x * term).sum();
+            let free = [a, b, c, ecc_cos, ecc_sin, friction, constant, spring];
+            self.equations.add(&free, -rest);
+            self.overlap.add(Some(&free));
+            for (unknown, shared) in shared_columns(&row).into_iter().enumerate() {
+                for (place, free) in free.iter().enumerate() {
+                    self.with_shared[(place, unknown)] += free * shared;
+                }
+            }
+            self.directions[usize::from(row.forward)] += 1;
+        }
+    }
+
     /// Subtracts the expected products of the current noise, at most half of a column's own.
     fn without_noise(&mut self, noise: &[f64; 5]) {
         let ata = &mut self.equations.ata;
@@ -201,52 +281,6 @@ impl Sums {
             ata[(place, place)] -= (noise * self.equations.rows as f64).min(0.5 * whole);
         }
     }
-}
-
-fn sums<S: RecordedSample>(
-    window: &MeasuredWindow<'_, S>,
-    unit: &BalanceCoefficients,
-    kernel: &Kernel,
-    load: OutputLoad,
-    gain: f64,
-) -> Sums {
-    let mut known = unit.values;
-    for term in FREE.into_iter().chain(WORN) {
-        known[term as usize] = 0.0;
-    }
-    let mut sums = Sums {
-        equations: NormalEquations::new(),
-        overlap: Overlap::new(
-            if unit.angle_errors {
-                &kernel.second
-            } else {
-                &kernel.average
-            },
-            kernel.span,
-        ),
-        with_shared: SMatrix::zeros(),
-        directions: [0; 2],
-    };
-    for row in balance_rows(window, &unit.shape, load, kernel, gain) {
-        let Some(row) = row else {
-            sums.overlap.add(None);
-            continue;
-        };
-        let term = |term: Term| row.terms[term as usize];
-        let friction = WORN.iter().map(|&worn| unit.of(worn) * term(worn)).sum();
-        let [a, b, c, ecc_cos, ecc_sin, constant, spring] = FREE.map(term);
-        let rest: f64 = known.iter().zip(&row.terms).map(|(x, term)| x * term).sum();
-        let free = [a, b, c, ecc_cos, ecc_sin, friction, constant, spring];
-        sums.equations.add(&free, -rest);
-        sums.overlap.add(Some(&free));
-        for (unknown, shared) in shared_columns(&row).into_iter().enumerate() {
-            for (place, free) in free.iter().enumerate() {
-                sums.with_shared[(place, unknown)] += free * shared;
-            }
-        }
-        sums.directions[usize::from(row.forward)] += 1;
-    }
-    sums
 }
 
 const _: () = assert!(FRICTION + 1 == Element::BALANCE.len());

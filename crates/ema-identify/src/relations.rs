@@ -26,6 +26,7 @@ mod commissioned;
 mod controller;
 mod current_noise;
 mod elements;
+mod jackknife;
 mod kernel;
 mod measured;
 mod normal_equations;

@@ -42,11 +42,15 @@ pub struct Baseline {
     pub scatter: f64,
     /// Sigma of a window of mean information.
     pub sigma: f64,
-    /// Root-mean-square of deviation over sigma, at least 1: what the readings' own sigmas leave out.
+    /// Root-mean-square of deviation over sigma; below 1, as much nearer to 1 as there are few windows.
     pub excess: f64,
     /// Windows that show the element.
     pub windows: usize,
 }
+
+/// Windows that count as scattering like their sigmas before any is seen.
+#[cfg(feature = "std")]
+const PRIOR_WINDOWS: f64 = 4.0;
 
 impl Baseline {
     /// Mean and scatter of what windows show.
@@ -67,19 +71,23 @@ impl Baseline {
             mean,
             scatter: libm::sqrt(unbiased * squares),
             sigma: libm::sqrt(n / weights.max(f64::MIN_POSITIVE)),
-            excess: libm::sqrt(unbiased * relative).max(1.0),
+            excess: libm::sqrt((unbiased * relative).max((n * relative + PRIOR_WINDOWS) / (n + PRIOR_WINDOWS))),
             windows: shown.len(),
         }
     }
 
-    /// A reading of a later window with the uncertainty of the unit: its own sigma, as much wider as the healthy windows
-    /// scatter more than theirs, but not below what these show, and the uncertainty of their mean. Derived here.
+    /// A reading of a later window with the uncertainty of the unit. How far the healthy windows scatter compared with their sigmas
+    /// holds for a sigma like theirs, and where they scatter more for every one; a window that shows less keeps what its own sigma
+    /// has besides. The uncertainty of their mean is added. Derived here.
     fn widened(&self, reading: Reading) -> Result<Reading, Needed> {
         if self.windows < 2 {
             return Err(Needed::CommissioningThatShowsIt);
         }
         let mean = self.scatter / libm::sqrt(self.windows as f64);
-        let sigma = libm::hypot((self.excess * reading.sigma).max(self.sigma), mean);
+        let squared = |sigma: f64| sigma * sigma;
+        let besides = (squared(reading.sigma) - squared(self.sigma)).max(0.0);
+        let variance = squared(self.excess * self.sigma) + squared(self.excess.max(1.0)) * besides;
+        let sigma = libm::sqrt(variance + squared(mean));
         Ok(Reading { sigma, ..reading })
     }
 }

@@ -9,6 +9,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::current_noise::{current_noise, noise_of_columns};
 use super::elements::{Element, ElementReadings, Needed, Reading};
+use super::jackknife::Groups;
 use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
 use super::normal_equations::{NormalEquations, Solution};
@@ -103,20 +104,25 @@ pub(super) fn torque_balance<S: RecordedSample>(
     let mut losing = OutputLoad::default();
     for _ in 0..LOAD_ROUNDS {
         let mut sums = sums(window, unit, &kernel, losing, gain);
-        sums.without_noise(&noise);
-        balance.rows = sums.equations.rows;
+        sums.groups.for_each(|group| without_noise(group, &noise));
+        let equations = sums.groups.whole();
+        balance.rows = equations.rows;
         balance.independent = (balance.rows * kernel.stride) as f64 / kernel.span as f64;
         let enough = balance.independent >= (FREE_COUNT + 1) as f64;
-        let Some(solution) = sums.equations.solve().filter(|_| enough) else {
+        let Some(solution) = equations.solve().filter(|_| enough) else {
             balance.readings.fail(Element::BALANCE, Needed::LongerMotion);
             return balance;
         };
         balance.residual_rms = solution.residual_rms;
         balance.load = OutputLoad::new(&solution.x.fixed_rows::<2>(LOAD).into_owned());
-        let information = sums.equations.symmetric().fixed_view::<2, 2>(LOAD, LOAD).into_owned();
+        let information = equations.symmetric().fixed_view::<2, 2>(LOAD, LOAD).into_owned();
         let found = balance.load.losing(&information, balance.rows, window.params());
         let is_last = found.is_close(&losing);
-        let mut covariance = sums.overlap.covariance(&sums.equations, &solution);
+        let mut covariance = sums.overlap.covariance(&equations, &solution);
+        let of_groups = sums.groups.variance();
+        for place in 0..FREE_COUNT {
+            covariance[(place, place)] = covariance[(place, place)].max(of_groups[place]);
+        }
         if let Some(learnt) = learnt {
             // What fits worse has more of what commissioning does not know.
             let worse = (solution.residual_rms / unit.residual_rms.max(f64::MIN_POSITIVE)).max(1.0);
@@ -184,7 +190,7 @@ fn error_of_shared(
 
 /// Sums over the rows of a window.
 struct Sums {
-    equations: NormalEquations<FREE_COUNT>,
+    groups: Groups<FREE_COUNT>,
     overlap: Overlap<FREE_COUNT>,
     /// Products of the free columns with those of the shared unknowns.
     with_shared: SMatrix<f64, FREE_COUNT, SHARED_COUNT>,
@@ -192,14 +198,11 @@ struct Sums {
     directions: [usize; 2],
 }
 
-impl Sums {
-    /// Subtracts the expected products of the current noise, at most half of a column's own.
-    fn without_noise(&mut self, noise: &[f64; 5]) {
-        let ata = &mut self.equations.ata;
-        for (place, noise) in noise.iter().enumerate() {
-            let whole = ata[(place, place)];
-            ata[(place, place)] -= (noise * self.equations.rows as f64).min(0.5 * whole);
-        }
+/// Subtracts the expected products of the current noise, at most half of a column's own.
+fn without_noise(equations: &mut NormalEquations<FREE_COUNT>, noise: &[f64; 5]) {
+    for (place, noise) in noise.iter().enumerate() {
+        let whole = equations.ata[(place, place)];
+        equations.ata[(place, place)] -= (noise * equations.rows as f64).min(0.5 * whole);
     }
 }
 
@@ -215,7 +218,7 @@ fn sums<S: RecordedSample>(
         known[term as usize] = 0.0;
     }
     let mut sums = Sums {
-        equations: NormalEquations::new(),
+        groups: Groups::new(window.len()),
         overlap: Overlap::new(
             if unit.angle_errors {
                 &kernel.second
@@ -227,7 +230,7 @@ fn sums<S: RecordedSample>(
         with_shared: SMatrix::zeros(),
         directions: [0; 2],
     };
-    for row in balance_rows(window, &unit.shape, load, kernel, gain) {
+    for (n, row) in balance_rows(window, &unit.shape, load, kernel, gain).enumerate() {
         let Some(row) = row else {
             sums.overlap.add(None);
             continue;
@@ -237,7 +240,7 @@ fn sums<S: RecordedSample>(
         let [a, b, c, ecc_cos, ecc_sin, constant, spring] = FREE.map(term);
         let rest: f64 = known.iter().zip(&row.terms).map(|(x, term)| x * term).sum();
         let free = [a, b, c, ecc_cos, ecc_sin, friction, constant, spring];
-        sums.equations.add(&free, -rest);
+        sums.groups.add(n, &free, -rest);
         sums.overlap.add(Some(&free));
         for (unknown, shared) in shared_columns(&row).into_iter().enumerate() {
             for (place, free) in free.iter().enumerate() {

@@ -141,7 +141,8 @@ impl CommissionedRelations {
             let error = ModelError::of(element, window.params().sensors.sample_rate);
             let sigma = libm::hypot(changed.sigma, error.floor);
             // A sum that is not a number is no observation. The share does not count: it hides no large damage.
-            if !changed.value.is_finite() || sigma.is_nan() || sigma > OBSERVABLE_SIGMA {
+            let of_damage = damage_per_change(element) * sigma;
+            if !changed.value.is_finite() || of_damage.is_nan() || of_damage > OBSERVABLE_SIGMA {
                 return Err(needed_for(element));
             }
             let share = error.share * (changed.value - healthy(element));
@@ -224,6 +225,11 @@ fn change(element: Element, Reading { value, sigma }: Reading, unit: f64, params
         value,
         sigma: sigma * libm::fabs(slope),
     }
+}
+
+/// Damage by a change of an element's parameter: that of the gain is `2 |k8 − ½|`.
+fn damage_per_change(element: Element) -> f64 {
+    if element == Element::Gain { 2.0 } else { 1.0 }
 }
 
 /// The parameter of an element that has not changed.

@@ -55,11 +55,11 @@ impl<const M: usize> Groups<M> {
         whole
     }
 
-    /// Variance of each unknown; 0 where the rows stand in too few groups.
+    /// Variance of quantities that follow from the unknowns; 0 where the rows stand in too few groups.
     #[must_use]
-    pub(super) fn variance(&self) -> SVector<f64, M> {
+    pub(super) fn variance<const K: usize>(&self, of: impl Fn(&SVector<f64, M>) -> SVector<f64, K>) -> SVector<f64, K> {
         let whole = self.whole();
-        let (mut sum, mut squares, mut count) = (SVector::<f64, M>::zeros(), SVector::<f64, M>::zeros(), 0.0);
+        let (mut sum, mut squares, mut count) = (SVector::<f64, K>::zeros(), SVector::<f64, K>::zeros(), 0.0);
         for group in self.equations.iter().filter(|group| group.rows > 0) {
             let others = NormalEquations {
                 ata: whole.ata - group.ata,
@@ -68,8 +68,9 @@ impl<const M: usize> Groups<M> {
                 rows: whole.rows - group.rows,
             };
             let Some(solution) = others.solve() else { continue };
-            sum += solution.x;
-            squares += solution.x.component_mul(&solution.x);
+            let found = of(&solution.x);
+            sum += found;
+            squares += found.component_mul(&found);
             count += 1.0;
         }
         if count < MIN_GROUPS {

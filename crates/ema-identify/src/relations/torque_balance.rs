@@ -119,7 +119,7 @@ pub(super) fn torque_balance<S: RecordedSample>(
         let found = balance.load.losing(&information, balance.rows, window.params());
         let is_last = found.is_close(&losing);
         let mut covariance = sums.overlap.covariance(&equations, &solution);
-        let of_groups = sums.groups.variance();
+        let of_groups = sums.groups.variance(SVector::clone);
         for place in 0..FREE_COUNT {
             covariance[(place, place)] = covariance[(place, place)].max(of_groups[place]);
         }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ema_identify::calibration::{MonitorForm, TypeCalibration};
+use ema_identify::relations::{BalanceShape, CommissionedRelations, MeasuredWindow, RelationsEstimate, commission};
 use ema_identify::{
     ActuatorKnowledge, Estimate, Identifier, Method, Prepared, RecordedSample, RecordedWindow, StreamedWindow,
     identify_from_health,
@@ -47,13 +48,7 @@ pub(crate) fn worn() -> Case {
         short_b: 0.15,
         ..FaultVector::NOMINAL
     };
-    let scenario = Scenario {
-        sensing: CurrentSensing {
-            quantised: true,
-            noise_rms: 0.03,
-        },
-        ..Scenario::new(params, worn, 7)
-    };
+    let scenario = noisy(params, worn, 7);
     let identifier = Identifier {
         params,
         calibration: TypeCalibration::built_in("bench", MonitorForm::ThreePhase).expect("a shipped calibration"),
@@ -67,6 +62,30 @@ pub(crate) fn worn() -> Case {
         winding_temp_deg_c: Some(scenario.winding_temp_deg_c),
     };
     Case::new(identifier, conditions, recorded(&scenario), REST)
+}
+
+/// What six healthy windows of the actuator of [`worn`] have in common.
+pub(crate) fn commissioned() -> CommissionedRelations {
+    let params = ActuatorParams::bench();
+    let healthy: Vec<Vec<StoredSample>> = (20..26)
+        .map(|seed| recorded(&noisy(params, FaultVector::NOMINAL, seed)))
+        .collect();
+    let windows: Vec<_> = healthy
+        .iter()
+        .map(|window| MeasuredWindow::new(&params, window, &[]))
+        .collect();
+    commission(&windows, &BalanceShape::usual(&params)).expect("healthy windows of one unit")
+}
+
+/// An actuation with 30 mA of noise and 12-bit converters.
+fn noisy(params: ActuatorParams, fault: FaultVector, seed: u64) -> Scenario {
+    Scenario {
+        sensing: CurrentSensing {
+            quantised: true,
+            noise_rms: 0.03,
+        },
+        ..Scenario::new(params, fault, seed)
+    }
 }
 
 /// The window of a log in `fixtures/logs`, as a replay with every default cuts it.
@@ -146,6 +165,11 @@ impl Case {
         let window = RecordedWindow::new(&self.actuator.params, &self.samples, self.rest).expect("a window");
         let streamed = StreamedWindow::new(&window, &self.actuator, self.conditions);
         identify_from_health(&streamed, &self.actuator.mismatch)
+    }
+
+    /// What the relations of a unit find, on either machine.
+    pub(crate) fn by_relations(&self, unit: &CommissionedRelations) -> RelationsEstimate {
+        unit.estimate(&MeasuredWindow::new(&self.actuator.params, &self.samples, &[]))
     }
 
     /// What the host finds by the same search.

@@ -9,9 +9,10 @@ mod target_cases;
 use std::error::Error;
 use std::fmt::Write;
 
+use ema_identify::relations::CommissionedRelations;
 use ema_models::{FaultVector, rss_pct};
-use firmware_image::EstimateLines;
-use target_cases::{Case, golden, golden_logs, worn};
+use firmware_image::{EstimateLines, RelationsLines};
+use target_cases::{Case, commissioned, golden, golden_logs, worn};
 
 /// Name of the first window.
 const WORN: &str = "worn";
@@ -28,12 +29,15 @@ fn main() -> Result<(), Box<dyn Error>> {
         let case = golden(&log);
         (log, case)
     }));
-    std::fs::write(path, source(&cases)?)?;
+    let unit = commissioned();
+    std::fs::write(path, source(&cases, &unit)?)?;
 
     for (name, case) in &cases {
         let estimate = &case.on_the_host();
         println!("{}", EstimateLines { name, estimate });
     }
+    let estimate = &cases[0].1.by_relations(&unit);
+    println!("{}", RelationsLines { name: WORN, estimate });
     let truth = FaultVector {
         friction: 0.4,
         backlash: 0.1,
@@ -45,8 +49,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The constants `CASES` and `LONGEST`; a number's debug text is Rust that gives the same bits.
-fn source(cases: &[(String, Case)]) -> Result<String, std::fmt::Error> {
+/// The constants `CASES`, `LONGEST` and `UNIT`; a number's debug text is Rust that gives the same bits.
+fn source(cases: &[(String, Case)], unit: &CommissionedRelations) -> Result<String, std::fmt::Error> {
     let mut text = String::new();
     let longest = cases.iter().map(|(_, case)| case.samples.len()).max();
     writeln!(text, "const LONGEST: usize = {};", longest.unwrap_or_default())?;
@@ -72,5 +76,6 @@ fn source(cases: &[(String, Case)]) -> Result<String, std::fmt::Error> {
         writeln!(text, "] }},")?;
     }
     writeln!(text, "];")?;
+    writeln!(text, "static UNIT: CommissionedRelations = {unit:?};")?;
     Ok(text)
 }

@@ -118,7 +118,7 @@ fn same_estimates(here: &Numbers, there: &Numbers) -> anyhow::Result<usize> {
         let same = found == expected || number.starts_with("sigma") && nearly_same(found, expected);
         ensure!(same, "{name}: expected the host's {expected}, found {found}");
     }
-    let expected = NUMBERS * windows.len();
+    let expected = NUMBERS * windows.len() + RELATIONS_NUMBERS;
     let compared = here.keys().filter(|name| name.contains('/')).count();
     ensure!(
         compared == expected,
@@ -129,6 +129,9 @@ fn same_estimates(here: &Numbers, there: &Numbers) -> anyhow::Result<usize> {
 
 /// Numbers of one estimate.
 const NUMBERS: usize = 36;
+
+/// Numbers of the estimate by relations, of one window.
+const RELATIONS_NUMBERS: usize = 20;
 
 /// Whether two doubles, given by their bits, are at most four units in the last place apart.
 fn nearly_same(a: &str, b: &str) -> bool {
@@ -144,6 +147,7 @@ struct Figures {
     prepare: f64,
     linearisation: f64,
     identify: f64,
+    relations: f64,
     window_bytes: f64,
     ram_bytes: f64,
     flash_bytes: f64,
@@ -166,6 +170,7 @@ impl Figures {
             prepare: number(numbers, "worn/prepare_instructions")?,
             linearisation,
             identify: number(numbers, "worn/identify_instructions")?,
+            relations: number(numbers, "relations_instructions")?,
             window_bytes: number(numbers, "window_bytes")?,
             ram_bytes: number(numbers, "static_bytes")? + number(numbers, "stack_bytes")?,
             flash_bytes: number(numbers, "flash_bytes")? - number(numbers, "case_bytes")?,
@@ -215,9 +220,13 @@ fn table(here: &Numbers, f: &Figures, windows: usize) -> anyhow::Result<String> 
             "one identification at 480 MHz, s",
             format!("{:.2}", f.identify / CLOCK_HZ),
         ),
+        (
+            "estimate by the relations of a commissioned unit, million instructions",
+            format!("{:.1}", f.relations / 1e6),
+        ),
         ("recorded window, KiB", format!("{:.1}", f.window_bytes / 1024.0)),
         (
-            "all RAM: window, monitors, search and stack, KiB",
+            "all RAM: window, monitors or relations, search and stack, KiB",
             format!("{:.1}", f.ram_kib()),
         ),
         (

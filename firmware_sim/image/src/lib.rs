@@ -8,6 +8,7 @@
 
 use core::fmt;
 
+use ema_identify::relations::RelationsEstimate;
 use ema_identify::{Estimate, RecordedSample};
 use ema_models::{FAULT_COUNT, SensedSample, Setpoint};
 use ema_wire::{Mode, Sample, quantity};
@@ -111,5 +112,33 @@ impl fmt::Display for EstimateLines<'_> {
             writeln!(f, "{name}/{number} {value}")?;
         }
         write!(f, "{name}/evaluations {}", estimate.evaluations)
+    }
+}
+
+/// Faults and standard deviations that the relations of a unit find, in the form of [`EstimateLines`].
+#[derive(Clone, Copy, Debug)]
+pub struct RelationsLines<'a> {
+    /// Name of the window.
+    pub name: &'a str,
+    /// What was found.
+    pub estimate: &'a RelationsEstimate,
+}
+
+impl fmt::Display for RelationsLines<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, estimate } = self;
+        for (p, k) in (1..).zip(estimate.k) {
+            writeln!(f, "{name}/relations/k{p} {:016x}", k.to_bits())?;
+        }
+        for (p, sigma) in (1..).zip(estimate.sigma) {
+            match sigma {
+                Some(sigma) => writeln!(f, "{name}/relations/sigma{p} {:016x}", sigma.to_bits())?,
+                None => writeln!(f, "{name}/relations/sigma{p} -")?,
+            }
+        }
+        for (relation, explained) in estimate.explained.iter().enumerate() {
+            writeln!(f, "{name}/relations/explained{relation} {explained}")?;
+        }
+        write!(f, "{name}/relations/rows {}", estimate.torque_rows)
     }
 }

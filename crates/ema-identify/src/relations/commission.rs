@@ -18,7 +18,7 @@ use super::normal_equations::NormalEquations;
 use super::output_load::OutputLoad;
 use super::residual::{HealthyResidual, RELATION_COUNT, Relation};
 use super::shared::{SHARED_COUNT, SharedMatrix, coefficients, priors, shared_columns};
-use super::terms::{BalanceRow, BalanceShape, Term, balance_rows};
+use super::terms::{BalanceRing, BalanceRow, BalanceShape, Term, balance_rows};
 use super::torque_balance::{BalanceCoefficients, LOAD_ROUNDS, torque_balance};
 use crate::monitor_fit::RecordedSample;
 
@@ -142,7 +142,7 @@ impl SharedBalance {
     fn expected_variance<S: RecordedSample>(&self, windows: &[MeasuredWindow<'_, S>]) -> f64 {
         let readings: Vec<_> = windows
             .iter()
-            .map(|window| torque_balance(window, &self.balance, 1.0, Some(&self.covariance)).readings)
+            .map(|window| torque_balance(window, &self.balance, 1.0, Some(&self.covariance.data.0)).readings)
             .collect();
         let logarithms = Element::BALANCE
             .into_iter()
@@ -225,7 +225,8 @@ fn window_sums<S: RecordedSample>(
     kernel: &Kernel,
 ) -> NormalEquations<WINDOW_COUNT> {
     let mut sums = NormalEquations::new();
-    for row in balance_rows(window, shape, load, kernel, 1.0).flatten() {
+    let mut ring = BalanceRing::new(kernel.span);
+    for row in balance_rows(window, shape, load, kernel, 1.0, &mut ring).flatten() {
         let (a, y) = window_row(&row);
         sums.add(&a, y);
     }

@@ -9,7 +9,7 @@ use super::elements::{ELEMENT_COUNT, Element, ElementReadings, Needed, Reading};
 use super::measured::MeasuredWindow;
 use super::output_load::OutputLoad;
 use super::residual::{HealthyResidual, RELATION_COUNT, Relation, Residual};
-use super::shared::{SHARED_COUNT, SharedMatrix};
+use super::shared::SHARED_COUNT;
 use super::terms::Term;
 use super::torque_balance::{BalanceCoefficients, TorqueBalance, torque_balance};
 use super::transmission::play_width;
@@ -294,14 +294,13 @@ impl CommissionedRelations {
             }
             _ => 1.0,
         };
-        let covariance = SharedMatrix::from_fn(|row, column| self.covariance[row][column]);
         let TorqueBalance {
             mut readings,
             load,
             residual_rms,
             rows,
             independent,
-        } = torque_balance(window, &self.balance, relative_gain, Some(&covariance));
+        } = torque_balance(window, &self.balance, relative_gain, Some(&self.covariance));
         let friction = self.balance.of(Term::DryFriction) / self.balance.of(Term::Inertia);
         let deceleration = libm::fabs(friction) / window.params().transmission.gear_ratio;
         let transmission = &self.residual[Relation::Transmission as usize];

@@ -10,9 +10,10 @@ use ema_models::dq_from_abc;
 use nalgebra::{Vector1, Vector3};
 
 use super::elements::{Needed, Reading};
-use super::jackknife::Groups;
+use super::jackknife::Jackknife;
 use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
+use super::normal_equations::NormalEquations;
 use super::overlap::Overlap;
 use super::residual::Residual;
 use super::sliding::Sliding;
@@ -22,76 +23,98 @@ use crate::monitor_fit::RecordedSample;
 /// limit.
 const SPEED_SHARE: f64 = 0.65;
 
-/// Unknowns: g, h and the lag.
-const UNKNOWNS: usize = 3;
+/// Unknowns: g, h and the lag τ.
+pub(super) const LAW_COUNT: usize = 3;
 
 /// Ratio `g/h` of a window and residual of the law, Nm/s, with a kernel of this half width, s.
+#[inline(never)]
 pub(super) fn gain_ratio<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     half_width_s: f64,
 ) -> Result<(Reading, Residual), Needed> {
+    let kernel = Kernel::new(half_width_s, window.params().sensors.sample_rate);
+    if !window.inner().any(|n| window.position_error(n).is_some()) {
+        return Err(Needed::PositionMode);
+    }
+    let mut equations = NormalEquations::new();
+    for (row, d_torque) in law_rows(window, &kernel).flatten() {
+        equations.add(&row, d_torque);
+    }
+    ratio(window, &equations, &kernel).ok_or(Needed::UnsaturatedControl)
+}
+
+/// Rows of the law, one per inner sample: factors of g, h and τ, and T', Nm/s; `None` unless neither speed nor torque is at its limit
+/// under the kernel that ends there.
+pub(super) fn law_rows<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    kernel: &Kernel,
+) -> impl Iterator<Item = Option<([f64; LAW_COUNT], f64)>> {
+    let window = *window;
     let params = window.params();
-    let (controller, rate) = (&params.controller, params.sensors.sample_rate);
-    let kernel = Kernel::new(half_width_s, rate);
+    let controller = &params.controller;
     let torque_gain = params.motor.torque_gain();
     let mut ring = Sliding::<3>::new(kernel.span);
-    let mut groups = Groups::<UNKNOWNS>::new(window.len());
-    let mut overlap = Overlap::<UNKNOWNS>::new(&kernel.first, kernel.span);
-    let mut in_position_mode = false;
-    for n in window.inner() {
-        let error = window.position_error(n);
-        in_position_mode |= error.is_some();
+    window.inner().map(move |n| {
+        let reference = window.position_error(n).map(|error| controller.g_p * error);
         let now = window.quantities(n);
-        let reference = error.map(|error| controller.g_p * error);
         let torque = torque_gain * dq_from_abc(now.i, now.sin_cos_e)[1];
         let limited = now.speed_reference >= SPEED_SHARE || window.is_torque_limited(torque);
-        let usable = reference.filter(|_| !limited && window.is_measured(n));
-        let Some(reference) = usable else {
+        let Some(reference) = reference.filter(|_| !limited && window.is_measured(n)) else {
             ring.clear();
-            overlap.add(None);
-            continue;
+            return None;
         };
         ring.push([reference, window.central_speed(n), torque]);
         if !ring.is_full() {
-            overlap.add(None);
-            continue;
+            return None;
         }
         let [reference, omega, _] = ring.sums(&kernel.smooth);
         let [d_reference, d_omega, d_torque] = ring.sums(&kernel.first);
-        let law = |d: f64, value: f64| controller.k_p * d + controller.k_i * value;
         let [_, _, dd_torque] = ring.sums(&kernel.second);
-        let row = [law(d_reference, reference), -law(d_omega, omega), -dd_torque];
-        groups.add(n, &row, d_torque);
-        overlap.add(Some(&row));
-    }
-    if !in_position_mode {
-        return Err(Needed::PositionMode);
-    }
-    ratio(&groups, overlap, kernel.span).ok_or(Needed::UnsaturatedControl)
+        let law = |d: f64, value: f64| controller.k_p * d + controller.k_i * value;
+        Some((
+            [law(d_reference, reference), -law(d_omega, omega), -dd_torque],
+            d_torque,
+        ))
+    })
 }
 
 /// Kernels whose rows do not overlap, at least, for a ratio.
 const MIN_INDEPENDENT: usize = 4;
 
-/// Ratio of both unknowns and its standard deviation; `None` where the rows do not show it.
-fn ratio(groups: &Groups<UNKNOWNS>, overlap: Overlap<UNKNOWNS>, span: usize) -> Option<(Reading, Residual)> {
-    let equations = groups.whole();
-    if equations.rows < MIN_INDEPENDENT * span {
+/// Ratio of the first two unknowns and its standard deviation; `None` where the rows do not show it.
+#[inline(never)]
+fn ratio<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    equations: &NormalEquations<LAW_COUNT>,
+    kernel: &Kernel,
+) -> Option<(Reading, Residual)> {
+    if equations.rows < MIN_INDEPENDENT * kernel.span {
         return None;
     }
     let solution = equations.solve()?;
-    let covariance = overlap.covariance(&equations, &solution);
+    let mut overlap = Overlap::<LAW_COUNT>::new(&kernel.first, kernel.span);
+    let mut groups = Jackknife::<LAW_COUNT, 1>::new(window.len(), &Vector3::zeros());
+    let of = |x: &Vector3<f64>| Vector1::new(x[0] / x[1]);
+    for (n, row) in law_rows(window, kernel).enumerate() {
+        overlap.add(row.as_ref().map(|(row, _)| row));
+        if let Some((row, d_torque)) = &row {
+            groups.add(n, (row, *d_torque), equations, of);
+        }
+    }
+    let covariance = overlap.covariance(equations, &solution);
     let (g, h) = (solution.x[0], solution.x[1]);
     // Gradient of g/h.
     let gradient = Vector3::new(1.0 / h, -g / (h * h), 0.0);
-    let of_groups = groups.variance(|x| Vector1::new(x[0] / x[1]))[0];
+    let variance = gradient
+        .dot(&(covariance * gradient))
+        .max(groups.variance(equations, of)[0]);
     let reading = Reading {
         value: g / h,
-        sigma: libm::sqrt(gradient.dot(&(covariance * gradient)).max(of_groups)),
+        sigma: libm::sqrt(variance),
     };
     let residual = Residual {
         rms: solution.residual_rms,
-        independent: (equations.rows / span) as f64,
+        independent: (equations.rows / kernel.span) as f64,
     };
     (reading.value.is_finite() && reading.sigma.is_finite()).then_some((reading, residual))
 }

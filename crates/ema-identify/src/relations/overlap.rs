@@ -45,7 +45,8 @@ impl<const M: usize> Overlap<M> {
 
     /// Covariance of the solution of the equations of these rows.
     #[must_use]
-    pub(super) fn covariance(mut self, equations: &NormalEquations<M>, solution: &Solution<M>) -> SMatrix<f64, M, M> {
+    #[inline(never)]
+    pub(super) fn covariance(&mut self, equations: &NormalEquations<M>, solution: &Solution<M>) -> SMatrix<f64, M, M> {
         for _ in 1..self.span {
             self.add(None);
         }

@@ -42,6 +42,7 @@ pub const SHARED_COUNT: usize = 2 + SHARED.len();
 pub(super) type Shared = SVector<f64, SHARED_COUNT>;
 
 /// Their covariance, or sums of their products.
+#[cfg(feature = "std")]
 pub(super) type SharedMatrix = SMatrix<f64, SHARED_COUNT, SHARED_COUNT>;
 
 /// Columns of the shared unknowns in a row.

@@ -61,11 +61,12 @@ impl<const M: usize> Sliding<M> {
         sums
     }
 
-    /// Sums of all quantities, each with its own weights, oldest sample first.
+    /// Sums of all quantities, each with its own weights; `weights` gives those of a place, oldest sample first.
     #[must_use]
-    pub(super) fn sums_each(&self, weights: &[[f64; M]; MAX_SPAN]) -> [f64; M] {
+    pub(super) fn sums_each(&self, weights: impl Fn(usize) -> [f64; M]) -> [f64; M] {
         let mut sums = [0.0; M];
-        for (weights, sample) in weights.iter().zip(self.oldest_first()) {
+        for (place, sample) in self.oldest_first().enumerate() {
+            let weights = weights(place);
             for m in 0..M {
                 sums[m] += weights[m] * sample[m];
             }

@@ -7,7 +7,7 @@ use core::ops::Range;
 
 use ema_models::{ActuatorParams, phase_shapes};
 
-use super::kernel::{Kernel, MAX_SPAN};
+use super::kernel::Kernel;
 use super::measured::{MeasuredWindow, Quantities};
 use super::output_load::OutputLoad;
 use super::sliding::Sliding;
@@ -137,6 +137,10 @@ pub(super) struct BalanceRow {
     pub(super) forward: bool,
 }
 
+/// The terms under the kernel, 10 KiB. It is the caller's, because an iterator that owned it would be moved, and the controller has no room
+/// for the copies.
+pub(super) type BalanceRing = Sliding<TERM_COUNT>;
+
 /// Smallest speed under the kernel, rad/s: below, friction is no function of the measured speed.
 const MOVING: f64 = 3.0;
 
@@ -148,10 +152,11 @@ pub(super) fn balance_rows<S: RecordedSample>(
     load: OutputLoad,
     kernel: &Kernel,
     gain: f64,
+    ring: &mut BalanceRing,
 ) -> impl Iterator<Item = Option<BalanceRow>> {
     let (window, integrands) = (*window, Integrands::new(window.params(), shape, load, gain));
-    let (weights, stride) = (weights(kernel), kernel.stride);
-    let mut ring = Sliding::<TERM_COUNT>::new(kernel.span);
+    let stride = kernel.stride;
+    ring.clear();
     let mut forward = true;
     let mut counting = Counting::new(&window);
     window.inner().map(move |n| {
@@ -168,7 +173,7 @@ pub(super) fn balance_rows<S: RecordedSample>(
         }
         ring.push(integrands.of(&window, &now, counted));
         (ring.is_full() && n % stride == 0).then(|| BalanceRow {
-            terms: ring.sums_each(&weights),
+            terms: ring.sums_each(|place| weights(kernel, place)),
             forward,
         })
     })
@@ -210,14 +215,12 @@ impl Counting {
     }
 }
 
-/// Weight of each sample in each term.
-fn weights(kernel: &Kernel) -> [[f64; TERM_COUNT]; MAX_SPAN] {
-    core::array::from_fn(|place| {
-        core::array::from_fn(|term| match Term::derivative(term) {
-            Derivative::None => kernel.average[place],
-            Derivative::First => -kernel.first[place],
-            Derivative::Second => -kernel.second[place],
-        })
+/// Weight in each term of the sample at a place under the kernel.
+fn weights(kernel: &Kernel, place: usize) -> [f64; TERM_COUNT] {
+    core::array::from_fn(|term| match Term::derivative(term) {
+        Derivative::None => kernel.average[place],
+        Derivative::First => -kernel.first[place],
+        Derivative::Second => -kernel.second[place],
     })
 }
 

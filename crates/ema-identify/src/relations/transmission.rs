@@ -44,6 +44,7 @@ const COASTING: f64 = 1.5;
 ///
 /// A rigid gear's output rests in the play. Where that leaves more than `healthy` windows do, a load inertia behind a compliant
 /// gear may coast through it: `deceleration` is that of the actuator by dry friction, rad/s² at the output.
+#[inline(never)]
 pub(super) fn play_width<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     healthy: &HealthyResidual,

@@ -13,6 +13,9 @@ use board::Clock;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hprintln};
 use ema_identify::calibration::{Mismatch, SignalTable};
+use ema_identify::relations::{
+    BalanceCoefficients, BalanceShape, Baseline, CommissionedRelations, HealthyResidual, MeasuredWindow,
+};
 use ema_identify::{ActuatorKnowledge, MonitoredWindow, RecordedWindow, StreamedWindow, identify_from_health};
 use ema_models::Form::ThreePhase;
 use ema_models::{
@@ -20,7 +23,7 @@ use ema_models::{
     MotorKnowledge, MotorParams, Real, Ripple, Scale, SensorParams, TransmissionParams,
 };
 use ema_wire::Mode::{self, Position};
-use firmware_image::{EstimateLines, StoredSample};
+use firmware_image::{EstimateLines, RelationsLines, StoredSample};
 
 /// One recorded window, and what is known of its actuator.
 struct Case {
@@ -35,7 +38,7 @@ struct Case {
 /// Phase currents, mA; motor and output counts; setpoint and its mode.
 type Word = ([i16; 3], i32, i32, i32, Mode);
 
-// `CASES`, and `LONGEST`, the samples of the longest window.
+// `CASES`; `LONGEST`, the samples of the longest window; `UNIT`, what was learnt of the first window's unit.
 include!(env!("HMD_TARGET_CASES"));
 
 /// A sample before it is recorded.
@@ -53,7 +56,7 @@ const PASSES: u32 = 1_000_000;
 #[entry]
 fn main() -> ! {
     let clock = Clock::start();
-    match run(clock) {
+    match by_relations(clock).and_then(|()| by_monitor(clock)) {
         Some(()) => debug::exit(debug::EXIT_SUCCESS),
         None => debug::exit(debug::EXIT_FAILURE),
     }
@@ -62,7 +65,24 @@ fn main() -> ! {
     }
 }
 
-fn run(clock: Clock) -> Option<()> {
+/// Estimates the first window by the relations of its unit.
+#[inline(never)]
+fn by_relations(clock: Clock) -> Option<()> {
+    let case = CASES.first()?;
+    let mut samples = [NOTHING; LONGEST];
+    let samples = samples.get_mut(..case.words.len())?;
+    record(samples, case.words);
+    let window = MeasuredWindow::new(&case.actuator.params, samples, &[]);
+    let (estimate, counted) = clock.count(|| UNIT.estimate(&window));
+    hprintln!("relations_instructions {}", counted);
+    let (name, estimate) = (case.name, &estimate);
+    hprintln!("{}", RelationsLines { name, estimate });
+    Some(())
+}
+
+/// Identifies all windows by the monitor, and prints how full the memories are.
+#[inline(never)]
+fn by_monitor(clock: Clock) -> Option<()> {
     let (_, counted) = clock.count(|| board::pass(PASSES));
     hprintln!("loop_expected {}", board::INSTRUCTIONS_PER_PASS * PASSES);
     hprintln!("loop_counted {}", counted);

@@ -298,8 +298,8 @@ impl Tally {
 
     /// Whether the window is judged rightly.
     fn add(&mut self, place: Option<usize>, truth: &FaultVector, estimate: &RelationsEstimate) -> bool {
-        for (counts, explained) in self.unexplained.iter_mut().zip(estimate.explained) {
-            counts[usize::from(place.is_some())] += usize::from(!explained);
+        for (counts, share) in self.unexplained.iter_mut().zip(estimate.residual_share) {
+            counts[usize::from(place.is_some())] += usize::from(share >= 1.0);
         }
         let mut alarms = [false; KINDS];
         for (fault, alarm) in FaultId::ALL.iter().zip(&mut alarms) {

@@ -103,9 +103,9 @@ pub struct RelationsEstimate {
     /// What the window would have needed to show a parameter; `None` where it is observable, and for k7 where the eccentricity
     /// does not stand clear of its own uncertainty.
     pub needed: [Option<Needed>; FAULT_COUNT],
-    /// Whether the window is explained by each relation, in the order of [`Relation::ALL`]; also where the relation has no
-    /// rows. One that alone is not points at its sensors, all together at a fault that none of them knows.
-    pub explained: [bool; RELATION_COUNT],
+    /// Residual of each relation as a share of the largest that is explained, in the order of [`Relation::ALL`]; below 1 also where the
+    /// relation has no rows.
+    pub residual_share: [f64; RELATION_COUNT],
     /// Root-mean-square residual of the torque balance, Nm.
     pub torque_residual_rms: f64,
     /// Rows of the torque balance.
@@ -117,6 +117,12 @@ pub struct RelationsEstimate {
 }
 
 impl RelationsEstimate {
+    /// Whether a relation explains the window.
+    #[must_use]
+    pub fn is_explained_by(&self, relation: Relation) -> bool {
+        self.residual_share[relation as usize] < 1.0
+    }
+
     /// Whether the window shows each parameter.
     #[must_use]
     pub fn observable(&self) -> [bool; FAULT_COUNT] {
@@ -155,8 +161,8 @@ impl CommissionedRelations {
             k: FaultVector::NOMINAL.to_array(),
             sigma: [None; FAULT_COUNT],
             needed: [None; FAULT_COUNT],
-            explained: Relation::ALL
-                .map(|relation| self.residual[relation as usize].explains(balance.residuals[relation as usize])),
+            residual_share: Relation::ALL
+                .map(|relation| self.residual[relation as usize].share_of_limit(balance.residuals[relation as usize])),
             torque_residual_rms: balance.residuals[Relation::TorqueBalance as usize].rms,
             torque_rows: balance.rows,
             load_torque: balance.load.constant,

@@ -151,6 +151,9 @@ impl CommissionedRelations {
             if !changed.value.is_finite() || of_damage.is_nan() || of_damage > OBSERVABLE_SIGMA {
                 return Err(needed_for(element));
             }
+            if element == Element::Backlash && changed.value < CLEAR * sigma && self.may_hold(&balance.load, window) {
+                return Err(Needed::Reversal);
+            }
             let share = error.share * (changed.value - healthy(element));
             Ok(Reading {
                 sigma: libm::hypot(sigma, share),
@@ -179,6 +182,14 @@ impl CommissionedRelations {
             (Err(needed), _) | (_, Err(needed)) => estimate.report(ECCENTRICITY, Err(needed)),
         }
         estimate
+    }
+}
+
+impl CommissionedRelations {
+    /// Whether a load may have held the output at one flank of its play.
+    fn may_hold<S: RecordedSample>(&self, load: &OutputLoad, window: &MeasuredWindow<'_, S>) -> bool {
+        let gear_ratio = window.params().transmission.gear_ratio;
+        load.holds_one_flank(&window.travel(), self.balance.of(Term::DryFriction), gear_ratio)
     }
 }
 
@@ -214,7 +225,7 @@ impl RelationsEstimate {
     }
 }
 
-/// Standard deviations from zero at which an eccentricity has a direction.
+/// Standard deviations from zero at which an eccentricity has a direction, and a play is seen.
 const CLEAR: f64 = 3.0;
 
 /// The fault parameter that belongs to a reading; for the eccentricity one component of its change.

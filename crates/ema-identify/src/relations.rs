@@ -28,6 +28,7 @@ mod current_noise;
 #[cfg(feature = "std")]
 mod curves;
 mod elements;
+mod jackknife;
 mod kernel;
 mod measured;
 mod normal_equations;

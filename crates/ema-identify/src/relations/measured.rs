@@ -1,6 +1,7 @@
 //! A window as the relations read it: measured quantities of each sample in SI units.
 
 use core::f64::consts::TAU;
+use core::ops::Range;
 
 use ema_models::{ActuatorParams, Real, SensedSample, Setpoint};
 
@@ -82,7 +83,7 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
     }
 
     /// Indices of the samples that have [`MARGIN`] neighbours.
-    pub(super) fn inner(&self) -> core::ops::Range<usize> {
+    pub(super) fn inner(&self) -> Range<usize> {
         MARGIN..self.len().saturating_sub(MARGIN).max(MARGIN)
     }
 
@@ -156,6 +157,20 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
         let (first, now) = (self.sensed(0), self.sensed(n));
         (now.output_counts - first.output_counts) as f64 * sensors.output_lsb()
             - (now.motor_counts - first.motor_counts) as f64 * sensors.motor_lsb() / gear_ratio
+    }
+
+    /// Smallest and largest output angle since the first sample, rad.
+    pub(super) fn travel(&self) -> Range<f64> {
+        let lsb = self.params.sensors.output_lsb();
+        let first = if self.is_empty() {
+            0
+        } else {
+            self.sensed(0).output_counts
+        };
+        (0..self.len()).fold(0.0..0.0, |range, n| {
+            let travel = (self.sensed(n).output_counts - first) as f64 * lsb;
+            range.start.min(travel)..range.end.max(travel)
+        })
     }
 
     /// Control deviation `θ_cmd − θ_out` as the controller counts it, rad; `None` outside position mode.

@@ -82,27 +82,14 @@ pub enum Term {
 /// Number of terms.
 pub const TERM_COUNT: usize = 26;
 
-/// The derivative under which the kernel smooths a term.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Derivative {
-    None,
-    First,
-    Second,
-}
-
-impl Term {
-    fn derivative(term: usize) -> Derivative {
-        const INERTIA: usize = Term::Inertia as usize;
-        const DAMPING: usize = Term::Damping as usize;
-        const FIRST_OF_RESOLVER: usize = Term::Resolver1Cos as usize;
-        const LAST_OF_RESOLVER: usize = Term::Resolver2Sin as usize;
-        match term {
-            DAMPING => Derivative::First,
-            INERTIA | FIRST_OF_RESOLVER..=LAST_OF_RESOLVER => Derivative::Second,
-            _ => Derivative::None,
-        }
-    }
-}
+/// Terms of which the kernel takes the second derivative, less the sign; of the damping it takes the first.
+const SECOND: [Term; 5] = [
+    Term::Inertia,
+    Term::Resolver1Cos,
+    Term::Resolver1Sin,
+    Term::Resolver2Cos,
+    Term::Resolver2Sin,
+];
 
 /// Constants of the terms that an actuator type's parameters do not hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -173,7 +160,7 @@ pub(super) fn balance_rows<S: RecordedSample>(
         }
         ring.push(integrands.of(&window, &now, counted));
         (ring.is_full() && n % stride == 0).then(|| BalanceRow {
-            terms: ring.sums_each(|place| weights(kernel, place)),
+            terms: smoothed(ring, kernel),
             forward,
         })
     })
@@ -215,13 +202,16 @@ impl Counting {
     }
 }
 
-/// Weight in each term of the sample at a place under the kernel.
-fn weights(kernel: &Kernel, place: usize) -> [f64; TERM_COUNT] {
-    core::array::from_fn(|term| match Term::derivative(term) {
-        Derivative::None => kernel.average[place],
-        Derivative::First => -kernel.first[place],
-        Derivative::Second => -kernel.second[place],
-    })
+/// The terms of the row that ends with the last sample of the ring.
+fn smoothed(ring: &BalanceRing, kernel: &Kernel) -> [f64; TERM_COUNT] {
+    let mut terms = ring.sums(&kernel.average);
+    let [damping] = ring.sums_of([Term::Damping as usize], &kernel.first);
+    terms[Term::Damping as usize] = -damping;
+    let second = ring.sums_of(SECOND.map(|term| term as usize), &kernel.second);
+    for (term, second) in SECOND.into_iter().zip(second) {
+        terms[term as usize] = -second;
+    }
+    terms
 }
 
 /// What the terms are made of before the kernel.

@@ -132,7 +132,7 @@ pub fn calibrate_unit(
     progress(jobs.len() as u64);
     let is_vector = jobs[0].actuator.drive.kind == DriveKind::Vector;
     let by_monitor = match &by_relations {
-        Ok(relations) if is_vector && relations.evidence.shown() == FaultId::COUNT => None,
+        Ok(relations) if is_vector && relations.evidence.shows_all_well() => None,
         _ => learn_monitor(assessor, jobs, seed, progress)?,
     };
     let (estimator, estimator_reason, evidence) =

@@ -4,6 +4,7 @@ use core::f64::consts::TAU;
 
 use ema_models::{ActuatorParams, Real, SensedSample, Setpoint};
 
+use super::between_samples::Instant;
 use crate::monitor_fit::RecordedSample;
 
 /// A window of consecutive samples, its counters on one wrap.
@@ -43,6 +44,17 @@ pub(super) struct Quantities {
     pub(super) speed_reference: f64,
     /// Sine and cosine of the electrical angle.
     pub(super) sin_cos_e: (f64, f64),
+}
+
+impl Quantities {
+    /// The instant of the sample.
+    pub(super) fn instant(&self) -> Instant {
+        Instant {
+            angle_in_turn: self.angle_in_turn,
+            sin_cos_e: self.sin_cos_e,
+            i: self.i,
+        }
+    }
 }
 
 /// Largest torque, as a share of `G_T I_max`.

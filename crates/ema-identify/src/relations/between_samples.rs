@@ -2,7 +2,7 @@
 //!
 //! At 400 Hz a fast motor makes half an electrical turn and more from one sample to the next: products of samples, such as those of a
 //! current and the shape of its phase, then alias. In the rotor's frame the currents are slow, so angle and currents are interpolated there, by a
-//! cubic through four samples, before anything is multiplied. The mean of a product over both neighbouring intervals, weighted by the
+//! cubic through four samples less the steps that new set points make at samples, before anything is multiplied. The mean of a product over both neighbouring intervals, weighted by the
 //! triangle that reaches from the sample before to the sample behind, belongs exactly to the second difference of the angle. Derived
 //! here.
 
@@ -53,8 +53,13 @@ pub(super) fn instants(params: &ActuatorParams) -> usize {
 }
 
 impl Interval {
-    /// The interval that begins at sample `n`; needs one sample before it and two behind.
-    pub(super) fn new<S: RecordedSample>(window: &MeasuredWindow<'_, S>, n: usize) -> Self {
+    /// The interval that begins at sample `n`; needs two samples before it and two behind. `jump` gives the step of the quadrature
+    /// current, A, with which a set point takes effect behind its sample.
+    pub(super) fn new<S: RecordedSample>(
+        window: &MeasuredWindow<'_, S>,
+        n: usize,
+        jump: impl Fn(usize, [f64; 2]) -> f64,
+    ) -> Self {
         let params: &ActuatorParams = window.params();
         let (motor_lsb, per_turn) = (params.sensors.motor_lsb(), params.sensors.motor_counts_per_rev as i64);
         let pole_pairs = params.motor.pole_pairs;
@@ -64,12 +69,18 @@ impl Interval {
             let sin_cos = (pole_pairs * in_turn(sample.motor_counts)).sin_cos_poly();
             dq_from_abc(sample.currents, sin_cos)
         });
+        // Without the steps at the samples the current is smooth.
+        let [before, at, behind] = [0, 1, 2].map(|place| jump(n + place - 1, dq[place]));
+        let mut quadrature = dq.map(|[_, quadrature]| quadrature);
+        quadrature[0] += before + at;
+        quadrature[1] += at;
+        quadrature[3] -= behind;
         Self {
             angle_in_turn: in_turn(samples[1].motor_counts),
             pole_pairs,
             angle: samples.map(|sample| (sample.motor_counts - samples[1].motor_counts) as f64 * motor_lsb),
             direct: dq.map(|[direct, _]| direct),
-            quadrature: dq.map(|[_, quadrature]| quadrature),
+            quadrature,
         }
     }
 

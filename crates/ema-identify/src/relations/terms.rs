@@ -190,7 +190,8 @@ pub(super) fn balance_rows<S: RecordedSample>(
             ring.clear();
         }
         let fast = if instants > 0 {
-            let over = |n| integrands.fast_over(&Interval::new(&window, n), instants);
+            let jump = |n, current| integrands.jump(&window, n, current);
+            let over = |n| integrands.fast_over(&Interval::new(&window, n, jump), instants);
             let before = match ended {
                 Some((at, rising)) if at == n => rising,
                 _ => over(n - 1)[1],
@@ -352,6 +353,16 @@ impl Integrands {
             -now.travel / self.gear_ratio,
             -sign * libm::fabs(load_torque) * loss_share,
         ]
+    }
+
+    /// Step of the quadrature current behind a sample, A, where neither speed nor torque is at its limit.
+    fn jump(&self, window: &MeasuredWindow<'_, impl RecordedSample>, n: usize, [_, quadrature]: [f64; 2]) -> f64 {
+        let torque_gain = 1.5 * self.k;
+        if window.is_torque_limited(torque_gain * quadrature) {
+            0.0
+        } else {
+            self.k_p * window.reference_change(n, self.gain) / torque_gain
+        }
     }
 
     /// The fast terms of an instant; those of the mesh without the sign of the speed.

@@ -144,6 +144,14 @@ pub fn calibrate_unit(
     {
         notes.push(format!("the monitor is not used: {far}"));
     }
+    if let (UnitEstimator::Monitor, Some(monitor)) = (estimator, &by_monitor) {
+        // They may stand for what the monitor's controller lacks.
+        let far = monitor.far_of_controller(&jobs[0]);
+        notes.extend(
+            far.iter()
+                .map(|far| format!("the monitor's controller stands for the unit's: {far}")),
+        );
+    }
     let seen = Seen::of(&jobs.iter().map(motion_of).collect::<Vec<_>>());
     let calibration = UnitCalibration {
         version: UNIT_VERSION,

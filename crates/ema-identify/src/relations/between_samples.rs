@@ -53,7 +53,7 @@ pub(super) fn instants(params: &ActuatorParams) -> usize {
 }
 
 impl Interval {
-    /// The interval that begins at sample `n`; needs two samples before it and two behind. `jump` gives the step of the quadrature
+    /// The interval that begins at sample `n`; needs one sample before it and two behind. `jump` gives the step of the quadrature
     /// current, A, with which a set point takes effect behind its sample.
     pub(super) fn new<S: RecordedSample>(
         window: &MeasuredWindow<'_, S>,

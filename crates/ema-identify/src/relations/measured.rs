@@ -134,9 +134,9 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
     }
 
     /// Change of the speed reference that takes effect behind sample `n`, rad/s, where the reference is not limited; the gain factor is
-    /// `gain`. Needs one sample before it.
+    /// `gain`. Of the first sample none is known.
     pub(super) fn reference_change(&self, n: usize, gain: f64) -> f64 {
-        if self.speed_reference(n) * gain >= 1.0 {
+        if n == 0 || self.speed_reference(n) * gain >= 1.0 {
             return 0.0;
         }
         gain * self.reference_step(self.sensed(n - 1).setpoint, self.sensed(n).setpoint)

@@ -219,7 +219,7 @@ fn measured(unit: &UnitCalibration, parameter: UnitParameter, params: &ActuatorP
         UnitParameter::Inertia => Term::Inertia,
         UnitParameter::Damping => Term::Damping,
         UnitParameter::DryFriction => Term::DryFriction,
-        UnitParameter::Resistance | UnitParameter::BackEmf | UnitParameter::Inductance => return None,
+        _ => return None,
     };
     Some(Measured {
         value: relations.commissioned.balance.of(term),

@@ -5,6 +5,7 @@ use core::ops::Range;
 
 use ema_models::{ActuatorParams, Real, SensedSample, Setpoint};
 
+use super::between_samples::Instant;
 use crate::monitor_fit::RecordedSample;
 
 /// A window of consecutive samples, its counters on one wrap.
@@ -44,6 +45,17 @@ pub(super) struct Quantities {
     pub(super) speed_reference: f64,
     /// Sine and cosine of the electrical angle.
     pub(super) sin_cos_e: (f64, f64),
+}
+
+impl Quantities {
+    /// The instant of the sample.
+    pub(super) fn instant(&self) -> Instant {
+        Instant {
+            angle_in_turn: self.angle_in_turn,
+            sin_cos_e: self.sin_cos_e,
+            i: self.i,
+        }
+    }
 }
 
 /// Largest torque, as a share of `G_T I_max`.
@@ -120,6 +132,15 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
             speed_reference: self.speed_reference(n),
             sin_cos_e: (self.params.motor.pole_pairs * angle_in_turn).sin_cos_poly(),
         }
+    }
+
+    /// Change of the speed reference that takes effect behind sample `n`, rad/s, where the reference is not limited; the gain factor is
+    /// `gain`. Of the first sample none is known.
+    pub(super) fn reference_change(&self, n: usize, gain: f64) -> f64 {
+        if n == 0 || self.speed_reference(n) * gain >= 1.0 {
+            return 0.0;
+        }
+        gain * self.reference_step(self.sensed(n - 1).setpoint, self.sensed(n).setpoint)
     }
 
     /// Change of the speed reference from one set point to the next, rad/s, before any limit.

@@ -19,8 +19,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, OnceLock};
 use std::thread;
 
 use ema_identify::Estimate;
@@ -31,7 +31,7 @@ use hmd_core::config::Config;
 use hmd_core::health::Health;
 use hmd_core::record;
 use serde_json::Value;
-use target_cases::{golden, golden_logs};
+use target_cases::{exact, golden, golden_logs};
 
 /// Seed of every search.
 const SEED: u64 = 1;
@@ -287,7 +287,7 @@ fn of_all<T: Send>(names: &[String], work: impl Fn(&str) -> T + Sync) -> Vec<T> 
     results.into_iter().map(|(_, result)| result).collect()
 }
 
-/// The one window of a log, assessed with every default.
+/// The one window of a log, assessed with every default, and every number of the type known.
 fn replay(name: &str) -> (Row, Decision) {
     let log = fixtures().join("logs").join(name);
     let logs = [log.clone()];
@@ -295,7 +295,7 @@ fn replay(name: &str) -> (Row, Decision) {
     let summary = Replay {
         logs: &logs,
         output: None,
-        config: Arc::new(Config::default()),
+        config: exact(),
         seed: SEED,
     }
     .run(&mut windows)

@@ -64,6 +64,12 @@ pub(crate) fn worn() -> Case {
     Case::new(identifier, conditions, recorded(&scenario), REST)
 }
 
+/// Every default, and every number of the type known, as to the controller.
+pub(crate) fn exact() -> Arc<Config> {
+    let config = Config::from_toml_str("type.bench.tolerances = \"exact\"", "exact");
+    Arc::new(config.expect("a configuration"))
+}
+
 /// What six healthy windows of the actuator of [`worn`] have in common.
 pub(crate) fn commissioned() -> CommissionedRelations {
     let params = ActuatorParams::bench();
@@ -91,7 +97,7 @@ fn noisy(params: ActuatorParams, fault: FaultVector, seed: u64) -> Scenario {
 /// The window of a log in `fixtures/logs`, as a replay with every default cuts it.
 pub(crate) fn golden(log: &str) -> Case {
     let path = logs().join(log);
-    let config = Arc::new(Config::default());
+    let config = exact();
     // A log of another sample rate says so; nothing is lost in any.
     let found = windows_of(&[path], &config, None, &mut |_| ());
     let found = found.unwrap_or_else(|e| panic!("{log}: {e}"));

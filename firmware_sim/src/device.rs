@@ -1,6 +1,6 @@
 //! The device: from a [`Plan`] to the timed packets that the actuator's electronics send.
 
-use ema_models::reference::{Scenario, ScenarioRun};
+use ema_models::reference::{LoadEffects, Scenario, ScenarioRun};
 use ema_models::{FAULT_COUNT, FaultVector, SensedSample, Setpoint};
 use ema_wire::{ActuatorId, Mode, Sample, SerialPacket, Status, quantity};
 
@@ -44,6 +44,8 @@ impl Plan {
     #[must_use]
     pub fn start(&self) -> Device {
         let rate_hz = self.scenario.nominal.sensors.sample_rate;
+        // Nothing measures a load that an effect adds.
+        let has_measured_load = self.scenario.effects.load == LoadEffects::default();
         Device {
             run: self.scenario.run(),
             rate_hz,
@@ -51,7 +53,7 @@ impl Plan {
             status: Status {
                 dc_link_dv: quantity::dc_link_dv(self.scenario.unit.motor.v_dc),
                 winding_temp_dc: quantity::winding_temp_dc(self.scenario.temperature_deg_c()),
-                load_torque_dnm: Some(quantity::load_torque_dnm(self.scenario.load_torque)),
+                load_torque_dnm: has_measured_load.then(|| quantity::load_torque_dnm(self.scenario.load_torque)),
                 fault_flags: 0,
                 seq8: 0,
             },

@@ -9,6 +9,9 @@ import hmd
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 
+# Configuration of an actuator that is its data sheet, as the simulated ones are.
+EXACT = 'type.bench.tolerances = "exact"\n'
+
 
 @pytest.fixture(scope="session")
 def program() -> str:

@@ -15,7 +15,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
-from conftest import REPOSITORY
+from conftest import EXACT, REPOSITORY
 
 import hmd
 from hmd.fleet import Job, cluster, contract, find_logs, one_log
@@ -230,8 +230,9 @@ def test_bad_logs_are_listed_and_end_nothing(spoilt: Path, tmp_path: Path) -> No
 
 
 def test_the_report_finds_the_unit_that_wears(fleet: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    assert run(fleet, out, workers=2) == 0
+    out, config = tmp_path / "out", tmp_path / "hmd.toml"
+    config.write_text(EXACT)
+    assert run(fleet, out, config, workers=2) == 0
     units = read_units(out / "fleet.parquet")
     assert [unit.name for unit in units] == [f"unit-{n}/ema0" for n in range(UNITS)]
     assert worst(units)[0].name == "unit-2/ema0"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pandas
 import pytest
-from conftest import REPOSITORY
+from conftest import EXACT, REPOSITORY
 
 import hmd
 
@@ -52,8 +52,10 @@ def test_another_seed_or_configuration_gives_another_result(tmp_path: Path) -> N
     assert len({tuple(assessed.lines) for assessed in results}) == 3
 
 
-def test_the_table_holds_the_same_numbers_for_pandas(worn: Path) -> None:
-    assessed = hmd.replay(worn)
+def test_the_table_holds_the_same_numbers_for_pandas(worn: Path, tmp_path: Path) -> None:
+    config = tmp_path / "hmd.toml"
+    config.write_text(EXACT)
+    assessed = hmd.replay(worn, config=config)
     frame: pandas.DataFrame = assessed.to_arrow().to_pandas()
     assert len(frame) == len(assessed.windows) == 2
     for (_, row), window in zip(frame.iterrows(), assessed.windows, strict=True):

@@ -44,14 +44,17 @@ pub(crate) struct Outcome {
     pub(crate) lost: u64,
 }
 
-/// The whole chain over one stream of frames, with default settings.
+/// Settings under which every number of the type is known, as of the simulated units here.
+pub(crate) const EXACT: &str = "type.bench.tolerances = \"exact\"\n";
+
+/// The whole chain over one stream of frames, with the settings of [`EXACT`].
 pub(crate) fn watch(frames: impl IntoIterator<Item = RawFrame>) -> Outcome {
     watch_all([frames])
 }
 
 /// The same over one stream after the other, each to its end, as the logs of several sorties.
 pub(crate) fn watch_all(streams: impl IntoIterator<Item = impl IntoIterator<Item = RawFrame>>) -> Outcome {
-    watch_all_with(Config::default(), streams)
+    watch_all_with(Config::from_toml_str(EXACT, "test").expect("a configuration"), streams)
 }
 
 /// The same with other settings.

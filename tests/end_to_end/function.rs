@@ -8,7 +8,7 @@ use hmd_core::frame::RawFrame;
 use hmd_core::functional_check::{CHECK_LANES, UnmetRequirement, unmet_requirements};
 use hmd_lab::simulate::{EPOCH_NS, traffic};
 
-use crate::bench::{unit, watch_all_with};
+use crate::bench::{EXACT, unit, watch_all_with};
 
 /// A healthy `bench` actuator makes its step against 914 Nm; with three faults of 0.5 against 516 Nm.
 const STALL_LOAD_NM: f64 = 600.0;
@@ -80,7 +80,8 @@ fn faults_that_are_harmless_one_by_one_reach_the_end_of_life_together() {
     }
     assert_eq!(missed(&worn(at_end)), Some(UnmetRequirement::Stall));
 
-    let text = format!("[rul]\nhours = \"elapsed\"\n[type.bench.specification]\nstall_load_nm = {STALL_LOAD_NM}\n");
+    let text =
+        format!("{EXACT}[rul]\nhours = \"elapsed\"\n[type.bench.specification]\nstall_load_nm = {STALL_LOAD_NM}\n");
     let config = Config::from_toml_str(&text, "test").expect("a configuration");
     let outcome = watch_all_with(config, (0..SORTIES).map(sortie));
     let last = &outcome.windows.last().expect("windows").rul;

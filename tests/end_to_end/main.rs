@@ -8,6 +8,7 @@ mod foreign_bus;
 mod function;
 mod identification;
 mod link;
+mod new_unit;
 mod onboard;
 mod relations;
 mod tolerances;

@@ -26,10 +26,9 @@ fn off_its_type(fault: FaultVector, seed: u64) -> Scenario {
     scenario
 }
 
-/// Health by one window with the usual tolerances.
+/// Health by one window with the usual tolerances, the default.
 fn health(scenario: &Scenario) -> Health {
-    let config = Config::from_toml_str("type.bench.tolerances = \"usual\"", "test").expect("a configuration");
-    let outcome = watch_all_with(config, [frames(scenario, 0)]);
+    let outcome = watch_all_with(Config::default(), [frames(scenario, 0)]);
     outcome.window().health.clone()
 }
 

@@ -191,7 +191,7 @@ fn logged(sent: &Path) -> String {
 
 fn configuration(terminal: &str) -> String {
     format!(
-        "[[actuator]]\nid = 0\nname = \"m7\"\nbus = \"uart1\"\n\n[[serial]]\nbus = \"uart1\"\ndevice = \"{terminal}\"\n"
+        "type.bench.tolerances = \"exact\"\n\n[[actuator]]\nid = 0\nname = \"m7\"\nbus = \"uart1\"\n\n[[serial]]\nbus = \"uart1\"\ndevice = \"{terminal}\"\n"
     )
 }
 

@@ -1,7 +1,8 @@
 //! Numbers in documents: each stands under the command that makes it, and this runs them all again.
 //!
 //! A line `<!-- $ hmd evaluate paper -->` says that the text up to `<!-- end -->` is what the command prints, on stdout
-//! and stderr together. Where the text is fenced as code, it stays fenced.
+//! and stderr together. Where the text is fenced as code, it stays fenced. Commands read the files that stand in the document: `toml`
+//! below a line `<!-- NAME.toml -->`.
 
 use std::path::Path;
 
@@ -25,6 +26,7 @@ const DEMO: &str = "demo";
 
 const BEGIN: &str = "<!-- $ hmd ";
 const END: &str = "<!-- end -->";
+const FILE: (&str, &str) = ("<!-- ", ".toml -->");
 
 /// Runs every command and puts its output in place.
 pub(crate) fn update() -> anyhow::Result<()> {
@@ -55,6 +57,16 @@ fn updated(text: &str, hmd: &Path, scratch: &Path) -> anyhow::Result<String> {
     while let Some(line) = lines.next() {
         out += line;
         out.push('\n');
+        let name = line.strip_prefix(FILE.0).and_then(|rest| rest.strip_suffix(FILE.1));
+        if let Some(name) = name.filter(|name| !name.contains(' ')) {
+            let block: Vec<&str> = lines.by_ref().take_while(|line| *line != "```").collect();
+            block.iter().for_each(|line| out += &format!("{line}\n"));
+            out += "```\n";
+            let path = scratch.join(name).with_extension("toml");
+            let content: Vec<&str> = block.into_iter().skip(1).collect();
+            std::fs::write(&path, content.join("\n")).with_context(|| path.display().to_string())?;
+            continue;
+        }
         let Some(command) = line.strip_prefix(BEGIN).and_then(|rest| rest.strip_suffix(" -->")) else {
             continue;
         };

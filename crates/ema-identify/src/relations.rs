@@ -20,6 +20,7 @@
 //! One rigid mass: behind a compliant transmission a wider kernel attenuates the resonance (chosen in commissioning), and the output
 //! may coast through a worn play. Measured accuracy and what is left out: `docs/design/relations.md`.
 
+mod between_samples;
 #[cfg(feature = "std")]
 mod commission;
 mod commissioned;
@@ -28,6 +29,7 @@ mod current_noise;
 #[cfg(feature = "std")]
 mod curves;
 mod elements;
+mod jackknife;
 mod kernel;
 mod measured;
 mod normal_equations;

@@ -223,7 +223,12 @@ impl Assessor {
         let monitor = unit.and_then(|unit| unit.monitor);
         Ok(Identifier {
             params: monitor.map_or(job.params, |monitor| monitor.parameters.applied_to(&job.params)),
-            calibration: self.models.of_type(&job.actuator.type_name)?.calibration.clone(),
+            calibration: self
+                .models
+                .of_type(&job.actuator.type_name)?
+                .calibration
+                .clone()
+                .with_current_time_constant(monitor.map_or(0.0, |monitor| monitor.current_time_constant_s)),
             method: self.method,
             motor: motor_knowledge_at(self.models.motor(&job.actuator), job.conditions.winding_temp_deg_c),
             // The scatter of its own windows stands for them in a commissioned unit.

@@ -144,7 +144,7 @@ pub fn calibrate_unit(
     progress(jobs.len() as u64);
     let is_vector = jobs[0].actuator.drive.kind == DriveKind::Vector;
     let by_monitor = match &by_relations {
-        Ok(relations) if is_vector && relations.evidence.shown() == FaultId::COUNT => None,
+        Ok(relations) if is_vector && relations.evidence.shows_all_well() => None,
         _ => learn_monitor(assessor, jobs, seed, progress)?,
     };
     let (estimator, estimator_reason, evidence) =
@@ -155,6 +155,14 @@ pub fn calibrate_unit(
         && let Some(far) = monitor.far_parameter(&jobs[0])
     {
         notes.push(format!("the monitor is not used: {far}"));
+    }
+    if let (UnitEstimator::Monitor, Some(monitor)) = (estimator, &by_monitor) {
+        // They may stand for what the monitor's controller lacks.
+        let far = monitor.far_of_controller(&jobs[0]);
+        notes.extend(
+            far.iter()
+                .map(|far| format!("the monitor's controller stands for the unit's: {far}")),
+        );
     }
     let findings = findings(jobs, estimator, by_relations.as_ref().ok(), by_monitor.as_ref());
     let seen = Seen::of(&jobs.iter().map(motion_of).collect::<Vec<_>>());

@@ -1,15 +1,19 @@
-//! The demonstration of `hmd demo`: a simulated actuator wears out, and the pipeline assesses one actuation every 100 hours.
+//! The demonstration of `hmd demo`: a simulated actuator is commissioned, then wears out, and the pipeline assesses one actuation
+//! every 100 hours.
 //!
-//! In: an MCAP writer and a seed. Out: the assessed windows, one after the other; frames and records go to the writer.
+//! In: an MCAP writer and a seed. Out: what was learnt of the unit, then the assessed windows, one after the other; frames and
+//! records of these go to the writer. The unit has a vector drive and differs from its data sheet as real ones do ([`EFFECTS`]).
 
-use std::io::{Seek, Write};
+use std::io::{self, Seek, Write};
 use std::sync::Arc;
 
-use ema_models::reference::{Actuations, CurrentSensing, Scenario};
-use ema_models::{ActuatorParams, FaultVector, Profile};
+use ema_identify::unit_calibration::UnitCalibration;
+use ema_models::reference::{Actuations, CurrentSensing, Drive, EffectError, Effects, Scenario};
+use ema_models::{FaultVector, Profile};
 use ema_wire::ActuatorId;
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Models, WindowCounts};
-use hmd_core::config::Config;
+use hmd_core::commissioning::{CommissioningError, calibrate_unit};
+use hmd_core::config::{ActuatorConfig, Config};
 use hmd_core::frame::{BusError, BusNames};
 use hmd_core::outbox::WindowJob;
 use hmd_core::pipeline::Pipeline;
@@ -24,13 +28,47 @@ pub const ACTUATIONS: u64 = 24;
 /// Flight hours between two of them.
 pub const HOURS_BETWEEN: u64 = 100;
 
-/// Configuration of the demonstration. The frames show half a second of every hundred hours, so hours are counted by the
-/// time stamps. A part that has less than this left is due for repair.
-pub const CONFIG: &str = "[rul]
+/// Healthy actuations from which the unit is learnt.
+pub const COMMISSIONING: u32 = 10;
+
+/// In what the unit differs from its data sheet: parameters within their tolerances, dead time of the drive, a spring at the
+/// output, cogging, errors of the resolver and of the current sensors.
+pub const EFFECTS: [(&str, f64); 14] = [
+    ("dead_time_s", 1.5e-6),
+    ("resistance_deviation", 0.06),
+    ("inductance_deviation", -0.08),
+    ("back_emf_deviation", 0.03),
+    ("inertia_deviation", 0.05),
+    ("viscous_deviation", 0.4),
+    ("dynamic_friction_deviation", 0.2),
+    ("play_deviation", 0.4),
+    ("spring_nm_per_rad", 60.0),
+    ("cogging_nm", 0.1),
+    ("resolver_error_1_rad", 2.9e-3),
+    ("resolver_error_2_rad", 2.0e-3),
+    ("current_offset_a_a", 0.03),
+    ("current_gain_b", 0.008),
+];
+
+/// Configuration of the demonstration, with the unit's calibration in the file of this name. The frames show half a second of every
+/// hundred hours, so hours are counted by the time stamps. A part that has less than this left is due for repair.
+#[must_use]
+pub fn config_text(calibration: &str) -> String {
+    format!(
+        "[[actuator]]
+id = 0
+calibration = {calibration:?}
+
+[type.bench.drive]
+kind = \"vector\"
+
+[rul]
 hours = \"elapsed\"
 warning_h = 500
 critical_h = 200
-";
+"
+    )
+}
 
 /// Why the demonstration ended early.
 #[derive(Debug, thiserror::Error)]
@@ -38,6 +76,12 @@ pub enum DemoError {
     /// The interface or the actuator is refused.
     #[error(transparent)]
     Bus(#[from] BusError),
+    /// An effect is refused.
+    #[error(transparent)]
+    Effect(#[from] EffectError),
+    /// The unit cannot be commissioned.
+    #[error(transparent)]
+    Commissioning(#[from] CommissioningError),
     /// A window cannot be assessed.
     #[error(transparent)]
     Assess(#[from] AssessError),
@@ -61,34 +105,32 @@ pub struct DemoCounts {
 pub struct Demo<W: Write + Seek> {
     writer: McapWriter<W>,
     names: BusNames,
-    actuator: ActuatorId,
+    unit: SimulatedUnit,
     pipeline: Pipeline,
     assessor: Assessor,
-    seed: u64,
     /// Number of the next actuation.
     next: u64,
 }
 
 impl<W: Write + Seek> Demo<W> {
-    /// Starts with this configuration, that of [`CONFIG`], and an empty file.
+    /// Starts with this configuration, that of [`config_text`], an empty file and the calibration of [`commissioned`] with the same
+    /// seed.
     ///
     /// # Errors
     /// [`DemoError`].
     pub fn new(
         writer: McapWriter<W>,
         config: &Arc<Config>,
-        actuator: ActuatorId,
+        calibration: &UnitCalibration,
         seed: u64,
     ) -> Result<Self, DemoError> {
-        let mut names = BusNames::new();
-        names.intern("can0")?;
+        let models = Models::load(config, &|_| Ok(calibration.emit()))?;
         Ok(Self {
             writer,
-            names,
-            actuator,
+            names: bus_names()?,
+            unit: SimulatedUnit::new(config, seed)?,
             pipeline: Pipeline::new(config.clone()),
-            assessor: Assessor::new(config.clone(), Models::without_files(config)?, seed),
-            seed,
+            assessor: Assessor::new(config.clone(), models, seed),
             next: 0,
         })
     }
@@ -103,7 +145,7 @@ impl<W: Write + Seek> Demo<W> {
         }
         let hours = self.next * HOURS_BETWEEN;
         let start_ns = EPOCH_NS + hours * 3_600_000_000_000;
-        for frame in traffic(&scenario(self.next, self.seed), self.actuator, start_ns) {
+        for frame in traffic(&self.unit.scenario(self.next), self.unit.id(), start_ns) {
             self.writer.write_frame(&frame, &self.names)?;
             self.pipeline.push(&frame, &self.names);
         }
@@ -145,18 +187,83 @@ impl<W: Write + Seek> Demo<W> {
     }
 }
 
-/// One actuation of the actuator as worn as it is then.
-fn scenario(n: u64, seed: u64) -> Scenario {
-    Scenario {
-        sensing: CurrentSensing {
-            quantised: true,
-            noise_rms: 0.02,
-        },
-        actuations: Actuations {
-            rest: 0.1,
-            ..Actuations::single(Profile::Mixed)
-        },
-        ..Scenario::new(ActuatorParams::bench(), worn(n), mix(seed, &[n]))
+/// The unit's calibration by [`COMMISSIONING`] healthy actuations before its first hour.
+///
+/// # Errors
+/// [`DemoError`].
+pub fn commissioned(config: &Arc<Config>, seed: u64) -> Result<UnitCalibration, DemoError> {
+    let unit = SimulatedUnit::new(config, seed)?;
+    let names = bus_names()?;
+    let mut pipeline = Pipeline::new(config.clone());
+    for frame in traffic(&unit.healthy(), unit.id(), EPOCH_NS) {
+        pipeline.push(&frame, &names);
+    }
+    pipeline.finish();
+    let mut jobs = pipeline.take_windows();
+    let of_type = Models::load_types(config, &|_| Err(io::Error::from(io::ErrorKind::Unsupported)))?;
+    let assessor = Assessor::new(config.clone(), of_type, seed);
+    let learnt = calibrate_unit(&assessor, config.health().levels(), &mut jobs, seed, &|_| ())?;
+    Ok(learnt.calibration)
+}
+
+fn bus_names() -> Result<BusNames, BusError> {
+    let mut names = BusNames::new();
+    names.intern("can0")?;
+    Ok(names)
+}
+
+/// The unit that is simulated.
+struct SimulatedUnit {
+    actuator: ActuatorConfig,
+    effects: Effects,
+    seed: u64,
+}
+
+impl SimulatedUnit {
+    fn new(config: &Config, seed: u64) -> Result<Self, EffectError> {
+        let actuator = config.actuators()[0].clone();
+        let mut effects = Effects {
+            drive: Drive::of_type(&actuator.drive),
+            ..Effects::default()
+        };
+        for (name, value) in EFFECTS {
+            effects.set(name, value)?;
+        }
+        Ok(Self {
+            actuator,
+            effects,
+            seed,
+        })
+    }
+
+    fn id(&self) -> ActuatorId {
+        self.actuator.id
+    }
+
+    /// The healthy actuations.
+    fn healthy(&self) -> Scenario {
+        self.actuations(COMMISSIONING, FaultVector::NOMINAL, mix(self.seed, &[ACTUATIONS]))
+    }
+
+    /// One actuation of the unit as worn as it is then.
+    fn scenario(&self, n: u64) -> Scenario {
+        self.actuations(1, worn(n), mix(self.seed, &[n]))
+    }
+
+    fn actuations(&self, count: u32, fault: FaultVector, seed: u64) -> Scenario {
+        Scenario {
+            effects: self.effects,
+            sensing: CurrentSensing {
+                quantised: true,
+                noise_rms: 0.02,
+            },
+            actuations: Actuations {
+                rest: 0.1,
+                count,
+                ..Actuations::single(Profile::Mixed)
+            },
+            ..Scenario::new(self.actuator.params, fault, seed)
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! A simulated actuator's traffic: the reference model's samples as the frames its control electronics would send.
 
-use ema_models::reference::{Scenario, ScenarioRun};
+use ema_models::reference::{LoadEffects, Scenario, ScenarioRun};
 use ema_models::{SensedSample, Setpoint};
 use ema_wire::can::Status;
 use ema_wire::{ActuatorId, Frame, Mode, Sample, quantity};
@@ -30,11 +30,12 @@ pub struct Traffic<I> {
 
 /// The traffic of a scenario from the given time on, bus 0.
 ///
-/// Its status reports the temperature of the unit, but of supply and load only what the scenario has without its effects: nothing
-/// measures these.
+/// Its status reports the temperature of the unit, the supply that the scenario has without its effects, and the load unless an
+/// effect adds to it: nothing measures that one.
 #[must_use]
 pub fn traffic(scenario: &Scenario, actuator: ActuatorId, start_ns: u64) -> Traffic<ScenarioRun> {
     let rate = scenario.nominal.sensors.sample_rate;
+    let has_measured_load = scenario.effects.load == LoadEffects::default();
     Traffic {
         samples: scenario.run(),
         actuator,
@@ -44,7 +45,7 @@ pub fn traffic(scenario: &Scenario, actuator: ActuatorId, start_ns: u64) -> Traf
         status: Status {
             dc_link_dv: quantity::dc_link_dv(scenario.unit.motor.v_dc),
             winding_temp_dc: quantity::winding_temp_dc(scenario.temperature_deg_c()),
-            load_torque_dnm: Some(quantity::load_torque_dnm(scenario.load_torque)),
+            load_torque_dnm: has_measured_load.then(|| quantity::load_torque_dnm(scenario.load_torque)),
             fault_flags: 0,
             seq8: 0,
         },

@@ -26,8 +26,8 @@ pub(super) const FAULTS: [(u32, &str, &str); 6] = [
 /// Length of the stream in the time of the actuators, s: an actuation each second.
 pub(super) const STREAM_S: u32 = 20;
 
-/// The shipped calibration of the bench serves at any rate.
-const AT_400_HZ: &str = "[type.bench.sensors]\nsample_rate_hz = 400\n";
+/// The shipped calibration of the bench serves at any rate; the simulated actuators are their type exactly.
+const AT_400_HZ: &str = "[type.bench]\ntolerances = \"exact\"\nsensors.sample_rate_hz = 400\n";
 
 /// Stamps that `hmd simulate` begins with, s.
 const EPOCH_S: u64 = 1_700_000_000;

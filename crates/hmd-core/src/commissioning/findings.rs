@@ -119,6 +119,11 @@ fn notation(parameter: UnitParameter) -> (&'static str, &'static str) {
         UnitParameter::Inertia => ("J", "kg m²"),
         UnitParameter::Damping => ("C", "Nm s/rad"),
         UnitParameter::DryFriction => ("T_d", "Nm"),
+        UnitParameter::PositionGain => ("G_p", "1/s"),
+        UnitParameter::SpeedGain => ("K_p", "Nm s/rad"),
+        UnitParameter::IntegralGain => ("K_i", "Nm/rad"),
+        UnitParameter::SpeedLimit => ("ω_max", "rad/s"),
+        UnitParameter::CurrentLimit => ("I_max", "A"),
     }
 }
 

@@ -71,7 +71,7 @@ pub(super) fn read_all(root: &Section<'_>) -> Result<BTreeMap<String, ActuatorTy
                 name.to_owned(),
                 ActuatorType {
                     params,
-                    tolerances: Tolerances::MOTOR_ONLY,
+                    tolerances: tolerances::DEFAULT,
                     drive: DriveParams::of_built_in(name),
                     calibration: None,
                     specification: Specification::default(),

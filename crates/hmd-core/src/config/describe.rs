@@ -116,8 +116,8 @@ fn write_actuators(out: &mut String, config: &Config) -> fmt::Result {
 /// The tolerances of types that set any.
 fn write_tolerances(out: &mut String, config: &Config) -> fmt::Result {
     for (name, of_type) in config.types() {
-        if of_type.tolerances == Tolerances::USUAL {
-            writeln!(out, "type {name}: usual tolerances")?;
+        if of_type.tolerances == Tolerances::MOTOR_ONLY {
+            writeln!(out, "type {name}: tolerances exact")?;
         } else if !tolerances::are_default(&of_type.tolerances) {
             write!(out, "type {name}:")?;
             for (group, key, value) in tolerances::set(&of_type.tolerances) {

@@ -76,10 +76,13 @@ fn of_group(group: &str) -> impl Iterator<Item = &'static Tolerance> {
     TOLERANCES.iter().filter(move |tolerance| tolerance.group == group)
 }
 
+/// The tolerances of a type that sets none.
+pub(super) const DEFAULT: Tolerances = Tolerances::USUAL;
+
 /// The tolerances that a type starts from.
 pub(super) fn base(type_section: &Section<'_>) -> Result<Tolerances, ConfigError> {
     let choices = [("exact", Tolerances::MOTOR_ONLY), ("usual", Tolerances::USUAL)];
-    type_section.choice("tolerances", Tolerances::MOTOR_ONLY, &choices)
+    type_section.choice("tolerances", DEFAULT, &choices)
 }
 
 /// Sets in `tolerances` what the subtable of a group sets.
@@ -100,7 +103,7 @@ pub(super) fn set(tolerances: &Tolerances) -> impl Iterator<Item = (&'static str
 
 /// Whether the type has the tolerances of one that sets none.
 pub(super) fn are_default(tolerances: &Tolerances) -> bool {
-    *tolerances == Tolerances::MOTOR_ONLY
+    *tolerances == DEFAULT
 }
 
 pub(super) fn as_file_keys<S: Serializer>(tolerances: &Tolerances, serializer: S) -> Result<S::Ok, S::Error> {
@@ -140,23 +143,23 @@ mod tests {
     }
 
     #[test]
-    fn a_type_is_known_exactly_but_for_its_motor_unless_it_says_otherwise() {
+    fn a_type_has_the_usual_tolerances_unless_it_says_otherwise() {
         let (default, config) = of_bench("");
-        assert_eq!(default, Tolerances::MOTOR_ONLY);
+        assert_eq!(default, Tolerances::USUAL);
         assert!(!config.describe().contains("tolerance"));
-        let (exact, same) = of_bench("type.bench.tolerances = \"exact\"");
-        assert_eq!((exact, same.hash()), (default, config.hash()));
+        let (usual, same) = of_bench("type.bench.tolerances = \"usual\"");
+        assert_eq!((usual, same.hash()), (default, config.hash()));
 
-        let (usual, config) = of_bench("type.bench.tolerances = \"usual\"");
-        assert_eq!(usual, Tolerances::USUAL);
-        assert!(config.describe().contains("type bench: usual tolerances\n"));
+        let (exact, config) = of_bench("type.bench.tolerances = \"exact\"");
+        assert_eq!(exact, Tolerances::MOTOR_ONLY);
+        assert!(config.describe().contains("type bench: tolerances exact\n"));
         assert_ne!(config.hash(), same.hash());
 
         let inertia = "type.bench.motor.inertia_kg_m2_tolerance = 0.1\n";
         let (alone, _) = of_bench(inertia);
         assert_eq!(alone, Tolerances { j: 0.1, ..default });
-        let (beside, config) = of_bench(&format!("{inertia}type.bench.tolerances = \"usual\""));
-        assert_eq!(beside, Tolerances { j: 0.1, ..usual });
+        let (beside, config) = of_bench(&format!("{inertia}type.bench.tolerances = \"exact\""));
+        assert_eq!(beside, Tolerances { j: 0.1, ..exact });
         assert!(config.describe().contains("motor.inertia_kg_m2_tolerance 0.1"));
     }
 

@@ -3,7 +3,7 @@
 //! In: rate, size, seed and a choice of entries and actuator types ([`RobustOptions`]). Out: rates over all units, for each type
 //! and for each entry ([`RobustReport`]). Each entry and type is one unit: healthy and faulty windows are assessed with the type's
 //! calibration, the unit is calibrated from other healthy windows, and the same windows are assessed again. Windows go as frames
-//! through the pipeline, each assessed alone with the default configuration; before the calibration with the usual tolerances.
+//! through the pipeline, each assessed alone with the default configuration.
 
 mod catalogue_unit;
 mod entries;
@@ -19,7 +19,7 @@ use std::sync::Arc;
 use ema_identify::unit_calibration::UnitCalibration;
 use ema_identify::unit_fit::WINDOWS_MIN;
 use ema_models::reference::EffectError;
-use ema_models::{ActuatorParams, FaultVector, ParamsError, Tolerances};
+use ema_models::{ActuatorParams, FaultVector, ParamsError};
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Models};
 use hmd_core::commissioning::{CommissioningError, calibrate_unit};
 use hmd_core::config::{Config, ConfigError};
@@ -363,7 +363,7 @@ fn run_unit(
 
     let of_type = Models::load_types(&unit.config, &no_file)?;
     let (before, calibrated) = rayon::join(
-        || assess_all(&unit.config, &of_type, &within_usual_tolerances(assessed), done),
+        || assess_all(&unit.config, &of_type, assessed, done),
         || {
             let mut jobs: Vec<WindowJob> = commissioning.iter().filter_map(|window| window.job.clone()).collect();
             jobs.retain(|job| job.window.quality.is_fit());
@@ -400,15 +400,6 @@ fn run_unit(
         before,
         after,
     })
-}
-
-/// Windows of a unit whose type has `tolerances = "usual"`.
-fn within_usual_tolerances(windows: &[Simulated]) -> Vec<Simulated> {
-    let mut windows = windows.to_vec();
-    for job in windows.iter_mut().filter_map(|window| window.job.as_mut()) {
-        Arc::make_mut(&mut job.actuator).tolerances = Tolerances::USUAL;
-    }
-    windows
 }
 
 /// Assesses windows, each without the history of the others.

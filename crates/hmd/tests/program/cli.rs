@@ -608,7 +608,7 @@ fn one_run_gives_the_same_lines_from_text_and_mcap_on_any_number_of_threads() {
     let folder = Folder::new();
     for log in ["run.log", "run.mcap"] {
         folder.done(&format!(
-            "simulate -o {log} --rate 400 --windows 2 --fault friction=0.3 --noise 0.05 --seed 9"
+            "simulate -o {log} --rate 400 --windows 2 --fault backlash=0.3 --noise 0.05 --seed 9"
         ));
     }
     assert_eq!(folder.read("run.log.truth.jsonl"), folder.read("run.mcap.truth.jsonl"));
@@ -619,7 +619,7 @@ fn one_run_gives_the_same_lines_from_text_and_mcap_on_any_number_of_threads() {
         let record: serde_json::Value = serde_json::from_str(line).expect("a line of JSON");
         assert_eq!(
             (&record["status"], &record["faults"]),
-            (&"ok".into(), &["friction"].as_slice().into()),
+            (&"ok".into(), &["backlash"].as_slice().into()),
             "{line}"
         );
     }
@@ -1024,8 +1024,11 @@ fn a_parameter_far_from_the_type_is_named_and_not_written() {
     let text = folder.refused("calibrate healthy.log -o unit.toml", 1);
     assert!(text.contains(key), "{text}");
 
-    // The relations need no resistance.
-    folder.done("simulate --with resistance_deviation=0.6 --noise 0.03 --windows 5 --seed 3 -o healthy.log");
+    // Where the monitor does not explain the unit: the relations need no resistance.
+    let effects = "--with resistance_deviation=0.6 --with emf_5=0.03 --with stribeck_nm=0.1";
+    folder.done(&format!(
+        "simulate {effects} --noise 0.03 --windows 5 --seed 3 -o healthy.log"
+    ));
     let ended = folder.hmd("calibrate healthy.log -o unit.toml");
     assert_eq!(ended.code, 0, "{}", ended.stderr);
     let key = "the monitor is not used: type.bench.motor.phase_resistance_ohm: expected 2.75 within 5 tolerances";
@@ -1200,10 +1203,8 @@ fn a_recorded_history_is_shown_in_three_forms() {
             .all(|line| columns(line) == columns(csv.lines().next().expect("a head")))
     );
     // Replay of the same frames says the same.
-    let config = "[rul]\nhours = \"elapsed\"\nwarning_h = 500\ncritical_h = 200\n";
-    fs::write(folder.path("hmd.toml"), config).expect("a file");
     let replayed = folder
-        .command("replay life.mcap -c hmd.toml --json")
+        .command("replay life.mcap -c life.mcap.toml --json")
         .output()
         .expect("hmd starts");
     let replayed = String::from_utf8(replayed.stdout).expect("text");

@@ -158,7 +158,7 @@ fn a_recording_is_shown_as_it_stood_at_its_end() {
         assert!(
             screen.contains("> ema0")
                 && screen.contains("critical")
-                && screen.contains("friction      74 %")
+                && screen.contains("friction      75 %")
                 && screen.contains("buses    can0 OK"),
             "{screen}"
         );

@@ -103,7 +103,7 @@ pub fn is_unmodelled(cost: f64) -> bool {
 /// A cost above this says that no fault vector explains the window: weighted residuals of four times their expected
 /// size. Good windows of every profile cost 1.0 to 1.5 without sensor noise, 2.0 to 2.7 with 50 mA rms on the currents and
 /// 5.5 to 6.3 with 100 mA.
-const UNMODELLED_COST: f64 = 15.0;
+pub(crate) const UNMODELLED_COST: f64 = 15.0;
 
 /// A back-EMF coefficient this far from what was expected, as a share, is no motor of the type: it is twice what
 /// manufacturers guarantee, and what the temperature explains is part of what is expected.

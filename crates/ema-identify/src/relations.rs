@@ -20,12 +20,16 @@
 //! One rigid mass: behind a compliant transmission a wider kernel attenuates the resonance (chosen in commissioning), and the output
 //! may coast through a worn play. Measured accuracy and what is left out: `docs/design/relations.md`.
 
+mod between_samples;
 #[cfg(feature = "std")]
 mod commission;
 mod commissioned;
 mod controller;
 mod current_noise;
+#[cfg(feature = "std")]
+mod curves;
 mod elements;
+mod jackknife;
 mod kernel;
 mod measured;
 mod normal_equations;
@@ -41,6 +45,8 @@ mod transmission;
 #[cfg(feature = "std")]
 pub use commission::{CommissionError, commission};
 pub use commissioned::{Baseline, CommissionedRelations, RelationsEstimate};
+#[cfg(feature = "std")]
+pub use curves::{Curve, CurvePoint};
 pub use elements::{ELEMENT_COUNT, Element, Needed, Reading};
 pub use measured::MeasuredWindow;
 pub use residual::{HealthyResidual, RELATION_COUNT, Relation};

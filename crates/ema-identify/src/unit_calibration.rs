@@ -80,8 +80,16 @@ pub struct UnitMonitor {
     pub cost: f64,
     /// Deviations from the type.
     pub parameters: UnitParameters,
+    /// Time constant with which the currents follow their references, s; 0 where comparators hold them.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub current_time_constant_s: f64,
     /// Apparent fault vector of the healthy windows, by element.
     pub baseline: [ElementStatistics; ELEMENT_COUNT],
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_zero(value: &f64) -> bool {
+    value.to_bits() == 0
 }
 
 impl UnitMonitor {
@@ -207,6 +215,12 @@ impl UnitCalibration {
             return Some(format!("smallest_damage.{unknown}: no fault"));
         }
         if let Some(monitor) = &self.monitor {
+            if monitor.current_time_constant_s < 0.0 {
+                return Some(format!(
+                    "monitor.current_time_constant_s = {}",
+                    monitor.current_time_constant_s
+                ));
+            }
             if monitor.cost < 0.0 {
                 return Some(format!("monitor.cost = {}", monitor.cost));
             }
@@ -282,8 +296,14 @@ mod tests {
                     inertia: deviation(0.0),
                     viscous_damping: deviation(0.5),
                     dry_friction: deviation(-0.2),
+                    position_gain: deviation(0.01),
+                    speed_gain: deviation(0.0),
+                    integral_gain: deviation(0.0),
+                    speed_limit: deviation(-0.01),
+                    current_limit: deviation(0.0),
                     resistance_back_emf_correlation: -0.1,
                 },
+                current_time_constant_s: 2e-4,
                 baseline: [ElementStatistics {
                     mean: 0.01,
                     scatter: 0.002,

@@ -6,10 +6,12 @@
 mod by_monitor;
 mod by_relations;
 
+use std::vec::Vec;
+
 use ema_models::FAULT_COUNT;
 
 use crate::estimate::Estimate;
-use crate::relations::Needed;
+use crate::relations::{Needed, Relation};
 
 pub use by_monitor::{USUAL_COST, corrected};
 pub use by_relations::{AlignedWindow, estimate_by_relations};
@@ -21,6 +23,8 @@ pub struct UnitEstimate {
     pub estimate: Estimate,
     /// What the window would have needed to show a parameter, where it is known.
     pub needed: [Option<Needed>; FAULT_COUNT],
+    /// Relations that do not explain the window; none where the monitor estimated it.
+    pub unexplained: Vec<Relation>,
 }
 
 impl UnitEstimate {

@@ -133,6 +133,11 @@ pub fn fit_unit_parameters(windows: &[Comparison<'_>], of_type: &Tolerances) -> 
         inertia: deviation(UnitParameter::Inertia),
         viscous_damping: deviation(UnitParameter::Damping),
         dry_friction: deviation(UnitParameter::DryFriction),
+        position_gain: deviation(UnitParameter::PositionGain),
+        speed_gain: deviation(UnitParameter::SpeedGain),
+        integral_gain: deviation(UnitParameter::IntegralGain),
+        speed_limit: deviation(UnitParameter::SpeedLimit),
+        current_limit: deviation(UnitParameter::CurrentLimit),
         resistance_back_emf_correlation: covariance[(0, 1)] / (covariance[(0, 0)] * covariance[(1, 1)]).sqrt(),
     };
     cost.is_finite().then_some(UnitParametersFit { parameters, cost })

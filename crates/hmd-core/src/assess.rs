@@ -13,9 +13,9 @@ use std::sync::Arc;
 use ema_ga::GaConfig;
 use ema_models::{FAULT_COUNT, FaultId, FaultVector, Tolerances};
 
-use crate::config::{Config, IdentificationConfig, SearchMethod};
+use crate::config::{ActuatorConfig, Config, IdentificationConfig, SearchMethod};
 use crate::functional_check::{CHECK_LANES, unmet_requirements};
-use crate::health::DamageEvidence;
+use crate::health::{DamageEvidence, HealthState};
 use crate::history::{HistoryStore, WindowEvidence};
 use crate::outbox::WindowJob;
 use crate::outliers::identify_without_outliers;
@@ -23,12 +23,13 @@ use crate::record::{self, WindowStatus};
 use crate::seed::{mix, name_hash};
 use crate::window::WindowQuality;
 use by_unit::Assessed;
+use ema_identify::unit_calibration::UnitCalibration;
 use ema_identify::{Estimate, Fit, Identifier, Method, Population};
 use records::{health_record, rul_record, window_record};
 
-pub(crate) use by_unit::motion_of;
+pub(crate) use by_unit::{motion_of, needed_in_words};
 pub use conditions::{conditions, motor_knowledge_at, motor_within};
-pub use models::{AssessError, Models, ReadText, TypeModel, hash_of_type, model_hash};
+pub use models::{AssessError, Models, ReadText, TypeModel, hash_of_parameters, hash_of_type, model_hash};
 
 /// Assesses the windows of all actuators, in the order in which they come.
 #[derive(Debug)]
@@ -91,12 +92,40 @@ impl Assessor {
         self.counts
     }
 
+    /// Whether a unit was commissioned.
+    #[must_use]
+    pub fn knows_unit(&self, actuator: &ActuatorConfig) -> bool {
+        self.models.unit(actuator).is_some()
+    }
+
+    /// Assesses the later windows of an actuator by what was learnt of its unit.
+    pub fn set_unit(&mut self, actuator: &str, unit: UnitCalibration) {
+        self.models.set_unit(actuator, unit);
+    }
+
+    /// Assesses the later windows of an actuator as those of a unit of which nothing was learnt.
+    pub fn remove_unit(&mut self, actuator: &str) {
+        self.models.remove_unit(actuator);
+    }
+
     /// Identifies a window and decides on health. The same job, seed and history give the same records on any number of
     /// threads.
     ///
     /// # Errors
     /// [`AssessError`] when the configuration cannot be used at all; a bad window is a record, not an error.
-    pub fn assess(&mut self, mut job: WindowJob) -> Result<AssessedWindow, AssessError> {
+    pub fn assess(&mut self, job: WindowJob) -> Result<AssessedWindow, AssessError> {
+        self.assess_for(job, None)
+    }
+
+    /// The same for a unit that is being learnt: for the reason `learning` health is unknown, and no damage counts.
+    ///
+    /// # Errors
+    /// As [`Assessor::assess`].
+    pub fn assess_while_learning(&mut self, job: WindowJob, learning: &str) -> Result<AssessedWindow, AssessError> {
+        self.assess_for(job, Some(learning))
+    }
+
+    fn assess_for(&mut self, mut job: WindowJob, learning: Option<&str>) -> Result<AssessedWindow, AssessError> {
         let mut reasons = Vec::new();
         let mut found = None;
         let mut fit = Fit::default();
@@ -130,6 +159,7 @@ impl Assessor {
                         identifier.calibration.actuator_type
                     ));
                 }
+                reasons.extend(learning.map(str::to_owned));
                 reasons.extend(assessed.reasons);
                 reasons.extend(estimate.competing_optimum.map(|other| ambiguous(&estimate, &other)));
                 if estimate.cut {
@@ -161,15 +191,21 @@ impl Assessor {
         let falls_short = |faults: &[FaultVector; CHECK_LANES]| {
             unmet_requirements(&job.params, &coefficients, &specification, faults)
         };
-        let damage = explained.map(damage_evidence);
+        let counted = explained.filter(|_| learning.is_none());
+        let damage = counted.map(damage_evidence);
         let evidence = WindowEvidence {
             damage_evidence: damage.as_ref(),
-            fault: explained.map(|estimate| &estimate.fault),
+            fault: counted.map(|estimate| &estimate.fault),
             fit: &fit,
             unmet_requirement: specification.is_set().then_some(&falls_short as _),
         };
         let history = self.histories.history_at(&job.actuator, job.window.t_start_ns)?;
-        let decision = history.update(&job, &evidence, &config);
+        let mut decision = history.update(&job, &evidence, &config);
+        if learning.is_some() {
+            decision.state = HealthState::Unknown;
+            decision.health.state = HealthState::Unknown;
+            decision.health.faults.clear();
+        }
         let reason = reasons.join("; ");
         Ok(AssessedWindow {
             window: window_record(&job, status, &reason, fit),
@@ -187,7 +223,12 @@ impl Assessor {
         let monitor = unit.and_then(|unit| unit.monitor);
         Ok(Identifier {
             params: monitor.map_or(job.params, |monitor| monitor.parameters.applied_to(&job.params)),
-            calibration: self.models.of_type(&job.actuator.type_name)?.calibration.clone(),
+            calibration: self
+                .models
+                .of_type(&job.actuator.type_name)?
+                .calibration
+                .clone()
+                .with_current_time_constant(monitor.map_or(0.0, |monitor| monitor.current_time_constant_s)),
             method: self.method,
             motor: motor_knowledge_at(self.models.motor(&job.actuator), job.conditions.winding_temp_deg_c),
             // The scatter of its own windows stands for them in a commissioned unit.

@@ -8,9 +8,11 @@
 mod by_monitor;
 mod by_relations;
 mod evidence;
+mod findings;
+mod words;
 
 use ema_identify::relations::CommissionError;
-use ema_identify::unit_calibration::{Seen, UNIT_VERSION, UnitCalibration, UnitEstimator};
+use ema_identify::unit_calibration::{Seen, UNIT_VERSION, UnitError};
 use ema_identify::unit_fit::WINDOWS_MIN;
 use ema_models::{DriveKind, FaultId};
 
@@ -20,6 +22,11 @@ use crate::outbox::WindowJob;
 use by_monitor::{MonitorLearnt, learn_monitor};
 use by_relations::{RelationsLearnt, learn_relations};
 use evidence::Evidence;
+
+pub use ema_identify::relations::{Curve, CurvePoint, Relation};
+pub use ema_identify::unit_calibration::{UnitCalibration, UnitEstimator};
+pub use findings::{Findings, FoundParameter, HealthyWindow};
+pub use words::in_words;
 
 /// Why a unit was not commissioned.
 #[derive(Debug, thiserror::Error)]
@@ -51,6 +58,9 @@ pub enum CommissioningError {
     /// Neither the relations nor the monitor can be learnt.
     #[error("{0}; and the windows do not determine the motor")]
     Undetermined(CommissionError),
+    /// What was learnt is no calibration that a later run would take.
+    #[error("the windows do not determine the unit: {0}")]
+    Unusable(UnitError),
     /// The configuration cannot be used.
     #[error(transparent)]
     Assess(#[from] AssessError),
@@ -107,6 +117,8 @@ pub struct Commissioned {
     pub calibration: UnitCalibration,
     /// Sentences about it.
     pub notes: Vec<String>,
+    /// What was found, for a report.
+    pub findings: Findings,
 }
 
 /// Commissions one unit by its healthy windows. `levels` are those of the configuration; `progress` gets a number of windows whenever
@@ -132,7 +144,7 @@ pub fn calibrate_unit(
     progress(jobs.len() as u64);
     let is_vector = jobs[0].actuator.drive.kind == DriveKind::Vector;
     let by_monitor = match &by_relations {
-        Ok(relations) if is_vector && relations.evidence.shown() == FaultId::COUNT => None,
+        Ok(relations) if is_vector && relations.evidence.shows_all_well() => None,
         _ => learn_monitor(assessor, jobs, seed, progress)?,
     };
     let (estimator, estimator_reason, evidence) =
@@ -144,6 +156,15 @@ pub fn calibrate_unit(
     {
         notes.push(format!("the monitor is not used: {far}"));
     }
+    if let (UnitEstimator::Monitor, Some(monitor)) = (estimator, &by_monitor) {
+        // They may stand for what the monitor's controller lacks.
+        let far = monitor.far_of_controller(&jobs[0]);
+        notes.extend(
+            far.iter()
+                .map(|far| format!("the monitor's controller stands for the unit's: {far}")),
+        );
+    }
+    let findings = findings(jobs, estimator, by_relations.as_ref().ok(), by_monitor.as_ref());
     let seen = Seen::of(&jobs.iter().map(motion_of).collect::<Vec<_>>());
     let calibration = UnitCalibration {
         version: UNIT_VERSION,
@@ -163,7 +184,51 @@ pub fn calibrate_unit(
             .map(|learnt| learnt.unit),
         relations: by_relations.ok().map(|learnt| learnt.unit),
     };
-    Ok(Commissioned { calibration, notes })
+    // What a later run would refuse is not written.
+    let calibration = UnitCalibration::parse(&calibration.emit(), &actuator.name, &actuator.type_name)
+        .map_err(CommissioningError::Unusable)?;
+    Ok(Commissioned {
+        calibration,
+        notes,
+        findings,
+    })
+}
+
+/// What was found, by the estimator that assesses the unit.
+fn findings(
+    jobs: &[WindowJob],
+    estimator: UnitEstimator,
+    relations: Option<&RelationsLearnt>,
+    monitor: Option<&MonitorLearnt>,
+) -> Findings {
+    let (curves_window, curves) = relations.map_or((0, Vec::new()), |learnt| findings::curves(jobs, &learnt.unit));
+    let (windows, needed) = match (estimator, relations, monitor) {
+        (UnitEstimator::Monitor, _, Some(learnt)) => (
+            findings::windows_by_monitor(jobs, &learnt.unit, &learnt.estimates),
+            Default::default(),
+        ),
+        (_, Some(learnt), _) => {
+            let needed: Vec<_> = learnt.left_out.iter().map(|found| found.needed).collect();
+            (
+                findings::windows_by_relations(jobs, &learnt.unit, &learnt.left_out),
+                findings::needed(&needed),
+            )
+        }
+        _ => Default::default(),
+    };
+    Findings {
+        parameters: findings::parameters(
+            &jobs[0],
+            relations.map(|learnt| &learnt.unit),
+            monitor
+                .filter(|learnt| learnt.far_parameter(&jobs[0]).is_none())
+                .map(|learnt| &learnt.unit),
+        ),
+        curves_window,
+        curves,
+        windows,
+        needed,
+    }
 }
 
 /// Windows of work of [`calibrate_unit`] for so many windows.

@@ -25,7 +25,7 @@ mod storage_limits;
 mod tolerances;
 mod window;
 
-pub use actuator::ActuatorConfig;
+pub use actuator::{ActuatorConfig, Learning};
 pub use actuator_type::ActuatorType;
 pub use bus::{BusConfig, BusLoad, LOAD_MAX};
 pub use error::ConfigError;
@@ -291,6 +291,13 @@ impl Config {
     #[must_use]
     pub fn resolve(&self, path: &Path) -> PathBuf {
         self.directory.join(path)
+    }
+
+    /// Where what is learnt of an actuator's unit is kept; `None` where it is not learnt.
+    #[must_use]
+    pub fn learnt_file(&self, actuator: &ActuatorConfig) -> Option<PathBuf> {
+        let learning = actuator.learning.as_ref()?;
+        Some(self.resolve(&learning.folder).join(actuator.learnt_file_name()))
     }
 
     /// Every file that a run with this configuration reads: itself with its drop-ins, calibrations, DBC files, events.

@@ -3,7 +3,7 @@
 //! The data path, in order: [`demux`] gives each [`frame`] to its actuator and decodes it ([`actuator_stream`]; a bus with a layout
 //! of its own by its [`dbc`]); [`window`] cuts actuations out of the samples; [`assess`] identifies each window and decides on
 //! [`health`]; [`history`] holds what is known of an actuator from window to window, and [`rul`] predicts how long it lasts;
-//! [`commissioning`] calibrates one unit by windows of it; [`record`] has the messages that leave. [`pipeline`] counts everything on the way. [`config`] holds the settings, from
+//! [`commissioning`] calibrates one unit by windows of it, [`learning`] by its first ones, and [`type_of_units`] a type by units; [`record`] has the messages that leave. [`pipeline`] counts everything on the way. [`config`] holds the settings, from
 //! text. Time comes with the frames, randomness from a seed.
 
 #[cfg(test)]
@@ -21,6 +21,7 @@ pub mod frame;
 pub mod functional_check;
 pub mod health;
 pub mod history;
+pub mod learning;
 pub mod metadata_checksum;
 pub mod metrics;
 pub mod outbox;
@@ -32,4 +33,5 @@ pub mod sample;
 pub mod seed;
 pub mod setting;
 pub mod timestamp;
+pub mod type_of_units;
 pub mod window;

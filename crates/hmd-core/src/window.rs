@@ -18,6 +18,7 @@ mod config;
 mod counters;
 mod fill;
 mod glitch;
+mod jitter;
 mod limits;
 mod quality;
 mod ring;

@@ -3,7 +3,7 @@
 //! `cargo run --release -p hmd-lab --example relations_robust -- [KEY=VALUE]…`; lists are separated by commas. Keys: `rate` (Hz),
 //! `drive` (`own`: that of the unit; `vector`: every unit has a vector drive), `learn` and `judge` (motions of the commissioning
 //! windows, in turn, and of the judged ones: mixed, step, ramp, chirp, speed), `n` (healthy windows of each unit, twice as many are
-//! faulty), `entry`, `actuator`, `keep` (folder that keeps the simulated windows), `show=1` (each window that is judged wrongly).
+//! faulty), `seed` (of the units), `entry`, `actuator`, `keep` (folder that keeps the simulated windows), `show=1` (each window that is judged wrongly).
 //! An alarm is a damage above 0.05 and above three sigmas.
 
 use std::collections::BTreeMap;
@@ -20,8 +20,6 @@ use rayon::prelude::*;
 
 /// Healthy windows to commission.
 const COMMISSIONING: u64 = 12;
-
-const SEED: u64 = 1;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let given: BTreeMap<String, String> = std::env::args()
@@ -42,6 +40,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         rate: list("rate", "2000")[0].parse()?,
         vector: list("drive", "own")[0] == "vector",
         n: list("n", "12")[0].parse()?,
+        seed: list("seed", "1")[0].parse()?,
         keep: given.get("keep").map(PathBuf::from),
         learn: list("learn", "mixed"),
         judge: list("judge", "mixed"),
@@ -99,6 +98,7 @@ struct Run {
     rate: f64,
     vector: bool,
     n: u64,
+    seed: u64,
     keep: Option<PathBuf>,
     learn: Vec<String>,
     judge: Vec<String>,
@@ -114,7 +114,7 @@ struct UnitResult {
 
 impl Run {
     fn unit(&self, entry: &str, actuator: &str) -> Result<UnitResult, String> {
-        let mut unit = CatalogueUnit::new(entry, actuator, self.rate, SEED).map_err(|error| error.to_string())?;
+        let mut unit = CatalogueUnit::new(entry, actuator, self.rate, self.seed).map_err(|error| error.to_string())?;
         if self.vector && matches!(unit.effects.drive, Drive::Hysteresis) {
             unit.effects
                 .set("pwm_frequency_hz", 16e3)
@@ -184,10 +184,24 @@ impl Run {
             _ => Profile::Mixed,
         };
         let drive = if self.vector { "vector" } else { "own" };
-        let path = self
-            .keep
-            .as_ref()
-            .map(|folder| folder.join(format!("{}-{drive}-{motion}-{}-{name}-{number}", self.rate, self.n)));
+        let seed = if self.seed == 1 {
+            String::new()
+        } else {
+            format!("{}-", self.seed)
+        };
+        let path = self.keep.as_ref().map(|folder| {
+            folder.join(format!(
+                "{seed}{}-{drive}-{motion}-{}-{name}-{number}",
+                self.rate, self.n
+            ))
+        });
+        if let Some(path) = path.as_deref() {
+            fs::write(
+                format!("{}.truth", path.display()),
+                format!("{:?}", scenario.fault.to_array()),
+            )
+            .unwrap();
+        }
         if let Some(samples) = path.as_deref().and_then(read) {
             return samples;
         }
@@ -284,8 +298,8 @@ impl Tally {
 
     /// Whether the window is judged rightly.
     fn add(&mut self, place: Option<usize>, truth: &FaultVector, estimate: &RelationsEstimate) -> bool {
-        for (counts, explained) in self.unexplained.iter_mut().zip(estimate.explained) {
-            counts[usize::from(place.is_some())] += usize::from(!explained);
+        for (counts, share) in self.unexplained.iter_mut().zip(estimate.residual_share) {
+            counts[usize::from(place.is_some())] += usize::from(share >= 1.0);
         }
         let mut alarms = [false; KINDS];
         for (fault, alarm) in FaultId::ALL.iter().zip(&mut alarms) {

@@ -165,6 +165,7 @@ fn fit_coefficients(
                 form,
                 back_emf: genes[0],
                 torque: genes[1],
+                current_time_constant: 0.0,
                 ripple: Ripple::NONE,
             }
         }

@@ -1,12 +1,16 @@
 //! Files of calibrations: of a type and of one unit.
 
-use std::io;
-use std::path::Path;
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 
 use ema_identify::calibration::MonitorForm;
 use ema_identify::unit_calibration::UnitCalibration;
 use hmd_core::assess::{AssessError, Models, TypeModel, model_hash};
-use hmd_core::config::{ActuatorType, Config};
+use hmd_core::config::{ActuatorConfig, ActuatorType, Config};
+use hmd_core::learning::LearntUnit;
+
+use crate::regular_file::create_temporary;
 
 /// Reads everything that the windows of a configuration are assessed with.
 ///
@@ -51,10 +55,68 @@ pub fn load_unit(path: &Path, actuator_type: &str) -> Result<UnitCalibration, As
     Ok(UnitCalibration::parse(&text, &name, actuator_type)?)
 }
 
-/// Hash of the type calibrations of a configuration, as shipped or as their files stand.
+/// Reads what earlier runs learnt of the units of a configuration, each with its file and its actuator.
+///
+/// # Errors
+/// The first file that cannot be read or used, or belongs to a unit with another serial number.
+pub fn load_learnt(config: &Config) -> Result<Vec<(PathBuf, &ActuatorConfig, UnitCalibration)>, AssessError> {
+    let mut found = Vec::new();
+    for actuator in config.actuators() {
+        let Some(path) = config.learnt_file(actuator) else {
+            continue;
+        };
+        let unit = match load_unit(&path, &actuator.type_name) {
+            Err(AssessError::Read { source, .. }) if source.kind() == io::ErrorKind::NotFound => continue,
+            other => other?,
+        };
+        if unit.serial_number != actuator.serial_number {
+            let serial = |of: &Option<String>| of.clone().unwrap_or_else(|| "none".to_owned());
+            return Err(AssessError::Serial {
+                path: path.display().to_string(),
+                expected: serial(&actuator.serial_number),
+                found: serial(&unit.serial_number),
+            });
+        }
+        found.push((path, actuator, unit));
+    }
+    Ok(found)
+}
+
+/// Writes what was learnt of a unit; a folder that is missing is made.
+///
+/// # Errors
+/// The file, and what the system says.
+pub fn save_learnt(config: &Config, learnt: &LearntUnit) -> Result<PathBuf, AssessError> {
+    let path = config.learnt_file(&learnt.actuator).unwrap_or_default();
+    let put = || {
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder)?;
+        }
+        save(&path, &learnt.calibration.emit())
+    };
+    match put() {
+        Ok(()) => Ok(path),
+        Err(source) => Err(AssessError::Read {
+            path: path.display().to_string(),
+            source,
+        }),
+    }
+}
+
+/// Hash of the calibrations that a configuration names, of its types as shipped or as their files stand, and of its units.
 #[must_use]
 pub fn hash_of_models(config: &Config) -> String {
-    model_hash(config, &read_text)
+    model_hash(config, &[], &read_text)
+}
+
+/// The same of a run, which goes on with what earlier ones learnt of units.
+#[must_use]
+pub fn hash_of_models_of_run(config: &Config) -> String {
+    let files = config
+        .actuators()
+        .iter()
+        .filter_map(|actuator| config.learnt_file(actuator));
+    model_hash(config, &files.collect::<Vec<_>>(), &read_text)
 }
 
 /// The text of a calibration file.
@@ -63,4 +125,22 @@ pub fn hash_of_models(config: &Config) -> String {
 /// What the system says.
 pub fn read_text(path: &Path) -> io::Result<String> {
     std::fs::read_to_string(path)
+}
+
+/// Writes the text of a calibration: to a temporary file beside its place, then onto it, so that there is always a whole one, and on
+/// the disk when this returns.
+///
+/// # Errors
+/// What the system says.
+pub fn save(path: &Path, text: &str) -> io::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let folder = folder.unwrap_or(Path::new("."));
+    let mut temporary = path.as_os_str().to_owned();
+    temporary.push(".new");
+    let temporary = Path::new(&temporary);
+    let mut file = create_temporary(temporary)?;
+    file.write_all(text.as_bytes())?;
+    file.sync_data()?;
+    fs::rename(temporary, path)?;
+    File::open(folder)?.sync_all()
 }

@@ -37,12 +37,13 @@ use health_tracker::HealthTracker;
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor, WindowCounts};
 use hmd_core::config::Config;
 use hmd_core::frame::{BusError, BusNames};
+use hmd_core::learning::Learner;
 use hmd_core::outbox::{Notice, WindowJob};
 use hmd_core::pipeline::Pipeline;
 use hmd_core::record::{LogLevel, Status};
 use hmd_ingest::feed::{Feed, Input, QUEUE_INPUTS};
 use hmd_ingest::live::LiveSource;
-use hmd_storage::calibration_file::load_models;
+use hmd_storage::calibration_file::{load_learnt, load_models, save_learnt};
 use hmd_storage::clock::now_ns;
 use hmd_storage::event_file::load_events;
 use hmd_storage::history_file;
@@ -169,16 +170,20 @@ impl Daemon {
         let config = self.watch.as_ref().map(|(config, _)| config.clone());
         let mut pipeline_thread = PipelineThread::new(pipeline, names, store_raw, config);
         let assessor = match self.watch {
-            Some((config, seed)) => Some(ready_assessor(config, seed)?),
+            Some((config, seed)) => Some((
+                ready_assessor(config.clone(), seed)?,
+                Learner::new(config.clone(), seed),
+                config,
+            )),
             None => None,
         };
 
         let (watched, assessed) = thread::scope(|scope| {
             let (windows, shared) = (&windows, &shared);
-            let assessing = assessor.map(|(assessor, config)| {
+            let assessing = assessor.map(|(assessor, learner, config)| {
                 scope.spawn(move || {
                     let _closed = CloseAtEnd(windows);
-                    assess_windows(assessor, &config, windows, shared, observer)
+                    assess_windows(assessor, learner, &config, windows, shared, observer)
                 })
             });
             let watching = scope.spawn(|| {
@@ -246,18 +251,23 @@ impl Drop for CloseAtEnd<'_> {
     }
 }
 
-/// An assessor with its models and the histories of earlier runs; the notices of unusable histories come with the first window.
-fn ready_assessor(config: Arc<Config>, seed: u64) -> Result<(Assessor, Arc<Config>), AssessError> {
+/// An assessor with its models, and the units and histories of earlier runs; the notices of unusable histories come with the first
+/// window.
+fn ready_assessor(config: Arc<Config>, seed: u64) -> Result<Assessor, AssessError> {
     let mut assessor = Assessor::new(config.clone(), load_models(&config)?, seed);
     if let Some(directory) = config.rul().state.as_ref().map(|path| config.resolve(path)) {
         history_file::restore_all(&directory, &config, assessor.histories());
     }
-    Ok((assessor, config))
+    for (_, actuator, unit) in load_learnt(&config)? {
+        assessor.set_unit(&actuator.name, unit);
+    }
+    Ok(assessor)
 }
 
 /// Assesses the windows of the queue until it is closed. CPU-bound; runs on the identification thread.
 fn assess_windows(
     mut assessor: Assessor,
+    mut learner: Learner,
     config: &Config,
     windows: &WindowQueue,
     shared: &Mutex<Shared>,
@@ -275,14 +285,24 @@ fn assess_windows(
         };
         let since = Instant::now();
         let passive = job.actuator.passive;
-        let assessed = assessor.assess(job)?;
+        let assessed = learner.assess(&mut assessor, job)?;
         let took = since.elapsed();
         // Before the lock is taken: frames need not wait for this file.
         let saved = match (&histories, assessor.histories().get(&assessed.health.actuator)) {
             (Some(directory), Some(history)) => history_file::save(directory, &assessed.health.actuator, history),
             _ => Ok(()),
         };
-        let troubles = events.into_iter().chain(saved.err().map(|error| error.to_string()));
+        // A unit that cannot be kept is assessed by what was learnt all the same, until the run ends.
+        let kept = learner.take_learnt();
+        let unkept: Vec<String> = kept
+            .iter()
+            .filter_map(|learnt| save_learnt(config, learnt).err())
+            .map(|error| error.to_string())
+            .collect();
+        let troubles = events
+            .into_iter()
+            .chain(saved.err().map(|error| error.to_string()))
+            .chain(unkept);
         let pending = assessor.histories().pending(&assessed.health.actuator);
         let notices: Vec<String> = assessor
             .histories()
@@ -299,6 +319,10 @@ fn assess_windows(
             for message in notices {
                 let stamp_ns = assessed.health.t_start_ns;
                 publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Warning, &mut shared, observer)?;
+            }
+            for message in learner.take_notices() {
+                let stamp_ns = assessed.health.t_start_ns;
+                publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Info, &mut shared, observer)?;
             }
             if let Some((level, message)) = shared.health_tracker.update(&assessed.health, pending, passive) {
                 let stamp_ns = assessed.health.t_start_ns;

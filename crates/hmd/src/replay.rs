@@ -13,6 +13,7 @@ use hmd_core::config::{ActuatorConfig, Config};
 use hmd_core::dbc::MessageUse;
 use hmd_core::demux::FrameCounts;
 use hmd_core::frame::BusNames;
+use hmd_core::learning::Learner;
 use hmd_core::metadata_checksum::is_sealed;
 use hmd_core::outbox::Notice;
 use hmd_core::pipeline::Pipeline;
@@ -188,6 +189,7 @@ pub trait Observer {
 struct Run<'a, O> {
     pipeline: Pipeline,
     assessor: Assessor,
+    learner: Learner,
     recorder: Option<Recorder>,
     observer: &'a mut O,
     windows: u64,
@@ -240,6 +242,7 @@ impl Replay<'_> {
         let mut run = Run {
             pipeline: Pipeline::new(self.config.clone()),
             assessor,
+            learner: Learner::new(self.config.clone(), self.seed),
             recorder,
             observer,
             windows: 0,
@@ -334,6 +337,7 @@ impl<O: Observer> Run<'_, O> {
             let Some(before) = before.filter(|before| *before != serial) else {
                 continue;
             };
+            self.learner.forget(&mut self.assessor, &actuator);
             if self.assessor.histories().remove(&actuator) {
                 let message = format!("{actuator}: history reset, unit {serial} after {before}");
                 let stamp_ns = self.pipeline.last_stamp_ns();
@@ -377,8 +381,9 @@ impl<O: Observer> Run<'_, O> {
                 }
                 continue;
             }
-            let assessed = self.assessor.assess(job)?;
-            for message in self.assessor.histories().take_notices() {
+            let assessed = self.learner.assess(&mut self.assessor, job)?;
+            let of_histories = self.assessor.histories().take_notices();
+            for message in of_histories.into_iter().chain(self.learner.take_notices()) {
                 let stamp_ns = assessed.health.t_start_ns;
                 self.notice(&Notice { stamp_ns, message }, LogLevel::Info)?;
             }
@@ -517,6 +522,7 @@ mod tests {
         let mut run = Run {
             pipeline: Pipeline::new(config.clone()),
             assessor: Assessor::new(config.clone(), Models::without_files(&config).unwrap(), 1),
+            learner: Learner::new(config.clone(), 1),
             recorder: None,
             observer: &mut Nobody,
             windows: 0,

@@ -34,7 +34,7 @@ pub struct UnitWindows {
 }
 
 /// The windows of one actuator that can be assessed; `name` chooses where there are several. `report` gets the notices for
-/// an operator: each loss with its place, and for each log that has any a sentence about all of them.
+/// an operator: each loss with its place, and for each log that has any a sentence about all of them; and each window that is left out.
 ///
 /// # Errors
 /// [`WindowsError`] when a log cannot be read at all, or it is not clear whose windows are meant.
@@ -73,7 +73,15 @@ pub fn windows_of(
         }
     }
     let is_meant = |job: &WindowJob| name.is_none_or(|name| job.actuator.name == name);
-    found.jobs.retain(|job| job.window.quality.is_fit() && is_meant(job));
+    found.jobs.retain(is_meant);
+    found.jobs.retain(|job| {
+        let is_fit = job.window.quality.is_fit();
+        if !is_fit {
+            let (name, number) = (&job.actuator.name, job.window.number);
+            report(&format!("{name}: window {number}: left out: {}", job.window.quality));
+        }
+        is_fit
+    });
     let mut actuators: Vec<&str> = found.jobs.iter().map(|job| job.actuator.name.as_str()).collect();
     actuators.sort_unstable();
     actuators.dedup();

@@ -51,6 +51,10 @@ pub struct TypeCalibration {
     pub ripple_apart: f64,
     /// How far the current's peaks reach beyond its mean at rest, in half bands (three-phase form).
     pub ripple_peak: f64,
+    /// Time constant with which the currents of a vector drive follow their references, s; that of a commissioned unit, in no file of
+    /// a type.
+    #[serde(skip)]
+    pub current_time_constant_s: f64,
     /// What the calibration was worth.
     pub quality: Quality,
     /// How wrong the monitor still is, at several sample rates; at least one.
@@ -137,6 +141,7 @@ impl TypeCalibration {
             ripple: Ripple::default().knots,
             ripple_apart: Ripple::default().unequal_phases,
             ripple_peak: Ripple::default().peak,
+            current_time_constant_s: 0.0,
             quality: Quality {
                 healthy_before_a2: 0.0,
                 healthy_after_a2: 0.0,
@@ -263,6 +268,24 @@ impl TypeCalibration {
                 unequal_phases: self.ripple_apart,
                 peak: self.ripple_peak,
             },
+            current_time_constant: self.current_time_constant_s,
+        }
+    }
+
+    /// The same for a unit whose currents follow their references with a time constant, s; 0 changes nothing. Such a drive has no
+    /// hysteresis band.
+    #[must_use]
+    pub fn with_current_time_constant(self, current_time_constant_s: f64) -> Self {
+        if current_time_constant_s > 0.0 {
+            Self {
+                current_time_constant_s,
+                ripple: [0.0; RIPPLE_KNOTS],
+                ripple_apart: 0.0,
+                ripple_peak: 0.0,
+                ..self
+            }
+        } else {
+            self
         }
     }
 

@@ -42,11 +42,15 @@ pub struct Baseline {
     pub scatter: f64,
     /// Sigma of a window of mean information.
     pub sigma: f64,
-    /// Root-mean-square of deviation over sigma, at least 1: what the readings' own sigmas leave out.
+    /// Root-mean-square of deviation over sigma; below 1, as much nearer to 1 as there are few windows.
     pub excess: f64,
     /// Windows that show the element.
     pub windows: usize,
 }
+
+/// Windows that count as scattering like their sigmas before any is seen.
+#[cfg(feature = "std")]
+const PRIOR_WINDOWS: f64 = 4.0;
 
 impl Baseline {
     /// Mean and scatter of what windows show.
@@ -67,19 +71,23 @@ impl Baseline {
             mean,
             scatter: libm::sqrt(unbiased * squares),
             sigma: libm::sqrt(n / weights.max(f64::MIN_POSITIVE)),
-            excess: libm::sqrt(unbiased * relative).max(1.0),
+            excess: libm::sqrt((unbiased * relative).max((n * relative + PRIOR_WINDOWS) / (n + PRIOR_WINDOWS))),
             windows: shown.len(),
         }
     }
 
-    /// A reading of a later window with the uncertainty of the unit: its own sigma, as much wider as the healthy windows
-    /// scatter more than theirs, but not below what these show, and the uncertainty of their mean. Derived here.
+    /// A reading of a later window with the uncertainty of the unit. How far the healthy windows scatter compared with their sigmas
+    /// holds for a sigma like theirs, and where they scatter more for every one; a window that shows less keeps what its own sigma
+    /// has besides. The uncertainty of their mean is added. Derived here.
     fn widened(&self, reading: Reading) -> Result<Reading, Needed> {
         if self.windows < 2 {
             return Err(Needed::CommissioningThatShowsIt);
         }
         let mean = self.scatter / libm::sqrt(self.windows as f64);
-        let sigma = libm::hypot((self.excess * reading.sigma).max(self.sigma), mean);
+        let squared = |sigma: f64| sigma * sigma;
+        let besides = (squared(reading.sigma) - squared(self.sigma)).max(0.0);
+        let variance = squared(self.excess * self.sigma) + squared(self.excess.max(1.0)) * besides;
+        let sigma = libm::sqrt(variance + squared(mean));
         Ok(Reading { sigma, ..reading })
     }
 }
@@ -95,9 +103,9 @@ pub struct RelationsEstimate {
     /// What the window would have needed to show a parameter; `None` where it is observable, and for k7 where the eccentricity
     /// does not stand clear of its own uncertainty.
     pub needed: [Option<Needed>; FAULT_COUNT],
-    /// Whether the window is explained by each relation, in the order of [`Relation::ALL`]; also where the relation has no
-    /// rows. One that alone is not points at its sensors, all together at a fault that none of them knows.
-    pub explained: [bool; RELATION_COUNT],
+    /// Residual of each relation as a share of the largest that is explained, in the order of [`Relation::ALL`]; below 1 also where the
+    /// relation has no rows.
+    pub residual_share: [f64; RELATION_COUNT],
     /// Root-mean-square residual of the torque balance, Nm.
     pub torque_residual_rms: f64,
     /// Rows of the torque balance.
@@ -109,6 +117,12 @@ pub struct RelationsEstimate {
 }
 
 impl RelationsEstimate {
+    /// Whether a relation explains the window.
+    #[must_use]
+    pub fn is_explained_by(&self, relation: Relation) -> bool {
+        self.residual_share[relation as usize] < 1.0
+    }
+
     /// Whether the window shows each parameter.
     #[must_use]
     pub fn observable(&self) -> [bool; FAULT_COUNT] {
@@ -133,8 +147,12 @@ impl CommissionedRelations {
             let error = ModelError::of(element, window.params().sensors.sample_rate);
             let sigma = libm::hypot(changed.sigma, error.floor);
             // A sum that is not a number is no observation. The share does not count: it hides no large damage.
-            if !changed.value.is_finite() || sigma.is_nan() || sigma > OBSERVABLE_SIGMA {
+            let of_damage = damage_per_change(element) * sigma;
+            if !changed.value.is_finite() || of_damage.is_nan() || of_damage > OBSERVABLE_SIGMA {
                 return Err(needed_for(element));
+            }
+            if element == Element::Backlash && changed.value < CLEAR * sigma && self.may_hold(&balance.load, window) {
+                return Err(Needed::Reversal);
             }
             let share = error.share * (changed.value - healthy(element));
             Ok(Reading {
@@ -146,8 +164,8 @@ impl CommissionedRelations {
             k: FaultVector::NOMINAL.to_array(),
             sigma: [None; FAULT_COUNT],
             needed: [None; FAULT_COUNT],
-            explained: Relation::ALL
-                .map(|relation| self.residual[relation as usize].explains(balance.residuals[relation as usize])),
+            residual_share: Relation::ALL
+                .map(|relation| self.residual[relation as usize].share_of_limit(balance.residuals[relation as usize])),
             torque_residual_rms: balance.residuals[Relation::TorqueBalance as usize].rms,
             torque_rows: balance.rows,
             load_torque: balance.load.constant,
@@ -164,6 +182,14 @@ impl CommissionedRelations {
             (Err(needed), _) | (_, Err(needed)) => estimate.report(ECCENTRICITY, Err(needed)),
         }
         estimate
+    }
+}
+
+impl CommissionedRelations {
+    /// Whether a load may have held the output at one flank of its play.
+    fn may_hold<S: RecordedSample>(&self, load: &OutputLoad, window: &MeasuredWindow<'_, S>) -> bool {
+        let gear_ratio = window.params().transmission.gear_ratio;
+        load.holds_one_flank(&window.travel(), self.balance.of(Term::DryFriction), gear_ratio)
     }
 }
 
@@ -199,7 +225,7 @@ impl RelationsEstimate {
     }
 }
 
-/// Standard deviations from zero at which an eccentricity has a direction.
+/// Standard deviations from zero at which an eccentricity has a direction, and a play is seen.
 const CLEAR: f64 = 3.0;
 
 /// The fault parameter that belongs to a reading; for the eccentricity one component of its change.
@@ -216,6 +242,11 @@ fn change(element: Element, Reading { value, sigma }: Reading, unit: f64, params
         value,
         sigma: sigma * libm::fabs(slope),
     }
+}
+
+/// Damage by a change of an element's parameter: that of the gain is `2 |k8 − ½|`.
+fn damage_per_change(element: Element) -> f64 {
+    if element == Element::Gain { 2.0 } else { 1.0 }
 }
 
 /// The parameter of an element that has not changed.

@@ -2,11 +2,15 @@
 //!
 //! `T = K_p e + K_i ∫e`, `e = G_p g (θ_cmd − θ_out) − ω_m`, differentiated once, so that the integral's start is no unknown:
 //! `T' = g (K_p e₁' + K_i e₁) − h (K_p ω' + K_i ω)` with `e₁ = G_p (θ_cmd − θ_out)`. T is `G_T i_q` as measured. The ratio
-//! `g/h` is the gain factor `0.5 + k8`, whatever the scale of the torque. Derived here from the control law.
+//! `g/h` is the gain factor `0.5 + k8`, whatever the scale of the torque. The current follows its reference late, more so in fast motion:
+//! `τ T''` on the left is the third unknown, without which the ratio of one motion differs from that of another. Derived here from the
+//! control law.
 
 use ema_models::dq_from_abc;
+use nalgebra::{Vector1, Vector3};
 
 use super::elements::{Needed, Reading};
+use super::jackknife::Jackknife;
 use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
 use super::normal_equations::NormalEquations;
@@ -19,71 +23,98 @@ use crate::monitor_fit::RecordedSample;
 /// limit.
 const SPEED_SHARE: f64 = 0.65;
 
+/// Unknowns: g, h and the lag τ.
+pub(super) const LAW_COUNT: usize = 3;
+
 /// Ratio `g/h` of a window and residual of the law, Nm/s, with a kernel of this half width, s.
 #[inline(never)]
 pub(super) fn gain_ratio<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     half_width_s: f64,
 ) -> Result<(Reading, Residual), Needed> {
+    let kernel = Kernel::new(half_width_s, window.params().sensors.sample_rate);
+    if !window.inner().any(|n| window.position_error(n).is_some()) {
+        return Err(Needed::PositionMode);
+    }
+    let mut equations = NormalEquations::new();
+    for (row, d_torque) in law_rows(window, &kernel).flatten() {
+        equations.add(&row, d_torque);
+    }
+    ratio(window, &equations, &kernel).ok_or(Needed::UnsaturatedControl)
+}
+
+/// Rows of the law, one per inner sample: factors of g, h and τ, and T', Nm/s; `None` unless neither speed nor torque is at its limit
+/// under the kernel that ends there.
+pub(super) fn law_rows<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    kernel: &Kernel,
+) -> impl Iterator<Item = Option<([f64; LAW_COUNT], f64)>> {
+    let window = *window;
     let params = window.params();
-    let (controller, rate) = (&params.controller, params.sensors.sample_rate);
-    let kernel = Kernel::new(half_width_s, rate);
+    let controller = &params.controller;
     let torque_gain = params.motor.torque_gain();
     let mut ring = Sliding::<3>::new(kernel.span);
-    let mut equations = NormalEquations::<2>::new();
-    let mut overlap = Overlap::new(&kernel.first, kernel.span);
-    let mut in_position_mode = false;
-    for n in window.inner() {
-        let error = window.position_error(n);
-        in_position_mode |= error.is_some();
+    window.inner().map(move |n| {
+        let reference = window.position_error(n).map(|error| controller.g_p * error);
         let now = window.quantities(n);
-        let reference = error.map(|error| controller.g_p * error);
         let torque = torque_gain * dq_from_abc(now.i, now.sin_cos_e)[1];
         let limited = now.speed_reference >= SPEED_SHARE || window.is_torque_limited(torque);
-        let usable = reference.filter(|_| !limited && window.is_measured(n));
-        let Some(reference) = usable else {
+        let Some(reference) = reference.filter(|_| !limited && window.is_measured(n)) else {
             ring.clear();
-            overlap.add(None);
-            continue;
+            return None;
         };
         ring.push([reference, window.central_speed(n), torque]);
         if !ring.is_full() {
-            overlap.add(None);
-            continue;
+            return None;
         }
         let [reference, omega, _] = ring.sums(&kernel.smooth);
         let [d_reference, d_omega, d_torque] = ring.sums(&kernel.first);
+        let [_, _, dd_torque] = ring.sums(&kernel.second);
         let law = |d: f64, value: f64| controller.k_p * d + controller.k_i * value;
-        let row = [law(d_reference, reference), -law(d_omega, omega)];
-        equations.add(&row, d_torque);
-        overlap.add(Some(&row));
-    }
-    if !in_position_mode {
-        return Err(Needed::PositionMode);
-    }
-    ratio(&equations, &mut overlap, kernel.span).ok_or(Needed::UnsaturatedControl)
+        Some((
+            [law(d_reference, reference), -law(d_omega, omega), -dd_torque],
+            d_torque,
+        ))
+    })
 }
 
 /// Kernels whose rows do not overlap, at least, for a ratio.
 const MIN_INDEPENDENT: usize = 4;
 
-/// Ratio of both unknowns and its standard deviation; `None` where the rows do not show it.
-fn ratio(equations: &NormalEquations<2>, overlap: &mut Overlap<2>, span: usize) -> Option<(Reading, Residual)> {
-    if equations.rows < MIN_INDEPENDENT * span {
+/// Ratio of the first two unknowns and its standard deviation; `None` where the rows do not show it.
+#[inline(never)]
+fn ratio<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    equations: &NormalEquations<LAW_COUNT>,
+    kernel: &Kernel,
+) -> Option<(Reading, Residual)> {
+    if equations.rows < MIN_INDEPENDENT * kernel.span {
         return None;
     }
     let solution = equations.solve()?;
+    let mut overlap = Overlap::<LAW_COUNT>::new(&kernel.first, kernel.span);
+    let mut groups = Jackknife::<LAW_COUNT, 1>::new(window.len(), &Vector3::zeros());
+    let of = |x: &Vector3<f64>| Vector1::new(x[0] / x[1]);
+    for (n, row) in law_rows(window, kernel).enumerate() {
+        overlap.add(row.as_ref().map(|(row, _)| row));
+        if let Some((row, d_torque)) = &row {
+            groups.add(n, (row, *d_torque), equations, of);
+        }
+    }
     let covariance = overlap.covariance(equations, &solution);
     let (g, h) = (solution.x[0], solution.x[1]);
     // Gradient of g/h.
-    let gradient = nalgebra::Vector2::new(1.0 / h, -g / (h * h));
+    let gradient = Vector3::new(1.0 / h, -g / (h * h), 0.0);
+    let variance = gradient
+        .dot(&(covariance * gradient))
+        .max(groups.variance(equations, of)[0]);
     let reading = Reading {
         value: g / h,
-        sigma: libm::sqrt(gradient.dot(&(covariance * gradient)).max(0.0)),
+        sigma: libm::sqrt(variance),
     };
     let residual = Residual {
         rms: solution.residual_rms,
-        independent: (equations.rows / span) as f64,
+        independent: (equations.rows / kernel.span) as f64,
     };
     (reading.value.is_finite() && reading.sigma.is_finite()).then_some((reading, residual))
 }

@@ -75,7 +75,7 @@ pub enum Needed {
     BothDirections,
     /// More current, so that the phases' torques stand out of the residual.
     MoreCurrent,
-    /// A reversal of the output by more than the play.
+    /// A reversal of the output through the play, without a load that holds it at one flank.
     Reversal,
     /// Position mode; elsewhere the position gain has no effect.
     PositionMode,

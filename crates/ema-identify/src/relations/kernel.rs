@@ -10,8 +10,8 @@ const MAX_HALF_WIDTH: usize = 24;
 /// Samples under the widest kernel.
 pub(super) const MAX_SPAN: usize = 2 * MAX_HALF_WIDTH + 1;
 
-/// Smallest half width W, samples.
-const MIN_HALF_WIDTH: usize = 2;
+/// Smallest half width W, samples: the difference of two neighbours and of three.
+const MIN_HALF_WIDTH: usize = 1;
 
 /// Half widths of which one is chosen for a unit, s. A wide kernel attenuates what a derivative makes of a jittering sample
 /// instant and of a resonance, and the motion itself.
@@ -39,7 +39,7 @@ pub(super) struct Kernel {
 }
 
 impl Kernel {
-    /// The kernel for a half width, s, at a sample rate, Hz: 2 to 24 samples on either side.
+    /// The kernel for a half width, s, at a sample rate, Hz: 1 to 24 samples on either side.
     #[must_use]
     pub(super) fn new(half_width_s: f64, sample_rate: f64) -> Self {
         let half = (libm::round(half_width_s * sample_rate) as usize).clamp(MIN_HALF_WIDTH, MAX_HALF_WIDTH);
@@ -122,6 +122,6 @@ mod tests {
     #[test]
     fn the_half_width_follows_the_sample_rate() {
         let widths = [400.0, 1000.0, 2000.0, 5000.0].map(|rate| half_width(&Kernel::new(HALF_WIDTHS_S[0], rate)));
-        assert_eq!(widths, [2, 3, 6, 15]);
+        assert_eq!(widths, [1, 3, 6, 15]);
     }
 }

@@ -1,9 +1,11 @@
 //! A window as the relations read it: measured quantities of each sample in SI units.
 
 use core::f64::consts::TAU;
+use core::ops::Range;
 
 use ema_models::{ActuatorParams, Real, SensedSample, Setpoint};
 
+use super::between_samples::Instant;
 use crate::monitor_fit::RecordedSample;
 
 /// A window of consecutive samples, its counters on one wrap.
@@ -45,6 +47,17 @@ pub(super) struct Quantities {
     pub(super) sin_cos_e: (f64, f64),
 }
 
+impl Quantities {
+    /// The instant of the sample.
+    pub(super) fn instant(&self) -> Instant {
+        Instant {
+            angle_in_turn: self.angle_in_turn,
+            sin_cos_e: self.sin_cos_e,
+            i: self.i,
+        }
+    }
+}
+
 /// Largest torque, as a share of `G_T I_max`.
 const TORQUE_SHARE: f64 = 0.9;
 
@@ -82,7 +95,7 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
     }
 
     /// Indices of the samples that have [`MARGIN`] neighbours.
-    pub(super) fn inner(&self) -> core::ops::Range<usize> {
+    pub(super) fn inner(&self) -> Range<usize> {
         MARGIN..self.len().saturating_sub(MARGIN).max(MARGIN)
     }
 
@@ -121,6 +134,15 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
         }
     }
 
+    /// Change of the speed reference that takes effect behind sample `n`, rad/s, where the reference is not limited; the gain factor is
+    /// `gain`. Of the first sample none is known.
+    pub(super) fn reference_change(&self, n: usize, gain: f64) -> f64 {
+        if n == 0 || self.speed_reference(n) * gain >= 1.0 {
+            return 0.0;
+        }
+        gain * self.reference_step(self.sensed(n - 1).setpoint, self.sensed(n).setpoint)
+    }
+
     /// Change of the speed reference from one set point to the next, rad/s, before any limit.
     fn reference_step(&self, from: Setpoint, to: Setpoint) -> f64 {
         match (from, to) {
@@ -156,6 +178,20 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
         let (first, now) = (self.sensed(0), self.sensed(n));
         (now.output_counts - first.output_counts) as f64 * sensors.output_lsb()
             - (now.motor_counts - first.motor_counts) as f64 * sensors.motor_lsb() / gear_ratio
+    }
+
+    /// Smallest and largest output angle since the first sample, rad.
+    pub(super) fn travel(&self) -> Range<f64> {
+        let lsb = self.params.sensors.output_lsb();
+        let first = if self.is_empty() {
+            0
+        } else {
+            self.sensed(0).output_counts
+        };
+        (0..self.len()).fold(0.0..0.0, |range, n| {
+            let travel = (self.sensed(n).output_counts - first) as f64 * lsb;
+            range.start.min(travel)..range.end.max(travel)
+        })
     }
 
     /// Control deviation `θ_cmd − θ_out` as the controller counts it, rad; `None` outside position mode.

@@ -54,6 +54,14 @@ impl<const M: usize> NormalEquations<M> {
         self.rows += 1;
     }
 
+    /// Subtracts the expected squares of the noise in each column of a row, at most half of a column's own.
+    pub(super) fn without_noise(&mut self, noise: &SVector<f64, M>) {
+        for place in 0..M {
+            let own = self.ata[(place, place)];
+            self.ata[(place, place)] -= (noise[place] * self.rows as f64).min(0.5 * own);
+        }
+    }
+
     /// The matrix `Σ a aᵀ`, whose upper triangle [`NormalEquations::add`] leaves out.
     #[must_use]
     pub(super) fn symmetric(&self) -> SMatrix<f64, M, M> {

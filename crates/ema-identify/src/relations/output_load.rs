@@ -1,5 +1,7 @@
 //! The load of one window at the output, and the part of it under which the gear loses torque.
 
+use core::ops::Range;
+
 use ema_models::ActuatorParams;
 use nalgebra::{Matrix2, Vector2};
 
@@ -32,6 +34,15 @@ impl OutputLoad {
     pub(super) fn is_close(&self, other: &Self) -> bool {
         let close = |a: f64, b: f64| libm::fabs(a - b) <= 1e-3 * libm::fabs(a).max(libm::fabs(b));
         close(self.constant, other.constant) && close(self.spring, other.spring)
+    }
+
+    /// Whether the load pushes the output against one flank of the play wherever it is in a window, against half of the dry friction, Nm
+    /// at the motor, on the output's side of the play. Such an output may follow the motor through every reversal, however wide the play
+    /// is. Derived here.
+    #[must_use]
+    pub(super) fn holds_one_flank(&self, travel: &Range<f64>, dry_friction: f64, gear_ratio: f64) -> bool {
+        let [one, other] = [travel.start, travel.end].map(|travel| self.constant + self.spring * travel);
+        one * other > 0.0 && libm::fabs(one).min(libm::fabs(other)) > 0.5 * dry_friction * gear_ratio
     }
 
     /// The part of a found load under which the gear loses torque: `max(0, 1 − (T₀/T)²)` of it, T its root-mean-square torque
@@ -67,5 +78,12 @@ mod tests {
         };
         assert!(losing(1.0).abs() < 1e-12);
         assert!((losing(50.0) - 1.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn a_load_of_one_sign_beyond_friction_holds_the_output() {
+        let holds = |constant, spring| OutputLoad { constant, spring }.holds_one_flank(&(-0.1..0.2), 0.15, 100.0);
+        assert!(holds(20.0, 0.0) && holds(-20.0, 0.0) && holds(20.0, 50.0));
+        assert!(!holds(5.0, 0.0) && !holds(0.0, 500.0) && !holds(20.0, -100.0));
     }
 }

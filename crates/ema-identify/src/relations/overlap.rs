@@ -32,12 +32,6 @@ impl<const M: usize> Overlap<M> {
         }
     }
 
-    /// As new.
-    pub(super) fn reset(&mut self) {
-        self.rows.reset();
-        self.sums.fill(0.0);
-    }
-
     /// Adds the row of a sample; `None` where it has none.
     pub(super) fn add(&mut self, row: Option<&[f64; M]>) {
         self.rows.push(row.copied().unwrap_or([0.0; M]));

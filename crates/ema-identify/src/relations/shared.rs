@@ -57,6 +57,12 @@ pub(super) fn shared_columns(row: &BalanceRow) -> [f64; SHARED_COUNT] {
     columns
 }
 
+/// Place of a term among the shared unknowns.
+#[cfg(feature = "std")]
+pub(super) fn place_of(term: Term) -> Option<usize> {
+    SHARED.iter().position(|&shared| shared == term).map(|place| 2 + place)
+}
+
 /// Whether a shared unknown is also free in a later window: turns and eccentricity.
 pub(super) fn is_free(unknown: usize) -> bool {
     unknown < 4

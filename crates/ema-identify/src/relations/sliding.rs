@@ -32,13 +32,6 @@ impl<const M: usize> Sliding<M> {
         self.usable += 1;
     }
 
-    /// As new: all samples are zero again.
-    pub(super) fn reset(&mut self) {
-        self.ring.fill([0.0; M]);
-        self.oldest = 0;
-        self.usable = 0;
-    }
-
     /// Forgets all samples: none before this instant may share a kernel with one after it.
     pub(super) fn clear(&mut self) {
         self.usable = 0;
@@ -50,32 +43,40 @@ impl<const M: usize> Sliding<M> {
         self.usable >= self.span
     }
 
-    /// The samples, oldest first.
-    fn oldest_first(&self) -> impl Iterator<Item = &[f64; M]> {
+    /// The samples with the weights of their places, oldest first.
+    fn weighted<'a>(
+        &'a self,
+        weights: &'a [f64; MAX_SPAN],
+    ) -> [core::iter::Zip<core::slice::Iter<'a, f64>, core::slice::Iter<'a, [f64; M]>>; 2] {
         let (later, earlier) = self.ring[..self.span].split_at(self.oldest);
-        earlier.iter().chain(later)
+        let (first, second) = weights[..self.span].split_at(earlier.len());
+        [first.iter().zip(earlier), second.iter().zip(later)]
     }
 
     /// Sums of all quantities with one set of weights, oldest sample first; samples not yet pushed are zero.
     #[must_use]
     pub(super) fn sums(&self, weights: &[f64; MAX_SPAN]) -> [f64; M] {
         let mut sums = [0.0; M];
-        for (weight, sample) in weights.iter().zip(self.oldest_first()) {
-            for m in 0..M {
-                sums[m] += weight * sample[m];
+        // Two loops, not a chain: the inner one becomes vector instructions.
+        for half in self.weighted(weights) {
+            for (weight, sample) in half {
+                for m in 0..M {
+                    sums[m] += weight * sample[m];
+                }
             }
         }
         sums
     }
 
-    /// Sums of all quantities, each with its own weights; `weights` gives those of a place, oldest sample first.
+    /// Sums of some quantities with one set of weights, oldest sample first.
     #[must_use]
-    pub(super) fn sums_each(&self, weights: impl Fn(usize) -> [f64; M]) -> [f64; M] {
-        let mut sums = [0.0; M];
-        for (place, sample) in self.oldest_first().enumerate() {
-            let weights = weights(place);
-            for m in 0..M {
-                sums[m] += weights[m] * sample[m];
+    pub(super) fn sums_of<const K: usize>(&self, quantities: [usize; K], weights: &[f64; MAX_SPAN]) -> [f64; K] {
+        let mut sums = [0.0; K];
+        for half in self.weighted(weights) {
+            for (weight, sample) in half {
+                for (sum, quantity) in sums.iter_mut().zip(quantities) {
+                    *sum += weight * sample[quantity];
+                }
             }
         }
         sums
@@ -96,6 +97,7 @@ mod tests {
             ring.push([f64::from(n), -1.0]);
         }
         assert_eq!(ring.sums(&weights).map(|sum| sum as i32), [432, -111]);
+        assert_eq!(ring.sums_of([1], &weights).map(|sum| sum as i32), [-111]);
         ring.clear();
         assert!(!ring.is_full());
     }

@@ -7,6 +7,7 @@ use core::ops::Range;
 
 use ema_models::{ActuatorParams, phase_shapes};
 
+use super::between_samples::{Instant, Interval, instants};
 use super::kernel::Kernel;
 use super::measured::{MeasuredWindow, Quantities};
 use super::output_load::OutputLoad;
@@ -82,27 +83,30 @@ pub enum Term {
 /// Number of terms.
 pub const TERM_COUNT: usize = 26;
 
-/// The derivative under which the kernel smooths a term.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Derivative {
-    None,
-    First,
-    Second,
-}
+/// Terms of which the kernel takes the second derivative, less the sign; of the damping it takes the first.
+const SECOND: [Term; 5] = [
+    Term::Inertia,
+    Term::Resolver1Cos,
+    Term::Resolver1Sin,
+    Term::Resolver2Cos,
+    Term::Resolver2Sin,
+];
 
-impl Term {
-    fn derivative(term: usize) -> Derivative {
-        const INERTIA: usize = Term::Inertia as usize;
-        const DAMPING: usize = Term::Damping as usize;
-        const FIRST_OF_RESOLVER: usize = Term::Resolver1Cos as usize;
-        const LAST_OF_RESOLVER: usize = Term::Resolver2Sin as usize;
-        match term {
-            DAMPING => Derivative::First,
-            INERTIA | FIRST_OF_RESOLVER..=LAST_OF_RESOLVER => Derivative::Second,
-            _ => Derivative::None,
-        }
-    }
-}
+/// Terms that change fast with the motor angle: their means around a sample come from angle and currents between the samples.
+const FAST: [Term; 12] = [
+    Term::TurnsA,
+    Term::TurnsB,
+    Term::TurnsC,
+    Term::EccentricityCos,
+    Term::EccentricitySin,
+    Term::MeshCos,
+    Term::MeshSin,
+    Term::CoggingCos,
+    Term::CoggingSin,
+    Term::EmfHarmonics,
+    Term::OffsetA,
+    Term::OffsetB,
+];
 
 /// Constants of the terms that an actuator type's parameters do not hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -155,10 +159,12 @@ pub(super) fn balance_rows<S: RecordedSample>(
     ring: &mut BalanceRing,
 ) -> impl Iterator<Item = Option<BalanceRow>> {
     let (window, integrands) = (*window, Integrands::new(window.params(), shape, load, gain));
-    let stride = kernel.stride;
+    let (instants, stride) = (instants(window.params()), kernel.stride);
     ring.clear();
     let mut forward = true;
     let mut counting = Counting::new(&window);
+    // The sample at which the last interval ended, and what the interval adds to its fast terms.
+    let mut ended: Option<(usize, [f64; FAST.len()])> = None;
     window.inner().map(move |n| {
         let now = window.quantities(n);
         let counted = counting.deviation(&window, n);
@@ -171,9 +177,22 @@ pub(super) fn balance_rows<S: RecordedSample>(
             forward = !forward;
             ring.clear();
         }
-        ring.push(integrands.of(&window, &now, counted));
+        let fast = if instants > 0 {
+            let jump = |n, current| integrands.jump(&window, n, current);
+            let over = |n| integrands.fast_over(&Interval::new(&window, n, jump), instants);
+            let before = match ended {
+                Some((at, rising)) if at == n => rising,
+                _ => over(n - 1)[1],
+            };
+            let [falling, rising] = over(n);
+            ended = Some((n + 1, rising));
+            core::array::from_fn(|place| before[place] + falling[place])
+        } else {
+            integrands.fast(&now.instant())
+        };
+        ring.push(integrands.of(&window, &now, counted, &fast));
         (ring.is_full() && n % stride == 0).then(|| BalanceRow {
-            terms: ring.sums_each(|place| weights(kernel, place)),
+            terms: smoothed(ring, kernel, instants > 0),
             forward,
         })
     })
@@ -215,13 +234,22 @@ impl Counting {
     }
 }
 
-/// Weight in each term of the sample at a place under the kernel.
-fn weights(kernel: &Kernel, place: usize) -> [f64; TERM_COUNT] {
-    core::array::from_fn(|term| match Term::derivative(term) {
-        Derivative::None => kernel.average[place],
-        Derivative::First => -kernel.first[place],
-        Derivative::Second => -kernel.second[place],
-    })
+/// The terms of the row that ends with the last sample of the ring; `means`: the fast terms are means around their samples.
+fn smoothed(ring: &BalanceRing, kernel: &Kernel, means: bool) -> [f64; TERM_COUNT] {
+    let mut terms = ring.sums(&kernel.average);
+    if means {
+        let fast = ring.sums_of(FAST.map(|term| term as usize), &kernel.smooth);
+        for (term, fast) in FAST.into_iter().zip(fast) {
+            terms[term as usize] = fast;
+        }
+    }
+    let [damping] = ring.sums_of([Term::Damping as usize], &kernel.first);
+    terms[Term::Damping as usize] = -damping;
+    let second = ring.sums_of(SECOND.map(|term| term as usize), &kernel.second);
+    for (term, second) in SECOND.into_iter().zip(second) {
+        terms[term as usize] = -second;
+    }
+    terms
 }
 
 /// What the terms are made of before the kernel.
@@ -257,31 +285,38 @@ impl Integrands {
         window: &MeasuredWindow<'_, impl RecordedSample>,
         now: &Quantities,
         counted: f64,
+        fast: &[f64; FAST.len()],
     ) -> [f64; TERM_COUNT] {
-        use ema_models::Real;
         let e = now.sin_cos_e;
-        let (sin, cos) = e;
         let double = sum(e, e);
-        let fourth = sum(double, double);
-        let (fifth, seventh) = (sum(fourth, e), sum(sum(fourth, double), e));
         let s = phase_shapes(e);
-        let torque: [f64; 3] = core::array::from_fn(|j| self.k * s[j] * now.i[j]);
-        let is_limited = now.speed_reference * self.gain >= 1.0 || window.is_torque_limited(torque.iter().sum());
+        let torque: f64 = (0..3).map(|j| self.k * s[j] * now.i[j]).sum();
+        let is_limited = now.speed_reference * self.gain >= 1.0 || window.is_torque_limited(torque);
         let sign = libm::copysign(1.0, now.omega_m);
         let ratio = now.omega_m / self.shape.stribeck_speed;
-        let (mesh_sin, mesh_cos) = (self.shape.teeth * now.angle_in_turn).sin_cos_poly();
-        let (cogging_sin, cogging_cos) = (self.shape.cogging_periods * now.angle_in_turn).sin_cos_poly();
         let load_torque = (self.load.constant + self.load.spring * now.travel) / self.gear_ratio;
         let [opposing, aiding] = self.loss_shares;
         let loss_share = if load_torque * sign >= 0.0 { opposing } else { aiding };
-        // 5 θ_j = 5 θ_e + 2πj/3 and 7 θ_j = 7 θ_e − 2πj/3, up to whole turns.
-        let harmonics = |j: usize| ahead(fifth, j).0 - ahead(seventh, (3 - j) % 3).0;
+        let [
+            a,
+            b,
+            c,
+            ecc_cos,
+            ecc_sin,
+            mesh_cos,
+            mesh_sin,
+            cogging_cos,
+            cogging_sin,
+            harmonics,
+            offset_a,
+            offset_b,
+        ] = *fast;
         [
-            torque[0],
-            torque[1],
-            torque[2],
-            (0..3).map(|j| torque[j] * ahead(e, j).1).sum(),
-            (0..3).map(|j| torque[j] * ahead(e, j).0).sum(),
+            a,
+            b,
+            c,
+            ecc_cos,
+            ecc_sin,
             now.theta_m,
             now.theta_m,
             -sign,
@@ -290,13 +325,13 @@ impl Integrands {
             -sign * mesh_sin,
             cogging_cos,
             cogging_sin,
-            cos,
-            sin,
+            e.1,
+            e.0,
             double.1,
             double.0,
-            -(0..3).map(|j| self.k * harmonics(j) * now.i[j]).sum::<f64>(),
-            self.k * (s[0] - s[2]),
-            self.k * (s[1] - s[2]),
+            harmonics,
+            offset_a,
+            offset_b,
             (0..3).map(|j| self.k * s[j] * now.di[j]).sum(),
             if is_limited {
                 0.0
@@ -312,6 +347,59 @@ impl Integrands {
             -now.travel / self.gear_ratio,
             -sign * libm::fabs(load_torque) * loss_share,
         ]
+    }
+
+    /// Step of the quadrature current behind a sample, A, where neither speed nor torque is at its limit.
+    fn jump(&self, window: &MeasuredWindow<'_, impl RecordedSample>, n: usize, [_, quadrature]: [f64; 2]) -> f64 {
+        let torque_gain = 1.5 * self.k;
+        if window.is_torque_limited(torque_gain * quadrature) {
+            0.0
+        } else {
+            self.k_p * window.reference_change(n, self.gain) / torque_gain
+        }
+    }
+
+    /// The fast terms of an instant; those of the mesh without the sign of the speed.
+    fn fast(&self, now: &Instant) -> [f64; FAST.len()] {
+        use ema_models::Real;
+        let e = now.sin_cos_e;
+        let double = sum(e, e);
+        let fourth = sum(double, double);
+        let (fifth, seventh) = (sum(fourth, e), sum(sum(fourth, double), e));
+        let s = phase_shapes(e);
+        let torque: [f64; 3] = core::array::from_fn(|j| self.k * s[j] * now.i[j]);
+        let (mesh_sin, mesh_cos) = (self.shape.teeth * now.angle_in_turn).sin_cos_poly();
+        let (cogging_sin, cogging_cos) = (self.shape.cogging_periods * now.angle_in_turn).sin_cos_poly();
+        // 5 θ_j = 5 θ_e + 2πj/3 and 7 θ_j = 7 θ_e − 2πj/3, up to whole turns.
+        let harmonics = |j: usize| ahead(fifth, j).0 - ahead(seventh, (3 - j) % 3).0;
+        [
+            torque[0],
+            torque[1],
+            torque[2],
+            (0..3).map(|j| torque[j] * ahead(e, j).1).sum(),
+            (0..3).map(|j| torque[j] * ahead(e, j).0).sum(),
+            mesh_cos,
+            mesh_sin,
+            cogging_cos,
+            cogging_sin,
+            -(0..3).map(|j| self.k * harmonics(j) * now.i[j]).sum::<f64>(),
+            self.k * (s[0] - s[2]),
+            self.k * (s[1] - s[2]),
+        ]
+    }
+
+    /// Sums of the fast terms over an interval whose weights fall towards its end, and whose weights rise; each weight sums to ½.
+    fn fast_over(&self, interval: &Interval, instants: usize) -> [[f64; FAST.len()]; 2] {
+        let mut sums = [[0.0; FAST.len()]; 2];
+        for m in 0..instants {
+            let share = (m as f64 + 0.5) / instants as f64;
+            let terms = self.fast(&interval.at(share));
+            for (place, term) in terms.into_iter().enumerate() {
+                sums[0][place] += (1.0 - share) * term / instants as f64;
+                sums[1][place] += share * term / instants as f64;
+            }
+        }
+        sums
     }
 }
 

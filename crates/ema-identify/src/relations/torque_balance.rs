@@ -9,13 +9,14 @@ use nalgebra::{SMatrix, SVector};
 
 use super::current_noise::{current_noise, noise_of_columns};
 use super::elements::{Element, ElementReadings, Needed, Reading};
+use super::jackknife::Jackknife;
 use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
 use super::normal_equations::{NormalEquations, Solution};
 use super::output_load::OutputLoad;
 use super::overlap::Overlap;
 use super::shared::{SHARED_COUNT, Shared, free_of_shared, is_free, is_worn, shared_columns, spread};
-use super::terms::{BalanceRing, BalanceShape, TERM_COUNT, Term, balance_rows};
+use super::terms::{BalanceRing, BalanceRow, BalanceShape, TERM_COUNT, Term, balance_rows};
 use crate::monitor_fit::RecordedSample;
 
 /// Coefficients of the torque balance that all windows of one unit share, in the order of [`Term`].
@@ -100,47 +101,44 @@ pub(super) fn torque_balance<S: RecordedSample>(
         rows: 0,
         independent: 0.0,
     };
-    let noise = noise_of_columns(current_noise(window), window.params().motor.k, &kernel);
-    let mut losing = OutputLoad::default();
-    let mut sums = Sums::new(unit, &kernel);
-    for _ in 0..LOAD_ROUNDS {
-        sums.fill(window, unit, &kernel, losing, gain);
-        sums.without_noise(&noise);
-        balance.rows = sums.equations.rows;
+    let mut noise = SVector::<f64, FREE_COUNT>::zeros();
+    let of_columns = noise_of_columns(current_noise(window), window.params().motor.k, &kernel);
+    noise.fixed_rows_mut::<5>(0).copy_from_slice(&of_columns);
+    let mut rows = Rows::new(window, unit, &kernel, gain);
+    let mut equations = NormalEquations::new();
+    let mut round = 0;
+    let solution = loop {
+        rows.sum(&mut equations);
+        equations.without_noise(&noise);
+        balance.rows = equations.rows;
         balance.independent = (balance.rows * kernel.stride) as f64 / kernel.span as f64;
         let enough = balance.independent >= (FREE_COUNT + 1) as f64;
-        let Some(solution) = sums.equations.solve().filter(|_| enough) else {
+        let Some(solution) = equations.solve().filter(|_| enough) else {
             balance.readings.fail(Element::BALANCE, Needed::LongerMotion);
             return balance;
         };
         balance.residual_rms = solution.residual_rms;
         balance.load = OutputLoad::new(&solution.x.fixed_rows::<2>(LOAD).into_owned());
-        let information = sums.equations.symmetric().fixed_view::<2, 2>(LOAD, LOAD).into_owned();
+        let information = equations.symmetric().fixed_view::<2, 2>(LOAD, LOAD).into_owned();
         let found = balance.load.losing(&information, balance.rows, window.params());
-        let is_last = found.is_close(&losing);
-        let mut covariance = sums.overlap.covariance(&sums.equations, &solution);
-        if let Some(learnt) = learnt {
-            // What fits worse has more of what commissioning does not know.
-            let worse = (solution.residual_rms / unit.residual_rms.max(f64::MIN_POSITIVE)).max(1.0);
-            let spread = spread(window.params()) * (worse * worse);
-            covariance += covariance_by_shared(&error_of_shared(&solution, &sums.with_shared), learnt, &spread);
+        round += 1;
+        if found.is_close(&rows.losing) || round == LOAD_ROUNDS {
+            break solution;
         }
-        let attenuation = attenuation(&solution, balance.rows);
-        for (place, element) in Element::BALANCE.into_iter().enumerate() {
-            let reading = Reading {
-                value: solution.x[place],
-                sigma: libm::hypot(libm::sqrt(covariance[(place, place)].max(0.0)), attenuation[place]),
-            };
-            balance.readings.set(element, reading);
-        }
-        if sums.directions.iter().any(|&rows| rows * kernel.stride < kernel.span) {
-            // With motion in one direction the load takes the place of friction.
-            balance.readings.fail([Element::Friction], Needed::BothDirections);
-        }
-        if is_last {
-            break;
-        }
-        losing = found;
+        rows.losing = found;
+    };
+    let (covariance, directions) = rows.covariance(&equations, &solution, &noise, learnt);
+    let attenuation = attenuation(&solution, balance.rows);
+    for (place, element) in Element::BALANCE.into_iter().enumerate() {
+        let reading = Reading {
+            value: solution.x[place],
+            sigma: libm::hypot(libm::sqrt(covariance[(place, place)].max(0.0)), attenuation[place]),
+        };
+        balance.readings.set(element, reading);
+    }
+    if directions.iter().any(|&rows| rows * kernel.stride < kernel.span) {
+        // With motion in one direction the load takes the place of friction.
+        balance.readings.fail([Element::Friction], Needed::BothDirections);
     }
     balance
 }
@@ -207,79 +205,108 @@ fn covariance_by_shared(
     covariance
 }
 
-/// Sums over the rows of a window, with the rings that they are made through: the controller has room for these once.
-struct Sums {
+/// Rows of a window by its free coefficients, with the ring that they are made through: the controller has room for one.
+struct Rows<'a, S> {
+    window: &'a MeasuredWindow<'a, S>,
+    unit: &'a BalanceCoefficients,
+    kernel: &'a Kernel,
+    gain: f64,
     ring: BalanceRing,
-    equations: NormalEquations<FREE_COUNT>,
-    overlap: Overlap<FREE_COUNT>,
-    /// Products of the free columns with those of the shared unknowns.
-    with_shared: SMatrix<f64, FREE_COUNT, SHARED_COUNT>,
-    /// Rows in either direction.
-    directions: [usize; 2],
+    /// Load under which the gear loses torque.
+    losing: OutputLoad,
 }
 
-impl Sums {
-    fn new(unit: &BalanceCoefficients, kernel: &Kernel) -> Self {
+impl<'a, S: RecordedSample> Rows<'a, S> {
+    fn new(window: &'a MeasuredWindow<'a, S>, unit: &'a BalanceCoefficients, kernel: &'a Kernel, gain: f64) -> Self {
+        Self {
+            window,
+            unit,
+            kernel,
+            gain,
+            ring: BalanceRing::new(kernel.span),
+            losing: OutputLoad::default(),
+        }
+    }
+
+    /// Passes the row of each inner sample: its terms, the columns of the free coefficients and the right-hand side.
+    fn each(&mut self, mut pass: impl FnMut(Option<(&BalanceRow, &[f64; FREE_COUNT], f64)>)) {
+        let mut known = self.unit.values;
+        for term in FREE.into_iter().chain(WORN) {
+            known[term as usize] = 0.0;
+        }
+        let (shape, ring) = (&self.unit.shape, &mut self.ring);
+        for row in balance_rows(self.window, shape, self.losing, self.kernel, self.gain, ring) {
+            let Some(row) = row else {
+                pass(None);
+                continue;
+            };
+            let term = |term: Term| row.terms[term as usize];
+            let friction = WORN.iter().map(|&worn| self.unit.of(worn) * term(worn)).sum();
+            let [a, b, c, ecc_cos, ecc_sin, constant, spring] = FREE.map(term);
+            let rest: f64 = known.iter().zip(&row.terms).map(|(x, term)| x * term).sum();
+            let free = [a, b, c, ecc_cos, ecc_sin, friction, constant, spring];
+            pass(Some((&row, &free, -rest)));
+        }
+    }
+
+    /// Sums the equations of all rows.
+    #[inline(never)]
+    fn sum(&mut self, equations: &mut NormalEquations<FREE_COUNT>) {
+        *equations = NormalEquations::new();
+        self.each(|row| {
+            if let Some((_, free, rest)) = row {
+                equations.add(free, rest);
+            }
+        });
+    }
+
+    /// Covariance of a solution, and the number of rows in either direction: by the errors of the rows, each variance at least that of
+    /// the groups, and by the uncertainty of what the unit's windows share.
+    #[inline(never)]
+    fn covariance(
+        &mut self,
+        equations: &NormalEquations<FREE_COUNT>,
+        solution: &Solution<FREE_COUNT>,
+        noise: &SVector<f64, FREE_COUNT>,
+        learnt: Option<&[[f64; SHARED_COUNT]; SHARED_COUNT]>,
+    ) -> (SMatrix<f64, FREE_COUNT, FREE_COUNT>, [usize; 2]) {
+        let (kernel, unit, window) = (self.kernel, self.unit, self.window);
         let weights = if unit.angle_errors {
             &kernel.second
         } else {
             &kernel.average
         };
-        Self {
-            ring: BalanceRing::new(kernel.span),
-            equations: NormalEquations::new(),
-            overlap: Overlap::new(weights, kernel.span),
-            with_shared: SMatrix::zeros(),
-            directions: [0; 2],
-        }
-    }
-
-    /// Sums of a window under a load, instead of what was there.
-    #[inline(never)]
-    fn fill<S: RecordedSample>(
-        &mut self,
-        window: &MeasuredWindow<'_, S>,
-        unit: &BalanceCoefficients,
-        kernel: &Kernel,
-        load: OutputLoad,
-        gain: f64,
-    ) {
-        self.equations = NormalEquations::new();
-        self.overlap.reset();
-        self.with_shared.fill(0.0);
-        self.directions = [0; 2];
-        let mut known = unit.values;
-        for term in FREE.into_iter().chain(WORN) {
-            known[term as usize] = 0.0;
-        }
-        for row in balance_rows(window, &unit.shape, load, kernel, gain, &mut self.ring) {
-            let Some(row) = row else {
-                self.overlap.add(None);
-                continue;
-            };
-            let term = |term: Term| row.terms[term as usize];
-            let friction = WORN.iter().map(|&worn| unit.of(worn) * term(worn)).sum();
-            let [a, b, c, ecc_cos, ecc_sin, constant, spring] = FREE.map(term);
-            let rest: f64 = known.iter().zip(&row.terms).map(|(x, term)| x * term).sum();
-            let free = [a, b, c, ecc_cos, ecc_sin, friction, constant, spring];
-            self.equations.add(&free, -rest);
-            self.overlap.add(Some(&free));
-            for (unknown, shared) in shared_columns(&row).into_iter().enumerate() {
-                for (place, free) in free.iter().enumerate() {
-                    self.with_shared[(place, unknown)] += free * shared;
+        let mut overlap = Overlap::<FREE_COUNT>::new(weights, kernel.span);
+        // Products of the free columns with those of the shared unknowns.
+        let mut with_shared = SMatrix::<f64, FREE_COUNT, SHARED_COUNT>::zeros();
+        let mut groups = Jackknife::<FREE_COUNT, FREE_COUNT>::new(window.len(), noise);
+        let mut directions = [0; 2];
+        let mut n = 0;
+        self.each(|row| {
+            overlap.add(row.map(|(_, free, _)| free));
+            if let Some((row, free, rest)) = row {
+                for (unknown, shared) in shared_columns(row).into_iter().enumerate() {
+                    for (place, free) in free.iter().enumerate() {
+                        with_shared[(place, unknown)] += free * shared;
+                    }
                 }
+                groups.add(n, (free, rest), equations, SVector::clone);
+                directions[usize::from(row.forward)] += 1;
             }
-            self.directions[usize::from(row.forward)] += 1;
+            n += 1;
+        });
+        let mut covariance = overlap.covariance(equations, solution);
+        let of_groups = groups.variance(equations, SVector::clone);
+        for place in 0..FREE_COUNT {
+            covariance[(place, place)] = covariance[(place, place)].max(of_groups[place]);
         }
-    }
-
-    /// Subtracts the expected products of the current noise, at most half of a column's own.
-    fn without_noise(&mut self, noise: &[f64; 5]) {
-        let ata = &mut self.equations.ata;
-        for (place, noise) in noise.iter().enumerate() {
-            let whole = ata[(place, place)];
-            ata[(place, place)] -= (noise * self.equations.rows as f64).min(0.5 * whole);
+        if let Some(learnt) = learnt {
+            // What fits worse has more of what commissioning does not know.
+            let worse = (solution.residual_rms / unit.residual_rms.max(f64::MIN_POSITIVE)).max(1.0);
+            let spread = spread(window.params()) * (worse * worse);
+            covariance += covariance_by_shared(&error_of_shared(solution, &with_shared), learnt, &spread);
         }
+        (covariance, directions)
     }
 }
 

@@ -110,13 +110,13 @@ fn width_of<S: RecordedSample>(
 
 /// Where the motion counts from.
 #[derive(Clone, Copy)]
-struct Start {
-    sample: usize,
-    forward: bool,
+pub(super) struct Start {
+    pub(super) sample: usize,
+    pub(super) forward: bool,
 }
 
 /// The first sample at which the motor is known to push the output.
-fn pushed<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Option<Start> {
+pub(super) fn pushed<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Option<Start> {
     let inner = window.inner();
     let rest = window.sensed(inner.clone().next()?).output_counts;
     inner

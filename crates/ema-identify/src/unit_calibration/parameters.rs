@@ -21,10 +21,20 @@ pub enum UnitParameter {
     Damping,
     /// Dry friction, T_d and T_s together.
     DryFriction,
+    /// Position gain G_p.
+    PositionGain,
+    /// Proportional gain K_p of the speed controller.
+    SpeedGain,
+    /// Integral gain K_i of the speed controller.
+    IntegralGain,
+    /// Limit ω_max of the speed reference.
+    SpeedLimit,
+    /// Limit I_max of the current reference.
+    CurrentLimit,
 }
 
 /// Number of parameters.
-pub const UNIT_PARAMETER_COUNT: usize = 6;
+pub const UNIT_PARAMETER_COUNT: usize = 11;
 
 impl UnitParameter {
     /// All parameters; the discriminant is the place.
@@ -35,6 +45,11 @@ impl UnitParameter {
         Self::Inertia,
         Self::Damping,
         Self::DryFriction,
+        Self::PositionGain,
+        Self::SpeedGain,
+        Self::IntegralGain,
+        Self::SpeedLimit,
+        Self::CurrentLimit,
     ];
 
     /// Key in a type's section of the configuration.
@@ -47,6 +62,11 @@ impl UnitParameter {
             Self::Inertia => "motor.inertia_kg_m2",
             Self::Damping => "motor.viscous_damping_nm_s_per_rad",
             Self::DryFriction => "transmission.dynamic_friction_nm",
+            Self::PositionGain => "controller.position_gain_per_s",
+            Self::SpeedGain => "controller.speed_proportional_gain_nm_s_per_rad",
+            Self::IntegralGain => "controller.speed_integral_gain_nm_per_rad",
+            Self::SpeedLimit => "controller.speed_max_rad_s",
+            Self::CurrentLimit => "motor.current_max_a",
         }
     }
 
@@ -60,7 +80,22 @@ impl UnitParameter {
             Self::Inertia => "inertia",
             Self::Damping => "viscous damping",
             Self::DryFriction => "dry friction",
+            Self::PositionGain => "position gain",
+            Self::SpeedGain => "speed gain",
+            Self::IntegralGain => "integral gain",
+            Self::SpeedLimit => "speed limit",
+            Self::CurrentLimit => "current limit",
         }
+    }
+
+    /// Whether it is one of the controller's. As found by the monitor it also stands for what its controller lacks, such as a filter of
+    /// the speed or a delay.
+    #[must_use]
+    pub fn is_of_controller(self) -> bool {
+        matches!(
+            self,
+            Self::PositionGain | Self::SpeedGain | Self::IntegralGain | Self::SpeedLimit | Self::CurrentLimit
+        )
     }
 
     /// Tolerance: one standard deviation, as a share of the type's value; the usual one where the type has none of its own.
@@ -73,6 +108,11 @@ impl UnitParameter {
             Self::Inertia => tolerances.j,
             Self::Damping => tolerances.c,
             Self::DryFriction => tolerances.friction_dynamic,
+            Self::PositionGain => tolerances.g_p,
+            Self::SpeedGain => tolerances.k_p,
+            Self::IntegralGain => tolerances.k_i,
+            Self::SpeedLimit => tolerances.omega_max,
+            Self::CurrentLimit => tolerances.i_max,
         };
         let own = of(of_type);
         let has_own = own > 0.0 && own.to_bits() != of(&Tolerances::MOTOR_ONLY).to_bits();
@@ -94,6 +134,11 @@ impl UnitParameter {
             Self::Inertia => &mut params.motor.j,
             Self::Damping => &mut params.motor.c,
             Self::DryFriction => &mut params.transmission.friction_dynamic,
+            Self::PositionGain => &mut params.controller.g_p,
+            Self::SpeedGain => &mut params.controller.k_p,
+            Self::IntegralGain => &mut params.controller.k_i,
+            Self::SpeedLimit => &mut params.controller.omega_max,
+            Self::CurrentLimit => &mut params.motor.i_max,
         }
     }
 }
@@ -124,6 +169,16 @@ pub struct UnitParameters {
     pub viscous_damping: Deviation,
     /// Dry friction, dynamic and static.
     pub dry_friction: Deviation,
+    /// Position gain.
+    pub position_gain: Deviation,
+    /// Proportional gain of the speed controller.
+    pub speed_gain: Deviation,
+    /// Integral gain of the speed controller.
+    pub integral_gain: Deviation,
+    /// Limit of the speed reference.
+    pub speed_limit: Deviation,
+    /// Limit of the current reference.
+    pub current_limit: Deviation,
     /// Correlation of the sigmas of resistance and back-EMF, above −1 and below 1.
     pub resistance_back_emf_correlation: f64,
 }
@@ -139,6 +194,11 @@ impl UnitParameters {
             UnitParameter::Inertia => self.inertia,
             UnitParameter::Damping => self.viscous_damping,
             UnitParameter::DryFriction => self.dry_friction,
+            UnitParameter::PositionGain => self.position_gain,
+            UnitParameter::SpeedGain => self.speed_gain,
+            UnitParameter::IntegralGain => self.integral_gain,
+            UnitParameter::SpeedLimit => self.speed_limit,
+            UnitParameter::CurrentLimit => self.current_limit,
         }
     }
 
@@ -152,6 +212,17 @@ impl UnitParameters {
             }
         }
         params
+    }
+
+    /// The same relative to the type's k: without voltages the scale of all torques is free.
+    #[must_use]
+    pub fn relative_to_back_emf(mut self) -> Self {
+        let scale = 1.0 / (1.0 + self.back_emf.share);
+        for torque in [&mut self.inertia, &mut self.viscous_damping, &mut self.dry_friction] {
+            torque.share = scale * (1.0 + torque.share) - 1.0;
+        }
+        self.back_emf.share = 0.0;
+        self
     }
 
     /// What is wrong with the numbers of a file, if anything.

@@ -1,5 +1,7 @@
 //! A window of a commissioned unit by the monitor, corrected by what the unit's healthy windows show.
 
+use std::vec::Vec;
+
 use ema_models::{FAULT_COUNT, FaultVector};
 
 use super::UnitEstimate;
@@ -63,5 +65,9 @@ pub fn corrected(unit: &UnitMonitor, estimate: Estimate) -> UnitEstimate {
         competing_optimum: estimate.competing_optimum.map(|other| changed(&other)),
         ..estimate
     };
-    UnitEstimate { estimate, needed }
+    UnitEstimate {
+        estimate,
+        needed,
+        unexplained: Vec::new(),
+    }
 }

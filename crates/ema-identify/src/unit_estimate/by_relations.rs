@@ -2,12 +2,12 @@
 
 use std::vec::Vec;
 
-use ema_models::{ActuatorParams, FAULT_COUNT, FaultVector, MotorDeviation, SensedSample, Unknowns};
+use ema_models::{ActuatorParams, FAULT_COUNT, FaultId, FaultVector, MotorDeviation, SensedSample, Unknowns};
 
 use super::UnitEstimate;
 use crate::counter_wrap::align_counter_wraps;
-use crate::estimate::Estimate;
-use crate::relations::{Element, MeasuredWindow};
+use crate::estimate::{Estimate, UNMODELLED_COST};
+use crate::relations::{Element, MeasuredWindow, Relation};
 use crate::unit_calibration::UnitRelations;
 
 /// A window's samples with both counters on the wraps that bring the angles together.
@@ -43,8 +43,9 @@ const RESIDUAL_FLOOR: f64 = 5e-3;
 
 /// Estimates one window by the relations of its unit.
 ///
-/// The cost is `½ (r² + f²)/(r₀² + f²)`: r is the residual of the torque balance, r₀ that of healthy windows, f 0.5 % of the largest torque. `is_locked`: the motor stood while
-/// it was commanded to move.
+/// The cost is `½ (r² + f²)/(r₀² + f²)`: r is the residual of the torque balance, r₀ that of healthy windows, f 0.5 % of the largest torque; where the torque
+/// balance fails its residual test, no fault vector explains the window, and the cost says so. A fault whose own relation fails, controller
+/// gain or backlash, is not observable. `is_locked`: the motor stood while it was commanded to move.
 #[must_use]
 pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, is_locked: bool) -> UnitEstimate {
     let found = unit.commissioned.estimate(&window.measured());
@@ -61,8 +62,24 @@ pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, i
     }
     let motor = &window.params.motor;
     // Where noise explains all of it, the residual is 0.
+    let unexplained: Vec<Relation> = Relation::ALL
+        .into_iter()
+        .filter(|&relation| !found.is_explained_by(relation))
+        .collect();
+    for relation in &unexplained {
+        if let Some(fault) = own_fault(*relation) {
+            sigma[fault.parameter()] = None;
+        }
+    }
     let floor = RESIDUAL_FLOOR * motor.torque_gain() * motor.i_max;
     let ratio = found.torque_residual_rms.hypot(floor) / unit.residual_rms_nm.hypot(floor);
+    let cost = 0.5 * ratio * ratio;
+    let share = found.residual_share[Relation::TorqueBalance as usize];
+    let least = if unexplained.contains(&Relation::TorqueBalance) {
+        UNMODELLED_COST * share * share
+    } else {
+        0.0
+    };
     let fault = FaultVector::from_array(found.k.map(|k| k.clamp(0.0, 1.0)));
     let estimate = Estimate {
         fault,
@@ -74,7 +91,7 @@ pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, i
         },
         sigma,
         observable: sigma.map(|sigma| sigma.is_some()),
-        cost: 0.5 * ratio * ratio,
+        cost: cost.max(least),
         residual_rms_a: found.torque_residual_rms / motor.torque_gain(),
         evaluations: 0,
         cut: false,
@@ -85,5 +102,18 @@ pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, i
         deviations: std::vec::Vec::new(),
     };
     let needed: [_; FAULT_COUNT] = found.needed;
-    UnitEstimate { estimate, needed }
+    UnitEstimate {
+        estimate,
+        needed,
+        unexplained,
+    }
+}
+
+/// The fault that a relation alone shows.
+fn own_fault(relation: Relation) -> Option<FaultId> {
+    match relation {
+        Relation::TorqueBalance => None,
+        Relation::Controller => Some(FaultId::Gain),
+        Relation::Transmission => Some(FaultId::Backlash),
+    }
 }

@@ -17,10 +17,20 @@ const MONITOR_NUMBERS: usize = 96;
 /// inner radius of 1/√3.
 const HEXAGON_MEAN: f64 = 0.605_696_699_608_195_9;
 
+/// Factor on V_dc with which no current of a step needs all of it.
+const OUT_OF_REACH: f64 = 1000.0;
+
 impl Monitor<f64> {
-    /// A monitor of one actuator with these unknowns, on a DC link of `v_dc`, V.
+    /// A monitor of one actuator with these unknowns, on a DC link of `v_dc`, V. Where the currents follow their references with a time
+    /// constant, that stands for the voltage, and its limit is out of reach.
     #[must_use]
     pub fn new(params: &ActuatorParams, calibration: &Calibration, v_dc: f64, unknowns: &Unknowns) -> Self {
+        let is_current_controlled = calibration.current_time_constant > 0.0;
+        let v_dc = if is_current_controlled {
+            OUT_OF_REACH * v_dc
+        } else {
+            v_dc
+        };
         let fault = &unknowns.fault;
         let (motor, transmission) = (&params.motor, &params.transmission);
         let winding = Winding::new(fault);
@@ -70,6 +80,11 @@ impl Monitor<f64> {
                 half_back_emf: 0.5 * k * calibration.back_emf,
                 torque,
                 half_torque: 0.5 * torque,
+                current_left: if is_current_controlled {
+                    libm::exp(-params.controller.period / calibration.current_time_constant)
+                } else {
+                    0.0
+                },
                 torque_current_per_amp,
                 r,
                 reactance: winding.turns_ratio.map(|n| motor.pole_pairs * n * n * motor.l_s),
@@ -120,6 +135,7 @@ impl<R: Real> Monitor<R> {
                 half_back_emf: f(d.half_back_emf),
                 torque: f(d.torque),
                 half_torque: f(d.half_torque),
+                current_left: f(d.current_left),
                 torque_current_per_amp: f(d.torque_current_per_amp),
                 r: d.r.map(&mut f),
                 reactance: d.reactance.map(&mut f),

@@ -69,6 +69,8 @@ pub(crate) struct Derived<R> {
     half_back_emf: R,
     torque: R,
     half_torque: R,
+    /// Share of a current's deviation from its reference that is left after a control period: `e^(−T/τ)`, 0 for comparators.
+    current_left: R,
     /// Torque-producing current per quadrature current, averaged over all angles: half the sum of the turns ratios.
     torque_current_per_amp: R,
     /// R_j and P L_j.
@@ -277,7 +279,8 @@ impl<R: Real> Monitor<R> {
         state.i_ref = match self.form {
             Form::ThreePhase => {
                 let v = self.steady_voltage(state, i_ref);
-                let mean = self.mean_currents(i_ref, v);
+                let held = self.mean_currents(i_ref, v);
+                let mean = [0, 1].map(|axis| held[axis] - (held[axis] - state.i_ref[axis]) * self.derived.current_left);
                 #[cfg(feature = "study")]
                 let mean = study::with_table(mean, v, self.derived.per_half_v_dc, state.sin_cos);
                 state.torque_current =

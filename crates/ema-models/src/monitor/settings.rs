@@ -39,6 +39,9 @@ pub struct Calibration {
     pub torque: f64,
     /// Mean effect of the hysteresis band (three-phase form).
     pub ripple: Ripple,
+    /// Time constant with which direct and quadrature current follow their references, s (three-phase form): 0 for comparators,
+    /// about `1/(2π f)` for the current control of a vector drive with bandwidth f.
+    pub current_time_constant: f64,
 }
 
 impl Calibration {
@@ -50,6 +53,7 @@ impl Calibration {
             back_emf: 1.0,
             torque: 1.0,
             ripple: Ripple::default(),
+            current_time_constant: 0.0,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use ema_ga::ConfigError as SearchError;
 use ema_identify::calibration::{CalibrationError, MonitorForm, TypeCalibration};
@@ -11,14 +11,14 @@ use ema_models::{ActuatorParams, MotorKnowledge};
 use sha2::{Digest, Sha256};
 
 use super::motor_within;
-use crate::config::{ActuatorConfig, Config};
+use crate::config::{ActuatorConfig, ActuatorType, Config};
 use crate::health::LevelsError;
 use crate::metadata_checksum::hex;
 
 /// Why windows cannot be assessed; each has its cause in the configuration.
 #[derive(Debug, thiserror::Error)]
 pub enum AssessError {
-    /// A calibration cannot be read.
+    /// A calibration cannot be read, or not be written.
     #[error("{path}: {source}")]
     Read {
         /// The file.
@@ -42,6 +42,16 @@ pub enum AssessError {
     /// A unit's calibration is unusable.
     #[error(transparent)]
     Unit(#[from] UnitError),
+    /// What was learnt of a unit belongs to another one.
+    #[error("{path}: expected the unit with serial number {expected}, found that with {found}")]
+    Serial {
+        /// The file.
+        path: String,
+        /// Serial number of the configuration.
+        expected: String,
+        /// Serial number in the file.
+        found: String,
+    },
     /// A unit's calibration names an estimator that it does not hold.
     #[error("{0}: expected the estimator that its calibration names, found none")]
     NoEstimator(String),
@@ -190,6 +200,16 @@ impl Models {
         self.units.get(&actuator.name)
     }
 
+    /// Sets what was learnt of an actuator's unit.
+    pub(super) fn set_unit(&mut self, actuator: &str, unit: UnitCalibration) {
+        self.units.insert(actuator.to_owned(), unit);
+    }
+
+    /// Forgets what was learnt of an actuator's unit.
+    pub(super) fn remove_unit(&mut self, actuator: &str) {
+        self.units.remove(actuator);
+    }
+
     /// Prior knowledge of an actuator's motor: its own calibration, else the tolerances of its type.
     #[must_use]
     pub fn motor(&self, actuator: &ActuatorConfig) -> MotorKnowledge {
@@ -204,9 +224,16 @@ pub fn hash_of_type(actuator: &ActuatorConfig) -> String {
     hex(&Sha256::digest(actuator.parameters_as_text()))
 }
 
-/// Hash of the calibrations that a configuration's types are assessed with, as shipped or as their files stand.
+/// The same of a type.
 #[must_use]
-pub fn model_hash(config: &Config, read: ReadText<'_>) -> String {
+pub fn hash_of_parameters(of_type: &ActuatorType) -> String {
+    hex(&Sha256::digest(of_type.parameters_as_text()))
+}
+
+/// Hash of the calibrations that a configuration names, of its types as shipped or as their files stand, and of its units; and of the
+/// further ones of units that `learnt` names.
+#[must_use]
+pub fn model_hash(config: &Config, learnt: &[PathBuf], read: ReadText<'_>) -> String {
     let mut hash = Sha256::new();
     let form = config.identification().monitor;
     let mut types: Vec<&str> = config.actuators().iter().map(|a| a.type_name.as_str()).collect();
@@ -220,6 +247,11 @@ pub fn model_hash(config: &Config, read: ReadText<'_>) -> String {
                 hash.update(known.calibration.emit());
             }
         }
+    }
+    let named = config.actuators().iter().filter_map(|unit| unit.calibration.as_ref());
+    let named = named.map(|path| config.resolve(path));
+    for text in named.chain(learnt.iter().cloned()).filter_map(|path| read(&path).ok()) {
+        hash.update(text);
     }
     hex(&hash.finalize())
 }

@@ -3,6 +3,7 @@
 use ema_identify::relations::ELEMENT_COUNT;
 use ema_identify::unit_calibration::{ElementStatistics, UnitMonitor, UnitParameter, elements_of};
 use ema_identify::unit_estimate::{USUAL_COST, corrected};
+use ema_identify::unit_fit::WINDOWS_MIN;
 use ema_identify::unit_parameters_fit::fit_unit_parameters;
 use ema_identify::{Estimate, Identifier, Prepared};
 use ema_models::{Conditions, Tolerances};
@@ -20,6 +21,8 @@ const USUAL_TOLERANCES: f64 = 1.0;
 pub(super) struct MonitorLearnt {
     pub(super) unit: UnitMonitor,
     pub(super) evidence: Evidence,
+    /// What was found in each window, before the baseline corrects it.
+    pub(super) estimates: Vec<Estimate>,
 }
 
 /// Learns the monitor of a unit; `None` where the windows do not determine it.
@@ -38,7 +41,7 @@ pub(super) fn learn_monitor(
     };
     let mut estimates: Vec<Estimate> = Vec::with_capacity(jobs.len());
     for job in &mut *jobs {
-        let (mut identifier, conditions) = of_type(assessor, job)?;
+        let (mut identifier, conditions) = of_type(assessor, job, unit.current_time_constant_s)?;
         identifier.params = unit.parameters.applied_to(&job.params);
         identifier.motor = crate::assess::motor_knowledge_at(unit.motor(), job.conditions.winding_temp_deg_c);
         let (_, estimate) =
@@ -62,22 +65,44 @@ pub(super) fn learn_monitor(
         ..unit
     };
     let of_unit: Vec<Estimate> = estimates
-        .into_iter()
-        .map(|estimate| corrected(&unit, estimate).estimate)
+        .iter()
+        .map(|estimate| corrected(&unit, estimate.clone()).estimate)
         .collect();
     let sigmas: Vec<_> = of_unit.iter().map(|estimate| estimate.sigma).collect();
     let explained = of_unit.iter().filter(|estimate| !estimate.is_unmodelled()).count();
     Ok(Some(MonitorLearnt {
         evidence: Evidence::new(&sigmas, explained),
         unit,
+        estimates,
     }))
 }
 
-/// The parameters of the unit; cost and baseline are still open.
+/// Time constants of the currents that are tried, s: comparators, then current control with a bandwidth of 1,000, 600 and 350 Hz.
+const CURRENT_TIME_CONSTANTS: [f64; 4] = [0.0, 1.6e-4, 2.7e-4, 4.5e-4];
+
+/// The parameters of the unit and how its drive follows the references, whichever explains the windows best; cost and baseline are still
+/// open.
 fn fit(assessor: &Assessor, jobs: &[WindowJob]) -> Result<Option<UnitMonitor>, CommissioningError> {
+    let mut best: Option<UnitMonitor> = None;
+    for current_time_constant_s in CURRENT_TIME_CONSTANTS {
+        let found = fit_with(assessor, &jobs[..WINDOWS_MIN.min(jobs.len())], current_time_constant_s)?;
+        best = match (best, found) {
+            (Some(best), Some(found)) if best.cost <= found.cost => Some(best),
+            (best, found) => found.or(best),
+        };
+    }
+    best.map_or(Ok(None), |best| fit_with(assessor, jobs, best.current_time_constant_s))
+}
+
+/// The parameters of the unit for one time constant of its currents, s.
+fn fit_with(
+    assessor: &Assessor,
+    jobs: &[WindowJob],
+    current_time_constant_s: f64,
+) -> Result<Option<UnitMonitor>, CommissioningError> {
     let mut prepared = Vec::with_capacity(jobs.len());
     for job in jobs {
-        let (identifier, conditions) = of_type(assessor, job)?;
+        let (identifier, conditions) = of_type(assessor, job, current_time_constant_s)?;
         let window = &job.window;
         let samples = Prepared::new(&identifier.params, &window.samples, &window.filled, window.trigger);
         prepared.push((identifier, samples, conditions));
@@ -96,17 +121,29 @@ fn fit(assessor: &Assessor, jobs: &[WindowJob]) -> Result<Option<UnitMonitor>, C
     let of_type = jobs.first().map_or(Tolerances::USUAL, |job| job.actuator.tolerances);
     Ok(fit_unit_parameters(&compared, &of_type).map(|fit| UnitMonitor {
         cost: fit.cost,
-        parameters: fit.parameters,
+        parameters: if current_time_constant_s > 0.0 {
+            fit.parameters.relative_to_back_emf()
+        } else {
+            fit.parameters
+        },
+        current_time_constant_s,
         baseline: Default::default(),
     }))
 }
 
 /// The identifier of the type for a window, every number known exactly, and the window's conditions.
-fn of_type(assessor: &Assessor, job: &WindowJob) -> Result<(Identifier, Conditions), CommissioningError> {
+fn of_type(
+    assessor: &Assessor,
+    job: &WindowJob,
+    current_time_constant_s: f64,
+) -> Result<(Identifier, Conditions), CommissioningError> {
     let window = job.window.number;
     let conditions = conditions(job).map_err(|sentence| CommissioningError::Conditions { window, sentence })?;
     let mut identifier = assessor.identifier_of(job)?;
     identifier.tolerances = Tolerances::NONE;
+    identifier.calibration = identifier
+        .calibration
+        .with_current_time_constant(current_time_constant_s);
     Ok((identifier, conditions))
 }
 
@@ -122,19 +159,44 @@ impl MonitorLearnt {
         self.unit.cost <= USUAL_COST && unusual.count() <= 1
     }
 
-    /// The first parameter that is far from the type.
+    /// Tolerance of a parameter, as a share. Without voltages all torques are relative to the type's k.
+    fn tolerance(&self, parameter: UnitParameter, of_type: &Tolerances) -> f64 {
+        let own = parameter.tolerance(of_type);
+        if self.unit.current_time_constant_s > 0.0 {
+            own.hypot(UnitParameter::BackEmf.tolerance(of_type))
+        } else {
+            own
+        }
+    }
+
+    /// The first parameter of the actuator that is far from the type.
     pub(super) fn far_parameter(&self, job: &WindowJob) -> Option<FarParameter> {
-        UnitParameter::ALL.into_iter().find_map(|parameter| {
-            let share = self.unit.parameters.of(parameter).share;
-            let of_type = parameter.value(&job.params);
-            let tolerance = parameter.tolerance(&job.actuator.tolerances);
-            (share.abs() > TOLERANCES_MAX * tolerance).then(|| FarParameter {
-                type_name: job.actuator.type_name.clone(),
-                key: parameter.key(),
-                of_type,
-                found: (1.0 + share) * of_type,
-                tolerance: tolerance * of_type,
-            })
+        UnitParameter::ALL
+            .into_iter()
+            .filter(|parameter| !parameter.is_of_controller())
+            .find_map(|parameter| self.far(parameter, job))
+    }
+
+    /// Parameters of the controller that are far from the type.
+    pub(super) fn far_of_controller(&self, job: &WindowJob) -> Vec<FarParameter> {
+        UnitParameter::ALL
+            .into_iter()
+            .filter(|parameter| parameter.is_of_controller())
+            .filter_map(|parameter| self.far(parameter, job))
+            .collect()
+    }
+
+    /// The parameter, if it is far from the type.
+    fn far(&self, parameter: UnitParameter, job: &WindowJob) -> Option<FarParameter> {
+        let share = self.unit.parameters.of(parameter).share;
+        let of_type = parameter.value(&job.params);
+        let tolerance = self.tolerance(parameter, &job.actuator.tolerances);
+        (share.abs() > TOLERANCES_MAX * tolerance).then(|| FarParameter {
+            type_name: job.actuator.type_name.clone(),
+            key: parameter.key(),
+            of_type,
+            found: (1.0 + share) * of_type,
+            tolerance: tolerance * of_type,
         })
     }
 }

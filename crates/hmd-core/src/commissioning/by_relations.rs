@@ -1,7 +1,7 @@
 //! The relations of one unit, and what they say of windows that were left out.
 
 use ema_identify::relations::{
-    BalanceShape, CommissionError, CommissionedRelations, Element, MeasuredWindow, Term, commission,
+    BalanceShape, CommissionError, CommissionedRelations, Element, MeasuredWindow, RelationsEstimate, Term, commission,
 };
 use ema_identify::unit_calibration::{UnitParameter, UnitRelations, nominal_elements};
 use ema_identify::unit_estimate::{AlignedWindow, estimate_by_relations};
@@ -24,6 +24,8 @@ const PLAY_TOLERANCE: f64 = 0.5;
 pub(super) struct RelationsLearnt {
     pub(super) unit: UnitRelations,
     pub(super) evidence: Evidence,
+    /// What was found in each window by what was learnt from the others.
+    pub(super) left_out: Vec<RelationsEstimate>,
 }
 
 /// Learns the relations of a unit.
@@ -82,6 +84,7 @@ pub(super) fn learn_relations(jobs: &[WindowJob]) -> Result<RelationsLearnt, Com
     Ok(RelationsLearnt {
         evidence: Evidence::new(&sigmas, explained),
         unit,
+        left_out: found,
     })
 }
 
@@ -129,6 +132,6 @@ impl RelationsLearnt {
         of_balance
             .into_iter()
             .chain([play])
-            .find(|far| far.found - far.of_type > TOLERANCES_MAX * far.tolerance)
+            .find(|far| (far.found - far.of_type).abs() > TOLERANCES_MAX * far.tolerance)
     }
 }

@@ -52,6 +52,13 @@ impl Evidence {
             .count()
     }
 
+    /// Whether a window shows every fault with a small sigma.
+    pub(super) fn shows_all_well(&self) -> bool {
+        FaultId::ALL
+            .into_iter()
+            .all(|fault| self.sigma[fault.parameter()].is_some_and(|sigma| sigma <= SIGMA_SMALL))
+    }
+
     /// Whether an estimator serves clearly better than another one: it shows a fault that the other does not, or one that the other
     /// shows badly with half the sigma, and none badly that the other shows well.
     pub(super) fn is_clearly_better_than(&self, other: &Self) -> bool {

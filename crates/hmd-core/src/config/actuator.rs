@@ -1,6 +1,7 @@
 //! The actuators that are watched: every `[[actuator]]`, or whatever is seen when there is none.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -9,10 +10,8 @@ use ema_wire::ActuatorId;
 use serde::Serialize;
 
 use super::ConfigError;
-use super::actuator_type::{ActuatorType, DEFAULT_TYPE};
-use super::drive;
+use super::actuator_type::{ActuatorType, DEFAULT_TYPE, parameters_as_text};
 use super::name::{NAME_EXPECTED, is_name};
-use super::params;
 use super::reader::Section;
 use super::signals::{self, DbcFiles};
 use super::specification::Specification;
@@ -24,6 +23,8 @@ const KEYS: &[&str] = &[
     "bus",
     "type",
     "calibration",
+    "learn_windows",
+    "learn_folder",
     "dbc",
     "signals",
     "part_number",
@@ -63,6 +64,9 @@ pub struct ActuatorConfig {
     pub specification: Specification,
     /// Calibration of this very unit, as written in the file.
     pub calibration: Option<PathBuf>,
+    /// How this very unit is learnt from its first windows; `None`: not at all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub learning: Option<Learning>,
     /// DBC file of the bus that it is on, as written in the file; `None`: the built-in dictionary.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dbc: Option<PathBuf>,
@@ -78,6 +82,42 @@ pub struct ActuatorConfig {
     pub passive: bool,
 }
 
+/// How a unit is learnt by the daemon itself.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Learning {
+    /// Windows that it is learnt from.
+    pub windows: usize,
+    /// Folder of what was learnt, as written in the file. A replay neither reads nor writes there.
+    pub folder: PathBuf,
+}
+
+impl Learning {
+    /// Windows that a unit can be learnt from. Commissioning runs on the identification thread, and its time grows with their square:
+    /// 30 take some 15 s on one core; and each is some 100 kB.
+    const WINDOWS: RangeInclusive<u32> = 5..=30;
+
+    fn read(section: &Section<'_>) -> Result<Option<Self>, ConfigError> {
+        let windows = section.integer("learn_windows", Self::WINDOWS)?;
+        let folder = section.text("learn_folder")?.map(PathBuf::from);
+        let Some(windows) = windows else {
+            return match folder {
+                Some(_) => Err(section.refuse("learn_folder", "learn_windows beside it")),
+                None => Ok(None),
+            };
+        };
+        if section.text("calibration")?.is_some() {
+            return Err(section.refuse("learn_windows", "either calibration or learn_windows"));
+        }
+        match folder {
+            Some(folder) => Ok(Some(Self {
+                windows: windows as usize,
+                folder,
+            })),
+            None => Err(section.refuse("learn_windows", "learn_folder beside it")),
+        }
+    }
+}
+
 impl ActuatorConfig {
     fn of_type(id: ActuatorId, type_name: &str, found: &ActuatorType) -> Self {
         Self {
@@ -91,6 +131,7 @@ impl ActuatorConfig {
             type_calibration: found.calibration.clone(),
             specification: found.specification,
             calibration: None,
+            learning: None,
             dbc: None,
             map: None,
             part_number: None,
@@ -125,6 +166,7 @@ impl ActuatorConfig {
         }
         actuator.bus = section.text("bus")?;
         actuator.calibration = section.text("calibration")?.map(PathBuf::from);
+        actuator.learning = Learning::read(section)?;
         actuator.dbc = section.text("dbc")?.map(PathBuf::from);
         actuator.map = signals::read(section, &actuator.params, files)?.map(Arc::new);
         actuator.part_number = section.text("part_number")?;
@@ -136,9 +178,21 @@ impl ActuatorConfig {
     /// Parameters of its type and drive under their keys, whatever the sample rate; two types with the same text are the same.
     #[must_use]
     pub fn parameters_as_text(&self) -> String {
-        let mut params = self.params;
-        params.sensors.sample_rate = 0.0;
-        format!("{:?} {}", params::by_key(&params), drive::as_text(&self.drive))
+        parameters_as_text(&self.params, &self.drive)
+    }
+
+    /// Name of the file of what is learnt of its unit: its own name and, where configured, the unit's serial number, in letters, digits,
+    /// `-` and `_` behind a `+`.
+    #[must_use]
+    pub fn learnt_file_name(&self) -> String {
+        let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
+        match &self.serial_number {
+            Some(serial) => {
+                let serial: String = serial.chars().map(plain).collect();
+                format!("{}+{serial}.unit.toml", self.name)
+            }
+            None => format!("{}.unit.toml", self.name),
+        }
     }
 
     /// Whether frames of number `id` on interface `bus` are its own.

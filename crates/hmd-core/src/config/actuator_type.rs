@@ -39,6 +39,20 @@ pub struct ActuatorType {
     pub specification: Specification,
 }
 
+impl ActuatorType {
+    /// Its parameters and drive under their keys, whatever the sample rate; two types with the same text are the same.
+    #[must_use]
+    pub fn parameters_as_text(&self) -> String {
+        parameters_as_text(&self.params, &self.drive)
+    }
+}
+
+pub(super) fn parameters_as_text(params: &ActuatorParams, drive: &DriveParams) -> String {
+    let mut params = *params;
+    params.sensors.sample_rate = 0.0;
+    format!("{:?} {}", params::by_key(&params), drive::as_text(drive))
+}
+
 /// The built-in types by name.
 fn built_in() -> [(&'static str, ActuatorParams); 3] {
     [

@@ -89,6 +89,10 @@ fn write_actuators(out: &mut String, config: &Config) -> fmt::Result {
                 write!(out, ", {what} calibrated by {}", file.display())?;
             }
         }
+        if let Some(learning) = &actuator.learning {
+            let (windows, folder) = (learning.windows, learning.folder.display());
+            write!(out, ", unit learnt from {windows} windows, kept in {folder}")?;
+        }
         for (what, value) in [("part", &actuator.part_number), ("serial", &actuator.serial_number)] {
             if let Some(value) = value {
                 write!(out, ", {what} {value}")?;

@@ -1,7 +1,8 @@
 //! Whether the samples of a window are fit for an assessment: refuses single samples, then decides on the window.
 
 use super::config::{CLOCK_JUMP_S, Lengths, SCATTERED_RUN};
-use super::counters::refuse_spikes;
+use super::counters::{CounterLimits, refuse_spikes};
+use super::jitter::sample_jitter;
 use super::limits::Limits;
 use super::quality::{Counter, Defect, Invalidity, Part};
 use super::ring::Slot;
@@ -23,8 +24,10 @@ pub(super) struct Findings {
 /// Refuses samples that cannot be used and decides whether the rest is enough; of several reasons, the first in the order below.
 pub(super) fn examine(slots: &mut [Slot], limits: &Limits) -> Findings {
     refuse_currents(slots, limits);
-    let jumps = [(limits.motor, Counter::Motor), (limits.output, Counter::Output)]
-        .map(|(of, counter)| refuse_spikes(slots, &of).map(|at| Invalidity::CounterJumped { counter, at }));
+    let jitter = sample_jitter(slots);
+    let jumps = [(limits.motor, Counter::Motor), (limits.output, Counter::Output)].map(|(of, counter)| {
+        refuse_spikes(slots, &CounterLimits { jitter, ..of }).map(|at| Invalidity::CounterJumped { counter, at })
+    });
     let lost = slots.iter().filter(|slot| !slot.was_received()).count() as u64;
     let rejected = slots
         .iter()

@@ -17,6 +17,8 @@ pub(super) struct CounterLimits {
     pub(super) speed: f64,
     /// Counts per period, per period, at the highest acceleration.
     pub(super) acceleration: f64,
+    /// Largest time by which a sample of the window is taken early or late, periods.
+    pub(super) jitter: f64,
 }
 
 /// Deviation that is always allowed, counts: noise and rounding of a counter.
@@ -112,9 +114,24 @@ fn too_fast(points: &[Point], limits: &CounterLimits) -> Result<Vec<usize>, usiz
     Ok(spikes)
 }
 
-/// Deviation allowed `steps` periods away from a line through two neighbours: twice the acceleration's.
-fn allowed(steps: usize, limits: &CounterLimits) -> f64 {
-    SLACK + limits.acceleration * (steps * (steps + 1)) as f64
+/// Factor on the jitter that the window's median shows: instants that do not jitter evenly reach further.
+const JITTER_MARGIN: f64 = 1.25;
+
+/// Two counts, of which the first is the nearer one.
+type Line<'a> = (&'a Point, &'a Point);
+
+/// Counts per period along a line.
+fn slope((near, far): Line<'_>) -> f64 {
+    (near.count - far.count) / (near.index as f64 - far.index as f64)
+}
+
+/// Deviation allowed from a line at the speed `speed`: twice the acceleration's, and what the counter turns while the instants of
+/// the three counts jitter.
+fn allowed(point: &Point, (near, far): Line<'_>, speed: f64, limits: &CounterLimits) -> f64 {
+    let steps = point.index.abs_diff(far.index) - 1;
+    let beyond = point.index.abs_diff(near.index) as f64 / near.index.abs_diff(far.index) as f64;
+    let instants = 2.0 * (1.0 + beyond) * JITTER_MARGIN * limits.jitter;
+    SLACK + limits.acceleration * (steps * (steps + 1)) as f64 + instants * speed
 }
 
 /// Indices of runs of `run` counts that lie off the line before and the line after, on the same side. Where there are no
@@ -125,8 +142,11 @@ fn off_both_lines(points: &[Point], run: usize, limits: &CounterLimits) -> Vec<u
     while next + run <= points.len() {
         let before = next.checked_sub(2).map(|start| (&points[start + 1], &points[start]));
         let after = points.get(next + run + 1).map(|far| (&points[next + run], far));
+        // The counts in question are not among those that tell the speed.
+        let slopes = [before, after].into_iter().flatten().map(|line| slope(line).abs());
+        let speed = slopes.fold(0.0, f64::max);
         let is_spike = points[next..next + run].iter().all(|point| {
-            let off = [before, after].map(|line| line.map(|(near, far)| off_line(point, near, far, limits)));
+            let off = [before, after].map(|line| line.map(|line| off_line(point, line, speed, limits)));
             match off {
                 [Some(left), Some(right)] => left * right > 0.0 && left.abs().min(right.abs()) > 1.0,
                 [Some(only), None] | [None, Some(only)] => only.abs() > 1.0,
@@ -145,19 +165,21 @@ fn off_both_lines(points: &[Point], run: usize, limits: &CounterLimits) -> Vec<u
 }
 
 /// Signed distance of a count from the line through two others on one side of it, as a multiple of what is allowed.
-fn off_line(point: &Point, near: &Point, far: &Point, limits: &CounterLimits) -> f64 {
-    let slope = (near.count - far.count) / (near.index as f64 - far.index as f64);
-    let line = near.count + slope * (point.index as f64 - near.index as f64);
-    (point.count - line) / allowed(point.index.abs_diff(far.index) - 1, limits)
+fn off_line(point: &Point, line: Line<'_>, speed: f64, limits: &CounterLimits) -> f64 {
+    let near = line.0;
+    let expected = near.count + slope(line) * (point.index as f64 - near.index as f64);
+    (point.count - expected) / allowed(point, line, speed, limits)
 }
 
 /// First index after an interval whose speed sticks out from those before and after it: a jump that the speed limit lets
 /// pass.
 fn pulse_of_speed(points: &[Point], limits: &CounterLimits) -> Option<usize> {
     points.windows(4).find_map(|p| {
+        let (left, right) = ((&p[1], &p[0]), (&p[2], &p[3]));
+        let speed = slope(left).abs().max(slope(right).abs());
         let (left, right) = (
-            off_line(&p[2], &p[1], &p[0], limits),
-            off_line(&p[1], &p[2], &p[3], limits),
+            off_line(&p[2], left, speed, limits),
+            off_line(&p[1], right, speed, limits),
         );
         // Seen from the left the count after the jump is high, seen from the right the one before it is low.
         (left * right < 0.0 && left.abs().min(right.abs()) > 1.0).then_some(p[2].index)

@@ -4,12 +4,11 @@ use ema_models::FaultId;
 use std::fmt::Write;
 
 use super::history::{Files, History, Source};
+use super::markup::{document, table};
 use super::plot::escaped;
 use super::sections::{fault_vector, fit, remaining, residuals, timeline};
 use hmd_core::record::{Rul, WindowStatus};
 use hmd_core::timestamp;
-
-const STYLE: &str = include_str!("style.css");
 
 /// Most events that are listed, the newest.
 const EVENTS_MAX: usize = 50;
@@ -42,12 +41,7 @@ pub fn page(files: &Files, history: &History) -> String {
     section("Data quality", quality(files, history));
     section("Events", events(files));
     section("How this was made", sources(files));
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">\n\
-         <title>Health report of {name}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{body}</main>\n</body>\n</html>\n"
-    )
+    document(&format!("Health report of {name}"), &body)
 }
 
 fn period(history: &History) -> String {
@@ -258,18 +252,6 @@ fn sources(files: &Files) -> String {
         .collect();
     let caption = format!("Metadata of each file; this page by hmd {}", env!("CARGO_PKG_VERSION"));
     table(&caption, &[("File", ""), ("Key", ""), ("Value", "")], &rows)
-}
-
-/// A table with heads, each with the class of its column.
-fn table(caption: &str, heads: &[(&str, &str)], rows: &str) -> String {
-    let heads: String = heads
-        .iter()
-        .map(|(head, class)| format!("<th scope=\"col\" class=\"{class}\">{head}</th>"))
-        .collect();
-    format!(
-        "<div class=\"scroll\"><table><caption>{}</caption><thead><tr>{heads}</tr></thead><tbody>\n{rows}</tbody></table></div>\n",
-        escaped(caption)
-    )
 }
 
 #[cfg(test)]

@@ -239,6 +239,15 @@ pub(super) fn significant(value: f64) -> String {
     format!("{value:.digits$}")
 }
 
+/// A number with three significant digits, small ones with an exponent.
+pub(super) fn number(value: f64) -> String {
+    if (f64::MIN_POSITIVE..1e-3).contains(&value.abs()) {
+        format!("{value:.2e}")
+    } else {
+        significant(value)
+    }
+}
+
 /// Escapes text for HTML and SVG.
 pub(super) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());

@@ -6,17 +6,20 @@ use super::history::{History, Point};
 use super::plot::{Axis, Plot, escaped, significant};
 use hmd_core::record::Window;
 
-const HEIGHT: f64 = 230.0;
+pub(super) const HEIGHT: f64 = 230.0;
 
 /// Most samples of a window, and most windows of a history, that are drawn; then every n-th, and the last.
-const SAMPLES_MAX: usize = 1200;
+pub(super) const SAMPLES_MAX: usize = 1200;
 const POINTS_MAX: usize = 400;
+
+/// Factor on a standard deviation for 95 %.
+pub(super) const NORMAL_95: f64 = 1.96;
 
 /// States of health as they stand in the timeline.
 const STATES: [&str; 5] = ["unknown", "nominal", "watch", "warning", "critical"];
 
 /// A drawing with the sentence below it; what is in the sentence is HTML.
-fn figure(plot: &Plot, caption: &str) -> String {
+pub(super) fn figure(plot: &Plot, caption: &str) -> String {
     format!("<figure>{}<figcaption>{caption}</figcaption></figure>\n", plot.svg())
 }
 
@@ -108,7 +111,7 @@ pub(super) fn fault_vector(history: &History) -> String {
         let name = FaultVector::NAMES[p].replace('_', " ");
         let interval = |point: &Point| {
             let estimate = point.estimate.as_ref()?;
-            let half = 1.96 * estimate.sigma[p]?;
+            let half = NORMAL_95 * estimate.sigma[p]?;
             let k = estimate.k[p];
             Some(((k - half).max(0.0), (k + half).min(1.0)))
         };
@@ -201,7 +204,7 @@ pub(super) fn residuals(history: &History) -> String {
 }
 
 /// Every n-th, so that no more than about `most` are left, and the last.
-fn thinned<T: Copy>(all: &[T], most: usize) -> Vec<T> {
+pub(super) fn thinned<T: Copy>(all: &[T], most: usize) -> Vec<T> {
     let step = all.len().div_ceil(most).max(1);
     let mut left: Vec<T> = all.iter().copied().step_by(step).collect();
     if all.len() % step != 1 % step {

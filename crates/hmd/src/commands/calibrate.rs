@@ -10,20 +10,21 @@ use super::{Exit, load_config, no_input, use_threads, warn};
 use crate::unit_windows::windows_of;
 #[cfg(feature = "full")]
 use ema_identify::calibration::TypeCalibration;
-use ema_identify::unit_calibration::{Deviation, UnitCalibration, UnitEstimator, UnitParameter};
-use ema_models::FaultId;
 use hmd_core::assess::{Assessor, conditions};
-use hmd_core::commissioning::{Commissioned, CommissioningError, calibrate_unit, windows_of_work};
+use hmd_core::commissioning::{Commissioned, CommissioningError, calibrate_unit, in_words, windows_of_work};
 use hmd_core::config::Config;
-use hmd_storage::calibration_file::load_type_models;
+#[cfg(feature = "full")]
+use hmd_report::report::commissioning_page;
+use hmd_storage::calibration_file::{load_type_models, save};
 
 /// Calibrate the monitor for one unit from logs in which it was healthy, or for a type of actuator.
 #[derive(Debug, clap::Args)]
 #[cfg_attr(
     feature = "full",
     command(after_help = "Examples:\n\
-    \x20 hmd calibrate healthy.mcap -c hmd.toml -o unit.calibration.toml\n\
-    \x20 hmd calibrate --type --actuator own -c hmd.toml -o own.calibration.toml")
+    \x20 hmd calibrate healthy.mcap -c hmd.toml -o unit.calibration.toml --report unit.html\n\
+    \x20 hmd calibrate --type --actuator own -c hmd.toml -o own.calibration.toml\n\
+    \x20 hmd calibrate --type --actuator own -c hmd.toml --units unit*.toml -o conf.d/own.toml")
 )]
 #[cfg_attr(
     not(feature = "full"),
@@ -45,6 +46,10 @@ pub struct Args {
     /// Calibration file to write.
     #[arg(short, long)]
     output: PathBuf,
+    /// HTML page that shows what was learnt of the unit: parameters, residuals, smallest damage.
+    #[cfg(feature = "full")]
+    #[arg(long, value_name = "HTML", conflicts_with = "of_type")]
+    report: Option<PathBuf>,
     /// Configuration that defines further types, and the actuators of the logs.
     #[arg(short, long)]
     config: Option<PathBuf>,
@@ -64,16 +69,28 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = load_config(args.config.as_deref())?;
     #[cfg(feature = "full")]
     if args.of_type.is_requested()? {
-        no_input(&args.output, read_files(&config, true))?;
+        no_input(
+            &args.output,
+            read_files(&config, true).iter().chain(args.of_type.units()),
+        )?;
+        if !args.of_type.units().is_empty() {
+            save(&args.output, &args.of_type.of_units(&config)?).with_context(|| args.output.display().to_string())?;
+            return Ok(Exit::Done);
+        }
         use_threads(args.threads.map(usize::from))?;
         let calibration = args.of_type.calibrate(&config, args.seed)?;
         let (text, path) = (calibration.emit(), args.output.display().to_string());
         // What a replay would refuse is not written.
         TypeCalibration::parse(&text, &path)?;
-        std::fs::write(&args.output, text).context(path)?;
+        save(&args.output, &text).context(path)?;
         return Ok(Exit::Done);
     }
     no_input(&args.output, args.logs.iter().chain(&read_files(&config, false)))?;
+    #[cfg(feature = "full")]
+    if let Some(report) = &args.report {
+        let read = read_files(&config, false);
+        no_input(report, args.logs.iter().chain(&read).chain([&args.output]))?;
+    }
     unit(args, config)
 }
 
@@ -107,7 +124,7 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
     let bar = over_pieces(windows_of_work(jobs.len()));
     let commissioned = calibrate_unit(&assessor, config.health().levels(), jobs, args.seed, &|n| bar.inc(n));
     bar.finish_and_clear();
-    let Commissioned { calibration, notes } = match commissioned {
+    let commissioned = match commissioned {
         Ok(commissioned) => commissioned,
         // The exit code of a bad configuration belongs to this one.
         Err(CommissioningError::Assess(error)) => return Err(error.into()),
@@ -117,41 +134,16 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
         }
         Err(error) => return Err(error.into()),
     };
+    let Commissioned { calibration, notes, .. } = &commissioned;
     let name = &jobs[0].actuator.name;
-    for line in notes.into_iter().chain(summary(&calibration)) {
+    for line in notes.iter().cloned().chain(in_words(calibration)) {
         warn(format_args!("{name}: {line}"));
     }
-    let (text, path) = (calibration.emit(), args.output.display().to_string());
-    // What a replay would refuse is not written.
-    UnitCalibration::parse(&text, &path, &calibration.actuator_type)?;
-    std::fs::write(&args.output, text).context(path)?;
-    Ok(if found.data_lost { Exit::DataLost } else { Exit::Done })
-}
-
-/// What was learnt, for an operator.
-pub(super) fn summary(unit: &UnitCalibration) -> Vec<String> {
-    let name = match unit.estimator {
-        UnitEstimator::Monitor => "monitor",
-        UnitEstimator::Relations => "relations between measured signals",
-    };
-    let mut lines = vec![format!(
-        "assessed by the {name} ({}), from {} windows",
-        unit.estimator_reason, unit.windows
-    )];
-    if let (UnitEstimator::Monitor, Some(monitor)) = (unit.estimator, &unit.monitor) {
-        let deviations = UnitParameter::ALL.map(|parameter| {
-            let Deviation { share, sigma } = monitor.parameters.of(parameter);
-            format!("{} {:+.1} % ± {:.1} %", parameter.name(), 100.0 * share, 100.0 * sigma)
-        });
-        lines.push(format!("of type {}: {}", unit.actuator_type, deviations.join(", ")));
+    save(&args.output, &calibration.emit()).with_context(|| args.output.display().to_string())?;
+    #[cfg(feature = "full")]
+    if let Some(report) = &args.report {
+        let page = commissioning_page(name, calibration, &commissioned.findings);
+        std::fs::write(report, page).with_context(|| report.display().to_string())?;
     }
-    let smallest: Vec<String> = FaultId::ALL
-        .into_iter()
-        .map(|fault| match unit.smallest_damage.get(fault.name()) {
-            Some(damage) => format!("{} {damage:.2}", fault.plain_name()),
-            None => format!("{} not shown by these windows", fault.plain_name()),
-        })
-        .collect();
-    lines.push(format!("smallest damage that shows: {}", smallest.join(", ")));
-    lines
+    Ok(if found.data_lost { Exit::DataLost } else { Exit::Done })
 }

@@ -1,8 +1,12 @@
-//! `hmd calibrate --type`: the monitor of a type of actuator against the reference model.
+//! `hmd calibrate --type`: the monitor of a type of actuator against the reference model, or its parameters by several units.
+
+use std::path::PathBuf;
 
 use ema_identify::calibration::{MonitorForm, TypeCalibration};
-use hmd_core::config::{Config, MONITOR_NAMES};
+use hmd_core::config::{ActuatorType, Config, MONITOR_NAMES};
+use hmd_core::type_of_units::type_of_units;
 use hmd_lab::calibrate_type::calibrate_type;
+use hmd_storage::calibration_file::load_unit;
 
 use super::{Misuse, unknown_type, warn};
 
@@ -15,6 +19,9 @@ pub(super) struct TypeArgs {
     /// With --type, the type to calibrate: bench (without it), servo28, servo270 or one of the configuration's.
     #[arg(long, value_name = "TYPE")]
     actuator: Option<String>,
+    /// With --type, the calibrations of three units of the type or more: values and tolerances of the type, as a part of a configuration.
+    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with = "monitor")]
+    units: Vec<PathBuf>,
     /// With --type, the monitor form: three-phase (without it), one-axis or paper.
     #[arg(long, value_parser = named_monitor)]
     monitor: Option<MonitorForm>,
@@ -26,11 +33,43 @@ impl TypeArgs {
     /// # Errors
     /// An option of a type without `--type`.
     pub(super) fn is_requested(&self) -> Result<bool, Misuse> {
-        if !self.of_type && (self.actuator.is_some() || self.monitor.is_some()) {
-            let sentence = "--actuator and --monitor: expected together with --type, found alone";
+        let has_option = self.actuator.is_some() || self.monitor.is_some() || !self.units.is_empty();
+        if !self.of_type && has_option {
+            let sentence = "--actuator, --monitor and --units: expected together with --type, found alone";
             return Err(Misuse(sentence.to_owned()));
         }
         Ok(self.of_type)
+    }
+
+    /// The calibrations of units that the type is made of; none where it is calibrated against the reference.
+    pub(super) fn units(&self) -> &[PathBuf] {
+        &self.units
+    }
+
+    /// The type and its name.
+    fn found<'a>(&'a self, config: &'a Config) -> Result<(&'a str, &'a ActuatorType), Misuse> {
+        let name = self.actuator.as_deref().unwrap_or("bench");
+        let found = config.actuator_type(name).ok_or_else(|| unknown_type(name))?;
+        Ok((name, found))
+    }
+
+    /// The type that the units have in common, as a part of a configuration; prints what was found.
+    ///
+    /// # Errors
+    /// No type of that name, a file that is no calibration of a unit of it, or too few units.
+    pub(super) fn of_units(&self, config: &Config) -> anyhow::Result<String> {
+        let (name, found) = self.found(config)?;
+        let mut units = Vec::with_capacity(self.units.len());
+        for path in &self.units {
+            // The exit code of a bad configuration belongs to files that it names.
+            let unit = load_unit(path, name).map_err(|error| anyhow::anyhow!("{error}"))?;
+            units.push((path.display().to_string(), unit));
+        }
+        let common = type_of_units(name, found, &units)?;
+        for line in common.in_words() {
+            warn(line);
+        }
+        Ok(common.emit())
     }
 
     /// Calibrates the type and prints the error before and after.
@@ -38,10 +77,7 @@ impl TypeArgs {
     /// # Errors
     /// No type of that name.
     pub(super) fn calibrate(&self, config: &Config, seed: u64) -> anyhow::Result<TypeCalibration> {
-        let name = self.actuator.as_deref().unwrap_or("bench");
-        let Some(found) = config.actuator_type(name) else {
-            return Err(unknown_type(name).into());
-        };
+        let (name, found) = self.found(config)?;
         let form = self.monitor.unwrap_or(MonitorForm::ThreePhase);
         let calibration = calibrate_type(name, &found.params, form, seed);
         let q = &calibration.quality;

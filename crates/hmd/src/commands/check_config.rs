@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{Exit, check_files, load_config, say};
+use super::{Exit, check_files_of_run, load_config, say};
 
 /// Check a configuration and say what it means.
 #[derive(Debug, clap::Args)]
@@ -24,7 +24,7 @@ pub struct Args {
 /// A bad configuration.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = load_config(args.config.as_deref())?;
-    check_files(&config)?;
+    check_files_of_run(&config)?;
     if args.json {
         say(&serde_json::to_string_pretty(&config.to_json())?)?;
     } else {

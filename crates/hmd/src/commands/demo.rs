@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use anyhow::Context;
 
-use super::calibrate::summary;
 use super::table::{HEALTH_HEAD, health_row, left_cell};
 use super::{Exit, say};
+use hmd_core::commissioning::in_words;
 use hmd_core::config::Config;
 use hmd_lab::demo::{Demo, DemoError, commissioned, config_text};
 use hmd_storage::mcap_writer::{McapWriter, SyncedFile};
@@ -58,7 +58,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         "A simulated flight-control actuator, which differs from its data sheet and has a vector drive, is commissioned:",
     )?;
     let calibration = commissioned(&config, args.seed).map_err(at_path)?;
-    for line in summary(&calibration) {
+    for line in in_words(&calibration) {
         say(&format!("  {line}"))?;
     }
     for (path, text) in [(&calibration_path, calibration.emit()), (&config_path, text)] {

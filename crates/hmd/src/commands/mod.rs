@@ -42,10 +42,11 @@ use anyhow::Context;
 
 use crate::daemon::DaemonError;
 use crate::replay::ReplayError;
+use ema_identify::unit_calibration::UnitCalibration;
 use hmd_core::assess::AssessError;
 use hmd_core::assess::hash_of_type;
-use hmd_core::config::{Config, ConfigError};
-use hmd_storage::calibration_file::{load_type_model, load_unit};
+use hmd_core::config::{ActuatorConfig, Config, ConfigError};
+use hmd_storage::calibration_file::{load_learnt, load_type_model, load_unit};
 use hmd_storage::config_file;
 use hmd_storage::event_file::{EventError, load_events};
 use hmd_storage::mcap::McapLoss;
@@ -140,17 +141,33 @@ pub fn check_files(config: &Config) -> anyhow::Result<()> {
         if let Some(path) = &actuator.calibration {
             let unit = load_unit(&config.resolve(path), &actuator.type_name)
                 .with_context(|| format!("actuator.calibration of {}", actuator.name))?;
-            if unit.parameters_hash != hash_of_type(actuator) {
-                warn(format_args!(
-                    "{}: warning: the parameters of type {} have changed since {} was commissioned",
-                    path.display(),
-                    actuator.type_name,
-                    actuator.name
-                ));
-            }
+            warn_of_changed_type(path, actuator, &unit);
         }
     }
     Ok(())
+}
+
+/// The same with what earlier runs learnt of units, which a run goes on with and a replay does not.
+///
+/// # Errors
+/// The first file that cannot be used.
+pub fn check_files_of_run(config: &Config) -> anyhow::Result<()> {
+    check_files(config)?;
+    for (path, actuator, unit) in load_learnt(config)? {
+        warn_of_changed_type(&path, actuator, &unit);
+    }
+    Ok(())
+}
+
+fn warn_of_changed_type(path: &Path, actuator: &ActuatorConfig, unit: &UnitCalibration) {
+    if unit.parameters_hash != hash_of_type(actuator) {
+        warn(format_args!(
+            "{}: warning: the parameters of type {} have changed since {} was commissioned",
+            path.display(),
+            actuator.type_name,
+            actuator.name
+        ));
+    }
 }
 
 /// Refuses an output that is one of the files to be read, by whatever name.

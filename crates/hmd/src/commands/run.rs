@@ -17,7 +17,7 @@ use super::live::{Request, report, signals};
 use super::metrics_http::{self, Page, loopback};
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, check_files, load_config, no_input, no_recording, service, use_threads, warn};
+use super::{Exit, check_files_of_run, load_config, no_input, no_recording, service, use_threads, warn};
 use crate::daemon::{Daemon, DaemonError, Observer};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::Config;
@@ -26,6 +26,7 @@ use hmd_core::record::{HealthLine, LogLevel, Status};
 use hmd_ingest::can::{CanSource, Wanted};
 use hmd_ingest::live::LiveSource;
 use hmd_ingest::serial::SerialSource;
+use hmd_storage::calibration_file::hash_of_models_of_run;
 use hmd_storage::metrics_file::write_textfile;
 use hmd_storage::recorder::{Recorder, is_folder, metadata};
 
@@ -115,7 +116,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
 /// The configuration, if the daemon can run with it.
 fn load(args: &Args) -> anyhow::Result<Arc<Config>> {
     let config = load_config(Some(&args.config))?;
-    check_files(&config)?;
+    check_files_of_run(&config)?;
     config.interfaces(&args.config.display().to_string())?;
     Ok(Arc::new(config))
 }
@@ -158,7 +159,8 @@ fn daemon(args: &Args, config: Arc<Config>, viewers: &Viewers) -> anyhow::Result
     let sources = sources.collect();
     let recorder = match &args.output {
         Some(path) => {
-            let metadata = metadata(&config, "host", args.seed);
+            let mut metadata = metadata(&config, "host", args.seed);
+            metadata.insert("model_hash".to_owned(), hash_of_models_of_run(&config));
             Some(Recorder::open(path, &metadata, config.output().limits())?)
         }
         None => None,

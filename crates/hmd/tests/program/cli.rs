@@ -11,10 +11,10 @@ use tempfile::TempDir;
 pub(crate) struct Folder(TempDir);
 
 /// How a command ended.
-struct Ended {
-    code: i32,
-    stdout: String,
-    stderr: String,
+pub(crate) struct Ended {
+    pub(crate) code: i32,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
 }
 
 impl Folder {
@@ -47,7 +47,7 @@ impl Folder {
         command
     }
 
-    fn hmd(&self, line: &str) -> Ended {
+    pub(crate) fn hmd(&self, line: &str) -> Ended {
         let output = self.command(line).output().expect("hmd starts");
         let text = |bytes| String::from_utf8(bytes).expect("hmd prints UTF-8");
         let (stdout, stderr) = (text(output.stdout), text(output.stderr));
@@ -1019,6 +1019,10 @@ fn a_parameter_far_from_the_type_is_named_and_not_written() {
     let key = "type.bench.motor.inertia_kg_m2: expected 0.001 within 5 tolerances";
     assert!(text.contains(key), "{text}");
     assert!(!folder.path("unit.toml").exists());
+
+    folder.done("simulate --with inertia_deviation=-0.4 --noise 0.03 --windows 5 --seed 3 -o healthy.log");
+    let text = folder.refused("calibrate healthy.log -o unit.toml", 1);
+    assert!(text.contains(key), "{text}");
 
     // Where the monitor does not explain the unit: the relations need no resistance.
     let effects = "--with resistance_deviation=0.6 --with emf_5=0.03 --with stribeck_nm=0.1";

@@ -4,6 +4,7 @@ mod cli;
 mod cli_live;
 mod export;
 mod foreign_log;
+mod learning;
 mod live;
 mod report;
 mod safety;

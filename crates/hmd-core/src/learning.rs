@@ -1,0 +1,127 @@
+//! Learns units from their first windows, where the configuration asks for it (`learn_windows`).
+//!
+//! In: the windows of all actuators, in their order. Out: their records; until a unit is commissioned its health is unknown, for the
+//! reason `learning`, and its windows are kept. With the last of them the unit is commissioned as `hmd calibrate` does it, and later windows are
+//! assessed by what was learnt. Where that fails, the older half of the windows is dropped and learning goes on. The same windows
+//! and seed give the same records. No files: what was learnt is taken by [`Learner::take_learnt`]. CPU-bound.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use ema_identify::unit_calibration::UnitCalibration;
+
+use crate::assess::{AssessError, AssessedWindow, Assessor};
+use crate::commissioning::{CommissioningError, calibrate_unit, in_words};
+use crate::config::{ActuatorConfig, Config};
+use crate::outbox::WindowJob;
+use crate::record::WindowStatus;
+
+/// Learns the units of a run.
+#[derive(Debug)]
+pub struct Learner {
+    config: Arc<Config>,
+    seed: u64,
+    /// Windows of each unit that is not commissioned yet, at most `learn_windows`.
+    windows: BTreeMap<String, Vec<WindowJob>>,
+    learnt: Vec<LearntUnit>,
+    notices: Vec<String>,
+}
+
+/// A unit that was commissioned by its first windows.
+#[derive(Clone, Debug)]
+pub struct LearntUnit {
+    /// Its actuator.
+    pub actuator: Arc<ActuatorConfig>,
+    /// What was learnt.
+    pub calibration: UnitCalibration,
+}
+
+impl Learner {
+    /// Without any window; `seed` is that of every search.
+    #[must_use]
+    pub fn new(config: Arc<Config>, seed: u64) -> Self {
+        Self {
+            config,
+            seed,
+            windows: BTreeMap::new(),
+            learnt: Vec::new(),
+            notices: Vec::new(),
+        }
+    }
+
+    /// Assesses a window, and keeps it where its unit is to be learnt; with the last of `learn_windows` the unit is commissioned.
+    ///
+    /// # Errors
+    /// Those of [`Assessor::assess`].
+    pub fn assess(&mut self, assessor: &mut Assessor, job: WindowJob) -> Result<AssessedWindow, AssessError> {
+        let actuator = job.actuator.clone();
+        let Some(learning) = actuator.learning.as_ref().filter(|_| !assessor.knows_unit(&actuator)) else {
+            return assessor.assess(job);
+        };
+        let kept = self.windows.entry(actuator.name.clone()).or_default();
+        let number = kept.len() + 1;
+        let copy = job.clone();
+        let assessed =
+            assessor.assess_while_learning(job, &format!("learning, {number} of {} windows", learning.windows))?;
+        if assessed.health.status != WindowStatus::Invalid.name() {
+            kept.push(copy);
+        }
+        if kept.len() >= learning.windows {
+            self.commission(assessor, &actuator)?;
+        }
+        Ok(assessed)
+    }
+
+    fn commission(&mut self, assessor: &mut Assessor, actuator: &Arc<ActuatorConfig>) -> Result<(), AssessError> {
+        let name = &actuator.name;
+        let Some(kept) = self.windows.get_mut(name) else {
+            return Ok(());
+        };
+        // Commissioning repairs what it learns from; the windows stay as they came.
+        let mut jobs = kept.clone();
+        match calibrate_unit(assessor, self.config.health().levels(), &mut jobs, self.seed, &|_| {}) {
+            Ok(commissioned) => {
+                let calibration = commissioned.calibration;
+                let sentences = in_words(&calibration).join("; ");
+                self.notices.push(format!("{name}: commissioned, {sentences}"));
+                self.windows.remove(name);
+                assessor.set_unit(name, calibration.clone());
+                self.learnt.push(LearntUnit {
+                    actuator: actuator.clone(),
+                    calibration,
+                });
+            }
+            Err(CommissioningError::Assess(error)) => return Err(error),
+            Err(error) => {
+                let windows = kept.len();
+                kept.drain(..windows.div_ceil(2));
+                self.notices.push(format!(
+                    "{name}: not commissioned by {windows} windows, learning goes on: {error}"
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Forgets what was learnt of an actuator whose unit turns out to be another one.
+    pub fn forget(&mut self, assessor: &mut Assessor, actuator: &str) {
+        if self
+            .config
+            .actuator_named(actuator)
+            .is_some_and(|of| of.learning.is_some())
+        {
+            self.windows.remove(actuator);
+            assessor.remove_unit(actuator);
+        }
+    }
+
+    /// Units commissioned since the last call.
+    pub fn take_learnt(&mut self) -> Vec<LearntUnit> {
+        std::mem::take(&mut self.learnt)
+    }
+
+    /// What an operator should read, since the last call.
+    pub fn take_notices(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notices)
+    }
+}

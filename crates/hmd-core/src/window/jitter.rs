@@ -1,0 +1,98 @@
+//! Jitter of the sample instants of one window, from the resolver's counts.
+//!
+//! A sample that is taken u periods late shows a turning motor u periods further on. Third differences of the counts are free of speed
+//! and acceleration; relative to the speed, those of the instants remain. A glitch stands in few of them, so their median shows the
+//! jitter of all. Derived here.
+
+use super::quality::Part;
+use super::ring::Slot;
+
+/// Slowest speed at which a count shows its instant, counts per period: slower, rounding looks like jitter.
+const SPEED_MIN: f64 = 32.0;
+
+/// Fewest third differences that show the jitter.
+const GROUPS_MIN: usize = 32;
+
+/// Median magnitude of the third difference of instants that are evenly off by up to ±1: a sum of four, nearly normal, of variance
+/// 20/3.
+const MEDIAN_OF_EVEN: f64 = 1.74;
+
+/// Jitter that is not told from rounding and motion, periods.
+const SHOWN_MIN: f64 = 0.05;
+
+/// Largest jitter with which samples have a rate, periods.
+const JITTER_MAX: f64 = 0.3;
+
+/// Largest time by which samples are taken early or late, periods; 0 where the window shows none.
+#[must_use]
+pub(super) fn sample_jitter(slots: &[Slot]) -> f64 {
+    let mut relative: Vec<f64> = slots
+        .windows(4)
+        .filter(|four| four.iter().all(|slot| slot.is_good(Part::Motor)))
+        .filter_map(|four| {
+            let origin = four[0].sample.motor_counts;
+            let [b, c, d] = [1, 2, 3].map(|n| four[n].sample.motor_counts.saturating_sub(origin) as f64);
+            let speed = d.abs() / 3.0;
+            (speed >= SPEED_MIN).then(|| (d - 3.0 * (c - b)).abs() / speed)
+        })
+        .collect();
+    if relative.len() < GROUPS_MIN {
+        return 0.0;
+    }
+    let middle = relative.len() / 2;
+    let (_, median, _) = relative.select_nth_unstable_by(middle, f64::total_cmp);
+    let jitter = *median / MEDIAN_OF_EVEN;
+    if jitter < SHOWN_MIN {
+        0.0
+    } else {
+        jitter.min(JITTER_MAX)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ema_models::{SensedSample, Setpoint};
+
+    use super::*;
+    use crate::window::TimedSample;
+
+    /// A motor that speeds up, sampled early or late by up to `jitter` periods; a count in `spoilt` is off by 400.
+    fn slots(jitter: f64, spoilt: usize) -> Vec<Slot> {
+        let mut random = 1_u32;
+        (0..200)
+            .map(|seq| {
+                // Lehmer's generator, -1 to 1.
+                random = (u64::from(random) * 48_271 % 0x7fff_ffff) as u32;
+                let t = seq as f64 + jitter * (2.0 * f64::from(random) / f64::from(0x7fff_ffff_u32) - 1.0);
+                let spike = if (seq as usize) < spoilt && seq % 3 == 0 {
+                    400
+                } else {
+                    0
+                };
+                let sensed = SensedSample {
+                    seq,
+                    currents: [0.0; 3],
+                    motor_counts: (100.0 * t + t * t) as i64 + spike,
+                    output_counts: 0,
+                    setpoint: Setpoint::Idle,
+                };
+                Slot::received(&TimedSample {
+                    seq,
+                    stamp_ns: 0,
+                    sensed,
+                })
+            })
+            .collect()
+    }
+
+    #[test]
+    fn jitter_is_found_and_spikes_are_none() {
+        for jitter in [0.1, 0.2] {
+            let found = sample_jitter(&slots(jitter, 0));
+            assert!((found - jitter).abs() < 0.25 * jitter, "{found} instead of {jitter}");
+        }
+        assert!(sample_jitter(&slots(0.0, 0)).abs() < f64::EPSILON);
+        assert!(sample_jitter(&slots(0.0, 60)).abs() < f64::EPSILON);
+        assert!(sample_jitter(&slots(0.45, 200)) <= JITTER_MAX);
+    }
+}

@@ -1,0 +1,27 @@
+//! HTML that every page has: the document around its body, and tables.
+
+use super::plot::escaped;
+
+const STYLE: &str = include_str!("style.css");
+
+/// A page that needs nothing else; title and body are HTML.
+pub(super) fn document(title: &str, body: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">\n\
+         <title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{body}</main>\n</body>\n</html>\n"
+    )
+}
+
+/// A table with heads, each with the class of its column; the rows are HTML.
+pub(super) fn table(caption: &str, heads: &[(&str, &str)], rows: &str) -> String {
+    let heads: String = heads
+        .iter()
+        .map(|(head, class)| format!("<th scope=\"col\" class=\"{class}\">{head}</th>"))
+        .collect();
+    format!(
+        "<div class=\"scroll\"><table><caption>{}</caption><thead><tr>{heads}</tr></thead><tbody>\n{rows}</tbody></table></div>\n",
+        escaped(caption)
+    )
+}

@@ -1,0 +1,277 @@
+//! The daemon learns a unit from its first windows, keeps what it learnt, and a replay learns the same.
+#![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
+
+use std::future::pending;
+use std::io;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+use ema_models::reference::{Actuations, Scenario};
+use ema_models::{ActuatorParams, FaultVector, Profile};
+use ema_wire::ActuatorId;
+use hmd::daemon::{Daemon, Observer};
+use hmd::replay::{self, Replay};
+use hmd_core::assess::AssessedWindow;
+use hmd_core::config::Config;
+use hmd_core::record::HealthLine;
+use hmd_ingest::feed::Input;
+use hmd_ingest::live::LiveSource;
+use hmd_lab::simulate::{EPOCH_NS, traffic};
+use hmd_storage::calibration_file::{hash_of_models, hash_of_models_of_run};
+use hmd_storage::config_file::load_config;
+use hmd_storage::recorder::{Recorder, metadata};
+
+use super::cli::Folder;
+
+const SEED: u64 = 7;
+
+#[derive(Default)]
+struct Lines {
+    health: Mutex<Vec<String>>,
+    notices: Mutex<Vec<String>>,
+}
+
+impl Observer for Lines {
+    fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
+        let line = HealthLine::from((&assessed.health, &assessed.rul)).to_json();
+        self.health.lock().unwrap().push(line);
+        Ok(())
+    }
+
+    fn notice(&self, message: &str) {
+        self.notices.lock().unwrap().push(message.to_owned());
+    }
+}
+
+impl replay::Observer for &Lines {
+    fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()> {
+        Observer::assessed(*self, assessed)
+    }
+
+    fn notice(&mut self, message: &str) {
+        Observer::notice(*self, message);
+    }
+
+    fn progress(&mut self, _: u64) {}
+}
+
+/// A run over as many healthy actuations of a unit, recorded at `output`.
+fn run(config: &Arc<Config>, actuations: u32, output: &Path) -> (Vec<String>, Vec<String>) {
+    let mut params = ActuatorParams::bench();
+    params.sensors.sample_rate = 400.0;
+    let scenario = Scenario {
+        actuations: Actuations {
+            count: actuations,
+            ..Actuations::single(Profile::Mixed)
+        },
+        ..Scenario::new(params, FaultVector::NOMINAL, u64::from(actuations))
+    };
+    let frames: Vec<_> = traffic(&scenario, ActuatorId::new(0).unwrap(), EPOCH_NS).collect();
+    let lines = Lines::default();
+    let daemon = Daemon {
+        sources: vec![(
+            "can0".to_owned(),
+            LiveSource::Playback(Box::new(frames.into_iter().map(Input::Frame))),
+        )],
+        recorder: Some(Recorder::create(output, &metadata(config, "test", SEED)).unwrap()),
+        watch: Some((config.clone(), SEED)),
+    };
+    daemon.run(pending(), &lines).unwrap();
+    (lines.health.into_inner().unwrap(), lines.notices.into_inner().unwrap())
+}
+
+const CONFIG: &str = "[type.bench]\ntolerances = \"usual\"\n[type.bench.sensors]\nsample_rate_hz = 400\n\
+    [[actuator]]\nid = 0\nbus = \"can0\"\nname = \"flap\"\nserial_number = \"S/7\"\nlearn_windows = 5\nlearn_folder = \"units\"\n";
+
+#[test]
+fn a_unit_is_learnt_kept_and_learnt_again_by_a_replay() {
+    let folder = Folder::new();
+    folder.write("hmd.toml", CONFIG);
+    let config = Arc::new(load_config(folder.path("hmd.toml")).unwrap());
+    let kept = folder.path("units").join("flap+S_7.unit.toml");
+
+    let (health, notices) = run(&config, 7, &folder.path("first.mcap"));
+    assert_eq!(health.len(), 7, "{health:#?}");
+    for (n, line) in health.iter().enumerate() {
+        let learning = line.contains(&format!("learning, {} of 5 windows", n + 1));
+        let unknown = line.contains("\"health\":\"unknown\",\"faults\":[]");
+        assert_eq!((learning, unknown), (n < 5, n < 5), "{line}");
+    }
+    let reported = notices
+        .iter()
+        .filter(|notice| notice.starts_with("flap: commissioned, "))
+        .count();
+    assert_eq!(reported, 1, "{notices:?}");
+    let unit = std::fs::read(&kept).unwrap();
+
+    // The hash of what windows are assessed with covers it.
+    let (without, with) = (hash_of_models(&config), hash_of_models_of_run(&config));
+    assert_ne!(without, with);
+    folder.write(
+        "named.toml",
+        CONFIG.replace(
+            "learn_windows = 5\nlearn_folder = \"units\"",
+            "calibration = \"units/flap+S_7.unit.toml\"",
+        ),
+    );
+    let named = load_config(folder.path("named.toml")).unwrap();
+    assert_eq!(hash_of_models(&named), with);
+
+    // A replay learns the same from the same windows, and neither reads nor writes what is kept.
+    std::fs::write(&kept, "rubbish").unwrap();
+    let lines = Lines::default();
+    let replay = Replay {
+        logs: &[folder.path("first.mcap")],
+        output: None,
+        config: config.clone(),
+        seed: SEED,
+    };
+    replay.run(&mut &lines).unwrap();
+    assert_eq!(lines.health.into_inner().unwrap(), health);
+    assert_eq!(std::fs::read(&kept).unwrap(), b"rubbish");
+
+    // A file that cannot be used is refused, not learnt anew from a unit that may be worn.
+    let refused = folder.refused("check-config -c hmd.toml", 78);
+    assert!(refused.contains("expected a unit's calibration"), "{refused}");
+
+    // The next run goes on with what was learnt.
+    std::fs::write(&kept, unit).unwrap();
+    let (health, _) = run(&config, 2, &folder.path("second.mcap"));
+    assert!(
+        !health[0].contains("learning") && health[0].contains("\"faults\":[]"),
+        "{}",
+        health[0]
+    );
+
+    // Another unit has a file of its own.
+    folder.write("hmd.toml", CONFIG.replace("S/7", "S8"));
+    let config = Arc::new(load_config(folder.path("hmd.toml")).unwrap());
+    let (health, _) = run(&config, 2, &folder.path("third.mcap"));
+    assert!(health[1].contains("learning, 2 of 5 windows"), "{}", health[1]);
+    // A file of another unit under its name is refused.
+    std::fs::rename(&kept, folder.path("units").join("flap+S8.unit.toml")).unwrap();
+    let refused = folder.refused("check-config -c hmd.toml", 78);
+    assert!(
+        refused.contains("expected the unit with serial number S8, found that with S/7"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn a_unit_that_cannot_be_commissioned_says_why_and_learning_goes_on() {
+    let folder = Folder::new();
+    folder.write(
+        "hmd.toml",
+        "[[actuator]]\nid = 0\nname = \"flap\"\nlearn_windows = 5\nlearn_folder = \"units\"\n",
+    );
+    folder.done("simulate --with inertia_deviation=0.6 --noise 0.03 --windows 6 --seed 3 -o far.log -c hmd.toml");
+    let ended = folder.hmd("replay far.log -c hmd.toml --json");
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+    let sentence =
+        "flap: not commissioned by 5 windows, learning goes on: type.bench.motor.inertia_kg_m2: expected 0.001";
+    assert!(ended.stderr.contains(sentence), "{}", ended.stderr);
+    let last = ended.stdout.lines().last().unwrap();
+    assert!(
+        last.contains("learning, 3 of 5 windows"),
+        "the older half is dropped: {last}"
+    );
+    assert!(!folder.path("units").exists());
+}
+
+#[test]
+fn contradictory_settings_of_learning_are_refused() {
+    let folder = Folder::new();
+    for (lines, expected) in [
+        ("learn_windows = 5", "learn_windows: expected learn_folder beside it"),
+        (
+            "learn_folder = \"units\"",
+            "learn_folder: expected learn_windows beside it",
+        ),
+        (
+            "learn_windows = 4\nlearn_folder = \"units\"",
+            "learn_windows: expected a whole number from 5 to 30",
+        ),
+        (
+            "calibration = \"unit.toml\"\nlearn_windows = 5\nlearn_folder = \"units\"",
+            "learn_windows: expected either calibration or learn_windows",
+        ),
+    ] {
+        folder.write("hmd.toml", format!("[[actuator]]\nid = 0\n{lines}\n"));
+        let refused = folder.refused("check-config -c hmd.toml", 78);
+        assert!(refused.contains(expected), "{refused}");
+    }
+}
+
+#[test]
+fn a_type_is_made_of_several_units_and_replays() {
+    let folder = Folder::new();
+    let units = [(0.10, 0.2), (0.14, 0.35), (0.06, 0.05)];
+    for (n, (inertia, friction)) in units.into_iter().enumerate() {
+        folder.done(&format!(
+            "simulate --with inertia_deviation={inertia} --with dynamic_friction_deviation={friction} --with \
+             static_friction_deviation={friction} --noise 0.03 --windows 5 --seed {n} -o {n}.log"
+        ));
+        folder.done(&format!("calibrate {n}.log -o {n}.toml"));
+    }
+    let text = folder.refused("calibrate --type --units 0.toml 1.toml -o own.toml", 1);
+    assert!(
+        text.contains("expected the calibrations of at least 3 units, found 2"),
+        "{text}"
+    );
+    let text = folder.refused(
+        "calibrate --type --actuator servo28 --units 0.toml 1.toml 2.toml -o own.toml",
+        1,
+    );
+    assert!(
+        text.contains("expected a unit of type servo28, found one of type bench"),
+        "{text}"
+    );
+
+    std::fs::create_dir(folder.path("conf.d")).unwrap();
+    folder.done("calibrate --type --units 0.toml 1.toml 2.toml -o conf.d/own.toml");
+    folder.write("hmd.toml", "[[actuator]]\nid = 0\n");
+    let config = load_config(folder.path("hmd.toml")).unwrap();
+    let (params, tolerances) = (&config.actuators()[0].params, &config.actuators()[0].tolerances);
+    let near = |found: f64, expected: f64, within: f64| {
+        assert!((found / expected - 1.0).abs() < within, "{found} instead of {expected}");
+    };
+    near(params.motor.j, 1.10e-3, 0.02);
+    near(params.transmission.friction_dynamic, 0.15 * 1.2, 0.03);
+    // Of three units: √(4/3) of their standard deviation.
+    near(tolerances.j, 0.04 / 1.1 * (4.0_f64 / 3.0).sqrt(), 0.3);
+    near(tolerances.friction_dynamic, 0.15 / 1.2 * (4.0_f64 / 3.0).sqrt(), 0.3);
+    // The relations do not measure it.
+    near(params.motor.r_s, ActuatorParams::bench().motor.r_s, 1e-9);
+    let lines = folder.done("replay 0.log -c hmd.toml --json");
+    assert_eq!(lines.lines().count(), 5, "{lines}");
+    assert!(!lines.contains("friction\"]"), "{lines}");
+    // Units are relative to the type's parameters.
+    let text = folder.refused(
+        "calibrate --type -c hmd.toml --units 0.toml 1.toml 2.toml -o again.toml",
+        1,
+    );
+    assert!(text.contains("commission it again"), "{text}");
+}
+
+#[test]
+fn the_page_of_a_commissioned_unit_needs_nothing_else() {
+    let folder = Folder::new();
+    folder.done("simulate --drive vector --noise 0.03 --windows 5 --seed 3 -o healthy.log");
+    folder.done("calibrate healthy.log -o unit.toml --report unit.html");
+    let page = String::from_utf8(folder.read("unit.html")).unwrap();
+    for expected in [
+        "<h1>Commissioning of ema0</h1>",
+        "Smallest damage that shows",
+        "Torque balance: measured and modelled",
+        "T_d dry friction, Nm",
+        "Apparent change of friction in healthy windows",
+        "<li>speed mode</li>",
+    ] {
+        assert!(page.contains(expected), "{expected}");
+    }
+    for forbidden in ["<script", "<img", "http://", "https://", "NaN", "inf "] {
+        assert!(!page.contains(forbidden), "{forbidden}");
+    }
+    folder.misused("calibrate healthy.log -o unit.toml --report healthy.log");
+    folder.misused("calibrate healthy.log -o unit.toml --report unit.toml");
+}

@@ -287,3 +287,23 @@ fn changes(window: &Comparison<'_>, coupled: &[[f64; 2]], n: usize) -> Changes {
         }),
     ]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shaft_at_rest_has_the_direction_of_its_next_motion() {
+        // At rest, forwards, at rest, backwards, at rest.
+        let angles = [0.0, 0.0, 0.0, 1.0, 2.0, 2.0, 2.0, 1.0, 0.0, 0.0];
+        let samples = angles.map(|theta_m| ComparedSample {
+            theta_m,
+            ..ComparedSample::default()
+        });
+        let directions = opposed_directions(&samples, 1000.0);
+        let expected = [1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 0.0, 0.0];
+        for (n, (direction, expected)) in directions.iter().zip(expected).enumerate() {
+            assert!((direction - expected).abs() < 1e-6, "{n}: {direction}");
+        }
+    }
+}

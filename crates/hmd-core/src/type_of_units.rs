@@ -151,7 +151,11 @@ enum Parameter {
 
 impl Parameter {
     fn all() -> impl Iterator<Item = Self> {
-        let of_unit = UnitParameter::ALL.into_iter().map(Self::OfUnit);
+        // Those of the controller also stand for what the monitor's controller lacks.
+        let of_unit = UnitParameter::ALL
+            .into_iter()
+            .filter(|parameter| !parameter.is_of_controller())
+            .map(Self::OfUnit);
         of_unit.chain([Self::StaticFriction, Self::Backlash])
     }
 

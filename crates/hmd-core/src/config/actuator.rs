@@ -92,9 +92,9 @@ pub struct Learning {
 }
 
 impl Learning {
-    /// Windows that a unit can be learnt from. Commissioning runs on the identification thread, and its time grows with their square:
-    /// 30 take some 15 s on one core; and each is some 100 kB.
-    const WINDOWS: RangeInclusive<u32> = 5..=30;
+    /// Windows that a unit can be learnt from. Commissioning runs on the identification thread, and its time grows with their number:
+    /// 20 take some 13 s on one core, and a minute counts as stuck; each is some 100 kB.
+    const WINDOWS: RangeInclusive<u32> = 5..=20;
 
     fn read(section: &Section<'_>) -> Result<Option<Self>, ConfigError> {
         let windows = section.integer("learn_windows", Self::WINDOWS)?;

@@ -189,7 +189,7 @@ fn contradictory_settings_of_learning_are_refused() {
         ),
         (
             "learn_windows = 4\nlearn_folder = \"units\"",
-            "learn_windows: expected a whole number from 5 to 30",
+            "learn_windows: expected a whole number from 5 to 20",
         ),
         (
             "calibration = \"unit.toml\"\nlearn_windows = 5\nlearn_folder = \"units\"",

@@ -80,20 +80,26 @@ pub(super) fn learn_monitor(
 /// Time constants of the currents that are tried, s: comparators, then current control with a bandwidth of 1,000, 600 and 350 Hz.
 const CURRENT_TIME_CONSTANTS: [f64; 4] = [0.0, 1.6e-4, 2.7e-4, 4.5e-4];
 
-/// The parameters of the unit and how its drive follows the references: of the time constants that leave the actuator near its type, or
-/// of all where none does, the one that explains the windows best. Cost and baseline are still open.
+/// Costs within this factor of the least one explain the windows alike.
+const ALIKE: f64 = 2.0;
+
+/// The parameters of the unit and how its drive follows the references: of the time constants that explain the windows alike, one that
+/// leaves the actuator near its type, and of these the one that explains them best. Cost and baseline are still open.
 fn fit(assessor: &Assessor, jobs: &[WindowJob]) -> Result<Option<UnitMonitor>, CommissioningError> {
-    let (mut best, mut least) = (0.0, (true, f64::INFINITY));
+    let few = &jobs[..WINDOWS_MIN.min(jobs.len())];
+    let mut found = Vec::with_capacity(CURRENT_TIME_CONSTANTS.len());
     for current_time_constant_s in CURRENT_TIME_CONSTANTS {
-        let few = &jobs[..WINDOWS_MIN.min(jobs.len())];
-        if let Some(found) = fit_with(assessor, few, current_time_constant_s)? {
-            let key = (far_parameter(&found, &few[0]).is_some(), found.cost);
-            if key < least {
-                (best, least) = (current_time_constant_s, key);
-            }
-        }
+        found.extend(fit_with(assessor, few, current_time_constant_s)?);
     }
-    fit_with(assessor, jobs, best)
+    let least = found.iter().map(|unit| unit.cost).fold(f64::INFINITY, f64::min);
+    let best = found
+        .iter()
+        .filter(|unit| unit.cost <= ALIKE * least)
+        .map(|unit| (far_parameter(unit, &few[0]).is_some(), unit))
+        .min_by(|(far, unit), (other_far, other)| far.cmp(other_far).then(unit.cost.total_cmp(&other.cost)));
+    best.map_or(Ok(None), |(_, best)| {
+        fit_with(assessor, jobs, best.current_time_constant_s)
+    })
 }
 
 /// The parameters of the unit for one time constant of its currents, s.

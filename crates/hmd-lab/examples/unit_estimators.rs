@@ -68,12 +68,13 @@ fn lines_of(entry: &str, actuator: &str, rate: f64, n: u64, seed: u64) -> Result
     jobs.retain(|job| job.window.quality.is_fit());
     let name = format!("{entry}/{actuator}");
     let assessor = Assessor::new(config.clone(), of_type, seed);
-    let calibration = match calibrate_unit(&assessor, config.health().levels(), &mut jobs, seed, &|_| ()) {
-        Ok(found) => found.calibration,
+    let commissioned = match calibrate_unit(&assessor, config.health().levels(), &mut jobs, seed, &|_| ()) {
+        Ok(found) => found,
         Err(error) => return Ok(vec![json!({"unit": name, "refused": error.to_string()})]),
     };
+    let calibration = commissioned.calibration;
     let mut lines = vec![
-        json!({"unit": name, "chosen": format!("{:?}", calibration.estimator), "reason": calibration.estimator_reason}),
+        json!({"unit": name, "chosen": format!("{:?}", calibration.estimator), "reason": calibration.estimator_reason, "notes": commissioned.notes}),
     ];
     let with = |estimator: UnitEstimator| UnitCalibration {
         estimator,

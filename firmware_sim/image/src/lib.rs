@@ -136,8 +136,8 @@ impl fmt::Display for RelationsLines<'_> {
                 None => writeln!(f, "{name}/relations/sigma{p} -")?,
             }
         }
-        for (relation, explained) in estimate.explained.iter().enumerate() {
-            writeln!(f, "{name}/relations/explained{relation} {explained}")?;
+        for (relation, share) in estimate.residual_share.iter().enumerate() {
+            writeln!(f, "{name}/relations/residual{relation} {:016x}", share.to_bits())?;
         }
         write!(f, "{name}/relations/rows {}", estimate.torque_rows)
     }

@@ -1,14 +1,14 @@
 //! Angle and currents between the samples.
 //!
 //! At 400 Hz a fast motor makes half an electrical turn and more from one sample to the next: products of samples, such as those of a
-//! current and the shape of its phase, then alias. In the rotor's frame the currents are slow, so angle and currents are interpolated there, by a
-//! cubic through four samples less the steps that new set points make at samples, before anything is multiplied. The mean of a product over both neighbouring intervals, weighted by the
-//! triangle that reaches from the sample before to the sample behind, belongs exactly to the second difference of the angle. Derived
-//! here.
+//! current and the shape of its phase, then alias. In the rotor's frame the currents are slow, so angle and currents are interpolated
+//! there, by a cubic through four samples less the steps that new set points make at samples, before anything is multiplied. The mean
+//! of a product over both neighbouring intervals, weighted by the triangle that reaches from the sample before to the sample behind,
+//! belongs exactly to the second difference of the angle. Derived here.
 
 use ema_models::{ActuatorParams, Real, abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc};
 
-use super::measured::MeasuredWindow;
+use super::measured::{Instant, MeasuredWindow};
 use crate::monitor_fit::RecordedSample;
 
 /// Electrical angle from sample to sample at ω_max, rad, from which the products need instants between the samples: they have twice the
@@ -20,17 +20,6 @@ const STEP_ANGLE: f64 = 0.4;
 
 /// Most instants of an interval.
 const MAX_INSTANTS: f64 = 40.0;
-
-/// Angle and currents at one instant.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Instant {
-    /// Motor angle within its turn, rad; beyond it by what the motor turns in one interval.
-    pub(super) angle_in_turn: f64,
-    /// Sine and cosine of the electrical angle.
-    pub(super) sin_cos_e: (f64, f64),
-    /// Phase currents of zero sum, A.
-    pub(super) i: [f64; 3],
-}
 
 /// The interval from one sample to the next.
 pub(super) struct Interval {

@@ -5,7 +5,6 @@ use core::ops::Range;
 
 use ema_models::{ActuatorParams, Real, SensedSample, Setpoint};
 
-use super::between_samples::Instant;
 use crate::monitor_fit::RecordedSample;
 
 /// A window of consecutive samples, its counters on one wrap.
@@ -45,6 +44,17 @@ pub(super) struct Quantities {
     pub(super) speed_reference: f64,
     /// Sine and cosine of the electrical angle.
     pub(super) sin_cos_e: (f64, f64),
+}
+
+/// Angle and currents at one instant.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Instant {
+    /// Motor angle within its turn, rad; beyond it by what the motor turns in one interval.
+    pub(super) angle_in_turn: f64,
+    /// Sine and cosine of the electrical angle.
+    pub(super) sin_cos_e: (f64, f64),
+    /// Phase currents, A.
+    pub(super) i: [f64; 3],
 }
 
 impl Quantities {

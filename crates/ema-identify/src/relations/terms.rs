@@ -7,9 +7,9 @@ use core::ops::Range;
 
 use ema_models::{ActuatorParams, phase_shapes};
 
-use super::between_samples::{Instant, Interval, instants};
+use super::between_samples::{Interval, instants};
 use super::kernel::Kernel;
-use super::measured::{MeasuredWindow, Quantities};
+use super::measured::{Instant, MeasuredWindow, Quantities};
 use super::output_load::OutputLoad;
 use super::sliding::Sliding;
 use crate::monitor_fit::RecordedSample;

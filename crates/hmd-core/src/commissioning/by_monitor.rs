@@ -80,18 +80,20 @@ pub(super) fn learn_monitor(
 /// Time constants of the currents that are tried, s: comparators, then current control with a bandwidth of 1,000, 600 and 350 Hz.
 const CURRENT_TIME_CONSTANTS: [f64; 4] = [0.0, 1.6e-4, 2.7e-4, 4.5e-4];
 
-/// The parameters of the unit and how its drive follows the references, whichever explains the windows best; cost and baseline are still
-/// open.
+/// The parameters of the unit and how its drive follows the references: of the time constants that leave the actuator near its type, or
+/// of all where none does, the one that explains the windows best. Cost and baseline are still open.
 fn fit(assessor: &Assessor, jobs: &[WindowJob]) -> Result<Option<UnitMonitor>, CommissioningError> {
-    let mut best: Option<UnitMonitor> = None;
+    let (mut best, mut least) = (0.0, (true, f64::INFINITY));
     for current_time_constant_s in CURRENT_TIME_CONSTANTS {
-        let found = fit_with(assessor, &jobs[..WINDOWS_MIN.min(jobs.len())], current_time_constant_s)?;
-        best = match (best, found) {
-            (Some(best), Some(found)) if best.cost <= found.cost => Some(best),
-            (best, found) => found.or(best),
-        };
+        let few = &jobs[..WINDOWS_MIN.min(jobs.len())];
+        if let Some(found) = fit_with(assessor, few, current_time_constant_s)? {
+            let key = (far_parameter(&found, &few[0]).is_some(), found.cost);
+            if key < least {
+                (best, least) = (current_time_constant_s, key);
+            }
+        }
     }
-    best.map_or(Ok(None), |best| fit_with(assessor, jobs, best.current_time_constant_s))
+    fit_with(assessor, jobs, best)
 }
 
 /// The parameters of the unit for one time constant of its currents, s.
@@ -159,22 +161,9 @@ impl MonitorLearnt {
         self.unit.cost <= USUAL_COST && unusual.count() <= 1
     }
 
-    /// Tolerance of a parameter, as a share. Without voltages all torques are relative to the type's k.
-    fn tolerance(&self, parameter: UnitParameter, of_type: &Tolerances) -> f64 {
-        let own = parameter.tolerance(of_type);
-        if self.unit.current_time_constant_s > 0.0 {
-            own.hypot(UnitParameter::BackEmf.tolerance(of_type))
-        } else {
-            own
-        }
-    }
-
     /// The first parameter of the actuator that is far from the type.
     pub(super) fn far_parameter(&self, job: &WindowJob) -> Option<FarParameter> {
-        UnitParameter::ALL
-            .into_iter()
-            .filter(|parameter| !parameter.is_of_controller())
-            .find_map(|parameter| self.far(parameter, job))
+        far_parameter(&self.unit, job)
     }
 
     /// Parameters of the controller that are far from the type.
@@ -182,21 +171,34 @@ impl MonitorLearnt {
         UnitParameter::ALL
             .into_iter()
             .filter(|parameter| parameter.is_of_controller())
-            .filter_map(|parameter| self.far(parameter, job))
+            .filter_map(|parameter| far(&self.unit, parameter, job))
             .collect()
     }
+}
 
-    /// The parameter, if it is far from the type.
-    fn far(&self, parameter: UnitParameter, job: &WindowJob) -> Option<FarParameter> {
-        let share = self.unit.parameters.of(parameter).share;
-        let of_type = parameter.value(&job.params);
-        let tolerance = self.tolerance(parameter, &job.actuator.tolerances);
-        (share.abs() > TOLERANCES_MAX * tolerance).then(|| FarParameter {
-            type_name: job.actuator.type_name.clone(),
-            key: parameter.key(),
-            of_type,
-            found: (1.0 + share) * of_type,
-            tolerance: tolerance * of_type,
-        })
-    }
+fn far_parameter(unit: &UnitMonitor, job: &WindowJob) -> Option<FarParameter> {
+    UnitParameter::ALL
+        .into_iter()
+        .filter(|parameter| !parameter.is_of_controller())
+        .find_map(|parameter| far(unit, parameter, job))
+}
+
+/// The parameter, if it is far from the type.
+fn far(unit: &UnitMonitor, parameter: UnitParameter, job: &WindowJob) -> Option<FarParameter> {
+    let share = unit.parameters.of(parameter).share;
+    let of_type = parameter.value(&job.params);
+    let own = parameter.tolerance(&job.actuator.tolerances);
+    // Without voltages all torques are relative to the type's k.
+    let tolerance = if unit.current_time_constant_s > 0.0 {
+        own.hypot(UnitParameter::BackEmf.tolerance(&job.actuator.tolerances))
+    } else {
+        own
+    };
+    (share.abs() > TOLERANCES_MAX * tolerance).then(|| FarParameter {
+        type_name: job.actuator.type_name.clone(),
+        key: parameter.key(),
+        of_type,
+        found: (1.0 + share) * of_type,
+        tolerance: tolerance * of_type,
+    })
 }

@@ -494,7 +494,8 @@ fn description_names_what_is_configured() {
     let text = read(&example_in_full()).describe();
     assert!(
         text.contains(
-            "flap-left: number 0 on can0, type bench400 with hysteresis drive at 400 Hz, part 1FK7060, serial 0042"
+            "flap-left: number 0 on can0, type bench400 with hysteresis drive at 400 Hz, unit learnt from 10 windows, kept in \
+             units, part 1FK7060, serial 0042"
         ),
         "{text}"
     );

@@ -2,6 +2,7 @@
 //!
 //! Both follow from the measured signals alone, so they stay the same while the monitor's parameters change.
 
+use core::f64::consts::FRAC_1_SQRT_2;
 use std::vec::Vec;
 
 use ema_models::{
@@ -39,7 +40,8 @@ impl Basis {
         let confidence = (0..samples.len()).map(|n| confidence(window, tolerances.control_latency, n));
         let confidence = confidence.collect();
         let coupled = coupled_currents(window);
-        let disturbances = (0..samples.len()).map(|n| disturbances(window, &coupled, n));
+        let opposed = opposed_directions(samples, window.params.sensors.sample_rate);
+        let disturbances = (0..samples.len()).map(|n| disturbances(window, &coupled, opposed[n], n));
         let disturbances = disturbances.collect();
         let mut changes: Vec<Changes> = (0..samples.len()).map(|n| changes(window, &coupled, n)).collect();
         // The speed is compared as the difference of two angles.
@@ -139,8 +141,31 @@ fn coupled_currents(window: &Comparison<'_>) -> Vec<[f64; 2]> {
     samples.iter().map(of_sample).collect()
 }
 
+/// Direction that the loss of a loaded gear opposes from each sample to the next, −1 to 1: that of the motion, of a shaft at rest that
+/// of its next motion, since the loss adds to the breakaway torque.
+fn opposed_directions(samples: &[ComparedSample], rate: f64) -> Vec<f64> {
+    let mut directions: Vec<f64> = (0..samples.len())
+        .map(|n| {
+            let next = &samples[(n + 1).min(samples.len() - 1)];
+            let omega_m = (next.theta_m - samples[n].theta_m) * rate;
+            omega_m / libm::sqrt(omega_m * omega_m + DIRECTION_SPEED * DIRECTION_SPEED)
+        })
+        .collect();
+    let mut next_motion = 0.0;
+    for direction in directions.iter_mut().rev() {
+        if direction.abs() > MOVING {
+            next_motion = direction.signum();
+        }
+        *direction += (1.0 - direction.abs()) * next_motion;
+    }
+    directions
+}
+
+/// Direction of a shaft that certainly moves: one of 1 rad/s.
+const MOVING: f64 = FRAC_1_SQRT_2;
+
 /// Disturbances between sample `n` and the next one.
-fn disturbances(window: &Comparison<'_>, coupled: &[[f64; 2]], n: usize) -> Disturbances {
+fn disturbances(window: &Comparison<'_>, coupled: &[[f64; 2]], opposed: f64, n: usize) -> Disturbances {
     let params = window.params;
     let samples = window.recording.samples;
     let origin = &window.recording.initial.origin;
@@ -186,7 +211,7 @@ fn disturbances(window: &Comparison<'_>, coupled: &[[f64; 2]], n: usize) -> Dist
         sin_cogging,
         cos_cogging,
         turned,
-        turned.abs() * loss * direction,
+        turned.abs() * loss * opposed,
         n as f64 / rate * per_gear,
         second(1.0, cos, sin),
         second(1.0, sin, -cos),
@@ -261,4 +286,24 @@ fn changes(window: &Comparison<'_>, coupled: &[[f64; 2]], n: usize) -> Changes {
             ..none
         }),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shaft_at_rest_has_the_direction_of_its_next_motion() {
+        // At rest, forwards, at rest, backwards, at rest.
+        let angles = [0.0, 0.0, 0.0, 1.0, 2.0, 2.0, 2.0, 1.0, 0.0, 0.0];
+        let samples = angles.map(|theta_m| ComparedSample {
+            theta_m,
+            ..ComparedSample::default()
+        });
+        let directions = opposed_directions(&samples, 1000.0);
+        let expected = [1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 0.0, 0.0];
+        for (n, (direction, expected)) in directions.iter().zip(expected).enumerate() {
+            assert!((direction - expected).abs() < 1e-6, "{n}: {direction}");
+        }
+    }
 }

@@ -13,19 +13,19 @@ use super::sliding::Sliding;
 
 /// Sums `Σ b bᵀ` of the rows of consecutive samples.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Overlap<const M: usize> {
-    weights: [f64; MAX_SPAN],
+pub(super) struct Overlap<'a, const M: usize> {
+    weights: &'a [f64; MAX_SPAN],
     span: usize,
     rows: Sliding<M>,
     sums: SMatrix<f64, M, M>,
 }
 
-impl<const M: usize> Overlap<M> {
+impl<'a, const M: usize> Overlap<'a, M> {
     /// No rows, for rows with errors of these kernel weights.
     #[must_use]
-    pub(super) fn new(weights: &[f64; MAX_SPAN], span: usize) -> Self {
+    pub(super) fn new(weights: &'a [f64; MAX_SPAN], span: usize) -> Self {
         Self {
-            weights: *weights,
+            weights,
             span,
             rows: Sliding::new(span),
             sums: SMatrix::zeros(),
@@ -35,7 +35,7 @@ impl<const M: usize> Overlap<M> {
     /// Adds the row of a sample; `None` where it has none.
     pub(super) fn add(&mut self, row: Option<&[f64; M]>) {
         self.rows.push(row.copied().unwrap_or([0.0; M]));
-        let b = self.rows.sums(&self.weights);
+        let b = self.rows.sums(self.weights);
         for column in 0..M {
             for row in column..M {
                 self.sums[(row, column)] += b[row] * b[column];

@@ -9,13 +9,14 @@ use anyhow::{Context, ensure};
 use crate::shell::{root, run};
 
 /// In the order of the table: what fails soonest first.
-const VERBS: [&str; 15] = [
+const VERBS: [&str; 16] = [
     "check",
     "no-std",
     "docs",
     "deny",
     "systemd",
     "oracle",
+    "robust",
     "target",
     "firmware",
     "viewers",

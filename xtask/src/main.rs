@@ -27,6 +27,7 @@ mod python;
 mod readers;
 mod report;
 mod results;
+mod robust;
 mod sbom;
 mod shell;
 mod soak;
@@ -125,6 +126,8 @@ enum Verb {
     Package,
     /// Model checking of what runs concurrently.
     Model,
+    /// The suite of units with imperfections, in a small form, with bounds.
+    Robust,
     /// Runs every command whose output stands in a document, and draws the figures, again.
     Results,
     /// Everything but the tests, the fuzzing and the long forms.
@@ -147,6 +150,7 @@ fn main() -> ExitCode {
         Verb::Readers => readers::check(),
         Verb::Oracle => oracle::check(),
         Verb::Report => report::check(),
+        Verb::Robust => robust::check(),
         Verb::Viewers => viewers::check(),
         Verb::Progpy => progpy::compare(),
         Verb::Python => wheel::check(),

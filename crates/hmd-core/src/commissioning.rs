@@ -19,7 +19,7 @@ use ema_models::{DriveKind, FaultId};
 use crate::assess::{AssessError, Assessor, conditions, hash_of_type, motion_of};
 use crate::health::Levels;
 use crate::outbox::WindowJob;
-use by_monitor::{MonitorLearnt, learn_monitor};
+use by_monitor::{CURRENT_TIME_CONSTANTS_S, MonitorLearnt, learn_monitor};
 use by_relations::{RelationsLearnt, learn_relations};
 use evidence::Evidence;
 
@@ -143,9 +143,15 @@ pub fn calibrate_unit(
     let by_relations = learn_relations(jobs);
     progress(jobs.len() as u64);
     let is_vector = jobs[0].actuator.drive.kind == DriveKind::Vector;
-    let by_monitor = match &by_relations {
-        Ok(relations) if is_vector && relations.evidence.shows_all_well() => None,
-        _ => learn_monitor(assessor, jobs, seed, progress)?,
+    // Relations that show all well assess the unit, whatever the monitor says: it is learnt for what it says of the motor, by the drive of
+    // the type, and not at all where that has no comparators.
+    let suffice = by_relations
+        .as_ref()
+        .is_ok_and(|learnt| learnt.compared.shows_all_well());
+    let by_monitor = match (suffice, is_vector) {
+        (true, true) => None,
+        (true, false) => learn_monitor(assessor, jobs, &CURRENT_TIME_CONSTANTS_S[..1], seed, progress)?,
+        (false, _) => learn_monitor(assessor, jobs, &CURRENT_TIME_CONSTANTS_S, seed, progress)?,
     };
     let (estimator, estimator_reason, evidence) =
         choose(&jobs[0], is_vector, by_relations.as_ref(), by_monitor.as_ref())?;
@@ -258,7 +264,7 @@ fn choose<'a>(
     match (relations, usable) {
         (Ok(relations), Some(monitor))
             if monitor.evidence.is_sound()
-                && (!relations.evidence.is_sound() || monitor.evidence.is_clearly_better_than(&relations.evidence)) =>
+                && (!relations.evidence.is_sound() || monitor.evidence.is_clearly_better_than(&relations.compared)) =>
         {
             let reason = format!(
                 "it shows {} of {} faults, the relations {}",

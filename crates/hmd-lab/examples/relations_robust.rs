@@ -200,7 +200,7 @@ impl Run {
                 format!("{}.truth", path.display()),
                 format!("{:?}", scenario.fault.to_array()),
             )
-            .unwrap();
+            .expect("a folder that can be written");
         }
         if let Some(samples) = path.as_deref().and_then(read) {
             return samples;

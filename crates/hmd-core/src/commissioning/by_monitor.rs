@@ -25,17 +25,18 @@ pub(super) struct MonitorLearnt {
     pub(super) estimates: Vec<Estimate>,
 }
 
-/// Learns the monitor of a unit; `None` where the windows do not determine it.
+/// Learns the monitor of a unit, its currents by one of these time constants, s; `None` where the windows do not determine it.
 ///
 /// # Errors
 /// Those of the configuration.
 pub(super) fn learn_monitor(
     assessor: &Assessor,
     jobs: &mut [WindowJob],
+    time_constants_s: &[f64],
     seed: u64,
     progress: &dyn Fn(u64),
 ) -> Result<Option<MonitorLearnt>, CommissioningError> {
-    let Some(unit) = fit(assessor, jobs)? else {
+    let Some(unit) = fit(assessor, jobs, time_constants_s)? else {
         progress(jobs.len() as u64);
         return Ok(None);
     };
@@ -78,17 +79,24 @@ pub(super) fn learn_monitor(
 }
 
 /// Time constants of the currents that are tried, s: comparators, then current control with a bandwidth of 1,000, 600 and 350 Hz.
-const CURRENT_TIME_CONSTANTS: [f64; 4] = [0.0, 1.6e-4, 2.7e-4, 4.5e-4];
+pub(super) const CURRENT_TIME_CONSTANTS_S: [f64; 4] = [0.0, 1.6e-4, 2.7e-4, 4.5e-4];
 
 /// Costs within this factor of the least one explain the windows alike.
 const ALIKE: f64 = 2.0;
 
 /// The parameters of the unit and how its drive follows the references: of the time constants that explain the windows alike, one that
 /// leaves the actuator near its type, and of these the one that explains them best. Cost and baseline are still open.
-fn fit(assessor: &Assessor, jobs: &[WindowJob]) -> Result<Option<UnitMonitor>, CommissioningError> {
+fn fit(
+    assessor: &Assessor,
+    jobs: &[WindowJob],
+    time_constants_s: &[f64],
+) -> Result<Option<UnitMonitor>, CommissioningError> {
+    if let [only] = time_constants_s {
+        return fit_with(assessor, jobs, *only);
+    }
     let few = &jobs[..WINDOWS_MIN.min(jobs.len())];
-    let mut found = Vec::with_capacity(CURRENT_TIME_CONSTANTS.len());
-    for current_time_constant_s in CURRENT_TIME_CONSTANTS {
+    let mut found = Vec::with_capacity(time_constants_s.len());
+    for &current_time_constant_s in time_constants_s {
         found.extend(fit_with(assessor, few, current_time_constant_s)?);
     }
     let least = found.iter().map(|unit| unit.cost).fold(f64::INFINITY, f64::min);

@@ -24,6 +24,8 @@ const PLAY_TOLERANCE: f64 = 0.5;
 pub(super) struct RelationsLearnt {
     pub(super) unit: UnitRelations,
     pub(super) evidence: Evidence,
+    /// The same without the factor of what could not be tested: the monitor's evidence is of the windows that it learnt from, too.
+    pub(super) compared: Evidence,
     /// What was found in each window by what was learnt from the others.
     pub(super) left_out: Vec<RelationsEstimate>,
 }
@@ -41,6 +43,7 @@ pub(super) fn learn_relations(jobs: &[WindowJob]) -> Result<RelationsLearnt, Com
     let shape = BalanceShape::usual(&jobs[0].params);
     let commissioned = commission(&windows, &shape)?;
     let left_out = windows.len() >= LEFT_OUT_FROM;
+    let untested = if left_out { 1.0 } else { UNTESTED_FACTOR };
     let mut found = Vec::with_capacity(windows.len());
     for n in 0..windows.len() {
         let of_others = if left_out {
@@ -68,7 +71,6 @@ pub(super) fn learn_relations(jobs: &[WindowJob]) -> Result<RelationsLearnt, Com
             .map(|ratio| ratio * ratio / components)
             .collect();
         let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
-        let untested = if left_out { 1.0 } else { UNTESTED_FACTOR };
         mean.sqrt().max(untested)
     });
     let unit = UnitRelations {
@@ -81,8 +83,13 @@ pub(super) fn learn_relations(jobs: &[WindowJob]) -> Result<RelationsLearnt, Com
         .map(|window| estimate_by_relations(&unit, window, false).estimate.sigma)
         .collect();
     let explained = found.iter().filter(|found| found.torque_rows > 0).count();
+    let tested: Vec<_> = sigmas
+        .iter()
+        .map(|sigmas| sigmas.map(|sigma| sigma.map(|sigma| sigma / untested)))
+        .collect();
     Ok(RelationsLearnt {
         evidence: Evidence::new(&sigmas, explained),
+        compared: Evidence::new(&tested, explained),
         unit,
         left_out: found,
     })

@@ -41,7 +41,7 @@ const NOISE_A: f64 = 0.05;
 
 /// A configuration of all of them, each on its bus.
 pub(crate) fn config() -> String {
-    let mut text = format!("[type.bench.sensors]\nsample_rate_hz = {RATE_HZ}\n");
+    let mut text = format!("type.bench.tolerances = \"exact\"\n[type.bench.sensors]\nsample_rate_hz = {RATE_HZ}\n");
     for id in 0..ACTUATORS {
         text += &format!("[[actuator]]\nid = {id}\nbus = \"can{}\"\n", id / ACTUATORS_PER_BUS);
     }

@@ -1,0 +1,72 @@
+//! Suite `robust` in a small form: some of its entries on every built-in type, one healthy and two faulty windows of each unit.
+
+use std::fs;
+
+use anyhow::{Context, ensure};
+use serde_json::Value;
+
+use crate::programs::Programs;
+use crate::shell::{program, run_to_file, target_dir};
+
+/// Entries of the catalogue, at least one of each family of effects.
+const ENTRIES: [&str; 7] = [
+    "dead_time",
+    "tolerances",
+    "stribeck",
+    "spring",
+    "current_offsets",
+    "sample_jitter",
+    "shorted_turns",
+];
+
+/// Bounds of the whole suite at 2 kHz, without a healthy window that names a fault.
+const JUDGED_MIN: f64 = 0.98;
+const NAMED_MIN: f64 = 0.95;
+const MEDIAN_ERROR_MAX: f64 = 0.02;
+const COVERAGE_MIN: f64 = 0.9;
+
+/// Runs it.
+pub(crate) fn check() -> anyhow::Result<()> {
+    let hmd = Programs::build()?.hmd();
+    let output = target_dir()?.join("robust.json");
+    let mut suite = program(&hmd, ["evaluate", "robust", "--json", "--n", "1"]);
+    for entry in ENTRIES {
+        suite.args(["--entry", entry]);
+    }
+    run_to_file(suite, None, &output)?;
+    let report: Value = serde_json::from_str(&fs::read_to_string(&output)?).context("robust --json")?;
+    let rate = |key: &str| {
+        let value = report.pointer(key).and_then(Value::as_f64);
+        value
+            .inspect(|value| eprintln!("{key}: {value}"))
+            .with_context(|| format!("expected a number at {key}"))
+    };
+    let count = |key: &str| {
+        let value = report.pointer(key).and_then(Value::as_u64);
+        value.with_context(|| format!("expected a number at {key}"))
+    };
+    let units = 3 * ENTRIES.len() as u64;
+    ensure!(count("/units")? == units, "expected {units} units");
+    rate("/before/judged_rate")?;
+    rate("/before/false_fault_rate")?;
+    ensure!(count("/refused")? == 0, "a commissioning was refused");
+    ensure!(
+        rate("/after/false_fault_rate")? <= 0.0,
+        "a healthy window names a fault"
+    );
+    ensure!(
+        rate("/after/judged_rate")? >= JUDGED_MIN,
+        "expected {JUDGED_MIN} judged"
+    );
+    ensure!(rate("/after/named_rate")? >= NAMED_MIN, "expected {NAMED_MIN} named");
+    let error = rate("/after/median_error")?;
+    ensure!(
+        error <= MEDIAN_ERROR_MAX,
+        "expected a median error of {MEDIAN_ERROR_MAX}"
+    );
+    ensure!(
+        rate("/after/coverage_95")? >= COVERAGE_MIN,
+        "expected 95 % intervals to hold {COVERAGE_MIN} of the truths"
+    );
+    Ok(())
+}

@@ -260,7 +260,9 @@ def test_a_unit_that_was_never_assessed_is_listed_as_such(fleet: Path, tmp_path:
         lines[n] = ""
     (folder / "dumb").mkdir()
     (folder / "dumb/0.log").write_text("".join(lines))
-    assert run(folder, tmp_path / "out", workers=0) == 3
+    config = tmp_path / "hmd.toml"
+    config.write_text(EXACT)
+    assert run(folder, tmp_path / "out", config, workers=0) == 3
     units = read_units(tmp_path / "out/fleet.parquet")
     assert [unit.name for unit in rarely_assessed(units)] == ["dumb/ema0"]
     assert [unit.name for unit in worst(units)] == ["good/ema0"]

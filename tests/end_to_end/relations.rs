@@ -77,7 +77,8 @@ fn each_fault_is_found_at_400_hz() {
         .map(|samples| MeasuredWindow::new(&params, samples, &[]))
         .collect();
     let learnt = commission(&windows, &BalanceShape::usual(&params)).expect("a unit from healthy windows");
-    assert!((learnt.balance.of(Term::SetpointHold) - 0.5).abs() < 0.15, "{learnt:?}");
+    // The steps of the set point are within the means between the samples; as they were seen at the samples, T_d came out 84 % low.
+    assert!((learnt.balance.of(Term::DryFriction) - 0.15).abs() < 0.01, "{learnt:?}");
     for ((parameter, value), samples) in FAULTS.into_iter().zip(windows_of(unit.faulty())) {
         let estimate = learnt.estimate(&MeasuredWindow::new(&params, &samples, &[]));
         let limit = if parameter < 2 { 0.05 } else { 0.04 };

@@ -103,11 +103,17 @@ impl std::fmt::Display for FarParameter {
         } = self;
         write!(
             f,
-            "type.{type_name}.{key}: expected {of_type} within {TOLERANCES_MAX} tolerances of {tolerance:.2e}, found {found:.4} \
+            "type.{type_name}.{key}: expected {of_type} within {TOLERANCES_MAX} tolerances of {tolerance:.2e}, found {} \
              ({:.0} tolerances away); set {key} to what the unit has, or widen its tolerance",
+            significant(*found),
             (found - of_type).abs() / tolerance
         )
     }
+}
+
+/// A number to four significant digits.
+fn significant(number: f64) -> f64 {
+    format!("{number:.3e}").parse().unwrap_or(number)
 }
 
 /// A commissioned unit, and what an operator should read of it.

@@ -23,7 +23,7 @@ pub use parameters::{Deviation, UNIT_PARAMETER_COUNT, UnitParameter, UnitParamet
 pub use seen::{Motion, Seen, Unseen};
 
 /// Version of the file's layout.
-pub const UNIT_VERSION: u32 = 2;
+pub const UNIT_VERSION: u32 = 3;
 
 /// How the windows of a unit are estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -337,11 +337,11 @@ mod tests {
         );
         for (what, by, reason) in [
             (
-                "version = 2",
+                "version = 3",
                 "version = 1",
-                "expected unit calibration version 2, found 1: make it anew",
+                "expected unit calibration version 3, found 1: make it anew",
             ),
-            ("version = 2", "", "found no version"),
+            ("version = 3", "", "found no version"),
             (
                 "estimator = \"monitor\"",
                 "estimator = \"relations\"",

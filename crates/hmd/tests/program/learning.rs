@@ -2,18 +2,15 @@
 #![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
 
 use std::future::pending;
-use std::io;
 use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use ema_models::reference::{Actuations, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
-use hmd::daemon::{Daemon, Observer};
-use hmd::replay::{self, Replay};
-use hmd_core::assess::AssessedWindow;
+use hmd::daemon::Daemon;
+use hmd::replay::Replay;
 use hmd_core::config::Config;
-use hmd_core::record::HealthLine;
 use hmd_ingest::feed::Input;
 use hmd_ingest::live::LiveSource;
 use hmd_lab::simulate::{EPOCH_NS, traffic};
@@ -22,38 +19,9 @@ use hmd_storage::config_file::load_config;
 use hmd_storage::recorder::{Recorder, metadata};
 
 use super::cli::Folder;
+use super::lines::Lines;
 
 const SEED: u64 = 7;
-
-#[derive(Default)]
-struct Lines {
-    health: Mutex<Vec<String>>,
-    notices: Mutex<Vec<String>>,
-}
-
-impl Observer for Lines {
-    fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
-        let line = HealthLine::from((&assessed.health, &assessed.rul)).to_json();
-        self.health.lock().unwrap().push(line);
-        Ok(())
-    }
-
-    fn notice(&self, message: &str) {
-        self.notices.lock().unwrap().push(message.to_owned());
-    }
-}
-
-impl replay::Observer for &Lines {
-    fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()> {
-        Observer::assessed(*self, assessed)
-    }
-
-    fn notice(&mut self, message: &str) {
-        Observer::notice(*self, message);
-    }
-
-    fn progress(&mut self, _: u64) {}
-}
 
 /// A run over as many healthy actuations of a unit, recorded at `output`.
 fn run(config: &Arc<Config>, actuations: u32, output: &Path) -> (Vec<String>, Vec<String>) {
@@ -77,7 +45,7 @@ fn run(config: &Arc<Config>, actuations: u32, output: &Path) -> (Vec<String>, Ve
         watch: Some((config.clone(), SEED)),
     };
     daemon.run(pending(), &lines).unwrap();
-    (lines.health.into_inner().unwrap(), lines.notices.into_inner().unwrap())
+    (lines.health(), lines.notices())
 }
 
 const CONFIG: &str = "[type.bench]\ntolerances = \"usual\"\n[type.bench.sensors]\nsample_rate_hz = 400\n\
@@ -127,7 +95,7 @@ fn a_unit_is_learnt_kept_and_learnt_again_by_a_replay() {
         seed: SEED,
     };
     replay.run(&mut &lines).unwrap();
-    assert_eq!(lines.health.into_inner().unwrap(), health);
+    assert_eq!(lines.health(), health);
     assert_eq!(std::fs::read(&kept).unwrap(), b"rubbish");
 
     // A file that cannot be used is refused, not learnt anew from a unit that may be worn.

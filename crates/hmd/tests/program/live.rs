@@ -2,26 +2,26 @@
 #![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
 
 use std::future::pending;
-use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use ema_models::reference::{Actuations, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
-use hmd::daemon::{Daemon, Observer};
-use hmd::replay::{self, Replay};
-use hmd_core::assess::AssessedWindow;
+use hmd::daemon::Daemon;
+use hmd::replay::Replay;
 use hmd_core::config::Config;
 use hmd_core::config::Limits;
 use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
-use hmd_core::record::{HealthLine, Status};
+use hmd_core::record::Status;
 use hmd_ingest::feed::Input;
 use hmd_ingest::live::LiveSource;
 use hmd_lab::simulate::{EPOCH_NS, traffic};
 use hmd_storage::clock::now_ns;
 use hmd_storage::recorder::{Recorder, metadata};
+
+use super::lines::Lines;
 
 const SEED: u64 = 7;
 
@@ -52,39 +52,6 @@ fn frames(id: u8, actuations: u32) -> Vec<RawFrame> {
     let mut frames: Vec<RawFrame> = traffic(&scenario, ActuatorId::new(id).unwrap(), EPOCH_NS).collect();
     frames.truncate(frames.len() - frames.len() / actuations as usize / 3);
     frames
-}
-
-#[derive(Default)]
-struct Lines {
-    health: Mutex<Vec<String>>,
-    notices: Mutex<Vec<String>>,
-}
-
-impl Observer for Lines {
-    fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
-        let window = &assessed.window;
-        let (times, fitted) = (window.time_s.len(), window.fitted_i_q_a.len());
-        assert!(fitted == 0 || fitted == times, "{fitted} values at {times} times");
-        let line = HealthLine::from((&assessed.health, &assessed.rul)).to_json();
-        self.health.lock().unwrap().push(line);
-        Ok(())
-    }
-
-    fn notice(&self, message: &str) {
-        self.notices.lock().unwrap().push(message.to_owned());
-    }
-}
-
-impl replay::Observer for &Lines {
-    fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()> {
-        Observer::assessed(*self, assessed)
-    }
-
-    fn notice(&mut self, message: &str) {
-        Observer::notice(*self, message);
-    }
-
-    fn progress(&mut self, _: u64) {}
 }
 
 fn run(sources: Vec<(&str, Vec<RawFrame>)>, output: &Path) -> (Lines, Status) {
@@ -130,13 +97,13 @@ fn compare(actuations: u32) -> Status {
     let folder = tempfile::tempdir().unwrap();
     let [live, once, twice] = ["live", "once", "twice"].map(|name| folder.path().join(name).with_extension("mcap"));
     let (lines, status) = run(sources(actuations), &live);
-    let health = lines.health.into_inner().unwrap();
+    let health = lines.health();
     assert!(!health.is_empty());
     assert_eq!(status.lost_socket_queue, 0);
     let mut log = live;
     for again in [once, twice] {
         let (lines, replayed) = replayed(&log, &again);
-        assert_eq!(lines.health.into_inner().unwrap(), health);
+        assert_eq!(lines.health(), health);
         assert_eq!(replayed.lost_windows, status.lost_windows);
         assert_eq!(replayed.frames_received, status.frames_received);
         log = again;
@@ -164,7 +131,7 @@ fn lines_of(logs: &[PathBuf]) -> Vec<String> {
         seed: SEED,
     };
     replay.run(&mut &lines).unwrap();
-    lines.health.into_inner().unwrap()
+    lines.health()
 }
 
 /// Windows lie across the ends of segments, and the clock steps back at one of them.
@@ -231,7 +198,7 @@ fn a_sample_that_was_filled_in_is_in_no_array_of_the_window() {
     // The observer compares the lengths.
     let (lines, status) = run(vec![("can1", traffic)], &folder.path().join("live.mcap"));
     assert_eq!(status.lost_samples, 1);
-    let health = lines.health.into_inner().unwrap();
+    let health = lines.health();
     assert!(health[0].contains("1 samples lost"), "{}", health[0]);
 }
 
@@ -247,7 +214,7 @@ fn a_host_that_reads_late_and_then_a_lot_at_once_spoils_no_window() {
         frame.stamp_ns = EPOCH_NS + sampled_ns.next_multiple_of(STALL_NS);
     }
     let (lines, _) = run(vec![("can1", traffic)], &folder.path().join("live.mcap"));
-    let health = lines.health.into_inner().unwrap();
+    let health = lines.health();
     assert!(
         health[0].contains("\"reason\":\"type slow is not calibrated\""),
         "{}",
@@ -264,13 +231,13 @@ fn a_bus_state_is_reported_live_and_in_replay() {
     traffic.insert(10, bus_off);
     let (lines, status) = run(vec![("can1", traffic)], &live);
     let reported = ["can1: bus bus-off", "can1: bus error-active"];
-    assert_eq!(*lines.notices.lock().unwrap(), reported);
+    assert_eq!(lines.notices(), reported);
     assert_eq!(
         (status.frames_error, status.interfaces[0].bus_state.as_str()),
         (1, "error-active")
     );
     let (lines, _) = replayed(&live, &again);
-    assert_eq!(*lines.notices.lock().unwrap(), reported);
+    assert_eq!(lines.notices(), reported);
 }
 
 #[test]
@@ -284,8 +251,8 @@ fn a_trouble_that_comes_with_every_window_is_reported_ten_times_a_minute() {
         frame.stamp_ns = frame.stamp_ns - EPOCH_NS + now_ns;
     }
     let (lines, _) = run_with(config, vec![("can1", traffic)], &folder.path().join("live.mcap"));
-    assert_eq!(lines.health.into_inner().unwrap().len(), 14);
-    let notices = lines.notices.into_inner().unwrap();
+    assert_eq!(lines.health().len(), 14);
+    let notices = lines.notices();
     let reported: Vec<_> = notices
         .iter()
         .filter(|text| text.contains("maintenance event"))

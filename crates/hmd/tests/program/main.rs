@@ -5,6 +5,7 @@ mod cli_live;
 mod export;
 mod foreign_log;
 mod learning;
+mod lines;
 mod live;
 mod report;
 mod safety;

@@ -4,7 +4,8 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::serial_rig::{Device, Lines, Plug};
+use crate::lines::Lines;
+use crate::serial_rig::{Device, Plug};
 use hmd::daemon::Daemon;
 use hmd::replay::Replay;
 use hmd_core::config::Config;

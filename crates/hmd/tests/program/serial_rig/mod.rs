@@ -1,27 +1,19 @@
-//! A device on a pseudo-terminal that can be pulled out, and what the daemon says.
+//! A device on a pseudo-terminal that can be pulled out.
 #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
 
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use ema_models::reference::{Actuations, Scenario, ScenarioRun};
 use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::serial::MAX_FRAME_LEN;
 use ema_wire::{ActuatorId, SerialPacket};
-use hmd::daemon::Observer;
-use hmd::replay;
-use hmd_core::assess::AssessedWindow;
-use hmd_core::record::HealthLine;
 use hmd_lab::simulate::encode;
 use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-
-/// Longest wait for anything.
-const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// One end of a serial line; the other is found under a path that stays the same.
 pub(crate) struct Plug {
@@ -110,76 +102,4 @@ impl Device {
             }
         }
     }
-}
-
-/// Notices and assessed windows.
-#[derive(Default)]
-pub(crate) struct Lines {
-    health: Mutex<Vec<String>>,
-    notices: Mutex<Vec<String>>,
-}
-
-impl Lines {
-    pub(crate) fn health(&self) -> Vec<String> {
-        self.health.lock().unwrap().clone()
-    }
-
-    /// Windows that gave an estimate.
-    pub(crate) fn assessed(&self) -> usize {
-        self.health().iter().filter(|line| !line.contains("\"k\":null")).count()
-    }
-
-    pub(crate) fn wait_for_health(&self, count: usize) {
-        self.wait_until(|| self.health().len() >= count, &format!("{count} windows"));
-    }
-
-    pub(crate) fn wait_for_notice(&self, count: usize, part: &str) {
-        let count_of = || {
-            self.notices
-                .lock()
-                .unwrap()
-                .iter()
-                .filter(|line| line.contains(part))
-                .count()
-        };
-        self.wait_until(|| count_of() >= count, &format!("{part:?}, {count} times"));
-    }
-
-    pub(crate) fn wait_until(&self, reached: impl Fn() -> bool, what: &str) {
-        let start = Instant::now();
-        while !reached() {
-            if start.elapsed() > TIMEOUT {
-                panic!(
-                    "expected {what}, found {:?} {:?}",
-                    self.notices.lock().unwrap(),
-                    self.health()
-                );
-            }
-            std::thread::sleep(Duration::from_millis(5));
-        }
-    }
-}
-
-impl Observer for Lines {
-    fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
-        let line = HealthLine::from((&assessed.health, &assessed.rul)).to_json();
-        self.health.lock().unwrap().push(line);
-        Ok(())
-    }
-
-    fn notice(&self, message: &str) {
-        self.notices.lock().unwrap().push(message.to_owned());
-    }
-}
-
-impl replay::Observer for &Lines {
-    fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()> {
-        Observer::assessed(*self, assessed)
-    }
-
-    fn notice(&mut self, message: &str) {
-        Observer::notice(*self, message);
-    }
-
-    fn progress(&mut self, _: u64) {}
 }

@@ -3,11 +3,12 @@
 //! The windows share the deviations of [`UnitParameter`]; each has a load and an integral of its own. The tolerances of the
 //! parameters are the prior.
 
+use std::vec;
 use std::vec::Vec;
 
 use ema_models::{
-    ActuatorParams, Comparison, FaultVector, LOAD_COORDINATE, MotorDeviation, MotorKnowledge, Scale, Tolerances,
-    Unknowns,
+    ActuatorParams, COST_LANES, Comparison, DISTURBANCE_COUNT, FaultVector, LOAD_COORDINATE, MonitorVariant,
+    MotorDeviation, SIGNAL_COUNT, Scale, Tolerances, Unknowns,
 };
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
@@ -17,6 +18,9 @@ use crate::unit_fit::load_share;
 
 /// Unknowns of one window: the shared ones, load and integral in shares of the largest torque.
 const WINDOW_COUNT: usize = UNIT_PARAMETER_COUNT + 2;
+
+/// The point and one step of each unknown are the lanes of one evaluation.
+const _: () = assert!(WINDOW_COUNT < COST_LANES);
 
 /// Iterations at most.
 const ITERATIONS: u32 = 15;
@@ -160,29 +164,40 @@ struct Sums {
 
 impl Sums {
     fn of(window: &Comparison<'_>, shared: &Shared, own: &Own) -> Self {
-        let at = residuals(window, shared, own);
         let tolerances = tolerances(&Tolerances::USUAL);
-        let columns: Vec<Vec<f64>> = (0..WINDOW_COUNT)
-            .map(|place| {
-                let (mut shared, mut own) = (*shared, *own);
-                let step = if place < UNIT_PARAMETER_COUNT {
-                    let step = DIFFERENCE_SHARE * tolerances[place];
-                    shared[place] += step;
-                    step
-                } else {
-                    own[place - UNIT_PARAMETER_COUNT] += OWN_DIFFERENCE;
-                    OWN_DIFFERENCE
-                };
-                let moved = residuals(window, &shared, &own);
-                moved.iter().zip(&at).map(|(moved, at)| (moved - at) / step).collect()
-            })
-            .collect();
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        Self {
-            ata: SMatrix::from_fn(|r, c| dot(&columns[r], &columns[c])),
-            atr: SVector::from_fn(|r, _| dot(&columns[r], &at)),
-            cost: 0.5 * dot(&at, &at),
+        let step = |place: usize| tolerances.get(place).map_or(OWN_DIFFERENCE, |t| DIFFERENCE_SHARE * t);
+        // Lane 0 and the unused lanes are at the point itself.
+        let variants: [MonitorVariant; COST_LANES] = std::array::from_fn(|lane| {
+            let (mut shared, mut own) = (*shared, *own);
+            match lane.checked_sub(1) {
+                Some(place) if place < UNIT_PARAMETER_COUNT => shared[place] += step(place),
+                Some(place) if place < WINDOW_COUNT => own[place - UNIT_PARAMETER_COUNT] += step(place),
+                _ => {}
+            }
+            variant(window, &shared, &own)
+        });
+        let mut residuals = vec![[[0.0; COST_LANES]; SIGNAL_COUNT]; window.recording.samples.len()];
+        window.residuals_of_variants(&variants, &[], &mut residuals);
+
+        let weights = window.weights.to_array();
+        let mut sums = Self {
+            ata: SMatrix::zeros(),
+            atr: SVector::zeros(),
+            cost: 0.0,
+        };
+        for of_sample in &residuals {
+            for (lanes, weight) in of_sample.iter().zip(weights) {
+                let r = weight * lanes[0];
+                let slopes = SVector::<f64, WINDOW_COUNT>::from_fn(|place, _| {
+                    weight * (lanes[place + 1] - lanes[0]) / step(place)
+                });
+                sums.ata.syger(1.0, &slopes, &slopes, 1.0);
+                sums.atr.axpy(r, &slopes, 1.0);
+                sums.cost += 0.5 * r * r;
+            }
         }
+        sums.ata.fill_upper_triangle_with_lower_triangle();
+        sums
     }
 
     fn own_inverse(&self) -> SMatrix<f64, 2, 2> {
@@ -210,19 +225,16 @@ impl Sums {
     }
 }
 
-/// Weighted residuals of a window.
-fn residuals(window: &Comparison<'_>, shared: &Shared, own: &Own) -> Vec<f64> {
+/// The monitor of a window for these unknowns.
+fn variant(window: &Comparison<'_>, shared: &Shared, own: &Own) -> MonitorVariant {
     let mut params: ActuatorParams = *window.params;
     for parameter in UnitParameter::ALL {
         if !matches!(parameter, UnitParameter::Resistance | UnitParameter::BackEmf) {
             apply(parameter, shared[parameter as usize], &mut params);
         }
     }
-    let mut compared = *window;
-    compared.params = &params;
-    compared.prior.motor = MotorKnowledge::default();
     let scale = Scale::new(window.params);
-    let mut x = scale.coordinates(&compared.unknowns_with_fault(FaultVector::NOMINAL));
+    let mut x = scale.coordinates(&window.unknowns_with_fault(FaultVector::NOMINAL));
     (x.0[LOAD_COORDINATE], x.0[LOAD_COORDINATE + 1]) = (own[0], own[1]);
     let unknowns = Unknowns {
         motor: MotorDeviation {
@@ -231,10 +243,5 @@ fn residuals(window: &Comparison<'_>, shared: &Shared, own: &Own) -> Vec<f64> {
         },
         ..scale.unknowns(&x)
     };
-    let weights = window.weights.to_array();
-    let mut residuals = Vec::with_capacity(weights.len() * window.recording.samples.len());
-    compared.residuals(&unknowns, |_, r| {
-        residuals.extend(r.to_array().iter().zip(&weights).map(|(r, weight)| r * weight));
-    });
-    residuals
+    window.variant(&params, window.conditions.v_dc, &unknowns, [0.0; DISTURBANCE_COUNT])
 }

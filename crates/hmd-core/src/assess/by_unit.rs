@@ -2,7 +2,7 @@
 
 use ema_identify::relations::{Needed, Relation};
 use ema_identify::unit_calibration::{Motion, UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations};
-use ema_identify::unit_estimate::{AlignedWindow, USUAL_COST, UnitEstimate, corrected, estimate_by_relations};
+use ema_identify::unit_estimate::{AlignedWindow, USUAL_COST, UnitEstimate, corrected, estimate_by_relations, of_both};
 use ema_identify::{Estimate, Fit, Identifier, Prepared};
 use ema_models::{Conditions, FaultId};
 
@@ -50,6 +50,17 @@ pub(super) fn estimate(
                 }
                 _ => (fit, found),
             }
+        }
+        (UnitEstimator::Both, Some(relations), Some(monitor)) => {
+            let (fit, found) = by_relations(relations, identifier, job, conditions)?;
+            let (fit_of_monitor, of_monitor) = by_monitor(monitor, identifier, job, conditions, seed)?;
+            reasons.extend(not_explained(&found.unexplained));
+            let only_monitor = found.estimate.is_unmodelled() && !of_monitor.estimate.is_unmodelled();
+            reasons.extend(only_monitor.then(|| "assessed by the monitor".to_owned()));
+            (
+                if only_monitor { fit_of_monitor } else { fit },
+                of_both(found, of_monitor),
+            )
         }
         (_, _, Some(monitor)) => by_monitor(monitor, identifier, job, conditions, seed)?,
         _ => return Err(AssessError::NoEstimator(job.actuator.name.clone())),

@@ -1,7 +1,9 @@
 //! A window of a commissioned unit -> estimate: by its relations, or by the monitor corrected by its baseline.
 
 use ema_identify::relations::{Needed, Relation};
-use ema_identify::unit_calibration::{Motion, UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations};
+use ema_identify::unit_calibration::{
+    Motion, UNSEEN_FACTOR, UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations,
+};
 use ema_identify::unit_estimate::{AlignedWindow, USUAL_COST, UnitEstimate, corrected, estimate_by_relations, of_both};
 use ema_identify::{Estimate, Fit, Identifier, Prepared};
 use ema_models::{Conditions, FaultId};
@@ -10,9 +12,6 @@ use super::AssessError;
 use crate::outbox::WindowJob;
 use crate::outliers::{estimate_without_outliers, identify_without_outliers};
 use crate::window::Window;
-
-/// Factor on every sigma for each respect in which commissioning has not seen a window's conditions.
-const UNSEEN_FACTOR: f64 = 2.0;
 
 /// What an identification finds in a window.
 pub(super) struct Assessed {

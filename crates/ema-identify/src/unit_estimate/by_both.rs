@@ -24,12 +24,11 @@ pub fn of_both(relations: UnitEstimate, monitor: UnitEstimate) -> UnitEstimate {
     let of_monitor = monitor.estimate.fault.to_array();
     for (from, to) in elements() {
         if shown(&monitor.estimate, from) < shown(&estimate, from) {
-            for parameter in from..=to {
-                k[parameter] = of_monitor[parameter];
-                sigma[parameter] = monitor.estimate.sigma[parameter];
-                observable[parameter] = monitor.estimate.observable[parameter];
-                needed[parameter] = monitor.needed[parameter];
-            }
+            let range = from..=to;
+            k[range.clone()].copy_from_slice(&of_monitor[range.clone()]);
+            sigma[range.clone()].copy_from_slice(&monitor.estimate.sigma[range.clone()]);
+            observable[range.clone()].copy_from_slice(&monitor.estimate.observable[range.clone()]);
+            needed[range.clone()].copy_from_slice(&monitor.needed[range]);
         }
     }
     let fault = FaultVector::from_array(k);

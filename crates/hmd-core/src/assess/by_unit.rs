@@ -105,7 +105,7 @@ fn by_monitor(
     let (prepared, estimate) = identify_without_outliers(identifier, &mut job.window, conditions, seed)?;
     // The curve is that of the monitor's own estimate.
     let fit = identifier.fit(&prepared, conditions, &estimate);
-    Ok((fit, corrected(monitor, estimate)))
+    Ok((fit, corrected(monitor, estimate, job.params.sensors.sample_rate)))
 }
 
 /// Whether the monitor may explain a window that the torque balance does not: it explains the unit's healthy windows as well as those of

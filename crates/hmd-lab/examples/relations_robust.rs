@@ -4,7 +4,7 @@
 //! `drive` (`own`: that of the unit; `vector`: every unit has a vector drive), `learn` and `judge` (motions of the commissioning
 //! windows, in turn, and of the judged ones: mixed, step, ramp, chirp, speed), `n` (healthy windows of each unit, twice as many are
 //! faulty), `seed` (of the units), `entry`, `actuator`, `keep` (folder that keeps the simulated windows), `show=1` (each window that is judged wrongly).
-//! An alarm is a damage above 0.05 and above three sigmas.
+//! An alarm is a damage above 0.05 and above three sigmas, which are wider for motions that commissioning has not seen, as in the daemon.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use ema_identify::relations::{BalanceShape, MeasuredWindow, RELATION_COUNT, RelationsEstimate, commission};
+use ema_identify::unit_calibration::{Motion, Seen, UNSEEN_FACTOR};
 use ema_models::reference::{Drive, Scenario};
 use ema_models::{FaultId, FaultVector, Profile, SensedSample, Setpoint};
 use hmd_lab::evaluate::robust::{CatalogueUnit, entry_names};
@@ -158,11 +159,21 @@ impl Run {
             let each = start.elapsed().as_secs_f64() * 1e3 / windows.len() as f64;
             result.shown.push(format!("one estimate {each:.2} ms"));
         }
+        let seen = Seen::of(
+            &learnt_from
+                .iter()
+                .map(|samples| Motion::of(&params, samples))
+                .collect::<Vec<_>>(),
+        );
         for (motion, tally) in self.judge.iter().zip(&mut result.judged) {
             for number in 0..assessed {
                 let (place, scenario) = unit.window(number, self.n);
                 let samples = self.window(&unit, &format!("{actuator}-{entry}"), motion, number);
-                let estimate = learnt.estimate(&MeasuredWindow::new(&params, &samples, &[]));
+                let mut estimate = learnt.estimate(&MeasuredWindow::new(&params, &samples, &[]));
+                let unseen = seen.unseen(&Motion::of(&params, &samples), &params).len() as i32;
+                estimate.sigma = estimate
+                    .sigma
+                    .map(|sigma| sigma.map(|sigma| UNSEEN_FACTOR.powi(unseen) * sigma));
                 let right = tally.add(place, &scenario.fault, &estimate);
                 if self.show && !right {
                     result.shown.push(line(motion, &scenario.fault, &estimate));

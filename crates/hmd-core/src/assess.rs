@@ -21,6 +21,7 @@ use crate::outbox::WindowJob;
 use crate::outliers::identify_without_outliers;
 use crate::record::{self, WindowStatus};
 use crate::seed::{mix, name_hash};
+use crate::sensor_checks::Suspect;
 use crate::window::WindowQuality;
 use by_unit::Assessed;
 use ema_identify::unit_calibration::UnitCalibration;
@@ -64,6 +65,8 @@ pub struct AssessedWindow {
     pub health: record::Health,
     /// Remaining useful life; without numbers until there is a trend.
     pub rul: record::Rul,
+    /// Sensors, wires and configured numbers that may be wrong; the reasons of the records hold their sentences.
+    pub suspects: Vec<Suspect>,
 }
 
 impl Assessor {
@@ -127,10 +130,16 @@ impl Assessor {
 
     fn assess_for(&mut self, mut job: WindowJob, learning: Option<&str>) -> Result<AssessedWindow, AssessError> {
         let mut reasons = Vec::new();
+        let mut suspects = Vec::new();
         let mut found = None;
         let mut fit = Fit::default();
         match conditions(&job) {
-            _ if !job.window.quality.is_fit() => reasons.push(job.window.quality.to_string()),
+            _ if !job.window.quality.is_fit() => {
+                reasons.push(job.window.quality.to_string());
+                if let WindowQuality::Invalid(invalidity) = &job.window.quality {
+                    suspects.extend(Suspect::of_invalidity(invalidity));
+                }
+            }
             Err(absurd) => reasons.push(absurd),
             Ok(conditions) => {
                 let identifier = self.identifier_of(&job)?;
@@ -211,6 +220,7 @@ impl Assessor {
             window: window_record(&job, status, &reason, fit),
             health: health_record(&job, status, &reason, found.as_ref(), &decision),
             rul: rul_record(&job, found.as_ref(), &decision, config.rul().horizon_h),
+            suspects,
         })
     }
 

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::window::{Counter, Invalidity, Signal};
+use crate::window::{Defect, Invalidity, Signal};
 
 /// A sensor, a wire or a configured number that may be wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -124,10 +124,11 @@ impl Suspect {
             Invalidity::Stuck(Signal::Currents) => Some(Self::CurrentFrozen),
             Invalidity::Stuck(Signal::Motor) => Some(Self::ResolverFrozen),
             Invalidity::Stuck(Signal::Output) => Some(Self::EncoderFrozen),
-            Invalidity::CounterJumped {
-                counter: Counter::Motor | Counter::Output,
+            Invalidity::TooManyFlawed {
+                defect: Defect::Repeated,
                 ..
-            }
+            } => Some(Self::RepeatedSamples),
+            Invalidity::CounterJumped { .. }
             | Invalidity::CutShort(_)
             | Invalidity::ModeChanged
             | Invalidity::CommandInGap { .. }

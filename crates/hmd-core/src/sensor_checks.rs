@@ -9,6 +9,7 @@
 //! | `currents` | sum of the currents, direct current: offsets, gain of a phase, zero of the resolver, samples of another instant |
 //! | `torque` | balance of the shaft: sign and gain of the currents, load |
 //! | `angles` | output against motor and set point: gear ratio, encoder, unit and delay of the set point |
+//! | `unseen_motion` | motion that no window has: unit of the set point, mode |
 //!
 //! What only shows in the estimate, such as a link voltage, competes with the faults there ([`rivals`]).
 
@@ -21,8 +22,10 @@ pub mod rivals;
 mod signals;
 mod suspect;
 mod torque;
+mod unseen_motion;
 mod wiring;
 
 pub use correction::Correction;
 pub use findings::{Finding, examine};
 pub use suspect::{Suspect, Suspicion};
+pub use unseen_motion::UnseenMotion;

@@ -10,7 +10,7 @@ use super::{AssessError, Assessor, conditions, unseen};
 use crate::outbox::WindowJob;
 use crate::outliers::identify_without_outliers;
 use crate::seed::{mix, name_hash};
-use crate::sensor_checks::rivals::{Rival, Verdict, compare, is_doubtful, rivals};
+use crate::sensor_checks::rivals::{Rival, Verdict, accuses_all_phases, compare, is_doubtful, rivals};
 use crate::sensor_checks::{Finding, Suspect, Suspicion, examine};
 use crate::window::{Degradation, Invalidity, WindowQuality};
 
@@ -84,6 +84,15 @@ impl Assessor {
                 Some((Verdict::Worse, ..)) | None => {}
             }
         }
+        if !is_learning && accuses_all_phases(&assessed.estimate, self.watch_level()) {
+            // Of a commissioned unit, magnets and drive are known.
+            suspects.extend(self.knows_unit(&job.actuator).then_some(Suspect::CurrentGain));
+            reasons.push(format!(
+                "current gain, magnets or drive: all three phases alike: {}",
+                in_words(&assessed)
+            ));
+            return Ok(Explained::invalid(suspects, reasons));
+        }
         job.window = corrected.window;
         Ok(Explained {
             assessed: Some(assessed),
@@ -116,11 +125,11 @@ impl Assessor {
     ) -> Result<Option<(Verdict, Suspicion, Assessed)>, AssessError> {
         let level = self.watch_level();
         let mut found: Option<(Verdict, Rival, Assessed)> = None;
-        for rival in rivals(job, &assessed.estimate) {
+        for rival in rivals(job, &assessed.estimate, self.knows_unit(&job.actuator)) {
             let mut other = rival.applied_to(job);
             let Ok(conditions) = conditions(&other) else { continue };
             let of_rival = self.estimate(&mut other, conditions)?;
-            let verdict = compare(&assessed.estimate, &of_rival.estimate, level);
+            let verdict = compare(&assessed.estimate, rival.suspect, &of_rival.estimate, level);
             let is_best = match &found {
                 None => verdict != Verdict::Worse,
                 Some((Verdict::Better, _, best)) => {

@@ -54,11 +54,18 @@ const CHASING: f64 = 0.5;
 /// Torque that the position error asks for, in multiples of what the rest of the drive can hide.
 const ASKED: f64 = 4.0;
 
+/// Range of a set point that has not moved yet, rad: the default threshold of the trigger and what it may miss.
+const HELD_RAD: f64 = 1.5e-3;
+
 /// Speed before the set point moves, share of ω_max, that is no rest.
 const MOVING: f64 = 0.05;
 
 /// Checks the set point of a window in position mode; its first `rest` samples precede the trigger.
 pub(super) fn setpoint_error(signals: &Signals, params: &ActuatorParams, rest: usize) -> Option<SetpointError> {
+    let scale = followed(signals, params);
+    if let Some(SetpointError::Unit(_) | SetpointError::Reversed) = scale {
+        return scale;
+    }
     let error = |n: usize| Some(commanded_angle(signals.rows.get(n)?.setpoint)? - signals.rows[n].theta_out);
     let (first, at_rest) = (error(0)?, signals.rows.get(..rest.max(2))?);
     let controller = &params.controller;
@@ -69,7 +76,7 @@ pub(super) fn setpoint_error(signals: &Signals, params: &ActuatorParams, rest: u
     let output_speed = speed / params.transmission.gear_ratio;
     // Nothing that belongs to an earlier command runs away from the set point.
     let is_at_setpoint = first.abs() < 2e-3;
-    if speed.abs() > MOVING * controller.omega_max && held.abs() < 1e-4 {
+    if speed.abs() > MOVING * controller.omega_max && held.abs() < HELD_RAD {
         let last = error(rest.max(2) - 1)?;
         if last.abs() > first.abs() && (last * output_speed) < 0.0 && (is_at_setpoint || last.abs() > 2e-3) {
             return Some(SetpointError::Late(speed));
@@ -84,7 +91,7 @@ pub(super) fn setpoint_error(signals: &Signals, params: &ActuatorParams, rest: u
     if stands && asked > ASKED * (torque + params.transmission.friction_static) {
         return Some(SetpointError::Zero(first));
     }
-    followed(signals, params)
+    scale
 }
 
 /// How the output follows the set point.
@@ -118,9 +125,16 @@ fn followed(signals: &Signals, params: &ActuatorParams) -> Option<SetpointError>
     if slope < -REVERSED {
         return Some(SetpointError::Reversed);
     }
-    let final_error = commanded.last()? - first_setpoint - (signals.rows.last()?.theta_out - first_output);
-    (final_error.abs() > SCALE_ERROR * setpoint && !chases && speed.abs() < MOVING * params.controller.omega_max)
-        .then_some(SetpointError::Scale(output / setpoint))
+    // At the end both stand.
+    let stands = late
+        .iter()
+        .all(|row| row.omega_m.abs() < MOVING * params.controller.omega_max);
+    let held = commanded[signals.rows.len() * 2 / 3..]
+        .iter()
+        .all(|&x| (x - max).abs().min((x - min).abs()) < HELD_RAD);
+    let (last, row) = (commanded.last()?, signals.rows.last()?);
+    let missed = last - first_setpoint - (row.theta_out - first_output);
+    (stands && held && missed.abs() > SCALE_ERROR * setpoint).then_some(SetpointError::Scale(output / setpoint))
 }
 
 /// Slope of output over set point that is no lag of a chirp.

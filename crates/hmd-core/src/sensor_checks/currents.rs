@@ -4,7 +4,7 @@
 //! `i_a + i_b + i_c = o + e i_j` shows offset and gain of one phase, `i_d = (δ + τ ω_e) i_q + o_α cos θ_e + o_β sin θ_e` the zero δ of
 //! the resolver, the age τ of the currents and the two other components of the offsets. Derived here.
 
-use ema_models::{Real, Tolerances};
+use ema_models::{Real, Tolerances, phase_shapes};
 
 use super::least_squares::{Fit, fit};
 use super::signals::{Row, Signals};
@@ -81,10 +81,12 @@ pub(super) fn current_errors(signals: &Signals, tolerances: &Tolerances) -> Vec<
 /// Offset of the sum, A, where it is clear; a phase whose gain explains the sum goes to `found`.
 fn sum_of_currents(signals: &Signals, tolerances: &Tolerances, found: &mut Vec<CurrentError>) -> Option<f64> {
     let sum = |row: &Row| row.currents.iter().sum::<f64>();
+    // The phase's current by the torque-producing one of the two neighbouring samples, whose noise is not in the sum.
     let of_phase = |phase: usize| {
-        let rows = signals.rows.iter().map(|row| {
-            let others = row.currents[phase] - sum(row);
-            ([1.0, others], sum(row))
+        let rows = signals.rows.windows(3).map(|near| {
+            let i_q = 0.5 * (signals.i_dq(&near[0])[1] + signals.i_dq(&near[2])[1]);
+            let shapes = phase_shapes((signals.pole_pairs * near[1].theta_m).sin_cos_poly());
+            ([1.0, i_q * shapes[phase]], sum(&near[1]))
         });
         fit(rows, [FREE; 2], 1.0)
     };
@@ -135,7 +137,8 @@ fn direct_current(signals: &Signals, tolerances: &Tolerances, found: &mut Vec<Cu
             2 | 3 => offset,
             _ => FREE,
         });
-        fit(signals.rows.iter().map(|r| row(r, uses)), prior, ALIKE)
+        let controlled = signals.rows.iter().filter(|row| signals.is_controlled(row));
+        fit(controlled.map(|r| row(r, uses)), prior, ALIKE)
     };
     let by_zero = fitted([1.0, 0.0, 1.0, 1.0])?;
     let by_age = fitted([0.0, 1.0, 1.0, 1.0])?;

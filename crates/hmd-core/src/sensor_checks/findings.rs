@@ -39,7 +39,7 @@ fn suspicion(suspect: Suspect, evidence: &str) -> Suspicion {
 /// Names of the phases.
 const PHASES: [char; 3] = ['a', 'b', 'c'];
 
-/// The mistakes that the signals of a window show.
+/// The mistakes that the signals of a window show; of an invalid one only those that make it so.
 #[must_use]
 pub fn examine(job: &WindowJob) -> Vec<Finding> {
     let (params, samples) = (&job.params, &job.window.samples);
@@ -52,6 +52,9 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
     findings.extend(ratio.and_then(|ratio| of_ratio(params, ratio, &signals)));
     if findings.is_empty() {
         findings.extend(setpoint_error(&signals, params, job.window.trigger).map(|error| of_setpoint(params, error)));
+    }
+    if !job.window.quality.is_fit() {
+        return findings;
     }
     let errors = current_errors(&signals, tolerances_of_sensors(&job.actuator.tolerances));
     findings.extend(errors.into_iter().map(|error| of_currents(params, &error)));
@@ -235,10 +238,10 @@ fn of_age(late: f64) -> Suspicion {
     )
 }
 
-/// Tolerance of the gain of all currents by k and J, standard deviations.
-const GAIN_SIGMAS: f64 = 3.0;
+/// Standard deviations of a load that its sensor reads otherwise.
+const LOAD_SIGMAS: f64 = 3.0;
 
-/// The same of the fit.
+/// Standard deviations of the gain of currents that are reversed.
 const FIT_SIGMAS: f64 = 5.0;
 
 /// Share of a load, and of the friction at the output, by which the balance errs: efficiencies of the gear.
@@ -255,28 +258,21 @@ fn of_torque(job: &WindowJob, balance: &Balance) -> Option<Finding> {
         };
         return Some(Finding::new(Suspect::CurrentSign, &evidence, Some(correction)));
     }
-    let tolerances = &job.actuator.tolerances;
-    let known = tolerances.k.hypot(tolerances.j).max(0.02);
-    if (gain - 1.0).abs() > GAIN_SIGMAS * known && (gain - 1.0).abs() > FIT_SIGMAS * sigma && gain > 0.3 {
-        let reads = 1.0 / gain;
-        let evidence = format!(
-            "all read {reads:.2} ± {:.2} times what the motion needs",
-            sigma * reads * reads
-        );
-        let correction = Correction::Currents {
-            offset: [0.0; 3],
-            gain: [reads; 3],
-        };
-        return Some(Finding::new(Suspect::CurrentGain, &evidence, Some(correction)));
-    }
-    let (needed, sigma) = balance.load;
+    let (needed, sigma) = balance.load?;
     let measured = job.conditions.load_torque_nm?;
     let transmission = &job.params.transmission;
     let friction = transmission.friction_dynamic * transmission.gear_ratio;
     let own = (LOAD_SHARE * needed.abs().max(measured.abs())).hypot(FRICTION_SHARE * friction);
     let sigma = sigma.hypot(own);
-    ((needed - measured).abs() > GAIN_SIGMAS * sigma).then(|| {
+    ((needed - measured).abs() > LOAD_SIGMAS * sigma).then(|| {
         let evidence = format!("reads {measured:.1} N m, the motion needs {needed:.1} ± {sigma:.1} N m");
         Finding::new(Suspect::LoadSensor, &evidence, Some(Correction::NoLoad))
     })
+}
+
+/// Torque by the motion over torque by the currents of a window, with its standard deviation.
+#[must_use]
+pub(super) fn torque_ratio(job: &WindowJob) -> Option<(f64, f64)> {
+    let signals = Signals::new(&job.params, &job.window.samples);
+    Some(balance(&signals, &job.params)?.gain)
 }

@@ -5,6 +5,8 @@
 
 use ema_models::{DriveKind, FaultId, REFERENCE_TEMPERATURE_DEG_C};
 
+use super::correction::Correction;
+use super::findings::torque_ratio;
 use super::suspect::{Suspect, Suspicion};
 use crate::outbox::WindowJob;
 use ema_identify::Estimate;
@@ -14,9 +16,15 @@ use ema_identify::Estimate;
 pub struct Rival {
     /// The sensor.
     pub suspect: Suspect,
-    /// The reading instead; `None` as if it were not measured.
+    /// The reading instead, of the currents their gain; `None` as if it were not measured.
     reading: Option<f64>,
 }
+
+/// Gain of all currents that no tolerance explains.
+const GAIN_OFF: f64 = 0.06;
+
+/// Gains that are tried where nothing explains a window.
+const GAINS: [f64; 4] = [0.82, 0.91, 1.1, 1.22];
 
 /// Shares of the read voltage that the link may have instead.
 const LINK_SHARES: [f64; 4] = [0.8, 0.9, 1.12, 1.25];
@@ -31,9 +39,9 @@ const TEMPERATURE_OFF_K: f64 = 40.0;
 const HIGH_COST: f64 = 3.0;
 
 /// The readings of a window that may be wrong. The link voltage counts where comparators apply it to the phases; another one
-/// than the nominal is tried where nothing explains the window well.
+/// than the nominal is tried where nothing explains the window well. Gains of all currents are tried of commissioned units, whose motor is known.
 #[must_use]
-pub fn rivals(job: &WindowJob, estimate: &Estimate) -> Vec<Rival> {
+pub fn rivals(job: &WindowJob, estimate: &Estimate, is_commissioned: bool) -> Vec<Rival> {
     let conditions = &job.conditions;
     let mut rivals = Vec::new();
     let mut add = |suspect, reading| rivals.push(Rival { suspect, reading });
@@ -60,6 +68,17 @@ pub fn rivals(job: &WindowJob, estimate: &Estimate) -> Vec<Rival> {
             add(Suspect::DcLink, Some(voltage));
         }
     }
+    let ratio = torque_ratio(job).map(|(ratio, _)| 1.0 / ratio);
+    let by_balance = ratio.filter(|gain| (gain - 1.0).abs() > GAIN_OFF && (0.5..2.0).contains(gain));
+    let tried = GAINS
+        .into_iter()
+        .filter(|_| is_commissioned && estimate.is_unmodelled());
+    for gain in by_balance.into_iter().chain(tried) {
+        rivals.push(Rival {
+            suspect: Suspect::CurrentGain,
+            reading: Some(gain),
+        });
+    }
     rivals
 }
 
@@ -71,7 +90,12 @@ impl Rival {
         match self.suspect {
             Suspect::LoadSensor => job.conditions.load_torque_nm = self.reading,
             Suspect::WindingTemperature => job.conditions.winding_temp_deg_c = self.reading,
-            _ => job.conditions.dc_link_v = self.reading,
+            Suspect::DcLink => job.conditions.dc_link_v = self.reading,
+            _ => Correction::Currents {
+                offset: [0.0; 3],
+                gain: [self.reading.unwrap_or(1.0); 3],
+            }
+            .apply(&mut job),
         }
         job
     }
@@ -89,6 +113,10 @@ impl Rival {
             Suspect::WindingTemperature => {
                 let read = conditions.winding_temp_deg_c.unwrap_or(0.0);
                 format!("reads {read:.0} °C, the motion fits without it")
+            }
+            Suspect::CurrentGain => {
+                let gain = self.reading.unwrap_or(1.0);
+                format!("all phases read {gain:.2} times what fits the motion")
             }
             _ => {
                 let (read, fits) = (conditions.dc_link_v.unwrap_or(0.0), self.reading.unwrap_or(0.0));
@@ -116,6 +144,9 @@ pub enum Verdict {
 /// Factor of the costs from which on one explanation is better.
 const BETTER: f64 = 2.0;
 
+/// Cost of a window that is explained, with noise of 100 mA.
+const GOOD_COST: f64 = 6.5;
+
 /// Factor up to which two explanations are alike.
 const ALIKE: f64 = 1.15;
 
@@ -135,14 +166,32 @@ pub fn is_doubtful(estimate: &Estimate, level: f64) -> bool {
     (estimate.is_unmodelled() && !estimate.locked) || !accused(estimate, level).is_empty()
 }
 
-/// Compares an estimate with that of a rival.
+/// Whether an estimate accuses all three phases: no winding fails in all of them at once, but a gain of all currents, a weak magnet or
+/// a drive that the monitor does not know looks so.
 #[must_use]
-pub fn compare(estimate: &Estimate, rival: &Estimate, level: f64) -> Verdict {
+pub fn accuses_all_phases(estimate: &Estimate, level: f64) -> bool {
+    let accused = accused(estimate, level);
+    [FaultId::ShortA, FaultId::ShortB, FaultId::ShortC]
+        .iter()
+        .all(|phase| accused.contains(phase))
+}
+
+/// Compares an estimate with that of a rival. A gain of all currents looks as a weak motor does, which the tolerances hold: it counts
+/// only where it explains a window better.
+#[must_use]
+pub fn compare(estimate: &Estimate, suspect: Suspect, rival: &Estimate, level: f64) -> Verdict {
     if rival.is_unmodelled() {
         return Verdict::Worse;
     }
     if estimate.is_unmodelled() || estimate.cost > BETTER * rival.cost {
-        return Verdict::Better;
+        return if rival.cost < GOOD_COST {
+            Verdict::Better
+        } else {
+            Verdict::Worse
+        };
+    }
+    if suspect == Suspect::CurrentGain {
+        return Verdict::Worse;
     }
     let of_rival = accused(rival, level);
     let accuses_less = accused(estimate, level).iter().any(|fault| !of_rival.contains(fault));

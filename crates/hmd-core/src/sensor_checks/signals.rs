@@ -1,6 +1,6 @@
 //! A window as the checks read it: measured quantities of each sample in SI units.
 
-use ema_models::{ActuatorParams, Real, SensedSample, Setpoint, dq_from_abc};
+use ema_models::{ActuatorParams, MotorParams, Real, SensedSample, Setpoint, dq_from_abc};
 
 /// Quantities of one sample.
 #[derive(Clone, Copy, Debug)]
@@ -23,6 +23,7 @@ pub(super) struct Signals {
     pub(super) rows: Vec<Row>,
     pub(super) pole_pairs: f64,
     pub(super) rate_hz: f64,
+    motor: MotorParams,
 }
 
 impl Signals {
@@ -47,7 +48,18 @@ impl Signals {
             rows: rows.collect(),
             pole_pairs: params.motor.pole_pairs,
             rate_hz,
+            motor: params.motor,
         }
+    }
+
+    /// Whether the drive has voltage to spare at a sample, so that it holds the direct current: the phase voltage of a motor at this
+    /// speed with this current, `|R i_q + k ω, ω_e L i_q|`, is below [`VOLTAGE_SHARE`] of the nominal link voltage.
+    pub(super) fn is_controlled(&self, row: &Row) -> bool {
+        let motor = &self.motor;
+        let i = row.currents.iter().fold(0.0, |max: f64, i| max.max(i.abs()));
+        let along = motor.r_s * i + (motor.k * row.omega_m).abs();
+        let across = self.pole_pairs * row.omega_m * motor.l_s * i;
+        along.hypot(across) < VOLTAGE_SHARE * motor.v_dc
     }
 
     /// Direct and quadrature current of a sample.
@@ -71,6 +83,9 @@ impl Signals {
         (max - min).max(0.0)
     }
 }
+
+/// Share of the link voltage: three quarters of V_dc / √3, for supplies that sag by a quarter.
+const VOLTAGE_SHARE: f64 = 0.43;
 
 /// The angle of a set point in position mode, rad.
 pub(super) fn commanded_angle(setpoint: Setpoint) -> Option<f64> {

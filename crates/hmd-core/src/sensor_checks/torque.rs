@@ -13,12 +13,15 @@ use super::signals::Signals;
 pub(super) struct Balance {
     /// Torque by the motion over torque by the currents.
     pub(super) gain: (f64, f64),
-    /// Load at the output, Nm.
-    pub(super) load: (f64, f64),
+    /// Load at the output, Nm; of windows whose samples are too far apart none is found.
+    pub(super) load: Option<(f64, f64)>,
 }
 
 /// Half width of the triangles, s.
 const HALF_WIDTH_S: f64 = 3e-3;
+
+/// Samples of half a triangle from which on what the torque does between them averages out.
+const HALF_WIDTH_FINE: usize = 4;
 
 /// Speed below which dry friction has no sign, rad/s.
 const SPEED_MIN: f64 = 3.0;
@@ -29,6 +32,7 @@ const DAMPING_SHARE: f64 = 1.0;
 /// The balance of a window; `None` where it hardly moves.
 pub(super) fn balance(signals: &Signals, params: &ActuatorParams) -> Option<Balance> {
     let half = ((HALF_WIDTH_S * signals.rate_hz).round() as usize).max(2);
+    let is_fine = half >= HALF_WIDTH_FINE;
     let motor = &params.motor;
     let step = half as f64 / signals.rate_hz;
     let rows = (half..signals.rows.len().saturating_sub(half)).filter_map(|n| {
@@ -68,6 +72,6 @@ pub(super) fn balance(signals: &Signals, params: &ActuatorParams) -> Option<Bala
     let found = fit(rows, prior, 2.0 * half as f64)?;
     Some(Balance {
         gain: (found.value[0], found.sigma[0]),
-        load: (found.value[3], found.sigma[3]),
+        load: is_fine.then_some((found.value[3], found.sigma[3])),
     })
 }

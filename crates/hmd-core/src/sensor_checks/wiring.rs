@@ -104,6 +104,9 @@ fn share_on_torque_axis(signals: &Signals, wiring: Wiring) -> Option<f64> {
     // Σ of the squares, and of the square of i_d + j i_q as a complex number.
     let (mut all, mut on_axis, mut real, mut imaginary) = (0.0, 0.0, 0.0, 0.0);
     for (n, row) in signals.rows.iter().enumerate() {
+        if !signals.is_controlled(row) {
+            continue;
+        }
         let Some(of_currents) = n.checked_add_signed(late).and_then(|n| signals.rows.get(n)) else {
             continue;
         };

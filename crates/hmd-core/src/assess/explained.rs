@@ -63,7 +63,14 @@ impl Assessor {
             }
         }
         let mut assessed = match conditions(&corrected) {
-            Ok(conditions) => self.estimate(&mut corrected, conditions)?,
+            Ok(conditions) => {
+                let assessed = self.estimate(&mut corrected, conditions)?;
+                if findings.is_empty() {
+                    assessed
+                } else {
+                    assessed.widened(CORRECTED_FACTOR)
+                }
+            }
             Err(absurd) => {
                 reasons.push(absurd);
                 return Ok(Explained::invalid(suspects, reasons));
@@ -153,6 +160,9 @@ impl Assessor {
         levels.iter().map(|levels| levels.watch).fold(f64::INFINITY, f64::min)
     }
 }
+
+/// Factor on every sigma of a window from which a mistake was taken out: how large it was is itself an estimate.
+const CORRECTED_FACTOR: f64 = 2.0;
 
 /// Whether the samples of an invalid window show why it is.
 fn shows_signals(invalidity: &Invalidity) -> bool {

@@ -21,8 +21,14 @@ pub(super) fn output_over_motor(signals: &Signals, params: &ActuatorParams) -> O
         ([1.0, motor], row.theta_out - first.theta_out)
     });
     let free = (0.0, f64::INFINITY);
-    Some(fit(rows, [free; 2], 1.0)?.value[1])
+    let found = fit(rows, [free; 2], 1.0)?;
+    // Another gear ratio is a line; an angle that stands still for a while is none.
+    let scatter = resolution + SCATTER * signals.span(|row| row.theta_out);
+    (found.mean_square < scatter * scatter).then_some(found.value[1])
 }
+
+/// Scatter about a line, share of the output's travel.
+const SCATTER: f64 = 0.03;
 
 /// Travel in multiples of play and resolution from which on the ratio is known to a few per cent.
 const TRAVEL_MIN: f64 = 4.0;

@@ -78,6 +78,13 @@ pub(super) fn current_errors(signals: &Signals, tolerances: &Tolerances) -> Vec<
     found
 }
 
+/// The phase whose gain explains the sum of the currents.
+pub(super) fn gain_of_a_phase(signals: &Signals, tolerances: &Tolerances) -> Option<CurrentError> {
+    let mut found = Vec::new();
+    sum_of_currents(signals, tolerances, &mut found);
+    found.pop()
+}
+
 /// Offset of the sum, A, where it is clear; a phase whose gain explains the sum goes to `found`.
 fn sum_of_currents(signals: &Signals, tolerances: &Tolerances, found: &mut Vec<CurrentError>) -> Option<f64> {
     let sum = |row: &Row| row.currents.iter().sum::<f64>();

@@ -4,12 +4,13 @@ use ema_models::{ActuatorParams, Tolerances};
 
 use super::angles::{SetpointError, output_over_motor, setpoint_error};
 use super::correction::Correction;
-use super::currents::{CurrentError, current_errors};
+use super::currents::{CurrentError, current_errors, gain_of_a_phase};
 use super::signals::Signals;
 use super::suspect::{Suspect, Suspicion};
 use super::torque::{Balance, balance};
 use super::wiring::{OnTorqueAxis, Wiring, other_wiring};
 use crate::outbox::WindowJob;
+use crate::window::{Defect, Invalidity, WindowQuality};
 
 /// One mistake that a window shows.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,10 +54,21 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
     if findings.is_empty() {
         findings.extend(setpoint_error(&signals, params, job.window.trigger).map(|error| of_setpoint(params, error)));
     }
-    if !job.window.quality.is_fit() {
+    let tolerances = tolerances_of_sensors(&job.actuator.tolerances);
+    if let WindowQuality::Invalid(invalidity) = &job.window.quality {
+        let is_by_currents = matches!(
+            invalidity,
+            Invalidity::TooManyFlawed {
+                defect: Defect::CurrentSum,
+                ..
+            }
+        );
+        if is_by_currents {
+            findings.extend(gain_of_a_phase(&signals, tolerances).map(|error| of_currents(params, &error)));
+        }
         return findings;
     }
-    let errors = current_errors(&signals, tolerances_of_sensors(&job.actuator.tolerances));
+    let errors = current_errors(&signals, tolerances);
     findings.extend(errors.into_iter().map(|error| of_currents(params, &error)));
     if findings.is_empty() {
         let balance = balance(&signals, params);

@@ -38,8 +38,8 @@ const TEMPERATURE_OFF_K: f64 = 40.0;
 /// Cost above that of good windows.
 const HIGH_COST: f64 = 3.0;
 
-/// The readings of a window that may be wrong. The link voltage counts where comparators apply it to the phases; another one
-/// than the nominal is tried where nothing explains the window well. Gains of all currents are tried of commissioned units, whose motor is known.
+/// The readings of a window that may be wrong. Where the link reads another voltage than the nominal one, that one is tried;
+/// others where comparators apply the link to the phases and nothing explains the window well. Gains of all currents are tried of commissioned units, whose motor is known.
 #[must_use]
 pub fn rivals(job: &WindowJob, estimate: &Estimate, is_commissioned: bool) -> Vec<Rival> {
     let conditions = &job.conditions;
@@ -57,7 +57,8 @@ pub fn rivals(job: &WindowJob, estimate: &Estimate, is_commissioned: bool) -> Ve
         .filter(|_| job.actuator.drive.kind == DriveKind::Hysteresis)
     {
         let nominal = job.params.motor.v_dc;
-        let is_badly_explained = estimate.cost > HIGH_COST || estimate.is_unmodelled();
+        let is_applied = job.actuator.drive.kind == DriveKind::Hysteresis;
+        let is_badly_explained = is_applied && (estimate.cost > HIGH_COST || estimate.is_unmodelled());
         let shares = LINK_SHARES.iter().filter(|_| is_badly_explained);
         let mut voltages: Vec<f64> = shares.map(|share| share * read).collect();
         if (read - nominal).abs() > LINK_OFF * nominal {

@@ -8,7 +8,7 @@
 use ema_models::dq_from_abc;
 use ema_models::{ActuatorParams, Real};
 
-use super::signals::Signals;
+use super::signals::{Row, Signals};
 
 /// What may be wrong between sensors and program.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,38 +61,52 @@ pub(super) fn other_wiring(
     if signals.pole_pairs * signals.span(|row| row.theta_m) < TURN_RAD {
         return None;
     }
-    let share = |wiring| share_on_torque_axis(signals, wiring);
-    let configured = share(Wiring::Right)?;
-    if 1.0 - configured < OFF_AXIS_LATE {
-        return None;
+    let late = [Wiring::CurrentsLate(1), Wiring::CurrentsLate(-1)];
+    let configured = share_on_torque_axis(signals, Wiring::Right, |_| true)?;
+    if 1.0 - configured < OFF_AXIS {
+        // Where the drive lacks voltage, the current leaves the torque axis a little by itself.
+        let counts = |row: &Row| signals.is_controlled(row);
+        let configured = share_on_torque_axis(signals, Wiring::Right, counts)?;
+        return if 1.0 - configured > OFF_AXIS_LATE {
+            best_of(signals, late, configured, counts)
+        } else {
+            None
+        };
     }
-    let mut candidates = vec![Wiring::CurrentsLate(1), Wiring::CurrentsLate(-1)];
-    if 1.0 - configured > OFF_AXIS {
-        match ratio {
-            Some(ratio) if ratio < 0.0 => candidates.push(Wiring::ResolverReversed),
-            Some(ratio) if (ratio - 1.0).abs() > 0.1 => candidates.push(Wiring::ResolverTimes(1.0 / ratio)),
-            _ => {
-                candidates.extend([Wiring::Swapped(1, 2), Wiring::Swapped(2, 0), Wiring::Swapped(0, 1)]);
-                candidates.extend((0..3).map(Wiring::Reversed));
-                let configured = params.motor.pole_pairs;
-                let others = (1..=POLE_PAIRS_MAX).map(f64::from);
-                candidates.extend(others.filter(|p| (p - configured).abs() > 0.5).map(Wiring::PolePairs));
-            }
+    let mut candidates = late.to_vec();
+    match ratio {
+        Some(ratio) if ratio < 0.0 => candidates.push(Wiring::ResolverReversed),
+        Some(ratio) if (ratio - 1.0).abs() > 0.1 => candidates.push(Wiring::ResolverTimes(1.0 / ratio)),
+        _ => {
+            candidates.extend([Wiring::Swapped(1, 2), Wiring::Swapped(2, 0), Wiring::Swapped(0, 1)]);
+            candidates.extend((0..3).map(Wiring::Reversed));
+            let configured = params.motor.pole_pairs;
+            let others = (1..=POLE_PAIRS_MAX).map(f64::from);
+            candidates.extend(others.filter(|p| (p - configured).abs() > 0.5).map(Wiring::PolePairs));
         }
     }
+    best_of(signals, candidates, configured, |_| true)
+}
+
+/// The candidate that puts most of the current on the torque axis, over the rows that count, and the share of the configured wiring;
+/// `None` where it leaves too much.
+fn best_of(
+    signals: &Signals,
+    candidates: impl IntoIterator<Item = Wiring>,
+    configured: f64,
+    counts: impl Fn(&Row) -> bool + Copy,
+) -> Option<(OnTorqueAxis, f64)> {
     let scored = candidates.into_iter().filter_map(|wiring| {
-        Some(OnTorqueAxis {
-            wiring,
-            share: share(wiring)?,
-        })
+        let share = share_on_torque_axis(signals, wiring, counts)?;
+        Some(OnTorqueAxis { wiring, share })
     });
     let best = scored.reduce(|best, other| if other.share > best.share { other } else { best })?;
     (1.0 - best.share < LEFT * (1.0 - configured)).then_some((best, configured))
 }
 
 /// Share of the current's square on the torque axis with a wiring; where the wiring leaves the zero of the angle open, with the
-/// best zero. `None` without current.
-fn share_on_torque_axis(signals: &Signals, wiring: Wiring) -> Option<f64> {
+/// best zero; over the rows that count. `None` without current.
+fn share_on_torque_axis(signals: &Signals, wiring: Wiring, counts: impl Fn(&Row) -> bool) -> Option<f64> {
     let pole_pairs = match wiring {
         Wiring::PolePairs(pole_pairs) => pole_pairs,
         _ => signals.pole_pairs,
@@ -104,7 +118,7 @@ fn share_on_torque_axis(signals: &Signals, wiring: Wiring) -> Option<f64> {
     // Σ of the squares, and of the square of i_d + j i_q as a complex number.
     let (mut all, mut on_axis, mut real, mut imaginary) = (0.0, 0.0, 0.0, 0.0);
     for (n, row) in signals.rows.iter().enumerate() {
-        if !signals.is_controlled(row) {
+        if !counts(row) {
             continue;
         }
         let Some(of_currents) = n.checked_add_signed(late).and_then(|n| signals.rows.get(n)) else {

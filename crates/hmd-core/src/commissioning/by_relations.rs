@@ -2,6 +2,7 @@
 
 use ema_identify::relations::{
     BalanceShape, CommissionError, CommissionedRelations, Element, MeasuredWindow, RelationsEstimate, Term, commission,
+    commission_as,
 };
 use ema_identify::unit_calibration::{UnitParameter, UnitRelations, nominal_elements};
 use ema_identify::unit_estimate::{AlignedWindow, estimate_by_relations};
@@ -49,7 +50,7 @@ pub(super) fn learn_relations(jobs: &[WindowJob]) -> Result<RelationsLearnt, Com
         let of_others = if left_out {
             let mut others = windows.clone();
             others.remove(n);
-            commission(&others, &shape)?
+            commission_as(&others, &commissioned.balance.shape)?
         } else {
             commissioned
         };

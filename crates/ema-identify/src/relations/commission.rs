@@ -52,9 +52,8 @@ pub fn commission<S: RecordedSample>(
     windows: &[MeasuredWindow<'_, S>],
     shape: &BalanceShape,
 ) -> Result<CommissionedRelations, CommissionError> {
-    let compliant = shown_compliance(windows, shape).map(|compliance| BalanceShape { compliance, ..*shape });
-    let shapes: Vec<_> = core::iter::once(*shape).chain(compliant).collect();
-    learn(windows, &shapes)
+    let compliance = shown_compliance(windows, shape).unwrap_or(shape.compliance);
+    commission_as(windows, &BalanceShape { compliance, ..*shape })
 }
 
 /// Learns a unit as [`commission`] does, with this shape.
@@ -65,55 +64,24 @@ pub fn commission_as<S: RecordedSample>(
     windows: &[MeasuredWindow<'_, S>],
     shape: &BalanceShape,
 ) -> Result<CommissionedRelations, CommissionError> {
-    learn(windows, core::slice::from_ref(shape))
-}
-
-/// The compliance by which the windows are explained better than by one rigid mass.
-fn shown_compliance<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>], shape: &BalanceShape) -> Option<Compliance> {
-    let [narrow, ..] = HALF_WIDTHS_S;
-    let sample_rate = windows.first()?.params().sensors.sample_rate;
-    if !shape.compliance.is_rigid() || narrow * sample_rate < SEARCH_SAMPLES {
-        return None;
-    }
-    find_compliance(|&compliance| {
-        let shape = BalanceShape { compliance, ..*shape };
-        let shared = shared_balance(windows, &shape, narrow, false, SEARCH_ROUNDS);
-        shared.map_or(f64::NAN, |shared| shared.balance.residual_rms)
-    })
-}
-
-/// Samples of a half width from which on the fourth difference of the kernel resolves a resonance.
-const SEARCH_SAMPLES: f64 = 5.0;
-
-/// Rounds of the least squares in the search; the priors count from the second on.
-const SEARCH_ROUNDS: usize = 2;
-
-/// Learns a unit with that shape and kernel that is expected to show its elements best.
-fn learn<S: RecordedSample>(
-    windows: &[MeasuredWindow<'_, S>],
-    shapes: &[BalanceShape],
-) -> Result<CommissionedRelations, CommissionError> {
     let mut best: Option<(f64, SharedBalance)> = None;
     let mut refused = CommissionError::NoSolution;
-    for shape in shapes {
-        let residual = |half_width_s| {
-            shared_balance(windows, shape, half_width_s, false, ROUNDS)
-                .map_or(0.0, |shared| shared.balance.residual_rms)
-        };
-        let [narrow, .., wide] = HALF_WIDTHS_S;
-        let angle_errors = residual(narrow) > ANGLE_ERRORS * residual(wide);
-        for half_width_s in HALF_WIDTHS_S {
-            let shared = match shared_balance(windows, shape, half_width_s, angle_errors, ROUNDS) {
-                Ok(shared) => shared,
-                Err(error) => {
-                    refused = error;
-                    continue;
-                }
-            };
-            let variance = shared.expected_variance(windows);
-            if best.as_ref().is_none_or(|best| variance < CLEARLY_LESS * best.0) {
-                best = Some((variance, shared));
+    let residual = |half_width_s| {
+        shared_balance(windows, shape, half_width_s, false, ROUNDS).map_or(0.0, |shared| shared.balance.residual_rms)
+    };
+    let [narrow, .., wide] = HALF_WIDTHS_S;
+    let angle_errors = residual(narrow) > ANGLE_ERRORS * residual(wide);
+    for half_width_s in HALF_WIDTHS_S {
+        let shared = match shared_balance(windows, shape, half_width_s, angle_errors, ROUNDS) {
+            Ok(shared) => shared,
+            Err(error) => {
+                refused = error;
+                continue;
             }
+        };
+        let variance = shared.expected_variance(windows);
+        if best.as_ref().is_none_or(|best| variance < CLEARLY_LESS * best.0) {
+            best = Some((variance, shared));
         }
     }
     let Some((_, shared)) = best else {
@@ -143,6 +111,26 @@ fn learn<S: RecordedSample>(
         ..learnt
     })
 }
+
+/// The compliance by which the windows are explained better than by one rigid mass.
+fn shown_compliance<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>], shape: &BalanceShape) -> Option<Compliance> {
+    let [narrow, ..] = HALF_WIDTHS_S;
+    let sample_rate = windows.first()?.params().sensors.sample_rate;
+    if !shape.compliance.is_rigid() || narrow * sample_rate < SEARCH_SAMPLES {
+        return None;
+    }
+    find_compliance(|&compliance| {
+        let shape = BalanceShape { compliance, ..*shape };
+        let shared = shared_balance(windows, &shape, narrow, false, SEARCH_ROUNDS);
+        shared.map_or(f64::NAN, |shared| shared.balance.residual_rms)
+    })
+}
+
+/// Samples of a half width from which on the fourth difference of the kernel resolves a resonance.
+const SEARCH_SAMPLES: f64 = 5.0;
+
+/// Rounds of the least squares in the search; the priors count from the second on.
+const SEARCH_ROUNDS: usize = 2;
 
 /// Rounds in which loads and the gear's losses under them find each other.
 const ROUNDS: usize = LOAD_ROUNDS + 1;

@@ -18,8 +18,9 @@ const USUAL: [f64; 2] = [0.03, 0.23];
 /// Sides of the first simplex.
 const SIDES: [f64; DIMENSION] = [0.15, 0.03, 0.1];
 
-/// Residual, relative to that of a rigid mass, below which a compliance is found.
-const CLEARLY_LESS: f64 = 0.8;
+/// Residual, relative to that of a rigid mass, below which a compliance is found: white errors of the angle, as jittering sample instants
+/// make them, look like a resonance that leaves 0.48 of them under the narrow kernel, white errors of the torque 0.8.
+const CLEARLY_LESS: f64 = 0.45;
 
 /// Evaluations of the simplex, and the spread of its residuals, relative to the least, at which it has converged.
 const MAX_EVALUATIONS: usize = 60;
@@ -119,6 +120,6 @@ mod tests {
         };
         let found = find_compliance(residual).expect("a compliance");
         assert!((found.free / of(truth).free - 1.0).abs() < 0.05, "{found:?}");
-        assert!(find_compliance(|compliance| if compliance.is_rigid() { 1.0 } else { 0.9 }).is_none());
+        assert!(find_compliance(|compliance| if compliance.is_rigid() { 1.0 } else { 0.6 }).is_none());
     }
 }

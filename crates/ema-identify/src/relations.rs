@@ -24,6 +24,9 @@ mod between_samples;
 #[cfg(feature = "std")]
 mod commission;
 mod commissioned;
+mod compliance;
+#[cfg(feature = "std")]
+mod compliance_search;
 mod controller;
 mod current_noise;
 #[cfg(feature = "std")]
@@ -44,8 +47,9 @@ mod torque_balance;
 mod transmission;
 
 #[cfg(feature = "std")]
-pub use commission::{CommissionError, commission};
+pub use commission::{CommissionError, commission, commission_as};
 pub use commissioned::{Baseline, CommissionedRelations, RelationsEstimate};
+pub use compliance::Compliance;
 #[cfg(feature = "std")]
 pub use curves::{Curve, CurvePoint};
 pub use elements::{ELEMENT_COUNT, Element, Needed, Reading};

@@ -23,16 +23,29 @@ const WINDOW_COUNT: usize = UNIT_PARAMETER_COUNT + 2;
 const _: () = assert!(WINDOW_COUNT < COST_LANES);
 
 /// Iterations at most.
-const ITERATIONS: u32 = 15;
+const ITERATIONS: u32 = 20;
+
+/// Damping of the first step, as a share of the information.
+const DAMPING: f64 = 1e-2;
+
+/// Least damping.
+const DAMPING_MIN: f64 = 1e-9;
+
+/// Change of the damping after each step.
+const DAMPING_FACTOR: f64 = 10.0;
 
 /// A step of the shared unknowns below this share of their tolerances ends the fit.
-const TOLERANCE: f64 = 1e-3;
+const TOLERANCE: f64 = 1e-2;
+
+/// Errors of the monitor last as long as the response of the speed loop, s: so many samples tell as much as one with an error of its own.
+const ERROR_TIME_S: f64 = 5e-3;
 
 /// Step of the finite differences of load and integral.
-const OWN_DIFFERENCE: f64 = 2e-3;
+const OWN_DIFFERENCE: f64 = 5e-3;
 
-/// Step of the finite differences of a parameter, as a share of its tolerance.
-const DIFFERENCE_SHARE: f64 = 0.1;
+/// Step of the finite differences of a parameter, as a share of its tolerance. Short steps see the unevenness of play and counts, which
+/// adds to the information of the flat directions: the fit then creeps along the valley of R, k and J, and states too small a sigma.
+const DIFFERENCE_SHARE: f64 = 0.5;
 
 /// Range of the deviations, as shares.
 const RANGE: [f64; 2] = [-0.9, 9.0];
@@ -52,7 +65,7 @@ type Own = SVector<f64, 2>;
 /// Fits the parameters of one unit to healthy windows of it; all comparisons have the type's parameters. The prior of the first
 /// one's motor stands for the tolerances of R and k, `of_type` has the others.
 ///
-/// Gauss–Newton with half steps back; each window's own unknowns are eliminated (Schur complement). `None` without windows, or
+/// Levenberg–Marquardt; each window's own unknowns are eliminated (Schur complement). `None` without windows, or
 /// where sums are not finite.
 #[must_use]
 pub fn fit_unit_parameters(windows: &[Comparison<'_>], of_type: &Tolerances) -> Option<UnitParametersFit> {
@@ -69,62 +82,54 @@ pub fn fit_unit_parameters(windows: &[Comparison<'_>], of_type: &Tolerances) -> 
     let mut expected = Shared::zeros();
     (expected[0], expected[1]) = (of_motor.mean.resistance, of_motor.mean.back_emf);
 
-    let mut shared = expected;
-    let mut own: Vec<Own> = windows
+    let own = windows
         .par_iter()
         .map(|window| Own::new(load_share(window), 0.0))
         .collect();
-    let mut last: Option<(f64, Shared, Vec<Own>)> = None;
-    for _ in 0..ITERATIONS {
-        let sums: Vec<Sums> = windows
-            .par_iter()
-            .zip(&own)
-            .map(|(window, own)| Sums::of(window, &shared, own))
-            .collect();
+    let cost_of_prior = |shared: &Shared| {
         let off = shared - expected;
-        let cost = sums.iter().map(|sums| sums.cost).sum::<f64>() + 0.5 * off.dot(&(prior * off));
-        if let Some((least, good, good_own)) = &last
-            && (cost > *least || !cost.is_finite())
-        {
-            let back = (good - shared) * 0.5;
-            shared += back;
-            own = own.iter().zip(good_own).map(|(a, b)| 0.5 * (a + b)).collect();
-            if is_small(&back) {
-                break;
-            }
-            continue;
-        }
-        last = Some((cost, shared, own.clone()));
-        let (mut information, mut gradient) = (prior, prior * off);
-        for sums in &sums {
+        0.5 * off.dot(&(prior * off))
+    };
+    let mut best = Point::at(windows, expected, own);
+    let share = 1.0 / (ERROR_TIME_S * first.params.sensors.sample_rate).max(1.0);
+    let mut damping = DAMPING;
+    for _ in 0..ITERATIONS {
+        let (mut information, mut gradient) = (prior, prior * (best.shared - expected));
+        for sums in &best.sums {
             let (of_window, along) = sums.without_own();
-            information += of_window;
-            gradient += along;
+            information += share * of_window;
+            gradient += share * along;
         }
-        let step = -(information.try_inverse()? * gradient);
-        let moved = (shared + step).map(|x| x.clamp(RANGE[0], RANGE[1]));
-        for (own, sums) in own.iter_mut().zip(&sums) {
-            *own += sums.own_step(&(moved - shared));
+        let damped = information + SMatrix::from_diagonal(&(information.diagonal() * damping));
+        let step = -(damped.try_inverse()? * gradient);
+        let moved = (best.shared + step).map(|x| x.clamp(RANGE[0], RANGE[1]));
+        let step = moved - best.shared;
+        let own = best
+            .own
+            .iter()
+            .zip(&best.sums)
+            .map(|(own, sums)| own + sums.own_step(&step));
+        let next = Point::at(windows, moved, own.collect());
+        if share * next.cost() + cost_of_prior(&next.shared) < share * best.cost() + cost_of_prior(&best.shared) {
+            best = next;
+            damping = (damping / DAMPING_FACTOR).max(DAMPING_MIN);
+        } else {
+            damping *= DAMPING_FACTOR;
         }
-        let step = moved - shared;
-        shared = moved;
         if is_small(&step) {
             break;
         }
     }
 
-    let (_, shared, own) = last?;
-    let sums: Vec<Sums> = windows
-        .par_iter()
-        .zip(&own)
-        .map(|(window, own)| Sums::of(window, &shared, own))
-        .collect();
+    let Point { shared, sums, .. } = &best;
     let samples: usize = windows.iter().map(|window| window.recording.samples.len()).sum();
-    let cost = sums.iter().map(|sums| sums.cost).sum::<f64>() / samples.max(1) as f64;
+    let cost = best.cost() / samples.max(1) as f64;
     let signals = first.weights.to_array().iter().filter(|w| **w > 0.0).count() as f64;
     let excess = (2.0 * cost / signals).max(1.0);
     // The prior does not become worse where the windows fit badly.
-    let information = sums.iter().fold(prior, |sum, sums| sum + sums.without_own().0 / excess);
+    let information = sums
+        .iter()
+        .fold(prior, |sum, sums| sum + sums.without_own().0 * (share / excess));
     let covariance = information.try_inverse()?;
     let deviation = |parameter: UnitParameter| Deviation {
         share: shared[parameter as usize],
@@ -155,6 +160,29 @@ fn is_small(step: &Shared) -> bool {
     step.component_div(&tolerances(&Tolerances::USUAL)).amax() < TOLERANCE
 }
 
+/// What the fit has found, and the normal equations of each window there.
+struct Point {
+    shared: Shared,
+    own: Vec<Own>,
+    sums: Vec<Sums>,
+}
+
+impl Point {
+    fn at(windows: &[Comparison<'_>], shared: Shared, own: Vec<Own>) -> Self {
+        let sums = windows
+            .par_iter()
+            .zip(&own)
+            .map(|(window, own)| Sums::of(window, &shared, own))
+            .collect();
+        Self { shared, own, sums }
+    }
+
+    /// Cost of all windows, without the prior.
+    fn cost(&self) -> f64 {
+        self.sums.iter().map(|sums| sums.cost).sum()
+    }
+}
+
 /// Normal equations of one window.
 struct Sums {
     ata: SMatrix<f64, WINDOW_COUNT, WINDOW_COUNT>,
@@ -163,21 +191,25 @@ struct Sums {
 }
 
 impl Sums {
+    /// By central differences: in the valley of R, k and J the error of one-sided ones leads astray.
     fn of(window: &Comparison<'_>, shared: &Shared, own: &Own) -> Self {
         let tolerances = tolerances(&Tolerances::USUAL);
         let step = |place: usize| tolerances.get(place).map_or(OWN_DIFFERENCE, |t| DIFFERENCE_SHARE * t);
         // Lane 0 and the unused lanes are at the point itself.
-        let variants: [MonitorVariant; COST_LANES] = std::array::from_fn(|lane| {
-            let (mut shared, mut own) = (*shared, *own);
-            match lane.checked_sub(1) {
-                Some(place) if place < UNIT_PARAMETER_COUNT => shared[place] += step(place),
-                Some(place) if place < WINDOW_COUNT => own[place - UNIT_PARAMETER_COUNT] += step(place),
-                _ => {}
-            }
-            variant(window, &shared, &own)
+        let [forward, backward] = [1.0, -1.0].map(|direction| {
+            let variants: [MonitorVariant; COST_LANES] = core::array::from_fn(|lane| {
+                let (mut shared, mut own) = (*shared, *own);
+                match lane.checked_sub(1) {
+                    Some(place) if place < UNIT_PARAMETER_COUNT => shared[place] += direction * step(place),
+                    Some(place) if place < WINDOW_COUNT => own[place - UNIT_PARAMETER_COUNT] += direction * step(place),
+                    _ => {}
+                }
+                variant(window, &shared, &own)
+            });
+            let mut residuals = vec![[[0.0; COST_LANES]; SIGNAL_COUNT]; window.recording.samples.len()];
+            window.residuals_of_variants(&variants, &[], &mut residuals);
+            residuals
         });
-        let mut residuals = vec![[[0.0; COST_LANES]; SIGNAL_COUNT]; window.recording.samples.len()];
-        window.residuals_of_variants(&variants, &[], &mut residuals);
 
         let weights = window.weights.to_array();
         let mut sums = Self {
@@ -185,11 +217,11 @@ impl Sums {
             atr: SVector::zeros(),
             cost: 0.0,
         };
-        for of_sample in &residuals {
-            for (lanes, weight) in of_sample.iter().zip(weights) {
-                let r = weight * lanes[0];
+        for (ahead, behind) in forward.iter().zip(&backward) {
+            for ((ahead, behind), weight) in ahead.iter().zip(behind).zip(weights) {
+                let r = weight * ahead[0];
                 let slopes = SVector::<f64, WINDOW_COUNT>::from_fn(|place, _| {
-                    weight * (lanes[place + 1] - lanes[0]) / step(place)
+                    weight * (ahead[place + 1] - behind[place + 1]) / (2.0 * step(place))
                 });
                 sums.ata.syger(1.0, &slopes, &slopes, 1.0);
                 sums.atr.axpy(r, &slopes, 1.0);

@@ -148,10 +148,11 @@ impl Run {
             }
         };
         if self.show {
+            result.shown.push(format!("{:.6?}", unit.effects));
             result.shown.push(format!("{:.6?}", learnt.balance.values));
             result.shown.push(format!(
-                "kernel {} s, controller {} s, {:.4?}",
-                learnt.balance.half_width_s, learnt.gain_half_width_s, learnt.baseline
+                "kernel {} s, {:?}, controller {} s, {:.4?}",
+                learnt.balance.half_width_s, learnt.balance.shape.compliance, learnt.gain_half_width_s, learnt.baseline
             ));
             let start = Instant::now();
             for window in &windows {

@@ -10,6 +10,8 @@ use ema_models::ActuatorParams;
 use nalgebra::{SMatrix, SVector};
 
 use super::commissioned::{Baseline, CommissionedRelations};
+use super::compliance::Compliance;
+use super::compliance_search::find_compliance;
 use super::controller::gain_ratio;
 use super::elements::{ELEMENT_COUNT, Element, Needed, Reading};
 use super::kernel::{HALF_WIDTHS_S, Kernel};
@@ -42,7 +44,7 @@ pub enum CommissionError {
 /// Unknowns of one window: the shared ones, load and spring.
 const WINDOW_COUNT: usize = SHARED_COUNT + 2;
 
-/// Learns a unit from windows that are healthy on the operator's word.
+/// Learns a unit from windows that are healthy on the operator's word: with the compliance of the shape, or one that the windows show.
 ///
 /// # Errors
 /// Fewer than five windows in which the motor turns, or sums that are not finite.
@@ -50,15 +52,27 @@ pub fn commission<S: RecordedSample>(
     windows: &[MeasuredWindow<'_, S>],
     shape: &BalanceShape,
 ) -> Result<CommissionedRelations, CommissionError> {
+    let compliance = shown_compliance(windows, shape).unwrap_or(shape.compliance);
+    commission_as(windows, &BalanceShape { compliance, ..*shape })
+}
+
+/// Learns a unit as [`commission`] does, with this shape.
+///
+/// # Errors
+/// As [`commission`].
+pub fn commission_as<S: RecordedSample>(
+    windows: &[MeasuredWindow<'_, S>],
+    shape: &BalanceShape,
+) -> Result<CommissionedRelations, CommissionError> {
     let mut best: Option<(f64, SharedBalance)> = None;
     let mut refused = CommissionError::NoSolution;
     let residual = |half_width_s| {
-        shared_balance(windows, shape, half_width_s, false).map_or(0.0, |shared| shared.balance.residual_rms)
+        shared_balance(windows, shape, half_width_s, false, ROUNDS).map_or(0.0, |shared| shared.balance.residual_rms)
     };
     let [narrow, .., wide] = HALF_WIDTHS_S;
     let angle_errors = residual(narrow) > ANGLE_ERRORS * residual(wide);
     for half_width_s in HALF_WIDTHS_S {
-        let shared = match shared_balance(windows, shape, half_width_s, angle_errors) {
+        let shared = match shared_balance(windows, shape, half_width_s, angle_errors, ROUNDS) {
             Ok(shared) => shared,
             Err(error) => {
                 refused = error;
@@ -97,6 +111,29 @@ pub fn commission<S: RecordedSample>(
         ..learnt
     })
 }
+
+/// The compliance by which the windows are explained better than by one rigid mass.
+fn shown_compliance<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>], shape: &BalanceShape) -> Option<Compliance> {
+    let [narrow, ..] = HALF_WIDTHS_S;
+    let sample_rate = windows.first()?.params().sensors.sample_rate;
+    if !shape.compliance.is_rigid() || narrow * sample_rate < SEARCH_SAMPLES {
+        return None;
+    }
+    find_compliance(|&compliance| {
+        let shape = BalanceShape { compliance, ..*shape };
+        let shared = shared_balance(windows, &shape, narrow, false, SEARCH_ROUNDS);
+        shared.map_or(f64::NAN, |shared| shared.balance.residual_rms)
+    })
+}
+
+/// Samples of a half width from which on the fourth difference of the kernel resolves a resonance.
+const SEARCH_SAMPLES: f64 = 5.0;
+
+/// Rounds of the least squares in the search; the priors count from the second on.
+const SEARCH_ROUNDS: usize = 2;
+
+/// Rounds in which loads and the gear's losses under them find each other.
+const ROUNDS: usize = LOAD_ROUNDS + 1;
 
 /// Residual of the narrow kernel, relative to the wide one, from which the errors are those of the angle: a kernel four times as
 /// wide leaves ½ of white errors of the torque, 1/32 of white errors of the angle.
@@ -164,12 +201,13 @@ fn shared_balance<S: RecordedSample>(
     shape: &BalanceShape,
     half_width_s: f64,
     angle_errors: bool,
+    rounds: usize,
 ) -> Result<SharedBalance, CommissionError> {
     let params = windows
         .first()
         .ok_or(CommissionError::TooFewWindows { found: 0 })?
         .params();
-    let kernel = Kernel::new(half_width_s, params.sensors.sample_rate);
+    let kernel = Kernel::new(half_width_s, params.sensors.sample_rate, &shape.compliance);
     // Rows that count as one.
     let squares: f64 = kernel.average.iter().map(|weight| weight * weight).sum();
     let correlated = (1.0 / squares / kernel.stride as f64).max(1.0);
@@ -177,7 +215,7 @@ fn shared_balance<S: RecordedSample>(
     let mut loads = std::vec![OutputLoad::default(); windows.len()];
     let mut learnt = Err(CommissionError::NoSolution);
     let mut error_variance = 0.0;
-    for _ in 0..=LOAD_ROUNDS {
+    for _ in 0..rounds {
         let sums: Vec<_> = windows
             .iter()
             .zip(&loads)

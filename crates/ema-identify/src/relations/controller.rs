@@ -9,6 +9,7 @@
 use ema_models::dq_from_abc;
 use nalgebra::{Vector1, Vector3};
 
+use super::compliance::Compliance;
 use super::elements::{Needed, Reading};
 use super::jackknife::Jackknife;
 use super::kernel::Kernel;
@@ -32,7 +33,7 @@ pub(super) fn gain_ratio<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     half_width_s: f64,
 ) -> Result<(Reading, Residual), Needed> {
-    let kernel = Kernel::new(half_width_s, window.params().sensors.sample_rate);
+    let kernel = Kernel::new(half_width_s, window.params().sensors.sample_rate, &Compliance::RIGID);
     if !window.inner().any(|n| window.position_error(n).is_some()) {
         return Err(Needed::PositionMode);
     }

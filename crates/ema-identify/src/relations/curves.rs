@@ -5,6 +5,7 @@ use std::vec::Vec;
 use ema_models::follow_through_play;
 
 use super::commissioned::{CommissionedRelations, RelationsEstimate};
+use super::compliance::Compliance;
 use super::controller::{LAW_COUNT, law_rows};
 use super::elements::Element;
 use super::kernel::{HALF_WIDTHS_S, Kernel};
@@ -99,7 +100,7 @@ impl CommissionedRelations {
         estimate: &RelationsEstimate,
     ) -> Vec<CurvePoint> {
         let rate = window.params().sensors.sample_rate;
-        let kernel = Kernel::new(self.balance.half_width_s, rate);
+        let kernel = self.balance.kernel(rate);
         let load = OutputLoad {
             constant: estimate.load_torque,
             spring: estimate.spring_stiffness,
@@ -134,7 +135,7 @@ impl CommissionedRelations {
     /// Derivative of the torque against the law of the speed loop, its factors fitted to the window, Nm/s.
     fn controller_points<S: RecordedSample>(&self, window: &MeasuredWindow<'_, S>) -> Vec<CurvePoint> {
         let rate = window.params().sensors.sample_rate;
-        let kernel = Kernel::new(self.gain_half_width_s, rate);
+        let kernel = Kernel::new(self.gain_half_width_s, rate, &Compliance::RIGID);
         let mut equations = NormalEquations::<LAW_COUNT>::new();
         for (row, d_torque) in law_rows(window, &kernel).flatten() {
             equations.add(&row, d_torque);
@@ -169,7 +170,7 @@ impl CommissionedRelations {
             (now.motor_counts - first.motor_counts) as f64 * sensors.motor_lsb()
                 / window.params().transmission.gear_ratio
         };
-        let kernel = Kernel::new(HALF_WIDTHS_S[0], rate);
+        let kernel = Kernel::new(HALF_WIDTHS_S[0], rate, &Compliance::RIGID);
         let mut output = if start.forward { -half } else { half };
         let mut ring = Sliding::<2>::new(kernel.span);
         let mut points: Vec<CurvePoint> = (start.sample..window.inner().end)

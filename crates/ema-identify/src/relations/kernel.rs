@@ -4,6 +4,8 @@
 //! its exact differences on the grid of the samples: analytic derivatives, sampled, do not sum to zero and would leak the
 //! angle itself into its acceleration. Derived here.
 
+use super::compliance::Compliance;
+
 /// Largest half width W, samples: 12 ms at 2 kHz, 3 ms at 8 kHz.
 const MAX_HALF_WIDTH: usize = 24;
 
@@ -39,23 +41,21 @@ pub(super) struct Kernel {
 }
 
 impl Kernel {
-    /// The kernel for a half width, s, at a sample rate, Hz: 1 to 24 samples on either side.
+    /// The kernel for a half width, s, at a sample rate, Hz: 1 to 24 samples on either side; of the motor shaft before this transmission.
     #[must_use]
-    pub(super) fn new(half_width_s: f64, sample_rate: f64) -> Self {
-        let half = (libm::round(half_width_s * sample_rate) as usize).clamp(MIN_HALF_WIDTH, MAX_HALF_WIDTH);
-        let span = 2 * half + 1;
+    pub(super) fn new(half_width_s: f64, sample_rate: f64, compliance: &Compliance) -> Self {
+        // The fourth difference of f reaches one sample further than f.
+        let beyond = usize::from(!compliance.is_rigid());
+        let most = MAX_HALF_WIDTH - beyond;
+        let half = (libm::round(half_width_s * sample_rate) as usize).clamp(MIN_HALF_WIDTH, most);
+        let span = 2 * (half + beyond) + 1;
         let raw = |m: usize| {
-            if m >= span {
-                return 0.0;
-            }
-            let x = (m as f64 - half as f64) / half as f64;
-            let quadratic = 1.0 - x * x;
+            let x = (m as f64 - (half + beyond) as f64) / half as f64;
+            let quadratic = (1.0 - x * x).max(0.0);
             let square = quadratic * quadratic;
             square * square
         };
         let sum: f64 = (0..span).map(raw).sum();
-        // Zero outside, so that the differences at both ends are exact.
-        let f = |m: usize, shift: isize| m.checked_add_signed(shift).map_or(0.0, |m| raw(m) / sum);
         let weights = |weight: &dyn Fn(usize) -> f64| {
             let mut weights = [0.0; MAX_SPAN];
             for (m, slot) in weights.iter_mut().enumerate().take(span) {
@@ -63,16 +63,41 @@ impl Kernel {
             }
             weights
         };
-        let difference = |m| 0.5 * (f(m, 1) - f(m, -1));
-        let curvature = |m| f(m, 1) - 2.0 * f(m, 0) + f(m, -1);
-        Self {
+        // Zero outside, so that the differences at both ends are exact.
+        let at = |weights: &[f64; MAX_SPAN], m: usize, shift: isize| {
+            let place = m.checked_add_signed(shift).filter(|&m| m < span);
+            place.map_or(0.0, |place| weights[place])
+        };
+        let difference = |of: &[f64; MAX_SPAN]| weights(&|m| 0.5 * (at(of, m, 1) - at(of, m, -1)));
+        let curvature = |of: &[f64; MAX_SPAN]| weights(&|m| at(of, m, 1) - 2.0 * at(of, m, 0) + at(of, m, -1));
+        let f = weights(&|m| raw(m) / sum);
+        let (f_difference, f_curvature) = (difference(&f), curvature(&f));
+        let mut kernel = Self {
             span,
             stride: (half / ROWS_PER_HALF_WIDTH).max(1),
-            smooth: weights(&|m| f(m, 0)),
-            average: weights(&|m| f(m, 0) + curvature(m) / 12.0),
-            first: weights(&|m| -difference(m) * sample_rate),
-            second: weights(&|m| curvature(m) * sample_rate * sample_rate),
+            smooth: f,
+            average: weights(&|m| f[m] + f_curvature[m] / 12.0),
+            first: weights(&|m| -f_difference[m] * sample_rate),
+            second: weights(&|m| f_curvature[m] * sample_rate * sample_rate),
+        };
+        if !compliance.is_rigid() {
+            let with = |of: &[f64; MAX_SPAN], inverse_square: f64| {
+                let (first, second) = (difference(of), curvature(of));
+                let (by_first, by_second) = (
+                    -compliance.lag * sample_rate,
+                    inverse_square * sample_rate * sample_rate,
+                );
+                weights(&|m| of[m] + by_first * first[m] + by_second * second[m])
+            };
+            // f is the average of a second derivative.
+            let (average, smooth) = (with(&kernel.average, 0.0), with(&f, compliance.locked));
+            let by_second = compliance.locked * sample_rate * sample_rate;
+            kernel.average = weights(&|m| average[m] + by_second * f_curvature[m]);
+            kernel.smooth = smooth;
+            kernel.first = with(&kernel.first, compliance.locked);
+            kernel.second = with(&kernel.second, compliance.free);
         }
+        kernel
     }
 }
 
@@ -93,7 +118,7 @@ mod tests {
     #[test]
     fn differences_are_exact_on_polynomials() {
         for rate in [400.0, 2000.0] {
-            let kernel = Kernel::new(HALF_WIDTHS_S[0], rate);
+            let kernel = Kernel::new(HALF_WIDTHS_S[0], rate, &Compliance::RIGID);
             let close =
                 |a: f64, b: f64| assert!((a - b).abs() < 1e-7 * (1.0 + b.abs()), "{rate} Hz: {a} instead of {b}");
             close(applied(&kernel.smooth, &kernel, rate, |_| 1.0), 1.0);
@@ -113,7 +138,7 @@ mod tests {
     fn average_and_second_difference_smooth_an_oscillation_alike() {
         // x = cos ωt: x'' = −ω² x, so the ratio of both sums is −ω², up to the fourth order of ωΔt.
         let (rate, omega) = (2000.0, core::f64::consts::TAU * 50.0);
-        let kernel = Kernel::new(HALF_WIDTHS_S[0], rate);
+        let kernel = Kernel::new(HALF_WIDTHS_S[0], rate, &Compliance::RIGID);
         let x = |t: f64| libm::cos(omega * t);
         let ratio = applied(&kernel.second, &kernel, rate, x) / applied(&kernel.average, &kernel, rate, x);
         assert!((ratio / (-omega * omega) - 1.0).abs() < 1e-5, "{ratio}");
@@ -121,7 +146,8 @@ mod tests {
 
     #[test]
     fn the_half_width_follows_the_sample_rate() {
-        let widths = [400.0, 1000.0, 2000.0, 5000.0].map(|rate| half_width(&Kernel::new(HALF_WIDTHS_S[0], rate)));
+        let widths = [400.0, 1000.0, 2000.0, 5000.0]
+            .map(|rate| half_width(&Kernel::new(HALF_WIDTHS_S[0], rate, &Compliance::RIGID)));
         assert_eq!(widths, [1, 3, 6, 15]);
     }
 }

@@ -61,12 +61,13 @@ impl<'a, const M: usize> Overlap<'a, M> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::relations::compliance::Compliance;
     use crate::relations::kernel::{HALF_WIDTHS_S, Kernel};
 
     #[test]
     fn a_mean_of_smoothed_errors_is_as_uncertain_as_one_of_the_errors() {
         // A constant of 400 rows: variance σ_ε² / 400, up to the ends; the rows alone would say σ_row² / 400.
-        let kernel = Kernel::new(HALF_WIDTHS_S[0], 2000.0);
+        let kernel = Kernel::new(HALF_WIDTHS_S[0], 2000.0, &Compliance::RIGID);
         let mut equations = NormalEquations::<1>::new();
         let mut overlap = Overlap::new(&kernel.smooth, kernel.span);
         for n in 0..400 {

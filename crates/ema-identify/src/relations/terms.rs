@@ -8,6 +8,7 @@ use core::ops::Range;
 use ema_models::{ActuatorParams, phase_shapes};
 
 use super::between_samples::{Interval, instants};
+use super::compliance::Compliance;
 use super::kernel::Kernel;
 use super::measured::{Instant, MeasuredWindow, Quantities};
 use super::output_load::OutputLoad;
@@ -118,16 +119,20 @@ pub struct BalanceShape {
     pub cogging_periods: f64,
     /// Teeth of the first gear stage per motor revolution, N_t, a whole number.
     pub teeth: f64,
+    /// The transmission behind the motor shaft.
+    #[cfg_attr(feature = "std", serde(default))]
+    pub compliance: Compliance,
 }
 
 impl BalanceShape {
-    /// Usual values: 10 rad/s, six cogging periods per pole pair, 13 teeth.
+    /// Usual values: 10 rad/s, six cogging periods per pole pair, 13 teeth, a rigid transmission.
     #[must_use]
     pub fn usual(params: &ActuatorParams) -> Self {
         Self {
             stribeck_speed: 10.0,
             cogging_periods: 6.0 * params.motor.pole_pairs,
             teeth: 13.0,
+            compliance: Compliance::RIGID,
         }
     }
 }

@@ -44,6 +44,11 @@ impl BalanceCoefficients {
     pub fn of(&self, term: Term) -> f64 {
         self.values[term as usize]
     }
+
+    /// The kernel of its rows at a sample rate, Hz.
+    pub(super) fn kernel(&self, sample_rate: f64) -> Kernel {
+        Kernel::new(self.half_width_s, sample_rate, &self.shape.compliance)
+    }
 }
 
 /// Terms of friction, which wear together.
@@ -93,7 +98,7 @@ pub(super) fn torque_balance<S: RecordedSample>(
     gain: f64,
     learnt: Option<&[[f64; SHARED_COUNT]; SHARED_COUNT]>,
 ) -> TorqueBalance {
-    let kernel = Kernel::new(unit.half_width_s, window.params().sensors.sample_rate);
+    let kernel = unit.kernel(window.params().sensors.sample_rate);
     let mut balance = TorqueBalance {
         readings: ElementReadings::none(),
         load: OutputLoad::default(),

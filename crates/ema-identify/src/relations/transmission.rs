@@ -7,6 +7,7 @@
 
 use ema_models::follow_through_play;
 
+use super::compliance::Compliance;
 use super::elements::{Needed, Reading};
 use super::kernel::{HALF_WIDTHS_S, Kernel};
 use super::measured::MeasuredWindow;
@@ -71,7 +72,7 @@ fn width_of<S: RecordedSample>(
     within: Within,
 ) -> Result<(Reading, Residual), Needed> {
     let params = window.params();
-    let span = Kernel::new(HALF_WIDTHS_S[0], params.sensors.sample_rate).span;
+    let span = Kernel::new(HALF_WIDTHS_S[0], params.sensors.sample_rate, &Compliance::RIGID).span;
     let mismatch = |width: f64| follow(window, start, width, within).mismatch();
     let step = MAX_WIDTHS * params.transmission.backlash / COARSE as f64;
     let mut best = (f64::INFINITY, 0.0);

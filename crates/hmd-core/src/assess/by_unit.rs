@@ -21,6 +21,14 @@ pub(super) struct Assessed {
     pub(super) reasons: Vec<String>,
 }
 
+impl Assessed {
+    /// The same with every sigma multiplied.
+    pub(super) fn widened(mut self, factor: f64) -> Self {
+        self.estimate.sigma = self.estimate.sigma.map(|sigma| sigma.map(|sigma| factor * sigma));
+        self
+    }
+}
+
 /// Estimates a window by what was learnt of its unit; damage is the change since then.
 ///
 /// # Errors

@@ -2,6 +2,7 @@
 
 use ema_identify::relations::{
     BalanceShape, CommissionError, CommissionedRelations, Element, MeasuredWindow, RelationsEstimate, Term, commission,
+    commission_as,
 };
 use ema_identify::unit_calibration::{UnitParameter, UnitRelations, nominal_elements};
 use ema_identify::unit_estimate::{AlignedWindow, estimate_by_relations};
@@ -38,7 +39,7 @@ pub(super) fn learn_relations(jobs: &[WindowJob]) -> Result<RelationsLearnt, Com
     for n in 0..windows.len() {
         let mut others = windows.clone();
         others.remove(n);
-        let of_others = commission(&others, &shape).map_err(|error| match error {
+        let of_others = commission_as(&others, &commissioned.balance.shape).map_err(|error| match error {
             CommissionError::TooFewWindows { found } => CommissionError::TooFewWindows { found: found + 1 },
             CommissionError::NoSolution => error,
         })?;

@@ -18,7 +18,7 @@ use hmd_storage::calibration_file::{hash_of_models, hash_of_models_of_run};
 use hmd_storage::config_file::load_config;
 use hmd_storage::recorder::{Recorder, metadata};
 
-use super::cli::Folder;
+use super::folder::Folder;
 use super::lines::Lines;
 
 const SEED: u64 = 7;

@@ -1,12 +1,15 @@
 //! The program `hmd` as a whole: its verbs, the daemon on all its sources and in real time, and what its requirements name.
 
-mod cli;
 mod cli_live;
+mod damaged_log;
 mod export;
+mod folder;
 mod foreign_log;
 mod learning;
 mod lines;
 mod live;
+mod printed;
+mod refusals;
 mod report;
 mod safety;
 mod serial;
@@ -15,4 +18,5 @@ mod service;
 mod simulate;
 mod terminal_rig;
 mod top;
+mod unit_commissioning;
 mod wrong_map;

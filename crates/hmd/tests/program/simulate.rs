@@ -3,7 +3,7 @@
 use ema_models::reference::EFFECTS;
 use serde_json::{Value, json};
 
-use crate::cli::Folder;
+use crate::folder::Folder;
 
 /// FNV-1a.
 fn hash(bytes: &[u8]) -> u64 {

@@ -32,6 +32,7 @@ mod current_noise;
 #[cfg(feature = "std")]
 mod curves;
 mod elements;
+mod hidden_torque;
 mod jackknife;
 mod kernel;
 mod measured;

@@ -20,7 +20,7 @@ use crate::relations::{CommissionedRelations, ELEMENT_COUNT};
 pub use elements::{ElementStatistics, NORMAL_999, change_since, elements_of, fault_of, nominal_elements};
 pub(crate) use parameters::apply;
 pub use parameters::{Deviation, UNIT_PARAMETER_COUNT, UnitParameter, UnitParameters};
-pub use seen::{Motion, Seen, Unseen};
+pub use seen::{Motion, Seen, UNSEEN_FACTOR, Unseen};
 
 /// Version of the file's layout.
 pub const UNIT_VERSION: u32 = 3;
@@ -33,6 +33,8 @@ pub enum UnitEstimator {
     Monitor,
     /// The relations between measured signals.
     Relations,
+    /// Both, each fault by the one that shows it better in a window.
+    Both,
 }
 
 /// What was learnt of one unit.
@@ -203,6 +205,7 @@ impl UnitCalibration {
         let has_estimator = match self.estimator {
             UnitEstimator::Monitor => self.monitor.is_some(),
             UnitEstimator::Relations => self.relations.is_some(),
+            UnitEstimator::Both => self.monitor.is_some() && self.relations.is_some(),
         };
         if !has_estimator {
             return Some(format!("the estimator {:?} without its table", self.estimator));

@@ -3,6 +3,7 @@
 //! In: the calibration of the unit and a window. Out: an [`Estimate`] like that of any other window, with what the window would have
 //! needed where it does not show an element.
 
+mod by_both;
 mod by_monitor;
 mod by_relations;
 
@@ -13,6 +14,7 @@ use ema_models::FAULT_COUNT;
 use crate::estimate::Estimate;
 use crate::relations::{Needed, Relation};
 
+pub use by_both::of_both;
 pub use by_monitor::{USUAL_COST, corrected};
 pub use by_relations::{AlignedWindow, estimate_by_relations};
 

@@ -21,6 +21,7 @@ use crate::config::{ActuatorConfig, Config};
 use crate::dbc::{DecodedUpdate, Role};
 use crate::outbox::{AssembledSample, Notice, Outbox, WindowJob};
 use crate::sample::{MeasuredConditions, SampleRate};
+use crate::sensor_checks::UnseenMotion;
 use crate::window::{TimedSample, Window, WindowConfig, Windower};
 
 /// Samples that wait until the sample rate is known.
@@ -80,6 +81,7 @@ struct ReadyWindowing {
     /// Parameters with the sample rate of the windows.
     params: ActuatorParams,
     windower: Windower,
+    unseen: UnseenMotion,
     /// Samples with a mode other than idle.
     operating: u64,
 }
@@ -257,7 +259,11 @@ impl ActuatorStream {
             Windowing::Refused(dropped) => *dropped += 1,
             Windowing::Ready(ready) => {
                 ready.operating += u64::from(sample.sensed.setpoint != Setpoint::Idle);
+                if let Some(sentence) = ready.unseen.push(&sample.sensed) {
+                    outbox.push_notice(sample.stamp_ns, format!("{}: {sentence}", self.actuator.name));
+                }
                 if let Some(window) = ready.windower.push(sample) {
+                    ready.unseen.end();
                     outbox.push_window(ready.job(&self.actuator, window, conditions));
                 }
             }
@@ -265,10 +271,12 @@ impl ActuatorStream {
     }
 
     fn end_window(&mut self, conditions: MeasuredConditions, outbox: &mut Outbox) {
-        if let Windowing::Ready(ready) = &mut self.windowing
-            && let Some(window) = ready.windower.finish()
-        {
-            outbox.push_window(ready.job(&self.actuator, window, conditions));
+        if let Windowing::Ready(ready) = &mut self.windowing {
+            if let Some(window) = ready.windower.finish() {
+                outbox.push_window(ready.job(&self.actuator, window, conditions));
+            } else if let (Some(sentence), Some((last, _))) = (ready.unseen.finish(), self.last) {
+                outbox.push_notice(last.stamp_ns, format!("{}: {sentence}", self.actuator.name));
+            }
         }
     }
 
@@ -297,6 +305,7 @@ impl ActuatorStream {
             Ok(params) => Windower::new(self.window_config, &params)
                 .map(|windower| {
                     Windowing::Ready(Box::new(ReadyWindowing {
+                        unseen: UnseenMotion::new(&params, self.window_config.trigger_position_rad),
                         params,
                         windower: if rate.is_measured {
                             windower.at_device_time()

@@ -5,6 +5,7 @@
 
 mod by_unit;
 mod conditions;
+mod explained;
 mod models;
 mod records;
 
@@ -18,13 +19,12 @@ use crate::functional_check::{CHECK_LANES, unmet_requirements};
 use crate::health::{DamageEvidence, HealthState};
 use crate::history::{HistoryStore, WindowEvidence};
 use crate::outbox::WindowJob;
-use crate::outliers::identify_without_outliers;
 use crate::record::{self, WindowStatus};
-use crate::seed::{mix, name_hash};
+use crate::sensor_checks::Suspect;
 use crate::window::WindowQuality;
-use by_unit::Assessed;
 use ema_identify::unit_calibration::UnitCalibration;
 use ema_identify::{Estimate, Fit, Identifier, Method, Population};
+use explained::Explained;
 use records::{health_record, rul_record, window_record};
 
 pub(crate) use by_unit::{motion_of, needed_in_words};
@@ -64,6 +64,8 @@ pub struct AssessedWindow {
     pub health: record::Health,
     /// Remaining useful life; without numbers until there is a trend.
     pub rul: record::Rul,
+    /// Sensors, wires and configured numbers that may be wrong; the reasons of the records hold their sentences.
+    pub suspects: Vec<Suspect>,
 }
 
 impl Assessor {
@@ -126,48 +128,31 @@ impl Assessor {
     }
 
     fn assess_for(&mut self, mut job: WindowJob, learning: Option<&str>) -> Result<AssessedWindow, AssessError> {
-        let mut reasons = Vec::new();
-        let mut found = None;
+        let Explained {
+            assessed,
+            suspects,
+            mut reasons,
+        } = self.explain(&mut job, learning.is_some())?;
         let mut fit = Fit::default();
-        match conditions(&job) {
-            _ if !job.window.quality.is_fit() => reasons.push(job.window.quality.to_string()),
-            Err(absurd) => reasons.push(absurd),
-            Ok(conditions) => {
-                let identifier = self.identifier_of(&job)?;
-                let seed = mix(self.seed, &[name_hash(&job.actuator.name), job.window.number]);
-                let unit = self.models.unit(&job.actuator);
-                let assessed = match unit {
-                    Some(unit) => by_unit::estimate(unit, &identifier, &mut job, conditions, seed)?,
-                    None => {
-                        let (prepared, estimate) =
-                            identify_without_outliers(&identifier, &mut job.window, conditions, seed)?;
-                        Assessed {
-                            fit: identifier.fit(&prepared, conditions, &estimate),
-                            reasons: unseen(&estimate).into_iter().collect(),
-                            estimate,
-                        }
-                    }
-                };
-                let estimate = assessed.estimate;
-                fit = assessed.fit;
-                if let WindowQuality::Degraded(handicaps) = &job.window.quality {
-                    reasons.extend(handicaps.iter().map(ToString::to_string));
-                }
-                if unit.is_none() && !self.models.of_type(&job.actuator.type_name)?.calibrated {
-                    reasons.push(format!(
-                        "type {} is not calibrated",
-                        identifier.calibration.actuator_type
-                    ));
-                }
-                reasons.extend(learning.map(str::to_owned));
-                reasons.extend(assessed.reasons);
-                reasons.extend(estimate.competing_optimum.map(|other| ambiguous(&estimate, &other)));
-                if estimate.cut {
-                    let budget = self.config.identification().evaluations_max;
-                    reasons.push(format!("best of {budget} evaluations, the search had not ended"));
-                }
-                found = Some(estimate);
+        let mut found = None;
+        if let Some(assessed) = assessed {
+            let estimate = assessed.estimate;
+            fit = assessed.fit;
+            if let WindowQuality::Degraded(handicaps) = &job.window.quality {
+                reasons.extend(handicaps.iter().map(ToString::to_string));
             }
+            let of_type = self.models.of_type(&job.actuator.type_name)?;
+            if !self.knows_unit(&job.actuator) && !of_type.calibrated {
+                reasons.push(format!("type {} is not calibrated", of_type.calibration.actuator_type));
+            }
+            reasons.extend(learning.map(str::to_owned));
+            reasons.extend(assessed.reasons);
+            reasons.extend(estimate.competing_optimum.map(|other| ambiguous(&estimate, &other)));
+            if estimate.cut {
+                let budget = self.config.identification().evaluations_max;
+                reasons.push(format!("best of {budget} evaluations, the search had not ended"));
+            }
+            found = Some(estimate);
         }
         let explained = found.as_ref().filter(|estimate| !estimate.is_unmodelled());
         let status = match (&found, explained, reasons.is_empty()) {
@@ -211,6 +196,7 @@ impl Assessor {
             window: window_record(&job, status, &reason, fit),
             health: health_record(&job, status, &reason, found.as_ref(), &decision),
             rul: rul_record(&job, found.as_ref(), &decision, config.rul().horizon_h),
+            suspects,
         })
     }
 

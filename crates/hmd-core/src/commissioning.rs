@@ -153,14 +153,17 @@ pub fn calibrate_unit(
     // the type, and not at all where that has no comparators.
     let suffice = by_relations
         .as_ref()
-        .is_ok_and(|learnt| learnt.compared.shows_all_well());
+        .is_ok_and(|learnt| learnt.evidence.shows_all_well() && learnt.far_parameter(&jobs[0]).is_none());
     let by_monitor = match (suffice, is_vector) {
         (true, true) => None,
         (true, false) => learn_monitor(assessor, jobs, &CURRENT_TIME_CONSTANTS_S[..1], seed, progress)?,
         (false, _) => learn_monitor(assessor, jobs, &CURRENT_TIME_CONSTANTS_S, seed, progress)?,
     };
-    let (estimator, estimator_reason, evidence) =
-        choose(&jobs[0], is_vector, by_relations.as_ref(), by_monitor.as_ref())?;
+    let Choice {
+        estimator,
+        reason,
+        evidence,
+    } = choose(&jobs[0], is_vector, by_relations.as_ref(), by_monitor.as_ref())?;
     let actuator = &jobs[0].actuator;
     let mut notes = Vec::new();
     if let (UnitEstimator::Relations, Some(monitor)) = (estimator, &by_monitor)
@@ -168,7 +171,7 @@ pub fn calibrate_unit(
     {
         notes.push(format!("the monitor is not used: {far}"));
     }
-    if let (UnitEstimator::Monitor, Some(monitor)) = (estimator, &by_monitor) {
+    if let (UnitEstimator::Monitor | UnitEstimator::Both, Some(monitor)) = (estimator, &by_monitor) {
         // They may stand for what the monitor's controller lacks.
         let far = monitor.far_of_controller(&jobs[0]);
         notes.extend(
@@ -176,7 +179,13 @@ pub fn calibrate_unit(
                 .map(|far| format!("the monitor's controller stands for the unit's: {far}")),
         );
     }
-    let findings = findings(jobs, estimator, by_relations.as_ref().ok(), by_monitor.as_ref());
+    let findings = findings(
+        jobs,
+        estimator,
+        &evidence,
+        by_relations.as_ref().ok(),
+        by_monitor.as_ref(),
+    );
     let seen = Seen::of(&jobs.iter().map(motion_of).collect::<Vec<_>>());
     let calibration = UnitCalibration {
         version: UNIT_VERSION,
@@ -187,14 +196,17 @@ pub fn calibrate_unit(
         serial_number: actuator.serial_number.clone(),
         windows: jobs.len() as u32,
         estimator,
-        estimator_reason,
+        estimator_reason: reason,
         seen,
         smallest_damage: evidence.smallest_damage(levels),
         // A parameter far from its type is not written.
         monitor: by_monitor
             .filter(|learnt| learnt.far_parameter(&jobs[0]).is_none())
             .map(|learnt| learnt.unit),
-        relations: by_relations.ok().map(|learnt| learnt.unit),
+        relations: by_relations
+            .ok()
+            .filter(|learnt| learnt.far_parameter(&jobs[0]).is_none())
+            .map(|learnt| learnt.unit),
     };
     // What a later run would refuse is not written.
     let calibration = UnitCalibration::parse(&calibration.emit(), &actuator.name, &actuator.type_name)
@@ -210,24 +222,28 @@ pub fn calibrate_unit(
 fn findings(
     jobs: &[WindowJob],
     estimator: UnitEstimator,
+    evidence: &Evidence,
     relations: Option<&RelationsLearnt>,
     monitor: Option<&MonitorLearnt>,
 ) -> Findings {
     let (curves_window, curves) = relations.map_or((0, Vec::new()), |learnt| findings::curves(jobs, &learnt.unit));
-    let (windows, needed) = match (estimator, relations, monitor) {
-        (UnitEstimator::Monitor, _, Some(learnt)) => (
-            findings::windows_by_monitor(jobs, &learnt.unit, &learnt.estimates),
-            Default::default(),
-        ),
-        (_, Some(learnt), _) => {
-            let needed: Vec<_> = learnt.left_out.iter().map(|found| found.needed).collect();
-            (
-                findings::windows_by_relations(jobs, &learnt.unit, &learnt.left_out),
-                findings::needed(&needed),
-            )
-        }
-        _ => Default::default(),
+    let of_monitor = monitor.map(|learnt| findings::windows_by_monitor(jobs, &learnt.unit, &learnt.estimates));
+    let of_relations = relations.map(|learnt| findings::windows_by_relations(jobs, &learnt.unit, &learnt.left_out));
+    let windows = match (estimator, of_relations, of_monitor) {
+        (UnitEstimator::Both, Some(relations), Some(monitor)) => findings::windows_by_both(relations, &monitor),
+        (UnitEstimator::Monitor, _, Some(windows)) | (_, Some(windows), _) => windows,
+        _ => Vec::new(),
     };
+    let needed: Vec<_> = relations
+        .filter(|_| estimator != UnitEstimator::Monitor)
+        .map(|learnt| learnt.left_out.iter().map(|found| found.needed).collect())
+        .unwrap_or_default();
+    let mut needed = findings::needed(&needed);
+    for fault in FaultId::ALL {
+        if evidence.shows(fault) {
+            needed[fault.index()] = None;
+        }
+    }
     Findings {
         parameters: findings::parameters(
             &jobs[0],
@@ -249,16 +265,34 @@ pub fn windows_of_work(windows: usize) -> u64 {
     2 * windows as u64
 }
 
-/// The estimator that assesses the unit, why, and its evidence.
+/// What assesses the unit.
+struct Choice {
+    estimator: UnitEstimator,
+    reason: String,
+    evidence: Evidence,
+}
+
+impl Choice {
+    fn new(estimator: UnitEstimator, reason: impl Into<String>, evidence: &Evidence) -> Self {
+        Self {
+            estimator,
+            reason: reason.into(),
+            evidence: evidence.clone(),
+        }
+    }
+}
+
+/// What assesses the unit: the relations, where they show every fault as well as the monitor; the monitor, where it shows some clearly
+/// better and none worse; else both.
 ///
 /// # Errors
 /// None serves, or a parameter of the unit that the estimator uses is far from its type.
-fn choose<'a>(
+fn choose(
     job: &WindowJob,
     is_vector: bool,
-    relations: Result<&'a RelationsLearnt, &CommissionError>,
-    monitor: Option<&'a MonitorLearnt>,
-) -> Result<(UnitEstimator, String, &'a Evidence), CommissioningError> {
+    relations: Result<&RelationsLearnt, &CommissionError>,
+    monitor: Option<&MonitorLearnt>,
+) -> Result<Choice, CommissioningError> {
     let monitor_far = monitor.and_then(|learnt| learnt.far_parameter(job));
     if let (Some(far), Some(learnt), false) = (&monitor_far, monitor, is_vector)
         && learnt.is_certain(&job.actuator.tolerances)
@@ -266,44 +300,64 @@ fn choose<'a>(
         return Err(CommissioningError::Parameter(far.clone()));
     }
     let usable = monitor.filter(|_| monitor_far.is_none());
-    let far_relations = relations.ok().and_then(|learnt| learnt.far_parameter(job));
-    match (relations, usable) {
-        (Ok(relations), Some(monitor))
-            if monitor.evidence.is_sound()
-                && (!relations.evidence.is_sound() || monitor.evidence.is_clearly_better_than(&relations.compared)) =>
-        {
-            let reason = format!(
-                "it shows {} of {} faults, the relations {}",
-                monitor.evidence.shown(),
-                FaultId::COUNT,
-                relations.evidence.shown()
-            );
-            Ok((UnitEstimator::Monitor, reason, &monitor.evidence))
-        }
-        (Ok(relations), _) => {
-            if let Some(far) = far_relations {
-                return Err(CommissioningError::Parameter(far));
+    let sound = usable.filter(|learnt| learnt.evidence.is_sound());
+    let error = match relations {
+        Ok(relations) => match (relations.far_parameter(job), sound) {
+            (Some(far), Some(monitor)) => {
+                let reason = format!("the relations are not used: {far}");
+                return Ok(Choice::new(UnitEstimator::Monitor, reason, &monitor.evidence));
             }
-            let reason = match (is_vector, usable) {
-                (true, _) => "vector drive".to_owned(),
-                (false, Some(learnt)) => format!("the monitor explains the unit with cost {:.1}", learnt.unit.cost),
-                (false, None) => "the monitor does not explain the unit".to_owned(),
-            };
-            Ok((UnitEstimator::Relations, reason, &relations.evidence))
-        }
-        (Err(error), Some(monitor)) => {
-            if !monitor.evidence.is_sound() {
-                return Err(CommissioningError::Unmodelled {
-                    relations: *error,
-                    type_name: job.actuator.type_name.clone(),
-                    cost: monitor.unit.cost,
-                });
-            }
-            Ok((UnitEstimator::Monitor, format!("{error}"), &monitor.evidence))
-        }
-        (Err(error), None) => Err(match monitor_far {
+            (Some(far), None) => return Err(CommissioningError::Parameter(far)),
+            (None, _) => return Ok(of_relations(is_vector, relations, usable, sound)),
+        },
+        Err(error) => *error,
+    };
+    match (sound, usable) {
+        (Some(monitor), _) => Ok(Choice::new(
+            UnitEstimator::Monitor,
+            error.to_string(),
+            &monitor.evidence,
+        )),
+        (None, Some(monitor)) => Err(CommissioningError::Unmodelled {
+            relations: error,
+            type_name: job.actuator.type_name.clone(),
+            cost: monitor.unit.cost,
+        }),
+        (None, None) => Err(match monitor_far {
             Some(far) => CommissioningError::Parameter(far),
-            None => CommissioningError::Undetermined(*error),
+            None => CommissioningError::Undetermined(error),
         }),
     }
+}
+
+/// The choice where the relations were learnt, and no parameter of theirs is far from the type.
+fn of_relations(
+    is_vector: bool,
+    relations: &RelationsLearnt,
+    usable: Option<&MonitorLearnt>,
+    sound: Option<&MonitorLearnt>,
+) -> Choice {
+    if let Some(monitor) = sound {
+        let is_better = monitor.evidence.is_clearly_better_somewhere(&relations.evidence);
+        let is_worse = monitor.evidence.is_worse_somewhere(&relations.evidence);
+        let reason = format!(
+            "the monitor shows {} of {} faults, the relations {}",
+            monitor.evidence.shown(),
+            FaultId::COUNT,
+            relations.evidence.shown()
+        );
+        if !relations.evidence.is_sound() || is_better && !is_worse {
+            return Choice::new(UnitEstimator::Monitor, reason, &monitor.evidence);
+        }
+        if is_better {
+            let evidence = relations.evidence.of_both(&monitor.evidence);
+            return Choice::new(UnitEstimator::Both, reason, &evidence);
+        }
+    }
+    let reason = match (is_vector, usable) {
+        (true, _) => "vector drive".to_owned(),
+        (false, Some(learnt)) => format!("the monitor explains the unit with cost {:.1}", learnt.unit.cost),
+        (false, None) => "the monitor does not explain the unit".to_owned(),
+    };
+    Choice::new(UnitEstimator::Relations, reason, &relations.evidence)
 }

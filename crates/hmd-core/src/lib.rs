@@ -31,6 +31,7 @@ pub mod record;
 pub mod rul;
 pub mod sample;
 pub mod seed;
+pub mod sensor_checks;
 pub mod setting;
 pub mod timestamp;
 pub mod type_of_units;

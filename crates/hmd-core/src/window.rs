@@ -55,7 +55,8 @@ pub struct Window {
     pub t_start_ns: u64,
     /// Index of the trigger in `samples`.
     pub trigger: usize,
-    /// Samples on the grid, `seq` rising by one; what was missing or refused is interpolated (see `filled`).
+    /// Samples on the grid, `seq` rising by one; what was missing or refused is interpolated (see `filled`), in an invalid window
+    /// as received.
     pub samples: Vec<SensedSample>,
     /// Samples that a window of full length has.
     pub expected: usize,
@@ -334,7 +335,12 @@ impl Windower {
         let slots = self.ring.since(open.first_seq);
         let findings = check::examine(slots, &self.limits);
         let filled = fill::indices(slots);
-        let samples = fill::samples(slots, &self.limits.rotor);
+        let invalid = why.or(findings.invalid);
+        let samples = if invalid.is_some() {
+            slots.iter().map(|slot| slot.sample).collect()
+        } else {
+            fill::samples(slots, &self.limits.rotor)
+        };
 
         let mut degradations = Vec::new();
         if !filled.is_empty() {
@@ -342,6 +348,9 @@ impl Windower {
                 lost: findings.lost,
                 rejected: findings.rejected,
             });
+        }
+        if findings.repeated > 0 {
+            degradations.push(Degradation::Repeated(findings.repeated));
         }
         if let Some(at) = open.another {
             degradations.push(Degradation::AnotherActuation { at: at as usize });
@@ -356,7 +365,7 @@ impl Windower {
             trigger: self.limits.lengths.pre_trigger,
             samples,
             expected: self.limits.lengths.window,
-            quality: match why.or(findings.invalid) {
+            quality: match invalid {
                 Some(why) => WindowQuality::Invalid(why),
                 None if degradations.is_empty() => WindowQuality::Complete,
                 None => WindowQuality::Degraded(degradations),

@@ -74,7 +74,8 @@ fn lines_of(entry: &str, actuator: &str, rate: f64, n: u64, seed: u64) -> Result
     };
     let calibration = commissioned.calibration;
     let mut lines = vec![
-        json!({"unit": name, "chosen": format!("{:?}", calibration.estimator), "reason": calibration.estimator_reason, "notes": commissioned.notes}),
+        json!({"unit": name, "chosen": format!("{:?}", calibration.estimator), "reason": calibration.estimator_reason, "notes": commissioned.notes,
+            "baseline": calibration.monitor.map(|monitor| monitor.baseline.map(|element| [element.mean, element.scatter]))}),
     ];
     let with = |estimator: UnitEstimator| UnitCalibration {
         estimator,

@@ -7,6 +7,7 @@ mod noise;
 mod profiles;
 pub mod robust;
 mod rul;
+pub mod sensors;
 pub mod tables;
 
 use ema_ga::ConfigError;

@@ -34,23 +34,20 @@ pub struct Traffic<I> {
 /// effect adds to it: nothing measures that one.
 #[must_use]
 pub fn traffic(scenario: &Scenario, actuator: ActuatorId, start_ns: u64) -> Traffic<ScenarioRun> {
-    let rate = scenario.nominal.sensors.sample_rate;
+    let rate_hz = scenario.nominal.sensors.sample_rate;
+    Traffic::of_samples(scenario.run(), rate_hz, actuator, start_ns, status_of(scenario))
+}
+
+/// What the status frames of a scenario report.
+#[must_use]
+pub fn status_of(scenario: &Scenario) -> Status {
     let has_measured_load = scenario.effects.load == LoadEffects::default();
-    Traffic {
-        samples: scenario.run(),
-        actuator,
-        period_ns: (1e9 / rate).round() as u64,
-        start_ns,
-        status_every: ((STATUS_PERIOD_S * rate).round() as u64).max(1),
-        status: Status {
-            dc_link_dv: quantity::dc_link_dv(scenario.unit.motor.v_dc),
-            winding_temp_dc: quantity::winding_temp_dc(scenario.temperature_deg_c()),
-            load_torque_dnm: has_measured_load.then(|| quantity::load_torque_dnm(scenario.load_torque)),
-            fault_flags: 0,
-            seq8: 0,
-        },
-        // At most one sample's frames wait here.
-        queue: std::collections::VecDeque::with_capacity(4),
+    Status {
+        dc_link_dv: quantity::dc_link_dv(scenario.unit.motor.v_dc),
+        winding_temp_dc: quantity::winding_temp_dc(scenario.temperature_deg_c()),
+        load_torque_dnm: has_measured_load.then(|| quantity::load_torque_dnm(scenario.load_torque)),
+        fault_flags: 0,
+        seq8: 0,
     }
 }
 
@@ -81,6 +78,23 @@ impl Traffic<ScenarioRun> {
     #[must_use]
     pub fn diverged(&self) -> Option<f64> {
         self.samples.diverged()
+    }
+}
+
+impl<I: Iterator<Item = SensedSample>> Traffic<I> {
+    /// The traffic of these samples, taken at `rate_hz`, with this status.
+    #[must_use]
+    pub fn of_samples(samples: I, rate_hz: f64, actuator: ActuatorId, start_ns: u64, status: Status) -> Self {
+        Self {
+            samples,
+            actuator,
+            period_ns: (1e9 / rate_hz).round() as u64,
+            start_ns,
+            status_every: ((STATUS_PERIOD_S * rate_hz).round() as u64).max(1),
+            status,
+            // At most one sample's frames wait here.
+            queue: std::collections::VecDeque::with_capacity(4),
+        }
     }
 }
 

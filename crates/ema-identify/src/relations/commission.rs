@@ -24,14 +24,14 @@ use super::terms::{BalanceRing, BalanceRow, BalanceShape, Term, balance_rows};
 use super::torque_balance::{BalanceCoefficients, LOAD_ROUNDS, torque_balance};
 use crate::monitor_fit::RecordedSample;
 
-/// Fewest healthy windows from which a unit is learnt.
-const MIN_WINDOWS: usize = 5;
+/// Fewest healthy windows from which coefficients are learnt: one of the five that commissioning needs is left out at a time.
+const MIN_WINDOWS: usize = 4;
 
 /// Why a unit cannot be learnt from its windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CommissionError {
     /// Fewer windows with motion than needed.
-    #[error("expected at least {MIN_WINDOWS} healthy windows in which the motor turns, found {found}")]
+    #[error("expected at least {} healthy windows in which the motor turns, found {found}", MIN_WINDOWS + 1)]
     TooFewWindows {
         /// Windows with rows in the torque balance.
         found: usize,

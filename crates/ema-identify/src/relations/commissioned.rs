@@ -6,6 +6,7 @@ use ema_models::{ActuatorParams, FAULT_COUNT, FaultVector};
 
 use super::controller::gain_ratio;
 use super::elements::{ELEMENT_COUNT, Element, ElementReadings, Needed, Reading};
+use super::hidden_torque::unseen_share;
 use super::measured::MeasuredWindow;
 use super::output_load::OutputLoad;
 use super::residual::{HealthyResidual, RELATION_COUNT, Relation, Residual};
@@ -142,11 +143,12 @@ impl CommissionedRelations {
     pub fn estimate<S: RecordedSample>(&self, window: &MeasuredWindow<'_, S>) -> RelationsEstimate {
         let nominal_gain = self.baseline[Element::Gain as usize];
         let (readings, balance) = self.readings(window, Some(&nominal_gain));
+        let unseen = unseen_share(window);
         let changes = Element::ALL.map(|element| {
             let baseline = &self.baseline[element as usize];
             let reading = readings.get(element).and_then(|reading| baseline.widened(reading))?;
             let changed = change(element, reading, baseline.mean, window.params());
-            let error = ModelError::of(element, window.params().sensors.sample_rate);
+            let error = ModelError::of(element, window.params().sensors.sample_rate, unseen);
             let sigma = libm::hypot(changed.sigma, error.floor);
             // A sum that is not a number is no observation. The share does not count: it hides no large damage.
             let of_damage = damage_per_change(element) * sigma;
@@ -281,14 +283,15 @@ impl ModelError {
     ///
     /// Friction: what the torque does between the samples, beyond [`Term::SetpointHold`](super::Term::SetpointHold). Gain: the
     /// differentiated law leaves out current loop, delay and the quantised feedback. Largest bias over the units of
-    /// `tests/relations_units.rs`, mixed motion, at 400 Hz to 5 kHz.
-    fn of(element: Element, sample_rate: f64) -> Self {
+    /// `tests/relations_units.rs`, mixed motion, at 400 Hz to 5 kHz. Turns and eccentricity: the share of the window's torque that its
+    /// samples do not show.
+    fn of(element: Element, sample_rate: f64, unseen: f64) -> Self {
         let slower = 2000.0 / sample_rate;
         let (share, floor) = match element {
             Element::Friction => (0.03 * slower, 0.006 * slower),
             Element::Gain => (0.05 * libm::sqrt(slower), 0.006 * libm::sqrt(slower)),
             Element::Backlash => (0.01, 0.001),
-            _ => (0.01, 0.002),
+            _ => (libm::hypot(0.01, unseen), 0.002),
         };
         Self { share, floor }
     }

@@ -62,6 +62,9 @@ pub struct Seen {
     pub speed_mode: bool,
 }
 
+/// Factor on every sigma of a window for each respect in which it is outside all that was seen.
+pub const UNSEEN_FACTOR: f64 = 2.0;
+
 /// In what a window is outside all that was seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unseen {

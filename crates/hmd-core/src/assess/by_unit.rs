@@ -1,8 +1,10 @@
 //! A window of a commissioned unit -> estimate: by its relations, or by the monitor corrected by its baseline.
 
 use ema_identify::relations::{Needed, Relation};
-use ema_identify::unit_calibration::{Motion, UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations};
-use ema_identify::unit_estimate::{AlignedWindow, USUAL_COST, UnitEstimate, corrected, estimate_by_relations};
+use ema_identify::unit_calibration::{
+    Motion, UNSEEN_FACTOR, UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations,
+};
+use ema_identify::unit_estimate::{AlignedWindow, USUAL_COST, UnitEstimate, corrected, estimate_by_relations, of_both};
 use ema_identify::{Estimate, Fit, Identifier, Prepared};
 use ema_models::{Conditions, FaultId};
 
@@ -11,15 +13,20 @@ use crate::outbox::WindowJob;
 use crate::outliers::{estimate_without_outliers, identify_without_outliers};
 use crate::window::Window;
 
-/// Factor on every sigma for each respect in which commissioning has not seen a window's conditions.
-const UNSEEN_FACTOR: f64 = 2.0;
-
 /// What an identification finds in a window.
 pub(super) struct Assessed {
     pub(super) estimate: Estimate,
     pub(super) fit: Fit,
     /// Handicaps of the estimate.
     pub(super) reasons: Vec<String>,
+}
+
+impl Assessed {
+    /// The same with every sigma multiplied.
+    pub(super) fn widened(mut self, factor: f64) -> Self {
+        self.estimate.sigma = self.estimate.sigma.map(|sigma| sigma.map(|sigma| factor * sigma));
+        self
+    }
 }
 
 /// Estimates a window by what was learnt of its unit; damage is the change since then.
@@ -50,6 +57,17 @@ pub(super) fn estimate(
                 }
                 _ => (fit, found),
             }
+        }
+        (UnitEstimator::Both, Some(relations), Some(monitor)) => {
+            let (fit, found) = by_relations(relations, identifier, job, conditions)?;
+            let (fit_of_monitor, of_monitor) = by_monitor(monitor, identifier, job, conditions, seed)?;
+            reasons.extend(not_explained(&found.unexplained));
+            let only_monitor = found.estimate.is_unmodelled() && !of_monitor.estimate.is_unmodelled();
+            reasons.extend(only_monitor.then(|| "assessed by the monitor".to_owned()));
+            (
+                if only_monitor { fit_of_monitor } else { fit },
+                of_both(found, of_monitor),
+            )
         }
         (_, _, Some(monitor)) => by_monitor(monitor, identifier, job, conditions, seed)?,
         _ => return Err(AssessError::NoEstimator(job.actuator.name.clone())),
@@ -95,7 +113,7 @@ fn by_monitor(
     let (prepared, estimate) = identify_without_outliers(identifier, &mut job.window, conditions, seed)?;
     // The curve is that of the monitor's own estimate.
     let fit = identifier.fit(&prepared, conditions, &estimate);
-    Ok((fit, corrected(monitor, estimate)))
+    Ok((fit, corrected(monitor, estimate, job.params.sensors.sample_rate)))
 }
 
 /// Whether the monitor may explain a window that the torque balance does not: it explains the unit's healthy windows as well as those of

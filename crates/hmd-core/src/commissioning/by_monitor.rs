@@ -67,7 +67,8 @@ pub(super) fn learn_monitor(
     };
     let of_unit: Vec<Estimate> = estimates
         .iter()
-        .map(|estimate| corrected(&unit, estimate.clone()).estimate)
+        .zip(&*jobs)
+        .map(|(estimate, job)| corrected(&unit, estimate.clone(), job.params.sensors.sample_rate).estimate)
         .collect();
     let sigmas: Vec<_> = of_unit.iter().map(|estimate| estimate.sigma).collect();
     let explained = of_unit.iter().filter(|estimate| !estimate.is_unmodelled()).count();

@@ -12,12 +12,6 @@ use super::evidence::Evidence;
 use super::{FarParameter, TOLERANCES_MAX};
 use crate::outbox::WindowJob;
 
-/// Fewest windows of which one is left out at a time.
-const LEFT_OUT_FROM: usize = 6;
-
-/// Factor on sigmas where no window could be left out.
-const UNTESTED_FACTOR: f64 = 2.0;
-
 /// Tolerance of the play, as a share of the type's.
 const PLAY_TOLERANCE: f64 = 0.5;
 
@@ -28,8 +22,6 @@ const TORQUE_BEND: f64 = 5e-3;
 pub(super) struct RelationsLearnt {
     pub(super) unit: UnitRelations,
     pub(super) evidence: Evidence,
-    /// The same without the factor of what could not be tested: the monitor's evidence is of the windows that it learnt from, too.
-    pub(super) compared: Evidence,
     /// What was found in each window by what was learnt from the others.
     pub(super) left_out: Vec<RelationsEstimate>,
 }
@@ -46,17 +38,14 @@ pub(super) fn learn_relations(jobs: &[WindowJob]) -> Result<RelationsLearnt, Com
     let windows: Vec<MeasuredWindow<'_, SensedSample>> = aligned.iter().map(AlignedWindow::measured).collect();
     let shape = BalanceShape::usual(&jobs[0].params);
     let commissioned = commission(&windows, &shape)?;
-    let left_out = windows.len() >= LEFT_OUT_FROM;
-    let untested = if left_out { 1.0 } else { UNTESTED_FACTOR };
     let mut found = Vec::with_capacity(windows.len());
     for n in 0..windows.len() {
-        let of_others = if left_out {
-            let mut others = windows.clone();
-            others.remove(n);
-            commission_as(&others, &commissioned.balance.shape)?
-        } else {
-            commissioned
-        };
+        let mut others = windows.clone();
+        others.remove(n);
+        let of_others = commission_as(&others, &commissioned.balance.shape).map_err(|error| match error {
+            CommissionError::TooFewWindows { found } => CommissionError::TooFewWindows { found: found + 1 },
+            CommissionError::NoSolution => error,
+        })?;
         found.push(of_others.estimate(&windows[n]));
     }
     let rms = found.iter().map(|found| found.torque_residual_rms).sum::<f64>() / found.len() as f64;
@@ -75,7 +64,7 @@ pub(super) fn learn_relations(jobs: &[WindowJob]) -> Result<RelationsLearnt, Com
             .map(|ratio| ratio * ratio / components)
             .collect();
         let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
-        mean.sqrt().max(untested)
+        mean.sqrt().max(1.0)
     });
     let unit = UnitRelations {
         residual_rms_nm: rms,
@@ -87,13 +76,8 @@ pub(super) fn learn_relations(jobs: &[WindowJob]) -> Result<RelationsLearnt, Com
         .map(|window| estimate_by_relations(&unit, window, false).estimate.sigma)
         .collect();
     let explained = found.iter().filter(|found| found.torque_rows > 0).count();
-    let tested: Vec<_> = sigmas
-        .iter()
-        .map(|sigmas| sigmas.map(|sigma| sigma.map(|sigma| sigma / untested)))
-        .collect();
     Ok(RelationsLearnt {
         evidence: Evidence::new(&sigmas, explained),
-        compared: Evidence::new(&tested, explained),
         unit,
         left_out: found,
     })

@@ -19,19 +19,21 @@ const SIGMA_SMALL: f64 = 0.03;
 /// How well an estimator knows a unit.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Evidence {
-    /// Sigma of each parameter of the fault vector in a healthy window; `None` where most windows do not show it.
-    pub(super) sigma: [Option<f64>; ema_models::FAULT_COUNT],
+    /// Sigma of each damage in a healthy window, in the order of [`FaultId::ALL`]; `None` where most windows do not show it.
+    sigma: [Option<f64>; FaultId::COUNT],
     /// Share of the windows that are explained.
     pub(super) explained: f64,
 }
 
 impl Evidence {
-    /// Of the sigmas of each window, and how many windows were explained.
+    /// Of the sigmas of each parameter of the fault vector in each window, and how many windows were explained.
     pub(super) fn new(windows: &[[Option<f64>; ema_models::FAULT_COUNT]], explained: usize) -> Self {
-        let sigma = std::array::from_fn(|parameter| {
-            let shown: Vec<f64> = windows.iter().filter_map(|window| window[parameter]).collect();
+        let sigma = FaultId::ALL.map(|fault| {
+            let shown: Vec<f64> = windows.iter().filter_map(|window| window[fault.parameter()]).collect();
             let squares: f64 = shown.iter().map(|sigma| sigma * sigma).sum();
-            (2 * shown.len() > windows.len()).then(|| (squares / shown.len() as f64).sqrt())
+            // The gain's damage is 2 |k8 − ½|.
+            let per_parameter = if fault == FaultId::Gain { 2.0 } else { 1.0 };
+            (2 * shown.len() > windows.len()).then(|| per_parameter * (squares / shown.len() as f64).sqrt())
         });
         Self {
             sigma,
@@ -44,42 +46,58 @@ impl Evidence {
         self.explained >= EXPLAINED_MIN && self.sigma.iter().any(Option::is_some)
     }
 
+    /// Of two estimators where each fault is assessed by the one that shows it better.
+    pub(super) fn of_both(&self, other: &Self) -> Self {
+        let least = |place: usize| match (self.sigma[place], other.sigma[place]) {
+            (Some(own), Some(other)) => Some(own.min(other)),
+            (own, other) => own.or(other),
+        };
+        Self {
+            sigma: std::array::from_fn(least),
+            explained: self.explained.max(other.explained),
+        }
+    }
+
     /// Faults that a window shows.
     pub(super) fn shown(&self) -> usize {
-        FaultId::ALL
-            .into_iter()
-            .filter(|fault| self.sigma[fault.parameter()].is_some())
-            .count()
+        self.sigma.iter().flatten().count()
+    }
+
+    /// Whether a window shows a fault.
+    pub(super) fn shows(&self, fault: FaultId) -> bool {
+        self.sigma[fault.index()].is_some()
     }
 
     /// Whether a window shows every fault with a small sigma.
     pub(super) fn shows_all_well(&self) -> bool {
-        FaultId::ALL
-            .into_iter()
-            .all(|fault| self.sigma[fault.parameter()].is_some_and(|sigma| sigma <= SIGMA_SMALL))
+        self.sigma
+            .iter()
+            .all(|sigma| sigma.is_some_and(|sigma| sigma <= SIGMA_SMALL))
     }
 
-    /// Whether an estimator serves clearly better than another one: it shows a fault that the other does not, or one that the other
-    /// shows badly with half the sigma, and none badly that the other shows well.
-    pub(super) fn is_clearly_better_than(&self, other: &Self) -> bool {
-        let sigmas = |fault: FaultId| {
-            let of = |evidence: &Self| evidence.sigma[fault.parameter()].unwrap_or(f64::INFINITY);
-            (of(self), of(other))
-        };
-        let is_better = |(own, other): (f64, f64)| other > SIGMA_SMALL && 2.0 * own < other;
-        let is_worse = |(own, other): (f64, f64)| own > SIGMA_SMALL && own > other;
-        let faults = || FaultId::ALL.into_iter().map(sigmas);
-        faults().any(is_better) && !faults().any(is_worse)
+    /// Whether an estimator shows a fault that another one does not, or one that the other shows badly with half the sigma.
+    pub(super) fn is_clearly_better_somewhere(&self, other: &Self) -> bool {
+        self.pairs(other)
+            .any(|(own, other)| other > SIGMA_SMALL && 2.0 * own < other)
+    }
+
+    /// Whether an estimator shows a fault badly that another one shows better.
+    pub(super) fn is_worse_somewhere(&self, other: &Self) -> bool {
+        self.pairs(other).any(|(own, other)| own > SIGMA_SMALL && own > other)
+    }
+
+    /// The sigmas of both; infinite where a fault is not shown.
+    fn pairs(&self, other: &Self) -> impl Iterator<Item = (f64, f64)> {
+        let pair =
+            |(own, other): (Option<f64>, Option<f64>)| (own.unwrap_or(f64::INFINITY), other.unwrap_or(f64::INFINITY));
+        self.sigma.into_iter().zip(other.sigma).map(pair)
     }
 
     /// Smallest damage of each fault that a window shows with a probability of 99 %, at a false alarm rate of 0.1 % and by the levels
     /// of the configuration.
     pub(super) fn smallest_damage(&self, levels: &[Levels; FaultId::COUNT]) -> BTreeMap<String, f64> {
         let of = |fault: FaultId| {
-            let parameter = fault.parameter();
-            // The gain's damage is 2 |k8 − ½|.
-            let per_parameter = if fault == FaultId::Gain { 2.0 } else { 1.0 };
-            let sigma = per_parameter * self.sigma[parameter]?;
+            let sigma = self.sigma[fault.index()]?;
             let alarm = levels[fault.index()].watch.max(NORMAL_999.max(SIGNIFICANCE) * sigma);
             Some((fault.name().to_owned(), round(alarm + NORMAL_99 * sigma)))
         };

@@ -282,6 +282,20 @@ pub(super) fn windows_by_monitor(
         .collect()
 }
 
+/// Each fault of a window by the estimator that shows it better.
+pub(super) fn windows_by_both(relations: Vec<HealthyWindow>, monitor: &[HealthyWindow]) -> Vec<HealthyWindow> {
+    let mut windows = relations;
+    for (window, other) in windows.iter_mut().zip(monitor) {
+        let sigma = |window: &HealthyWindow, p: usize| window.sigma[p].unwrap_or(f64::INFINITY);
+        for p in FaultId::ALL.map(FaultId::parameter) {
+            if sigma(other, p) < sigma(window, p) {
+                (window.k[p], window.sigma[p]) = (other.k[p], other.sigma[p]);
+            }
+        }
+    }
+    windows
+}
+
 /// Both sides of each relation over the window that excites most: that with the most rows.
 pub(super) fn curves(jobs: &[WindowJob], relations: &UnitRelations) -> (u64, Vec<Curve>) {
     let of = |job: &WindowJob| {

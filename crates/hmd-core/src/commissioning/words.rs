@@ -9,12 +9,15 @@ pub fn in_words(unit: &UnitCalibration) -> Vec<String> {
     let name = match unit.estimator {
         UnitEstimator::Monitor => "monitor",
         UnitEstimator::Relations => "relations between measured signals",
+        UnitEstimator::Both => {
+            "relations between measured signals and the monitor, each fault by the one that shows it better"
+        }
     };
     let mut lines = vec![format!(
         "assessed by the {name} ({}), from {} windows",
         unit.estimator_reason, unit.windows
     )];
-    if let (UnitEstimator::Monitor, Some(monitor)) = (unit.estimator, &unit.monitor) {
+    if let (UnitEstimator::Monitor | UnitEstimator::Both, Some(monitor)) = (unit.estimator, &unit.monitor) {
         let deviations = UnitParameter::ALL.map(|parameter| {
             let Deviation { share, sigma } = monitor.parameters.of(parameter);
             format!("{} {:+.1} % ± {:.1} %", parameter.name(), 100.0 * share, 100.0 * sigma)

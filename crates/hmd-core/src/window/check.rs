@@ -4,9 +4,9 @@ use super::config::{CLOCK_JUMP_S, Lengths, SCATTERED_RUN};
 use super::counters::{CounterLimits, refuse_spikes};
 use super::jitter::sample_jitter;
 use super::limits::Limits;
-use super::quality::{Counter, Defect, Invalidity, Part};
+use super::quality::{Counter, Defect, Invalidity, Part, Signal};
 use super::ring::Slot;
-use super::signals::{refuse_currents, stuck};
+use super::signals::{one_current_stuck, refuse_currents, refuse_repeated, stuck};
 use super::trigger::{Thresholds, value};
 use ema_models::Setpoint;
 
@@ -15,6 +15,7 @@ use ema_models::Setpoint;
 pub(super) struct Findings {
     pub(super) lost: u64,
     pub(super) rejected: u64,
+    pub(super) repeated: u64,
     pub(super) clock_jumps: u64,
     /// Speed by which the motor missed its setpoint before the trigger, rad/s, if it is a handicap.
     pub(super) unsteady_rad_s: Option<f64>,
@@ -23,6 +24,7 @@ pub(super) struct Findings {
 
 /// Refuses samples that cannot be used and decides whether the rest is enough; of several reasons, the first in the order below.
 pub(super) fn examine(slots: &mut [Slot], limits: &Limits) -> Findings {
+    refuse_repeated(slots, limits);
     refuse_currents(slots, limits);
     let jitter = sample_jitter(slots);
     let jumps = [(limits.motor, Counter::Motor), (limits.output, Counter::Output)].map(|(of, counter)| {
@@ -35,6 +37,7 @@ pub(super) fn examine(slots: &mut [Slot], limits: &Limits) -> Findings {
         .count() as u64;
     let (clock_jumps, rate) = clock(slots, limits);
     let invalid = rate
+        .or_else(|| one_current_stuck(slots, limits).then_some(Invalidity::Stuck(Signal::Currents)))
         .or_else(|| too_many_flawed(slots, &limits.lengths))
         .or_else(|| command_in_gap(slots, &limits.thresholds))
         .or_else(|| stuck(slots, limits).map(Invalidity::Stuck))
@@ -44,6 +47,10 @@ pub(super) fn examine(slots: &mut [Slot], limits: &Limits) -> Findings {
     Findings {
         lost,
         rejected,
+        repeated: slots
+            .iter()
+            .filter(|slot| slot.first_defect() == Some(Defect::Repeated))
+            .count() as u64,
         clock_jumps,
         unsteady_rad_s: unsteady_start(slots, limits),
         invalid,

@@ -31,6 +31,8 @@ pub enum Degradation {
         /// Samples received and refused, in whole or in part.
         rejected: u64,
     },
+    /// So many samples hold what the one before held; they were refused.
+    Repeated(u64),
     /// Another actuation begins in the window.
     AnotherActuation {
         /// Index of the sample at which it begins.
@@ -120,10 +122,12 @@ pub enum Defect {
     OutputSpike,
     /// The setpoint or the mode lasted one sample only, or is no number.
     CommandGlitch,
+    /// It holds what the one before held, while the motor turned.
+    Repeated,
 }
 
 impl Defect {
-    pub(super) const ALL: [Self; 8] = [
+    pub(super) const ALL: [Self; 9] = [
         Self::Missing,
         Self::NotFinite,
         Self::BeyondScale,
@@ -132,6 +136,7 @@ impl Defect {
         Self::MotorSpike,
         Self::OutputSpike,
         Self::CommandGlitch,
+        Self::Repeated,
     ];
 }
 
@@ -172,6 +177,7 @@ impl fmt::Display for Degradation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Filled { lost, rejected } => write!(f, "{lost} samples lost and {rejected} refused, filled"),
+            Self::Repeated(samples) => write!(f, "repeated samples: {samples}"),
             Self::AnotherActuation { at } => write!(f, "another actuation at sample {at}"),
             Self::UnsteadyStart { speed_rad_s } => write!(f, "unsteady start: off by {speed_rad_s:.1} rad/s"),
         }
@@ -224,6 +230,7 @@ impl fmt::Display for Defect {
             Self::MotorSpike => "resolver spikes",
             Self::OutputSpike => "encoder spikes",
             Self::CommandGlitch => "command glitches",
+            Self::Repeated => "repeated samples",
         })
     }
 }

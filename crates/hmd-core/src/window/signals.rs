@@ -19,6 +19,35 @@ pub(super) fn refuse_currents(slots: &mut [Slot], limits: &Limits) {
     }
 }
 
+/// Refuses samples that hold what the one before held, currents and resolver to the bit, while the motor turned by several counts
+/// a sample on either side: a device or a gateway sent them again under a new number.
+pub(super) fn refuse_repeated(slots: &mut [Slot], limits: &Limits) {
+    let turns = |a: &Slot, b: &Slot| (b.sample.motor_counts - a.sample.motor_counts).abs() as f64;
+    let least = REPEATED_COUNTS.max(REPEATED_RAD / limits.rotor.motor_lsb);
+    let repeated: Vec<usize> = (2..slots.len().saturating_sub(1))
+        .filter(|&n| {
+            let [earlier, before, now, after] = [n - 2, n - 1, n, n + 1].map(|n| &slots[n]);
+            let same = |a: &Slot, b: &Slot| {
+                a.sample.motor_counts == b.sample.motor_counts
+                    && a.sample.currents.map(f64::to_bits) == b.sample.currents.map(f64::to_bits)
+            };
+            [earlier, before, now, after].iter().all(|slot| slot.was_received())
+                && same(before, now)
+                && turns(earlier, before) > least
+                && turns(now, after) > least
+        })
+        .collect();
+    for n in repeated {
+        for part in [Part::Currents, Part::Motor, Part::Output, Part::Setpoint] {
+            slots[n].refuse(part, Defect::Repeated);
+        }
+    }
+}
+
+/// Turn from sample to sample in which the counts must change, counts and rad.
+const REPEATED_COUNTS: f64 = 4.0;
+const REPEATED_RAD: f64 = 1e-3;
+
 fn current_defect(currents: [f64; 3], limits: &Limits) -> Option<Defect> {
     let largest = currents.iter().fold(0.0, |max: f64, i| max.max(i.abs()));
     if currents.iter().any(|i| !i.is_finite()) {
@@ -73,6 +102,23 @@ pub(super) fn stuck(slots: &[Slot], limits: &Limits) -> Option<Signal> {
     ]
     .into_iter()
     .find_map(|(frozen, signal)| frozen.then_some(signal))
+}
+
+/// Whether one of the currents stood still, bit for bit, for the stuck time and longer, while the motor turned and another current
+/// changed. The sum of the currents refuses such samples, so it is found among all that were received.
+pub(super) fn one_current_stuck(slots: &[Slot], limits: &Limits) -> bool {
+    let motor = |s: &SensedSample| s.motor_counts as f64 * limits.rotor.motor_lsb;
+    (0..3).any(|phase| {
+        stands_while(
+            slots.iter().filter(|s| s.was_received() && s.is_good(Part::Motor)),
+            limits.lengths.stuck,
+            |a, b| a.currents[phase].to_bits() == b.currents[phase].to_bits(),
+            |a, b| {
+                let changed = |n: usize| a.currents[n].to_bits() != b.currents[n].to_bits();
+                (0..3).any(changed) && (motor(b) - motor(a)).abs() > MOTION_RAD
+            },
+        )
+    })
 }
 
 /// Turn of the motor in which its currents must change, rad: two thirds of an electrical radian and more.

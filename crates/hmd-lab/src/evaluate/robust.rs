@@ -31,7 +31,9 @@ use serde::Serialize;
 
 use entries::{ENTRIES, Entry};
 use score::Tally;
-use unit::{UNIT_FILE, Unit, config_of, draw_effects, single_fault};
+use unit::{UNIT_FILE, Unit, config_of, draw_effects};
+
+pub(super) use unit::single_fault;
 
 pub use catalogue_unit::CatalogueUnit;
 pub use entries::{EntryKind, entry_names};

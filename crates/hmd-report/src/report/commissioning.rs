@@ -34,6 +34,9 @@ fn summary(unit: &UnitCalibration) -> String {
     let estimator = match unit.estimator {
         UnitEstimator::Monitor => "the monitor",
         UnitEstimator::Relations => "the relations between measured signals",
+        UnitEstimator::Both => {
+            "the relations between measured signals and the monitor, each fault by the one that shows it better"
+        }
     };
     let identity: Vec<String> = [("part", &unit.part_number), ("serial", &unit.serial_number)]
         .into_iter()
@@ -128,6 +131,10 @@ fn apparent(unit: &UnitCalibration, findings: &Findings) -> String {
     let windows = &findings.windows;
     let mut text = match unit.estimator {
         UnitEstimator::Relations => "<p>Each window is estimated by what was learnt from the others",
+        UnitEstimator::Both => {
+            "<p>Each window is estimated by relations that were learnt from the others, or by the monitor compared with the mean of the \
+             others, its parameters fitted to all of them"
+        }
         UnitEstimator::Monitor => {
             "<p>Each window is compared with the mean of the others; the parameters are fitted to all of them"
         }

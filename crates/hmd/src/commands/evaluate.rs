@@ -1,6 +1,7 @@
 //! `hmd evaluate`: the accuracy suites.
 
 mod robust;
+mod sensors;
 
 use std::path::PathBuf;
 
@@ -30,20 +31,21 @@ pub struct Args {
     suite: Suite,
     /// Number of random fault vectors, of motors (`detection`), of histories per fault (`rul`) or of pairs of windows for
     /// each row (`profiles`, `conditions`); 200 without it, 100 motors, 20 pairs. In `robust` the healthy windows of each unit, 12
-    /// without it, beside twice as many faulty ones. The suite `paper` has a fixed content.
+    /// without it, beside twice as many faulty ones; in `sensors` those of each mistake, 16 without it, beside as many of worn
+    /// actuators. The suite `paper` has a fixed content.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     n: Option<u64>,
     /// Seed of the suite.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Type of the actuator: bench (without it), servo28, servo270 or one of the configuration's. The suite `robust` takes the
-    /// built-in ones, all without it.
+    /// built-in ones, all without it; `sensors` too, bench and servo28 without it.
     #[arg(long, value_name = "TYPE")]
     actuator: Option<String>,
     /// Sample rate of the suite `robust`, Hz; 2000 without it.
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// Entry of the suite `robust`, also several times; all without it.
+    /// Entry of the suite `robust` or `sensors`, also several times; all without it.
     #[arg(long, value_name = "NAME")]
     entry: Vec<String>,
     /// File that keeps the finished units of the suite `robust`; a later run with the same arguments resumes there.
@@ -85,6 +87,8 @@ enum Suite {
     Rul,
     /// Units with imperfections of drive, mechanics, motor and sensors, before and after their calibration.
     Robust,
+    /// Wrong sensors, wires and configured numbers, on healthy and on worn actuators, before and after commissioning.
+    Sensors,
 }
 
 /// The identifier of the type that is asked for; `None` where no such type is known.
@@ -120,6 +124,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     match args.suite {
         Suite::Rul => return run_rul(args),
         Suite::Robust => return robust::run(args),
+        Suite::Sensors => return sensors::run(args),
         _ => {}
     }
     let levels = *config.health().levels();
@@ -170,7 +175,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             print(args, &report, profiles_table)?;
         }
         // They need no identifier, and have run.
-        Suite::Rul | Suite::Robust => {}
+        Suite::Rul | Suite::Robust | Suite::Sensors => {}
     }
     Ok(Exit::Done)
 }
@@ -183,8 +188,8 @@ fn refuse_options(args: &Args) -> Result<(), Misuse> {
     ];
     let of_robust = [
         ("--rate", args.rate.is_some()),
-        ("--entry", !args.entry.is_empty()),
         ("--resume", args.resume.is_some()),
+        ("--entry", !args.entry.is_empty()),
     ];
     let refuse = |options: &[(&str, bool)], why: &str| match options.iter().find(|(_, is_set)| *is_set) {
         Some((option, _)) => Err(Misuse(format!("{option}: expected none with {why}"))),
@@ -196,6 +201,12 @@ fn refuse_options(args: &Args) -> Result<(), Misuse> {
             let why = "the suite robust, which measures the built-in types with their defaults";
             refuse(&of_identifier, why)?;
             return refuse(&[("--config", args.config.is_some())], why);
+        }
+        Suite::Sensors => {
+            let why = "the suite sensors, which measures the built-in types with their defaults";
+            refuse(&of_identifier, why)?;
+            refuse(&[("--config", args.config.is_some())], why)?;
+            return refuse(&of_robust[..2], "this suite; the suite robust takes it");
         }
         _ => {}
     }

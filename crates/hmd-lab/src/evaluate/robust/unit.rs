@@ -94,7 +94,7 @@ fn value(info: &EffectInfo, size: Size, params: &ActuatorParams, share: f64) -> 
 }
 
 /// A single fault of damage 0.15 to 0.4: the place of the damaged element, and the vector. `n` counts through the directions.
-pub(super) fn single_fault(n: u64, seed: u64) -> (usize, FaultVector) {
+pub(in crate::evaluate) fn single_fault(n: u64, seed: u64) -> (usize, FaultVector) {
     let mut rng = ChaCha8Rng::seed_from_u64(mix(seed, &[1]));
     let damage = rng.random_range(DAMAGE);
     let phase = rng.random_range(0.0..1.0);

@@ -1,0 +1,141 @@
+//! A window of a commissioned unit by the relations and by the monitor: each fault by the one that shows it better.
+
+use super::UnitEstimate;
+use crate::estimate::Estimate;
+use ema_models::{FAULT_COUNT, FaultVector, Unknowns};
+
+/// Each fault by the estimate with the smaller sigma, cost and residual by the relations; where one of the two does not explain the
+/// window, the other one alone.
+#[must_use]
+pub fn of_both(relations: UnitEstimate, monitor: UnitEstimate) -> UnitEstimate {
+    if monitor.estimate.is_unmodelled() {
+        return relations;
+    }
+    if relations.estimate.is_unmodelled() {
+        return monitor;
+    }
+    let mut k = relations.estimate.fault.to_array();
+    let UnitEstimate {
+        estimate,
+        mut needed,
+        unexplained,
+    } = relations;
+    let (mut sigma, mut observable) = (estimate.sigma, estimate.observable);
+    let of_monitor = monitor.estimate.fault.to_array();
+    for (from, to) in elements() {
+        if shown(&monitor.estimate, from) < shown(&estimate, from) {
+            let range = from..=to;
+            k[range.clone()].copy_from_slice(&of_monitor[range.clone()]);
+            sigma[range.clone()].copy_from_slice(&monitor.estimate.sigma[range.clone()]);
+            observable[range.clone()].copy_from_slice(&monitor.estimate.observable[range.clone()]);
+            needed[range.clone()].copy_from_slice(&monitor.needed[range]);
+        }
+    }
+    let fault = FaultVector::from_array(k);
+    UnitEstimate {
+        estimate: Estimate {
+            fault,
+            unknowns: Unknowns {
+                fault,
+                ..estimate.unknowns
+            },
+            sigma,
+            observable,
+            evaluations: monitor.estimate.evaluations,
+            cut: monitor.estimate.cut,
+            ..estimate
+        },
+        needed,
+        unexplained,
+    }
+}
+
+/// Ranges of parameters that belong together: the direction of the eccentricity with its amplitude.
+fn elements() -> impl Iterator<Item = (usize, usize)> {
+    let direction = FaultVector::ECCENTRICITY_PHASE_INDEX;
+    (0..FAULT_COUNT)
+        .filter(move |&parameter| parameter != direction)
+        .map(move |parameter| {
+            let last = if parameter + 1 == direction {
+                direction
+            } else {
+                parameter
+            };
+            (parameter, last)
+        })
+}
+
+/// Sigma of a parameter; infinite where the window does not show it.
+fn shown(estimate: &Estimate, parameter: usize) -> f64 {
+    estimate.sigma[parameter]
+        .filter(|_| estimate.observable[parameter])
+        .unwrap_or(f64::INFINITY)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::estimate::UNMODELLED_COST;
+    use crate::relations::Needed;
+    use ema_models::MotorDeviation;
+    use std::vec::Vec;
+
+    fn estimate(k: [f64; FAULT_COUNT], sigma: [Option<f64>; FAULT_COUNT]) -> UnitEstimate {
+        let fault = FaultVector::from_array(k);
+        UnitEstimate {
+            estimate: Estimate {
+                fault,
+                unknowns: Unknowns {
+                    fault,
+                    load_torque: 0.0,
+                    integral: 0.0,
+                    motor: MotorDeviation::default(),
+                },
+                sigma,
+                observable: sigma.map(|sigma| sigma.is_some()),
+                cost: 1.0,
+                residual_rms_a: 0.0,
+                evaluations: 0,
+                cut: false,
+                competing_optimum: None,
+                back_emf_off: 0.0,
+                other_motor: false,
+                locked: false,
+                deviations: Vec::new(),
+            },
+            needed: sigma.map(|sigma| sigma.is_none().then_some(Needed::LongerMotion)),
+            unexplained: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn each_fault_is_that_of_the_smaller_sigma() {
+        let (small, large) = (Some(0.01), Some(0.05));
+        let relations = estimate(
+            [0.2, 0.0, 0.0, 0.1, 0.0, 0.0, 0.5, 0.5],
+            [small, small, None, large, small, None, None, large],
+        );
+        let monitor = estimate(
+            [0.4, 0.1, 0.3, 0.2, 0.0, 0.1, 0.8, 0.6],
+            [large, None, large, small, large, small, large, small],
+        );
+        let both = of_both(relations.clone(), monitor.clone());
+        let expected = [0.2, 0.0, 0.3, 0.2, 0.0, 0.1, 0.8, 0.6];
+        assert_eq!(
+            both.estimate.fault.to_array().map(f64::to_bits),
+            expected.map(f64::to_bits)
+        );
+        assert_eq!(
+            both.estimate.sigma,
+            [small, small, large, small, small, small, large, small]
+        );
+        assert_eq!(both.needed, [None; FAULT_COUNT]);
+
+        let mut unmodelled = monitor.clone();
+        unmodelled.estimate.cost = 2.0 * UNMODELLED_COST;
+        assert_eq!(of_both(relations.clone(), unmodelled), relations);
+        let mut unmodelled = relations;
+        unmodelled.estimate.cost = 2.0 * UNMODELLED_COST;
+        assert_eq!(of_both(unmodelled, monitor.clone()), monitor);
+    }
+}

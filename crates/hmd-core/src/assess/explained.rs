@@ -1,0 +1,197 @@
+//! What explains a window: worn parts, or a wrong sensor, wire or number.
+//!
+//! What the signals show by themselves is taken out before the estimate; readings that only an estimate can doubt compete with the
+//! faults after it.
+
+use ema_models::{Conditions, FaultId};
+
+use super::by_unit::{self, Assessed};
+use super::{AssessError, Assessor, conditions, unseen};
+use crate::outbox::WindowJob;
+use crate::outliers::identify_without_outliers;
+use crate::seed::{mix, name_hash};
+use crate::sensor_checks::rivals::{Rival, Verdict, accuses_all_phases, compare, is_doubtful, rivals};
+use crate::sensor_checks::{Finding, Suspect, Suspicion, examine};
+use crate::window::{Degradation, Invalidity, WindowQuality};
+
+/// The explanation of a window.
+pub(super) struct Explained {
+    /// The estimate; none where the window is invalid.
+    pub(super) assessed: Option<Assessed>,
+    /// What may be wrong besides the actuator.
+    pub(super) suspects: Vec<Suspect>,
+    /// Why the window is not simply good.
+    pub(super) reasons: Vec<String>,
+}
+
+impl Explained {
+    fn invalid(suspects: Vec<Suspect>, reasons: Vec<String>) -> Self {
+        Self {
+            assessed: None,
+            suspects,
+            reasons,
+        }
+    }
+}
+
+impl Assessor {
+    /// Explains a window. Of a unit that is being learnt, no part is accused and no reading doubted.
+    ///
+    /// # Errors
+    /// Those of the identification.
+    pub(super) fn explain(&self, job: &mut WindowJob, is_learning: bool) -> Result<Explained, AssessError> {
+        let (mut suspects, mut reasons) = (Vec::new(), Vec::new());
+        if let WindowQuality::Invalid(invalidity) = &job.window.quality {
+            reasons.push(invalidity.to_string());
+            suspects.extend(Suspect::of_invalidity(invalidity));
+            if suspects.is_empty() && shows_signals(invalidity) {
+                report(&examine(job), &mut suspects, &mut reasons);
+            }
+            return Ok(Explained::invalid(suspects, reasons));
+        }
+        if let WindowQuality::Degraded(handicaps) = &job.window.quality {
+            let is_repeated = |handicap: &Degradation| matches!(handicap, Degradation::Repeated(_));
+            suspects.extend(handicaps.iter().any(is_repeated).then_some(Suspect::RepeatedSamples));
+        }
+        let findings = examine(job);
+        report(&findings, &mut suspects, &mut reasons);
+        let mut corrected = job.clone();
+        for finding in &findings {
+            match finding.correction {
+                Some(correction) => correction.apply(&mut corrected),
+                None => return Ok(Explained::invalid(suspects, reasons)),
+            }
+        }
+        let mut assessed = match conditions(&corrected) {
+            Ok(conditions) => {
+                let assessed = self.estimate(&mut corrected, conditions)?;
+                if findings.is_empty() {
+                    assessed
+                } else {
+                    assessed.widened(CORRECTED_FACTOR)
+                }
+            }
+            Err(absurd) => {
+                reasons.push(absurd);
+                return Ok(Explained::invalid(suspects, reasons));
+            }
+        };
+        if !is_learning && is_doubtful(&assessed.estimate, self.watch_level()) {
+            match self.best_rival(&corrected, &assessed)? {
+                Some((Verdict::Better, suspicion, of_rival)) => {
+                    suspects.push(suspicion.suspect);
+                    reasons.push(suspicion.sentence);
+                    assessed = of_rival;
+                }
+                Some((Verdict::Alike, suspicion, _)) => {
+                    suspects.push(suspicion.suspect);
+                    reasons.push(format!("{}, or {}", suspicion.sentence, in_words(&assessed)));
+                    return Ok(Explained::invalid(suspects, reasons));
+                }
+                Some((Verdict::Worse, ..)) | None => {}
+            }
+        }
+        if !is_learning && accuses_all_phases(&assessed.estimate, self.watch_level()) {
+            // Of a commissioned unit, magnets and drive are known.
+            suspects.extend(self.knows_unit(&job.actuator).then_some(Suspect::CurrentGain));
+            reasons.push(format!(
+                "current gain, magnets or drive: all three phases alike: {}",
+                in_words(&assessed)
+            ));
+            return Ok(Explained::invalid(suspects, reasons));
+        }
+        job.window = corrected.window;
+        Ok(Explained {
+            assessed: Some(assessed),
+            suspects,
+            reasons,
+        })
+    }
+
+    /// Estimates a window by what is known of its unit, else of its type.
+    fn estimate(&self, job: &mut WindowJob, conditions: Conditions) -> Result<Assessed, AssessError> {
+        let identifier = self.identifier_of(job)?;
+        let seed = mix(self.seed, &[name_hash(&job.actuator.name), job.window.number]);
+        if let Some(unit) = self.models.unit(&job.actuator) {
+            return by_unit::estimate(unit, &identifier, job, conditions, seed);
+        }
+        let (prepared, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, seed)?;
+        Ok(Assessed {
+            fit: identifier.fit(&prepared, conditions, &estimate),
+            reasons: unseen(&estimate).into_iter().collect(),
+            estimate,
+        })
+    }
+
+    /// The reading that explains a window best instead of the faults: the best of those that explain it better, else the first
+    /// that explains it alike.
+    fn best_rival(
+        &self,
+        job: &WindowJob,
+        assessed: &Assessed,
+    ) -> Result<Option<(Verdict, Suspicion, Assessed)>, AssessError> {
+        let level = self.watch_level();
+        let mut found: Option<(Verdict, Rival, Assessed)> = None;
+        for rival in rivals(job, &assessed.estimate, self.knows_unit(&job.actuator)) {
+            let mut other = rival.applied_to(job);
+            let Ok(conditions) = conditions(&other) else { continue };
+            let of_rival = self.estimate(&mut other, conditions)?;
+            let verdict = compare(&assessed.estimate, rival.suspect, &of_rival.estimate, level);
+            let is_best = match &found {
+                None => verdict != Verdict::Worse,
+                Some((Verdict::Better, _, best)) => {
+                    verdict == Verdict::Better && of_rival.estimate.cost < best.estimate.cost
+                }
+                Some(_) => verdict == Verdict::Better,
+            };
+            if is_best {
+                found = Some((verdict, rival, of_rival));
+            }
+        }
+        Ok(found.map(|(verdict, rival, of_rival)| {
+            let suspicion = rival.suspicion(job, &of_rival.estimate, assessed.estimate.cost);
+            (verdict, suspicion, of_rival)
+        }))
+    }
+
+    /// The lowest level of any fault.
+    fn watch_level(&self) -> f64 {
+        let levels = self.config.health().levels();
+        levels.iter().map(|levels| levels.watch).fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// Factor on every sigma of a window from which a mistake was taken out: how large it was is itself an estimate.
+const CORRECTED_FACTOR: f64 = 2.0;
+
+/// Whether the samples of an invalid window show why it is.
+fn shows_signals(invalidity: &Invalidity) -> bool {
+    matches!(
+        invalidity,
+        Invalidity::TooManyFlawed { .. }
+            | Invalidity::CountersDisagree { .. }
+            | Invalidity::CounterJumped { .. }
+            | Invalidity::StartInMotion { .. }
+            | Invalidity::Stuck(_)
+    )
+}
+
+fn report(findings: &[Finding], suspects: &mut Vec<Suspect>, reasons: &mut Vec<String>) {
+    for finding in findings {
+        suspects.extend(finding.suspicions.iter().map(|suspicion| suspicion.suspect));
+        let sentences: Vec<String> = finding.suspicions.iter().map(ToString::to_string).collect();
+        reasons.push(sentences.join(", or "));
+    }
+}
+
+/// The damages that an estimate finds, in words.
+fn in_words(assessed: &Assessed) -> String {
+    let fault = &assessed.estimate.fault;
+    let damages: Vec<String> = FaultId::ALL
+        .into_iter()
+        .map(|id| (id.name(), fault.damage_of(id)))
+        .filter(|(_, damage)| *damage > 0.02)
+        .map(|(name, damage)| format!("{name} {damage:.2}"))
+        .collect();
+    damages.join(", ")
+}

@@ -1,0 +1,31 @@
+//! Wrong sensors, wires and configured numbers: what tells them from worn parts.
+//!
+//! In: a window and what is known of its actuator. Out: what is suspected ([`Suspicion`]), each a sentence with its numbers, and what
+//! the window is where the mistake is taken out ([`Finding`]).
+//!
+//! | file | evidence |
+//! |---|---|
+//! | `wiring` | share of the current on the torque axis: order and sign of phases, direction and counts of the resolver, pole pairs |
+//! | `currents` | sum of the currents, direct current: offsets, gain of a phase, zero of the resolver, samples of another instant |
+//! | `torque` | balance of the shaft: sign and gain of the currents, load |
+//! | `angles` | output against motor and set point: gear ratio, encoder, unit and delay of the set point |
+//! | `unseen_motion` | motion that no window has: unit of the set point, mode |
+//!
+//! What only shows in the estimate, such as a link voltage, competes with the faults there ([`rivals`]).
+
+mod angles;
+mod correction;
+mod currents;
+mod findings;
+mod least_squares;
+pub mod rivals;
+mod signals;
+mod suspect;
+mod torque;
+mod unseen_motion;
+mod wiring;
+
+pub use correction::Correction;
+pub use findings::{Finding, examine};
+pub use suspect::{Suspect, Suspicion};
+pub use unseen_motion::UnseenMotion;

@@ -1,0 +1,150 @@
+//! The two angles and the set point against each other.
+
+use ema_models::ActuatorParams;
+
+use super::least_squares::fit;
+use super::signals::{Signals, commanded_angle};
+
+/// What the output turns for each turn of the motor, times the gear ratio: 1 where all numbers are right.
+///
+/// `None` where the motion is too small against the play.
+pub(super) fn output_over_motor(signals: &Signals, params: &ActuatorParams) -> Option<f64> {
+    let gear_ratio = params.transmission.gear_ratio;
+    let travel = signals.span(|row| row.theta_m) / gear_ratio;
+    let resolution = params.sensors.output_lsb() + WORN_PLAYS * params.transmission.backlash;
+    if travel.max(signals.span(|row| row.theta_out)) < TRAVEL_MIN * resolution {
+        return None;
+    }
+    let first = signals.rows.first()?;
+    let rows = signals.rows.iter().map(|row| {
+        let motor = (row.theta_m - first.theta_m) / gear_ratio;
+        ([1.0, motor], row.theta_out - first.theta_out)
+    });
+    let free = (0.0, f64::INFINITY);
+    let found = fit(rows, [free; 2], 1.0)?;
+    // Another gear ratio is a line; an angle that stands still for a while is none.
+    let scatter = resolution + SCATTER * signals.span(|row| row.theta_out);
+    (found.mean_square < scatter * scatter).then_some(found.value[1])
+}
+
+/// Scatter about a line, share of the output's travel.
+const SCATTER: f64 = 0.03;
+
+/// Travel in multiples of play and resolution from which on the ratio is known to a few per cent.
+const TRAVEL_MIN: f64 = 4.0;
+
+/// Play of a worn transmission, in multiples of that of a new one.
+const WORN_PLAYS: f64 = 40.0;
+
+/// What the set point shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum SetpointError {
+    /// The set point is so many times the angle that the output follows.
+    Unit(f64),
+    /// The output follows the set point in the other direction.
+    Reversed,
+    /// The output follows so many times the set point, by another scale of the encoder.
+    Scale(f64),
+    /// The output turns before the set point moves, away from it: speed of the motor, rad/s.
+    Late(f64),
+    /// At rest the output is this far from the set point, rad, and the drive makes no torque.
+    Zero(f64),
+}
+
+/// Largest ratio of set point and output that no unit explains.
+const UNIT_MIN: f64 = 8.0;
+
+/// Share of ω_max that a drive exceeds as long as its set point is far away.
+const CHASING: f64 = 0.5;
+
+/// Torque that the position error asks for, in multiples of what the rest of the drive can hide.
+const ASKED: f64 = 4.0;
+
+/// Range of a set point that has not moved yet, rad: the default threshold of the trigger and what it may miss.
+const HELD_RAD: f64 = 1.5e-3;
+
+/// Speed before the set point moves, share of ω_max, that is no rest.
+const MOVING: f64 = 0.05;
+
+/// Checks the set point of a window in position mode; its first `rest` samples precede the trigger.
+pub(super) fn setpoint_error(signals: &Signals, params: &ActuatorParams, rest: usize) -> Option<SetpointError> {
+    let scale = followed(signals, params);
+    if let Some(SetpointError::Unit(_) | SetpointError::Reversed) = scale {
+        return scale;
+    }
+    let error = |n: usize| Some(commanded_angle(signals.rows.get(n)?.setpoint)? - signals.rows[n].theta_out);
+    let (first, at_rest) = (error(0)?, signals.rows.get(..rest.max(2))?);
+    let controller = &params.controller;
+    let (begin, end) = (at_rest.first()?, at_rest.last()?);
+    let turned = end.theta_m - begin.theta_m;
+    let speed = turned * signals.rate_hz / (at_rest.len() - 1) as f64;
+    let held = commanded_angle(begin.setpoint)? - commanded_angle(end.setpoint)?;
+    let output_speed = speed / params.transmission.gear_ratio;
+    // Nothing that belongs to an earlier command runs away from the set point.
+    let is_at_setpoint = first.abs() < 2e-3;
+    if speed.abs() > MOVING * controller.omega_max && held.abs() < HELD_RAD {
+        let last = error(rest.max(2) - 1)?;
+        if last.abs() > first.abs() && (last * output_speed) < 0.0 && (is_at_setpoint || last.abs() > 2e-3) {
+            return Some(SetpointError::Late(speed));
+        }
+    }
+    let largest = params.motor.torque_gain() * params.motor.i_max;
+    let asked = (controller.g_p * first).clamp(-controller.omega_max, controller.omega_max) * controller.k_p;
+    let asked = asked.clamp(-largest, largest).abs();
+    let torque: f64 = at_rest.iter().map(|row| signals.i_dq(row)[1]).sum::<f64>() / at_rest.len() as f64;
+    let torque = (params.motor.torque_gain() * torque).abs();
+    let stands = turned.abs() < 4.0 * params.sensors.motor_lsb().max(params.sensors.output_lsb());
+    if stands && asked > ASKED * (torque + params.transmission.friction_static) {
+        return Some(SetpointError::Zero(first));
+    }
+    scale
+}
+
+/// How the output follows the set point.
+fn followed(signals: &Signals, params: &ActuatorParams) -> Option<SetpointError> {
+    let commanded = signals.rows.iter().map(|row| commanded_angle(row.setpoint));
+    let commanded: Vec<f64> = commanded.collect::<Option<_>>()?;
+    let (min, max) = commanded
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max): (f64, f64), &x| {
+            (min.min(x), max.max(x))
+        });
+    let (setpoint, output) = (max - min, signals.span(|row| row.theta_out));
+    let lsb = params.sensors.output_lsb();
+    if setpoint < 10.0 * lsb || output < 10.0 * lsb {
+        return None;
+    }
+    let late = &signals.rows[signals.rows.len() * 2 / 3..];
+    let speed = late.iter().map(|row| row.omega_m).sum::<f64>() / late.len().max(1) as f64;
+    let chases = speed.abs() > CHASING * params.controller.omega_max;
+    if setpoint > UNIT_MIN * output && !chases {
+        return Some(SetpointError::Unit(setpoint / output));
+    }
+    let (first_setpoint, first_output) = (commanded[0], signals.rows[0].theta_out);
+    let rows = signals
+        .rows
+        .iter()
+        .zip(&commanded)
+        .map(|(row, command)| ([1.0, command - first_setpoint], row.theta_out - first_output));
+    let free = (0.0, f64::INFINITY);
+    let slope = fit(rows, [free; 2], 1.0)?.value[1];
+    if slope < -REVERSED {
+        return Some(SetpointError::Reversed);
+    }
+    // At the end both stand.
+    let stands = late
+        .iter()
+        .all(|row| row.omega_m.abs() < MOVING * params.controller.omega_max);
+    let held = commanded[signals.rows.len() * 2 / 3..]
+        .iter()
+        .all(|&x| (x - max).abs().min((x - min).abs()) < HELD_RAD);
+    let (last, row) = (commanded.last()?, signals.rows.last()?);
+    let missed = last - first_setpoint - (row.theta_out - first_output);
+    (stands && held && missed.abs() > SCALE_ERROR * setpoint).then_some(SetpointError::Scale(output / setpoint))
+}
+
+/// Slope of output over set point that is no lag of a chirp.
+const REVERSED: f64 = 0.2;
+
+/// Share of the set point's range by which an output at rest may miss it.
+const SCALE_ERROR: f64 = 0.1;

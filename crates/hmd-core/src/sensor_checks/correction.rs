@@ -1,0 +1,73 @@
+//! A window without its mistake.
+
+use crate::outbox::WindowJob;
+
+/// How a mistake is taken out of a window.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Correction {
+    /// These two phase currents are exchanged.
+    Swap(usize, usize),
+    /// Each current loses its offset, A, then is divided by its gain.
+    Currents {
+        /// Offsets.
+        offset: [f64; 3],
+        /// Gains.
+        gain: [f64; 3],
+    },
+    /// The currents are those of so many samples later.
+    Later(isize),
+    /// The resolver's counts lose this many.
+    ResolverZero(i64),
+    /// The encoder's counts lose this many.
+    EncoderZero(i64),
+    /// The motor has this many pole pairs.
+    PolePairs(f64),
+    /// The gear ratio is this one.
+    GearRatio(f64),
+    /// The set point is divided by this.
+    Setpoint(f64),
+    /// The load counts as not measured.
+    NoLoad,
+}
+
+impl Correction {
+    /// Takes the mistake out of a window.
+    pub fn apply(self, job: &mut WindowJob) {
+        let samples = &mut job.window.samples;
+        match self {
+            Self::Swap(one, other) => samples.iter_mut().for_each(|sample| sample.currents.swap(one, other)),
+            Self::Currents { offset, gain } => {
+                for sample in samples {
+                    for phase in 0..3 {
+                        sample.currents[phase] = (sample.currents[phase] - offset[phase]) / gain[phase];
+                    }
+                }
+            }
+            Self::Later(by) => {
+                let currents: Vec<[f64; 3]> = samples.iter().map(|sample| sample.currents).collect();
+                for (n, sample) in samples.iter_mut().enumerate() {
+                    let from = n.checked_add_signed(by).and_then(|n| currents.get(n));
+                    sample.currents = *from.unwrap_or(&sample.currents);
+                }
+            }
+            Self::ResolverZero(counts) => {
+                for sample in samples {
+                    sample.motor_counts = sample.motor_counts.saturating_sub(counts);
+                }
+            }
+            Self::EncoderZero(counts) => {
+                for sample in samples {
+                    sample.output_counts = sample.output_counts.saturating_sub(counts);
+                }
+            }
+            Self::PolePairs(pole_pairs) => job.params.motor.pole_pairs = pole_pairs,
+            Self::GearRatio(gear_ratio) => job.params.transmission.gear_ratio = gear_ratio,
+            Self::Setpoint(factor) => {
+                for sample in samples {
+                    sample.setpoint = sample.setpoint.map(|value| value / factor);
+                }
+            }
+            Self::NoLoad => job.conditions.load_torque_nm = None,
+        }
+    }
+}

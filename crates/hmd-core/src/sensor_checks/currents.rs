@@ -1,0 +1,169 @@
+//! Errors of the current sensors and of the resolver's zero, from what a drive holds at zero.
+//!
+//! The three currents sum to zero, and the drive holds the direct current at zero, whatever is worn:
+//! `i_a + i_b + i_c = o + e i_j` shows offset and gain of one phase, `i_d = (δ + τ ω_e) i_q + o_α cos θ_e + o_β sin θ_e` the zero δ of
+//! the resolver, the age τ of the currents and the two other components of the offsets. Derived here.
+
+use ema_models::{Real, Tolerances, phase_shapes};
+
+use super::least_squares::{Fit, fit};
+use super::signals::{Row, Signals};
+
+/// What is off in the currents.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum CurrentError {
+    /// Offset of each phase, A.
+    Offsets([f64; 3]),
+    /// This phase reads so many times its current.
+    Gain(usize, f64),
+    /// The resolver is ahead of the rotor by this angle, rad electrical, or, where both explain the window alike, the currents
+    /// are older than the angles by this time, s.
+    Zero {
+        /// Angle.
+        ahead: f64,
+        /// Its standard deviation.
+        sigma: f64,
+        /// Time.
+        or_late: Option<f64>,
+    },
+    /// The currents are older than the angles by this time, s.
+    Late(f64),
+}
+
+/// Offset in tolerances, and in standard deviations of the fit, from which on it is no tolerance.
+const OFFSET_TOLERANCES: f64 = 3.3;
+const SIGMAS: f64 = 6.0;
+
+/// Error of one gain from which on it is none of a sensor within its tolerance, in tolerances, and least.
+const GAIN_TOLERANCES: f64 = 4.0;
+
+/// Zero of a resolver that is none of an adjusted one, rad electrical: 2.5°.
+const ZERO_MIN: f64 = 0.0436;
+
+/// Share of a sample period that two signals of one sample may be apart.
+const LATE_PERIODS: f64 = 0.5;
+
+/// Time that two signals of one sample may be apart in any case, s.
+const LATE_MIN_S: f64 = 200e-6;
+
+/// Prior of the gain and offsets of a fit: none.
+const FREE: (f64, f64) = (0.0, f64::INFINITY);
+
+/// Neighbouring samples whose errors are alike: the ripple of a drive.
+const ALIKE: f64 = 3.0;
+
+/// Where the sum of squares of one explanation exceeds that of another by so many times its noise, it explains the window worse.
+const WORSE: f64 = 12.0;
+
+/// The errors of a window's currents. Those of a device with two sensors show no sum.
+pub(super) fn current_errors(signals: &Signals, tolerances: &Tolerances) -> Vec<CurrentError> {
+    let mut found = Vec::new();
+    let sum = sum_of_currents(signals, tolerances, &mut found);
+    let along = direct_current(signals, tolerances, &mut found);
+    let Some([alpha, beta]) = along else { return found };
+    // A gain error makes no offset, and its sum none either.
+    if found.iter().any(|error| matches!(error, CurrentError::Gain(..))) {
+        return found;
+    }
+    let common = sum.unwrap_or(0.0) / 3.0;
+    let offsets = [
+        alpha + common,
+        -0.5 * alpha + 0.75_f64.sqrt() * beta + common,
+        -0.5 * alpha - 0.75_f64.sqrt() * beta + common,
+    ];
+    let limit = OFFSET_TOLERANCES * tolerances.current_offset;
+    if limit > 0.0 && offsets.iter().any(|offset| offset.abs() > limit) {
+        found.push(CurrentError::Offsets(offsets));
+    }
+    found
+}
+
+/// The phase whose gain explains the sum of the currents.
+pub(super) fn gain_of_a_phase(signals: &Signals, tolerances: &Tolerances) -> Option<CurrentError> {
+    let mut found = Vec::new();
+    sum_of_currents(signals, tolerances, &mut found);
+    found.pop()
+}
+
+/// Offset of the sum, A, where it is clear; a phase whose gain explains the sum goes to `found`.
+fn sum_of_currents(signals: &Signals, tolerances: &Tolerances, found: &mut Vec<CurrentError>) -> Option<f64> {
+    let sum = |row: &Row| row.currents.iter().sum::<f64>();
+    // The phase's current by the torque-producing one of the two neighbouring samples, whose noise is not in the sum.
+    let of_phase = |phase: usize| {
+        let rows = signals.rows.windows(3).map(|near| {
+            let i_q = 0.5 * (signals.i_dq(&near[0])[1] + signals.i_dq(&near[2])[1]);
+            let shapes = phase_shapes((signals.pole_pairs * near[1].theta_m).sin_cos_poly());
+            ([1.0, i_q * shapes[phase]], sum(&near[1]))
+        });
+        fit(rows, [FREE; 2], 1.0)
+    };
+    let alone = fit(signals.rows.iter().map(|row| ([1.0], sum(row))), [FREE], 1.0)?;
+    let best = (0..3)
+        .filter_map(|phase| Some((phase, of_phase(phase)?)))
+        .reduce(|best, other| {
+            if other.1.mean_square < best.1.mean_square {
+                other
+            } else {
+                best
+            }
+        });
+    if let Some((phase, fit)) = best {
+        let [offset, error] = fit.value;
+        let limit = GAIN_TOLERANCES * tolerances.current_gain;
+        if limit > 0.0 && error.abs() > limit && error.abs() > SIGMAS * fit.sigma[1] {
+            found.push(CurrentError::Gain(phase, 1.0 + error));
+            return Some(offset);
+        }
+    }
+    clear(&alone, 0)
+}
+
+/// A coefficient that is clear of its standard deviation.
+fn clear<const P: usize>(fit: &Fit<P>, place: usize) -> Option<f64> {
+    (fit.value[place].abs() > SIGMAS * fit.sigma[place]).then_some(fit.value[place])
+}
+
+/// Offsets along α and β, A, each 0 where it is not clear; a zero or an age that is off goes to `found`.
+fn direct_current(signals: &Signals, tolerances: &Tolerances, found: &mut Vec<CurrentError>) -> Option<[f64; 2]> {
+    let turn = signals.pole_pairs * signals.span(|row| row.theta_m);
+    // Columns: i_q, ω_e i_q, cos θ_e, sin θ_e.
+    let row = |row: &Row, uses: [f64; 4]| {
+        let (sin, cos) = (signals.pole_pairs * row.theta_m).sin_cos_poly();
+        let [d, q] = signals.i_dq(row);
+        let columns = [q, signals.pole_pairs * row.omega_m * q, cos, sin];
+        (core::array::from_fn(|n| uses[n] * columns[n]), d)
+    };
+    let offset = if turn > std::f64::consts::PI {
+        FREE
+    } else {
+        (0.0, tolerances.current_offset.max(1e-6))
+    };
+    let fitted = |uses: [f64; 4]| {
+        let prior: [(f64, f64); 4] = core::array::from_fn(|n| match n {
+            _ if uses[n] <= 0.0 => (0.0, 1.0),
+            2 | 3 => offset,
+            _ => FREE,
+        });
+        let controlled = signals.rows.iter().filter(|row| signals.is_controlled(row));
+        fit(controlled.map(|r| row(r, uses)), prior, ALIKE)
+    };
+    let by_zero = fitted([1.0, 0.0, 1.0, 1.0])?;
+    let by_age = fitted([0.0, 1.0, 1.0, 1.0])?;
+    let worse = |one: &Fit<4>, other: &Fit<4>| {
+        let noise = other.mean_square.max(f64::MIN_POSITIVE);
+        one.rows * (one.mean_square - other.mean_square) > WORSE * ALIKE * noise
+    };
+    let (ahead, sigma) = (by_zero.value[0], by_zero.sigma[0]);
+    let late = by_age.value[1];
+    let is_off = ahead.abs() > ZERO_MIN && ahead.abs() > SIGMAS * sigma;
+    let least_late = (LATE_PERIODS / signals.rate_hz).max(LATE_MIN_S);
+    let is_late = late.abs() > least_late && late.abs() > SIGMAS * by_age.sigma[1];
+    if is_off && !worse(&by_zero, &by_age) {
+        let or_late = (is_late && !worse(&by_age, &by_zero)).then_some(late);
+        found.push(CurrentError::Zero { ahead, sigma, or_late });
+    } else if is_late && worse(&by_zero, &by_age) {
+        found.push(CurrentError::Late(late));
+    }
+    let best = if worse(&by_zero, &by_age) { by_age } else { by_zero };
+    Some([2, 3].map(|place| clear(&best, place).unwrap_or(0.0)))
+}

@@ -1,0 +1,290 @@
+//! What the signals of a window show by themselves, before any estimate.
+
+use ema_models::{ActuatorParams, Tolerances};
+
+use super::angles::{SetpointError, output_over_motor, setpoint_error};
+use super::correction::Correction;
+use super::currents::{CurrentError, current_errors, gain_of_a_phase};
+use super::signals::Signals;
+use super::suspect::{Suspect, Suspicion};
+use super::torque::{Balance, balance};
+use super::wiring::{OnTorqueAxis, Wiring, other_wiring};
+use crate::outbox::WindowJob;
+use crate::window::{Defect, Invalidity, WindowQuality};
+
+/// One mistake that a window shows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finding {
+    /// What it is; several where the window does not tell them apart.
+    pub suspicions: Vec<Suspicion>,
+    /// How it is taken out; `None` where the window is of no use.
+    pub correction: Option<Correction>,
+}
+
+impl Finding {
+    fn new(suspect: Suspect, evidence: &str, correction: Option<Correction>) -> Self {
+        Self {
+            suspicions: vec![suspicion(suspect, evidence)],
+            correction,
+        }
+    }
+}
+
+fn suspicion(suspect: Suspect, evidence: &str) -> Suspicion {
+    Suspicion {
+        suspect,
+        sentence: format!("{suspect}: {evidence}"),
+    }
+}
+
+/// Names of the phases.
+const PHASES: [char; 3] = ['a', 'b', 'c'];
+
+/// The mistakes that the signals of a window show; of an invalid one only those that make it so.
+#[must_use]
+pub fn examine(job: &WindowJob) -> Vec<Finding> {
+    let (params, samples) = (&job.params, &job.window.samples);
+    let signals = Signals::new(params, samples);
+    let ratio = output_over_motor(&signals, params);
+    if let Some((found, configured)) = other_wiring(&signals, params, ratio) {
+        return vec![of_wiring(params, &found, configured)];
+    }
+    let mut findings: Vec<Finding> = Vec::new();
+    findings.extend(ratio.and_then(|ratio| of_ratio(params, ratio, &signals)));
+    if findings.is_empty() {
+        findings.extend(setpoint_error(&signals, params, job.window.trigger).map(|error| of_setpoint(params, error)));
+    }
+    let tolerances = tolerances_of_sensors(&job.actuator.tolerances);
+    if let WindowQuality::Invalid(invalidity) = &job.window.quality {
+        let is_by_currents = matches!(
+            invalidity,
+            Invalidity::TooManyFlawed {
+                defect: Defect::CurrentSum,
+                ..
+            }
+        );
+        if is_by_currents {
+            findings.extend(gain_of_a_phase(&signals, tolerances).map(|error| of_currents(params, &error)));
+        }
+        return findings;
+    }
+    let errors = current_errors(&signals, tolerances);
+    findings.extend(errors.into_iter().map(|error| of_currents(params, &error)));
+    if findings.is_empty() {
+        let balance = balance(&signals, params);
+        findings.extend(balance.and_then(|balance| of_torque(job, &balance)));
+    }
+    findings
+}
+
+/// Tolerances of the sensors; where the configuration calls every number exact, the usual ones: no sensor is exact.
+fn tolerances_of_sensors(tolerances: &Tolerances) -> &Tolerances {
+    if tolerances.current_offset > 0.0 {
+        tolerances
+    } else {
+        &Tolerances::USUAL
+    }
+}
+
+fn of_wiring(params: &ActuatorParams, found: &OnTorqueAxis, configured: f64) -> Finding {
+    let [now, then] = [configured, found.share].map(|share| 100.0 * share);
+    let shares = format!("{then:.0} % of the current lies on the torque axis then, {now:.0} % now");
+    let (suspect, what, correction) = match found.wiring {
+        Wiring::Swapped(one, other) => (
+            Suspect::PhaseOrder,
+            format!("{} and {} seem swapped", PHASES[one.min(other)], PHASES[one.max(other)]),
+            Some(Correction::Swap(one, other)),
+        ),
+        Wiring::Reversed(phase) => (
+            Suspect::CurrentSign,
+            format!("{} seems reversed", PHASES[phase]),
+            Some(reversed(phase)),
+        ),
+        Wiring::ResolverReversed => (
+            Suspect::ResolverDirection,
+            "it seems to count backwards".to_owned(),
+            None,
+        ),
+        Wiring::ResolverTimes(times) => (
+            Suspect::ResolverCounts,
+            format!("it seems to count {times:.2} times what is configured"),
+            None,
+        ),
+        Wiring::PolePairs(pole_pairs) => (
+            Suspect::PolePairs,
+            format!(
+                "the motor seems to have {pole_pairs:.0}, not {:.0}",
+                params.motor.pole_pairs
+            ),
+            Some(Correction::PolePairs(pole_pairs)),
+        ),
+        Wiring::CurrentsLate(late) => (
+            Suspect::SampleOrder,
+            format!("the currents seem to be {late} sample late"),
+            Some(Correction::Later(late)),
+        ),
+        Wiring::Right => (Suspect::PhaseOrder, String::new(), None),
+    };
+    Finding::new(suspect, &format!("{what}: {shares}"), correction)
+}
+
+fn reversed(phase: usize) -> Correction {
+    let mut gain = [1.0; 3];
+    gain[phase] = -1.0;
+    Correction::Currents { offset: [0.0; 3], gain }
+}
+
+/// Deviation of the ratio of output and motor from 1 that is no play.
+const RATIO_OFF: f64 = 0.08;
+
+fn of_ratio(params: &ActuatorParams, ratio: f64, signals: &Signals) -> Option<Finding> {
+    if (ratio - 1.0).abs() < RATIO_OFF {
+        return None;
+    }
+    if ratio < 0.0 {
+        let evidence = format!("the output turns {ratio:.2} times as far as the motor, across the gear");
+        return Some(Finding::new(Suspect::EncoderDirection, &evidence, None));
+    }
+    let configured = params.transmission.gear_ratio;
+    Some(match setpoint_error(signals, params, 2) {
+        Some(SetpointError::Scale(scale)) => {
+            let evidence = format!(
+                "the output seems to turn {scale:.2} times as far as commanded, and {ratio:.2} times as far as the motor"
+            );
+            Finding::new(Suspect::EncoderCounts, &evidence, None)
+        }
+        _ => {
+            let real = configured / ratio;
+            let evidence = format!(
+                "it seems to be {real:.1}, not {configured:.1}: the output turns {ratio:.2} times as far as the motor"
+            );
+            Finding::new(Suspect::GearRatio, &evidence, Some(Correction::GearRatio(real)))
+        }
+    })
+}
+
+fn of_setpoint(params: &ActuatorParams, error: SetpointError) -> Finding {
+    match error {
+        SetpointError::Unit(times) => Finding::new(
+            Suspect::SetpointUnit,
+            &format!("it moves {times:.1} times as far as the output that follows it"),
+            None,
+        ),
+        SetpointError::Reversed => Finding::new(
+            Suspect::EncoderDirection,
+            "the output follows the set point in the other direction",
+            None,
+        ),
+        SetpointError::Scale(scale) => Finding::new(
+            Suspect::EncoderCounts,
+            &format!("the output comes to rest after {scale:.2} times what is commanded"),
+            None,
+        ),
+        SetpointError::Late(speed) => Finding::new(
+            Suspect::SetpointDelay,
+            &format!("the motor turns at {speed:.0} rad/s before the set point moves"),
+            None,
+        ),
+        SetpointError::Zero(error) => {
+            let counts = (-error / params.sensors.output_lsb()).round() as i64;
+            let evidence = format!(
+                "at rest the output is {:.4} rad from its set point, and the drive makes no torque",
+                -error
+            );
+            Finding::new(Suspect::EncoderZero, &evidence, Some(Correction::EncoderZero(counts)))
+        }
+    }
+}
+
+fn of_currents(params: &ActuatorParams, error: &CurrentError) -> Finding {
+    match *error {
+        CurrentError::Offsets(offset) => {
+            let all: Vec<String> = PHASES
+                .iter()
+                .zip(offset)
+                .map(|(phase, offset)| format!("{phase} {:+.0} mA", 1e3 * offset))
+                .collect();
+            let correction = Correction::Currents { offset, gain: [1.0; 3] };
+            Finding::new(Suspect::CurrentOffset, &all.join(", "), Some(correction))
+        }
+        CurrentError::Gain(phase, gain) => {
+            let mut gains = [1.0; 3];
+            gains[phase] = gain;
+            let correction = Correction::Currents {
+                offset: [0.0; 3],
+                gain: gains,
+            };
+            let (suspect, correction) = if gain < 0.0 {
+                (Suspect::CurrentSign, Some(reversed(phase)))
+            } else {
+                (Suspect::PhaseGain, (gain > 0.2).then_some(correction))
+            };
+            let evidence = format!(
+                "{} reads {gain:.2} times what the two others leave for it",
+                PHASES[phase]
+            );
+            Finding::new(suspect, &evidence, correction)
+        }
+        CurrentError::Zero { ahead, sigma, or_late } => {
+            let (degrees, sigma) = (ahead.to_degrees(), sigma.to_degrees());
+            let counts = (ahead / params.motor.pole_pairs / params.sensors.motor_lsb()).round() as i64;
+            let evidence = format!("{degrees:+.1} ± {sigma:.1}° electrical ahead of the rotor");
+            let mut finding = Finding::new(Suspect::ResolverZero, &evidence, Some(Correction::ResolverZero(counts)));
+            finding.suspicions.extend(or_late.map(of_age));
+            finding
+        }
+        CurrentError::Late(late) => {
+            let samples = (late * params.sensors.sample_rate).round() as isize;
+            Finding {
+                suspicions: vec![of_age(late)],
+                correction: Some(Correction::Later(samples)),
+            }
+        }
+    }
+}
+
+fn of_age(late: f64) -> Suspicion {
+    suspicion(
+        Suspect::SampleOrder,
+        &format!("the currents seem to be {:.2} ms older than the angles", 1e3 * late),
+    )
+}
+
+/// Standard deviations of a load that its sensor reads otherwise.
+const LOAD_SIGMAS: f64 = 3.0;
+
+/// Standard deviations of the gain of currents that are reversed.
+const FIT_SIGMAS: f64 = 5.0;
+
+/// Share of a load, and of the friction at the output, by which the balance errs: efficiencies of the gear.
+const LOAD_SHARE: f64 = 0.25;
+const FRICTION_SHARE: f64 = 0.15;
+
+fn of_torque(job: &WindowJob, balance: &Balance) -> Option<Finding> {
+    let (gain, sigma) = balance.gain;
+    if gain < -FIT_SIGMAS * sigma {
+        let evidence = format!("all seem reversed: the motion needs {gain:.2} times the torque of the currents");
+        let correction = Correction::Currents {
+            offset: [0.0; 3],
+            gain: [-1.0; 3],
+        };
+        return Some(Finding::new(Suspect::CurrentSign, &evidence, Some(correction)));
+    }
+    let (needed, sigma) = balance.load?;
+    let measured = job.conditions.load_torque_nm?;
+    let transmission = &job.params.transmission;
+    let friction = transmission.friction_dynamic * transmission.gear_ratio;
+    let own = (LOAD_SHARE * needed.abs().max(measured.abs())).hypot(FRICTION_SHARE * friction);
+    let sigma = sigma.hypot(own);
+    ((needed - measured).abs() > LOAD_SIGMAS * sigma).then(|| {
+        let evidence = format!("reads {measured:.1} N m, the motion needs {needed:.1} ± {sigma:.1} N m");
+        Finding::new(Suspect::LoadSensor, &evidence, Some(Correction::NoLoad))
+    })
+}
+
+/// Torque by the motion over torque by the currents of a window, with its standard deviation.
+#[must_use]
+pub(super) fn torque_ratio(job: &WindowJob) -> Option<(f64, f64)> {
+    let signals = Signals::new(&job.params, &job.window.samples);
+    Some(balance(&signals, &job.params)?.gain)
+}

@@ -1,0 +1,204 @@
+//! Mistakes that only an estimate shows: readings that compete with the faults.
+//!
+//! A window that accuses a part, or that no fault explains, is estimated again without a reading, or with another one. The better
+//! explanation wins; where both explain the window alike and differ in what they accuse, the window accuses nothing.
+
+use ema_models::{DriveKind, FaultId, REFERENCE_TEMPERATURE_DEG_C};
+
+use super::correction::Correction;
+use super::findings::torque_ratio;
+use super::suspect::{Suspect, Suspicion};
+use crate::outbox::WindowJob;
+use ema_identify::Estimate;
+
+/// One reading taken as wrong.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rival {
+    /// The sensor.
+    pub suspect: Suspect,
+    /// The reading instead, of the currents their gain; `None` as if it were not measured.
+    reading: Option<f64>,
+}
+
+/// Gain of all currents that no tolerance explains.
+const GAIN_OFF: f64 = 0.06;
+
+/// Gains that are tried where nothing explains a window.
+const GAINS: [f64; 4] = [0.82, 0.91, 1.1, 1.22];
+
+/// Shares of the read voltage that the link may have instead.
+const LINK_SHARES: [f64; 4] = [0.8, 0.9, 1.12, 1.25];
+
+/// Least deviation of the read voltage from the nominal one that makes the nominal one an explanation of its own, as a share.
+const LINK_OFF: f64 = 0.05;
+
+/// Distance of a temperature from that of the data sheet from which on it changes what is expected of a motor, K.
+const TEMPERATURE_OFF_K: f64 = 40.0;
+
+/// Cost above that of good windows.
+const HIGH_COST: f64 = 3.0;
+
+/// The readings of a window that may be wrong. Where the link reads another voltage than the nominal one, that one is tried;
+/// others where comparators apply the link to the phases and nothing explains the window well. Gains of all currents are tried of commissioned units, whose motor is known.
+#[must_use]
+pub fn rivals(job: &WindowJob, estimate: &Estimate, is_commissioned: bool) -> Vec<Rival> {
+    let conditions = &job.conditions;
+    let mut rivals = Vec::new();
+    let mut add = |suspect, reading| rivals.push(Rival { suspect, reading });
+    if conditions.load_torque_nm.is_some() {
+        add(Suspect::LoadSensor, None);
+    }
+    let is_far = |read: f64| (read - REFERENCE_TEMPERATURE_DEG_C).abs() > TEMPERATURE_OFF_K;
+    if conditions.winding_temp_deg_c.is_some_and(is_far) {
+        add(Suspect::WindingTemperature, None);
+    }
+    if let Some(read) = conditions
+        .dc_link_v
+        .filter(|_| job.actuator.drive.kind == DriveKind::Hysteresis)
+    {
+        let nominal = job.params.motor.v_dc;
+        let is_applied = job.actuator.drive.kind == DriveKind::Hysteresis;
+        let is_badly_explained = is_applied && (estimate.cost > HIGH_COST || estimate.is_unmodelled());
+        let shares = LINK_SHARES.iter().filter(|_| is_badly_explained);
+        let mut voltages: Vec<f64> = shares.map(|share| share * read).collect();
+        if (read - nominal).abs() > LINK_OFF * nominal {
+            voltages.insert(0, nominal);
+        }
+        let is_possible = |voltage: &f64| (0.55..=1.45).contains(&(voltage / nominal));
+        for voltage in voltages.into_iter().filter(is_possible) {
+            add(Suspect::DcLink, Some(voltage));
+        }
+    }
+    let ratio = torque_ratio(job).map(|(ratio, _)| 1.0 / ratio);
+    let by_balance = ratio.filter(|gain| (gain - 1.0).abs() > GAIN_OFF && (0.5..2.0).contains(gain));
+    let tried = GAINS
+        .into_iter()
+        .filter(|_| is_commissioned && estimate.is_unmodelled());
+    for gain in by_balance.into_iter().chain(tried) {
+        rivals.push(Rival {
+            suspect: Suspect::CurrentGain,
+            reading: Some(gain),
+        });
+    }
+    rivals
+}
+
+impl Rival {
+    /// The window with the other reading.
+    #[must_use]
+    pub fn applied_to(&self, job: &WindowJob) -> WindowJob {
+        let mut job = job.clone();
+        match self.suspect {
+            Suspect::LoadSensor => job.conditions.load_torque_nm = self.reading,
+            Suspect::WindingTemperature => job.conditions.winding_temp_deg_c = self.reading,
+            Suspect::DcLink => job.conditions.dc_link_v = self.reading,
+            _ => Correction::Currents {
+                offset: [0.0; 3],
+                gain: [self.reading.unwrap_or(1.0); 3],
+            }
+            .apply(&mut job),
+        }
+        job
+    }
+
+    /// The sentence of it, with the estimate that has the other reading; the read one costs `instead_of`.
+    #[must_use]
+    pub fn suspicion(&self, job: &WindowJob, estimate: &Estimate, instead_of: f64) -> Suspicion {
+        let suspect = self.suspect;
+        let conditions = &job.conditions;
+        let evidence = match suspect {
+            Suspect::LoadSensor => {
+                let (read, needed) = (conditions.load_torque_nm.unwrap_or(0.0), estimate.unknowns.load_torque);
+                format!("reads {read:.1} N m, the motion fits {needed:.1} N m")
+            }
+            Suspect::WindingTemperature => {
+                let read = conditions.winding_temp_deg_c.unwrap_or(0.0);
+                format!("reads {read:.0} °C, the motion fits without it")
+            }
+            Suspect::CurrentGain => {
+                let gain = self.reading.unwrap_or(1.0);
+                format!("all phases read {gain:.2} times what fits the motion")
+            }
+            _ => {
+                let (read, fits) = (conditions.dc_link_v.unwrap_or(0.0), self.reading.unwrap_or(0.0));
+                format!("reads {read:.0} V, the motion fits {fits:.0} V")
+            }
+        };
+        Suspicion {
+            suspect,
+            sentence: format!("{suspect}: {evidence}: cost {:.1}, not {instead_of:.1}", estimate.cost),
+        }
+    }
+}
+
+/// What a rival says of a window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It explains the window clearly better.
+    Better,
+    /// It explains the window alike, and accuses less.
+    Alike,
+    /// It explains nothing more.
+    Worse,
+}
+
+/// Factor of the costs from which on one explanation is better.
+const BETTER: f64 = 2.0;
+
+/// Cost of a window that is explained, with noise of 100 mA.
+const GOOD_COST: f64 = 6.5;
+
+/// Factor up to which two explanations are alike.
+const ALIKE: f64 = 1.15;
+
+/// Damage from which on a fault is accused: the level `watch` as configured, times sigma.
+fn accused(estimate: &Estimate, level: f64) -> Vec<FaultId> {
+    let sigma = estimate.damage_sigma();
+    let is_accused = |fault: &FaultId| {
+        let damage = estimate.fault.damage_of(*fault);
+        damage >= level && damage >= crate::health::SIGNIFICANCE * sigma[fault.parameter()]
+    };
+    FaultId::ALL.into_iter().filter(is_accused).collect()
+}
+
+/// Whether an estimate gives reason to ask for other explanations: it accuses a part, or explains nothing.
+#[must_use]
+pub fn is_doubtful(estimate: &Estimate, level: f64) -> bool {
+    (estimate.is_unmodelled() && !estimate.locked) || !accused(estimate, level).is_empty()
+}
+
+/// Whether an estimate accuses all three phases: no winding fails in all of them at once, but a gain of all currents, a weak magnet or
+/// a drive that the monitor does not know looks so.
+#[must_use]
+pub fn accuses_all_phases(estimate: &Estimate, level: f64) -> bool {
+    let accused = accused(estimate, level);
+    [FaultId::ShortA, FaultId::ShortB, FaultId::ShortC]
+        .iter()
+        .all(|phase| accused.contains(phase))
+}
+
+/// Compares an estimate with that of a rival. A gain of all currents looks as a weak motor does, which the tolerances hold: it counts
+/// only where it explains a window better.
+#[must_use]
+pub fn compare(estimate: &Estimate, suspect: Suspect, rival: &Estimate, level: f64) -> Verdict {
+    if rival.is_unmodelled() {
+        return Verdict::Worse;
+    }
+    if estimate.is_unmodelled() || estimate.cost > BETTER * rival.cost {
+        return if rival.cost < GOOD_COST {
+            Verdict::Better
+        } else {
+            Verdict::Worse
+        };
+    }
+    if suspect == Suspect::CurrentGain {
+        return Verdict::Worse;
+    }
+    let of_rival = accused(rival, level);
+    let accuses_less = accused(estimate, level).iter().any(|fault| !of_rival.contains(fault));
+    if accuses_less && rival.cost < ALIKE * estimate.cost {
+        Verdict::Alike
+    } else {
+        Verdict::Worse
+    }
+}

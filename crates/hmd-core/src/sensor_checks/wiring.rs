@@ -1,0 +1,148 @@
+//! Wiring and angles: does the current lie across the rotor?
+//!
+//! A drive holds the direct current at zero: nearly all of the current is on the torque axis, whatever is worn. Phases in each
+//! other's place, a reversed resolver or wrong pole pairs turn the current against the rotor. The share of the current's square
+//! that lies on the torque axis, `Q = Σ i_q² / Σ 2/3 (i_a² + i_b² + i_c²)`, is 1 less the noise for the right wiring and about ½ for a
+//! wrong one. Derived here.
+
+use ema_models::dq_from_abc;
+use ema_models::{ActuatorParams, Real};
+
+use super::signals::{Row, Signals};
+
+/// What may be wrong between sensors and program.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Wiring {
+    /// Nothing.
+    Right,
+    /// These two phase currents in each other's place.
+    Swapped(usize, usize),
+    /// One phase current with the wrong sign.
+    Reversed(usize),
+    /// The resolver counts backwards.
+    ResolverReversed,
+    /// The resolver counts this many times too much.
+    ResolverTimes(f64),
+    /// The motor has this many pole pairs.
+    PolePairs(f64),
+    /// The currents are older than the angles by so many samples.
+    CurrentsLate(isize),
+}
+
+/// A wiring with the share of the current that it puts on the torque axis.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OnTorqueAxis {
+    pub(super) wiring: Wiring,
+    pub(super) share: f64,
+}
+
+/// Share of the current off the torque axis that asks for another wiring.
+const OFF_AXIS: f64 = 0.25;
+
+/// The same for currents of another instant.
+const OFF_AXIS_LATE: f64 = 0.03;
+
+/// Part of it that the right wiring may leave.
+const LEFT: f64 = 0.4;
+
+/// Most pole pairs that are tried.
+const POLE_PAIRS_MAX: u32 = 30;
+
+/// Turn of the motor that a check needs, rad electrical: a shorter one shows no rotation against the rotor.
+const TURN_RAD: f64 = 3.0;
+
+/// The wiring that puts the current on the torque axis where the configured one does not; the share of the configured one, too.
+/// `ratio` is what the output turns for each turn of the motor, times the gear ratio.
+pub(super) fn other_wiring(
+    signals: &Signals,
+    params: &ActuatorParams,
+    ratio: Option<f64>,
+) -> Option<(OnTorqueAxis, f64)> {
+    if signals.pole_pairs * signals.span(|row| row.theta_m) < TURN_RAD {
+        return None;
+    }
+    let late = [Wiring::CurrentsLate(1), Wiring::CurrentsLate(-1)];
+    let configured = share_on_torque_axis(signals, Wiring::Right, |_| true)?;
+    if 1.0 - configured < OFF_AXIS {
+        // Where the drive lacks voltage, the current leaves the torque axis a little by itself.
+        let counts = |row: &Row| signals.is_controlled(row);
+        let configured = share_on_torque_axis(signals, Wiring::Right, counts)?;
+        return if 1.0 - configured > OFF_AXIS_LATE {
+            best_of(signals, late, configured, counts)
+        } else {
+            None
+        };
+    }
+    let mut candidates = late.to_vec();
+    match ratio {
+        Some(ratio) if ratio < 0.0 => candidates.push(Wiring::ResolverReversed),
+        Some(ratio) if (ratio - 1.0).abs() > 0.1 => candidates.push(Wiring::ResolverTimes(1.0 / ratio)),
+        _ => {
+            candidates.extend([Wiring::Swapped(1, 2), Wiring::Swapped(2, 0), Wiring::Swapped(0, 1)]);
+            candidates.extend((0..3).map(Wiring::Reversed));
+            let configured = params.motor.pole_pairs;
+            let others = (1..=POLE_PAIRS_MAX).map(f64::from);
+            candidates.extend(others.filter(|p| (p - configured).abs() > 0.5).map(Wiring::PolePairs));
+        }
+    }
+    best_of(signals, candidates, configured, |_| true)
+}
+
+/// The candidate that puts most of the current on the torque axis, over the rows that count, and the share of the configured wiring;
+/// `None` where it leaves too much.
+fn best_of(
+    signals: &Signals,
+    candidates: impl IntoIterator<Item = Wiring>,
+    configured: f64,
+    counts: impl Fn(&Row) -> bool + Copy,
+) -> Option<(OnTorqueAxis, f64)> {
+    let scored = candidates.into_iter().filter_map(|wiring| {
+        let share = share_on_torque_axis(signals, wiring, counts)?;
+        Some(OnTorqueAxis { wiring, share })
+    });
+    let best = scored.reduce(|best, other| if other.share > best.share { other } else { best })?;
+    (1.0 - best.share < LEFT * (1.0 - configured)).then_some((best, configured))
+}
+
+/// Share of the current's square on the torque axis with a wiring; where the wiring leaves the zero of the angle open, with the
+/// best zero; over the rows that count. `None` without current.
+fn share_on_torque_axis(signals: &Signals, wiring: Wiring, counts: impl Fn(&Row) -> bool) -> Option<f64> {
+    let pole_pairs = match wiring {
+        Wiring::PolePairs(pole_pairs) => pole_pairs,
+        _ => signals.pole_pairs,
+    };
+    let late = match wiring {
+        Wiring::CurrentsLate(late) => late,
+        _ => 0,
+    };
+    // Σ of the squares, and of the square of i_d + j i_q as a complex number.
+    let (mut all, mut on_axis, mut real, mut imaginary) = (0.0, 0.0, 0.0, 0.0);
+    for (n, row) in signals.rows.iter().enumerate() {
+        if !counts(row) {
+            continue;
+        }
+        let Some(of_currents) = n.checked_add_signed(late).and_then(|n| signals.rows.get(n)) else {
+            continue;
+        };
+        let mut currents = of_currents.currents;
+        let mut theta_m = row.theta_m;
+        match wiring {
+            Wiring::Swapped(one, other) => currents.swap(one, other),
+            Wiring::Reversed(phase) => currents[phase] = -currents[phase],
+            Wiring::ResolverReversed => theta_m = -theta_m,
+            Wiring::ResolverTimes(times) => theta_m /= times,
+            Wiring::Right | Wiring::PolePairs(_) | Wiring::CurrentsLate(_) => {}
+        }
+        let [d, q] = dq_from_abc(currents, (pole_pairs * theta_m).sin_cos_poly());
+        all += 2.0 / 3.0 * currents.iter().map(|i| i * i).sum::<f64>();
+        on_axis += q * q;
+        real += d * d - q * q;
+        imaginary += 2.0 * d * q;
+    }
+    let with_best_zero = 0.5 * (1.0 + real.hypot(imaginary) / all);
+    let share = match wiring {
+        Wiring::ResolverReversed | Wiring::ResolverTimes(_) | Wiring::PolePairs(_) => with_best_zero,
+        _ => on_axis / all,
+    };
+    share.is_finite().then_some(share)
+}

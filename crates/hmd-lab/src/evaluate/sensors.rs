@@ -1,0 +1,409 @@
+//! The `sensors` suite: wrong sensors, wires and configured numbers on healthy and on worn actuators.
+//!
+//! In: size, seed and a choice of entries and actuator types ([`SensorsOptions`]). Out: rates over all mistakes and for each
+//! ([`SensorsReport`]). Each window is one motion of a simulated unit that equals its type, recorded with one mistake
+//! (`mistakes`), assessed with the type's calibration and again with that of the unit, which was commissioned before the mistake
+//! was made. Profiles, sample rates and drives take turns.
+
+mod mistakes;
+mod score;
+mod table;
+mod unit;
+
+use std::collections::HashMap;
+use std::io;
+use std::sync::Arc;
+
+use ema_identify::unit_calibration::UnitCalibration;
+use ema_models::{ActuatorParams, FaultId, FaultVector};
+use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Models};
+use hmd_core::commissioning::{CommissioningError, calibrate_unit};
+use hmd_core::config::ConfigError;
+use hmd_core::frame::BusError;
+use hmd_core::outbox::WindowJob;
+use hmd_core::seed::{mix, name_hash};
+use hmd_core::sensor_checks::Suspect;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::robust::single_fault;
+use mistakes::{CONTROL, MISTAKES, Mistake};
+use score::{Outcome, Tally};
+use unit::{COMBINATIONS, Circumstances, Recorded, UNIT_FILE, Unit, commissioning_profile, units};
+
+pub use score::Rates;
+pub use table::sensors_table;
+
+/// Name of the suite.
+const SUITE: &str = "sensors";
+
+/// Healthy windows of each mistake and type without `--n`, and as many worn ones: every combination of profile, rate and drive.
+pub const SENSORS_WINDOWS: u64 = COMBINATIONS;
+
+/// Windows that commission a unit.
+const COMMISSIONING_WINDOWS: u64 = 12;
+
+/// What is run.
+#[derive(Clone, Debug)]
+pub struct SensorsOptions {
+    /// Healthy windows of each mistake and type; as many are of worn actuators.
+    pub n: u64,
+    /// Seed of sizes and windows.
+    pub seed: u64,
+    /// Built-in actuator types.
+    pub actuators: Vec<String>,
+    /// Names of the entries; all where none is named.
+    pub entries: Vec<String>,
+}
+
+/// Result of `hmd evaluate sensors`.
+#[derive(Clone, Debug, Serialize)]
+pub struct SensorsReport {
+    /// Name of the suite.
+    pub suite: &'static str,
+    /// Healthy windows of each mistake and type.
+    pub n: u64,
+    /// Suite seed.
+    pub seed: u64,
+    /// Units that could not be commissioned.
+    pub refused: u64,
+    /// Over all mistakes.
+    #[serde(flatten)]
+    pub mistakes: Group,
+    /// The same for each, the windows without a mistake first.
+    pub by_mistake: Vec<OfMistake>,
+    /// Every window.
+    pub cases: Vec<Case>,
+}
+
+/// Rates of a group of windows.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Group {
+    /// Before and after commissioning.
+    #[serde(flatten)]
+    pub all: Rates,
+    /// Assessed with the type's calibration.
+    pub before: Rates,
+    /// Assessed with the unit's.
+    pub after: Rates,
+}
+
+/// Rates of one mistake.
+#[derive(Clone, Debug, Serialize)]
+pub struct OfMistake {
+    /// Name of the entry.
+    pub mistake: String,
+    /// Its rates.
+    #[serde(flatten)]
+    pub group: Group,
+}
+
+/// One window, assessed before or after commissioning.
+#[derive(Clone, Debug, Serialize)]
+pub struct Case {
+    /// Name of the entry.
+    pub mistake: &'static str,
+    /// Type of the actuator.
+    pub actuator: String,
+    /// Profile, rate and drive.
+    pub circumstances: String,
+    /// Whether the unit was commissioned.
+    pub commissioned: bool,
+    /// The worn part.
+    pub worn: Option<&'static str>,
+    /// Status of the window; none where none was cut.
+    pub status: Option<String>,
+    /// Faults that were named.
+    pub faults: Vec<String>,
+    /// Sensors, wires and numbers that were named.
+    pub suspects: Vec<&'static str>,
+    /// The reason of the window, or what the pipeline reported.
+    pub reason: String,
+}
+
+/// Why the suite could not run.
+#[derive(Debug, thiserror::Error)]
+pub enum SensorsError {
+    /// No entry of this name.
+    #[error("--entry: expected one of {}, found {found:?}", sensors_entry_names().collect::<Vec<_>>().join(", "))]
+    Entry {
+        /// The name.
+        found: String,
+    },
+    /// No built-in type of this name.
+    #[error("--actuator: expected one of {}, found {found:?}", ActuatorParams::BUILT_IN.join(", "))]
+    Actuator {
+        /// The name.
+        found: String,
+    },
+    /// A configuration is refused.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// An interface that is refused.
+    #[error(transparent)]
+    Bus(#[from] BusError),
+    /// A window cannot be assessed.
+    #[error(transparent)]
+    Assess(#[from] AssessError),
+    /// A unit cannot be commissioned, whatever its windows.
+    #[error(transparent)]
+    Commissioning(CommissioningError),
+}
+
+/// Names of all entries.
+pub fn sensors_entry_names() -> impl Iterator<Item = &'static str> {
+    MISTAKES.iter().map(|mistake| mistake.name)
+}
+
+/// Calibrations of the units of a type by rate and drive; `None` where commissioning was refused.
+type Calibrations = HashMap<(u32, &'static str), Option<UnitCalibration>>;
+
+/// One window to run.
+struct Planned<'a> {
+    mistake: &'static Mistake,
+    actuator: &'a str,
+    /// Place of the damaged element, and the fault vector.
+    fault: Option<(usize, FaultVector)>,
+    circumstances: Circumstances,
+    seed: u64,
+}
+
+/// A window before and after commissioning.
+struct Run<'a> {
+    planned: Planned<'a>,
+    notices: Vec<String>,
+    assessed: [Option<AssessedWindow>; 2],
+}
+
+impl SensorsOptions {
+    /// Windows that are run, those of commissioning included.
+    ///
+    /// # Errors
+    /// An unknown entry or type.
+    pub fn windows(&self) -> Result<u64, SensorsError> {
+        let of_units = units().count() as u64 * COMMISSIONING_WINDOWS * self.actuators.len() as u64;
+        Ok(self.plan()?.len() as u64 + of_units)
+    }
+
+    /// Every window in the order of the catalogue. The combinations of the mistakes are offset, so that few windows see all.
+    fn plan(&self) -> Result<Vec<Planned<'_>>, SensorsError> {
+        let known = |name: &&String| sensors_entry_names().any(|entry| entry == name.as_str());
+        if let Some(unknown) = self.entries.iter().find(|name| !known(name)) {
+            return Err(SensorsError::Entry { found: unknown.clone() });
+        }
+        if let Some(unknown) = self
+            .actuators
+            .iter()
+            .find(|name| ActuatorParams::built_in(name).is_none())
+        {
+            return Err(SensorsError::Actuator { found: unknown.clone() });
+        }
+        let mut plan = Vec::new();
+        for (number, mistake) in (0..).zip(&MISTAKES) {
+            if !self.entries.is_empty() && !self.entries.iter().any(|entry| entry == mistake.name) {
+                continue;
+            }
+            for (place, actuator) in (0..).zip(&self.actuators) {
+                for n in 0..2 * self.n {
+                    let (is_worn, n) = (n >= self.n, n % self.n);
+                    let hashes = [name_hash(mistake.name), name_hash(actuator), u64::from(is_worn), n];
+                    let seed = mix(self.seed, &hashes);
+                    let combination = number + place + n + u64::from(is_worn) * COMBINATIONS / 2;
+                    plan.push(Planned {
+                        mistake,
+                        actuator,
+                        fault: is_worn.then(|| single_fault(number + place + n, seed)),
+                        circumstances: Circumstances::of(combination),
+                        seed,
+                    });
+                }
+            }
+        }
+        Ok(plan)
+    }
+}
+
+/// The `sensors` suite; `done` gets the number of windows that are finished.
+///
+/// # Errors
+/// [`SensorsError`].
+pub fn sensors(options: &SensorsOptions, done: &(dyn Fn(u64) + Sync)) -> Result<SensorsReport, SensorsError> {
+    let plan = options.plan()?;
+    let mut calibrations: HashMap<&str, Calibrations> = HashMap::new();
+    for actuator in &options.actuators {
+        calibrations.insert(actuator, commission_all(actuator, options.seed, done)?);
+    }
+    let refused = calibrations.values().flat_map(HashMap::values);
+    let refused = refused.filter(|calibration| calibration.is_none()).count() as u64;
+    let runs: Vec<Run<'_>> = plan
+        .into_par_iter()
+        .map(|planned| {
+            let unit = (planned.circumstances.rate_hz, planned.circumstances.drive);
+            let calibration = calibrations
+                .get(planned.actuator)
+                .and_then(|of_type| of_type.get(&unit));
+            let run = run(planned, calibration.and_then(Option::as_ref))?;
+            done(1);
+            Ok(run)
+        })
+        .collect::<Result<_, SensorsError>>()?;
+    Ok(SensorsReport {
+        suite: SUITE,
+        n: options.n,
+        seed: options.seed,
+        refused,
+        mistakes: group(runs.iter().filter(|run| run.planned.mistake.name != CONTROL)),
+        by_mistake: runs
+            .chunk_by(|one, other| one.planned.mistake.name == other.planned.mistake.name)
+            .map(|of_mistake| OfMistake {
+                mistake: of_mistake[0].planned.mistake.name.to_owned(),
+                group: group(of_mistake.iter()),
+            })
+            .collect(),
+        cases: runs.iter().flat_map(Run::cases).collect(),
+    })
+}
+
+fn group<'a>(runs: impl Iterator<Item = &'a Run<'a>>) -> Group {
+    let mut tallies = [Tally::default(); 2];
+    for run in runs {
+        let noticed = run.noticed();
+        for (tally, assessed) in tallies.iter_mut().zip(&run.assessed) {
+            let outcome = Outcome {
+                worn: run.worn(),
+                assessed: assessed.as_ref(),
+                noticed: &noticed,
+            };
+            tally.add(run.planned.mistake, &outcome);
+        }
+    }
+    Group {
+        all: Tally::sum(tallies.iter()).rates(),
+        before: tallies[0].rates(),
+        after: tallies[1].rates(),
+    }
+}
+
+impl Run<'_> {
+    fn worn(&self) -> Option<FaultId> {
+        let (place, _) = self.planned.fault?;
+        FaultId::ALL.into_iter().find(|fault| fault.parameter() == place)
+    }
+
+    /// Suspects with whose names a notice begins, behind the actuator's.
+    fn noticed(&self) -> Vec<Suspect> {
+        let names = |notice: &String, suspect: Suspect| notice.contains(&format!(": {}", suspect.name()));
+        let of = |notice: &String| Suspect::ALL.into_iter().find(|&suspect| names(notice, suspect));
+        self.notices.iter().filter_map(of).collect()
+    }
+
+    fn cases(&self) -> Vec<Case> {
+        let of = |(commissioned, assessed): (bool, &Option<AssessedWindow>)| {
+            let Circumstances {
+                profile,
+                rate_hz,
+                drive,
+            } = self.planned.circumstances;
+            let suspects = assessed.iter().flat_map(|window| window.suspects.iter().copied());
+            Case {
+                mistake: self.planned.mistake.name,
+                actuator: self.planned.actuator.to_owned(),
+                circumstances: format!("{profile:?} {rate_hz} {drive}").to_lowercase(),
+                commissioned,
+                worn: self.worn().map(FaultId::name),
+                status: assessed.as_ref().map(|window| window.health.status.clone()),
+                faults: assessed
+                    .as_ref()
+                    .map(|window| window.health.fault_list.clone())
+                    .unwrap_or_default(),
+                suspects: suspects.chain(self.noticed()).map(Suspect::name).collect(),
+                reason: match assessed {
+                    Some(window) => window.health.reason.clone(),
+                    None => self.notices.join("; "),
+                },
+            }
+        };
+        [false, true].into_iter().zip(&self.assessed).map(of).collect()
+    }
+}
+
+/// Records one window and assesses it with the type's calibration, then with the unit's, where there is one.
+fn run<'a>(planned: Planned<'a>, calibration: Option<&UnitCalibration>) -> Result<Run<'a>, SensorsError> {
+    let Circumstances {
+        profile,
+        rate_hz,
+        drive,
+    } = planned.circumstances;
+    let unit = unit_of(planned.actuator, rate_hz, drive)?;
+    let mistake = planned
+        .mistake
+        .draw(&mut ChaCha8Rng::seed_from_u64(mix(planned.seed, &[5])));
+    let config = Arc::new(unit.config(&mistake)?);
+    let fault = planned.fault.map_or(FaultVector::NOMINAL, |(_, fault)| fault);
+    let Recorded { job, notices } = unit.recorded(&config, profile, fault, &mistake, planned.seed)?;
+    let of_type = Models::load_types(&config, &no_file)?;
+    let of_unit = calibration.map(|calibration| Models::load(&config, &|_| Ok(calibration.emit())));
+    let of_unit = of_unit.transpose()?;
+    let assess = |models: Option<&Models>| {
+        let assess = |job: &WindowJob, models: &Models| {
+            Assessor::new(config.clone(), models.clone(), planned.seed).assess(job.clone())
+        };
+        job.as_ref()
+            .zip(models)
+            .map(|(job, models)| assess(job, models))
+            .transpose()
+    };
+    Ok(Run {
+        assessed: [assess(Some(&of_type))?, assess(of_unit.as_ref())?],
+        planned,
+        notices,
+    })
+}
+
+/// Commissions a unit of each rate and drive on healthy windows without a mistake.
+fn commission_all(actuator: &str, seed: u64, done: &(dyn Fn(u64) + Sync)) -> Result<Calibrations, SensorsError> {
+    let units: Vec<(u32, &'static str)> = units().collect();
+    units
+        .into_par_iter()
+        .map(|(rate_hz, drive)| {
+            let unit = unit_of(actuator, rate_hz, drive)?;
+            let seed = mix(seed, &[name_hash(actuator), u64::from(rate_hz), name_hash(drive)]);
+            let calibration = commission(&unit, seed)?;
+            done(COMMISSIONING_WINDOWS);
+            Ok(((rate_hz, drive), calibration))
+        })
+        .collect()
+}
+
+fn commission(unit: &Unit, seed: u64) -> Result<Option<UnitCalibration>, SensorsError> {
+    let right = MISTAKES[0].draw(&mut ChaCha8Rng::seed_from_u64(seed));
+    let config = Arc::new(unit.config(&right)?);
+    let mut jobs = Vec::new();
+    for n in 0..COMMISSIONING_WINDOWS {
+        let profile = commissioning_profile(n);
+        let recorded = unit.recorded(&config, profile, FaultVector::NOMINAL, &right, mix(seed, &[n]))?;
+        jobs.extend(recorded.job.filter(|job| job.window.quality.is_fit()));
+    }
+    let assessor = Assessor::new(config.clone(), Models::load_types(&config, &no_file)?, seed);
+    match calibrate_unit(&assessor, config.health().levels(), &mut jobs, seed, &|_| ()) {
+        Ok(found) => {
+            let text = found.calibration.emit();
+            Ok(UnitCalibration::parse(&text, UNIT_FILE, &unit.actuator).ok())
+        }
+        Err(refused) if refused.is_by_windows() => Ok(None),
+        Err(error) => Err(SensorsError::Commissioning(error)),
+    }
+}
+
+fn unit_of(actuator: &str, rate_hz: u32, drive: &'static str) -> Result<Unit, SensorsError> {
+    Unit::new(actuator, rate_hz, drive).ok_or_else(|| SensorsError::Actuator {
+        found: actuator.to_owned(),
+    })
+}
+
+/// The built-in types read no file.
+fn no_file(_: &std::path::Path) -> io::Result<String> {
+    Err(io::Error::from(io::ErrorKind::Unsupported))
+}

@@ -1,0 +1,99 @@
+//! Assessed windows with a mistake -> counts -> rates.
+
+use ema_models::FaultId;
+use hmd_core::assess::AssessedWindow;
+use hmd_core::record::WindowStatus;
+use hmd_core::sensor_checks::Suspect;
+use serde::Serialize;
+
+use super::mistakes::Mistake;
+
+/// Counts of windows.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Tally {
+    windows: u64,
+    judged: u64,
+    accused: u64,
+    named: u64,
+    wrongly_named: u64,
+    worn: u64,
+    found: u64,
+}
+
+/// Rates over windows. A window that was not cut counts with what the pipeline reported.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Rates {
+    /// Windows.
+    pub windows: u64,
+    /// Share of the windows with status `ok` or `degraded`.
+    pub judged_rate: f64,
+    /// Share of these that name a part which is not worn.
+    pub accused_rate: f64,
+    /// Share of the windows that name the mistake.
+    pub named_rate: f64,
+    /// Share of the windows that name another mistake and not this one.
+    pub wrongly_named_rate: f64,
+    /// Share of the windows of worn actuators that name the worn part.
+    pub found_rate: f64,
+}
+
+/// What was said of one window.
+pub(super) struct Outcome<'a> {
+    /// The worn part.
+    pub(super) worn: Option<FaultId>,
+    /// The window, if one was cut.
+    pub(super) assessed: Option<&'a AssessedWindow>,
+    /// Suspects that the pipeline named.
+    pub(super) noticed: &'a [Suspect],
+}
+
+impl Tally {
+    /// Counts one window.
+    pub(super) fn add(&mut self, mistake: &Mistake, outcome: &Outcome<'_>) {
+        let faults: &[String] = outcome.assessed.map_or(&[], |window| &window.health.fault_list);
+        let suspects: Vec<Suspect> = outcome
+            .assessed
+            .map_or(&[][..], |window| &window.suspects)
+            .iter()
+            .chain(outcome.noticed)
+            .copied()
+            .collect();
+        let is_worn = |name: &String| outcome.worn.is_some_and(|worn| worn.name() == name);
+        let is_judged = outcome.assessed.is_some_and(|window| {
+            let status = WindowStatus::from_name(&window.health.status);
+            matches!(status, Some(WindowStatus::Ok | WindowStatus::Degraded))
+        });
+        let is_named = suspects.iter().any(|suspect| mistake.suspects.contains(suspect));
+        self.windows += 1;
+        self.judged += u64::from(is_judged);
+        self.accused += u64::from(is_judged && !faults.iter().all(is_worn));
+        self.named += u64::from(is_named);
+        self.wrongly_named += u64::from(!is_named && !suspects.is_empty());
+        self.worn += u64::from(outcome.worn.is_some());
+        self.found += u64::from(faults.iter().any(is_worn));
+    }
+
+    pub(super) fn sum<'a>(tallies: impl Iterator<Item = &'a Self>) -> Self {
+        tallies.fold(Self::default(), |sum, other| Self {
+            windows: sum.windows + other.windows,
+            judged: sum.judged + other.judged,
+            accused: sum.accused + other.accused,
+            named: sum.named + other.named,
+            wrongly_named: sum.wrongly_named + other.wrongly_named,
+            worn: sum.worn + other.worn,
+            found: sum.found + other.found,
+        })
+    }
+
+    pub(super) fn rates(&self) -> Rates {
+        let share = |count: u64, of: u64| count as f64 / of.max(1) as f64;
+        Rates {
+            windows: self.windows,
+            judged_rate: share(self.judged, self.windows),
+            accused_rate: share(self.accused, self.judged),
+            named_rate: share(self.named, self.windows),
+            wrongly_named_rate: share(self.wrongly_named, self.windows),
+            found_rate: share(self.found, self.worn),
+        }
+    }
+}

@@ -17,8 +17,8 @@
 //! (`residual`). The windows are streamed through the kernel (`kernel`, `sliding`) into normal equations of fixed size; nothing
 //! allocates but commissioning, which has feature `std`.
 //!
-//! One rigid mass: behind a compliant transmission a wider kernel attenuates the resonance (chosen in commissioning), and the output
-//! may coast through a worn play. Measured accuracy and what is left out: `docs/design/relations.md`.
+//! A compliant transmission is a part of the kernel (`compliance`), found in commissioning (`compliance_search`). Measured accuracy and what
+//! is left out: `docs/design/relations.md`.
 
 mod between_samples;
 #[cfg(feature = "std")]

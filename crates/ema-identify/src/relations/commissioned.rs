@@ -107,6 +107,8 @@ pub struct RelationsEstimate {
     /// Residual of each relation as a share of the largest that is explained, in the order of [`Relation::ALL`]; below 1 also where the
     /// relation has no rows.
     pub residual_share: [f64; RELATION_COUNT],
+    /// Whether the torque balance does not hold because a load behind a compliant transmission leaves the motor within a wide play.
+    pub play_explains: bool,
     /// Root-mean-square residual of the torque balance, Nm.
     pub torque_residual_rms: f64,
     /// Rows of the torque balance.
@@ -162,12 +164,24 @@ impl CommissionedRelations {
                 ..changed
             })
         });
+        let mut changes = changes;
+        let mut residual_share = Relation::ALL
+            .map(|relation| self.residual[relation as usize].share_of_limit(balance.residuals[relation as usize]));
+        let torque_share = &mut residual_share[Relation::TorqueBalance as usize];
+        let is_wide = changes[Element::Backlash as usize].is_ok_and(|change| change.value > CLEAR * change.sigma);
+        let play_explains = is_wide && *torque_share >= 1.0 && !self.balance.shape.compliance.is_rigid();
+        if play_explains {
+            *torque_share = 0.0;
+            for element in Element::BALANCE {
+                changes[element as usize] = Err(Needed::NarrowPlay);
+            }
+        }
         let mut estimate = RelationsEstimate {
             k: FaultVector::NOMINAL.to_array(),
             sigma: [None; FAULT_COUNT],
             needed: [None; FAULT_COUNT],
-            residual_share: Relation::ALL
-                .map(|relation| self.residual[relation as usize].share_of_limit(balance.residuals[relation as usize])),
+            residual_share,
+            play_explains,
             torque_residual_rms: balance.residuals[Relation::TorqueBalance as usize].rms,
             torque_rows: balance.rows,
             load_torque: balance.load.constant,
@@ -324,7 +338,7 @@ impl CommissionedRelations {
         let friction = self.balance.of(Term::DryFriction) / self.balance.of(Term::Inertia);
         let deceleration = libm::fabs(friction) / window.params().transmission.gear_ratio;
         let transmission = &self.residual[Relation::Transmission as usize];
-        let play = play_width(window, transmission, deceleration);
+        let play = play_width(window, transmission, deceleration, &self.balance.shape.compliance);
         readings.put(Element::Backlash, play.map(|(width, _)| width));
         readings.put(Element::Gain, gain.map(|(gain, _)| gain));
         let torque = Residual {

@@ -81,6 +81,8 @@ pub enum Needed {
     PositionMode,
     /// More samples with neither speed nor torque at their limits, while the position error changes.
     UnsaturatedControl,
+    /// A play that the load behind a compliant transmission does not leave the motor in.
+    NarrowPlay,
     /// Commissioning windows that show the element: at least two.
     CommissioningThatShowsIt,
 }

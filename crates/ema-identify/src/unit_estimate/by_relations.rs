@@ -72,7 +72,13 @@ pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, i
         }
     }
     let floor = RESIDUAL_FLOOR * motor.torque_gain() * motor.i_max;
-    let ratio = found.torque_residual_rms.hypot(floor) / unit.residual_rms_nm.hypot(floor);
+    // What a wide play explains does not count.
+    let residual = if found.play_explains {
+        unit.residual_rms_nm
+    } else {
+        found.torque_residual_rms
+    };
+    let ratio = residual.hypot(floor) / unit.residual_rms_nm.hypot(floor);
     let cost = 0.5 * ratio * ratio;
     let share = found.residual_share[Relation::TorqueBalance as usize];
     let least = if unexplained.contains(&Relation::TorqueBalance) {

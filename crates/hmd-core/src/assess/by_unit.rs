@@ -187,6 +187,7 @@ pub(crate) fn needed_in_words(needed: Needed) -> &'static str {
         Needed::Reversal => "a reversal of the output",
         Needed::PositionMode => "position mode",
         Needed::UnsaturatedControl => "control off its limits",
+        Needed::NarrowPlay => "a narrower play",
         Needed::CommissioningThatShowsIt => "commissioning windows that show it",
     }
 }

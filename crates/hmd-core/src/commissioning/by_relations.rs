@@ -15,6 +15,9 @@ use crate::outbox::WindowJob;
 /// Tolerance of the play, as a share of the type's.
 const PLAY_TOLERANCE: f64 = 0.5;
 
+/// Error of the torque at ω_max, as a share of the largest, within which the damping is known; that of the residual of any unit.
+const TORQUE_BEND: f64 = 5e-3;
+
 /// Relations that were learnt.
 pub(super) struct RelationsLearnt {
     pub(super) unit: UnitRelations,
@@ -99,17 +102,26 @@ impl RelationsLearnt {
             found,
             tolerance: share * of_type,
         };
+        let motor = &job.params.motor;
+        // What bends the torque with current or speed (saturation, iron losses) is taken for damping.
+        let bend = TORQUE_BEND * motor.torque_gain() * motor.i_max / job.params.controller.omega_max;
+        let damping_bend = bend / motor.c.max(f64::MIN_POSITIVE);
         let of_balance = [
             (UnitParameter::Inertia, balance.of(Term::Inertia)),
             (UnitParameter::DryFriction, balance.of(Term::DryFriction)),
             (UnitParameter::Damping, balance.of(Term::Damping)),
         ]
         .map(|(parameter, found)| {
+            let bend = if parameter == UnitParameter::Damping {
+                damping_bend
+            } else {
+                0.0
+            };
             far(
                 parameter.key(),
                 parameter.value(&job.params),
                 found,
-                of_torque(parameter),
+                of_torque(parameter).hypot(bend),
             )
         });
         let play = baseline[Element::Backlash as usize];

@@ -14,7 +14,7 @@ use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hprintln};
 use ema_identify::calibration::{Mismatch, SignalTable};
 use ema_identify::relations::{
-    BalanceCoefficients, BalanceShape, Baseline, CommissionedRelations, HealthyResidual, MeasuredWindow,
+    BalanceCoefficients, BalanceShape, Baseline, CommissionedRelations, Compliance, HealthyResidual, MeasuredWindow,
 };
 use ema_identify::{ActuatorKnowledge, MonitoredWindow, RecordedWindow, StreamedWindow, identify_from_health};
 use ema_models::Form::ThreePhase;

@@ -61,6 +61,13 @@ const TRAVEL_MIN: f64 = 4.0;
 /// Play of a worn transmission, in multiples of that of a new one.
 const WORN_PLAYS: f64 = 40.0;
 
+/// Travel of the output over that of the set point in position mode; `None` where the set point stands.
+pub(super) fn output_over_setpoint(signals: &Signals) -> Option<f64> {
+    let commanded = signals.span(|row| commanded_angle(row.setpoint).unwrap_or(f64::NAN));
+    let ratio = signals.span(|row| row.theta_out) / commanded;
+    (commanded > HELD_RAD && ratio.is_finite() && ratio > 0.0).then_some(ratio)
+}
+
 /// What the set point shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum SetpointError {

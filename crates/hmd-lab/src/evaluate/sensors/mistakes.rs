@@ -280,7 +280,7 @@ impl Drawn {
             Kind::AlwaysIdle => Box::new(|s| s.setpoint = Setpoint::Idle),
             _ => Box::new(|_| ()),
         };
-        samples.iter_mut().for_each(|sample| one_by_one(sample));
+        samples.iter_mut().for_each(one_by_one);
         self.in_time(samples, rate_hz, begin_s)
     }
 

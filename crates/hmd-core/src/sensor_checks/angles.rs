@@ -3,7 +3,7 @@
 use ema_models::ActuatorParams;
 
 use super::least_squares::fit;
-use super::signals::{Signals, commanded_angle};
+use super::signals::{Row, Signals, commanded_angle};
 
 /// What the output turns for each turn of the motor, times the gear ratio: 1 where all numbers are right.
 ///
@@ -13,6 +13,9 @@ pub(super) fn output_over_motor(signals: &Signals, params: &ActuatorParams) -> O
     let travel = signals.span(|row| row.theta_m) / gear_ratio;
     let resolution = params.sensors.output_lsb() + WORN_PLAYS * params.transmission.backlash;
     if travel.max(signals.span(|row| row.theta_out)) < TRAVEL_MIN * resolution {
+        return None;
+    }
+    if stands_alone(signals, gear_ratio, resolution) {
         return None;
     }
     let first = signals.rows.first()?;
@@ -27,6 +30,28 @@ pub(super) fn output_over_motor(signals: &Signals, params: &ActuatorParams) -> O
     (found.mean_square < scatter * scatter).then_some(found.value[1])
 }
 
+/// Whether one angle stands, to the count, for [`STANDS_S`] and longer while the other turns by more than `least`, rad at the output: by
+/// a play or because it is frozen, but not by a wrong ratio.
+fn stands_alone(signals: &Signals, gear_ratio: f64, least: f64) -> bool {
+    let needed = ((STANDS_S * signals.rate_hz).round() as usize).max(2);
+    let alone = |stands: fn(&Row) -> f64, turns: fn(&Row) -> f64, per_output: f64| {
+        let (mut begin, mut found) = (0, false);
+        for (n, row) in signals.rows.iter().enumerate() {
+            let first = &signals.rows[begin];
+            if stands(row).to_bits() != stands(first).to_bits() {
+                begin = n;
+            } else if n - begin >= needed {
+                found |= (turns(row) - turns(first)).abs() > per_output * least;
+            }
+        }
+        found
+    };
+    alone(|row| row.theta_m, |row| row.theta_out, 1.0) || alone(|row| row.theta_out, |row| row.theta_m, gear_ratio)
+}
+
+/// Time for which an angle stands, s.
+const STANDS_S: f64 = 0.02;
+
 /// Scatter about a line, share of the output's travel.
 const SCATTER: f64 = 0.03;
 
@@ -35,6 +60,13 @@ const TRAVEL_MIN: f64 = 4.0;
 
 /// Play of a worn transmission, in multiples of that of a new one.
 const WORN_PLAYS: f64 = 40.0;
+
+/// Travel of the output over that of the set point in position mode; `None` where the set point stands.
+pub(super) fn output_over_setpoint(signals: &Signals) -> Option<f64> {
+    let commanded = signals.span(|row| commanded_angle(row.setpoint).unwrap_or(f64::NAN));
+    let ratio = signals.span(|row| row.theta_out) / commanded;
+    (commanded > HELD_RAD && ratio.is_finite() && ratio > 0.0).then_some(ratio)
+}
 
 /// What the set point shows.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -34,6 +34,9 @@ pub(super) enum CurrentError {
 const OFFSET_TOLERANCES: f64 = 3.3;
 const SIGMAS: f64 = 6.0;
 
+/// Usual tolerance of an offset as a share of I_max: 30 mA on `bench`. Smaller motors have sensors of a smaller range.
+const OFFSET_SHARE: f64 = 2.8e-3;
+
 /// Error of one gain from which on it is none of a sensor within its tolerance, in tolerances, and least.
 const GAIN_TOLERANCES: f64 = 4.0;
 
@@ -71,7 +74,7 @@ pub(super) fn current_errors(signals: &Signals, tolerances: &Tolerances) -> Vec<
         -0.5 * alpha + 0.75_f64.sqrt() * beta + common,
         -0.5 * alpha - 0.75_f64.sqrt() * beta + common,
     ];
-    let limit = OFFSET_TOLERANCES * tolerances.current_offset;
+    let limit = OFFSET_TOLERANCES * tolerances.current_offset.min(OFFSET_SHARE * signals.i_max());
     if limit > 0.0 && offsets.iter().any(|offset| offset.abs() > limit) {
         found.push(CurrentError::Offsets(offsets));
     }

@@ -2,7 +2,7 @@
 
 use ema_models::{ActuatorParams, Tolerances};
 
-use super::angles::{SetpointError, output_over_motor, setpoint_error};
+use super::angles::{SetpointError, output_over_motor, output_over_setpoint, setpoint_error};
 use super::correction::Correction;
 use super::currents::{CurrentError, current_errors, gain_of_a_phase};
 use super::signals::Signals;
@@ -146,6 +146,12 @@ fn of_ratio(params: &ActuatorParams, ratio: f64, signals: &Signals) -> Option<Fi
         return Some(Finding::new(Suspect::EncoderDirection, &evidence, None));
     }
     let configured = params.transmission.gear_ratio;
+    if let Some(scale) = output_over_setpoint(signals).filter(|scale| is_of_encoder(*scale, ratio)) {
+        let evidence = format!(
+            "the output seems to turn {scale:.2} times as far as commanded, and {ratio:.2} times as far as the motor"
+        );
+        return Some(Finding::new(Suspect::EncoderCounts, &evidence, None));
+    }
     Some(match setpoint_error(signals, params, 2) {
         Some(SetpointError::Scale(scale)) => {
             let evidence = format!(
@@ -162,6 +168,15 @@ fn of_ratio(params: &ActuatorParams, ratio: f64, signals: &Signals) -> Option<Fi
         }
     })
 }
+
+/// Whether the output is so far from the set point, and from the motor, that only its own scale explains both: the ratio to the set point
+/// is beyond what a lag leaves and nearer to that to the motor than to 1.
+fn is_of_encoder(to_setpoint: f64, to_motor: f64) -> bool {
+    to_setpoint.ln().abs() > LAG.ln() && (to_setpoint / to_motor).ln().abs() < to_setpoint.ln().abs()
+}
+
+/// Factor by which a lag reduces what the output makes of the set point.
+const LAG: f64 = 3.0;
 
 fn of_setpoint(params: &ActuatorParams, error: SetpointError) -> Finding {
     match error {

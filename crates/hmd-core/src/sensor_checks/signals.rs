@@ -52,6 +52,11 @@ impl Signals {
         }
     }
 
+    /// Largest current of the motor, A.
+    pub(super) fn i_max(&self) -> f64 {
+        self.motor.i_max
+    }
+
     /// Whether the drive has voltage to spare at a sample, so that it holds the direct current: the phase voltage of a motor at this
     /// speed with this current, `|R i_q + k ω, ω_e L i_q|`, is below [`VOLTAGE_SHARE`] of the nominal link voltage.
     pub(super) fn is_controlled(&self, row: &Row) -> bool {

@@ -36,8 +36,9 @@ pub(super) struct OnTorqueAxis {
     pub(super) share: f64,
 }
 
-/// Share of the current off the torque axis that asks for another wiring.
-const OFF_AXIS: f64 = 0.25;
+/// Share of the current off the torque axis, with the best zero, that asks for another wiring. An actuator that holds its load most of
+/// the time hides a wrong number of pole pairs.
+const OFF_AXIS: f64 = 0.12;
 
 /// The same for currents of another instant.
 const OFF_AXIS_LATE: f64 = 0.03;
@@ -62,7 +63,8 @@ pub(super) fn other_wiring(
         return None;
     }
     let late = [Wiring::CurrentsLate(1), Wiring::CurrentsLate(-1)];
-    let configured = share_on_torque_axis(signals, Wiring::Right, |_| true)?;
+    // A wrong zero is not a matter of wires.
+    let configured = share_on_torque_axis(signals, Wiring::PolePairs(signals.pole_pairs), |_| true)?;
     if 1.0 - configured < OFF_AXIS {
         // Where the drive lacks voltage, the current leaves the torque axis a little by itself.
         let counts = |row: &Row| signals.is_controlled(row);

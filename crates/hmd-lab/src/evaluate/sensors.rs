@@ -407,3 +407,69 @@ fn unit_of(actuator: &str, rate_hz: u32, drive: &'static str) -> Result<Unit, Se
 fn no_file(_: &std::path::Path) -> io::Result<String> {
     Err(io::Error::from(io::ErrorKind::Unsupported))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tiny() -> SensorsOptions {
+        SensorsOptions {
+            n: 1,
+            seed: 3,
+            actuators: vec!["bench".to_owned()],
+            entries: [CONTROL, "phases_swapped", "setpoint_thousandth"]
+                .map(str::to_owned)
+                .to_vec(),
+        }
+    }
+
+    #[test]
+    fn wrong_wires_are_named_and_a_run_gives_the_same_on_any_number_of_threads() {
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| sensors(&tiny(), &|_| ())).unwrap()
+        };
+        let report = run(1);
+        assert_eq!(
+            serde_json::to_string(&report).unwrap(),
+            serde_json::to_string(&run(2)).unwrap()
+        );
+        assert!((report.mistakes.all.named_rate - 1.0).abs() < 1e-12);
+        let [right, swapped, unit] = &report.by_mistake[..] else {
+            panic!("three entries")
+        };
+        assert!(right.group.all.wrongly_named_rate <= 0.0 && right.group.all.accused_rate <= 0.0);
+        assert_eq!(swapped.group.all.windows, 4);
+        assert!(unit.group.all.judged_rate <= 0.0);
+        let json = serde_json::to_value(&report).unwrap();
+        for group in [&json, &json["by_mistake"][1], &json["before"]] {
+            for key in ["accused_rate", "named_rate", "wrongly_named_rate", "found_rate"] {
+                assert!(group[key].is_f64(), "{key}");
+            }
+        }
+    }
+
+    #[test]
+    fn unknown_names_are_refused() {
+        let entries = vec!["load_zer".to_owned()];
+        assert!(matches!(
+            SensorsOptions { entries, ..tiny() }.windows(),
+            Err(SensorsError::Entry { .. })
+        ));
+        let actuators = vec!["servo".to_owned()];
+        assert!(matches!(
+            SensorsOptions { actuators, ..tiny() }.windows(),
+            Err(SensorsError::Actuator { .. })
+        ));
+    }
+
+    #[test]
+    fn every_combination_of_profile_rate_and_drive_is_met() {
+        let mut all: Vec<String> = (0..COMBINATIONS)
+            .map(|n| format!("{:?}", Circumstances::of(n)))
+            .collect();
+        all.sort();
+        all.dedup();
+        assert_eq!(all.len() as u64, COMBINATIONS);
+    }
+}

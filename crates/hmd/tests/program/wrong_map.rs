@@ -1,4 +1,5 @@
-//! What a map that is wrong in one thing makes of a good recording: no assessment, and the words of the tutorial's table.
+//! What a map that is wrong in one thing makes of a good recording: no assessment, or one without the mistake, and the words of the
+//! tutorial's table.
 
 use std::fs;
 use std::path::Path;
@@ -49,22 +50,22 @@ const WRONG: [(&str, &str, &str, &str, &str); 10] = [
         "sign of the currents",
         "- (0.001,0)",
         "- (-0.001,0)",
-        "unmodelled",
-        "no fault vector explains the data",
+        "degraded",
+        "current sign",
     ),
     (
         "zero of the motor's angle",
         "0.0054931640625,0)",
         "0.0054931640625,2)",
-        "unmodelled",
-        "no fault vector explains the data",
+        "degraded",
+        "resolver zero",
     ),
     (
         "unit of the command",
         "[-214748|214748] \"deg\"",
         "[-214748|214748] \"rad\"",
-        "unmodelled",
-        "the motor does not turn as commanded",
+        "invalid",
+        "set point unit",
     ),
 ];
 

@@ -337,7 +337,7 @@ impl Windower {
         let filled = fill::indices(slots);
         let invalid = why.or(findings.invalid);
         let samples = if invalid.is_some() {
-            slots.iter().map(|slot| slot.sample).collect()
+            fill::as_received(slots, &self.limits.rotor)
         } else {
             fill::samples(slots, &self.limits.rotor)
         };

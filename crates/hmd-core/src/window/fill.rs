@@ -10,6 +10,7 @@
 
 use super::quality::Part;
 use super::ring::Slot;
+use super::trigger::value;
 use ema_models::{Real, SensedSample, SensorParams, Setpoint, abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc};
 
 /// What turns a resolver count into the electrical angle.
@@ -44,6 +45,19 @@ pub(super) fn indices(slots: &[Slot]) -> Vec<usize> {
         .filter(|(_, slot)| slot.is_flawed())
         .map(|(index, _)| index)
         .collect()
+}
+
+/// The samples of an invalid window, as received; completed only where they are missing or hold no number.
+pub(super) fn as_received(slots: &[Slot], rotor: &Rotor) -> Vec<SensedSample> {
+    let is_number =
+        |sample: &SensedSample| sample.currents.iter().all(|i| i.is_finite()) && value(sample.setpoint).is_finite();
+    let mut all = samples(slots, rotor);
+    for (slot, sample) in slots.iter().zip(&mut all) {
+        if slot.was_received() && is_number(&slot.sample) {
+            *sample = slot.sample;
+        }
+    }
+    all
 }
 
 /// The window's samples, completed.

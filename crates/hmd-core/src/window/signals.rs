@@ -112,7 +112,7 @@ pub(super) fn one_current_stuck(slots: &[Slot], limits: &Limits) -> bool {
         stands_while(
             slots.iter().filter(|s| s.was_received() && s.is_good(Part::Motor)),
             limits.lengths.stuck,
-            |a, b| a.currents[phase].to_bits() == b.currents[phase].to_bits(),
+            |a, b| a.currents[phase].is_finite() && a.currents[phase].to_bits() == b.currents[phase].to_bits(),
             |a, b| {
                 let changed = |n: usize| a.currents[n].to_bits() != b.currents[n].to_bits();
                 (0..3).any(changed) && (motor(b) - motor(a)).abs() > MOTION_RAD

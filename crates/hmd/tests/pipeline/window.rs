@@ -489,7 +489,9 @@ fn data_of_broken_sensors_are_invalid_with_their_reason() {
         |defect| move |found: Invalidity| matches!(found, Invalidity::TooManyFlawed { defect: d, .. } if d == defect);
     let cases: [(Break, &dyn Fn(Invalidity) -> bool); 10] = [
         (|_, s| s.currents[0] += 0.9, &too_many(Defect::CurrentSum)),
-        (|_, s| s.currents[1] = 0.0, &too_many(Defect::CurrentSum)),
+        (|_, s| s.currents[1] = 0.0, &|found| {
+            found == Invalidity::Stuck(Signal::Currents)
+        }),
         (|_, s| s.currents[2] = f64::NAN, &too_many(Defect::NotFinite)),
         (|_, s| s.currents = [20.0, -10.0, -10.0], &too_many(Defect::BeyondScale)),
         (

@@ -11,7 +11,7 @@ use super::{AssessError, Assessor, conditions, unseen};
 use crate::outbox::WindowJob;
 use crate::outliers::identify_without_outliers;
 use crate::seed::{mix, name_hash};
-use crate::sensor_checks::rivals::{Rival, Verdict, accuses_all_phases, compare, is_doubtful, rivals};
+use crate::sensor_checks::rivals::{BETTER, Rival, Verdict, accuses_all_phases, compare, is_doubtful, rivals};
 use crate::sensor_checks::{Finding, Suspect, Suspicion, examine};
 use crate::window::{Degradation, Invalidity, WindowQuality};
 
@@ -159,33 +159,35 @@ impl Assessor {
         }))
     }
 
-    /// Of several readings of one sensor the one with which a descent from the healthy actuator ends at the least cost: a whole
-    /// identification of each takes many times as long.
+    /// Of several readings of one sensor the one that explains a window best, if it explains it clearly better than what was read: by
+    /// the cost at which a descent from the healthy actuator ends. A whole identification of each takes many times as long.
     fn likeliest(&self, job: &WindowJob, readings: &[Rival]) -> Result<Option<Rival>, AssessError> {
-        let mut least: Option<(f64, Rival)> = None;
-        for &rival in readings {
-            if readings.len() == 1 {
-                return Ok(Some(rival));
-            }
-            let other = rival.applied_to(job);
-            let Ok(conditions) = conditions(&other) else { continue };
-            let identifier = Identifier {
-                method: Method::LeastSquares,
-                tolerances: Tolerances::NONE,
-                ..self.identifier_of(&other)?
-            };
-            let window = Prepared::new(
-                &identifier.params,
-                &other.window.samples,
-                &other.window.filled,
-                other.window.trigger,
-            );
-            let cost = identifier.identify(&window, conditions, self.seed)?.cost;
-            if least.is_none_or(|(of_least, _)| cost < of_least) {
-                least = Some((cost, rival));
+        if let [only] = readings {
+            return Ok(Some(*only));
+        }
+        let mut least = (self.cost_of_descent(job)? / BETTER, None);
+        for rival in readings {
+            let cost = self.cost_of_descent(&rival.applied_to(job))?;
+            if cost < least.0 {
+                least = (cost, Some(*rival));
             }
         }
-        Ok(least.map(|(_, rival)| rival))
+        Ok(least.1)
+    }
+
+    /// Cost at which a descent from the healthy actuator ends, every number known exactly; infinite where a reading is absurd.
+    fn cost_of_descent(&self, job: &WindowJob) -> Result<f64, AssessError> {
+        let Ok(conditions) = conditions(job) else {
+            return Ok(f64::INFINITY);
+        };
+        let identifier = Identifier {
+            method: Method::LeastSquares,
+            tolerances: Tolerances::NONE,
+            ..self.identifier_of(job)?
+        };
+        let window = &job.window;
+        let prepared = Prepared::new(&identifier.params, &window.samples, &window.filled, window.trigger);
+        Ok(identifier.identify(&prepared, conditions, self.seed)?.cost)
     }
 
     /// The lowest level of any fault.

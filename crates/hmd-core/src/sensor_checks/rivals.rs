@@ -143,7 +143,7 @@ pub enum Verdict {
 }
 
 /// Factor of the costs from which on one explanation is better.
-const BETTER: f64 = 2.0;
+pub const BETTER: f64 = 2.0;
 
 /// Cost of a window that is explained, with noise of 100 mA.
 const GOOD_COST: f64 = 6.5;

@@ -148,21 +148,32 @@ fn start(window: &Comparison<'_>) -> Vector2<f64> {
 
 /// Load as measured, or the one of sixteen that fits best, as a share of the largest torque.
 pub(crate) fn load_share(window: &Comparison<'_>) -> f64 {
+    match window.conditions.load_torque {
+        Some(load) => load / Scale::new(window.params).load_unit(),
+        None => best_load(window).0,
+    }
+}
+
+/// Mean cost of the healthy actuator under the load that was measured, or the one of sixteen that fits best.
+#[must_use]
+pub fn healthy_cost(window: &Comparison<'_>) -> f64 {
+    match window.conditions.load_torque {
+        Some(_) => window.least_squares(&window.unknowns_with_fault(FaultVector::NOMINAL)),
+        None => best_load(window).1,
+    }
+}
+
+/// The load of sixteen with which the healthy actuator fits best, as a share of the largest torque, and its mean cost.
+fn best_load(window: &Comparison<'_>) -> (f64, f64) {
     let scale = Scale::new(window.params);
     let healthy = window.unknowns_with_fault(FaultVector::NOMINAL);
-    match window.conditions.load_torque {
-        Some(load) => load / scale.load_unit(),
-        None => {
-            let shares: [f64; RANK_LANES] =
-                core::array::from_fn(|n| (n as f64 - 0.5 * (RANK_LANES - 1) as f64) * LOAD_SPACING);
-            let costs = window.rank(&shares.map(|share| Unknowns {
-                load_torque: share * scale.load_unit(),
-                ..healthy
-            }));
-            let best = (0..RANK_LANES).min_by(|&a, &b| costs[a].total_cmp(&costs[b]));
-            best.map_or(0.0, |n| shares[n])
-        }
-    }
+    let shares: [f64; RANK_LANES] = core::array::from_fn(|n| (n as f64 - 0.5 * (RANK_LANES - 1) as f64) * LOAD_SPACING);
+    let costs = window.rank(&shares.map(|share| Unknowns {
+        load_torque: share * scale.load_unit(),
+        ..healthy
+    }));
+    let best = (0..RANK_LANES).min_by(|&a, &b| costs[a].total_cmp(&costs[b]));
+    best.map_or((0.0, f64::INFINITY), |n| (shares[n], f64::from(costs[n])))
 }
 
 /// The parts of one window's normal equations.

@@ -3,8 +3,9 @@
 //! What the signals show by themselves is taken out before the estimate; readings that only an estimate can doubt compete with the
 //! faults after it.
 
+use ema_identify::unit_fit::healthy_cost;
 use ema_identify::{Identifier, Method, Prepared};
-use ema_models::{Conditions, FaultId, Tolerances};
+use ema_models::{Comparison, Conditions, FaultId, Tolerances};
 
 use super::by_unit::{self, Assessed};
 use super::{AssessError, Assessor, conditions, unseen};
@@ -159,24 +160,36 @@ impl Assessor {
         }))
     }
 
-    /// Of several readings of one sensor the one that explains a window best, if it explains it clearly better than what was read: by
-    /// the cost at which a descent from the healthy actuator ends. A whole identification of each takes many times as long.
+    /// Of several readings of one sensor the one with which the healthy actuator fits best, if a descent from there explains the window
+    /// clearly better than with what was read. A whole identification of each takes many times as long.
     fn likeliest(&self, job: &WindowJob, readings: &[Rival]) -> Result<Option<Rival>, AssessError> {
         if let [only] = readings {
             return Ok(Some(*only));
         }
-        let mut least = (self.cost_of_descent(job)? / BETTER, None);
+        let mut best: Option<(f64, Rival)> = None;
         for rival in readings {
-            let cost = self.cost_of_descent(&rival.applied_to(job))?;
-            if cost < least.0 {
-                least = (cost, Some(*rival));
+            let cost =
+                self.cost_with_exact_numbers(&rival.applied_to(job), |_, comparison| Ok(healthy_cost(comparison)))?;
+            if best.is_none_or(|(least, _)| cost < least) {
+                best = Some((cost, *rival));
             }
         }
-        Ok(least.1)
+        let Some((_, rival)) = best else { return Ok(None) };
+        let descent = |identifier: &Identifier, comparison: &Comparison<'_>| {
+            let end = identifier.search(comparison, self.seed)?;
+            Ok(comparison.cost(&end))
+        };
+        let as_read = self.cost_with_exact_numbers(job, descent)?;
+        let cost = self.cost_with_exact_numbers(&rival.applied_to(job), descent)?;
+        Ok((BETTER * cost < as_read).then_some(rival))
     }
 
-    /// Cost at which a descent from the healthy actuator ends, every number known exactly; infinite where a reading is absurd.
-    fn cost_of_descent(&self, job: &WindowJob) -> Result<f64, AssessError> {
+    /// A cost of a window, every number known exactly; infinite where a reading is absurd.
+    fn cost_with_exact_numbers(
+        &self,
+        job: &WindowJob,
+        cost: impl Fn(&Identifier, &Comparison<'_>) -> Result<f64, AssessError>,
+    ) -> Result<f64, AssessError> {
         let Ok(conditions) = conditions(job) else {
             return Ok(f64::INFINITY);
         };
@@ -187,7 +200,11 @@ impl Assessor {
         };
         let window = &job.window;
         let prepared = Prepared::new(&identifier.params, &window.samples, &window.filled, window.trigger);
-        Ok(identifier.identify(&prepared, conditions, self.seed)?.cost)
+        let coefficients = identifier.calibration.coefficients();
+        cost(
+            &identifier,
+            &identifier.comparison(&prepared, &coefficients, conditions),
+        )
     }
 
     /// The lowest level of any fault.

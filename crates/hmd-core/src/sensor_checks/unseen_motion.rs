@@ -139,7 +139,7 @@ impl UnseenMotion {
     }
 
     fn travel_rad(&self) -> f64 {
-        (self.counts.1 - self.counts.0) as f64 * self.rad_per_motor_count
+        self.counts.1.abs_diff(self.counts.0) as f64 * self.rad_per_motor_count
     }
 
     fn moved(&self) -> bool {

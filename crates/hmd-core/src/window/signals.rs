@@ -22,7 +22,7 @@ pub(super) fn refuse_currents(slots: &mut [Slot], limits: &Limits) {
 /// Refuses samples that hold what the one before held, currents and resolver to the bit, while the motor turned by several counts
 /// a sample on either side: a device or a gateway sent them again under a new number.
 pub(super) fn refuse_repeated(slots: &mut [Slot], limits: &Limits) {
-    let turns = |a: &Slot, b: &Slot| (b.sample.motor_counts - a.sample.motor_counts).abs() as f64;
+    let turns = |a: &Slot, b: &Slot| b.sample.motor_counts.abs_diff(a.sample.motor_counts) as f64;
     let least = REPEATED_COUNTS.max(REPEATED_RAD / limits.rotor.motor_lsb);
     let repeated: Vec<usize> = (2..slots.len().saturating_sub(1))
         .filter(|&n| {

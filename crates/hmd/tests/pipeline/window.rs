@@ -2,12 +2,16 @@
 
 use ema_models::reference::{Actuations, CurrentSensing, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile, SensedSample, Setpoint};
+use hmd_core::config::Config;
+use hmd_core::outbox::WindowJob;
+use hmd_core::sample::MeasuredConditions;
+use hmd_core::sensor_checks::examine;
 use hmd_core::window::{
     Counter, CutShort, Defect, Degradation, Invalidity, Signal, TimedSample, Window, WindowConfig, WindowQuality,
     Windower,
 };
 use proptest::prelude::*;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 const T_0: u64 = 1_700_000_000_000_000_000;
 
@@ -656,6 +660,32 @@ proptest! {
             prop_assert!(window.samples.iter().all(|s| s.currents.iter().all(|i| i.is_finite())));
             prop_assert!(!window.quality.is_fit() || window.samples.len() == window.expected);
             prop_assert!(!window.quality.to_string().is_empty());
+        }
+    }
+
+    /// What was received may be anything; the checks of the sensors read it before any estimate.
+    #[test]
+    fn any_window_can_be_examined_for_wrong_sensors(samples in any_samples(), load in any::<Option<f64>>()) {
+        let config = Config::from_toml_str("[[actuator]]\nid = 0\n", "hmd.toml").unwrap();
+        let actuator = Arc::new(config.actuators()[0].clone());
+        let params = bench(400.0);
+        let mut windower = Windower::new(WindowConfig::default(), &params).unwrap();
+        let mut all = Vec::new();
+        for &sample in &samples {
+            all.extend(windower.push(sample));
+        }
+        for window in all {
+            let mut job = WindowJob {
+                actuator: Arc::clone(&actuator),
+                params,
+                window,
+                conditions: MeasuredConditions { load_torque_nm: load, ..MeasuredConditions::default() },
+                operating_s: 0.0,
+            };
+            for finding in examine(&job) {
+                prop_assert!(!finding.suspicions.is_empty());
+                finding.correction.iter().for_each(|correction| correction.apply(&mut job));
+            }
         }
     }
 

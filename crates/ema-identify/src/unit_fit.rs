@@ -173,7 +173,7 @@ fn best_load(window: &Comparison<'_>) -> (f64, f64) {
         ..healthy
     }));
     let best = (0..RANK_LANES).min_by(|&a, &b| costs[a].total_cmp(&costs[b]));
-    best.map_or((0.0, f64::INFINITY), |n| (shares[n], f64::from(costs[n])))
+    best.map_or((0.0, f64::INFINITY), |n| (shares[n], costs[n]))
 }
 
 /// The parts of one window's normal equations.

@@ -53,13 +53,18 @@ pub fn commission<S: RecordedSample>(
     shape: &BalanceShape,
 ) -> Result<CommissionedRelations, CommissionError> {
     let compliance = shown_compliance(windows, shape).unwrap_or(shape.compliance);
-    commission_as(windows, &BalanceShape { compliance, ..*shape })
+    let learnt = commission_as(windows, &BalanceShape { compliance, ..*shape })?;
+    let moving = windows.iter().filter(|window| learnt.estimate(window).torque_rows > 0);
+    match moving.count() {
+        found if found <= MIN_WINDOWS => Err(CommissionError::TooFewWindows { found }),
+        _ => Ok(learnt),
+    }
 }
 
-/// Learns a unit as [`commission`] does, with this shape.
+/// Learns a unit as [`commission`] does, with this shape, also when one of the windows was left out.
 ///
 /// # Errors
-/// As [`commission`].
+/// Fewer than four windows in which the motor turns, or sums that are not finite.
 pub fn commission_as<S: RecordedSample>(
     windows: &[MeasuredWindow<'_, S>],
     shape: &BalanceShape,

@@ -12,7 +12,7 @@ use super::{AssessError, Assessor, conditions, unseen};
 use crate::outbox::WindowJob;
 use crate::outliers::identify_without_outliers;
 use crate::seed::{mix, name_hash};
-use crate::sensor_checks::rivals::{BETTER, Rival, Verdict, accuses_all_phases, compare, is_doubtful, rivals};
+use crate::sensor_checks::rivals::{BETTER, Rival, Verdict, accuses_all_phases_alike, compare, is_doubtful, rivals};
 use crate::sensor_checks::{Finding, Suspect, Suspicion, examine};
 use crate::window::{Degradation, Invalidity, WindowQuality};
 
@@ -93,7 +93,7 @@ impl Assessor {
                 Some((Verdict::Worse, ..)) | None => {}
             }
         }
-        if !is_learning && accuses_all_phases(&assessed.estimate, self.watch_level()) {
+        if !is_learning && accuses_all_phases_alike(&assessed.estimate, self.watch_level()) {
             // Of a commissioned unit, magnets and drive are known.
             suspects.extend(self.knows_unit(&job.actuator).then_some(Suspect::CurrentGain));
             reasons.push(format!(

@@ -167,14 +167,25 @@ pub fn is_doubtful(estimate: &Estimate, level: f64) -> bool {
     (estimate.is_unmodelled() && !estimate.locked) || !accused(estimate, level).is_empty()
 }
 
-/// Whether an estimate accuses all three phases: no winding fails in all of them at once, but a gain of all currents, a weak magnet or
-/// a drive that the monitor does not know looks so.
+/// Spread of three shorts, as a share of the largest, up to which they are alike.
+const ALIKE_SHORTS: f64 = 0.25;
+
+/// Whether an estimate accuses all three phases alike: no winding fails so, but a gain of all currents, a weak magnet or a drive that
+/// the monitor does not know looks so.
 #[must_use]
-pub fn accuses_all_phases(estimate: &Estimate, level: f64) -> bool {
+pub fn accuses_all_phases_alike(estimate: &Estimate, level: f64) -> bool {
     let accused = accused(estimate, level);
-    [FaultId::ShortA, FaultId::ShortB, FaultId::ShortC]
-        .iter()
-        .all(|phase| accused.contains(phase))
+    let phases = [FaultId::ShortA, FaultId::ShortB, FaultId::ShortC];
+    let damages = phases.map(|phase| estimate.fault.damage_of(phase));
+    let sigma = estimate.damage_sigma();
+    let noise = phases
+        .map(|phase| sigma[phase.parameter()])
+        .into_iter()
+        .fold(0.0, f64::max);
+    let largest = damages.into_iter().fold(0.0, f64::max);
+    let least = damages.into_iter().fold(f64::INFINITY, f64::min);
+    let is_alike = largest - least <= ALIKE_SHORTS * largest + crate::health::SIGNIFICANCE * noise;
+    is_alike && phases.iter().all(|phase| accused.contains(phase))
 }
 
 /// Compares an estimate with that of a rival. A gain of all currents looks as a weak motor does, which the tolerances hold: it counts

@@ -65,12 +65,18 @@ impl Assessor {
             }
         }
         let mut assessed = match conditions(&corrected) {
+            Ok(conditions) if findings.is_empty() => self.estimate(&mut corrected, conditions)?,
             Ok(conditions) => {
-                let assessed = self.estimate(&mut corrected, conditions)?;
-                if findings.is_empty() {
-                    assessed
-                } else {
-                    assessed.widened(CORRECTED_FACTOR)
+                let without = self.estimate(&mut corrected, conditions)?;
+                match self.estimate_as_received(job, &without)? {
+                    // What looked like a mistake is what a worn part does.
+                    Some((as_received, window)) => {
+                        suspects.retain(|suspect| *suspect == Suspect::RepeatedSamples);
+                        reasons.clear();
+                        corrected = window;
+                        as_received
+                    }
+                    None => without.widened(CORRECTED_FACTOR),
                 }
             }
             Err(absurd) => {
@@ -108,6 +114,22 @@ impl Assessor {
             suspects,
             reasons,
         })
+    }
+
+    /// The estimate of a window as it was received, and the window, if it explains more than the one `without` a mistake.
+    fn estimate_as_received(
+        &self,
+        job: &WindowJob,
+        without: &Assessed,
+    ) -> Result<Option<(Assessed, WindowJob)>, AssessError> {
+        let mut job = job.clone();
+        let Ok(conditions) = conditions(&job) else {
+            return Ok(None);
+        };
+        let as_received = self.estimate(&mut job, conditions)?;
+        let (own, other) = (&as_received.estimate, &without.estimate);
+        let is_better = !own.is_unmodelled() && (other.is_unmodelled() || BETTER * own.cost < other.cost);
+        Ok(is_better.then_some((as_received, job)))
     }
 
     /// Estimates a window by what is known of its unit, else of its type.

@@ -93,6 +93,25 @@ fn the_parameters_of_a_unit_come_out_near_what_they_are() {
     }
 }
 
+/// Its direct current looks as that of an offset does; taking the offset out leaves what nothing explains.
+#[test]
+fn an_eccentric_rotor_is_no_current_offset() {
+    let folder = Folder::new();
+    folder.done("simulate --actuator servo270 --windows 6 --noise 0.03 --seed 1 -o healthy.log");
+    folder.write("type.toml", "[[actuator]]\nid = 0\ntype = \"servo270\"\n");
+    folder.done("calibrate healthy.log -c type.toml -o unit.toml");
+    folder.write(
+        "hmd.toml",
+        "[[actuator]]\nid = 0\ntype = \"servo270\"\ncalibration = \"unit.toml\"\n",
+    );
+    let fault = "--fault eccentricity=0.3 --fault eccentricity_phase=0.2";
+    folder.done(&format!(
+        "simulate --actuator servo270 {fault} --noise 0.03 --seed 2 -o worn.log"
+    ));
+    let lines = folder.done("replay worn.log -c hmd.toml --json");
+    assert!(lines.contains("\"faults\":[\"eccentricity\"]"), "{lines}");
+}
+
 #[test]
 fn a_parameter_far_from_the_type_is_named_and_not_written() {
     let folder = Folder::new();

@@ -151,6 +151,10 @@ const GOOD_COST: f64 = 6.5;
 /// Factor up to which two explanations are alike.
 const ALIKE: f64 = 1.15;
 
+/// Share of a damage that may be left where another reading explains it: without a reading every sigma is larger, which alone is no
+/// explanation.
+const EXPLAINED_AWAY: f64 = 0.5;
+
 /// Damage from which on a fault is accused: the level `watch` as configured, times sigma.
 fn accused(estimate: &Estimate, level: f64) -> Vec<FaultId> {
     let sigma = estimate.damage_sigma();
@@ -206,7 +210,10 @@ pub fn compare(estimate: &Estimate, suspect: Suspect, rival: &Estimate, level: f
         return Verdict::Worse;
     }
     let of_rival = accused(rival, level);
-    let accuses_less = accused(estimate, level).iter().any(|fault| !of_rival.contains(fault));
+    let left = |fault: FaultId| rival.fault.damage_of(fault) / estimate.fault.damage_of(fault);
+    let accuses_less = accused(estimate, level)
+        .into_iter()
+        .any(|fault| !of_rival.contains(&fault) && left(fault) < EXPLAINED_AWAY);
     if accuses_less && rival.cost < ALIKE * estimate.cost {
         Verdict::Alike
     } else {

@@ -37,7 +37,7 @@ impl Explained {
 }
 
 impl Assessor {
-    /// Explains a window. Of a unit that is being learnt, no part is accused and no reading doubted.
+    /// Explains a window. Of a unit that is being learnt no reading competes with the faults, which are not reported anyway.
     ///
     /// # Errors
     /// Those of the identification.
@@ -259,13 +259,16 @@ fn report(findings: &[Finding], suspects: &mut Vec<Suspect>, reasons: &mut Vec<S
     }
 }
 
+/// Damage from which on a sentence contains it.
+const DAMAGE_IN_WORDS: f64 = 0.02;
+
 /// The damages that an estimate finds, in words.
 fn in_words(assessed: &Assessed) -> String {
     let fault = &assessed.estimate.fault;
     let damages: Vec<String> = FaultId::ALL
         .into_iter()
         .map(|id| (id.name(), fault.damage_of(id)))
-        .filter(|(_, damage)| *damage > 0.02)
+        .filter(|(_, damage)| *damage >= DAMAGE_IN_WORDS)
         .map(|(name, damage)| format!("{name} {damage:.2}"))
         .collect();
     damages.join(", ")

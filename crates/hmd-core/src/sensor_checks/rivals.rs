@@ -3,6 +3,8 @@
 //! A window that accuses a part, or that no fault explains, is estimated again without a reading, or with another one. The better
 //! explanation wins; where both explain the window alike and differ in what they accuse, the window accuses nothing.
 
+use std::ops::RangeInclusive;
+
 use ema_models::{DriveKind, FaultId, REFERENCE_TEMPERATURE_DEG_C};
 
 use super::correction::Correction;
@@ -29,6 +31,9 @@ const GAINS: [f64; 4] = [0.82, 0.91, 1.1, 1.22];
 /// Shares of the read voltage that the link may have instead.
 const LINK_SHARES: [f64; 4] = [0.8, 0.9, 1.12, 1.25];
 
+/// Voltages that a link may have, as shares of the nominal one.
+const LINK_POSSIBLE: RangeInclusive<f64> = 0.55..=1.45;
+
 /// Least deviation of the read voltage from the nominal one that makes the nominal one an explanation of its own, as a share.
 const LINK_OFF: f64 = 0.05;
 
@@ -38,8 +43,9 @@ const TEMPERATURE_OFF_K: f64 = 40.0;
 /// Cost above that of good windows.
 const HIGH_COST: f64 = 3.0;
 
-/// The readings of a window that may be wrong. Where the link reads another voltage than the nominal one, that one is tried;
-/// others where comparators apply the link to the phases and nothing explains the window well. Gains of all currents are tried of commissioned units, whose motor is known.
+/// The readings of a window that may be wrong. Where comparators apply the link to the phases, the nominal voltage is tried if another
+/// one was read, and others where nothing explains the window well. Gains of all currents are tried of commissioned units, whose motor
+/// is known.
 #[must_use]
 pub fn rivals(job: &WindowJob, estimate: &Estimate, is_commissioned: bool) -> Vec<Rival> {
     let conditions = &job.conditions;
@@ -57,14 +63,13 @@ pub fn rivals(job: &WindowJob, estimate: &Estimate, is_commissioned: bool) -> Ve
         .filter(|_| job.actuator.drive.kind == DriveKind::Hysteresis)
     {
         let nominal = job.params.motor.v_dc;
-        let is_applied = job.actuator.drive.kind == DriveKind::Hysteresis;
-        let is_badly_explained = is_applied && (estimate.cost > HIGH_COST || estimate.is_unmodelled());
+        let is_badly_explained = estimate.cost > HIGH_COST || estimate.is_unmodelled();
         let shares = LINK_SHARES.iter().filter(|_| is_badly_explained);
         let mut voltages: Vec<f64> = shares.map(|share| share * read).collect();
         if (read - nominal).abs() > LINK_OFF * nominal {
             voltages.insert(0, nominal);
         }
-        let is_possible = |voltage: &f64| (0.55..=1.45).contains(&(voltage / nominal));
+        let is_possible = |voltage: &f64| LINK_POSSIBLE.contains(&(voltage / nominal));
         for voltage in voltages.into_iter().filter(is_possible) {
             add(Suspect::DcLink, Some(voltage));
         }

@@ -7,12 +7,13 @@
 
 mod catalogue_unit;
 mod entries;
+mod report;
 mod score;
 mod state;
 mod table;
 mod unit;
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::io;
 use std::sync::Arc;
 
@@ -27,7 +28,6 @@ use hmd_core::frame::BusError;
 use hmd_core::outbox::WindowJob;
 use hmd_core::seed::{mix, name_hash};
 use rayon::prelude::*;
-use serde::Serialize;
 
 use entries::{ENTRIES, Entry};
 use score::Tally;
@@ -37,6 +37,7 @@ pub(super) use unit::single_fault;
 
 pub use catalogue_unit::CatalogueUnit;
 pub use entries::{EntryKind, entry_names};
+pub use report::{EntryReport, Group, OfType, RobustReport, UnitReport};
 pub use score::Rates;
 pub use state::{FinishedUnit, first_line, read_state};
 pub use table::robust_table;
@@ -63,78 +64,6 @@ pub struct RobustOptions {
     pub actuators: Vec<String>,
     /// Names of the entries; all where none is named.
     pub entries: Vec<String>,
-}
-
-/// Result of `hmd evaluate robust`.
-#[derive(Clone, Debug, Serialize)]
-pub struct RobustReport {
-    /// Name of the suite.
-    pub suite: &'static str,
-    /// Sample rate, Hz.
-    pub rate_hz: f64,
-    /// Healthy windows of each unit.
-    pub n: u64,
-    /// Suite seed.
-    pub seed: u64,
-    /// Before and after calibration, over all units.
-    #[serde(flatten)]
-    pub all: Group,
-    /// The same for each actuator type.
-    pub actuators: Vec<OfType>,
-    /// The same for each entry.
-    pub entries: Vec<EntryReport>,
-}
-
-/// Rates of a group of units.
-#[derive(Clone, Debug, Serialize)]
-pub struct Group {
-    /// Units.
-    pub units: u64,
-    /// Assessed with the type's calibration.
-    pub before: Rates,
-    /// Assessed with the unit's calibration; as before where there is none.
-    pub after: Rates,
-    /// Units whose calibration was refused.
-    pub refused: u64,
-}
-
-/// Rates of the units of an actuator type.
-#[derive(Clone, Debug, Serialize)]
-pub struct OfType {
-    /// Name of the type.
-    pub actuator: String,
-    /// Its rates.
-    #[serde(flatten)]
-    pub group: Group,
-}
-
-/// Rates of the units of an entry.
-#[derive(Clone, Debug, Serialize)]
-pub struct EntryReport {
-    /// Name of the entry.
-    pub entry: String,
-    /// What it consists of.
-    pub kind: EntryKind,
-    /// Its rates.
-    #[serde(flatten)]
-    pub group: Group,
-    /// One unit for each type.
-    pub of_units: Vec<UnitReport>,
-}
-
-/// One unit.
-#[derive(Clone, Debug, Serialize)]
-pub struct UnitReport {
-    /// Name of its type.
-    pub actuator: String,
-    /// Its effects by name.
-    pub effects: BTreeMap<&'static str, f64>,
-    /// Assessed with the type's calibration.
-    pub before: Rates,
-    /// Assessed with its own.
-    pub after: Rates,
-    /// Why its calibration was refused, if it was.
-    pub reason: Option<String>,
 }
 
 /// Why the suite could not run.
@@ -310,17 +239,6 @@ pub fn robust(
             })
             .collect(),
     })
-}
-
-impl Group {
-    fn of<'a>(units: impl Iterator<Item = &'a FinishedUnit> + Clone) -> Self {
-        Self {
-            units: units.clone().count() as u64,
-            before: Tally::sum(units.clone().map(|unit| &unit.before)).rates(),
-            after: Tally::sum(units.clone().map(|unit| &unit.after)).rates(),
-            refused: units.filter(|unit| unit.refused.is_some()).count() as u64,
-        }
-    }
 }
 
 /// A simulated window: the damaged element of a faulty one, the truth, the window if one was cut, and the seed of its search.

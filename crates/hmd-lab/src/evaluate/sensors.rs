@@ -6,6 +6,7 @@
 //! was made. Profiles, sample rates and drives take turns.
 
 mod mistakes;
+mod report;
 mod score;
 mod table;
 mod unit;
@@ -26,13 +27,13 @@ use hmd_core::sensor_checks::Suspect;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use serde::Serialize;
 
 use super::robust::single_fault;
 use mistakes::{CONTROL, MISTAKES, Mistake};
 use score::{Outcome, Tally};
 use unit::{COMBINATIONS, Circumstances, Recorded, UNIT_FILE, Unit, commissioning_profile, units};
 
+pub use report::{Case, Group, OfMistake, SensorsReport};
 pub use score::Rates;
 pub use table::sensors_table;
 
@@ -56,71 +57,6 @@ pub struct SensorsOptions {
     pub actuators: Vec<String>,
     /// Names of the entries; all where none is named.
     pub entries: Vec<String>,
-}
-
-/// Result of `hmd evaluate sensors`.
-#[derive(Clone, Debug, Serialize)]
-pub struct SensorsReport {
-    /// Name of the suite.
-    pub suite: &'static str,
-    /// Healthy windows of each mistake and type.
-    pub n: u64,
-    /// Suite seed.
-    pub seed: u64,
-    /// Units that could not be commissioned.
-    pub refused: u64,
-    /// Over all mistakes.
-    #[serde(flatten)]
-    pub mistakes: Group,
-    /// The same for each, the windows without a mistake first.
-    pub by_mistake: Vec<OfMistake>,
-    /// Every window.
-    pub cases: Vec<Case>,
-}
-
-/// Rates of a group of windows.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Group {
-    /// Before and after commissioning.
-    #[serde(flatten)]
-    pub all: Rates,
-    /// Assessed with the type's calibration.
-    pub before: Rates,
-    /// Assessed with the unit's.
-    pub after: Rates,
-}
-
-/// Rates of one mistake.
-#[derive(Clone, Debug, Serialize)]
-pub struct OfMistake {
-    /// Name of the entry.
-    pub mistake: String,
-    /// Its rates.
-    #[serde(flatten)]
-    pub group: Group,
-}
-
-/// One window, assessed before or after commissioning.
-#[derive(Clone, Debug, Serialize)]
-pub struct Case {
-    /// Name of the entry.
-    pub mistake: &'static str,
-    /// Type of the actuator.
-    pub actuator: String,
-    /// Profile, rate and drive.
-    pub circumstances: String,
-    /// Whether the unit was commissioned.
-    pub commissioned: bool,
-    /// The worn part.
-    pub worn: Option<&'static str>,
-    /// Status of the window; none where none was cut.
-    pub status: Option<String>,
-    /// Faults that were named.
-    pub faults: Vec<String>,
-    /// Sensors, wires and numbers that were named.
-    pub suspects: Vec<&'static str>,
-    /// The reason of the window, or what the pipeline reported.
-    pub reason: String,
 }
 
 /// Why the suite could not run.

@@ -7,3 +7,4 @@ mod pages;
 mod rul;
 mod samples;
 mod window;
+mod window_properties;

@@ -11,7 +11,7 @@
 //! | `monitor` | [`Monitor`], the low-fidelity model, generic over the number type |
 //! | `reference` | the high-fidelity three-phase switched actuator, in `f64` (feature `reference`) |
 //! | `samples`, `recording`, `output_angle` | samples of a window, and their preparation for the comparison |
-//! | `residual` | [`Comparison`]: residuals, costs and normal equations of the monitor over a window |
+//! | `signals`, `residual`, `prior`, `comparison` | the compared signals; residuals of a monitor; what is known beforehand; [`Comparison`]: costs and normal equations of the monitor over a window |
 //! | `variants` | residuals of monitors that differ in parameters and disturbance torques, side by side |
 //! | `step_response` | [`StepTrial`]: the response of a worn actuator to a step |
 //! | `real`, `lanes`, `simd`, `dispatch` | the number types: `f64`, `f32`, arrays and vector registers |
@@ -27,6 +27,7 @@ extern crate std;
 
 mod backlash;
 mod command;
+mod comparison;
 mod control;
 mod dispatch;
 mod drive;
@@ -37,12 +38,14 @@ mod lanes;
 mod monitor;
 mod output_angle;
 mod params;
+mod prior;
 mod real;
 mod recording;
 #[cfg(feature = "reference")]
 pub mod reference;
 mod residual;
 mod samples;
+mod signals;
 #[cfg(all(feature = "std", target_arch = "x86_64"))]
 mod simd;
 mod step_response;
@@ -54,6 +57,7 @@ mod winding;
 
 pub use backlash::follow_through_play;
 pub use command::Profile;
+pub use comparison::{COST_LANES, Comparison};
 pub use control::{Ace, AceState, Encoder, Setpoint};
 pub use dispatch::InstructionSet;
 pub use drive::{DriveKind, DriveParams};
@@ -74,10 +78,12 @@ pub use params::{
     ActuatorParams, ControllerParams, Expected, MotorParams, ParamsError, REFERENCE_STEP, SensorParams,
     TransmissionParams,
 };
+pub use prior::{NormalEquations, Prior};
 pub use real::Real;
 pub use recording::{Recording, WindowFrame, prepare_window};
-pub use residual::{COST_LANES, Comparison, NormalEquations, Prior, ResidualState, SIGNAL_COUNT, Signals, Weights};
+pub use residual::ResidualState;
 pub use samples::{ComparedSample, InitialState, Origin, SensedSample};
+pub use signals::{SIGNAL_COUNT, Signals, Weights};
 pub use step_response::{StepResponse, StepTrial};
 pub use temperature::{BACK_EMF_PER_KELVIN, REFERENCE_TEMPERATURE_DEG_C, RESISTANCE_PER_KELVIN, temperature_factors};
 pub use tolerances::Tolerances;

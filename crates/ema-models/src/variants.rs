@@ -1,11 +1,12 @@
 //! Monitors of one window that differ in parameters, unknowns and disturbances of the shaft, side by side in lanes.
 
+use crate::comparison::{COST_LANES, Comparison};
 use crate::dispatch::{InstructionSet, LaneTypes, LaneWork};
 use crate::lanes::Lanes;
 use crate::monitor::Monitor;
 use crate::params::ActuatorParams;
 use crate::real::Real;
-use crate::residual::{COST_LANES, Comparison, SIGNAL_COUNT, Signals};
+use crate::signals::{SIGNAL_COUNT, Signals};
 use crate::unknowns::Unknowns;
 
 /// Disturbance torques that a [`MonitorVariant`] can have at once.
@@ -162,9 +163,10 @@ mod tests {
     use super::*;
     use crate::control::Setpoint;
     use crate::monitor::{Calibration, Conditions, Feedback};
+    use crate::prior::Prior;
     use crate::recording::Recording;
-    use crate::residual::{Prior, Weights};
     use crate::samples::{ComparedSample, InitialState};
+    use crate::signals::Weights;
     use crate::unknowns::MotorKnowledge;
     use crate::{FaultVector, MotorDeviation};
 

@@ -15,7 +15,7 @@ use crate::replay::{Observer, Replay};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::record::HealthLine;
 
-/// Assessor recorded logs.
+/// Assess recorded logs.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n\
     \x20 hmd replay flight.log\n\

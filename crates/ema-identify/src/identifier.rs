@@ -11,9 +11,9 @@ use ema_models::{
 use crate::calibration::TypeCalibration;
 use crate::estimate::Estimate;
 use crate::monitor_fit::{
-    LocalOptimum, Population, RUNS_OF_ASSESSMENT, Search, UNLIMITED, assess, best_first, conclude,
-    conclude_with_tolerances, descend_side_by_side, is_locked, prior, residuals_with_tolerances, search_by_paper,
-    starts,
+    COARSE, COARSE_THEN_FINE, LocalOptimum, Population, RUNS_OF_ASSESSMENT, Search, UNLIMITED, assess, best_first,
+    conclude, conclude_with_tolerances, descend_side_by_side, is_locked, prior, residuals_with_tolerances,
+    search_by_paper, starts,
 };
 use crate::prepared::Prepared;
 
@@ -118,7 +118,7 @@ impl Identifier {
             Method::Population(population) => self.best_individual(comparison, &population.search(*comparison, seed)?),
             Method::LeastSquares => {
                 let starts = starts(comparison, &[FaultVector::NOMINAL]);
-                let optima = descend_side_by_side(comparison, &starts, UNLIMITED);
+                let optima = descend_side_by_side(comparison, &starts, self.steps(), UNLIMITED);
                 Search::new(optima, 0, false, UNLIMITED)
             }
             Method::Hybrid(population) => {
@@ -132,10 +132,20 @@ impl Identifier {
                     budget.saturating_sub(found.evaluations + RUNS_OF_ASSESSMENT) / (starts.len() as u64 + 1)
                 });
                 let cut = found.stop == StopReason::MaxEvaluations;
-                let optima = descend_side_by_side(comparison, &starts, share);
+                let optima = descend_side_by_side(comparison, &starts, self.steps(), share);
                 Search::new(optima, found.evaluations, cut, share)
             }
         })
+    }
+
+    /// Steps of the search's descents. With tolerances the fit of unknowns and nuisances starts where they end, and goes on by
+    /// itself.
+    fn steps(&self) -> &'static [f64] {
+        if self.has_tolerances() {
+            &COARSE
+        } else {
+            &COARSE_THEN_FINE
+        }
     }
 
     /// The best of a population as the end of the search, without a descent.

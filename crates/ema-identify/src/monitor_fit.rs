@@ -31,7 +31,9 @@ pub use conclusion::identify_from_health;
 #[cfg(feature = "std")]
 pub(crate) use conclusion::{Search, conclude};
 #[cfg(feature = "std")]
-pub(crate) use least_squares::{LocalOptimum, UNLIMITED, best_first, descend_side_by_side, starts};
+pub(crate) use least_squares::{
+    COARSE, COARSE_THEN_FINE, LocalOptimum, UNLIMITED, best_first, descend_side_by_side, starts,
+};
 pub use least_squares::{estimator_bias, refined_from};
 #[cfg(feature = "std")]
 pub use population::Population;

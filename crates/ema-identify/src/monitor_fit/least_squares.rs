@@ -44,6 +44,13 @@ const COARSE_STEP: f64 = 2e-2;
 /// Step of the finite differences near the solution.
 pub(super) const FINE_STEP: f64 = 1e-7;
 
+/// Steps of a descent into the next valley, to where another descent starts.
+#[cfg(feature = "std")]
+pub(crate) const COARSE: [f64; 1] = [COARSE_STEP];
+
+/// Steps of a descent to the floor of a valley.
+pub(crate) const COARSE_THEN_FINE: [f64; 2] = [COARSE_STEP, FINE_STEP];
+
 /// Where a descent ended.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LocalOptimum {
@@ -81,30 +88,37 @@ pub(super) fn descend_from_each(window: &impl MonitoredWindow, starts: &Starts, 
     best_first(starts.iter().map(|&start| descend(window, start, budget)))
 }
 
-/// [`descend_from_each`] on several threads, with the same result.
+/// Descents by these steps from each start on several threads, the same result on any number of them.
 #[cfg(feature = "std")]
 pub(crate) fn descend_side_by_side(
     window: &(impl MonitoredWindow + Sync),
     starts: &Starts,
+    steps: &[f64],
     budget: u64,
 ) -> LocalOptima {
     use rayon::prelude::*;
-    let optima: std::vec::Vec<LocalOptimum> = starts.par_iter().map(|&start| descend(window, start, budget)).collect();
-    best_first(optima)
+    let descend = |&start| descend_by(window, start, steps, budget);
+    best_first(starts.par_iter().map(descend).collect::<std::vec::Vec<_>>())
 }
 
 /// One descent, coarse and then fine; the better of both ends. With a budget too small for one step, the start itself.
 ///
 /// What a fine slope takes for a valley's floor, a coarse one often walks out of.
-#[inline(never)]
 pub(super) fn descend(window: &impl MonitoredWindow, start: Coordinates, budget: u64) -> LocalOptimum {
+    descend_by(window, start, &COARSE_THEN_FINE, budget)
+}
+
+/// One descent by each step of the finite differences in turn; the best of the ends. With a budget too small for one step, the
+/// start itself.
+#[inline(never)]
+fn descend_by(window: &impl MonitoredWindow, start: Coordinates, steps: &[f64], budget: u64) -> LocalOptimum {
     let mut optimum = LocalOptimum {
         cost: f64::INFINITY,
         at: start,
         spent: 0,
         cut: false,
     };
-    for step in [COARSE_STEP, FINE_STEP] {
+    for &step in steps {
         let whole = constant_box(Coordinates::LOWER, Coordinates::UPPER);
         resume(window, &mut optimum, step, &whole, budget);
     }

@@ -1,13 +1,13 @@
 //! From the best optimum of a search to the estimate of a window whose numbers have tolerances.
 
-use ema_ga::{LmConfig, LmStop, Residuals, levenberg_marquardt};
+use ema_ga::{LmConfig, LmStop, levenberg_marquardt};
 use ema_models::{
-    Comparison, Coordinates, FAULT_COUNT, FaultVector, MOTOR_COORDINATES, MotorKnowledge, SIGNAL_COUNT, Scale, Signals,
-    Tolerances, UNKNOWN_COUNT, Weights,
+    COST_LANES, Comparison, Coordinates, FAULT_COUNT, FaultVector, MOTOR_COORDINATES, MotorKnowledge, SIGNAL_COUNT,
+    Scale, Signals, Tolerances, UNKNOWN_COUNT, Weights,
 };
 
 use super::basis::Basis;
-use super::problem::{DIMENSION, Linearised, NUISANCE_MAX, Point, Problem, coordinates};
+use super::problem::{DIMENSION, Linearised, NUISANCE_MAX, OnDescent, Point, Problem, coordinates};
 use crate::calibration::Mismatch;
 use crate::estimate::{Estimate, OBSERVABLE_SIGMA};
 use crate::monitor_fit::competing_optima::{differ, undecided_difference};
@@ -27,8 +27,11 @@ const MAX_ITERATIONS: u32 = 8;
 /// Trials that a linearisation takes at most, on average.
 const TRIALS_PER_STEP: u32 = 3;
 
-/// Monitor runs of a linearisation at most: the point and one step along each coordinate.
+/// Monitor runs of a whole linearisation at most: the point and one step along each coordinate.
 const RUNS_PER_LINEARISATION: u64 = DIMENSION as u64 + 1;
+
+/// Monitor runs of the further linearisations of a descent, without the slow coordinates, at most.
+const RUNS_PER_FURTHER: u64 = COST_LANES as u64;
 
 /// Descents at most: from two starts, after the reweighting, and with another magnet.
 const DESCENTS: u64 = 4;
@@ -160,7 +163,9 @@ fn descend(problem: &Problem<'_>, start: Point, budget: u64) -> Descent {
         side(Coordinates::LOWER, -NUISANCE_MAX),
         side(Coordinates::UPPER, NUISANCE_MAX),
     );
-    let affordable = budget / (RUNS_PER_LINEARISATION + u64::from(TRIALS_PER_STEP));
+    let trials = u64::from(TRIALS_PER_STEP);
+    let further = |left: u64| 1 + left / (RUNS_PER_FURTHER + trials);
+    let affordable = budget.checked_sub(RUNS_PER_LINEARISATION + trials).map_or(0, further);
     let iterations = affordable.min(u64::from(MAX_ITERATIONS)) as u32;
     if iterations == 0 {
         return Descent {
@@ -177,11 +182,12 @@ fn descend(problem: &Problem<'_>, start: Point, budget: u64) -> Descent {
         cost_tolerance: 1e-4,
         ..LmConfig::default()
     };
-    let found = levenberg_marquardt(problem, &bounds, start, &config);
+    let found = levenberg_marquardt(&OnDescent::new(problem), &bounds, start, &config);
+    let linearisations = RUNS_PER_LINEARISATION + u64::from(found.iterations.saturating_sub(1)) * RUNS_PER_FURTHER;
     Descent {
         at: found.genes,
         cost: found.cost,
-        spent: u64::from(found.iterations) * RUNS_PER_LINEARISATION + u64::from(found.evaluations - found.iterations),
+        spent: linearisations + u64::from(found.evaluations - found.iterations),
         cut: iterations < MAX_ITERATIONS && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations),
     }
 }

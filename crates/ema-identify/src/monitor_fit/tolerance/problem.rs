@@ -1,5 +1,6 @@
 //! The least-squares problem of a window's unknowns together with the nuisances.
 
+use core::cell::RefCell;
 use std::vec;
 use std::vec::Vec;
 
@@ -183,6 +184,11 @@ impl<'a> Problem<'a> {
 
     /// Derivatives and residuals at a point.
     pub(super) fn linearised(&self, at: &Point) -> Linearised {
+        self.linearised_near(at, None)
+    }
+
+    /// Derivatives and residuals at a point. Those along the slow coordinates are taken from the rows `nearby`, if there are any.
+    fn linearised_near(&self, at: &Point, nearby: Option<&[GramRow]>) -> Linearised {
         let own = coordinates(at).inward_steps(self.step);
         let step = |p: usize| match p.checked_sub(UNKNOWN_COUNT) {
             None => own[p],
@@ -195,9 +201,11 @@ impl<'a> Problem<'a> {
                 let signals = p
                     .checked_sub(UNKNOWN_COUNT)
                     .is_some_and(|n| matches!(NUISANCES[n].action, Action::Signals(_)));
-                !signals && !self.is_known(p) && same.iter().all(|direction| direction.of != p)
+                let derived = signals || same.iter().any(|direction| direction.of == p);
+                !derived && !self.is_known(p) && (nearby.is_none() || !is_slow(p))
             })
             .collect();
+        let slow: Vec<usize> = (0..DIMENSION).filter(|&p| nearby.is_some() && is_slow(p)).collect();
         let at_point = self.variant(at);
         let variants: Vec<MonitorVariant> = core::iter::once(at_point)
             .chain(in_lanes.iter().map(|&p| {
@@ -222,18 +230,22 @@ impl<'a> Problem<'a> {
         let weighted: Vec<usize> = (0..SIGNAL_COUNT).filter(|&s| weights[s] > 0.0).collect();
         let per_step: Vec<f64> = in_lanes.iter().map(|&p| 1.0 / step(p)).collect();
         let mut rows = vec![[0.0; GRAM_COLUMNS]; samples.len() * weighted.len()];
-        let mut row = rows.iter_mut();
+        let mut row = rows.iter_mut().enumerate();
         for (n, sample) in samples.iter().enumerate() {
             let change = self.change(at, n);
             for &signal in &weighted {
-                let Some(row) = row.next() else { break };
+                let Some((place, row)) = row.next() else { break };
                 if !sample.measured {
                     continue;
                 }
                 let weight = weights[signal] * self.basis.confidence[n][signal];
                 let point = passes[0][n][signal][0];
-                for (place, (&p, per_step)) in in_lanes.iter().zip(&per_step).enumerate() {
-                    let lane = place + 1;
+                if let Some(nearby) = nearby.and_then(|rows| rows.get(place)) {
+                    for &p in &slow {
+                        row[p] = nearby[p];
+                    }
+                }
+                for (lane, (&p, per_step)) in (1..).zip(in_lanes.iter().zip(&per_step)) {
                     let stepped = passes[lane / COST_LANES][n][signal][lane % COST_LANES];
                     row[p] = (stepped - point) * per_step * weight;
                 }
@@ -345,14 +357,44 @@ pub(super) fn coordinates(at: &Point) -> Coordinates {
     Coordinates(core::array::from_fn(|p| at[p]))
 }
 
-impl Residuals<DIMENSION> for Problem<'_> {
+/// Whether the derivatives along a coordinate hold for a whole descent: those of all nuisances but the ones that others are derived
+/// from. Nuisances stay small, and the monitor is nearly linear in them.
+fn is_slow(p: usize) -> bool {
+    const SOURCES: [usize; 4] = [DYNAMIC_FRICTION, STATIC_FRICTION, BACKLASH, POSITION_GAIN];
+    p.checked_sub(UNKNOWN_COUNT).is_some_and(|n| !SOURCES.contains(&n))
+}
+
+/// A problem during one descent: derivatives along slow coordinates are those of the first point.
+pub(super) struct OnDescent<'p, 'a> {
+    problem: &'p Problem<'a>,
+    first: RefCell<Vec<GramRow>>,
+}
+
+impl<'p, 'a> OnDescent<'p, 'a> {
+    pub(super) fn new(problem: &'p Problem<'a>) -> Self {
+        Self {
+            problem,
+            first: RefCell::new(Vec::new()),
+        }
+    }
+}
+
+impl Residuals<DIMENSION> for OnDescent<'_, '_> {
     fn normal_equations(
         &self,
         genes: &Point,
         jtj: &mut SMatrix<f64, DIMENSION, DIMENSION>,
         jtr: &mut SVector<f64, DIMENSION>,
     ) -> f64 {
-        let linearised = self.linearised(genes);
+        let mut first = self.first.borrow_mut();
+        let linearised = if first.is_empty() {
+            self.problem.linearised(genes)
+        } else {
+            self.problem.linearised_near(genes, Some(&first))
+        };
+        if first.is_empty() {
+            first.clone_from(&linearised.rows);
+        }
         jtj.copy_from(&linearised.information());
         for p in 0..DIMENSION {
             jtr[p] = linearised.sums[RESIDUAL][p];
@@ -361,7 +403,7 @@ impl Residuals<DIMENSION> for Problem<'_> {
     }
 
     fn cost(&self, genes: &Point) -> f64 {
-        self.sum_with_prior(genes, self.mean_cost(genes))
+        self.problem.cost(genes)
     }
 
     fn project(&self, genes: &mut Point) {
@@ -371,6 +413,18 @@ impl Residuals<DIMENSION> for Problem<'_> {
 
     const SIDE_BY_SIDE: usize = COST_LANES;
 
+    fn costs(&self, points: &[Point], costs: &mut [f64]) {
+        self.problem.costs(points, costs);
+    }
+}
+
+impl Problem<'_> {
+    /// Half the sum of the squares at a point, the prior included.
+    pub(super) fn cost(&self, at: &Point) -> f64 {
+        self.sum_with_prior(at, self.mean_cost(at))
+    }
+
+    /// [`Problem::cost`] of at most [`COST_LANES`] points.
     fn costs(&self, points: &[Point], costs: &mut [f64]) {
         let Some(first) = points.first() else { return };
         let variants = core::array::from_fn(|lane| self.variant(points.get(lane).unwrap_or(first)));

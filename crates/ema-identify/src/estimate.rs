@@ -67,6 +67,20 @@ impl Estimate {
         sigma[7] *= 2.0;
         sigma
     }
+
+    /// The same with the sigma of each component multiplied by a factor; a component whose damage then has a sigma above 0.1 is not
+    /// observable.
+    #[must_use]
+    pub fn widened(mut self, factors: &[f64; FAULT_COUNT]) -> Self {
+        for (sigma, factor) in self.sigma.iter_mut().zip(factors) {
+            *sigma = sigma.map(|sigma| factor * sigma);
+        }
+        let of_damage = self.damage_sigma();
+        for (observable, sigma) in self.observable.iter_mut().zip(of_damage) {
+            *observable &= sigma <= OBSERVABLE_SIGMA;
+        }
+        self
+    }
 }
 
 /// What makes an estimate worthless though the data are good.
@@ -111,3 +125,38 @@ const BACK_EMF_OFF: f64 = 0.15;
 
 /// A parameter with a larger standard deviation is not observable.
 pub(crate) const OBSERVABLE_SIGMA: f64 = 0.1;
+
+#[cfg(all(test, feature = "std"))]
+mod tests {
+    use super::*;
+    use ema_models::MotorDeviation;
+
+    #[test]
+    fn a_component_that_a_wider_sigma_hides_is_not_observable() {
+        let fault = FaultVector::NOMINAL;
+        let estimate = Estimate {
+            fault,
+            unknowns: Unknowns {
+                fault,
+                load_torque: 0.0,
+                integral: 0.0,
+                motor: MotorDeviation::default(),
+            },
+            sigma: [Some(0.04), Some(0.06), None, Some(0.01), None, None, None, Some(0.03)],
+            observable: [true, true, false, true, false, false, false, true],
+            cost: 1.0,
+            residual_rms_a: 0.0,
+            evaluations: 0,
+            cut: false,
+            competing_optimum: None,
+            back_emf_off: 0.0,
+            other_motor: false,
+            locked: false,
+            deviations: std::vec::Vec::new(),
+        };
+        let wide = estimate.widened(&[2.0; FAULT_COUNT]);
+        // A gain of ±0.06 is a damage of ±0.12.
+        assert_eq!(wide.observable, [true, false, false, true, false, false, false, false]);
+        assert_eq!(wide.sigma[1], Some(0.12));
+    }
+}

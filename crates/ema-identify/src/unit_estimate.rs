@@ -30,10 +30,12 @@ pub struct UnitEstimate {
 }
 
 impl UnitEstimate {
-    /// The same with every sigma multiplied: for conditions that commissioning has not seen.
+    /// The same with every sigma multiplied, for conditions that commissioning has not seen: see [`Estimate::widened`].
     #[must_use]
-    pub fn widened(mut self, factor: f64) -> Self {
-        self.estimate.sigma = self.estimate.sigma.map(|sigma| sigma.map(|sigma| factor * sigma));
-        self
+    pub fn widened(self, factor: f64) -> Self {
+        Self {
+            estimate: self.estimate.widened(&[factor; FAULT_COUNT]),
+            ..self
+        }
     }
 }

@@ -286,6 +286,14 @@ fn read(path: &Path) -> Option<Vec<SensedSample>> {
     Some(bytes.chunks_exact(19).enumerate().map(sample).collect())
 }
 
+/// Largest sigma of a damage that a window shows.
+const OBSERVABLE_SIGMA: f64 = 0.1;
+
+/// Damage per unit of a fault's parameter.
+fn per_parameter(fault: FaultId) -> f64 {
+    if fault == FaultId::Gain { 2.0 } else { 1.0 }
+}
+
 const KINDS: usize = FaultId::ALL.len();
 
 /// Counts over windows; those of several units add up.
@@ -317,10 +325,10 @@ impl Tally {
         let mut alarms = [false; KINDS];
         for (fault, alarm) in FaultId::ALL.iter().zip(&mut alarms) {
             let parameter = fault.parameter();
-            let per_parameter = if *fault == FaultId::Gain { 2.0 } else { 1.0 };
             let damage = FaultVector::from_array(estimate.k).damage_of(*fault);
             *alarm = estimate.is_explained_by(Relation::TorqueBalance)
-                && estimate.sigma[parameter].is_some_and(|sigma| damage > (3.0 * per_parameter * sigma).max(0.05));
+                && estimate.sigma[parameter]
+                    .is_some_and(|sigma| damage > (3.0 * per_parameter(*fault) * sigma).max(0.05));
         }
         let Some(place) = place else {
             self.healthy += 1;
@@ -343,7 +351,9 @@ impl Tally {
         counts[1] += 1;
         let others = alarms.iter().enumerate().any(|(other, alarm)| *alarm && other != kind);
         counts[4] += usize::from(others);
-        let Some(sigma) = estimate.sigma[place] else {
+        let Some(sigma) =
+            estimate.sigma[place].filter(|sigma| per_parameter(FaultId::ALL[kind]) * sigma <= OBSERVABLE_SIGMA)
+        else {
             return false;
         };
         let named = alarms[kind] && !others;

@@ -94,21 +94,20 @@ fn ratio<S: RecordedSample>(
     }
     let solution = equations.solve()?;
     let mut overlap = Overlap::<LAW_COUNT>::new(&kernel.first, kernel.span);
-    let mut groups = Jackknife::<LAW_COUNT, 1>::new(window.len(), &Vector3::zeros());
+    let no_noise = Vector3::zeros();
+    let mut groups = Jackknife::<LAW_COUNT, 1>::new(window.len(), equations, &solution, &no_noise);
     let of = |x: &Vector3<f64>| Vector1::new(x[0] / x[1]);
     for (n, row) in law_rows(window, kernel).enumerate() {
         overlap.add(row.as_ref().map(|(row, _)| row));
         if let Some((row, d_torque)) = &row {
-            groups.add(n, (row, *d_torque), equations, of);
+            groups.add(n, (row, *d_torque), of);
         }
     }
     let covariance = overlap.covariance(equations, &solution);
     let (g, h) = (solution.x[0], solution.x[1]);
     // Gradient of g/h.
     let gradient = Vector3::new(1.0 / h, -g / (h * h), 0.0);
-    let variance = gradient
-        .dot(&(covariance * gradient))
-        .max(groups.variance(equations, of)[0]);
+    let variance = gradient.dot(&(covariance * gradient)).max(groups.variance(of)[0]);
     let reading = Reading {
         value: g / h,
         sigma: libm::sqrt(variance),

@@ -70,6 +70,15 @@ impl<const M: usize> NormalEquations<M> {
         whole
     }
 
+    /// `Σ a (y − a · x)`.
+    #[must_use]
+    pub(super) fn score(&self, x: &SVector<f64, M>) -> SVector<f64, M> {
+        SVector::from_fn(|row, _| {
+            let products = (0..M).map(|column| self.ata[(row.max(column), row.min(column))] * x[column]);
+            self.aty[row] - products.sum::<f64>()
+        })
+    }
+
     /// The unknowns with the least sum of squares; `None` when a sum is not finite.
     #[must_use]
     #[inline(never)]

@@ -284,7 +284,7 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
         let mut overlap = Overlap::<FREE_COUNT>::new(weights, kernel.span);
         // Products of the free columns with those of the shared unknowns.
         let mut with_shared = SMatrix::<f64, FREE_COUNT, SHARED_COUNT>::zeros();
-        let mut groups = Jackknife::<FREE_COUNT, FREE_COUNT>::new(window.len(), noise);
+        let mut groups = Jackknife::<FREE_COUNT, FREE_COUNT>::new(window.len(), equations, solution, noise);
         let mut directions = [0; 2];
         let mut n = 0;
         self.each(|row| {
@@ -295,13 +295,13 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
                         with_shared[(place, unknown)] += free * shared;
                     }
                 }
-                groups.add(n, (free, rest), equations, SVector::clone);
+                groups.add(n, (free, rest), SVector::clone);
                 directions[usize::from(row.forward)] += 1;
             }
             n += 1;
         });
         let mut covariance = overlap.covariance(equations, solution);
-        let of_groups = groups.variance(equations, SVector::clone);
+        let of_groups = groups.variance(SVector::clone);
         for place in 0..FREE_COUNT {
             covariance[(place, place)] = covariance[(place, place)].max(of_groups[place]);
         }

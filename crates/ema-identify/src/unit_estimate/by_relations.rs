@@ -50,15 +50,11 @@ const RESIDUAL_FLOOR: f64 = 5e-3;
 pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, is_locked: bool) -> UnitEstimate {
     let found = unit.commissioned.estimate(&window.measured());
     let mut sigma = found.sigma;
+    // Of the two components of the eccentricity the larger factor.
+    let mut factors = [1.0; FAULT_COUNT];
     for element in Element::ALL {
-        let parameter = element.fault().parameter();
-        // Of the two components of the eccentricity the larger factor.
-        let factor = Element::ALL
-            .into_iter()
-            .filter(|other| other.fault() == element.fault())
-            .map(|other| unit.sigma_factors[other as usize])
-            .fold(1.0, f64::max);
-        sigma[parameter] = found.sigma[parameter].map(|sigma| factor * sigma);
+        let factor = &mut factors[element.fault().parameter()];
+        *factor = unit.sigma_factors[element as usize].max(*factor);
     }
     let motor = &window.params.motor;
     // Where noise explains all of it, the residual is 0.
@@ -106,7 +102,8 @@ pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, i
         other_motor: false,
         locked: is_locked,
         deviations: std::vec::Vec::new(),
-    };
+    }
+    .widened(&factors);
     let needed: [_; FAULT_COUNT] = found.needed;
     UnitEstimate {
         estimate,

@@ -6,7 +6,7 @@ use ema_identify::unit_calibration::{
 };
 use ema_identify::unit_estimate::{AlignedWindow, USUAL_COST, UnitEstimate, corrected, estimate_by_relations, of_both};
 use ema_identify::{Estimate, Fit, Identifier, Prepared};
-use ema_models::{Conditions, FaultId};
+use ema_models::{Conditions, FAULT_COUNT, FaultId};
 
 use super::AssessError;
 use crate::outbox::WindowJob;
@@ -22,10 +22,12 @@ pub(super) struct Assessed {
 }
 
 impl Assessed {
-    /// The same with every sigma multiplied.
-    pub(super) fn widened(mut self, factor: f64) -> Self {
-        self.estimate.sigma = self.estimate.sigma.map(|sigma| sigma.map(|sigma| factor * sigma));
-        self
+    /// The same with every sigma multiplied: see [`Estimate::widened`].
+    pub(super) fn widened(self, factor: f64) -> Self {
+        Self {
+            estimate: self.estimate.widened(&[factor; FAULT_COUNT]),
+            ..self
+        }
     }
 }
 
@@ -72,12 +74,13 @@ pub(super) fn estimate(
         (_, _, Some(monitor)) => by_monitor(monitor, identifier, job, conditions, seed)?,
         _ => return Err(AssessError::NoEstimator(job.actuator.name.clone())),
     };
-    reasons.extend(not_observable(&found));
     let motion = motion_of(job);
-    for unseen in unit.seen.unseen(&motion, &job.params) {
-        reasons.push(unseen.to_string());
+    let unseen = unit.seen.unseen(&motion, &job.params);
+    for _ in &unseen {
         found = found.widened(UNSEEN_FACTOR);
     }
+    reasons.extend(not_observable(&found));
+    reasons.extend(unseen.iter().map(ToString::to_string));
     Ok(Assessed {
         estimate: found.estimate,
         fit,

@@ -15,6 +15,7 @@ pub mod bus_state;
 pub mod catalogue;
 pub mod commissioning;
 pub mod config;
+pub mod config_warnings;
 pub mod dbc;
 pub mod demux;
 pub mod frame;

@@ -33,6 +33,7 @@ pub mod rul;
 pub mod sample;
 pub mod seed;
 pub mod sensor_checks;
+pub mod sensor_health;
 pub mod setting;
 pub mod timestamp;
 pub mod type_of_units;

@@ -20,12 +20,12 @@ use crate::health::{DamageEvidence, HealthState};
 use crate::history::{HistoryStore, WindowEvidence};
 use crate::outbox::WindowJob;
 use crate::record::{self, WindowStatus};
-use crate::sensor_checks::Suspect;
+use crate::sensor_checks::{Suspect, sensor_readings};
 use crate::window::WindowQuality;
 use ema_identify::unit_calibration::UnitCalibration;
 use ema_identify::{Estimate, Fit, Identifier, Method, Population};
 use explained::Explained;
-use records::{health_record, rul_record, window_record};
+use records::{health_record, rul_record, sensors_record, window_record};
 
 pub(crate) use by_unit::{motion_of, needed_in_words};
 pub use conditions::{conditions, motor_knowledge_at, motor_within};
@@ -64,6 +64,8 @@ pub struct AssessedWindow {
     pub health: record::Health,
     /// Remaining useful life; without numbers until there is a trend.
     pub rul: record::Rul,
+    /// Health of the sensors.
+    pub sensors: record::Sensors,
     /// Sensors, wires and configured numbers that may be wrong; the reasons of the records hold their sentences.
     pub suspects: Vec<Suspect>,
 }
@@ -128,6 +130,7 @@ impl Assessor {
     }
 
     fn assess_for(&mut self, mut job: WindowJob, learning: Option<&str>) -> Result<AssessedWindow, AssessError> {
+        let readings = sensor_readings(&job);
         let Explained {
             assessed,
             suspects,
@@ -186,6 +189,8 @@ impl Assessor {
         };
         let history = self.histories.history_at(&job.actuator, job.window.t_start_ns)?;
         let mut decision = history.update(&job, &evidence, &config);
+        // An invalid window is no evidence of a sensor either.
+        let sensors = history.update_sensors(&job, (status != WindowStatus::Invalid).then_some(&readings));
         if learning.is_some() {
             decision.state = HealthState::Unknown;
             decision.health.state = HealthState::Unknown;
@@ -194,7 +199,8 @@ impl Assessor {
         let reason = reasons.join("; ");
         Ok(AssessedWindow {
             window: window_record(&job, status, &reason, fit),
-            health: health_record(&job, status, &reason, found.as_ref(), &decision),
+            health: health_record(&job, status, &reason, found.as_ref(), &decision, &suspects),
+            sensors: sensors_record(&job, &sensors),
             rul: rul_record(&job, found.as_ref(), &decision, config.rul().horizon_h),
             suspects,
         })

@@ -9,6 +9,7 @@ mod actuator_type;
 mod bus;
 mod describe;
 mod drive;
+mod effective;
 mod error;
 mod health;
 mod identification;
@@ -28,6 +29,7 @@ mod window;
 pub use actuator::{ActuatorConfig, Learning};
 pub use actuator_type::ActuatorType;
 pub use bus::{BusConfig, BusLoad, LOAD_MAX};
+pub use effective::{EffectiveParameter, Origin, parameters_of_unit, write_parameters};
 pub use error::ConfigError;
 pub use health::HealthConfig;
 pub use identification::{IdentificationConfig, MONITOR_NAMES, SearchMethod};
@@ -320,10 +322,15 @@ impl Config {
         hex(&Sha256::digest(canonical))
     }
 
-    /// The checked configuration with its hash and bus loads, for `hmd check-config --json`.
+    /// The checked configuration with its hash, bus loads and effective parameters, for `hmd check-config --json`.
     #[must_use]
     pub fn to_json(&self) -> serde_json::Value {
-        serde_json::json!({ "hash": self.hash(), "bus_load": self.bus_loads(), "config": self })
+        serde_json::json!({
+            "hash": self.hash(),
+            "bus_load": self.bus_loads(),
+            "config": self,
+            "parameters": self.effective_parameters(),
+        })
     }
 
     /// What is configured, in a few lines, for `hmd check-config`.

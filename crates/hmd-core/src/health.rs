@@ -214,11 +214,12 @@ pub struct Health {
     #[serde(rename = "judged")]
     assessed: bool,
     last: (HealthState, [HealthState; FaultId::COUNT]),
-    faults: [FaultMemory; FaultId::COUNT],
+    faults: [LevelMemory; FaultId::COUNT],
 }
 
+/// Levels that one quantity has reached, with hysteresis and persistence.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-struct FaultMemory {
+pub(crate) struct LevelMemory {
     /// Levels reached: index into [`STATES`].
     reached: usize,
     /// Assessed windows in a row at or above each level.
@@ -244,7 +245,7 @@ impl Health {
             levels,
             assessed: false,
             last: (HealthState::Unknown, [HealthState::Unknown; FaultId::COUNT]),
-            faults: [FaultMemory::default(); FaultId::COUNT],
+            faults: [LevelMemory::default(); FaultId::COUNT],
         })
     }
 
@@ -259,7 +260,7 @@ impl Health {
 
     /// Whether the state is possible; a damaged file may hold any numbers.
     pub(crate) fn is_possible(&self) -> bool {
-        self.faults.iter().all(|memory| memory.reached <= STEPS)
+        self.faults.iter().all(LevelMemory::is_possible)
     }
 
     /// Windows in a row that a worse state needs by a fault; without one, the most that any fault needs.
@@ -270,7 +271,7 @@ impl Health {
 
     /// Assessed windows in a row that ask for a worse state than the one reached, the most of any fault; 0 when none does.
     pub(crate) fn pending(&self) -> u32 {
-        let next = |memory: &FaultMemory| memory.above.get(memory.reached).copied();
+        let next = |memory: &LevelMemory| memory.above.get(memory.reached).copied();
         self.faults.iter().filter_map(next).max().unwrap_or(0)
     }
 
@@ -284,7 +285,7 @@ impl Health {
     pub fn reset(&mut self) {
         self.assessed = false;
         self.last = (HealthState::Unknown, [HealthState::Unknown; FaultId::COUNT]);
-        self.faults = [FaultMemory::default(); FaultId::COUNT];
+        self.faults = [LevelMemory::default(); FaultId::COUNT];
     }
 
     /// Takes the next window; `None` if it was not assessed.
@@ -300,7 +301,7 @@ impl Health {
         }
         let states = self.faults.map(|memory| {
             if self.assessed {
-                STATES[memory.reached]
+                memory.state()
             } else {
                 HealthState::Unknown
             }
@@ -335,8 +336,19 @@ impl DamageEvidence {
     }
 }
 
-impl FaultMemory {
-    fn update(&mut self, damage: f64, sigma: f64, levels: &Levels) {
+impl LevelMemory {
+    /// Whether the state is possible; a damaged file may hold any numbers.
+    pub(crate) fn is_possible(&self) -> bool {
+        self.reached <= STEPS
+    }
+
+    /// The level reached.
+    pub(crate) fn state(&self) -> HealthState {
+        STATES[self.reached]
+    }
+
+    /// Takes a reading, a damage or whatever the levels are of, with its standard deviation.
+    pub(crate) fn update(&mut self, damage: f64, sigma: f64, levels: &Levels) {
         let steps = levels.steps();
         let significant = damage >= SIGNIFICANCE * sigma;
         for (above, level) in self.above.iter_mut().zip(steps) {

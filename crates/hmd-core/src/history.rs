@@ -17,6 +17,8 @@ use crate::functional_check::RequirementCheck;
 use crate::health::{DamageEvidence, Health, HealthDecision, HealthState, LevelsError};
 use crate::outbox::WindowJob;
 use crate::rul::{Forecast, Odometer, Prognosis};
+use crate::sensor_checks::SensorReadings;
+use crate::sensor_health::{SENSOR_QUANTITY_COUNT, SensorHealth, SensorState};
 use ema_identify::Fit;
 use urgency::Urgency;
 
@@ -47,6 +49,9 @@ pub struct UnitHistory {
     /// The last functional check; files of version 1 had none. The name in files is older.
     #[serde(default, rename = "tried")]
     last_check: Option<functional::LastCheck>,
+    /// Health of the sensors; older files had none.
+    #[serde(default)]
+    sensors: SensorHealth,
 }
 
 /// What the identification of a window gave.
@@ -111,6 +116,7 @@ impl UnitHistory {
             last: None,
             fault: None,
             last_check: None,
+            sensors: SensorHealth::default(),
         })
     }
 
@@ -123,6 +129,7 @@ impl UnitHistory {
             && self.health.is_possible()
             && self.prognosis.is_possible()
             && self.urgency.is_possible()
+            && self.sensors.is_possible()
     }
 
     /// Resumes a stored history under a configuration. The pause counts as no use; a unit with another serial number begins a
@@ -191,6 +198,17 @@ impl UnitHistory {
             limiting_criterion,
             used: self.used,
         }
+    }
+
+    /// Takes what a window shows of the sensors, after [`UnitHistory::update`] has counted its hours; `None` of a window that is no
+    /// evidence.
+    pub fn update_sensors(
+        &mut self,
+        job: &WindowJob,
+        readings: Option<&SensorReadings>,
+    ) -> [SensorState; SENSOR_QUANTITY_COUNT] {
+        let tolerances = &job.actuator.tolerances;
+        self.sensors.update(self.used.hours, readings, &job.params, tolerances)
     }
 
     /// Windows in a row that ask for a worse state by damage.

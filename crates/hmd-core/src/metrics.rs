@@ -144,6 +144,9 @@ fn of_actuators(out: &mut DescriptorEncoder<'_>, status: &Status) -> fmt::Result
     let help = "Health by the last window: 0 unknown, 1 nominal, 2 watch, 3 warning, 4 critical";
     let rank = each(|of| HealthState::named(&of.health) as u64);
     gauges(out, "health", help, "actuator", rank)?;
+    let help = "Level of the sensors by the last window, as hmd_health";
+    let rank = each(|of| HealthState::named(&of.sensors) as u64);
+    gauges(out, "sensors", help, "actuator", rank)?;
     let help = "Windows in a row that ask for a worse health";
     gauges(out, "persistence", help, "actuator", each(|of| of.persistence))?;
     let passive = each(|of| u64::from(of.passive));
@@ -213,6 +216,7 @@ mod tests {
                 data_age_s: 4.5,
                 data_state: "STALE".to_owned(),
                 health: "watch".to_owned(),
+                sensors: "warning".to_owned(),
                 persistence: 2,
                 passive: true,
                 ..ActuatorStatus::default()
@@ -238,6 +242,7 @@ mod tests {
             "hmd_data_age_seconds{actuator=\"ema3\"} 4.5",
             "hmd_data_stale{actuator=\"ema3\"} 1",
             "hmd_health{actuator=\"ema3\"} 2",
+            "hmd_sensors{actuator=\"ema3\"} 3",
             "hmd_persistence{actuator=\"ema3\"} 2",
             "hmd_passive{actuator=\"ema3\"} 1",
         ] {

@@ -10,6 +10,7 @@
 //! | `torque` | balance of the shaft: sign and gain of the currents, load |
 //! | `angles` | output against motor and set point: gear ratio, encoder, unit and delay of the set point |
 //! | `unseen_motion` | motion that no window has: unit of the set point, mode |
+//! | `readings` | offsets, gains, latency, resolver errors and link voltage of every window, for their drift (`sensor_health`) |
 //!
 //! What only shows in the estimate, such as a link voltage, competes with the faults there ([`rivals`]).
 
@@ -18,6 +19,7 @@ mod correction;
 mod currents;
 mod findings;
 mod least_squares;
+mod readings;
 pub mod rivals;
 mod signals;
 mod suspect;
@@ -27,5 +29,6 @@ mod wiring;
 
 pub use correction::Correction;
 pub use findings::{Finding, examine};
+pub use readings::{Reading, SensorReadings, sensor_readings};
 pub use suspect::{Suspect, Suspicion};
 pub use unseen_motion::UnseenMotion;

@@ -166,6 +166,7 @@ impl<W: Write + Seek> Demo<W> {
         self.writer.write(at, &assessed.window)?;
         self.writer.write(at, &assessed.health)?;
         self.writer.write(at, &assessed.rul)?;
+        self.writer.write(at, &assessed.sensors)?;
         self.writer.flush_window()?;
         Ok(assessed)
     }

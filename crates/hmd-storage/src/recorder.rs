@@ -175,13 +175,15 @@ impl Recorder {
                 store.write(at, &assessed.window);
                 store.write(at, &assessed.health);
                 store.write(at, &assessed.rul);
+                store.write(at, &assessed.sensors);
                 store.sync_records()
             }
             Output::File { .. } => {
                 self.file(|writer| {
                     writer.write(at, &assessed.window)?;
                     writer.write(at, &assessed.health)?;
-                    writer.write(at, &assessed.rul)
+                    writer.write(at, &assessed.rul)?;
+                    writer.write(at, &assessed.sensors)
                 })?;
                 self.sync_file()?;
                 true
@@ -191,6 +193,7 @@ impl Recorder {
         self.publish(at, &assessed.window);
         self.publish(at, &assessed.health);
         self.publish(at, &assessed.rul);
+        self.publish(at, &assessed.sensors);
         Ok(stored)
     }
 

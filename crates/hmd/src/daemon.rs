@@ -328,6 +328,10 @@ fn assess_windows(
                 let stamp_ns = assessed.health.t_start_ns;
                 publish(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
             }
+            if let Some((level, message)) = shared.health_tracker.update_sensors(&assessed.sensors, passive) {
+                let stamp_ns = assessed.health.t_start_ns;
+                publish(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
+            }
             let (mut stored, mut messages) = (true, Vec::new());
             if let Some(recorder) = &mut shared.recorder {
                 // At the end there are no ticks any more, and the storage is tended here.

@@ -1,5 +1,7 @@
 //! The records of an assessed window.
 
+use std::collections::BTreeSet;
+
 use ema_models::{FaultId, Setpoint};
 
 use crate::health::{HealthDecision, HealthState, SIGNIFICANCE};
@@ -7,6 +9,8 @@ use crate::history::UnitAssessment;
 use crate::outbox::WindowJob;
 use crate::record::{self, WindowStatus};
 use crate::rul::RemainingLife;
+use crate::sensor_checks::Suspect;
+use crate::sensor_health::{SENSOR_QUANTITY_COUNT, SensorState};
 use ema_identify::{Estimate, Fit};
 
 fn largest_fault(decision: &HealthDecision, estimate: Option<&Estimate>) -> String {
@@ -22,6 +26,7 @@ pub(super) fn health_record(
     reason: &str,
     estimate: Option<&Estimate>,
     assessment: &UnitAssessment,
+    suspects: &[Suspect],
 ) -> record::Health {
     let decision = &assessment.health;
     let mut health = record::Health {
@@ -34,6 +39,7 @@ pub(super) fn health_record(
         cost: estimate.map(|e| e.cost),
         residual_rms_a: estimate.map(|e| e.residual_rms_a),
         evaluations: estimate.map_or(0, |e| e.evaluations),
+        suspects: names_of(suspects),
         ..record::Health::default()
     };
     // A fault vector that does not explain the data is no estimate.
@@ -50,6 +56,23 @@ pub(super) fn health_record(
         health.set_faults(&decision.faults);
     }
     health
+}
+
+/// The names of the suspects, each once.
+fn names_of(suspects: &[Suspect]) -> Vec<String> {
+    let once: BTreeSet<Suspect> = suspects.iter().copied().collect();
+    once.into_iter().map(|suspect| suspect.name().to_owned()).collect()
+}
+
+pub(super) fn sensors_record(job: &WindowJob, states: &[SensorState; SENSOR_QUANTITY_COUNT]) -> record::Sensors {
+    let mut sensors = record::Sensors {
+        actuator: job.actuator.name.clone(),
+        window: job.window.number,
+        t_start_ns: job.window.t_start_ns,
+        ..record::Sensors::default()
+    };
+    sensors.set_states(states);
+    sensors
 }
 
 /// The state is unknown instead of nominal while the estimate has a damage that is too uncertain to count: the window does not show

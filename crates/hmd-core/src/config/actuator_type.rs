@@ -37,6 +37,29 @@ pub struct ActuatorType {
     pub calibration: Option<PathBuf>,
     /// What it must still do when it is worn.
     pub specification: Specification,
+    /// Where its values come from. Not part of the hash.
+    #[serde(skip)]
+    pub(super) origins: Origins,
+}
+
+/// Where the values of a type come from.
+#[derive(Clone, Debug)]
+pub(super) struct Origins {
+    /// The built-in type that it starts from.
+    pub(super) built_in: &'static str,
+    /// Whether the file has a section of it.
+    pub(super) is_configured: bool,
+    /// The word for the tolerances that it does not set.
+    pub(super) tolerances: &'static str,
+    /// File and line of what the file sets, by group and key.
+    pub(super) places: BTreeMap<(&'static str, String), String>,
+}
+
+/// Two files that mean the same are equal, wherever their values come from.
+impl PartialEq for Origins {
+    fn eq(&self, _other: &Self) -> bool {
+        true
+    }
 }
 
 impl ActuatorType {
@@ -75,6 +98,12 @@ pub(super) fn read_all(root: &Section<'_>) -> Result<BTreeMap<String, ActuatorTy
                     drive: DriveParams::of_built_in(name),
                     calibration: None,
                     specification: Specification::default(),
+                    origins: Origins {
+                        built_in: name,
+                        is_configured: false,
+                        tolerances: tolerances::word(&tolerances::DEFAULT),
+                        places: BTreeMap::new(),
+                    },
                 },
             )
         })
@@ -103,12 +132,25 @@ pub(super) fn read_all(root: &Section<'_>) -> Result<BTreeMap<String, ActuatorTy
         let drive = drive::read(&section, DriveParams::of_built_in(base_name))?;
         let calibration = section.text("calibration")?.map(PathBuf::from);
         let specification = Specification::read(&section.section("specification", Specification::KEYS)?)?;
+        let mut places = BTreeMap::new();
+        for group in GROUPS.into_iter().chain(["drive"]) {
+            // Its keys were checked above.
+            if let Some(set) = section.table(group)? {
+                places.extend(set.places().map(|(key, place)| ((group, key.to_owned()), place)));
+            }
+        }
         let found = ActuatorType {
             params,
             tolerances,
             drive,
             calibration,
             specification,
+            origins: Origins {
+                built_in: base_name,
+                is_configured: true,
+                tolerances: tolerances::word(&known_within),
+                places,
+            },
         };
         types.insert(name.to_owned(), found);
     }

@@ -3,10 +3,8 @@
 use std::fmt::{self, Write};
 use std::path::Path;
 
-use ema_models::Tolerances;
-
 use super::actuator_type::DEFAULT_TYPE;
-use super::tolerances;
+use super::effective::write_parameters;
 use super::{ActuatorConfig, Config, HoursOf, LOAD_MAX, MONITOR_NAMES, RulConfig, SearchMethod};
 use crate::dbc::{Role, SignalMap};
 use crate::health::Levels;
@@ -20,7 +18,7 @@ pub(super) fn describe(config: &Config) -> String {
 
 fn write_all(out: &mut String, config: &Config) -> fmt::Result {
     write_actuators(out, config)?;
-    write_tolerances(out, config)?;
+    write_types(out, config)?;
     let window = config.window();
     writeln!(
         out,
@@ -113,18 +111,11 @@ fn write_actuators(out: &mut String, config: &Config) -> fmt::Result {
     Ok(())
 }
 
-/// The tolerances of types that set any.
-fn write_tolerances(out: &mut String, config: &Config) -> fmt::Result {
-    for (name, of_type) in config.types() {
-        if of_type.tolerances == Tolerances::MOTOR_ONLY {
-            writeln!(out, "type {name}: tolerances exact")?;
-        } else if !tolerances::are_default(&of_type.tolerances) {
-            write!(out, "type {name}:")?;
-            for (group, key, value) in tolerances::set(&of_type.tolerances) {
-                write!(out, " {group}.{key} {value}")?;
-            }
-            writeln!(out)?;
-        }
+/// Every parameter of the types that are used or described.
+fn write_types(out: &mut String, config: &Config) -> fmt::Result {
+    for (name, parameters) in config.effective_parameters() {
+        writeln!(out, "type {name}:")?;
+        write_parameters(out, &parameters)?;
     }
     Ok(())
 }

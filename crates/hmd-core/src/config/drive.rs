@@ -94,6 +94,14 @@ pub(super) fn as_file_keys<S: Serializer>(drive: &DriveParams, serializer: S) ->
     FileKeys::from(drive).serialize(serializer)
 }
 
+/// Group, key and value of what is known of a vector drive.
+pub(super) fn listed(drive: &DriveParams) -> impl Iterator<Item = (&'static str, &'static str, f64)> {
+    let mut drive = *drive;
+    PARAMS
+        .iter()
+        .filter_map(move |param| Some(("drive", param.key, (*(param.place)(&mut drive))?)))
+}
+
 /// The drive under its keys.
 pub(super) fn as_text(drive: &DriveParams) -> String {
     format!("{:?}", FileKeys::from(drive))

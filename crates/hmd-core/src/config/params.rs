@@ -141,6 +141,13 @@ fn expected(error: &ParamsError) -> String {
     }
 }
 
+/// Group, key and value of every parameter, in the order of the groups.
+pub(super) fn listed(params: &ActuatorParams) -> impl Iterator<Item = (&'static str, &'static str, f64)> {
+    PARAMS
+        .iter()
+        .map(move |param| (param.group, param.key, (param.get)(params)))
+}
+
 /// The parameters as the file would spell them, by group and key.
 pub(super) fn by_key(params: &ActuatorParams) -> BTreeMap<&'static str, BTreeMap<&'static str, f64>> {
     let mut groups: BTreeMap<_, BTreeMap<_, _>> = BTreeMap::new();

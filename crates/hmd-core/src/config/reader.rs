@@ -114,6 +114,13 @@ impl<'a> Section<'a> {
         Ok(section)
     }
 
+    /// The table under `key`, whatever its keys; `None` if the document has none.
+    pub(super) fn table(&self, key: &str) -> Result<Option<Self>, ConfigError> {
+        self.get(key)
+            .map(|value| self.open(self.path_of(key), value))
+            .transpose()
+    }
+
     /// The named tables under `key`, in order of name, each with only the keys `keys`.
     pub(super) fn named_sections(&self, key: &str, keys: &[&str]) -> Result<Vec<(&'a str, Self)>, ConfigError> {
         let Some(value) = self.get(key) else {
@@ -215,6 +222,16 @@ impl<'a> Section<'a> {
     /// Whether the document sets `key`.
     pub(super) fn has(&self, key: &str) -> bool {
         self.get(key).is_some()
+    }
+
+    /// The keys that the document sets here, each with the file and line of its value.
+    pub(super) fn places(&self) -> impl Iterator<Item = (&'a str, String)> {
+        let document = self.document;
+        self.table.into_iter().flatten().map(move |(key, value)| {
+            let start = value.span().start;
+            let place = format!("{}:{}", document.file(start).1, document.line(start));
+            (key.get_ref().as_ref(), place)
+        })
     }
 
     /// One text, or an array of them; empty if the document does not set `key`.

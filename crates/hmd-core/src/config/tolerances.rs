@@ -81,8 +81,21 @@ pub(super) const DEFAULT: Tolerances = Tolerances::USUAL;
 
 /// The tolerances that a type starts from.
 pub(super) fn base(type_section: &Section<'_>) -> Result<Tolerances, ConfigError> {
-    let choices = [("exact", Tolerances::MOTOR_ONLY), ("usual", Tolerances::USUAL)];
-    type_section.choice("tolerances", DEFAULT, &choices)
+    type_section.choice("tolerances", DEFAULT, &WORDS)
+}
+
+/// Words for all tolerances.
+const WORDS: [(&str, Tolerances); 2] = [("exact", Tolerances::MOTOR_ONLY), ("usual", Tolerances::USUAL)];
+
+/// The word for the tolerances that a type starts from.
+pub(super) fn word(base: &Tolerances) -> &'static str {
+    let named = WORDS.iter().find(|(_, of_word)| of_word == base);
+    named.map_or("", |(word, _)| word)
+}
+
+/// Key of the tolerance of a parameter, if it can have one.
+pub(super) fn key_of(group: &str, parameter: &str) -> Option<&'static str> {
+    keys(group).find(|key| key.strip_suffix("_tolerance") == Some(parameter))
 }
 
 /// Sets in `tolerances` what the subtable of a group sets.
@@ -146,13 +159,19 @@ mod tests {
     fn a_type_has_the_usual_tolerances_unless_it_says_otherwise() {
         let (default, config) = of_bench("");
         assert_eq!(default, Tolerances::USUAL);
-        assert!(!config.describe().contains("tolerance"));
+        assert!(
+            config
+                .describe()
+                .contains("inertia_kg_m2 0.001 ± 0.05 of it (built-in bench, usual)"),
+            "{}",
+            config.describe()
+        );
         let (usual, same) = of_bench("type.bench.tolerances = \"usual\"");
         assert_eq!((usual, same.hash()), (default, config.hash()));
 
         let (exact, config) = of_bench("type.bench.tolerances = \"exact\"");
         assert_eq!(exact, Tolerances::MOTOR_ONLY);
-        assert!(config.describe().contains("type bench: tolerances exact\n"));
+        assert!(config.describe().contains("inertia_kg_m2 0.001 (built-in bench)\n"));
         assert_ne!(config.hash(), same.hash());
 
         let inertia = "type.bench.motor.inertia_kg_m2_tolerance = 0.1\n";
@@ -160,7 +179,7 @@ mod tests {
         assert_eq!(alone, Tolerances { j: 0.1, ..default });
         let (beside, config) = of_bench(&format!("{inertia}type.bench.tolerances = \"exact\""));
         assert_eq!(beside, Tolerances { j: 0.1, ..exact });
-        assert!(config.describe().contains("motor.inertia_kg_m2_tolerance 0.1"));
+        assert!(config.describe().contains("± 0.1 of it (built-in bench, hmd.toml:1)"));
     }
 
     #[test]

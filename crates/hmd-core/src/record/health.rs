@@ -23,6 +23,8 @@ message! {
         faults: String = 7 string;
         /// Detected faults, one by one.
         fault_list: Vec<String> = 8 string repeated;
+        /// Sensors, wires and numbers that the window makes doubtful, one by one; the reason has the evidence.
+        suspects: Vec<String> = 9 string repeated;
         /// Friction, 0…1; absent when the window is invalid or unmodelled, as all of k1…k8.
         k1: Option<f64> = 11 double optional;
         /// Backlash, 0…1.

@@ -45,6 +45,8 @@ pub struct HealthLine<'a> {
     evaluations: u64,
     health: &'a str,
     faults: &'a [String],
+    #[serde(skip_serializing_if = "<[String]>::is_empty")]
+    suspects: &'a [String],
     rul_h: Option<Interval>,
     rul_cycles: Option<Interval>,
     #[serde(skip_serializing_if = "str::is_empty")]
@@ -68,6 +70,7 @@ impl<'a> HealthLine<'a> {
             evaluations: health.evaluations,
             health: &health.health,
             faults: &health.fault_list,
+            suspects: &health.suspects,
             rul_h: rul.and_then(|rul| Interval::new(rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h)),
             rul_cycles: rul.and_then(|rul| Interval::new(rul.rul_p10_cycles, rul.rul_p50_cycles, rul.rul_p90_cycles)),
             reason: &health.reason,
@@ -143,11 +146,12 @@ mod tests {
             status: "invalid".to_owned(),
             health: "unknown".to_owned(),
             reason: "12 of 1000 samples".to_owned(),
+            suspects: vec!["load sensor".to_owned()],
             ..Health::default()
         };
         let expected = concat!(
             r#"{"actuator":"ema0","window":0,"t_start_ns":0,"status":"invalid","k":null,"sigma":null,"#,
-            r#""observable":null,"cost":null,"residual_rms_a":null,"evaluations":0,"health":"unknown","faults":[],"#,
+            r#""observable":null,"cost":null,"residual_rms_a":null,"evaluations":0,"health":"unknown","faults":[],"suspects":["load sensor"],"#,
             r#""rul_h":null,"rul_cycles":null,"reason":"12 of 1000 samples"}"#,
         );
         assert_eq!(HealthLine::from(&health).to_json(), expected);

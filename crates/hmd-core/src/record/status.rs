@@ -119,6 +119,8 @@ message! {
         changed_damage: f64 = 9 double;
         /// Whether changes of its state raise no alarm.
         passive: bool = 10 bool;
+        /// Level of its sensors by the last window, as `health`.
+        sensors: String = 11 string;
     }
 }
 

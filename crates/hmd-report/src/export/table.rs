@@ -104,7 +104,7 @@ macro_rules! columns {
 
 columns! {
     /// Results of one window.
-    HEALTH, pub fn health_row(health: &Health, rul: &Rul), 83:
+    HEALTH, pub fn health_row(health: &Health, rul: &Rul), 84:
     "t_start_ns" "ns, UTC" Time(health.t_start_ns);
     "actuator" "" Text(health.actuator.clone());
     "window" "" Count(health.window);
@@ -188,6 +188,7 @@ columns! {
     "gain_p50_h" "h" Number(rul.gain_p50_h);
     "gain_p90_h" "h" Number(rul.gain_p90_h);
     "gain_failure_probability" "1" Number(rul.gain_failure_probability);
+    "suspects" "" Text(health.suspects.join(","));
 }
 
 columns! {

@@ -118,6 +118,13 @@ fn used(row: &Row<'_>) -> String {
     if row.persistence > 0 {
         text += &format!("; {} windows in a row ask for a worse state", row.persistence);
     }
+    if let Some(known) = row.known.filter(|known| !known.sensors.drifting.is_empty()) {
+        text += &format!(
+            "; sensors {}: {}",
+            known.sensors.level,
+            known.sensors.drifting.join(", ")
+        );
+    }
     if row.passive {
         text += "; passive: raises no alarm";
     }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use prost::{DecodeError, Message};
 
-use hmd_core::record::{Health, Log, LogLevel, PACKAGE, Record, Rul, Status, Window};
+use hmd_core::record::{Health, Log, LogLevel, PACKAGE, Record, Rul, Sensors, Status, Window};
 use hmd_storage::mcap::McapMessage;
 
 /// Most actuators that are known: sixteen on each of 64 interfaces, which is all that the daemon takes.
@@ -22,6 +22,8 @@ pub struct Known {
     pub assessed: Option<Health>,
     /// What was left after the newest window; `None` until that is read.
     pub rul: Option<Rul>,
+    /// Its sensors by the newest window that has them; older files have none.
+    pub sensors: Sensors,
     /// The newest window, without its samples.
     pub window: Option<Window>,
 }
@@ -69,6 +71,7 @@ impl State {
             Window::SCHEMA_NAME => self.window(Window::decode(data)?),
             Health::SCHEMA_NAME => self.health(Health::decode(data)?),
             Rul::SCHEMA_NAME => self.rul(Rul::decode(data)?),
+            Sensors::SCHEMA_NAME => self.sensors(Sensors::decode(data)?),
             Status::SCHEMA_NAME => {
                 self.status = Some((at_ns, Status::decode(data)?));
                 // The writer's clock, even where it was set back.
@@ -166,6 +169,12 @@ impl State {
             .filter(|known| known.health.window == rul.window)
         {
             known.rul = Some(rul);
+        }
+    }
+
+    fn sensors(&mut self, sensors: Sensors) {
+        if let Some(known) = self.known(&sensors.actuator.clone()) {
+            known.sensors = sensors;
         }
     }
 

@@ -1,8 +1,12 @@
 //! `hmd check-config`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use super::{Exit, check_files_of_run, load_config, say};
+use hmd_core::config::{Config, EffectiveParameter, parameters_of_unit, write_parameters};
+use hmd_core::config_warnings::warnings;
+use hmd_storage::calibration_file::{load_learnt, load_type_models, load_unit};
+
+use super::{Exit, check_files_of_run, load_config, say, warn};
 
 /// Check a configuration and say what it means.
 #[derive(Debug, clap::Args)]
@@ -25,10 +29,54 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = load_config(args.config.as_deref())?;
     check_files_of_run(&config)?;
-    if args.json {
-        say(&serde_json::to_string_pretty(&config.to_json())?)?;
-    } else {
-        say(config.describe().trim_end())?;
+    let units = units(&config)?;
+    let warnings = warnings(&config, &load_type_models(&config)?);
+    let file = args.config.as_deref().unwrap_or(Path::new("defaults")).display();
+    for warning in &warnings {
+        warn(format_args!("{file}: warning: {warning}"));
     }
+    if args.json {
+        let mut text = config.to_json();
+        let of_units = units.iter().map(|unit| (unit.actuator.clone(), &unit.parameters));
+        text["units"] = serde_json::to_value(of_units.collect::<std::collections::BTreeMap<_, _>>())?;
+        text["warnings"] = serde_json::to_value(&warnings)?;
+        say(&serde_json::to_string_pretty(&text)?)?;
+        return Ok(Exit::Done);
+    }
+    let mut text = config.describe();
+    for unit in &units {
+        text += &format!("unit {}:\n", unit.actuator);
+        write_parameters(&mut text, &unit.parameters)?;
+    }
+    say(text.trim_end())?;
     Ok(Exit::Done)
+}
+
+/// What is known of a commissioned unit.
+struct Unit {
+    actuator: String,
+    parameters: Vec<EffectiveParameter>,
+}
+
+/// The units that have a calibration, given or learnt by earlier runs.
+fn units(config: &Config) -> anyhow::Result<Vec<Unit>> {
+    let mut found = Vec::new();
+    for actuator in config.actuators() {
+        if let Some(path) = &actuator.calibration {
+            let path = config.resolve(path);
+            found.push((actuator, load_unit(&path, &actuator.type_name)?, path));
+        }
+    }
+    found.extend(
+        load_learnt(config)?
+            .into_iter()
+            .map(|(path, actuator, unit)| (actuator, unit, path)),
+    );
+    Ok(found
+        .into_iter()
+        .map(|(actuator, unit, path)| Unit {
+            actuator: actuator.name.clone(),
+            parameters: parameters_of_unit(&actuator.params, &unit, &path.display().to_string()),
+        })
+        .collect())
 }

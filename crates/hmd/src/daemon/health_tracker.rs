@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use hmd_core::record::{Health, LogLevel};
+use hmd_core::record::{Health, LogLevel, Sensors};
 
 /// Health of all actuators with an assessment.
 #[derive(Debug, Default)]
@@ -16,6 +16,8 @@ pub(super) struct TrackedHealth {
     /// Windows in a row that ask for a worse state, the most of any fault; the state is reached when they are as many as
     /// the `persistence` of that fault.
     pub(super) persistence: u32,
+    /// Level of its sensors, as `health`.
+    pub(super) sensors: String,
     /// The last change of the state; `None` before the first.
     pub(super) changed: Option<Change>,
 }
@@ -39,24 +41,14 @@ const ORDER: [&str; 5] = ["unknown", "nominal", "watch", "warning", "critical"];
 impl HealthTracker {
     /// Takes an assessment. Returns a notice for an operator on a change to report; that of a passive actuator is no warning.
     pub(super) fn update(&mut self, health: &Health, persistence: u32, passive: bool) -> Option<(LogLevel, String)> {
-        let tracked = self.0.entry(health.actuator.clone()).or_insert_with(|| TrackedHealth {
-            health: ORDER[0].to_owned(),
-            ..TrackedHealth::default()
-        });
+        let tracked = self.tracked(&health.actuator);
         tracked.persistence = persistence;
         if tracked.health == health.health {
             return None;
         }
         let from = std::mem::replace(&mut tracked.health, health.health.clone());
         let damage = health.damages().into_iter().flatten().fold(0.0, f64::max);
-        let rank = |state: &str| ORDER.iter().position(|of| *of == state);
-        let is_reported = rank(&from) >= rank("watch") || rank(&health.health) >= rank("watch");
-        let worse = rank(&health.health) > rank(&from);
-        let level = if worse && !passive {
-            LogLevel::Warning
-        } else {
-            LogLevel::Info
-        };
+        let level = reported_level(&from, &health.health, passive);
         let faults = if health.faults.is_empty() {
             "no fault"
         } else {
@@ -75,16 +67,58 @@ impl HealthTracker {
             faults: health.faults.clone(),
             damage,
         });
-        is_reported.then_some((level, message))
+        Some((level?, message))
+    }
+
+    /// Takes the health of the sensors after a window, which is news of its own. Returns a notice as [`HealthTracker::update`] does.
+    pub(super) fn update_sensors(&mut self, sensors: &Sensors, passive: bool) -> Option<(LogLevel, String)> {
+        let tracked = self.tracked(&sensors.actuator);
+        if tracked.sensors == sensors.level {
+            return None;
+        }
+        let from = std::mem::replace(&mut tracked.sensors, sensors.level.clone());
+        let level = reported_level(&from, &sensors.level, passive)?;
+        let drifting = if sensors.drifting.is_empty() {
+            "none drifts".to_owned()
+        } else {
+            format!("{} drifts", sensors.drifting.join(", "))
+        };
+        let message = format!(
+            "{}: sensors {from} to {} in window {}: {drifting}{}",
+            sensors.actuator,
+            sensors.level,
+            sensors.window,
+            if passive { " (passive)" } else { "" }
+        );
+        Some((level, message))
+    }
+
+    fn tracked(&mut self, actuator: &str) -> &mut TrackedHealth {
+        self.0.entry(actuator.to_owned()).or_insert_with(TrackedHealth::unknown)
     }
 
     /// Health of one actuator; `unknown` before its first assessment.
     pub(super) fn health_of(&self, actuator: &str) -> TrackedHealth {
-        self.0.get(actuator).cloned().unwrap_or_else(|| TrackedHealth {
-            health: ORDER[0].to_owned(),
-            ..TrackedHealth::default()
-        })
+        self.0.get(actuator).cloned().unwrap_or_else(TrackedHealth::unknown)
     }
+}
+
+impl TrackedHealth {
+    fn unknown() -> Self {
+        Self {
+            health: ORDER[0].to_owned(),
+            sensors: ORDER[0].to_owned(),
+            ..Self::default()
+        }
+    }
+}
+
+/// How a change of a state is reported: not at all below `watch`, as a warning where it is for the worse.
+fn reported_level(from: &str, to: &str, passive: bool) -> Option<LogLevel> {
+    let rank = |state: &str| ORDER.iter().position(|of| *of == state);
+    let worse = rank(to) > rank(from) && !passive;
+    let level = if worse { LogLevel::Warning } else { LogLevel::Info };
+    (rank(from) >= rank("watch") || rank(to) >= rank("watch")).then_some(level)
 }
 
 #[cfg(test)]
@@ -131,6 +165,32 @@ mod tests {
         };
         assert_eq!(changed, expected, "the last change, not the last window");
         let (level, _) = tracker.update(&assessed(4, "nominal", 0.0), 0, false).unwrap();
+        assert_eq!(level, LogLevel::Info);
+    }
+
+    #[test]
+    fn a_drifting_sensor_is_news_of_its_own() {
+        let mut tracker = HealthTracker::default();
+        let sensors = |level: &str, drifting: &[&str]| Sensors {
+            actuator: "ema3".to_owned(),
+            window: 12,
+            level: level.to_owned(),
+            drifting: drifting.iter().map(ToString::to_string).collect(),
+            ..Sensors::default()
+        };
+        assert_eq!(tracker.update_sensors(&sensors("nominal", &[]), false), None);
+        let (level, message) = tracker
+            .update_sensors(&sensors("watch", &["current_sum_a"]), false)
+            .unwrap();
+        assert_eq!(level, LogLevel::Warning);
+        assert_eq!(
+            message,
+            "ema3: sensors nominal to watch in window 12: current_sum_a drifts"
+        );
+        let tracked = tracker.health_of("ema3");
+        assert_eq!((&*tracked.health, &*tracked.sensors), ("unknown", "watch"));
+        assert_eq!(tracker.update_sensors(&sensors("watch", &[]), false), None);
+        let (level, _) = tracker.update_sensors(&sensors("nominal", &[]), false).unwrap();
         assert_eq!(level, LogLevel::Info);
     }
 

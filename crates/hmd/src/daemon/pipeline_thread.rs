@@ -139,6 +139,7 @@ impl PipelineThread {
                 data_age_s,
                 data_state: data_state.name().to_owned(),
                 health: tracked.health,
+                sensors: tracked.sensors,
                 persistence: tracked.persistence.into(),
                 changed_ns: changed.t_ns,
                 changed_from: changed.from,

@@ -6,5 +6,6 @@ mod layouts;
 mod pages;
 mod rul;
 mod samples;
+mod sensor_health;
 mod window;
 mod window_properties;

@@ -6,7 +6,9 @@ use std::fmt::Write;
 use std::path::Path;
 
 use hmd_core::metrics::render;
-use hmd_core::record::{ActuatorStatus, Dropped, Health, InterfaceStatus, Log, RawBatch, Record, Rul, Status, Window};
+use hmd_core::record::{
+    ActuatorStatus, Dropped, Health, InterfaceStatus, Log, RawBatch, Record, Rul, Sensors, Status, Window,
+};
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FileDescriptorProto};
 
@@ -83,6 +85,7 @@ fn fields() {
     fields_of::<Window>(&mut ours);
     fields_of::<Health>(&mut ours);
     fields_of::<Rul>(&mut ours);
+    fields_of::<Sensors>(&mut ours);
     fields_of::<Dropped>(&mut ours);
     fields_of::<Status>(&mut ours);
     check("schemas/hmd.v1.proto", &ours);

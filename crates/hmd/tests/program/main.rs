@@ -1,5 +1,6 @@
 //! The program `hmd` as a whole: its verbs, the daemon on all its sources and in real time, and what its requirements name.
 
+mod check_config;
 mod cli_live;
 mod damaged_log;
 mod export;

@@ -2,8 +2,8 @@
 
 /// Longest record and longest decompressed chunk that is read, bytes.
 pub(super) const RECORD_BYTES_MAX: usize = 64 << 20;
-/// Most definitions of schemas and channels in one file, repetitions apart.
-pub(super) const DEFINITIONS_MAX: usize = 4096;
+/// Most definitions of schemas and channels in one file, repetitions apart: five channels for each of 1024 actuators, and more.
+pub(super) const DEFINITIONS_MAX: usize = 8192;
 /// Most bytes of all definitions together, as in the file; a map of many small entries takes some ten times that.
 pub(super) const DEFINITION_BYTES_MAX: usize = 4 << 20;
 /// Most metadata records that are held, definitions apart; each further one is a loss.

@@ -36,6 +36,9 @@ pub struct Estimate {
     /// known.
     #[cfg(feature = "std")]
     pub deviations: std::vec::Vec<f64>,
+    /// What the window says of its readings.
+    #[cfg(feature = "std")]
+    pub inferred: crate::inferred::InferredReadings,
 }
 
 impl Estimate {

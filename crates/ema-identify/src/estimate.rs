@@ -36,6 +36,9 @@ pub struct Estimate {
     /// known.
     #[cfg(feature = "std")]
     pub deviations: std::vec::Vec<f64>,
+    /// What the window says of its readings.
+    #[cfg(feature = "std")]
+    pub inferred: crate::inferred::InferredReadings,
 }
 
 impl Estimate {
@@ -153,6 +156,7 @@ mod tests {
             other_motor: false,
             locked: false,
             deviations: std::vec::Vec::new(),
+            inferred: crate::inferred::InferredReadings::default(),
         };
         let wide = estimate.widened(&[2.0; FAULT_COUNT]);
         // A gain of ±0.06 is a damage of ±0.12.

@@ -25,6 +25,8 @@ mod counter_wrap;
 mod estimate;
 #[cfg(feature = "std")]
 mod identifier;
+#[cfg(feature = "std")]
+mod inferred;
 mod monitor_fit;
 #[cfg(feature = "std")]
 mod prepared;
@@ -41,6 +43,8 @@ pub mod unit_parameters_fit;
 pub use estimate::{Estimate, Unmodelled, is_unmodelled};
 #[cfg(feature = "std")]
 pub use identifier::{Fit, Identifier, Method, comparison};
+#[cfg(feature = "std")]
+pub use inferred::{Inferred, InferredReadings};
 #[cfg(feature = "std")]
 pub use monitor_fit::Population;
 pub use monitor_fit::{

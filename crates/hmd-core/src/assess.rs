@@ -20,7 +20,7 @@ use crate::health::{DamageEvidence, HealthState};
 use crate::history::{HistoryStore, WindowEvidence};
 use crate::outbox::WindowJob;
 use crate::record::{self, WindowStatus};
-use crate::sensor_checks::{Suspect, sensor_readings};
+use crate::sensor_checks::{Shown, Suspect, sensor_readings};
 use crate::window::WindowQuality;
 use ema_identify::unit_calibration::UnitCalibration;
 use ema_identify::{Estimate, Fit, Identifier, Method, Population};
@@ -68,6 +68,8 @@ pub struct AssessedWindow {
     pub sensors: record::Sensors,
     /// Sensors, wires and configured numbers that may be wrong; the reasons of the records hold their sentences.
     pub suspects: Vec<Suspect>,
+    /// The errors of readings that the window shows; none where nothing was estimated.
+    pub shown: Option<Shown>,
 }
 
 impl Assessor {
@@ -135,6 +137,7 @@ impl Assessor {
             assessed,
             suspects,
             mut reasons,
+            shown,
         } = self.explain(&mut job, learning.is_some())?;
         let mut fit = Fit::default();
         let mut found = None;
@@ -203,6 +206,7 @@ impl Assessor {
             sensors: sensors_record(&job, &sensors),
             rul: rul_record(&job, found.as_ref(), &decision, config.rul().horizon_h),
             suspects,
+            shown,
         })
     }
 

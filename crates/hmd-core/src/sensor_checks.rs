@@ -7,15 +7,18 @@
 //! |---|---|
 //! | `wiring` | share of the current on the torque axis: order and sign of phases, direction and counts of the resolver, pole pairs |
 //! | `currents` | sum of the currents, direct current: offsets, gain of a phase, zero of the resolver, samples of another instant |
+//! | `current_limit` | current that lasts beyond the limit of the drive: gain of all currents |
 //! | `torque` | balance of the shaft: sign and gain of the currents, load |
 //! | `angles` | output against motor and set point: gear ratio, encoder, unit and delay of the set point |
 //! | `unseen_motion` | motion that no window has: unit of the set point, mode |
 //! | `readings` | offsets, gains, latency, resolver errors and link voltage of every window, for their drift (`sensor_health`) |
 //!
-//! What only shows in the estimate, such as a link voltage, competes with the faults there ([`rivals`]).
+//! After an estimate, a reading may contradict what the motion says without it ([`contradictions`]), or compete with the faults ([`rivals`]).
 
 mod angles;
+mod contradictions;
 mod correction;
+mod current_limit;
 mod currents;
 mod findings;
 mod least_squares;
@@ -27,6 +30,7 @@ mod torque;
 mod unseen_motion;
 mod wiring;
 
+pub use contradictions::{Contradiction, Shown, contradictions};
 pub use correction::Correction;
 pub use findings::{Finding, examine};
 pub use readings::{Reading, SensorReadings, sensor_readings};

@@ -5,9 +5,11 @@
 //!    is that of generalised least squares with the covariance R + S Σ Sᵀ of the residual, S being the sensitivities to the
 //!    nuisances and Σ the squared tolerances: what a tolerance explains as well as a fault does widens the fault's sigma.
 //! 3. `conclusion` solves it from the best optimum of the search and from health, and says how uncertain the result is.
+//! 4. `inferred` says what the window shows of its readings.
 
 mod basis;
 mod conclusion;
+mod inferred;
 mod nuisance;
 mod problem;
 

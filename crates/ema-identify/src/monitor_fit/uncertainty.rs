@@ -64,6 +64,8 @@ pub(crate) fn assess(
         locked: is_locked(window),
         #[cfg(feature = "std")]
         deviations: std::vec::Vec::new(),
+        #[cfg(feature = "std")]
+        inferred: crate::inferred::InferredReadings::default(),
     }
 }
 

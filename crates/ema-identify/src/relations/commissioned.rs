@@ -115,6 +115,8 @@ pub struct RelationsEstimate {
     pub torque_rows: usize,
     /// Constant load at the output, Nm; positive opposes positive motion.
     pub load_torque: f64,
+    /// Its standard deviation; `None` where the motion, in one direction, does not tell it from friction.
+    pub load_sigma: Option<f64>,
     /// Stiffness of a spring load at the output about its first angle, Nm/rad.
     pub spring_stiffness: f64,
 }
@@ -185,6 +187,7 @@ impl CommissionedRelations {
             torque_residual_rms: balance.residuals[Relation::TorqueBalance as usize].rms,
             torque_rows: balance.rows,
             load_torque: balance.load.constant,
+            load_sigma: balance.load_sigma,
             spring_stiffness: balance.load.spring,
         };
         for (element, changed) in Element::ALL.into_iter().zip(changes) {
@@ -331,6 +334,7 @@ impl CommissionedRelations {
         let TorqueBalance {
             mut readings,
             load,
+            load_sigma,
             residual_rms,
             rows,
             independent,
@@ -351,6 +355,7 @@ impl CommissionedRelations {
             readings,
             Balance {
                 load,
+                load_sigma,
                 residuals: [torque, of(gain), of(play)],
                 rows,
             },
@@ -362,6 +367,7 @@ impl CommissionedRelations {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Balance {
     load: OutputLoad,
+    load_sigma: Option<f64>,
     /// Residual of each relation, in the order of [`Relation::ALL`].
     pub(super) residuals: [Residual; RELATION_COUNT],
     rows: usize,

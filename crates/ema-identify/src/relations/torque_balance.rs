@@ -82,6 +82,8 @@ pub(super) struct TorqueBalance {
     pub(super) readings: ElementReadings,
     /// Load at the output.
     pub(super) load: OutputLoad,
+    /// Standard deviation of its constant part, Nm, where the motion shows it.
+    pub(super) load_sigma: Option<f64>,
     /// Root-mean-square residual, Nm.
     pub(super) residual_rms: f64,
     /// Rows used.
@@ -102,6 +104,7 @@ pub(super) fn torque_balance<S: RecordedSample>(
     let mut balance = TorqueBalance {
         readings: ElementReadings::none(),
         load: OutputLoad::default(),
+        load_sigma: None,
         residual_rms: 0.0,
         rows: 0,
         independent: 0.0,
@@ -144,6 +147,8 @@ pub(super) fn torque_balance<S: RecordedSample>(
     if directions.iter().any(|&rows| rows * kernel.stride < kernel.span) {
         // With motion in one direction the load takes the place of friction.
         balance.readings.fail([Element::Friction], Needed::BothDirections);
+    } else {
+        balance.load_sigma = Some(libm::sqrt(covariance[(LOAD, LOAD)].max(0.0)));
     }
     balance
 }

@@ -102,6 +102,7 @@ mod tests {
                 other_motor: false,
                 locked: false,
                 deviations: Vec::new(),
+                inferred: crate::inferred::InferredReadings::default(),
             },
             needed: sigma.map(|sigma| sigma.is_none().then_some(Needed::LongerMotion)),
             unexplained: Vec::new(),

@@ -7,7 +7,8 @@ use ema_models::{ActuatorParams, FAULT_COUNT, FaultId, FaultVector, MotorDeviati
 use super::UnitEstimate;
 use crate::counter_wrap::align_counter_wraps;
 use crate::estimate::{Estimate, UNMODELLED_COST};
-use crate::relations::{Element, MeasuredWindow, Relation};
+use crate::inferred::{Inferred, InferredReadings};
+use crate::relations::{Element, MeasuredWindow, Relation, RelationsEstimate};
 use crate::unit_calibration::UnitRelations;
 
 /// A window's samples with both counters on the wraps that bring the angles together.
@@ -102,6 +103,7 @@ pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, i
         other_motor: false,
         locked: is_locked,
         deviations: std::vec::Vec::new(),
+        inferred: inferred(&found),
     }
     .widened(&factors);
     let needed: [_; FAULT_COUNT] = found.needed;
@@ -109,6 +111,25 @@ pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, i
         estimate,
         needed,
         unexplained,
+    }
+}
+
+/// What the torque balance says of the load, and of the torque for each read current.
+fn inferred(found: &RelationsEstimate) -> InferredReadings {
+    let [_, _, a, b, c, ..] = found.k;
+    let [_, _, sigma_a, sigma_b, sigma_c, ..] = found.sigma;
+    let turns = |k: f64, sigma: Option<f64>| sigma.map(|sigma| Inferred { value: 1.0 - k, sigma });
+    let of_phases = [turns(a, sigma_a), turns(b, sigma_b), turns(c, sigma_c)];
+    InferredReadings {
+        load_torque: found.load_sigma.map(|sigma| Inferred {
+            value: found.load_torque,
+            sigma,
+        }),
+        dc_link: None,
+        turns: match of_phases {
+            [Some(a), Some(b), Some(c)] => Some([a, b, c]),
+            _ => None,
+        },
     }
 }
 

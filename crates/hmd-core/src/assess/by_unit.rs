@@ -74,6 +74,14 @@ pub(super) fn estimate(
         (_, _, Some(monitor)) => by_monitor(monitor, identifier, job, conditions, seed)?,
         _ => return Err(AssessError::NoEstimator(job.actuator.name.clone())),
     };
+    if let (Some(relations), None) = (&unit.relations, found.estimate.inferred.turns) {
+        // The monitor infers nothing of a commissioned unit.
+        let aligned = AlignedWindow::new(&job.params, &job.window.samples, &job.window.filled);
+        let by_relations = estimate_by_relations(relations, &aligned, false);
+        if by_relations.unexplained.is_empty() {
+            found.estimate.inferred = by_relations.estimate.inferred;
+        }
+    }
     let motion = motion_of(job);
     let unseen = unit.seen.unseen(&motion, &job.params);
     for _ in &unseen {

@@ -12,8 +12,10 @@ use super::{AssessError, Assessor, conditions, unseen};
 use crate::outbox::WindowJob;
 use crate::outliers::identify_without_outliers;
 use crate::seed::{mix, name_hash};
-use crate::sensor_checks::rivals::{BETTER, Rival, Verdict, accuses_all_phases_alike, compare, is_doubtful, rivals};
-use crate::sensor_checks::{Finding, Suspect, Suspicion, examine};
+use crate::sensor_checks::rivals::{
+    BETTER, Corrected, Rival, Verdict, accuses_all_phases_alike, compare, correct, is_doubtful, rivals,
+};
+use crate::sensor_checks::{Contradiction, Finding, Shown, Suspect, Suspicion, contradictions, examine};
 use crate::window::{Degradation, Invalidity, WindowQuality};
 
 /// The explanation of a window.
@@ -24,6 +26,8 @@ pub(super) struct Explained {
     pub(super) suspects: Vec<Suspect>,
     /// Why the window is not simply good.
     pub(super) reasons: Vec<String>,
+    /// The errors of readings that the window shows; none where nothing was estimated.
+    pub(super) shown: Option<Shown>,
 }
 
 impl Explained {
@@ -32,6 +36,7 @@ impl Explained {
             assessed: None,
             suspects,
             reasons,
+            shown: None,
         }
     }
 }
@@ -84,15 +89,23 @@ impl Assessor {
                 return Ok(Explained::invalid(suspects, reasons));
             }
         };
+        let shown = Shown::by(
+            &corrected,
+            &assessed.estimate,
+            self.commissioned_temperatures(&corrected),
+        );
+        if !is_learning {
+            assessed = self.without_contradicted(&mut corrected, assessed, &mut suspects, &mut reasons)?;
+        }
         if !is_learning && is_doubtful(&assessed.estimate, self.watch_level()) {
             match self.best_rival(&corrected, &assessed)? {
                 Some((Verdict::Better, suspicion, of_rival)) => {
-                    suspects.push(suspicion.suspect);
+                    name(suspicion.suspect, &mut suspects);
                     reasons.push(suspicion.sentence);
                     assessed = of_rival;
                 }
                 Some((Verdict::Alike, suspicion, _)) => {
-                    suspects.push(suspicion.suspect);
+                    name(suspicion.suspect, &mut suspects);
                     reasons.push(format!("{}, or {}", suspicion.sentence, in_words(&assessed)));
                     return Ok(Explained::invalid(suspects, reasons));
                 }
@@ -113,7 +126,45 @@ impl Assessor {
             assessed: Some(assessed),
             suspects,
             reasons,
+            shown: Some(shown),
         })
+    }
+
+    /// Winding temperatures at which the unit of a window was commissioned, °C, if it was; `None` inside where none was measured.
+    fn commissioned_temperatures(&self, job: &WindowJob) -> Option<Option<[f64; 2]>> {
+        let unit = self.models.unit(&job.actuator)?;
+        Some(unit.seen.winding_temp_deg_c)
+    }
+
+    /// The estimate of a window without the readings that it contradicts; they are reported.
+    fn without_contradicted(
+        &self,
+        job: &mut WindowJob,
+        mut assessed: Assessed,
+        suspects: &mut Vec<Suspect>,
+        reasons: &mut Vec<String>,
+    ) -> Result<Assessed, AssessError> {
+        let commissioned = self.commissioned_temperatures(job);
+        for Contradiction { suspicion, correction } in contradictions(job, &assessed.estimate, commissioned) {
+            if suspects.contains(&suspicion.suspect) {
+                continue;
+            }
+            let mut other = job.clone();
+            correction.apply(&mut other);
+            let Ok(conditions) = conditions(&other) else { continue };
+            let without = self.estimate(&mut other, conditions)?;
+            match correct(&assessed.estimate, &without.estimate, correction, self.watch_level()) {
+                Corrected::Contradicted => continue,
+                Corrected::Alike => {}
+                Corrected::Without => {
+                    assessed = without.widened(CORRECTED_FACTOR);
+                    *job = other;
+                }
+            }
+            suspects.push(suspicion.suspect);
+            reasons.push(suspicion.sentence);
+        }
+        Ok(assessed)
     }
 
     /// The estimate of a window as it was received, and the window, if it explains more than the one `without` a mistake.
@@ -249,6 +300,12 @@ fn shows_signals(invalidity: &Invalidity) -> bool {
             | Invalidity::StartInMotion { .. }
             | Invalidity::Stuck(_)
     )
+}
+
+fn name(suspect: Suspect, suspects: &mut Vec<Suspect>) {
+    if !suspects.contains(&suspect) {
+        suspects.push(suspect);
+    }
 }
 
 fn report(findings: &[Finding], suspects: &mut Vec<Suspect>, reasons: &mut Vec<String>) {

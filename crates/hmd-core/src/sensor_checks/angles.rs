@@ -49,6 +49,36 @@ fn stands_alone(signals: &Signals, gear_ratio: f64, least: f64) -> bool {
     alone(|row| row.theta_m, |row| row.theta_out, 1.0) || alone(|row| row.theta_out, |row| row.theta_m, gear_ratio)
 }
 
+/// A motor that stands from one sample to the next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct SuddenStop {
+    /// Speed before it, rad/s.
+    pub(super) speed: f64,
+    /// Torque that it takes, in multiples of the largest torque of the motor.
+    pub(super) torque_share: f64,
+}
+
+/// The first stop of the resolver's counts, for [`STANDS_S`] and longer, that takes [`STOP_MIN`] times what motor and friction have: a
+/// rotor behind a hard stop swings.
+pub(super) fn sudden_stop(signals: &Signals, params: &ActuatorParams) -> Option<SuddenStop> {
+    let motor = &params.motor;
+    let largest = motor.torque_gain() * motor.i_max + params.transmission.friction_static;
+    let stands = ((STANDS_S * signals.rate_hz).round() as usize).max(3);
+    let angles: Vec<f64> = signals.rows.iter().map(|row| row.theta_m).collect();
+    angles.windows(stands + 2).find_map(|near| {
+        let [before, last, standing @ ..] = near else {
+            return None;
+        };
+        let speed = (last - before) * signals.rate_hz;
+        let torque_share = motor.j * speed.abs() * signals.rate_hz / largest;
+        let is_standing = standing.iter().all(|angle| angle.to_bits() == last.to_bits());
+        (is_standing && torque_share > STOP_MIN).then_some(SuddenStop { speed, torque_share })
+    })
+}
+
+/// Torque of a stop that no motor has, in multiples of the largest one.
+const STOP_MIN: f64 = 4.0;
+
 /// Time for which an angle stands, s.
 const STANDS_S: f64 = 0.02;
 
@@ -180,3 +210,43 @@ const REVERSED: f64 = 0.2;
 
 /// Share of the set point's range by which an output at rest may miss it.
 const SCALE_ERROR: f64 = 0.1;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ema_models::{SensedSample, Setpoint};
+
+    /// The stop of a motor that turns at 100 rad/s, brakes at this rate, rad/s², from 0.1 s on, and stands.
+    fn stop(deceleration: f64) -> Option<SuddenStop> {
+        let params = ActuatorParams::bench();
+        let rate_hz = params.sensors.sample_rate;
+        let (mut angle, mut speed) = (0.0, 100.0);
+        let samples: Vec<SensedSample> = (0..1000)
+            .map(|seq| {
+                if seq as f64 > 0.1 * rate_hz {
+                    speed = f64::max(speed - deceleration / rate_hz, 0.0);
+                }
+                angle += speed / rate_hz;
+                SensedSample {
+                    seq,
+                    currents: [0.0; 3],
+                    motor_counts: (angle / params.sensors.motor_lsb()) as i64,
+                    output_counts: 0,
+                    setpoint: Setpoint::Position(0.0),
+                }
+            })
+            .collect();
+        sudden_stop(&Signals::new(&params, &samples), &params)
+    }
+
+    #[test]
+    fn counts_that_freeze_in_motion_stop_more_suddenly_than_any_motor() {
+        let motor = ActuatorParams::bench().motor;
+        assert_eq!(stop(2.0 * motor.torque_gain() * motor.i_max / motor.j), None);
+        let frozen = stop(1e9).unwrap();
+        assert!(
+            (frozen.speed - 100.0).abs() < 1.0 && frozen.torque_share > 10.0,
+            "{frozen:?}"
+        );
+    }
+}

@@ -28,6 +28,10 @@ pub enum Correction {
     Setpoint(f64),
     /// The load counts as not measured.
     NoLoad,
+    /// The winding temperature counts as not measured.
+    NoTemperature,
+    /// The DC link has this voltage, V.
+    Link(f64),
 }
 
 impl Correction {
@@ -68,6 +72,8 @@ impl Correction {
                 }
             }
             Self::NoLoad => job.conditions.load_torque_nm = None,
+            Self::NoTemperature => job.conditions.winding_temp_deg_c = None,
+            Self::Link(voltage) => job.conditions.dc_link_v = Some(voltage),
         }
     }
 }

@@ -2,8 +2,9 @@
 
 use ema_models::{ActuatorParams, Tolerances};
 
-use super::angles::{SetpointError, output_over_motor, output_over_setpoint, setpoint_error};
+use super::angles::{SetpointError, SuddenStop, output_over_motor, output_over_setpoint, setpoint_error, sudden_stop};
 use super::correction::Correction;
+use super::current_limit::{gain_beyond_limit, gain_shown_by_limit};
 use super::currents::{CurrentError, current_errors, gain_of_a_phase};
 use super::signals::Signals;
 use super::suspect::{Suspect, Suspicion};
@@ -45,6 +46,9 @@ const PHASES: [char; 3] = ['a', 'b', 'c'];
 pub fn examine(job: &WindowJob) -> Vec<Finding> {
     let (params, samples) = (&job.params, &job.window.samples);
     let signals = Signals::new(params, samples);
+    if let Some(stop) = sudden_stop(&signals, params) {
+        return vec![of_stop(&stop)];
+    }
     let ratio = output_over_motor(&signals, params);
     if let Some((found, configured)) = other_wiring(&signals, params, ratio) {
         return vec![of_wiring(params, &found, configured)];
@@ -74,7 +78,18 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
         let balance = balance(&signals, params);
         findings.extend(balance.and_then(|balance| of_torque(job, &balance)));
     }
+    if findings.is_empty() {
+        findings.extend(gain_beyond_limit(&signals, tolerances).map(|gain| of_limit(params, gain)));
+    }
     findings
+}
+
+fn of_stop(stop: &SuddenStop) -> Finding {
+    let evidence = format!(
+        "the counts stand from one sample to the next at {:.0} rad/s, which takes {:.0} times the largest torque",
+        stop.speed, stop.torque_share
+    );
+    Finding::new(Suspect::ResolverFrozen, &evidence, None)
 }
 
 /// Tolerances of the sensors; where the configuration calls every number exact, the usual ones: no sensor is exact.
@@ -170,10 +185,13 @@ fn of_ratio(params: &ActuatorParams, ratio: f64, signals: &Signals) -> Option<Fi
 }
 
 /// Whether the output is so far from the set point, and from the motor, that only its own scale explains both: the ratio to the set point
-/// is beyond what a lag leaves and nearer to that to the motor than to 1.
+/// is beyond what a lag or an overshoot leaves and nearer to that to the motor than to 1.
 fn is_of_encoder(to_setpoint: f64, to_motor: f64) -> bool {
-    to_setpoint.ln().abs() > LAG.ln() && (to_setpoint / to_motor).ln().abs() < to_setpoint.ln().abs()
+    !(1.0 / LAG..=OVERSHOOT).contains(&to_setpoint) && (to_setpoint / to_motor).ln().abs() < to_setpoint.ln().abs()
 }
+
+/// Factor by which an overshoot exceeds the set point.
+const OVERSHOOT: f64 = 1.3;
 
 /// Factor by which a lag reduces what the output makes of the set point.
 const LAG: f64 = 3.0;
@@ -258,6 +276,19 @@ fn of_currents(params: &ActuatorParams, error: &CurrentError) -> Finding {
     }
 }
 
+fn of_limit(params: &ActuatorParams, gain: f64) -> Finding {
+    let limit = params.motor.i_max;
+    let evidence = format!(
+        "all phases hold {:.2} A, {gain:.2} times the limit of the drive",
+        gain * limit
+    );
+    let correction = Correction::Currents {
+        offset: [0.0; 3],
+        gain: [gain; 3],
+    };
+    Finding::new(Suspect::CurrentGain, &evidence, Some(correction))
+}
+
 fn of_age(late: f64) -> Suspicion {
     suspicion(
         Suspect::SampleOrder,
@@ -297,9 +328,27 @@ fn of_torque(job: &WindowJob, balance: &Balance) -> Option<Finding> {
     })
 }
 
+/// Gain of all currents from which on the limit of the drive shows it in a window; infinite where the window is far from it.
+#[must_use]
+pub(super) fn least_gain_shown(job: &WindowJob) -> f64 {
+    let signals = Signals::new(&job.params, &job.window.samples);
+    gain_shown_by_limit(&signals, tolerances_of_sensors(&job.actuator.tolerances))
+}
+
 /// Torque by the motion over torque by the currents of a window, with its standard deviation.
 #[must_use]
 pub(super) fn torque_ratio(job: &WindowJob) -> Option<(f64, f64)> {
     let signals = Signals::new(&job.params, &job.window.samples);
     Some(balance(&signals, &job.params)?.gain)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_output_beyond_its_set_point_has_another_scale_and_one_at_it_another_gear() {
+        assert!(is_of_encoder(1.9, 2.0) && is_of_encoder(0.2, 0.25));
+        assert!(!is_of_encoder(1.0, 2.0) && !is_of_encoder(0.5, 0.5) && !is_of_encoder(1.2, 1.25));
+    }
 }

@@ -26,7 +26,7 @@ pub struct Rival {
 const GAIN_OFF: f64 = 0.06;
 
 /// Gains that are tried where nothing explains a window.
-const GAINS: [f64; 4] = [0.82, 0.91, 1.1, 1.22];
+const GAINS: [f64; 10] = [0.78, 0.82, 0.86, 0.9, 0.94, 1.07, 1.12, 1.17, 1.22, 1.28];
 
 /// Shares of the read voltage that the link may have instead.
 const LINK_SHARES: [f64; 4] = [0.8, 0.9, 1.12, 1.25];
@@ -43,8 +43,8 @@ const TEMPERATURE_OFF_K: f64 = 40.0;
 /// Cost above that of good windows.
 const HIGH_COST: f64 = 3.0;
 
-/// The readings of a window that may be wrong. Where comparators apply the link to the phases, the nominal voltage is tried if another
-/// one was read, and others where nothing explains the window well. Gains of all currents are tried of commissioned units, whose motor
+/// The readings of a window that may be wrong. Where comparators apply the link to the phases, or are
+/// assumed before commissioning, the nominal voltage is tried if another one was read, and others where nothing explains the window well. Gains of all currents are tried of commissioned units, whose motor
 /// is known.
 #[must_use]
 pub fn rivals(job: &WindowJob, estimate: &Estimate, is_commissioned: bool) -> Vec<Rival> {
@@ -60,7 +60,7 @@ pub fn rivals(job: &WindowJob, estimate: &Estimate, is_commissioned: bool) -> Ve
     }
     if let Some(read) = conditions
         .dc_link_v
-        .filter(|_| job.actuator.drive.kind == DriveKind::Hysteresis)
+        .filter(|_| job.actuator.drive.kind == DriveKind::Hysteresis || !is_commissioned)
     {
         let nominal = job.params.motor.v_dc;
         let is_badly_explained = estimate.cost > HIGH_COST || estimate.is_unmodelled();
@@ -160,6 +160,9 @@ const ALIKE: f64 = 1.15;
 /// explanation.
 const EXPLAINED_AWAY: f64 = 0.5;
 
+/// Damage that no window shows at once where it is not observable without the reading: the reading may be wrong as well.
+const LARGE_DAMAGE: f64 = 0.5;
+
 /// Damage from which on a fault is accused: the level `watch` as configured, times sigma.
 fn accused(estimate: &Estimate, level: f64) -> Vec<FaultId> {
     let sigma = estimate.damage_sigma();
@@ -197,6 +200,35 @@ pub fn accuses_all_phases_alike(estimate: &Estimate, level: f64) -> bool {
     is_alike && phases.iter().all(|phase| accused.contains(phase))
 }
 
+/// What becomes of a reading that the motion, or the configuration, contradicts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Corrected {
+    /// The window is estimated without it.
+    Without,
+    /// The estimate stands: it does not depend on the reading, or the two explain the window alike and the other accuses no less.
+    Alike,
+    /// The estimate without it contradicts the correction.
+    Contradicted,
+}
+
+/// Compares an estimate with that without a reading. A link voltage off the configured one may be read rightly: it stands where it explains the
+/// window clearly better, and it is used unless the configured one accuses less.
+#[must_use]
+pub fn correct(estimate: &Estimate, without: &Estimate, correction: Correction, level: f64) -> Corrected {
+    let is_worse = without.is_unmodelled() && !estimate.is_unmodelled();
+    if is_worse || without.cost > BETTER * estimate.cost {
+        return Corrected::Contradicted;
+    }
+    let is_link = matches!(correction, Correction::Link(_));
+    let explains_more = estimate.is_unmodelled() || estimate.cost > BETTER * without.cost;
+    let accuses_less = accused(without, level).len() < accused(estimate, level).len();
+    if without.fault == estimate.fault || (is_link && !explains_more && !accuses_less) {
+        Corrected::Alike
+    } else {
+        Corrected::Without
+    }
+}
+
 /// Compares an estimate with that of a rival. A gain of all currents looks as a weak motor does, which the tolerances hold: it counts
 /// only where it explains a window better.
 #[must_use]
@@ -215,10 +247,14 @@ pub fn compare(estimate: &Estimate, suspect: Suspect, rival: &Estimate, level: f
         return Verdict::Worse;
     }
     let of_rival = accused(rival, level);
-    let left = |fault: FaultId| rival.fault.damage_of(fault) / estimate.fault.damage_of(fault);
+    let is_explained_away = |fault: FaultId| {
+        let damage = estimate.fault.damage_of(fault);
+        let is_open = damage > LARGE_DAMAGE && !rival.observable[fault.parameter()];
+        rival.fault.damage_of(fault) < EXPLAINED_AWAY * damage || is_open
+    };
     let accuses_less = accused(estimate, level)
         .into_iter()
-        .any(|fault| !of_rival.contains(&fault) && left(fault) < EXPLAINED_AWAY);
+        .any(|fault| !of_rival.contains(&fault) && is_explained_away(fault));
     if accuses_less && rival.cost < ALIKE * estimate.cost {
         Verdict::Alike
     } else {

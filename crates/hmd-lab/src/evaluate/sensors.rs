@@ -19,7 +19,7 @@ use ema_identify::unit_calibration::UnitCalibration;
 use ema_models::{ActuatorParams, FaultId, FaultVector};
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Models};
 use hmd_core::commissioning::{CommissioningError, calibrate_unit};
-use hmd_core::config::ConfigError;
+use hmd_core::config::{Config, ConfigError};
 use hmd_core::frame::BusError;
 use hmd_core::outbox::WindowJob;
 use hmd_core::seed::{mix, name_hash};
@@ -110,7 +110,17 @@ struct Planned<'a> {
 struct Run<'a> {
     planned: Planned<'a>,
     notices: Vec<String>,
-    assessed: [Option<AssessedWindow>; 2],
+    assessed: [Assessed; 2],
+}
+
+/// A window with its mistake, and what the same motion gives without it.
+#[derive(Default)]
+struct Assessed {
+    window: Option<AssessedWindow>,
+    /// Whether the motion shows the mistake.
+    is_shown: bool,
+    /// Whether the worn part is reported without it.
+    is_findable: bool,
 }
 
 impl SensorsOptions {
@@ -209,8 +219,10 @@ fn group<'a>(runs: impl Iterator<Item = &'a Run<'a>>) -> Group {
         for (tally, assessed) in tallies.iter_mut().zip(&run.assessed) {
             let outcome = Outcome {
                 worn: run.worn(),
-                assessed: assessed.as_ref(),
+                assessed: assessed.window.as_ref(),
                 noticed: &noticed,
+                is_shown: assessed.is_shown,
+                is_findable: assessed.is_findable,
             };
             tally.add(run.planned.mistake, &outcome);
         }
@@ -222,10 +234,16 @@ fn group<'a>(runs: impl Iterator<Item = &'a Run<'a>>) -> Group {
     }
 }
 
+impl Planned<'_> {
+    fn worn(&self) -> Option<FaultId> {
+        let (place, _) = self.fault?;
+        FaultId::ALL.into_iter().find(|fault| fault.parameter() == place)
+    }
+}
+
 impl Run<'_> {
     fn worn(&self) -> Option<FaultId> {
-        let (place, _) = self.planned.fault?;
-        FaultId::ALL.into_iter().find(|fault| fault.parameter() == place)
+        self.planned.worn()
     }
 
     /// Suspects with whose names a notice begins, behind the actuator's.
@@ -236,26 +254,27 @@ impl Run<'_> {
     }
 
     fn cases(&self) -> Vec<Case> {
-        let of = |(commissioned, assessed): (bool, &Option<AssessedWindow>)| {
+        let of = |(commissioned, Assessed { window, is_shown, .. }): (bool, &Assessed)| {
             let Circumstances {
                 profile,
                 rate_hz,
                 drive,
             } = self.planned.circumstances;
-            let suspects = assessed.iter().flat_map(|window| window.suspects.iter().copied());
+            let suspects = window.iter().flat_map(|window| window.suspects.iter().copied());
             Case {
                 mistake: self.planned.mistake.name,
                 actuator: self.planned.actuator.to_owned(),
                 circumstances: format!("{profile:?} {rate_hz} {drive}").to_lowercase(),
                 commissioned,
                 worn: self.worn().map(FaultId::name),
-                status: assessed.as_ref().map(|window| window.health.status.clone()),
-                faults: assessed
+                is_shown: *is_shown,
+                status: window.as_ref().map(|window| window.health.status.clone()),
+                faults: window
                     .as_ref()
                     .map(|window| window.health.fault_list.clone())
                     .unwrap_or_default(),
                 suspects: suspects.chain(self.noticed()).map(Suspect::name).collect(),
-                reason: match assessed {
+                reason: match window {
                     Some(window) => window.health.reason.clone(),
                     None => self.notices.join("; "),
                 },
@@ -279,20 +298,40 @@ fn run<'a>(planned: Planned<'a>, calibration: Option<&UnitCalibration>) -> Resul
     let config = Arc::new(unit.config(&mistake)?);
     let fault = planned.fault.map_or(FaultVector::NOMINAL, |(_, fault)| fault);
     let Recorded { job, notices } = unit.recorded(&config, profile, fault, &mistake, planned.seed)?;
-    let of_type = Models::load_types(&config, &no_file)?;
-    let of_unit = calibration.map(|calibration| Models::load(&config, &|_| Ok(calibration.emit())));
-    let of_unit = of_unit.transpose()?;
-    let assess = |models: Option<&Models>| {
-        let assess = |job: &WindowJob, models: &Models| {
-            Assessor::new(config.clone(), models.clone(), planned.seed).assess(job.clone())
+    let right = MISTAKES[0].draw(&mut ChaCha8Rng::seed_from_u64(planned.seed));
+    let without = Arc::new(unit.config(&right)?);
+    let right = unit.recorded(&without, profile, fault, &right, planned.seed)?.job;
+    let nominal_v = unit.nominal.motor.v_dc;
+    let mut assessed = [Assessed::default(), Assessed::default()];
+    for (found, calibration) in assessed.iter_mut().zip([None, Some(calibration)]) {
+        let assess = |config: &Arc<Config>, job: &WindowJob| {
+            let models = match calibration {
+                None => Models::load_types(config, &no_file)?,
+                Some(None) => return Ok(None),
+                Some(Some(calibration)) => Models::load(config, &|_| Ok(calibration.emit()))?,
+            };
+            Assessor::new(config.clone(), models, planned.seed)
+                .assess(job.clone())
+                .map(Some)
         };
-        job.as_ref()
-            .zip(models)
-            .map(|(job, models)| assess(job, models))
-            .transpose()
-    };
+        let of_right = right.as_ref().map(|job| assess(&without, job)).transpose()?.flatten();
+        let shown = of_right.as_ref().and_then(|window| window.shown);
+        *found = Assessed {
+            window: job.as_ref().map(|job| assess(&config, job)).transpose()?.flatten(),
+            // Where no window is cut, the pipeline reports.
+            is_shown: match (shown, &job, &right) {
+                (Some(shown), Some(job), Some(right)) => {
+                    mistake.is_shown(&shown, &job.conditions, &right.conditions, nominal_v)
+                }
+                _ => true,
+            },
+            is_findable: of_right
+                .zip(planned.worn())
+                .is_some_and(|(window, worn)| window.health.fault_list.iter().any(|name| name == worn.name())),
+        };
+    }
     Ok(Run {
-        assessed: [assess(Some(&of_type))?, assess(of_unit.as_ref())?],
+        assessed,
         planned,
         notices,
     })

@@ -379,6 +379,7 @@ fn write_a_sample() {
             changed_faults: "friction".to_owned(),
             changed_damage: 0.25,
             passive: true,
+            sensors: "warning".to_owned(),
         }],
     };
     writer.write(frames[0].stamp_ns, &status).unwrap();

@@ -7,6 +7,7 @@ use ema_models::{
 };
 
 use super::basis::Basis;
+use super::inferred::inferred;
 use super::problem::{DIMENSION, Linearised, NUISANCE_MAX, OnDescent, Point, Problem, coordinates};
 use crate::calibration::Mismatch;
 use crate::estimate::{Estimate, OBSERVABLE_SIGMA};
@@ -244,6 +245,7 @@ fn assess(
         other_motor: false,
         locked: is_locked(window),
         deviations: at[UNKNOWN_COUNT..].to_vec(),
+        inferred: inferred(problem, &linearised, at, libm::sqrt(excess) * misfit),
     }
 }
 

@@ -15,6 +15,9 @@ pub(super) const FRICTION_TEMPERATURE: usize = 5;
 pub(super) const BACKLASH: usize = 6;
 pub(super) const POSITION_GAIN: usize = 11;
 
+/// Number of the link voltage.
+pub(super) const LINK_VOLTAGE: usize = 10;
+
 /// The actuator as the monitor takes it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hardware {

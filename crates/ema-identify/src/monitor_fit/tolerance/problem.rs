@@ -13,8 +13,8 @@ use nalgebra::{SMatrix, SVector};
 
 use super::basis::Basis;
 use super::nuisance::{
-    Action, BACKLASH, DYNAMIC_FRICTION, FRICTION_TEMPERATURE, Hardware, NUISANCE_COUNT, NUISANCES, POSITION_GAIN,
-    STATIC_FRICTION, sigmas,
+    Action, BACKLASH, DYNAMIC_FRICTION, FRICTION_TEMPERATURE, Hardware, LINK_VOLTAGE, NUISANCE_COUNT, NUISANCES,
+    POSITION_GAIN, STATIC_FRICTION, sigmas,
 };
 
 /// Unknowns of the window, then nuisances in standard deviations.
@@ -134,6 +134,11 @@ impl<'a> Problem<'a> {
             }
         }
         change
+    }
+
+    /// Standard deviation of the read link voltage as a share; `None` where it is exact.
+    pub(super) fn link_sigma(&self) -> Option<f64> {
+        Some(self.sigma[LINK_VOLTAGE]).filter(|&sigma| sigma > 0.0)
     }
 
     /// Cost of the prior at a point.
@@ -344,6 +349,11 @@ impl Linearised {
     /// Half the sum of the squares.
     pub(super) fn cost(&self) -> f64 {
         0.5 * self.sums[RESIDUAL][RESIDUAL]
+    }
+
+    /// `Jᵀr` with the prior.
+    pub(super) fn gradient(&self) -> SVector<f64, DIMENSION> {
+        SVector::from_fn(|p, _| self.sums[RESIDUAL][p])
     }
 
     /// `JᵀJ` with the prior.

@@ -17,6 +17,8 @@ pub(super) struct Tally {
     pub(super) judged: u64,
     /// Of all healthy windows those that name a fault.
     pub(super) false_faults: u64,
+    /// Windows of both kinds that name a sensor, a wire or a number.
+    pub(super) sensor_accused: u64,
     /// Faulty windows.
     pub(super) faulty: u64,
     /// Of these, those that name exactly the true fault.
@@ -36,6 +38,8 @@ pub struct Rates {
     pub judged_rate: f64,
     /// Share of the healthy windows that name a fault.
     pub false_fault_rate: f64,
+    /// Share of all windows that name a sensor, a wire or a number, of which none is wrong beyond its tolerance.
+    pub sensor_accused_rate: f64,
     /// Share of the faulty windows that name exactly the true fault.
     pub named_rate: f64,
     /// Median of |Δ| of the damaged element over faulty windows with status `ok` or `degraded`; `None` without any.
@@ -51,6 +55,7 @@ impl Tally {
         if let Some(window) = window {
             self.judged += u64::from(is_judged(window));
             self.false_faults += u64::from(!window.health.fault_list.is_empty());
+            self.sensor_accused += u64::from(!window.suspects.is_empty());
         }
     }
 
@@ -58,6 +63,7 @@ impl Tally {
     pub(super) fn add_faulty(&mut self, window: Option<&AssessedWindow>, place: usize, truth: &FaultVector) {
         self.faulty += 1;
         let Some(window) = window else { return };
+        self.sensor_accused += u64::from(!window.suspects.is_empty());
         let fault = FaultId::ALL.into_iter().find(|fault| fault.parameter() == place);
         let named = fault.is_some_and(|fault| window.health.fault_list == [fault.name()]);
         self.named += u64::from(named);
@@ -79,6 +85,7 @@ impl Tally {
             sum.healthy += tally.healthy;
             sum.judged += tally.judged;
             sum.false_faults += tally.false_faults;
+            sum.sensor_accused += tally.sensor_accused;
             sum.faulty += tally.faulty;
             sum.named += tally.named;
             sum.errors.extend(&tally.errors);
@@ -94,6 +101,7 @@ impl Tally {
         Rates {
             judged_rate: share(self.judged, self.healthy),
             false_fault_rate: share(self.false_faults, self.healthy),
+            sensor_accused_rate: share(self.sensor_accused, self.healthy + self.faulty),
             named_rate: share(self.named, self.faulty),
             median_error: (!self.errors.is_empty()).then(|| percentile(self.errors.iter().copied(), 0.5)),
             coverage_95: (self.stated > 0).then(|| share(self.covered, self.stated)),

@@ -57,6 +57,8 @@ pub struct Case {
     pub circumstances: String,
     /// Whether the unit was commissioned.
     pub commissioned: bool,
+    /// Whether the motion shows the mistake.
+    pub is_shown: bool,
     /// The worn part.
     pub worn: Option<&'static str>,
     /// Status of the window; none where none was cut.

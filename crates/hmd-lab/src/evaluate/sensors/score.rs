@@ -18,6 +18,10 @@ pub(super) struct Tally {
     wrongly_named: u64,
     worn: u64,
     found: u64,
+    shown: u64,
+    named_of_shown: u64,
+    findable: u64,
+    found_of_findable: u64,
 }
 
 /// Rates over windows. A window that was not cut counts with what the pipeline reported.
@@ -35,6 +39,12 @@ pub struct Rates {
     pub wrongly_named_rate: f64,
     /// Share of the windows of worn actuators that name the worn part.
     pub found_rate: f64,
+    /// Share of the windows that show the mistake: its error is beyond what an estimate without the reading infers.
+    pub shown_rate: f64,
+    /// Share of these that name it.
+    pub named_of_shown_rate: f64,
+    /// Share of the windows that show the mistake and report the worn part without it, which report it beside the mistake, too.
+    pub found_of_findable_rate: f64,
 }
 
 /// What was said of one window.
@@ -45,6 +55,10 @@ pub(super) struct Outcome<'a> {
     pub(super) assessed: Option<&'a AssessedWindow>,
     /// Suspects that the pipeline named.
     pub(super) noticed: &'a [Suspect],
+    /// Whether the motion shows the mistake.
+    pub(super) is_shown: bool,
+    /// Whether the worn part is reported without it.
+    pub(super) is_findable: bool,
 }
 
 impl Tally {
@@ -70,7 +84,12 @@ impl Tally {
         self.named += u64::from(is_named);
         self.wrongly_named += u64::from(!is_named && !suspects.is_empty());
         self.worn += u64::from(outcome.worn.is_some());
-        self.found += u64::from(faults.iter().any(is_worn));
+        let is_found = faults.iter().any(is_worn);
+        self.found += u64::from(is_found);
+        self.shown += u64::from(outcome.is_shown);
+        self.named_of_shown += u64::from(outcome.is_shown && is_named);
+        self.findable += u64::from(outcome.is_shown && outcome.is_findable);
+        self.found_of_findable += u64::from(outcome.is_shown && outcome.is_findable && is_found);
     }
 
     pub(super) fn sum<'a>(tallies: impl Iterator<Item = &'a Self>) -> Self {
@@ -82,6 +101,10 @@ impl Tally {
             wrongly_named: sum.wrongly_named + other.wrongly_named,
             worn: sum.worn + other.worn,
             found: sum.found + other.found,
+            shown: sum.shown + other.shown,
+            named_of_shown: sum.named_of_shown + other.named_of_shown,
+            findable: sum.findable + other.findable,
+            found_of_findable: sum.found_of_findable + other.found_of_findable,
         })
     }
 
@@ -94,6 +117,9 @@ impl Tally {
             named_rate: share(self.named, self.windows),
             wrongly_named_rate: share(self.wrongly_named, self.windows),
             found_rate: share(self.found, self.worn),
+            shown_rate: share(self.shown, self.windows),
+            named_of_shown_rate: share(self.named_of_shown, self.shown),
+            found_of_findable_rate: share(self.found_of_findable, self.findable),
         }
     }
 }

@@ -1,0 +1,21 @@
+//! What the motion of a window says of quantities that are also read, each without its own reading.
+
+/// A quantity without its reading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inferred {
+    /// Its value.
+    pub value: f64,
+    /// One standard deviation.
+    pub sigma: f64,
+}
+
+/// The quantities of one window; `None` where the estimator does not infer them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct InferredReadings {
+    /// Constant load at the output, Nm; positive opposes positive motion.
+    pub load_torque: Option<Inferred>,
+    /// DC link voltage, V.
+    pub dc_link: Option<Inferred>,
+    /// Torque for each read current of phase A, B, C, relative to that of the commissioned unit.
+    pub turns: Option<[Inferred; 3]>,
+}

@@ -1,0 +1,66 @@
+//! What a window says of a reading that its own fit takes as prior knowledge: the fit without it, by one Newton step.
+//!
+//! With the information matrix I and the gradient g of the fit at x, and a reading r of standard deviation s of coordinate p, the fit
+//! without the reading is `x − (I − e eᵀ/s²)⁻¹ (g − e (x_p − r)/s²)`, and its variance is the inverse's. Faults and nuisances are free
+//! in it, also beyond their limits. Derived here.
+
+use ema_models::{LOAD_COORDINATE, Scale, UNKNOWN_COUNT};
+use nalgebra::SVector;
+
+use super::nuisance::LINK_VOLTAGE;
+use super::problem::{DIMENSION, Linearised, Point, Problem};
+use crate::inferred::{Inferred, InferredReadings};
+
+/// What a window says of load and link voltage, where they are read; `factor` widens its sigmas.
+pub(super) fn inferred(problem: &Problem<'_>, linearised: &Linearised, at: &Point, factor: f64) -> InferredReadings {
+    let window = problem.comparison();
+    let (conditions, unit) = (&window.conditions, Scale::new(window.params).load_unit());
+    // Without a reading, the prior stands about zero.
+    let read = conditions.load_torque.unwrap_or(0.0);
+    let load = without(
+        linearised,
+        at,
+        LOAD_COORDINATE,
+        read / unit,
+        window.prior.load_torque / unit,
+    );
+    let load = load.map(|found| Inferred {
+        value: unit * found.value,
+        sigma: factor * unit * found.sigma,
+    });
+    let link = problem.link_sigma().and_then(|sigma| {
+        let found = without(linearised, at, UNKNOWN_COUNT + LINK_VOLTAGE, 0.0, 1.0)?;
+        Some(Inferred {
+            value: conditions.v_dc * (1.0 + sigma * found.value),
+            sigma: factor * conditions.v_dc * sigma * found.sigma,
+        })
+    });
+    InferredReadings {
+        load_torque: load,
+        dc_link: link,
+        turns: None,
+    }
+}
+
+/// Coordinate `p` by a fit without the reading of it; `None` where only the reading tells it.
+fn without(linearised: &Linearised, at: &Point, p: usize, read: f64, sigma: f64) -> Option<Inferred> {
+    let of_reading = 1.0 / (sigma * sigma);
+    let mut information = linearised.information();
+    information[(p, p)] -= of_reading;
+    // A coordinate that the window does not show stays where it is, with a large variance.
+    for q in 0..DIMENSION {
+        information[(q, q)] += LEAST_INFORMATION;
+    }
+    let mut gradient: SVector<f64, DIMENSION> = linearised.gradient();
+    gradient[p] -= of_reading * (at[p] - read);
+    let inverse = information.cholesky()?.inverse();
+    let step = inverse.row(p).transpose().dot(&gradient);
+    let found = Inferred {
+        value: at[p] - step,
+        sigma: libm::sqrt(inverse[(p, p)]),
+    };
+    (found.value.is_finite() && found.sigma.is_finite()).then_some(found)
+}
+
+/// Information that keeps the equations regular.
+const LEAST_INFORMATION: f64 = 1e-9;

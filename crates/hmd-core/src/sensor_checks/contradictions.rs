@@ -1,0 +1,320 @@
+//! Readings that contradict what the motion says without them.
+//!
+//! The estimate of a window infers load, link voltage and torque for each ampere from all other signals, faults and tolerances free
+//! (`ema_identify::InferredReadings`), each with its standard deviation. What lies further from the reading than both explain is named. A
+//! window that does not show a quantity infers it with a large deviation, and names nothing.
+
+use std::ops::RangeInclusive;
+
+use ema_identify::{Estimate, Inferred};
+use ema_models::DriveKind;
+
+use super::correction::Correction;
+use super::findings::least_gain_shown;
+use super::suspect::{Suspect, Suspicion};
+use crate::outbox::WindowJob;
+
+/// One reading that is contradicted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contradiction {
+    /// The sensor, with the evidence.
+    pub suspicion: Suspicion,
+    /// How it is taken out.
+    pub correction: Correction,
+}
+
+/// Smallest errors of readings that a window shows, each infinite where it shows none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shown {
+    /// Of the load, Nm.
+    pub load_nm: f64,
+    /// Of the link voltage against what the currents need, V.
+    pub dc_link_v: f64,
+    /// The same against what is configured.
+    pub dc_link_configured_v: f64,
+    /// Gains of all currents: from the first downwards and from the second upwards.
+    pub current_gain: [f64; 2],
+    /// Of the winding temperature, K.
+    pub winding_temp_k: f64,
+}
+
+impl Shown {
+    /// By the estimate of a window without errors; `commissioned` as in [`contradictions`].
+    #[must_use]
+    pub fn by(job: &WindowJob, estimate: &Estimate, commissioned: Option<Option<[f64; 2]>>) -> Self {
+        let inferred = &estimate.inferred;
+        let turns = inferred.turns.filter(|_| commissioned.is_some());
+        let largest = turns.map(|turns| turns.iter().map(|x| x.sigma).fold(0.0, f64::max));
+        let [low, high] = expected_torque(job.conditions.winding_temp_deg_c, commissioned.flatten());
+        let by_limit = least_gain_shown(job);
+        let error = |sigma: f64| SIGMAS * sigma;
+        Self {
+            load_nm: inferred
+                .load_torque
+                .map_or(f64::INFINITY, |load| error(load_sigma(job, &load))),
+            dc_link_v: inferred_link(job, estimate).map_or(f64::INFINITY, |link| {
+                error(link.sigma.hypot(link_tolerance(job) * link.value))
+            }),
+            dc_link_configured_v: error(link_tolerance(job) * job.params.motor.v_dc),
+            current_gain: match largest {
+                Some(sigma) => [
+                    1.0 / (high + GAIN_OFF + error(sigma)),
+                    (1.0 / (low - GAIN_OFF - error(sigma)).max(0.0)).min(by_limit),
+                ],
+                None => [0.0, by_limit],
+            },
+            winding_temp_k: largest
+                .filter(|_| commissioned.flatten().is_some())
+                .map_or(f64::INFINITY, |sigma| {
+                    TEMPERATURE_OFF_K.max(TORQUE_SIGMAS * sigma / TORQUE_PER_KELVIN[0].abs())
+                }),
+        }
+    }
+}
+
+/// Standard deviations from which on a reading is contradicted.
+const SIGMAS: f64 = 4.0;
+
+/// Error of an inferred load: share of it by the efficiencies of the gear, share of the friction torque at the output.
+const LOAD_SHARE: f64 = 0.1;
+const FRICTION_SHARE: f64 = 0.05;
+
+/// The readings of a window that its estimate contradicts; `commissioned` are the winding temperatures at which the unit was commissioned, °C,
+/// where it was.
+#[must_use]
+pub fn contradictions(
+    job: &WindowJob,
+    estimate: &Estimate,
+    commissioned: Option<Option<[f64; 2]>>,
+) -> Vec<Contradiction> {
+    let mut found: Vec<Contradiction> = load(job, estimate).into_iter().chain(link(job, estimate)).collect();
+    if let (Some(temperatures), Some(turns)) = (commissioned, estimate.inferred.turns) {
+        let read = job.conditions.winding_temp_deg_c;
+        let by_gain = current_gain(&turns, expected_torque(read, temperatures));
+        found.extend(by_gain.or_else(|| temperature(&turns, read?, temperatures?)));
+    }
+    found
+}
+
+fn contradiction(suspect: Suspect, evidence: &str, correction: Correction) -> Contradiction {
+    Contradiction {
+        suspicion: Suspicion {
+            suspect,
+            sentence: format!("{suspect}: {evidence}"),
+        },
+        correction,
+    }
+}
+
+fn load(job: &WindowJob, estimate: &Estimate) -> Option<Contradiction> {
+    let (read, inferred) = (job.conditions.load_torque_nm?, estimate.inferred.load_torque?);
+    let (value, sigma) = (inferred.value, load_sigma(job, &inferred));
+    ((value - read).abs() > SIGMAS * sigma).then(|| {
+        let evidence = format!("reads {read:.1} N m, the motion needs {value:.1} ± {sigma:.1} N m");
+        contradiction(Suspect::LoadSensor, &evidence, Correction::NoLoad)
+    })
+}
+
+/// Standard deviation of an inferred load, Nm, what the gear's losses add included.
+fn load_sigma(job: &WindowJob, load: &Inferred) -> f64 {
+    let transmission = &job.params.transmission;
+    let friction = transmission.friction_dynamic * transmission.gear_ratio;
+    let size = load.value.abs().max(job.conditions.load_torque_nm.unwrap_or(0.0).abs());
+    load.sigma.hypot(LOAD_SHARE * size).hypot(FRICTION_SHARE * friction)
+}
+
+/// Usual tolerance of a link voltage as a share, where the configuration calls it exact.
+const LINK_TOLERANCE: f64 = 0.02;
+
+/// Voltages that a link may have, as shares of the nominal one.
+const LINK_POSSIBLE: RangeInclusive<f64> = 0.55..=1.45;
+
+/// The motion against the reading, where the estimator knows the limit of the voltage; else the reading against the configuration.
+fn link(job: &WindowJob, estimate: &Estimate) -> Option<Contradiction> {
+    let (read, nominal) = (job.conditions.dc_link_v?, job.params.motor.v_dc);
+    let tolerance = link_tolerance(job);
+    let inferred = inferred_link(job, estimate);
+    let is_off = |voltage: f64, sigma: f64, from: f64| (voltage - from).abs() > SIGMAS * sigma.hypot(tolerance * from);
+    if let Some(Inferred { value, sigma }) = inferred {
+        if is_off(value, sigma, read) && LINK_POSSIBLE.contains(&(value / nominal)) {
+            let evidence = format!("reads {read:.0} V, the currents need {value:.0} ± {sigma:.0} V");
+            return Some(contradiction(Suspect::DcLink, &evidence, Correction::Link(value)));
+        }
+        // The supply is off, and read rightly.
+        if is_off(value, sigma, nominal) {
+            return None;
+        }
+    }
+    is_off(read, 0.0, nominal).then(|| {
+        let own = tolerance * nominal;
+        let evidence = format!("reads {read:.0} V, configured are {nominal:.0} ± {own:.0} V: its sensor or the supply");
+        contradiction(Suspect::DcLink, &evidence, Correction::Link(nominal))
+    })
+}
+
+/// Tolerance of the link voltage, as a share.
+fn link_tolerance(job: &WindowJob) -> f64 {
+    match job.actuator.tolerances.v_dc {
+        exact if exact <= 0.0 => LINK_TOLERANCE,
+        share => share,
+    }
+}
+
+/// Standard deviation of an inferred voltage up to which its line through the estimate holds, as a share.
+const LINK_SIGMA_MAX: f64 = 0.08;
+
+/// The link voltage that the currents need, where the estimator knows the drive and the motion came near the limit of its voltage.
+fn inferred_link(job: &WindowJob, estimate: &Estimate) -> Option<Inferred> {
+    let is_known = job.actuator.drive.kind == DriveKind::Hysteresis;
+    let sigma_max = LINK_SIGMA_MAX * job.params.motor.v_dc;
+    estimate
+        .inferred
+        .dc_link
+        .filter(|link| is_known && link.sigma <= sigma_max)
+}
+
+/// Change of the torque for each ampere with temperature, 1/K: magnets of samarium-cobalt and of neodymium.
+const TORQUE_PER_KELVIN: [f64; 2] = [-0.4e-3, -1.2e-3];
+
+/// Distance of a temperature that is not measured from any other, K.
+const TEMPERATURE_RANGE_K: f64 = 90.0;
+
+/// Range of the torque for each ampere, relative to that of the commissioned unit, that its temperature explains.
+fn expected_torque(read: Option<f64>, commissioned: Option<[f64; 2]>) -> [f64; 2] {
+    let rise = match (read, commissioned) {
+        (Some(read), Some([low, high])) => [read - high, read - low],
+        _ => [-TEMPERATURE_RANGE_K, TEMPERATURE_RANGE_K],
+    };
+    let all = rise.map(|rise| TORQUE_PER_KELVIN.map(|per_kelvin| 1.0 + per_kelvin * rise));
+    let all = all.iter().flatten();
+    [
+        all.clone().copied().fold(f64::INFINITY, f64::min),
+        all.copied().fold(f64::NEG_INFINITY, f64::max),
+    ]
+}
+
+/// Change of the torque for each ampere, beyond that by temperature, that no tolerance explains.
+const GAIN_OFF: f64 = 0.05;
+
+/// Standard deviations of each phase; their mean is [`SIGMAS`] of its own off.
+const PHASE_SIGMAS: f64 = 2.0;
+
+/// A change of all three phases to the same side, by the phase that changed least: a worn winding changes one.
+fn current_gain(turns: &[Inferred; 3], [low, high]: [f64; 2]) -> Option<Contradiction> {
+    let weight = |x: &Inferred| 1.0 / (x.sigma * x.sigma);
+    let weights: f64 = turns.iter().map(weight).sum();
+    let mean = turns.iter().map(|x| weight(x) * x.value).sum::<f64>() / weights;
+    let clear = SIGMAS / weights.sqrt();
+    let [low, high] = [low - GAIN_OFF, high + GAIN_OFF];
+    let least = if mean + clear < low && turns.iter().all(|x| x.value + PHASE_SIGMAS * x.sigma < low) {
+        turns
+            .iter()
+            .reduce(|most, x| if x.value > most.value { x } else { most })
+    } else if mean - clear > high && turns.iter().all(|x| x.value - PHASE_SIGMAS * x.sigma > high) {
+        turns
+            .iter()
+            .reduce(|least, x| if x.value < least.value { x } else { least })
+    } else {
+        None
+    }?;
+    let gain = 1.0 / least.value;
+    let sigma = least.sigma * gain * gain;
+    let or_magnets = if gain > 1.0 {
+        ", or the magnets are as much weaker"
+    } else {
+        ""
+    };
+    let evidence = format!(
+        "all phases read {gain:.2} ± {sigma:.2} times the current that the motion needs of the commissioned unit{or_magnets}"
+    );
+    let correction = Correction::Currents {
+        offset: [0.0; 3],
+        gain: [gain; 3],
+    };
+    Some(contradiction(Suspect::CurrentGain, &evidence, correction))
+}
+
+/// Distance of a temperature from those of commissioning from which on it changes the torque visibly, K.
+const TEMPERATURE_OFF_K: f64 = 30.0;
+
+/// Standard deviations of the torque for each ampere that a temperature must explain.
+const TORQUE_SIGMAS: f64 = 3.0;
+
+/// A temperature far from those of commissioning, while the strongest phase makes the same torque: a worn winding weakens one.
+fn temperature(turns: &[Inferred; 3], read: f64, [low, high]: [f64; 2]) -> Option<Contradiction> {
+    let rise = if read < low { read - low } else { (read - high).max(0.0) };
+    let [least, most] = TORQUE_PER_KELVIN.map(|per_kelvin| per_kelvin * rise);
+    let strongest = turns
+        .iter()
+        .reduce(|most, x| if x.value > most.value { x } else { most })?;
+    let change = strongest.value - 1.0;
+    let margin = TORQUE_SIGMAS * strongest.sigma;
+    let is_contradicted = if rise < 0.0 {
+        change + margin < least
+    } else {
+        change - margin > least
+    };
+    (rise.abs() >= TEMPERATURE_OFF_K && is_contradicted).then(|| {
+        let evidence = format!(
+            "reads {read:.0} °C, which changes the torque for each ampere by {:+.1} to {:+.1} % since commissioning at {:.0} °C; the motion \
+             needs {:+.1} ± {:.1} %",
+            100.0 * least,
+            100.0 * most,
+            0.5 * (low + high),
+            100.0 * change,
+            100.0 * strongest.sigma
+        );
+        contradiction(Suspect::WindingTemperature, &evidence, Correction::NoTemperature)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn turns(values: [f64; 3], sigma: f64) -> [Inferred; 3] {
+        values.map(|value| Inferred { value, sigma })
+    }
+
+    fn gain_of(found: Option<Contradiction>) -> Option<f64> {
+        match found?.correction {
+            Correction::Currents { gain, .. } => Some(gain[0]),
+            _ => None,
+        }
+    }
+
+    #[test]
+    fn a_gain_changes_all_phases_and_a_short_one() {
+        let usual = expected_torque(Some(20.0), Some([18.0, 22.0]));
+        assert!(usual[0] > 0.997 && usual[1] < 1.003);
+        let shorted = turns([0.7, 1.0, 0.99], 0.004);
+        assert_eq!(gain_of(current_gain(&shorted, usual)), None);
+        let beside_a_short = turns([0.6, 0.875, 0.87], 0.004);
+        assert!((gain_of(current_gain(&beside_a_short, usual)).unwrap() - 1.0 / 0.875).abs() < 1e-12);
+        let low = turns([1.25, 1.26, 1.24], 0.004);
+        assert!((gain_of(current_gain(&low, usual)).unwrap() - 1.0 / 1.24).abs() < 1e-12);
+        // Not shown.
+        assert_eq!(gain_of(current_gain(&turns([1.25; 3], 0.06), usual)), None);
+    }
+
+    #[test]
+    fn cold_magnets_are_no_gain_and_a_sensor_that_makes_them_cold_is_named() {
+        let commissioned = [20.0, 20.0];
+        let cold = expected_torque(Some(-40.0), Some(commissioned));
+        assert!((cold[0] - 1.024).abs() < 1e-12 && (cold[1] - 1.072).abs() < 1e-12);
+        let as_cold = turns([1.06; 3], 0.004);
+        assert!(current_gain(&as_cold, cold).is_none() && temperature(&as_cold, -40.0, commissioned).is_none());
+        // One phase is shorted.
+        let as_warm = turns([1.001, 0.999, 0.6], 0.004);
+        let found = temperature(&as_warm, -40.0, commissioned).unwrap();
+        assert_eq!(found.suspicion.suspect, Suspect::WindingTemperature);
+        assert_eq!(
+            found.suspicion.sentence,
+            "winding temperature: reads -40 °C, which changes the torque for each ampere by +2.4 to +7.2 % since commissioning at 20 °C; \
+             the motion needs +0.1 ± 0.4 %"
+        );
+        // Not shown, and as it was.
+        assert!(temperature(&turns([1.0; 3], 0.02), -40.0, commissioned).is_none());
+        assert!(temperature(&as_warm, 25.0, commissioned).is_none());
+    }
+}

@@ -36,6 +36,7 @@ fn timeless(assessed: &AssessedWindow) -> String {
     assessed.window.t_start_ns = 0;
     assessed.health.t_start_ns = 0;
     assessed.rul.t_start_ns = 0;
+    assessed.sensors.t_start_ns = 0;
     format!("{assessed:?}")
 }
 

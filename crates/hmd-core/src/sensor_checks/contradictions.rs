@@ -294,7 +294,7 @@ mod tests {
         let low = turns([1.25, 1.26, 1.24], 0.004);
         assert!((gain_of(current_gain(&low, usual)).unwrap() - 1.0 / 1.24).abs() < 1e-12);
         // Not shown.
-        assert_eq!(gain_of(current_gain(&turns([1.25; 3], 0.06), usual)), None);
+        assert_eq!(gain_of(current_gain(&turns([1.25; 3], 0.1), usual)), None);
     }
 
     #[test]

@@ -2,7 +2,9 @@
 //!
 //! The three currents sum to zero, and the drive holds the direct current at zero, whatever is worn:
 //! `i_a + i_b + i_c = o + e i_j` shows offset and gain of one phase, `i_d = (δ + τ ω_e) i_q + o_α cos θ_e + o_β sin θ_e` the zero δ of
-//! the resolver, the age τ of the currents and the two other components of the offsets. Derived here.
+//! the resolver, the age τ of the currents and the two other components of the offsets. An eccentric rotor induces a direct voltage
+//! ∝ ω_m in each phase; where the current control lets a current through, its components grow with ω_m and ω_m², whereas those of an
+//! offset are constant: the fit has both. Derived here.
 
 use ema_models::{Real, Tolerances, phase_shapes};
 
@@ -126,33 +128,43 @@ fn clear<const P: usize>(fit: &Fit<P>, place: usize) -> Option<f64> {
     (fit.value[place].abs() > SIGMAS * fit.sigma[place]).then_some(fit.value[place])
 }
 
+/// Columns of the fit of the direct current.
+const COLUMNS: usize = 8;
+
 /// Offsets along α and β, A, each 0 where it is not clear; a zero or an age that is off goes to `found`.
 fn direct_current(signals: &Signals, tolerances: &Tolerances, found: &mut Vec<CurrentError>) -> Option<[f64; 2]> {
     let turn = signals.pole_pairs * signals.span(|row| row.theta_m);
-    // Columns: i_q, ω_e i_q, cos θ_e, sin θ_e.
-    let row = |row: &Row, uses: [f64; 4]| {
+    let fastest = signals.rows.iter().map(|row| row.omega_m.abs()).fold(1e-9, f64::max);
+    // Columns: i_q, ω_e i_q, cos θ_e, sin θ_e; both times ω_m and ω_m², as shares of the largest speed.
+    let row = |row: &Row, uses: [f64; 2]| {
         let (sin, cos) = (signals.pole_pairs * row.theta_m).sin_cos_poly();
         let [d, q] = signals.i_dq(row);
-        let columns = [q, signals.pole_pairs * row.omega_m * q, cos, sin];
-        (core::array::from_fn(|n| uses[n] * columns[n]), d)
+        let speed = row.omega_m / fastest;
+        let [by_zero, by_age] = [uses[0] * q, uses[1] * signals.pole_pairs * row.omega_m * q];
+        let [along, across] = [speed * cos, speed * sin];
+        (
+            [by_zero, by_age, cos, sin, along, across, speed * along, speed * across],
+            d,
+        )
     };
     let offset = if turn > std::f64::consts::PI {
         FREE
     } else {
         (0.0, tolerances.current_offset.max(1e-6))
     };
-    let fitted = |uses: [f64; 4]| {
-        let prior: [(f64, f64); 4] = core::array::from_fn(|n| match n {
-            _ if uses[n] <= 0.0 => (0.0, 1.0),
+    let fitted = |uses: [f64; 2]| {
+        let prior: [(f64, f64); COLUMNS] = core::array::from_fn(|n| match n {
+            0 | 1 if uses[n] <= 0.0 => (0.0, 1.0),
+            0 | 1 => FREE,
             2 | 3 => offset,
-            _ => FREE,
+            _ => (0.0, signals.i_max()),
         });
         let controlled = signals.rows.iter().filter(|row| signals.is_controlled(row));
         fit(controlled.map(|r| row(r, uses)), prior, ALIKE)
     };
-    let by_zero = fitted([1.0, 0.0, 1.0, 1.0])?;
-    let by_age = fitted([0.0, 1.0, 1.0, 1.0])?;
-    let worse = |one: &Fit<4>, other: &Fit<4>| {
+    let by_zero = fitted([1.0, 0.0])?;
+    let by_age = fitted([0.0, 1.0])?;
+    let worse = |one: &Fit<COLUMNS>, other: &Fit<COLUMNS>| {
         let noise = other.mean_square.max(f64::MIN_POSITIVE);
         one.rows * (one.mean_square - other.mean_square) > WORSE * ALIKE * noise
     };

@@ -93,7 +93,7 @@ fn the_parameters_of_a_unit_come_out_near_what_they_are() {
     }
 }
 
-/// Its direct current looks as that of an offset does; taking the offset out leaves what nothing explains.
+/// Its direct current looks as that of an offset does, but grows with the speed.
 #[test]
 fn an_eccentric_rotor_is_no_current_offset() {
     let folder = Folder::new();
@@ -108,8 +108,11 @@ fn an_eccentric_rotor_is_no_current_offset() {
     folder.done(&format!(
         "simulate --actuator servo270 {fault} --noise 0.03 --seed 2 -o worn.log"
     ));
-    let lines = folder.done("replay worn.log -c hmd.toml --json");
-    assert!(lines.contains("\"faults\":[\"eccentricity\"]"), "{lines}");
+    for config in ["type.toml", "hmd.toml"] {
+        let lines = folder.done(&format!("replay worn.log -c {config} --json"));
+        assert!(lines.contains("\"faults\":[\"eccentricity\"]"), "{config}: {lines}");
+        assert!(!lines.contains("suspects"), "{config}: {lines}");
+    }
 }
 
 #[test]

@@ -4,7 +4,9 @@
 //! `i_a + i_b + i_c = o + e i_j` shows offset and gain of one phase, `i_d = (δ + τ ω_e) i_q + o_α cos θ_e + o_β sin θ_e` the zero δ of
 //! the resolver, the age τ of the currents and the two other components of the offsets. An eccentric rotor induces a direct voltage
 //! ∝ ω_m in each phase; where the current control lets a current through, its components grow with ω_m and ω_m², whereas those of an
-//! offset are constant: the fit has both. Derived here.
+//! offset are constant: the better explanation wins. Derived here.
+
+use std::ops::Range;
 
 use ema_models::{Real, Tolerances, phase_shapes};
 
@@ -128,33 +130,52 @@ fn clear<const P: usize>(fit: &Fit<P>, place: usize) -> Option<f64> {
     (fit.value[place].abs() > SIGMAS * fit.sigma[place]).then_some(fit.value[place])
 }
 
-/// Columns of the fit of the direct current.
+/// Columns of the fit of the direct current, and which of them are used.
 const COLUMNS: usize = 8;
+type Uses = [bool; COLUMNS];
+
+/// Columns of the zero of the resolver, of the age of the currents, of offsets and of an eccentric rotor.
+const ZERO: Range<usize> = 0..1;
+const AGE: Range<usize> = 1..2;
+const OFFSETS: Range<usize> = 2..4;
+const ROTOR: Range<usize> = 4..8;
+
+fn uses(one: Range<usize>, other: Range<usize>) -> Uses {
+    core::array::from_fn(|n| one.contains(&n) || other.contains(&n))
+}
 
 /// Offsets along α and β, A, each 0 where it is not clear; a zero or an age that is off goes to `found`.
 fn direct_current(signals: &Signals, tolerances: &Tolerances, found: &mut Vec<CurrentError>) -> Option<[f64; 2]> {
     let turn = signals.pole_pairs * signals.span(|row| row.theta_m);
     let fastest = signals.rows.iter().map(|row| row.omega_m.abs()).fold(1e-9, f64::max);
     // Columns: i_q, ω_e i_q, cos θ_e, sin θ_e; both times ω_m and ω_m², as shares of the largest speed.
-    let row = |row: &Row, uses: [f64; 2]| {
+    let row = |row: &Row, uses: Uses| {
         let (sin, cos) = (signals.pole_pairs * row.theta_m).sin_cos_poly();
         let [d, q] = signals.i_dq(row);
         let speed = row.omega_m / fastest;
-        let [by_zero, by_age] = [uses[0] * q, uses[1] * signals.pole_pairs * row.omega_m * q];
-        let [along, across] = [speed * cos, speed * sin];
-        (
-            [by_zero, by_age, cos, sin, along, across, speed * along, speed * across],
-            d,
-        )
+        let of_angle = [
+            cos,
+            sin,
+            speed * cos,
+            speed * sin,
+            speed * speed * cos,
+            speed * speed * sin,
+        ];
+        let columns: [f64; COLUMNS] = core::array::from_fn(|n| match n {
+            0 => q,
+            1 => signals.pole_pairs * row.omega_m * q,
+            _ => of_angle[n - 2],
+        });
+        (core::array::from_fn(|n| if uses[n] { columns[n] } else { 0.0 }), d)
     };
     let offset = if turn > std::f64::consts::PI {
         FREE
     } else {
         (0.0, tolerances.current_offset.max(1e-6))
     };
-    let fitted = |uses: [f64; 2]| {
+    let fitted = |uses: Uses| {
         let prior: [(f64, f64); COLUMNS] = core::array::from_fn(|n| match n {
-            0 | 1 if uses[n] <= 0.0 => (0.0, 1.0),
+            _ if !uses[n] => (0.0, 1.0),
             0 | 1 => FREE,
             2 | 3 => offset,
             _ => (0.0, signals.i_max()),
@@ -162,8 +183,8 @@ fn direct_current(signals: &Signals, tolerances: &Tolerances, found: &mut Vec<Cu
         let controlled = signals.rows.iter().filter(|row| signals.is_controlled(row));
         fit(controlled.map(|r| row(r, uses)), prior, ALIKE)
     };
-    let by_zero = fitted([1.0, 0.0])?;
-    let by_age = fitted([0.0, 1.0])?;
+    let by_zero = fitted(uses(ZERO, OFFSETS))?;
+    let by_age = fitted(uses(AGE, OFFSETS))?;
     let worse = |one: &Fit<COLUMNS>, other: &Fit<COLUMNS>| {
         let noise = other.mean_square.max(f64::MIN_POSITIVE);
         one.rows * (one.mean_square - other.mean_square) > WORSE * ALIKE * noise
@@ -179,6 +200,14 @@ fn direct_current(signals: &Signals, tolerances: &Tolerances, found: &mut Vec<Cu
     } else if is_late && worse(&by_zero, &by_age) {
         found.push(CurrentError::Late(late));
     }
-    let best = if worse(&by_zero, &by_age) { by_age } else { by_zero };
+    let (first, best) = if worse(&by_zero, &by_age) {
+        (AGE, by_age)
+    } else {
+        (ZERO, by_zero)
+    };
+    let by_rotor = fitted(uses(first, ROTOR))?;
+    if !worse(&by_rotor, &best) {
+        return Some([0.0; 2]);
+    }
     Some([2, 3].map(|place| clear(&best, place).unwrap_or(0.0)))
 }

@@ -19,7 +19,7 @@ const ENTRIES: [&str; 7] = [
     "shorted_turns",
 ];
 
-/// Bounds of the whole suite at 2 kHz, without a healthy window that names a fault.
+/// Aims of the whole suite at 2 kHz; besides, no healthy window of these entries names a fault.
 const JUDGED_MIN: f64 = 0.98;
 const NAMED_MIN: f64 = 0.95;
 const MEDIAN_ERROR_MAX: f64 = 0.02;

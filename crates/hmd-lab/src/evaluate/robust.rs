@@ -463,6 +463,12 @@ mod tests {
             read_state("actuation\n", &options),
             Err(StateError::Line { line: 1, .. })
         ));
+        assert!(matches!(
+            read_state("notes without an end of line", &options),
+            Err(StateError::Line { line: 1, .. })
+        ));
+        let cut = first_line(&options);
+        assert!(read_state(&cut[..cut.len() - 5], &options).is_ok_and(|(_, whole)| whole == 0));
         assert!(read_state("", &options).is_ok_and(|(units, whole)| units.is_empty() && whole == 0));
         let unknown = RobustOptions {
             entries: vec!["stribek".to_owned()],

@@ -69,7 +69,12 @@ pub fn read_state(text: &str, options: &RobustOptions) -> Result<(Vec<FinishedUn
         found: line.chars().take(FOUND_CHARS).collect(),
     };
     let Some(first) = lines.next() else {
-        return Ok((Vec::new(), 0));
+        // The first line may have been cut as well; anything else is not ours to overwrite.
+        return if first_line(options).starts_with(text) {
+            Ok((Vec::new(), 0))
+        } else {
+            Err(refused((0, text)))
+        };
     };
     let run: Run = serde_json::from_str(first.1).map_err(|_| refused(first))?;
     let expected = Run::of(options);

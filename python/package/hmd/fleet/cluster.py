@@ -1,5 +1,6 @@
 """The contract on a Dask cluster: this computer's cores, or any scheduler's workers that see the same folders."""
 
+import contextlib
 import itertools
 import sys
 from collections.abc import Callable, Iterator
@@ -16,6 +17,9 @@ AHEAD = 4
 
 AHEAD_LEAST = 64
 """The same for all workers together."""
+
+RESTART_S = 30
+"""Longest wait for workers that are being started again, s, before the cluster is closed."""
 
 
 def assess_all(
@@ -54,6 +58,9 @@ def assess_all(
         Client(cluster) as client,
     ):
         _run(client, logs, job, each)
+        # While a killed worker is being started again, closing the cluster fails in some versions of Dask.
+        with contextlib.suppress(TimeoutError):
+            client.wait_for_workers(workers, timeout=RESTART_S)
 
 
 def batch(logs: list[str], job: Job) -> list[Outcome]:

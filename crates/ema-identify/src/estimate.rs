@@ -71,6 +71,23 @@ impl Estimate {
         sigma
     }
 
+    /// The same with sigmas that reach as far as another point, given its distance in fault coordinates: what a search that was cut
+    /// short moved by in its last part, it may still be off by.
+    #[must_use]
+    pub fn reaching(mut self, distance: &[f64; FAULT_COUNT]) -> Self {
+        let phase = FaultVector::ECCENTRICITY_PHASE_INDEX;
+        let eccentricity = phase - 1;
+        let across = libm::hypot(distance[eccentricity], distance[phase]);
+        if self.sigma[eccentricity].is_none_or(|sigma| across > sigma) {
+            (self.sigma[phase], self.observable[phase]) = (None, false);
+        }
+        for (p, sigma) in self.sigma.iter_mut().enumerate().filter(|(p, _)| *p != phase) {
+            let off = if p == eccentricity { across } else { distance[p] };
+            *sigma = sigma.map(|sigma| libm::hypot(sigma, off));
+        }
+        self.widened(&[1.0; FAULT_COUNT])
+    }
+
     /// The same with the sigma of each component multiplied by a factor; a component whose damage then has a sigma above 0.1 is not
     /// observable.
     #[must_use]

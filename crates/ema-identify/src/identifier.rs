@@ -2,18 +2,19 @@
 
 use std::vec::Vec;
 
-use ema_ga::{ConfigError, GaConfig, Outcome, StopReason};
+use ema_ga::{ConfigError, Control, GaConfig, GenerationLog, Outcome, StopReason};
 use ema_models::{
     ActuatorParams, Calibration, Comparison, Conditions, Coordinates, FAULT_COUNT, FaultVector, Feedback,
     MotorKnowledge, Scale, Signals, Tolerances, Weights,
 };
 
 use crate::calibration::TypeCalibration;
+use crate::effort::{Effort, Request, Stage};
 use crate::estimate::Estimate;
 use crate::monitor_fit::{
-    COARSE, COARSE_THEN_FINE, LocalOptimum, Population, RUNS_OF_ASSESSMENT, Search, UNLIMITED, assess, best_first,
-    conclude, conclude_with_tolerances, descend_side_by_side, is_locked, prior, residuals_with_tolerances,
-    search_by_paper, starts,
+    COARSE, COARSE_THEN_FINE, LocalOptimum, MAX_STARTS, Population, RUNS_OF_ASSESSMENT, RUNS_OF_DESCENT, RUNS_OF_STEP,
+    Search, Starts, UNLIMITED, assess, best_first, conclude, conclude_with_tolerances, descend_side_by_side, is_locked,
+    prior, residuals_with_tolerances, search_by_paper, starts,
 };
 use crate::prepared::Prepared;
 
@@ -87,21 +88,90 @@ impl Identifier {
     ///
     /// # Errors
     /// [`ConfigError`] when the settings of the genetic algorithm contradict each other.
+    #[expect(clippy::missing_panics_doc, reason = "unlimited work ends in an estimate")]
     pub fn identify(&self, window: &Prepared, conditions: Conditions, seed: u64) -> Result<Estimate, ConfigError> {
+        let found = self.identify_within(window, conditions, seed, &Effort::unlimited())?;
+        #[expect(clippy::expect_used, reason = "everything is granted")]
+        Ok(found.expect("unlimited work ends in an estimate"))
+    }
+
+    /// The same with as much work as is granted: the best estimate so far, or none where that is not even one.
+    ///
+    /// The same grants give the same estimate.
+    ///
+    /// # Errors
+    /// As [`Identifier::identify`].
+    pub fn identify_within(
+        &self,
+        window: &Prepared,
+        conditions: Conditions,
+        seed: u64,
+        effort: &Effort<'_>,
+    ) -> Result<Option<Estimate>, ConfigError> {
+        let window_s = self.length_s(window.recording().samples.len());
+        let [least, usual, most] = self.runs_of_conclusion();
+        let request = |runs| Request {
+            stage: Stage::Conclusion,
+            window_s,
+            runs,
+            reserved: 0,
+        };
+        if effort.grant(&request(least)) < least {
+            return Ok(None);
+        }
         let coefficients = self.calibration.coefficients();
         let comparison = self.comparison(window, &coefficients, conditions);
-        let search = self.local_optima(&comparison, seed)?;
+        let search = self.local_optima(&comparison, seed, usual, effort)?;
+        let granted = effort.grant(&request(most));
+        if granted < least {
+            return Ok(None);
+        }
+        let (search, budget) = if granted < most {
+            let share = granted.saturating_sub(RUNS_OF_ASSESSMENT) / DESCENTS_OF_CONCLUSION;
+            let budget = self.budget().min(search.evaluations + granted);
+            (search.with_share_at_most(share), budget)
+        } else {
+            (search, self.budget())
+        };
         let mismatch = self.calibration.mismatch_near(self.params.sensors.sample_rate);
-        Ok(match self.method {
+        let estimate = match self.method {
             Method::PaperGa(_) | Method::Population(_) => Estimate {
                 cut: search.cut,
                 ..assess(&comparison, mismatch, search.best().at, None, search.evaluations, None)
             },
             Method::LeastSquares | Method::Hybrid(_) if self.has_tolerances() => {
-                conclude_with_tolerances(&comparison, mismatch, &self.tolerances, &search, self.budget())
+                conclude_with_tolerances(&comparison, mismatch, &self.tolerances, &search, budget)
             }
-            Method::LeastSquares | Method::Hybrid(_) => conclude(&comparison, mismatch, &search, self.budget()),
-        })
+            Method::LeastSquares | Method::Hybrid(_) => conclude(&comparison, mismatch, &search, budget),
+        };
+        effort.ran(Stage::Conclusion, window_s, estimate.evaluations - search.evaluations);
+        if !(estimate.cut && effort.is_short()) {
+            return Ok(Some(estimate));
+        }
+        // How badly the best so far fits says nothing of the model.
+        if estimate.is_unmodelled() && !estimate.locked {
+            return Ok(None);
+        }
+        let (end, start) = (
+            Scale::new(&self.params).coordinates(&estimate.unknowns),
+            search.best().at,
+        );
+        Ok(Some(
+            estimate.reaching(&core::array::from_fn(|p| end.0[p] - start.0[p])),
+        ))
+    }
+
+    fn length_s(&self, samples: usize) -> f64 {
+        samples as f64 / self.params.sensors.sample_rate
+    }
+
+    /// Monitor runs after the search: with which an estimate is worth anything, of most windows, and at most.
+    fn runs_of_conclusion(&self) -> [u64; 3] {
+        match self.method {
+            Method::PaperGa(_) | Method::Population(_) => [RUNS_OF_ASSESSMENT; 3],
+            Method::LeastSquares | Method::Hybrid(_) if self.has_tolerances() => [360, 500, 830],
+            Method::LeastSquares | Method::Hybrid(_) => [100, 350, 6 * RUNS_OF_DESCENT],
+        }
     }
 
     /// Where the search ends, before the signals are weighted by the window's own noise.
@@ -109,20 +179,73 @@ impl Identifier {
     /// # Errors
     /// As [`Identifier::identify`].
     pub fn search(&self, comparison: &Comparison<'_>, seed: u64) -> Result<Coordinates, ConfigError> {
-        Ok(self.local_optima(comparison, seed)?.best().at)
+        Ok(self.local_optima(comparison, seed, 0, &Effort::unlimited())?.best().at)
     }
 
-    fn local_optima(&self, comparison: &Comparison<'_>, seed: u64) -> Result<Search, ConfigError> {
+    /// The local optima of a search that leaves `reserved` monitor runs for the conclusion.
+    ///
+    /// Where not even a usual search is granted, descents start from health alone.
+    fn local_optima(
+        &self,
+        comparison: &Comparison<'_>,
+        seed: u64,
+        reserved: u64,
+        effort: &Effort<'_>,
+    ) -> Result<Search, ConfigError> {
+        let window_s = self.length_s(comparison.recording.samples.len());
+        let request = |runs| Request {
+            stage: Stage::Search,
+            window_s,
+            runs,
+            reserved,
+        };
+        // Asks for each generation before it begins.
+        let mut seen = 0;
+        let mut follow = |log: &GenerationLog<FAULT_COUNT>, (individuals, generations): (u64, u32)| {
+            effort.ran(Stage::Search, window_s, log.evaluations - seen);
+            seen = log.evaluations;
+            if log.generation >= generations || effort.grants_all(&request(individuals)) {
+                Control::Continue
+            } else {
+                Control::Stop
+            }
+        };
+        let descend = |starts: &Starts, share: u64| {
+            let wanted = starts.len() as u64 * self.steps().len() as u64 * RUNS_OF_DESCENT;
+            let granted = effort.grant(&request(wanted));
+            let share = if granted < wanted {
+                share.min(granted / starts.len() as u64)
+            } else {
+                share
+            };
+            let optima = descend_side_by_side(comparison, starts, self.steps(), share);
+            let spent = optima.iter().map(|optimum| optimum.spent).sum();
+            effort.ran(Stage::Search, window_s, spent);
+            optima
+        };
         Ok(match self.method {
-            Method::PaperGa(config) => self.best_individual(comparison, &search_by_paper(comparison, &config, seed)?),
-            Method::Population(population) => self.best_individual(comparison, &population.search(*comparison, seed)?),
+            Method::PaperGa(config) => {
+                let extent = (config.population as u64, config.stop.max_generations);
+                let found = search_by_paper(comparison, &config, seed, |log| follow(log, extent))?;
+                self.best_individual(comparison, &found)
+            }
+            Method::Population(population) => {
+                let extent = population.extent();
+                let found = population.search(*comparison, seed, |log| follow(log, extent))?;
+                self.best_individual(comparison, &found)
+            }
             Method::LeastSquares => {
                 let starts = starts(comparison, &[FaultVector::NOMINAL]);
-                let optima = descend_side_by_side(comparison, &starts, self.steps(), UNLIMITED);
-                Search::new(optima, 0, false, UNLIMITED)
+                Search::new(descend(&starts, UNLIMITED), 0, false, UNLIMITED)
             }
             Method::Hybrid(population) => {
-                let found = population.search(*comparison, seed)?;
+                let (individuals, generations) = population.extent();
+                let usual = individuals * (u64::from(generations) + 1) + MAX_STARTS as u64 * RUNS_OF_USUAL_DESCENT;
+                if !effort.grants_all(&request(usual)) {
+                    let starts = starts(comparison, &[FaultVector::NOMINAL]);
+                    return Ok(Search::new(descend(&starts, UNLIMITED), 0, true, UNLIMITED));
+                }
+                let found = population.search(*comparison, seed, |log| follow(log, (individuals, generations)))?;
                 let faults = [FaultVector::from_array(found.genes), FaultVector::NOMINAL];
                 let starts = starts(comparison, &faults);
                 // The same share for each descent and for the last one, whichever of them needs it.
@@ -131,9 +254,7 @@ impl Identifier {
                     let budget = if self.has_tolerances() { budget / 2 } else { budget };
                     budget.saturating_sub(found.evaluations + RUNS_OF_ASSESSMENT) / (starts.len() as u64 + 1)
                 });
-                let cut = found.stop == StopReason::MaxEvaluations;
-                let optima = descend_side_by_side(comparison, &starts, self.steps(), share);
-                Search::new(optima, found.evaluations, cut, share)
+                Search::new(descend(&starts, share), found.evaluations, was_cut(&found), share)
             }
         })
     }
@@ -155,7 +276,7 @@ impl Identifier {
             cost: found.cost,
             at: Scale::new(&self.params).coordinates(&unknowns),
             spent: found.evaluations,
-            cut: found.stop == StopReason::MaxEvaluations,
+            cut: was_cut(found),
         };
         Search::new(best_first([best]), 0, false, 0)
     }
@@ -232,6 +353,17 @@ impl Identifier {
         fit
     }
 }
+
+/// Whether a population search was ended before its time.
+fn was_cut(found: &Outcome<FAULT_COUNT>) -> bool {
+    matches!(found.stop, StopReason::MaxEvaluations | StopReason::Stopped)
+}
+
+/// Monitor runs of most coarse descents.
+const RUNS_OF_USUAL_DESCENT: u64 = 6 * RUNS_OF_STEP;
+
+/// Descents after the search at most that have the same share: the last one, with another magnet, and of the friction bound.
+const DESCENTS_OF_CONCLUSION: u64 = 3;
 
 /// The comparison of one window with a monitor, by the measured angles.
 #[must_use]

@@ -14,6 +14,10 @@ pub struct Inferred {
 pub struct InferredReadings {
     /// Constant load at the output, Nm; positive opposes positive motion.
     pub load_torque: Option<Inferred>,
+    /// The same where friction is not worn, and where it is worn to its limit: between the two lies the load of a motion that does not tell
+    /// load from friction. Of commissioned units none: errors of what their windows share move the load of such a motion by twice its
+    /// friction (`servo28`, 400 Hz).
+    pub load_by_friction: Option<[Inferred; 2]>,
     /// DC link voltage, V.
     pub dc_link: Option<Inferred>,
     /// Torque for each read current of phase A, B, C, relative to that of the commissioned unit.

@@ -22,6 +22,8 @@ extern crate std;
 pub mod calibration;
 #[cfg(feature = "std")]
 mod counter_wrap;
+#[cfg(feature = "std")]
+pub mod effort;
 mod estimate;
 #[cfg(feature = "std")]
 mod identifier;

@@ -9,7 +9,7 @@
 //! | `controller` | differentiated PI law of the speed loop | controller gain |
 //! | `transmission` | output angle behind a play | backlash |
 //!
-//! `shared` names what all windows of a unit have in common, `commission` learns it.
+//! `shorted_loop` is the current of shorted turns. `shared` names what all windows of a unit have in common, `commission` learns it.
 //!
 //! In goes a window of samples ([`MeasuredWindow`]) of a unit that was commissioned ([`CommissionedRelations`], learnt from
 //! healthy windows); out comes a [`RelationsEstimate`]: each fault parameter as the change since commissioning with its
@@ -41,6 +41,7 @@ mod output_load;
 mod overlap;
 mod residual;
 mod shared;
+mod shorted_loop;
 mod sliding;
 mod terms;
 mod torque_balance;
@@ -53,6 +54,7 @@ pub use compliance::Compliance;
 #[cfg(feature = "std")]
 pub use curves::{Curve, CurvePoint};
 pub use elements::{ELEMENT_COUNT, Element, Needed, Reading};
+pub use kernel::Kernel;
 pub use measured::MeasuredWindow;
 pub use residual::{HealthyResidual, RELATION_COUNT, Relation};
 pub use shared::SHARED_COUNT;

@@ -27,14 +27,31 @@ pub struct UnitEstimate {
     pub needed: [Option<Needed>; FAULT_COUNT],
     /// Relations that do not explain the window; none where the monitor estimated it.
     pub unexplained: Vec<Relation>,
+    /// The part of each sigma that comes from the unknown bridge of a shorted loop, which no conditions widen.
+    pub bridge_spread: [f64; FAULT_COUNT],
 }
 
 impl UnitEstimate {
-    /// The same with every sigma multiplied, for conditions that commissioning has not seen: see [`Estimate::widened`].
+    /// The same with every sigma multiplied but what comes from a bridge, for conditions that commissioning has not seen: see
+    /// [`Estimate::widened`].
     #[must_use]
     pub fn widened(self, factor: f64) -> Self {
+        self.widened_by(&[factor; FAULT_COUNT])
+    }
+
+    /// The same with a factor for each sigma.
+    fn widened_by(self, factors: &[f64; FAULT_COUNT]) -> Self {
+        let factors = core::array::from_fn(|n| match self.estimate.sigma[n] {
+            Some(sigma) if self.bridge_spread[n] > 0.0 => {
+                let own = (sigma * sigma - self.bridge_spread[n] * self.bridge_spread[n])
+                    .max(0.0)
+                    .sqrt();
+                self.bridge_spread[n].hypot(factors[n] * own) / sigma
+            }
+            _ => factors[n],
+        });
         Self {
-            estimate: self.estimate.widened(&[factor; FAULT_COUNT]),
+            estimate: self.estimate.widened(&factors),
             ..self
         }
     }

@@ -3,6 +3,7 @@
 //! Goes in: the windows of all actuators ([`WindowJob`]), in their order, and the calibrations ([`Models`]). Comes out: the
 //! records of each window ([`AssessedWindow`]).
 
+mod by_signals;
 mod by_unit;
 mod conditions;
 mod explained;
@@ -12,20 +13,22 @@ mod records;
 use std::sync::Arc;
 
 use ema_ga::GaConfig;
-use ema_models::{FAULT_COUNT, FaultId, FaultVector, Tolerances};
+use ema_models::{Conditions, FAULT_COUNT, FaultId, FaultVector, MotorKnowledge, SensedSample, Setpoint, Tolerances};
 
 use crate::config::{ActuatorConfig, Config, IdentificationConfig, SearchMethod};
+use crate::deadline::TimeLimit;
 use crate::functional_check::{CHECK_LANES, unmet_requirements};
 use crate::health::{DamageEvidence, HealthState};
 use crate::history::{HistoryStore, WindowEvidence};
 use crate::outbox::WindowJob;
 use crate::record::{self, WindowStatus};
-use crate::sensor_checks::{Shown, Suspect, sensor_readings};
+use crate::sensor_checks::{Suspect, sensor_readings};
 use crate::window::WindowQuality;
+use ema_identify::effort::Effort;
 use ema_identify::unit_calibration::UnitCalibration;
-use ema_identify::{Estimate, Fit, Identifier, Method, Population};
+use ema_identify::{Estimate, Fit, Identifier, Method, Population, Prepared};
 use explained::Explained;
-use records::{health_record, rul_record, sensors_record, window_record};
+use records::{health_record, rul_record, sensors_record, shortened_record, window_record};
 
 pub(crate) use by_unit::{motion_of, needed_in_words};
 pub use conditions::{conditions, motor_knowledge_at, motor_within};
@@ -68,8 +71,8 @@ pub struct AssessedWindow {
     pub sensors: record::Sensors,
     /// Sensors, wires and configured numbers that may be wrong; the reasons of the records hold their sentences.
     pub suspects: Vec<Suspect>,
-    /// The errors of readings that the window shows; none where nothing was estimated.
-    pub shown: Option<Shown>,
+    /// What a deadline left of the identification, where it left less than all.
+    pub shortened: Option<record::Shortened>,
 }
 
 impl Assessor {
@@ -120,25 +123,31 @@ impl Assessor {
     /// # Errors
     /// [`AssessError`] when the configuration cannot be used at all; a bad window is a record, not an error.
     pub fn assess(&mut self, job: WindowJob) -> Result<AssessedWindow, AssessError> {
-        self.assess_for(job, None)
+        self.assess_within(job, &TimeLimit::none(), None)
     }
 
-    /// The same for a unit that is being learnt: for the reason `learning` health is unknown, and no damage counts.
+    /// The same with the work that a limit grants; for a unit that is being learnt, too: for the reason `learning` health is unknown,
+    /// and no damage counts. The same job, seed, history and grants give the same records.
     ///
     /// # Errors
     /// As [`Assessor::assess`].
-    pub fn assess_while_learning(&mut self, job: WindowJob, learning: &str) -> Result<AssessedWindow, AssessError> {
-        self.assess_for(job, Some(learning))
-    }
-
-    fn assess_for(&mut self, mut job: WindowJob, learning: Option<&str>) -> Result<AssessedWindow, AssessError> {
+    pub fn assess_within(
+        &mut self,
+        mut job: WindowJob,
+        limit: &TimeLimit<'_>,
+        learning: Option<&str>,
+    ) -> Result<AssessedWindow, AssessError> {
         let readings = sensor_readings(&job);
         let Explained {
             assessed,
             suspects,
             mut reasons,
-            shown,
-        } = self.explain(&mut job, learning.is_some())?;
+            unchecked,
+        } = self.explain(&mut job, learning.is_some(), &limit.effort)?;
+        let is_short = limit.effort.is_short();
+        if assessed.is_none() && is_short {
+            reasons.push(format!("deadline of {} ms: not identified", limit.deadline_ms));
+        }
         let mut fit = Fit::default();
         let mut found = None;
         if let Some(assessed) = assessed {
@@ -154,7 +163,9 @@ impl Assessor {
             reasons.extend(learning.map(str::to_owned));
             reasons.extend(assessed.reasons);
             reasons.extend(estimate.competing_optimum.map(|other| ambiguous(&estimate, &other)));
-            if estimate.cut {
+            if is_short && (estimate.cut || unchecked) {
+                reasons.push(cut_by_deadline(limit.deadline_ms, &estimate, unchecked));
+            } else if estimate.cut {
                 let budget = self.config.identification().evaluations_max;
                 reasons.push(format!("best of {budget} evaluations, the search had not ended"));
             }
@@ -182,7 +193,7 @@ impl Assessor {
         let falls_short = |faults: &[FaultVector; CHECK_LANES]| {
             unmet_requirements(&job.params, &coefficients, &specification, faults)
         };
-        let counted = explained.filter(|_| learning.is_none());
+        let counted = explained.filter(|_| learning.is_none() && !unchecked);
         let damage = counted.map(damage_evidence);
         let evidence = WindowEvidence {
             damage_evidence: damage.as_ref(),
@@ -206,8 +217,38 @@ impl Assessor {
             sensors: sensors_record(&job, &sensors),
             rul: rul_record(&job, found.as_ref(), &decision, config.rul().horizon_h),
             suspects,
-            shown,
+            shortened: is_short.then(|| shortened_record(&job, limit, found.as_ref())),
         })
+    }
+
+    /// Identifies an actuator that stands still, to measure how long identification takes on this computer.
+    ///
+    /// # Errors
+    /// As [`Assessor::assess`].
+    pub fn rehearse(&self, actuator: &ActuatorConfig, effort: &Effort<'_>) -> Result<(), AssessError> {
+        let samples = (0.5 * actuator.params.sensors.sample_rate) as usize;
+        let identifier = Identifier {
+            params: actuator.params,
+            calibration: self.models.of_type(&actuator.type_name)?.calibration.clone(),
+            method: self.method,
+            motor: MotorKnowledge::default(),
+            tolerances: actuator.tolerances,
+        };
+        let at_rest = SensedSample {
+            seq: 0,
+            currents: [0.0; 3],
+            motor_counts: 0,
+            output_counts: 0,
+            setpoint: Setpoint::Position(0.0),
+        };
+        let prepared = Prepared::new(&actuator.params, &vec![at_rest; samples], &[], 0);
+        let conditions = Conditions {
+            load_torque: None,
+            v_dc: actuator.params.motor.v_dc,
+            winding_temp_deg_c: None,
+        };
+        identifier.identify_within(&prepared, conditions, self.seed, effort)?;
+        Ok(())
     }
 
     /// The identifier for a window: its type's calibration, and what is known of its unit.
@@ -255,6 +296,15 @@ pub fn damage_evidence(estimate: &Estimate) -> DamageEvidence {
         damage: estimate.fault.damages(),
         sigma: Some(FaultId::ALL.map(|fault| sigma[fault.parameter()])),
     }
+}
+
+/// The reason that names what a deadline left out.
+fn cut_by_deadline(deadline_ms: u32, estimate: &Estimate, unchecked: bool) -> String {
+    let unchecked = if unchecked { ", readings not compared" } else { "" };
+    format!(
+        "deadline of {deadline_ms} ms: best of {} evaluations{unchecked}",
+        estimate.evaluations
+    )
 }
 
 /// The reason that names the faults which are not observable; the direction k7 is no handicap.

@@ -2,11 +2,11 @@
 
 use serde::Serialize;
 
-use crate::health::{HealthState, Levels, SIGNIFICANCE};
+use crate::health::{HealthState, Levels, significance};
 use ema_models::FaultId;
 
 /// Version of the catalogue's form; a breaking change counts it up.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// All fault modes, with the levels of one configuration.
 #[derive(Clone, Debug, Serialize)]
@@ -26,8 +26,6 @@ pub struct Catalogue {
 pub struct Confidence {
     /// Meaning of the standard deviations.
     pub sigma: &'static str,
-    /// A damage of fewer sigmas than this is no evidence of a fault.
-    pub significance_sigmas: f64,
     /// Meaning of the quantiles of the remaining life.
     pub quantiles: &'static str,
 }
@@ -51,6 +49,8 @@ pub struct FaultMode {
     pub fields: [String; 3],
     /// How damage follows from the estimate.
     pub damage: &'static str,
+    /// A damage of fewer sigmas than this is no evidence of the fault.
+    pub significance_sigmas: f64,
     /// Damage from which on each class of severity holds, rising.
     pub severity: [Severity; 3],
     /// Windows in a row that a worse class needs.
@@ -133,7 +133,6 @@ pub fn catalogue(levels: &[Levels; FaultId::COUNT]) -> Catalogue {
         confidence: Confidence {
             sigma: "standard deviation of an estimate from one window: noise and model error together; absent where the window \
                     does not show the parameter",
-            significance_sigmas: SIGNIFICANCE,
             quantiles: "the life ends earlier than p10 with 10 %, than p50 with 50 %, than p90 with 90 % probability",
         },
         fault_modes: FaultId::ALL.map(|fault| mode(fault, &levels[fault.index()])),
@@ -156,6 +155,7 @@ fn mode(fault: FaultId, levels: &Levels) -> FaultMode {
         } else {
             "the estimate itself"
         },
+        significance_sigmas: significance(fault),
         severity: [
             severity(HealthState::Watch, levels.watch, "watch"),
             severity(HealthState::Warning, levels.warning, "plan the repair"),

@@ -3,7 +3,9 @@
 //! Goes in: the damage of each fault with its standard deviation ([`DamageEvidence`]). Comes out: a state for each fault and
 //! for the actuator ([`HealthDecision`]). Each fault has its own levels with hysteresis and persistence; no clock.
 //!
-//! The actuator's state is the worse of this and the state by remaining life (`history/urgency.rs`).
+//! `level_memory` counts the windows at each level. The actuator's state is the worse of this and the state by remaining life (`history/urgency.rs`).
+
+mod level_memory;
 
 use std::ops::RangeInclusive;
 
@@ -11,6 +13,10 @@ use ema_models::FaultId;
 use serde::{Deserialize, Serialize};
 
 use crate::setting::{Expected, SettingError};
+use level_memory::STEPS;
+
+pub(crate) use level_memory::LevelMemory;
+pub use level_memory::{SIGNIFICANCE, significance};
 
 /// State of health of an actuator, or of one fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -154,16 +160,6 @@ impl Levels {
     }
 }
 
-const STEPS: usize = 3;
-
-/// State of a fault by the number of levels that it has reached.
-const STATES: [HealthState; STEPS + 1] = [
-    HealthState::Nominal,
-    HealthState::Watch,
-    HealthState::Warning,
-    HealthState::Critical,
-];
-
 /// Damage of an actuator, as identified from one window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DamageEvidence {
@@ -192,7 +188,7 @@ pub struct HealthDecision {
 /// Health of one actuator.
 ///
 /// A fault worsens to a level when as many assessed windows in a row as its own `persistence` have reached it, each with a
-/// damage of at least [`SIGNIFICANCE`] sigmas. It improves at once when the damage plus one sigma is below the level by more
+/// damage of at least [`significance`] sigmas. It improves at once when the damage plus one sigma is below the level by more
 /// than the hysteresis. Windows that were not assessed neither change a state nor interrupt a row.
 ///
 /// ```
@@ -216,18 +212,6 @@ pub struct Health {
     last: (HealthState, [HealthState; FaultId::COUNT]),
     faults: [LevelMemory; FaultId::COUNT],
 }
-
-/// Levels that one quantity has reached, with hysteresis and persistence.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-pub(crate) struct LevelMemory {
-    /// Levels reached: index into [`STATES`].
-    reached: usize,
-    /// Assessed windows in a row at or above each level.
-    above: [u32; STEPS],
-}
-
-/// A damage of fewer sigmas than this is no evidence of a fault.
-pub const SIGNIFICANCE: f64 = 3.0;
 
 impl Health {
     /// With the levels of each fault, in the order of [`FaultId::ALL`].
@@ -271,8 +255,7 @@ impl Health {
 
     /// Assessed windows in a row that ask for a worse state than the one reached, the most of any fault; 0 when none does.
     pub(crate) fn pending(&self) -> u32 {
-        let next = |memory: &LevelMemory| memory.above.get(memory.reached).copied();
-        self.faults.iter().filter_map(next).max().unwrap_or(0)
+        self.faults.iter().map(LevelMemory::pending).max().unwrap_or(0)
     }
 
     /// State after the last window.
@@ -296,7 +279,7 @@ impl Health {
             else {
                 continue;
             };
-            memory.update(damage, sigma, &self.levels[fault.index()]);
+            memory.update(damage, sigma, significance(fault), &self.levels[fault.index()]);
             self.assessed = true;
         }
         let states = self.faults.map(|memory| {
@@ -336,41 +319,9 @@ impl DamageEvidence {
     }
 }
 
-impl LevelMemory {
-    /// Whether the state is possible; a damaged file may hold any numbers.
-    pub(crate) fn is_possible(&self) -> bool {
-        self.reached <= STEPS
-    }
-
-    /// The level reached.
-    pub(crate) fn state(&self) -> HealthState {
-        STATES[self.reached]
-    }
-
-    /// Takes a reading, a damage or whatever the levels are of, with its standard deviation.
-    pub(crate) fn update(&mut self, damage: f64, sigma: f64, levels: &Levels) {
-        let steps = levels.steps();
-        let significant = damage >= SIGNIFICANCE * sigma;
-        for (above, level) in self.above.iter_mut().zip(steps) {
-            *above = if significant && damage >= level {
-                above.saturating_add(1)
-            } else {
-                0
-            };
-        }
-        let worse = self.above.iter().filter(|&&above| above >= levels.persistence).count();
-        if worse > self.reached {
-            self.reached = worse;
-            return;
-        }
-        while self.reached > 0 && damage + sigma < steps[self.reached - 1] - levels.hysteresis {
-            self.reached -= 1;
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::level_memory::STATES;
     use super::*;
     use proptest::prelude::*;
 

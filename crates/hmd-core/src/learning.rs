@@ -13,6 +13,7 @@ use ema_identify::unit_calibration::UnitCalibration;
 use crate::assess::{AssessError, AssessedWindow, Assessor};
 use crate::commissioning::{CommissioningError, calibrate_unit, in_words};
 use crate::config::{ActuatorConfig, Config};
+use crate::deadline::TimeLimit;
 use crate::outbox::WindowJob;
 use crate::record::WindowStatus;
 
@@ -23,6 +24,8 @@ pub struct Learner {
     seed: u64,
     /// Windows of each unit that is not commissioned yet, at most `learn_windows`.
     windows: BTreeMap<String, Vec<WindowJob>>,
+    /// The actuator of the last window, if that completed its windows.
+    complete: Option<Arc<ActuatorConfig>>,
     learnt: Vec<LearntUnit>,
     notices: Vec<String>,
 }
@@ -44,32 +47,49 @@ impl Learner {
             config,
             seed,
             windows: BTreeMap::new(),
+            complete: None,
             learnt: Vec::new(),
             notices: Vec::new(),
         }
     }
 
-    /// Assesses a window, and keeps it where its unit is to be learnt; with the last of `learn_windows` the unit is commissioned.
+    /// Assesses a window, and keeps it where its unit is to be learnt. [`Learner::commission_complete`] comes next.
     ///
     /// # Errors
     /// Those of [`Assessor::assess`].
-    pub fn assess(&mut self, assessor: &mut Assessor, job: WindowJob) -> Result<AssessedWindow, AssessError> {
+    pub fn assess(
+        &mut self,
+        assessor: &mut Assessor,
+        job: WindowJob,
+        limit: &TimeLimit<'_>,
+    ) -> Result<AssessedWindow, AssessError> {
         let actuator = job.actuator.clone();
         let Some(learning) = actuator.learning.as_ref().filter(|_| !assessor.knows_unit(&actuator)) else {
-            return assessor.assess(job);
+            return assessor.assess_within(job, limit, None);
         };
         let kept = self.windows.entry(actuator.name.clone()).or_default();
         let number = kept.len() + 1;
         let copy = job.clone();
-        let assessed =
-            assessor.assess_while_learning(job, &format!("learning, {number} of {} windows", learning.windows))?;
+        let reason = format!("learning, {number} of {} windows", learning.windows);
+        let assessed = assessor.assess_within(job, limit, Some(&reason))?;
         if assessed.health.status != WindowStatus::Invalid.name() {
             kept.push(copy);
         }
-        if kept.len() >= learning.windows {
-            self.commission(assessor, &actuator)?;
-        }
+        self.complete = (kept.len() >= learning.windows).then_some(actuator);
         Ok(assessed)
+    }
+
+    /// Commissions the unit of the last window, if that was the last of its `learn_windows`. Takes as long as many assessments.
+    /// Returns whether there was one.
+    ///
+    /// # Errors
+    /// Those of [`Assessor::assess`].
+    pub fn commission_complete(&mut self, assessor: &mut Assessor) -> Result<bool, AssessError> {
+        let Some(actuator) = self.complete.take() else {
+            return Ok(false);
+        };
+        self.commission(assessor, &actuator)?;
+        Ok(true)
     }
 
     fn commission(&mut self, assessor: &mut Assessor, actuator: &Arc<ActuatorConfig>) -> Result<(), AssessError> {

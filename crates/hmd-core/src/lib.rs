@@ -17,6 +17,7 @@ pub mod commissioning;
 pub mod config;
 pub mod config_warnings;
 pub mod dbc;
+pub mod deadline;
 pub mod demux;
 pub mod frame;
 pub mod functional_check;

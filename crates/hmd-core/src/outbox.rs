@@ -26,6 +26,14 @@ pub struct WindowJob {
     pub operating_s: f64,
 }
 
+impl WindowJob {
+    /// Time from the first sample to the one after the last, s.
+    #[must_use]
+    pub fn length_s(&self) -> f64 {
+        self.window.samples.len() as f64 / self.params.sensors.sample_rate
+    }
+}
+
 /// One sample, assembled from its frames.
 #[derive(Clone, Debug)]
 pub struct AssembledSample {

@@ -9,6 +9,7 @@ use ema_ga::ConfigError;
 use ema_models::Conditions;
 
 use crate::window::Window;
+use ema_identify::effort::{Effort, Request, Stage};
 use ema_identify::{Estimate, Identifier, Prepared};
 
 /// Distance of a residual from its neighbours', in multiples of what half of all neighbours differ by.
@@ -25,6 +26,8 @@ const PASSES: usize = 2;
 
 /// Identifies a window; refuses counts that stick out from the fit and identifies it once more without them.
 ///
+/// None where not even one estimate is granted; where a further one is not, that with the outliers stands.
+///
 /// # Errors
 /// Those of [`Identifier::identify`].
 pub fn identify_without_outliers(
@@ -32,21 +35,49 @@ pub fn identify_without_outliers(
     window: &mut Window,
     conditions: Conditions,
     seed: u64,
-) -> Result<(Prepared, Estimate), ConfigError> {
+    effort: &Effort<'_>,
+) -> Result<Option<(Prepared, Estimate)>, ConfigError> {
     let mut evaluations = 0;
+    let mut last = None;
     let identify = |_: &Window, prepared: &Prepared| {
-        let estimate = identifier.identify(prepared, conditions, seed)?;
-        evaluations += estimate.evaluations + 1;
-        Ok(estimate)
+        let window_s = length_s(prepared.recording().samples.len(), identifier);
+        let again = last
+            .as_ref()
+            .is_none_or(|last: &Estimate| grants_runs(effort, last.evaluations, window_s));
+        let found = if again {
+            identifier.identify_within(prepared, conditions, seed, effort)?
+        } else {
+            None
+        };
+        if let Some(estimate) = found {
+            evaluations += estimate.evaluations + 1;
+            last = Some(estimate);
+        }
+        Ok(last.clone())
     };
-    let (prepared, mut estimate) =
-        estimate_without_outliers(identifier, window, conditions, identify, |estimate| estimate)?;
-    estimate.evaluations = evaluations;
-    Ok((prepared, estimate))
+    let (prepared, found) = estimate_without_outliers(identifier, window, conditions, identify, Option::as_ref)?;
+    Ok(found.map(|mut estimate| {
+        estimate.evaluations = evaluations;
+        (prepared, estimate)
+    }))
+}
+
+fn length_s(samples: usize, identifier: &Identifier) -> f64 {
+    samples as f64 / identifier.params.sensors.sample_rate
+}
+
+/// Whether the work of a further estimate is granted, by what the last one took.
+pub(crate) fn grants_runs(effort: &Effort<'_>, runs: u64, window_s: f64) -> bool {
+    effort.grants_all(&Request {
+        stage: Stage::Conclusion,
+        window_s,
+        runs,
+        reserved: 0,
+    })
 }
 
 /// Estimates a window; refuses counts that stick out from the monitor with the estimate `of` what was found, and estimates once
-/// more without them.
+/// more without them. Nothing is refused where `of` has no estimate.
 ///
 /// # Errors
 /// Those of the estimate.
@@ -55,13 +86,13 @@ pub fn estimate_without_outliers<T, E>(
     window: &mut Window,
     conditions: Conditions,
     mut estimate: impl FnMut(&Window, &Prepared) -> Result<T, E>,
-    of: impl Fn(&T) -> &Estimate,
+    of: impl Fn(&T) -> Option<&Estimate>,
 ) -> Result<(Prepared, T), E> {
     let mut passes_left = PASSES;
     loop {
         let prepared = Prepared::new(&identifier.params, &window.samples, &window.filled, window.trigger);
         let found = estimate(window, &prepared)?;
-        let outliers = outliers(identifier, &prepared, conditions, of(&found));
+        let outliers = of(&found).map_or_else(Vec::new, |of| outliers(identifier, &prepared, conditions, of));
         if passes_left == 0 || outliers.is_empty() || outliers.len() as f64 > SHARE_MAX * window.samples.len() as f64 {
             return Ok((prepared, found));
         }

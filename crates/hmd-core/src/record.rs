@@ -11,6 +11,7 @@ mod raw;
 mod rul;
 pub mod schema;
 mod sensors;
+mod shortened;
 mod status;
 mod window;
 mod window_status;
@@ -23,6 +24,7 @@ pub use raw::{BatchError, RawBatch};
 pub use rul::Rul;
 pub use schema::PACKAGE;
 pub use sensors::{SensorReading, Sensors};
+pub use shortened::{Grant, Shortened};
 pub use status::{ActuatorStatus, DataState, InterfaceStatus, Status, StorageState, StoreStatus};
 pub use window::Window;
 pub use window_status::WindowStatus;
@@ -95,6 +97,7 @@ mod tests {
         check::<Status>();
         check::<Log>();
         check::<Dropped>();
+        check::<Shortened>();
     }
 
     #[test]

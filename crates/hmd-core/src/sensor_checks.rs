@@ -6,7 +6,7 @@
 //! | file | evidence |
 //! |---|---|
 //! | `wiring` | share of the current on the torque axis: order and sign of phases, direction and counts of the resolver, pole pairs |
-//! | `currents` | sum of the currents, direct current: offsets, gain of a phase, zero of the resolver, samples of another instant |
+//! | `currents` | by the equations of `current_equations`: sum of the currents, direct current: offsets, gain of a phase, zero of the resolver, samples of another instant |
 //! | `current_limit` | current that lasts beyond the limit of the drive: gain of all currents |
 //! | `torque` | balance of the shaft: sign and gain of the currents, load |
 //! | `angles` | output against motor and set point: gear ratio, encoder, unit and delay of the set point |
@@ -18,6 +18,7 @@
 mod angles;
 mod contradictions;
 mod correction;
+mod current_equations;
 mod current_limit;
 mod currents;
 mod findings;
@@ -30,7 +31,7 @@ mod torque;
 mod unseen_motion;
 mod wiring;
 
-pub use contradictions::{Contradiction, Shown, contradictions};
+pub use contradictions::{Contradiction, contradictions};
 pub use correction::Correction;
 pub use findings::{Finding, examine};
 pub use readings::{Reading, SensorReadings, sensor_readings};

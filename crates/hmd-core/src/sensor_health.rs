@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use ema_models::{ActuatorParams, Tolerances};
 
-use crate::health::{HealthState, LevelMemory, Levels};
+use crate::health::{HealthState, LevelMemory, Levels, SIGNIFICANCE};
 use crate::sensor_checks::SensorReadings;
 pub use quantity::{SENSOR_QUANTITY_COUNT, SensorQuantity};
 use reference::Reference;
@@ -98,7 +98,8 @@ impl Tracked {
         let drift = value.and_then(|(value, sigma)| self.reference.take(value, sigma));
         if let Some((drift, sigma)) = drift {
             self.trend.push(hours, drift, sigma);
-            self.level.update(drift.abs() / tolerance, sigma / tolerance, &LEVELS);
+            self.level
+                .update(drift.abs() / tolerance, sigma / tolerance, SIGNIFICANCE, &LEVELS);
         }
         SensorState {
             quantity,

@@ -76,6 +76,43 @@ pub struct Window {
 }
 
 impl Window {
+    /// Checks the samples of an invalid window again, after what made it invalid was taken out of them; they are completed and its quality
+    /// is what they have now. A window with missing samples stays invalid.
+    ///
+    /// # Errors
+    /// The first setting that is out of its range.
+    pub fn check_again(&mut self, config: &WindowConfig, params: &ActuatorParams) -> Result<(), SettingError> {
+        if self.quality.is_fit() || self.lost > 0 {
+            return Ok(());
+        }
+        let mut limits = Limits::new(&config.checked(params.sensors.sample_rate)?, params);
+        limits.rate_is_unconfirmed = false;
+        let received = |(n, sensed): (usize, &SensedSample)| {
+            let since_ns = 1e9 * n as f64 / params.sensors.sample_rate;
+            Slot::received(&TimedSample {
+                seq: sensed.seq,
+                stamp_ns: self.t_start_ns.saturating_add(since_ns as u64),
+                sensed: *sensed,
+            })
+        };
+        let mut slots: Vec<Slot> = self.samples.iter().enumerate().map(received).collect();
+        let findings = check::examine(&mut slots, &limits);
+        if let Some(why) = findings.invalid {
+            self.quality = WindowQuality::Invalid(why);
+            return Ok(());
+        }
+        self.samples = fill::samples(&slots, &limits.rotor);
+        self.filled = fill::indices(&slots);
+        self.rejected = findings.rejected;
+        let degradations = findings.degradations(!self.filled.is_empty(), None);
+        self.quality = if degradations.is_empty() {
+            WindowQuality::Complete
+        } else {
+            WindowQuality::Degraded(degradations)
+        };
+        Ok(())
+    }
+
     /// Refuses the counts of samples that were found wrong afterwards: they are filled as if refused at once. An invalid
     /// window stays as it is.
     pub fn refuse_counts(&mut self, outliers: &[usize]) {
@@ -342,22 +379,7 @@ impl Windower {
             fill::samples(slots, &self.limits.rotor)
         };
 
-        let mut degradations = Vec::new();
-        if !filled.is_empty() {
-            degradations.push(Degradation::Filled {
-                lost: findings.lost,
-                rejected: findings.rejected,
-            });
-        }
-        if findings.repeated > 0 {
-            degradations.push(Degradation::Repeated(findings.repeated));
-        }
-        if let Some(at) = open.another {
-            degradations.push(Degradation::AnotherActuation { at: at as usize });
-        }
-        if let Some(speed_rad_s) = findings.unsteady_rad_s {
-            degradations.push(Degradation::UnsteadyStart { speed_rad_s });
-        }
+        let degradations = findings.degradations(!filled.is_empty(), open.another);
         let pre_trigger_ns = 1e9 * self.limits.lengths.pre_trigger as f64 / self.limits.sample_rate;
         Some(Window {
             number,

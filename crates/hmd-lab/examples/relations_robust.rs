@@ -173,9 +173,11 @@ impl Run {
                 let samples = self.window(&unit, &format!("{actuator}-{entry}"), motion, number);
                 let mut estimate = learnt.estimate(&MeasuredWindow::new(&params, &samples, &[]));
                 let unseen = seen.unseen(&Motion::of(&params, &samples), &params).len() as i32;
-                estimate.sigma = estimate
-                    .sigma
-                    .map(|sigma| sigma.map(|sigma| UNSEEN_FACTOR.powi(unseen) * sigma));
+                let factor = UNSEEN_FACTOR.powi(unseen);
+                for (sigma, spread) in estimate.sigma.iter_mut().zip(estimate.bridge_spread) {
+                    *sigma =
+                        sigma.map(|sigma| spread.hypot(factor * (sigma * sigma - spread * spread).max(0.0).sqrt()));
+                }
                 let right = tally.add(place, &scenario.fault, &estimate);
                 if self.show && !right {
                     result.shown.push(line(motion, &scenario.fault, &estimate));
@@ -453,7 +455,7 @@ fn line(motion: &str, truth: &FaultVector, estimate: &RelationsEstimate) -> Stri
         text += &format!(" | {:5.2} {:6.3} ±{sigma}", truth[place], estimate.k[place]);
     }
     format!(
-        "{text} | {:.4} Nm, {} rows",
-        estimate.torque_residual_rms, estimate.torque_rows
+        "{text} | {:.4} Nm, {} rows, load {:.2} Nm, {:.1} Nm/rad",
+        estimate.torque_residual_rms, estimate.torque_rows, estimate.load_torque, estimate.spring_stiffness
     )
 }

@@ -176,6 +176,9 @@ impl Recorder {
                 store.write(at, &assessed.health);
                 store.write(at, &assessed.rul);
                 store.write(at, &assessed.sensors);
+                if let Some(shortened) = &assessed.shortened {
+                    store.write_to_both(at, shortened);
+                }
                 store.sync_records()
             }
             Output::File { .. } => {
@@ -183,7 +186,11 @@ impl Recorder {
                     writer.write(at, &assessed.window)?;
                     writer.write(at, &assessed.health)?;
                     writer.write(at, &assessed.rul)?;
-                    writer.write(at, &assessed.sensors)
+                    writer.write(at, &assessed.sensors)?;
+                    match &assessed.shortened {
+                        Some(shortened) => writer.write(at, shortened),
+                        None => Ok(()),
+                    }
                 })?;
                 self.sync_file()?;
                 true
@@ -194,6 +201,9 @@ impl Recorder {
         self.publish(at, &assessed.health);
         self.publish(at, &assessed.rul);
         self.publish(at, &assessed.sensors);
+        if let Some(shortened) = &assessed.shortened {
+            self.publish(at, shortened);
+        }
         Ok(stored)
     }
 

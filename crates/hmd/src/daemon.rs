@@ -36,6 +36,7 @@ pub use freshness::STALE_AFTER;
 use health_tracker::HealthTracker;
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor, WindowCounts};
 use hmd_core::config::Config;
+use hmd_core::deadline::{Clock, Turns};
 use hmd_core::frame::{BusError, BusNames};
 use hmd_core::learning::Learner;
 use hmd_core::outbox::{Notice, WindowJob};
@@ -52,7 +53,23 @@ use notices::Notices;
 use pipeline_thread::{PipelineThread, publish, publish_last_summaries, publish_rate_limited};
 pub use window_queue::QUEUE_WINDOWS;
 
-type WindowQueue = window_queue::WindowQueue<WindowJob>;
+type WindowQueue = window_queue::WindowQueue<WaitingWindow>;
+
+/// A window that waits for identification.
+struct WaitingWindow {
+    job: WindowJob,
+    /// When its last sample arrived.
+    arrived: Duration,
+}
+
+/// The computer's own clock.
+struct SteadyClock(Instant);
+
+impl Clock for SteadyClock {
+    fn now(&self) -> Duration {
+        self.0.elapsed()
+    }
+}
 
 /// Time between two ticks, each of which reports fresh losses.
 const TICK: Duration = Duration::from_secs(1);
@@ -140,6 +157,19 @@ impl Daemon {
     /// # Errors
     /// [`DaemonError`]; the record file is then ended as far as it goes.
     pub fn run(self, shutdown: impl Future<Output = ()>, observer: &impl Observer) -> Result<Status, DaemonError> {
+        self.run_by(&SteadyClock(Instant::now()), shutdown, observer)
+    }
+
+    /// The same with deadlines by another clock.
+    ///
+    /// # Errors
+    /// As [`Daemon::run`].
+    pub fn run_by(
+        self,
+        clock: &(impl Clock + Sync),
+        shutdown: impl Future<Output = ()>,
+        observer: &impl Observer,
+    ) -> Result<Status, DaemonError> {
         let mut names = BusNames::new();
         let mut sources = Vec::new();
         for (name, source) in self.sources {
@@ -180,19 +210,24 @@ impl Daemon {
 
         let (watched, assessed) = thread::scope(|scope| {
             let (windows, shared) = (&windows, &shared);
-            let assessing = assessor.map(|(assessor, learner, config)| {
-                scope.spawn(move || {
+            let named = |name: &str| thread::Builder::new().name(name.to_owned());
+            // The first to start: it ends with the sources if the other one cannot start.
+            let watching = named("pipeline")
+                .spawn_scoped(scope, || {
                     let _closed = CloseAtEnd(windows);
-                    assess_windows(assessor, learner, &config, windows, shared, observer)
+                    pipeline_thread.run(inputs, windows, clock, shared, observer)
+                })
+                .map_err(DaemonError::Start)?;
+            let assessing = assessor.map(|(assessor, learner, config)| {
+                named("identification").spawn_scoped(scope, move || {
+                    let _closed = CloseAtEnd(windows);
+                    assess_windows(assessor, learner, &config, windows, clock, shared, observer)
                 })
             });
-            let watching = scope.spawn(|| {
-                let _closed = CloseAtEnd(windows);
-                pipeline_thread.run(inputs, windows, shared, observer)
-            });
+            let assessing = assessing.transpose().map_err(DaemonError::Start)?;
             runtime.block_on(receive(sources, queue, shutdown));
-            (join(watching), assessing.map_or(Ok(()), join))
-        });
+            Ok::<_, DaemonError>((join(watching), assessing.map_or(Ok(()), join)))
+        })?;
         let mut shared = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
         let published = publish_last_summaries(&mut shared, observer);
         let mut status = pipeline_thread.status(&shared);
@@ -270,11 +305,18 @@ fn assess_windows(
     mut learner: Learner,
     config: &Config,
     windows: &WindowQueue,
+    clock: &impl Clock,
     shared: &Mutex<Shared>,
     observer: &impl Observer,
 ) -> Result<(), DaemonError> {
+    let mut turns = Turns::new(config, clock);
+    if let Some(actuator) = config.actuators().first() {
+        turns
+            .measure(|effort| assessor.rehearse(actuator, effort))
+            .transpose()?;
+    }
     let histories = config.rul().state.as_ref().map(|path| config.resolve(path));
-    while let Some(job) = windows.pop() {
+    while let Some(WaitingWindow { job, arrived }) = windows.pop() {
         // Events may have come since the last window; the file is short. One that is damaged does not end the watch.
         let events = match load_events(config) {
             Ok(events) => {
@@ -285,7 +327,12 @@ fn assess_windows(
         };
         let since = Instant::now();
         let passive = job.actuator.passive;
-        let assessed = learner.assess(&mut assessor, job)?;
+        let assessed = turns.take(
+            arrived,
+            || windows.look(|waiting| waiting.iter().map(|waiting| waiting.arrived).collect()),
+            |limit| learner.assess(&mut assessor, job, limit),
+        )?;
+        let commissioned = learner.commission_complete(&mut assessor)?;
         let took = since.elapsed();
         // Before the lock is taken: frames need not wait for this file.
         let saved = match (&histories, assessor.histories().get(&assessed.health.actuator)) {
@@ -362,6 +409,9 @@ fn assess_windows(
             observer.assessed_unstored(&assessed)
         };
         reported.map_err(DaemonError::Stdout)?;
+        if commissioned {
+            turns.resume();
+        }
     }
     Ok(())
 }

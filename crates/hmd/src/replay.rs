@@ -8,16 +8,18 @@ use std::sync::Arc;
 
 use prost::Message;
 
+use ema_identify::effort::{Effort, RecordedGrants};
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor};
 use hmd_core::config::{ActuatorConfig, Config};
 use hmd_core::dbc::MessageUse;
+use hmd_core::deadline::TimeLimit;
 use hmd_core::demux::FrameCounts;
 use hmd_core::frame::BusNames;
 use hmd_core::learning::Learner;
 use hmd_core::metadata_checksum::is_sealed;
 use hmd_core::outbox::Notice;
 use hmd_core::pipeline::Pipeline;
-use hmd_core::record::{Dropped, LogLevel, Record, Status};
+use hmd_core::record::{Dropped, LogLevel, Record, Shortened, Status};
 use hmd_ingest::Loss;
 use hmd_ingest::file::{FrameSource, IngestError, open_with};
 use hmd_storage::calibration_file::load_models;
@@ -193,8 +195,8 @@ struct Run<'a, O> {
     recorder: Option<Recorder>,
     observer: &'a mut O,
     windows: u64,
-    /// Windows that were dropped when the logs were made, by actuator and start.
-    dropped: BTreeSet<(String, u64)>,
+    /// What became of windows for want of time when the logs were made.
+    live: LiveDecisions,
     /// Newest stamp of each interface, ns: frames of a later log up to it have been seen or come out of order.
     newest_ns: BTreeMap<u16, u64>,
     damaged_places: u64,
@@ -246,7 +248,7 @@ impl Replay<'_> {
             recorder,
             observer,
             windows: 0,
-            dropped: dropped_windows(self.logs),
+            live: LiveDecisions::of(self.logs),
             newest_ns: BTreeMap::new(),
             damaged_places: 0,
             serial_numbers: BTreeMap::new(),
@@ -374,14 +376,23 @@ impl<O: Observer> Run<'_, O> {
         for job in self.pipeline.take_windows() {
             self.windows += 1;
             let key = (job.actuator.name.clone(), job.window.t_start_ns);
-            if self.dropped.contains(&key) {
+            if self.live.dropped.contains(&key) {
                 self.pipeline.losses.windows += 1;
                 if let Some(recorder) = &mut self.recorder {
                     recorder.write_dropped(&job)?;
                 }
                 continue;
             }
-            let assessed = self.learner.assess(&mut self.assessor, job)?;
+            let shortened = self.live.shortened.get(&key);
+            let mut grants = shortened.map(|shortened| RecordedGrants::new(shortened.short_grants()));
+            let limit = TimeLimit {
+                deadline_ms: shortened.map_or(0, |shortened| shortened.deadline_ms),
+                effort: grants
+                    .as_mut()
+                    .map_or_else(Effort::unlimited, |grants| Effort::within(grants)),
+            };
+            let assessed = self.learner.assess(&mut self.assessor, job, &limit)?;
+            self.learner.commission_complete(&mut self.assessor)?;
             let of_histories = self.assessor.histories().take_notices();
             for message in of_histories.into_iter().chain(self.learner.take_notices()) {
                 let stamp_ns = assessed.health.t_start_ns;
@@ -455,31 +466,49 @@ pub fn serial_numbers(log: &Path) -> BTreeMap<String, String> {
     found
 }
 
-/// The windows that a live run dropped, out of the logs that it wrote.
-///
-/// They must be known before they are met, and a run records them only later. A log that cannot be read has none; it is
-/// reported when it is replayed.
-fn dropped_windows(logs: &[PathBuf]) -> BTreeSet<(String, u64)> {
-    let mut dropped = BTreeSet::new();
-    for log in logs {
-        // Nothing else than a regular file can be read twice.
-        if !log.metadata().is_ok_and(|of| of.is_file()) {
-            continue;
+/// What a live run decided by time, out of the logs that it wrote; by actuator and start of each window.
+#[derive(Debug, Default)]
+struct LiveDecisions {
+    dropped: BTreeSet<(String, u64)>,
+    shortened: BTreeMap<(String, u64), Shortened>,
+}
+
+impl LiveDecisions {
+    /// They must be known before their windows are met, and a run records them only later. A log that cannot be read has none; it is
+    /// reported when it is replayed.
+    fn of(logs: &[PathBuf]) -> Self {
+        let mut found = Self::default();
+        for log in logs {
+            // Nothing else than a regular file can be read twice.
+            if !log.metadata().is_ok_and(|of| of.is_file()) {
+                continue;
+            }
+            let Ok(file) = File::open(log) else { continue };
+            let Ok(messages) = McapMessages::new(BufReader::new(file), &log.display().to_string()) else {
+                continue;
+            };
+            let topics = messages.topics();
+            let none = |topic: &String| !topic.ends_with("/dropped") && !topic.ends_with("/shortened");
+            if !topics.is_empty() && topics.iter().all(none) {
+                continue;
+            }
+            for message in messages.flatten() {
+                let data = message.data.as_slice();
+                if *message.schema == *Dropped::SCHEMA_NAME {
+                    let decoded = Dropped::decode(data);
+                    found
+                        .dropped
+                        .extend(decoded.map(|record| (record.actuator, record.t_start_ns)));
+                } else if *message.schema == *Shortened::SCHEMA_NAME {
+                    let decoded = Shortened::decode(data);
+                    found
+                        .shortened
+                        .extend(decoded.map(|record| ((record.actuator.clone(), record.t_start_ns), record)));
+                }
+            }
         }
-        let Ok(file) = File::open(log) else { continue };
-        let Ok(messages) = McapMessages::new(BufReader::new(file), &log.display().to_string()) else {
-            continue;
-        };
-        let topics = messages.topics();
-        let none = |topic: &String| !topic.ends_with("/dropped");
-        if !topics.is_empty() && topics.iter().all(none) {
-            continue;
-        }
-        let records = messages.flatten().filter(|m| *m.schema == *Dropped::SCHEMA_NAME);
-        let records = records.filter_map(|message| Dropped::decode(message.data.as_slice()).ok());
-        dropped.extend(records.map(|record| (record.actuator, record.t_start_ns)));
+        found
     }
-    dropped
 }
 
 #[cfg(test)]
@@ -526,7 +555,7 @@ mod tests {
             recorder: None,
             observer: &mut Nobody,
             windows: 0,
-            dropped: BTreeSet::new(),
+            live: LiveDecisions::default(),
             newest_ns: BTreeMap::new(),
             damaged_places: 0,
             serial_numbers: BTreeMap::new(),

@@ -41,6 +41,15 @@ impl Search {
         }
     }
 
+    /// The same with at most so many monitor runs for each further descent.
+    #[cfg(feature = "std")]
+    pub(crate) fn with_share_at_most(self, share: u64) -> Self {
+        Self {
+            share: self.share.min(share),
+            ..self
+        }
+    }
+
     /// The best local optimum.
     pub(crate) fn best(&self) -> &LocalOptimum {
         &self.optima[0]

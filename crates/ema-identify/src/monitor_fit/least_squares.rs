@@ -14,7 +14,7 @@ const LOAD_STARTS: [f64; 2] = [-0.01, 0.01];
 const MAX_START_FAULTS: usize = 2;
 
 /// Starts at most.
-pub(super) const MAX_STARTS: usize = MAX_START_FAULTS * LOAD_STARTS.len();
+pub(crate) const MAX_STARTS: usize = MAX_START_FAULTS * LOAD_STARTS.len();
 
 /// Starts of descents.
 pub(crate) type Starts = heapless::Vec<Coordinates, MAX_STARTS>;
@@ -211,6 +211,15 @@ const MAX_ITERATIONS: u32 = 25;
 
 /// Linearisations and trials together at most of one descent with one step.
 const MAX_EVALUATIONS: u32 = 60;
+
+/// Monitor runs at most of one descent with one step.
+#[cfg(feature = "std")]
+pub(crate) const RUNS_OF_DESCENT: u64 =
+    MAX_ITERATIONS as u64 * RUNS_PER_LINEARISATION + (MAX_EVALUATIONS - MAX_ITERATIONS) as u64;
+
+/// Monitor runs of one linearisation and its trials.
+#[cfg(feature = "std")]
+pub(crate) const RUNS_OF_STEP: u64 = RUNS_PER_LINEARISATION + TRIALS_PER_STEP;
 
 /// Trials that a step takes as a rule.
 const TRIALS_PER_STEP: u64 = 2;

@@ -1,8 +1,8 @@
 //! Searches by many individuals at once over the fault vector, and what they minimise. Host only.
 
 use ema_ga::{
-    Bounds, CmaConfig, ConfigError, Control, DeConfig, GaConfig, Objective, Outcome, Parallel, Search, cma_es_owned,
-    differential_evolution_owned, evolve_owned,
+    Bounds, CmaConfig, ConfigError, Control, DeConfig, GaConfig, GenerationLog, Objective, Outcome, Parallel, Search,
+    cma_es_owned, differential_evolution_owned, evolve_owned,
 };
 use ema_models::{ActuatorParams, Comparison, FAULT_COUNT, FaultVector, Feedback, RANK_LANES, Weights};
 
@@ -29,8 +29,23 @@ impl Population {
         }
     }
 
-    /// The best of all individuals, one of the first being health.
-    pub(crate) fn search(&self, comparison: Comparison<'_>, seed: u64) -> Result<Outcome<FAULT_COUNT>, ConfigError> {
+    /// Individuals of a generation, and generations after the first.
+    pub(crate) fn extent(&self) -> (u64, u32) {
+        let (population, stop) = match self {
+            Self::Genetic(config) => (config.population, config.stop),
+            Self::Differential(config) => (config.population, config.stop),
+            Self::CmaEs(config) => (config.population, config.stop),
+        };
+        (population as u64, stop.max_generations)
+    }
+
+    /// The best of all individuals, one of the first being health. `observe` follows each generation and may end the search.
+    pub(crate) fn search(
+        &self,
+        comparison: Comparison<'_>,
+        seed: u64,
+        observe: impl FnMut(&GenerationLog<FAULT_COUNT>) -> Control,
+    ) -> Result<Outcome<FAULT_COUNT>, ConfigError> {
         let objective = LeastSquares {
             comparison,
             bounds: unit_box(),
@@ -43,9 +58,9 @@ impl Population {
             initial: &nominal,
         };
         match self {
-            Self::Genetic(config) => evolve_owned(&search, config, |_| Control::Continue),
-            Self::Differential(config) => differential_evolution_owned(&search, config, |_| Control::Continue),
-            Self::CmaEs(config) => cma_es_owned(&search, config, |_| Control::Continue),
+            Self::Genetic(config) => evolve_owned(&search, config, observe),
+            Self::Differential(config) => differential_evolution_owned(&search, config, observe),
+            Self::CmaEs(config) => cma_es_owned(&search, config, observe),
         }
     }
 }
@@ -94,6 +109,7 @@ pub(crate) fn search_by_paper(
     comparison: &Comparison<'_>,
     config: &GaConfig,
     seed: u64,
+    observe: impl FnMut(&GenerationLog<FAULT_COUNT>) -> Control,
 ) -> Result<Outcome<FAULT_COUNT>, ConfigError> {
     let alone = Comparison {
         weights: Weights::CURRENT_ONLY,
@@ -107,7 +123,7 @@ pub(crate) fn search_by_paper(
         seed,
         initial: &[],
     };
-    evolve_owned(&search, config, |_| Control::Continue)
+    evolve_owned(&search, config, observe)
 }
 
 /// The paper's fitness function.

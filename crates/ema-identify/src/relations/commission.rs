@@ -21,7 +21,7 @@ use super::output_load::OutputLoad;
 use super::residual::{HealthyResidual, RELATION_COUNT, Relation};
 use super::shared::{SHARED_COUNT, SharedMatrix, coefficients, priors, shared_columns};
 use super::terms::{BalanceRing, BalanceRow, BalanceShape, Term, balance_rows};
-use super::torque_balance::{BalanceCoefficients, LOAD_ROUNDS, torque_balance};
+use super::torque_balance::{BalanceCoefficients, LOAD_ROUNDS, Turns, torque_balance};
 use crate::monitor_fit::RecordedSample;
 
 /// Fewest healthy windows from which coefficients are learnt: one of the five that commissioning needs is left out at a time.
@@ -184,7 +184,16 @@ impl SharedBalance {
     fn expected_variance<S: RecordedSample>(&self, windows: &[MeasuredWindow<'_, S>]) -> f64 {
         let readings: Vec<_> = windows
             .iter()
-            .map(|window| torque_balance(window, &self.balance, 1.0, Some(&self.covariance.data.0)).readings)
+            .map(|window| {
+                torque_balance(
+                    window,
+                    &self.balance,
+                    1.0,
+                    Some(&self.covariance.data.0),
+                    Turns::Healthy,
+                )
+                .readings
+            })
             .collect();
         let logarithms = Element::BALANCE
             .into_iter()
@@ -269,7 +278,7 @@ fn window_sums<S: RecordedSample>(
 ) -> NormalEquations<WINDOW_COUNT> {
     let mut sums = NormalEquations::new();
     let mut ring = BalanceRing::new(kernel.span);
-    for row in balance_rows(window, shape, load, kernel, 1.0, &mut ring).flatten() {
+    for row in balance_rows(window, shape, load, kernel, 1.0, None, &mut ring).flatten() {
         let (a, y) = window_row(&row);
         sums.add(&a, y);
     }

@@ -11,8 +11,9 @@ use super::measured::MeasuredWindow;
 use super::output_load::OutputLoad;
 use super::residual::{HealthyResidual, RELATION_COUNT, Relation, Residual};
 use super::shared::SHARED_COUNT;
+use super::shorted_loop::ShortedShare;
 use super::terms::Term;
-use super::torque_balance::{BalanceCoefficients, TorqueBalance, torque_balance};
+use super::torque_balance::{BalanceCoefficients, TorqueBalance, Turns, torque_balance};
 use super::transmission::play_width;
 use crate::estimate::OBSERVABLE_SIGMA;
 use crate::monitor_fit::RecordedSample;
@@ -43,6 +44,9 @@ pub struct Baseline {
     pub scatter: f64,
     /// Sigma of a window of mean information.
     pub sigma: f64,
+    /// Largest sigma of a window; 0 in unit files that have none.
+    #[cfg_attr(feature = "std", serde(default))]
+    pub sigma_largest: f64,
     /// Root-mean-square of deviation over sigma; below 1, as much nearer to 1 as there are few windows.
     pub excess: f64,
     /// Windows that show the element.
@@ -72,22 +76,26 @@ impl Baseline {
             mean,
             scatter: libm::sqrt(unbiased * squares),
             sigma: libm::sqrt(n / weights.max(f64::MIN_POSITIVE)),
+            sigma_largest: shown.iter().fold(0.0, |largest, reading| largest.max(reading.sigma)),
             excess: libm::sqrt((unbiased * relative).max((n * relative + PRIOR_WINDOWS) / (n + PRIOR_WINDOWS))),
             windows: shown.len(),
         }
     }
 
     /// A reading of a later window with the uncertainty of the unit. How far the healthy windows scatter compared with their sigmas
-    /// holds for a sigma like theirs, and where they scatter more for every one; a window that shows less keeps what its own sigma
-    /// has besides. The uncertainty of their mean is added. Derived here.
-    fn widened(&self, reading: Reading) -> Result<Reading, Needed> {
+    /// holds for sigmas up to the largest of theirs, and where they scatter more for every one; a window that shows less than they
+    /// do keeps what its own sigma has besides. That they scatter less than their sigmas holds for a window of the `same_motion`
+    /// alone: errors of the model repeat with the motion. The uncertainty of their mean is added. Derived here.
+    fn widened(&self, reading: Reading, same_motion: bool) -> Result<Reading, Needed> {
         if self.windows < 2 {
             return Err(Needed::CommissioningThatShowsIt);
         }
         let mean = self.scatter / libm::sqrt(self.windows as f64);
         let squared = |sigma: f64| sigma * sigma;
-        let besides = (squared(reading.sigma) - squared(self.sigma)).max(0.0);
-        let variance = squared(self.excess * self.sigma) + squared(self.excess.max(1.0)) * besides;
+        let like_theirs = reading.sigma.min(self.sigma_largest).max(self.sigma);
+        let besides = (squared(reading.sigma) - squared(like_theirs)).max(0.0);
+        let excess = if same_motion { self.excess } else { self.excess.max(1.0) };
+        let variance = squared(excess * like_theirs) + squared(self.excess.max(1.0)) * besides;
         let sigma = libm::sqrt(variance + squared(mean));
         Ok(Reading { sigma, ..reading })
     }
@@ -104,6 +112,8 @@ pub struct RelationsEstimate {
     /// What the window would have needed to show a parameter; `None` where it is observable, and for k7 where the eccentricity
     /// does not stand clear of its own uncertainty.
     pub needed: [Option<Needed>; FAULT_COUNT],
+    /// The part of each sigma that comes from the unknown bridge of a shorted loop: of a phase whose shorted turns carry a current.
+    pub bridge_spread: [f64; FAULT_COUNT],
     /// Residual of each relation as a share of the largest that is explained, in the order of [`Relation::ALL`]; below 1 also where the
     /// relation has no rows.
     pub residual_share: [f64; RELATION_COUNT],
@@ -139,16 +149,21 @@ impl CommissionedRelations {
     /// Estimates the faults of one window of the unit.
     ///
     /// `k1 = (s/s₀ − 1)/2`, `k2 = (b − b_u)/(99 b₀)`, `k3…k5 = 1 − N_j/N_j₀`, `ζ = |ζ⃗ − ζ⃗₀|`, `k8 = g/g₀ − ½`: index 0 (and
-    /// `b_u`) are the commissioned unit's values, `b₀` is the type's play. Derived here from the definition of the fault
-    /// vector.
+    /// `b_u`) are the commissioned unit's values, `b₀` is the type's play. Of a phase with a shorted loop, the share that belongs to its
+    /// admittance. Derived here from the definition of the fault vector.
     #[must_use]
     pub fn estimate<S: RecordedSample>(&self, window: &MeasuredWindow<'_, S>) -> RelationsEstimate {
         let nominal_gain = self.baseline[Element::Gain as usize];
         let (readings, balance) = self.readings(window, Some(&nominal_gain));
         let unseen = unseen_share(window);
+        // With another position gain the loop moves the actuator otherwise under the same command.
+        let differs = |gain: Reading| libm::fabs(gain.value - nominal_gain.mean) > CLEAR * gain.sigma;
+        let same_motion = !readings.get(Element::Gain).is_ok_and(differs);
         let changes = Element::ALL.map(|element| {
             let baseline = &self.baseline[element as usize];
-            let reading = readings.get(element).and_then(|reading| baseline.widened(reading))?;
+            let reading = readings
+                .get(element)
+                .and_then(|reading| baseline.widened(reading, same_motion))?;
             let changed = change(element, reading, baseline.mean, window.params());
             let error = ModelError::of(element, window.params().sensors.sample_rate, unseen);
             let sigma = libm::hypot(changed.sigma, error.floor);
@@ -167,6 +182,18 @@ impl CommissionedRelations {
             })
         });
         let mut changes = changes;
+        let mut bridge_spread = [0.0; FAULT_COUNT];
+        if let Some((phase, admittance)) = balance.shorted {
+            let element = Element::BALANCE[phase];
+            let share = ShortedShare::of(admittance.value, window.params().motor.r_s);
+            bridge_spread[element.fault().parameter()] = share.deviation;
+            let error = ModelError::of(element, window.params().sensors.sample_rate, unseen);
+            let own = libm::hypot(share.slope * admittance.sigma, error.floor);
+            changes[element as usize] = Ok(Reading {
+                value: share.mean,
+                sigma: libm::hypot(own, share.deviation),
+            });
+        }
         let mut residual_share = Relation::ALL
             .map(|relation| self.residual[relation as usize].share_of_limit(balance.residuals[relation as usize]));
         let torque_share = &mut residual_share[Relation::TorqueBalance as usize];
@@ -182,6 +209,7 @@ impl CommissionedRelations {
             k: FaultVector::NOMINAL.to_array(),
             sigma: [None; FAULT_COUNT],
             needed: [None; FAULT_COUNT],
+            bridge_spread,
             residual_share,
             play_explains,
             torque_residual_rms: balance.residuals[Relation::TorqueBalance as usize].rms,
@@ -223,10 +251,16 @@ impl RelationsEstimate {
         }
     }
 
-    /// Amplitude and direction of the change `(ζ cos φ_e, ζ sin φ_e)`.
+    /// Amplitude and direction of the change `(ζ cos φ_e, ζ sin φ_e)`, with the standard deviations along it,
+    /// `√((cos φ_e σ_c)² + (sin φ_e σ_s)²)`, and across it.
     fn report_eccentricity(&mut self, cos: Reading, sin: Reading) {
         let amplitude = libm::hypot(cos.value, sin.value);
-        let sigma = cos.sigma.max(sin.sigma);
+        let of_both = |a: f64, b: f64| libm::hypot(a, b) / amplitude;
+        let along = of_both(cos.value * cos.sigma, sin.value * sin.sigma);
+        let across = of_both(sin.value * cos.sigma, cos.value * sin.sigma);
+        let largest = cos.sigma.max(sin.sigma);
+        // No change has no direction.
+        let sigma = if along.is_finite() { along } else { largest };
         self.report(
             ECCENTRICITY,
             Ok(Reading {
@@ -234,10 +268,10 @@ impl RelationsEstimate {
                 sigma,
             }),
         );
-        if amplitude > CLEAR * sigma {
+        if amplitude > CLEAR * largest {
             let direction = Reading {
                 value: 0.5 * (libm::atan2(sin.value, cos.value) / PI + 1.0),
-                sigma: sigma / amplitude / TAU,
+                sigma: across / amplitude / TAU,
             };
             self.report(FaultVector::ECCENTRICITY_PHASE_INDEX, Ok(direction));
         }
@@ -318,13 +352,14 @@ const MAX_GAIN: f64 = 1.5;
 
 impl CommissionedRelations {
     /// Readings of all elements of one window, and its torque balance; the gain relative to that of healthy windows, where it is
-    /// known, scales what the set point adds to the torque.
+    /// known, scales what the set point adds to the torque. Without one the window is healthy.
     pub(super) fn readings<S: RecordedSample>(
         &self,
         window: &MeasuredWindow<'_, S>,
         healthy_gain: Option<&Baseline>,
     ) -> (ElementReadings, Balance) {
         let gain = gain_ratio(window, self.gain_half_width_s);
+        let turns = healthy_gain.map_or(Turns::Healthy, |_| Turns::InUse);
         let relative_gain = match (gain, healthy_gain) {
             (Ok((gain, _)), Some(healthy)) if healthy.windows > 0 => {
                 (gain.value / healthy.mean).clamp(MIN_GAIN, MAX_GAIN)
@@ -338,7 +373,8 @@ impl CommissionedRelations {
             residual_rms,
             rows,
             independent,
-        } = torque_balance(window, &self.balance, relative_gain, Some(&self.covariance));
+            shorted,
+        } = torque_balance(window, &self.balance, relative_gain, Some(&self.covariance), turns);
         let friction = self.balance.of(Term::DryFriction) / self.balance.of(Term::Inertia);
         let deceleration = libm::fabs(friction) / window.params().transmission.gear_ratio;
         let transmission = &self.residual[Relation::Transmission as usize];
@@ -358,6 +394,7 @@ impl CommissionedRelations {
                 load_sigma,
                 residuals: [torque, of(gain), of(play)],
                 rows,
+                shorted,
             },
         )
     }
@@ -371,4 +408,6 @@ pub(super) struct Balance {
     /// Residual of each relation, in the order of [`Relation::ALL`].
     pub(super) residuals: [Residual; RELATION_COUNT],
     rows: usize,
+    /// Phase and admittance of a shorted loop, 1/Ω.
+    shorted: Option<(usize, Reading)>,
 }

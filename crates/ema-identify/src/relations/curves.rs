@@ -111,7 +111,7 @@ impl CommissionedRelations {
         let is_of_currents: [bool; TERM_COUNT] =
             core::array::from_fn(|term| OF_CURRENTS.iter().any(|&of| of as usize == term));
         let mut ring = BalanceRing::new(kernel.span);
-        balance_rows(window, &self.balance.shape, load, &kernel, 1.0, &mut ring)
+        balance_rows(window, &self.balance.shape, load, &kernel, 1.0, None, &mut ring)
             .enumerate()
             .filter(|(n, _)| (n + MARGIN).is_multiple_of(kernel.stride))
             .map(|(n, row)| CurvePoint {

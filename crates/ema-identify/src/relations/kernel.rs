@@ -24,7 +24,7 @@ const ROWS_PER_HALF_WIDTH: usize = 6;
 
 /// Weights of one half width; sample `n + m − W` has the weights at place `m`, places beyond the span are zero.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Kernel {
+pub struct Kernel {
     /// Samples under the kernel, `2 W + 1`.
     pub(super) span: usize,
     /// Samples from one used row to the next.
@@ -41,6 +41,30 @@ pub(super) struct Kernel {
 }
 
 impl Kernel {
+    /// The kernel of a motor shaft before a stiff transmission: half width, s, at a sample rate, Hz; 1 to 24 samples on either side.
+    #[must_use]
+    pub fn rigid(half_width_s: f64, sample_rate: f64) -> Self {
+        Self::new(half_width_s, sample_rate, &Compliance::RIGID)
+    }
+
+    /// Samples on either side.
+    #[must_use]
+    pub fn half_width(&self) -> usize {
+        self.span / 2
+    }
+
+    /// Weights of what is not differentiated: `f + Δ²f / 12`.
+    #[must_use]
+    pub fn average(&self) -> &[f64] {
+        &self.average[..self.span]
+    }
+
+    /// Weights of the second derivative, 1/s².
+    #[must_use]
+    pub fn second(&self) -> &[f64] {
+        &self.second[..self.span]
+    }
+
     /// The kernel for a half width, s, at a sample rate, Hz: 1 to 24 samples on either side; of the motor shaft before this transmission.
     #[must_use]
     pub(super) fn new(half_width_s: f64, sample_rate: f64, compliance: &Compliance) -> Self {
@@ -105,20 +129,16 @@ impl Kernel {
 mod tests {
     use super::*;
 
-    fn half_width(kernel: &Kernel) -> usize {
-        kernel.span / 2
-    }
-
     /// Weighted sum of `x` at sample times around zero.
     fn applied(weights: &[f64; MAX_SPAN], kernel: &Kernel, rate: f64, x: impl Fn(f64) -> f64) -> f64 {
-        let half = half_width(kernel) as f64;
+        let half = kernel.half_width() as f64;
         (0..kernel.span).map(|m| weights[m] * x((m as f64 - half) / rate)).sum()
     }
 
     #[test]
     fn differences_are_exact_on_polynomials() {
         for rate in [400.0, 2000.0] {
-            let kernel = Kernel::new(HALF_WIDTHS_S[0], rate, &Compliance::RIGID);
+            let kernel = Kernel::rigid(HALF_WIDTHS_S[0], rate);
             let close =
                 |a: f64, b: f64| assert!((a - b).abs() < 1e-7 * (1.0 + b.abs()), "{rate} Hz: {a} instead of {b}");
             close(applied(&kernel.smooth, &kernel, rate, |_| 1.0), 1.0);
@@ -138,7 +158,7 @@ mod tests {
     fn average_and_second_difference_smooth_an_oscillation_alike() {
         // x = cos ωt: x'' = −ω² x, so the ratio of both sums is −ω², up to the fourth order of ωΔt.
         let (rate, omega) = (2000.0, core::f64::consts::TAU * 50.0);
-        let kernel = Kernel::new(HALF_WIDTHS_S[0], rate, &Compliance::RIGID);
+        let kernel = Kernel::rigid(HALF_WIDTHS_S[0], rate);
         let x = |t: f64| libm::cos(omega * t);
         let ratio = applied(&kernel.second, &kernel, rate, x) / applied(&kernel.average, &kernel, rate, x);
         assert!((ratio / (-omega * omega) - 1.0).abs() < 1e-5, "{ratio}");
@@ -146,8 +166,7 @@ mod tests {
 
     #[test]
     fn the_half_width_follows_the_sample_rate() {
-        let widths = [400.0, 1000.0, 2000.0, 5000.0]
-            .map(|rate| half_width(&Kernel::new(HALF_WIDTHS_S[0], rate, &Compliance::RIGID)));
+        let widths = [400.0, 1000.0, 2000.0, 5000.0].map(|rate| Kernel::rigid(HALF_WIDTHS_S[0], rate).half_width());
         assert_eq!(widths, [1, 3, 6, 15]);
     }
 }

@@ -79,6 +79,13 @@ impl<const M: usize> NormalEquations<M> {
         })
     }
 
+    /// Sum of squares `Σ (y − a · x)²`, with the noise that [`NormalEquations::without_noise`] subtracted.
+    #[must_use]
+    pub(super) fn squares(&self, x: &SVector<f64, M>, noise: &SVector<f64, M>) -> f64 {
+        let of_noise: f64 = x.iter().zip(noise).map(|(x, noise)| noise * x * x).sum();
+        self.yy - x.dot(&(self.aty + self.score(x))) + of_noise * self.rows as f64
+    }
+
     /// The unknowns with the least sum of squares; `None` when a sum is not finite.
     #[must_use]
     #[inline(never)]

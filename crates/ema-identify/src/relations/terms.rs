@@ -12,6 +12,7 @@ use super::compliance::Compliance;
 use super::kernel::Kernel;
 use super::measured::{Instant, MeasuredWindow, Quantities};
 use super::output_load::OutputLoad;
+use super::shorted_loop::LoopTorque;
 use super::sliding::Sliding;
 use crate::monitor_fit::RecordedSample;
 
@@ -140,7 +141,8 @@ impl BalanceShape {
 /// One row of the torque balance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BalanceRow {
-    /// The terms in the order of [`Term`].
+    /// The terms in the order of [`Term`]. With a shorted loop, that of the turns of its phase has the admittance β as coefficient, and the
+    /// rest of the phase's torque stands in the gear loss, whose coefficient is known.
     pub(super) terms: [f64; TERM_COUNT],
     /// Whether the motor turns in the positive direction.
     pub(super) forward: bool,
@@ -154,13 +156,15 @@ pub(super) type BalanceRing = Sliding<TERM_COUNT>;
 const MOVING: f64 = 3.0;
 
 /// Rows of a window, one per inner sample; `None` between the kernel's strides, and unless the motor turns in one direction under the kernel that ends there, at
-/// 3 rad/s or more, and all of it was measured. `gain` is the factor of the position gain against the healthy unit's.
+/// 3 rad/s or more, and all of it was measured. `gain` is the factor of the position gain against the healthy unit's; a shorted loop takes the
+/// place of the turns of its phase.
 pub(super) fn balance_rows<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     shape: &BalanceShape,
     load: OutputLoad,
     kernel: &Kernel,
     gain: f64,
+    mut shorted: Option<LoopTorque>,
     ring: &mut BalanceRing,
 ) -> impl Iterator<Item = Option<BalanceRow>> {
     let (window, integrands) = (*window, Integrands::new(window.params(), shape, load, gain));
@@ -173,6 +177,10 @@ pub(super) fn balance_rows<S: RecordedSample>(
     window.inner().map(move |n| {
         let now = window.quantities(n);
         let counted = counting.deviation(&window, n);
+        let jump = |n, current| integrands.jump(&window, n, current);
+        let of_loop = shorted
+            .as_mut()
+            .map(|shorted| (shorted.phase(), shorted.next(&window, n, jump)));
         if libm::fabs(now.omega_m) < MOVING || !window.is_measured(n) {
             ring.clear();
             return None;
@@ -183,7 +191,6 @@ pub(super) fn balance_rows<S: RecordedSample>(
             ring.clear();
         }
         let fast = if instants > 0 {
-            let jump = |n, current| integrands.jump(&window, n, current);
             let over = |n| integrands.fast_over(&Interval::new(&window, n, jump), instants);
             let before = match ended {
                 Some((at, rising)) if at == n => rising,
@@ -195,9 +202,14 @@ pub(super) fn balance_rows<S: RecordedSample>(
         } else {
             integrands.fast(&now.instant())
         };
-        ring.push(integrands.of(&window, &now, counted, &fast));
+        let mut terms = integrands.of(&window, &now, counted, &fast);
+        if let Some((phase, [of_admittance, rest])) = of_loop {
+            terms[FAST[phase] as usize] = of_admittance;
+            terms[Term::GearLoss as usize] += rest;
+        }
+        ring.push(terms);
         (ring.is_full() && n % stride == 0).then(|| BalanceRow {
-            terms: smoothed(ring, kernel, instants > 0),
+            terms: smoothed(ring, kernel, instants > 0, of_loop.is_some()),
             forward,
         })
     })
@@ -239,14 +251,19 @@ impl Counting {
     }
 }
 
-/// The terms of the row that ends with the last sample of the ring; `means`: the fast terms are means around their samples.
-fn smoothed(ring: &BalanceRing, kernel: &Kernel, means: bool) -> [f64; TERM_COUNT] {
+/// The terms of the row that ends with the last sample of the ring; `means`: the fast terms are means around their samples, with a loop
+/// the gear loss too.
+fn smoothed(ring: &BalanceRing, kernel: &Kernel, means: bool, with_loop: bool) -> [f64; TERM_COUNT] {
     let mut terms = ring.sums(&kernel.average);
     if means {
         let fast = ring.sums_of(FAST.map(|term| term as usize), &kernel.smooth);
         for (term, fast) in FAST.into_iter().zip(fast) {
             terms[term as usize] = fast;
         }
+    }
+    if means && with_loop {
+        let [rest] = ring.sums_of([Term::GearLoss as usize], &kernel.smooth);
+        terms[Term::GearLoss as usize] = rest;
     }
     let [damping] = ring.sums_of([Term::Damping as usize], &kernel.first);
     terms[Term::Damping as usize] = -damping;

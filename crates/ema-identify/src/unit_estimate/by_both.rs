@@ -5,10 +5,10 @@ use crate::estimate::Estimate;
 use ema_models::{FAULT_COUNT, FaultVector, Unknowns};
 
 /// Each fault by the estimate with the smaller sigma, cost and residual by the relations; where one of the two does not explain the
-/// window, the other one alone.
+/// window, the other one alone. The monitor knows no shorted loop: with one the relations alone.
 #[must_use]
 pub fn of_both(relations: UnitEstimate, monitor: UnitEstimate) -> UnitEstimate {
-    if monitor.estimate.is_unmodelled() {
+    if monitor.estimate.is_unmodelled() || relations.bridge_spread.iter().any(|&spread| spread > 0.0) {
         return relations;
     }
     if relations.estimate.is_unmodelled() {
@@ -19,6 +19,7 @@ pub fn of_both(relations: UnitEstimate, monitor: UnitEstimate) -> UnitEstimate {
         estimate,
         mut needed,
         unexplained,
+        bridge_spread,
     } = relations;
     let (mut sigma, mut observable) = (estimate.sigma, estimate.observable);
     let of_monitor = monitor.estimate.fault.to_array();
@@ -47,6 +48,7 @@ pub fn of_both(relations: UnitEstimate, monitor: UnitEstimate) -> UnitEstimate {
         },
         needed,
         unexplained,
+        bridge_spread,
     }
 }
 
@@ -106,6 +108,7 @@ mod tests {
             },
             needed: sigma.map(|sigma| sigma.is_none().then_some(Needed::LongerMotion)),
             unexplained: Vec::new(),
+            bridge_spread: [0.0; FAULT_COUNT],
         }
     }
 

@@ -72,5 +72,6 @@ pub fn corrected(unit: &UnitMonitor, estimate: Estimate, sample_rate_hz: f64) ->
         estimate,
         needed,
         unexplained: Vec::new(),
+        bridge_spread: [0.0; FAULT_COUNT],
     }
 }

@@ -104,14 +104,15 @@ pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, i
         locked: is_locked,
         deviations: std::vec::Vec::new(),
         inferred: inferred(&found),
-    }
-    .widened(&factors);
+    };
     let needed: [_; FAULT_COUNT] = found.needed;
     UnitEstimate {
         estimate,
         needed,
         unexplained,
+        bridge_spread: found.bridge_spread,
     }
+    .widened_by(&factors)
 }
 
 /// What the torque balance says of the load, and of the torque for each read current.
@@ -125,6 +126,7 @@ fn inferred(found: &RelationsEstimate) -> InferredReadings {
             value: found.load_torque,
             sigma,
         }),
+        load_by_friction: None,
         dc_link: None,
         turns: match of_phases {
             [Some(a), Some(b), Some(c)] => Some([a, b, c]),

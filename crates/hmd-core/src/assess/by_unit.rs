@@ -1,5 +1,6 @@
 //! A window of a commissioned unit -> estimate: by its relations, or by the monitor corrected by its baseline.
 
+use ema_identify::effort::{Effort, Request, Stage};
 use ema_identify::relations::{Needed, Relation};
 use ema_identify::unit_calibration::{
     Motion, UNSEEN_FACTOR, UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations,
@@ -41,40 +42,61 @@ pub(super) fn estimate(
     job: &mut WindowJob,
     conditions: Conditions,
     seed: u64,
-) -> Result<Assessed, AssessError> {
+    effort: &Effort<'_>,
+) -> Result<Option<Assessed>, AssessError> {
     let mut reasons = Vec::new();
-    let (fit, mut found) = match (unit.estimator, &unit.relations, &unit.monitor) {
-        (UnitEstimator::Relations, Some(relations), _) => {
-            let (fit, found) = by_relations(relations, identifier, job, conditions)?;
-            reasons.extend(not_explained(&found.unexplained));
-            match &unit.monitor {
-                Some(monitor) if may_fall_back(&found, monitor) => {
-                    let (fit_of_monitor, of_monitor) = by_monitor(monitor, identifier, job, conditions, seed)?;
-                    if of_monitor.estimate.is_unmodelled() {
-                        (fit, found)
-                    } else {
+    let of_relations = |job: &mut WindowJob| match &unit.relations {
+        Some(relations) => by_relations(relations, identifier, job, conditions, effort),
+        None => Ok(None),
+    };
+    let of_monitor =
+        |job: &mut WindowJob, monitor: &UnitMonitor| by_monitor(monitor, identifier, job, conditions, seed, effort);
+    let found = match (unit.estimator, &unit.relations, &unit.monitor) {
+        (UnitEstimator::Relations, Some(_), monitor) => match of_relations(job)? {
+            Some((fit, found)) => {
+                reasons.extend(not_explained(&found.unexplained));
+                let fallback = match monitor.as_ref().filter(|monitor| may_fall_back(&found, monitor)) {
+                    Some(monitor) => of_monitor(job, monitor)?,
+                    None => None,
+                };
+                match fallback {
+                    Some((fit, found)) if !found.estimate.is_unmodelled() => {
                         reasons.push("assessed by the monitor".to_owned());
-                        (fit_of_monitor, of_monitor)
+                        Some((fit, found))
                     }
+                    _ => Some((fit, found)),
                 }
-                _ => (fit, found),
             }
-        }
-        (UnitEstimator::Both, Some(relations), Some(monitor)) => {
-            let (fit, found) = by_relations(relations, identifier, job, conditions)?;
-            let (fit_of_monitor, of_monitor) = by_monitor(monitor, identifier, job, conditions, seed)?;
-            reasons.extend(not_explained(&found.unexplained));
-            let only_monitor = found.estimate.is_unmodelled() && !of_monitor.estimate.is_unmodelled();
-            reasons.extend(only_monitor.then(|| "assessed by the monitor".to_owned()));
-            (
-                if only_monitor { fit_of_monitor } else { fit },
-                of_both(found, of_monitor),
-            )
-        }
-        (_, _, Some(monitor)) => by_monitor(monitor, identifier, job, conditions, seed)?,
+            None => None,
+        },
+        (UnitEstimator::Both, Some(_), Some(monitor)) => match (of_relations(job)?, of_monitor(job, monitor)?) {
+            (Some((fit, found)), Some((fit_of_monitor, of_monitor))) => {
+                reasons.extend(not_explained(&found.unexplained));
+                let only_monitor = found.estimate.is_unmodelled() && !of_monitor.estimate.is_unmodelled();
+                reasons.extend(only_monitor.then(|| "assessed by the monitor".to_owned()));
+                let fit = if only_monitor { fit_of_monitor } else { fit };
+                Some((fit, of_both(found, of_monitor)))
+            }
+            (Some((fit, found)), None) => {
+                reasons.extend(not_explained(&found.unexplained));
+                reasons.push("assessed by the relations".to_owned());
+                Some((fit, found))
+            }
+            (None, of_monitor) => of_monitor,
+        },
+        (_, relations, Some(monitor)) => match of_monitor(job, monitor)? {
+            None if relations.is_some() => {
+                let found = of_relations(job)?;
+                reasons.extend(found.iter().flat_map(|(_, found)| not_explained(&found.unexplained)));
+                reasons.extend(found.is_some().then(|| "assessed by the relations".to_owned()));
+                found
+            }
+            found => found,
+        },
         _ => return Err(AssessError::NoEstimator(job.actuator.name.clone())),
     };
-    if let (Some(relations), None) = (&unit.relations, found.estimate.inferred.turns) {
+    let Some((fit, mut found)) = found else { return Ok(None) };
+    if let (Some(relations), None, false) = (&unit.relations, found.estimate.inferred.turns, effort.is_short()) {
         // The monitor infers nothing of a commissioned unit.
         let aligned = AlignedWindow::new(&job.params, &job.window.samples, &job.window.filled);
         let by_relations = estimate_by_relations(relations, &aligned, false);
@@ -89,29 +111,43 @@ pub(super) fn estimate(
     }
     reasons.extend(not_observable(&found));
     reasons.extend(unseen.iter().map(ToString::to_string));
-    Ok(Assessed {
+    Ok(Some(Assessed {
         estimate: found.estimate,
         fit,
         reasons,
-    })
+    }))
 }
 
+/// None where no time is granted for it, as for the monitor.
 fn by_relations(
     relations: &UnitRelations,
     identifier: &Identifier,
     job: &mut WindowJob,
     conditions: Conditions,
-) -> Result<(Fit, UnitEstimate), AssessError> {
+    effort: &Effort<'_>,
+) -> Result<Option<(Fit, UnitEstimate)>, AssessError> {
     let params = job.params;
+    let (stage, window_s, runs) = (Stage::Relations, job.length_s(), 1);
+    let request = Request {
+        stage,
+        window_s,
+        runs,
+        reserved: 0,
+    };
+    if effort.grant(&request) < runs {
+        return Ok(None);
+    }
     let estimate = |window: &Window, prepared: &Prepared| {
         let aligned = AlignedWindow::new(&params, &window.samples, &window.filled);
         let is_locked = identifier.is_locked(prepared, conditions);
         Ok::<_, AssessError>(estimate_by_relations(relations, &aligned, is_locked))
     };
     let (prepared, found) = estimate_without_outliers(identifier, &mut job.window, conditions, estimate, |found| {
-        &found.estimate
+        Some(&found.estimate)
     })?;
-    Ok((identifier.fit(&prepared, conditions, &found.estimate), found))
+    let fit = identifier.fit(&prepared, conditions, &found.estimate);
+    effort.ran(stage, window_s, runs);
+    Ok(Some((fit, found)))
 }
 
 fn by_monitor(
@@ -120,11 +156,14 @@ fn by_monitor(
     job: &mut WindowJob,
     conditions: Conditions,
     seed: u64,
-) -> Result<(Fit, UnitEstimate), AssessError> {
-    let (prepared, estimate) = identify_without_outliers(identifier, &mut job.window, conditions, seed)?;
-    // The curve is that of the monitor's own estimate.
-    let fit = identifier.fit(&prepared, conditions, &estimate);
-    Ok((fit, corrected(monitor, estimate, job.params.sensors.sample_rate)))
+    effort: &Effort<'_>,
+) -> Result<Option<(Fit, UnitEstimate)>, AssessError> {
+    let found = identify_without_outliers(identifier, &mut job.window, conditions, seed, effort)?;
+    Ok(found.map(|(prepared, estimate)| {
+        // The curve is that of the monitor's own estimate.
+        let fit = identifier.fit(&prepared, conditions, &estimate);
+        (fit, corrected(monitor, estimate, job.params.sensors.sample_rate))
+    }))
 }
 
 /// Whether the monitor may explain a window that the torque balance does not: it explains the unit's healthy windows as well as those of

@@ -1,22 +1,23 @@
 //! What explains a window: worn parts, or a wrong sensor, wire or number.
 //!
-//! What the signals show by themselves is taken out before the estimate; readings that only an estimate can doubt compete with the
+//! What the signals show by themselves is taken out before the estimate (`by_signals`); readings that only an estimate can doubt compete with the
 //! faults after it.
 
+use ema_identify::effort::Effort;
 use ema_identify::unit_fit::healthy_cost;
 use ema_identify::{Identifier, Method, Prepared};
-use ema_models::{Comparison, Conditions, FaultId, Tolerances};
+use ema_models::{Comparison, Conditions, Tolerances};
 
+use super::by_signals::{BySignals, CORRECTED_FACTOR, in_words};
 use super::by_unit::{self, Assessed};
 use super::{AssessError, Assessor, conditions, unseen};
 use crate::outbox::WindowJob;
-use crate::outliers::identify_without_outliers;
+use crate::outliers::{grants_runs, identify_without_outliers};
 use crate::seed::{mix, name_hash};
 use crate::sensor_checks::rivals::{
     BETTER, Corrected, Rival, Verdict, accuses_all_phases_alike, compare, correct, is_doubtful, rivals,
 };
-use crate::sensor_checks::{Contradiction, Finding, Shown, Suspect, Suspicion, contradictions, examine};
-use crate::window::{Degradation, Invalidity, WindowQuality};
+use crate::sensor_checks::{Contradiction, Suspect, Suspicion, contradictions};
 
 /// The explanation of a window.
 pub(super) struct Explained {
@@ -26,8 +27,8 @@ pub(super) struct Explained {
     pub(super) suspects: Vec<Suspect>,
     /// Why the window is not simply good.
     pub(super) reasons: Vec<String>,
-    /// The errors of readings that the window shows; none where nothing was estimated.
-    pub(super) shown: Option<Shown>,
+    /// Whether a reading that competes with the faults was left out for want of time: no damage counts then.
+    pub(super) unchecked: bool,
 }
 
 impl Explained {
@@ -36,9 +37,18 @@ impl Explained {
             assessed: None,
             suspects,
             reasons,
-            shown: None,
+            unchecked: false,
         }
     }
+}
+
+/// What competes with the faults of an estimate.
+#[expect(clippy::large_enum_variant, reason = "one for a window, matched at once")]
+enum Competitors {
+    /// None explains the window as well, or another one better.
+    Best(Option<(Verdict, Suspicion, Assessed)>),
+    /// Not all were granted.
+    Unknown,
 }
 
 impl Assessor {
@@ -46,70 +56,45 @@ impl Assessor {
     ///
     /// # Errors
     /// Those of the identification.
-    pub(super) fn explain(&self, job: &mut WindowJob, is_learning: bool) -> Result<Explained, AssessError> {
+    pub(super) fn explain(
+        &self,
+        job: &mut WindowJob,
+        is_learning: bool,
+        effort: &Effort<'_>,
+    ) -> Result<Explained, AssessError> {
         let (mut suspects, mut reasons) = (Vec::new(), Vec::new());
-        if let WindowQuality::Invalid(invalidity) = &job.window.quality {
-            reasons.push(invalidity.to_string());
-            suspects.extend(Suspect::of_invalidity(invalidity));
-            if suspects.is_empty() && shows_signals(invalidity) {
-                report(&examine(job), &mut suspects, &mut reasons);
-            }
-            return Ok(Explained::invalid(suspects, reasons));
-        }
-        if let WindowQuality::Degraded(handicaps) = &job.window.quality {
-            let is_repeated = |handicap: &Degradation| matches!(handicap, Degradation::Repeated(_));
-            suspects.extend(handicaps.iter().any(is_repeated).then_some(Suspect::RepeatedSamples));
-        }
-        let findings = examine(job);
-        report(&findings, &mut suspects, &mut reasons);
-        let mut corrected = job.clone();
-        for finding in &findings {
-            match finding.correction {
-                Some(correction) => correction.apply(&mut corrected),
-                None => return Ok(Explained::invalid(suspects, reasons)),
-            }
-        }
-        let mut assessed = match conditions(&corrected) {
-            Ok(conditions) if findings.is_empty() => self.estimate(&mut corrected, conditions)?,
-            Ok(conditions) => {
-                let without = self.estimate(&mut corrected, conditions)?;
-                match self.estimate_as_received(job, &without)? {
-                    // What looked like a mistake is what a worn part does.
-                    Some((as_received, window)) => {
-                        suspects.retain(|suspect| *suspect == Suspect::RepeatedSamples);
-                        reasons.clear();
-                        corrected = window;
-                        as_received
-                    }
-                    None => without.widened(CORRECTED_FACTOR),
-                }
-            }
-            Err(absurd) => {
-                reasons.push(absurd);
-                return Ok(Explained::invalid(suspects, reasons));
-            }
+        let by_signals = if job.window.quality.is_fit() {
+            self.without_mistakes(job, is_learning, effort, &mut suspects, &mut reasons)?
+        } else {
+            self.made_fit(job, is_learning, effort, &mut suspects, &mut reasons)?
         };
-        let shown = Shown::by(
-            &corrected,
-            &assessed.estimate,
-            self.commissioned_temperatures(&corrected),
-        );
+        let Some(BySignals {
+            mut corrected,
+            mut assessed,
+            mut unchecked,
+        }) = by_signals
+        else {
+            return Ok(Explained::invalid(suspects, reasons));
+        };
         if !is_learning {
-            assessed = self.without_contradicted(&mut corrected, assessed, &mut suspects, &mut reasons)?;
+            let found = self.without_contradicted(&mut corrected, assessed, effort, &mut suspects, &mut reasons)?;
+            assessed = found.0;
+            unchecked |= found.1;
         }
         if !is_learning && is_doubtful(&assessed.estimate, self.watch_level()) {
-            match self.best_rival(&corrected, &assessed)? {
-                Some((Verdict::Better, suspicion, of_rival)) => {
+            match self.best_rival(&corrected, &assessed, effort)? {
+                Competitors::Unknown => unchecked = true,
+                Competitors::Best(Some((Verdict::Better, suspicion, of_rival))) => {
                     name(suspicion.suspect, &mut suspects);
                     reasons.push(suspicion.sentence);
                     assessed = of_rival;
                 }
-                Some((Verdict::Alike, suspicion, _)) => {
+                Competitors::Best(Some((Verdict::Alike, suspicion, _))) => {
                     name(suspicion.suspect, &mut suspects);
                     reasons.push(format!("{}, or {}", suspicion.sentence, in_words(&assessed)));
                     return Ok(Explained::invalid(suspects, reasons));
                 }
-                Some((Verdict::Worse, ..)) | None => {}
+                Competitors::Best(Some((Verdict::Worse, ..)) | None) => {}
             }
         }
         if !is_learning && accuses_all_phases_alike(&assessed.estimate, self.watch_level()) {
@@ -126,7 +111,7 @@ impl Assessor {
             assessed: Some(assessed),
             suspects,
             reasons,
-            shown: Some(shown),
+            unchecked,
         })
     }
 
@@ -136,14 +121,17 @@ impl Assessor {
         Some(unit.seen.winding_temp_deg_c)
     }
 
-    /// The estimate of a window without the readings that it contradicts; they are reported.
+    /// The estimate of a window without the readings that it contradicts; they are reported. Whether one was left out for want of
+    /// time, too.
     fn without_contradicted(
         &self,
         job: &mut WindowJob,
         mut assessed: Assessed,
+        effort: &Effort<'_>,
         suspects: &mut Vec<Suspect>,
         reasons: &mut Vec<String>,
-    ) -> Result<Assessed, AssessError> {
+    ) -> Result<(Assessed, bool), AssessError> {
+        let mut unchecked = false;
         let commissioned = self.commissioned_temperatures(job);
         for Contradiction { suspicion, correction } in contradictions(job, &assessed.estimate, commissioned) {
             if suspects.contains(&suspicion.suspect) {
@@ -152,7 +140,14 @@ impl Assessor {
             let mut other = job.clone();
             correction.apply(&mut other);
             let Ok(conditions) = conditions(&other) else { continue };
-            let without = self.estimate(&mut other, conditions)?;
+            if !grants_runs(effort, assessed.estimate.evaluations, other.length_s()) {
+                unchecked = true;
+                continue;
+            }
+            let Some(without) = self.estimate(&mut other, conditions, effort)? else {
+                unchecked = true;
+                continue;
+            };
             match correct(&assessed.estimate, &without.estimate, correction, self.watch_level()) {
                 Corrected::Contradicted => continue,
                 Corrected::Alike => {}
@@ -164,38 +159,27 @@ impl Assessor {
             suspects.push(suspicion.suspect);
             reasons.push(suspicion.sentence);
         }
-        Ok(assessed)
+        Ok((assessed, unchecked))
     }
 
-    /// The estimate of a window as it was received, and the window, if it explains more than the one `without` a mistake.
-    fn estimate_as_received(
+    /// Estimates a window by what is known of its unit, else of its type; none where that is not granted.
+    pub(super) fn estimate(
         &self,
-        job: &WindowJob,
-        without: &Assessed,
-    ) -> Result<Option<(Assessed, WindowJob)>, AssessError> {
-        let mut job = job.clone();
-        let Ok(conditions) = conditions(&job) else {
-            return Ok(None);
-        };
-        let as_received = self.estimate(&mut job, conditions)?;
-        let (own, other) = (&as_received.estimate, &without.estimate);
-        let is_better = !own.is_unmodelled() && (other.is_unmodelled() || BETTER * own.cost < other.cost);
-        Ok(is_better.then_some((as_received, job)))
-    }
-
-    /// Estimates a window by what is known of its unit, else of its type.
-    fn estimate(&self, job: &mut WindowJob, conditions: Conditions) -> Result<Assessed, AssessError> {
+        job: &mut WindowJob,
+        conditions: Conditions,
+        effort: &Effort<'_>,
+    ) -> Result<Option<Assessed>, AssessError> {
         let identifier = self.identifier_of(job)?;
         let seed = mix(self.seed, &[name_hash(&job.actuator.name), job.window.number]);
         if let Some(unit) = self.models.unit(&job.actuator) {
-            return by_unit::estimate(unit, &identifier, job, conditions, seed);
+            return by_unit::estimate(unit, &identifier, job, conditions, seed, effort);
         }
-        let (prepared, estimate) = identify_without_outliers(&identifier, &mut job.window, conditions, seed)?;
-        Ok(Assessed {
+        let found = identify_without_outliers(&identifier, &mut job.window, conditions, seed, effort)?;
+        Ok(found.map(|(prepared, estimate)| Assessed {
             fit: identifier.fit(&prepared, conditions, &estimate),
             reasons: unseen(&estimate).into_iter().collect(),
             estimate,
-        })
+        }))
     }
 
     /// The reading that explains a window best instead of the faults: the best of those that explain it better, else the first
@@ -204,17 +188,25 @@ impl Assessor {
         &self,
         job: &WindowJob,
         assessed: &Assessed,
-    ) -> Result<Option<(Verdict, Suspicion, Assessed)>, AssessError> {
+        effort: &Effort<'_>,
+    ) -> Result<Competitors, AssessError> {
         let level = self.watch_level();
         let mut found: Option<(Verdict, Rival, Assessed)> = None;
         let rivals = rivals(job, &assessed.estimate, self.knows_unit(&job.actuator));
         for readings in rivals.chunk_by(|one, next| one.suspect == next.suspect) {
+            // Which of several is the likeliest takes two descents more.
+            let estimates = if readings.len() > 1 { 3 } else { 1 };
+            if !grants_runs(effort, estimates * assessed.estimate.evaluations, job.length_s()) {
+                return Ok(Competitors::Unknown);
+            }
             let Some(rival) = self.likeliest(job, readings)? else {
                 continue;
             };
             let mut other = rival.applied_to(job);
             let Ok(conditions) = conditions(&other) else { continue };
-            let of_rival = self.estimate(&mut other, conditions)?;
+            let Some(of_rival) = self.estimate(&mut other, conditions, effort)? else {
+                return Ok(Competitors::Unknown);
+            };
             let verdict = compare(&assessed.estimate, rival.suspect, &of_rival.estimate, level);
             let is_best = match &found {
                 None => verdict != Verdict::Worse,
@@ -227,10 +219,10 @@ impl Assessor {
                 found = Some((verdict, rival, of_rival));
             }
         }
-        Ok(found.map(|(verdict, rival, of_rival)| {
+        Ok(Competitors::Best(found.map(|(verdict, rival, of_rival)| {
             let suspicion = rival.suspicion(job, &of_rival.estimate, assessed.estimate.cost);
             (verdict, suspicion, of_rival)
-        }))
+        })))
     }
 
     /// Of several readings of one sensor the one with which the healthy actuator fits best, if a descent from there explains the window
@@ -281,52 +273,14 @@ impl Assessor {
     }
 
     /// The lowest level of any fault.
-    fn watch_level(&self) -> f64 {
+    pub(super) fn watch_level(&self) -> f64 {
         let levels = self.config.health().levels();
         levels.iter().map(|levels| levels.watch).fold(f64::INFINITY, f64::min)
     }
-}
-
-/// Factor on every sigma of a window from which a mistake was taken out: how large it was is itself an estimate.
-const CORRECTED_FACTOR: f64 = 2.0;
-
-/// Whether the samples of an invalid window show why it is.
-fn shows_signals(invalidity: &Invalidity) -> bool {
-    matches!(
-        invalidity,
-        Invalidity::TooManyFlawed { .. }
-            | Invalidity::CountersDisagree { .. }
-            | Invalidity::CounterJumped { .. }
-            | Invalidity::StartInMotion { .. }
-            | Invalidity::Stuck(_)
-    )
 }
 
 fn name(suspect: Suspect, suspects: &mut Vec<Suspect>) {
     if !suspects.contains(&suspect) {
         suspects.push(suspect);
     }
-}
-
-fn report(findings: &[Finding], suspects: &mut Vec<Suspect>, reasons: &mut Vec<String>) {
-    for finding in findings {
-        suspects.extend(finding.suspicions.iter().map(|suspicion| suspicion.suspect));
-        let sentences: Vec<String> = finding.suspicions.iter().map(ToString::to_string).collect();
-        reasons.push(sentences.join(", or "));
-    }
-}
-
-/// Damage from which on a sentence contains it.
-const DAMAGE_IN_WORDS: f64 = 0.02;
-
-/// The damages that an estimate finds, in words.
-fn in_words(assessed: &Assessed) -> String {
-    let fault = &assessed.estimate.fault;
-    let damages: Vec<String> = FaultId::ALL
-        .into_iter()
-        .map(|id| (id.name(), fault.damage_of(id)))
-        .filter(|(_, damage)| *damage >= DAMAGE_IN_WORDS)
-        .map(|(name, damage)| format!("{name} {damage:.2}"))
-        .collect();
-    damages.join(", ")
 }

@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 
 use ema_models::{FaultId, Setpoint};
 
-use crate::health::{HealthDecision, HealthState, SIGNIFICANCE};
+use crate::deadline::TimeLimit;
+use crate::health::{HealthDecision, HealthState, significance};
 use crate::history::UnitAssessment;
 use crate::outbox::WindowJob;
 use crate::record::{self, WindowStatus};
@@ -75,6 +76,23 @@ pub(super) fn sensors_record(job: &WindowJob, states: &[SensorState; SENSOR_QUAN
     sensors
 }
 
+pub(super) fn shortened_record(
+    job: &WindowJob,
+    limit: &TimeLimit<'_>,
+    estimate: Option<&Estimate>,
+) -> record::Shortened {
+    let mut shortened = record::Shortened {
+        actuator: job.actuator.name.clone(),
+        window: job.window.number,
+        t_start_ns: job.window.t_start_ns,
+        deadline_ms: limit.deadline_ms,
+        evaluations: estimate.map_or(0, |estimate| estimate.evaluations),
+        ..record::Shortened::default()
+    };
+    shortened.set_grants(&limit.effort.short_grants());
+    shortened
+}
+
 /// The state is unknown instead of nominal while the estimate has a damage that is too uncertain to count: the window does not show
 /// it, or the type's tolerances explain it as well.
 fn reported_state(state: HealthState, estimate: Option<&Estimate>) -> HealthState {
@@ -85,7 +103,7 @@ fn reported_state(state: HealthState, estimate: Option<&Estimate>) -> HealthStat
             let is_uncertain = if e.deviations.is_empty() {
                 !e.observable[fault.parameter()]
             } else {
-                damage < SIGNIFICANCE * sigma[fault.parameter()]
+                damage < significance(fault) * sigma[fault.parameter()]
             };
             is_uncertain && damage > HIDDEN_DAMAGE
         };

@@ -1,5 +1,6 @@
 //! The monitor of one unit: its parameters from all windows, then the apparent fault vector of each.
 
+use ema_identify::effort::Effort;
 use ema_identify::relations::ELEMENT_COUNT;
 use ema_identify::unit_calibration::{ElementStatistics, UnitMonitor, UnitParameter, elements_of};
 use ema_identify::unit_estimate::{USUAL_COST, corrected};
@@ -45,9 +46,9 @@ pub(super) fn learn_monitor(
         let (mut identifier, conditions) = of_type(assessor, job, unit.current_time_constant_s)?;
         identifier.params = unit.parameters.applied_to(&job.params);
         identifier.motor = crate::assess::motor_knowledge_at(unit.motor(), job.conditions.winding_temp_deg_c);
-        let (_, estimate) =
-            identify_without_outliers(&identifier, &mut job.window, conditions, seed).map_err(AssessError::from)?;
-        estimates.push(estimate);
+        let effort = Effort::unlimited();
+        let found = identify_without_outliers(&identifier, &mut job.window, conditions, seed, &effort);
+        estimates.extend(found.map_err(AssessError::from)?.map(|(_, estimate)| estimate));
         progress(1);
     }
     let shown: Vec<[Option<f64>; ELEMENT_COUNT]> = estimates

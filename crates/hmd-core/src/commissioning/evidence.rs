@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ema_identify::unit_calibration::NORMAL_999;
 use ema_models::FaultId;
 
-use crate::health::{Levels, SIGNIFICANCE};
+use crate::health::{Levels, significance};
 
 /// Quantile of the normal distribution, 99 %.
 const NORMAL_99: f64 = 2.326_348;
@@ -98,11 +98,22 @@ impl Evidence {
     pub(super) fn smallest_damage(&self, levels: &[Levels; FaultId::COUNT]) -> BTreeMap<String, f64> {
         let of = |fault: FaultId| {
             let sigma = self.sigma[fault.index()]?;
-            let alarm = levels[fault.index()].watch.max(NORMAL_999.max(SIGNIFICANCE) * sigma);
+            let alarm = levels[fault.index()].watch.max(alarm_sigmas(fault) * sigma);
             Some((fault.name().to_owned(), round(alarm + NORMAL_99 * sigma)))
         };
         FaultId::ALL.into_iter().filter_map(of).collect()
     }
+}
+
+/// Sigmas that count and that chance exceeds with 0.1 % at most: the amplitude of two components with `exp(−x²/2)`.
+fn alarm_sigmas(fault: FaultId) -> f64 {
+    const AMPLITUDE_999: f64 = 3.717;
+    let chance = if fault == FaultId::Eccentricity {
+        AMPLITUDE_999
+    } else {
+        NORMAL_999
+    };
+    chance.max(significance(fault))
 }
 
 /// To three decimals, upwards.

@@ -42,10 +42,20 @@ pub struct IdentificationConfig {
     pub generations: u32,
     /// Most monitor runs of one search of a window. A window whose counts turn out wrong is searched again, at most twice.
     pub evaluations_max: u32,
+    /// Time for a window from the arrival of its last sample to its assessment, ms; what is best by then is reported. Live only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub deadline_ms: Option<u32>,
 }
 
 impl IdentificationConfig {
-    pub(super) const KEYS: &[&str] = &["method", "monitor", "population", "generations", "evaluations_max"];
+    pub(super) const KEYS: &[&str] = &[
+        "method",
+        "monitor",
+        "population",
+        "generations",
+        "evaluations_max",
+        "deadline_ms",
+    ];
 
     /// The defaults with `method`.
     ///
@@ -63,6 +73,7 @@ impl IdentificationConfig {
             population,
             generations,
             evaluations_max,
+            deadline_ms: None,
         }
     }
 
@@ -79,6 +90,7 @@ impl IdentificationConfig {
             evaluations_max: section
                 .integer("evaluations_max", 1..=1_000_000_000)?
                 .unwrap_or(default.evaluations_max),
+            deadline_ms: section.integer("deadline_ms", 1..=3_600_000)?,
             ..default
         };
         if config.evaluations_max < config.population {

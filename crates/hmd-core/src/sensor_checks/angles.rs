@@ -76,6 +76,59 @@ pub(super) fn sudden_stop(signals: &Signals, params: &ActuatorParams) -> Option<
     })
 }
 
+/// An output angle that stands while the motor turns beyond the play.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct FrozenOutput {
+    /// Range of the difference of the angles, rad at the output.
+    pub(super) turned: f64,
+    /// The same before the angle stood.
+    pub(super) play: f64,
+}
+
+/// Factor on a play, and counts of the encoder, that no elasticity adds to it.
+const PLAY_FACTOR: f64 = 2.0;
+const PLAY_COUNTS: f64 = 8.0;
+
+/// The output angle that stands to the end of a window while the difference of the angles leaves the range that it had before. That range is
+/// the play where the output had moved both ways; a one-way motion may not have shown it.
+pub(super) fn frozen_output(signals: &Signals, params: &ActuatorParams) -> Option<FrozenOutput> {
+    let rows = &signals.rows;
+    let last = rows.last()?;
+    let from = rows
+        .iter()
+        .rposition(|row| row.theta_out.to_bits() != last.theta_out.to_bits())?
+        + 1;
+    let stands_s = (rows.len() - from) as f64 / signals.rate_hz;
+    let counts = PLAY_COUNTS * params.sensors.output_lsb();
+    if stands_s < STANDS_S || !moved_both_ways(&rows[..from], counts) {
+        return None;
+    }
+    let range = |rows: &[Row]| {
+        let difference = |row: &Row| row.theta_out - row.theta_m / params.transmission.gear_ratio;
+        let (min, max) = rows
+            .iter()
+            .map(difference)
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), x| {
+                (min.min(x), max.max(x))
+            });
+        max - min
+    };
+    let (turned, play) = (range(rows), range(&rows[..from]));
+    (turned > PLAY_FACTOR * play + counts).then_some(FrozenOutput { turned, play })
+}
+
+/// Whether the output moved by more than `least` in one direction and then in the other.
+fn moved_both_ways(rows: &[Row], least: f64) -> bool {
+    let (mut min, mut max) = (f64::INFINITY, f64::NEG_INFINITY);
+    let (mut rose, mut fell) = (false, false);
+    for row in rows {
+        (min, max) = (min.min(row.theta_out), max.max(row.theta_out));
+        rose |= row.theta_out - min > least;
+        fell |= max - row.theta_out > least;
+    }
+    rose && fell
+}
+
 /// Torque of a stop that no motor has, in multiples of the largest one.
 const STOP_MIN: f64 = 4.0;
 
@@ -237,6 +290,40 @@ mod tests {
             })
             .collect();
         sudden_stop(&Signals::new(&params, &samples), &params)
+    }
+
+    /// An output that follows the motor through this play, rad, as both oscillate by 20 mrad with 5 Hz, and stands from `freezes_s` on.
+    fn oscillation(play: f64, freezes_s: f64) -> Option<FrozenOutput> {
+        let mut params = ActuatorParams::bench();
+        params.sensors.sample_rate = 2000.0;
+        let (mut output, gear_ratio) = (0.0, params.transmission.gear_ratio);
+        let samples = (0..1000_u64).map(|seq| {
+            let t = seq as f64 / 2000.0;
+            let motor = 0.02 * (10.0 * std::f64::consts::PI * t).sin();
+            if t < freezes_s {
+                output = f64::clamp(output, motor - 0.5 * play, motor + 0.5 * play);
+            }
+            SensedSample {
+                seq,
+                currents: [0.0; 3],
+                motor_counts: (motor * gear_ratio / params.sensors.motor_lsb()) as i64,
+                output_counts: (output / params.sensors.output_lsb()) as i64,
+                setpoint: Setpoint::Position(0.0),
+            }
+        });
+        let samples: Vec<SensedSample> = samples.collect();
+        frozen_output(&Signals::new(&params, &samples), &params)
+    }
+
+    #[test]
+    fn an_output_that_stands_beyond_its_play_is_frozen_and_one_within_a_wide_play_is_not() {
+        for play in [1e-3, 5e-3, 15e-3] {
+            assert_eq!(oscillation(play, 1.0), None, "play {play}");
+        }
+        let frozen = oscillation(1e-3, 0.27).unwrap();
+        assert!(frozen.turned > 0.015 && frozen.play < 2e-3, "{frozen:?}");
+        // Before the output has reversed nothing tells how wide the play is.
+        assert_eq!(oscillation(1e-3, 0.04), None);
     }
 
     #[test]

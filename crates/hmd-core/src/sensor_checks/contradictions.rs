@@ -10,7 +10,6 @@ use ema_identify::{Estimate, Inferred};
 use ema_models::DriveKind;
 
 use super::correction::Correction;
-use super::findings::least_gain_shown;
 use super::suspect::{Suspect, Suspicion};
 use crate::outbox::WindowJob;
 
@@ -23,61 +22,15 @@ pub struct Contradiction {
     pub correction: Correction,
 }
 
-/// Smallest errors of readings that a window shows, each infinite where it shows none.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shown {
-    /// Of the load, Nm.
-    pub load_nm: f64,
-    /// Of the link voltage against what the currents need, V.
-    pub dc_link_v: f64,
-    /// The same against what is configured.
-    pub dc_link_configured_v: f64,
-    /// Gains of all currents: from the first downwards and from the second upwards.
-    pub current_gain: [f64; 2],
-    /// Of the winding temperature, K.
-    pub winding_temp_k: f64,
-}
-
-impl Shown {
-    /// By the estimate of a window without errors; `commissioned` as in [`contradictions`].
-    #[must_use]
-    pub fn by(job: &WindowJob, estimate: &Estimate, commissioned: Option<Option<[f64; 2]>>) -> Self {
-        let inferred = &estimate.inferred;
-        let turns = inferred.turns.filter(|_| commissioned.is_some());
-        let largest = turns.map(|turns| turns.iter().map(|x| x.sigma).fold(0.0, f64::max));
-        let [low, high] = expected_torque(job.conditions.winding_temp_deg_c, commissioned.flatten());
-        let by_limit = least_gain_shown(job);
-        let error = |sigma: f64| SIGMAS * sigma;
-        Self {
-            load_nm: inferred
-                .load_torque
-                .map_or(f64::INFINITY, |load| error(load_sigma(job, &load))),
-            dc_link_v: inferred_link(job, estimate).map_or(f64::INFINITY, |link| {
-                error(link.sigma.hypot(link_tolerance(job) * link.value))
-            }),
-            dc_link_configured_v: error(link_tolerance(job) * job.params.motor.v_dc),
-            current_gain: match largest {
-                Some(sigma) => [
-                    1.0 / (high + GAIN_OFF + error(sigma)),
-                    (1.0 / (low - GAIN_OFF - error(sigma)).max(0.0)).min(by_limit),
-                ],
-                None => [0.0, by_limit],
-            },
-            winding_temp_k: largest
-                .filter(|_| commissioned.flatten().is_some())
-                .map_or(f64::INFINITY, |sigma| {
-                    TEMPERATURE_OFF_K.max(TORQUE_SIGMAS * sigma / TORQUE_PER_KELVIN[0].abs())
-                }),
-        }
-    }
-}
-
 /// Standard deviations from which on a reading is contradicted.
 const SIGMAS: f64 = 4.0;
 
 /// Error of an inferred load: share of it by the efficiencies of the gear, share of the friction torque at the output.
 const LOAD_SHARE: f64 = 0.1;
 const FRICTION_SHARE: f64 = 0.05;
+
+/// Scatter of the friction of one unit as it warms up, as a share.
+const FRICTION_SCATTER: f64 = 0.15;
 
 /// The readings of a window that its estimate contradicts; `commissioned` are the winding temperatures at which the unit was commissioned, °C,
 /// where it was.
@@ -106,28 +59,45 @@ fn contradiction(suspect: Suspect, evidence: &str, correction: Correction) -> Co
     }
 }
 
+/// The reading against the load that the motion needs, and, where it tells load and friction only together, against the loads between
+/// friction that is not worn and worn to its limit.
 fn load(job: &WindowJob, estimate: &Estimate) -> Option<Contradiction> {
-    let (read, inferred) = (job.conditions.load_torque_nm?, estimate.inferred.load_torque?);
-    let (value, sigma) = (inferred.value, load_sigma(job, &inferred));
-    ((value - read).abs() > SIGMAS * sigma).then(|| {
+    let read = job.conditions.load_torque_nm?;
+    let off = |inferred: Inferred, share: f64| (inferred.value - read) / load_sigma(job, &inferred, share);
+    let needed = |Inferred { value, .. }: Inferred, sigma: f64| {
         let evidence = format!("reads {read:.1} N m, the motion needs {value:.1} ± {sigma:.1} N m");
+        contradiction(Suspect::LoadSensor, &evidence, Correction::NoLoad)
+    };
+    let inferred = estimate.inferred.load_torque;
+    if let Some(inferred) = inferred.filter(|inferred| off(*inferred, FRICTION_SHARE).abs() > SIGMAS) {
+        return Some(needed(inferred, load_sigma(job, &inferred, FRICTION_SHARE)));
+    }
+    let [unworn, worn] = estimate.inferred.load_by_friction?;
+    let off = [unworn, worn].map(|load| off(load, FRICTION_SCATTER));
+    let is_beyond = off.iter().all(|&off| off > SIGMAS) || off.iter().all(|&off| off < -SIGMAS);
+    is_beyond.then(|| {
+        let [least, most] = [unworn.value.min(worn.value), unworn.value.max(worn.value)];
+        let sigma = load_sigma(job, &unworn, FRICTION_SCATTER);
+        let evidence = format!(
+            "reads {read:.1} N m, the motion needs {least:.1} to {most:.1} ± {sigma:.1} N m, whatever its friction"
+        );
         contradiction(Suspect::LoadSensor, &evidence, Correction::NoLoad)
     })
 }
 
 /// Standard deviation of an inferred load, Nm, what the gear's losses add included.
-fn load_sigma(job: &WindowJob, load: &Inferred) -> f64 {
+fn load_sigma(job: &WindowJob, load: &Inferred, friction_share: f64) -> f64 {
     let transmission = &job.params.transmission;
     let friction = transmission.friction_dynamic * transmission.gear_ratio;
     let size = load.value.abs().max(job.conditions.load_torque_nm.unwrap_or(0.0).abs());
-    load.sigma.hypot(LOAD_SHARE * size).hypot(FRICTION_SHARE * friction)
+    load.sigma.hypot(LOAD_SHARE * size).hypot(friction_share * friction)
 }
 
 /// Usual tolerance of a link voltage as a share, where the configuration calls it exact.
 const LINK_TOLERANCE: f64 = 0.02;
 
 /// Voltages that a link may have, as shares of the nominal one.
-const LINK_POSSIBLE: RangeInclusive<f64> = 0.55..=1.45;
+pub(super) const LINK_POSSIBLE: RangeInclusive<f64> = 0.55..=1.45;
 
 /// The motion against the reading, where the estimator knows the limit of the voltage; else the reading against the configuration.
 fn link(job: &WindowJob, estimate: &Estimate) -> Option<Contradiction> {

@@ -18,8 +18,12 @@ pub enum Correction {
     Later(isize),
     /// The resolver's counts lose this many.
     ResolverZero(i64),
+    /// The resolver counts the other way.
+    ResolverReversed,
     /// The encoder's counts lose this many.
     EncoderZero(i64),
+    /// The encoder counts the other way.
+    EncoderReversed,
     /// The motor has this many pole pairs.
     PolePairs(f64),
     /// The gear ratio is this one.
@@ -57,6 +61,16 @@ impl Correction {
             Self::ResolverZero(counts) => {
                 for sample in samples {
                     sample.motor_counts = sample.motor_counts.saturating_sub(counts);
+                }
+            }
+            Self::ResolverReversed => {
+                for sample in samples {
+                    sample.motor_counts = sample.motor_counts.saturating_neg();
+                }
+            }
+            Self::EncoderReversed => {
+                for sample in samples {
+                    sample.output_counts = sample.output_counts.saturating_neg();
                 }
             }
             Self::EncoderZero(counts) => {

@@ -12,18 +12,9 @@ const SIGMAS: f64 = 4.0;
 
 /// Largest current that lasts over I_max, where it is beyond the tolerances of both.
 pub(super) fn gain_beyond_limit(signals: &Signals, tolerances: &Tolerances) -> Option<f64> {
+    let explained = 1.0 + SIGMAS * tolerances.i_max.hypot(tolerances.current_gain);
     let gain = lasting(signals);
-    (gain > largest_explained(tolerances)).then_some(gain)
-}
-
-/// The gain of the currents of a window from which on they are beyond the limit; infinite without current.
-pub(super) fn gain_shown_by_limit(signals: &Signals, tolerances: &Tolerances) -> f64 {
-    largest_explained(tolerances) / lasting(signals)
-}
-
-/// Current over I_max up to which the tolerances explain it.
-fn largest_explained(tolerances: &Tolerances) -> f64 {
-    1.0 + SIGMAS * tolerances.i_max.hypot(tolerances.current_gain)
+    (gain > explained).then_some(gain)
 }
 
 /// Largest current that lasts over I_max.

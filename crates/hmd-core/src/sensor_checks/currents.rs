@@ -4,20 +4,26 @@
 //! `i_a + i_b + i_c = o + e i_j` shows offset and gain of one phase, `i_d = (δ + τ ω_e) i_q + o_α cos θ_e + o_β sin θ_e` the zero δ of
 //! the resolver, the age τ of the currents and the two other components of the offsets. An eccentric rotor induces a direct voltage
 //! ∝ ω_m in each phase; where the current control lets a current through, its components grow with ω_m and ω_m², whereas those of an
-//! offset are constant: the better explanation wins. Derived here.
+//! offset are constant: the better explanation wins, and where both explain a window alike, the estimate decides. Derived here.
 
 use std::ops::Range;
 
-use ema_models::{Real, Tolerances, phase_shapes};
+use ema_models::Tolerances;
 
+use super::current_equations::{RIPPLE_ROWS, direct_current, sums_of_currents};
 use super::least_squares::{Fit, fit};
 use super::signals::{Row, Signals};
 
 /// What is off in the currents.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum CurrentError {
-    /// Offset of each phase, A.
-    Offsets([f64; 3]),
+    /// Offsets of the phases.
+    Offsets {
+        /// Of each, A.
+        offset: [f64; 3],
+        /// Whether the direct voltage of an eccentric rotor explains them alike.
+        or_rotor: bool,
+    },
     /// This phase reads so many times its current.
     Gain(usize, f64),
     /// The resolver is ahead of the rotor by this angle, rad electrical, or, where both explain the window alike, the currents
@@ -56,9 +62,6 @@ const LATE_MIN_S: f64 = 200e-6;
 /// Prior of the gain and offsets of a fit: none.
 const FREE: (f64, f64) = (0.0, f64::INFINITY);
 
-/// Neighbouring samples whose errors are alike: the ripple of a drive.
-const ALIKE: f64 = 3.0;
-
 /// Where the sum of squares of one explanation exceeds that of another by so many times its noise, it explains the window worse.
 const WORSE: f64 = 12.0;
 
@@ -66,8 +69,10 @@ const WORSE: f64 = 12.0;
 pub(super) fn current_errors(signals: &Signals, tolerances: &Tolerances) -> Vec<CurrentError> {
     let mut found = Vec::new();
     let sum = sum_of_currents(signals, tolerances, &mut found);
-    let along = direct_current(signals, tolerances, &mut found);
-    let Some([alpha, beta]) = along else { return found };
+    let along = along_direct(signals, tolerances, &mut found);
+    let Some(([alpha, beta], or_rotor)) = along else {
+        return found;
+    };
     // A gain error makes no offset, and its sum none either.
     if found.iter().any(|error| matches!(error, CurrentError::Gain(..))) {
         return found;
@@ -79,8 +84,14 @@ pub(super) fn current_errors(signals: &Signals, tolerances: &Tolerances) -> Vec<
         -0.5 * alpha - 0.75_f64.sqrt() * beta + common,
     ];
     let limit = OFFSET_TOLERANCES * tolerances.current_offset.min(OFFSET_SHARE * signals.i_max());
-    if limit > 0.0 && offsets.iter().any(|offset| offset.abs() > limit) {
-        found.push(CurrentError::Offsets(offsets));
+    let beyond = offsets.iter().filter(|offset| offset.abs() > limit).count();
+    if limit > 0.0 && beyond > 0 {
+        // A rotor makes no sum of the currents, and that its components complete the sum to an offset of one phase is no chance.
+        let is_of_one = beyond == 1 && sum.is_some_and(|sum| sum.abs() > limit);
+        found.push(CurrentError::Offsets {
+            offset: offsets,
+            or_rotor: or_rotor && !is_of_one,
+        });
     }
     found
 }
@@ -95,13 +106,8 @@ pub(super) fn gain_of_a_phase(signals: &Signals, tolerances: &Tolerances) -> Opt
 /// Offset of the sum, A, where it is clear; a phase whose gain explains the sum goes to `found`.
 fn sum_of_currents(signals: &Signals, tolerances: &Tolerances, found: &mut Vec<CurrentError>) -> Option<f64> {
     let sum = |row: &Row| row.currents.iter().sum::<f64>();
-    // The phase's current by the torque-producing one of the two neighbouring samples, whose noise is not in the sum.
     let of_phase = |phase: usize| {
-        let rows = signals.rows.windows(3).map(|near| {
-            let i_q = 0.5 * (signals.i_dq(&near[0])[1] + signals.i_dq(&near[2])[1]);
-            let shapes = phase_shapes((signals.pole_pairs * near[1].theta_m).sin_cos_poly());
-            ([1.0, i_q * shapes[phase]], sum(&near[1]))
-        });
+        let rows = sums_of_currents(signals).map(|(currents, sum)| ([1.0, currents[phase]], sum));
         fit(rows, [FREE; 2], 1.0)
     };
     let alone = fit(signals.rows.iter().map(|row| ([1.0], sum(row))), [FREE], 1.0)?;
@@ -144,29 +150,17 @@ fn uses(one: Range<usize>, other: Range<usize>) -> Uses {
     core::array::from_fn(|n| one.contains(&n) || other.contains(&n))
 }
 
-/// Offsets along α and β, A, each 0 where it is not clear; a zero or an age that is off goes to `found`.
-fn direct_current(signals: &Signals, tolerances: &Tolerances, found: &mut Vec<CurrentError>) -> Option<[f64; 2]> {
+/// Offsets along α and β, A, each 0 where it is not clear, and whether an eccentric rotor explains them alike; a zero or an age that is off
+/// goes to `found`.
+fn along_direct(signals: &Signals, tolerances: &Tolerances, found: &mut Vec<CurrentError>) -> Option<([f64; 2], bool)> {
     let turn = signals.pole_pairs * signals.span(|row| row.theta_m);
     let fastest = signals.rows.iter().map(|row| row.omega_m.abs()).fold(1e-9, f64::max);
-    // Columns: i_q, ω_e i_q, cos θ_e, sin θ_e; both times ω_m and ω_m², as shares of the largest speed.
-    let row = |row: &Row, uses: Uses| {
-        let (sin, cos) = (signals.pole_pairs * row.theta_m).sin_cos_poly();
-        let [d, q] = signals.i_dq(row);
+    // Columns: those of zero, age and offsets; cos θ_e and sin θ_e times ω_m and ω_m², as shares of the largest speed.
+    let row = |(row, [zero, age, cos, sin], direct): (&Row, [f64; 4], f64), uses: Uses| {
         let speed = row.omega_m / fastest;
-        let of_angle = [
-            cos,
-            sin,
-            speed * cos,
-            speed * sin,
-            speed * speed * cos,
-            speed * speed * sin,
-        ];
-        let columns: [f64; COLUMNS] = core::array::from_fn(|n| match n {
-            0 => q,
-            1 => signals.pole_pairs * row.omega_m * q,
-            _ => of_angle[n - 2],
-        });
-        (core::array::from_fn(|n| if uses[n] { columns[n] } else { 0.0 }), d)
+        let [of_cos, of_sin] = [speed * cos, speed * sin];
+        let columns = [zero, age, cos, sin, of_cos, of_sin, speed * of_cos, speed * of_sin];
+        (core::array::from_fn(|n| if uses[n] { columns[n] } else { 0.0 }), direct)
     };
     let offset = if turn > std::f64::consts::PI {
         FREE
@@ -180,14 +174,17 @@ fn direct_current(signals: &Signals, tolerances: &Tolerances, found: &mut Vec<Cu
             2 | 3 => offset,
             _ => (0.0, signals.i_max()),
         });
-        let controlled = signals.rows.iter().filter(|row| signals.is_controlled(row));
-        fit(controlled.map(|r| row(r, uses)), prior, ALIKE)
+        fit(
+            direct_current(signals).map(|equation| row(equation, uses)),
+            prior,
+            RIPPLE_ROWS,
+        )
     };
     let by_zero = fitted(uses(ZERO, OFFSETS))?;
     let by_age = fitted(uses(AGE, OFFSETS))?;
     let worse = |one: &Fit<COLUMNS>, other: &Fit<COLUMNS>| {
         let noise = other.mean_square.max(f64::MIN_POSITIVE);
-        one.rows * (one.mean_square - other.mean_square) > WORSE * ALIKE * noise
+        one.rows * (one.mean_square - other.mean_square) > WORSE * RIPPLE_ROWS * noise
     };
     let (ahead, sigma) = (by_zero.value[0], by_zero.sigma[0]);
     let late = by_age.value[1];
@@ -206,8 +203,68 @@ fn direct_current(signals: &Signals, tolerances: &Tolerances, found: &mut Vec<Cu
         (ZERO, by_zero)
     };
     let by_rotor = fitted(uses(first, ROTOR))?;
-    if !worse(&by_rotor, &best) {
-        return Some([0.0; 2]);
+    if worse(&best, &by_rotor) {
+        return Some(([0.0; 2], false));
     }
-    Some([2, 3].map(|place| clear(&best, place).unwrap_or(0.0)))
+    let offsets = [2, 3].map(|place| clear(&best, place).unwrap_or(0.0));
+    Some((offsets, !worse(&by_rotor, &best)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ema_models::{ActuatorParams, Real, SensedSample, Setpoint, abc_from_alpha_beta, alpha_beta_from_dq};
+
+    /// The errors of a motion whose speed rises from `slow` to 100 rad/s, with 2 A on the torque axis, these offsets, A, and in
+    /// every phase a direct current by an eccentric rotor of `rotor` A at the highest speed.
+    fn errors(slow: f64, offsets: [f64; 3], rotor: f64) -> Vec<CurrentError> {
+        let mut params = ActuatorParams::bench();
+        params.sensors.sample_rate = 2000.0;
+        let mut angle = 0.0;
+        let samples = (0..1000_u64).map(|seq| {
+            let speed = slow + (100.0 - slow) * seq as f64 / 1000.0;
+            angle += speed / 2000.0;
+            let (sin, cos) = (params.motor.pole_pairs * (angle + 0.5 * params.sensors.motor_lsb())).sin_cos_poly();
+            let direct = rotor * speed / 100.0 * cos;
+            // 10 mA of noise that no column explains, in the direct current and in the sum.
+            let noise = if seq % 2 == 0 { 0.01 } else { -0.01 };
+            let common = if seq % 4 < 2 { 0.01 } else { -0.01 };
+            let currents = abc_from_alpha_beta(alpha_beta_from_dq([direct + noise, 2.0], (sin, cos)));
+            SensedSample {
+                seq,
+                currents: std::array::from_fn(|phase| currents[phase] + offsets[phase] + common),
+                motor_counts: (angle / params.sensors.motor_lsb()) as i64,
+                output_counts: 0,
+                setpoint: Setpoint::Position(0.0),
+            }
+        });
+        let samples: Vec<SensedSample> = samples.collect();
+        current_errors(&Signals::new(&params, &samples), &Tolerances::USUAL)
+    }
+
+    fn offsets(found: &[CurrentError]) -> Option<([f64; 3], bool)> {
+        match found {
+            [CurrentError::Offsets { offset, or_rotor }] => Some((*offset, *or_rotor)),
+            _ => None,
+        }
+    }
+
+    #[test]
+    fn at_one_speed_offsets_without_a_sum_may_be_a_rotor_and_that_of_one_phase_is_none() {
+        let opposite = [0.25, -0.25, 0.0];
+        let (found, or_rotor) = offsets(&errors(100.0, opposite, 0.0)).unwrap();
+        assert!(or_rotor && (found[0] - 0.25).abs() < 0.01, "{found:?}");
+        let (found, or_rotor) = offsets(&errors(20.0, opposite, 0.0)).unwrap();
+        assert!(!or_rotor && (found[1] + 0.25).abs() < 0.01, "{found:?}");
+        let (found, or_rotor) = offsets(&errors(100.0, [0.0, 0.25, 0.0], 0.0)).unwrap();
+        assert!(
+            !or_rotor && (found[1] - 0.25).abs() < 0.01 && found[0].abs() < 0.01,
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn a_direct_current_that_grows_with_the_speed_is_no_offset() {
+        assert_eq!(errors(20.0, [0.0; 3], 0.25), []);
+    }
 }

@@ -2,9 +2,12 @@
 
 use ema_models::{ActuatorParams, Tolerances};
 
-use super::angles::{SetpointError, SuddenStop, output_over_motor, output_over_setpoint, setpoint_error, sudden_stop};
+use super::angles::{
+    FrozenOutput, SetpointError, SuddenStop, frozen_output, output_over_motor, output_over_setpoint, setpoint_error,
+    sudden_stop,
+};
 use super::correction::Correction;
-use super::current_limit::{gain_beyond_limit, gain_shown_by_limit};
+use super::current_limit::gain_beyond_limit;
 use super::currents::{CurrentError, current_errors, gain_of_a_phase};
 use super::signals::Signals;
 use super::suspect::{Suspect, Suspicion};
@@ -20,6 +23,8 @@ pub struct Finding {
     pub suspicions: Vec<Suspicion>,
     /// How it is taken out; `None` where the window is of no use.
     pub correction: Option<Correction>,
+    /// Whether a worn part explains the signals alike: only the estimate tells.
+    pub or_part: bool,
 }
 
 impl Finding {
@@ -27,6 +32,7 @@ impl Finding {
         Self {
             suspicions: vec![suspicion(suspect, evidence)],
             correction,
+            or_part: false,
         }
     }
 }
@@ -48,6 +54,9 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
     let signals = Signals::new(params, samples);
     if let Some(stop) = sudden_stop(&signals, params) {
         return vec![of_stop(&stop)];
+    }
+    if let Some(frozen) = frozen_output(&signals, params) {
+        return vec![of_frozen(&frozen)];
     }
     let ratio = output_over_motor(&signals, params);
     if let Some((found, configured)) = other_wiring(&signals, params, ratio) {
@@ -92,6 +101,15 @@ fn of_stop(stop: &SuddenStop) -> Finding {
     Finding::new(Suspect::ResolverFrozen, &evidence, None)
 }
 
+fn of_frozen(frozen: &FrozenOutput) -> Finding {
+    let evidence = format!(
+        "the counts stand while the motor turns the output by {:.2} mrad, behind a play of {:.2} mrad before",
+        1e3 * frozen.turned,
+        1e3 * frozen.play
+    );
+    Finding::new(Suspect::EncoderFrozen, &evidence, None)
+}
+
 /// Tolerances of the sensors; where the configuration calls every number exact, the usual ones: no sensor is exact.
 fn tolerances_of_sensors(tolerances: &Tolerances) -> &Tolerances {
     if tolerances.current_offset > 0.0 {
@@ -118,7 +136,7 @@ fn of_wiring(params: &ActuatorParams, found: &OnTorqueAxis, configured: f64) -> 
         Wiring::ResolverReversed => (
             Suspect::ResolverDirection,
             "it seems to count backwards".to_owned(),
-            None,
+            Some(Correction::ResolverReversed),
         ),
         Wiring::ResolverTimes(times) => (
             Suspect::ResolverCounts,
@@ -158,7 +176,11 @@ fn of_ratio(params: &ActuatorParams, ratio: f64, signals: &Signals) -> Option<Fi
     }
     if ratio < 0.0 {
         let evidence = format!("the output turns {ratio:.2} times as far as the motor, across the gear");
-        return Some(Finding::new(Suspect::EncoderDirection, &evidence, None));
+        return Some(Finding::new(
+            Suspect::EncoderDirection,
+            &evidence,
+            Some(Correction::EncoderReversed),
+        ));
     }
     let configured = params.transmission.gear_ratio;
     if let Some(scale) = output_over_setpoint(signals).filter(|scale| is_of_encoder(*scale, ratio)) {
@@ -231,14 +253,17 @@ fn of_setpoint(params: &ActuatorParams, error: SetpointError) -> Finding {
 
 fn of_currents(params: &ActuatorParams, error: &CurrentError) -> Finding {
     match *error {
-        CurrentError::Offsets(offset) => {
+        CurrentError::Offsets { offset, or_rotor } => {
             let all: Vec<String> = PHASES
                 .iter()
                 .zip(offset)
                 .map(|(phase, offset)| format!("{phase} {:+.0} mA", 1e3 * offset))
                 .collect();
             let correction = Correction::Currents { offset, gain: [1.0; 3] };
-            Finding::new(Suspect::CurrentOffset, &all.join(", "), Some(correction))
+            Finding {
+                or_part: or_rotor,
+                ..Finding::new(Suspect::CurrentOffset, &all.join(", "), Some(correction))
+            }
         }
         CurrentError::Gain(phase, gain) => {
             let mut gains = [1.0; 3];
@@ -271,6 +296,7 @@ fn of_currents(params: &ActuatorParams, error: &CurrentError) -> Finding {
             Finding {
                 suspicions: vec![of_age(late)],
                 correction: Some(Correction::Later(samples)),
+                or_part: false,
             }
         }
     }
@@ -326,13 +352,6 @@ fn of_torque(job: &WindowJob, balance: &Balance) -> Option<Finding> {
         let evidence = format!("reads {measured:.1} N m, the motion needs {needed:.1} ± {sigma:.1} N m");
         Finding::new(Suspect::LoadSensor, &evidence, Some(Correction::NoLoad))
     })
-}
-
-/// Gain of all currents from which on the limit of the drive shows it in a window; infinite where the window is far from it.
-#[must_use]
-pub(super) fn least_gain_shown(job: &WindowJob) -> f64 {
-    let signals = Signals::new(&job.params, &job.window.samples);
-    gain_shown_by_limit(&signals, tolerances_of_sensors(&job.actuator.tolerances))
 }
 
 /// Torque by the motion over torque by the currents of a window, with its standard deviation.

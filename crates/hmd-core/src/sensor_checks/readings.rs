@@ -9,8 +9,10 @@
 //!
 //! Sigmas are those of white errors. Model errors scatter from window to window; who compares windows takes the scatter from them.
 
-use ema_models::{ActuatorParams, DriveKind, Real, phase_shapes};
+use ema_identify::relations::Kernel;
+use ema_models::{ActuatorParams, DriveKind, Real};
 
+use super::current_equations::{RIPPLE_ROWS, direct_current, sums_of_currents};
 use super::least_squares::fit;
 use super::signals::Signals;
 use crate::outbox::WindowJob;
@@ -81,13 +83,7 @@ fn sum_and_gains(signals: &Signals, lsb: f64) -> Option<(Reading, Option<[Readin
     if has_two_sensors {
         return None;
     }
-    // The torque-producing current of the two neighbouring samples, whose noise is not in the sum.
-    let rows = signals.rows.windows(3).map(|near| {
-        let i_q = 0.5 * (signals.i_dq(&near[0])[1] + signals.i_dq(&near[2])[1]);
-        let [a, b, c] = phase_shapes((signals.pole_pairs * near[1].theta_m).sin_cos_poly());
-        let columns = [1.0, i_q * (a - c), i_q * (b - c)];
-        (columns, near[1].currents.iter().sum::<f64>())
-    });
+    let rows = sums_of_currents(signals).map(|([a, b, c], sum)| ([1.0, a - c, b - c], sum));
     let found = fit(rows, [FREE, (0.0, 1.0), (0.0, 1.0)], 1.0)?;
     let ([sum, a, b], [sum_sigma, a_sigma, b_sigma]) = (found.value, found.sigma);
     let shows_gains = a_sigma.max(b_sigma) < GAIN_SIGMA_MAX;
@@ -95,20 +91,13 @@ fn sum_and_gains(signals: &Signals, lsb: f64) -> Option<(Reading, Option<[Readin
     Some(((sum, sum_sigma), shows_gains.then_some(gains)))
 }
 
-/// Neighbouring samples whose direct currents are alike: the ripple of a drive.
-const ALIKE: f64 = 3.0;
-
 /// Standard deviation of the latency beyond which a window does not show it, s.
 const LATENCY_SIGMA_MAX_S: f64 = 2e-4;
 
 fn latency(signals: &Signals) -> Option<Reading> {
-    let rows = signals.rows.iter().filter(|row| signals.is_controlled(row)).map(|row| {
-        let (sin, cos) = (signals.pole_pairs * row.theta_m).sin_cos_poly();
-        let [d, q] = signals.i_dq(row);
-        ([q, signals.pole_pairs * row.omega_m * q, cos, sin], d)
-    });
+    let rows = direct_current(signals).map(|(_, columns, direct)| (columns, direct));
     let offset = (0.0, OFFSET_SHARE_MAX * signals.i_max());
-    let found = fit(rows, [(0.0, 0.3), FREE, offset, offset], ALIKE)?;
+    let found = fit(rows, [(0.0, 0.3), FREE, offset, offset], RIPPLE_ROWS)?;
     let (latency, sigma) = (found.value[1], found.sigma[1]);
     (sigma < LATENCY_SIGMA_MAX_S).then_some((latency, sigma))
 }
@@ -118,7 +107,7 @@ const OFFSET_SHARE_MAX: f64 = 0.1;
 
 /// Half width of the kernel, s, and least samples.
 const HALF_WIDTH_S: f64 = 3e-3;
-const HALF_WIDTH_MIN: usize = 3;
+const HALF_WIDTH_MIN: f64 = 3.0;
 
 /// Speed below which the motor may stick, rad/s.
 const SPEED_MIN: f64 = 3.0;
@@ -141,8 +130,8 @@ const RESOLVER_SIGMA_MAX: f64 = 0.02;
 fn by_balance(signals: &Signals, params: &ActuatorParams) -> Option<([Reading; 2], [Reading; 4])> {
     let motor = &params.motor;
     let (p, rate) = (motor.pole_pairs, signals.rate_hz);
-    let half = ((HALF_WIDTH_S * rate).round() as usize).max(HALF_WIDTH_MIN);
-    let kernel = Kernel::new(half);
+    let kernel = Kernel::rigid(HALF_WIDTH_S.max(HALF_WIDTH_MIN / rate), rate);
+    let half = kernel.half_width();
     // Scales near 1 keep the normal equations well conditioned.
     let (i_max, omega_max) = (motor.i_max, params.controller.omega_max);
     let acceleration_max = motor.torque_gain() * i_max / motor.j;
@@ -158,7 +147,7 @@ fn by_balance(signals: &Signals, params: &ActuatorParams) -> Option<([Reading; 2
             return None;
         }
         let (mut columns, mut y) = ([0.0; COLUMNS], 0.0);
-        for ((row, f), second) in around.iter().zip(&kernel.smooth).zip(&kernel.second) {
+        for ((row, f), second) in around.iter().zip(kernel.average()).zip(kernel.second()) {
             let (sin, cos) = (p * row.theta_m).sin_cos_poly();
             let (sin_2, cos_2) = (2.0 * sin * cos, cos * cos - sin * sin);
             let i_q = signals.i_dq(row)[1] / i_max;
@@ -167,7 +156,7 @@ fn by_balance(signals: &Signals, params: &ActuatorParams) -> Option<([Reading; 2
                 *column += f * value;
             }
             for (column, value) in columns[RESOLVER..].iter_mut().zip([cos, sin, cos_2, sin_2]) {
-                *column += second * value * rate * rate / (p * acceleration_max);
+                *column += second * value / (p * acceleration_max);
             }
             let against = [
                 -speed.signum(),
@@ -178,7 +167,7 @@ fn by_balance(signals: &Signals, params: &ActuatorParams) -> Option<([Reading; 2
             for (column, value) in columns[RESOLVER + 4..].iter_mut().zip(against) {
                 *column += f * value;
             }
-            y += second * (row.theta_m - around[half].theta_m) * rate * rate / acceleration_max;
+            y += second * (row.theta_m - around[half].theta_m) / acceleration_max;
         }
         Some((columns, y))
     });
@@ -198,33 +187,4 @@ fn by_balance(signals: &Signals, params: &ActuatorParams) -> Option<([Reading; 2
         && offsets.iter().all(|(_, sigma)| *sigma < OFFSET_SIGMA_MAX * i_max)
         && resolver.iter().all(|(_, sigma)| *sigma < RESOLVER_SIGMA_MAX);
     shows.then_some((offsets, resolver))
-}
-
-/// The kernel `f_m ∝ (1 − (m/W)²)⁴` over 2W + 1 samples, zero at both ends.
-struct Kernel {
-    /// f + Δ²f/12, for what is not differentiated.
-    smooth: Vec<f64>,
-    /// Δ²f.
-    second: Vec<f64>,
-}
-
-impl Kernel {
-    fn new(half: usize) -> Self {
-        let width = half as f64;
-        let at = |m: f64| (1.0 - (m / width).powi(2)).max(0.0).powi(4);
-        let offsets: Vec<f64> = (0..=2 * half).map(|n| n as f64 - width).collect();
-        let sum: f64 = offsets.iter().map(|m| at(*m)).sum();
-        let second: Vec<f64> = offsets
-            .iter()
-            .map(|m| (at(m + 1.0) - 2.0 * at(*m) + at(m - 1.0)) / sum)
-            .collect();
-        Self {
-            smooth: offsets
-                .iter()
-                .zip(&second)
-                .map(|(m, second)| at(*m) / sum + second / 12.0)
-                .collect(),
-            second,
-        }
-    }
 }

@@ -3,13 +3,13 @@
 //! A window that accuses a part, or that no fault explains, is estimated again without a reading, or with another one. The better
 //! explanation wins; where both explain the window alike and differ in what they accuse, the window accuses nothing.
 
-use std::ops::RangeInclusive;
-
 use ema_models::{DriveKind, FaultId, REFERENCE_TEMPERATURE_DEG_C};
 
+use super::contradictions::LINK_POSSIBLE;
 use super::correction::Correction;
 use super::findings::torque_ratio;
 use super::suspect::{Suspect, Suspicion};
+use crate::health::{SIGNIFICANCE, significance};
 use crate::outbox::WindowJob;
 use ema_identify::Estimate;
 
@@ -31,9 +31,6 @@ const GAINS: [f64; 10] = [0.78, 0.82, 0.86, 0.9, 0.94, 1.07, 1.12, 1.17, 1.22, 1
 /// Shares of the read voltage that the link may have instead.
 const LINK_SHARES: [f64; 4] = [0.8, 0.9, 1.12, 1.25];
 
-/// Voltages that a link may have, as shares of the nominal one.
-const LINK_POSSIBLE: RangeInclusive<f64> = 0.55..=1.45;
-
 /// Least deviation of the read voltage from the nominal one that makes the nominal one an explanation of its own, as a share.
 const LINK_OFF: f64 = 0.05;
 
@@ -43,9 +40,10 @@ const TEMPERATURE_OFF_K: f64 = 40.0;
 /// Cost above that of good windows.
 const HIGH_COST: f64 = 3.0;
 
-/// The readings of a window that may be wrong. Where comparators apply the link to the phases, or are
-/// assumed before commissioning, the nominal voltage is tried if another one was read, and others where nothing explains the window well. Gains of all currents are tried of commissioned units, whose motor
-/// is known.
+/// The readings of a window that may be wrong.
+///
+/// Where comparators apply the link to the phases, or are assumed before commissioning, the nominal voltage is tried if another one was
+/// read, and others where nothing explains the window well. Gains of all currents are tried of commissioned units, whose motor is known.
 #[must_use]
 pub fn rivals(job: &WindowJob, estimate: &Estimate, is_commissioned: bool) -> Vec<Rival> {
     let conditions = &job.conditions;
@@ -168,7 +166,7 @@ fn accused(estimate: &Estimate, level: f64) -> Vec<FaultId> {
     let sigma = estimate.damage_sigma();
     let is_accused = |fault: &FaultId| {
         let damage = estimate.fault.damage_of(*fault);
-        damage >= level && damage >= crate::health::SIGNIFICANCE * sigma[fault.parameter()]
+        damage >= level && damage >= significance(*fault) * sigma[fault.parameter()]
     };
     FaultId::ALL.into_iter().filter(is_accused).collect()
 }
@@ -196,7 +194,7 @@ pub fn accuses_all_phases_alike(estimate: &Estimate, level: f64) -> bool {
         .fold(0.0, f64::max);
     let largest = damages.into_iter().fold(0.0, f64::max);
     let least = damages.into_iter().fold(f64::INFINITY, f64::min);
-    let is_alike = largest - least <= ALIKE_SHORTS * largest + crate::health::SIGNIFICANCE * noise;
+    let is_alike = largest - least <= ALIKE_SHORTS * largest + SIGNIFICANCE * noise;
     is_alike && phases.iter().all(|phase| accused.contains(phase))
 }
 
@@ -211,8 +209,10 @@ pub enum Corrected {
     Contradicted,
 }
 
-/// Compares an estimate with that without a reading. A link voltage off the configured one may be read rightly: it stands where it explains the
-/// window clearly better, and it is used unless the configured one accuses less.
+/// Compares an estimate with that without a reading.
+///
+/// A link voltage off the configured one may be read rightly: it stands where it explains the window clearly better, and it is used unless
+/// the configured one accuses less.
 #[must_use]
 pub fn correct(estimate: &Estimate, without: &Estimate, correction: Correction, level: f64) -> Corrected {
     let is_worse = without.is_unmodelled() && !estimate.is_unmodelled();

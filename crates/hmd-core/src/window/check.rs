@@ -4,7 +4,7 @@ use super::config::{CLOCK_JUMP_S, Lengths, SCATTERED_RUN};
 use super::counters::{CounterLimits, refuse_spikes};
 use super::jitter::sample_jitter;
 use super::limits::Limits;
-use super::quality::{Counter, Defect, Invalidity, Part, Signal};
+use super::quality::{Counter, Defect, Degradation, Invalidity, Part, Signal};
 use super::ring::Slot;
 use super::signals::{one_current_stuck, refuse_currents, refuse_repeated, stuck};
 use super::trigger::{Thresholds, value};
@@ -20,6 +20,22 @@ pub(super) struct Findings {
     /// Speed by which the motor missed its setpoint before the trigger, rad/s, if it is a handicap.
     pub(super) unsteady_rad_s: Option<f64>,
     pub(super) invalid: Option<Invalidity>,
+}
+
+impl Findings {
+    /// The handicaps of a window that is fit; `another` is the sample at which another actuation begins.
+    pub(super) fn degradations(&self, is_filled: bool, another: Option<u64>) -> Vec<Degradation> {
+        let filled = is_filled.then_some(Degradation::Filled {
+            lost: self.lost,
+            rejected: self.rejected,
+        });
+        let repeated = (self.repeated > 0).then_some(Degradation::Repeated(self.repeated));
+        let another = another.map(|at| Degradation::AnotherActuation { at: at as usize });
+        let unsteady = self
+            .unsteady_rad_s
+            .map(|speed_rad_s| Degradation::UnsteadyStart { speed_rad_s });
+        [filled, repeated, another, unsteady].into_iter().flatten().collect()
+    }
 }
 
 /// Refuses samples that cannot be used and decides whether the rest is enough; of several reasons, the first in the order below.

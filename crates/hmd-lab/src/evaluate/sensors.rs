@@ -29,9 +29,9 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::robust::single_fault;
-use mistakes::{CONTROL, MISTAKES, Mistake};
+use mistakes::{CONTROL, MISTAKES, Mistake, Truth};
 use score::{Outcome, Tally};
-use unit::{COMBINATIONS, Circumstances, Recorded, UNIT_FILE, Unit, commissioning_profile, units};
+use unit::{COMBINATIONS, Circumstances, NOISE_RMS_A, Recorded, UNIT_FILE, Unit, commissioning_profile, units};
 
 pub use report::{Case, Group, OfMistake, SensorsReport};
 pub use score::Rates;
@@ -297,11 +297,23 @@ fn run<'a>(planned: Planned<'a>, calibration: Option<&UnitCalibration>) -> Resul
         .draw(&mut ChaCha8Rng::seed_from_u64(mix(planned.seed, &[5])));
     let config = Arc::new(unit.config(&mistake)?);
     let fault = planned.fault.map_or(FaultVector::NOMINAL, |(_, fault)| fault);
-    let Recorded { job, notices } = unit.recorded(&config, profile, fault, &mistake, planned.seed)?;
-    let right = MISTAKES[0].draw(&mut ChaCha8Rng::seed_from_u64(planned.seed));
-    let without = Arc::new(unit.config(&right)?);
-    let right = unit.recorded(&without, profile, fault, &right, planned.seed)?.job;
-    let nominal_v = unit.nominal.motor.v_dc;
+    let Recorded { job, samples, notices } = unit.recorded(&config, profile, fault, &mistake, planned.seed)?;
+    let no_mistake = MISTAKES[0].draw(&mut ChaCha8Rng::seed_from_u64(planned.seed));
+    let without = Arc::new(unit.config(&no_mistake)?);
+    let right = unit.recorded(&without, profile, fault, &no_mistake, planned.seed)?;
+    let load_nm = unit.load(planned.seed);
+    let load_read_nm = job.as_ref().and_then(|job| job.conditions.load_torque_nm);
+    let truth = Truth {
+        nominal: &unit.nominal,
+        drive: config.actuators()[0].drive.kind,
+        fault: &fault,
+        load_nm,
+        load_read_nm: load_read_nm.unwrap_or(load_nm),
+        noise_rms_a: NOISE_RMS_A,
+        right: &right.samples,
+        wrong: &samples,
+        is_commissioned: false,
+    };
     let mut assessed = [Assessed::default(), Assessed::default()];
     for (found, calibration) in assessed.iter_mut().zip([None, Some(calibration)]) {
         let assess = |config: &Arc<Config>, job: &WindowJob| {
@@ -314,17 +326,18 @@ fn run<'a>(planned: Planned<'a>, calibration: Option<&UnitCalibration>) -> Resul
                 .assess(job.clone())
                 .map(Some)
         };
-        let of_right = right.as_ref().map(|job| assess(&without, job)).transpose()?.flatten();
-        let shown = of_right.as_ref().and_then(|window| window.shown);
+        let of_right = right
+            .job
+            .as_ref()
+            .map(|job| assess(&without, job))
+            .transpose()?
+            .flatten();
         *found = Assessed {
             window: job.as_ref().map(|job| assess(&config, job)).transpose()?.flatten(),
-            // Where no window is cut, the pipeline reports.
-            is_shown: match (shown, &job, &right) {
-                (Some(shown), Some(job), Some(right)) => {
-                    mistake.is_shown(&shown, &job.conditions, &right.conditions, nominal_v)
-                }
-                _ => true,
-            },
+            is_shown: mistake.is_shown(&Truth {
+                is_commissioned: calibration.flatten().is_some(),
+                ..truth
+            }),
             is_findable: of_right
                 .zip(planned.worn())
                 .is_some_and(|(window, worn)| window.health.fault_list.iter().any(|name| name == worn.name())),

@@ -11,8 +11,9 @@ use ema_wire::{DeframerStats, FrameError};
 use tokio::sync::mpsc;
 
 use super::freshness::Freshness;
-use super::{DaemonError, Observer, Shared, WindowQueue, lock};
+use super::{DaemonError, Observer, Shared, WaitingWindow, WindowQueue, lock};
 use hmd_core::config::Config;
+use hmd_core::deadline::Clock;
 use hmd_core::frame::BusNames;
 use hmd_core::outbox::{Notice, WindowJob};
 use hmd_core::pipeline::Pipeline;
@@ -78,11 +79,19 @@ impl PipelineThread {
         &mut self,
         mut inputs: mpsc::Receiver<Input>,
         windows: &WindowQueue,
+        clock: &impl Clock,
         shared: &Mutex<Shared>,
         observer: &impl Observer,
     ) -> Result<(), DaemonError> {
         let mut batch = Vec::with_capacity(BATCH);
+        // When the queue of inputs was empty last.
+        let mut emptied = clock.now();
         while inputs.blocking_recv_many(&mut batch, BATCH) > 0 {
+            // Nothing in the batch has waited for longer.
+            let waited_from = emptied;
+            if batch.len() < BATCH {
+                emptied = clock.now();
+            }
             if windows.is_closed() {
                 return Ok(());
             }
@@ -99,8 +108,9 @@ impl PipelineThread {
             }
             self.publish_notices(&mut shared, observer)?;
             for job in self.pipeline.take_windows() {
-                if let Some(dropped) = windows.push(job) {
-                    self.count_dropped(&dropped, &mut shared)?;
+                let arrived = arrival_of(&job, waited_from, clock);
+                if let Some(dropped) = windows.push(WaitingWindow { job, arrived }) {
+                    self.count_dropped(&dropped.job, &mut shared)?;
                 }
             }
         }
@@ -111,7 +121,8 @@ impl PipelineThread {
         // Identification needs it to make room.
         drop(last);
         for job in self.pipeline.take_windows() {
-            windows.push_waiting(job);
+            let arrived = clock.now();
+            windows.push_waiting(WaitingWindow { job, arrived });
         }
         Ok(())
     }
@@ -310,6 +321,16 @@ impl PipelineThread {
         }
         Ok(())
     }
+}
+
+/// When the last sample of a window arrived: by its stamp, which stamps of another clock may not put before the time since when
+/// inputs have waited.
+fn arrival_of(job: &WindowJob, waited_from: Duration, clock: &impl Clock) -> Duration {
+    let window = &job.window;
+    let last_ns = window.t_start_ns.saturating_add((1e9 * job.length_s()) as u64);
+    let age = Duration::from_nanos(now_ns().saturating_sub(last_ns));
+    let now = clock.now();
+    now.saturating_sub(age).max(waited_from.min(now))
 }
 
 /// The frames of a serial line that could not be read since then, by cause; `None` if there are none.

@@ -79,6 +79,11 @@ impl<T> WindowQueue<T> {
         }
     }
 
+    /// Looks at the windows that wait, the oldest first.
+    pub(super) fn look<R>(&self, look: impl FnOnce(&VecDeque<T>) -> R) -> R {
+        look(&self.lock().waiting)
+    }
+
     /// Windows that wait.
     pub(super) fn len(&self) -> usize {
         self.lock().waiting.len()

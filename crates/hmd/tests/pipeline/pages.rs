@@ -7,7 +7,7 @@ use std::path::Path;
 
 use hmd_core::metrics::render;
 use hmd_core::record::{
-    ActuatorStatus, Dropped, Health, InterfaceStatus, Log, RawBatch, Record, Rul, Sensors, Status, Window,
+    ActuatorStatus, Dropped, Health, InterfaceStatus, Log, RawBatch, Record, Rul, Sensors, Shortened, Status, Window,
 };
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FileDescriptorProto};
@@ -87,6 +87,7 @@ fn fields() {
     fields_of::<Rul>(&mut ours);
     fields_of::<Sensors>(&mut ours);
     fields_of::<Dropped>(&mut ours);
+    fields_of::<Shortened>(&mut ours);
     fields_of::<Status>(&mut ours);
     check("schemas/hmd.v1.proto", &ours);
     let mut log = format!("{begin}package foxglove;\nimport \"google/protobuf/timestamp.proto\";\n");

@@ -591,3 +591,24 @@ fn another_sample_rate_than_configured_is_found() {
     }
     assert_eq!(only(&samples).quality, WindowQuality::Complete);
 }
+
+#[test]
+fn an_invalid_window_is_fit_again_once_its_mistake_is_taken_out() {
+    let (params, right) = (bench(2000.0), mixed());
+    let reverse = |sample: &mut SensedSample| sample.currents[1] = -sample.currents[1];
+    let mut wrong = right.clone();
+    wrong.iter_mut().for_each(|sample| reverse(&mut sample.sensed));
+    let mut window = windows(&params, &wrong).remove(0);
+    assert!(!window.quality.is_fit());
+    let as_received = window.clone();
+    window
+        .check_again(&WindowConfig::default(), &params)
+        .expect("default settings");
+    assert_eq!(window, as_received, "what is wrong stays invalid");
+    window.samples.iter_mut().for_each(reverse);
+    window
+        .check_again(&WindowConfig::default(), &params)
+        .expect("default settings");
+    let expected = windows(&params, &right).remove(0);
+    assert_eq!((window.quality, window.samples), (expected.quality, expected.samples));
+}

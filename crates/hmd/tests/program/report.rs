@@ -88,10 +88,13 @@ fn the_catalogue_has_the_levels_of_the_configuration() {
     let folder = tempfile::tempdir().expect("a folder");
     let catalogue = |line: &str| -> serde_json::Value { serde_json::from_str(&done(&folder, line)).expect("JSON") };
     let usual = catalogue("inspect --catalogue");
-    assert_eq!(usual["version"], 2);
+    assert_eq!(usual["version"], 3);
     assert_eq!(usual["fault_modes"].as_array().map(Vec::len), Some(7));
     assert_eq!(usual["fault_modes"][1]["name"], "backlash");
     assert_eq!(usual["fault_modes"][1]["severity"][1]["damage"], 0.3);
+    // The eccentricity's amplitude has two components, so that chance exceeds three sigmas more often.
+    assert_eq!(usual["fault_modes"][1]["significance_sigmas"], 3.0);
+    assert_eq!(usual["fault_modes"][5]["significance_sigmas"], 3.44);
     fs::write(
         folder.path().join("hmd.toml"),
         "[health]\npersistence = 3\n[health.fault.backlash]\nwarning = 0.25\npersistence = 2\n",

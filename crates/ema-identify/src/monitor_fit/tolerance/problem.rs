@@ -245,11 +245,6 @@ impl<'a> Problem<'a> {
                 }
                 let weight = weights[signal] * self.basis.confidence[n][signal];
                 let point = passes[0][n][signal][0];
-                if let Some(nearby) = nearby.and_then(|rows| rows.get(place)) {
-                    for &p in &slow {
-                        row[p] = nearby[p];
-                    }
-                }
                 for (lane, (&p, per_step)) in (1..).zip(in_lanes.iter().zip(&per_step)) {
                     let stepped = passes[lane / COST_LANES][n][signal][lane % COST_LANES];
                     row[p] = (stepped - point) * per_step * weight;
@@ -257,6 +252,12 @@ impl<'a> Problem<'a> {
                 for (number, (nuisance, sigma)) in NUISANCES.iter().zip(self.sigma).enumerate() {
                     if let Action::Signals(place) | Action::TorqueAndSignals(_, place) = nuisance.action {
                         row[UNKNOWN_COUNT + number] -= sigma * self.basis.changes[n][place][signal] * weight;
+                    }
+                }
+                // The rows nearby are whole: the part that acts on the signals is in them already.
+                if let Some(nearby) = nearby.and_then(|rows| rows.get(place)) {
+                    for &p in &slow {
+                        row[p] = nearby[p];
                     }
                 }
                 for direction in &same {
@@ -454,6 +455,80 @@ impl Problem<'_> {
                 }
             }
             *cost = self.sum_with_prior(point, sum / samples.len().max(1) as f64);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ema_models::{
+        ActuatorParams, Calibration, ComparedSample, Conditions, FaultVector, Feedback, InitialState, Prior, Recording,
+        Setpoint,
+    };
+
+    const SAMPLES: usize = 80;
+
+    #[test]
+    fn slow_slopes_of_the_same_point_are_those_of_a_whole_linearisation() {
+        let params = ActuatorParams::bench();
+        let calibration = Calibration::default();
+        let samples: [ComparedSample; SAMPLES] = core::array::from_fn(|n| {
+            let t = n as f64 / params.sensors.sample_rate;
+            ComparedSample {
+                setpoint: Setpoint::Position(0.05),
+                measured: true,
+                i_d: 0.1,
+                i_q: 3.0 - 40.0 * t,
+                theta_m: 800.0 * t * t,
+                omega_m: 1600.0 * t,
+                theta_out: 800.0 * t * t / params.transmission.gear_ratio,
+                ..ComparedSample::default()
+            }
+        });
+        let comparison = Comparison {
+            recording: Recording {
+                samples: &samples,
+                drive: &samples,
+                initial: InitialState::default(),
+            },
+            params: &params,
+            calibration: &calibration,
+            conditions: Conditions {
+                load_torque: None,
+                v_dc: params.motor.v_dc,
+                winding_temp_deg_c: None,
+            },
+            weights: Weights {
+                i_d: 10.0,
+                i_q: 10.0,
+                theta_m: 100.0,
+                omega_m: 1.0,
+                theta_out: 1000.0,
+            },
+            feedback: Feedback::Measured,
+            prior: Prior {
+                load_torque: 1.0,
+                integral: 1.0,
+                motor: MotorKnowledge::default(),
+            },
+        };
+        let tolerances = Tolerances::USUAL;
+        let basis = Basis::new(&comparison, &tolerances);
+        let problem = Problem::new(comparison, &basis, &tolerances, 1e-3);
+        let start = problem
+            .scale
+            .coordinates(&comparison.unknowns_with_fault(FaultVector::NOMINAL));
+        let mut at: Point = core::array::from_fn(|p| start.0.get(p).copied().unwrap_or(0.3));
+        at[0] = 0.2;
+        let whole = problem.linearised(&at);
+        let near = problem.linearised_near(&at, Some(&whole.rows));
+        let shown = |p: usize| whole.rows.iter().any(|row| row[p].abs() > 0.0);
+        assert!((UNKNOWN_COUNT..DIMENSION).filter(|&p| is_slow(p) && shown(p)).count() > 20);
+        for (n, (whole, near)) in whole.rows.iter().zip(&near.rows).enumerate() {
+            for p in 0..DIMENSION {
+                assert_eq!(whole[p].to_bits(), near[p].to_bits(), "row {n}, coordinate {p}");
+            }
         }
     }
 }

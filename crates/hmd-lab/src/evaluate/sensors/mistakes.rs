@@ -3,11 +3,14 @@
 //! A mistake changes the recorded samples, the reported conditions or the configuration, whichever it is in reality; the actuator
 //! and its drive work on.
 
+mod shown;
+
 use ema_models::{SensedSample, Setpoint};
 use ema_wire::can::Status;
-use hmd_core::sample::MeasuredConditions;
-use hmd_core::sensor_checks::{Shown, Suspect};
+use hmd_core::sensor_checks::Suspect;
 use rand::{Rng, RngExt};
+
+pub(super) use shown::Truth;
 
 /// One mistake of the catalogue.
 #[derive(Clone, Copy, Debug)]
@@ -202,33 +205,6 @@ impl Drawn {
                 ..real
             },
             _ => real,
-        }
-    }
-
-    /// Whether a window shows it: its error exceeds what `shown` says of the window without it. `read` are the conditions with it,
-    /// `right` those without, `nominal_v` is the configured link voltage. Mistakes in wires, angles, set points and single currents break
-    /// relations between the signals of every motion, and count as shown.
-    pub(super) fn is_shown(
-        &self,
-        shown: &Shown,
-        read: &MeasuredConditions,
-        right: &MeasuredConditions,
-        nominal_v: f64,
-    ) -> bool {
-        let error = |of: fn(&MeasuredConditions) -> Option<f64>| match (of(read), of(right)) {
-            (Some(read), Some(right)) => (read - right).abs(),
-            _ => 0.0,
-        };
-        match self.kind {
-            Kind::LoadTimes(_) | Kind::LoadStuck => error(|c| c.load_torque_nm) > shown.load_nm,
-            Kind::LinkTimes(..) => error(|c| c.dc_link_v) > shown.dc_link_configured_v.min(shown.dc_link_v),
-            Kind::LinkStuck(..) => (1.0 - self.supply_share()) * nominal_v > shown.dc_link_v,
-            Kind::TemperatureReads(_) => error(|c| c.winding_temp_deg_c) > shown.winding_temp_k,
-            Kind::GainOfAll(low, high) => {
-                let [below, above] = shown.current_gain;
-                !(below..above).contains(&self.between(low, high))
-            }
-            _ => true,
         }
     }
 

@@ -39,7 +39,7 @@ pub struct Rates {
     pub wrongly_named_rate: f64,
     /// Share of the windows of worn actuators that name the worn part.
     pub found_rate: f64,
-    /// Share of the windows that show the mistake: its error is beyond what an estimate without the reading infers.
+    /// Share of the windows that show the mistake: no actuator of the type makes the motion with what was read.
     pub shown_rate: f64,
     /// Share of these that name it.
     pub named_of_shown_rate: f64,

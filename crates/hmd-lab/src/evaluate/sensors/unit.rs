@@ -19,7 +19,7 @@ use super::mistakes::{Configured, Drawn};
 use crate::simulate::{EPOCH_NS, Traffic, status_of};
 
 /// Current noise of each phase, A rms for `bench`, beside the converters of the type.
-const NOISE_RMS_A: f64 = 0.03;
+pub(super) const NOISE_RMS_A: f64 = 0.03;
 
 /// Rest before and after the actuation of a window, s.
 const REST_S: f64 = 0.06;
@@ -86,6 +86,8 @@ pub(super) struct Unit {
 pub(super) struct Recorded {
     /// The first window, if one was cut.
     pub(super) job: Option<WindowJob>,
+    /// The samples of the whole motion.
+    pub(super) samples: Vec<SensedSample>,
     /// What the pipeline reported.
     pub(super) notices: Vec<String>,
 }
@@ -146,12 +148,19 @@ impl Unit {
         let mut names = BusNames::new();
         names.intern(INTERFACE)?;
         let mut pipeline = Pipeline::new(config.clone());
-        for frame in Traffic::of_samples(samples.into_iter(), rate_hz, config.actuators()[0].id, EPOCH_NS, status) {
+        for frame in Traffic::of_samples(
+            samples.iter().copied(),
+            rate_hz,
+            config.actuators()[0].id,
+            EPOCH_NS,
+            status,
+        ) {
             pipeline.push(&frame, &names);
         }
         pipeline.finish();
         Ok(Recorded {
             job: pipeline.take_windows().into_iter().next(),
+            samples,
             notices: pipeline
                 .take_notices()
                 .into_iter()
@@ -183,7 +192,7 @@ impl Unit {
     }
 
     /// Load at the output, Nm.
-    fn load(&self, seed: u64) -> f64 {
+    pub(super) fn load(&self, seed: u64) -> f64 {
         let mut rng = ChaCha8Rng::seed_from_u64(mix(seed, &[3]));
         let transmission = &self.nominal.transmission;
         let size = rng.random_range(LOAD) * transmission.friction_dynamic * transmission.gear_ratio;

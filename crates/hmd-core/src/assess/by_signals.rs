@@ -1,0 +1,233 @@
+//! What the signals of a window show of mistakes is taken out of it before the estimate.
+
+use super::by_unit::Assessed;
+use super::{AssessError, Assessor, conditions};
+use crate::outbox::WindowJob;
+use crate::outliers::grants_runs;
+use crate::sensor_checks::rivals::{BETTER, Verdict, compare, is_doubtful};
+use crate::sensor_checks::{Correction, Finding, Suspect, examine};
+use crate::window::{Degradation, Invalidity, WindowQuality};
+use ema_identify::effort::Effort;
+use ema_models::FaultId;
+
+/// A window without its mistakes.
+pub(super) struct BySignals {
+    pub(super) corrected: WindowJob,
+    pub(super) assessed: Assessed,
+    /// Whether what competes with a mistake was left out for want of time.
+    pub(super) unchecked: bool,
+}
+
+impl Assessor {
+    /// An invalid window without the mistakes that made it so, and its estimate; none where it is not fit without them, or something else is
+    /// wrong with its signals then.
+    pub(super) fn made_fit(
+        &self,
+        job: &mut WindowJob,
+        is_learning: bool,
+        effort: &Effort<'_>,
+        suspects: &mut Vec<Suspect>,
+        reasons: &mut Vec<String>,
+    ) -> Result<Option<BySignals>, AssessError> {
+        let WindowQuality::Invalid(invalidity) = &job.window.quality else {
+            return Ok(None);
+        };
+        suspects.extend(Suspect::of_invalidity(invalidity));
+        let findings = if suspects.is_empty() && shows_signals(invalidity) {
+            examine(job)
+        } else {
+            Vec::new()
+        };
+        let mut made_fit = None;
+        let corrections: Option<Vec<Correction>> = findings.iter().map(|finding| finding.correction).collect();
+        if let Some(corrections) = corrections.filter(|corrections| !corrections.is_empty() && !is_learning) {
+            let mut other = job.clone();
+            for correction in corrections {
+                correction.apply(&mut other);
+            }
+            let is_checked = other.window.check_again(self.config.window(), &other.params).is_ok();
+            if let (true, Ok(conditions)) = (is_checked && other.window.quality.is_fit(), conditions(&other))
+                && examine(&other).is_empty()
+            {
+                job.window = other.window.clone();
+                made_fit = self
+                    .estimate(&mut other, conditions, effort)?
+                    .map(|assessed| BySignals {
+                        assessed: assessed.widened(CORRECTED_FACTOR),
+                        corrected: other,
+                        unchecked: false,
+                    });
+            }
+        }
+        if let WindowQuality::Invalid(invalidity) = &job.window.quality {
+            reasons.push(invalidity.to_string());
+        }
+        report(&findings, suspects, reasons);
+        Ok(made_fit)
+    }
+
+    /// A window without the mistakes that its signals show by themselves, and its estimate; none where a mistake cannot be taken out, or a
+    /// worn part explains as much as one.
+    pub(super) fn without_mistakes(
+        &self,
+        job: &WindowJob,
+        is_learning: bool,
+        effort: &Effort<'_>,
+        suspects: &mut Vec<Suspect>,
+        reasons: &mut Vec<String>,
+    ) -> Result<Option<BySignals>, AssessError> {
+        if let WindowQuality::Degraded(handicaps) = &job.window.quality {
+            let is_repeated = |handicap: &Degradation| matches!(handicap, Degradation::Repeated(_));
+            suspects.extend(handicaps.iter().any(is_repeated).then_some(Suspect::RepeatedSamples));
+        }
+        let (open, findings): (Vec<Finding>, Vec<Finding>) =
+            examine(job).into_iter().partition(|finding| finding.or_part);
+        report(&findings, suspects, reasons);
+        let mut corrected = job.clone();
+        for finding in &findings {
+            match finding.correction {
+                Some(correction) => correction.apply(&mut corrected),
+                None => return Ok(None),
+            }
+        }
+        let conditions = match conditions(&corrected) {
+            Ok(conditions) => conditions,
+            Err(absurd) => {
+                reasons.push(absurd);
+                return Ok(None);
+            }
+        };
+        let Some(mut assessed) = self.estimate(&mut corrected, conditions, effort)? else {
+            return Ok(None);
+        };
+        let grants = |assessed: &Assessed| grants_runs(effort, assessed.estimate.evaluations, job.length_s());
+        let mut unchecked = false;
+        if !findings.is_empty() {
+            unchecked = !grants(&assessed);
+            let as_received = if unchecked {
+                None
+            } else {
+                self.estimate_as_received(job, &assessed, effort)?
+            };
+            assessed = match as_received {
+                // What looked like a mistake is what a worn part does.
+                Some((as_received, window)) => {
+                    suspects.retain(|suspect| *suspect == Suspect::RepeatedSamples);
+                    reasons.clear();
+                    corrected = window;
+                    as_received
+                }
+                None => assessed.widened(CORRECTED_FACTOR),
+            };
+        }
+        if is_learning || !is_doubtful(&assessed.estimate, self.watch_level()) {
+            return Ok(Some(BySignals {
+                corrected,
+                assessed,
+                unchecked,
+            }));
+        }
+        for finding in &open {
+            if !grants(&assessed) {
+                unchecked = true;
+                break;
+            }
+            let Some((verdict, other, of_other)) = self.with_finding(&corrected, &assessed, finding, effort)? else {
+                continue;
+            };
+            report(std::slice::from_ref(finding), suspects, reasons);
+            if verdict == Verdict::Alike {
+                reasons.push(format!("or {}", in_words(&assessed)));
+                return Ok(None);
+            }
+            (corrected, assessed) = (other, of_other.widened(CORRECTED_FACTOR));
+        }
+        Ok(Some(BySignals {
+            corrected,
+            assessed,
+            unchecked,
+        }))
+    }
+
+    /// The window without a mistake that a worn part explains alike, and its estimate, if that explains the window better, or alike and
+    /// accuses less.
+    fn with_finding(
+        &self,
+        job: &WindowJob,
+        assessed: &Assessed,
+        finding: &Finding,
+        effort: &Effort<'_>,
+    ) -> Result<Option<(Verdict, WindowJob, Assessed)>, AssessError> {
+        let (Some(correction), Some(suspicion)) = (finding.correction, finding.suspicions.first()) else {
+            return Ok(None);
+        };
+        let mut other = job.clone();
+        correction.apply(&mut other);
+        let Ok(conditions) = conditions(&other) else {
+            return Ok(None);
+        };
+        let Some(of_other) = self.estimate(&mut other, conditions, effort)? else {
+            return Ok(None);
+        };
+        let level = self.watch_level();
+        let verdict = compare(&assessed.estimate, suspicion.suspect, &of_other.estimate, level);
+        Ok((verdict != Verdict::Worse).then_some((verdict, other, of_other)))
+    }
+
+    /// The estimate of a window as it was received, and the window, if it explains more than the one `without` a mistake.
+    fn estimate_as_received(
+        &self,
+        job: &WindowJob,
+        without: &Assessed,
+        effort: &Effort<'_>,
+    ) -> Result<Option<(Assessed, WindowJob)>, AssessError> {
+        let mut job = job.clone();
+        let Ok(conditions) = conditions(&job) else {
+            return Ok(None);
+        };
+        let Some(as_received) = self.estimate(&mut job, conditions, effort)? else {
+            return Ok(None);
+        };
+        let (own, other) = (&as_received.estimate, &without.estimate);
+        let is_better = !own.is_unmodelled() && (other.is_unmodelled() || BETTER * own.cost < other.cost);
+        Ok(is_better.then_some((as_received, job)))
+    }
+}
+
+/// Factor on every sigma of a window from which a mistake was taken out: how large it was is itself an estimate.
+pub(super) const CORRECTED_FACTOR: f64 = 2.0;
+
+/// Whether the samples of an invalid window show why it is.
+fn shows_signals(invalidity: &Invalidity) -> bool {
+    matches!(
+        invalidity,
+        Invalidity::TooManyFlawed { .. }
+            | Invalidity::CountersDisagree { .. }
+            | Invalidity::CounterJumped { .. }
+            | Invalidity::StartInMotion { .. }
+            | Invalidity::Stuck(_)
+    )
+}
+
+fn report(findings: &[Finding], suspects: &mut Vec<Suspect>, reasons: &mut Vec<String>) {
+    for finding in findings {
+        suspects.extend(finding.suspicions.iter().map(|suspicion| suspicion.suspect));
+        let sentences: Vec<String> = finding.suspicions.iter().map(ToString::to_string).collect();
+        reasons.push(sentences.join(", or "));
+    }
+}
+
+/// Damage from which on a sentence contains it.
+const DAMAGE_IN_WORDS: f64 = 0.02;
+
+/// The damages that an estimate finds, in words.
+pub(super) fn in_words(assessed: &Assessed) -> String {
+    let fault = &assessed.estimate.fault;
+    let damages: Vec<String> = FaultId::ALL
+        .into_iter()
+        .map(|id| (id.name(), fault.damage_of(id)))
+        .filter(|(_, damage)| *damage >= DAMAGE_IN_WORDS)
+        .map(|(name, damage)| format!("{name} {damage:.2}"))
+        .collect();
+    damages.join(", ")
+}

@@ -1,8 +1,8 @@
-//! What 1, 4, 16 and 64 actuators at 400 Hz cost: `cargo run --release -p hmd --example many_actuators -- [MINUTES]`.
+//! What 1, 4, 16 and 64 actuators at 400 Hz cost: `cargo run --release -p hmd --example many_actuators -- [MINUTES [ACTUATORS…]]`.
 //!
 //! Frames from memory go through the daemon's own queues, windowing, identification and storage, in compressed time. The
-//! share of a core is processor time over simulated time. Traffic waits while identification is behind; `--real-time` gives
-//! it the clock's pace instead.
+//! share of a core is processor time over simulated time. Traffic waits while identification is behind, so that compressed
+//! time alone drops no window.
 #![allow(clippy::print_stdout, reason = "it prints figures")]
 
 mod traffic;
@@ -16,6 +16,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use ema_identify::unit_calibration::{UnitCalibration, UnitEstimator};
 use hmd::daemon::{Daemon, Observer};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::{Config, Limits};
@@ -32,12 +33,13 @@ const BACKLOG_MAX: u64 = 32;
 struct Case {
     actuators: u64,
     minutes: u64,
-    /// Line of each actuator's configuration that commissions it.
-    commissioning: String,
+    /// What judges a window.
+    judge: &'static str,
+    /// Lines of each actuator's configuration that commission it.
+    commissioning: &'static str,
     store: bool,
     /// Whether actuations are spread over each minute.
     spread: bool,
-    real_time: bool,
 }
 
 /// What a run cost.
@@ -137,19 +139,15 @@ fn run(case: &Case, templates: &Arc<[Template; 4]>, folder: &Path) -> anyhow::Re
     let since = Instant::now();
     let sources = (0..buses).map(|number| {
         let (assessed, newest) = (observed.0.clone(), newest.clone());
-        let (actuators, real_time, spread) = (case.actuators, case.real_time, case.spread);
+        let (actuators, spread) = (case.actuators, case.spread);
         let before = move |second: u64| {
-            let due = Duration::from_secs(second);
-            if real_time {
-                std::thread::sleep(due.saturating_sub(since.elapsed()));
-            }
             // Windows that have ended by then; those that are spread end all the time.
             let ended = if spread {
                 actuators * second / 60
             } else {
                 actuators * (second / 60)
             };
-            while !real_time && ended > assessed.load(Ordering::Acquire) + BACKLOG_MAX {
+            while ended > assessed.load(Ordering::Acquire) + BACKLOG_MAX {
                 std::thread::sleep(Duration::from_millis(1));
             }
             if number == 0
@@ -192,11 +190,7 @@ fn print(case: &Case, cost: &Cost) {
     println!(
         "| {} | {} | {} | {} | {:.0} | {windows} | {} | {queue:.2} | {:.2} | {front:.2} | {:.3} | {:.2} | {:.1} | {:.3} |",
         case.actuators,
-        if case.commissioning.is_empty() {
-            "search"
-        } else {
-            "relations"
-        },
+        case.judge,
         if case.store { "yes" } else { "no" },
         if case.spread { "spread" } else { "at once" },
         status.frames_received as f64 / cost.took_s,
@@ -209,31 +203,47 @@ fn print(case: &Case, cost: &Cost) {
     );
 }
 
+/// Has the daemon learn one healthy unit; its calibration stands for all, as it was learnt and without its monitor.
+fn commission(learning: &Case, templates: &Arc<[Template; 4]>, folder: &Path) -> anyhow::Result<()> {
+    run(learning, templates, folder)?;
+    let learnt = fs::read_to_string(folder.join("units/unit0.unit.toml"))?;
+    let mut unit = UnitCalibration::parse(&learnt, "unit0.unit.toml", "bench")?;
+    unit.estimator = UnitEstimator::Relations;
+    unit.monitor = None;
+    fs::write(folder.join("relations.toml"), unit.emit())?;
+    Ok(())
+}
+
 fn main() -> anyhow::Result<()> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let minutes = arguments.iter().find_map(|text| text.parse().ok()).unwrap_or(10);
-    let real_time = arguments.iter().any(|text| text == "--real-time");
+    let arguments: Result<Vec<u64>, _> = std::env::args().skip(1).map(|text| text.parse()).collect();
+    let arguments = arguments?;
+    let minutes = arguments.first().copied().unwrap_or(10);
+    let sizes = arguments.get(1..).filter(|sizes| !sizes.is_empty());
     let folder = tempfile::tempdir()?;
     let templates = Template::all();
     let searched = Case {
         actuators: 1,
         minutes,
-        commissioning: String::new(),
+        judge: "search",
+        commissioning: "",
         store: true,
         spread: true,
-        real_time,
     };
-    // The daemon learns one healthy unit; its calibration stands for all.
     let learning = Case {
         minutes: 8,
-        commissioning: "learn_windows = 5\nlearn_folder = \"units\"".to_owned(),
+        commissioning: "learn_windows = 5\nlearn_folder = \"units\"",
         store: false,
-        real_time: false,
         ..searched.clone()
     };
-    run(&learning, &templates, folder.path())?;
-    let commissioned = Case {
-        commissioning: "calibration = \"units/unit0.unit.toml\"".to_owned(),
+    commission(&learning, &templates, folder.path())?;
+    let by_relations = Case {
+        judge: "relations",
+        commissioning: "calibration = \"relations.toml\"",
+        ..searched.clone()
+    };
+    let by_monitor = Case {
+        judge: "unit's monitor",
+        commissioning: "calibration = \"units/unit0.unit.toml\"",
         ..searched.clone()
     };
     println!(
@@ -242,22 +252,17 @@ fn main() -> anyhow::Result<()> {
          | actuators | judged by | stored | windows | frames/s | assessed | dropped | queue | pipeline | both | each | \
          identification | window, ms | minute, s |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
     );
-    for base in [commissioned, searched] {
-        for actuators in [1, 4, 16, 64] {
-            let case = Case {
-                actuators,
-                ..base.clone()
-            };
-            print(&case, &run(&case, &templates, folder.path())?);
-        }
-        for (store, spread) in [(false, true), (true, false)] {
-            let case = Case {
-                actuators: 64,
-                store,
-                spread,
-                ..base.clone()
-            };
-            print(&case, &run(&case, &templates, folder.path())?);
+    for base in [by_relations, by_monitor, searched] {
+        for &actuators in sizes.unwrap_or(&[1, 4, 16, 64]) {
+            for (store, spread) in [(true, true), (false, true), (true, false)] {
+                let case = Case {
+                    actuators,
+                    store,
+                    spread,
+                    ..base.clone()
+                };
+                print(&case, &run(&case, &templates, folder.path())?);
+            }
         }
     }
     Ok(())

@@ -1,0 +1,269 @@
+//! What 1, 4, 16 and 64 actuators at 400 Hz cost: `cargo run --release -p hmd --example many_actuators -- [MINUTES [ACTUATORS…]]`.
+//!
+//! Frames from memory go through the daemon's own queues, windowing, identification and storage, in compressed time. The
+//! share of a core is processor time over simulated time. Traffic waits while identification is behind, so that compressed
+//! time alone drops no window.
+#![allow(clippy::print_stdout, reason = "it prints figures")]
+
+mod traffic;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::future::pending;
+use std::io;
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use ema_identify::unit_calibration::{UnitCalibration, UnitEstimator};
+use hmd::daemon::{Daemon, Observer};
+use hmd_core::assess::AssessedWindow;
+use hmd_core::config::{Config, Limits};
+use hmd_core::record::Status;
+use hmd_ingest::live::LiveSource;
+use hmd_storage::recorder::{Recorder, metadata};
+use traffic::{Bus, PER_BUS, RATE_HZ, SAMPLES_PER_MINUTE, Template};
+
+/// Windows that compressed traffic lets identification lie behind; its queue holds 64.
+const BACKLOG_MAX: u64 = 32;
+
+/// One run.
+#[derive(Clone)]
+struct Case {
+    actuators: u64,
+    minutes: u64,
+    /// What judges a window.
+    judge: &'static str,
+    /// Lines of each actuator's configuration that commission it.
+    commissioning: &'static str,
+    store: bool,
+    /// Whether actuations are spread over each minute.
+    spread: bool,
+}
+
+/// What a run cost.
+struct Cost {
+    status: Status,
+    took_s: f64,
+    /// Processor time by the name of the thread, s: up to the last second of traffic.
+    threads: BTreeMap<String, f64>,
+    /// Processor time of making the frames, alone, s.
+    making_s: f64,
+}
+
+#[derive(Default)]
+struct Observed(Arc<AtomicU64>);
+
+impl Observer for Observed {
+    fn assessed(&self, _: &AssessedWindow) -> io::Result<()> {
+        self.0.fetch_add(1, Ordering::Release);
+        Ok(())
+    }
+
+    fn notice(&self, message: &str) {
+        eprintln!("{message}");
+    }
+}
+
+fn config(case: &Case) -> String {
+    let mut text = format!("type.bench.tolerances = \"exact\"\n[type.bench.sensors]\nsample_rate_hz = {RATE_HZ}\n");
+    for actuator in 0..case.actuators {
+        let (bus, id) = (actuator / PER_BUS, actuator % PER_BUS);
+        text += &format!(
+            "[[actuator]]\nname = \"unit{actuator}\"\nid = {id}\nbus = \"can{bus}\"\n{}\n",
+            case.commissioning
+        );
+    }
+    text
+}
+
+/// Processor time of each thread, s, by its name; the workers of the search have none of their own.
+fn threads() -> io::Result<BTreeMap<String, f64>> {
+    let mut found = BTreeMap::new();
+    for task in fs::read_dir("/proc/self/task")? {
+        let task = task?.path();
+        let (Ok(name), Ok(times)) = (
+            fs::read_to_string(task.join("comm")),
+            fs::read_to_string(task.join("schedstat")),
+        ) else {
+            continue;
+        };
+        let is_main = task.ends_with(std::process::id().to_string());
+        let name = match name.trim() {
+            _ if is_main => "sources",
+            "pipeline" => "pipeline",
+            _ => "identification",
+        };
+        let ns: f64 = times.split(' ').next().and_then(|ns| ns.parse().ok()).unwrap_or(0.0);
+        *found.entry(name.to_owned()).or_default() += 1e-9 * ns;
+    }
+    Ok(found)
+}
+
+fn run(case: &Case, templates: &Arc<[Template; 4]>, folder: &Path) -> anyhow::Result<Cost> {
+    let config = Arc::new(Config::from_toml_str(
+        &config(case),
+        &folder.join("hmd.toml").display().to_string(),
+    )?);
+    let buses = case.actuators.div_ceil(PER_BUS);
+    let bus = |bus: u64, before: Box<dyn FnMut(u64) + Send>| Bus {
+        templates: templates.clone(),
+        bus,
+        actuators: case.actuators,
+        spread: case.spread,
+        seq: 0,
+        end: case.minutes * SAMPLES_PER_MINUTE,
+        waiting: Vec::new(),
+        before,
+    };
+    let alone = threads()?;
+    for number in 0..buses {
+        bus(number, Box::new(|_| {})).for_each(|input| {
+            std::hint::black_box(input);
+        });
+    }
+    let start = threads()?;
+    let of = |times: &BTreeMap<String, f64>, name: &str| times.get(name).copied().unwrap_or(0.0);
+    let making_s = of(&start, "sources") - of(&alone, "sources");
+
+    let recorder = case
+        .store
+        .then(|| {
+            let limits = Limits::new(16, 60, 256, 16);
+            Recorder::open_folder(&folder.join("records"), &metadata(&config, "test", 1), limits)
+        })
+        .transpose()?;
+    let observed = Observed::default();
+    let newest = Arc::new(Mutex::new(start.clone()));
+    let since = Instant::now();
+    let sources = (0..buses).map(|number| {
+        let (assessed, newest) = (observed.0.clone(), newest.clone());
+        let (actuators, spread) = (case.actuators, case.spread);
+        let before = move |second: u64| {
+            // Windows that have ended by then; those that are spread end all the time.
+            let ended = if spread {
+                actuators * second / 60
+            } else {
+                actuators * (second / 60)
+            };
+            while ended > assessed.load(Ordering::Acquire) + BACKLOG_MAX {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            if number == 0
+                && let (Ok(times), Ok(mut newest)) = (threads(), newest.lock())
+            {
+                *newest = times;
+            }
+        };
+        let source = LiveSource::Playback(Box::new(bus(number, Box::new(before))));
+        (format!("can{number}"), source)
+    });
+    let daemon = Daemon {
+        sources: sources.collect(),
+        recorder,
+        watch: Some((config, 1)),
+    };
+    let status = daemon.run(pending(), &observed)?;
+    let took_s = since.elapsed().as_secs_f64();
+    let newest = newest.lock().map(|newest| newest.clone()).unwrap_or_default();
+    let threads = newest
+        .iter()
+        .map(|(name, s)| (name.clone(), s - of(&start, name)))
+        .collect();
+    Ok(Cost {
+        status,
+        took_s,
+        threads,
+        making_s,
+    })
+}
+
+fn print(case: &Case, cost: &Cost) {
+    let Cost { status, threads, .. } = cost;
+    let simulated = 60.0 * case.minutes as f64;
+    let share = |name: &str| 100.0 * threads.get(name).copied().unwrap_or(0.0) / simulated;
+    let queue = share("sources") - 100.0 * cost.making_s / simulated;
+    let front = share("pipeline") + queue;
+    let windows = status.windows_ok + status.windows_degraded + status.windows_invalid + status.windows_unmodelled;
+    let mean_s = status.identification_s / windows.max(1) as f64;
+    println!(
+        "| {} | {} | {} | {} | {:.0} | {windows} | {} | {queue:.2} | {:.2} | {front:.2} | {:.3} | {:.2} | {:.1} | {:.3} |",
+        case.actuators,
+        case.judge,
+        if case.store { "yes" } else { "no" },
+        if case.spread { "spread" } else { "at once" },
+        status.frames_received as f64 / cost.took_s,
+        status.lost_windows,
+        share("pipeline"),
+        front / case.actuators as f64,
+        share("identification"),
+        1e3 * mean_s,
+        status.identification_s / case.minutes as f64,
+    );
+}
+
+/// Has the daemon learn one healthy unit; its calibration stands for all, as it was learnt and without its monitor.
+fn commission(learning: &Case, templates: &Arc<[Template; 4]>, folder: &Path) -> anyhow::Result<()> {
+    run(learning, templates, folder)?;
+    let learnt = fs::read_to_string(folder.join("units/unit0.unit.toml"))?;
+    let mut unit = UnitCalibration::parse(&learnt, "unit0.unit.toml", "bench")?;
+    unit.estimator = UnitEstimator::Relations;
+    unit.monitor = None;
+    fs::write(folder.join("relations.toml"), unit.emit())?;
+    Ok(())
+}
+
+fn main() -> anyhow::Result<()> {
+    let arguments: Result<Vec<u64>, _> = std::env::args().skip(1).map(|text| text.parse()).collect();
+    let arguments = arguments?;
+    let minutes = arguments.first().copied().unwrap_or(10);
+    let sizes = arguments.get(1..).filter(|sizes| !sizes.is_empty());
+    let folder = tempfile::tempdir()?;
+    let templates = Template::all();
+    let searched = Case {
+        actuators: 1,
+        minutes,
+        judge: "search",
+        commissioning: "",
+        store: true,
+        spread: true,
+    };
+    let learning = Case {
+        minutes: 8,
+        commissioning: "learn_windows = 5\nlearn_folder = \"units\"",
+        store: false,
+        ..searched.clone()
+    };
+    commission(&learning, &templates, folder.path())?;
+    let by_relations = Case {
+        judge: "relations",
+        commissioning: "calibration = \"relations.toml\"",
+        ..searched.clone()
+    };
+    let by_monitor = Case {
+        judge: "unit's monitor",
+        commissioning: "calibration = \"units/unit0.unit.toml\"",
+        ..searched.clone()
+    };
+    println!(
+        "{minutes} minutes at {RATE_HZ} Hz; % of a core: queue of inputs, pipeline (with storage), both, both per actuator, \
+         identification; ms per window; identification of each minute's windows, s\n\n\
+         | actuators | judged by | stored | windows | frames/s | assessed | dropped | queue | pipeline | both | each | \
+         identification | window, ms | minute, s |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
+    );
+    for base in [by_relations, by_monitor, searched] {
+        for &actuators in sizes.unwrap_or(&[1, 4, 16, 64]) {
+            for (store, spread) in [(true, true), (false, true), (true, false)] {
+                let case = Case {
+                    actuators,
+                    store,
+                    spread,
+                    ..base.clone()
+                };
+                print(&case, &run(&case, &templates, folder.path())?);
+            }
+        }
+    }
+    Ok(())
+}

@@ -11,6 +11,7 @@ pub mod history_file;
 pub mod mcap;
 pub mod mcap_writer;
 pub mod metrics_file;
+pub mod output_file;
 mod quoted;
 pub mod recorder;
 pub mod recover;

@@ -17,16 +17,27 @@ pub use fault::{McapFault, McapLoss};
 pub use messages::{McapMessage, McapMessages};
 pub use tail::{McapTail, TailError};
 
+use crate::regular_file::open_regular;
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_core::record::{RawBatch, Record};
 use prost::Message;
 use std::collections::{BTreeSet, VecDeque};
+use std::fs::File;
 use std::io::{self, Read, Seek};
+use std::path::Path;
 
 /// Most frames held back for one round; a file of ours has fewer.
 const ROUND_LIMIT: usize = 1 << 16;
 /// Longest batch that is decoded, bytes; of ours, none comes near 200 kB. Its frames take some 25 times as much at most.
 const BATCH_BYTES_MAX: usize = 512 << 10;
+
+/// Whether a regular file begins as an MCAP file does.
+#[must_use]
+pub fn is_mcap_file(path: &Path) -> bool {
+    let mut start = Vec::new();
+    let mut read = |file: File| file.take(mcap::MAGIC.len() as u64).read_to_end(&mut start);
+    open_regular(path).is_ok_and(|file| read(file).is_ok()) && start == mcap::MAGIC
+}
 
 /// Iterates over the raw frames of an MCAP file, in the order of their arrival.
 #[derive(Debug)]

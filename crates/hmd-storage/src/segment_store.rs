@@ -32,6 +32,12 @@ use hmd_core::record::{LogLevel, Record, StorageState, StoreStatus};
 use name::{Kind, Name, Stage};
 use segment_stream::{SegmentStart, SegmentStream, is_removed};
 
+/// Whether a file name is one that a store gives.
+#[must_use]
+pub fn is_segment_name(name: &str) -> bool {
+    Name::parse(name).is_some()
+}
+
 /// Why a store cannot be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum SegmentStoreError {

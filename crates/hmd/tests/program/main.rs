@@ -9,6 +9,7 @@ mod foreign_log;
 mod learning;
 mod lines;
 mod live;
+mod outputs;
 mod printed;
 mod refusals;
 mod report;

@@ -50,6 +50,8 @@ pub struct McapFrames<R> {
     round_number: u64,
     round_at_byte: u64,
     next_index: u64,
+    /// Newest stamp of a frame handed out, ns.
+    newest_ns: u64,
     refused_topics: BTreeSet<String>,
     queue: VecDeque<Result<RawFrame, McapLoss>>,
 }
@@ -68,6 +70,7 @@ impl<R: Read + Seek> McapFrames<R> {
             round_number: 0,
             round_at_byte: 0,
             next_index: 0,
+            newest_ns: 0,
             refused_topics: BTreeSet::new(),
             queue: VecDeque::new(),
         })
@@ -142,6 +145,19 @@ impl<R: Read + Seek> McapFrames<R> {
     fn end_round(&mut self) {
         let mut round = std::mem::take(&mut self.round);
         round.sort_by_key(|(index, _)| *index);
+        // A chunk that is there twice, or overlaps another: neither place nor time is new.
+        let (next_index, newest_ns, before) = (self.next_index, self.newest_ns, round.len());
+        round.dedup_by_key(|(index, _)| *index);
+        round.retain(|(index, frame)| *index >= next_index || frame.stamp_ns > newest_ns);
+        let repeated = before - round.len();
+        if repeated > 0 {
+            let count = repeated as u64;
+            let fault = McapFault::RepeatedFrames {
+                expected: next_index,
+                count,
+            };
+            self.lose(self.round_at_byte, fault);
+        }
         let (Some((first, _)), Some((last, _))) = (round.first(), round.last()) else {
             return;
         };
@@ -163,6 +179,7 @@ impl<R: Read + Seek> McapFrames<R> {
             );
         }
         for (_, frame) in round.drain(..) {
+            self.newest_ns = self.newest_ns.max(frame.stamp_ns);
             let interface = self.seen.name(frame.bus).unwrap_or_default();
             match self.names.intern(interface) {
                 Ok(bus) => self.queue.push_back(Ok(frame.with_bus(bus))),

@@ -212,6 +212,7 @@ mod tests {
         let place = folder.path().join("a.mcap");
         let output = OutputFile::create_recording(&place).unwrap();
         assert_eq!(output.written_path(), place);
+        output.handle().unwrap().write_all(b"old").unwrap();
         output.put_in_place().unwrap();
         let again = OutputFile::create_recording(&place).unwrap();
         assert_ne!(again.written_path(), place);

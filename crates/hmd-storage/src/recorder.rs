@@ -18,7 +18,7 @@ use hmd_core::assess::AssessedWindow;
 use hmd_core::config::{Config, Limits};
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_core::outbox::{Notice, WindowJob};
-use hmd_core::record::{Dropped, Log, LogLevel, Record, Status, StoreStatus};
+use hmd_core::record::{Dropped, Log, LogLevel, Record, Status, StorageState, StoreStatus};
 
 /// Why records cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -278,6 +278,13 @@ impl Recorder {
             Output::Folder(store) => Some(store.status()),
             Output::File { .. } | Output::Nowhere => None,
         }
+    }
+
+    /// Whether the output takes records: that of a file at its beginning was written, or the run would have ended.
+    #[must_use]
+    pub fn is_written(&self) -> bool {
+        self.storage_status()
+            .is_none_or(|status| status.state != StorageState::Failing)
     }
 
     /// Ends the file or the segments; returns the final state of a folder.

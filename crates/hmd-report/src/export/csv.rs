@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::table::{Head, Value};
 use super::{ExportError, Sources, Table};
+use hmd_storage::no_formula;
 use hmd_storage::output_file::{self, OutputFile};
 
 /// Writes `FILE` and, at the end, `FILE.metadata.json`.
@@ -41,7 +42,7 @@ impl Table for CsvTable {
         let cells = row.into_iter().map(|value| match value {
             Value::Time(n) | Value::Count(n) => n.to_string(),
             Value::Signed(n) => n.to_string(),
-            Value::Text(text) => text,
+            Value::Text(text) => no_formula(&text).into_owned(),
             Value::Flag(flag) => flag.to_string(),
             Value::Number(number) => number.map_or_else(String::new, |number| number.to_string()),
         });

@@ -51,6 +51,7 @@ use hmd_storage::calibration_file::{load_learnt, load_type_model, load_unit};
 use hmd_storage::config_file;
 use hmd_storage::event_file::{EventError, load_events};
 use hmd_storage::mcap::McapLoss;
+use hmd_storage::printable;
 use hmd_storage::recover::LISTED_MAX;
 
 /// How a verb ended; the number is the exit code.
@@ -228,9 +229,9 @@ impl Losses {
     }
 }
 
-/// Writes a line to stderr. An error of that cannot be reported anywhere.
+/// Writes a line to stderr, with what a terminal would obey escaped. An error of that cannot be reported anywhere.
 pub fn warn(line: impl std::fmt::Display) {
-    let _ = writeln!(std::io::stderr().lock(), "{line}");
+    let _ = writeln!(std::io::stderr().lock(), "{}", printable(&line.to_string()));
 }
 
 /// Writes a line to stdout; a reader that has gone away is no failure.

@@ -29,6 +29,7 @@ use hmd_ingest::live::LiveSource;
 use hmd_ingest::serial::SerialSource;
 use hmd_storage::calibration_file::hash_of_models_of_run;
 use hmd_storage::metrics_file::{may_replace, write_textfile};
+use hmd_storage::printable;
 use hmd_storage::recorder::{Recorder, is_folder, metadata};
 use hmd_storage::segment_store::is_segment_name;
 
@@ -267,6 +268,7 @@ impl Observer for Printer {
     }
 
     fn notice_with_level(&self, level: LogLevel, message: &str) {
+        let message = &printable(message);
         if !self
             .journal
             .as_ref()

@@ -6,6 +6,7 @@ mod damaged_log;
 mod export;
 mod folder;
 mod foreign_log;
+mod inputs;
 mod learning;
 mod lines;
 mod live;

@@ -8,6 +8,7 @@ use crate::candump::CandumpReader;
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_storage::mcap::McapFrames;
 use hmd_storage::quoted;
+use hmd_storage::regular_file::open_regular;
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
@@ -171,18 +172,17 @@ pub fn open(path: &Path) -> Result<FrameSource, IngestError> {
     open_with(path, BusNames::new())
 }
 
-/// Opens a file that hmd wrote.
+/// Opens a file that hmd wrote; what is no regular file is refused, not waited for.
 ///
 /// # Errors
 /// What the system says; of a folder, which files in it are meant.
 pub fn open_recorded(path: &Path) -> io::Result<File> {
-    let file = File::open(path)?;
-    if file.metadata()?.is_dir() {
+    if path.is_dir() {
         let folder = path.display();
         let what = format!("expected files, found a folder; the records of hmd run are in {folder}/*-records.mcap");
         return Err(io::Error::new(io::ErrorKind::IsADirectory, what));
     }
-    Ok(file)
+    open_regular(path)
 }
 
 /// Opens a log; `names` is the table of interfaces of the log before, so that an interface keeps its index.

@@ -4,8 +4,12 @@ use std::io;
 use std::path::Path;
 
 use ema_models::reference::{Drive, EffectError, EffectSettings};
+use hmd_storage::regular_file::read_regular_text;
 use thiserror::Error;
 use toml::de::{DeTable, DeValue};
+
+/// Most bytes of a file: every effect has one line.
+const BYTES_MAX: u64 = 1 << 20;
 
 /// Key that names the kind of drive; every other key is an effect.
 const DRIVE: &str = "drive";
@@ -71,7 +75,7 @@ fn refusal(name: &str, cause: &EffectError) -> String {
 /// The first thing that is wrong with it.
 pub fn load(path: &Path) -> Result<EffectSettings, EffectsFileError> {
     let file = path.display().to_string();
-    match std::fs::read_to_string(path) {
+    match read_regular_text(path, BYTES_MAX) {
         Ok(text) => parse(&file, &text),
         Err(cause) => Err(EffectsFileError::Read { file, cause }),
     }

@@ -12,6 +12,7 @@ use ema_wire::ActuatorId;
 use hmd_core::frame::{BusError, BusNames, RawFrame};
 use hmd_ingest::candump::{Decimals, emit};
 use hmd_storage::mcap_writer::{McapWriteError, McapWriter, SyncedFile};
+use hmd_storage::output_file::OutputFile;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 use thiserror::Error;
@@ -87,16 +88,24 @@ pub fn write(
     actuator: ActuatorId,
 ) -> Result<(), RecordingError> {
     let mut frames = traffic(scenario, actuator, EPOCH_NS);
+    let begin = |path: &Path| {
+        let begun = OutputFile::create(path).and_then(|output| Ok((output.handle()?, output)));
+        begun.map_err(|e| io_error(path, e))
+    };
+    let (file, output) = begin(log)?;
     match format {
-        RecordingFormat::Mcap => write_mcap(log, scenario.seed, &mut frames)?,
-        RecordingFormat::Candump => write_candump(log, &mut frames).map_err(|e| io_error(log, e))?,
+        RecordingFormat::Mcap => write_mcap(log, file, scenario.seed, &mut frames)?,
+        RecordingFormat::Candump => write_candump(file, &mut frames).map_err(|e| io_error(log, e))?,
     }
     if let Some(time_s) = frames.diverged() {
         let path = log.display().to_string();
         return Err(RecordingError::Diverged { path, time_s });
     }
     let truth = truth_path(log);
-    write_truth(&truth, scenario, drive_of_type, actuator).map_err(|e| io_error(&truth, e))
+    let (file, truth_output) = begin(&truth)?;
+    write_truth(file, scenario, drive_of_type, actuator).map_err(|e| io_error(&truth, e))?;
+    output.put_in_place().map_err(|e| io_error(log, e))?;
+    truth_output.put_in_place().map_err(|e| io_error(&truth, e))
 }
 
 /// `LOG.truth.jsonl` beside `LOG`.
@@ -112,7 +121,7 @@ fn io_error(path: &Path, cause: io::Error) -> RecordingError {
     RecordingError::Io { path, cause }
 }
 
-fn write_mcap(log: &Path, seed: u64, frames: impl Iterator<Item = RawFrame>) -> Result<(), RecordingError> {
+fn write_mcap(log: &Path, file: File, seed: u64, frames: impl Iterator<Item = RawFrame>) -> Result<(), RecordingError> {
     let mut names = BusNames::new();
     names.intern(INTERFACE)?;
     let metadata = [
@@ -125,8 +134,7 @@ fn write_mcap(log: &Path, seed: u64, frames: impl Iterator<Item = RawFrame>) -> 
         path: log.display().to_string(),
         cause,
     };
-    let file = SyncedFile::new(File::create(log).map_err(|e| io_error(log, e))?);
-    let mut writer = McapWriter::new(file, &metadata).map_err(failed)?;
+    let mut writer = McapWriter::new(SyncedFile::new(file), &metadata).map_err(failed)?;
     for frame in frames {
         writer.write_frame(&frame, &names).map_err(failed)?;
     }
@@ -134,8 +142,8 @@ fn write_mcap(log: &Path, seed: u64, frames: impl Iterator<Item = RawFrame>) -> 
     Ok(())
 }
 
-fn write_candump(log: &Path, frames: impl Iterator<Item = RawFrame>) -> io::Result<()> {
-    let mut file = BufWriter::new(File::create(log)?);
+fn write_candump(file: File, frames: impl Iterator<Item = RawFrame>) -> io::Result<()> {
+    let mut file = BufWriter::new(file);
     let mut line = Vec::new();
     for frame in frames {
         line.clear();
@@ -172,12 +180,12 @@ impl Serialize for Active<'_> {
     }
 }
 
-fn write_truth(path: &Path, scenario: &Scenario, drive_of_type: &Drive, actuator: ActuatorId) -> io::Result<()> {
+fn write_truth(file: File, scenario: &Scenario, drive_of_type: &Drive, actuator: ActuatorId) -> io::Result<()> {
     let name = actuator.to_string();
     let effects = (!scenario.effects.are_off()).then_some(&scenario.effects);
     let drive = &scenario.effects.drive;
     let names_drive = effects.is_some() || drive.name() != drive_of_type.name();
-    let mut file = BufWriter::new(File::create(path)?);
+    let mut file = BufWriter::new(file);
     for window in 0..scenario.actuations.count {
         let line = Truth {
             actuator: &name,
@@ -207,8 +215,7 @@ mod tests {
             let log = folder.join(format!("diverges-{}-{name}", std::process::id()));
             let error = write(&log, format, &scenario, &Drive::Hysteresis, ActuatorId::new(0).unwrap()).unwrap_err();
             assert!(matches!(error, RecordingError::Diverged { .. }), "{error}");
-            assert!(!truth_path(&log).exists());
-            std::fs::remove_file(&log).unwrap();
+            assert!(!log.exists() && !truth_path(&log).exists());
         }
     }
 }

@@ -16,7 +16,7 @@ use hmd_ingest::file::{IngestError, open_recorded};
 use hmd_storage::mcap::{McapLoss, McapMessages};
 use hmd_storage::mcap_writer::METADATA_NAME;
 
-pub use csv::CsvTable;
+pub use csv::{CsvTable, metadata_path};
 pub use parquet::ParquetTable;
 pub use raw::export_raw;
 pub use table::{Head, Kind, TableKind, Value, health_row, raw_heads};

@@ -1,7 +1,7 @@
 //! Files of calibrations: of a type and of one unit.
 
-use std::fs::{self, File};
-use std::io::{self, Write};
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use ema_identify::calibration::MonitorForm;
@@ -10,7 +10,8 @@ use hmd_core::assess::{AssessError, Models, TypeModel, model_hash};
 use hmd_core::config::{ActuatorConfig, ActuatorType, Config};
 use hmd_core::learning::LearntUnit;
 
-use crate::regular_file::create_temporary;
+use crate::output_file;
+use crate::regular_file::read_regular_text;
 
 /// Reads everything that the windows of a configuration are assessed with.
 ///
@@ -119,12 +120,15 @@ pub fn hash_of_models_of_run(config: &Config) -> String {
     model_hash(config, &files.collect::<Vec<_>>(), &read_text)
 }
 
-/// The text of a calibration file.
+/// Most bytes of a calibration: thousands of times what ours have.
+const BYTES_MAX: u64 = 16 << 20;
+
+/// The text of a calibration file, of at most 16 MiB.
 ///
 /// # Errors
-/// What the system says.
+/// What the system says, or that it is no regular file or too long.
 pub fn read_text(path: &Path) -> io::Result<String> {
-    std::fs::read_to_string(path)
+    read_regular_text(path, BYTES_MAX)
 }
 
 /// Writes the text of a calibration: to a temporary file beside its place, then onto it, so that there is always a whole one, and on
@@ -133,14 +137,5 @@ pub fn read_text(path: &Path) -> io::Result<String> {
 /// # Errors
 /// What the system says.
 pub fn save(path: &Path, text: &str) -> io::Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let folder = folder.unwrap_or(Path::new("."));
-    let mut temporary = path.as_os_str().to_owned();
-    temporary.push(".new");
-    let temporary = Path::new(&temporary);
-    let mut file = create_temporary(temporary)?;
-    file.write_all(text.as_bytes())?;
-    file.sync_data()?;
-    fs::rename(temporary, path)?;
-    File::open(folder)?.sync_all()
+    output_file::write(path, text)
 }

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::regular_file::read_regular;
+use crate::regular_file::{read_regular, read_regular_text};
 use hmd_core::config::{Config, ConfigError};
 
 /// Folder of the drop-ins, beside the file.
@@ -12,16 +12,12 @@ const FOLDER: &str = "conf.d";
 /// Most bytes of a drop-in.
 const DROPIN_BYTES_MAX: u64 = 1 << 20;
 
-/// Name and text of the file that was asked for; it may be a pipe.
-fn read(path: &Path) -> Result<(String, String), ConfigError> {
-    named(path, std::fs::read_to_string(path))
-}
+/// Most bytes of the file that was asked for: a thousand actuators, each with a map of its own.
+const FILE_BYTES_MAX: u64 = 16 << 20;
 
-/// Name and text of a drop-in. Nobody named it: what is no regular file is refused, not waited for.
-fn read_dropin(path: &Path) -> Result<(String, String), ConfigError> {
-    let text = read_regular(path, DROPIN_BYTES_MAX)
-        .and_then(|bytes| String::from_utf8(bytes).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e)));
-    named(path, text)
+/// Name and text of a file of at most so many bytes. What is no regular file is refused, not waited for: a reload must not hang.
+fn read(path: &Path, bytes_max: u64) -> Result<(String, String), ConfigError> {
+    named(path, read_regular_text(path, bytes_max))
 }
 
 fn named(path: &Path, text: io::Result<String>) -> Result<(String, String), ConfigError> {
@@ -66,9 +62,9 @@ const DBC_BYTES_MAX: u64 = 16 << 20;
 /// [`ConfigError`] with file, line, key, what was expected and what was found.
 pub fn load_config(path: impl AsRef<Path>) -> Result<Config, ConfigError> {
     let path = path.as_ref();
-    let mut files = vec![read(path)?];
+    let mut files = vec![read(path, FILE_BYTES_MAX)?];
     for dropin in list(path)? {
-        files.push(read_dropin(&dropin)?);
+        files.push(read(&dropin, DROPIN_BYTES_MAX)?);
     }
     Config::from_texts(&files, &read_dbc)
 }
@@ -86,12 +82,5 @@ pub fn config_from_text(text: &str, file_name: &str) -> Result<Config, ConfigErr
 /// # Errors
 /// What was found instead, as part of a sentence.
 pub fn read_dbc(path: &Path) -> Result<Vec<u8>, String> {
-    let metadata = std::fs::metadata(path).map_err(|e| e.to_string())?;
-    if !metadata.is_file() {
-        return Err("it is no file".to_owned());
-    }
-    if metadata.len() > DBC_BYTES_MAX {
-        return Err(format!("it has {} bytes", metadata.len()));
-    }
-    std::fs::read(path).map_err(|e| e.to_string())
+    read_regular(path, DBC_BYTES_MAX).map_err(|e| e.to_string())
 }

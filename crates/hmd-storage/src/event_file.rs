@@ -50,7 +50,7 @@ pub fn read(path: &Path) -> Result<Events, EventError> {
     let lines: Vec<&[u8]> = bytes.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii).collect();
     for (n, line) in lines.iter().enumerate().filter(|(_, line)| !line.is_empty()) {
         // Behind the last end of a line; a power cut may leave zeros there as well.
-        let is_torn = n + 1 == lines.len() || line.contains(&0);
+        let is_torn = (n + 1 == lines.len() || line.contains(&0)) && matches!(line[0], b'{' | 0);
         match serde_json::from_slice::<Event>(line) {
             Ok(event) => events.list.push(event),
             Err(e) if e.is_eof() || is_torn => events.unfinished.push(n + 1),
@@ -78,11 +78,12 @@ pub fn load_events(config: &Config) -> Result<Events, EventError> {
     }
 }
 
-/// Adds an event at the end of the file.
+/// Adds an event at the end of the file, which must be one of events.
 ///
 /// # Errors
-/// [`EventError::Io`].
+/// [`EventError`].
 pub fn append(path: &Path, event: &Event) -> Result<(), EventError> {
+    read(path)?;
     let put = || {
         let mut file = OpenOptions::new().create(true).read(true).append(true).open(path)?;
         // After a line that was never finished.
@@ -146,6 +147,12 @@ mod tests {
         );
         std::fs::write(&path, [two.as_slice(), &[0, 0, 0xff]].concat()).unwrap();
         found(vec![event(1), event(2)], vec![3]);
+        // Zeros alone make no line of events.
+        std::fs::write(&path, b"\x89MCAP0\r\n\x01\0\0\n").unwrap();
+        assert!(matches!(
+            append(&path, &event(1)),
+            Err(EventError::Line { line: 1, .. })
+        ));
         std::fs::write(&path, "{\"t_ns\":1,\"actuator\":\"ema0\",\"event\":\"party\"}\n").unwrap();
         let error = read(&path).unwrap_err().to_string();
         assert!(

@@ -11,6 +11,7 @@ pub mod history_file;
 pub mod mcap;
 pub mod mcap_writer;
 pub mod metrics_file;
+pub mod output_file;
 mod quoted;
 pub mod recorder;
 pub mod recover;
@@ -20,4 +21,4 @@ pub mod same_file;
 pub mod schema_copy;
 pub mod segment_store;
 
-pub use quoted::quoted;
+pub use quoted::{no_formula, printable, quoted};

@@ -17,16 +17,27 @@ pub use fault::{McapFault, McapLoss};
 pub use messages::{McapMessage, McapMessages};
 pub use tail::{McapTail, TailError};
 
+use crate::regular_file::open_regular;
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_core::record::{RawBatch, Record};
 use prost::Message;
 use std::collections::{BTreeSet, VecDeque};
+use std::fs::File;
 use std::io::{self, Read, Seek};
+use std::path::Path;
 
 /// Most frames held back for one round; a file of ours has fewer.
 const ROUND_LIMIT: usize = 1 << 16;
 /// Longest batch that is decoded, bytes; of ours, none comes near 200 kB. Its frames take some 25 times as much at most.
 const BATCH_BYTES_MAX: usize = 512 << 10;
+
+/// Whether a regular file begins as an MCAP file does.
+#[must_use]
+pub fn is_mcap_file(path: &Path) -> bool {
+    let mut start = Vec::new();
+    let mut read = |file: File| file.take(mcap::MAGIC.len() as u64).read_to_end(&mut start);
+    open_regular(path).is_ok_and(|file| read(file).is_ok()) && start == mcap::MAGIC
+}
 
 /// Iterates over the raw frames of an MCAP file, in the order of their arrival.
 #[derive(Debug)]
@@ -39,6 +50,8 @@ pub struct McapFrames<R> {
     round_number: u64,
     round_at_byte: u64,
     next_index: u64,
+    /// Newest stamp of a frame handed out, ns.
+    newest_ns: u64,
     refused_topics: BTreeSet<String>,
     queue: VecDeque<Result<RawFrame, McapLoss>>,
 }
@@ -57,6 +70,7 @@ impl<R: Read + Seek> McapFrames<R> {
             round_number: 0,
             round_at_byte: 0,
             next_index: 0,
+            newest_ns: 0,
             refused_topics: BTreeSet::new(),
             queue: VecDeque::new(),
         })
@@ -131,6 +145,19 @@ impl<R: Read + Seek> McapFrames<R> {
     fn end_round(&mut self) {
         let mut round = std::mem::take(&mut self.round);
         round.sort_by_key(|(index, _)| *index);
+        // A chunk that is there twice, or overlaps another: neither place nor time is new.
+        let (next_index, newest_ns, before) = (self.next_index, self.newest_ns, round.len());
+        round.dedup_by_key(|(index, _)| *index);
+        round.retain(|(index, frame)| *index >= next_index || frame.stamp_ns > newest_ns);
+        let repeated = before - round.len();
+        if repeated > 0 {
+            let count = repeated as u64;
+            let fault = McapFault::RepeatedFrames {
+                expected: next_index,
+                count,
+            };
+            self.lose(self.round_at_byte, fault);
+        }
         let (Some((first, _)), Some((last, _))) = (round.first(), round.last()) else {
             return;
         };
@@ -152,6 +179,7 @@ impl<R: Read + Seek> McapFrames<R> {
             );
         }
         for (_, frame) in round.drain(..) {
+            self.newest_ns = self.newest_ns.max(frame.stamp_ns);
             let interface = self.seen.name(frame.bus).unwrap_or_default();
             match self.names.intern(interface) {
                 Ok(bus) => self.queue.push_back(Ok(frame.with_bus(bus))),

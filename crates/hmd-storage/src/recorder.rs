@@ -4,7 +4,6 @@
 //! reported.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io;
 use std::path::Path;
 use std::time::Instant;
@@ -13,12 +12,13 @@ use prost_types::FileDescriptorSet;
 
 use crate::calibration_file::hash_of_models;
 use crate::mcap_writer::{McapWriteError, McapWriter, SyncedFile};
+use crate::output_file::OutputFile;
 use crate::segment_store::{RealDisk, SegmentStore, SegmentStoreEnd, SegmentStoreError};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::{Config, Limits};
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_core::outbox::{Notice, WindowJob};
-use hmd_core::record::{Dropped, Log, LogLevel, Record, Status, StoreStatus};
+use hmd_core::record::{Dropped, Log, LogLevel, Record, Status, StorageState, StoreStatus};
 
 /// Why records cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -78,19 +78,24 @@ enum Output {
         path: String,
         // Much larger than the other variant's own size.
         writer: Box<McapWriter<SyncedFile>>,
+        output: OutputFile,
         unsynced: bool,
     },
     Folder(Box<SegmentStore>),
 }
 
 impl Recorder {
-    /// Begins a file with this metadata.
+    /// Begins a file with this metadata. A file that is there already is replaced at the end.
     ///
     /// # Errors
     /// When the file cannot be created or written.
     pub fn create(path: &Path, metadata: &BTreeMap<String, String>) -> Result<Self, RecordError> {
         let name = path.display().to_string();
-        let file = File::create(path).map_err(|source| RecordError::Create {
+        let begin = || {
+            let output = OutputFile::create_recording(path)?;
+            Ok((output.handle()?, output))
+        };
+        let (file, output) = begin().map_err(|source| RecordError::Create {
             path: name.clone(),
             source,
         })?;
@@ -101,6 +106,7 @@ impl Recorder {
         Ok(Self::with_output(Output::File {
             path: name,
             writer: Box::new(writer),
+            output,
             unsynced: false,
         }))
     }
@@ -274,6 +280,13 @@ impl Recorder {
         }
     }
 
+    /// Whether the output takes records: that of a file at its beginning was written, or the run would have ended.
+    #[must_use]
+    pub fn is_written(&self) -> bool {
+        self.storage_status()
+            .is_none_or(|status| status.state != StorageState::Failing)
+    }
+
     /// Ends the file or the segments; returns the final state of a folder.
     ///
     /// # Errors
@@ -282,8 +295,10 @@ impl Recorder {
         match self.output {
             Output::Folder(store) => Ok(Some(store.finish())),
             Output::Nowhere => Ok(None),
-            Output::File { path, writer, .. } => match writer.finish() {
-                Ok(_) => Ok(None),
+            Output::File {
+                path, writer, output, ..
+            } => match writer.finish().and_then(|_| Ok(output.put_in_place()?)) {
+                Ok(()) => Ok(None),
                 Err(source) => Err(RecordError::Write { path, source }),
             },
         }
@@ -315,7 +330,10 @@ impl Recorder {
         &mut self,
         put: impl FnOnce(&mut McapWriter<SyncedFile>) -> Result<(), McapWriteError>,
     ) -> Result<(), RecordError> {
-        let Output::File { path, writer, unsynced } = &mut self.output else {
+        let Output::File {
+            path, writer, unsynced, ..
+        } = &mut self.output
+        else {
             unreachable!("only called for a file")
         };
         *unsynced = true;

@@ -21,6 +21,9 @@ use hmd_core::metadata_checksum::is_sealed;
 /// Most losses that are listed; the others are counted.
 pub const LISTED_MAX: usize = 1000;
 
+/// Library in the header of a copy of a file that another program wrote.
+const LIBRARY_OF_OTHERS: &str = concat!("hmd-recover/", env!("CARGO_PKG_VERSION"));
+
 /// Why nothing can be recovered.
 #[derive(Debug, thiserror::Error)]
 pub enum RecoverError {
@@ -47,6 +50,8 @@ pub struct Recovered {
     /// Metadata records that a checksum vouches for, kept; copies of definitions apart, which the summary takes the
     /// place of.
     pub metadata: u64,
+    /// Bytes that the chunks were expanded to: what the work depends on.
+    pub expanded_bytes: u64,
     /// Attachments, which are left out (`hmd` writes none).
     pub attachments_lost: u64,
     /// Whatever cannot be used, by its place: the first [`LISTED_MAX`].
@@ -85,8 +90,15 @@ pub fn recover<R: Read + Seek, W: Write + Seek>(
         file: file.to_owned(),
         cause,
     })?;
+    // The header is read with the first item. Who counted the messages stays visible.
+    let mut item = messages.next();
+    let options = write_options().profile(profile);
+    let options = match messages.is_own_file() {
+        true => options,
+        false => options.library(LIBRARY_OF_OTHERS),
+    };
     let mut copy = Copy {
-        writer: write_options().profile(profile).create(out)?,
+        writer: options.create(out)?,
         channels: HashMap::new(),
         chunk_at: None,
         chunk_bytes: 0,
@@ -94,7 +106,6 @@ pub fn recover<R: Read + Seek, W: Write + Seek>(
     let mut report = Recovered::default();
     let (mut seen, mut unsealed) = (0, Vec::new());
     loop {
-        let item = messages.next();
         for metadata in &messages.all_metadata()[seen..] {
             if is_sealed(&metadata.name, &metadata.content) {
                 copy.metadata(metadata)?;
@@ -112,6 +123,7 @@ pub fn recover<R: Read + Seek, W: Write + Seek>(
             Some(Err(loss)) => report.lose(loss),
             None => break,
         }
+        item = messages.next();
     }
     for metadata in unsealed {
         if messages.all_verified() {
@@ -127,6 +139,7 @@ pub fn recover<R: Read + Seek, W: Write + Seek>(
     }
     report.attachments_lost = messages.attachments();
     report.chunks = messages.chunks();
+    report.expanded_bytes = messages.expanded_bytes();
     copy.writer.finish()?;
     let mut out = copy.writer.into_inner();
     out.flush().map_err(McapError::from)?;

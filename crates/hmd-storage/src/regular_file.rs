@@ -1,4 +1,4 @@
-//! Opening what turns up in a folder: regular files alone.
+//! Opening what turns up in a folder or is named in an argument: regular files alone, and of bounded length where all is read.
 //!
 //! A FIFO with a likely name would make the reader wait for its other end, and a device may do anything.
 
@@ -11,7 +11,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// What the system says, or [`io::ErrorKind::InvalidInput`] for anything that is no regular file.
-pub(crate) fn open_regular(path: &Path) -> io::Result<File> {
+pub fn open_regular(path: &Path) -> io::Result<File> {
     let check = |about: std::fs::Metadata| {
         let error = || io::Error::new(io::ErrorKind::InvalidInput, "expected a regular file");
         about.is_file().then_some(()).ok_or_else(error)
@@ -30,14 +30,31 @@ pub(crate) fn open_regular(path: &Path) -> io::Result<File> {
 ///
 /// # Errors
 /// Those of [`open_regular`], or [`io::ErrorKind::FileTooLarge`].
-pub(crate) fn read_regular(path: &Path, most: u64) -> io::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    open_regular(path)?.take(most + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > most {
+pub fn read_regular(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let file = open_regular(path)?;
+    let too_large = || {
         let text = format!("expected at most {most} bytes, found more");
-        return Err(io::Error::new(io::ErrorKind::FileTooLarge, text));
+        io::Error::new(io::ErrorKind::FileTooLarge, text)
+    };
+    // What is too long is not read; it may also grow meanwhile.
+    if file.metadata()?.len() > most {
+        return Err(too_large());
+    }
+    let mut bytes = Vec::new();
+    file.take(most + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most {
+        return Err(too_large());
     }
     Ok(bytes)
+}
+
+/// All of a regular file, or of a link to one, of at most `most` bytes, as text.
+///
+/// # Errors
+/// Those of [`read_regular`], or [`io::ErrorKind::InvalidData`].
+pub fn read_regular_text(path: &Path, most: u64) -> io::Result<String> {
+    let bytes = read_regular(path, most)?;
+    String::from_utf8(bytes).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "expected text in UTF-8"))
 }
 
 /// Creates the temporary file that is to replace another; a file or link of that name is removed, not followed.

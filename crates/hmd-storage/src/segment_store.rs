@@ -8,6 +8,7 @@
 //! A write that fails costs the segment, never the process: what it had not synced is counted as lost, and the next
 //! segment is tried after a pause of at most a second.
 
+mod background;
 mod disk;
 mod list;
 mod name;
@@ -22,15 +23,23 @@ use std::fs::{self, File, TryLockError};
 use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use crate::clock::now_ns;
 use crate::mcap_writer::McapWriteError;
+use background::BackgroundRepair;
 use hmd_core::config::Limits;
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_core::record::{LogLevel, Record, StorageState, StoreStatus};
 use name::{Kind, Name, Stage};
 use segment_stream::{SegmentStart, SegmentStream, is_removed};
+
+/// Whether a file name is one that a store gives.
+#[must_use]
+pub fn is_segment_name(name: &str) -> bool {
+    Name::parse(name).is_some()
+}
 
 /// Why a store cannot be opened.
 #[derive(Debug, thiserror::Error)]
@@ -42,6 +51,14 @@ pub enum SegmentStoreError {
         folder: String,
         /// Error of the operating system.
         cause: io::Error,
+    },
+    /// No segment can be begun in it.
+    #[error("{folder}: expected a folder that segments can be written to, found: {cause}")]
+    Unwritable {
+        /// The folder.
+        folder: String,
+        /// Why.
+        cause: McapWriteError,
     },
     /// Another process writes to it.
     #[error("{folder}: expected a folder that nobody writes to, found one in use by another process")]
@@ -65,9 +82,12 @@ pub struct SegmentStore {
     folder: PathBuf,
     limits: Limits,
     metadata: BTreeMap<String, String>,
-    disk: Box<dyn Disk>,
+    disk: Arc<dyn Disk>,
     /// The folder, locked.
     lock: File,
+    /// The folder's name was a link from the start.
+    is_link: bool,
+    repair: Option<BackgroundRepair>,
     now: Instant,
     next_number: u64,
     raw: SegmentStream,
@@ -106,6 +126,7 @@ impl SegmentStore {
         let Some(lock) = hold(folder).map_err(error)? else {
             return Err(SegmentStoreError::InUse { folder: name });
         };
+        let disk: Arc<dyn Disk> = Arc::from(disk);
         let found = repair::repair_folder(folder, &*disk).map_err(error)?;
         let mut metadata = metadata.clone();
         // Which segments belong together: no two runs have both numbers in common.
@@ -116,6 +137,8 @@ impl SegmentStore {
             metadata,
             disk,
             lock,
+            is_link: is_link(folder),
+            repair: None,
             now,
             next_number: 0,
             raw: SegmentStream::new(Kind::Raw),
@@ -130,8 +153,16 @@ impl SegmentStore {
         };
         store.add_found(found);
         store.make_room();
-        store.begin(Kind::Records);
-        Ok(store)
+        // Who waits for the start may rely on the output from here on.
+        match store.try_begin(Kind::Records) {
+            Ok(()) => Ok(store),
+            // Room may come; what is not stored until then is counted.
+            Err(McapWriteError::Io(cause)) if is_full(&cause) => {
+                store.check(Kind::Records, Err(McapWriteError::Io(cause)));
+                Ok(store)
+            }
+            Err(cause) => Err(SegmentStoreError::Unwritable { folder: name, cause }),
+        }
     }
 
     /// Takes one frame as received.
@@ -176,6 +207,8 @@ impl SegmentStore {
     pub fn tick(&mut self, now: Instant) -> Vec<(LogLevel, String)> {
         self.now = now;
         let limits = self.limits;
+        self.take_repaired();
+        self.leave_replaced_folder();
         for kind in [Kind::Records, Kind::Raw] {
             let synced = self.stream(kind).sync();
             self.check(kind, synced);
@@ -203,6 +236,7 @@ impl SegmentStore {
 
     /// Ends all segments. What could not be ended is repaired by the next start.
     pub fn finish(mut self) -> SegmentStoreEnd {
+        self.take_repaired();
         self.close_segment(Kind::Raw);
         self.close_segment(Kind::Records);
         SegmentStoreEnd {
@@ -250,14 +284,16 @@ impl SegmentStore {
 
     /// Begins a segment if there is none and it is time.
     fn begin(&mut self, kind: Kind) {
+        let begun = self.try_begin(kind);
+        self.check(kind, begun);
+    }
+
+    fn try_begin(&mut self, kind: Kind) -> Result<(), McapWriteError> {
         let now = self.now;
         if !self.stream(kind).may_begin(now) {
-            return;
+            return Ok(());
         }
-        if let Err(cause) = self.hold_folder() {
-            self.check(kind, Err(McapWriteError::Io(cause)));
-            return;
-        }
+        self.hold_folder()?;
         let number = self.next_number;
         self.next_number += 1;
         let with = SegmentStart {
@@ -271,23 +307,36 @@ impl SegmentStore {
             Kind::Raw => &mut self.raw,
             Kind::Records => &mut self.records,
         };
-        let begun = stream.begin(&with);
-        self.check(kind, begun);
+        stream.begin(&with)
+    }
+
+    /// Whether the folder is the one that is held, under its name.
+    fn is_held(&self) -> bool {
+        let is = |found: &fs::Metadata, held: &fs::Metadata| (found.dev(), found.ino()) == (held.dev(), held.ino());
+        let held =
+            matches!((fs::metadata(&self.folder), self.lock.metadata()), (Ok(found), Ok(held)) if is(&found, &held));
+        held && (self.is_link || !is_link(&self.folder))
     }
 
     /// Continues in a new folder when the folder was removed or replaced.
     fn hold_folder(&mut self) -> io::Result<()> {
-        let is = |found: &fs::Metadata, held: &fs::Metadata| (found.dev(), found.ino()) == (held.dev(), held.ino());
-        if let (Ok(found), Ok(held)) = (fs::metadata(&self.folder), self.lock.metadata())
-            && is(&found, &held)
-        {
+        if self.is_held() {
             return Ok(());
         }
+        if !self.is_link && is_link(&self.folder) {
+            return Err(became_link());
+        }
+        let became = match self.folder.exists() {
+            true => "was replaced by another folder, to which segments go on",
+            false => "was removed; it is created again",
+        };
+        // Its thread works in the folder as it was.
+        self.repair = None;
         self.lock = hold(&self.folder)?.ok_or(io::ErrorKind::ResourceBusy)?;
         let found = repair::repair_folder(&self.folder, &*self.disk)?;
         self.closed.clear();
         self.add_found(found);
-        let text = format!("storage: {} was removed; it is created again", self.folder.display());
+        let text = format!("storage: {} {became}", self.folder.display());
         self.messages.push((LogLevel::Error, text));
         Ok(())
     }
@@ -297,6 +346,36 @@ impl SegmentStore {
         self.messages.extend(found.messages);
         for (name, bytes) in found.segments {
             self.add_closed(name, bytes);
+        }
+        if !found.pending.is_empty() {
+            let begun = BackgroundRepair::begin(self.folder.clone(), found.pending, self.disk.clone());
+            self.repair = Some(begun);
+        }
+    }
+
+    /// Takes over what was repaired in the background.
+    fn take_repaired(&mut self) {
+        let repaired = self.repair.as_ref().map(BackgroundRepair::take).unwrap_or_default();
+        for (name, found) in repaired {
+            self.closed.remove(&(name.kind, name.number));
+            self.add_found(found);
+        }
+    }
+
+    /// Gives up the segments of a folder that is no longer at its place, though they could be written.
+    fn leave_replaced_folder(&mut self) {
+        if self.is_held() || !self.folder.exists() {
+            return;
+        }
+        let cause = || match is_link(&self.folder) {
+            true => became_link(),
+            false => io::Error::new(io::ErrorKind::NotFound, "the folder was replaced by another"),
+        };
+        let causes = [(Kind::Records, cause()), (Kind::Raw, cause())];
+        for (kind, cause) in causes {
+            if self.stream(kind).name().is_some() {
+                self.check(kind, Err(McapWriteError::Io(cause)));
+            }
         }
     }
 
@@ -394,6 +473,23 @@ impl SegmentStore {
         self.closed.remove(&key);
         true
     }
+}
+
+/// Whether the name itself, without a slash behind it, is a link.
+fn is_link(folder: &Path) -> bool {
+    let bare: PathBuf = folder.components().collect();
+    fs::symlink_metadata(bare).is_ok_and(|about| about.is_symlink())
+}
+
+fn is_full(cause: &io::Error) -> bool {
+    matches!(cause.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
+}
+
+fn became_link() -> io::Error {
+    io::Error::new(
+        io::ErrorKind::NotADirectory,
+        "the folder has become a link, which is not followed",
+    )
 }
 
 /// The folder, made if need be and locked; `None` if another process has it.

@@ -121,7 +121,7 @@ pub trait Observer: Sync {
     }
     /// The counters as they are recorded, with those of the storage: every ten seconds, and at the end.
     fn status(&self, _: &Status) {}
-    /// Every source has reported its state, and the output is open; called once.
+    /// Every source has reported its state, and the output was written to; called once.
     fn ready(&self) {}
     /// Ingest, pipeline, writer and identification have all made progress; about every second, and not otherwise.
     fn heartbeat(&self) {}

@@ -8,5 +8,5 @@ mod listen;
 mod protocol;
 
 pub use hub::Hub;
-pub use listen::{CLIENTS_MAX, listen};
+pub use listen::listen;
 pub use protocol::SUBPROTOCOLS;

@@ -41,9 +41,18 @@ pub struct DbcSignal {
 /// What is wrong with a file or a signal.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum DbcError {
-    /// The text is no DBC.
-    #[error("no valid DBC: {0}")]
-    Syntax(String),
+    /// The text is no DBC; the line at which it is none, from 1. What stands there is not repeated: it may be any file.
+    #[error("no valid DBC: line {line}")]
+    Syntax {
+        /// The line.
+        line: usize,
+    },
+    /// The text has the form of a DBC, but a number in it cannot be.
+    #[error("no valid DBC: a number or a name in it cannot be")]
+    Content,
+    /// A message has several signals of this name.
+    #[error("its message has it twice")]
+    Twice,
     /// The signal has no bits, more than 64, or some outside its message.
     #[error("{size} bits from bit {start} on do not fit into {length} bytes")]
     Layout {
@@ -77,9 +86,19 @@ impl Database {
     /// Reads the text of a DBC file.
     ///
     /// # Errors
-    /// [`DbcError::Syntax`].
+    /// [`DbcError::Syntax`], [`DbcError::Content`].
     pub fn parse(text: &str) -> Result<Self, DbcError> {
-        let dbc = Dbc::try_from(text).map_err(|e| DbcError::Syntax(first_line(&e.to_string())))?;
+        // The parser tries each of its rules at an empty line.
+        let kept: Vec<(usize, &str)> = kept_lines(text).collect();
+        let squeezed: String = kept.iter().flat_map(|(_, line)| [*line, "\n"]).collect();
+        let dbc = Dbc::try_from(squeezed.as_str()).map_err(|error| match error {
+            can_dbc::DbcError::Pest(error) => {
+                let line = line_of(&error.to_string()).and_then(|line| kept.get(line.saturating_sub(1)));
+                let line = line.or(kept.last()).map_or(1, |(number, _)| *number);
+                DbcError::Syntax { line }
+            }
+            _ => DbcError::Content,
+        })?;
         let identifiers = identifiers(text);
         let messages = dbc
             .messages
@@ -96,8 +115,19 @@ impl Database {
     }
 }
 
-fn first_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
+/// Lines with their numbers from 1; of several empty ones in a row, the first.
+fn kept_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let mut was_empty = false;
+    (1..).zip(text.lines()).filter(move |(_, line)| {
+        let is_empty = line.trim().is_empty();
+        !(std::mem::replace(&mut was_empty, is_empty) && is_empty)
+    })
+}
+
+/// The line in a message of the parser, which begins with `--> LINE:COLUMN`.
+fn line_of(message: &str) -> Option<usize> {
+    let (_, place) = message.split_once("--> ")?;
+    place.split_once(':')?.0.parse().ok()
 }
 
 /// Identifiers as the file writes them, by the messages' names: the parser cuts them to 11 or 29 bits, and one that does not
@@ -122,7 +152,11 @@ fn read_message(dbc: &Dbc, message: &can_dbc::Message, identifiers: &BTreeMap<&s
     };
     let read = |signal: &can_dbc::Signal| {
         let unit = signal.unit.clone();
-        let read = read_signal(dbc, message, signal);
+        let named = message.signals.iter().filter(|other| other.name == signal.name);
+        let read = match named.count() {
+            1 => read_signal(dbc, message, signal),
+            _ => Err(DbcError::Twice),
+        };
         (signal.name.clone(), DbcSignal { unit, signal: read })
     };
     DbcMessage {
@@ -278,7 +312,20 @@ mod tests {
 
     #[test]
     fn nonsense_is_refused_without_a_panic() {
-        assert!(matches!(Database::parse("BO_ hello"), Err(DbcError::Syntax(_))));
+        assert!(matches!(
+            Database::parse("BO_ hello"),
+            Err(DbcError::Syntax { line: 1 })
+        ));
+        let after = format!("{TEXT}\n\n\n\nroot:x:0:0\n");
+        let line = after.lines().count();
+        assert_eq!(Database::parse(&after), Err(DbcError::Syntax { line }));
+        let twice = TEXT
+            .replace(" y m0 ", " x m0 ")
+            .replace("SG_MUL_VAL_ 2147483653 y", "SG_MUL_VAL_ 2147483653 x");
+        let database = Database::parse(&twice).expect("valid but for its signal");
+        let message = database.message("Wide").expect("there");
+        assert_eq!(message.signals["x"].signal, Err(DbcError::Twice));
+        assert!(message.signals["f"].signal.is_ok());
         for cut in 0..TEXT.len() {
             // Whatever it says.
             let _ = Database::parse(&TEXT[..cut]);

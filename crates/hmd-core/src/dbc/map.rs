@@ -177,6 +177,9 @@ pub enum Misfit {
     /// A counter that is no plain number, or too short to tell late from early.
     #[error("a counter: a whole number of at least 2 bits, with factor 1 and offset 0")]
     Counter,
+    /// Two quantities from the same bits.
+    #[error("a signal of its own for each quantity, where {0} and {1} have the same")]
+    Shared(&'static str, &'static str),
     /// An identifier that cannot be.
     #[error("a message whose identifier has 11 or 29 bits, and up to 64 data bytes")]
     Message,
@@ -244,6 +247,16 @@ impl MapDraft {
         };
         if let Some(missing) = Role::NEEDED.into_iter().find(|&role| !has(role)) {
             return Err(Misfit::Missing(missing.key()));
+        }
+        for message in &self.messages {
+            for (n, one) in message.bindings.iter().enumerate() {
+                let same = |other: &&Binding| {
+                    other.signal.layout == one.signal.layout && other.signal.selectors == one.signal.selectors
+                };
+                if let Some(other) = message.bindings[..n].iter().find(same) {
+                    return Err(Misfit::Shared(other.role.key(), one.role.key()));
+                }
+            }
         }
         match (has(Role::CommandPosition), has(Role::CommandSpeed), has(Role::Mode)) {
             (false, false, _) => return Err(Misfit::NoCommand),

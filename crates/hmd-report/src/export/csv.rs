@@ -6,10 +6,13 @@ use std::path::{Path, PathBuf};
 
 use super::table::{Head, Value};
 use super::{ExportError, Sources, Table};
+use hmd_storage::no_formula;
+use hmd_storage::output_file::{self, OutputFile};
 
 /// Writes `FILE` and, at the end, `FILE.metadata.json`.
 pub struct CsvTable {
     writer: ::csv::Writer<File>,
+    output: OutputFile,
     heads: Vec<Head>,
     path: PathBuf,
 }
@@ -20,12 +23,14 @@ impl CsvTable {
     /// # Errors
     /// A file that cannot be written.
     pub fn new(path: &Path, heads: Vec<Head>) -> Result<Self, ExportError> {
-        let file = File::create(path).map_err(|source| failed(path, source))?;
+        let output = OutputFile::create(path).map_err(|source| failed(path, source))?;
+        let file = output.handle().map_err(|source| failed(path, source))?;
         let mut writer = ::csv::Writer::from_writer(file);
         let head = writer.write_record(heads.iter().map(|head| head.name));
         head.map_err(|source| failed(path, source.into()))?;
         Ok(Self {
             writer,
+            output,
             heads,
             path: path.to_owned(),
         })
@@ -37,7 +42,7 @@ impl Table for CsvTable {
         let cells = row.into_iter().map(|value| match value {
             Value::Time(n) | Value::Count(n) => n.to_string(),
             Value::Signed(n) => n.to_string(),
-            Value::Text(text) => text,
+            Value::Text(text) => no_formula(&text).into_owned(),
             Value::Flag(flag) => flag.to_string(),
             Value::Number(number) => number.map_or_else(String::new, |number| number.to_string()),
         });
@@ -47,12 +52,20 @@ impl Table for CsvTable {
 
     fn finish(mut self: Box<Self>, sources: &Sources) -> Result<(), ExportError> {
         self.writer.flush().map_err(|source| failed(&self.path, source))?;
-        let mut beside = self.path.into_os_string();
-        beside.push(".metadata.json");
+        let beside = metadata_path(&self.path);
         let metadata = serde_json::json!({ "units": units(&self.heads), "sources": sources });
         let text = serde_json::to_string_pretty(&metadata)? + "\n";
-        std::fs::write(&beside, text).map_err(|source| failed(Path::new(&beside), source))
+        output_file::write(&beside, text).map_err(|source| failed(&beside, source))?;
+        self.output.put_in_place().map_err(|source| failed(&self.path, source))
     }
+}
+
+/// `FILE.metadata.json` beside `FILE`.
+#[must_use]
+pub fn metadata_path(table: &Path) -> PathBuf {
+    let mut beside = table.as_os_str().to_owned();
+    beside.push(".metadata.json");
+    PathBuf::from(beside)
 }
 
 fn failed(path: &Path, source: io::Error) -> ExportError {

@@ -15,6 +15,7 @@ use parquet::schema::types::Type;
 use super::csv::units;
 use super::table::{Head, Kind, Value};
 use super::{ExportError, Sources, Table};
+use hmd_storage::output_file::OutputFile;
 
 /// Rows held in memory until a row group is written.
 const ROWS: usize = 8192;
@@ -24,6 +25,7 @@ pub struct ParquetTable {
     /// For messages.
     file: String,
     writer: SerializedFileWriter<File>,
+    output: OutputFile,
     heads: Vec<Head>,
     /// Values by column.
     held: Vec<Vec<Value>>,
@@ -36,14 +38,16 @@ impl ParquetTable {
     /// A file that cannot be written.
     pub fn new(path: &Path, heads: Vec<Head>) -> Result<Self, ExportError> {
         let name = path.display().to_string();
-        let file = File::create(path).map_err(|source| ExportError::Io {
+        let io = |source| ExportError::Io {
             file: name.clone(),
             source,
-        })?;
-        Self::over(name.clone(), file, heads).map_err(|source| ExportError::Parquet { file: name, source })
+        };
+        let output = OutputFile::create(path).map_err(io)?;
+        let file = output.handle().map_err(io)?;
+        Self::over(name.clone(), file, output, heads).map_err(|source| ExportError::Parquet { file: name, source })
     }
 
-    fn over(name: String, file: File, heads: Vec<Head>) -> Result<Self, ParquetError> {
+    fn over(name: String, file: File, output: OutputFile, heads: Vec<Head>) -> Result<Self, ParquetError> {
         let fields = heads
             .iter()
             .map(|head| Ok(Arc::new(field(head)?)))
@@ -56,6 +60,7 @@ impl ParquetTable {
         Ok(Self {
             file: name,
             writer: SerializedFileWriter::new(file, Arc::new(schema), Arc::new(properties))?,
+            output,
             held: vec![Vec::new(); heads.len()],
             heads,
         })
@@ -106,7 +111,8 @@ impl Table for ParquetTable {
                 .append_key_value_metadata(KeyValue::new(key.to_owned(), text));
         }
         self.writer.close().map_err(failed)?;
-        Ok(())
+        let Self { file, output, .. } = *self;
+        output.put_in_place().map_err(|source| ExportError::Io { file, source })
     }
 }
 

@@ -1,6 +1,8 @@
 //! What can be wrong in an MCAP file.
 
-use super::limits::{DEFINITION_BYTES_MAX, DEFINITIONS_MAX, METADATA_BYTES_MAX, METADATA_MAX, RECORD_BYTES_MAX};
+use super::limits::{
+    DEFINITION_BYTES_MAX, DEFINITIONS_MAX, EXPANSION_MAX, METADATA_BYTES_MAX, METADATA_MAX, RECORD_BYTES_MAX,
+};
 use std::io;
 use std::sync::Arc;
 use thiserror::Error;
@@ -47,6 +49,23 @@ pub enum McapFault {
     /// A chunk cannot be decoded.
     #[error("expected an intact chunk, found a damaged one that cannot be read ({0}); its frames are lost")]
     Chunk(String),
+    /// The chunks so far expand to more than a file of this size may.
+    #[error("expected chunks that expand to at most {max} times the file's size, found more; the rest is not read", max = EXPANSION_MAX)]
+    Expansion,
+    /// Messages that a checksum vouches for, but that were read before: a chunk of the file is there twice.
+    #[error("expected new messages, found {count} messages that were read before; they are not used")]
+    RepeatedMessages {
+        /// How many.
+        count: u64,
+    },
+    /// Raw frames that were read before, by their count.
+    #[error("expected raw frame number {expected}, found {count} frames that were read before; they are not used")]
+    RepeatedFrames {
+        /// Place of the first one that is new.
+        expected: u64,
+        /// How many.
+        count: u64,
+    },
     /// A record claims an impossible length.
     #[error("expected a record of at most {max} bytes, found one of {got}", max = RECORD_BYTES_MAX)]
     TooLarge {

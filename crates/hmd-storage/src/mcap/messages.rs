@@ -59,6 +59,9 @@ pub struct McapMessages<R> {
     metadata_bytes: usize,
     /// The header is one of ours, so that its copies of definitions are believed.
     is_own_file: bool,
+    /// Number of the newest message of each channel. Our writer counts them without a gap, so that one that is not higher was read
+    /// before; other writers number as they like.
+    newest: BTreeMap<u16, u32>,
     /// The chunk that is being read: its messages are handed out one by one, not all held at once.
     chunk: Option<Open>,
     /// To be handed out next.
@@ -76,6 +79,8 @@ struct Open {
     content: Content,
     /// The first fault in it; reported once, because all of them have the same cause.
     fault: Option<McapFault>,
+    /// Messages that were read before.
+    repeated: u64,
 }
 
 impl<R: Read + Seek> McapMessages<R> {
@@ -107,6 +112,7 @@ impl<R: Read + Seek> McapMessages<R> {
             metadata: Vec::new(),
             metadata_bytes: 0,
             is_own_file: false,
+            newest: BTreeMap::new(),
             chunk: None,
             loss: None,
             chunks: 0,
@@ -154,6 +160,16 @@ impl<R: Read + Seek> McapMessages<R> {
         }
     }
 
+    /// Bytes that the chunks so far were expanded to.
+    pub(crate) fn expanded_bytes(&self) -> u64 {
+        self.reader.expanded_bytes()
+    }
+
+    /// Whether the header, which is read with the first item, is one of ours.
+    pub(crate) fn is_own_file(&self) -> bool {
+        self.is_own_file
+    }
+
     /// All metadata records read so far.
     pub(crate) fn all_metadata(&self) -> &[McapMetadata] {
         &self.metadata
@@ -191,6 +207,7 @@ impl<R: Read + Seek> McapMessages<R> {
                     at_byte,
                     content,
                     fault: None,
+                    repeated: 0,
                 });
             }
             ItemKind::Header(data) => {
@@ -238,6 +255,10 @@ impl<R: Read + Seek> McapMessages<R> {
             let taken = match opcode {
                 op::SCHEMA | op::CHANNEL => self.definitions.add(opcode, data),
                 op::MESSAGE => match self.message(chunk.at_byte, data) {
+                    Ok(message) if self.is_repeated(data, &message) => {
+                        chunk.repeated += 1;
+                        Ok(())
+                    }
                     Ok(message) => return Some(message),
                     Err(fault) => Err(fault),
                 },
@@ -246,6 +267,20 @@ impl<R: Read + Seek> McapMessages<R> {
             chunk.fault = chunk.fault.take().or(taken.err());
         }
         None
+    }
+
+    /// Whether a message of our writer was read before, by its number; notes the number.
+    fn is_repeated(&mut self, data: &[u8], message: &McapMessage) -> bool {
+        let (true, Some(channel)) = (self.is_own_file, records::first_number(data)) else {
+            return false;
+        };
+        let newest = self.newest.get(&channel);
+        // Numbers wrap.
+        if newest.is_some_and(|newest| newest.wrapping_sub(message.sequence) < 1 << 31) {
+            return true;
+        }
+        self.newest.insert(channel, message.sequence);
+        false
     }
 
     fn message(&self, at_byte: u64, data: &[u8]) -> Result<McapMessage, McapFault> {
@@ -294,7 +329,8 @@ impl<R: Read + Seek> Iterator for McapMessages<R> {
                     return Some(Ok(message));
                 }
                 None => {
-                    if let Some(fault) = chunk.fault {
+                    let repeated = McapFault::RepeatedMessages { count: chunk.repeated };
+                    if let Some(fault) = chunk.fault.or((chunk.repeated > 0).then_some(repeated)) {
                         self.lose(chunk.at_byte, fault);
                     }
                 }

@@ -137,6 +137,13 @@ pub(super) fn library(record: &[u8]) -> Option<&str> {
     fields.text()
 }
 
+/// Length that a chunk says its content has when decompressed; the decoder goes no further.
+pub(super) fn chunk_expanded_bytes(record: &[u8]) -> Option<u64> {
+    let mut fields = Fields::new(record);
+    let _times: [u8; 16] = fields.number()?;
+    fields.u64()
+}
+
 /// Checksum of a chunk's decompressed content; 0 when it has none.
 pub(super) fn chunk_crc(record: &[u8]) -> Option<u32> {
     let mut fields = Fields::new(record);

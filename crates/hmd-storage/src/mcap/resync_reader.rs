@@ -13,7 +13,7 @@
 
 use super::chunk::{Content, verify};
 use super::fault::McapFault;
-use super::limits::{METADATA_BYTES_MAX, RECORD_BYTES_MAX};
+use super::limits::{EXPANSION_MAX, METADATA_BYTES_MAX, RECORD_BYTES_MAX};
 use super::records;
 use crc32fast::Hasher;
 use hmd_core::metadata_checksum::is_sealed;
@@ -63,6 +63,9 @@ pub(super) struct ResyncReader<R> {
     at: u64,
     searching: bool,
     search_bytes_left: u64,
+    /// What the chunks to come may expand to.
+    expand_bytes_left: u64,
+    expanded_bytes: u64,
     /// Sum over the data so far; `None` once something was left out or the data have ended.
     sum: Option<Hasher>,
     ended: bool,
@@ -90,6 +93,8 @@ impl<R: Read + Seek> ResyncReader<R> {
             at: 0,
             searching: false,
             search_bytes_left: length.saturating_mul(SEARCH_FACTOR) + RECORD_BYTES_MAX as u64,
+            expand_bytes_left: length.saturating_mul(EXPANSION_MAX) + 2 * RECORD_BYTES_MAX as u64,
+            expanded_bytes: 0,
             sum: Some(Hasher::new()),
             ended: false,
             growing: true,
@@ -103,6 +108,9 @@ impl<R: Read + Seek> ResyncReader<R> {
         self.search_bytes_left = self
             .search_bytes_left
             .saturating_add(more.saturating_mul(SEARCH_FACTOR));
+        self.expand_bytes_left = self
+            .expand_bytes_left
+            .saturating_add(more.saturating_mul(EXPANSION_MAX));
         self.length += more;
         self.growing = !last;
         self.ended = self.finished;
@@ -111,6 +119,11 @@ impl<R: Read + Seek> ResyncReader<R> {
     /// Place up to which the file was read.
     pub(super) fn position(&self) -> u64 {
         self.at
+    }
+
+    /// Bytes that the chunks so far were expanded to.
+    pub(super) fn expanded_bytes(&self) -> u64 {
+        self.expanded_bytes
     }
 
     /// The next item; `None` at the end.
@@ -221,6 +234,16 @@ impl<R: Read + Seek> ResyncReader<R> {
         let mut chunk = vec![0; length as usize];
         self.input.read_exact(&mut chunk)?;
         let end = at_byte + HEAD + length;
+        let expanded = records::chunk_expanded_bytes(&chunk).unwrap_or(0);
+        let Some(left) = self.expand_bytes_left.checked_sub(expanded) else {
+            self.ended = true;
+            self.finished = true;
+            self.sum = None;
+            self.at = self.length;
+            return Ok(fault(at_byte, McapFault::Expansion));
+        };
+        self.expand_bytes_left = left;
+        self.expanded_bytes += expanded;
         match verify(&chunk) {
             Ok(content) => {
                 self.add(&head);

@@ -13,7 +13,7 @@ pub trait Out: Write + Seek + Send {}
 impl<T: Write + Seek + Send> Out for T {}
 
 /// File-system operations of the segment store.
-pub trait Disk: Send {
+pub trait Disk: Send + Sync {
     /// Makes a file that is not there yet.
     ///
     /// # Errors

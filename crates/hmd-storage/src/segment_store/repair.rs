@@ -20,6 +20,11 @@ const DAMAGED_MAX: usize = 8;
 /// Most foreign files that are reported by name; the rest is counted.
 const FOREIGN_REPORTED_MAX: usize = 16;
 
+/// Longest cut segment that is repaired before the start is over, bytes; longer ones are repaired beside the watch.
+const AT_START_BYTES_MAX: u64 = 8 << 20;
+/// Bytes of expanded chunks after which the other cut segments are left to the background: less than half a second of work.
+const AT_START_EXPANDED_MAX: u64 = 64 << 20;
+
 /// Contents of the folder.
 #[derive(Debug, Default)]
 pub(super) struct Found {
@@ -29,6 +34,9 @@ pub(super) struct Found {
     pub(super) next_number: u64,
     /// Notices for an operator.
     pub(super) messages: Vec<(LogLevel, String)>,
+    /// Cut segments that are left to [`repair_one`]; they are among the segments, too.
+    pub(super) pending: Vec<Name>,
+    expanded_bytes: u64,
 }
 
 /// Reads every name in the folder, repairs cut segments, and touches nothing else.
@@ -64,18 +72,36 @@ pub(super) fn repair_folder(folder: &Path, disk: &dyn Disk) -> io::Result<Found>
         found.remove(folder, name);
     }
     for name in at(Stage::Open) {
-        if ours.contains(&name.with_stage(Stage::Closed)) {
-            // Repaired and renamed; only what becomes of the source was cut.
-            found.settle(folder, name);
+        if found.expanded_bytes <= AT_START_EXPANDED_MAX && size_of(folder, name) <= AT_START_BYTES_MAX {
+            found.mend(folder, name, disk);
         } else {
-            found.repair(folder, name, disk);
+            found.add(folder, name);
+            found.pending.push(name);
         }
+    }
+    if !found.pending.is_empty() {
+        let text = format!("{} cut segments are repaired in the background", found.pending.len());
+        found.report(LogLevel::Info, &text);
     }
     for name in at(Stage::Closed) {
         found.add(folder, name);
     }
     found.thin_out_damaged(folder)?;
     Ok(found)
+}
+
+/// Repairs one cut segment that [`repair_folder`] left.
+pub(super) fn repair_one(folder: &Path, name: Name, disk: &dyn Disk) -> Found {
+    let mut found = Found::default();
+    found.mend(folder, name, disk);
+    if let Err(cause) = found.thin_out_damaged(folder) {
+        found.report(LogLevel::Error, &format!("damaged segments cannot be listed: {cause}"));
+    }
+    found
+}
+
+fn size_of(folder: &Path, name: Name) -> u64 {
+    fs::metadata(folder.join(name.to_string())).map_or(0, |about| about.len())
 }
 
 fn is_empty_file(folder: &Path, name: Name) -> bool {
@@ -100,8 +126,7 @@ impl Found {
     }
 
     fn add(&mut self, folder: &Path, name: Name) {
-        let size = fs::metadata(folder.join(name.to_string())).map_or(0, |about| about.len());
-        self.segments.insert(name, size);
+        self.segments.insert(name, size_of(folder, name));
     }
 
     /// What cannot be removed is not counted: the closed one of the same number is, and the next start tries again.
@@ -111,9 +136,20 @@ impl Found {
         }
     }
 
+    fn mend(&mut self, folder: &Path, name: Name, disk: &dyn Disk) {
+        let closed = folder.join(name.with_stage(Stage::Closed).to_string());
+        if is_segment(&closed).unwrap_or(false) {
+            // Repaired and renamed; only what becomes of the source was cut.
+            self.settle(folder, name);
+        } else {
+            self.repair(folder, name, disk);
+        }
+    }
+
     fn repair(&mut self, folder: &Path, name: Name, disk: &dyn Disk) {
         match repaired(folder, name, disk) {
             Ok(repaired) => {
+                self.expanded_bytes += repaired.report.expanded_bytes;
                 let closed = name.with_stage(Stage::Closed);
                 let (bytes, is_spent) = (repaired.bytes, repaired.is_source_spent);
                 let (messages, lost) = (repaired.report.messages, repaired.report.losses_total);
@@ -142,7 +178,10 @@ impl Found {
     /// Does with a source that has its copy what the repair would have done.
     fn settle(&mut self, folder: &Path, name: Name) {
         match copied(folder, name, io::empty()) {
-            Ok(copied) => self.dispose(folder, name, copied.is_source_spent),
+            Ok(copied) => {
+                self.expanded_bytes += copied.report.expanded_bytes;
+                self.dispose(folder, name, copied.is_source_spent);
+            }
             Err(cause) => {
                 let text = format!("{name} was repaired and cannot be read again: {cause}");
                 self.report(LogLevel::Error, &text);

@@ -639,3 +639,60 @@ fn a_record_is_on_the_disk_within_a_tick() {
     }
     assert_eq!((messages, frames), (2, 3));
 }
+
+#[test]
+fn a_folder_that_is_replaced_or_becomes_a_link_is_told_as_that() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    assert!(Bench::put_health(&mut store, 1));
+    let (folder, aside) = (
+        bench.folder.path().to_owned(),
+        bench.folder.path().with_extension("aside"),
+    );
+    fs::rename(&folder, &aside).unwrap();
+    std::os::unix::fs::symlink(&aside, &folder).unwrap();
+    bench.tick(&mut store, 1);
+    assert!(!Bench::put_health(&mut store, 2), "nothing goes through the link");
+    bench.tick(&mut store, 1);
+    assert!(
+        bench.reported.iter().any(|text| text.contains("has become a link")),
+        "{:?}",
+        bench.reported
+    );
+    assert_eq!(store.status().state, StorageState::Failing);
+    fs::remove_file(&folder).unwrap();
+    fs::create_dir(&folder).unwrap();
+    for _ in 0..3 {
+        bench.tick(&mut store, 1);
+    }
+    assert!(Bench::put_health(&mut store, 3), "{:?}", bench.reported);
+    bench.tick(&mut store, 1);
+    // Replaced by another folder at once.
+    fs::rename(&folder, aside.join("first")).unwrap();
+    fs::create_dir(&folder).unwrap();
+    for _ in 0..3 {
+        bench.tick(&mut store, 1);
+    }
+    assert!(Bench::put_health(&mut store, 4), "{:?}", bench.reported);
+    assert!(
+        bench
+            .reported
+            .iter()
+            .any(|text| text.contains("was replaced by another")),
+        "{:?}",
+        bench.reported
+    );
+    bench.tick(&mut store, 1);
+    assert_eq!(store.status().state, StorageState::Ok);
+    store.finish();
+    fs::remove_dir_all(aside).unwrap();
+}
+
+#[test]
+fn a_folder_that_takes_no_segment_is_refused() {
+    let bench = Bench::new();
+    bench.disk.set(Some(io::ErrorKind::PermissionDenied));
+    let disk = Box::new(bench.disk.clone());
+    let opened = SegmentStore::open(bench.folder.path(), &BTreeMap::new(), LIMITS, disk, bench.now);
+    assert!(matches!(opened, Err(SegmentStoreError::Unwritable { .. })));
+}

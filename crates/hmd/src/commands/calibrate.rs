@@ -1,12 +1,13 @@
 //! `hmd calibrate`: one unit from healthy windows of it, or (feature `full`) the monitor against the reference.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, bail};
 
+use super::outputs::Outputs;
 use super::progress::over_pieces;
-use super::{Exit, load_config, no_input, use_threads, warn};
+use super::{Exit, Misuse, load_config, use_threads, warn};
 use crate::unit_windows::windows_of;
 #[cfg(feature = "full")]
 use ema_identify::calibration::TypeCalibration;
@@ -16,6 +17,8 @@ use hmd_core::config::Config;
 #[cfg(feature = "full")]
 use hmd_report::report::commissioning_page;
 use hmd_storage::calibration_file::{load_type_models, save};
+#[cfg(feature = "full")]
+use hmd_storage::output_file;
 
 /// Calibrate the monitor for one unit from logs in which it was healthy, or for a type of actuator.
 #[derive(Debug, clap::Args)]
@@ -69,8 +72,8 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let config = load_config(args.config.as_deref())?;
     #[cfg(feature = "full")]
     if args.of_type.is_requested()? {
-        no_input(
-            &args.output,
+        check(
+            &[&args.output],
             read_files(&config, true).iter().chain(args.of_type.units()),
         )?;
         if !args.of_type.units().is_empty() {
@@ -85,13 +88,19 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         save(&args.output, &text).context(path)?;
         return Ok(Exit::Done);
     }
-    no_input(&args.output, args.logs.iter().chain(&read_files(&config, false)))?;
+    let mut outputs = vec![args.output.as_path()];
     #[cfg(feature = "full")]
-    if let Some(report) = &args.report {
-        let read = read_files(&config, false);
-        no_input(report, args.logs.iter().chain(&read).chain([&args.output]))?;
-    }
+    outputs.extend(args.report.as_deref());
+    check(&outputs, args.logs.iter().chain(&read_files(&config, false)))?;
     unit(args, config)
+}
+
+fn check<'a>(outputs: &[&Path], inputs: impl Iterator<Item = &'a PathBuf>) -> Result<(), Misuse> {
+    let outputs = Outputs {
+        others: outputs,
+        ..Outputs::default()
+    };
+    outputs.check(inputs)
 }
 
 /// The files of a configuration that this calibration reads; the one that it makes may be named there already.
@@ -143,7 +152,7 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
     #[cfg(feature = "full")]
     if let Some(report) = &args.report {
         let page = commissioning_page(name, calibration, &commissioned.findings);
-        std::fs::write(report, page).with_context(|| report.display().to_string())?;
+        output_file::write(report, page).with_context(|| report.display().to_string())?;
     }
     Ok(if found.data_lost { Exit::DataLost } else { Exit::Done })
 }

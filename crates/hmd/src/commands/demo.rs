@@ -5,12 +5,14 @@ use std::sync::Arc;
 
 use anyhow::Context;
 
+use super::outputs::Outputs;
 use super::table::{HEALTH_HEAD, health_row, left_cell};
 use super::{Exit, say};
 use hmd_core::commissioning::in_words;
 use hmd_core::config::Config;
 use hmd_lab::demo::{Demo, DemoError, commissioned, config_text};
 use hmd_storage::mcap_writer::{McapWriter, SyncedFile};
+use hmd_storage::output_file::{self, OutputFile};
 use hmd_storage::recorder::metadata;
 
 /// Watch a simulated actuator be commissioned and wear out.
@@ -50,7 +52,13 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         DemoError::Write(cause) => anyhow::Error::from(cause).context(path.clone()),
         other => other.into(),
     };
-    let file = std::fs::File::create(&args.output).with_context(|| path.clone())?;
+    let outputs = Outputs {
+        recordings: &[&args.output],
+        others: &[&calibration_path, &config_path],
+    };
+    outputs.check([] as [&Path; 0])?;
+    let output = OutputFile::create_recording(&args.output).with_context(|| path.clone())?;
+    let file = output.handle().with_context(|| path.clone())?;
     let writer = McapWriter::new(SyncedFile::new(file), &metadata(&config, "simulated", args.seed))
         .with_context(|| path.clone())?;
 
@@ -62,7 +70,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         say(&format!("  {line}"))?;
     }
     for (path, text) in [(&calibration_path, calibration.emit()), (&config_path, text)] {
-        std::fs::write(path, text).with_context(|| path.display().to_string())?;
+        output_file::write(path, text).with_context(|| path.display().to_string())?;
     }
     let mut demo = Demo::new(writer, &config, &calibration, args.seed).map_err(at_path)?;
 
@@ -79,6 +87,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         }
     }
     let counts = demo.finish().map_err(at_path)?;
+    output.put_in_place().with_context(|| path.clone())?;
     say(&format!(
         "{} frames in, {} windows identified; {} records written to {path}",
         counts.frames,

@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
-use super::{Exit, Losses, Misuse, no_input};
-use hmd_report::export::{CsvTable, Late, ParquetTable, Table, TableKind, export};
+use super::outputs::Outputs;
+use super::{Exit, Losses, Misuse};
+use hmd_report::export::{CsvTable, Late, ParquetTable, Table, TableKind, export, metadata_path};
 
 /// Write what was recorded as a table: CSV or Parquet, wide by time, units in the metadata.
 #[derive(Debug, clap::Args)]
@@ -27,7 +28,14 @@ pub struct Args {
 /// # Errors
 /// A file that is none of ours or has nothing for the table, an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
-    no_input(&args.output, &args.files)?;
+    let beside = metadata_path(&args.output);
+    let others = [args.output.as_path(), beside.as_path()];
+    let has_beside = args.output.extension().is_some_and(|extension| extension == "csv");
+    let outputs = Outputs {
+        others: if has_beside { &others } else { &others[..1] },
+        ..Outputs::default()
+    };
+    outputs.check(&args.files)?;
     let (output, heads) = (args.output.clone(), args.table.heads());
     let extension = args.output.extension().and_then(|extension| extension.to_str());
     let table: Box<dyn Table> = match extension {

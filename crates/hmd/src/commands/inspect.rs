@@ -18,6 +18,7 @@ use hmd_core::catalogue::catalogue;
 use hmd_core::record::{Health, Interval, Log, Record, Rul};
 use hmd_ingest::file::open_recorded;
 use hmd_storage::mcap::McapMessages;
+use hmd_storage::{no_formula, printable};
 
 /// Print the history in recorded files: damage, remaining life, events.
 #[derive(Debug, clap::Args)]
@@ -189,7 +190,7 @@ impl Printer {
 
     fn event(&self, t_ns: u64, message: &str) -> anyhow::Result<()> {
         match self.form {
-            Form::Table => say(&format!("{:>10} {message}", "")),
+            Form::Table => say(&format!("{:>10} {}", "", printable(message))),
             Form::Json => say(&serde_json::json!({ "t_ns": t_ns, "event": message }).to_string()),
             Form::Csv | Form::Summary => Ok(()),
         }
@@ -200,7 +201,7 @@ fn table_row(health: &Health, rul: &Rul) -> String {
     let used = rul.operating_h.map_or_else(String::new, |hours| format!("{hours:.1}"));
     let mut row = format!("{used:>10} {:<22} {}", left_cell(rul), health_row(health));
     if !rul.governed_by.is_empty() && rul.governed_by != "damage" {
-        row += &format!("  (ends by {})", rul.governed_by);
+        row += &format!("  (ends by {})", printable(&rul.governed_by));
     }
     row
 }
@@ -236,7 +237,7 @@ fn csv_head() -> String {
     )
 }
 
-/// Names have no commas, so nothing needs quotes; what does not exist is empty.
+/// What does not exist is empty.
 fn csv_row(health: &Health, rul: &Rul) -> String {
     let cell = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
     let mut cells = vec![
@@ -262,5 +263,21 @@ fn csv_row(health: &Health, rul: &Rul) -> String {
         .map(cell),
     );
     cells.extend([rul.dominant_fault.clone(), rul.governed_by.clone()]);
-    cells.join(",")
+    cells.iter().map(|cell| csv_cell(cell)).collect::<Vec<_>>().join(",")
+}
+
+/// A cell that neither a terminal nor a spreadsheet obeys, in quotes where need be.
+fn csv_cell(text: &str) -> String {
+    // A number may begin with a minus.
+    let text = if text.parse::<f64>().is_ok() {
+        text.into()
+    } else {
+        no_formula(text)
+    };
+    let text = printable(&text);
+    if text.contains(['"', ',']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.into_owned()
+    }
 }

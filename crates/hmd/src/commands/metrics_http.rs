@@ -1,6 +1,6 @@
 //! The metrics over HTTP, on this computer alone, and only when asked for.
 //!
-//! At most [`CLIENTS_MAX`] connections at once; a client that says nothing for [`HEAD_MAX`] is dropped.
+//! Few connections at once; a client that says nothing for [`HEAD_MAX`] is dropped, and one that is slow delays no other.
 
 use std::convert::Infallible;
 use std::io;
@@ -14,10 +14,13 @@ use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::TokioIo;
 
-use crate::local_server::{self, HEAD_MAX};
+use crate::local_server::{self, HEAD_MAX, Room, is_local};
 
-/// Connections at once.
-const CLIENTS_MAX: usize = 4;
+/// Connections at once. Where all are taken, the oldest is ended, answered or not.
+const ROOM: Room = Room {
+    clients: 16,
+    per_address: 8,
+};
 
 /// What `prometheus-client` writes.
 const OPEN_METRICS: HeaderValue =
@@ -56,7 +59,7 @@ pub(super) fn loopback(text: &str) -> Result<SocketAddr, String> {
 /// # Errors
 /// When the address cannot be bound or the thread cannot be started.
 pub(super) fn serve(address: SocketAddr, page: Page) -> io::Result<SocketAddr> {
-    local_server::serve(address, "metrics", CLIENTS_MAX, move |stream| {
+    local_server::serve(address, "metrics", ROOM, move |stream, _| {
         let page = page.clone();
         async move {
             let answered = local_server::http().serve_connection(
@@ -71,7 +74,9 @@ pub(super) fn serve(address: SocketAddr, page: Page) -> io::Result<SocketAddr> {
 
 async fn respond(request: Request<Incoming>, page: String) -> Result<Response<Full<Bytes>>, Infallible> {
     let mut response = Response::new(Full::default());
-    if request.uri().path() != "/metrics" {
+    if !is_local(request.headers(), &[]) {
+        *response.status_mut() = StatusCode::FORBIDDEN;
+    } else if request.uri().path() != "/metrics" {
         *response.status_mut() = StatusCode::NOT_FOUND;
     } else if !matches!(*request.method(), Method::GET | Method::HEAD) {
         *response.status_mut() = StatusCode::METHOD_NOT_ALLOWED;
@@ -86,6 +91,7 @@ async fn respond(request: Request<Incoming>, page: String) -> Result<Response<Fu
 mod tests {
     use std::io::{Read, Write};
     use std::net::TcpStream;
+    use std::time::{Duration, Instant};
 
     use super::*;
 
@@ -102,17 +108,27 @@ mod tests {
         let page = Page::default();
         let address = serve("127.0.0.1:0".parse().unwrap(), page.clone()).unwrap();
         page.set("hmd_samples_total 3\n# EOF\n".to_owned());
-        // Clients that say nothing do not keep others out while there is room.
-        let _silent = [(); CLIENTS_MAX - 1].map(|()| TcpStream::connect(address).unwrap());
-        let text = request(address, "GET /metrics HTTP/1.1\r\nHost: here\r\n\r\n");
+        // Clients that say nothing, however many, keep nobody out.
+        let _silent = [(); 100].map(|()| TcpStream::connect(address).unwrap());
+        let since = Instant::now();
+        let text = request(address, "GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n");
         assert!(text.starts_with("HTTP/1.1 200 OK\r\n"), "{text}");
         assert!(text.contains("application/openmetrics-text"), "{text}");
         assert!(text.ends_with("hmd_samples_total 3\n# EOF\n"), "{text}");
-        let other = request(address, "GET / HTTP/1.1\r\nHost: here\r\n\r\n");
+        assert!(since.elapsed() < Duration::from_secs(1), "{:?}", since.elapsed());
+        let of_a_page = "GET /metrics HTTP/1.1\r\nHost: localhost\r\nOrigin: http://evil.example\r\n\r\n";
+        for foreign in ["GET /metrics HTTP/1.1\r\nHost: evil.example\r\n\r\n", of_a_page] {
+            let text = request(address, foreign);
+            assert!(
+                text.starts_with("HTTP/1.1 403") && !text.contains("hmd_samples"),
+                "{text}"
+            );
+        }
+        let other = request(address, "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n");
         assert!(other.starts_with("HTTP/1.1 404"), "{other}");
         let post = request(
             address,
-            "POST /metrics HTTP/1.1\r\nHost: here\r\nContent-Length: 0\r\n\r\n",
+            "POST /metrics HTTP/1.1\r\nHost: localhost\r\nContent-Length: 0\r\n\r\n",
         );
         assert!(post.starts_with("HTTP/1.1 405"), "{post}");
         assert!(request(address, "rubbish\r\n\r\n").starts_with("HTTP/1.1 400"));

@@ -19,6 +19,7 @@ mod live;
 #[cfg(feature = "full")]
 pub mod manual;
 mod metrics_http;
+mod outputs;
 mod progress;
 pub mod record;
 pub mod recover;
@@ -50,8 +51,8 @@ use hmd_storage::calibration_file::{load_learnt, load_type_model, load_unit};
 use hmd_storage::config_file;
 use hmd_storage::event_file::{EventError, load_events};
 use hmd_storage::mcap::McapLoss;
+use hmd_storage::printable;
 use hmd_storage::recover::LISTED_MAX;
-use hmd_storage::same_file::is_same_file;
 
 /// How a verb ended; the number is the exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -170,20 +171,14 @@ fn warn_of_changed_type(path: &Path, actuator: &ActuatorConfig, unit: &UnitCalib
     }
 }
 
-/// Refuses an output that is one of the files to be read, by whatever name.
-fn no_input(output: &Path, inputs: impl IntoIterator<Item = impl AsRef<Path>>) -> Result<(), Misuse> {
-    if inputs.into_iter().any(|input| is_same_file(output, input.as_ref())) {
-        let output = output.display();
-        return Err(Misuse(format!(
-            "expected another output than a file that is read, found {output}"
-        )));
-    }
-    Ok(())
-}
-
-/// Refuses to begin a recording in a file that has something in it: what was recorded is not to be replaced.
+/// Refuses to begin a recording in a file that has something in it, or through a link: what was recorded is not to be replaced.
 fn no_recording(output: &Path) -> Result<(), Misuse> {
+    let is_link = std::fs::symlink_metadata(output).is_ok_and(|about| about.is_symlink());
     match std::fs::metadata(output) {
+        found if is_link && found.as_ref().map_or(true, std::fs::Metadata::is_file) => Err(Misuse(format!(
+            "--output: expected a file that is not there yet, or a folder, found {}, a link",
+            output.display()
+        ))),
         Ok(about) if about.is_file() && about.len() > 0 => Err(Misuse(format!(
             "--output: expected a file that is not there yet, or a folder, found {}, {} bytes: it is not replaced",
             output.display(),
@@ -234,9 +229,9 @@ impl Losses {
     }
 }
 
-/// Writes a line to stderr. An error of that cannot be reported anywhere.
+/// Writes a line to stderr, with what a terminal would obey escaped. An error of that cannot be reported anywhere.
 pub fn warn(line: impl std::fmt::Display) {
-    let _ = writeln!(std::io::stderr().lock(), "{line}");
+    let _ = writeln!(std::io::stderr().lock(), "{}", printable(&line.to_string()));
 }
 
 /// Writes a line to stdout; a reader that has gone away is no failure.

@@ -6,9 +6,12 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 
-use super::{Exit, no_input, say, warn};
+use super::outputs::Outputs;
+use super::{Exit, say, warn};
 use hmd_storage::mcap_writer::SyncedFile;
+use hmd_storage::output_file::OutputFile;
 use hmd_storage::recover::{Recovered, count_frames, recover};
+use hmd_storage::regular_file::open_regular;
 
 /// Copy everything intact of a damaged MCAP file into a whole one, and say what is lost.
 #[derive(Debug, clap::Args)]
@@ -28,17 +31,26 @@ pub struct Args {
 /// A file that cannot be read at all or has nothing intact, or an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let name = args.log.display().to_string();
-    let input = File::open(&args.log).with_context(|| name.clone())?;
-    if !input.metadata().with_context(|| name.clone())?.is_file() {
-        bail!("{name}: expected a file that can be sought, found another kind");
-    }
-    no_input(&args.output, [&args.log])?;
+    let input = open_regular(&args.log).with_context(|| name.clone())?;
+    let outputs = Outputs {
+        recordings: &[&args.output],
+        ..Outputs::default()
+    };
+    outputs.check([&args.log])?;
     let path = args.output.display().to_string();
-    let out = File::create(&args.output).with_context(|| path.clone())?;
-    let (_, report) = recover(input, &name, SyncedFile::new(out), "").with_context(|| path.clone())?;
+    let output = OutputFile::create(&args.output).with_context(|| path.clone())?;
+    let out = SyncedFile::new(output.handle().with_context(|| path.clone())?);
+    let (_, report) = recover(input, &name, out, "").with_context(|| path.clone())?;
+    if report.chunks == 0 && !report.is_intact() {
+        for loss in &report.losses {
+            warn(loss);
+        }
+        bail!("{name}: expected an intact chunk, found none; nothing is written");
+    }
     // What was written is read again: the copy must be whole, and shows how many frames are missing.
-    let copy = File::open(&args.output).with_context(|| path.clone())?;
+    let copy = File::open(output.written_path()).with_context(|| path.clone())?;
     let (frames, missing) = count_frames(BufReader::new(copy), &path).with_context(|| path.clone())?;
+    output.put_in_place().with_context(|| path.clone())?;
     print_report(&report, &name, &path, frames, missing)
 }
 
@@ -61,8 +73,5 @@ fn print_report(report: &Recovered, name: &str, path: &str, frames: u64, missing
         "{name}: data lost: {} damaged places, {missing} raw frames missing between those kept, {} attachments",
         report.losses_total, report.attachments_lost
     ));
-    if report.chunks == 0 {
-        bail!("{name}: expected an intact chunk, found none");
-    }
     Ok(Exit::DataLost)
 }

@@ -8,9 +8,10 @@ use std::time::Instant;
 use indicatif::ProgressBar;
 use serde::Serialize;
 
+use super::outputs::Outputs;
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, Misuse, check_files, load_config, no_input, progress, use_threads, warn};
+use super::{Exit, Misuse, check_files, load_config, progress, use_threads, warn};
 use crate::replay::{Observer, Replay};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::record::HealthLine;
@@ -74,7 +75,11 @@ fn replay(args: &Args, viewers: &Viewers) -> anyhow::Result<Exit> {
     }
     let config = Arc::new(load_config(args.config.as_deref())?);
     if let Some(output) = &args.output {
-        no_input(output, args.logs.iter().chain(&config.files()))?;
+        let outputs = Outputs {
+            recordings: &[output],
+            ..Outputs::default()
+        };
+        outputs.check(args.logs.iter().chain(&config.files()))?;
     }
     check_files(&config)?;
     use_threads(args.threads.map(usize::from))?;

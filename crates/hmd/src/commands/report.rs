@@ -4,8 +4,10 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 
-use super::{Exit, Losses, no_input};
+use super::outputs::Outputs;
+use super::{Exit, Losses};
 use hmd_report::report::{Files, page};
+use hmd_storage::output_file;
 
 /// Write a report of an actuator: one HTML file that needs nothing else.
 #[derive(Debug, clap::Args)]
@@ -29,10 +31,15 @@ pub struct Args {
 /// # Errors
 /// A file that is none of ours, an actuator that it does not have, an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
-    no_input(&args.output, &args.files)?;
+    let outputs = Outputs {
+        others: &[&args.output],
+        ..Outputs::default()
+    };
+    outputs.check(&args.files)?;
     let mut losses = Losses::default();
     let files = Files::read(&args.files, &mut |loss| losses.add(loss))?;
     let history = files.actuator(args.actuator.as_deref())?;
-    std::fs::write(&args.output, page(&files, history)).with_context(|| args.output.display().to_string())?;
+    let page = page(&files, history);
+    output_file::write(&args.output, page).with_context(|| args.output.display().to_string())?;
     Ok(losses.exit())
 }

@@ -15,9 +15,10 @@ use tokio::sync::mpsc;
 use super::journal::Journal;
 use super::live::{Request, report, signals};
 use super::metrics_http::{self, Page, loopback};
+use super::outputs::Outputs;
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, check_files_of_run, load_config, no_input, no_recording, service, use_threads, warn};
+use super::{Exit, Misuse, check_files_of_run, load_config, no_recording, service, use_threads, warn};
 use crate::daemon::{Daemon, DaemonError, Observer};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::Config;
@@ -27,8 +28,10 @@ use hmd_ingest::can::{CanSource, Wanted};
 use hmd_ingest::live::LiveSource;
 use hmd_ingest::serial::SerialSource;
 use hmd_storage::calibration_file::hash_of_models_of_run;
-use hmd_storage::metrics_file::write_textfile;
+use hmd_storage::metrics_file::{may_replace, write_textfile};
+use hmd_storage::printable;
 use hmd_storage::recorder::{Recorder, is_folder, metadata};
+use hmd_storage::segment_store::is_segment_name;
 
 /// Watch the actuators of a configuration until SIGINT or SIGTERM.
 #[derive(Debug, clap::Args)]
@@ -70,9 +73,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     if let Some(output) = &args.output {
         no_recording(output)?;
     }
-    if let Some(metrics) = &args.metrics {
-        no_input(metrics, config.files())?;
-    }
+    check_outputs(args, &config)?;
     use_threads(args.threads.map(usize::from))?;
     let mut requests = signals().context("signals")?;
     let printer = Printer {
@@ -111,6 +112,29 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             }
         }
     }
+}
+
+/// Refuses to write over what the run reads, or metrics over anything else.
+fn check_outputs(args: &Args, config: &Config) -> Result<(), Misuse> {
+    let files = args.output.as_deref().filter(|path| !is_folder(path));
+    let learnt = config
+        .actuators()
+        .iter()
+        .filter_map(|actuator| config.learnt_file(actuator));
+    let outputs = Outputs {
+        recordings: &files.into_iter().collect::<Vec<_>>(),
+        others: &args.metrics.as_deref().into_iter().collect::<Vec<_>>(),
+    };
+    outputs.check(config.files().into_iter().chain(learnt))?;
+    let Some(metrics) = &args.metrics else { return Ok(()) };
+    let name = metrics.file_name().and_then(|name| name.to_str());
+    if name.is_some_and(is_segment_name) || !may_replace(metrics) {
+        return Err(Misuse(format!(
+            "--metrics: expected a file of metrics, or none yet, found {}",
+            metrics.display()
+        )));
+    }
+    Ok(())
 }
 
 /// The configuration, if the daemon can run with it.
@@ -244,6 +268,7 @@ impl Observer for Printer {
     }
 
     fn notice_with_level(&self, level: LogLevel, message: &str) {
+        let message = &printable(message);
         if !self
             .journal
             .as_ref()

@@ -24,6 +24,9 @@ pub(super) struct Serve {
     #[arg(long, value_name = "ADDRESS:PORT", value_parser = loopback, num_args = 0..=1, require_equals = true,
           default_missing_value = ADDRESS)]
     serve: Option<SocketAddr>,
+    /// A web page whose viewer may connect besides those of this computer, as https://app.foxglove.dev; may be repeated.
+    #[arg(long, value_name = "ORIGIN", requires = "serve")]
+    serve_origin: Vec<String>,
 }
 
 /// Those who look on, if they may.
@@ -39,7 +42,8 @@ impl Serve {
         let hub = Hub::default();
         // A viewer that finds another process at the same address forgets what it had.
         let session = format!("{}-{}", std::process::id(), hmd_storage::clock::now_ns());
-        let address = listen(address, hub.clone(), &session).with_context(|| format!("--serve {address}"))?;
+        let address =
+            listen(address, hub.clone(), &session, &self.serve_origin).with_context(|| format!("--serve {address}"))?;
         tell(&format!("viewers: ws://{address}"));
         Ok(Viewers(Some(hub)))
     }

@@ -8,7 +8,8 @@ use ema_models::{ActuatorParams, DriveParams, FAULT_COUNT, FaultVector, Profile}
 use ema_wire::ActuatorId;
 use ema_wire::bus_load::bus_load;
 
-use super::{Exit, Misuse, load_config, no_input, say, unknown_type};
+use super::outputs::Outputs;
+use super::{Exit, Misuse, load_config, say, unknown_type};
 use hmd_core::config::LOAD_MAX;
 use hmd_lab::effects_file::{self, EffectsFileError};
 use hmd_lab::recording::{self, RecordingFormat};
@@ -104,10 +105,11 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let (Some(output), false) = (&args.output, args.list_effects) else {
         return list_effects(&params);
     };
-    let inputs = [&args.config, &args.effects];
-    for written in [output, &recording::truth_path(output)] {
-        no_input(written, inputs.into_iter().flatten())?;
-    }
+    let outputs = Outputs {
+        recordings: &[output],
+        others: &[&recording::truth_path(output)],
+    };
+    outputs.check(config.files().iter().chain(&args.effects))?;
     if let Some(rate) = args.rate {
         params.sensors.sample_rate = rate;
         params = params.checked().map_err(|e| Misuse(format!("--rate: {e}")))?;

@@ -1,6 +1,7 @@
 //! Health records as lines for people.
 
 use hmd_core::record;
+use hmd_storage::printable;
 
 /// Head of the table that [`health_row`] fills.
 pub(super) const HEALTH_HEAD: &str =
@@ -34,5 +35,5 @@ pub(super) fn health_row(health: &record::Health) -> String {
     if !health.reason.is_empty() {
         row += &format!("  ({})", health.reason);
     }
-    row
+    printable(&row).into_owned()
 }

@@ -99,8 +99,9 @@ impl PipelineThread {
             let mut shared = lock(shared);
             for input in batch.drain(..) {
                 let is_tick = matches!(input, Input::Tick { .. });
-                self.note_link_report(&input, observer);
+                self.note_link_report(&input);
                 self.process(input, &mut shared, observer)?;
+                self.report_ready(&shared, observer);
                 // A tick came through the I/O thread and the queue, and the writer has synced or reported a failure.
                 if is_tick && windows.busy_for() < ASSESSING_MAX {
                     observer.heartbeat();
@@ -165,8 +166,17 @@ impl PipelineThread {
         status
     }
 
-    /// Notes that a source has reported; calls the observer once when every source has.
-    fn note_link_report(&mut self, input: &Input, observer: &impl Observer) {
+    /// Calls the observer once when every source has reported and the output takes records.
+    fn report_ready(&mut self, shared: &Shared, observer: &impl Observer) {
+        let reported = self.not_reported.as_ref().is_some_and(BTreeSet::is_empty);
+        if reported && shared.recorder.as_ref().is_none_or(Recorder::is_written) {
+            self.not_reported = None;
+            observer.ready();
+        }
+    }
+
+    /// Notes that a source has reported.
+    fn note_link_report(&mut self, input: &Input) {
         let Some(not_reported) = &mut self.not_reported else {
             return;
         };
@@ -175,10 +185,6 @@ impl PipelineThread {
             Input::Link { bus, .. } => not_reported.remove(bus),
             Input::Lost { .. } | Input::Tick { .. } => false,
         };
-        if not_reported.is_empty() {
-            self.not_reported = None;
-            observer.ready();
-        }
     }
 
     fn process(&mut self, input: Input, shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {

@@ -4,8 +4,10 @@ use std::convert::Infallible;
 use std::future::poll_fn;
 use std::io;
 use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::task::Poll;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -25,10 +27,17 @@ use tokio_websockets::{Limits, Message, ServerBuilder, WebSocketStream};
 
 use super::hub::{Hub, Next};
 use super::protocol::{SUBPROTOCOLS, request, server_info};
-use crate::local_server::{self, HEAD_MAX};
+use crate::local_server::{self, HEAD_MAX, Room, is_local};
 
-/// Connections at once; further ones wait in the kernel.
-pub const CLIENTS_MAX: usize = 8;
+/// Connections at once. Viewers stay, one that only asks gives way to the next, and with no such one the next is closed.
+const ROOM: Room = Room {
+    clients: 16,
+    per_address: 8,
+};
+
+/// Time between two pings, and silence after which a client is taken for gone: it misses two of them.
+const PING_EVERY: Duration = Duration::from_millis(if cfg!(test) { 100 } else { 15_000 });
+const SILENT_MAX: Duration = Duration::from_millis(if cfg!(test) { 1_000 } else { 40_000 });
 
 /// Longest time that one message may take to a client; a dead one is dropped then.
 const SEND_MAX: Duration = Duration::from_secs(30);
@@ -41,18 +50,20 @@ const KEY_SUFFIX: &str = "258EAFA5-E914-47DA-95CA-C5AB0DC85B11";
 
 type Socket = WebSocketStream<TokioIo<Upgraded>>;
 
-/// Serves the hub from now on; the address with the port that was taken. `session` distinguishes runs.
+/// Serves the hub from now on; the address with the port that was taken. `session` distinguishes runs; pages of `origins` may ask
+/// besides those of this computer.
 ///
 /// # Errors
 /// When the address cannot be bound or the thread cannot be started.
-pub fn listen(address: SocketAddr, hub: Hub, session: &str) -> io::Result<SocketAddr> {
-    let session = session.to_owned();
-    local_server::serve(address, "viewers", CLIENTS_MAX, move |stream| {
-        let (hub, session) = (hub.clone(), session.clone());
+pub fn listen(address: SocketAddr, hub: Hub, session: &str, origins: &[String]) -> io::Result<SocketAddr> {
+    let (session, origins) = (session.to_owned(), Arc::new(origins.to_owned()));
+    local_server::serve(address, "viewers", ROOM, move |stream, established| {
+        let (hub, session, origins) = (hub.clone(), session.clone(), origins.clone());
         async move {
-            if let Some(upgrade) = shake_hands(stream).await
+            if let Some(upgrade) = shake_hands(stream, &origins).await
                 && let Ok(Ok(upgraded)) = tokio::time::timeout(HEAD_MAX, upgrade).await
             {
+                established.store(true, Ordering::Relaxed);
                 let limits = Limits::default().max_payload_len(Some(REQUEST_MAX));
                 let socket = ServerBuilder::new().limits(limits).serve(TokioIo::new(upgraded));
                 let (number, wake) = hub.enter();
@@ -65,10 +76,10 @@ pub fn listen(address: SocketAddr, hub: Hub, session: &str) -> io::Result<Socket
 }
 
 /// Answers the first request; what becomes of the connection if that is ours.
-async fn shake_hands(stream: tokio::net::TcpStream) -> Option<OnUpgrade> {
+async fn shake_hands(stream: tokio::net::TcpStream, origins: &[String]) -> Option<OnUpgrade> {
     let upgrade = std::sync::Mutex::new(None);
     let service = service_fn(|mut asked: Request<Incoming>| {
-        let answer = answer(&asked);
+        let answer = answer(&asked, origins);
         if answer.status() == StatusCode::SWITCHING_PROTOCOLS
             && let Ok(mut upgrade) = upgrade.lock()
         {
@@ -84,9 +95,15 @@ async fn shake_hands(stream: tokio::net::TcpStream) -> Option<OnUpgrade> {
 }
 
 /// The handshake of RFC 6455, section 4.2, with one of our protocols.
-fn answer(request: &Request<Incoming>) -> Response<Full<Bytes>> {
+fn answer(request: &Request<Incoming>, origins: &[String]) -> Response<Full<Bytes>> {
     let headers = request.headers();
     let mut response = Response::new(Full::default());
+    if !is_local(headers, origins) {
+        *response.status_mut() = StatusCode::FORBIDDEN;
+        let page = "expected Host and Origin of this computer, or an origin of --serve-origin\n";
+        *response.body_mut() = Full::from(page);
+        return response;
+    }
     let has = |name: HeaderName, token: &str| tokens(headers, &name).any(|found| found.eq_ignore_ascii_case(token));
     let is_websocket = *request.method() == Method::GET
         && has(UPGRADE, "websocket")
@@ -133,6 +150,8 @@ async fn attend(
     session: &str,
 ) -> Result<(), tokio_websockets::Error> {
     send(&mut socket, Message::text(server_info(session))).await?;
+    let mut pings = tokio::time::interval_at(tokio::time::Instant::now() + PING_EVERY, PING_EVERY);
+    let mut heard = Instant::now();
     loop {
         let received = if let Some(next) = hub.next(number) {
             let message = match next {
@@ -151,8 +170,16 @@ async fn attend(
             tokio::select! {
                 received = socket.next() => received,
                 () = wake.notified() => continue,
+                _ = pings.tick() => {
+                    if heard.elapsed() > SILENT_MAX {
+                        return Ok(());
+                    }
+                    send(&mut socket, Message::ping("")).await?;
+                    continue;
+                }
             }
         };
+        heard = Instant::now();
         match received {
             Some(Ok(message)) if message.is_close() => return Ok(()),
             Some(Ok(message)) => {
@@ -177,7 +204,6 @@ async fn send(socket: &mut Socket, message: Message) -> Result<(), tokio_websock
 mod tests {
     use std::io::{Read, Write};
     use std::net::TcpStream;
-    use std::time::Instant;
 
     use super::*;
     use hmd_core::record::{Log, Record};
@@ -185,7 +211,7 @@ mod tests {
 
     fn hub() -> (Hub, SocketAddr) {
         let hub = Hub::default();
-        let address = listen("127.0.0.1:0".parse().unwrap(), hub.clone(), "1").unwrap();
+        let address = listen("127.0.0.1:0".parse().unwrap(), hub.clone(), "1", &[]).unwrap();
         (hub, address)
     }
 
@@ -193,7 +219,7 @@ mod tests {
     fn ask(address: SocketAddr, headers: &str) -> (String, TcpStream) {
         let mut stream = TcpStream::connect(address).unwrap();
         stream.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
-        let request = format!("GET / HTTP/1.1\r\nHost: here\r\n{headers}\r\n");
+        let request = format!("GET / HTTP/1.1\r\nHost: localhost\r\n{headers}\r\n");
         stream.write_all(request.as_bytes()).unwrap();
         let mut head = Vec::new();
         while !head.ends_with(b"\r\n\r\n") {
@@ -225,7 +251,11 @@ mod tests {
         stream.read_exact(&mut length[8 - long..]).unwrap();
         let mut data = vec![0; u64::from_be_bytes(length) as usize];
         stream.read_exact(&mut data).unwrap();
-        (head[0] & 0xf == 1, data)
+        match head[0] & 0xf {
+            // A ping; no client of these tests answers.
+            9 => frame(stream),
+            opcode => (opcode == 1, data),
+        }
     }
 
     fn record(at_ns: u64, bytes: usize) -> PublishedRecord {
@@ -259,6 +289,27 @@ mod tests {
             let (head, _) = ask(address, &headers);
             assert!(head.starts_with("http/1.1 400"), "{head}");
         }
+    }
+
+    #[test]
+    fn a_page_of_another_origin_gets_nothing_and_a_silent_client_is_dropped() {
+        let (hub, address) = hub();
+        hub.publish(record(0, 1));
+        let (head, mut stream) = ask(address, &format!("Origin: https://evil.example\r\n{HEADERS}"));
+        assert!(head.starts_with("http/1.1 403"), "{head}");
+        let mut rest = Vec::new();
+        stream.read_to_end(&mut rest).unwrap();
+        assert!(!String::from_utf8_lossy(&rest).contains("serverInfo"));
+        let (head, mut stream) = ask(address, &format!("Origin: http://localhost:3000\r\n{HEADERS}"));
+        assert!(head.starts_with("http/1.1 101"), "{head}");
+        // It reads, but answers no ping.
+        let since = Instant::now();
+        stream.read_to_end(&mut Vec::new()).unwrap();
+        assert!(
+            since.elapsed() >= SILENT_MAX && since.elapsed() < 10 * SILENT_MAX,
+            "{:?}",
+            since.elapsed()
+        );
     }
 
     #[test]

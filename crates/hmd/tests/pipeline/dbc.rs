@@ -39,7 +39,7 @@ fn a_map_that_does_not_fit_is_refused_with_what_comes_closest() {
             ("\"foreign.dbc\"", "\"nowhere.dbc\""),
             "dbc: expected a DBC file of at most 16 MiB that can be read (No such",
         ),
-        (("\"foreign.dbc\"", "\"foreign.toml\""), "(no valid DBC: "),
+        (("\"foreign.dbc\"", "\"foreign.toml\""), "(no valid DBC: line 1)"),
         (
             ("dbc = \"foreign.dbc\"\n", ""),
             "dbc: expected the DBC file of the signals, found no such key",
@@ -64,6 +64,10 @@ fn a_map_that_does_not_fit_is_refused_with_what_comes_closest() {
         (
             ("\"ACE1_Angles.Alive\"", "\"ACE1_Angles.Theta_O\""),
             "sample.counter: expected a counter: a whole number of at least 2 bits, with factor 1 and offset 0",
+        ),
+        (
+            ("currents.b = \"ACE1_Phase.I_B\"", "currents.b = \"ACE1_Phase.I_A\""),
+            "expected a signal of its own for each quantity, where currents.a and currents.b have the same",
         ),
         (
             ("\"ACE1_Phase.I_A\"", "\"ACE1_Phase.U_dc\""),

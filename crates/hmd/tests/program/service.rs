@@ -24,7 +24,13 @@ const CONFIG: &str = "[[actuator]]\nid = 3\nbus = \"nosuchbus0\"\npassive = true
 
 impl Manager {
     fn start(output: &str, more: &[&str]) -> Self {
+        Self::start_with(output, more, |_| ())
+    }
+
+    /// The same in a folder with something in it.
+    fn start_with(output: &str, more: &[&str], fill: impl FnOnce(&Path)) -> Self {
         let folder = tempfile::tempdir().unwrap();
+        fill(folder.path());
         let at = |name: &str| folder.path().join(name);
         std::fs::write(at("hmd.toml"), CONFIG).unwrap();
         let socket = UnixDatagram::bind(at("notify")).unwrap();
@@ -108,7 +114,7 @@ fn metrics_come_to_a_file_and_over_http_on_this_computer() {
     manager.expect_heartbeat();
     let mut stream = TcpStream::connect(address).unwrap();
     stream
-        .write_all(b"GET /metrics HTTP/1.1\r\nHost: here\r\n\r\n")
+        .write_all(b"GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n")
         .unwrap();
     let mut served = String::new();
     stream.read_to_string(&mut served).unwrap();
@@ -215,4 +221,101 @@ fn one_file_belongs_to_one_configuration() {
     manager.read_until("not reloaded: the output is one file");
     manager.stop();
     assert!(std::fs::read(manager.at("one.mcap")).unwrap().ends_with(mcap::MAGIC));
+}
+
+/// A configuration that turns into a FIFO would make a reload wait for ever.
+#[test]
+fn a_reload_from_a_fifo_changes_nothing_and_the_end_is_obeyed() {
+    let mut manager = Manager::start("segments/", &[]);
+    assert_eq!(manager.next_message().0, "READY=1");
+    std::fs::remove_file(manager.at("hmd.toml")).unwrap();
+    assert!(
+        Command::new("mkfifo")
+            .arg(manager.at("hmd.toml"))
+            .status()
+            .unwrap()
+            .success()
+    );
+    manager.signal("-HUP");
+    assert!(manager.next_message().0.starts_with("RELOADING=1"));
+    assert_eq!(manager.next_message().0, "READY=1");
+    let line = manager.read_until("not reloaded, the configuration stays as it was: ");
+    assert!(line.contains("expected a regular file"), "{line}");
+    manager.expect_heartbeat();
+    manager.stop();
+}
+
+/// Segments that take long to repair, or are bombs, do not keep the daemon from its work.
+#[test]
+fn cut_segments_are_repaired_beside_the_watch() {
+    let bomb = crate::inputs::bomb(70);
+    let since = Instant::now();
+    let mut manager = Manager::start_with("segments/", &[], |folder| {
+        std::fs::create_dir(folder.join("segments")).unwrap();
+        for number in 1..=3 {
+            let name = format!("segments/hmd-{number:08}-records.mcap.part");
+            std::fs::write(folder.join(name), &bomb[..bomb.len() - 40]).unwrap();
+        }
+    });
+    assert_eq!(manager.next_message().0, "READY=1");
+    assert!(since.elapsed() < Duration::from_secs(5), "{:?}", since.elapsed());
+    manager.read_until("was cut");
+    manager.read_until("2 cut segments are repaired in the background");
+    for _ in 0..2 {
+        manager.read_until("was cut");
+    }
+    manager.stop();
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_fails_at_the_start() {
+    let mut manager = Manager::start("hmd.toml/", &[]);
+    assert_eq!(manager.child.wait().unwrap().code(), Some(1));
+    // A folder where even root may make no file.
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("hmd.toml"), CONFIG).unwrap();
+    let socket = UnixDatagram::bind(folder.path().join("notify")).unwrap();
+    socket.set_nonblocking(true).unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_hmd"))
+        .args(["run", "-c", "hmd.toml", "-o", "/proc/"])
+        .current_dir(folder.path())
+        .env("NOTIFY_SOCKET", folder.path().join("notify"))
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let since = Instant::now();
+    let code = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status.code();
+        }
+        if since.elapsed() > Duration::from_secs(10) {
+            child.kill().unwrap();
+            panic!("it runs without an output");
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    let mut text = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut text).unwrap();
+    assert_eq!(code, Some(1), "{text}");
+    assert!(text.contains("/proc/"), "{text}");
+    assert!(socket.recv(&mut [0; 64]).is_err(), "it was not ready");
+}
+
+/// The unit that is shipped: a check before the start would hide exit code 78 from the manager, which then restarts for ever.
+#[test]
+fn a_bad_configuration_is_not_tried_again_by_the_unit() {
+    let unit = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../dist/systemd/hmd.service");
+    let unit = std::fs::read_to_string(unit).unwrap();
+    assert!(!unit.lines().any(|line| line.starts_with("ExecStartPre=")), "{unit}");
+    assert!(unit.contains("\nRestartPreventExitStatus=78\n"), "{unit}");
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("hmd.toml"), "[[actuator]]\nid = 99\n").unwrap();
+    let ended = Command::new(env!("CARGO_BIN_EXE_hmd"))
+        .args(["run", "-c", "hmd.toml", "-o", "segments/"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    assert_eq!(ended.status.code(), Some(78));
+    assert_eq!(String::from_utf8(ended.stderr).unwrap().lines().count(), 1);
+    assert!(!folder.path().join("segments").exists());
 }

@@ -1,0 +1,130 @@
+//! No output destroys what is there: what a run reads, a recording, or the old file when the new one cannot be finished.
+#![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
+
+use std::fs;
+use std::os::unix::fs::symlink;
+
+use crate::folder::Folder;
+
+/// A folder with a log, its recording, a copy of that, and a configuration for a live run.
+fn recorded() -> Folder {
+    let folder = Folder::new();
+    folder.actuation();
+    folder.done("replay actuation.log -o flight.mcap");
+    folder.write("other.mcap", folder.read("flight.mcap"));
+    folder.write(
+        "hmd.toml",
+        "[[actuator]]\nid = 3\nbus = \"nosuchbus0\"\n[rul]\nevents = \"events.jsonl\"\n",
+    );
+    folder
+}
+
+/// Files that a command must leave as they are.
+const KEPT: [&str; 4] = ["actuation.log", "flight.mcap", "other.mcap", "hmd.toml"];
+
+fn refused_and_kept(folder: &Folder, code: i32, line: &str) {
+    let before = KEPT.map(|name| folder.read(name));
+    let ended = folder.hmd(line);
+    assert_eq!(ended.code, code, "hmd {line}: {}", ended.stderr);
+    for (name, content) in KEPT.into_iter().zip(before) {
+        assert!(folder.read(name) == content, "hmd {line}: {name} was changed");
+    }
+}
+
+#[test]
+fn a_link_at_the_place_of_a_sidecar_leads_nowhere() {
+    let folder = recorded();
+    symlink("flight.mcap", folder.path("a.csv.metadata.json")).unwrap();
+    refused_and_kept(&folder, 2, "export flight.mcap -o a.csv");
+    fs::hard_link(folder.path("flight.mcap"), folder.path("b.csv.metadata.json")).unwrap();
+    refused_and_kept(&folder, 2, "export flight.mcap -o b.csv");
+    symlink("other.mcap", folder.path("c.log.truth.jsonl")).unwrap();
+    refused_and_kept(&folder, 2, "simulate --rate 400 -o c.log");
+    symlink("other.mcap", folder.path("d.mcap.toml")).unwrap();
+    refused_and_kept(&folder, 2, "demo -o d.mcap");
+    // A file that is no recording and not read: its link is replaced, the file stays.
+    symlink("actuation.log", folder.path("e.csv.metadata.json")).unwrap();
+    refused_and_kept(&folder, 0, "export flight.mcap -o e.csv");
+    assert!(folder.read("e.csv.metadata.json").starts_with(b"{"));
+    symlink("actuation.log", folder.path("f.log.truth.jsonl")).unwrap();
+    refused_and_kept(&folder, 0, "simulate --rate 400 -o f.log");
+}
+
+#[test]
+fn a_recording_is_replaced_by_no_other_kind_of_file() {
+    let folder = recorded();
+    refused_and_kept(&folder, 2, "report flight.mcap -o other.mcap");
+    fs::hard_link(folder.path("other.mcap"), folder.path("other.csv")).unwrap();
+    refused_and_kept(&folder, 2, "export flight.mcap -o other.csv");
+    for metrics in ["flight.mcap", "actuation.log", "hmd.toml", "events.jsonl"] {
+        refused_and_kept(&folder, 2, &format!("run -c hmd.toml --metrics {metrics}"));
+    }
+    refused_and_kept(&folder, 2, "run -c hmd.toml -o new.prom --metrics ./new.prom");
+    refused_and_kept(
+        &folder,
+        2,
+        "run -c hmd.toml -o out/ --metrics out/hmd-00000001-raw.mcap",
+    );
+    refused_and_kept(&folder, 2, "run -c hmd.toml -o events.jsonl");
+}
+
+#[test]
+fn events_go_to_a_file_of_events_alone() {
+    let folder = recorded();
+    for events in ["flight.mcap", "actuation.log", "own.toml"] {
+        folder.write(
+            "own.toml",
+            format!("[[actuator]]\nid = 3\n[rul]\nevents = \"{events}\"\n"),
+        );
+        let before = folder.read(events);
+        let ended = folder.hmd("event --reset ema3 -c own.toml");
+        assert!([2, 78].contains(&ended.code), "{events}: {}", ended.stderr);
+        assert!(folder.read(events) == before, "{events} was changed");
+    }
+}
+
+#[test]
+fn an_output_that_cannot_be_finished_leaves_the_old_file() {
+    let folder = recorded();
+    folder.write("page.html", "the old page");
+    folder.write("table.csv", "the old table");
+    folder.write("copy.mcap", folder.read("flight.mcap"));
+    folder.write("text.mcap", "no recording at all");
+    let names = || {
+        let mut names: Vec<_> = fs::read_dir(folder.path("."))
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name())
+            .collect();
+        names.sort();
+        names
+    };
+    let before = names();
+    for (file, line) in [
+        ("page.html", "report flight.mcap -o page.html"),
+        ("table.csv", "export --table samples flight.mcap -o table.csv"),
+        ("copy.mcap", "recover flight.mcap -o copy.mcap"),
+        ("copy.mcap", "replay actuation.log -o copy.mcap"),
+        ("copy.mcap", "simulate --rate 400 -o copy.mcap"),
+        ("actuation.log", "simulate --rate 400 --seed 6 -o actuation.log"),
+    ] {
+        let old = folder.read(file);
+        // The limit is an error of the write, as a full disk is.
+        let limited = std::process::Command::new("sh")
+            .args(["-c", "trap '' XFSZ; ulimit -f 8; exec \"$0\" $1"])
+            .arg(env!("CARGO_BIN_EXE_hmd"))
+            .arg(line)
+            .current_dir(folder.path("."))
+            .output()
+            .unwrap();
+        let text = String::from_utf8_lossy(&limited.stderr).into_owned();
+        assert_eq!(limited.status.code(), Some(1), "{line}: {text}");
+        assert!(text.contains("File too large"), "{line}: {text}");
+        assert!(folder.read(file) == old, "{line}: the old {file} is gone");
+    }
+    assert_eq!(names(), before, "nothing is left over");
+    // An input in which nothing is intact.
+    let ended = folder.hmd("recover text.mcap -o copy.mcap");
+    assert_eq!(ended.code, 1, "{}", ended.stderr);
+    assert!(folder.read("copy.mcap") == folder.read("flight.mcap"));
+    assert_eq!(names(), before, "nothing is left over");
+}

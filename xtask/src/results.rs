@@ -15,6 +15,7 @@ const DOCUMENTS: [&str; 6] = [
     "README.md",
     // The long tables of the pages.
     "fixtures/results/bench.md",
+    "fixtures/results/paper.md",
     "fixtures/results/servo28.md",
     "fixtures/results/forecasts.md",
     "fixtures/results/robust.md",

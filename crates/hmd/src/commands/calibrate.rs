@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, bail};
 
 use super::progress::over_pieces;
-use super::{Exit, load_config, no_input, use_threads, warn};
+use super::{Exit, Settings, load_config_with, no_input, use_threads, warn};
 use crate::unit_windows::windows_of;
 #[cfg(feature = "full")]
 use ema_identify::calibration::TypeCalibration;
@@ -53,6 +53,8 @@ pub struct Args {
     /// Configuration that defines further types, and the actuators of the logs.
     #[arg(short, long)]
     config: Option<PathBuf>,
+    #[command(flatten)]
+    settings: Settings,
     /// Draws the windows that the calibration of a type learns from; seed of the search for that of a unit.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -66,7 +68,7 @@ pub struct Args {
 /// # Errors
 /// A bad configuration, or a file that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
-    let config = load_config(args.config.as_deref())?;
+    let config = load_config_with(args.config.as_deref(), &args.settings)?;
     #[cfg(feature = "full")]
     if args.of_type.is_requested()? {
         no_input(

@@ -23,7 +23,7 @@ pub enum Estimator {
     /// The monitor and a search.
     Search(Box<Identifier>),
     /// The relations of a unit that is its type exactly.
-    Relations(Box<UnitRelations>, ActuatorParams),
+    Relations(Box<(UnitRelations, ActuatorParams)>),
 }
 
 impl Estimator {
@@ -50,20 +50,23 @@ impl Estimator {
             sigma_factors: [1.0; ema_identify::relations::ELEMENT_COUNT],
             commissioned,
         };
-        Ok(Self::Relations(Box::new(unit), *params))
+        Ok(Self::Relations(Box::new((unit, *params))))
     }
 
     pub(super) fn params(&self) -> &ActuatorParams {
         match self {
             Self::Search(identifier) => &identifier.params,
-            Self::Relations(_, params) => params,
+            Self::Relations(unit) => &unit.1,
         }
     }
 
     pub(super) fn estimate(&self, window: &SimulatedWindow, seed: u64) -> Result<Estimate, ConfigError> {
         match self {
             Self::Search(identifier) => identifier.identify(&window.prepared, window.conditions, seed),
-            Self::Relations(unit, params) => Ok(estimate_by_relations(unit, &aligned(params, window), false).estimate),
+            Self::Relations(unit) => {
+                let (unit, params) = &**unit;
+                Ok(estimate_by_relations(unit, &aligned(params, window), false).estimate)
+            }
         }
     }
 }

@@ -6,6 +6,7 @@
 mod arrow;
 mod assessed;
 mod error;
+mod fit_problem;
 mod logs;
 mod simulate;
 
@@ -20,6 +21,8 @@ mod _hmd {
     use super::assessed::{AssessedWindow, identify, replay};
     #[pymodule_export]
     use super::error::{ConfigError, Error, UsageError};
+    #[pymodule_export]
+    use super::fit_problem::FitProblem;
     #[pymodule_export]
     use super::logs::{config_identity, read_raw, read_records, serial_numbers};
     #[pymodule_export]

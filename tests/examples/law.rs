@@ -13,7 +13,7 @@ use ema_models::{
     ActuatorParams, FaultVector, Monitor, MotorDeviation, MotorKnowledge, Profile, REFERENCE_STEP, Tolerances,
     Unknowns, alpha_beta_from_abc, rss_pct,
 };
-use hmd_lab::evaluate::{TABLE_III, paper};
+use hmd_lab::evaluate::{Estimator, TABLE_III, paper};
 use hmd_lab::simulated::SimulatedWindow;
 use nalgebra::{Complex, SMatrix, SVector};
 use rayon::prelude::*;
@@ -52,7 +52,7 @@ fn main() {
 
 /// Errors of the windows with several faults.
 fn figures(identifier: &Identifier) -> String {
-    let report = paper(identifier, "", 1, &|| ()).expect("valid settings");
+    let report = paper(&Estimator::Search(Box::new(identifier.clone())), "", 1, &|| ()).expect("valid settings");
     let truth = FaultVector::from_array(TABLE_III);
     let mut all: Vec<f64> = (0..WINDOWS)
         .into_par_iter()

@@ -20,6 +20,7 @@ mod model;
 mod no_std;
 mod oracle;
 mod package;
+mod peers;
 mod power_cut;
 mod progpy;
 mod programs;
@@ -80,6 +81,12 @@ enum Verb {
     Viewers,
     /// Our forecasts beside those of NASA's progpy, on the same histories.
     Progpy,
+    /// Minimisers and filters by others on our windows, monitor and cost, beside our search; puts the table in place.
+    Peers {
+        /// Windows.
+        #[arg(long, default_value_t = 40, value_parser = clap::value_parser!(u32).range(1..))]
+        windows: u32,
+    },
     /// The Python package: built, installed in a fresh environment, tested, its notebook run.
     Python,
     /// Two thousand logs on a local Dask cluster: one worker, four, one of them killed, and again.
@@ -153,6 +160,7 @@ fn main() -> ExitCode {
         Verb::Robust => robust::check(),
         Verb::Viewers => viewers::check(),
         Verb::Progpy => progpy::compare(),
+        Verb::Peers { windows } => peers::compare(windows),
         Verb::Python => wheel::check(),
         Verb::Fleet { logs } => fleet::measure(logs),
         Verb::Can => can::check(),

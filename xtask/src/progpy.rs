@@ -49,15 +49,16 @@ pub(crate) fn compare() -> anyhow::Result<()> {
     let document = root().join(DOCUMENT);
     let text = fs::read_to_string(&document).context(DOCUMENT)?;
     let scores = fs::read_to_string(&table).with_context(|| table.display().to_string())?;
-    fs::write(&document, replaced(&text, &scores)?).context(DOCUMENT)
+    fs::write(&document, replaced(&text, BEGIN, &scores)?).context(DOCUMENT)
 }
 
-fn replaced(text: &str, table: &str) -> anyhow::Result<String> {
+/// A document with this table between the line `begin` and the end mark.
+pub(crate) fn replaced(text: &str, begin: &str, table: &str) -> anyhow::Result<String> {
     let (before, rest) = text
-        .split_once(BEGIN)
-        .with_context(|| format!("expected {BEGIN:?}, found none"))?;
+        .split_once(begin)
+        .with_context(|| format!("expected {begin:?}, found none"))?;
     let (_, after) = rest
         .split_once(END)
         .with_context(|| format!("expected {END:?}, found none"))?;
-    Ok(format!("{before}{BEGIN}{table}{END}{after}"))
+    Ok(format!("{before}{begin}{table}{END}{after}"))
 }

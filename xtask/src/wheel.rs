@@ -63,8 +63,19 @@ pub(crate) fn check() -> anyhow::Result<()> {
 /// # Errors
 /// The package cannot be built or installed.
 pub(crate) fn installed(profile: Profile) -> anyhow::Result<Python> {
-    let folder = folder()?;
-    let wheels = folder.join("wheels");
+    let wheel = built(profile)?;
+    let python = Python::fresh(&folder()?.join("environment"), &PACKAGES)?;
+    let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
+    run(program(python.interpreter(), install).arg(format!("{}[dask]", wheel.display())))?;
+    Ok(python)
+}
+
+/// The wheel.
+///
+/// # Errors
+/// It cannot be built.
+pub(crate) fn built(profile: Profile) -> anyhow::Result<PathBuf> {
+    let wheels = folder()?.join("wheels");
     if wheels.exists() {
         fs::remove_dir_all(&wheels).with_context(|| wheels.display().to_string())?;
     }
@@ -80,11 +91,7 @@ pub(crate) fn installed(profile: Profile) -> anyhow::Result<Python> {
         .arg("--out")
         .arg(&wheels)
         .env("CARGO_TARGET_DIR", target_dir()?))?;
-    let python = Python::fresh(&folder.join("environment"), &PACKAGES)?;
-    let wheel = only_file(&wheels)?;
-    let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
-    run(program(python.interpreter(), install).arg(format!("{}[dask]", wheel.display())))?;
-    Ok(python)
+    only_file(&wheels)
 }
 
 fn folder() -> anyhow::Result<PathBuf> {

@@ -14,15 +14,15 @@ use crate::estimate::Estimate;
 use crate::monitor_fit::{
     COARSE, COARSE_THEN_FINE, LocalOptimum, MAX_STARTS, Population, RUNS_OF_ASSESSMENT, RUNS_OF_DESCENT, RUNS_OF_STEP,
     Search, Starts, UNLIMITED, assess, best_first, conclude, conclude_with_tolerances, descend_side_by_side, is_locked,
-    prior, residuals_with_tolerances, search_by_paper, starts,
+    prior, residuals_with_tolerances, starts,
 };
 use crate::prepared::Prepared;
 
 /// How the fault vector is searched. `docs/search.md` compares them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
-    /// The paper's standard genetic algorithm on its own cost (eq. 14), quadrature current only.
-    PaperGa(GaConfig),
+    /// A population search on the paper's cost (eq. 14), quadrature current only; the paper's own is the genetic algorithm.
+    Eq14(Population),
     /// A population search over all signals.
     Population(Population),
     /// Levenberg–Marquardt from health alone, over all signals.
@@ -45,7 +45,7 @@ impl Method {
     /// The paper's search with the toolbox's defaults for eight bounded genes.
     #[must_use]
     pub fn paper_ga() -> Self {
-        Self::PaperGa(GaConfig::for_dimension(FAULT_COUNT as u32))
+        Self::Eq14(Population::Genetic(GaConfig::for_dimension(FAULT_COUNT as u32)))
     }
 }
 
@@ -135,7 +135,7 @@ impl Identifier {
         };
         let mismatch = self.calibration.mismatch_near(self.params.sensors.sample_rate);
         let estimate = match self.method {
-            Method::PaperGa(_) | Method::Population(_) => Estimate {
+            Method::Eq14(_) | Method::Population(_) => Estimate {
                 cut: search.cut,
                 ..assess(&comparison, mismatch, search.best().at, None, search.evaluations, None)
             },
@@ -168,7 +168,7 @@ impl Identifier {
     /// Monitor runs after the search: with which an estimate is worth anything, of most windows, and at most.
     fn runs_of_conclusion(&self) -> [u64; 3] {
         match self.method {
-            Method::PaperGa(_) | Method::Population(_) => [RUNS_OF_ASSESSMENT; 3],
+            Method::Eq14(_) | Method::Population(_) => [RUNS_OF_ASSESSMENT; 3],
             Method::LeastSquares | Method::Hybrid(_) if self.has_tolerances() => [360, 500, 830],
             Method::LeastSquares | Method::Hybrid(_) => [100, 350, 6 * RUNS_OF_DESCENT],
         }
@@ -224,9 +224,9 @@ impl Identifier {
             optima
         };
         Ok(match self.method {
-            Method::PaperGa(config) => {
-                let extent = (config.population as u64, config.stop.max_generations);
-                let found = search_by_paper(comparison, &config, seed, |log| follow(log, extent))?;
+            Method::Eq14(population) => {
+                let extent = population.extent();
+                let found = population.search_by_eq14(comparison, seed, |log| follow(log, extent))?;
                 self.best_individual(comparison, &found)
             }
             Method::Population(population) => {
@@ -315,7 +315,7 @@ impl Identifier {
     fn budget(&self) -> u64 {
         match self.method {
             Method::Hybrid(population) => population.budget().unwrap_or(UNLIMITED),
-            Method::LeastSquares | Method::PaperGa(_) | Method::Population(_) => UNLIMITED,
+            Method::LeastSquares | Method::Eq14(_) | Method::Population(_) => UNLIMITED,
         }
     }
 

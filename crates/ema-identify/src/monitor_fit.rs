@@ -38,8 +38,6 @@ pub(crate) use least_squares::{
 pub use least_squares::{estimator_bias, refined_from};
 #[cfg(feature = "std")]
 pub use population::Population;
-#[cfg(feature = "std")]
-pub(crate) use population::search_by_paper;
 pub use recorded_window::{MAX_CONTROLS, RecordedSample, RecordedWindow, SampleDrive};
 pub use streamed::StreamedWindow;
 #[cfg(feature = "std")]

@@ -161,17 +161,17 @@ impl Comparison<'_> {
     ///
     /// `time_scale` τ, s/A, makes the derivative dimensionless. The cost tolerates small delays where the current is steep.
     #[must_use]
-    pub fn modified_total_least_squares(&self, unknowns: &Unknowns, time_scale: f64) -> f64 {
-        let samples = self.recording.samples;
-        let per_period = self.params.sensors.sample_rate;
-        let mut sum = 0.0;
-        self.residuals(unknowns, |n, r| {
-            let (before, after) = (&samples[n.saturating_sub(1)], &samples[(n + 1).min(samples.len() - 1)]);
-            let span = if n == 0 || n + 1 == samples.len() { 1.0 } else { 2.0 };
-            let slope = time_scale * (after.i_q - before.i_q) * per_period / span;
-            sum += r.i_q * r.i_q / libm::sqrt(slope * slope + 1.0);
-        });
-        sum / samples.len().max(1) as f64
+    pub fn modified_total_least_squares(
+        &self,
+        unknowns: &[Unknowns; COST_LANES],
+        time_scale: f64,
+    ) -> [f64; COST_LANES] {
+        let monitors = core::array::from_fn(|lane| self.monitor(&unknowns[lane]));
+        InstructionSet::best().run(TotalLeastSquares {
+            comparison: self,
+            monitors: &monitors,
+            time_scale,
+        })
     }
 
     /// Normal equations at a point, by one-sided differences of monitors run in lanes, including the [`Prior`].
@@ -232,6 +232,32 @@ impl LaneWork for HalfMeanSquares<'_> {
     fn run<N: LaneTypes>(self) -> [f64; COST_LANES] {
         let monitor = Monitor::side_by_side(self.monitors, N::Double::from_lanes);
         self.comparison.half_mean_square(&monitor).to_lanes()
+    }
+}
+
+/// [`Comparison::modified_total_least_squares`] as [`LaneWork`].
+struct TotalLeastSquares<'a> {
+    comparison: &'a Comparison<'a>,
+    monitors: &'a [Monitor<f64>; COST_LANES],
+    time_scale: f64,
+}
+
+impl LaneWork for TotalLeastSquares<'_> {
+    type Output = [f64; COST_LANES];
+
+    #[inline(always)]
+    fn run<N: LaneTypes>(self) -> [f64; COST_LANES] {
+        let monitor = Monitor::side_by_side(self.monitors, N::Double::from_lanes);
+        let samples = self.comparison.recording.samples;
+        let per_period = self.comparison.params.sensors.sample_rate;
+        let mut sum = N::Double::zero();
+        self.comparison.run(&monitor, |n, r| {
+            let (before, after) = (&samples[n.saturating_sub(1)], &samples[(n + 1).min(samples.len() - 1)]);
+            let span = if n == 0 || n + 1 == samples.len() { 1.0 } else { 2.0 };
+            let slope = self.time_scale * (after.i_q - before.i_q) * per_period / span;
+            sum = sum + r.i_q * r.i_q / N::Double::splat(libm::sqrt(slope * slope + 1.0));
+        });
+        sum.to_lanes().map(|sum| sum / samples.len().max(1) as f64)
     }
 }
 

@@ -12,10 +12,10 @@ mod records;
 
 use std::sync::Arc;
 
-use ema_ga::GaConfig;
+use ema_ga::{CmaConfig, DeConfig, GaConfig, StopRule};
 use ema_models::{Conditions, FAULT_COUNT, FaultId, FaultVector, MotorKnowledge, SensedSample, Setpoint, Tolerances};
 
-use crate::config::{ActuatorConfig, Config, IdentificationConfig, SearchMethod};
+use crate::config::{ActuatorConfig, Config, IdentificationConfig, SearchMethod, SearchObjective};
 use crate::deadline::TimeLimit;
 use crate::functional_check::{CHECK_LANES, unmet_requirements};
 use crate::health::{DamageEvidence, HealthState};
@@ -277,14 +277,32 @@ impl Assessor {
 /// The search that a configuration asks for.
 #[must_use]
 pub fn method(section: &IdentificationConfig) -> Method {
-    let mut search = GaConfig::for_dimension(FAULT_COUNT as u32);
-    search.population = section.population as usize;
-    search.elite_count = search.population.div_ceil(20);
-    search.stop.max_generations = section.generations;
-    search.stop.max_evaluations = Some(u64::from(section.evaluations_max));
-    match section.method {
-        SearchMethod::Hybrid => Method::Hybrid(Population::Genetic(search)),
-        SearchMethod::Ga => Method::PaperGa(search),
+    let dimension = FAULT_COUNT as u32;
+    let population = section.population as usize;
+    let mut stop = StopRule::for_dimension(dimension);
+    stop.max_generations = section.generations;
+    stop.max_evaluations = Some(u64::from(section.evaluations_max));
+    let genetic = Population::Genetic(GaConfig {
+        population,
+        elite_count: population.div_ceil(20),
+        stop,
+        ..GaConfig::for_dimension(dimension)
+    });
+    let population = match section.method {
+        SearchMethod::Hybrid => return Method::Hybrid(genetic),
+        // Where the relations are not asked (commissioning, doubtful readings), the monitor needs no population either.
+        SearchMethod::LeastSquares | SearchMethod::Relations => return Method::LeastSquares,
+        SearchMethod::Ga => genetic,
+        SearchMethod::De => Population::Differential(DeConfig { population, stop }),
+        SearchMethod::Cmaes => Population::CmaEs(CmaConfig {
+            population,
+            stop,
+            ..CmaConfig::for_dimension(dimension)
+        }),
+    };
+    match section.objective {
+        SearchObjective::Residual => Method::Population(population),
+        SearchObjective::Eq14 => Method::Eq14(population),
     }
 }
 

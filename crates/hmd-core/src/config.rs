@@ -19,6 +19,7 @@ mod params;
 mod reader;
 mod rul;
 mod serial;
+mod set;
 mod signals;
 mod specification;
 mod spelling;
@@ -32,7 +33,7 @@ pub use bus::{BusConfig, BusLoad, LOAD_MAX};
 pub use effective::{EffectiveParameter, Origin, parameters_of_unit, write_parameters};
 pub use error::ConfigError;
 pub use health::HealthConfig;
-pub use identification::{IdentificationConfig, MONITOR_NAMES, SearchMethod};
+pub use identification::{IdentificationConfig, MONITOR_NAMES, SearchMethod, SearchObjective};
 pub use output::OutputConfig;
 pub use rul::{HoursOf, RulConfig};
 pub use serial::{DEFAULT_BITRATE_BIT_S, SerialConfig};
@@ -109,24 +110,26 @@ impl Config {
     /// [`ConfigError`] for the first thing that is wrong.
     pub fn from_toml_str(text: &str, file_name: &str) -> Result<Self, ConfigError> {
         let no_files = |_: &Path| Err("files cannot be read here".to_owned());
-        let mut config = Self::from_texts(&[(file_name.to_owned(), text.to_owned())], &no_files)?;
+        let mut config = Self::from_texts(&[(file_name.to_owned(), text.to_owned())], &[], &no_files)?;
         // The text is no file that a run would read.
         config.files.clear();
         Ok(config)
     }
 
     /// Checks the texts of several files, each with the name that errors call it: what a later one sets again holds, and
-    /// its `[[actuator]]`s are further ones. Relative paths start at the directory of the first. `read_dbc` reads a DBC
-    /// file, or returns why it cannot.
+    /// its `[[actuator]]`s are further ones. Relative paths start at the directory of the first. `settings` are of the form
+    /// `KEY=VALUE` and hold over all files; errors call the n-th of them `--set:n`. `read_dbc` reads a DBC file, or returns why
+    /// it cannot.
     ///
     /// # Errors
     /// [`ConfigError`] with file, line, key, what was expected and what was found.
     pub fn from_texts(
         files: &[(String, String)],
+        settings: &[String],
         read_dbc: &dyn Fn(&Path) -> Result<Vec<u8>, String>,
     ) -> Result<Self, ConfigError> {
-        let file_name = files.first().map_or("", |(name, _)| name.as_str());
-        let document = Document::new(files);
+        let file_name = files.first().map_or(set::NAME, |(name, _)| name.as_str());
+        let document = Document::new(&[files, &set::as_files(settings)?].concat());
         let table = document.parse()?;
         let root = Section::root(&document, &table, Self::KEYS)?;
         let types = actuator_type::read_all(&root)?;

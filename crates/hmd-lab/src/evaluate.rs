@@ -1,6 +1,7 @@
 //! Accuracy suites: identification against the reference model, on vectors and seeds that no calibration uses.
 
 mod detection;
+mod estimator;
 mod matched;
 mod motors;
 mod noise;
@@ -19,10 +20,11 @@ use serde::Serialize;
 
 use crate::calibrate_type::random_faults;
 use crate::simulated::SimulatedWindow;
-use ema_identify::{Estimate, Identifier};
+use ema_identify::Estimate;
 use hmd_core::seed::mix;
 
 pub use detection::{ByFault, DetectionError, DetectionReport, Wrong, detection};
+pub use estimator::Estimator;
 pub use noise::{NOISE_RATES_HZ, NoiseAtRate, NoiseReport, noise};
 pub use profiles::{CONDITION_ROWS, PROFILE_ROWS, ProfileRow, ProfilesError, ProfilesReport, conditions, profiles};
 pub use rul::{
@@ -115,9 +117,9 @@ struct Plan {
 /// Each seed also draws which phase is shorted and the eccentricity's direction; the gain drifts up, as in the paper.
 ///
 /// # Errors
-/// [`ConfigError`] when the identifier's settings contradict each other.
+/// [`ConfigError`] when the settings of the search contradict each other.
 pub fn paper(
-    identifier: &Identifier,
+    estimator: &Estimator,
     actuator: &str,
     seed: u64,
     done: &(dyn Fn() + Sync),
@@ -143,7 +145,7 @@ pub fn paper(
             seed: mix(seed, &[2, n]),
         });
     }
-    let cases = run(identifier, plans, done)?;
+    let cases = run(estimator, plans, done)?;
     let (single, multi) = cases.split_at(singles);
     Ok(PaperReport {
         suite: "paper",
@@ -160,7 +162,7 @@ pub fn paper(
 /// # Errors
 /// [`ConfigError`] when the identifier's settings contradict each other.
 pub fn random(
-    identifier: &Identifier,
+    estimator: &Estimator,
     actuator: &str,
     n: u64,
     seed: u64,
@@ -176,7 +178,7 @@ pub fn random(
             }
         })
         .collect();
-    let cases = run(identifier, plans, done)?;
+    let cases = run(estimator, plans, done)?;
     Ok(RandomReport {
         suite: "random",
         actuator: actuator.to_owned(),
@@ -209,12 +211,12 @@ fn single_fault(fault: &str, level: f64, seed: u64) -> FaultVector {
     k
 }
 
-fn run(identifier: &Identifier, plans: Vec<Plan>, done: &(dyn Fn() + Sync)) -> Result<Vec<Case>, ConfigError> {
+fn run(estimator: &Estimator, plans: Vec<Plan>, done: &(dyn Fn() + Sync)) -> Result<Vec<Case>, ConfigError> {
     plans
         .into_par_iter()
         .map(|plan| {
-            let window = SimulatedWindow::new(&identifier.params, plan.truth, Profile::Mixed, plan.seed);
-            let estimate = identifier.identify(&window.prepared, window.conditions, plan.seed)?;
+            let window = SimulatedWindow::new(estimator.params(), plan.truth, Profile::Mixed, plan.seed);
+            let estimate = estimator.estimate(&window, plan.seed)?;
             done();
             Ok(case(plan.name, plan.seed, &plan.truth, &estimate))
         })

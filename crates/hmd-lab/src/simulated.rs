@@ -17,7 +17,9 @@ const DURATION: f64 = 0.5;
 pub struct SimulatedWindow {
     /// The true fault vector.
     pub truth: FaultVector,
-    /// The samples, ready for comparison.
+    /// The samples as received.
+    pub samples: Vec<SensedSample>,
+    /// The same, ready for comparison.
     pub prepared: Prepared,
     /// Load, supply voltage and winding temperature.
     pub conditions: Conditions,
@@ -41,9 +43,11 @@ impl SimulatedWindow {
         let rest = (PRE_TRIGGER * rate).round() as usize;
         let start = trigger(&samples).saturating_sub(rest);
         let end = (start + (DURATION * rate).round() as usize).min(samples.len());
+        let samples = samples[start..end].to_vec();
         Self {
             truth: scenario.fault,
-            prepared: Prepared::new(&scenario.nominal, &samples[start..end], &[], rest),
+            prepared: Prepared::new(&scenario.nominal, &samples, &[], rest),
+            samples,
             conditions: Conditions {
                 load_torque: Some(scenario.load_torque),
                 v_dc: scenario.unit.motor.v_dc,

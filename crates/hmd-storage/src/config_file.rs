@@ -61,12 +61,22 @@ const DBC_BYTES_MAX: u64 = 16 << 20;
 /// # Errors
 /// [`ConfigError`] with file, line, key, what was expected and what was found.
 pub fn load_config(path: impl AsRef<Path>) -> Result<Config, ConfigError> {
-    let path = path.as_ref();
-    let mut files = vec![read(path, FILE_BYTES_MAX)?];
-    for dropin in list(path)? {
-        files.push(read(&dropin, DROPIN_BYTES_MAX)?);
+    load_config_with(Some(path.as_ref()), &[])
+}
+
+/// The same, or the defaults without a file, with `settings` (`KEY=VALUE`) that hold over all files.
+///
+/// # Errors
+/// As [`load_config`]; errors call the n-th setting `--set:n`.
+pub fn load_config_with(path: Option<&Path>, settings: &[String]) -> Result<Config, ConfigError> {
+    let mut files = Vec::new();
+    if let Some(path) = path {
+        files.push(read(path, FILE_BYTES_MAX)?);
+        for dropin in list(path)? {
+            files.push(read(&dropin, DROPIN_BYTES_MAX)?);
+        }
     }
-    Config::from_texts(&files, &read_dbc)
+    Config::from_texts(&files, settings, &read_dbc)
 }
 
 /// Checks `text` as a configuration file called `file_name`; DBC files that it names are read from its directory.
@@ -74,7 +84,7 @@ pub fn load_config(path: impl AsRef<Path>) -> Result<Config, ConfigError> {
 /// # Errors
 /// As [`load_config`].
 pub fn config_from_text(text: &str, file_name: &str) -> Result<Config, ConfigError> {
-    Config::from_texts(&[(file_name.to_owned(), text.to_owned())], &read_dbc)
+    Config::from_texts(&[(file_name.to_owned(), text.to_owned())], &[], &read_dbc)
 }
 
 /// The bytes of a DBC file, or why there are none.

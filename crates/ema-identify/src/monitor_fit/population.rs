@@ -4,7 +4,9 @@ use ema_ga::{
     Bounds, CmaConfig, ConfigError, Control, DeConfig, GaConfig, GenerationLog, Objective, Outcome, Parallel, Search,
     cma_es_owned, differential_evolution_owned, evolve_owned,
 };
-use ema_models::{ActuatorParams, Comparison, FAULT_COUNT, FaultVector, Feedback, RANK_LANES, Weights};
+use ema_models::{
+    ActuatorParams, COST_LANES, Comparison, FAULT_COUNT, FaultVector, Feedback, RANK_LANES, Unknowns, Weights,
+};
 
 use super::least_squares::constant_box;
 
@@ -50,12 +52,37 @@ impl Population {
             comparison,
             bounds: unit_box(),
         };
-        let nominal = [FaultVector::NOMINAL.to_array()];
+        self.minimise(&objective, seed, &[FaultVector::NOMINAL.to_array()], observe)
+    }
+
+    /// The best individual by the paper's fitness function on the quadrature current alone, by a monitor that simulates its own
+    /// feedback; none of the first is known.
+    pub(crate) fn search_by_eq14(
+        &self,
+        comparison: &Comparison<'_>,
+        seed: u64,
+        observe: impl FnMut(&GenerationLog<FAULT_COUNT>) -> Control,
+    ) -> Result<Outcome<FAULT_COUNT>, ConfigError> {
+        let alone = Comparison {
+            weights: Weights::CURRENT_ONLY,
+            feedback: Feedback::Simulated,
+            ..*comparison
+        };
+        self.minimise(&PaperCost::new(alone, comparison.params), seed, &[], observe)
+    }
+
+    fn minimise(
+        &self,
+        objective: &impl Objective<FAULT_COUNT>,
+        seed: u64,
+        initial: &[[f64; FAULT_COUNT]],
+        observe: impl FnMut(&GenerationLog<FAULT_COUNT>) -> Control,
+    ) -> Result<Outcome<FAULT_COUNT>, ConfigError> {
         let search = Search {
-            objective: &objective,
+            objective,
             evaluate: Parallel,
             seed,
-            initial: &nominal,
+            initial,
         };
         match self {
             Self::Genetic(config) => evolve_owned(&search, config, observe),
@@ -68,6 +95,12 @@ impl Population {
 /// [0, 1] in every component of the fault vector.
 fn unit_box() -> Bounds<FAULT_COUNT> {
     constant_box([0.0; FAULT_COUNT], [1.0; FAULT_COUNT])
+}
+
+/// The unknowns of a batch; lanes that a short last one leaves over run the first individual again.
+fn in_lanes<const N: usize>(comparison: &Comparison<'_>, genes: &[[f64; FAULT_COUNT]]) -> [Unknowns; N] {
+    let genes_of = |lane: usize| genes.get(lane).or(genes.first()).copied().unwrap_or([0.0; FAULT_COUNT]);
+    core::array::from_fn(|lane| comparison.unknowns_with_fault(FaultVector::from_array(genes_of(lane))))
 }
 
 struct LeastSquares<'a> {
@@ -87,12 +120,7 @@ impl Objective<FAULT_COUNT> for LeastSquares<'_> {
     }
 
     fn cost_batch(&self, genes: &[[f64; FAULT_COUNT]], costs: &mut [f64]) {
-        // Lanes that a short last batch leaves over run the first individual again.
-        let genes_of = |lane: usize| genes.get(lane).or(genes.first()).copied().unwrap_or([0.0; FAULT_COUNT]);
-        let unknowns = core::array::from_fn(|lane| {
-            self.comparison
-                .unknowns_with_fault(FaultVector::from_array(genes_of(lane)))
-        });
+        let unknowns = in_lanes(&self.comparison, genes);
         for (slot, cost) in costs.iter_mut().zip(self.comparison.rank(&unknowns)) {
             *slot = cost;
         }
@@ -101,29 +129,6 @@ impl Objective<FAULT_COUNT> for LeastSquares<'_> {
     fn batch_size(&self) -> usize {
         RANK_LANES
     }
-}
-
-/// The best individual of the paper's genetic algorithm: its fitness function on the quadrature current alone, by a monitor
-/// that simulates its own feedback.
-pub(crate) fn search_by_paper(
-    comparison: &Comparison<'_>,
-    config: &GaConfig,
-    seed: u64,
-    observe: impl FnMut(&GenerationLog<FAULT_COUNT>) -> Control,
-) -> Result<Outcome<FAULT_COUNT>, ConfigError> {
-    let alone = Comparison {
-        weights: Weights::CURRENT_ONLY,
-        feedback: Feedback::Simulated,
-        ..*comparison
-    };
-    let objective = PaperCost::new(alone, comparison.params);
-    let search = Search {
-        objective: &objective,
-        evaluate: Parallel,
-        seed,
-        initial: &[],
-    };
-    evolve_owned(&search, config, observe)
 }
 
 /// The paper's fitness function.
@@ -151,7 +156,20 @@ impl Objective<FAULT_COUNT> for PaperCost<'_> {
     }
 
     fn cost(&self, genes: &[f64; FAULT_COUNT]) -> f64 {
-        let unknowns = self.comparison.unknowns_with_fault(FaultVector::from_array(*genes));
-        self.comparison.modified_total_least_squares(&unknowns, self.time_scale)
+        let mut cost = [0.0];
+        self.cost_batch(&[*genes], &mut cost);
+        cost[0]
+    }
+
+    fn cost_batch(&self, genes: &[[f64; FAULT_COUNT]], costs: &mut [f64]) {
+        let unknowns = in_lanes(&self.comparison, genes);
+        let all = self.comparison.modified_total_least_squares(&unknowns, self.time_scale);
+        for (slot, cost) in costs.iter_mut().zip(all) {
+            *slot = cost;
+        }
+    }
+
+    fn batch_size(&self) -> usize {
+        COST_LANES
     }
 }

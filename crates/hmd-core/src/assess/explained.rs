@@ -4,6 +4,7 @@
 //! faults after it.
 
 use ema_identify::effort::Effort;
+use ema_identify::unit_calibration::{UnitCalibration, UnitEstimator};
 use ema_identify::unit_fit::healthy_cost;
 use ema_identify::{Identifier, Method, Prepared};
 use ema_models::{Comparison, Conditions, Tolerances};
@@ -11,6 +12,7 @@ use ema_models::{Comparison, Conditions, Tolerances};
 use super::by_signals::{BySignals, CORRECTED_FACTOR, in_words};
 use super::by_unit::{self, Assessed};
 use super::{AssessError, Assessor, conditions, unseen};
+use crate::config::SearchMethod;
 use crate::outbox::WindowJob;
 use crate::outliers::{grants_runs, identify_without_outliers};
 use crate::seed::{mix, name_hash};
@@ -171,13 +173,26 @@ impl Assessor {
     ) -> Result<Option<Assessed>, AssessError> {
         let identifier = self.identifier_of(job)?;
         let seed = mix(self.seed, &[name_hash(&job.actuator.name), job.window.number]);
-        if let Some(unit) = self.models.unit(&job.actuator) {
-            return by_unit::estimate(unit, &identifier, job, conditions, seed, effort);
+        let only_relations = self.config.identification().method == SearchMethod::Relations;
+        let mut reasons = Vec::new();
+        match self.models.unit(&job.actuator) {
+            Some(unit) if only_relations && unit.relations.is_some() => {
+                let alone = UnitCalibration {
+                    estimator: UnitEstimator::Relations,
+                    monitor: None,
+                    ..unit.clone()
+                };
+                return by_unit::estimate(&alone, &identifier, job, conditions, seed, effort);
+            }
+            Some(unit) => return by_unit::estimate(unit, &identifier, job, conditions, seed, effort),
+            // They are changes since commissioning.
+            None if only_relations => reasons.push("not commissioned: assessed by the monitor".to_owned()),
+            None => {}
         }
         let found = identify_without_outliers(&identifier, &mut job.window, conditions, seed, effort)?;
         Ok(found.map(|(prepared, estimate)| Assessed {
             fit: identifier.fit(&prepared, conditions, &estimate),
-            reasons: unseen(&estimate).into_iter().collect(),
+            reasons: reasons.into_iter().chain(unseen(&estimate)).collect(),
             estimate,
         }))
     }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::actuator_type::DEFAULT_TYPE;
 use super::effective::write_parameters;
-use super::{ActuatorConfig, Config, HoursOf, LOAD_MAX, MONITOR_NAMES, RulConfig, SearchMethod};
+use super::{ActuatorConfig, Config, HoursOf, LOAD_MAX, MONITOR_NAMES, RulConfig, SearchObjective};
 use crate::dbc::{Role, SignalMap};
 use crate::health::Levels;
 use ema_models::FaultId;
@@ -33,12 +33,21 @@ fn write_all(out: &mut String, config: &Config) -> fmt::Result {
     let search = config.identification();
     writeln!(
         out,
-        "identification: {} with the {} monitor, population {}, generations {}, at most {} evaluations",
-        name_of(search.method, &SearchMethod::NAMES),
+        "identification: {} with the {} monitor{}{}",
+        search.method.name(),
         name_of(search.monitor, &MONITOR_NAMES),
-        search.population,
-        search.generations,
-        search.evaluations_max
+        match search.objective {
+            SearchObjective::Residual => "",
+            SearchObjective::Eq14 => ", objective eq14",
+        },
+        if search.population == 0 {
+            String::new()
+        } else {
+            format!(
+                ", population {}, generations {}, at most {} evaluations",
+                search.population, search.generations, search.evaluations_max
+            )
+        }
     )?;
     write_health(out, config)?;
     write_rul(out, config)?;

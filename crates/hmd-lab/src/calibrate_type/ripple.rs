@@ -109,18 +109,26 @@ const SPREAD: [f64; COEFFICIENTS] = [0.1, 0.03, 0.03, 0.03, 0.03, 0.03, 0.03, 1.
 
 /// Adjusts the ripple to the least estimator bias in actuations, with the sweeps as what is known beforehand: Gauss–Newton on
 /// the windows' biases, each window counting by the inverse square of its own, so that a few with large ones do not decide.
-pub(super) fn fit(calibration: &mut TypeCalibration, params: &ActuatorParams, windows: &[SimulatedWindow]) {
+pub(super) fn fit(
+    calibration: &mut TypeCalibration,
+    params: &ActuatorParams,
+    windows: &[SimulatedWindow],
+    done: &dyn Fn(),
+) {
     type Vector = SVector<f64, COEFFICIENTS>;
     let known = coefficients(calibration);
     for _ in 0..ROUNDS {
         // The weights depend on the ripple, hardly, and the ripple on the weights.
-        calibration.at_rate = vec![mismatch(calibration, params, windows)];
+        calibration.at_rate = vec![mismatch(calibration, params, windows, done)];
         let at = coefficients(calibration);
         let biases = each_bias(calibration, params, windows);
+        done();
         let slopes: [Vec<[f64; FAULT_COUNT]>; COEFFICIENTS] = std::array::from_fn(|c| {
             let mut moved = at;
             moved[c] += DIFFERENCE * SPREAD[c];
-            each_bias(&with_coefficients(calibration, moved), params, windows)
+            let moved = each_bias(&with_coefficients(calibration, moved), params, windows);
+            done();
+            moved
         });
         let mut normal = SMatrix::<f64, COEFFICIENTS, COEFFICIENTS>::zeros();
         let mut rhs = Vector::zeros();
@@ -143,6 +151,7 @@ pub(super) fn fit(calibration: &mut TypeCalibration, params: &ActuatorParams, wi
             let tried = with_coefficients(calibration, std::array::from_fn(|c| rounded(at[c] + share * step[c])));
             (mean_length(&each_bias(&tried, params, windows)) < before).then_some(tried)
         });
+        done();
         match better {
             Some(better) => *calibration = better,
             None => return,

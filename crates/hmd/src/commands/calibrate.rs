@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 
 use super::outputs::Outputs;
 use super::progress::over_pieces;
-use super::{Exit, Misuse, load_config, use_threads, warn};
+use super::{Exit, Misuse, Settings, load_config_with, use_threads, warn};
 use crate::unit_windows::windows_of;
 #[cfg(feature = "full")]
 use ema_identify::calibration::TypeCalibration;
@@ -56,6 +56,8 @@ pub struct Args {
     /// Configuration that defines further types, and the actuators of the logs.
     #[arg(short, long)]
     config: Option<PathBuf>,
+    #[command(flatten)]
+    settings: Settings,
     /// Draws the windows that the calibration of a type learns from; seed of the search for that of a unit.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -69,7 +71,7 @@ pub struct Args {
 /// # Errors
 /// A bad configuration, or a file that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
-    let config = load_config(args.config.as_deref())?;
+    let config = load_config_with(args.config.as_deref(), &args.settings)?;
     #[cfg(feature = "full")]
     if args.of_type.is_requested()? {
         check(

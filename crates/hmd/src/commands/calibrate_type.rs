@@ -2,12 +2,14 @@
 
 use std::path::PathBuf;
 
+use anyhow::Context;
 use ema_identify::calibration::{MonitorForm, TypeCalibration};
 use hmd_core::config::{ActuatorType, Config, MONITOR_NAMES};
 use hmd_core::type_of_units::type_of_units;
-use hmd_lab::calibrate_type::calibrate_type;
+use hmd_lab::calibrate_type::{calibrate_type, pieces};
 use hmd_storage::calibration_file::load_unit;
 
+use super::progress::over_pieces;
 use super::{Misuse, unknown_type, warn};
 
 /// Options of the calibration of a type.
@@ -75,11 +77,14 @@ impl TypeArgs {
     /// Calibrates the type and prints the error before and after.
     ///
     /// # Errors
-    /// No type of that name.
+    /// No type of that name, or one that no monitor follows.
     pub(super) fn calibrate(&self, config: &Config, seed: u64) -> anyhow::Result<TypeCalibration> {
         let (name, found) = self.found(config)?;
         let form = self.monitor.unwrap_or(MonitorForm::ThreePhase);
-        let calibration = calibrate_type(name, &found.params, form, seed);
+        let bar = over_pieces(pieces(form));
+        let calibration = calibrate_type(name, &found.params, form, seed, &|| bar.inc(1));
+        bar.finish_and_clear();
+        let calibration = calibration.with_context(|| format!("type {name}"))?;
         let q = &calibration.quality;
         warn(format_args!("mean squared error of i_q, A²   before      after"));
         warn(format_args!(

@@ -6,7 +6,7 @@ use hmd_core::config::{Config, EffectiveParameter, parameters_of_unit, write_par
 use hmd_core::config_warnings::warnings;
 use hmd_storage::calibration_file::{load_learnt, load_type_models, load_unit};
 
-use super::{Exit, check_files_of_run, load_config, say, warn};
+use super::{Exit, Settings, check_files_of_run, load_config_with, say, warn};
 
 /// Check a configuration and say what it means.
 #[derive(Debug, clap::Args)]
@@ -17,6 +17,8 @@ pub struct Args {
     /// Configuration file; without it the defaults are shown.
     #[arg(short, long)]
     config: Option<PathBuf>,
+    #[command(flatten)]
+    settings: Settings,
     /// Print the checked configuration as JSON.
     #[arg(long)]
     json: bool,
@@ -27,7 +29,7 @@ pub struct Args {
 /// # Errors
 /// A bad configuration.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
-    let config = load_config(args.config.as_deref())?;
+    let config = load_config_with(args.config.as_deref(), &args.settings)?;
     check_files_of_run(&config)?;
     let units = units(&config)?;
     let warnings = warnings(&config, &load_type_models(&config)?);

@@ -7,16 +7,17 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::{Exit, Misuse, load_config, progress, say, unknown_type, use_threads};
+use super::{Exit, Misuse, Settings, load_config_with, progress, say, unknown_type, use_threads};
 use ema_identify::Identifier;
 use ema_identify::calibration::MonitorForm;
 use ema_models::{FaultId, MotorKnowledge, Tolerances};
 use hmd_core::assess::{AssessError, method};
-use hmd_core::config::SearchMethod;
-use hmd_core::config::{Config, IdentificationConfig};
-use hmd_lab::evaluate::tables::{detection_table, noise_table, paper_table, profiles_table, random_table, rul_table};
+use hmd_core::config::{Config, IdentificationConfig, SearchMethod, SearchObjective};
+use hmd_lab::evaluate::tables::{
+    beside_the_paper, detection_table, noise_table, paper_table, profiles_table, random_table, rul_table,
+};
 use hmd_lab::evaluate::{
-    CONDITION_ROWS, NOISE_RATES_HZ, PROFILE_ROWS, conditions, detection, noise, paper, profiles, random, rul,
+    CONDITION_ROWS, Estimator, NOISE_RATES_HZ, PROFILE_ROWS, conditions, detection, noise, paper, profiles, random, rul,
 };
 use hmd_storage::calibration_file::load_type_model;
 
@@ -54,12 +55,18 @@ pub struct Args {
     /// Monitor form, instead of the configuration's: three-phase, one-axis or paper.
     #[arg(long, value_parser = super::calibrate_type::named_monitor)]
     monitor: Option<MonitorForm>,
-    /// Search method, instead of the configuration's: hybrid or ga.
+    /// Search method with its defaults, instead of the configuration's: hybrid, ga, de, cmaes, least-squares; relations (suites
+    /// `paper` and `random`) of a unit commissioned by twelve simulated windows.
     #[arg(long, value_parser = named_method)]
     method: Option<SearchMethod>,
+    /// What ga, de or cmaes minimise, instead of the configuration's: residual or eq14.
+    #[arg(long, value_parser = named_objective)]
+    objective: Option<SearchObjective>,
     /// Configuration.
     #[arg(short, long)]
     config: Option<PathBuf>,
+    #[command(flatten)]
+    settings: Settings,
     /// Print everything as JSON.
     #[arg(long)]
     json: bool,
@@ -91,20 +98,47 @@ enum Suite {
     Sensors,
 }
 
+/// The search that options and configuration ask for.
+fn settings(config: &Config, args: &Args) -> Result<IdentificationConfig, Misuse> {
+    let mut found = args
+        .method
+        .map_or(*config.identification(), IdentificationConfig::for_method);
+    found.objective = args.objective.unwrap_or(found.objective);
+    if found.objective == SearchObjective::Eq14 && !found.method.is_population() {
+        let name = found.method.name();
+        return Err(Misuse(format!(
+            "--objective: expected residual with the method {name}, found eq14"
+        )));
+    }
+    Ok(found)
+}
+
 /// The identifier of the type that is asked for; `None` where no such type is known.
-fn identifier(config: &Config, actuator: &str, args: &Args) -> Result<Option<Identifier>, AssessError> {
+fn identifier(
+    config: &Config,
+    settings: &IdentificationConfig,
+    actuator: &str,
+    args: &Args,
+) -> Result<Option<Identifier>, AssessError> {
     let Some(found) = config.actuator_type(actuator) else {
         return Ok(None);
     };
     let form = args.monitor.unwrap_or(config.identification().monitor);
-    let settings = args.method.map(IdentificationConfig::for_method);
     Ok(Some(Identifier {
         params: found.params,
         calibration: load_type_model(actuator, found, form, config)?.calibration,
-        method: method(settings.as_ref().unwrap_or(config.identification())),
+        method: method(settings),
         motor: MotorKnowledge::default(),
         tolerances: Tolerances::NONE,
     }))
+}
+
+/// What estimates the windows of the suites `paper` and `random`.
+fn estimator(settings: &IdentificationConfig, identifier: Identifier, seed: u64) -> anyhow::Result<Estimator> {
+    if settings.method == SearchMethod::Relations {
+        return Ok(Estimator::commissioned(&identifier.params, seed)?);
+    }
+    Ok(Estimator::Search(Box::new(identifier)))
 }
 
 /// Runs the verb.
@@ -119,7 +153,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         return Err(Misuse(sentence).into());
     }
     refuse_options(args)?;
-    let config = load_config(args.config.as_deref())?;
+    let config = load_config_with(args.config.as_deref(), &args.settings)?;
     use_threads(args.threads.map(usize::from))?;
     match args.suite {
         Suite::Rul => return run_rul(args),
@@ -129,20 +163,33 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     }
     let levels = *config.health().levels();
     let actuator = args.actuator.as_deref().unwrap_or("bench");
-    let Some(identifier) = identifier(&config, actuator, args)? else {
+    let settings = settings(&config, args)?;
+    if settings.method == SearchMethod::Relations && !matches!(args.suite, Suite::Paper | Suite::Random) {
+        let sentence = "--method: expected relations with the suites paper and random alone: they commission a unit";
+        return Err(Misuse(sentence.to_owned()).into());
+    }
+    let Some(identifier) = identifier(&config, &settings, actuator, args)? else {
         return Err(unknown_type(actuator).into());
     };
     match args.suite {
         Suite::Paper => {
+            let estimator = estimator(&settings, identifier, args.seed)?;
             let bar = progress::over_pieces(160);
-            let report = paper(&identifier, actuator, args.seed, &|| bar.inc(1))?;
+            let report = paper(&estimator, actuator, args.seed, &|| bar.inc(1))?;
+            // That of the simulation, 0.1 s a window, included.
+            let seconds = cpu_seconds();
             bar.finish_and_clear();
             print(args, &report, paper_table)?;
+            if settings.objective == SearchObjective::Eq14 && !args.json {
+                say("")?;
+                say(&beside_the_paper(&report, seconds))?;
+            }
         }
         Suite::Random => {
             let n = args.n.unwrap_or(200);
+            let estimator = estimator(&settings, identifier, args.seed)?;
             let bar = progress::over_pieces(n);
-            let report = random(&identifier, actuator, n, args.seed, &|| bar.inc(1))?;
+            let report = random(&estimator, actuator, n, args.seed, &|| bar.inc(1))?;
             bar.finish_and_clear();
             print(args, &report, random_table)?;
         }
@@ -185,6 +232,11 @@ fn refuse_options(args: &Args) -> Result<(), Misuse> {
     let of_identifier = [
         ("--monitor", args.monitor.is_some()),
         ("--method", args.method.is_some()),
+        ("--objective", args.objective.is_some()),
+    ];
+    let of_config = [
+        ("--config", args.config.is_some()),
+        ("--set", !args.settings.set.is_empty()),
     ];
     let of_robust = [
         ("--rate", args.rate.is_some()),
@@ -200,12 +252,12 @@ fn refuse_options(args: &Args) -> Result<(), Misuse> {
         Suite::Robust => {
             let why = "the suite robust, which measures the built-in types with their defaults";
             refuse(&of_identifier, why)?;
-            return refuse(&[("--config", args.config.is_some())], why);
+            return refuse(&of_config, why);
         }
         Suite::Sensors => {
             let why = "the suite sensors, which measures the built-in types with their defaults";
             refuse(&of_identifier, why)?;
-            refuse(&[("--config", args.config.is_some())], why)?;
+            refuse(&of_config, why)?;
             return refuse(&of_robust[..2], "this suite; the suite robust takes it");
         }
         _ => {}
@@ -232,9 +284,23 @@ fn print<R: Serialize>(args: &Args, report: &R, table: fn(&R) -> String) -> anyh
     })
 }
 
+/// Processor time of this process, s.
+fn cpu_seconds() -> f64 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
+}
+
 fn named_method(text: &str) -> Result<SearchMethod, String> {
     let found = SearchMethod::NAMES.into_iter().find(|(name, _)| *name == text);
+    found.map(|(_, method)| method).ok_or_else(|| {
+        let names = SearchMethod::NAMES.map(|(name, _)| name);
+        format!("expected one of {}", names.join(", "))
+    })
+}
+
+fn named_objective(text: &str) -> Result<SearchObjective, String> {
+    let found = SearchObjective::NAMES.into_iter().find(|(name, _)| *name == text);
     found
-        .map(|(_, method)| method)
-        .ok_or_else(|| "expected hybrid or ga".to_owned())
+        .map(|(_, objective)| objective)
+        .ok_or_else(|| "expected residual or eq14".to_owned())
 }

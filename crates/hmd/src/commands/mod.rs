@@ -119,12 +119,25 @@ fn unknown_type(name: &str) -> Misuse {
     ))
 }
 
+/// Settings of the command line.
+#[derive(Debug, clap::Args)]
+struct Settings {
+    /// Set a key of the configuration, over what its files say, also several times: `identification.method=ga`.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
 /// The configuration of a file, or the defaults.
 ///
 /// # Errors
 /// The first thing that is wrong with it.
 pub fn load_config(path: Option<&Path>) -> Result<Config, ConfigError> {
-    path.map_or_else(|| Ok(Config::default()), config_file::load_config)
+    config_file::load_config_with(path, &[])
+}
+
+/// The same with the settings of the command line.
+fn load_config_with(path: Option<&Path>, settings: &Settings) -> Result<Config, ConfigError> {
+    config_file::load_config_with(path, &settings.set)
 }
 
 /// Whether every calibration and the events that the configuration names can be used, before a log is read. Warns of units that were

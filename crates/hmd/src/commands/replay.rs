@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::outputs::Outputs;
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, Misuse, check_files, load_config, progress, use_threads, warn};
+use super::{Exit, Misuse, Settings, check_files, load_config_with, progress, use_threads, warn};
 use crate::replay::{Observer, Replay};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::record::HealthLine;
@@ -29,6 +29,8 @@ pub struct Args {
     /// Configuration; without it every actuator seen is one of the bench.
     #[arg(short, long)]
     config: Option<PathBuf>,
+    #[command(flatten)]
+    settings: Settings,
     /// MCAP file for all records.
     #[arg(short, long, value_name = "OUT.mcap")]
     output: Option<PathBuf>,
@@ -73,7 +75,7 @@ fn replay(args: &Args, viewers: &Viewers) -> anyhow::Result<Exit> {
         ))
         .into());
     }
-    let config = Arc::new(load_config(args.config.as_deref())?);
+    let config = Arc::new(load_config_with(args.config.as_deref(), &args.settings)?);
     if let Some(output) = &args.output {
         let outputs = Outputs {
             recordings: &[output],

@@ -18,7 +18,7 @@ use super::metrics_http::{self, Page, loopback};
 use super::outputs::Outputs;
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, Misuse, check_files_of_run, load_config, no_recording, service, use_threads, warn};
+use super::{Exit, Misuse, Settings, check_files_of_run, load_config_with, no_recording, service, use_threads, warn};
 use crate::daemon::{Daemon, DaemonError, Observer};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::Config;
@@ -42,6 +42,8 @@ pub struct Args {
     /// Configuration: the buses and what is on them.
     #[arg(short, long)]
     config: PathBuf,
+    #[command(flatten)]
+    settings: Settings,
     /// MCAP file for all records and frames, or a folder (it is one, or ends with "/") for segments that survive.
     #[arg(short, long, value_name = "OUT.mcap|FOLDER/")]
     output: Option<PathBuf>,
@@ -139,7 +141,7 @@ fn check_outputs(args: &Args, config: &Config) -> Result<(), Misuse> {
 
 /// The configuration, if the daemon can run with it.
 fn load(args: &Args) -> anyhow::Result<Arc<Config>> {
-    let config = load_config(Some(&args.config))?;
+    let config = load_config_with(Some(&args.config), &args.settings)?;
     check_files_of_run(&config)?;
     config.interfaces(&args.config.display().to_string())?;
     Ok(Arc::new(config))

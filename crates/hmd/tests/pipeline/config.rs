@@ -335,7 +335,11 @@ fn refusals_say_where_what_and_why() {
         ),
         (
             "[identification]\nmethod = \"GA\"",
-            "expected \"hybrid\" or \"ga\", found \"GA\"",
+            "or \"ga\" or \"de\" or \"cmaes\" or \"least-squares\" or \"relations\", found \"GA\"",
+        ),
+        (
+            "[identification]\nmethod = \"relations\"\ngenerations = 3",
+            "identification.generations: expected none with method = \"relations\", found 3",
         ),
         (
             "[identification]\npopulation = 1e3",

@@ -18,6 +18,7 @@ mod safety;
 mod serial;
 mod serial_rig;
 mod service;
+mod settings;
 mod simulate;
 mod terminal_rig;
 mod top;

@@ -33,6 +33,30 @@ fn without_a_verb_or_with_an_unknown_one_the_usage_is_shown() {
 }
 
 #[test]
+fn a_type_that_no_monitor_follows_is_not_calibrated() {
+    let folder = Folder::new();
+    // A speed loop a hundred times too stiff for its period chatters; one that is not damped swings.
+    for (gains, expected) in [
+        (
+            "speed_proportional_gain_nm_s_per_rad = 40.0",
+            "type own: expected a monitor whose quadrature current is off by at most 0.535 A rms, 5 % of the largest, found ",
+        ),
+        (
+            "speed_proportional_gain_nm_s_per_rad = 0.004\nposition_gain_per_s = 1e5",
+            "type own: expected a loop that comes to rest, found one whose output does not stay within 5 % of a step",
+        ),
+    ] {
+        folder.write(
+            "own.toml",
+            format!("[type.own]\nbased_on = \"bench\"\n[type.own.controller]\n{gains}\n"),
+        );
+        let sentence = folder.refused("calibrate --type --actuator own -c own.toml -o own.calibration.toml", 1);
+        assert!(sentence.contains(expected), "{gains}: {sentence}");
+        assert!(!folder.path("own.calibration.toml").exists());
+    }
+}
+
+#[test]
 fn a_bad_value_of_an_argument_is_named_and_nothing_is_written() {
     let folder = Folder::new();
     for (arguments, expected) in [

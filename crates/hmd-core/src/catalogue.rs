@@ -157,7 +157,11 @@ fn mode(fault: FaultId, levels: &Levels) -> FaultMode {
         },
         significance_sigmas: significance(fault),
         severity: [
-            severity(HealthState::Watch, levels.watch, "watch"),
+            severity(
+                HealthState::Watch,
+                levels.watch,
+                "inspect at the next scheduled maintenance",
+            ),
             severity(HealthState::Warning, levels.warning, "plan the repair"),
             severity(HealthState::Critical, levels.critical, "repair before the next use"),
         ],

@@ -14,6 +14,14 @@ pub fn compact_minute(stamp_ns: u64) -> String {
     utc(stamp_ns).strftime("%Y%m%dT%H%MZ").to_string()
 }
 
+/// UTC ns of a time with its offset from UTC, as `2023-11-14T22:13Z` or `2023-11-14 23:13:20+01:00`; `None` for other text and
+/// before 1970.
+#[must_use]
+pub fn parsed(text: &str) -> Option<u64> {
+    let instant: Timestamp = text.parse().ok()?;
+    instant.as_nanosecond().try_into().ok()
+}
+
 fn utc(stamp_ns: u64) -> Timestamp {
     Timestamp::from_nanosecond(stamp_ns.into()).expect("64 bits of nanoseconds end in the year 2554")
 }
@@ -35,6 +43,13 @@ mod tests {
             assert_eq!(minute(seconds * 1_000_000_000), expected);
         }
         assert_eq!(compact_minute(1_700_000_000_000_000_000), "20231114T2213Z");
+        let ns = Some(1_700_000_000_000_000_000 - 20_000_000_000);
+        assert_eq!(parsed("2023-11-14T22:13Z"), ns);
+        assert_eq!(parsed("2023-11-14 23:13:00+01:00"), ns);
+        assert_eq!(
+            [parsed("2023-11-14"), parsed("1969-12-31T23:59Z"), parsed("yesterday")],
+            [None; 3]
+        );
         assert!(minute(u64::MAX).starts_with("2554-07-21"));
     }
 }

@@ -1,15 +1,23 @@
-//! One page about one actuator: recorded files -> one HTML file that needs nothing else. No clock, no network.
+//! Pages about actuators: recorded files -> one HTML file that needs nothing else. No clock, no network.
 //!
-//! [`History`] is what the files say of the actuator, [`page`] makes the text, with plots as inline SVG. [`commissioning_page`] shows
-//! what was learnt of a unit.
+//! [`History`] is what the files say of an actuator, [`page`] makes the text of one or several, with plots as inline SVG.
+//! [`commissioning_page`] shows what was learnt of a unit.
 
+mod axis;
 mod commissioning;
 mod history;
 mod markup;
+mod overview;
 mod page;
 mod plot;
+mod quality;
+mod recommendation;
 mod sections;
+mod sources;
+mod summary;
+mod zone;
 
 pub use commissioning::commissioning_page;
 pub use history::{Files, History, Point, ReportError};
-pub use page::page;
+pub use page::{View, page};
+pub use zone::Zone;

@@ -123,6 +123,7 @@ mod tests {
             t_ns,
             actuator: "ema0".to_owned(),
             event: EventKind::Reset,
+            note: None,
         };
         for t_ns in [2, 1] {
             append(&path, &event(t_ns)).unwrap();

@@ -12,6 +12,9 @@ pub struct Event {
     pub actuator: String,
     /// What happened.
     pub event: EventKind,
+    /// What the person who entered it wrote; older files had none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub note: Option<String>,
 }
 
 /// What happened.

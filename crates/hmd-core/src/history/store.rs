@@ -70,19 +70,23 @@ impl HistoryStore {
             }),
         };
         let has_come = |event: &&Event| event.actuator == actuator.name && event.t_ns <= t_ns;
-        let come = || self.events.list.iter().filter(has_come).map(|event| event.t_ns);
+        let come = || self.events.list.iter().filter(has_come);
         let count = come().count() as u64;
         let begun_ns = history.begun_ns;
-        let before = || come().filter(|t_ns| *t_ns <= begun_ns).count() as u64;
+        let before = || come().filter(|event| event.t_ns <= begun_ns).count() as u64;
         // The file only grows, so that one more event is a new one, whatever its time.
         let followed = *history.events_followed.get_or_insert_with(before);
-        if let Some(begun_ns) = come().max().filter(|_| count > followed) {
+        if let Some(newest) = come().max_by_key(|event| event.t_ns).filter(|_| count > followed) {
             *history = UnitHistory {
-                begun_ns,
+                begun_ns: newest.t_ns,
                 events_followed: Some(count),
                 ..UnitHistory::new(config, serial_number.clone())?
             };
-            let notice = format!("{}: history reset by a maintenance event", actuator.name);
+            let note = newest
+                .note
+                .as_ref()
+                .map_or_else(String::new, |note| format!(": {note}"));
+            let notice = format!("{}: history reset by a maintenance event{note}", actuator.name);
             self.notices.push(notice);
         }
         Ok(history)

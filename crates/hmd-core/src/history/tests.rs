@@ -162,6 +162,7 @@ fn a_maintenance_event_resets_the_history_once() {
         t_ns: job(&config, 0, hours, 0.0).window.t_start_ns,
         actuator: actuator.to_owned(),
         event: EventKind::Reset,
+        note: None,
     };
     histories.set_events(Events {
         list: vec![event(405.0, "ema0"), event(605.0, "ema1")],
@@ -186,6 +187,7 @@ fn an_event_recorded_later_counts_even_if_it_lies_earlier() {
         t_ns,
         actuator: "ema0".to_owned(),
         event: EventKind::Reset,
+        note: None,
     };
     let first = event(job(&config, 0, 105.0, 0.0).window.t_start_ns);
     let list = |list| Events {

@@ -36,8 +36,8 @@ pub enum ReportError {
         /// The files.
         files: String,
     },
-    /// No such actuator, or none named where there are several.
-    #[error("--actuator: expected one of {known}, found {found}")]
+    /// No such actuator.
+    #[error("--actuator: expected one of {known}, found {found:?}")]
     Actuator {
         /// Those that the files have.
         known: String,
@@ -47,7 +47,7 @@ pub enum ReportError {
 }
 
 /// One window of a history.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Point {
     /// Number of the window.
     pub window: u64,
@@ -171,23 +171,25 @@ impl Files {
         Ok(files)
     }
 
-    /// The actuator of this name, or the only one.
+    /// All actuators by name, or the one of this name.
     ///
     /// # Errors
-    /// None, or none of this name, or several and no name.
-    pub fn actuator(&self, name: Option<&str>) -> Result<&History, ReportError> {
+    /// None, or none of this name.
+    pub fn actuators(&self, name: Option<&str>) -> Result<Vec<&History>, ReportError> {
         if self.actuators.is_empty() {
             let files: Vec<&str> = self.sources.iter().map(|source| source.file.as_str()).collect();
             return Err(ReportError::Empty {
                 files: files.join(", "),
             });
         }
-        let only = self.actuators.values().next().filter(|_| self.actuators.len() == 1);
-        let found = name.map_or(only, |name| self.actuators.get(name));
-        found.ok_or_else(|| ReportError::Actuator {
+        let Some(name) = name else {
+            return Ok(self.actuators.values().collect());
+        };
+        let found = self.actuators.get(name).ok_or_else(|| ReportError::Actuator {
             known: self.actuators.keys().cloned().collect::<Vec<_>>().join(", "),
-            found: name.map_or_else(|| "none".to_owned(), |name| format!("{name:?}")),
-        })
+            found: name.to_owned(),
+        })?;
+        Ok(vec![found])
     }
 
     fn entry(&mut self, actuator: &str) -> &mut History {

@@ -1,141 +1,92 @@
-//! The page: headings, tables and plots in the order in which they are read.
+//! The page: an overview where there are several actuators, a part for each, and what belongs to the files.
 
-use ema_models::FaultId;
 use std::fmt::Write;
 
-use super::history::{Files, History, Source};
-use super::markup::{document, table};
+use ema_models::FaultId;
+use hmd_core::catalogue::{FaultMode, catalogue};
+use hmd_core::health::Levels;
+
+use super::history::{Files, History};
+use super::markup::document;
+use super::overview::overview;
 use super::plot::escaped;
-use super::sections::{fault_vector, fit, remaining, residuals, timeline};
-use hmd_core::record::{Rul, WindowStatus};
-use hmd_core::timestamp;
+use super::quality::{losses, windows};
+use super::recommendation::recommendation;
+use super::sections::{damages, fit, legend, remaining, residuals, timeline};
+use super::sources::{events, sources};
+use super::summary::{faults, headline, period};
+use super::zone::Zone;
 
-/// Most events that are listed, the newest.
-const EVENTS_MAX: usize = 50;
+/// How a page is shown.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Zone of the times.
+    pub zone: Zone,
+    /// Damage levels of the faults, in the order of [`FaultId::ALL`].
+    pub levels: [Levels; FaultId::COUNT],
+}
 
-/// Most reasons of windows that are listed, the most frequent.
-const REASONS_MAX: usize = 20;
-
-/// The report of one actuator as one HTML file.
+/// The report of these actuators of the files as one HTML file.
 #[must_use]
-pub fn page(files: &Files, history: &History) -> String {
-    let name = escaped(&history.actuator);
-    let mut body = format!(
-        "<h1>Health report of {name}</h1>\n{}{}",
-        period(history),
-        assessment(history)
-    );
-    let mut section = |heading: &str, content: String| {
-        let _ = writeln!(body, "<section><h2>{heading}</h2>\n{content}</section>");
+pub fn page(files: &Files, histories: &[&History], view: &View) -> String {
+    let modes = catalogue(&view.levels).fault_modes;
+    let title = match histories {
+        [history] => format!("Health report of {}", escaped(&history.actuator)),
+        _ => format!("Health report of {} actuators", histories.len()),
     };
-    section("Faults", faults(history));
-    section(
-        "Health and remaining life",
-        format!("<div class=\"plots\">{}{}</div>", timeline(history), remaining(history)),
-    );
-    section(
-        "Fault vector",
-        format!("<div class=\"plots\">{}</div>", fault_vector(history)),
-    );
-    section("Measured against fitted", fitted(history));
-    section("Data quality", quality(files, history));
-    section("Events", events(files));
-    section("How this was made", sources(files));
-    document(&format!("Health report of {name}"), &body)
-}
-
-fn period(history: &History) -> String {
-    let (Some(first), Some(last)) = (history.points.first(), history.points.last()) else {
-        return String::new();
-    };
-    format!(
-        "<p class=\"faint\">{} windows from {} to {} UTC</p>\n",
-        history.points.len(),
-        timestamp::minute(first.t_start_ns),
-        timestamp::minute(last.t_start_ns)
-    )
-}
-
-/// State, what is left, and why.
-fn assessment(history: &History) -> String {
-    let (health, rul) = &history.newest;
-    let state = escaped(&health.health);
-    format!(
-        "<p class=\"assessment {state}\"><strong>{state}</strong><br>{}</p>\n",
-        escaped(&left(rul))
-    )
-}
-
-fn left(rul: &Rul) -> String {
-    let (Some(p10), Some(p50), Some(p90)) = (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) else {
-        let reason = if rul.reason.is_empty() {
-            "none recorded"
+    let mut body = format!("<h1>{title}</h1>\n");
+    if histories.len() != 1 {
+        body += &overview(histories, &modes, &view.zone);
+    }
+    for (n, history) in histories.iter().enumerate() {
+        if histories.len() > 1 {
+            let _ = write!(
+                body,
+                "<article id=\"actuator-{n}\">\n<h1>{}</h1>\n",
+                escaped(&history.actuator)
+            );
+            body += &actuator(history, &modes, &view.zone);
+            body += "</article>\n";
         } else {
-            &rul.reason
-        };
-        return format!("Remaining life: no number; {reason}.");
-    };
-    let mut text = format!("Remaining life {p50:.0} h, with 80 % probability between {p10:.0} and {p90:.0} h");
-    if let (Some(probability), Some(horizon)) = (rul.failure_probability, rul.horizon_h) {
-        let _ = write!(
-            text,
-            "; it ends within {horizon:.0} h with {:.1} % probability",
-            100.0 * probability
-        );
+            body += &actuator(history, &modes, &view.zone);
+        }
     }
-    let _ = write!(
-        text,
-        ". Dominant fault: {}; the end is by {}.",
-        words(&rul.dominant_fault),
-        words(&rul.governed_by)
-    );
-    text
+    body += &section("Lost data", &losses(files));
+    body += &section("Events", &events(files, &view.zone));
+    body += &section("How this was made", &sources(files));
+    document(&title, &body)
 }
 
-fn words(name: &str) -> String {
-    if name.is_empty() {
-        "none".to_owned()
-    } else {
-        name.replace('_', " ")
-    }
+fn section(heading: &str, content: &str) -> String {
+    format!("<section><h2>{heading}</h2>\n{content}</section>\n")
 }
 
-/// Damage of each fault, and what is left to it alone.
-fn faults(history: &History) -> String {
-    let (health, rul) = &history.newest;
-    let remaining = rul.faults();
-    let mut rows = String::new();
-    for ((name, damage), hours) in FaultId::NAMES.iter().zip(history.newest.0.damages()).zip(remaining) {
-        let damage = damage.map_or_else(|| "not known".to_owned(), |d| format!("{:.1} %", 100.0 * d));
-        let detected = if health.fault_list.iter().any(|fault| fault == name) {
-            "yes"
-        } else {
-            "no"
-        };
-        let left = hours.map_or_else(
-            || "no trend".to_owned(),
-            |[p10, p50, p90]| format!("{p50:.0} ({p10:.0} … {p90:.0})"),
-        );
-        let _ = writeln!(
-            rows,
-            "<tr><th scope=\"row\">{}</th><td class=\"n\">{damage}</td><td>{detected}</td><td class=\"n\">{left}</td></tr>",
-            words(name)
-        );
-    }
-    table(
-        "After the newest window; hours left to each fault alone, median and 80 % interval",
-        &[("Fault", ""), ("Damage", "n"), ("Detected", ""), ("Hours left", "n")],
-        &rows,
-    )
+/// The part of the page about one actuator.
+fn actuator(history: &History, modes: &[FaultMode; FaultId::COUNT], zone: &Zone) -> String {
+    let advice = recommendation(history, modes);
+    let plots = |plots: String| format!("{}<div class=\"plots\">{plots}</div>\n", legend(history));
+    [
+        period(history, zone),
+        headline(&advice, &history.newest.1, zone),
+        section("Faults", &faults(history, modes)),
+        section("Damage over use", &plots(damages(history, modes))),
+        section(
+            "Health and remaining life",
+            &plots(format!("{}{}", timeline(history), remaining(history))),
+        ),
+        section("Measured against fitted", &fitted(history, zone)),
+        section("Data quality", &windows(history)),
+    ]
+    .concat()
 }
 
-fn fitted(history: &History) -> String {
+fn fitted(history: &History, zone: &Zone) -> String {
     match &history.fitted {
         None => "<p>No recorded window was fitted.</p>\n".to_owned(),
         Some(window) => format!(
-            "<p>Window {}, {} UTC, status {}: {} samples at {:.0} Hz.</p>\n<div class=\"plots\">{}{}</div>\n",
+            "<p>Window {}, {}, status {}: {} samples at {:.0} Hz.</p>\n<div class=\"plots\">{}{}</div>\n",
             window.window,
-            timestamp::minute(window.t_start_ns),
+            zone.minute(window.t_start_ns),
             escaped(&window.status),
             window.samples,
             window.sample_rate_hz,
@@ -145,120 +96,23 @@ fn fitted(history: &History) -> String {
     }
 }
 
-fn quality(files: &Files, history: &History) -> String {
-    let mut rows = String::new();
-    let mut row = |what: &str, count: u64| {
-        let _ = writeln!(
-            rows,
-            "<tr><th scope=\"row\">{}</th><td class=\"n\">{count}</td></tr>",
-            escaped(what)
-        );
-    };
-    for status in WindowStatus::ALL.map(WindowStatus::name) {
-        let count = history.points.iter().filter(|point| point.status == status).count();
-        row(&format!("windows {status}"), count as u64);
-    }
-    let [expected, received, missing] = history.samples;
-    row("samples called for by rate and length", expected);
-    row("samples received", received);
-    row("samples missing by their counters", missing);
-    let mut text = table("This actuator", &[("What", ""), ("Count", "n")], &rows);
-
-    let mut reasons: Vec<(&String, &u64)> = history.reasons.iter().collect();
-    reasons.sort_by(|a, b| b.1.cmp(a.1).then(a.0.cmp(b.0)));
-    if !reasons.is_empty() {
-        let rows: String = reasons
-            .iter()
-            .take(REASONS_MAX)
-            .map(|(reason, count)| format!("<tr><td>{}</td><td class=\"n\">{count}</td></tr>\n", escaped(reason)))
-            .collect();
-        text += &table("Why windows were not ok", &[("Reason", ""), ("Windows", "n")], &rows);
-    }
-    let errors: String = files
-        .sources
-        .iter()
-        .filter(|source| source.status.frames_error > 0)
-        .map(|source| loss(&source.file, "error frames", &source.status.frames_error.to_string()))
-        .collect();
-    if !errors.is_empty() {
-        text += &table("What the buses reported", &LOST, &errors);
-    }
-    let mut rows = String::new();
-    for source in &files.sources {
-        for (cause, count) in source.status.losses().into_iter().filter(|(_, count)| *count > 0) {
-            rows += &loss(&source.file, in_words(cause), &count.to_string());
-        }
-        if source.damaged {
-            rows += &loss(&source.file, "parts of the file are damaged", "yes");
-        }
-    }
-    if rows.is_empty() {
-        text + "<p>The files lost nothing: no frame, no sample, no window of any actuator.</p>\n"
-    } else {
-        text + &table("Lost, over all actuators", &LOST, &rows)
-    }
-}
-
-/// Heads of the rows of [`loss`].
-const LOST: [(&str, &str); 3] = [("File", ""), ("What", ""), ("Count", "n")];
-
-fn loss(file: &str, what: &str, count: &str) -> String {
-    let file = escaped(file);
-    format!("<tr><td>{file}</td><td>{what}</td><td class=\"n\">{count}</td></tr>\n")
-}
-
-/// A cause of [`crate::record::Status::losses`], as `docs/records.md` explains it.
-fn in_words(cause: &'static str) -> &'static str {
-    match cause {
-        "unreadable" => "unreadable lines or serial frames",
-        "damaged" => "frames in damaged parts",
-        "socket_queue" => "frames dropped by the kernel",
-        "malformed" => "malformed frames",
-        "late" => "late frames",
-        "windows" => "windows not assessed",
-        "storage_frames" => "frames not stored",
-        "storage_records" => "records not stored",
-        other => other,
-    }
-}
-
-fn events(files: &Files) -> String {
-    if files.events.is_empty() {
-        return "<p>None recorded.</p>\n".to_owned();
-    }
-    let newest = files.events.iter().rev().take(EVENTS_MAX);
-    let rows: String = newest
-        .map(|(t_ns, text)| {
-            format!(
-                "<tr><td>{}</td><td>{}</td></tr>\n",
-                timestamp::minute(*t_ns),
-                escaped(text)
-            )
-        })
-        .collect();
-    let caption = format!("Newest first, {} in all", files.events.len());
-    table(&caption, &[("UTC", ""), ("Event", "")], &rows)
-}
-
-fn sources(files: &Files) -> String {
-    let row = |source: &Source, key: &str, value: &str| {
-        let (file, key, value) = (escaped(&source.file), escaped(key), escaped(value));
-        format!("<tr><td>{file}</td><th scope=\"row\">{key}</th><td class=\"long\">{value}</td></tr>\n")
-    };
-    let rows: String = files
-        .sources
-        .iter()
-        .flat_map(|source| source.metadata.iter().map(move |(key, value)| row(source, key, value)))
-        .collect();
-    let caption = format!("Metadata of each file; this page by hmd {}", env!("CARGO_PKG_VERSION"));
-    table(&caption, &[("File", ""), ("Key", ""), ("Value", "")], &rows)
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::history::Point;
+    use super::super::history::Source;
     use super::*;
     use hmd_core::record::{Estimate, Health, Status};
+
+    fn view() -> View {
+        View {
+            zone: Zone::utc(),
+            levels: [Levels::default(); FaultId::COUNT],
+        }
+    }
+
+    fn of_one(files: &Files, history: &History) -> String {
+        page(files, &[history], &view())
+    }
 
     fn history(windows: u64) -> History {
         let point = |n: u64| Point {
@@ -294,7 +148,7 @@ mod tests {
             events: vec![(0, "<img src=x>".to_owned()); 1000],
             ..Files::default()
         };
-        let text = page(&files, &history);
+        let text = of_one(&files, &history);
         assert!(text.len() < 1 << 20, "{} bytes", text.len());
         for forbidden in ["<script", "<img", "<b>", "http://", "https://", "NaN", "inf "] {
             assert!(!text.contains(forbidden), "{forbidden}");
@@ -312,7 +166,7 @@ mod tests {
                 sources: vec![source],
                 ..Files::default()
             };
-            page(&files, &history(1))
+            of_one(&files, &history(1))
         };
         let errors = of(Status {
             frames_error: 3,
@@ -323,14 +177,33 @@ mod tests {
             errors.contains("The files lost nothing"),
             "as the exit code and the metrics have it"
         );
-        // Every cause has a text of its own: none is the name of a field with its underscore.
-        let causes = Status::default().losses().map(|(cause, _)| in_words(cause));
-        assert!(causes.iter().all(|text| !text.contains('_')), "{causes:?}");
     }
 
     #[test]
     fn a_history_of_nothing_makes_a_page_all_the_same() {
-        let text = page(&Files::default(), &history(0));
+        let text = of_one(&Files::default(), &history(0));
         assert!(text.contains("No recorded window was fitted") && text.ends_with("</html>\n"));
+    }
+
+    #[test]
+    fn several_actuators_have_an_overview_the_worst_first() {
+        let named = |name: &str, state: &str, faults: &[FaultId]| {
+            let mut history = history(3);
+            history.actuator = name.to_owned();
+            let mut health = Health {
+                health: state.to_owned(),
+                ..Health::default()
+            };
+            health.set_faults(faults);
+            history.newest.0 = health;
+            history
+        };
+        let well = named("aileron", "nominal", &[]);
+        let worn = named("flap", "warning", &[FaultId::Backlash]);
+        let text = page(&Files::default(), &[&well, &worn], &view());
+        let place = |what: &str| text.find(what).unwrap_or_else(|| panic!("{what}"));
+        assert!(place("#actuator-1\">flap") < place("#actuator-0\">aileron"));
+        assert!(place("Plan the repair: gear and screw.") < place("No action."));
+        assert_eq!(text.matches("<article").count(), 2);
     }
 }

@@ -169,6 +169,33 @@ impl Plot {
         self.path(class, &path);
     }
 
+    /// A horizontal line over the whole width with its name at its right end.
+    pub(super) fn level(&mut self, class: &str, y: f64, name: &str) {
+        let (y, right) = (self.y_of(y), WIDTH - RIGHT);
+        let _ = write!(
+            self.body,
+            "<path class=\"{class}\" d=\"M{LEFT} {y:.1}H{right}\"/><text x=\"{:.1}\" y=\"{:.1}\" class=\"end small\">{}</text>",
+            right - 4.0,
+            y - 3.0,
+            escaped(name)
+        );
+    }
+
+    /// A vertical line over the whole height.
+    pub(super) fn mark(&mut self, class: &str, x: f64) {
+        let (x, bottom) = (self.x_of(x), self.height - BOTTOM);
+        let _ = write!(self.body, "<path class=\"{class}\" d=\"M{x:.1} {TOP}V{bottom}\"/>");
+    }
+
+    /// The area between two values over the whole width.
+    pub(super) fn zone(&mut self, class: &str, low: f64, high: f64) {
+        let (low, high, right) = (self.y_of(low), self.y_of(high), WIDTH - RIGHT);
+        let _ = write!(
+            self.body,
+            "<path class=\"{class}\" d=\"M{LEFT} {low:.1}H{right}V{high:.1}H{LEFT}Z\"/>"
+        );
+    }
+
     fn path(&mut self, class: &str, path: &str) {
         if !path.is_empty() {
             let _ = write!(self.body, "<path class=\"{class}\" d=\"{path}\"/>");

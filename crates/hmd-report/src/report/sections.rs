@@ -1,10 +1,13 @@
 //! The plots of a report.
 
-use ema_models::FaultVector;
+use ema_models::{FaultId, FaultVector};
+use hmd_core::catalogue::FaultMode;
+use hmd_core::health::HealthState;
+use hmd_core::record::Window;
 
+use super::axis::{Mark, UseAxis};
 use super::history::{History, Point};
 use super::plot::{Axis, Plot, escaped, significant};
-use hmd_core::record::Window;
 
 pub(super) const HEIGHT: f64 = 230.0;
 
@@ -14,9 +17,6 @@ const POINTS_MAX: usize = 400;
 
 /// Factor on a standard deviation for 95 %.
 pub(super) const NORMAL_95: f64 = 1.96;
-
-/// States of health as they stand in the timeline.
-const STATES: [&str; 5] = ["unknown", "nominal", "watch", "warning", "critical"];
 
 /// A drawing with the sentence below it; what is in the sentence is HTML.
 pub(super) fn figure(plot: &Plot, caption: &str) -> String {
@@ -84,123 +84,182 @@ pub(super) fn fit(window: &Window) -> String {
     text
 }
 
-/// Position of a window: after some operating hours, or, while they do not count, by its number.
-fn place(history: &History) -> (&'static str, Vec<f64>) {
-    let hours: Option<Vec<f64>> = history.points.iter().map(|point| point.used_h).collect();
-    match hours {
-        Some(hours) if hours.last().is_some_and(|last| *last >= 1.0) => ("operating time, h", hours),
-        _ => (
-            "window",
-            history.points.iter().map(|point| point.window as f64).collect(),
-        ),
+/// A window that is drawn: its index in the history and its place on the axis of use.
+#[derive(Clone, Copy)]
+struct Place<'a> {
+    n: usize,
+    at: f64,
+    point: &'a Point,
+}
+
+/// The windows that are drawn over use, and the marks between them.
+struct Drawn<'a> {
+    x: Axis,
+    points: Vec<Place<'a>>,
+    /// Index of the window after it, place.
+    marks: Vec<(usize, f64, Mark)>,
+}
+
+impl<'a> Drawn<'a> {
+    fn new(history: &'a History) -> Self {
+        let UseAxis { label, places, marks } = UseAxis::new(history);
+        let all = places.iter().zip(&history.points).enumerate();
+        let all: Vec<Place<'_>> = all.map(|(n, (&at, point))| Place { n, at, point }).collect();
+        let marks: Vec<_> = marks.iter().map(|&(n, mark)| (n, places[n], mark)).collect();
+        Self {
+            x: Axis::over(label, places.into_iter()),
+            points: thinned(&all, POINTS_MAX),
+            marks: thinned(&marks, POINTS_MAX),
+        }
+    }
+
+    /// An empty plot with the marks.
+    fn plot(&self, title: &str, y: Axis) -> Plot {
+        let mut plot = Plot::new(title, HEIGHT, self.x.clone(), y);
+        for (_, at, mark) in &self.marks {
+            plot.mark(mark.class(), *at);
+        }
+        plot
+    }
+
+    /// Values of all points that have one.
+    fn values(&self, value: impl Fn(&Point) -> Option<f64>) -> impl Iterator<Item = (f64, f64)> {
+        self.points
+            .iter()
+            .filter_map(move |place| Some((place.at, value(place.point)?)))
+    }
+
+    /// A value of each window, which a line joins; a reset breaks it.
+    fn line(&self, value: impl Fn(&Point) -> Option<f64>) -> Vec<(f64, Option<f64>)> {
+        let resets = self.marks.iter().filter(|(_, _, mark)| *mark == Mark::Reset);
+        let mut resets = resets.map(|(n, ..)| *n).peekable();
+        let mut line = Vec::with_capacity(self.points.len());
+        for place in &self.points {
+            while resets.next_if(|reset| *reset <= place.n).is_some() {
+                line.push((place.at, None));
+            }
+            line.push((place.at, value(place.point)));
+        }
+        line
+    }
+
+    fn band(&self, between: impl Fn(&Point) -> Option<(f64, f64)>) -> Vec<(f64, Option<(f64, f64)>)> {
+        let low = self.line(|point| between(point).map(|(low, _)| low));
+        let high = self.line(|point| between(point).map(|(_, high)| high));
+        let both = low.into_iter().zip(high);
+        both.map(|((at, low), (_, high))| (at, low.zip(high))).collect()
     }
 }
 
-/// Windows that are drawn, with their place.
-fn drawn(history: &History) -> (Axis, Vec<(f64, &Point)>) {
-    let (label, places) = place(history);
-    let all: Vec<(f64, &Point)> = places.iter().copied().zip(&history.points).collect();
-    (Axis::over(label, places.into_iter()), thinned(&all, POINTS_MAX))
-}
-
-/// The fault vector over the life, with its 95 % intervals.
-pub(super) fn fault_vector(history: &History) -> String {
-    let (x, points) = drawn(history);
-    let mut text = String::new();
-    for p in 0..FaultVector::NAMES.len() {
-        let name = FaultVector::NAMES[p].replace('_', " ");
-        let interval = |point: &Point| {
-            let estimate = point.estimate.as_ref()?;
-            let half = NORMAL_95 * estimate.sigma[p]?;
-            let k = estimate.k[p];
-            Some(((k - half).max(0.0), (k + half).min(1.0)))
-        };
-        // What a window does not show has no line.
-        let value = |point: &Point| point.estimate.as_ref().filter(|e| e.observable[p]).map(|e| e.k[p]);
-        let nominal = if p >= 6 { 0.5 } else { 0.0 };
-        let values = points.iter().filter_map(|(_, point)| value(point));
-        let bounds = points
-            .iter()
-            .filter_map(|(_, point)| interval(point))
-            .flat_map(|(low, high)| [low, high]);
-        let y = Axis::over(&format!("k{}", p + 1), values.chain(bounds).chain([nominal]));
-        let mut plot = Plot::new(
-            &format!("History of k{}, {name}, with its interval", p + 1),
-            HEIGHT,
-            x.clone(),
-            y,
-        );
-        plot.line("nominal", points.iter().map(|(at, _)| (*at, Some(nominal))));
-        plot.band("band", points.iter().map(|(at, point)| (*at, interval(point))));
-        plot.line("value", points.iter().map(|(at, point)| (*at, value(point))));
-        plot.dots(
-            "dots",
-            points.iter().filter_map(|(at, point)| Some((*at, value(point)?))),
-        );
-        let newest = points
-            .iter()
-            .rev()
-            .find_map(|(_, point)| Some((value(point)?, interval(point))));
-        let summary = match newest {
-            Some((k, Some((low, high)))) => format!("newest {k:.3}, 95 % between {low:.3} and {high:.3}"),
-            Some((k, None)) => format!("newest {k:.3}"),
-            None => "no window shows it".to_owned(),
-        };
-        text += &figure(&plot, &format!("k{} {}: {summary}", p + 1, escaped(&name)));
+/// Legend of the marks in the plots over use; empty where there are none.
+pub(super) fn legend(history: &History) -> String {
+    let marks = UseAxis::new(history).marks;
+    let key = |mark: Mark| {
+        let count = marks.iter().filter(|(_, found)| *found == mark).count();
+        let times = if count == 1 { "once" } else { &format!("{count} times") };
+        format!("<span class=\"key {}\">{} ({times})</span> ", mark.class(), mark.name())
+    };
+    let kinds: String = [Mark::Reset, Mark::Restart]
+        .into_iter()
+        .filter(|mark| marks.iter().any(|(_, found)| found == mark))
+        .map(key)
+        .collect();
+    if kinds.is_empty() {
+        kinds
+    } else {
+        format!("<p class=\"faint\">Vertical lines: {kinds}</p>\n")
     }
-    text
 }
 
-/// State of health over the life.
-pub(super) fn timeline(history: &History) -> String {
-    let (x, points) = drawn(history);
-    let mut plot = Plot::new(
-        "State of health over the life",
-        HEIGHT,
-        x,
-        Axis::with_names("", &STATES),
+/// Damage of each fault over use in percent, with its 95 % interval and its levels; the scale is the same for all.
+pub(super) fn damages(history: &History, modes: &[FaultMode; FaultId::COUNT]) -> String {
+    let drawn = Drawn::new(history);
+    FaultId::ALL
+        .into_iter()
+        .zip(modes)
+        .map(|(fault, mode)| damage(&drawn, fault, mode))
+        .collect()
+}
+
+fn damage(drawn: &Drawn<'_>, fault: FaultId, mode: &FaultMode) -> String {
+    let p = fault.parameter();
+    // The damage of the gain is twice its deviation, and so is its sigma.
+    let per_parameter = if fault == FaultId::Gain { 2.0 } else { 1.0 };
+    let shown = |point: &Point| point.estimate.filter(|estimate| estimate.observable[p]);
+    // What a window does not show has no line.
+    let value = |point: &Point| shown(point).map(|e| 100.0 * FaultVector::from_array(e.k).damage_of(fault));
+    let interval = |point: &Point| {
+        let half = 100.0 * NORMAL_95 * per_parameter * shown(point)?.sigma[p]?;
+        let damage = value(point)?;
+        Some(((damage - half).max(0.0), (damage + half).min(100.0)))
+    };
+    let mut plot = drawn.plot(
+        &format!("Damage by {fault} over use, with its interval"),
+        Axis::between("damage, %", 0.0, 100.0),
     );
-    let level = |state: &str| STATES.iter().position(|known| *known == state).unwrap_or(0) as f64;
-    let levels: Vec<(f64, f64)> = points.iter().map(|(at, point)| (*at, level(&point.health))).collect();
+    let [watch, warning, critical] = mode.severity.map(|severity| 100.0 * severity.damage);
+    plot.zone("healthy", 0.0, watch);
+    plot.level("level", warning, "warning");
+    plot.level("level", critical, "critical");
+    plot.level("level", 100.0 * mode.end_of_life, "end of life");
+    plot.band("band", drawn.band(interval).into_iter());
+    plot.line("value", drawn.line(value).into_iter());
+    plot.dots("dots", drawn.values(value));
+    let newest = drawn
+        .points
+        .iter()
+        .rev()
+        .find_map(|place| Some((value(place.point)?, interval(place.point))));
+    let summary = match newest {
+        Some((damage, Some((low, high)))) => format!("{damage:.1} %, with 95 % probability {low:.1} to {high:.1} %"),
+        Some((damage, None)) => format!("{damage:.1} %"),
+        None => "no window shows it".to_owned(),
+    };
+    figure(
+        &plot,
+        &format!("<strong>{}</strong>: {summary}", escaped(fault.plain_name())),
+    )
+}
+
+/// State of health over use.
+pub(super) fn timeline(history: &History) -> String {
+    let drawn = Drawn::new(history);
+    let names = HealthState::ALL.map(HealthState::name);
+    let mut plot = drawn.plot("State of health over use", Axis::with_names("", &names));
+    let level = |state: &str| names.iter().position(|known| *known == state).unwrap_or(0) as f64;
+    let levels: Vec<(f64, f64)> = drawn.values(|point| Some(level(&point.health))).collect();
     plot.steps("value", &levels);
     plot.dots("dots", levels.iter().copied());
     figure(&plot, "State of health after each window")
 }
 
-/// Hours left over the life, with the 80 % interval.
+/// Hours left over use, with the 80 % interval.
 pub(super) fn remaining(history: &History) -> String {
-    let (x, points) = drawn(history);
-    let values = points.iter().filter_map(|(_, point)| point.left_h).flatten();
-    let mut plot = Plot::new(
+    let drawn = Drawn::new(history);
+    let values = drawn.points.iter().filter_map(|place| place.point.left_h).flatten();
+    let mut plot = drawn.plot(
         "Remaining useful life with its 80 % interval",
-        HEIGHT,
-        x,
         Axis::over("hours left", values).down_to_zero(),
     );
     plot.band(
         "band",
-        points
-            .iter()
-            .map(|(at, point)| (*at, point.left_h.map(|h| (h[0], h[2])))),
+        drawn.band(|point| point.left_h.map(|h| (h[0], h[2]))).into_iter(),
     );
-    plot.line(
-        "value",
-        points.iter().map(|(at, point)| (*at, point.left_h.map(|h| h[1]))),
-    );
+    plot.line("value", drawn.line(|point| point.left_h.map(|h| h[1])).into_iter());
     figure(
         &plot,
         "Remaining useful life: <span class=\"key\">median</span>, band from the 10 % to the 90 % quantile",
     )
 }
 
-/// Root mean square of the current residual over the life.
+/// Root mean square of the current residual over use.
 pub(super) fn residuals(history: &History) -> String {
-    let (x, points) = drawn(history);
-    let values = points.iter().filter_map(|(_, point)| point.residual_rms_a);
+    let drawn = Drawn::new(history);
+    let values = drawn.values(|point| point.residual_rms_a).map(|(_, value)| value);
     let y = Axis::over("residual, A rms", values).down_to_zero();
-    let mut plot = Plot::new("Current residual over the life", HEIGHT, x, y);
-    plot.line("value", points.iter().map(|(at, point)| (*at, point.residual_rms_a)));
-    figure(&plot, "What the fit leaves of the current, in each window")
+    let mut plot = drawn.plot("Current residual over use", y);
+    plot.line("value", drawn.line(|point| point.residual_rms_a).into_iter());
+    figure(&plot, "Residual (RMS) of the current in each window")
 }
 
 /// Every n-th, so that no more than about `most` are left, and the last.
@@ -216,6 +275,27 @@ pub(super) fn thinned<T: Copy>(all: &[T], most: usize) -> Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_reset_breaks_a_line_between_the_windows_it_lies_between() {
+        let points = [(0, 0.0), (1, 5.0), (2, 0.0), (3, 1.0)].map(|(window, used_h)| Point {
+            window,
+            used_h: Some(used_h),
+            residual_rms_a: Some(used_h),
+            ..Point::default()
+        });
+        let history = History {
+            points: points.to_vec(),
+            ..History::default()
+        };
+        let line = Drawn::new(&history).line(|point| point.residual_rms_a);
+        let expected = [Some(0.0), Some(5.0), None, Some(0.0), Some(1.0)];
+        assert_eq!(line.iter().map(|(_, value)| *value).collect::<Vec<_>>(), expected);
+        assert_eq!(
+            line.iter().map(|(at, _)| *at).collect::<Vec<_>>(),
+            [0.0, 5.0, 5.0, 5.0, 6.0]
+        );
+    }
 
     #[test]
     fn the_last_is_always_drawn_once() {

@@ -2,17 +2,19 @@
 
 use std::path::PathBuf;
 
-use super::{Exit, Misuse, load_config};
+use super::{Exit, Misuse, load_config, say};
 use hmd_core::history::{Event, EventKind};
+use hmd_core::timestamp;
 use hmd_storage::clock::now_ns;
 use hmd_storage::event_file::append;
 
-/// The year 2262, as far as other programs count nanoseconds.
-const AT_MAX_NS: u64 = i64::MAX as u64;
+/// Most characters of a note: it goes into one line of the journal.
+const NOTE_MAX: usize = 200;
 
 /// Enter maintenance: a part was replaced, and its history is reset.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  hmd event --reset flap-left -c hmd.toml")]
+#[command(after_help = "Example:\n\
+    \x20 hmd event --reset flap-left -c hmd.toml --at 2026-11-20T14:00Z --note \"gearbox replaced\"")]
 pub struct Args {
     /// The actuator that was replaced or overhauled; what is known of its wear is void.
     #[arg(long, value_name = "ACTUATOR")]
@@ -20,9 +22,34 @@ pub struct Args {
     /// Configuration; its rul.events names the file that the event is added to.
     #[arg(short, long)]
     config: PathBuf,
-    /// When it happened, UTC ns; now without it.
-    #[arg(long, value_name = "NS", value_parser = clap::value_parser!(u64).range(..=AT_MAX_NS))]
+    /// When it happened, as 2026-11-20T14:00Z, 2026-11-20T15:00+01:00 or UTC ns; now without it.
+    #[arg(long, value_name = "TIME", value_parser = instant)]
     at: Option<u64>,
+    /// What was done; it stands in the journal and in reports.
+    #[arg(long, value_name = "TEXT", value_parser = note)]
+    note: Option<String>,
+}
+
+/// UTC ns of a time with its offset, or of a number of nanoseconds.
+fn instant(text: &str) -> Result<u64, String> {
+    let expected = || format!("expected a time as 2026-11-20T14:00Z, or UTC ns, found {text:?}");
+    // Other programs count nanoseconds in 63 bits.
+    let in_range = |ns: &u64| i64::try_from(*ns).is_ok();
+    if text.bytes().all(|byte| byte.is_ascii_digit()) {
+        return text.parse().ok().filter(in_range).ok_or_else(expected);
+    }
+    timestamp::parsed(text).filter(in_range).ok_or_else(expected)
+}
+
+/// One line of text.
+fn note(text: &str) -> Result<String, String> {
+    let length = text.chars().count();
+    if length > NOTE_MAX || text.chars().any(char::is_control) {
+        return Err(format!(
+            "expected one line of at most {NOTE_MAX} characters, found {length}"
+        ));
+    }
+    Ok(text.to_owned())
 }
 
 /// Runs the verb.
@@ -47,7 +74,15 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         t_ns: args.at.unwrap_or_else(now_ns),
         actuator: args.reset.clone(),
         event: EventKind::Reset,
+        note: args.note.clone(),
     };
-    append(&config.resolve(path), &event)?;
+    let path = config.resolve(path);
+    append(&path, &event)?;
+    say(&format!(
+        "{}: history reset from {} UTC on; noted in {}",
+        event.actuator,
+        timestamp::minute(event.t_ns),
+        path.display()
+    ))?;
     Ok(Exit::Done)
 }

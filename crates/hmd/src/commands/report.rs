@@ -1,19 +1,20 @@
-//! `hmd report`: one page about one actuator.
+//! `hmd report`: one page about one actuator or several.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
 use super::outputs::Outputs;
-use super::{Exit, Losses};
-use hmd_report::report::{Files, page};
+use super::{Exit, Losses, Misuse, load_config};
+use hmd_report::pdf;
+use hmd_report::report::{Files, View, Zone, page};
 use hmd_storage::output_file;
 
-/// Write a report of an actuator: one HTML file that needs nothing else.
+/// Write a report of one actuator or several: one HTML file that needs nothing else.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n\
     \x20 hmd replay flight.log -o flight.mcap && hmd report flight.mcap -o ema0.html\n\
-    \x20 hmd report --actuator flap-left monday.mcap tuesday.mcap -o flap-left.html")]
+    \x20 hmd report --actuator flap-left monday.mcap tuesday.mcap -o flap-left.html --zone Europe/Berlin")]
 pub struct Args {
     /// MCAP files that hmd wrote, in the order of time.
     #[arg(required = true)]
@@ -21,9 +22,18 @@ pub struct Args {
     /// The HTML file.
     #[arg(short, long)]
     output: PathBuf,
-    /// The actuator; needed where the files have several.
+    /// Only this actuator; without it all, with an overview.
     #[arg(long, value_name = "NAME")]
     actuator: Option<String>,
+    /// Configuration whose damage levels the page shows; the defaults without one.
+    #[arg(short, long)]
+    config: Option<PathBuf>,
+    /// Time zone of the page, as Europe/Berlin or UTC; without it that of this computer.
+    #[arg(long, value_name = "NAME")]
+    zone: Option<String>,
+    /// Print the page to this PDF file as well, with the Chromium of this computer.
+    #[arg(long, value_name = "FILE")]
+    pdf: Option<PathBuf>,
 }
 
 /// Runs the verb.
@@ -31,15 +41,30 @@ pub struct Args {
 /// # Errors
 /// A file that is none of ours, an actuator that it does not have, an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    let written: Vec<&Path> = [args.output.as_path()].into_iter().chain(args.pdf.as_deref()).collect();
     let outputs = Outputs {
-        others: &[&args.output],
+        others: &written,
         ..Outputs::default()
     };
     outputs.check(&args.files)?;
+    let view = View {
+        zone: zone(args.zone.as_deref())?,
+        levels: *load_config(args.config.as_deref())?.health().levels(),
+    };
     let mut losses = Losses::default();
     let files = Files::read(&args.files, &mut |loss| losses.add(loss))?;
-    let history = files.actuator(args.actuator.as_deref())?;
-    let page = page(&files, history);
-    output_file::write(&args.output, page).with_context(|| args.output.display().to_string())?;
+    let histories = files.actuators(args.actuator.as_deref())?;
+    let text = page(&files, &histories, &view);
+    output_file::write(&args.output, text).with_context(|| args.output.display().to_string())?;
+    if let Some(pdf) = &args.pdf {
+        pdf::print(&args.output, pdf).context("--pdf")?;
+    }
     Ok(losses.exit())
+}
+
+fn zone(name: Option<&str>) -> Result<Zone, Misuse> {
+    let Some(name) = name else {
+        return Ok(Zone::of_this_computer());
+    };
+    Zone::named(name).ok_or_else(|| Misuse(format!("--zone: expected a time zone of this computer, found {name:?}")))
 }

@@ -415,13 +415,34 @@ fn an_event_needs_a_place_and_a_known_actuator() {
     );
     fs::write(folder.path("hmd.toml"), "[rul]\nevents = \"events.jsonl\"\n").expect("a file");
     assert!(folder.refused("event --reset nobody -c hmd.toml", 2).contains("nobody"));
+    for time in ["1969-12-31T23:59Z", "2026-11-20", "9223372036854775808"] {
+        let line = format!("event --reset ema0 -c hmd.toml --at {time}");
+        assert!(
+            folder
+                .refused(&line, 2)
+                .contains("expected a time as 2026-11-20T14:00Z")
+        );
+    }
     let output = folder
         .command("event --reset ema0 -c hmd.toml --at 5")
         .output()
         .expect("hmd starts");
     assert_eq!(output.status.code(), Some(0));
-    let line = fs::read_to_string(folder.path("events.jsonl")).expect("the events");
-    assert_eq!(line, "{\"t_ns\":5,\"actuator\":\"ema0\",\"event\":\"reset\"}\n");
+    let output = folder
+        .command("event --reset ema0 -c hmd.toml --at 2023-11-14T23:13+01:00 --note gearbox")
+        .output()
+        .expect("hmd starts");
+    let noted = String::from_utf8(output.stdout).expect("text");
+    assert_eq!(
+        noted,
+        "ema0: history reset from 2023-11-14 22:13 UTC on; noted in events.jsonl\n"
+    );
+    let lines = fs::read_to_string(folder.path("events.jsonl")).expect("the events");
+    assert_eq!(
+        lines,
+        "{\"t_ns\":5,\"actuator\":\"ema0\",\"event\":\"reset\"}\n\
+         {\"t_ns\":1699999980000000000,\"actuator\":\"ema0\",\"event\":\"reset\",\"note\":\"gearbox\"}\n"
+    );
     fs::write(folder.path("events.jsonl"), "nonsense\n").expect("a file");
     fs::write(folder.path("empty.log"), "").expect("a file");
     assert!(

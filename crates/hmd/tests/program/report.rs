@@ -28,7 +28,7 @@ fn refused(folder: &TempDir, line: &str, code: i32) -> String {
 fn a_whole_wear_out_is_one_small_page_and_one_short_line() {
     let folder = tempfile::tempdir().expect("a folder");
     done(&folder, "demo -o life.mcap");
-    done(&folder, "report life.mcap -o ema0.html");
+    done(&folder, "report life.mcap -o ema0.html --zone UTC");
     let page = fs::read_to_string(folder.path().join("ema0.html")).expect("a page");
     assert!(page.len() < 1 << 20, "{} bytes", page.len());
     // Every part that was promised, and nothing that is fetched or run.
@@ -39,9 +39,11 @@ fn a_whole_wear_out_is_one_small_page_and_one_short_line() {
         "Measured and fitted motor speed",
         "Measured and fitted output position",
         "Residual of the output position",
-        "History of k1, friction",
-        "History of k8, gain",
-        "State of health over the life",
+        "Damage by friction over use",
+        "Damage by controller gain over use",
+        "Repair before the next use: bearings, gear and screw.",
+        "no trend: below the watch level",
+        "State of health over use",
         "Remaining useful life with its 80 % interval",
         "Data quality",
         "config_hash",
@@ -55,10 +57,10 @@ fn a_whole_wear_out_is_one_small_page_and_one_short_line() {
         assert!(!page.contains(forbidden), "{forbidden}");
     }
     let drawings = page.matches("<svg ").count();
-    assert_eq!(drawings, 2 + 8 + 6 + 1);
+    assert_eq!(drawings, 2 + 7 + 6 + 1);
     assert_eq!(page.matches("role=\"img\" aria-label=").count(), drawings);
     // The same files make the same page.
-    done(&folder, "report life.mcap -o again.html");
+    done(&folder, "report life.mcap -o again.html --zone UTC");
     assert_eq!(
         fs::read_to_string(folder.path().join("again.html")).expect("a page"),
         page
@@ -80,6 +82,7 @@ fn a_whole_wear_out_is_one_small_page_and_one_short_line() {
     fs::write(folder.path().join("text.log"), "no log\n").expect("a file");
     assert!(refused(&folder, "report text.log -o no.html", 1).contains("expected records of windows, found none"));
     assert!(refused(&folder, "report missing.mcap -o no.html", 1).contains("missing.mcap"));
+    assert!(refused(&folder, "report life.mcap -o no.html --zone Mars/Phobos", 2).contains("found \"Mars/Phobos\""));
     assert!(!folder.path().join("no.html").exists());
 }
 

@@ -1,0 +1,126 @@
+//! One continuous axis of use for a history, and the marks where something other than wear changed it.
+
+use super::history::History;
+
+/// What changed the history before a window.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Mark {
+    /// The history was reset: a maintenance event, another serial number, or a run that knew nothing of the one before.
+    Reset,
+    /// The program was started again and continued the history.
+    Restart,
+}
+
+impl Mark {
+    /// Name for people.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Reset => "history reset",
+            Self::Restart => "program restarted",
+        }
+    }
+
+    /// Class of the line in the page's style.
+    pub(super) const fn class(self) -> &'static str {
+        match self {
+            Self::Reset => "reset",
+            Self::Restart => "restart",
+        }
+    }
+}
+
+/// Where each window lies on the axis, and the marks between them.
+pub(super) struct UseAxis {
+    /// Label of the axis.
+    pub(super) label: &'static str,
+    /// One place per window of the history; never decreasing.
+    pub(super) places: Vec<f64>,
+    /// Marks, each with the index of the window before which it lies.
+    pub(super) marks: Vec<(usize, Mark)>,
+}
+
+impl UseAxis {
+    /// Operating hours, added up over resets; or the count of windows where the hours are not known or below one.
+    pub(super) fn new(history: &History) -> Self {
+        let hours = continuous_hours(history);
+        let (label, places) = if hours.last().is_some_and(|last| *last >= 1.0) {
+            ("operating time, h", hours)
+        } else {
+            ("window", (0..history.points.len()).map(|n| n as f64).collect())
+        };
+        let marks = (1..history.points.len())
+            .filter_map(|n| Some((n, mark_before(history, n)?)))
+            .collect();
+        Self { label, places, marks }
+    }
+}
+
+/// Hours of use since the first window. After a reset the count of the records begins again; the axis goes on.
+fn continuous_hours(history: &History) -> Vec<f64> {
+    let (mut base, mut last) = (0.0, 0.0);
+    history
+        .points
+        .iter()
+        .map(|point| {
+            let used = point.used_h.unwrap_or(last);
+            if used < last {
+                base += last;
+            }
+            last = used;
+            base + used
+        })
+        .collect()
+}
+
+/// What lies between window `n` and the one before.
+pub(super) fn mark_before(history: &History, n: usize) -> Option<Mark> {
+    let [before, after] = [&history.points[n - 1], &history.points[n]];
+    let began_again = matches!((before.used_h, after.used_h), (Some(before), Some(after)) if after < before);
+    if began_again {
+        Some(Mark::Reset)
+    } else if after.window <= before.window {
+        Some(Mark::Restart)
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::history::Point;
+    use super::*;
+
+    fn history(windows: &[(u64, f64)]) -> History {
+        let points = windows.iter().map(|&(window, used_h)| Point {
+            window,
+            used_h: Some(used_h),
+            ..Point::default()
+        });
+        History {
+            points: points.collect(),
+            ..History::default()
+        }
+    }
+
+    #[test]
+    fn hours_go_on_over_a_reset_and_a_restart() {
+        let axis = UseAxis::new(&history(&[
+            (0, 0.0),
+            (1, 10.0),
+            (0, 11.0),
+            (1, 12.0),
+            (2, 0.5),
+            (3, 2.0),
+        ]));
+        assert_eq!(axis.places, [0.0, 10.0, 11.0, 12.0, 12.5, 14.0]);
+        assert_eq!(axis.marks, [(2, Mark::Restart), (4, Mark::Reset)]);
+        assert_eq!(axis.label, "operating time, h");
+    }
+
+    #[test]
+    fn windows_count_on_where_hours_do_not() {
+        let axis = UseAxis::new(&history(&[(0, 0.0), (1, 0.1), (0, 0.2)]));
+        assert_eq!((axis.label, axis.places), ("window", vec![0.0, 1.0, 2.0]));
+        assert_eq!(axis.marks, [(2, Mark::Restart)]);
+    }
+}

@@ -1,0 +1,109 @@
+//! Quality of the data: windows by status and reason, and what the files lost.
+
+use std::fmt::Write;
+
+use hmd_core::record::WindowStatus;
+
+use super::history::{Files, History};
+use super::markup::table;
+use super::plot::escaped;
+
+/// Most reasons of windows that are listed, the most frequent.
+const REASONS_MAX: usize = 20;
+
+/// Windows and samples of one actuator.
+pub(super) fn windows(history: &History) -> String {
+    let mut rows = String::new();
+    let mut row = |what: &str, count: u64| {
+        let _ = writeln!(
+            rows,
+            "<tr><th scope=\"row\">{}</th><td class=\"n\">{count}</td></tr>",
+            escaped(what)
+        );
+    };
+    for status in WindowStatus::ALL.map(WindowStatus::name) {
+        let count = history.points.iter().filter(|point| point.status == status).count();
+        row(&format!("windows {status}"), count as u64);
+    }
+    let [expected, received, missing] = history.samples;
+    row("expected samples", expected);
+    row("received samples", received);
+    row("missing samples, by their counters", missing);
+    let mut text = table("This actuator", &[("What", ""), ("Count", "n")], &rows);
+
+    let mut reasons: Vec<(&String, &u64)> = history.reasons.iter().collect();
+    reasons.sort_by(|a, b| b.1.cmp(a.1).then(a.0.cmp(b.0)));
+    if !reasons.is_empty() {
+        let rows: String = reasons
+            .iter()
+            .take(REASONS_MAX)
+            .map(|(reason, count)| format!("<tr><td>{}</td><td class=\"n\">{count}</td></tr>\n", escaped(reason)))
+            .collect();
+        text += &table("Why windows were not ok", &[("Reason", ""), ("Windows", "n")], &rows);
+    }
+    text
+}
+
+/// What buses reported and what was lost, over all actuators of the files.
+pub(super) fn losses(files: &Files) -> String {
+    let mut text = String::new();
+    let errors: String = files
+        .sources
+        .iter()
+        .filter(|source| source.status.frames_error > 0)
+        .map(|source| loss(&source.file, "error frames", &source.status.frames_error.to_string()))
+        .collect();
+    if !errors.is_empty() {
+        text += &table("What the buses reported", &LOST, &errors);
+    }
+    let mut rows = String::new();
+    for source in &files.sources {
+        for (cause, count) in source.status.losses().into_iter().filter(|(_, count)| *count > 0) {
+            rows += &loss(&source.file, in_words(cause), &count.to_string());
+        }
+        if source.damaged {
+            rows += &loss(&source.file, "parts of the file are damaged", "yes");
+        }
+    }
+    if rows.is_empty() {
+        text + "<p>The files lost nothing: no frame, no sample, no window of any actuator.</p>\n"
+    } else {
+        text + &table("Lost, over all actuators", &LOST, &rows)
+    }
+}
+
+/// Heads of the rows of [`loss`].
+const LOST: [(&str, &str); 3] = [("File", ""), ("What", ""), ("Count", "n")];
+
+fn loss(file: &str, what: &str, count: &str) -> String {
+    let file = escaped(file);
+    format!("<tr><td>{file}</td><td>{what}</td><td class=\"n\">{count}</td></tr>\n")
+}
+
+/// A cause of [`crate::record::Status::losses`], as `docs/records.md` explains it.
+fn in_words(cause: &'static str) -> &'static str {
+    match cause {
+        "unreadable" => "unreadable lines or serial frames",
+        "damaged" => "frames in damaged parts",
+        "socket_queue" => "frames dropped by the kernel",
+        "malformed" => "malformed frames",
+        "late" => "late frames",
+        "windows" => "windows not assessed",
+        "storage_frames" => "frames not stored",
+        "storage_records" => "records not stored",
+        other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hmd_core::record::Status;
+
+    #[test]
+    fn every_cause_of_loss_has_a_text() {
+        // None is the name of a field with its underscore.
+        let causes = Status::default().losses().map(|(cause, _)| in_words(cause));
+        assert!(causes.iter().all(|text| !text.contains('_')), "{causes:?}");
+    }
+}

@@ -58,6 +58,31 @@ fn each_fault_of_a_small_servo_is_found() {
     check(&UNITS[3]);
 }
 
+/// Jittering sample instants at 400 Hz: the angle's error is a tenth of a radian, and an inertia fitted to it came out a tenth of what it is.
+#[test]
+fn jittering_samples_leave_the_inertia_what_it_is() {
+    let unit = Unit {
+        name: "jitter",
+        actuator: "bench",
+        effects: &[("sample_jitter", 0.15)],
+    };
+    let mut params = unit.params();
+    params.sensors.sample_rate = 400.0;
+    let slow = |mut scenario: Scenario| {
+        (scenario.nominal, scenario.unit) = (params, params);
+        scenario
+    };
+    let recordings = simulated(&unit.commissioning().into_iter().map(slow).collect::<Vec<_>>());
+    let windows: Vec<_> = recordings
+        .iter()
+        .map(|samples| MeasuredWindow::new(&params, samples, &[]))
+        .collect();
+    let learnt = commission(&windows, &BalanceShape::usual(&params)).unwrap();
+    let share = learnt.balance.of(Term::Inertia) / params.motor.j;
+    // Two of the tolerances of J.
+    assert!((share - 1.0).abs() < 0.1, "{share}");
+}
+
 /// At 400 Hz, where the torque changes much between two samples.
 #[test]
 fn each_fault_is_found_at_400_hz() {

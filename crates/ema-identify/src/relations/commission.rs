@@ -19,7 +19,7 @@ use super::measured::MeasuredWindow;
 use super::normal_equations::NormalEquations;
 use super::output_load::OutputLoad;
 use super::residual::{HealthyResidual, RELATION_COUNT, Relation};
-use super::shared::{SHARED_COUNT, SharedMatrix, coefficients, priors, shared_columns};
+use super::shared::{INERTIA, SHARED_COUNT, Shared, SharedMatrix, coefficients, priors, shared_columns};
 use super::terms::{BalanceRing, BalanceRow, BalanceShape, Term, balance_rows};
 use super::torque_balance::{BalanceCoefficients, LOAD_ROUNDS, Turns, torque_balance};
 use crate::monitor_fit::RecordedSample;
@@ -71,13 +71,15 @@ pub fn commission_as<S: RecordedSample>(
 ) -> Result<CommissionedRelations, CommissionError> {
     let mut best: Option<(f64, SharedBalance)> = None;
     let mut refused = CommissionError::NoSolution;
+    let scale = Scale::of(shape);
     let residual = |half_width_s| {
-        shared_balance(windows, shape, half_width_s, false, ROUNDS).map_or(0.0, |shared| shared.balance.residual_rms)
+        shared_balance(windows, shape, half_width_s, (scale, false), ROUNDS)
+            .map_or(0.0, |shared| shared.balance.residual_rms)
     };
     let [narrow, .., wide] = HALF_WIDTHS_S;
     let angle_errors = residual(narrow) > ANGLE_ERRORS * residual(wide);
     for half_width_s in HALF_WIDTHS_S {
-        let shared = match shared_balance(windows, shape, half_width_s, angle_errors, ROUNDS) {
+        let shared = match shared_balance(windows, shape, half_width_s, (scale, angle_errors), ROUNDS) {
             Ok(shared) => shared,
             Err(error) => {
                 refused = error;
@@ -126,7 +128,7 @@ fn shown_compliance<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>], shape:
     }
     find_compliance(|&compliance| {
         let shape = BalanceShape { compliance, ..*shape };
-        let shared = shared_balance(windows, &shape, narrow, false, SEARCH_ROUNDS);
+        let shared = shared_balance(windows, &shape, narrow, (Scale::Turns, false), SEARCH_ROUNDS);
         shared.map_or(f64::NAN, |shared| shared.balance.residual_rms)
     })
 }
@@ -214,7 +216,7 @@ fn shared_balance<S: RecordedSample>(
     windows: &[MeasuredWindow<'_, S>],
     shape: &BalanceShape,
     half_width_s: f64,
-    angle_errors: bool,
+    (scale, angle_errors): (Scale, bool),
     rounds: usize,
 ) -> Result<SharedBalance, CommissionError> {
     let params = windows
@@ -228,12 +230,12 @@ fn shared_balance<S: RecordedSample>(
     let priors = priors(params);
     let mut loads = std::vec![OutputLoad::default(); windows.len()];
     let mut learnt = Err(CommissionError::NoSolution);
-    let mut error_variance = 0.0;
+    let (mut error_variance, mut factor) = (0.0, 1.0);
     for _ in 0..rounds {
         let sums: Vec<_> = windows
             .iter()
             .zip(&loads)
-            .map(|(window, &load)| window_sums(window, shape, load, &kernel))
+            .map(|(window, &load)| window_sums(window, shape, load, &kernel, scale))
             .collect();
         let found = sums.iter().filter(|sums| sums.rows > 0).count();
         if found < MIN_WINDOWS {
@@ -244,26 +246,37 @@ fn shared_balance<S: RecordedSample>(
             add_without_own(&mut shared, sums);
         }
         for (unknown, (value, sigma)) in priors.into_iter().enumerate() {
+            // The torque's scale is that of the last round.
+            let (value, sigma) = if unknown == INERTIA {
+                scale.prior_of_inertia((value, sigma))
+            } else {
+                (factor * value, factor * sigma)
+            };
             let weight = error_variance / (sigma * sigma);
             shared.ata[(unknown, unknown)] += weight;
             shared.aty[unknown] += weight * value;
             shared.yy += weight * value * value;
         }
         let solution = shared.solve().ok_or(CommissionError::NoSolution)?;
+        factor = scale.of_torque(&solution.x);
+        if factor <= 0.0 {
+            return Err(CommissionError::NoSolution);
+        }
         for ((window, sums), load) in windows.iter().zip(&sums).zip(&mut loads) {
-            *load = own_load(sums, &solution.x, window.params());
+            *load = own_load(sums, &solution.x, factor, window.params());
         }
         error_variance = solution.residual_rms * solution.residual_rms * correlated;
+        let (x, derivative) = scale.of_fixed_turns(&solution.x, params.motor.j);
         let balance = BalanceCoefficients {
-            values: coefficients(&solution.x),
+            values: coefficients(&x),
             shape: *shape,
-            residual_rms: solution.residual_rms,
+            residual_rms: solution.residual_rms / factor,
             half_width_s,
             angle_errors,
         };
         learnt = Ok(SharedBalance {
             balance,
-            covariance: solution.inverse * error_variance,
+            covariance: derivative * solution.inverse * derivative.transpose() * error_variance,
         });
     }
     learnt
@@ -275,25 +288,85 @@ fn window_sums<S: RecordedSample>(
     shape: &BalanceShape,
     load: OutputLoad,
     kernel: &Kernel,
+    scale: Scale,
 ) -> NormalEquations<WINDOW_COUNT> {
     let mut sums = NormalEquations::new();
     let mut ring = BalanceRing::new(kernel.span);
     for row in balance_rows(window, shape, load, kernel, 1.0, None, &mut ring).flatten() {
-        let (a, y) = window_row(&row);
+        let (a, y) = scale.row(&row, window.params().motor.j);
         sums.add(&a, y);
     }
     sums
 }
 
-/// The row `a · x = y` of the joint least squares.
-fn window_row(row: &BalanceRow) -> ([f64; WINDOW_COUNT], f64) {
-    let term = |term: Term| row.terms[term as usize];
-    let mut a = [0.0; WINDOW_COUNT];
-    a[..SHARED_COUNT].copy_from_slice(&shared_columns(row));
-    a[SHARED_COUNT] = -term(Term::Load);
-    a[SHARED_COUNT + 1] = -term(Term::Spring);
-    let whole = [Term::TurnsA, Term::TurnsB, Term::TurnsC, Term::GearLoss];
-    (a, whole.into_iter().map(term).sum())
+/// What stands on the right of the joint least squares, where errors draw no coefficient towards zero. The search for a compliance compares
+/// rigid and compliant masses by one of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Scale {
+    /// The turns: J is an unknown.
+    Turns,
+    /// The inertia, by that of the type, kg·m²: the scale of the torque is an unknown in place of J.
+    Inertia,
+}
+
+impl Scale {
+    /// That of the coefficients of a shape. Errors of the angle, as jittering sample instants make them, are many times those of the
+    /// currents; in a column they would draw J towards zero, at 400 Hz to a tenth. Behind a spring the rows within the play are most of
+    /// the residual, and they are no errors of the angle.
+    fn of(shape: &BalanceShape) -> Self {
+        if shape.compliance.is_rigid() {
+            Self::Inertia
+        } else {
+            Self::Turns
+        }
+    }
+
+    /// The row `a · x = y`; of the inertia's scale all is divided by J over that of the type.
+    fn row(self, row: &BalanceRow, inertia: f64) -> ([f64; WINDOW_COUNT], f64) {
+        let term = |term: Term| row.terms[term as usize];
+        let mut a = [0.0; WINDOW_COUNT];
+        a[..SHARED_COUNT].copy_from_slice(&shared_columns(row));
+        a[SHARED_COUNT] = -term(Term::Load);
+        a[SHARED_COUNT + 1] = -term(Term::Spring);
+        let whole = [Term::TurnsA, Term::TurnsB, Term::TurnsC, Term::GearLoss];
+        let whole: f64 = whole.into_iter().map(term).sum();
+        match self {
+            Self::Turns => (a, whole),
+            Self::Inertia => {
+                a[INERTIA] = -whole;
+                (a, inertia * term(Term::Inertia))
+            }
+        }
+    }
+
+    /// What is known of the unknown in place of J, where the prior of J has this value and standard deviation.
+    fn prior_of_inertia(self, (value, sigma): (f64, f64)) -> (f64, f64) {
+        match self {
+            Self::Turns => (value, sigma),
+            Self::Inertia => (1.0, sigma / value),
+        }
+    }
+
+    /// Factor of the torque in a solution.
+    fn of_torque(self, x: &Shared) -> f64 {
+        match self {
+            Self::Turns => 1.0,
+            Self::Inertia => x[INERTIA],
+        }
+    }
+
+    /// The shared unknowns with `N_A + N_B + N_C = 3` of those of a solution, and the derivative.
+    fn of_fixed_turns(self, x: &Shared, inertia: f64) -> (Shared, SharedMatrix) {
+        if self == Self::Turns {
+            return (*x, SharedMatrix::identity());
+        }
+        let scale = x[INERTIA];
+        let mut fixed = x / scale;
+        fixed[INERTIA] = inertia / scale;
+        let mut derivative = SharedMatrix::identity() / scale;
+        derivative.set_column(INERTIA, &(-fixed / scale));
+        (fixed, derivative)
+    }
 }
 
 /// Inverse of the block of load and spring, and its product with the other blocks.
@@ -329,10 +402,11 @@ fn add_without_own(shared: &mut NormalEquations<SHARED_COUNT>, sums: &NormalEqua
     shared.rows += sums.rows;
 }
 
-/// Load and spring of a window for given shared unknowns, as far as the gear loses torque under them.
+/// Load and spring of a window for given shared unknowns and factor of the torque, as far as the gear loses torque under them.
 fn own_load(
     sums: &NormalEquations<WINDOW_COUNT>,
     shared: &SVector<f64, SHARED_COUNT>,
+    factor: f64,
     params: &ActuatorParams,
 ) -> OutputLoad {
     let own = Own::new(sums);
@@ -341,5 +415,5 @@ fn own_load(
         .symmetric()
         .fixed_view::<2, 2>(SHARED_COUNT, SHARED_COUNT)
         .into_owned();
-    OutputLoad::new(&found).losing(&information, sums.rows, params)
+    OutputLoad::new(&(found / factor)).losing(&information, sums.rows, params)
 }

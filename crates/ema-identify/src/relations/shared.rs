@@ -38,6 +38,13 @@ const SHARED: [Term; 20] = [
 /// Number of shared unknowns: `N_B − 1`, `N_C − 1`, the shared terms.
 pub const SHARED_COUNT: usize = 2 + SHARED.len();
 
+/// Place of the inertia.
+#[cfg(feature = "std")]
+pub(super) const INERTIA: usize = 4;
+
+#[cfg(feature = "std")]
+const _: () = assert!(matches!(SHARED[INERTIA - 2], Term::Inertia));
+
 /// Shared unknowns.
 pub(super) type Shared = SVector<f64, SHARED_COUNT>;
 

@@ -14,7 +14,7 @@ const NOTE_MAX: usize = 200;
 /// Enter maintenance: a part was replaced, and its history is reset.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n\
-    \x20 hmd event --reset flap-left -c hmd.toml --at 2026-11-20T14:00Z --note \"gearbox replaced\"")]
+    \x20 hmd event --reset flap-left -c hmd.toml --at 2026-11-20T14:00Z --note gearbox")]
 pub struct Args {
     /// The actuator that was replaced or overhauled; what is known of its wear is void.
     #[arg(long, value_name = "ACTUATOR")]

@@ -7,6 +7,7 @@ use crate::Loss;
 use crate::asc::{AscReader, is_asc};
 use crate::blf::{self, BlfReader};
 use crate::candump::CandumpReader;
+use crate::mdf::{self, MdfReader};
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_storage::mcap::McapFrames;
 use hmd_storage::quoted;
@@ -55,8 +56,8 @@ pub enum IngestError {
         /// The path.
         file: String,
     },
-    /// An MCAP file comes through a pipe.
-    #[error("{file}: expected a file that can be sought, found an MCAP stream in a pipe")]
+    /// An MCAP or MF4 file comes through a pipe.
+    #[error("{file}: expected a file that can be sought, found an MCAP or MF4 stream in a pipe")]
     NotSeekable {
         /// The path.
         file: String,
@@ -150,6 +151,8 @@ pub enum LogFormat {
     Asc,
     /// Binary log of Vector's tools.
     Blf,
+    /// MDF version 4 with bus frames.
+    Mdf,
 }
 
 /// Frames of one file.
@@ -241,7 +244,7 @@ impl LogReader for McapFrames<File> {
 }
 
 macro_rules! foreign_log {
-    ($reader:ty, $format:expr, $name:literal) => {
+    ($reader:ty, $format:expr, $name:literal $(, $position:expr)?) => {
         impl LogReader for $reader {
             fn next_frame(&mut self) -> Option<Result<RawFrame, Loss>> {
                 self.next().map(|item| item.map_err(Loss::from))
@@ -259,6 +262,10 @@ macro_rules! foreign_log {
                 (*self).into_bus_names()
             }
 
+            $(fn position(&self) -> Option<u64> {
+                $position(self)
+            })?
+
             fn no_frame(&self, file: String, first: Option<Box<Loss>>) -> IngestError {
                 let format = $name;
                 IngestError::NoForeignFrame { file, format, first }
@@ -269,6 +276,9 @@ macro_rules! foreign_log {
 
 foreign_log!(AscReader<BufReader<Counted>>, LogFormat::Asc, "ASC");
 foreign_log!(BlfReader<BufReader<Counted>>, LogFormat::Blf, "BLF");
+foreign_log!(MdfReader<File>, LogFormat::Mdf, "MF4", |reader: &MdfReader<File>| Some(
+    reader.position()
+));
 
 /// Counts the bytes read, for the progress bar; the reader on top owns it, so the count is shared.
 #[derive(Debug)]
@@ -342,6 +352,17 @@ pub fn open_with(path: &Path, names: BusNames) -> Result<FrameSource, IngestErro
         }
         let input = input.into_inner().file;
         Box::new(McapFrames::new(input, &file, names).map_err(unreadable)?)
+    } else if mdf::MAGICS.iter().any(|magic| start.starts_with(magic)) {
+        if !about.is_file() {
+            return Err(IngestError::NotSeekable { file });
+        }
+        let input = input.into_inner().file;
+        let reader = MdfReader::new(input, &file, names);
+        Box::new(reader.map_err(|damage| IngestError::NoForeignFrame {
+            file: file.clone(),
+            format: "MF4",
+            first: Some(Box::new(damage.into())),
+        })?)
     } else if start.starts_with(blf::MAGIC) {
         Box::new(BlfReader::new(input, &file, names))
     } else {

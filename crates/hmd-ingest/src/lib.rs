@@ -16,9 +16,12 @@ mod damage;
 pub mod feed;
 pub mod file;
 mod foreign;
+#[cfg(test)]
+mod foreign_tests;
 mod lines;
 pub mod live;
 mod loss;
+pub mod mdf;
 pub mod serial;
 
 pub use candump::{BadLine, CandumpReader, LineFault};

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use anyhow::{Context, bail};
 
 use super::progress::over_pieces;
+use super::recordings::{Wanted, recordings};
 use super::{Exit, load_config, no_input, use_threads, warn};
 use crate::unit_windows::windows_of;
 #[cfg(feature = "full")]
@@ -32,7 +33,7 @@ use hmd_storage::calibration_file::{load_type_models, save};
     \x20 hmd calibrate healthy.mcap -c hmd.toml -o unit.calibration.toml")
 )]
 pub struct Args {
-    /// Logs of one unit in health, five windows or more; without them --type.
+    /// Logs of one unit in health, or folders of them, five windows or more; without them --type.
     #[cfg_attr(feature = "full", arg(required_unless_present = "of_type"))]
     #[cfg_attr(not(feature = "full"), arg(required = true))]
     logs: Vec<PathBuf>,
@@ -85,13 +86,14 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         save(&args.output, &text).context(path)?;
         return Ok(Exit::Done);
     }
-    no_input(&args.output, args.logs.iter().chain(&read_files(&config, false)))?;
+    let logs = recordings(&args.logs, Wanted::Logs)?;
+    no_input(&args.output, logs.iter().chain(&read_files(&config, false)))?;
     #[cfg(feature = "full")]
     if let Some(report) = &args.report {
         let read = read_files(&config, false);
-        no_input(report, args.logs.iter().chain(&read).chain([&args.output]))?;
+        no_input(report, logs.iter().chain(&read).chain([&args.output]))?;
     }
-    unit(args, config)
+    unit(args, &logs, config)
 }
 
 /// The files of a configuration that this calibration reads; the one that it makes may be named there already.
@@ -105,10 +107,10 @@ fn read_files(config: &Config, of_type: bool) -> Vec<PathBuf> {
 }
 
 /// Commissions one unit by its healthy windows.
-fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
+fn unit(args: &Args, logs: &[PathBuf], config: Config) -> anyhow::Result<Exit> {
     use_threads(args.threads.map(usize::from))?;
     let config = Arc::new(config);
-    let mut found = windows_of(&args.logs, &config, args.name.as_deref(), &mut |message| warn(message))?;
+    let mut found = windows_of(logs, &config, args.name.as_deref(), &mut |message| warn(message))?;
     let jobs = &mut found.jobs;
     jobs.retain(|job| match conditions(job) {
         Ok(_) => true,
@@ -129,7 +131,7 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
         // The exit code of a bad configuration belongs to this one.
         Err(CommissioningError::Assess(error)) => return Err(error.into()),
         Err(error @ CommissioningError::TooFew(_)) => {
-            let logs: Vec<String> = args.logs.iter().map(|log| log.display().to_string()).collect();
+            let logs: Vec<String> = logs.iter().map(|log| log.display().to_string()).collect();
             bail!("{}: {error}", logs.join(", "));
         }
         Err(error) => return Err(error.into()),

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::recordings::{Wanted, recordings};
 use super::{Exit, Losses, Misuse, no_input};
 use hmd_report::export::{CsvTable, Late, ParquetTable, Table, TableKind, export};
 
@@ -11,7 +12,7 @@ use hmd_report::export::{CsvTable, Late, ParquetTable, Table, TableKind, export}
     \x20 hmd export flight.mcap -o flight.parquet\n\
     \x20 hmd export --table samples flight.mcap -o samples.csv")]
 pub struct Args {
-    /// MCAP files that hmd wrote, in the order of time.
+    /// MCAP files that hmd wrote, in the order of time, or folders of them.
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// The table, `.csv` or `.parquet`; beside a CSV file, `FILE.metadata.json` holds the units.
@@ -27,7 +28,8 @@ pub struct Args {
 /// # Errors
 /// A file that is none of ours or has nothing for the table, an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
-    no_input(&args.output, &args.files)?;
+    let recorded = recordings(&args.files, Wanted::Records)?;
+    no_input(&args.output, &recorded)?;
     let (output, heads) = (args.output.clone(), args.table.heads());
     let extension = args.output.extension().and_then(|extension| extension.to_str());
     let table: Box<dyn Table> = match extension {
@@ -42,9 +44,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         }
     };
     let mut losses = Losses::default();
-    let exported = export(&args.files, args.table, table, &mut |loss| losses.add(loss))?;
+    let exported = export(&recorded, args.table, table, &mut |loss| losses.add(loss))?;
     if exported.rows == 0 {
-        let files: Vec<String> = args.files.iter().map(|file| file.display().to_string()).collect();
+        let files: Vec<String> = recorded.iter().map(|file| file.display().to_string()).collect();
         anyhow::bail!(
             "{}: expected records of windows, found none; hmd replay LOG -o OUT.mcap makes them",
             files.join(", ")

@@ -21,6 +21,7 @@ pub mod manual;
 mod metrics_http;
 mod progress;
 pub mod record;
+mod recordings;
 pub mod recover;
 pub mod replay;
 #[cfg(feature = "full")]

@@ -140,7 +140,10 @@ fn a_file_that_is_no_log_is_refused_in_one_sentence() {
             "none.log",
             "expected a readable file, found: No such file or directory (os error 2)",
         ),
-        ("folder", "expected a file, found a directory"),
+        (
+            "folder",
+            "expected logs (.log, .mcap, .asc, .blf, .mf4) in this folder, found none",
+        ),
         (
             "empty.log",
             "expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found an empty file",

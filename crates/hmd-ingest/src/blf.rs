@@ -4,7 +4,7 @@
 //! after the other, are objects again, which may begin in one container and end in the next. Of the objects frames and error frames
 //! are used. Layouts: Vector_BLF of Lorenz, python-can.
 //!
-//! Memory is bounded: a container holds at most [`CONTAINER_MAX`] bytes, an object [`OBJECT_MAX`]. A container without a right
+//! Memory is bounded: a container holds at most 16 MiB, an object 64 KiB. A container without a right
 //! checksum is not used; where an object should begin and does not, the next is searched for.
 //!
 //! The start is taken as UTC, as python-can writes it. Stamps are rounded to whole microseconds.
@@ -136,7 +136,7 @@ impl<R: BufRead> BlfReader<R> {
                     self.damage("an object of a possible size", format_args!("{size} bytes"))
                 ));
             }
-            let Some(object) = rest.get(..size) else { return None };
+            let object = rest.get(..size)?;
             // Its length has no checksum: another object must follow, as far as that can be seen.
             let behind = &rest[size..];
             let behind = &behind[..behind.len().min(PADDING_MAX + SIGNATURE.len())];

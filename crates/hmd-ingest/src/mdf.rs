@@ -9,7 +9,7 @@
 //! floats of seconds and are rounded to whole microseconds.
 //!
 //! Memory and time are bounded: of each data group one block is held, no block is visited twice, a compressed block is inflated to
-//! [`INFLATED_MAX`](records::INFLATED_MAX) at most.
+//! 8 MiB at most.
 
 mod block;
 mod layout;

@@ -336,7 +336,8 @@ impl Layout {
 
 /// A stamp `seconds` after the start; before it, too, as python-can writes.
 fn stamp_ns(start_ns: u64, seconds: f64) -> Option<u64> {
-    if !(seconds.abs() < 1e10) {
+    // An absurd time, and what is no number, has no stamp.
+    if seconds.is_nan() || seconds.abs() >= 1e10 {
         return None;
     }
     let whole = seconds.floor();

@@ -12,11 +12,12 @@ use crate::shell::{program, root, run, succeeds, target_dir};
 const VERSION: &str = "0.13.2";
 
 /// Targets of `fuzz/targets`, each with a file that its reader takes, to begin with.
-const TARGETS: [(&str, Option<&str>); 6] = [
+const TARGETS: [(&str, Option<&str>); 7] = [
     ("can", None),
     ("serial", None),
     ("config", Some("fixtures/hmd.toml")),
     ("candump", None),
+    ("foreign", Some("fixtures/foreign/transposed.mf4")),
     ("dbc", Some("fixtures/foreign.dbc")),
     ("mcap", Some("fixtures/logs/backlash-low.mcap")),
 ];

@@ -5,13 +5,14 @@ use std::path::PathBuf;
 use crate::shell::{cargo, run, target_dir};
 
 /// What is built, in cargo's words.
-const TARGETS: [(&str, &str); 7] = [
+const TARGETS: [(&str, &str); 8] = [
     ("--bin", "hmd"),
     ("--bin", "firmware_sim"),
     ("--example", "decode_candump"),
     ("--example", "decode_dbc"),
     ("--example", "oracle"),
     ("--example", "random_candump"),
+    ("--example", "read_log"),
     ("--example", "target_cases"),
 ];
 

@@ -1,4 +1,5 @@
-//! Readers that nobody here wrote read what hmd writes: the MCAP reference library, `cantools` and `pyarrow`.
+//! Readers that nobody here wrote read what hmd writes: the MCAP reference library, `cantools` and `pyarrow`; and hmd reads what
+//! `python-can` and `asammdf` write.
 
 use std::fs;
 use std::path::Path;
@@ -10,11 +11,13 @@ use crate::python::Python;
 use crate::shell::{program, root, run, run_to_file, target_dir};
 
 /// What the readers are made of.
-pub(crate) const PACKAGES: [&str; 4] = [
+pub(crate) const PACKAGES: [&str; 6] = [
     "mcap==1.6.0",
     "mcap-protobuf-support==0.6.0",
     "cantools==45.1.0",
     "pyarrow==26.0.1",
+    "python-can==4.6.1",
+    "asammdf==8.8.28",
 ];
 
 /// Recorded buses with layouts of their own, and the simulated logs behind them: options of `hmd simulate`.
@@ -22,6 +25,16 @@ const BUSES: [(&str, &str); 3] = [
     ("flap", "--rate 400 --noise 0.03 --fault friction=0.35 --seed 31"),
     ("rudder", "--rate 400 --noise 0.03 --fault backlash=0.2 --seed 32"),
     ("aileron", "--rate 400 --noise 0.03 --fault short_b=0.2 --seed 33"),
+];
+
+/// What `fixtures/foreign/make.py` makes of `text.log`.
+const CONVERTED: [&str; 6] = [
+    "text.asc",
+    "text.blf",
+    "text.mf4",
+    "text-deflated.mf4",
+    "text-transposed.mf4",
+    "text-unfinalised.mf4",
 ];
 
 /// Actuations in the simulated log.
@@ -37,6 +50,7 @@ pub(crate) fn check() -> anyhow::Result<()> {
     fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
     let programs = Programs::build()?;
     mcap(&python, &programs, &folder)?;
+    foreign(&python, &programs, &folder)?;
     tables(&python, &programs, &folder)?;
     dbc(&python, &programs, &folder)?;
     buses(&python, &programs, &folder)?;
@@ -92,6 +106,29 @@ fn mcap(python: &Python, programs: &Programs, folder: &Path) -> anyhow::Result<(
         "the text log and the MCAP file replay differently"
     );
     Ok(())
+}
+
+/// The text log converted by `python-can` and `asammdf`: the same records, byte for byte; and how long each takes to read it.
+fn foreign(python: &Python, programs: &Programs, folder: &Path) -> anyhow::Result<()> {
+    let expected = folder.join("text.jsonl");
+    let expected = fs::read(&expected).with_context(|| expected.display().to_string())?;
+    python.script("fixtures/foreign/make.py", &[&folder.join("text.log"), folder])?;
+    for name in CONVERTED {
+        let log = folder.join(name);
+        let lines = folder.join(format!("{name}.jsonl"));
+        let mut replay = program(programs.hmd(), ["replay", "--json"]);
+        replay.arg(&log);
+        run_to_file(replay, None, &lines)?;
+        let found = fs::read(&lines).with_context(|| lines.display().to_string())?;
+        ensure!(found == expected, "{name}: replays to other records than text.log");
+    }
+    println!("{} converted logs replay to the same records", CONVERTED.len());
+    let long = folder.join("long.log");
+    run(program(programs.hmd(), ["simulate", "--windows", "10", "-o"]).arg(&long))?;
+    python.script("fixtures/foreign/make.py", &[&long, folder])?;
+    let logs = ["long.asc", "long.blf", "long.mf4"].map(|name| folder.join(name));
+    run(program(programs.example("read_log"), &logs))?;
+    python.script("fixtures/foreign/speed.py", &logs.each_ref().map(|log| log.as_path()))
 }
 
 /// Both tables of a replayed log in both forms.

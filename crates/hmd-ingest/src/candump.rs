@@ -14,8 +14,9 @@ mod line;
 
 pub use line::{Decimals, LineFault, MAX_LINE, Part, emit, parse};
 
+use crate::lines::{Line, Lines};
 use hmd_core::frame::{BusNames, MAX_CLASSIC_DATA, MAX_DATA, RawFrame};
-use std::io::{self, BufRead};
+use std::io::BufRead;
 use std::sync::Arc;
 use thiserror::Error;
 
@@ -34,11 +35,9 @@ pub struct BadLine {
 /// Reads frames from a log, line by line, in bounded memory.
 #[derive(Debug)]
 pub struct CandumpReader<R> {
-    input: R,
+    lines: Lines<R>,
     file: Arc<str>,
     names: BusNames,
-    line: u64,
-    buffer: Vec<u8>,
     ended: bool,
 }
 
@@ -46,11 +45,9 @@ impl<R: BufRead> CandumpReader<R> {
     /// A reader of `input`; `file` names it in errors, `names` is the table of interfaces to go on with.
     pub fn new(input: R, file: &str, names: BusNames) -> Self {
         Self {
-            input,
+            lines: Lines::new(input, MAX_LINE),
             file: file.into(),
             names,
-            line: 0,
-            buffer: Vec::with_capacity(MAX_LINE + 1),
             ended: false,
         }
     }
@@ -67,48 +64,8 @@ impl<R: BufRead> CandumpReader<R> {
 
     /// Lines read so far.
     pub fn lines(&self) -> u64 {
-        self.line
+        self.lines.number()
     }
-
-    /// Reads the next line into the buffer, without its end.
-    fn read_line(&mut self) -> Result<Line, io::Error> {
-        self.buffer.clear();
-        let mut length = 0_u64;
-        loop {
-            let block = match self.input.fill_buf() {
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-                other => other?,
-            };
-            if block.is_empty() {
-                return Ok(match length {
-                    0 => Line::None,
-                    _ if length > MAX_LINE as u64 => Line::TooLong(length),
-                    _ => Line::Unfinished,
-                });
-            }
-            let end = block.iter().position(|&byte| byte == b'\n');
-            let part = &block[..end.unwrap_or(block.len())];
-            let room = MAX_LINE.saturating_sub(self.buffer.len());
-            self.buffer.extend_from_slice(&part[..part.len().min(room)]);
-            length += part.len() as u64;
-            let used = part.len() + usize::from(end.is_some());
-            self.input.consume(used);
-            if end.is_some() {
-                return Ok(if length > MAX_LINE as u64 {
-                    Line::TooLong(length)
-                } else {
-                    Line::Whole
-                });
-            }
-        }
-    }
-}
-
-enum Line {
-    None,
-    Whole,
-    Unfinished,
-    TooLong(u64),
 }
 
 impl<R: BufRead> Iterator for CandumpReader<R> {
@@ -116,29 +73,29 @@ impl<R: BufRead> Iterator for CandumpReader<R> {
 
     fn next(&mut self) -> Option<Self::Item> {
         while !self.ended {
-            let line = self.read_line();
+            let line = self.lines.read();
             if matches!(line, Ok(Line::None)) {
                 self.ended = true;
                 return None;
             }
-            self.line += 1;
+            let text = self.lines.text();
             let parsed = match line {
                 Err(error) => {
                     self.ended = true;
                     Err(LineFault::Io(error.kind()))
                 }
                 Ok(Line::TooLong(got)) => Err(LineFault::TooLong { got }),
-                Ok(Line::None | Line::Whole | Line::Unfinished) if self.buffer.trim_ascii().is_empty() => continue,
-                Ok(Line::Unfinished) => match parse(&self.buffer, &mut BusNames::new()) {
-                    Ok(frame) if cannot_be_cut(&frame) => parse(&self.buffer, &mut self.names),
+                Ok(Line::None | Line::Whole | Line::Unfinished) if text.trim_ascii().is_empty() => continue,
+                Ok(Line::Unfinished) => match parse(text, &mut BusNames::new()) {
+                    Ok(frame) if cannot_be_cut(&frame) => parse(text, &mut self.names),
                     Ok(_) => Err(LineFault::Unfinished),
                     Err(fault) => Err(fault),
                 },
-                Ok(_) => parse(&self.buffer, &mut self.names),
+                Ok(_) => parse(text, &mut self.names),
             };
             return Some(parsed.map_err(|fault| BadLine {
                 file: self.file.clone(),
-                line: self.line,
+                line: self.lines.number(),
                 fault,
             }));
         }

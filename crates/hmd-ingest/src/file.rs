@@ -4,12 +4,16 @@
 //! that has none is refused at once.
 
 use crate::Loss;
+use crate::asc::{AscReader, is_asc};
+use crate::blf::{self, BlfReader};
 use crate::candump::CandumpReader;
+use crate::mdf::{self, MdfReader};
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_storage::mcap::McapFrames;
 use hmd_storage::quoted;
 use hmd_storage::regular_file::open_regular;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
+use std::fmt::Debug;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
@@ -48,19 +52,19 @@ pub enum IngestError {
         file: String,
     },
     /// The file has no bytes.
-    #[error("{file}: expected a candump or MCAP log, found an empty file")]
+    #[error("{file}: expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found an empty file")]
     Empty {
         /// The path.
         file: String,
     },
-    /// An MCAP file comes through a pipe.
-    #[error("{file}: expected a file that can be sought, found an MCAP stream in a pipe")]
+    /// An MCAP or MF4 file comes through a pipe.
+    #[error("{file}: expected a file that can be sought, found an MCAP or MF4 stream in a pipe")]
     NotSeekable {
         /// The path.
         file: String,
     },
     /// A text (or anything else) without one line that is a frame.
-    #[error("{file}: expected a candump or MCAP log, found no valid line in {lines}{}; candump -L writes such a log, can.logconvert of python-can makes one of others", first.as_ref().map(|loss| format!("; the first: {loss}")).unwrap_or_default())]
+    #[error("{file}: expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found no valid line in {lines}{}", first.as_ref().map(|loss| format!("; the first: {loss}")).unwrap_or_default())]
     NoGoodLine {
         /// The path.
         file: String,
@@ -70,7 +74,9 @@ pub enum IngestError {
         first: Option<Box<Loss>>,
     },
     /// Neither text nor MCAP.
-    #[error("{file}: expected a candump or MCAP log, found binary data starting with \"{found}\"")]
+    #[error(
+        "{file}: expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found binary data starting with \"{found}\""
+    )]
     Binary {
         /// The path.
         file: String,
@@ -78,12 +84,24 @@ pub enum IngestError {
         found: String,
     },
     /// A compressed file.
-    #[error("{file}: expected a candump or MCAP log, found {format} data; decompress it first")]
+    #[error(
+        "{file}: expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found {format} data; decompress it first"
+    )]
     Compressed {
         /// The path.
         file: String,
         /// Name of the compression.
         format: &'static str,
+    },
+    /// A log of another program without one frame.
+    #[error("{file}: expected frames in this {format} file, found none{}", first.as_ref().map(|loss| format!("; {loss}")).unwrap_or_default())]
+    NoForeignFrame {
+        /// The path.
+        file: String,
+        /// Its format.
+        format: &'static str,
+        /// The first thing that could not be read.
+        first: Option<Box<Loss>>,
     },
     /// An MCAP file without raw frames.
     #[error(
@@ -130,24 +148,138 @@ pub enum LogFormat {
     Candump,
     /// MCAP with our raw batches.
     Mcap,
+    /// Text of Vector's tools.
+    Asc,
+    /// Binary log of Vector's tools.
+    Blf,
+    /// MDF version 4 with bus frames.
+    Mdf,
 }
 
 /// Frames of one file.
 #[derive(Debug)]
 pub struct FrameSource {
-    frames: Frames,
+    reader: Box<dyn LogReader>,
     /// What came before and with the first frame.
     lead: VecDeque<Result<RawFrame, Loss>>,
     total_bytes: Option<u64>,
     position: Arc<AtomicU64>,
 }
 
-// One per open file, so the difference in size does not matter.
-#[derive(Debug)]
-enum Frames {
-    Candump(Box<CandumpReader<BufReader<Counted>>>),
-    Mcap(Box<McapFrames<File>>),
+/// Reader of one format.
+trait LogReader: Debug {
+    fn next_frame(&mut self) -> Option<Result<RawFrame, Loss>>;
+
+    fn format(&self) -> LogFormat;
+
+    fn bus_names(&self) -> &BusNames;
+
+    fn into_bus_names(self: Box<Self>) -> BusNames;
+
+    /// How far it was read, bytes; `None` where the bytes of its input are counted.
+    fn position(&self) -> Option<u64> {
+        None
+    }
+
+    /// A metadata record of an MCAP file.
+    fn metadata(&self, _name: &str) -> Option<&BTreeMap<String, String>> {
+        None
+    }
+
+    /// What to say of a file without a frame.
+    fn no_frame(&self, file: String, first: Option<Box<Loss>>) -> IngestError;
 }
+
+impl LogReader for CandumpReader<BufReader<Counted>> {
+    fn next_frame(&mut self) -> Option<Result<RawFrame, Loss>> {
+        self.next().map(|item| item.map_err(Loss::from))
+    }
+
+    fn format(&self) -> LogFormat {
+        LogFormat::Candump
+    }
+
+    fn bus_names(&self) -> &BusNames {
+        self.bus_names()
+    }
+
+    fn into_bus_names(self: Box<Self>) -> BusNames {
+        (*self).into_bus_names()
+    }
+
+    fn no_frame(&self, file: String, first: Option<Box<Loss>>) -> IngestError {
+        let lines = self.lines();
+        IngestError::NoGoodLine { file, lines, first }
+    }
+}
+
+impl LogReader for McapFrames<File> {
+    fn next_frame(&mut self) -> Option<Result<RawFrame, Loss>> {
+        self.next().map(|item| item.map_err(Loss::from))
+    }
+
+    fn format(&self) -> LogFormat {
+        LogFormat::Mcap
+    }
+
+    fn bus_names(&self) -> &BusNames {
+        self.bus_names()
+    }
+
+    fn into_bus_names(self: Box<Self>) -> BusNames {
+        (*self).into_bus_names()
+    }
+
+    fn position(&self) -> Option<u64> {
+        Some(self.messages().position())
+    }
+
+    fn metadata(&self, name: &str) -> Option<&BTreeMap<String, String>> {
+        self.messages().metadata(name)
+    }
+
+    fn no_frame(&self, file: String, first: Option<Box<Loss>>) -> IngestError {
+        let topics = self.messages().topics();
+        IngestError::NoFrames { file, topics, first }
+    }
+}
+
+macro_rules! foreign_log {
+    ($reader:ty, $format:expr, $name:literal $(, $position:expr)?) => {
+        impl LogReader for $reader {
+            fn next_frame(&mut self) -> Option<Result<RawFrame, Loss>> {
+                self.next().map(|item| item.map_err(Loss::from))
+            }
+
+            fn format(&self) -> LogFormat {
+                $format
+            }
+
+            fn bus_names(&self) -> &BusNames {
+                self.bus_names()
+            }
+
+            fn into_bus_names(self: Box<Self>) -> BusNames {
+                (*self).into_bus_names()
+            }
+
+            $(fn position(&self) -> Option<u64> {
+                $position(self)
+            })?
+
+            fn no_frame(&self, file: String, first: Option<Box<Loss>>) -> IngestError {
+                let format = $name;
+                IngestError::NoForeignFrame { file, format, first }
+            }
+        }
+    };
+}
+
+foreign_log!(AscReader<BufReader<Counted>>, LogFormat::Asc, "ASC");
+foreign_log!(BlfReader<BufReader<Counted>>, LogFormat::Blf, "BLF");
+foreign_log!(MdfReader<File>, LogFormat::Mdf, "MF4", |reader: &MdfReader<File>| Some(
+    reader.position()
+));
 
 /// Counts the bytes read, for the progress bar; the reader on top owns it, so the count is shared.
 #[derive(Debug)]
@@ -214,12 +346,25 @@ pub fn open_with(path: &Path, names: BusNames) -> Result<FrameSource, IngestErro
             return Err(IngestError::Compressed { file, format });
         }
     }
-    let frames = if start.starts_with(mcap::MAGIC) {
+    let reader: Box<dyn LogReader> = if start.starts_with(mcap::MAGIC) {
         if !about.is_file() {
             return Err(IngestError::NotSeekable { file });
         }
         let input = input.into_inner().file;
-        Frames::Mcap(Box::new(McapFrames::new(input, &file, names).map_err(unreadable)?))
+        Box::new(McapFrames::new(input, &file, names).map_err(unreadable)?)
+    } else if mdf::MAGICS.iter().any(|magic| start.starts_with(magic)) {
+        if !about.is_file() {
+            return Err(IngestError::NotSeekable { file });
+        }
+        let input = input.into_inner().file;
+        let reader = MdfReader::new(input, &file, names);
+        Box::new(reader.map_err(|damage| IngestError::NoForeignFrame {
+            file: file.clone(),
+            format: "MF4",
+            first: Some(Box::new(damage.into())),
+        })?)
+    } else if start.starts_with(blf::MAGIC) {
+        Box::new(BlfReader::new(input, &file, names))
     } else {
         if start.contains(&0) && !start.contains(&b'\n') {
             return Err(IngestError::Binary {
@@ -227,14 +372,19 @@ pub fn open_with(path: &Path, names: BusNames) -> Result<FrameSource, IngestErro
                 found: quoted(start),
             });
         }
+        let is_asc = is_asc(start.strip_prefix(BYTE_ORDER_MARK).unwrap_or(start));
         if start.starts_with(BYTE_ORDER_MARK) {
             input.consume(BYTE_ORDER_MARK.len());
         }
-        Frames::Candump(Box::new(CandumpReader::new(input, &file, names)))
+        if is_asc {
+            Box::new(AscReader::new(input, &file, names))
+        } else {
+            Box::new(CandumpReader::new(input, &file, names))
+        }
     };
     let total_bytes = about.is_file().then_some(about.len());
     let mut source = FrameSource {
-        frames,
+        reader,
         lead: VecDeque::new(),
         total_bytes,
         position,
@@ -246,26 +396,17 @@ pub fn open_with(path: &Path, names: BusNames) -> Result<FrameSource, IngestErro
 impl FrameSource {
     /// Format of the file.
     pub fn format(&self) -> LogFormat {
-        match self.frames {
-            Frames::Candump(_) => LogFormat::Candump,
-            Frames::Mcap(_) => LogFormat::Mcap,
-        }
+        self.reader.format()
     }
 
     /// The interfaces seen so far; it has every interface of a frame that was handed out.
     pub fn bus_names(&self) -> &BusNames {
-        match &self.frames {
-            Frames::Candump(reader) => reader.bus_names(),
-            Frames::Mcap(reader) => reader.bus_names(),
-        }
+        self.reader.bus_names()
     }
 
     /// The table of interfaces, to go on with in the next log.
     pub fn into_bus_names(self) -> BusNames {
-        match self.frames {
-            Frames::Candump(reader) => reader.into_bus_names(),
-            Frames::Mcap(reader) => reader.into_bus_names(),
-        }
+        self.reader.into_bus_names()
     }
 
     /// Size of the file, bytes; `None` for a pipe.
@@ -275,30 +416,18 @@ impl FrameSource {
 
     /// How far the file was read, bytes; ahead of the frames handed out by at most one block.
     pub fn position(&self) -> u64 {
-        match &self.frames {
-            Frames::Candump(_) => self.position.load(Ordering::Relaxed),
-            Frames::Mcap(reader) => reader.messages().position(),
-        }
+        let of_reader = self.reader.position();
+        of_reader.unwrap_or_else(|| self.position.load(Ordering::Relaxed))
     }
 
     /// The metadata record `name` of an MCAP file, if it was read already (ours stand at the start of the file).
-    pub fn metadata(&self, name: &str) -> Option<&std::collections::BTreeMap<String, String>> {
-        match &self.frames {
-            Frames::Candump(_) => None,
-            Frames::Mcap(reader) => reader.messages().metadata(name),
-        }
-    }
-
-    fn next_from_reader(&mut self) -> Option<Result<RawFrame, Loss>> {
-        match &mut self.frames {
-            Frames::Candump(reader) => reader.next().map(|item| item.map_err(Loss::from)),
-            Frames::Mcap(reader) => reader.next().map(|item| item.map_err(Loss::from)),
-        }
+    pub fn metadata(&self, name: &str) -> Option<&BTreeMap<String, String>> {
+        self.reader.metadata(name)
     }
 
     fn find_first_frame(&mut self, file: String) -> Result<(), IngestError> {
         while self.lead.len() < LEAD_LIMIT {
-            match self.next_from_reader() {
+            match self.reader.next_frame() {
                 Some(Ok(frame)) => {
                     self.lead.push_back(Ok(frame));
                     return Ok(());
@@ -308,18 +437,7 @@ impl FrameSource {
             }
         }
         let first = self.lead.pop_front().and_then(Result::err).map(Box::new);
-        Err(match &self.frames {
-            Frames::Candump(reader) => IngestError::NoGoodLine {
-                file,
-                lines: reader.lines(),
-                first,
-            },
-            Frames::Mcap(reader) => IngestError::NoFrames {
-                file,
-                topics: reader.messages().topics(),
-                first,
-            },
-        })
+        Err(self.reader.no_frame(file, first))
     }
 }
 
@@ -327,7 +445,7 @@ impl Iterator for FrameSource {
     type Item = Result<RawFrame, Loss>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        self.lead.pop_front().or_else(|| self.next_from_reader())
+        self.lead.pop_front().or_else(|| self.reader.next_frame())
     }
 }
 
@@ -349,22 +467,20 @@ mod tests {
     fn useless_files_are_refused_in_one_sentence() {
         assert_eq!(
             refused("a.log", b""),
-            "F: expected a candump or MCAP log, found an empty file"
+            "F: expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found an empty file"
         );
         assert_eq!(
             refused("a.mcap", b"\x00\x01\x02"),
-            r#"F: expected a candump or MCAP log, found binary data starting with "\x00\x01\x02""#
+            r#"F: expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found binary data starting with "\x00\x01\x02""#
         );
         assert_eq!(
             refused("a.log", b"hello\nworld\n"),
-            "F: expected a candump or MCAP log, found no valid line in 2; the first: F:1: \
-             expected a stamp \"(seconds.fraction)\" with 6 or 9 decimals, found \"hello\"; candump -L writes such a log, can.logconvert of python-can \
-             makes one of others"
+            "F: expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found no valid line in 2; the first: F:1: \
+             expected a stamp \"(seconds.fraction)\" with 6 or 9 decimals, found \"hello\""
         );
         assert_eq!(
             refused("a.log", b"\n\n"),
-            "F: expected a candump or MCAP log, found no valid line in 2; candump -L writes such a log, can.logconvert of \
-             python-can makes one of others"
+            "F: expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found no valid line in 2"
         );
         assert_eq!(
             refused("a.mcap", mcap::MAGIC),

@@ -8,14 +8,23 @@
 #[cfg(test)]
 #[path = "../../hmd-core/src/frame/any_frame.rs"]
 mod any_frame;
+pub mod asc;
+pub mod blf;
 pub mod can;
 pub mod candump;
+mod damage;
 pub mod feed;
 pub mod file;
+mod foreign;
+#[cfg(test)]
+mod foreign_tests;
+mod lines;
 pub mod live;
 mod loss;
+pub mod mdf;
 pub mod serial;
 
 pub use candump::{BadLine, CandumpReader, LineFault};
+pub use damage::{Damage, Place};
 pub use file::{FrameSource, IngestError, LogFormat, open, open_recorded, open_with};
 pub use loss::Loss;

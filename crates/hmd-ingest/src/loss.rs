@@ -5,6 +5,7 @@ use hmd_storage::mcap::McapLoss;
 use thiserror::Error;
 
 use crate::candump::BadLine;
+use crate::damage::{Damage, Place};
 
 /// Something that was in a source and could not be read.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -15,6 +16,9 @@ pub enum Loss {
     /// A stretch of an MCAP file.
     #[error(transparent)]
     Mcap(#[from] McapLoss),
+    /// A place of a log that another program wrote.
+    #[error(transparent)]
+    Foreign(#[from] Damage),
 }
 
 impl Loss {
@@ -23,17 +27,22 @@ impl Loss {
         match self {
             Self::Line(_) => 1,
             Self::Mcap(loss) => loss.frames(),
+            Self::Foreign(damage) => u64::from(!matches!(damage.place, Place::Byte(_))),
         }
     }
 
     /// Adds it to the losses of a run; the number of damaged places of a file, 0 or 1.
     pub fn count_into(&self, losses: &mut Losses) -> u64 {
         match self {
-            Self::Line(_) => {
+            Self::Line(_)
+            | Self::Foreign(Damage {
+                place: Place::Line(_) | Place::Row(_),
+                ..
+            }) => {
                 losses.unreadable += 1;
                 0
             }
-            Self::Mcap(_) => {
+            Self::Mcap(_) | Self::Foreign(_) => {
                 losses.damaged += self.frames();
                 1
             }

@@ -2,6 +2,7 @@ use super::*;
 use crate::any_frame::any_frame;
 use hmd_core::frame::FrameFlags;
 use proptest::prelude::*;
+use std::io;
 
 fn read(log: &[u8]) -> Vec<Result<RawFrame, BadLine>> {
     CandumpReader::new(log, "a.log", BusNames::new()).collect()

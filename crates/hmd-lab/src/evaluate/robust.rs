@@ -301,17 +301,7 @@ fn run_unit(
         Err(refused) if refused.is_by_windows() => Err(refused.to_string()),
         Err(error) => return Err(RobustError::Commissioning(error)),
     };
-    let (refused, after) = match usable {
-        Ok(calibration) => {
-            let of_unit = models_of(&unit.config, &calibration)?;
-            (None, assess_all(&unit.config, &of_unit, assessed, done)?)
-        }
-        Err(refused) => {
-            // Without a calibration of the unit, the same windows give the same results again.
-            done(assessed_windows);
-            (Some(refused), before.clone())
-        }
-    };
+    let (refused, after) = assess_calibrated(&unit.config, usable, assessed, &before, done)?;
     Ok(FinishedUnit {
         entry: entry.name.clone(),
         actuator: actuator.to_owned(),
@@ -320,6 +310,26 @@ fn run_unit(
         before,
         after,
     })
+}
+
+/// Assesses windows with the calibration of their unit. Where it was refused, the reason, and the results before it again.
+fn assess_calibrated(
+    config: &Arc<Config>,
+    usable: Result<UnitCalibration, String>,
+    windows: &[Simulated],
+    before: &Tally,
+    done: &(dyn Fn(u64) + Sync),
+) -> Result<(Option<String>, Tally), RobustError> {
+    match usable {
+        Ok(calibration) => {
+            let of_unit = models_of(config, &calibration)?;
+            Ok((None, assess_all(config, &of_unit, windows, done)?))
+        }
+        Err(refused) => {
+            done(windows.len() as u64);
+            Ok((Some(refused), before.clone()))
+        }
+    }
 }
 
 /// Assesses windows, each without the history of the others.
@@ -429,18 +439,17 @@ mod tests {
     }
 
     #[test]
-    fn a_unit_that_cannot_be_commissioned_is_refused() {
-        let options = RobustOptions {
-            rate_hz: 400.0,
-            seed: 1,
-            actuators: vec!["servo28".to_owned()],
-            entries: vec!["all".to_owned()],
-            ..tiny()
+    fn a_unit_that_cannot_be_commissioned_keeps_its_results_with_the_reason() {
+        let before = Tally {
+            healthy: 12,
+            judged: 11,
+            ..Tally::default()
         };
-        let report = robust(&options, Vec::new(), &mut |_| Ok(()), &|_| ()).unwrap();
-        let reason = report.entries[0].of_units[0].reason.as_deref().unwrap();
-        assert!(reason.contains("expected"), "{reason}");
-        assert_eq!(report.all.refused, 1);
+        let config = Arc::new(Config::default());
+        let refused = Err("expected five windows, found 4".to_owned());
+        let (reason, after) = assess_calibrated(&config, refused, &[], &before, &|_| ()).unwrap();
+        assert_eq!(reason.as_deref(), Some("expected five windows, found 4"));
+        assert_eq!((after.healthy, after.judged), (12, 11));
     }
 
     #[test]

@@ -7,6 +7,7 @@ use anyhow::{Context, bail};
 
 use super::outputs::Outputs;
 use super::progress::over_pieces;
+use super::recordings::{Wanted, recordings};
 use super::{Exit, Misuse, Settings, load_config_with, use_threads, warn};
 use crate::unit_windows::windows_of;
 #[cfg(feature = "full")]
@@ -35,7 +36,7 @@ use hmd_storage::output_file;
     \x20 hmd calibrate healthy.mcap -c hmd.toml -o unit.calibration.toml")
 )]
 pub struct Args {
-    /// Logs of one unit in health, five windows or more; without them --type.
+    /// Logs of one unit in health, or folders of them, five windows or more; without them --type.
     #[cfg_attr(feature = "full", arg(required_unless_present = "of_type"))]
     #[cfg_attr(not(feature = "full"), arg(required = true))]
     logs: Vec<PathBuf>,
@@ -93,8 +94,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let mut outputs = vec![args.output.as_path()];
     #[cfg(feature = "full")]
     outputs.extend(args.report.as_deref());
-    check(&outputs, args.logs.iter().chain(&read_files(&config, false)))?;
-    unit(args, config)
+    let logs = recordings(&args.logs, Wanted::Logs)?;
+    check(&outputs, logs.iter().chain(&read_files(&config, false)))?;
+    unit(args, &logs, config)
 }
 
 fn check<'a>(outputs: &[&Path], inputs: impl Iterator<Item = &'a PathBuf>) -> Result<(), Misuse> {
@@ -116,10 +118,10 @@ fn read_files(config: &Config, of_type: bool) -> Vec<PathBuf> {
 }
 
 /// Commissions one unit by its healthy windows.
-fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
+fn unit(args: &Args, logs: &[PathBuf], config: Config) -> anyhow::Result<Exit> {
     use_threads(args.threads.map(usize::from))?;
     let config = Arc::new(config);
-    let mut found = windows_of(&args.logs, &config, args.name.as_deref(), &mut |message| warn(message))?;
+    let mut found = windows_of(logs, &config, args.name.as_deref(), &mut |message| warn(message))?;
     let jobs = &mut found.jobs;
     jobs.retain(|job| match conditions(job) {
         Ok(_) => true,
@@ -140,7 +142,7 @@ fn unit(args: &Args, config: Config) -> anyhow::Result<Exit> {
         // The exit code of a bad configuration belongs to this one.
         Err(CommissioningError::Assess(error)) => return Err(error.into()),
         Err(error @ CommissioningError::TooFew(_)) => {
-            let logs: Vec<String> = args.logs.iter().map(|log| log.display().to_string()).collect();
+            let logs: Vec<String> = logs.iter().map(|log| log.display().to_string()).collect();
             bail!("{}: {error}", logs.join(", "));
         }
         Err(error) => return Err(error.into()),

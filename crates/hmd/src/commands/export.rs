@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::outputs::Outputs;
+use super::recordings::{Wanted, recordings};
 use super::{Exit, Losses, Misuse};
 use hmd_report::export::{CsvTable, Late, ParquetTable, Table, TableKind, export, metadata_path};
 
@@ -12,7 +13,7 @@ use hmd_report::export::{CsvTable, Late, ParquetTable, Table, TableKind, export,
     \x20 hmd export flight.mcap -o flight.parquet\n\
     \x20 hmd export --table samples flight.mcap -o samples.csv")]
 pub struct Args {
-    /// MCAP files that hmd wrote, in the order of time.
+    /// MCAP files that hmd wrote, in the order of time, or folders of them.
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// The table, `.csv` or `.parquet`; beside a CSV file, `FILE.metadata.json` holds the units.
@@ -28,6 +29,7 @@ pub struct Args {
 /// # Errors
 /// A file that is none of ours or has nothing for the table, an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    let recorded = recordings(&args.files, Wanted::Records)?;
     let beside = metadata_path(&args.output);
     let others = [args.output.as_path(), beside.as_path()];
     let has_beside = args.output.extension().is_some_and(|extension| extension == "csv");
@@ -35,7 +37,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         others: if has_beside { &others } else { &others[..1] },
         ..Outputs::default()
     };
-    outputs.check(&args.files)?;
+    outputs.check(&recorded)?;
     let (output, heads) = (args.output.clone(), args.table.heads());
     let extension = args.output.extension().and_then(|extension| extension.to_str());
     let table: Box<dyn Table> = match extension {
@@ -50,9 +52,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         }
     };
     let mut losses = Losses::default();
-    let exported = export(&args.files, args.table, table, &mut |loss| losses.add(loss))?;
+    let exported = export(&recorded, args.table, table, &mut |loss| losses.add(loss))?;
     if exported.rows == 0 {
-        let files: Vec<String> = args.files.iter().map(|file| file.display().to_string()).collect();
+        let files: Vec<String> = recorded.iter().map(|file| file.display().to_string()).collect();
         anyhow::bail!(
             "{}: expected records of windows, found none; hmd replay LOG -o OUT.mcap makes them",
             files.join(", ")

@@ -12,6 +12,7 @@ use anyhow::{Context, ensure};
 use prost::Message;
 use serde::Serialize;
 
+use super::recordings::{Wanted, recordings};
 use super::table::{HEALTH_HEAD, health_row, left_cell};
 use super::{Exit, Losses, load_config, say};
 use hmd_core::catalogue::catalogue;
@@ -114,7 +115,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         summaries: BTreeMap::new(),
     };
     let mut losses = Losses::default();
-    for path in &args.files {
+    for path in &recordings(&args.files, Wanted::Records)? {
         let name = path.display().to_string();
         let file = open_recorded(path).with_context(|| name.clone())?;
         let messages = McapMessages::new(BufReader::new(file), &name).with_context(|| name.clone())?;

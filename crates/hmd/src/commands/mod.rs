@@ -22,6 +22,7 @@ mod metrics_http;
 mod outputs;
 mod progress;
 pub mod record;
+mod recordings;
 pub mod recover;
 pub mod replay;
 #[cfg(feature = "full")]

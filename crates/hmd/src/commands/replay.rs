@@ -9,6 +9,7 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 
 use super::outputs::Outputs;
+use super::recordings::{Wanted, recordings};
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
 use super::{Exit, Misuse, Settings, check_files, load_config_with, progress, use_threads, warn};
@@ -23,7 +24,7 @@ use hmd_core::record::HealthLine;
     \x20 hmd replay monday.mcap tuesday.mcap -c hmd.toml -o week.mcap\n\
     \x20 hmd replay flight.log --json > flight.jsonl")]
 pub struct Args {
-    /// Logs in the order of time: candump text or MCAP.
+    /// Logs in the order of time, or folders of them: candump text, MCAP, ASC, BLF or MF4.
     #[arg(required = true)]
     logs: Vec<PathBuf>,
     /// Configuration; without it every actuator seen is one of the bench.
@@ -76,21 +77,17 @@ fn replay(args: &Args, viewers: &Viewers) -> anyhow::Result<Exit> {
         .into());
     }
     let config = Arc::new(load_config_with(args.config.as_deref(), &args.settings)?);
+    let logs = recordings(&args.logs, Wanted::Logs)?;
     if let Some(output) = &args.output {
         let outputs = Outputs {
             recordings: &[output],
             ..Outputs::default()
         };
-        outputs.check(args.logs.iter().chain(&config.files()))?;
+        outputs.check(logs.iter().chain(&config.files()))?;
     }
     check_files(&config)?;
     use_threads(args.threads.map(usize::from))?;
-    let total = args
-        .logs
-        .iter()
-        .filter_map(|log| log.metadata().ok())
-        .map(|m| m.len())
-        .sum();
+    let total = logs.iter().filter_map(|log| log.metadata().ok()).map(|m| m.len()).sum();
     let mut printer = Printer {
         json: args.json,
         timings: args.timings,
@@ -101,7 +98,7 @@ fn replay(args: &Args, viewers: &Viewers) -> anyhow::Result<Exit> {
         heard: true,
     };
     let replay = Replay {
-        logs: &args.logs,
+        logs: &logs,
         output: args.output.as_deref(),
         config,
         seed: args.seed,
@@ -110,8 +107,8 @@ fn replay(args: &Args, viewers: &Viewers) -> anyhow::Result<Exit> {
     printer.bar.finish_and_clear();
     let summary = summary?;
 
-    summary.check(&args.logs, &replay.config)?;
-    let logs: Vec<String> = args.logs.iter().map(|log| log.display().to_string()).collect();
+    summary.check(&logs, &replay.config)?;
+    let logs: Vec<String> = logs.iter().map(|log| log.display().to_string()).collect();
     let logs = logs.join(", ");
     if summary.windows == 0 {
         let samples = summary.status.samples;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 
 use super::outputs::Outputs;
+use super::recordings::{Wanted, recordings};
 use super::{Exit, Losses, Misuse, load_config};
 use hmd_report::pdf;
 use hmd_report::report::{Files, View, Zone, page};
@@ -16,7 +17,7 @@ use hmd_storage::output_file;
     \x20 hmd replay flight.log -o flight.mcap && hmd report flight.mcap -o ema0.html\n\
     \x20 hmd report --actuator flap-left monday.mcap tuesday.mcap -o flap-left.html --zone Europe/Berlin")]
 pub struct Args {
-    /// MCAP files that hmd wrote, in the order of time.
+    /// MCAP files that hmd wrote, in the order of time, or folders of them.
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// The HTML file.
@@ -41,18 +42,19 @@ pub struct Args {
 /// # Errors
 /// A file that is none of ours, an actuator that it does not have, an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    let recorded = recordings(&args.files, Wanted::Records)?;
     let written: Vec<&Path> = [args.output.as_path()].into_iter().chain(args.pdf.as_deref()).collect();
     let outputs = Outputs {
         others: &written,
         ..Outputs::default()
     };
-    outputs.check(&args.files)?;
+    outputs.check(&recorded)?;
     let view = View {
         zone: zone(args.zone.as_deref())?,
         levels: *load_config(args.config.as_deref())?.health().levels(),
     };
     let mut losses = Losses::default();
-    let files = Files::read(&args.files, &mut |loss| losses.add(loss))?;
+    let files = Files::read(&recorded, &mut |loss| losses.add(loss))?;
     let histories = files.actuators(args.actuator.as_deref())?;
     let text = page(&files, &histories, &view);
     output_file::write(&args.output, text).with_context(|| args.output.display().to_string())?;

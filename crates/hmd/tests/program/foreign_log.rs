@@ -108,7 +108,7 @@ fn a_folder_or_a_form_that_another_verb_makes_is_refused_with_the_way_to_go() {
     ] {
         assert_eq!(
             refused(line),
-            "hmd: records: expected files, found a folder; the records of hmd run are in records/*-records.mcap\n",
+            "hmd: records: expected records (.mcap) in this folder, found none\n",
             "hmd {line}"
         );
     }

@@ -164,18 +164,27 @@ fn a_file_that_is_no_log_is_refused_in_one_sentence() {
             "none.log",
             "expected a readable file, found: No such file or directory (os error 2)",
         ),
-        ("folder", "expected a file, found a directory"),
-        ("empty.log", "expected a candump or MCAP log, found an empty file"),
+        (
+            "folder",
+            "expected logs (.log, .mcap, .asc, .blf, .mf4) in this folder, found none",
+        ),
+        (
+            "empty.log",
+            "expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found an empty file",
+        ),
         (
             "text.log",
-            "expected a candump or MCAP log, found no valid line in 2; the first: text.log:1: expected a stamp \
+            "expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found no valid line in 2; the first: text.log:1: expected a stamp \
              \"(seconds.fraction)\" with 6 or 9 decimals, found \"Dear\"",
         ),
         (
             "zeros.log",
-            "expected a candump or MCAP log, found binary data starting with \"\\x00",
+            "expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found binary data starting with \"\\x00",
         ),
-        ("noise.mcap", "expected a candump or MCAP log, found no valid line in "),
+        (
+            "noise.mcap",
+            "expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found no valid line in ",
+        ),
         (
             "foreign.mcap",
             "expected raw frames (schema hmd.v1.RawBatch) on topics /bus/<interface>/raw, found only /camera",

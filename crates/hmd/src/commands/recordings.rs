@@ -1,0 +1,119 @@
+//! Files of the recordings that a verb reads: those named, and of a folder those in it.
+
+use std::ffi::OsStr;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+
+/// What a verb reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Wanted {
+    /// Frames.
+    Logs,
+    /// Records of windows.
+    Records,
+}
+
+/// Extensions of logs in a folder; a file that is named is recognised by its content.
+const LOGS: [&str; 5] = ["log", "mcap", "asc", "blf", "mf4"];
+
+impl Wanted {
+    /// Ends of the names of the segments of `hmd run`: those wanted, and the others.
+    fn segments(self) -> [&'static str; 2] {
+        match self {
+            Self::Logs => ["-raw.mcap", "-records.mcap"],
+            Self::Records => ["-records.mcap", "-raw.mcap"],
+        }
+    }
+}
+
+/// The files named; for a folder its recordings in the order of their names, which for segments of `hmd run` is that of time.
+///
+/// # Errors
+/// A folder that cannot be read, or has no recording.
+pub(super) fn recordings(paths: &[PathBuf], wanted: Wanted) -> anyhow::Result<Vec<PathBuf>> {
+    let mut found = Vec::with_capacity(paths.len());
+    for path in paths {
+        if path.is_dir() {
+            found.extend(in_folder(path, wanted)?);
+        } else {
+            found.push(path.clone());
+        }
+    }
+    Ok(found)
+}
+
+fn in_folder(folder: &Path, wanted: Wanted) -> anyhow::Result<Vec<PathBuf>> {
+    let name = || folder.display().to_string();
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder).with_context(name)? {
+        let path = entry.with_context(name)?.path();
+        if path.is_file() {
+            files.push(path);
+        }
+    }
+    files.sort_unstable();
+    let ends_in = |path: &Path, end: &str| {
+        let name = path.file_name().and_then(OsStr::to_str).unwrap_or_default();
+        name.starts_with("hmd-") && name.ends_with(end)
+    };
+    let [own, other] = wanted.segments();
+    if files.iter().any(|path| ends_in(path, own) || ends_in(path, other)) {
+        files.retain(|path| ends_in(path, own));
+    } else {
+        let extensions = if wanted == Wanted::Logs { &LOGS[..] } else { &LOGS[1..2] };
+        files.retain(|path| {
+            let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default();
+            extensions.iter().any(|of| extension.eq_ignore_ascii_case(of))
+        });
+    }
+    if files.is_empty() {
+        let expected = match wanted {
+            Wanted::Logs => "logs (.log, .mcap, .asc, .blf, .mf4)",
+            Wanted::Records => "records (.mcap)",
+        };
+        bail!("{}: expected {expected} in this folder, found none", name());
+    }
+    Ok(files)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_stands_for_its_recordings() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |paths: &[PathBuf], wanted| {
+            let found = recordings(paths, wanted).map_err(|error| error.to_string())?;
+            let name = |path: PathBuf| path.file_name().unwrap().to_str().unwrap().to_owned();
+            Ok::<Vec<_>, String>(found.into_iter().map(name).collect())
+        };
+        let path = [folder.path().to_owned()];
+        let none = of(&path, Wanted::Records).unwrap_err();
+        assert!(
+            none.ends_with("expected records (.mcap) in this folder, found none"),
+            "{none}"
+        );
+        let write = |name: &str| fs::write(folder.path().join(name), "x").unwrap();
+        for name in ["b.log", "a.BLF", "c.mcap", "b.log.truth.jsonl", "hmd.toml"] {
+            write(name);
+        }
+        fs::create_dir(folder.path().join("d.log")).unwrap();
+        assert_eq!(of(&path, Wanted::Logs).unwrap(), ["a.BLF", "b.log", "c.mcap"]);
+        assert_eq!(of(&path, Wanted::Records).unwrap(), ["c.mcap"]);
+        for name in [
+            "hmd-00000002-raw.mcap",
+            "hmd-00000001-raw.mcap",
+            "hmd-00000003-records.mcap",
+        ] {
+            write(name);
+        }
+        let raw = ["hmd-00000001-raw.mcap", "hmd-00000002-raw.mcap"];
+        assert_eq!(of(&path, Wanted::Logs).unwrap(), raw);
+        assert_eq!(of(&path, Wanted::Records).unwrap(), ["hmd-00000003-records.mcap"]);
+        let file = [folder.path().join("named")];
+        assert_eq!(of(&file, Wanted::Logs).unwrap(), ["named"]);
+    }
+}

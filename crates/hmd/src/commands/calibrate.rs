@@ -91,9 +91,11 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         save(&args.output, &text).context(path)?;
         return Ok(Exit::Done);
     }
-    let mut outputs = vec![args.output.as_path()];
     #[cfg(feature = "full")]
-    outputs.extend(args.report.as_deref());
+    let report = args.report.as_deref();
+    #[cfg(not(feature = "full"))]
+    let report = None;
+    let outputs: Vec<&Path> = [args.output.as_path()].into_iter().chain(report).collect();
     let logs = recordings(&args.logs, Wanted::Logs)?;
     check(&outputs, logs.iter().chain(&read_files(&config, false)))?;
     unit(args, &logs, config)

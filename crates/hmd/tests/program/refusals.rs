@@ -426,11 +426,7 @@ fn an_event_needs_a_place_and_a_known_actuator() {
     assert!(folder.refused("event --reset nobody -c hmd.toml", 2).contains("nobody"));
     for time in ["1969-12-31T23:59Z", "2026-11-20", "9223372036854775808"] {
         let line = format!("event --reset ema0 -c hmd.toml --at {time}");
-        assert!(
-            folder
-                .refused(&line, 2)
-                .contains("expected a time as 2026-11-20T14:00Z")
-        );
+        assert!(folder.misused(&line).contains("expected a time as 2026-11-20T14:00Z"));
     }
     let output = folder
         .command("event --reset ema0 -c hmd.toml --at 5")

@@ -17,7 +17,10 @@ class ArrowTable:
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> Any: ...
 
 class FitProblem:
-    """A simulated window as a problem for other minimisers (`fixtures/reference/peers.py`); no part of the public package."""
+    """A simulated window as a problem for other minimisers, as in `fixtures/reference/peers.py`.
+
+    No part of the public package.
+    """
 
     def __init__(self, number: int) -> None: ...
     @staticmethod

@@ -99,19 +99,23 @@ const LINK_TOLERANCE: f64 = 0.02;
 /// Voltages that a link may have, as shares of the nominal one.
 pub(super) const LINK_POSSIBLE: RangeInclusive<f64> = 0.55..=1.45;
 
-/// The motion against the reading, where the estimator knows the limit of the voltage; else the reading against the configuration.
 fn link(job: &WindowJob, estimate: &Estimate) -> Option<Contradiction> {
     let (read, nominal) = (job.conditions.dc_link_v?, job.params.motor.v_dc);
-    let tolerance = link_tolerance(job);
-    let inferred = inferred_link(job, estimate);
+    link_off(read, nominal, link_tolerance(job), inferred_link(job, estimate))
+}
+
+/// The motion against the reading, where the estimator knows the limit of the voltage; else the reading against the configuration.
+fn link_off(read: f64, nominal: f64, tolerance: f64, inferred: Option<Inferred>) -> Option<Contradiction> {
     let is_off = |voltage: f64, sigma: f64, from: f64| (voltage - from).abs() > SIGMAS * sigma.hypot(tolerance * from);
     if let Some(Inferred { value, sigma }) = inferred {
-        if is_off(value, sigma, read) && LINK_POSSIBLE.contains(&(value / nominal)) {
+        let is_possible = LINK_POSSIBLE.contains(&(value / nominal));
+        // A link below the reading is no evidence: a vector drive, which nobody may have told, does not apply all that it has.
+        if is_off(value, sigma, read) && is_possible && value > read {
             let evidence = format!("reads {read:.0} V, the currents need {value:.0} ± {sigma:.0} V");
             return Some(contradiction(Suspect::DcLink, &evidence, Correction::Link(value)));
         }
         // The supply is off, and read rightly.
-        if is_off(value, sigma, nominal) {
+        if is_off(value, sigma, nominal) && !is_off(value, sigma, read) {
             return None;
         }
     }
@@ -265,6 +269,21 @@ mod tests {
         assert!((gain_of(current_gain(&low, usual)).unwrap() - 1.0 / 1.24).abs() < 1e-12);
         // Not shown.
         assert_eq!(gain_of(current_gain(&turns([1.25; 3], 0.1), usual)), None);
+    }
+
+    #[test]
+    fn a_drive_that_applies_less_than_the_link_accuses_no_sensor() {
+        let link = |read: f64, value: f64| link_off(read, 380.0, 0.02, Some(Inferred { value, sigma: 12.0 }));
+        let corrected = |found: Option<Contradiction>| match found?.correction {
+            Correction::Link(voltage) => Some(voltage),
+            _ => None,
+        };
+        // A vector drive where comparators are assumed.
+        assert_eq!(link(380.0, 309.0), None);
+        assert_eq!(corrected(link(323.0, 385.0)), Some(385.0));
+        assert_eq!(corrected(link(456.0, 375.0)), Some(380.0));
+        // A supply that is off and read rightly.
+        assert_eq!(link(456.0, 450.0), None);
     }
 
     #[test]

@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `wiring` | share of the current on the torque axis: order and sign of phases, direction and counts of the resolver, pole pairs |
 //! | `currents` | by the equations of `current_equations`: sum of the currents, direct current: offsets, gain of a phase, zero of the resolver, samples of another instant |
+//! | `control_law` | current that the drive asks for: gain of all currents, link of a vector drive |
 //! | `current_limit` | current that lasts beyond the limit of the drive: gain of all currents |
 //! | `torque` | balance of the shaft: sign and gain of the currents, load |
 //! | `angles` | output against motor and set point: gear ratio, encoder, unit and delay of the set point |
@@ -17,6 +18,7 @@
 
 mod angles;
 mod contradictions;
+mod control_law;
 mod correction;
 mod current_equations;
 mod current_limit;

@@ -1,11 +1,12 @@
 //! What the signals of a window show by themselves, before any estimate.
 
-use ema_models::{ActuatorParams, Tolerances};
+use ema_models::{ActuatorParams, DriveKind, Tolerances};
 
 use super::angles::{
     FrozenOutput, SetpointError, SuddenStop, frozen_output, output_over_motor, output_over_setpoint, setpoint_error,
     sudden_stop,
 };
+use super::control_law::{gain_at_limit, link_by_law};
 use super::correction::Correction;
 use super::current_limit::gain_beyond_limit;
 use super::currents::{CurrentError, current_errors, gain_of_a_phase};
@@ -84,13 +85,52 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
     let errors = current_errors(&signals, tolerances);
     findings.extend(errors.into_iter().map(|error| of_currents(params, &error)));
     if findings.is_empty() {
+        findings.extend(of_link(job, &signals, tolerances));
+    }
+    if findings.is_empty() {
         let balance = balance(&signals, params);
         findings.extend(balance.and_then(|balance| of_torque(job, &balance)));
+        if findings.is_empty() {
+            let by_law = gain_at_limit(&signals, params, tolerances, job.window.trigger);
+            findings.extend(by_law.and_then(|gain| of_law(gain, balance.as_ref())));
+        }
     }
     if findings.is_empty() {
         findings.extend(gain_beyond_limit(&signals, tolerances).map(|gain| of_limit(params, gain)));
     }
     findings
+}
+
+/// The link, where a vector drive lacks voltage that is read; comparators are in the monitor.
+fn of_link(job: &WindowJob, signals: &Signals, tolerances: &Tolerances) -> Option<Finding> {
+    let read = job
+        .conditions
+        .dc_link_v
+        .filter(|_| job.actuator.drive.kind == DriveKind::Vector)?;
+    let (shown, sigma) = link_by_law(signals, &job.params, tolerances, job.window.trigger, read)?;
+    let evidence = format!(
+        "reads {read:.0} V, the motor gets no more than {shown:.0} ± {sigma:.0} V when the drive asks for more"
+    );
+    Some(Finding::new(Suspect::DcLink, &evidence, Some(Correction::Link(shown))))
+}
+
+/// Margin by which the torque of the currents must speak for another number of the law, as a share of it: worn windings.
+const LAW_WRONG: f64 = 0.1;
+
+/// The gain by the law of the drive, unless the torque balance says that the currents are right and the law is not.
+fn of_law((gain, sigma): (f64, f64), balance: Option<&Balance>) -> Option<Finding> {
+    if let Some((torque, torque_sigma)) = balance.map(|balance| balance.gain) {
+        let is_known = torque_sigma < 0.5 * LAW_WRONG;
+        if is_known && (torque - 1.0).abs() + LAW_WRONG < (torque * gain - 1.0).abs() {
+            return None;
+        }
+    }
+    let evidence = format!("all phases read {gain:.2} ± {sigma:.2} times the current that the drive asks for");
+    let correction = Correction::Currents {
+        offset: [0.0; 3],
+        gain: [gain; 3],
+    };
+    Some(Finding::new(Suspect::CurrentGain, &evidence, Some(correction)))
 }
 
 fn of_stop(stop: &SuddenStop) -> Finding {

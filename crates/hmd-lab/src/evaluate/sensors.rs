@@ -1,9 +1,10 @@
 //! The `sensors` suite: wrong sensors, wires and configured numbers on healthy and on worn actuators.
 //!
 //! In: size, seed and a choice of entries and actuator types ([`SensorsOptions`]). Out: rates over all mistakes and for each
-//! ([`SensorsReport`]). Each window is one motion of a simulated unit that equals its type, recorded with one mistake
-//! (`mistakes`), assessed with the type's calibration and again with that of the unit, which was commissioned before the mistake
-//! was made. Profiles, sample rates and drives take turns.
+//! ([`SensorsReport`]). As in service, a unit makes several motions with its mistake: one of each profile, each under a load of its own.
+//! It equals its type and has one mistake (`mistakes`) of one size. Each motion is a window, assessed by itself with the type's calibration
+//! and again with that of the unit, which was commissioned before the mistake was made. Rates are of windows and of units. Sample rates and
+//! drives take turns.
 
 mod mistakes;
 mod report;
@@ -31,7 +32,7 @@ use rayon::prelude::*;
 use super::robust::single_fault;
 use mistakes::{CONTROL, MISTAKES, Mistake, Truth};
 use score::{Outcome, Tally};
-use unit::{COMBINATIONS, Circumstances, NOISE_RMS_A, Recorded, UNIT_FILE, Unit, commissioning_profile, units};
+use unit::{COMBINATIONS, Circumstances, NOISE_RMS_A, Recorded, SERIES, UNIT_FILE, Unit, commissioning_profile, units};
 
 pub use report::{Case, Group, OfMistake, SensorsReport};
 pub use score::Rates;
@@ -40,8 +41,8 @@ pub use table::sensors_table;
 /// Name of the suite.
 const SUITE: &str = "sensors";
 
-/// Healthy windows of each mistake and type without `--n`, and as many worn ones: every combination of profile, rate and drive.
-pub const SENSORS_WINDOWS: u64 = COMBINATIONS;
+/// Healthy units of each mistake and type without `--n`, and as many worn ones: every combination of rate and drive.
+pub const SENSORS_UNITS: u64 = COMBINATIONS;
 
 /// Windows that commission a unit.
 const COMMISSIONING_WINDOWS: u64 = 12;
@@ -49,7 +50,7 @@ const COMMISSIONING_WINDOWS: u64 = 12;
 /// What is run.
 #[derive(Clone, Debug)]
 pub struct SensorsOptions {
-    /// Healthy windows of each mistake and type; as many are of worn actuators.
+    /// Healthy units of each mistake and type; as many are worn.
     pub n: u64,
     /// Seed of sizes and windows.
     pub seed: u64,
@@ -103,6 +104,9 @@ struct Planned<'a> {
     /// Place of the damaged element, and the fault vector.
     fault: Option<(usize, FaultVector)>,
     circumstances: Circumstances,
+    /// Seed of the unit: of the size of its mistake, its wear and what a stuck sensor reads.
+    unit: u64,
+    /// Seed of the window.
     seed: u64,
 }
 
@@ -155,15 +159,16 @@ impl SensorsOptions {
                 for n in 0..2 * self.n {
                     let (is_worn, n) = (n >= self.n, n % self.n);
                     let hashes = [name_hash(mistake.name), name_hash(actuator), u64::from(is_worn), n];
-                    let seed = mix(self.seed, &hashes);
+                    let unit = mix(self.seed, &hashes);
                     let combination = number + place + n + u64::from(is_worn) * COMBINATIONS / 2;
-                    plan.push(Planned {
+                    plan.extend((0..SERIES).map(|window| Planned {
                         mistake,
                         actuator,
-                        fault: is_worn.then(|| single_fault(number + place + n, seed)),
-                        circumstances: Circumstances::of(combination),
-                        seed,
-                    });
+                        fault: is_worn.then(|| single_fault(number + place + n, unit)),
+                        circumstances: Circumstances::of(combination, window),
+                        unit,
+                        seed: mix(unit, &[window]),
+                    }));
                 }
             }
         }
@@ -195,36 +200,43 @@ pub fn sensors(options: &SensorsOptions, done: &(dyn Fn(u64) + Sync)) -> Result<
             Ok(run)
         })
         .collect::<Result<_, SensorsError>>()?;
+    let controls = runs.partition_point(|run| run.planned.mistake.name == CONTROL);
     Ok(SensorsReport {
         suite: SUITE,
         n: options.n,
         seed: options.seed,
         refused,
-        mistakes: group(runs.iter().filter(|run| run.planned.mistake.name != CONTROL)),
+        mistakes: group(&runs[controls..]),
         by_mistake: runs
             .chunk_by(|one, other| one.planned.mistake.name == other.planned.mistake.name)
             .map(|of_mistake| OfMistake {
                 mistake: of_mistake[0].planned.mistake.name.to_owned(),
-                group: group(of_mistake.iter()),
+                group: group(of_mistake),
             })
             .collect(),
         cases: runs.iter().flat_map(Run::cases).collect(),
     })
 }
 
-fn group<'a>(runs: impl Iterator<Item = &'a Run<'a>>) -> Group {
+fn group(runs: &[Run<'_>]) -> Group {
     let mut tallies = [Tally::default(); 2];
-    for run in runs {
-        let noticed = run.noticed();
-        for (tally, assessed) in tallies.iter_mut().zip(&run.assessed) {
-            let outcome = Outcome {
-                worn: run.worn(),
-                assessed: assessed.window.as_ref(),
-                noticed: &noticed,
-                is_shown: assessed.is_shown,
-                is_findable: assessed.is_findable,
-            };
-            tally.add(run.planned.mistake, &outcome);
+    for of_unit in runs.chunk_by(|one, other| one.planned.unit == other.planned.unit) {
+        let mut of_units = [Tally::default(); 2];
+        for run in of_unit {
+            let noticed = run.noticed();
+            for (tally, assessed) in of_units.iter_mut().zip(&run.assessed) {
+                let outcome = Outcome {
+                    worn: run.worn(),
+                    assessed: assessed.window.as_ref(),
+                    noticed: &noticed,
+                    is_shown: assessed.is_shown,
+                    is_findable: assessed.is_findable,
+                };
+                tally.add(run.planned.mistake, &outcome);
+            }
+        }
+        for (tally, of_unit) in tallies.iter_mut().zip(of_units) {
+            tally.add_unit(&of_unit);
         }
     }
     Group {
@@ -264,6 +276,7 @@ impl Run<'_> {
             Case {
                 mistake: self.planned.mistake.name,
                 actuator: self.planned.actuator.to_owned(),
+                unit: format!("{:016x}", self.planned.unit),
                 circumstances: format!("{profile:?} {rate_hz} {drive}").to_lowercase(),
                 commissioned,
                 worn: self.worn().map(FaultId::name),
@@ -294,13 +307,14 @@ fn run<'a>(planned: Planned<'a>, calibration: Option<&UnitCalibration>) -> Resul
     let unit = unit_of(planned.actuator, rate_hz, drive)?;
     let mistake = planned
         .mistake
-        .draw(&mut ChaCha8Rng::seed_from_u64(mix(planned.seed, &[5])));
+        .draw(&mut ChaCha8Rng::seed_from_u64(mix(planned.unit, &[5])));
     let config = Arc::new(unit.config(&mistake)?);
     let fault = planned.fault.map_or(FaultVector::NOMINAL, |(_, fault)| fault);
-    let Recorded { job, samples, notices } = unit.recorded(&config, profile, fault, &mistake, planned.seed)?;
+    let Recorded { job, samples, notices } =
+        unit.recorded(&config, profile, fault, &mistake, [planned.unit, planned.seed])?;
     let no_mistake = MISTAKES[0].draw(&mut ChaCha8Rng::seed_from_u64(planned.seed));
     let without = Arc::new(unit.config(&no_mistake)?);
-    let right = unit.recorded(&without, profile, fault, &no_mistake, planned.seed)?;
+    let right = unit.recorded(&without, profile, fault, &no_mistake, [planned.unit, planned.seed])?;
     let load_nm = unit.load(planned.seed);
     let load_read_nm = job.as_ref().and_then(|job| job.conditions.load_torque_nm);
     let truth = Truth {
@@ -371,7 +385,7 @@ fn commission(unit: &Unit, seed: u64) -> Result<Option<UnitCalibration>, Sensors
     let mut jobs = Vec::new();
     for n in 0..COMMISSIONING_WINDOWS {
         let profile = commissioning_profile(n);
-        let recorded = unit.recorded(&config, profile, FaultVector::NOMINAL, &right, mix(seed, &[n]))?;
+        let recorded = unit.recorded(&config, profile, FaultVector::NOMINAL, &right, [seed, mix(seed, &[n])])?;
         jobs.extend(recorded.job.filter(|job| job.window.quality.is_fit()));
     }
     let assessor = Assessor::new(config.clone(), Models::load_types(&config, &no_file)?, seed);
@@ -427,11 +441,18 @@ mod tests {
             panic!("three entries")
         };
         assert!(right.group.all.wrongly_named_rate <= 0.0 && right.group.all.accused_rate <= 0.0);
-        assert_eq!(swapped.group.all.windows, 4);
+        assert_eq!((swapped.group.all.windows, swapped.group.all.units), (16, 4));
         assert!(unit.group.all.judged_rate <= 0.0);
         let json = serde_json::to_value(&report).unwrap();
         for group in [&json, &json["by_mistake"][1], &json["before"]] {
-            for key in ["accused_rate", "named_rate", "wrongly_named_rate", "found_rate"] {
+            for key in [
+                "accused_rate",
+                "named_rate",
+                "wrongly_named_rate",
+                "found_rate",
+                "units_named_rate",
+                "units_wrongly_named_rate",
+            ] {
                 assert!(group[key].is_f64(), "{key}");
             }
         }
@@ -454,10 +475,10 @@ mod tests {
     #[test]
     fn every_combination_of_profile_rate_and_drive_is_met() {
         let mut all: Vec<String> = (0..COMBINATIONS)
-            .map(|n| format!("{:?}", Circumstances::of(n)))
+            .flat_map(|unit| (0..SERIES).map(move |window| format!("{:?}", Circumstances::of(unit, window))))
             .collect();
         all.sort();
         all.dedup();
-        assert_eq!(all.len() as u64, COMBINATIONS);
+        assert_eq!(all.len() as u64, COMBINATIONS * SERIES);
     }
 }

@@ -9,7 +9,7 @@ use super::score::Rates;
 pub struct SensorsReport {
     /// Name of the suite.
     pub suite: &'static str,
-    /// Healthy windows of each mistake and type.
+    /// Healthy units of each mistake and type.
     pub n: u64,
     /// Suite seed.
     pub seed: u64,
@@ -53,6 +53,8 @@ pub struct Case {
     pub mistake: &'static str,
     /// Type of the actuator.
     pub actuator: String,
+    /// Its unit: the same for the windows of one.
+    pub unit: String,
     /// Profile, rate and drive.
     pub circumstances: String,
     /// Whether the unit was commissioned.

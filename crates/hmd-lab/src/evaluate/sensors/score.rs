@@ -22,6 +22,9 @@ pub(super) struct Tally {
     named_of_shown: u64,
     findable: u64,
     found_of_findable: u64,
+    units: u64,
+    units_named: u64,
+    units_wrongly_named: u64,
 }
 
 /// Rates over windows. A window that was not cut counts with what the pipeline reported.
@@ -45,6 +48,12 @@ pub struct Rates {
     pub named_of_shown_rate: f64,
     /// Share of the windows that show the mistake and report the worn part without it, which report it beside the mistake, too.
     pub found_of_findable_rate: f64,
+    /// Units.
+    pub units: u64,
+    /// Share of the units of which a window names the mistake.
+    pub units_named_rate: f64,
+    /// Share of the units of which a window names another mistake and not this one, whatever the others name.
+    pub units_wrongly_named_rate: f64,
 }
 
 /// What was said of one window.
@@ -92,6 +101,17 @@ impl Tally {
         self.found_of_findable += u64::from(outcome.is_shown && outcome.is_findable && is_found);
     }
 
+    /// Counts one unit by its windows.
+    pub(super) fn add_unit(&mut self, windows: &Self) {
+        let unit = Self {
+            units: 1,
+            units_named: u64::from(windows.named > 0),
+            units_wrongly_named: u64::from(windows.wrongly_named > 0),
+            ..*windows
+        };
+        *self = Self::sum([*self, unit].iter());
+    }
+
     pub(super) fn sum<'a>(tallies: impl Iterator<Item = &'a Self>) -> Self {
         tallies.fold(Self::default(), |sum, other| Self {
             windows: sum.windows + other.windows,
@@ -105,6 +125,9 @@ impl Tally {
             named_of_shown: sum.named_of_shown + other.named_of_shown,
             findable: sum.findable + other.findable,
             found_of_findable: sum.found_of_findable + other.found_of_findable,
+            units: sum.units + other.units,
+            units_named: sum.units_named + other.units_named,
+            units_wrongly_named: sum.units_wrongly_named + other.units_wrongly_named,
         })
     }
 
@@ -120,6 +143,9 @@ impl Tally {
             shown_rate: share(self.shown, self.windows),
             named_of_shown_rate: share(self.named_of_shown, self.shown),
             found_of_findable_rate: share(self.found_of_findable, self.findable),
+            units: self.units,
+            units_named_rate: share(self.units_named, self.units),
+            units_wrongly_named_rate: share(self.units_wrongly_named, self.units),
         }
     }
 }

@@ -45,19 +45,20 @@ const PROFILES: [Profile; 4] = [Profile::Mixed, Profile::Step, Profile::Ramp, Pr
 const RATES_HZ: [u32; 2] = [2000, 400];
 const DRIVES: [&str; 2] = ["hysteresis", "vector"];
 
-/// Number of combinations of profile, rate and drive.
-pub(super) const COMBINATIONS: u64 = (PROFILES.len() * RATES_HZ.len() * DRIVES.len()) as u64;
+/// Windows of a unit, one of each profile.
+pub(super) const SERIES: u64 = PROFILES.len() as u64;
+
+/// Number of combinations of rate and drive.
+pub(super) const COMBINATIONS: u64 = (RATES_HZ.len() * DRIVES.len()) as u64;
 
 impl Circumstances {
-    /// The combination of a number, counted around: rate and drive change first, so that few windows see each.
-    pub(super) fn of(number: u64) -> Self {
-        let number = number % COMBINATIONS;
-        let place = |divisor: usize, length: usize| number as usize / divisor % length;
-        let profile = place(1, 4);
+    /// Those of a window of the series of a unit; the unit has the combination of a number, counted around.
+    pub(super) fn of(unit: u64, window: u64) -> Self {
+        let place = |number: u64, length: usize| (number % length as u64) as usize;
         Self {
-            profile: PROFILES[profile],
-            rate_hz: RATES_HZ[(place(4, 2) + profile) % 2],
-            drive: DRIVES[(place(8, 2) + profile / 2) % 2],
+            profile: PROFILES[place(window, PROFILES.len())],
+            rate_hz: RATES_HZ[place(unit, RATES_HZ.len())],
+            drive: DRIVES[place(unit / RATES_HZ.len() as u64, DRIVES.len())],
         }
     }
 }
@@ -125,7 +126,7 @@ impl Unit {
         )
     }
 
-    /// Records one motion.
+    /// Records one motion; the seeds are those of the unit and of the window.
     ///
     /// # Errors
     /// An interface name that is refused.
@@ -135,14 +136,14 @@ impl Unit {
         profile: Profile,
         fault: FaultVector,
         mistake: &Drawn,
-        seed: u64,
+        [unit, seed]: [u64; 2],
     ) -> Result<Recorded, SensorsError> {
         let scenario = self.scenario(profile, fault, mistake, seed);
         let motor = &self.nominal.motor;
         let samples: Vec<SensedSample> = scenario.run().collect();
         let rate_hz = self.nominal.sensors.sample_rate;
         let samples = mistake.recorded(samples, motor.pole_pairs, rate_hz, REST_S, motor.i_max);
-        let other_load = quantity::load_torque_dnm(self.load(mix(seed, &[4])));
+        let other_load = quantity::load_torque_dnm(self.load(mix(unit, &[4])));
         let status: Status = mistake.reported(status_of(&scenario), quantity::dc_link_dv(motor.v_dc), other_load);
 
         let mut names = BusNames::new();

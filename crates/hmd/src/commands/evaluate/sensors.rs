@@ -1,6 +1,6 @@
 //! `hmd evaluate sensors`: the suite of wrong sensors, wires and configured numbers.
 
-use hmd_lab::evaluate::sensors::{SENSORS_WINDOWS, SensorsError, SensorsOptions, sensors, sensors_table};
+use hmd_lab::evaluate::sensors::{SENSORS_UNITS, SensorsError, SensorsOptions, sensors, sensors_table};
 
 use super::super::{Exit, Misuse, progress};
 use super::{Args, print};
@@ -14,7 +14,7 @@ const ACTUATORS: [&str; 2] = ["bench", "servo28"];
 /// An unknown entry or type.
 pub(super) fn run(args: &Args) -> anyhow::Result<Exit> {
     let options = SensorsOptions {
-        n: args.n.unwrap_or(SENSORS_WINDOWS),
+        n: args.n.unwrap_or(SENSORS_UNITS),
         seed: args.seed,
         actuators: match &args.actuator {
             Some(name) => vec![name.clone()],

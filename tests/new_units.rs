@@ -14,7 +14,7 @@ use hmd_core::commissioning::calibrate_unit;
 use hmd_core::config::{Config, ConfigError};
 use hmd_core::outbox::WindowJob;
 use hmd_core::seed::mix;
-use one_window::window_of;
+pub(crate) use one_window::window_of;
 use rayon::prelude::*;
 
 /// Damages of the worn windows.

@@ -10,6 +10,7 @@ mod identification;
 mod link;
 mod new_unit;
 mod onboard;
+mod one_way;
 mod relations;
 mod tolerances;
 mod unmodelled;

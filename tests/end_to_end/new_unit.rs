@@ -1,7 +1,7 @@
 //! A unit that nobody knows but by its data sheet and ten recordings: the small form of the example `new_unit`.
 
 #[path = "../new_units.rs"]
-mod new_units;
+pub(crate) mod new_units;
 
 use new_units::Trial;
 

@@ -171,7 +171,7 @@ impl Assessor {
         };
         let level = self.watch_level();
         let verdict = compare(&assessed.estimate, suspicion.suspect, &of_other.estimate, level);
-        Ok((verdict != Verdict::Worse).then_some((verdict, other, of_other)))
+        Ok((verdict >= Verdict::Alike).then_some((verdict, other, of_other)))
     }
 
     /// The estimate of a window as it was received, and the window, if it explains more than the one `without` a mistake.

@@ -17,7 +17,7 @@ use crate::outbox::WindowJob;
 use crate::outliers::{grants_runs, identify_without_outliers};
 use crate::seed::{mix, name_hash};
 use crate::sensor_checks::rivals::{
-    BETTER, Corrected, Rival, Verdict, accuses_all_phases_alike, compare, correct, is_doubtful, rivals,
+    BETTER, Corrected, Rival, Verdict, accuses_all_phases_alike, correct, is_doubtful, judge, rivals,
 };
 use crate::sensor_checks::{Contradiction, Suspect, Suspicion, contradictions};
 
@@ -89,11 +89,19 @@ impl Assessor {
                 Competitors::Best(Some((Verdict::Better, suspicion, of_rival))) => {
                     name(suspicion.suspect, &mut suspects);
                     reasons.push(suspicion.sentence);
-                    assessed = of_rival;
+                    assessed = of_rival.widened(CORRECTED_FACTOR);
                 }
                 Competitors::Best(Some((Verdict::Alike, suspicion, _))) => {
                     name(suspicion.suspect, &mut suspects);
                     reasons.push(format!("{}, or {}", suspicion.sentence, in_words(&assessed)));
+                    return Ok(Explained::invalid(suspects, reasons));
+                }
+                Competitors::Best(Some((Verdict::Untold, suspicion, _))) => {
+                    let parts = in_words(&assessed);
+                    reasons.push(format!(
+                        "{}, or {parts}: motion in one direction does not tell",
+                        suspicion.sentence
+                    ));
                     return Ok(Explained::invalid(suspects, reasons));
                 }
                 Competitors::Best(Some((Verdict::Worse, ..)) | None) => {}
@@ -222,13 +230,13 @@ impl Assessor {
             let Some(of_rival) = self.estimate(&mut other, conditions, effort)? else {
                 return Ok(Competitors::Unknown);
             };
-            let verdict = compare(&assessed.estimate, rival.suspect, &of_rival.estimate, level);
+            let verdict = judge(job, &assessed.estimate, rival.suspect, &of_rival.estimate, level);
             let is_best = match &found {
-                None => verdict != Verdict::Worse,
+                None => verdict > Verdict::Worse,
                 Some((Verdict::Better, _, best)) => {
                     verdict == Verdict::Better && of_rival.estimate.cost < best.estimate.cost
                 }
-                Some(_) => verdict == Verdict::Better,
+                Some((before, ..)) => verdict > *before,
             };
             if is_best {
                 found = Some((verdict, rival, of_rival));

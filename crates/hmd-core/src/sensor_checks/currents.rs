@@ -50,8 +50,9 @@ const OFFSET_SHARE: f64 = 2.8e-3;
 /// Error of one gain from which on it is none of a sensor within its tolerance, in tolerances, and least.
 const GAIN_TOLERANCES: f64 = 4.0;
 
-/// Zero of a resolver that is none of an adjusted one, rad electrical: 2.5°.
-const ZERO_MIN: f64 = 0.0436;
+/// Zero of a resolver that is none of an adjusted one, rad electrical: 3.5°. A vector drive without decoupling leaves a direct current with the
+/// speed that looks like up to 2.8° (suite `robust`).
+const ZERO_MIN: f64 = 0.0611;
 
 /// Share of a sample period that two signals of one sample may be apart.
 const LATE_PERIODS: f64 = 0.5;

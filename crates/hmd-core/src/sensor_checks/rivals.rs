@@ -3,7 +3,7 @@
 //! A window that accuses a part, or that no fault explains, is estimated again without a reading, or with another one. The better
 //! explanation wins; where both explain the window alike and differ in what they accuse, the window accuses nothing.
 
-use ema_models::{DriveKind, FaultId, REFERENCE_TEMPERATURE_DEG_C};
+use ema_models::{DriveKind, FaultId, REFERENCE_TEMPERATURE_DEG_C, SensedSample};
 
 use super::contradictions::LINK_POSSIBLE;
 use super::correction::Correction;
@@ -134,15 +134,17 @@ impl Rival {
     }
 }
 
-/// What a rival says of a window.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What a rival says of a window; the further down, the more it decides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verdict {
-    /// It explains the window clearly better.
-    Better,
-    /// It explains the window alike, and accuses less.
-    Alike,
     /// It explains nothing more.
     Worse,
+    /// Without the reading the window does not show the fault, and nothing else says that the reading is right.
+    Untold,
+    /// It explains the window alike, and accuses less.
+    Alike,
+    /// It explains the window clearly better.
+    Better,
 }
 
 /// Factor of the costs from which on one explanation is better.
@@ -236,14 +238,16 @@ pub fn compare(estimate: &Estimate, suspect: Suspect, rival: &Estimate, level: f
     if rival.is_unmodelled() {
         return Verdict::Worse;
     }
-    if estimate.is_unmodelled() || estimate.cost > BETTER * rival.cost {
+    // An explanation that no fault vector gives need not be far better, but must be better.
+    let factor = if estimate.is_unmodelled() { ALIKE } else { BETTER };
+    if estimate.cost > factor * rival.cost {
         return if rival.cost < GOOD_COST {
             Verdict::Better
         } else {
             Verdict::Worse
         };
     }
-    if suspect == Suspect::CurrentGain {
+    if suspect == Suspect::CurrentGain || estimate.is_unmodelled() {
         return Verdict::Worse;
     }
     let of_rival = accused(rival, level);
@@ -260,4 +264,35 @@ pub fn compare(estimate: &Estimate, suspect: Suspect, rival: &Estimate, level: f
     } else {
         Verdict::Worse
     }
+}
+
+/// Compares an estimate with that of a rival by [`compare`]; what a load parts from friction in motion one way is told by its reading alone.
+#[must_use]
+pub fn judge(job: &WindowJob, estimate: &Estimate, suspect: Suspect, rival: &Estimate, level: f64) -> Verdict {
+    let verdict = compare(estimate, suspect, rival, level);
+    let accuses = |estimate: &Estimate| accused(estimate, level).contains(&FaultId::Friction);
+    let is_untold = || {
+        suspect == Suspect::LoadSensor
+            && moves_one_way(&job.window.samples)
+            && accuses(estimate)
+            && !rival.is_unmodelled()
+            && !(accuses(rival) && rival.observable[FaultId::Friction.parameter()])
+            && rival.cost < ALIKE * estimate.cost
+    };
+    if verdict == Verdict::Worse && is_untold() {
+        Verdict::Untold
+    } else {
+        verdict
+    }
+}
+
+/// Share of the way that a motion in one direction goes back: an overshoot.
+const BACK: f64 = 0.1;
+
+fn moves_one_way(samples: &[SensedSample]) -> bool {
+    let steps = samples
+        .windows(2)
+        .map(|pair| pair[1].motor_counts.saturating_sub(pair[0].motor_counts) as f64);
+    let (net, way) = steps.fold((0.0_f64, 0.0), |(net, way), step| (net + step, way + step.abs()));
+    way - net.abs() < 2.0 * BACK * way
 }

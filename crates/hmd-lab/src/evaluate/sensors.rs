@@ -226,7 +226,7 @@ fn group(runs: &[Run<'_>]) -> Group {
             let noticed = run.noticed();
             for (tally, assessed) in of_units.iter_mut().zip(&run.assessed) {
                 let outcome = Outcome {
-                    worn: run.worn(),
+                    worn: run.worn().zip(run.planned.fault.map(|(_, fault)| fault)),
                     assessed: assessed.window.as_ref(),
                     noticed: &noticed,
                     is_shown: assessed.is_shown,

@@ -1,8 +1,8 @@
 //! Assessed windows with a mistake -> counts -> rates.
 
-use ema_models::FaultId;
+use ema_models::{FaultId, FaultVector};
 use hmd_core::assess::AssessedWindow;
-use hmd_core::record::WindowStatus;
+use hmd_core::record::{Health, WindowStatus};
 use hmd_core::sensor_checks::Suspect;
 use serde::Serialize;
 
@@ -18,6 +18,7 @@ pub(super) struct Tally {
     wrongly_named: u64,
     worn: u64,
     found: u64,
+    denied: u64,
     shown: u64,
     named_of_shown: u64,
     findable: u64,
@@ -42,6 +43,8 @@ pub struct Rates {
     pub wrongly_named_rate: f64,
     /// Share of the windows of worn actuators that name the worn part.
     pub found_rate: f64,
+    /// Share of the same that deny it: judged, and the estimate lies further below the damage than three of its sigmas.
+    pub denied_rate: f64,
     /// Share of the windows that show the mistake: no actuator of the type makes the motion with what was read.
     pub shown_rate: f64,
     /// Share of these that name it.
@@ -58,8 +61,8 @@ pub struct Rates {
 
 /// What was said of one window.
 pub(super) struct Outcome<'a> {
-    /// The worn part.
-    pub(super) worn: Option<FaultId>,
+    /// The worn part, and the fault vector.
+    pub(super) worn: Option<(FaultId, FaultVector)>,
     /// The window, if one was cut.
     pub(super) assessed: Option<&'a AssessedWindow>,
     /// Suspects that the pipeline named.
@@ -68,6 +71,20 @@ pub(super) struct Outcome<'a> {
     pub(super) is_shown: bool,
     /// Whether the worn part is reported without it.
     pub(super) is_findable: bool,
+}
+
+/// Standard deviations below the damage at which an estimate denies it.
+const DENIED_SIGMAS: f64 = 3.0;
+
+/// Whether an estimate says that a worn part is clearly better than it is.
+fn denies(health: &Health, (fault, truth): (FaultId, FaultVector)) -> bool {
+    let Some(estimate) = health.estimate() else {
+        return false;
+    };
+    let place = fault.parameter();
+    let [found, worn] = [FaultVector::from_array(estimate.k), truth].map(|vector| vector.damage_of(fault));
+    let error = (estimate.k[place] - truth.to_array()[place]).abs();
+    found < worn && estimate.sigma[place].is_some_and(|sigma| error > DENIED_SIGMAS * sigma)
 }
 
 impl Tally {
@@ -81,7 +98,7 @@ impl Tally {
             .chain(outcome.noticed)
             .copied()
             .collect();
-        let is_worn = |name: &String| outcome.worn.is_some_and(|worn| worn.name() == name);
+        let is_worn = |name: &String| outcome.worn.is_some_and(|(worn, _)| worn.name() == name);
         let is_judged = outcome.assessed.is_some_and(|window| {
             let status = WindowStatus::from_name(&window.health.status);
             matches!(status, Some(WindowStatus::Ok | WindowStatus::Degraded))
@@ -95,6 +112,8 @@ impl Tally {
         self.worn += u64::from(outcome.worn.is_some());
         let is_found = faults.iter().any(is_worn);
         self.found += u64::from(is_found);
+        let denies = |window: &AssessedWindow| outcome.worn.is_some_and(|worn| denies(&window.health, worn));
+        self.denied += u64::from(is_judged && !is_found && outcome.assessed.is_some_and(denies));
         self.shown += u64::from(outcome.is_shown);
         self.named_of_shown += u64::from(outcome.is_shown && is_named);
         self.findable += u64::from(outcome.is_shown && outcome.is_findable);
@@ -121,6 +140,7 @@ impl Tally {
             wrongly_named: sum.wrongly_named + other.wrongly_named,
             worn: sum.worn + other.worn,
             found: sum.found + other.found,
+            denied: sum.denied + other.denied,
             shown: sum.shown + other.shown,
             named_of_shown: sum.named_of_shown + other.named_of_shown,
             findable: sum.findable + other.findable,
@@ -140,6 +160,7 @@ impl Tally {
             named_rate: share(self.named, self.windows),
             wrongly_named_rate: share(self.wrongly_named, self.windows),
             found_rate: share(self.found, self.worn),
+            denied_rate: share(self.denied, self.worn),
             shown_rate: share(self.shown, self.windows),
             named_of_shown_rate: share(self.named_of_shown, self.shown),
             found_of_findable_rate: share(self.found_of_findable, self.findable),

@@ -11,6 +11,7 @@ mod evidence;
 mod findings;
 mod words;
 
+use ema_identify::is_unmodelled;
 use ema_identify::relations::CommissionError;
 use ema_identify::unit_calibration::{Seen, UNIT_VERSION, UnitError};
 use ema_identify::unit_fit::WINDOWS_MIN;
@@ -186,7 +187,12 @@ pub fn calibrate_unit(
         by_relations.as_ref().ok(),
         by_monitor.as_ref(),
     );
-    let seen = Seen::of(&jobs.iter().map(motion_of).collect::<Vec<_>>());
+    let motions: Vec<_> = jobs.iter().map(motion_of).collect();
+    let is_compliant = |learnt: &RelationsLearnt| !learnt.unit.commissioned.balance.shape.compliance.is_rigid();
+    let seen = match &by_relations {
+        Ok(learnt) if is_compliant(learnt) => Seen::of(&motions).with_sectors(&motions),
+        _ => Seen::of(&motions),
+    };
     let calibration = UnitCalibration {
         version: UNIT_VERSION,
         made_by: concat!("hmd ", env!("CARGO_PKG_VERSION")).to_owned(),
@@ -300,7 +306,8 @@ fn choose(
         return Err(CommissioningError::Parameter(far.clone()));
     }
     let usable = monitor.filter(|_| monitor_far.is_none());
-    let sound = usable.filter(|learnt| learnt.evidence.is_sound());
+    // Windows like the healthy ones would be unmodelled.
+    let sound = usable.filter(|learnt| learnt.evidence.is_sound() && !is_unmodelled(learnt.unit.cost));
     let error = match relations {
         Ok(relations) => match (relations.far_parameter(job), sound) {
             (Some(far), Some(monitor)) => {

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use ema_identify::relations::{BalanceShape, MeasuredWindow, RELATION_COUNT, Relation, RelationsEstimate, commission};
-use ema_identify::unit_calibration::{Motion, Seen, UNSEEN_FACTOR};
+use ema_identify::unit_calibration::{Motion, Seen, Unseen};
 use ema_models::reference::{Drive, Scenario};
 use ema_models::{FaultId, FaultVector, Profile, SensedSample, Setpoint};
 use hmd_lab::evaluate::robust::{CatalogueUnit, entry_names};
@@ -172,8 +172,8 @@ impl Run {
                 let (place, scenario) = unit.window(number, self.n);
                 let samples = self.window(&unit, &format!("{actuator}-{entry}"), motion, number);
                 let mut estimate = learnt.estimate(&MeasuredWindow::new(&params, &samples, &[]));
-                let unseen = seen.unseen(&Motion::of(&params, &samples), &params).len() as i32;
-                let factor = UNSEEN_FACTOR.powi(unseen);
+                let unseen = seen.unseen(&Motion::of(&params, &samples), &params);
+                let factor: f64 = unseen.iter().map(Unseen::factor).product();
                 for (sigma, spread) in estimate.sigma.iter_mut().zip(estimate.bridge_spread) {
                     *sigma =
                         sigma.map(|sigma| spread.hypot(factor * (sigma * sigma - spread * spread).max(0.0).sqrt()));

@@ -2,9 +2,7 @@
 
 use ema_identify::effort::{Effort, Request, Stage};
 use ema_identify::relations::{Needed, Relation};
-use ema_identify::unit_calibration::{
-    Motion, UNSEEN_FACTOR, UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations,
-};
+use ema_identify::unit_calibration::{Motion, UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations};
 use ema_identify::unit_estimate::{AlignedWindow, USUAL_COST, UnitEstimate, corrected, estimate_by_relations, of_both};
 use ema_identify::{Estimate, Fit, Identifier, Prepared};
 use ema_models::{Conditions, FAULT_COUNT, FaultId};
@@ -60,9 +58,10 @@ pub(super) fn estimate(
                     None => None,
                 };
                 match fallback {
-                    Some((fit, found)) if !found.estimate.is_unmodelled() => {
+                    Some((fit, by_monitor)) if !by_monitor.estimate.is_unmodelled() => {
                         reasons.push("assessed by the monitor".to_owned());
-                        Some((fit, found))
+                        let is_rigid = !found.unexplained.contains(&Relation::Transmission);
+                        Some((fit, if is_rigid { by_monitor } else { without_play(by_monitor) }))
                     }
                     _ => Some((fit, found)),
                 }
@@ -106,8 +105,8 @@ pub(super) fn estimate(
     }
     let motion = motion_of(job);
     let unseen = unit.seen.unseen(&motion, &job.params);
-    for _ in &unseen {
-        found = found.widened(UNSEEN_FACTOR);
+    for respect in &unseen {
+        found = found.widened(respect.factor());
     }
     reasons.extend(not_observable(&found));
     reasons.extend(unseen.iter().map(ToString::to_string));
@@ -164,6 +163,14 @@ fn by_monitor(
         let fit = identifier.fit(&prepared, conditions, &estimate);
         (fit, corrected(monitor, estimate, job.params.sensors.sample_rate))
     }))
+}
+
+/// An estimate of the monitor, whose gear is rigid, where the output does not follow the motor through any play.
+fn without_play(mut found: UnitEstimate) -> UnitEstimate {
+    let place = FaultId::Backlash.parameter();
+    found.estimate.sigma[place] = None;
+    found.estimate.observable[place] = false;
+    found
 }
 
 /// Whether the monitor may explain a window that the torque balance does not: it explains the unit's healthy windows as well as those of

@@ -1,7 +1,8 @@
-//! Undoes the wraps of the two angle counters of a window.
+//! Undoes the wraps of the two angle counters of a window, and a difference of their zeros.
 //!
 //! A log may begin after a counter has wrapped, and then resolver and encoder seem to be turns apart. The gear couples the
-//! two angles, so the right wraps are those that bring them together.
+//! two angles, so the right wraps are those that bring them together. Which turn of the motor is the zero of the output is a choice of who
+//! mounted them: what no play explains is taken out.
 
 use ema_models::{ActuatorParams, SensedSample, Setpoint};
 
@@ -16,9 +17,56 @@ const OUTPUT_WRAPS: i64 = 32;
 /// one wrap of either counter is far more.
 const TOGETHER: f64 = 0.1;
 
+/// Counts by which the output moves in both directions where it has met both flanks of the play, and counts that a flank is uncertain by.
+const FLANK_COUNTS: i64 = 4;
+const UNCERTAIN_COUNTS: f64 = 2.0;
+
+/// Widths of a healthy play that a worn-out one has.
+const WORN_OUT: f64 = 100.0;
+
+/// Brings wraps and zeros of both counters of a window together.
+pub(crate) fn align_counters(params: &ActuatorParams, samples: &mut [SensedSample]) {
+    align_counter_wraps(params, samples);
+    align_zeros(params, samples);
+}
+
+/// Moves the output, and the set point with it, to the zero of the motor: the middle of what lies between output and motor. A window that has met
+/// one flank only is moved if no play explains what lies between; a smaller difference cannot be told from the place within the play.
+fn align_zeros(params: &ActuatorParams, samples: &mut [SensedSample]) {
+    let per_motor_count = params.sensors.motor_lsb() / params.transmission.gear_ratio;
+    let per_output_count = params.sensors.output_lsb();
+    let [mut low, mut high] = [f64::INFINITY, f64::NEG_INFINITY];
+    // Largest rise above, and fall below, what the output was before.
+    let (mut least, mut most, mut rise, mut fall) = (i64::MAX, i64::MIN, 0, 0);
+    for sample in samples.iter() {
+        let between = sample.motor_counts as f64 * per_motor_count - sample.output_counts as f64 * per_output_count;
+        (low, high) = (low.min(between), high.max(between));
+        (least, most) = (least.min(sample.output_counts), most.max(sample.output_counts));
+        rise = rise.max(sample.output_counts.saturating_sub(least));
+        fall = fall.max(most.saturating_sub(sample.output_counts));
+    }
+    let middle = 0.5 * (low + high);
+    let met_both = rise.min(fall) >= FLANK_COUNTS;
+    let explained = if met_both {
+        0.5 * (high - low)
+    } else {
+        0.5 * WORN_OUT * params.transmission.backlash
+    };
+    if !middle.is_finite() || middle.abs() <= explained + UNCERTAIN_COUNTS * per_output_count {
+        return;
+    }
+    let counts = (middle / per_output_count).round();
+    for sample in samples {
+        sample.output_counts = sample.output_counts.saturating_add(counts as i64);
+        if let Setpoint::Position(angle) = &mut sample.setpoint {
+            *angle += counts * per_output_count;
+        }
+    }
+}
+
 /// Puts both counters of a window on the wraps that bring the angles together at its first sample, the fewest that do; a
 /// window where none do stays as it is. In position mode the encoder is on the setpoint's own turn, and stays there.
-pub(crate) fn align_counter_wraps(params: &ActuatorParams, samples: &mut [SensedSample]) {
+fn align_counter_wraps(params: &ActuatorParams, samples: &mut [SensedSample]) {
     let Some(first) = samples.first() else { return };
     let per_motor_count = params.sensors.motor_lsb() / params.transmission.gear_ratio;
     let per_output_count = params.sensors.output_lsb();
@@ -51,6 +99,8 @@ pub(crate) fn align_counter_wraps(params: &ActuatorParams, samples: &mut [Sensed
 
 #[cfg(test)]
 mod tests {
+    use std::vec::Vec;
+
     use super::*;
 
     fn sample(motor_counts: i64, output_counts: i64, setpoint: Setpoint) -> SensedSample {
@@ -90,5 +140,40 @@ mod tests {
         let mut samples = [far];
         align_counter_wraps(&ActuatorParams::bench(), &mut samples);
         assert_eq!(samples, [far]);
+    }
+
+    /// A motion forth and back by 60 counts of the output, which lies `offset` counts off, within a play of `play` counts.
+    fn motion(offset: i64, play: i64, back: bool) -> Vec<SensedSample> {
+        let params = ActuatorParams::bench();
+        let per_output = params.sensors.output_lsb() * params.transmission.gear_ratio / params.sensors.motor_lsb();
+        let mut output = 0;
+        let steps = if back { 120 } else { 60 };
+        (0..steps)
+            .map(|n: i64| {
+                let at = if n < 60 { n } else { 120 - n };
+                output = output.clamp(at - play / 2, at + play / 2);
+                let setpoint = Setpoint::Position((offset + at) as f64 * params.sensors.output_lsb());
+                sample((at as f64 * per_output) as i64, output + offset, setpoint)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn another_zero_is_taken_out_and_a_play_is_not() {
+        let params = ActuatorParams::bench();
+        for (offset, play, back) in [(900, 2, true), (-5, 2, true), (900, 2, false), (900, 20, true)] {
+            let mut samples = motion(offset, play, back);
+            align_counters(&params, &mut samples);
+            let moved = samples[10].output_counts - motion(0, play, back)[10].output_counts;
+            assert!(
+                moved.abs() <= 1 + play / 2,
+                "{offset}, {play}, {back}: {moved} counts left"
+            );
+        }
+        for (play, back) in [(2, true), (20, true), (20, false)] {
+            let mut samples = motion(0, play, back);
+            align_counters(&params, &mut samples);
+            assert_eq!(samples, motion(0, play, back));
+        }
     }
 }

@@ -5,7 +5,7 @@ use std::vec::Vec;
 
 use ema_models::{ActuatorParams, ComparedSample, InitialState, Recording, SensedSample, prepare_window};
 
-use crate::counter_wrap::align_counter_wraps;
+use crate::counter_wrap::align_counters;
 
 /// A window made ready for comparison, owning its samples.
 #[derive(Clone, Debug)]
@@ -20,7 +20,7 @@ impl Prepared {
     #[must_use]
     pub fn new(params: &ActuatorParams, window: &[SensedSample], filled: &[usize], rest: usize) -> Self {
         let mut sensed = window.to_vec();
-        align_counter_wraps(params, &mut sensed);
+        align_counters(params, &mut sensed);
         let mut samples = vec![ComparedSample::default(); sensed.len()];
         let initial = prepare_window(params, &sensed, filled, rest, &mut samples);
         Self { samples, initial }

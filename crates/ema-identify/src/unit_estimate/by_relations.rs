@@ -5,7 +5,7 @@ use std::vec::Vec;
 use ema_models::{ActuatorParams, FAULT_COUNT, FaultId, FaultVector, MotorDeviation, SensedSample, Unknowns};
 
 use super::UnitEstimate;
-use crate::counter_wrap::align_counter_wraps;
+use crate::counter_wrap::align_counters;
 use crate::estimate::{Estimate, UNMODELLED_COST};
 use crate::inferred::{Inferred, InferredReadings};
 use crate::relations::{Element, MeasuredWindow, Relation, RelationsEstimate};
@@ -24,7 +24,7 @@ impl<'a> AlignedWindow<'a> {
     #[must_use]
     pub fn new(params: &'a ActuatorParams, window: &[SensedSample], filled: &'a [usize]) -> Self {
         let mut samples = window.to_vec();
-        align_counter_wraps(params, &mut samples);
+        align_counters(params, &mut samples);
         Self {
             params,
             samples,
@@ -67,6 +67,10 @@ pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, i
         if let Some(fault) = own_fault(*relation) {
             sigma[fault.parameter()] = None;
         }
+    }
+    if unexplained == [Relation::Transmission] {
+        // An output that is read wrongly, or late, changes the control deviation too.
+        sigma[FaultId::Gain.parameter()] = None;
     }
     let floor = RESIDUAL_FLOOR * motor.torque_gain() * motor.i_max;
     // What a wide play explains does not count.

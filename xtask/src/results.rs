@@ -11,7 +11,7 @@ use anyhow::{Context, bail};
 use crate::shell::{cargo, root, run, target_dir};
 
 /// Documents with such lines.
-const DOCUMENTS: [&str; 7] = [
+const DOCUMENTS: [&str; 8] = [
     "README.md",
     // The long tables of the pages.
     "fixtures/results/bench.md",
@@ -19,6 +19,7 @@ const DOCUMENTS: [&str; 7] = [
     "fixtures/results/servo28.md",
     "fixtures/results/forecasts.md",
     "fixtures/results/robust.md",
+    "fixtures/results/sensors.md",
     "docs/viewers.md",
 ];
 

@@ -81,8 +81,9 @@ pub struct Seen {
     pub rotor_sectors: Option<[[bool; SECTORS]; 2]>,
 }
 
-/// Sectors of an electrical turn.
+/// Sectors of an electrical turn, and how many of them are many.
 const SECTORS: usize = 12;
+const MANY_SECTORS: usize = 5;
 
 fn sector(rotor_angle: f64) -> usize {
     (rotor_angle / TAU * SECTORS as f64) as usize % SECTORS
@@ -152,15 +153,19 @@ impl Seen {
         }
     }
 
-    /// The same with the sectors of the rotor, which matter behind a spring.
+    /// The same with the sectors of the rotor, which matter behind a spring; windows from many show in their scatter what depends on it.
     #[must_use]
     pub fn with_sectors(self, windows: &[Motion]) -> Self {
         let mut sectors = [[false; SECTORS]; 2];
         for window in windows {
             sectors[usize::from(window.is_forward)][sector(window.rotor_angle)] = true;
         }
+        let all = sectors[0]
+            .iter()
+            .zip(&sectors[1])
+            .filter(|(backward, forward)| **backward || **forward);
         Self {
-            rotor_sectors: Some(sectors),
+            rotor_sectors: (all.count() < MANY_SECTORS).then_some(sectors),
             ..self
         }
     }
@@ -315,5 +320,7 @@ mod tests {
         };
         assert_eq!(seen.unseen(&forward, &params), [Unseen::RotorAngle(0.1)]);
         assert_eq!(anywhere.unseen(&at(3.0), &params), []);
+        let many: Vec<Motion> = (0..6).map(|n| at(f64::from(n))).collect();
+        assert_eq!(anywhere.with_sectors(&many).rotor_sectors, None);
     }
 }

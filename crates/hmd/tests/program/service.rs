@@ -223,6 +223,27 @@ fn one_file_belongs_to_one_configuration() {
     assert!(std::fs::read(manager.at("one.mcap")).unwrap().ends_with(mcap::MAGIC));
 }
 
+/// The folder is gone when the configuration is read again: the run goes on, and stores when the folder is back.
+#[test]
+fn a_reload_without_its_folder_goes_on() {
+    let mut manager = Manager::start("segments/", &[]);
+    assert_eq!(manager.next_message().0, "READY=1");
+    let folder = manager.at("segments");
+    std::fs::rename(&folder, manager.at("before")).unwrap();
+    std::fs::write(&folder, "no folder").unwrap();
+    manager.signal("-HUP");
+    assert!(manager.next_message().0.starts_with("RELOADING=1"));
+    assert_eq!(manager.next_message().0, "READY=1");
+    manager.read_until("tried again every second");
+    manager.expect_heartbeat();
+    std::fs::remove_file(&folder).unwrap();
+    manager.read_until("storage: written again");
+    manager.signal("-TERM");
+    assert_eq!(manager.next_message().0, "STOPPING=1");
+    assert_eq!(manager.child.wait().unwrap().code(), Some(3), "what was not stored is a loss");
+    assert!(segments(&folder) > 0);
+}
+
 /// A configuration that turns into a FIFO would make a reload wait for ever.
 #[test]
 fn a_reload_from_a_fifo_changes_nothing_and_the_end_is_obeyed() {

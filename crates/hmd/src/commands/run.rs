@@ -116,6 +116,10 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
                 recorder = args.output.as_ref().map(|folder| {
                     Recorder::reopen_folder(folder, &run_metadata(args, &config), config.output().limits())
                 });
+                if recorder.as_ref().is_some_and(|recorder| !recorder.is_written()) {
+                    // The watch goes on without its output, and the reload is over.
+                    service::ready();
+                }
             }
             None => {
                 viewers.finish();

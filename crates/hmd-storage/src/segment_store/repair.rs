@@ -195,7 +195,11 @@ impl Found {
     fn account(&mut self, repaired: &Repaired) {
         if let Some(left) = &mut self.expand_bytes_left {
             let expanded = repaired.report.expanded_bytes;
-            *left = if repaired.is_postponed { 0 } else { left.saturating_sub(expanded) };
+            *left = if repaired.is_postponed {
+                0
+            } else {
+                left.saturating_sub(expanded)
+            };
         }
     }
 
@@ -264,12 +268,7 @@ struct Repaired {
 }
 
 /// Writes the intact part of a cut segment beside it and gives it the closed name, if there is any.
-fn repaired(
-    folder: &Path,
-    name: Name,
-    disk: &dyn Disk,
-    expanded_max: Option<u64>,
-) -> Result<Repaired, RecoverError> {
+fn repaired(folder: &Path, name: Name, disk: &dyn Disk, expanded_max: Option<u64>) -> Result<Repaired, RecoverError> {
     let output_error = |cause: io::Error| RecoverError::Output(cause.into());
     let copy = folder.join(name.with_stage(Stage::Repair).to_string());
     let out = disk.create(&copy).map_err(output_error)?;

@@ -743,7 +743,11 @@ fn a_folder_that_fails_at_a_reload_costs_what_is_counted() {
             "case {case}"
         );
         let end = store.finish();
-        assert_eq!((end.status.lost_records, end.status.state), (1, StorageState::Ok), "case {case}");
+        assert_eq!(
+            (end.status.lost_records, end.status.state),
+            (1, StorageState::Ok),
+            "case {case}"
+        );
         let segments = fs::read_dir(&folder).unwrap().count();
         assert_eq!(segments, 2, "case {case}");
     }

@@ -202,12 +202,7 @@ fn recorder(args: &Args, config: &Config) -> Result<Option<Recorder>, RecordErro
     Recorder::open(path, &run_metadata(args, config), config.output().limits()).map(Some)
 }
 
-fn daemon(
-    args: &Args,
-    config: Arc<Config>,
-    recorder: Option<Recorder>,
-    viewers: &Viewers,
-) -> anyhow::Result<Daemon> {
+fn daemon(args: &Args, config: Arc<Config>, recorder: Option<Recorder>, viewers: &Viewers) -> anyhow::Result<Daemon> {
     let interfaces = config.interfaces(&args.config.display().to_string())?;
     let sources = interfaces.iter().map(|name| {
         if let Some(line) = config.serial(name) {

@@ -242,7 +242,11 @@ fn a_reload_without_its_folder_goes_on() {
     assert_eq!(manager.next_message().0, "READY=1");
     manager.signal("-TERM");
     assert_eq!(manager.next_message().0, "STOPPING=1");
-    assert_eq!(manager.child.wait().unwrap().code(), Some(3), "what was not stored is a loss");
+    assert_eq!(
+        manager.child.wait().unwrap().code(),
+        Some(3),
+        "what was not stored is a loss"
+    );
     assert!(segments(&folder) > 0);
 }
 
@@ -271,7 +275,7 @@ fn a_reload_from_a_fifo_changes_nothing_and_the_end_is_obeyed() {
 /// Segments that take long to repair, or are bombs, do not keep the daemon from its work.
 #[test]
 fn cut_segments_are_repaired_beside_the_watch() {
-    let bomb = crate::inputs::bomb(70);
+    let bomb = crate::inputs::bomb(20);
     let since = Instant::now();
     let mut manager = Manager::start_with("segments/", &[], |folder| {
         std::fs::create_dir(folder.join("segments")).unwrap();

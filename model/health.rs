@@ -104,11 +104,10 @@ impl Model for Windows {
     }
 
     fn actions(&self, _: &Watched, actions: &mut Vec<Self::Action>) {
-        // One fault at a time, and both at their extremes: what differs between faults is kept by each alone.
-        let readings = readings();
-        actions.extend(readings.iter().map(|one| [*one, None]));
-        actions.extend(readings.iter().map(|two| [None, *two]));
+        // One fault at a time; of the second, which differs in its significance alone, and of both together, the extremes.
         let extremes = [Some((0.0, 0.0)), Some((1.0, 0.0))];
+        actions.extend(readings().into_iter().map(|one| [one, None]));
+        actions.extend(extremes.map(|two| [None, two]));
         actions.extend(extremes.iter().flat_map(|one| extremes.map(|two| [*one, two])));
     }
 

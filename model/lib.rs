@@ -1,4 +1,10 @@
-//! Nothing but its tests: the queue of windows, compiled from the daemon's own source, under a scheduler that tries orders.
+//! Nothing but its tests: the queue of windows, compiled from the daemon's own source, under a scheduler that tries orders; health and
+//! the segment store, explored state by state.
+
+#[cfg(test)]
+mod health;
+#[cfg(test)]
+mod segment_store;
 
 #[cfg(test)]
 mod sync {

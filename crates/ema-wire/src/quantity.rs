@@ -163,12 +163,20 @@ fn away_by_half(scaled: f64) -> f64 {
 /// Largest integer not above `x`; `core` has no `f64::floor`.
 fn floor(x: f64) -> i64 {
     let truncated = x as i64;
-    truncated - i64::from((truncated as f64) > x)
+    // Saturated, where the cast is.
+    truncated.saturating_sub(i64::from((truncated as f64) > x))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn angles_beyond_all_counters_have_counts() {
+        for angle in [f64::NEG_INFINITY, f64::MIN, -1e19, f64::MAX, f64::INFINITY, f64::NAN] {
+            let _ = (motor_counts(angle), output_counts(angle));
+        }
+    }
 
     #[test]
     fn every_raw_value_is_unchanged_after_conversion_to_si_and_back() {

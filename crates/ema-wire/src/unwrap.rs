@@ -14,6 +14,7 @@ use crate::quantity::wrap_s24;
 /// assert_eq!(unwrap_motor_counts(before, i32::MIN), before + 2);
 /// assert_eq!(unwrap_motor_counts(before + 2, i32::MAX), before + 1);
 /// ```
+#[inline]
 #[must_use]
 pub const fn unwrap_motor_counts(previous: i64, raw: i32) -> i64 {
     previous.wrapping_add(raw.wrapping_sub(previous as i32) as i64)
@@ -26,6 +27,7 @@ pub const fn unwrap_motor_counts(previous: i64, raw: i32) -> i64 {
 /// use ema_wire::unwrap_output_counts;
 /// assert_eq!(unwrap_output_counts((1 << 23) - 1, -(1 << 23)), 1 << 23);
 /// ```
+#[inline]
 #[must_use]
 pub const fn unwrap_output_counts(previous: i64, raw: i32) -> i64 {
     previous.wrapping_add(wrap_s24((raw as i64).wrapping_sub(previous)) as i64)
@@ -41,6 +43,7 @@ pub const fn unwrap_output_counts(previous: i64, raw: i32) -> i64 {
 /// assert_eq!(unwrap_seq(65_536, 0), 65_536);
 /// assert_eq!(unwrap_seq(65_536, 65_535), 131_071); // 65 535 forward, not one back
 /// ```
+#[inline]
 #[must_use]
 pub const fn unwrap_seq(previous: i64, raw: u16) -> i64 {
     previous.wrapping_add(raw.wrapping_sub(previous as u16) as i64)
@@ -57,6 +60,7 @@ pub const fn unwrap_seq(previous: i64, raw: u16) -> i64 {
 /// // 2 kHz, 400 samples lost: 200 ms later, three wraps; the device clock is 20 µs fast.
 /// assert_eq!(unwrap_time_us(1_000 + 200_000, (1_000_u32 + 200_020) as u16), 201_020);
 /// ```
+#[inline]
 #[must_use]
 pub const fn unwrap_time_us(expected_us: i64, raw: u16) -> i64 {
     expected_us.wrapping_add(raw.wrapping_sub(expected_us as u16) as i16 as i64)

@@ -143,6 +143,13 @@ impl Recorder {
         Ok(Self::with_output(Output::Folder(Box::new(store))))
     }
 
+    /// The same for a process that wrote to the folder before ([`SegmentStore::reopen`]): it fails never, and counts what it cannot store.
+    #[must_use]
+    pub fn reopen_folder(folder: &Path, metadata: &BTreeMap<String, String>, limits: Limits) -> Self {
+        let store = SegmentStore::reopen(folder, metadata, limits, Box::new(RealDisk), Instant::now());
+        Self::with_output(Output::Folder(Box::new(store)))
+    }
+
     /// A folder if the path is one or ends with a slash, else a file.
     ///
     /// # Errors

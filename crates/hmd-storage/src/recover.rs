@@ -52,6 +52,8 @@ pub struct Recovered {
     pub metadata: u64,
     /// Bytes that the chunks were expanded to: what the work depends on.
     pub expanded_bytes: u64,
+    /// The chunks expand to more than is allowed; the rest was not read.
+    pub is_given_up: bool,
     /// Attachments, which are left out (`hmd` writes none).
     pub attachments_lost: u64,
     /// Whatever cannot be used, by its place: the first [`LISTED_MAX`].
@@ -69,6 +71,7 @@ impl Recovered {
 
     fn lose(&mut self, loss: McapLoss) {
         self.losses_total += 1;
+        self.is_given_up |= loss.fault == McapFault::Expansion;
         if self.losses.len() < LISTED_MAX {
             self.losses.push(loss);
         }
@@ -85,11 +88,22 @@ pub fn recover<R: Read + Seek, W: Write + Seek>(
     out: W,
     profile: &str,
 ) -> Result<(W, Recovered), RecoverError> {
-    let messages = McapMessages::new(input, file);
-    let mut messages = messages.map_err(|cause| RecoverError::Input {
+    recover_within(input, file, out, profile, u64::MAX)
+}
+
+/// The same, given up when the chunks expand to more than `expanded_max` bytes.
+pub(crate) fn recover_within<R: Read + Seek, W: Write + Seek>(
+    input: R,
+    file: &str,
+    out: W,
+    profile: &str,
+    expanded_max: u64,
+) -> Result<(W, Recovered), RecoverError> {
+    let messages = McapMessages::new(input, file).map_err(|cause| RecoverError::Input {
         file: file.to_owned(),
         cause,
     })?;
+    let mut messages = messages.expanding_at_most(expanded_max);
     // The header is read with the first item. Who counted the messages stays visible.
     let mut item = messages.next();
     let options = write_options().profile(profile);

@@ -83,9 +83,9 @@ pub struct SegmentStore {
     limits: Limits,
     metadata: BTreeMap<String, String>,
     disk: Arc<dyn Disk>,
-    /// The folder, locked.
-    lock: File,
-    /// The folder's name was a link from the start.
+    /// The folder, locked; none as long as it cannot be had.
+    lock: Option<File>,
+    /// The folder's name was a link when it was first locked.
     is_link: bool,
     repair: Option<BackgroundRepair>,
     now: Instant,
@@ -118,26 +118,56 @@ impl SegmentStore {
         disk: Box<dyn Disk>,
         now: Instant,
     ) -> Result<Self, SegmentStoreError> {
-        let name = folder.display().to_string();
-        let error = |cause| SegmentStoreError::Folder {
-            folder: name.clone(),
-            cause,
-        };
+        let name = || folder.display().to_string();
+        let error = |cause| SegmentStoreError::Folder { folder: name(), cause };
+        let mut store = Self::without_folder(folder, metadata, limits, disk, now);
         let Some(lock) = hold(folder).map_err(error)? else {
-            return Err(SegmentStoreError::InUse { folder: name });
+            return Err(SegmentStoreError::InUse { folder: name() });
         };
-        let disk: Arc<dyn Disk> = Arc::from(disk);
-        let found = repair::repair_folder(folder, &*disk).map_err(error)?;
-        let mut metadata = metadata.clone();
-        // Which segments belong together: no two runs have both numbers in common.
-        metadata.insert("run".to_owned(), format!("{}-{}", found.next_number, now_ns()));
-        let mut store = Self {
+        store.take_folder(lock).map_err(error)?;
+        store.make_room();
+        // Who waits for the start may rely on the output from here on.
+        match store.try_begin(Kind::Records) {
+            Ok(()) => Ok(store),
+            // Room may come; what is not stored until then is counted.
+            Err(McapWriteError::Io(cause)) if is_full(&cause) => {
+                store.check(Kind::Records, Err(McapWriteError::Io(cause)));
+                Ok(store)
+            }
+            Err(cause) => Err(SegmentStoreError::Unwritable { folder: name(), cause }),
+        }
+    }
+
+    /// The same for a process that used the folder before, and goes on whatever became of it: without a folder for us, everything is
+    /// counted as lost, and [`SegmentStore::tick`] tries again.
+    #[must_use]
+    pub fn reopen(
+        folder: &Path,
+        metadata: &BTreeMap<String, String>,
+        limits: Limits,
+        disk: Box<dyn Disk>,
+        now: Instant,
+    ) -> Self {
+        let mut store = Self::without_folder(folder, metadata, limits, disk, now);
+        store.begin(Kind::Records);
+        store.make_room();
+        store
+    }
+
+    fn without_folder(
+        folder: &Path,
+        metadata: &BTreeMap<String, String>,
+        limits: Limits,
+        disk: Box<dyn Disk>,
+        now: Instant,
+    ) -> Self {
+        Self {
             folder: folder.to_owned(),
             limits,
-            metadata,
-            disk,
-            lock,
-            is_link: is_link(folder),
+            metadata: metadata.clone(),
+            disk: Arc::from(disk),
+            lock: None,
+            is_link: false,
             repair: None,
             now,
             next_number: 0,
@@ -150,19 +180,22 @@ impl SegmentStore {
             undeletable: false,
             reported: Vec::new(),
             messages: Vec::new(),
-        };
-        store.add_found(found);
-        store.make_room();
-        // Who waits for the start may rely on the output from here on.
-        match store.try_begin(Kind::Records) {
-            Ok(()) => Ok(store),
-            // Room may come; what is not stored until then is counted.
-            Err(McapWriteError::Io(cause)) if is_full(&cause) => {
-                store.check(Kind::Records, Err(McapWriteError::Io(cause)));
-                Ok(store)
-            }
-            Err(cause) => Err(SegmentStoreError::Unwritable { folder: name, cause }),
         }
+    }
+
+    /// Makes the locked folder ours: repairs what is in it.
+    fn take_folder(&mut self, lock: File) -> io::Result<()> {
+        let found = repair::repair_folder(&self.folder, &*self.disk)?;
+        if self.lock.is_none() {
+            self.is_link = is_link(&self.folder);
+            // Which segments belong together: no two runs have both numbers in common.
+            let run = format!("{}-{}", found.next_number, now_ns());
+            self.metadata.insert("run".to_owned(), run);
+        }
+        self.lock = Some(lock);
+        self.closed.clear();
+        self.add_found(found);
+        Ok(())
     }
 
     /// Takes one frame as received.
@@ -313,17 +346,18 @@ impl SegmentStore {
     /// Whether the folder is the one that is held, under its name.
     fn is_held(&self) -> bool {
         let is = |found: &fs::Metadata, held: &fs::Metadata| (found.dev(), found.ino()) == (held.dev(), held.ino());
-        let held =
-            matches!((fs::metadata(&self.folder), self.lock.metadata()), (Ok(found), Ok(held)) if is(&found, &held));
+        let held = self.lock.as_ref().map(File::metadata);
+        let held = matches!((fs::metadata(&self.folder), held), (Ok(found), Some(Ok(held))) if is(&found, &held));
         held && (self.is_link || !is_link(&self.folder))
     }
 
-    /// Continues in a new folder when the folder was removed or replaced.
+    /// Takes the folder if it is not held yet, and continues in a new one when it was removed or replaced.
     fn hold_folder(&mut self) -> io::Result<()> {
         if self.is_held() {
             return Ok(());
         }
-        if !self.is_link && is_link(&self.folder) {
+        let is_new = self.lock.is_none();
+        if !is_new && !self.is_link && is_link(&self.folder) {
             return Err(became_link());
         }
         let became = match self.folder.exists() {
@@ -332,12 +366,12 @@ impl SegmentStore {
         };
         // Its thread works in the folder as it was.
         self.repair = None;
-        self.lock = hold(&self.folder)?.ok_or(io::ErrorKind::ResourceBusy)?;
-        let found = repair::repair_folder(&self.folder, &*self.disk)?;
-        self.closed.clear();
-        self.add_found(found);
-        let text = format!("storage: {} {became}", self.folder.display());
-        self.messages.push((LogLevel::Error, text));
+        let lock = hold(&self.folder)?.ok_or(io::ErrorKind::ResourceBusy)?;
+        self.take_folder(lock)?;
+        if !is_new {
+            let text = format!("storage: {} {became}", self.folder.display());
+            self.messages.push((LogLevel::Error, text));
+        }
         Ok(())
     }
 

@@ -93,6 +93,13 @@ impl<R: Read + Seek> McapMessages<R> {
         Ok(Self::with_reader(ResyncReader::new(input)?, summary, file))
     }
 
+    /// The same, which ends with [`McapFault::Expansion`] before the chunks expand to more than `bytes`, too.
+    #[must_use]
+    pub(crate) fn expanding_at_most(mut self, bytes: u64) -> Self {
+        self.reader.limit_expansion(bytes);
+        self
+    }
+
     /// A reader of a file that is being written: as far as `length`, where a record must end.
     pub(super) fn growing(input: R, file: &str, length: u64) -> Self {
         Self::with_reader(ResyncReader::growing(input, length), ChannelTable::default(), file)

@@ -116,6 +116,11 @@ impl<R: Read + Seek> ResyncReader<R> {
         self.ended = self.finished;
     }
 
+    /// Ends with [`McapFault::Expansion`] before the chunks expand to more than this, too.
+    pub(super) fn limit_expansion(&mut self, bytes: u64) {
+        self.expand_bytes_left = self.expand_bytes_left.min(bytes);
+    }
+
     /// Place up to which the file was read.
     pub(super) fn position(&self) -> u64 {
         self.at

@@ -11,7 +11,7 @@ use std::path::Path;
 use super::disk::{Disk, rename};
 use super::name::{NUMBER_MAX, Name, PROFILE, Stage, is_segment};
 use crate::mcap::McapFault;
-use crate::recover::{RecoverError, Recovered, recover};
+use crate::recover::{RecoverError, Recovered, recover_within};
 use crate::regular_file::open_regular;
 use hmd_core::record::LogLevel;
 
@@ -22,11 +22,11 @@ const FOREIGN_REPORTED_MAX: usize = 16;
 
 /// Longest cut segment that is repaired before the start is over, bytes; longer ones are repaired beside the watch.
 const AT_START_BYTES_MAX: u64 = 8 << 20;
-/// Bytes of expanded chunks after which the other cut segments are left to the background: less than half a second of work.
+/// Bytes that chunks may expand to before the start is over: less than half a second of work. The rest is left to the background.
 const AT_START_EXPANDED_MAX: u64 = 64 << 20;
 
 /// Contents of the folder.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Found {
     /// Segments of ours, with their sizes. One that could not be repaired stays at [`Stage::Open`].
     pub(super) segments: BTreeMap<Name, u64>,
@@ -36,7 +36,8 @@ pub(super) struct Found {
     pub(super) messages: Vec<(LogLevel, String)>,
     /// Cut segments that are left to [`repair_one`]; they are among the segments, too.
     pub(super) pending: Vec<Name>,
-    expanded_bytes: u64,
+    /// What the chunks to come may expand to, where a start waits for them.
+    expand_bytes_left: Option<u64>,
 }
 
 /// Reads every name in the folder, repairs cut segments, and touches nothing else.
@@ -44,7 +45,7 @@ pub(super) struct Found {
 /// # Errors
 /// When the folder cannot be listed.
 pub(super) fn repair_folder(folder: &Path, disk: &dyn Disk) -> io::Result<Found> {
-    let mut found = Found::default();
+    let mut found = Found::within(Some(AT_START_EXPANDED_MAX));
     let (mut ours, mut others) = (Vec::new(), Vec::new());
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
@@ -72,11 +73,10 @@ pub(super) fn repair_folder(folder: &Path, disk: &dyn Disk) -> io::Result<Found>
         found.remove(folder, name);
     }
     for name in at(Stage::Open) {
-        if found.expanded_bytes <= AT_START_EXPANDED_MAX && size_of(folder, name) <= AT_START_BYTES_MAX {
+        if found.expand_bytes_left != Some(0) && size_of(folder, name) <= AT_START_BYTES_MAX {
             found.mend(folder, name, disk);
         } else {
-            found.add(folder, name);
-            found.pending.push(name);
+            found.postpone(folder, name);
         }
     }
     if !found.pending.is_empty() {
@@ -92,7 +92,7 @@ pub(super) fn repair_folder(folder: &Path, disk: &dyn Disk) -> io::Result<Found>
 
 /// Repairs one cut segment that [`repair_folder`] left.
 pub(super) fn repair_one(folder: &Path, name: Name, disk: &dyn Disk) -> Found {
-    let mut found = Found::default();
+    let mut found = Found::within(None);
     found.mend(folder, name, disk);
     if let Err(cause) = found.thin_out_damaged(folder) {
         found.report(LogLevel::Error, &format!("damaged segments cannot be listed: {cause}"));
@@ -110,6 +110,21 @@ fn is_empty_file(folder: &Path, name: Name) -> bool {
 }
 
 impl Found {
+    fn within(expand_bytes_left: Option<u64>) -> Self {
+        Self {
+            segments: BTreeMap::new(),
+            next_number: 0,
+            messages: Vec::new(),
+            pending: Vec::new(),
+            expand_bytes_left,
+        }
+    }
+
+    fn postpone(&mut self, folder: &Path, name: Name) {
+        self.add(folder, name);
+        self.pending.push(name);
+    }
+
     fn report(&mut self, level: LogLevel, text: &str) {
         self.messages.push((level, format!("storage: {text}")));
     }
@@ -147,9 +162,11 @@ impl Found {
     }
 
     fn repair(&mut self, folder: &Path, name: Name, disk: &dyn Disk) {
-        match repaired(folder, name, disk) {
+        let repaired = repaired(folder, name, disk, self.expand_bytes_left);
+        repaired.iter().for_each(|repaired| self.account(repaired));
+        match repaired {
+            Ok(repaired) if repaired.is_postponed => self.postpone(folder, name),
             Ok(repaired) => {
-                self.expanded_bytes += repaired.report.expanded_bytes;
                 let closed = name.with_stage(Stage::Closed);
                 let (bytes, is_spent) = (repaired.bytes, repaired.is_source_spent);
                 let (messages, lost) = (repaired.report.messages, repaired.report.losses_total);
@@ -175,13 +192,24 @@ impl Found {
         }
     }
 
+    fn account(&mut self, repaired: &Repaired) {
+        if let Some(left) = &mut self.expand_bytes_left {
+            let expanded = repaired.report.expanded_bytes;
+            *left = if repaired.is_postponed {
+                0
+            } else {
+                left.saturating_sub(expanded)
+            };
+        }
+    }
+
     /// Does with a source that has its copy what the repair would have done.
     fn settle(&mut self, folder: &Path, name: Name) {
-        match copied(folder, name, io::empty()) {
-            Ok(copied) => {
-                self.expanded_bytes += copied.report.expanded_bytes;
-                self.dispose(folder, name, copied.is_source_spent);
-            }
+        let copied = copied(folder, name, io::empty(), self.expand_bytes_left);
+        copied.iter().for_each(|copied| self.account(copied));
+        match copied {
+            Ok(copied) if copied.is_postponed => self.pending.push(name),
+            Ok(copied) => self.dispose(folder, name, copied.is_source_spent),
             Err(cause) => {
                 let text = format!("{name} was repaired and cannot be read again: {cause}");
                 self.report(LogLevel::Error, &text);
@@ -235,16 +263,19 @@ struct Repaired {
     bytes: u64,
     /// All that was in the source is in the copy, but for its torn end.
     is_source_spent: bool,
+    /// It was given up for the sake of the start; there is no copy.
+    is_postponed: bool,
 }
 
 /// Writes the intact part of a cut segment beside it and gives it the closed name, if there is any.
-fn repaired(folder: &Path, name: Name, disk: &dyn Disk) -> Result<Repaired, RecoverError> {
+fn repaired(folder: &Path, name: Name, disk: &dyn Disk, expanded_max: Option<u64>) -> Result<Repaired, RecoverError> {
     let output_error = |cause: io::Error| RecoverError::Output(cause.into());
     let copy = folder.join(name.with_stage(Stage::Repair).to_string());
     let out = disk.create(&copy).map_err(output_error)?;
     // The copy ends with a flush, which for a segment is a sync.
-    let copied = copied(folder, name, out);
-    let kept = copied.as_ref().is_ok_and(|copied| copied.report.messages > 0);
+    let copied = copied(folder, name, out, expanded_max);
+    let is_kept = |copied: &Repaired| copied.report.messages > 0 && !copied.is_postponed;
+    let kept = copied.as_ref().is_ok_and(is_kept);
     let renamed = kept.then(|| rename(folder, name.with_stage(Stage::Repair), name.with_stage(Stage::Closed)));
     if !matches!(renamed, Some(Ok(()))) {
         // It is ours: it was made above.
@@ -255,16 +286,23 @@ fn repaired(folder: &Path, name: Name, disk: &dyn Disk) -> Result<Repaired, Reco
 }
 
 /// Copies the intact part of a cut segment.
-fn copied<W: Write + Seek>(folder: &Path, name: Name, out: W) -> Result<Repaired, RecoverError> {
+fn copied<W: Write + Seek>(
+    folder: &Path,
+    name: Name,
+    out: W,
+    expanded_max: Option<u64>,
+) -> Result<Repaired, RecoverError> {
     let input_error = |cause| RecoverError::Input {
         file: name.to_string(),
         cause,
     };
     let mut input = open_regular(&folder.join(name.to_string())).map_err(input_error)?;
     let bytes = input.metadata().map_err(input_error)?.len();
-    let (_, report) = recover(&input, &name.to_string(), out, PROFILE)?;
+    let limit = expanded_max.unwrap_or(u64::MAX);
+    let (_, report) = recover_within(&input, &name.to_string(), out, PROFILE, limit)?;
     let is_source_spent = is_spent(&mut input, &report).map_err(input_error)?;
     Ok(Repaired {
+        is_postponed: expanded_max.is_some() && report.is_given_up,
         report,
         bytes,
         is_source_spent,

@@ -696,3 +696,59 @@ fn a_folder_that_takes_no_segment_is_refused() {
     let opened = SegmentStore::open(bench.folder.path(), &BTreeMap::new(), LIMITS, disk, bench.now);
     assert!(matches!(opened, Err(SegmentStoreError::Unwritable { .. })));
 }
+
+/// After a reload the run goes on whatever became of the folder, and stores again when it is back.
+#[test]
+fn a_folder_that_fails_at_a_reload_costs_what_is_counted() {
+    let mut bench = Bench::new();
+    let folder = bench.folder.path().join("segments");
+    let reopen = |bench: &Bench| {
+        let disk = Box::new(bench.disk.clone());
+        SegmentStore::reopen(&folder, &BTreeMap::new(), LIMITS, disk, bench.now)
+    };
+    // A file at its place, another writer, a disk that fails.
+    for case in 0..3 {
+        let _ = fs::remove_dir_all(&folder);
+        let mut other = None;
+        match case {
+            0 => fs::write(&folder, "no folder").unwrap(),
+            1 => other = hold(&folder).unwrap(),
+            _ => bench.disk.set(Some(io::ErrorKind::PermissionDenied)),
+        }
+        let mut store = reopen(&bench);
+        assert!(!Bench::put_health(&mut store, 1), "case {case}");
+        bench.put_frames(&mut store, 3);
+        bench.tick(&mut store, 1);
+        let failing = store.status();
+        assert_eq!(
+            (failing.lost_records, failing.lost_frames, failing.state),
+            (1, 3, StorageState::Failing),
+            "case {case}"
+        );
+        let reported = bench.reported.join("\n");
+        assert!(reported.contains("tried again every second"), "case {case}: {reported}");
+        bench.disk.set(None);
+        drop(other);
+        if case == 0 {
+            fs::remove_file(&folder).unwrap();
+        }
+        bench.reported.clear();
+        bench.tick(&mut store, 2);
+        bench.put_frames(&mut store, 2);
+        assert!(Bench::put_health(&mut store, 2), "case {case}: {:?}", bench.reported);
+        bench.tick(&mut store, 2);
+        assert_eq!(
+            bench.reported,
+            ["storage: written again; not stored since the start: 3 frames, 1 records"],
+            "case {case}"
+        );
+        let end = store.finish();
+        assert_eq!(
+            (end.status.lost_records, end.status.state),
+            (1, StorageState::Ok),
+            "case {case}"
+        );
+        let segments = fs::read_dir(&folder).unwrap().count();
+        assert_eq!(segments, 2, "case {case}");
+    }
+}

@@ -1,5 +1,6 @@
 //! `hmd run`: the daemon. SIGHUP lets it go on with the configuration as it is then, unless that is a bad one.
 
+use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::net::SocketAddr;
 use std::os::fd::AsFd;
@@ -30,7 +31,7 @@ use hmd_ingest::serial::SerialSource;
 use hmd_storage::calibration_file::hash_of_models_of_run;
 use hmd_storage::metrics_file::{may_replace, write_textfile};
 use hmd_storage::printable;
-use hmd_storage::recorder::{Recorder, is_folder, metadata};
+use hmd_storage::recorder::{RecordError, Recorder, is_folder, metadata};
 use hmd_storage::segment_store::is_segment_name;
 
 /// Watch the actuators of a configuration until SIGINT or SIGTERM.
@@ -95,19 +96,31 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     }
     let viewers = args.serve.open(|message| printer.notice(message))?;
     let mut exit = Exit::Done;
+    // Whatever lies at its place later.
+    let is_file = args.output.as_deref().is_some_and(|path| !is_folder(path));
+    let mut recorder = recorder(args, &config)?;
     loop {
         let mut next = None;
         let stop = async {
-            next = new_config(args, &mut requests, &printer).await;
+            next = new_config(args, is_file, &mut requests, &printer).await;
         };
-        match daemon(args, config, &viewers)?.run(stop, &printer) {
+        match daemon(args, config, recorder, &viewers)?.run(stop, &printer) {
             Ok(status) if report(&status) == Exit::DataLost => exit = Exit::DataLost,
             Ok(_) => {}
             Err(DaemonError::Stdout(e)) if e.kind() == io::ErrorKind::BrokenPipe => return Ok(exit),
             Err(error) => return Err(error.into()),
         }
         match next {
-            Some(new) => config = new,
+            Some(new) => {
+                config = new;
+                recorder = args.output.as_ref().map(|folder| {
+                    Recorder::reopen_folder(folder, &run_metadata(args, &config), config.output().limits())
+                });
+                if recorder.as_ref().is_some_and(|recorder| !recorder.is_written()) {
+                    // The watch goes on without its output, and the reload is over.
+                    service::ready();
+                }
+            }
             None => {
                 viewers.finish();
                 return Ok(exit);
@@ -148,10 +161,15 @@ fn load(args: &Args) -> anyhow::Result<Arc<Config>> {
 }
 
 /// Waits until the daemon shall stop (`None`), or go on with another configuration. A bad one changes nothing.
-async fn new_config(args: &Args, requests: &mut mpsc::Receiver<Request>, printer: &Printer) -> Option<Arc<Config>> {
+async fn new_config(
+    args: &Args,
+    is_file: bool,
+    requests: &mut mpsc::Receiver<Request>,
+    printer: &Printer,
+) -> Option<Arc<Config>> {
     while requests.recv().await? == Request::Reload {
         service::reloading();
-        if args.output.as_ref().is_some_and(|path| !is_folder(path)) {
+        if is_file {
             printer.notice_with_level(
                 LogLevel::Error,
                 "not reloaded: the output is one file, which belongs to one configuration",
@@ -172,7 +190,19 @@ async fn new_config(args: &Args, requests: &mut mpsc::Receiver<Request>, printer
     None
 }
 
-fn daemon(args: &Args, config: Arc<Config>, viewers: &Viewers) -> anyhow::Result<Daemon> {
+fn run_metadata(args: &Args, config: &Config) -> BTreeMap<String, String> {
+    let mut metadata = metadata(config, "host", args.seed);
+    metadata.insert("model_hash".to_owned(), hash_of_models_of_run(config));
+    metadata
+}
+
+/// The output of the first configuration, if there is one.
+fn recorder(args: &Args, config: &Config) -> Result<Option<Recorder>, RecordError> {
+    let Some(path) = &args.output else { return Ok(None) };
+    Recorder::open(path, &run_metadata(args, config), config.output().limits()).map(Some)
+}
+
+fn daemon(args: &Args, config: Arc<Config>, recorder: Option<Recorder>, viewers: &Viewers) -> anyhow::Result<Daemon> {
     let interfaces = config.interfaces(&args.config.display().to_string())?;
     let sources = interfaces.iter().map(|name| {
         if let Some(line) = config.serial(name) {
@@ -183,14 +213,6 @@ fn daemon(args: &Args, config: Arc<Config>, viewers: &Viewers) -> anyhow::Result
         (name.to_owned(), LiveSource::Can(CanSource::new(name, wanted)))
     });
     let sources = sources.collect();
-    let recorder = match &args.output {
-        Some(path) => {
-            let mut metadata = metadata(&config, "host", args.seed);
-            metadata.insert("model_hash".to_owned(), hash_of_models_of_run(&config));
-            Some(Recorder::open(path, &metadata, config.output().limits())?)
-        }
-        None => None,
-    };
     let recorder = match viewers.observer() {
         Some(observer) => Some(recorder.unwrap_or_else(Recorder::nowhere).with_observer(observer)),
         None => recorder,

@@ -138,8 +138,8 @@ pub(crate) fn bomb(chunks: usize) -> Vec<u8> {
 #[test]
 fn a_bomb_costs_what_its_size_allows() {
     let folder = Folder::new();
-    let bomb = bomb(70);
-    assert!(bomb.len() < 600_000, "{} bytes", bomb.len());
+    let bomb = bomb(20);
+    assert!(bomb.len() < 170_000, "{} bytes", bomb.len());
     folder.write("bomb.mcap", &bomb);
     for line in [
         "inspect bomb.mcap",
@@ -150,7 +150,9 @@ fn a_bomb_costs_what_its_size_allows() {
         let since = Instant::now();
         let ended = within(&folder, SOON, line);
         assert!([1, 3].contains(&ended.code), "hmd {line}: {}", ended.stderr);
-        // Of 4.2 GB, a thirtieth is expanded; the whole takes half a minute.
+        let given_up = ended.stderr.contains("expand to at most");
+        assert!(given_up || !line.starts_with("recover"), "{}", ended.stderr);
+        // Of 1.3 GB, a third is expanded.
         assert!(
             since.elapsed() < Duration::from_secs(5),
             "hmd {line}: {:?}",

@@ -334,7 +334,8 @@ impl ActuatorStream {
     /// Why windows are cut at the nominal rate, and whether the stamps of the first samples and the last contradict it.
     fn nominal_rate_notice(&self, first: &TimedSample, last: &TimedSample) -> String {
         let nominal_hz = self.nominal_hz();
-        let has_clock = self.actuator.map.as_ref().is_none_or(|map| map.has(Role::Time));
+        let of_log = self.actuator.log.as_ref().is_none_or(|log| log.has_device_time());
+        let has_clock = of_log && self.actuator.map.as_ref().is_none_or(|map| map.has(Role::Time));
         let why = if has_clock {
             "expected a device time that advances with the samples, found none in the first samples"
         } else {

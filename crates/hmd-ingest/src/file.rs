@@ -3,11 +3,17 @@
 //! The format is recognised by the first bytes, not by the name. A source is opened up to its first frame, so that a file
 //! that has none is refused at once.
 
+#[cfg(feature = "signals")]
+mod measured;
+
 use crate::Loss;
 use crate::asc::{AscReader, is_asc};
 use crate::blf::{self, BlfReader};
 use crate::candump::CandumpReader;
 use crate::mdf::{self, MdfReader};
+#[cfg(feature = "signals")]
+use crate::signals::Unusable;
+use hmd_core::config::Config;
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_storage::mcap::McapFrames;
 use hmd_storage::quoted;
@@ -103,6 +109,33 @@ pub enum IngestError {
         /// The first thing that could not be read.
         first: Option<Box<Loss>>,
     },
+    /// A log of measured signals, and nothing says what they are.
+    #[cfg(feature = "signals")]
+    #[error(
+        "{file}: expected a configuration with a section [map] for a log of measured signals, found none; hmd map writes one"
+    )]
+    NoMap {
+        /// The path.
+        file: String,
+    },
+    /// A log of measured signals that the map does not fit, or that cannot be read at all.
+    #[cfg(feature = "signals")]
+    #[error("{file}: {cause}")]
+    Unusable {
+        /// The path.
+        file: String,
+        /// What is expected and found.
+        cause: Unusable,
+    },
+    /// A log of measured signals without one row that is a sample.
+    #[cfg(feature = "signals")]
+    #[error("{file}: expected rows with all mapped signals, found none{}", first.as_ref().map(|loss| format!("; {loss}")).unwrap_or_default())]
+    NoRow {
+        /// The path.
+        file: String,
+        /// The first thing that could not be read.
+        first: Option<Box<Loss>>,
+    },
     /// An MCAP file without raw frames.
     #[error(
         "{file}: expected raw frames (schema hmd.v1.RawBatch) on topics /bus/<interface>/raw, found {}",
@@ -154,6 +187,9 @@ pub enum LogFormat {
     Blf,
     /// MDF version 4 with bus frames.
     Mdf,
+    /// Table of measured signals as text.
+    #[cfg(feature = "signals")]
+    Csv,
 }
 
 /// Frames of one file.
@@ -322,6 +358,22 @@ pub fn open_recorded(path: &Path) -> io::Result<File> {
 /// # Errors
 /// [`IngestError`] when nothing in the file can be used.
 pub fn open_with(path: &Path, names: BusNames) -> Result<FrameSource, IngestError> {
+    open_for(path, names, None)
+}
+
+/// Opens a log; one of measured signals by the map of `config`.
+///
+/// # Errors
+/// [`IngestError`] when nothing in the file can be used.
+pub fn open_mapped(path: &Path, names: BusNames, config: &Config) -> Result<FrameSource, IngestError> {
+    open_for(path, names, Some(config))
+}
+
+#[cfg_attr(
+    not(feature = "signals"),
+    expect(unused_variables, reason = "without measured signals nothing is mapped")
+)]
+fn open_for(path: &Path, names: BusNames, config: Option<&Config>) -> Result<FrameSource, IngestError> {
     let file = path.display().to_string();
     let unreadable = |cause| IngestError::Unreadable {
         file: file.clone(),
@@ -376,11 +428,7 @@ pub fn open_with(path: &Path, names: BusNames) -> Result<FrameSource, IngestErro
         if start.starts_with(BYTE_ORDER_MARK) {
             input.consume(BYTE_ORDER_MARK.len());
         }
-        if is_asc {
-            Box::new(AscReader::new(input, &file, names))
-        } else {
-            Box::new(CandumpReader::new(input, &file, names))
-        }
+        text_reader(input, &file, names, config, is_asc)?
     };
     let total_bytes = about.is_file().then_some(about.len());
     let mut source = FrameSource {
@@ -391,6 +439,32 @@ pub fn open_with(path: &Path, names: BusNames) -> Result<FrameSource, IngestErro
     };
     source.find_first_frame(file)?;
     Ok(source)
+}
+
+/// The reader of a text.
+#[cfg_attr(
+    not(feature = "signals"),
+    expect(
+        unused_variables,
+        clippy::unnecessary_wraps,
+        reason = "without measured signals nothing is mapped"
+    )
+)]
+fn text_reader(
+    mut input: BufReader<Counted>,
+    file: &str,
+    names: BusNames,
+    config: Option<&Config>,
+    is_asc: bool,
+) -> Result<Box<dyn LogReader>, IngestError> {
+    if is_asc {
+        return Ok(Box::new(AscReader::new(input, file, names)));
+    }
+    #[cfg(feature = "signals")]
+    if input.fill_buf().is_ok_and(measured::is_table) {
+        return measured::open_table(input, file, names, config);
+    }
+    Ok(Box::new(CandumpReader::new(input, file, names)))
 }
 
 impl FrameSource {

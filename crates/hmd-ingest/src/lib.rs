@@ -23,8 +23,10 @@ pub mod live;
 mod loss;
 pub mod mdf;
 pub mod serial;
+#[cfg(feature = "signals")]
+pub mod signals;
 
 pub use candump::{BadLine, CandumpReader, LineFault};
 pub use damage::{Damage, Place};
-pub use file::{FrameSource, IngestError, LogFormat, open, open_recorded, open_with};
+pub use file::{FrameSource, IngestError, LogFormat, open, open_mapped, open_recorded, open_with};
 pub use loss::Loss;

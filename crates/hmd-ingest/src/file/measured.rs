@@ -1,0 +1,81 @@
+//! Logs of measured signals among the logs.
+
+use std::io::BufReader;
+
+use hmd_core::config::Config;
+use hmd_core::frame::{BusNames, RawFrame};
+
+use super::{Counted, IngestError, LogFormat, LogReader};
+use crate::Loss;
+use crate::signals::{CsvLog, MappedFrames, SignalLog, Unusable};
+
+/// What a text begins with that is a table and no list of frames: names or values with separators between them, and no stamp of candump.
+pub(super) fn is_table(start: &[u8]) -> bool {
+    let mut lines = start.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
+    let first = lines.find(|line| !line.is_empty() && line[0] != b'#');
+    first.is_some_and(|line| line[0] != b'(' && line.iter().any(|byte| b",;\t".contains(byte)))
+}
+
+/// The frames of a table.
+pub(super) fn open_table(
+    input: BufReader<Counted>,
+    file: &str,
+    names: BusNames,
+    config: Option<&Config>,
+) -> Result<Box<dyn LogReader>, IngestError> {
+    let log = CsvLog::new(input, file).map_err(|cause| unusable(file, cause))?;
+    mapped(Box::new(log), file, names, config, LogFormat::Csv)
+}
+
+/// The frames of a log by the map of a configuration.
+fn mapped(
+    log: Box<dyn SignalLog>,
+    file: &str,
+    names: BusNames,
+    config: Option<&Config>,
+    format: LogFormat,
+) -> Result<Box<dyn LogReader>, IngestError> {
+    let Some((actuator, map)) = config.and_then(Config::actuator_of_logs) else {
+        return Err(IngestError::NoMap { file: file.to_owned() });
+    };
+    let frames = MappedFrames::new(log, file, actuator, map, names).map_err(|cause| unusable(file, cause))?;
+    Ok(Box::new(Measured { frames, format }))
+}
+
+fn unusable(file: &str, cause: Unusable) -> IngestError {
+    let file = file.to_owned();
+    IngestError::Unusable { file, cause }
+}
+
+/// A mapped log and its format.
+#[derive(Debug)]
+struct Measured {
+    frames: MappedFrames,
+    format: LogFormat,
+}
+
+impl LogReader for Measured {
+    fn next_frame(&mut self) -> Option<Result<RawFrame, Loss>> {
+        self.frames.next().map(|item| item.map_err(Loss::from))
+    }
+
+    fn format(&self) -> LogFormat {
+        self.format
+    }
+
+    fn bus_names(&self) -> &BusNames {
+        self.frames.bus_names()
+    }
+
+    fn into_bus_names(self: Box<Self>) -> BusNames {
+        self.frames.into_bus_names()
+    }
+
+    fn position(&self) -> Option<u64> {
+        self.frames.position()
+    }
+
+    fn no_frame(&self, file: String, first: Option<Box<Loss>>) -> IngestError {
+        IngestError::NoRow { file, first }
+    }
+}

@@ -1,0 +1,63 @@
+//! [`SignalLog`]: one log of measured signals.
+
+use std::fmt::Debug;
+
+use thiserror::Error;
+
+use crate::damage::{Damage, Place};
+
+/// Value of a text in a selected signal, by its place in the selection.
+pub type TextValue<'a> = &'a dyn Fn(usize, &str) -> Option<f64>;
+
+/// One signal.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SignalInfo {
+    /// Its name.
+    pub name: String,
+    /// Its unit, where the log has one.
+    pub unit: Option<String>,
+    /// Of the log's own time: where it starts, UTC, µs.
+    pub start_us: Option<f64>,
+}
+
+/// Why a log of measured signals cannot be used at all. Displays as what is expected and found, without the file.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("expected {expected}, found {found}")]
+pub struct Unusable {
+    /// What is expected.
+    pub expected: String,
+    /// What is there.
+    pub found: String,
+}
+
+impl Unusable {
+    pub(crate) fn new(expected: impl Into<String>, found: impl ToString) -> Self {
+        Self {
+            expected: expected.into(),
+            found: found.to_string(),
+        }
+    }
+}
+
+/// One log of measured signals, row by row.
+pub trait SignalLog: Debug {
+    /// Its signals.
+    fn signals(&self) -> &[SignalInfo];
+
+    /// Chooses signals by their place in [`SignalLog::signals`]; each row has them in this order.
+    ///
+    /// # Errors
+    /// They cannot be read, or not beside each other.
+    fn select(&mut self, signals: &[usize]) -> Result<(), Unusable>;
+
+    /// Puts the next row into `row`, NaN where it has no number; `text` gives the value of what is no number. `None` at the end.
+    fn next_row(&mut self, row: &mut [f64], text: TextValue<'_>) -> Option<Result<(), Damage>>;
+
+    /// Where the row read last is.
+    fn place(&self) -> Place;
+
+    /// How far it was read, bytes; `None` where the bytes of its input are counted.
+    fn position(&self) -> Option<u64> {
+        None
+    }
+}

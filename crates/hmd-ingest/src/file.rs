@@ -3,7 +3,7 @@
 //! The format is recognised by the first bytes, not by the name. A source is opened up to its first frame, so that a file
 //! that has none is refused at once.
 
-#[cfg(feature = "signals")]
+#[cfg_attr(not(feature = "signals"), path = "file/not_measured.rs")]
 mod measured;
 
 use crate::Loss;
@@ -11,8 +11,6 @@ use crate::asc::{AscReader, is_asc};
 use crate::blf::{self, BlfReader};
 use crate::candump::CandumpReader;
 use crate::mdf::{self, MdfReader};
-#[cfg(feature = "signals")]
-use crate::signals::Unusable;
 use hmd_core::config::Config;
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_storage::mcap::McapFrames;
@@ -110,7 +108,6 @@ pub enum IngestError {
         first: Option<Box<Loss>>,
     },
     /// A log of measured signals, and nothing says what they are.
-    #[cfg(feature = "signals")]
     #[error(
         "{file}: expected a configuration with a section [map] for a log of measured signals, found none; hmd map writes one"
     )]
@@ -119,16 +116,14 @@ pub enum IngestError {
         file: String,
     },
     /// A log of measured signals that the map does not fit, or that cannot be read at all.
-    #[cfg(feature = "signals")]
     #[error("{file}: {cause}")]
     Unusable {
         /// The path.
         file: String,
         /// What is expected and found.
-        cause: Unusable,
+        cause: String,
     },
     /// A log of measured signals without one row that is a sample.
-    #[cfg(feature = "signals")]
     #[error("{file}: expected rows with all mapped signals, found none{}", first.as_ref().map(|loss| format!("; {loss}")).unwrap_or_default())]
     NoRow {
         /// The path.
@@ -188,8 +183,9 @@ pub enum LogFormat {
     /// MDF version 4 with bus frames.
     Mdf,
     /// Table of measured signals as text.
-    #[cfg(feature = "signals")]
     Csv,
+    /// Table of measured signals in Parquet.
+    Parquet,
 }
 
 /// Frames of one file.
@@ -369,10 +365,6 @@ pub fn open_mapped(path: &Path, names: BusNames, config: &Config) -> Result<Fram
     open_for(path, names, Some(config))
 }
 
-#[cfg_attr(
-    not(feature = "signals"),
-    expect(unused_variables, reason = "without measured signals nothing is mapped")
-)]
 fn open_for(path: &Path, names: BusNames, config: Option<&Config>) -> Result<FrameSource, IngestError> {
     let file = path.display().to_string();
     let unreadable = |cause| IngestError::Unreadable {
@@ -398,7 +390,12 @@ fn open_for(path: &Path, names: BusNames, config: Option<&Config>) -> Result<Fra
             return Err(IngestError::Compressed { file, format });
         }
     }
-    let reader: Box<dyn LogReader> = if start.starts_with(mcap::MAGIC) {
+    let reader: Box<dyn LogReader> = if let Some(format) = measured::format(start) {
+        if !about.is_file() && format.is_sought() {
+            return Err(IngestError::NotSeekable { file });
+        }
+        measured::open(format, input, &file, names, config)?
+    } else if start.starts_with(mcap::MAGIC) {
         if !about.is_file() {
             return Err(IngestError::NotSeekable { file });
         }
@@ -428,7 +425,11 @@ fn open_for(path: &Path, names: BusNames, config: Option<&Config>) -> Result<Fra
         if start.starts_with(BYTE_ORDER_MARK) {
             input.consume(BYTE_ORDER_MARK.len());
         }
-        text_reader(input, &file, names, config, is_asc)?
+        if is_asc {
+            Box::new(AscReader::new(input, &file, names))
+        } else {
+            Box::new(CandumpReader::new(input, &file, names))
+        }
     };
     let total_bytes = about.is_file().then_some(about.len());
     let mut source = FrameSource {
@@ -439,32 +440,6 @@ fn open_for(path: &Path, names: BusNames, config: Option<&Config>) -> Result<Fra
     };
     source.find_first_frame(file)?;
     Ok(source)
-}
-
-/// The reader of a text.
-#[cfg_attr(
-    not(feature = "signals"),
-    expect(
-        unused_variables,
-        clippy::unnecessary_wraps,
-        reason = "without measured signals nothing is mapped"
-    )
-)]
-fn text_reader(
-    mut input: BufReader<Counted>,
-    file: &str,
-    names: BusNames,
-    config: Option<&Config>,
-    is_asc: bool,
-) -> Result<Box<dyn LogReader>, IngestError> {
-    if is_asc {
-        return Ok(Box::new(AscReader::new(input, file, names)));
-    }
-    #[cfg(feature = "signals")]
-    if input.fill_buf().is_ok_and(measured::is_table) {
-        return measured::open_table(input, file, names, config);
-    }
-    Ok(Box::new(CandumpReader::new(input, file, names)))
 }
 
 impl FrameSource {

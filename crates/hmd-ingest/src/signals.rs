@@ -8,7 +8,9 @@
 mod csv;
 mod frames;
 mod log;
+mod parquet;
 
+pub use self::parquet::{MAGIC as PARQUET_MAGIC, ParquetLog};
 pub use csv::CsvLog;
 pub use frames::MappedFrames;
 pub use log::{SignalInfo, SignalLog, TextValue, Unusable};

@@ -7,24 +7,60 @@ use hmd_core::frame::{BusNames, RawFrame};
 
 use super::{Counted, IngestError, LogFormat, LogReader};
 use crate::Loss;
-use crate::signals::{CsvLog, MappedFrames, SignalLog, Unusable};
+use crate::asc::is_asc;
+use crate::signals::{CsvLog, MappedFrames, PARQUET_MAGIC, ParquetLog, SignalLog, Unusable};
+use crate::{blf, mdf};
 
-/// What a text begins with that is a table and no list of frames: names or values with separators between them, and no stamp of candump.
-pub(super) fn is_table(start: &[u8]) -> bool {
+/// A format of logs of measured signals.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Format {
+    Csv,
+    Parquet,
+}
+
+impl Format {
+    /// Whether a pipe is not enough.
+    pub(super) fn is_sought(self) -> bool {
+        self == Self::Parquet
+    }
+}
+
+/// The format of a file that begins so, if its content is measured signals.
+pub(super) fn format(start: &[u8]) -> Option<Format> {
+    if start.starts_with(PARQUET_MAGIC) {
+        return Some(Format::Parquet);
+    }
+    let text = start.strip_prefix(super::BYTE_ORDER_MARK).unwrap_or(start);
+    let is_other =
+        start.contains(&0) || start.starts_with(blf::MAGIC) || mdf::MAGICS.iter().any(|of| start.starts_with(of));
+    (!is_other && is_table(text) && !is_asc(text)).then_some(Format::Csv)
+}
+
+/// Names or values with separators between them, and no stamp of candump.
+fn is_table(start: &[u8]) -> bool {
     let mut lines = start.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
     let first = lines.find(|line| !line.is_empty() && line[0] != b'#');
     first.is_some_and(|line| line[0] != b'(' && line.iter().any(|byte| b",;\t".contains(byte)))
 }
 
-/// The frames of a table.
-pub(super) fn open_table(
+/// The frames of a log of measured signals.
+pub(super) fn open(
+    format: Format,
     input: BufReader<Counted>,
     file: &str,
     names: BusNames,
     config: Option<&Config>,
 ) -> Result<Box<dyn LogReader>, IngestError> {
-    let log = CsvLog::new(input, file).map_err(|cause| unusable(file, cause))?;
-    mapped(Box::new(log), file, names, config, LogFormat::Csv)
+    match format {
+        Format::Csv => {
+            let log = CsvLog::new(input, file).map_err(|cause| unusable(file, cause))?;
+            mapped(Box::new(log), file, names, config, LogFormat::Csv)
+        }
+        Format::Parquet => {
+            let log = ParquetLog::new(input.into_inner().file, file).map_err(|cause| unusable(file, cause))?;
+            mapped(Box::new(log), file, names, config, LogFormat::Parquet)
+        }
+    }
 }
 
 /// The frames of a log by the map of a configuration.
@@ -43,7 +79,7 @@ fn mapped(
 }
 
 fn unusable(file: &str, cause: Unusable) -> IngestError {
-    let file = file.to_owned();
+    let (file, cause) = (file.to_owned(), cause.to_string());
     IngestError::Unusable { file, cause }
 }
 

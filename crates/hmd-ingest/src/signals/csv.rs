@@ -15,12 +15,15 @@ use jiff::Timestamp;
 use jiff::civil::DateTime;
 use jiff::tz::TimeZone;
 
-use super::log::{SignalInfo, SignalLog, TextValue, Unusable};
+use super::log::{SignalInfo, SignalLog, TextValue, Unusable, name_and_unit};
 use crate::damage::{Damage, Place};
 use crate::lines::{Line, Lines};
 
 /// Longest line, bytes.
 const MAX_LINE: usize = 1 << 16;
+
+/// What some programs put before UTF-8 text.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Lines of remarks before the names.
 const REMARKS_MAX: usize = 1000;
@@ -65,7 +68,8 @@ impl<R: BufRead + Debug> CsvLog<R> {
                 break;
             }
         }
-        let names = trim_line_end(lines.text()).to_vec();
+        let names = lines.text();
+        let names = trim_line_end(names.strip_prefix(BYTE_ORDER_MARK).unwrap_or(names)).to_vec();
         let mut splitter = Splitter::of(&names);
         let signals: Vec<SignalInfo> = splitter.cells(&names).map(name_and_unit).collect();
         if signals.iter().all(|signal| number(&signal.name, b';').is_some()) {
@@ -84,29 +88,28 @@ impl<R: BufRead + Debug> CsvLog<R> {
         Ok(log)
     }
 
-    /// Takes the line after the names, as units where none of its cells is a value.
+    /// Takes the line after the names: units where none of its cells is a value, else the first values.
     fn read_units(&mut self) {
-        if !matches!(self.lines.read(), Ok(Line::Whole | Line::Unfinished)) {
-            self.ended = true;
-            return;
-        }
-        let line = trim_line_end(self.lines.text()).to_vec();
         let separator = self.splitter.separator;
-        let cells: Vec<&str> = self.splitter.cells(&line).collect();
         let is_value = |cell: &&str| number(cell, separator).is_some() || date_us(cell).is_some();
-        if cells.iter().any(is_value) || cells.iter().all(|cell| cell.is_empty()) {
-            let dates = cells.iter().map(|cell| date_us(cell).is_some());
-            for (signal, is_date) in self.signals.iter_mut().zip(dates) {
-                if is_date {
-                    signal.unit = Some("us".to_owned());
-                }
+        for _ in 0..2 {
+            if !matches!(self.lines.read(), Ok(Line::Whole | Line::Unfinished)) {
+                self.ended = true;
+                return;
             }
-            self.first = Some(line);
-        } else {
-            for (signal, cell) in self.signals.iter_mut().zip(cells) {
-                if !cell.is_empty() {
-                    signal.unit = Some(unit_alone(cell).to_owned());
+            let line = trim_line_end(self.lines.text()).to_vec();
+            let cells: Vec<&str> = self.splitter.cells(&line).collect();
+            if cells.iter().any(is_value) || cells.iter().all(|cell| cell.is_empty()) {
+                for (signal, cell) in self.signals.iter_mut().zip(cells) {
+                    if number(cell, separator).is_none() && date_us(cell).is_some() {
+                        signal.unit = Some("us".to_owned());
+                    }
                 }
+                self.first = Some(line);
+                return;
+            }
+            for (signal, cell) in self.signals.iter_mut().zip(cells).filter(|(_, cell)| !cell.is_empty()) {
+                signal.unit = Some(unit_alone(cell).to_owned());
             }
         }
     }
@@ -244,26 +247,6 @@ impl Splitter {
 
 fn trim_line_end(line: &[u8]) -> &[u8] {
     line.strip_suffix(b"\r").unwrap_or(line)
-}
-
-/// A name and, in brackets behind it, its unit.
-fn name_and_unit(cell: &str) -> SignalInfo {
-    let ends = [('[', ']'), ('(', ')')];
-    let cut = ends.into_iter().find_map(|(open, close)| {
-        let (name, unit) = cell.strip_suffix(close)?.rsplit_once(open)?;
-        Some((name.trim(), unit.trim()))
-    });
-    match cut {
-        Some((name, unit)) if !name.is_empty() && !unit.is_empty() => SignalInfo {
-            name: name.to_owned(),
-            unit: Some(unit.to_owned()),
-            start_us: None,
-        },
-        _ => SignalInfo {
-            name: cell.to_owned(),
-            ..SignalInfo::default()
-        },
-    }
 }
 
 fn unit_alone(cell: &str) -> &str {

@@ -61,3 +61,23 @@ pub trait SignalLog: Debug {
         None
     }
 }
+
+/// A name and, in brackets behind it, its unit.
+pub(crate) fn name_and_unit(cell: &str) -> SignalInfo {
+    let ends = [('[', ']'), ('(', ')')];
+    let cut = ends.into_iter().find_map(|(open, close)| {
+        let (name, unit) = cell.strip_suffix(close)?.rsplit_once(open)?;
+        Some((name.trim(), unit.trim()))
+    });
+    match cut {
+        Some((name, unit)) if !name.is_empty() && !unit.is_empty() => SignalInfo {
+            name: name.to_owned(),
+            unit: Some(unit.to_owned()),
+            start_us: None,
+        },
+        _ => SignalInfo {
+            name: cell.to_owned(),
+            ..SignalInfo::default()
+        },
+    }
+}

@@ -4,6 +4,7 @@
 //! the built-in dictionary has ([`RowDecoder`]), so that everything behind them is the same. How to write a map: `docs/logs.md`.
 
 mod gap;
+mod guess;
 mod rows;
 
 pub use gap::Gap;
@@ -63,6 +64,12 @@ impl Quantity {
             Self::CurrentD | Self::CurrentQ => Dimension::Current,
             Self::Of(role) => role.dimension(sensors.motor_counts_per_rev, sensors.output_counts_per_rev),
         }
+    }
+
+    /// Whether it keeps its value until it has another: a command or a condition.
+    #[must_use]
+    pub fn is_held(self) -> bool {
+        matches!(self, Self::Of(Role::CommandPosition | Role::CommandSpeed | Role::Mode)) || !self.is_sampled()
     }
 
     /// Whether a row without it makes no sample.

@@ -6,6 +6,9 @@
 #[cfg_attr(not(feature = "signals"), path = "file/not_measured.rs")]
 mod measured;
 
+#[cfg(feature = "signals")]
+pub use measured::open_signals;
+
 use crate::Loss;
 use crate::asc::{AscReader, is_asc};
 use crate::blf::{self, BlfReader};
@@ -405,13 +408,7 @@ fn open_for(path: &Path, names: BusNames, config: Option<&Config>) -> Result<Fra
         if !about.is_file() {
             return Err(IngestError::NotSeekable { file });
         }
-        let input = input.into_inner().file;
-        let reader = MdfReader::new(input, &file, names);
-        Box::new(reader.map_err(|damage| IngestError::NoForeignFrame {
-            file: file.clone(),
-            format: "MF4",
-            first: Some(Box::new(damage.into())),
-        })?)
+        Box::new(open_mdf_frames(input.into_inner().file, &file, names)?)
     } else if start.starts_with(blf::MAGIC) {
         Box::new(BlfReader::new(input, &file, names))
     } else {
@@ -440,6 +437,14 @@ fn open_for(path: &Path, names: BusNames, config: Option<&Config>) -> Result<Fra
     };
     source.find_first_frame(file)?;
     Ok(source)
+}
+
+fn open_mdf_frames(input: File, file: &str, names: BusNames) -> Result<MdfReader<File>, IngestError> {
+    MdfReader::new(input, file, names).map_err(|damage| IngestError::NoForeignFrame {
+        file: file.to_owned(),
+        format: "MF4",
+        first: Some(Box::new(damage.into())),
+    })
 }
 
 impl FrameSource {

@@ -1,6 +1,9 @@
 //! Logs of measured signals among the logs.
 
-use std::io::BufReader;
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::sync::Arc;
 
 use hmd_core::config::Config;
 use hmd_core::frame::{BusNames, RawFrame};
@@ -8,20 +11,22 @@ use hmd_core::frame::{BusNames, RawFrame};
 use super::{Counted, IngestError, LogFormat, LogReader};
 use crate::Loss;
 use crate::asc::is_asc;
+use crate::blf;
+use crate::mdf::{self, MdfSignals};
 use crate::signals::{CsvLog, MappedFrames, PARQUET_MAGIC, ParquetLog, SignalLog, Unusable};
-use crate::{blf, mdf};
 
 /// A format of logs of measured signals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Format {
     Csv,
     Parquet,
+    Mdf,
 }
 
 impl Format {
     /// Whether a pipe is not enough.
     pub(super) fn is_sought(self) -> bool {
-        self == Self::Parquet
+        self != Self::Csv
     }
 }
 
@@ -29,6 +34,9 @@ impl Format {
 pub(super) fn format(start: &[u8]) -> Option<Format> {
     if start.starts_with(PARQUET_MAGIC) {
         return Some(Format::Parquet);
+    }
+    if mdf::MAGICS.iter().any(|magic| start.starts_with(magic)) {
+        return Some(Format::Mdf);
     }
     let text = start.strip_prefix(super::BYTE_ORDER_MARK).unwrap_or(start);
     let is_other =
@@ -51,16 +59,67 @@ pub(super) fn open(
     names: BusNames,
     config: Option<&Config>,
 ) -> Result<Box<dyn LogReader>, IngestError> {
-    match format {
-        Format::Csv => {
-            let log = CsvLog::new(input, file).map_err(|cause| unusable(file, cause))?;
-            mapped(Box::new(log), file, names, config, LogFormat::Csv)
+    if format == Format::Mdf {
+        let input = input.into_inner().file;
+        let again = input
+            .try_clone()
+            .map_err(|error| unusable(file, Unusable::new("to read on", error)))?;
+        let reader = super::open_mdf_frames(input, file, names.clone())?;
+        if reader.has_frames() {
+            return Ok(Box::new(reader));
         }
-        Format::Parquet => {
-            let log = ParquetLog::new(input.into_inner().file, file).map_err(|cause| unusable(file, cause))?;
-            mapped(Box::new(log), file, names, config, LogFormat::Parquet)
+        let log = MdfSignals::new(again, file).map_err(|cause| unusable(file, cause))?;
+        if log.signals().is_empty() {
+            let (file, format, first) = (file.to_owned(), "MF4", None);
+            return Err(IngestError::NoForeignFrame { file, format, first });
         }
+        return mapped(Box::new(log), file, names, config, LogFormat::Mdf);
     }
+    let log = signals_of(format, input, file).map_err(|cause| unusable(file, cause))?;
+    let format = match format {
+        Format::Csv => LogFormat::Csv,
+        Format::Parquet => LogFormat::Parquet,
+        Format::Mdf => LogFormat::Mdf,
+    };
+    mapped(log, file, names, config, format)
+}
+
+fn signals_of(format: Format, input: BufReader<Counted>, file: &str) -> Result<Box<dyn SignalLog>, Unusable> {
+    Ok(match format {
+        Format::Csv => Box::new(CsvLog::new(input, file)?),
+        Format::Parquet => Box::new(ParquetLog::new(input.into_inner().file, file)?),
+        Format::Mdf => Box::new(MdfSignals::new(input.into_inner().file, file)?),
+    })
+}
+
+/// Opens a log of measured signals to look into it.
+///
+/// # Errors
+/// [`IngestError`] when it is none, or cannot be read.
+pub fn open_signals(path: &Path) -> Result<Box<dyn SignalLog>, IngestError> {
+    let file = path.display().to_string();
+    let unreadable = |cause| IngestError::Unreadable {
+        file: file.clone(),
+        cause,
+    };
+    let opened = File::open(path).map_err(unreadable)?;
+    let mut input = BufReader::new(Counted {
+        file: opened,
+        position: Arc::default(),
+    });
+    let found = format(input.fill_buf().map_err(unreadable)?);
+    let log = match found {
+        Some(format) => signals_of(format, input, &file),
+        None => Err(Unusable::new(
+            "measured signals (CSV, Parquet, MF4)",
+            "another format; a bus is mapped by its DBC file",
+        )),
+    };
+    let log = log.and_then(|log| match log.signals() {
+        [] => Err(Unusable::new("measured signals", "none")),
+        _ => Ok(log),
+    });
+    log.map_err(|cause| unusable(&file, cause))
 }
 
 /// The frames of a log by the map of a configuration.

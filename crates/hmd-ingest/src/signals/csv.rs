@@ -9,13 +9,13 @@ use std::fmt::Debug;
 use std::io::BufRead;
 use std::sync::Arc;
 
-use csv_core::{ReadRecordResult, ReaderBuilder};
+use csv_core::{ReadRecordResult, Reader, ReaderBuilder};
 use hmd_storage::quoted;
 use jiff::Timestamp;
 use jiff::civil::DateTime;
 use jiff::tz::TimeZone;
 
-use super::log::{SignalInfo, SignalLog, TextValue, Unusable, name_and_unit};
+use super::log::{Between, SignalInfo, SignalLog, TextValue, Unusable, name_and_unit};
 use crate::damage::{Damage, Place};
 use crate::lines::{Line, Lines};
 
@@ -38,6 +38,8 @@ pub struct CsvLog<R> {
     selected: Vec<usize>,
     /// The first line of values, where it is no line of units.
     first: Option<Vec<u8>>,
+    /// Why that line cannot be read.
+    pending: Option<Damage>,
     ended: bool,
 }
 
@@ -45,6 +47,7 @@ pub struct CsvLog<R> {
 #[derive(Debug)]
 struct Splitter {
     separator: u8,
+    reader: Reader,
     text: Vec<u8>,
     ends: Vec<usize>,
 }
@@ -82,6 +85,7 @@ impl<R: BufRead + Debug> CsvLog<R> {
             signals,
             selected: Vec::new(),
             first: None,
+            pending: None,
             ended: false,
         };
         log.read_units();
@@ -93,9 +97,13 @@ impl<R: BufRead + Debug> CsvLog<R> {
         let separator = self.splitter.separator;
         let is_value = |cell: &&str| number(cell, separator).is_some() || date_us(cell).is_some();
         for _ in 0..2 {
-            if !matches!(self.lines.read(), Ok(Line::Whole | Line::Unfinished)) {
-                self.ended = true;
-                return;
+            match self.read_line() {
+                Ok(true) => {}
+                Ok(false) => return,
+                Err(damage) => {
+                    self.pending = Some(damage);
+                    return;
+                }
             }
             let line = trim_line_end(self.lines.text()).to_vec();
             let cells: Vec<&str> = self.splitter.cells(&line).collect();
@@ -123,7 +131,7 @@ impl<R: BufRead + Debug> CsvLog<R> {
         }
     }
 
-    /// Reads the next line of values into `first`; false at the end.
+    /// Reads the next line that is not empty; false at the end.
     fn read_line(&mut self) -> Result<bool, Damage> {
         loop {
             match self.lines.read() {
@@ -154,12 +162,15 @@ impl<R: BufRead + Debug> SignalLog for CsvLog<R> {
         &self.signals
     }
 
-    fn select(&mut self, signals: &[usize]) -> Result<(), Unusable> {
-        self.selected = signals.to_vec();
+    fn select(&mut self, signals: &[(usize, Between)]) -> Result<(), Unusable> {
+        self.selected = signals.iter().map(|&(n, _)| n).collect();
         Ok(())
     }
 
     fn next_row(&mut self, row: &mut [f64], text: TextValue<'_>) -> Option<Result<(), Damage>> {
+        if let Some(damage) = self.pending.take() {
+            return Some(Err(damage));
+        }
         if self.ended {
             return None;
         }
@@ -206,6 +217,7 @@ impl Splitter {
             .unwrap_or(b',');
         Self {
             separator,
+            reader: ReaderBuilder::new().delimiter(separator).build(),
             text: Vec::new(),
             ends: Vec::new(),
         }
@@ -214,13 +226,17 @@ impl Splitter {
     /// Cuts a line; how many cells it has. More than a line can have are not cut.
     fn split(&mut self, line: &[u8]) -> usize {
         // A cell takes a separator, but the last; no cell is longer than its line.
-        self.text.resize(line.len() + 2, 0);
-        self.ends.resize(line.len() + 2, 0);
-        let mut reader = ReaderBuilder::new().delimiter(self.separator).build();
+        let most = line.len() + 2;
+        if self.text.len() < most {
+            self.text.resize(most, 0);
+            self.ends.resize(most, 0);
+        }
+        self.reader.reset();
         let (mut read, mut text, mut cells) = (0, 0, 0);
         loop {
             let (result, used, written, ended) =
-                reader.read_record(&line[read..], &mut self.text[text..], &mut self.ends[cells..]);
+                self.reader
+                    .read_record(&line[read..], &mut self.text[text..], &mut self.ends[cells..]);
             read += used;
             text += written;
             cells += ended;

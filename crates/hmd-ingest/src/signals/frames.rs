@@ -9,7 +9,7 @@ use hmd_core::config::ActuatorConfig;
 use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
 use hmd_core::log_map::{Column, LogMap, Quantity, RowDecoder};
 
-use super::log::{SignalLog, Unusable};
+use super::log::{Between, SignalLog, Unusable};
 use crate::damage::{Damage, Place};
 
 /// Rows that are looked at before the first is decoded: their times show the period.
@@ -50,8 +50,16 @@ impl MappedFrames {
         mut names: BusNames,
     ) -> Result<Self, Unusable> {
         let mut columns = map.columns().to_vec();
-        if !map.has(Quantity::Time) {
-            columns.push(own_time(&*log)?);
+        match own_time(&*log) {
+            // A log that has a time of its own needs no key for it.
+            Some(own) => {
+                columns.retain(|column| column.quantity != Quantity::Time);
+                columns.push(own);
+            }
+            None if !map.has(Quantity::Time) => {
+                return Err(Unusable::new("key time in [map]: the column of the time", "none"));
+            }
+            None => {}
         }
         let (mut places, mut units) = (Vec::new(), Vec::new());
         let mut start_us = 0.0;
@@ -72,7 +80,12 @@ impl MappedFrames {
             if column.quantity == Quantity::Time {
                 start_us = info.start_us.unwrap_or(0.0);
             }
-            places.push(place);
+            let between = if column.quantity.is_held() {
+                Between::Held
+            } else {
+                Between::Unknown
+            };
+            places.push((place, between));
         }
         log.select(&places)?;
         let bus = actuator.bus.as_deref().unwrap_or(INTERFACE);
@@ -189,12 +202,9 @@ fn next_row(log: &mut dyn SignalLog, columns: &[Column], map: &LogMap) -> Option
 }
 
 /// The column of the log's own time.
-fn own_time(log: &dyn SignalLog) -> Result<Column, Unusable> {
+fn own_time(log: &dyn SignalLog) -> Option<Column> {
     let own = log.signals().iter().find(|signal| signal.start_us.is_some());
-    match own {
-        Some(signal) => Ok(Column::plain(Quantity::Time, &signal.name)),
-        None => Err(Unusable::new("key time in [map]: the column of the time", "none")),
-    }
+    own.map(|signal| Column::plain(Quantity::Time, &signal.name))
 }
 
 fn missing(log: &dyn SignalLog, column: &Column) -> Unusable {

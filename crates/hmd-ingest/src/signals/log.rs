@@ -39,16 +39,30 @@ impl Unusable {
     }
 }
 
+/// What a signal has between its values, where others have one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Between {
+    /// The last one holds: a command, a condition.
+    Held,
+    /// It is not known.
+    Unknown,
+}
+
 /// One log of measured signals, row by row.
 pub trait SignalLog: Debug {
     /// Its signals.
     fn signals(&self) -> &[SignalInfo];
 
-    /// Chooses signals by their place in [`SignalLog::signals`]; each row has them in this order.
+    /// Chooses signals by their place in [`SignalLog::signals`]; each row has them in this order. The first but the time gives the rows.
     ///
     /// # Errors
     /// They cannot be read, or not beside each other.
-    fn select(&mut self, signals: &[usize]) -> Result<(), Unusable>;
+    fn select(&mut self, signals: &[(usize, Between)]) -> Result<(), Unusable>;
+
+    /// Signals that have their values at the same times, by their place; each list can be selected.
+    fn groups(&self) -> Vec<Vec<usize>> {
+        vec![(0..self.signals().len()).collect()]
+    }
 
     /// Puts the next row into `row`, NaN where it has no number; `text` gives the value of what is no number. `None` at the end.
     fn next_row(&mut self, row: &mut [f64], text: TextValue<'_>) -> Option<Result<(), Damage>>;

@@ -13,7 +13,7 @@ use parquet::data_type::{ByteArray, DataType};
 use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
-use super::log::{SignalInfo, SignalLog, TextValue, Unusable, name_and_unit};
+use super::log::{Between, SignalInfo, SignalLog, TextValue, Unusable, name_and_unit};
 use crate::damage::{Damage, Place};
 
 /// First bytes of such a file.
@@ -140,8 +140,8 @@ impl<R: ChunkReader + 'static> SignalLog for ParquetLog<R> {
         &self.signals
     }
 
-    fn select(&mut self, signals: &[usize]) -> Result<(), Unusable> {
-        self.selected = signals.iter().map(|&n| self.columns[n]).collect();
+    fn select(&mut self, signals: &[(usize, Between)]) -> Result<(), Unusable> {
+        self.selected = signals.iter().map(|&(n, _)| self.columns[n]).collect();
         Ok(())
     }
 

@@ -19,6 +19,7 @@ use ema_wire::{
 
 use crate::config::{ActuatorConfig, Config};
 use crate::dbc::{DecodedUpdate, Role};
+use crate::log_map::Quantity;
 use crate::outbox::{AssembledSample, Notice, Outbox, WindowJob};
 use crate::sample::{MeasuredConditions, SampleRate};
 use crate::sensor_checks::UnseenMotion;
@@ -303,6 +304,14 @@ impl ActuatorStream {
         }
         let made = match params.checked() {
             Ok(params) => Windower::new(self.window_config, &params)
+                .map(|windower| {
+                    let log = self.actuator.log.as_ref();
+                    if log.is_some_and(|log| !log.has(Quantity::Counter)) {
+                        windower.numbered_by_time()
+                    } else {
+                        windower
+                    }
+                })
                 .map(|windower| {
                     Windowing::Ready(Box::new(ReadyWindowing {
                         unseen: UnseenMotion::new(&params, self.window_config.trigger_position_rad),

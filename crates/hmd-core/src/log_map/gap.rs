@@ -7,7 +7,8 @@ use ema_models::FaultId;
 use super::{LogMap, Quantity};
 use crate::dbc::Role;
 
-/// Something that a log does not have, so that less is known of every window in it.
+/// Something that a log does not have, so that less is known of every window in it. A missing counter is a handicap of the window, with
+/// the jitter of its times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gap {
     /// The third phase current.
@@ -18,18 +19,10 @@ pub enum Gap {
     DirectCurrent,
     /// The output angle.
     OutputAngle,
-    /// A counter of samples.
-    Counter,
 }
 
 impl Gap {
-    pub(super) const ALL: [Self; 5] = [
-        Self::ThirdPhase,
-        Self::Phases,
-        Self::DirectCurrent,
-        Self::OutputAngle,
-        Self::Counter,
-    ];
+    pub(super) const ALL: [Self; 4] = [Self::ThirdPhase, Self::Phases, Self::DirectCurrent, Self::OutputAngle];
 
     pub(super) fn is_in(self, map: &LogMap) -> bool {
         let lacks = |quantity: Quantity| !map.has(quantity);
@@ -39,7 +32,6 @@ impl Gap {
             Self::Phases => is_dq,
             Self::DirectCurrent => is_dq && lacks(Quantity::CurrentD),
             Self::OutputAngle => lacks(Quantity::Of(Role::OutputPosition)),
-            Self::Counter => lacks(Quantity::Counter),
         }
     }
 
@@ -47,7 +39,7 @@ impl Gap {
     #[must_use]
     pub fn hides(self) -> &'static [FaultId] {
         match self {
-            Self::ThirdPhase | Self::Phases | Self::Counter => &[],
+            Self::ThirdPhase | Self::Phases => &[],
             // Shorted turns unbalance the phases, which shows as ripple of both currents of the rotor's frame.
             Self::DirectCurrent => &[FaultId::ShortA, FaultId::ShortB, FaultId::ShortC],
             Self::OutputAngle => &[FaultId::Backlash],
@@ -62,7 +54,6 @@ impl fmt::Display for Gap {
             Self::Phases => "currents of d and q: the sum of the phases is not checked",
             Self::DirectCurrent => "no currents.d: it is taken as 0, and shorts are not observable",
             Self::OutputAngle => "no position.output: the gear is taken as rigid, and backlash is not observable",
-            Self::Counter => "no sample.counter: samples are numbered by their time",
         })
     }
 }

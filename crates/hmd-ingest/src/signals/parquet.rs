@@ -2,9 +2,11 @@
 //!
 //! A unit stands behind a name as `name [unit]`; a column of time stamps counts as what its type says, since 1970. Rows are read in
 //! batches, so that of each column at most one page is held. A file may say of itself that it has any number of rows: no more are read
-//! than a file of its size can hold.
+//! than a file of its size can hold. The crate that decodes panics at some damaged files: such a group of rows is lost like any other
+//! that is damaged.
 
 use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use parquet::basic::{LogicalType, TimeUnit, Type};
@@ -43,7 +45,8 @@ pub struct ParquetLog<R: ChunkReader + 'static> {
     next: usize,
     batch: usize,
     row: u64,
-    rows_max: u64,
+    /// Bytes of the file.
+    length: u64,
     ended: bool,
 }
 
@@ -66,9 +69,9 @@ impl<R: ChunkReader + 'static> ParquetLog<R> {
     /// # Errors
     /// There is no table of plain columns.
     pub fn new(input: R, file: &str) -> Result<Self, Unusable> {
-        let rows_max = input.len().saturating_mul(ROWS_PER_BYTE);
-        let reader =
-            SerializedFileReader::new(input).map_err(|error| Unusable::new("a Parquet file", one_line(&error)))?;
+        let length = input.len();
+        let reader = guarded(|| SerializedFileReader::new(input).map_err(|error| one_line(&error)))
+            .map_err(|found| Unusable::new("a Parquet file", found))?;
         let (mut signals, mut columns) = (Vec::new(), Vec::new());
         for (n, column) in reader
             .metadata()
@@ -94,9 +97,26 @@ impl<R: ChunkReader + 'static> ParquetLog<R> {
             next: 0,
             batch: 0,
             row: 0,
-            rows_max,
+            length,
             ended: false,
         })
+    }
+
+    /// Whether the columns of a row group lie in the file: the crate takes that for granted.
+    fn check_places(&self, group: usize) -> Result<(), String> {
+        let group = self.reader.metadata().row_group(group);
+        for &column in &self.selected {
+            let column = group.columns().get(column).ok_or("fewer columns")?;
+            let start = column.dictionary_page_offset().unwrap_or(column.data_page_offset());
+            let place = u64::try_from(start)
+                .ok()
+                .zip(u64::try_from(column.compressed_size()).ok());
+            let end = place.and_then(|(start, size)| start.checked_add(size));
+            if end.is_none_or(|end| end > self.length) {
+                return Err("a column beyond the end of the file".to_owned());
+            }
+        }
+        Ok(())
     }
 
     /// Reads the next batch; false at the end.
@@ -106,11 +126,11 @@ impl<R: ChunkReader + 'static> ParquetLog<R> {
                 if self.group >= self.reader.num_row_groups() {
                     return Ok(false);
                 }
-                let group = self
-                    .reader
-                    .get_row_group(self.group)
-                    .map_err(|error| one_line(&error))?;
+                // It is left behind, whatever becomes of it.
+                let number = self.group;
                 self.group += 1;
+                self.check_places(number)?;
+                let group = self.reader.get_row_group(number).map_err(|error| one_line(&error))?;
                 let schema = self.reader.metadata().file_metadata().schema_descr();
                 for &column in &self.selected {
                     let reader = group.get_column_reader(column).map_err(|error| one_line(&error))?;
@@ -150,8 +170,8 @@ impl<R: ChunkReader + 'static> SignalLog for ParquetLog<R> {
             return None;
         }
         if self.next == self.batch {
-            let fault = match self.read_batch() {
-                Ok(true) if self.row < self.rows_max => None,
+            let fault = match guarded(|| self.read_batch()) {
+                Ok(true) if self.row < self.length.saturating_mul(ROWS_PER_BYTE) => None,
                 Ok(true) => Some("more rows than a file of its size can hold".to_owned()),
                 Ok(false) => {
                     self.ended = true;
@@ -162,7 +182,7 @@ impl<R: ChunkReader + 'static> SignalLog for ParquetLog<R> {
             if let Some(found) = fault {
                 // Where the next row group is does not depend on this one; what of it was read does.
                 self.cells.clear();
-                self.ended = self.row >= self.rows_max;
+                self.ended = self.row >= self.length.saturating_mul(ROWS_PER_BYTE);
                 let (file, place) = (self.file.clone(), self.place());
                 let expected = "a group of rows that can be read";
                 return Some(Err(Damage {
@@ -274,6 +294,12 @@ fn info(column: &ColumnDescriptor) -> SignalInfo {
         },
         _ => named,
     }
+}
+
+/// What a decoder finds, or that it gave up.
+fn guarded<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    // What it was at is dropped, or never used again.
+    catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| Err("damage that its decoder gave up at".to_owned()))
 }
 
 fn one_line(error: &dyn fmt::Display) -> String {

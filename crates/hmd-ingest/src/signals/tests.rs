@@ -47,18 +47,10 @@ fn windows(name: &str, config: &Arc<Config>) -> Vec<WindowJob> {
 
 #[test]
 fn every_format_gives_the_windows_of_the_frames() {
-    let frames = windows("samples.log", &config(&[], ""));
+    let config = config(&[], "");
+    let frames = windows("samples.log", &config);
     assert!(frames.len() == 1 && frames[0].window.quality.is_fit());
     for name in FILES {
-        // Texts of the mode, and dates, which need no unit.
-        let config = if name.contains("european") {
-            config(
-                &["time =", "command.mode"],
-                "time = \"t\"\ncommand.mode = { signal = \"mode\", position = \"Position\", speed = \"Speed\" }",
-            )
-        } else {
-            config(&[], "")
-        };
         let found = windows(name, &config);
         assert_eq!(found.len(), 1, "{name}");
         assert_eq!(found[0].window, frames[0].window, "{name}");
@@ -95,9 +87,10 @@ fn what_is_missing_is_not_invented() {
         [
             "no currents.c: the sum of the currents is not checked",
             "no position.output: the gear is taken as rigid, and backlash is not observable",
-            "no sample.counter: samples are numbered by their time",
         ]
     );
+    let jitter = found[0].window.quality.to_string();
+    assert_eq!(jitter, "numbered by time, which jitters by 0.0 %");
     // Numbered by time, and the star point closes the sum.
     let (few, whole) = (&found[0].window, &whole[0].window);
     assert_eq!(few.samples.len(), whole.samples.len());

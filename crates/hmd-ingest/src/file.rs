@@ -7,7 +7,13 @@
 mod measured;
 
 #[cfg(feature = "signals")]
-pub use measured::open_signals;
+mod survey;
+
+#[cfg(feature = "signals")]
+pub use {
+    measured::open_signals,
+    survey::{SurveyedSignal, survey},
+};
 
 use crate::Loss;
 use crate::asc::{AscReader, is_asc};

@@ -25,6 +25,8 @@ pub mod mdf;
 pub mod serial;
 #[cfg(feature = "signals")]
 pub mod signals;
+#[cfg(all(test, feature = "signals"))]
+mod signals_tests;
 
 pub use candump::{BadLine, CandumpReader, LineFault};
 pub use damage::{Damage, Place};

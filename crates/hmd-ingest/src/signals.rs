@@ -9,13 +9,8 @@ mod csv;
 mod frames;
 mod log;
 mod parquet;
-mod survey;
 
 pub use self::parquet::{MAGIC as PARQUET_MAGIC, ParquetLog};
 pub use csv::CsvLog;
 pub use frames::MappedFrames;
 pub use log::{Between, SignalInfo, SignalLog, TextValue, Unusable};
-pub use survey::{SurveyedSignal, survey};
-
-#[cfg(test)]
-mod tests;

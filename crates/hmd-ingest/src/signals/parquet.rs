@@ -24,8 +24,8 @@ pub const MAGIC: &[u8] = b"PAR1";
 /// Rows that are read at once.
 const BATCH: usize = 1024;
 
-/// Most rows for each byte of a file: a period that does not change and constants take next to nothing.
-const ROWS_PER_BYTE: u64 = 2000;
+/// Most rows for each byte of a file. Of what pandas writes a row of a log takes some bytes; columns without end that take none are an attack.
+const ROWS_PER_BYTE: u64 = 100;
 
 /// Longest text that is looked at, bytes.
 const TEXT_MAX: usize = 256;

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use hmd_core::dbc::Role;
 use hmd_core::log_map::Quantity;
-use hmd_ingest::signals::{SurveyedSignal, survey};
+use hmd_ingest::file::{SurveyedSignal, survey};
 
 use super::{Exit, say};
 

@@ -5,8 +5,8 @@ use std::path::Path;
 use hmd_core::dbc::Dimension;
 use hmd_core::log_map::Quantity;
 
-use super::log::Between;
-use crate::file::{IngestError, open_signals};
+use super::{IngestError, open_signals};
+use crate::signals::Between;
 
 /// One signal of a log.
 #[derive(Clone, Debug, PartialEq)]

@@ -29,14 +29,14 @@ fn folder() -> PathBuf {
 
 /// The map of the fixtures without the lines that contain one of these, and with more of them.
 fn config(without: &[&str], with: &str) -> Arc<Config> {
-    let text = std::fs::read_to_string(folder().join("map.toml")).unwrap();
+    let text = std::fs::read_to_string(folder().join("map.toml")).expect("a fixture");
     let lines = text.lines().filter(|line| !without.iter().any(|of| line.contains(of)));
     let text = lines.collect::<Vec<_>>().join("\n") + "\n" + with;
-    Arc::new(Config::from_toml_str(&text, "map.toml").unwrap())
+    Arc::new(Config::from_toml_str(&text, "map.toml").expect("a fixture"))
 }
 
 fn windows(name: &str, config: &Arc<Config>) -> Vec<WindowJob> {
-    let mut source = crate::open_mapped(&folder().join(name), BusNames::new(), config).unwrap();
+    let mut source = crate::open_mapped(&folder().join(name), BusNames::new(), config).expect("a fixture");
     let mut pipeline = Pipeline::new(config.clone());
     while let Some(item) = source.next() {
         pipeline.push(&item.expect(name), source.bus_names());
@@ -157,7 +157,7 @@ fn items(name: &str, bytes: &[u8], config: &Config) -> usize {
             Err(_) => return 1,
         }
     };
-    let (actuator, map) = config.actuator_of_logs().unwrap();
+    let (actuator, map) = config.actuator_of_logs().expect("a fixture");
     let frames = MappedFrames::new(log, name, actuator, map, BusNames::new());
     frames.map_or(1, Iterator::count)
 }

@@ -29,6 +29,10 @@ pub(super) struct Data {
 
 /// Records of one channel group.
 #[derive(Debug)]
+#[cfg_attr(
+    not(feature = "signals"),
+    allow(dead_code, reason = "only measured signals ask for all channels")
+)]
 pub(super) struct Format {
     pub(super) id: u64,
     /// Bytes of a record; `None`: it tells its own length.

@@ -6,7 +6,7 @@ use crate::dist::Build;
 use crate::shell::{cargo, run};
 
 /// Crates that no aircraft needs.
-const GROUND: [&str; 4] = ["hmd-lab", "hmd-report", "ratatui", "clap_mangen"];
+const GROUND: [&str; 6] = ["hmd-lab", "hmd-report", "ratatui", "clap_mangen", "parquet", "csv-core"];
 
 /// Features of crates that do fly, as `cargo tree` prints them.
 const GROUND_FEATURES: [&str; 1] = ["ema-models feature \"reference\""];

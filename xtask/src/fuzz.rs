@@ -12,12 +12,13 @@ use crate::shell::{program, root, run, succeeds, target_dir};
 const VERSION: &str = "0.13.2";
 
 /// Targets of `fuzz/targets`, each with a file that its reader takes, to begin with.
-const TARGETS: [(&str, Option<&str>); 7] = [
+const TARGETS: [(&str, Option<&str>); 8] = [
     ("can", None),
     ("serial", None),
     ("config", Some("fixtures/hmd.toml")),
     ("candump", None),
     ("foreign", Some("fixtures/foreign/transposed.mf4")),
+    ("signals", Some("fixtures/measured/samples-snappy.parquet")),
     ("dbc", Some("fixtures/foreign.dbc")),
     ("mcap", Some("fixtures/logs/backlash-low.mcap")),
 ];

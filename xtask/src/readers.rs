@@ -37,6 +37,18 @@ const CONVERTED: [&str; 6] = [
     "text-unfinalised.mf4",
 ];
 
+/// What `fixtures/measured/make.py` makes of the samples of `text.log`.
+const MEASURED: [&str; 8] = [
+    "text.csv",
+    "text-european.csv",
+    "text-none.parquet",
+    "text-snappy.parquet",
+    "text-zstd.parquet",
+    "text-signals.mf4",
+    "text-signals-deflated.mf4",
+    "text-signals-transposed.mf4",
+];
+
 /// Actuations in the simulated log.
 const WINDOWS: usize = 2;
 
@@ -123,6 +135,17 @@ fn foreign(python: &Python, programs: &Programs, folder: &Path) -> anyhow::Resul
         ensure!(found == expected, "{name}: replays to other records than text.log");
     }
     println!("{} converted logs replay to the same records", CONVERTED.len());
+    python.script("fixtures/measured/make.py", &[&folder.join("text.log"), folder])?;
+    for name in MEASURED {
+        let log = folder.join(name);
+        let lines = folder.join(format!("{name}.jsonl"));
+        let mut replay = program(programs.hmd(), ["replay", "--json", "-c"]);
+        replay.arg(root().join("fixtures/measured/map.toml")).arg(&log);
+        run_to_file(replay, None, &lines)?;
+        let found = fs::read(&lines).with_context(|| lines.display().to_string())?;
+        ensure!(found == expected, "{name}: replays to other records than text.log");
+    }
+    println!("{} logs of measured signals replay to the same records", MEASURED.len());
     let long = folder.join("long.log");
     run(program(programs.hmd(), ["simulate", "--windows", "10", "-o"]).arg(&long))?;
     python.script("fixtures/foreign/make.py", &[&long, folder])?;

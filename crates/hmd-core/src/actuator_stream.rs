@@ -19,6 +19,7 @@ use ema_wire::{
 
 use crate::config::{ActuatorConfig, Config};
 use crate::dbc::{DecodedUpdate, Role};
+use crate::log_map::Quantity;
 use crate::outbox::{AssembledSample, Notice, Outbox, WindowJob};
 use crate::sample::{MeasuredConditions, SampleRate};
 use crate::sensor_checks::UnseenMotion;
@@ -304,6 +305,14 @@ impl ActuatorStream {
         let made = match params.checked() {
             Ok(params) => Windower::new(self.window_config, &params)
                 .map(|windower| {
+                    let log = self.actuator.log.as_ref();
+                    if log.is_some_and(|log| !log.has(Quantity::Counter)) {
+                        windower.numbered_by_time()
+                    } else {
+                        windower
+                    }
+                })
+                .map(|windower| {
                     Windowing::Ready(Box::new(ReadyWindowing {
                         unseen: UnseenMotion::new(&params, self.window_config.trigger_position_rad),
                         params,
@@ -334,7 +343,8 @@ impl ActuatorStream {
     /// Why windows are cut at the nominal rate, and whether the stamps of the first samples and the last contradict it.
     fn nominal_rate_notice(&self, first: &TimedSample, last: &TimedSample) -> String {
         let nominal_hz = self.nominal_hz();
-        let has_clock = self.actuator.map.as_ref().is_none_or(|map| map.has(Role::Time));
+        let of_log = self.actuator.log.as_ref().is_none_or(|log| log.has_device_time());
+        let has_clock = of_log && self.actuator.map.as_ref().is_none_or(|map| map.has(Role::Time));
         let why = if has_clock {
             "expected a device time that advances with the samples, found none in the first samples"
         } else {

@@ -156,6 +156,9 @@ impl Assessor {
             if let WindowQuality::Degraded(handicaps) = &job.window.quality {
                 reasons.extend(handicaps.iter().map(ToString::to_string));
             }
+            if let Some(log) = &job.actuator.log {
+                reasons.extend(log.gaps().map(|gap| gap.to_string()));
+            }
             let of_type = self.models.of_type(&job.actuator.type_name)?;
             if !self.knows_unit(&job.actuator) && !of_type.calibrated {
                 reasons.push(format!("type {} is not calibrated", of_type.calibration.actuator_type));

@@ -13,6 +13,7 @@ mod effective;
 mod error;
 mod health;
 mod identification;
+mod map;
 mod name;
 mod output;
 mod params;
@@ -50,6 +51,7 @@ use sha2::{Digest, Sha256};
 
 use crate::dbc::SignalMap;
 use crate::frame::BusNames;
+use crate::log_map::LogMap;
 use crate::metadata_checksum::hex;
 use crate::window::WindowConfig;
 use reader::{Document, Section};
@@ -89,6 +91,7 @@ impl Config {
         "output",
         "bus",
         "serial",
+        "map",
     ];
 
     /// Checks `text`; `file_name` is what errors call it. A DBC file that it names is not read, but refused:
@@ -135,7 +138,8 @@ impl Config {
         let types = actuator_type::read_all(&root)?;
         let configured = actuator::read_all(&root, &types, &parent(Path::new(file_name)), read_dbc)?;
         let auto = configured.is_none();
-        let actuators = configured.unwrap_or_else(|| actuator::every_one(&types));
+        let mut actuators = configured.unwrap_or_else(|| actuator::every_one(&types));
+        map::read(&root, &mut actuators)?;
         let serial = serial::read_all(&root, &actuators)?;
         let sample_rates_hz = actuators.iter().map(|actuator| actuator.params.sensors.sample_rate);
         let window = window::read(&root.section("window", &window::keys())?, sample_rates_hz)?;
@@ -180,6 +184,14 @@ impl Config {
             let map = actuator.map.as_ref().filter(|_| actuator.is_at(bus, actuator.id))?;
             Some((actuator.id, map, actuator.params.sensors.sample_rate))
         })
+    }
+
+    /// The actuator that a log of measured signals is of, with its map (`[map]`).
+    #[must_use]
+    pub fn actuator_of_logs(&self) -> Option<(&ActuatorConfig, &Arc<LogMap>)> {
+        self.actuators
+            .iter()
+            .find_map(|actuator| Some((actuator, actuator.log.as_ref()?)))
     }
 
     /// The interfaces that the actuators are on, in the order of the file; `file_name` is what errors call it.

@@ -13,6 +13,7 @@
 mod bus;
 mod database;
 mod joiner;
+mod latched;
 mod map;
 mod signal;
 mod unit;
@@ -20,6 +21,7 @@ mod unit;
 pub use bus::MappedBus;
 pub use database::{Database, DbcError, DbcMessage, DbcSignal};
 pub use joiner::{DecodedUpdate, Joiner};
+pub use latched::{Latched, SampleMaker};
 pub use map::{Binding, MapDraft, MessageUse, Misfit, ModeCodes, Role, SignalMap};
 pub use signal::{Layout, Selector, Signal, SignalKind};
 pub use unit::{Dimension, Unit};

@@ -34,7 +34,8 @@ impl From<&Status> for MeasuredConditions {
     fn from(status: &Status) -> Self {
         Self {
             dc_link_v: (status.dc_link_dv > 0).then(|| quantity::dc_link_v(status.dc_link_dv)),
-            winding_temp_deg_c: Some(quantity::winding_temp_deg_c(status.winding_temp_dc)),
+            winding_temp_deg_c: (status.winding_temp_dc != Status::NO_TEMPERATURE)
+                .then(|| quantity::winding_temp_deg_c(status.winding_temp_dc)),
             load_torque_nm: status.load_torque_dnm.map(quantity::load_torque_nm),
         }
     }

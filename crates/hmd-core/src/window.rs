@@ -231,6 +231,13 @@ impl Windower {
         self
     }
 
+    /// The same for samples that nothing counts: their numbers follow from their stamps.
+    #[must_use]
+    pub fn numbered_by_time(mut self) -> Self {
+        self.limits.is_numbered_by_time = true;
+        self
+    }
+
     /// Counts since the start.
     #[must_use]
     pub fn counts(&self) -> StreamCounts {

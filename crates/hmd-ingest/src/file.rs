@@ -3,11 +3,24 @@
 //! The format is recognised by the first bytes, not by the name. A source is opened up to its first frame, so that a file
 //! that has none is refused at once.
 
+#[cfg_attr(not(feature = "signals"), path = "file/not_measured.rs")]
+mod measured;
+
+#[cfg(feature = "signals")]
+mod survey;
+
+#[cfg(feature = "signals")]
+pub use {
+    measured::open_signals,
+    survey::{SurveyedSignal, survey},
+};
+
 use crate::Loss;
 use crate::asc::{AscReader, is_asc};
 use crate::blf::{self, BlfReader};
 use crate::candump::CandumpReader;
 use crate::mdf::{self, MdfReader};
+use hmd_core::config::Config;
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_storage::mcap::McapFrames;
 use hmd_storage::quoted;
@@ -103,6 +116,30 @@ pub enum IngestError {
         /// The first thing that could not be read.
         first: Option<Box<Loss>>,
     },
+    /// A log of measured signals, and nothing says what they are.
+    #[error(
+        "{file}: expected a configuration with a section [map] for a log of measured signals, found none; hmd map writes one"
+    )]
+    NoMap {
+        /// The path.
+        file: String,
+    },
+    /// A log of measured signals that the map does not fit, or that cannot be read at all.
+    #[error("{file}: {cause}")]
+    Unusable {
+        /// The path.
+        file: String,
+        /// What is expected and found.
+        cause: String,
+    },
+    /// A log of measured signals without one row that is a sample.
+    #[error("{file}: expected rows with all mapped signals, found none{}", first.as_ref().map(|loss| format!("; {loss}")).unwrap_or_default())]
+    NoRow {
+        /// The path.
+        file: String,
+        /// The first thing that could not be read.
+        first: Option<Box<Loss>>,
+    },
     /// An MCAP file without raw frames.
     #[error(
         "{file}: expected raw frames (schema hmd.v1.RawBatch) on topics /bus/<interface>/raw, found {}",
@@ -154,6 +191,10 @@ pub enum LogFormat {
     Blf,
     /// MDF version 4 with bus frames.
     Mdf,
+    /// Table of measured signals as text.
+    Csv,
+    /// Table of measured signals in Parquet.
+    Parquet,
 }
 
 /// Frames of one file.
@@ -322,6 +363,18 @@ pub fn open_recorded(path: &Path) -> io::Result<File> {
 /// # Errors
 /// [`IngestError`] when nothing in the file can be used.
 pub fn open_with(path: &Path, names: BusNames) -> Result<FrameSource, IngestError> {
+    open_for(path, names, None)
+}
+
+/// Opens a log; one of measured signals by the map of `config`.
+///
+/// # Errors
+/// [`IngestError`] when nothing in the file can be used.
+pub fn open_mapped(path: &Path, names: BusNames, config: &Config) -> Result<FrameSource, IngestError> {
+    open_for(path, names, Some(config))
+}
+
+fn open_for(path: &Path, names: BusNames, config: Option<&Config>) -> Result<FrameSource, IngestError> {
     let file = path.display().to_string();
     let unreadable = |cause| IngestError::Unreadable {
         file: file.clone(),
@@ -346,7 +399,12 @@ pub fn open_with(path: &Path, names: BusNames) -> Result<FrameSource, IngestErro
             return Err(IngestError::Compressed { file, format });
         }
     }
-    let reader: Box<dyn LogReader> = if start.starts_with(mcap::MAGIC) {
+    let reader: Box<dyn LogReader> = if let Some(format) = measured::format(start) {
+        if !about.is_file() && format.is_sought() {
+            return Err(IngestError::NotSeekable { file });
+        }
+        measured::open(format, input, &file, names, config)?
+    } else if start.starts_with(mcap::MAGIC) {
         if !about.is_file() {
             return Err(IngestError::NotSeekable { file });
         }
@@ -356,13 +414,7 @@ pub fn open_with(path: &Path, names: BusNames) -> Result<FrameSource, IngestErro
         if !about.is_file() {
             return Err(IngestError::NotSeekable { file });
         }
-        let input = input.into_inner().file;
-        let reader = MdfReader::new(input, &file, names);
-        Box::new(reader.map_err(|damage| IngestError::NoForeignFrame {
-            file: file.clone(),
-            format: "MF4",
-            first: Some(Box::new(damage.into())),
-        })?)
+        Box::new(open_mdf_frames(input.into_inner().file, &file, names)?)
     } else if start.starts_with(blf::MAGIC) {
         Box::new(BlfReader::new(input, &file, names))
     } else {
@@ -391,6 +443,14 @@ pub fn open_with(path: &Path, names: BusNames) -> Result<FrameSource, IngestErro
     };
     source.find_first_frame(file)?;
     Ok(source)
+}
+
+fn open_mdf_frames(input: File, file: &str, names: BusNames) -> Result<MdfReader<File>, IngestError> {
+    MdfReader::new(input, file, names).map_err(|damage| IngestError::NoForeignFrame {
+        file: file.to_owned(),
+        format: "MF4",
+        first: Some(Box::new(damage.into())),
+    })
 }
 
 impl FrameSource {

@@ -56,7 +56,7 @@ fn items(name: &str, bytes: &[u8]) -> usize {
 }
 
 /// Small numbers for choices, from a seed.
-struct Choices(u64);
+pub(crate) struct Choices(pub(crate) u64);
 
 impl Choices {
     fn below(&mut self, end: usize) -> usize {
@@ -69,7 +69,7 @@ impl Choices {
 }
 
 /// One to three changes: a bit, a word that a length or a link may be, a cut, a stretch moved or twice.
-fn mutate(bytes: &mut Vec<u8>, choices: &mut Choices) {
+pub(crate) fn mutate(bytes: &mut Vec<u8>, choices: &mut Choices) {
     const WORDS: [u64; 8] = [0, 1, 0x7f, 0xff, 0xffff, 0x7fff_ffff, 0xffff_ffff, u64::MAX];
     for _ in 0..=choices.below(3) {
         let at = choices.below(bytes.len());

@@ -23,8 +23,12 @@ pub mod live;
 mod loss;
 pub mod mdf;
 pub mod serial;
+#[cfg(feature = "signals")]
+pub mod signals;
+#[cfg(all(test, feature = "signals"))]
+mod signals_tests;
 
 pub use candump::{BadLine, CandumpReader, LineFault};
 pub use damage::{Damage, Place};
-pub use file::{FrameSource, IngestError, LogFormat, open, open_recorded, open_with};
+pub use file::{FrameSource, IngestError, LogFormat, open, open_mapped, open_recorded, open_with};
 pub use loss::Loss;

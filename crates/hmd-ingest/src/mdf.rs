@@ -12,8 +12,11 @@
 //! 8 MiB at most.
 
 mod block;
+mod channel;
 mod layout;
 mod records;
+#[cfg(feature = "signals")]
+mod signals;
 
 use std::io::{Read, Seek};
 use std::sync::Arc;
@@ -24,6 +27,8 @@ use crate::damage::Damage;
 use block::Blocks;
 use layout::{Layout, Stamped};
 use records::Records;
+#[cfg(feature = "signals")]
+pub use signals::MdfSignals;
 
 /// Beginnings of such a file: finalised, and not.
 pub const MAGICS: [&[u8]; 2] = [b"MDF     ", b"UnFinMF "];
@@ -62,7 +67,8 @@ impl<R: Read + Seek> MdfReader<R> {
         let mut blocks = Blocks::new(input, file)?;
         let mut refused = Vec::new();
         let mut groups = Vec::new();
-        for (layout, data) in layout::read(&mut blocks, &mut refused)? {
+        let found = layout::read(&mut blocks, &mut refused)?;
+        for (layout, data) in found.into_iter().filter(|(layout, _)| layout.has_frames()) {
             if groups.len() == GROUPS_MAX {
                 return Err(blocks.damage(0, "at most 32 data groups with frames", "more"));
             }
@@ -80,6 +86,12 @@ impl<R: Read + Seek> MdfReader<R> {
             position: 0,
             refused,
         })
+    }
+
+    /// Whether the file says of any of its records that they are frames.
+    #[must_use]
+    pub fn has_frames(&self) -> bool {
+        !self.groups.is_empty() || !self.refused.is_empty()
     }
 
     /// The interfaces seen so far.

@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use clap::CommandFactory;
 use clap::{Parser, Subcommand};
 #[cfg(feature = "full")]
-use hmd::commands::{bench, demo, evaluate, export, manual, report, simulate, top};
+use hmd::commands::{bench, demo, evaluate, export, manual, map, report, simulate, top};
 use hmd::commands::{calibrate, check_config, code_of, event, inspect, record, recover, replay, run, sentence, warn};
 
 /// Health monitoring of electromechanical actuators: which part wears, how far, and how sure.
@@ -40,6 +40,8 @@ enum Verb {
     Event(event::Args),
     Inspect(inspect::Args),
     #[cfg(feature = "full")]
+    Map(map::Args),
+    #[cfg(feature = "full")]
     Report(report::Args),
     #[cfg(feature = "full")]
     Export(export::Args),
@@ -68,6 +70,8 @@ fn main() -> ExitCode {
         Verb::Top(args) => top::run(&args),
         Verb::Recover(args) => recover::run(&args),
         Verb::Inspect(args) => inspect::run(&args),
+        #[cfg(feature = "full")]
+        Verb::Map(args) => map::run(&args),
         #[cfg(feature = "full")]
         Verb::Export(args) => export::run(&args),
         #[cfg(feature = "full")]

@@ -21,7 +21,7 @@ use hmd_core::outbox::Notice;
 use hmd_core::pipeline::Pipeline;
 use hmd_core::record::{Dropped, LogLevel, Record, Shortened, Status};
 use hmd_ingest::Loss;
-use hmd_ingest::file::{FrameSource, IngestError, open_with};
+use hmd_ingest::file::{FrameSource, IngestError, open_mapped};
 use hmd_storage::calibration_file::load_models;
 use hmd_storage::event_file::{EventError, load_events};
 use hmd_storage::mcap::McapMessages;
@@ -229,7 +229,7 @@ impl Replay<'_> {
         // An output is begun only once the first log has turned out to be one.
         let mut opened = None;
         if let Some(log) = self.logs.first() {
-            opened = Some(open_with(log, std::mem::take(&mut names))?);
+            opened = Some(open_mapped(log, std::mem::take(&mut names), &self.config)?);
         }
         let recorder = match self.output {
             Some(path) => Some(self.create(path)?),
@@ -258,7 +258,7 @@ impl Replay<'_> {
         for log in self.logs {
             let source = match opened.take() {
                 Some(source) => source,
-                None => open_with(log, names)?,
+                None => open_mapped(log, names, &self.config)?,
             };
             let continued = run.continues(&source);
             if !continued {

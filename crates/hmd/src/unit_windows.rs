@@ -8,7 +8,7 @@ use hmd_core::config::Config;
 use hmd_core::frame::BusNames;
 use hmd_core::outbox::WindowJob;
 use hmd_core::pipeline::Pipeline;
-use hmd_ingest::file::{IngestError, open_with};
+use hmd_ingest::file::{IngestError, open_mapped};
 
 /// Why there are no windows to calibrate from.
 #[derive(Debug, thiserror::Error)]
@@ -47,7 +47,7 @@ pub fn windows_of(
     let mut names = BusNames::new();
     let mut found = UnitWindows::default();
     for log in logs {
-        let mut source = open_with(log, names)?;
+        let mut source = open_mapped(log, names, config)?;
         // Each log is a recording of its own: nothing is carried over.
         let mut pipeline = Pipeline::new(config.clone());
         let mut damaged_places = 0;

@@ -122,7 +122,7 @@ impl Command {
 pub struct Status {
     /// DC link voltage, 0.1 V.
     pub dc_link_dv: u16,
-    /// Winding temperature, 0.1 °C.
+    /// Winding temperature, 0.1 °C; [`Status::NO_TEMPERATURE`] (raw 0x8000): not measured.
     pub winding_temp_dc: i16,
     /// Load torque at the output, 0.1 Nm, positive when it opposes positive motion. `None` (raw 0x8000): not measured.
     /// The wire has no code for `Some(-32768)`; `emit` saturates it to -32767.
@@ -134,6 +134,9 @@ pub struct Status {
 }
 
 impl Status {
+    /// Winding temperature that is none.
+    pub const NO_TEMPERATURE: i16 = i16::MIN;
+
     /// Parses the data bytes; every bit pattern is valid.
     ///
     /// ```

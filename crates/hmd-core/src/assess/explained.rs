@@ -172,8 +172,26 @@ impl Assessor {
         Ok((assessed, unchecked))
     }
 
-    /// Estimates a window by what is known of its unit, else of its type; none where that is not granted.
+    /// Estimates a window by what is known of its unit, else of its type; none where that is not granted. What its log does not have
+    /// hides faults, whatever the estimate says of them.
     pub(super) fn estimate(
+        &self,
+        job: &mut WindowJob,
+        conditions: Conditions,
+        effort: &Effort<'_>,
+    ) -> Result<Option<Assessed>, AssessError> {
+        let mut found = self.estimate_of_all(job, conditions, effort)?;
+        if let (Some(assessed), Some(log)) = (&mut found, &job.actuator.log) {
+            let estimate = &mut assessed.estimate;
+            for fault in log.gaps().flat_map(|gap| gap.hides()) {
+                estimate.observable[fault.parameter()] = false;
+                estimate.sigma[fault.parameter()] = None;
+            }
+        }
+        Ok(found)
+    }
+
+    fn estimate_of_all(
         &self,
         job: &mut WindowJob,
         conditions: Conditions,

@@ -16,6 +16,7 @@ use super::reader::Section;
 use super::signals::{self, DbcFiles};
 use super::specification::Specification;
 use crate::dbc::SignalMap;
+use crate::log_map::LogMap;
 
 const KEYS: &[&str] = &[
     "name",
@@ -73,6 +74,9 @@ pub struct ActuatorConfig {
     /// Its signals in there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub map: Option<Arc<SignalMap>>,
+    /// Its columns in logs of measured signals.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub log: Option<Arc<LogMap>>,
     /// Part number, for the records.
     pub part_number: Option<String>,
     /// Serial number of the unit, for the records.
@@ -134,6 +138,7 @@ impl ActuatorConfig {
             learning: None,
             dbc: None,
             map: None,
+            log: None,
             part_number: None,
             serial_number: None,
             passive: false,

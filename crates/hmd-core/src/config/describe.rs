@@ -71,6 +71,9 @@ fn write_actuators(out: &mut String, config: &Config) -> fmt::Result {
             out,
             "actuators: every one seen on a bus, as ema<n> of type {DEFAULT_TYPE}"
         )?;
+        for actuator in config.actuators() {
+            write_log_map(out, actuator)?;
+        }
         return writeln!(
             out,
             "bus load: {:.0} % of {} bit/s by each at {rate} Hz, so {} fit on one bus",
@@ -109,6 +112,7 @@ fn write_actuators(out: &mut String, config: &Config) -> fmt::Result {
         if let Some(map) = &actuator.map {
             write_map(out, actuator, map)?;
         }
+        write_log_map(out, actuator)?;
     }
     for line in &config.serial {
         writeln!(out, "serial line: {} at {}", line.bus, line.device.display())?;
@@ -125,6 +129,20 @@ fn write_types(out: &mut String, config: &Config) -> fmt::Result {
     for (name, parameters) in config.effective_parameters() {
         writeln!(out, "type {name}:")?;
         write_parameters(out, &parameters)?;
+    }
+    Ok(())
+}
+
+/// What is mapped of logs of measured signals, and what comes of what is not.
+fn write_log_map(out: &mut String, actuator: &ActuatorConfig) -> fmt::Result {
+    let Some(map) = &actuator.log else { return Ok(()) };
+    write!(out, "    {}, of logs:", actuator.name)?;
+    for column in map.columns() {
+        write!(out, " {} {:?}", column.quantity.key(), column.signal)?;
+    }
+    writeln!(out)?;
+    for gap in map.gaps() {
+        writeln!(out, "    {gap}")?;
     }
     Ok(())
 }

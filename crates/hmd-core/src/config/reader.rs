@@ -219,6 +219,12 @@ impl<'a> Section<'a> {
             .is_some_and(|value| matches!(value.get_ref(), DeValue::Table(_)))
     }
 
+    /// Whether the document sets `key`, and to a text.
+    pub(super) fn is_text(&self, key: &str) -> bool {
+        self.get(key)
+            .is_some_and(|value| matches!(value.get_ref(), DeValue::String(_)))
+    }
+
     /// Whether the document sets `key`.
     pub(super) fn has(&self, key: &str) -> bool {
         self.get(key).is_some()

@@ -16,8 +16,9 @@
 use std::sync::Arc;
 
 use ema_wire::quantity;
-use ema_wire::{ActuatorId, Mode, Sample};
+use ema_wire::{ActuatorId, Sample};
 
+use super::latched::{Latched, SampleMaker};
 use super::map::{Binding, MessageUse, Role, SignalMap};
 use crate::sample::MeasuredConditions;
 
@@ -36,7 +37,6 @@ pub struct DecodedUpdate {
 /// Collects the frames of one mapped actuator into samples, as [`ema_wire::Assembler`] does on a bus of the built-in layout.
 #[derive(Clone, Debug)]
 pub struct Joiner {
-    actuator: ActuatorId,
     map: Arc<SignalMap>,
     rate_hz: f64,
     /// Most between two stamps of one sample, ns: with counters, and without.
@@ -45,7 +45,7 @@ pub struct Joiner {
     open: Option<Open>,
     /// Of the sample delivered last: its counter as far as it goes, its number, its stamp.
     last: Option<(u64, u64, u64)>,
-    turns: [Turns; 2],
+    maker: SampleMaker,
     conditions: MeasuredConditions,
     late: u64,
 }
@@ -56,17 +56,9 @@ struct Open {
     since_ns: u64,
     /// The widest counter so far, and its bits.
     counter: Option<(u64, u16)>,
-    values: [f64; Role::SAMPLED],
-    filled: u16,
+    latched: Latched,
     /// Delivered or rejected: nothing more comes of it.
     over: bool,
-}
-
-/// An angle that begins again.
-#[derive(Clone, Copy, Debug, Default)]
-struct Turns {
-    last: Option<f64>,
-    done: f64,
 }
 
 /// Where a part stands relative to the open sample.
@@ -82,14 +74,16 @@ impl Joiner {
     pub fn new(actuator: ActuatorId, map: Arc<SignalMap>, rate_hz: f64) -> Self {
         let period_ns = 1e9 / rate_hz;
         let round_ns = f64::powi(2.0, i32::from(map.counter_bits.0)) * period_ns;
+        let wraps_after =
+            [Role::MotorPosition, Role::OutputPosition].map(|role| binding(&map, role).and_then(|of| of.wraps_after));
+        let maker = SampleMaker::new(actuator, map.roles(), map.modes, wraps_after);
         Self {
-            actuator,
             rate_hz,
             counted_span_ns: f64::min(SPAN_MAX_NS, round_ns / 4.0) as u64,
             uncounted_span_ns: f64::min(SPAN_MAX_NS, period_ns / 2.0) as u64,
             open: None,
             last: None,
-            turns: [Turns::default(); 2],
+            maker,
             conditions: MeasuredConditions::default(),
             late: 0,
             map,
@@ -124,15 +118,14 @@ impl Joiner {
             };
             let value = Some(binding.unit.to_internal(value)).filter(|value| value.is_finite())?;
             if binding.role.is_sampled() {
-                part.values[binding.role as usize] = value;
-                part.filled |= bit(binding.role);
+                part.latched.set(binding.role, value);
             } else {
                 self.set_condition(binding.role, value);
                 update.conditions = Some(self.conditions);
             }
         }
         part.counter = counter(message, data);
-        if part.filled != 0 || part.counter.is_some() {
+        if part.latched.filled() != 0 || part.counter.is_some() {
             update.sample = self.join(&part, stamp_ns);
         }
         Some(update)
@@ -161,8 +154,7 @@ impl Joiner {
                 self.open = Some(Open {
                     since_ns: stamp_ns,
                     counter: None,
-                    values: [0.0; Role::SAMPLED],
-                    filled: 0,
+                    latched: Latched::default(),
                     over: false,
                 });
             }
@@ -173,12 +165,15 @@ impl Joiner {
         }
         let open = self.open.as_mut()?;
         open.add(part);
-        if open.over || !open.is_complete(&self.map) {
+        // The widest counter numbers the sample.
+        let counted = open.counter.is_some_and(|(_, bits)| bits == self.map.counter_bits.1);
+        if open.over || !counted || !self.maker.is_complete(&open.latched) {
             return None;
         }
         open.over = true;
         let open = *open;
-        Some((self.sample(&open), open.since_ns))
+        let number = self.number(&open);
+        Some((self.maker.sample(&open.latched, number), open.since_ns))
     }
 
     fn place(&self, part: &Part, stamp_ns: u64) -> Place {
@@ -197,42 +192,10 @@ impl Joiner {
                     _ => Place::Late,
                 }
             }
-            _ if apart_ns <= self.uncounted_span_ns && open.filled & part.filled == 0 => Place::Here,
+            _ if apart_ns <= self.uncounted_span_ns && open.latched.filled() & part.latched.filled() == 0 => {
+                Place::Here
+            }
             _ => Place::New,
-        }
-    }
-
-    fn sample(&mut self, open: &Open) -> Sample {
-        let value = |role: Role| open.values[role as usize];
-        let has = |role: Role| open.filled & bit(role) != 0;
-        let [a, b] = [value(Role::CurrentA), value(Role::CurrentB)];
-        let c = if has(Role::CurrentC) {
-            value(Role::CurrentC)
-        } else {
-            -a - b
-        };
-        let mode = open.mode(&self.map);
-        let setpoint = match mode {
-            Mode::Idle => 0,
-            Mode::Position => quantity::position_setpoint_urad(value(Role::CommandPosition)),
-            Mode::Speed => quantity::speed_setpoint_mrad_s(value(Role::CommandSpeed)),
-        };
-        let mut counts = [0; 2];
-        for (n, role) in [Role::MotorPosition, Role::OutputPosition].into_iter().enumerate() {
-            let wraps_after = binding(&self.map, role).and_then(|of| of.wraps_after);
-            counts[n] = self.turns[n].continued(value(role), wraps_after).round() as i64;
-        }
-        Sample {
-            actuator: self.actuator,
-            seq: self.number(open),
-            time_us: value(Role::Time).rem_euclid(65_536.0) as u16,
-            i_a_ma: quantity::current_ma(a),
-            i_b_ma: quantity::current_ma(b),
-            i_c_ma: quantity::current_ma(c),
-            motor_counts: counts[0] as i32,
-            output_counts: quantity::wrap_s24(counts[1]),
-            setpoint,
-            mode,
         }
     }
 
@@ -258,79 +221,17 @@ impl Joiner {
 #[derive(Default)]
 struct Part {
     counter: Option<(u64, u16)>,
-    values: [f64; Role::SAMPLED],
-    filled: u16,
+    latched: Latched,
 }
 
 impl Open {
     fn add(&mut self, part: &Part) {
-        for n in 0..Role::SAMPLED {
-            let both = self.filled & part.filled & (1 << n) != 0;
-            self.over |= both && self.values[n].to_bits() != part.values[n].to_bits();
-            if part.filled & (1 << n) != 0 {
-                self.values[n] = part.values[n];
-            }
-        }
-        self.filled |= part.filled;
+        self.over |= self.latched.add(&part.latched);
         let bits = |counter: Option<(u64, u16)>| counter.map_or(0, |(_, bits)| bits);
         if bits(part.counter) > bits(self.counter) {
             self.counter = part.counter;
         }
     }
-
-    fn is_complete(&self, map: &SignalMap) -> bool {
-        let commands = bit(Role::CommandPosition) | bit(Role::CommandSpeed);
-        let needed = map
-            .roles()
-            .filter(|role| role.is_sampled())
-            .fold(0, |bits, role| bits | bit(role));
-        let command = match self.mode(map) {
-            Mode::Idle => 0,
-            Mode::Position => bit(Role::CommandPosition),
-            Mode::Speed => bit(Role::CommandSpeed),
-        };
-        let wanted = needed & !commands | command;
-        // The widest counter numbers the sample.
-        let counted = self.counter.is_some_and(|(_, bits)| bits == map.counter_bits.1);
-        counted && self.filled & wanted == wanted
-    }
-
-    /// What is commanded; a mode whose command is not mapped counts as idle.
-    fn mode(&self, map: &SignalMap) -> Mode {
-        let mode = if map.has(Role::Mode) {
-            let code = self.values[Role::Mode as usize].round() as i64;
-            let modes = [(map.modes.position, Mode::Position), (map.modes.speed, Mode::Speed)];
-            modes
-                .into_iter()
-                .find(|(of, _)| *of == code)
-                .map_or(Mode::Idle, |(_, mode)| mode)
-        } else if map.has(Role::CommandPosition) {
-            Mode::Position
-        } else {
-            Mode::Speed
-        };
-        match mode {
-            Mode::Position if map.has(Role::CommandPosition) => mode,
-            Mode::Speed if map.has(Role::CommandSpeed) => mode,
-            _ => Mode::Idle,
-        }
-    }
-}
-
-impl Turns {
-    /// The value with all the turns before it: the nearest to the one before.
-    fn continued(&mut self, value: f64, wraps_after: Option<f64>) -> f64 {
-        let Some(range) = wraps_after else { return value };
-        if let Some(last) = self.last {
-            self.done += f64::round((last - value) / range);
-        }
-        self.last = Some(value);
-        value + self.done * range
-    }
-}
-
-fn bit(role: Role) -> u16 {
-    1 << role as u16
 }
 
 fn binding(map: &SignalMap, role: Role) -> Option<&Binding> {

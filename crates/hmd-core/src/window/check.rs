@@ -2,7 +2,7 @@
 
 use super::config::{CLOCK_JUMP_S, Lengths, SCATTERED_RUN};
 use super::counters::{CounterLimits, refuse_spikes};
-use super::jitter::sample_jitter;
+use super::jitter::{sample_jitter, time_jitter};
 use super::limits::Limits;
 use super::quality::{Counter, Defect, Degradation, Invalidity, Part, Signal};
 use super::ring::Slot;
@@ -19,6 +19,8 @@ pub(super) struct Findings {
     pub(super) clock_jumps: u64,
     /// Speed by which the motor missed its setpoint before the trigger, rad/s, if it is a handicap.
     pub(super) unsteady_rad_s: Option<f64>,
+    /// Jitter of the stamps, where they number the samples, as a share of a period.
+    pub(super) time_jitter: Option<f64>,
     pub(super) invalid: Option<Invalidity>,
 }
 
@@ -34,7 +36,9 @@ impl Findings {
         let unsteady = self
             .unsteady_rad_s
             .map(|speed_rad_s| Degradation::UnsteadyStart { speed_rad_s });
-        [filled, repeated, another, unsteady].into_iter().flatten().collect()
+        let jitter = self.time_jitter.map(|of_period| Degradation::TimeJitter { of_period });
+        let all = [filled, repeated, another, unsteady, jitter];
+        all.into_iter().flatten().collect()
     }
 }
 
@@ -69,6 +73,9 @@ pub(super) fn examine(slots: &mut [Slot], limits: &Limits) -> Findings {
             .count() as u64,
         clock_jumps,
         unsteady_rad_s: unsteady_start(slots, limits),
+        time_jitter: limits
+            .is_numbered_by_time
+            .then(|| time_jitter(slots, limits.sample_rate)),
         invalid,
     }
 }

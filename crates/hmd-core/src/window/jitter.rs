@@ -49,6 +49,30 @@ pub(super) fn sample_jitter(slots: &[Slot]) -> f64 {
     }
 }
 
+/// Root mean square by which the stamps of a window are off the straight line through them, as a share of a period.
+#[must_use]
+pub(super) fn time_jitter(slots: &[Slot], sample_rate_hz: f64) -> f64 {
+    let received = || slots.iter().filter(|slot| slot.was_received());
+    let Some(first) = received().next() else { return 0.0 };
+    let point = |slot: &Slot| {
+        let number = slot.sample.seq.saturating_sub(first.sample.seq) as f64;
+        let since_ns = i128::from(slot.stamp_ns) - i128::from(first.stamp_ns);
+        (number, since_ns as f64 * 1e-9 * sample_rate_hz)
+    };
+    let count = received().count() as f64;
+    let mean = |of: &dyn Fn((f64, f64)) -> f64| received().map(|slot| of(point(slot))).sum::<f64>() / count;
+    let (number, time) = (mean(&|(number, _)| number), mean(&|(_, time)| time));
+    let of_number = mean(&|(n, _)| (n - number).powi(2));
+    let of_both = mean(&|(n, t)| (n - number) * (t - time));
+    let of_time = mean(&|(_, t)| (t - time).powi(2));
+    // One sample has no line.
+    if of_number > 0.0 {
+        (of_time - of_both * of_both / of_number).max(0.0).sqrt()
+    } else {
+        0.0
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use ema_models::{SensedSample, Setpoint};
@@ -83,6 +107,17 @@ mod tests {
                 })
             })
             .collect()
+    }
+
+    #[test]
+    fn stamps_jitter_about_their_own_line() {
+        let mut slots = slots(0.0, 0);
+        for (n, slot) in slots.iter_mut().enumerate() {
+            // A clock that is 1 % fast, and every other stamp late by a fifth of a period of 2.5 ms.
+            slot.stamp_ns = 1_000_000_000 + 2_525_000 * n as u64 + 500_000 * (n as u64 % 2);
+        }
+        let found = time_jitter(&slots, 400.0);
+        assert!((found - 0.1).abs() < 1e-3, "{found}");
     }
 
     #[test]

@@ -24,6 +24,8 @@ pub(super) struct Limits {
     pub(super) thresholds: Thresholds,
     /// Whether the sample rate is only assumed, so that the stamps are the only evidence against it.
     pub(super) rate_is_unconfirmed: bool,
+    /// Whether samples are numbered by their stamps, not by a counter.
+    pub(super) is_numbered_by_time: bool,
     pub(super) unsteady_rad_s: f64,
     /// Motor angle by which a setpoint that trembles within the trigger's threshold moves the shaft, rad.
     pub(super) still_rad: f64,
@@ -69,6 +71,7 @@ impl Limits {
             },
             thresholds: Thresholds::new(config),
             rate_is_unconfirmed: true,
+            is_numbered_by_time: false,
             unsteady_rad_s: 0.2 * params.controller.omega_max,
             still_rad: config.trigger_position_rad * gear_ratio,
         }

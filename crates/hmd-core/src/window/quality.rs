@@ -43,6 +43,11 @@ pub enum Degradation {
         /// Mean speed of the motor before the trigger, in speed mode less its setpoint, rad/s.
         speed_rad_s: f64,
     },
+    /// No counter numbers the samples, and their stamps scatter about even steps.
+    TimeJitter {
+        /// Root mean square, as a share of a period.
+        of_period: f64,
+    },
 }
 
 /// Why a window is not fit.
@@ -180,6 +185,9 @@ impl fmt::Display for Degradation {
             Self::Repeated(samples) => write!(f, "repeated samples: {samples}"),
             Self::AnotherActuation { at } => write!(f, "another actuation at sample {at}"),
             Self::UnsteadyStart { speed_rad_s } => write!(f, "unsteady start: off by {speed_rad_s:.1} rad/s"),
+            Self::TimeJitter { of_period } => {
+                write!(f, "numbered by time, which jitters by {:.1} %", 100.0 * of_period)
+            }
         }
     }
 }

@@ -5,6 +5,7 @@ use std::io::{Read, Seek};
 use hmd_core::frame::{BusNames, FrameFlags, MAX_CLASSIC_DATA, MAX_DATA, RawFrame};
 
 use super::block::{Blocks, u32_at, u64_at};
+use super::channel::{Channel, Field, channels};
 use crate::damage::Damage;
 use crate::foreign::{bus_error, fd_length, intern_channel, whole_us};
 
@@ -14,11 +15,12 @@ pub(super) struct Layout {
     /// Bytes of the number before each record that tells its format.
     pub(super) id_bytes: usize,
     pub(super) formats: Vec<Format>,
-    start_ns: u64,
+    /// UTC.
+    pub(super) start_ns: u64,
 }
 
 /// Where the records of a data group are.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Data {
     pub(super) first: Option<u64>,
     /// The last block of data goes on to the end of the file, whatever its length says.
@@ -27,12 +29,19 @@ pub(super) struct Data {
 
 /// Records of one channel group.
 #[derive(Debug)]
+#[cfg_attr(
+    not(feature = "signals"),
+    allow(dead_code, reason = "only measured signals ask for all channels")
+)]
 pub(super) struct Format {
     pub(super) id: u64,
     /// Bytes of a record; `None`: it tells its own length.
     pub(super) length: Option<usize>,
     /// Where it makes a frame.
     frame: Option<FrameFields>,
+    pub(super) channels: Vec<Channel>,
+    /// Bytes of a record before its bits of invalid values.
+    pub(super) values: usize,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,17 +92,6 @@ const KINDS: [(&str, Kind); 3] = [
     ("CAN_ErrorFrame.", Kind::Error),
 ];
 
-/// A value in a record.
-#[derive(Debug, Clone, Copy)]
-struct Field {
-    byte: usize,
-    bit: u32,
-    bits: u32,
-    data_type: u8,
-    /// Physical value = `offset + factor · raw`.
-    linear: (f64, f64),
-}
-
 /// A frame whose interface is still a number.
 #[derive(Debug)]
 pub(super) struct Stamped {
@@ -111,7 +109,7 @@ impl Stamped {
     }
 }
 
-/// The data groups that have frames.
+/// The data groups.
 pub(super) fn read<R: Read + Seek>(
     blocks: &mut Blocks<R>,
     refused: &mut Vec<Damage>,
@@ -144,15 +142,13 @@ pub(super) fn read<R: Read + Seek>(
             format = block.link(0);
             formats.push(read_format(blocks, at, block.link(1), refused)?);
         }
-        if formats.iter().any(|format| format.frame.is_some()) {
-            let layout = Layout {
-                id_bytes,
-                formats,
-                start_ns,
-            };
-            let first = group.link(2);
-            found.push((layout, Data { first, is_open }));
-        }
+        let layout = Layout {
+            id_bytes,
+            formats,
+            start_ns,
+        };
+        let first = group.link(2);
+        found.push((layout, Data { first, is_open }));
     }
     Ok(found)
 }
@@ -176,41 +172,21 @@ fn read_format<R: Read + Seek>(
     let mut kind = None;
     let mut time = None;
     let mut fields = Vec::new();
-    let mut waiting: Vec<u64> = first.into_iter().collect();
     let mut is_variable = false;
-    while let Some(at) = waiting.pop() {
-        let channel = blocks.once(at)?;
-        waiting.extend(channel.link(0));
-        // Of a structure, its parts; lists of other blocks (arrays) are not frames.
-        if let Some(parts) = channel.link(1)
-            && blocks.block(parts)?.id == *b"##CN"
-        {
-            waiting.push(parts);
-        }
-        let data = blocks.data(&channel, 20)?;
-        let field = Field {
-            byte: u32_at(&data, 4) as usize,
-            bit: u32::from(data[3]),
-            bits: u32_at(&data, 8),
-            data_type: data[2],
-            linear: read_linear(blocks, channel.link(4))?,
-        };
-        const MASTER: u8 = 2;
-        const TIME: u8 = 1;
-        const VARIABLE_LENGTH: u8 = 1;
-        if data[0] == MASTER && data[1] == TIME {
-            time = Some(field);
+    let channels = channels(blocks, first)?;
+    for channel in &channels {
+        if channel.is_time() {
+            time = Some(channel.field);
             continue;
         }
-        let name = blocks.text(channel.link(2))?;
         for (prefix, of) in KINDS {
-            let Some(last) = name.strip_prefix(prefix) else {
+            let Some(last) = channel.name.strip_prefix(prefix) else {
                 continue;
             };
             kind = Some(of);
             if let Some((_, name)) = NAMES.iter().find(|(known, _)| *known == last) {
-                is_variable |= *name == Name::DataBytes && data[0] == VARIABLE_LENGTH;
-                fields.push((*name, field));
+                is_variable |= *name == Name::DataBytes && channel.is_variable();
+                fields.push((*name, channel.field));
             }
         }
     }
@@ -230,56 +206,21 @@ fn read_format<R: Read + Seek>(
         }
         (None, _) => None,
     };
-    Ok(Format { id, length, frame })
-}
-
-fn read_linear<R: Read + Seek>(blocks: &mut Blocks<R>, at: Option<u64>) -> Result<(f64, f64), Damage> {
-    const LINEAR: u8 = 1;
-    let Some(at) = at else { return Ok((0.0, 1.0)) };
-    let block = blocks.block(at)?;
-    let data = blocks.data(&block, 40)?;
-    Ok(if data[0] == LINEAR {
-        (f64::from_bits(u64_at(&data, 24)), f64::from_bits(u64_at(&data, 32)))
-    } else {
-        (0.0, 1.0)
+    Ok(Format {
+        id,
+        length,
+        frame,
+        channels,
+        values: u32_at(&data, 24) as usize,
     })
 }
 
-impl Field {
-    fn fits(&self, length: usize) -> bool {
-        let bits = u64::from(self.bit) + u64::from(self.bits);
-        self.bit < 8 && self.bits > 0 && self.byte as u64 + bits.div_ceil(8) <= length as u64
-    }
-
-    /// Unsigned bits, at most 64.
-    fn raw(&self, record: &[u8]) -> u64 {
-        let bytes = (self.bit + self.bits).div_ceil(8).min(16) as usize;
-        let bytes = &record[self.byte..self.byte + bytes];
-        let is_big_endian = self.data_type & 1 == 1;
-        let value = if is_big_endian {
-            bytes.iter().fold(0_u128, |value, &byte| value << 8 | u128::from(byte))
-        } else {
-            bytes
-                .iter()
-                .rev()
-                .fold(0_u128, |value, &byte| value << 8 | u128::from(byte))
-        };
-        (value >> self.bit) as u64 & (u64::MAX >> (64 - self.bits.min(64)))
-    }
-
-    fn number(&self, record: &[u8]) -> f64 {
-        let raw = self.raw(record);
-        let value = match (self.data_type, self.bits) {
-            (4 | 5, 64) => f64::from_bits(raw),
-            (4 | 5, 32) => f64::from(f32::from_bits(raw as u32)),
-            (2 | 3, bits) if bits <= 64 => (raw << (64 - bits)).cast_signed() as f64 / f64::powi(2.0, 64 - bits as i32),
-            _ => raw as f64,
-        };
-        self.linear.0 + self.linear.1 * value
-    }
-}
-
 impl Layout {
+    /// Whether some of its records are frames.
+    pub(super) fn has_frames(&self) -> bool {
+        self.formats.iter().any(|format| format.frame.is_some())
+    }
+
     /// The frame of a record; `None` if its format has none. An error is what was found.
     pub(super) fn frame(&self, format: usize, record: &[u8]) -> Result<Option<Stamped>, String> {
         let Some(of) = &self.formats[format].frame else {

@@ -9,7 +9,7 @@ use hmd_core::config::Config;
 use hmd_core::demux::Demux;
 use hmd_core::frame::BusNames;
 use hmd_core::outbox::AssembledSample;
-use hmd_ingest::file::open_with;
+use hmd_ingest::file::open_mapped;
 
 /// Reads the samples of all watched actuators out of logs, in the order of time, into a table of [`raw_heads`].
 ///
@@ -23,10 +23,10 @@ pub fn export_raw<P: AsRef<Path>>(
     mut table: Box<dyn Table>,
 ) -> Result<Exported, ExportError> {
     let mut exported = Exported::default();
-    let mut demux = Demux::new(config).collecting_samples();
+    let mut demux = Demux::new(config.clone()).collecting_samples();
     let mut names = BusNames::new();
     for log in logs {
-        let mut source = open_with(log.as_ref(), names)?;
+        let mut source = open_mapped(log.as_ref(), names, &config)?;
         while let Some(item) = source.next() {
             match item {
                 Ok(frame) => demux.push(&frame, source.bus_names()),

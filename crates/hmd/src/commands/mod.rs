@@ -18,6 +18,8 @@ mod journal;
 mod live;
 #[cfg(feature = "full")]
 pub mod manual;
+#[cfg(feature = "full")]
+pub mod map;
 mod metrics_http;
 mod outputs;
 mod progress;

@@ -18,6 +18,9 @@ pub(super) enum Wanted {
 /// Extensions of logs in a folder; a file that is named is recognised by its content.
 const LOGS: [&str; 5] = ["log", "mcap", "asc", "blf", "mf4"];
 
+/// Extensions of tables, which are logs where a folder has no others: an export may lie beside them.
+const TABLES: [&str; 2] = ["csv", "parquet"];
+
 impl Wanted {
     /// Ends of the names of the segments of `hmd run`: those wanted, and the others.
     fn segments(self) -> [&'static str; 2] {
@@ -62,15 +65,20 @@ fn in_folder(folder: &Path, wanted: Wanted) -> anyhow::Result<Vec<PathBuf>> {
     if files.iter().any(|path| ends_in(path, own) || ends_in(path, other)) {
         files.retain(|path| ends_in(path, own));
     } else {
-        let extensions = if wanted == Wanted::Logs { &LOGS[..] } else { &LOGS[1..2] };
-        files.retain(|path| {
+        let has = |path: &PathBuf, extensions: &[&str]| {
             let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default();
             extensions.iter().any(|of| extension.eq_ignore_ascii_case(of))
-        });
+        };
+        let extensions = match wanted {
+            Wanted::Records => &LOGS[1..2],
+            Wanted::Logs if files.iter().any(|path| has(path, &LOGS)) => &LOGS[..],
+            Wanted::Logs => &TABLES[..],
+        };
+        files.retain(|path| has(path, extensions));
     }
     if files.is_empty() {
         let expected = match wanted {
-            Wanted::Logs => "logs (.log, .mcap, .asc, .blf, .mf4)",
+            Wanted::Logs => "logs (.log, .mcap, .asc, .blf, .mf4, .csv, .parquet)",
             Wanted::Records => "records (.mcap)",
         };
         bail!("{}: expected {expected} in this folder, found none", name());
@@ -96,6 +104,8 @@ mod tests {
             none.ends_with("expected records (.mcap) in this folder, found none"),
             "{none}"
         );
+        fs::write(folder.path().join("z.csv"), "x").unwrap();
+        assert_eq!(of(&path, Wanted::Logs).unwrap(), ["z.csv"]);
         let write = |name: &str| fs::write(folder.path().join(name), "x").unwrap();
         for name in ["b.log", "a.BLF", "c.mcap", "b.log.truth.jsonl", "hmd.toml"] {
             write(name);

@@ -24,7 +24,7 @@ use hmd_core::record::HealthLine;
     \x20 hmd replay monday.mcap tuesday.mcap -c hmd.toml -o week.mcap\n\
     \x20 hmd replay flight.log --json > flight.jsonl")]
 pub struct Args {
-    /// Logs in the order of time, or folders of them: candump text, MCAP, ASC, BLF or MF4.
+    /// Logs in the order of time, or folders of them: candump text, MCAP, ASC, BLF, MF4, CSV or Parquet.
     #[arg(required = true)]
     logs: Vec<PathBuf>,
     /// Configuration; without it every actuator seen is one of the bench.

@@ -10,6 +10,7 @@ mod inputs;
 mod learning;
 mod lines;
 mod live;
+mod measured_log;
 mod outputs;
 mod printed;
 mod refusals;

@@ -1,0 +1,179 @@
+//! What a column may be, by its name and unit.
+
+use ema_models::ActuatorParams;
+
+use super::Quantity;
+use crate::dbc::Role;
+
+/// Names that are a quantity, in lower case without signs between their letters.
+const NAMES: [(Quantity, &[&str]); 15] = [
+    (Quantity::Time, &["t", "time", "timestamp", "timestamps", "zeit"]),
+    (
+        Quantity::Counter,
+        &["seq", "counter", "samplecounter", "samplenumber", "cycle", "alive"],
+    ),
+    (
+        Quantity::Of(Role::Time),
+        &["clock", "timeus", "devicetime", "deviceclock"],
+    ),
+    (
+        Quantity::Of(Role::CurrentA),
+        &[
+            "ia",
+            "iu",
+            "i1",
+            "currenta",
+            "currentu",
+            "iphasea",
+            "phaseacurrent",
+            "currentphasea",
+        ],
+    ),
+    (
+        Quantity::Of(Role::CurrentB),
+        &[
+            "ib",
+            "iv",
+            "i2",
+            "currentb",
+            "currentv",
+            "iphaseb",
+            "phasebcurrent",
+            "currentphaseb",
+        ],
+    ),
+    (
+        Quantity::Of(Role::CurrentC),
+        &[
+            "ic",
+            "iw",
+            "i3",
+            "currentc",
+            "currentw",
+            "iphasec",
+            "phaseccurrent",
+            "currentphasec",
+        ],
+    ),
+    (
+        Quantity::CurrentD,
+        &["id", "idact", "idmeas", "currentd", "idmeasured", "idactual"],
+    ),
+    (
+        Quantity::CurrentQ,
+        &["iq", "iqact", "iqmeas", "currentq", "iqmeasured", "iqactual"],
+    ),
+    (Quantity::MODE, &["mode", "state", "controlmode", "drivestate"]),
+    (
+        Quantity::Of(Role::DcLink),
+        &["udc", "vdc", "vbus", "ubus", "dclink", "dclinkvoltage", "busvoltage"],
+    ),
+    (
+        Quantity::Of(Role::WindingTemp),
+        &[
+            "tw",
+            "windingtemp",
+            "windingtemperature",
+            "motortemp",
+            "motortemperature",
+            "tempmotor",
+        ],
+    ),
+    (
+        Quantity::Of(Role::LoadTorque),
+        &["mload", "tload", "load", "loadtorque", "torqueload"],
+    ),
+    (
+        Quantity::Of(Role::MotorPosition),
+        &[
+            "thetam",
+            "motorangle",
+            "motorposition",
+            "motorpos",
+            "motorcounts",
+            "rotorangle",
+            "resolver",
+        ],
+    ),
+    (
+        Quantity::Of(Role::OutputPosition),
+        &[
+            "thetao",
+            "thetaout",
+            "outputangle",
+            "outputposition",
+            "outputpos",
+            "outputcounts",
+            "encoder",
+        ],
+    ),
+    (
+        Quantity::Of(Role::CommandPosition),
+        &[
+            "phiset",
+            "thetaset",
+            "setpoint",
+            "positionsetpoint",
+            "commandposition",
+            "positioncommand",
+        ],
+    ),
+];
+
+/// Parts of the names of what is commanded.
+const COMMANDED: [&str; 7] = ["set", "cmd", "command", "demand", "target", "ref", "soll"];
+
+/// Parts of the names of angles of the motor and of the output.
+const MOTOR: [&str; 3] = ["motor", "rotor", "resolver"];
+const OUTPUT: [&str; 5] = ["output", "shaft", "joint", "surface", "encoder"];
+
+impl Quantity {
+    /// What a column of this name and unit may be.
+    #[must_use]
+    pub fn guess(name: &str, unit: Option<&str>) -> Option<Self> {
+        let plain: String = name
+            .chars()
+            .filter(|c| c.is_alphanumeric())
+            .flat_map(char::to_lowercase)
+            .collect();
+        let params = ActuatorParams::bench();
+        let fits = |quantity: Self| unit.is_none_or(|unit| quantity.dimension(&params).unit(unit).is_some());
+        let named = NAMES
+            .into_iter()
+            .find(|(quantity, names)| names.contains(&plain.as_str()) && fits(*quantity));
+        if let Some((quantity, _)) = named {
+            return Some(quantity);
+        }
+        // A part of a name says something beside a unit alone.
+        unit?;
+        let has = |parts: &[&str]| parts.iter().any(|part| plain.contains(part));
+        let of = |role: Role| Some(Self::Of(role)).filter(|quantity| fits(*quantity));
+        if has(&COMMANDED) {
+            of(Role::CommandPosition).or_else(|| of(Role::CommandSpeed))
+        } else if has(&MOTOR) {
+            of(Role::MotorPosition).or_else(|| of(Role::WindingTemp))
+        } else if has(&OUTPUT) {
+            of(Role::OutputPosition).or_else(|| of(Role::LoadTorque))
+        } else {
+            of(Role::DcLink).filter(|_| has(&["dc", "bus", "link"]))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn usual_names_are_recognised_and_units_decide() {
+        let guess = |name: &str, unit: &str| Quantity::guess(name, Some(unit).filter(|unit| !unit.is_empty()));
+        assert_eq!(guess("I_A", "A"), Some(Quantity::Of(Role::CurrentA)));
+        assert_eq!(guess("i.u", ""), Some(Quantity::Of(Role::CurrentA)));
+        assert_eq!(guess("I_A", "V"), None);
+        assert_eq!(guess("Motor_Angle", "deg"), Some(Quantity::Of(Role::MotorPosition)));
+        assert_eq!(guess("motor_winding", "degC"), Some(Quantity::Of(Role::WindingTemp)));
+        assert_eq!(guess("SpeedDemand", "rpm"), Some(Quantity::Of(Role::CommandSpeed)));
+        assert_eq!(guess("elapsed", "ms"), None);
+        assert_eq!(guess("Iq_act", "A"), Some(Quantity::CurrentQ));
+    }
+}

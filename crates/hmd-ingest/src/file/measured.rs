@@ -1,0 +1,176 @@
+//! Logs of measured signals among the logs.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::sync::Arc;
+
+use hmd_core::config::Config;
+use hmd_core::frame::{BusNames, RawFrame};
+
+use super::{Counted, IngestError, LogFormat, LogReader};
+use crate::Loss;
+use crate::asc::is_asc;
+use crate::blf;
+use crate::mdf::{self, MdfSignals};
+use crate::signals::{CsvLog, MappedFrames, PARQUET_MAGIC, ParquetLog, SignalLog, Unusable};
+
+/// A format of logs of measured signals.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Format {
+    Csv,
+    Parquet,
+    Mdf,
+}
+
+impl Format {
+    /// Whether a pipe is not enough.
+    pub(super) fn is_sought(self) -> bool {
+        self != Self::Csv
+    }
+}
+
+/// The format of a file that begins so, if its content is measured signals.
+pub(super) fn format(start: &[u8]) -> Option<Format> {
+    if start.starts_with(PARQUET_MAGIC) {
+        return Some(Format::Parquet);
+    }
+    if mdf::MAGICS.iter().any(|magic| start.starts_with(magic)) {
+        return Some(Format::Mdf);
+    }
+    let text = start.strip_prefix(super::BYTE_ORDER_MARK).unwrap_or(start);
+    let is_other =
+        start.contains(&0) || start.starts_with(blf::MAGIC) || mdf::MAGICS.iter().any(|of| start.starts_with(of));
+    (!is_other && is_table(text) && !is_asc(text)).then_some(Format::Csv)
+}
+
+/// Names or values with separators between them, and no stamp of candump.
+fn is_table(start: &[u8]) -> bool {
+    let mut lines = start.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
+    let first = lines.find(|line| !line.is_empty() && line[0] != b'#');
+    first.is_some_and(|line| line[0] != b'(' && line.iter().any(|byte| b",;\t".contains(byte)))
+}
+
+/// The frames of a log of measured signals.
+pub(super) fn open(
+    format: Format,
+    input: BufReader<Counted>,
+    file: &str,
+    names: BusNames,
+    config: Option<&Config>,
+) -> Result<Box<dyn LogReader>, IngestError> {
+    if format == Format::Mdf {
+        let input = input.into_inner().file;
+        let again = input
+            .try_clone()
+            .map_err(|error| unusable(file, Unusable::new("to read on", error)))?;
+        let reader = super::open_mdf_frames(input, file, names.clone())?;
+        if reader.has_frames() {
+            return Ok(Box::new(reader));
+        }
+        let log = MdfSignals::new(again, file).map_err(|cause| unusable(file, cause))?;
+        if log.signals().is_empty() {
+            let (file, format, first) = (file.to_owned(), "MF4", None);
+            return Err(IngestError::NoForeignFrame { file, format, first });
+        }
+        return mapped(Box::new(log), file, names, config, LogFormat::Mdf);
+    }
+    let log = signals_of(format, input, file).map_err(|cause| unusable(file, cause))?;
+    let format = match format {
+        Format::Csv => LogFormat::Csv,
+        Format::Parquet => LogFormat::Parquet,
+        Format::Mdf => LogFormat::Mdf,
+    };
+    mapped(log, file, names, config, format)
+}
+
+fn signals_of(format: Format, input: BufReader<Counted>, file: &str) -> Result<Box<dyn SignalLog>, Unusable> {
+    Ok(match format {
+        Format::Csv => Box::new(CsvLog::new(input, file)?),
+        Format::Parquet => Box::new(ParquetLog::new(input.into_inner().file, file)?),
+        Format::Mdf => Box::new(MdfSignals::new(input.into_inner().file, file)?),
+    })
+}
+
+/// Opens a log of measured signals to look into it.
+///
+/// # Errors
+/// [`IngestError`] when it is none, or cannot be read.
+pub fn open_signals(path: &Path) -> Result<Box<dyn SignalLog>, IngestError> {
+    let file = path.display().to_string();
+    let unreadable = |cause| IngestError::Unreadable {
+        file: file.clone(),
+        cause,
+    };
+    let opened = File::open(path).map_err(unreadable)?;
+    let mut input = BufReader::new(Counted {
+        file: opened,
+        position: Arc::default(),
+    });
+    let found = format(input.fill_buf().map_err(unreadable)?);
+    let log = match found {
+        Some(format) => signals_of(format, input, &file),
+        None => Err(Unusable::new(
+            "measured signals (CSV, Parquet, MF4)",
+            "another format; a bus is mapped by its DBC file",
+        )),
+    };
+    let log = log.and_then(|log| match log.signals() {
+        [] => Err(Unusable::new("measured signals", "none")),
+        _ => Ok(log),
+    });
+    log.map_err(|cause| unusable(&file, cause))
+}
+
+/// The frames of a log by the map of a configuration.
+fn mapped(
+    log: Box<dyn SignalLog>,
+    file: &str,
+    names: BusNames,
+    config: Option<&Config>,
+    format: LogFormat,
+) -> Result<Box<dyn LogReader>, IngestError> {
+    let Some((actuator, map)) = config.and_then(Config::actuator_of_logs) else {
+        return Err(IngestError::NoMap { file: file.to_owned() });
+    };
+    let frames = MappedFrames::new(log, file, actuator, map, names).map_err(|cause| unusable(file, cause))?;
+    Ok(Box::new(Measured { frames, format }))
+}
+
+fn unusable(file: &str, cause: Unusable) -> IngestError {
+    let (file, cause) = (file.to_owned(), cause.to_string());
+    IngestError::Unusable { file, cause }
+}
+
+/// A mapped log and its format.
+#[derive(Debug)]
+struct Measured {
+    frames: MappedFrames,
+    format: LogFormat,
+}
+
+impl LogReader for Measured {
+    fn next_frame(&mut self) -> Option<Result<RawFrame, Loss>> {
+        self.frames.next().map(|item| item.map_err(Loss::from))
+    }
+
+    fn format(&self) -> LogFormat {
+        self.format
+    }
+
+    fn bus_names(&self) -> &BusNames {
+        self.frames.bus_names()
+    }
+
+    fn into_bus_names(self: Box<Self>) -> BusNames {
+        self.frames.into_bus_names()
+    }
+
+    fn position(&self) -> Option<u64> {
+        self.frames.position()
+    }
+
+    fn no_frame(&self, file: String, first: Option<Box<Loss>>) -> IngestError {
+        IngestError::NoRow { file, first }
+    }
+}

@@ -1,0 +1,332 @@
+//! Channels of measured signals, each with the time of its group.
+//!
+//! The group of the first signal that is chosen gives the rows. What other groups hold is taken at the time of the row, to the
+//! microsecond; between its values a command or a condition keeps the last one, and any other signal has none. Numbers of fixed length
+//! are read, with a linear conversion or names beside them.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::rc::Rc;
+use std::sync::Arc;
+
+use super::block::Blocks;
+use super::layout::{self, Layout};
+use super::records::Records;
+use crate::damage::{Damage, Place};
+use crate::signals::{Between, SignalInfo, SignalLog, TextValue, Unusable};
+
+/// Most groups that are read beside each other: each holds a block.
+const GROUPS_MAX: usize = 32;
+
+/// Most that two times are apart that are the same, s: floats of seconds since 1970 have steps of 0.24 µs.
+const SAME_TIME_S: f64 = 0.5e-6;
+
+/// Reads the signals of a file.
+#[derive(Debug)]
+pub struct MdfSignals<R> {
+    input: Shared<R>,
+    file: Arc<str>,
+    groups: Vec<(Arc<Layout>, layout::Data)>,
+    signals: Vec<SignalInfo>,
+    /// Of each signal: data group, channel group, channel.
+    places: Vec<[usize; 3]>,
+    /// Groups that are read; the first gives the rows.
+    read: Vec<Group<R>>,
+    selected: Vec<Selected>,
+    row: u64,
+    ended: bool,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Selected {
+    /// Index of its group among those that are read.
+    group: usize,
+    /// Its value among those of the group; `None`: the time of the row.
+    value: Option<usize>,
+    between: Between,
+}
+
+/// One channel group that is read.
+#[derive(Debug)]
+struct Group<R> {
+    blocks: Blocks<Shared<R>>,
+    records: Records,
+    layout: Arc<Layout>,
+    format: usize,
+    time: usize,
+    channels: Vec<usize>,
+    now: Option<Values>,
+    next: Option<Values>,
+    ended: bool,
+}
+
+/// Values of one record.
+#[derive(Debug)]
+struct Values {
+    time_s: f64,
+    values: Vec<f64>,
+}
+
+/// One input with several readers.
+#[derive(Debug)]
+struct Shared<R>(Rc<RefCell<R>>);
+
+impl<R: Read> Read for Shared<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.0.borrow_mut().read(buffer)
+    }
+}
+
+impl<R: Seek> Seek for Shared<R> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.0.borrow_mut().seek(to)
+    }
+}
+
+impl<R> Clone for Shared<R> {
+    fn clone(&self) -> Self {
+        Self(self.0.clone())
+    }
+}
+
+impl<R: Read + Seek> MdfSignals<R> {
+    /// A reader of `input`; `file` names it in errors.
+    ///
+    /// # Errors
+    /// The head or the structure of the file cannot be read.
+    pub fn new(input: R, file: &str) -> Result<Self, Unusable> {
+        let input = Shared(Rc::new(RefCell::new(input)));
+        let file: Arc<str> = file.into();
+        let unusable = |damage: Damage| Unusable::new(damage.expected, damage.found);
+        let mut blocks = Blocks::new(input.clone(), file.clone()).map_err(unusable)?;
+        let groups = layout::read(&mut blocks, &mut Vec::new()).map_err(unusable)?;
+        let (mut signals, mut places) = (Vec::new(), Vec::new());
+        for (g, (layout, _)) in groups.iter().enumerate() {
+            for (f, format) in layout.formats.iter().enumerate() {
+                let Some(length) = format.length else { continue };
+                let is_read = |field: &super::channel::Field| field.fits(length);
+                if !format
+                    .channels
+                    .iter()
+                    .any(|of| of.is_time() && of.is_number() && is_read(&of.field))
+                {
+                    continue;
+                }
+                for (c, channel) in format.channels.iter().enumerate() {
+                    if !channel.is_number() || !channel.is_linear || !is_read(&channel.field) {
+                        continue;
+                    }
+                    let unit = blocks.text(channel.unit).unwrap_or_default();
+                    let unit = if channel.is_time() { "s".to_owned() } else { unit };
+                    signals.push(SignalInfo {
+                        name: channel.name.clone(),
+                        unit: (!unit.is_empty()).then_some(unit),
+                        start_us: channel.is_time().then_some(layout.start_ns as f64 / 1e3),
+                    });
+                    places.push([g, f, c]);
+                }
+            }
+        }
+        Ok(Self {
+            input,
+            file,
+            groups: groups
+                .into_iter()
+                .map(|(layout, data)| (Arc::new(layout), data))
+                .collect(),
+            signals,
+            places,
+            read: Vec::new(),
+            selected: Vec::new(),
+            row: 0,
+            ended: false,
+        })
+    }
+
+    fn group(&self, [g, f, _]: [usize; 3]) -> Result<Group<R>, Unusable> {
+        let (layout, data) = &self.groups[g];
+        let blocks = Blocks::new(self.input.clone(), self.file.clone());
+        let time = layout.formats[f]
+            .channels
+            .iter()
+            .position(super::channel::Channel::is_time);
+        Ok(Group {
+            blocks: blocks.map_err(|damage| Unusable::new(damage.expected, damage.found))?,
+            records: Records::new(*data, layout),
+            layout: layout.clone(),
+            format: f,
+            time: time.unwrap_or(0),
+            channels: Vec::new(),
+            now: None,
+            next: None,
+            ended: false,
+        })
+    }
+}
+
+impl<R: Read + Seek + std::fmt::Debug> SignalLog for MdfSignals<R> {
+    fn signals(&self) -> &[SignalInfo] {
+        &self.signals
+    }
+
+    fn groups(&self) -> Vec<Vec<usize>> {
+        let mut groups: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+        for (n, [g, f, _]) in self.places.iter().enumerate() {
+            groups.entry((*g, *f)).or_default().push(n);
+        }
+        groups.into_values().collect()
+    }
+
+    fn select(&mut self, signals: &[(usize, Between)]) -> Result<(), Unusable> {
+        let is_time = |n: usize| self.signals[n].start_us.is_some();
+        let base = signals.iter().map(|&(n, _)| n).find(|&n| !is_time(n));
+        let mut read: Vec<Group<R>> = Vec::new();
+        let mut known = BTreeMap::new();
+        let mut selected = Vec::with_capacity(signals.len());
+        for &(n, between) in base
+            .iter()
+            .map(|&n| (n, Between::Unknown))
+            .collect::<Vec<_>>()
+            .iter()
+            .chain(signals)
+        {
+            let place @ [g, f, c] = self.places[n];
+            if is_time(n) {
+                selected.push(Selected {
+                    group: 0,
+                    value: None,
+                    between,
+                });
+                continue;
+            }
+            let group = match known.get(&(g, f)) {
+                Some(&group) => group,
+                None if read.len() == GROUPS_MAX => {
+                    return Err(Unusable::new("at most 32 groups of channels", "more"));
+                }
+                None => {
+                    known.insert((g, f), read.len());
+                    read.push(self.group(place)?);
+                    read.len() - 1
+                }
+            };
+            read[group].channels.push(c);
+            let value = Some(read[group].channels.len() - 1);
+            selected.push(Selected { group, value, between });
+        }
+        if base.is_some() {
+            selected.remove(0);
+        }
+        (self.read, self.selected) = (read, selected);
+        (self.row, self.ended) = (0, false);
+        Ok(())
+    }
+
+    fn next_row(&mut self, row: &mut [f64], _: TextValue<'_>) -> Option<Result<(), Damage>> {
+        if self.ended {
+            return None;
+        }
+        let (base, others) = self.read.split_first_mut()?;
+        let now = match base.read() {
+            Ok(Some(now)) => now,
+            Ok(None) => {
+                self.ended = true;
+                return None;
+            }
+            Err(damage) => {
+                self.ended = true;
+                return Some(Err(damage));
+            }
+        };
+        self.row += 1;
+        let mut damaged = None;
+        for group in others {
+            if let Err(damage) = group.read_to(now.time_s) {
+                damaged.get_or_insert(damage);
+            }
+        }
+        for (value, selected) in row.iter_mut().zip(&self.selected) {
+            *value = match (selected.group, selected.value) {
+                (_, None) => now.time_s,
+                (0, Some(n)) => now.values[n],
+                (group, Some(n)) => self.read[group].value(n, selected.between, now.time_s),
+            };
+        }
+        Some(damaged.map_or(Ok(()), Err))
+    }
+
+    fn place(&self) -> Place {
+        Place::Row(self.row)
+    }
+
+    fn position(&self) -> Option<u64> {
+        self.read.first().map(|group| group.blocks.bytes_read())
+    }
+}
+
+impl<R: Read + Seek> Group<R> {
+    /// Its next record; none after one that cannot be read.
+    fn read(&mut self) -> Result<Option<Values>, Damage> {
+        while !self.ended {
+            let record = match self.records.next(&mut self.blocks) {
+                Ok(Some(record)) => record,
+                Ok(None) => {
+                    self.ended = true;
+                    break;
+                }
+                Err(damage) => {
+                    self.ended = true;
+                    return Err(damage);
+                }
+            };
+            if record.format != self.format {
+                continue;
+            }
+            let format = &self.layout.formats[self.format];
+            let number = |n: usize| {
+                let channel = &format.channels[n];
+                let is_invalid = channel.invalid_bit.is_some_and(|bit| {
+                    let byte = record.bytes.get(format.values + (bit / 8) as usize);
+                    byte.is_some_and(|byte| byte >> (bit % 8) & 1 == 1)
+                });
+                if is_invalid || channel.all_invalid {
+                    f64::NAN
+                } else {
+                    channel.field.number(record.bytes)
+                }
+            };
+            return Ok(Some(Values {
+                time_s: number(self.time),
+                values: self.channels.iter().map(|&n| number(n)).collect(),
+            }));
+        }
+        Ok(None)
+    }
+
+    /// Reads on to the last record that is not later.
+    fn read_to(&mut self, time_s: f64) -> Result<(), Damage> {
+        loop {
+            if self.next.is_none() {
+                self.next = self.read()?;
+            }
+            match self.next.take() {
+                Some(next) if next.time_s <= time_s + SAME_TIME_S => self.now = Some(next),
+                other => {
+                    self.next = other;
+                    return Ok(());
+                }
+            }
+        }
+    }
+
+    fn value(&self, n: usize, between: Between, time_s: f64) -> f64 {
+        let Some(now) = &self.now else { return f64::NAN };
+        let is_same = (now.time_s - time_s).abs() <= SAME_TIME_S;
+        if is_same || between == Between::Held {
+            now.values[n]
+        } else {
+            f64::NAN
+        }
+    }
+}

@@ -1,0 +1,16 @@
+//! Logs of measured signals: values over time instead of frames.
+//!
+//! [`SignalLog`] is one log, whatever its format; [`MappedFrames`] makes the frames of the built-in dictionary of its rows, by the map of
+//! an actuator (`[map]`). Each row becomes a CAN FD frame with one sample, behind a status frame where the conditions changed, on the
+//! actuator's interface, so that everything behind a reader is the same for every log. How rows become samples:
+//! [`hmd_core::log_map::RowDecoder`].
+
+mod csv;
+mod frames;
+mod log;
+mod parquet;
+
+pub use self::parquet::{MAGIC as PARQUET_MAGIC, ParquetLog};
+pub use csv::CsvLog;
+pub use frames::MappedFrames;
+pub use log::{Between, SignalInfo, SignalLog, TextValue, Unusable};

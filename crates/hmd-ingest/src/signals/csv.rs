@@ -1,0 +1,301 @@
+//! Tables as text: names in the first line, a row of values in each line after it.
+//!
+//! Separated by comma, semicolon or tab, whichever the first line has most of; beside the latter two, numbers may have a decimal comma.
+//! Lines that begin with `#` before the names are passed over. A unit stands behind its name as `name [unit]`, or in a line of its own under
+//! the names. A date and time (`2026-11-20T14:00:00.0005Z`, or without a zone, taken as UTC) counts as microseconds since 1970. Lines are at most
+//! 64 KiB long, and no quoted value goes over several.
+
+use std::fmt::Debug;
+use std::io::BufRead;
+use std::sync::Arc;
+
+use csv_core::{ReadRecordResult, Reader, ReaderBuilder};
+use hmd_storage::quoted;
+use jiff::Timestamp;
+use jiff::civil::DateTime;
+use jiff::tz::TimeZone;
+
+use super::log::{Between, SignalInfo, SignalLog, TextValue, Unusable, name_and_unit};
+use crate::damage::{Damage, Place};
+use crate::lines::{Line, Lines};
+
+/// Longest line, bytes.
+const MAX_LINE: usize = 1 << 16;
+
+/// What some programs put before UTF-8 text.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// Lines of remarks before the names.
+const REMARKS_MAX: usize = 1000;
+
+/// Reads a table from a text, line by line, in bounded memory.
+#[derive(Debug)]
+pub struct CsvLog<R> {
+    lines: Lines<R>,
+    file: Arc<str>,
+    splitter: Splitter,
+    signals: Vec<SignalInfo>,
+    selected: Vec<usize>,
+    /// The first line of values, where it is no line of units.
+    first: Option<Vec<u8>>,
+    /// Why that line cannot be read.
+    pending: Option<Damage>,
+    ended: bool,
+}
+
+/// Cuts lines into cells.
+#[derive(Debug)]
+struct Splitter {
+    separator: u8,
+    reader: Reader,
+    text: Vec<u8>,
+    ends: Vec<usize>,
+}
+
+impl<R: BufRead + Debug> CsvLog<R> {
+    /// A reader of `input`; `file` names it in errors.
+    ///
+    /// # Errors
+    /// There is no line of names.
+    pub fn new(input: R, file: &str) -> Result<Self, Unusable> {
+        let mut lines = Lines::new(input, MAX_LINE);
+        let unreadable = |found: String| Unusable::new("names of columns in the first line", found);
+        for _ in 0..REMARKS_MAX {
+            match lines.read().map_err(|error| unreadable(error.to_string()))? {
+                Line::None => return Err(unreadable("the end of the file".to_owned())),
+                Line::TooLong(bytes) => return Err(unreadable(format!("a line of {bytes} bytes"))),
+                Line::Whole | Line::Unfinished => {}
+            }
+            let line = lines.text().trim_ascii();
+            if !line.is_empty() && line[0] != b'#' {
+                break;
+            }
+        }
+        let names = lines.text();
+        let names = trim_line_end(names.strip_prefix(BYTE_ORDER_MARK).unwrap_or(names)).to_vec();
+        let mut splitter = Splitter::of(&names);
+        let signals: Vec<SignalInfo> = splitter.cells(&names).map(name_and_unit).collect();
+        if signals.iter().all(|signal| number(&signal.name, b';').is_some()) {
+            return Err(unreadable(format!("numbers alone: \"{}\"", quoted(&names))));
+        }
+        let mut log = Self {
+            lines,
+            file: file.into(),
+            splitter,
+            signals,
+            selected: Vec::new(),
+            first: None,
+            pending: None,
+            ended: false,
+        };
+        log.read_units();
+        Ok(log)
+    }
+
+    /// Takes the line after the names: units where none of its cells is a value, else the first values.
+    fn read_units(&mut self) {
+        let separator = self.splitter.separator;
+        let is_value = |cell: &&str| number(cell, separator).is_some() || date_us(cell).is_some();
+        for _ in 0..2 {
+            match self.read_line() {
+                Ok(true) => {}
+                Ok(false) => return,
+                Err(damage) => {
+                    self.pending = Some(damage);
+                    return;
+                }
+            }
+            let line = trim_line_end(self.lines.text()).to_vec();
+            let cells: Vec<&str> = self.splitter.cells(&line).collect();
+            if cells.iter().any(is_value) || cells.iter().all(|cell| cell.is_empty()) {
+                for (signal, cell) in self.signals.iter_mut().zip(cells) {
+                    if number(cell, separator).is_none() && date_us(cell).is_some() {
+                        signal.unit = Some("us".to_owned());
+                    }
+                }
+                self.first = Some(line);
+                return;
+            }
+            for (signal, cell) in self.signals.iter_mut().zip(cells).filter(|(_, cell)| !cell.is_empty()) {
+                signal.unit = Some(unit_alone(cell).to_owned());
+            }
+        }
+    }
+
+    fn damage(&self, expected: &'static str, found: String) -> Damage {
+        Damage {
+            file: self.file.clone(),
+            place: self.place(),
+            expected,
+            found,
+        }
+    }
+
+    /// Reads the next line that is not empty; false at the end.
+    fn read_line(&mut self) -> Result<bool, Damage> {
+        loop {
+            match self.lines.read() {
+                Ok(Line::None) => return Ok(false),
+                Ok(Line::TooLong(bytes)) => {
+                    return Err(self.damage("at most 65536 bytes in a line", bytes.to_string()));
+                }
+                Ok(Line::Unfinished) => {
+                    let found = "the end of the file; the last row may be cut and is not used".to_owned();
+                    return Err(self.damage("a line end", found));
+                }
+                Ok(Line::Whole) => {
+                    if !self.lines.text().trim_ascii().is_empty() {
+                        return Ok(true);
+                    }
+                }
+                Err(error) => {
+                    self.ended = true;
+                    return Err(self.damage("to read on", error.to_string()));
+                }
+            }
+        }
+    }
+}
+
+impl<R: BufRead + Debug> SignalLog for CsvLog<R> {
+    fn signals(&self) -> &[SignalInfo] {
+        &self.signals
+    }
+
+    fn select(&mut self, signals: &[(usize, Between)]) -> Result<(), Unusable> {
+        self.selected = signals.iter().map(|&(n, _)| n).collect();
+        Ok(())
+    }
+
+    fn next_row(&mut self, row: &mut [f64], text: TextValue<'_>) -> Option<Result<(), Damage>> {
+        if let Some(damage) = self.pending.take() {
+            return Some(Err(damage));
+        }
+        if self.ended {
+            return None;
+        }
+        let first = self.first.take();
+        if first.is_none() {
+            match self.read_line() {
+                Ok(true) => {}
+                Ok(false) => {
+                    self.ended = true;
+                    return None;
+                }
+                Err(damage) => return Some(Err(damage)),
+            }
+        }
+        let line = first.as_deref().unwrap_or_else(|| trim_line_end(self.lines.text()));
+        let (separator, count) = (self.splitter.separator, self.signals.len());
+        let found = self.splitter.split(line);
+        if found != count {
+            let found = format!("{found} cells, where there are {count} names");
+            return Some(Err(self.damage("a cell for each name", found)));
+        }
+        for (n, (value, &column)) in row.iter_mut().zip(&self.selected).enumerate() {
+            let cell = self.splitter.cell(column);
+            *value = number(cell, separator)
+                .or_else(|| text(n, cell))
+                .or_else(|| date_us(cell))
+                .unwrap_or(f64::NAN);
+        }
+        Some(Ok(()))
+    }
+
+    fn place(&self) -> Place {
+        Place::Line(self.lines.number())
+    }
+}
+
+impl Splitter {
+    /// For a text whose first line is this one.
+    fn of(names: &[u8]) -> Self {
+        let count = |of: u8| names.iter().filter(|&&byte| byte == of).count();
+        let separator = [b'\t', b';', b',']
+            .into_iter()
+            .max_by_key(|&of| count(of))
+            .unwrap_or(b',');
+        Self {
+            separator,
+            reader: ReaderBuilder::new().delimiter(separator).build(),
+            text: Vec::new(),
+            ends: Vec::new(),
+        }
+    }
+
+    /// Cuts a line; how many cells it has. More than a line can have are not cut.
+    fn split(&mut self, line: &[u8]) -> usize {
+        // A cell takes a separator, but the last; no cell is longer than its line.
+        let most = line.len() + 2;
+        if self.text.len() < most {
+            self.text.resize(most, 0);
+            self.ends.resize(most, 0);
+        }
+        self.reader.reset();
+        let (mut read, mut text, mut cells) = (0, 0, 0);
+        loop {
+            let (result, used, written, ended) =
+                self.reader
+                    .read_record(&line[read..], &mut self.text[text..], &mut self.ends[cells..]);
+            read += used;
+            text += written;
+            cells += ended;
+            match result {
+                ReadRecordResult::InputEmpty => {}
+                ReadRecordResult::OutputFull | ReadRecordResult::OutputEndsFull => return 0,
+                ReadRecordResult::Record | ReadRecordResult::End => return cells,
+            }
+        }
+    }
+
+    /// A cell of the line cut last; empty where it is no UTF-8.
+    fn cell(&self, n: usize) -> &str {
+        let start = if n == 0 { 0 } else { self.ends[n - 1] };
+        let bytes = self.text.get(start..self.ends[n]).unwrap_or_default();
+        std::str::from_utf8(bytes).unwrap_or_default().trim()
+    }
+
+    fn cells(&mut self, line: &[u8]) -> impl Iterator<Item = &str> {
+        let count = self.split(line);
+        (0..count).map(|n| self.cell(n))
+    }
+}
+
+fn trim_line_end(line: &[u8]) -> &[u8] {
+    line.strip_suffix(b"\r").unwrap_or(line)
+}
+
+fn unit_alone(cell: &str) -> &str {
+    let inside = cell.strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
+    inside.unwrap_or(cell).trim()
+}
+
+/// A number; a decimal comma where the comma does not separate.
+fn number(cell: &str, separator: u8) -> Option<f64> {
+    match cell.parse::<f64>() {
+        Ok(number) => Some(number),
+        Err(_) if separator != b',' && cell.contains(',') => cell.replacen(',', ".", 1).parse().ok(),
+        Err(_) if cell.is_empty() => None,
+        Err(_) if cell.eq_ignore_ascii_case("true") => Some(1.0),
+        Err(_) if cell.eq_ignore_ascii_case("false") => Some(0.0),
+        Err(_) => None,
+    }
+}
+
+/// A date and time, µs since 1970.
+fn date_us(cell: &str) -> Option<f64> {
+    if !cell.as_bytes().first()?.is_ascii_digit() || cell.len() < 10 || !cell.contains(':') {
+        return None;
+    }
+    let stamp = match cell.parse::<Timestamp>() {
+        Ok(stamp) => stamp,
+        Err(_) => {
+            let civil: DateTime = cell.parse().ok()?;
+            TimeZone::UTC.to_timestamp(civil).ok()?
+        }
+    };
+    Some(stamp.as_nanosecond() as f64 / 1e3)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,72 @@
+use std::io::Cursor;
+
+use super::*;
+
+/// The rows of some columns, a damage as its sentence.
+fn rows(text: &str, columns: &[&str]) -> Result<Vec<Result<Vec<f64>, String>>, String> {
+    let mut log = CsvLog::new(Cursor::new(text.as_bytes().to_vec()), "a.csv").map_err(|error| error.to_string())?;
+    let place = |name: &&str| log.signals().iter().position(|of| of.name == **name);
+    let places: Vec<_> = columns.iter().filter_map(place).map(|n| (n, Between::Held)).collect();
+    log.select(&places).map_err(|error| error.to_string())?;
+    let mut found = Vec::new();
+    let mut row = vec![0.0; columns.len()];
+    while let Some(read) = log.next_row(&mut row, &|_, _| None) {
+        found.push(read.map(|()| row.clone()).map_err(|damage| damage.to_string()));
+    }
+    Ok(found)
+}
+
+fn good(text: &str, columns: &[&str]) -> Vec<Vec<f64>> {
+    rows(text, columns).unwrap().into_iter().map(Result::unwrap).collect()
+}
+
+#[test]
+fn separators_decimal_commas_and_quotes_are_read() {
+    let expected = [vec![1.5, -2.0], vec![2.5, 3e-3]];
+    assert_eq!(good("# made today\na,b\n1.5,-2\n2.5,3e-3\n", &["a", "b"]), expected);
+    assert_eq!(
+        good("\u{feff}\"a\";b\r\n1,5;-2\r\n\"2,5\";3e-3\r\n", &["a", "b"]),
+        expected
+    );
+    assert_eq!(good("b\tx\ta\n-2\t\t1.5\n\n3e-3\tname\t2,5\n", &["a", "b"]), expected);
+}
+
+#[test]
+fn units_stand_behind_names_or_below_them() {
+    let units = |text: &str| {
+        let log = CsvLog::new(Cursor::new(text.as_bytes().to_vec()), "a.csv").unwrap();
+        let unit = |of: &SignalInfo| (of.name.clone(), of.unit.clone().unwrap_or_default());
+        log.signals().iter().map(unit).collect::<Vec<_>>()
+    };
+    let expected = [("t", "s"), ("I (U)", "A"), ("n", "")].map(|(name, unit)| (name.to_owned(), unit.to_owned()));
+    assert_eq!(units("t [s],I (U) [A],n\n1,2,3\n"), expected);
+    assert_eq!(units("t,I (U)[A],n\n[s],,\n1,2,3\n"), expected);
+    let stamped = units("t,n\n2023-11-14T22:13:20.0005Z,1\n");
+    assert_eq!(stamped[0].1, "us");
+    let found = good("t,n\n2023-11-14T22:13:20.0005Z,1\n2023-11-14 22:13:21,1\n", &["t"]);
+    assert_eq!(found, [[1_700_000_000_000_500.0], [1_700_000_001_000_000.0]]);
+}
+
+#[test]
+fn what_cannot_be_read_is_said_with_its_line() {
+    let found = rows("a,b\n1,2\n1\n3,4\n5", &["b"]).unwrap();
+    assert_eq!(found[0], Ok(vec![2.0]));
+    assert_eq!(
+        found[1],
+        Err("a.csv:3: expected a cell for each name, found 1 cells, where there are 2 names".to_owned())
+    );
+    assert_eq!(found[2], Ok(vec![4.0]));
+    assert!(
+        found[3]
+            .as_ref()
+            .unwrap_err()
+            .starts_with("a.csv:5: expected a line end")
+    );
+    assert_eq!(
+        rows("1,2\n3,4\n", &[]).unwrap_err(),
+        "expected names of columns in the first line, found numbers alone: \"1,2\""
+    );
+    let long = format!("a,b\n1,{}\n2,3\n", "0".repeat(70_000));
+    let found = rows(&long, &["a"]);
+    assert!(found.is_ok_and(|rows| rows.last() == Some(&Ok(vec![2.0]))));
+}

@@ -1,0 +1,218 @@
+//! [`MappedFrames`]: rows of a log of measured signals -> frames of the built-in dictionary.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use ema_wire::can::FD_LEN;
+use ema_wire::{ActuatorId, Frame, SampleFd};
+use hmd_core::config::ActuatorConfig;
+use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
+use hmd_core::log_map::{Column, LogMap, Quantity, RowDecoder};
+
+use super::log::{Between, SignalLog, Unusable};
+use crate::damage::{Damage, Place};
+
+/// Rows that are looked at before the first is decoded: their times show the period.
+const FIRST_ROWS: usize = 64;
+
+/// Interface of an actuator that names none.
+const INTERFACE: &str = "log";
+
+/// Names that are offered for one that is not there.
+const OFFERED: usize = 12;
+
+/// Reads the rows of a log as frames of one actuator.
+#[derive(Debug)]
+pub struct MappedFrames {
+    log: Box<dyn SignalLog>,
+    file: Arc<str>,
+    map: Arc<LogMap>,
+    columns: Vec<Column>,
+    decoder: RowDecoder,
+    id: ActuatorId,
+    bus: u16,
+    names: BusNames,
+    /// The first rows.
+    rows: VecDeque<Result<(Place, Vec<f64>), Damage>>,
+    ready: VecDeque<RawFrame>,
+}
+
+impl MappedFrames {
+    /// The frames of `actuator` in `log`, which `file` names in errors; `names` is the table of interfaces to go on with.
+    ///
+    /// # Errors
+    /// The log does not have what is mapped.
+    pub fn new(
+        mut log: Box<dyn SignalLog>,
+        file: &str,
+        actuator: &ActuatorConfig,
+        map: &Arc<LogMap>,
+        mut names: BusNames,
+    ) -> Result<Self, Unusable> {
+        let mut columns = map.columns().to_vec();
+        match own_time(&*log) {
+            // A log that has a time of its own needs no key for it.
+            Some(own) => {
+                columns.retain(|column| column.quantity != Quantity::Time);
+                columns.push(own);
+            }
+            None if !map.has(Quantity::Time) => {
+                return Err(Unusable::new("key time in [map]: the column of the time", "none"));
+            }
+            None => {}
+        }
+        let (mut places, mut units) = (Vec::new(), Vec::new());
+        let mut start_us = 0.0;
+        for column in &columns {
+            let place = log.signals().iter().position(|signal| signal.name == column.signal);
+            let Some(place) = place else {
+                return Err(missing(&*log, column));
+            };
+            let info = &log.signals()[place];
+            let unit = column.conversion(info.unit.as_deref(), &actuator.params);
+            units.push(unit.map_err(|expected| {
+                let unit = info
+                    .unit
+                    .as_deref()
+                    .map_or("none".to_owned(), |unit| format!("{unit:?}"));
+                Unusable::new(expected, format!("{unit} of {:?}", info.name))
+            })?);
+            if column.quantity == Quantity::Time {
+                start_us = info.start_us.unwrap_or(0.0);
+            }
+            let between = if column.quantity.is_held() {
+                Between::Held
+            } else {
+                Between::Unknown
+            };
+            places.push((place, between));
+        }
+        log.select(&places)?;
+        let bus = actuator.bus.as_deref().unwrap_or(INTERFACE);
+        let bus = names
+            .intern(bus)
+            .map_err(|cause| Unusable::new("an interface", format!("{bus}: {cause}")))?;
+        let mut rows = VecDeque::with_capacity(FIRST_ROWS);
+        while rows.len() < FIRST_ROWS {
+            match next_row(&mut *log, &columns, map) {
+                Some(row) => rows.push_back(row),
+                None => break,
+            }
+        }
+        let time = columns.iter().position(|column| column.quantity == Quantity::Time);
+        let times = rows.iter().flatten().filter_map(|(_, row)| row.get(time?).copied());
+        let times: Vec<f64> = times.collect();
+        let decoder = RowDecoder::new(
+            actuator.id,
+            &actuator.params,
+            map.clone(),
+            columns.iter().cloned().zip(units).collect(),
+            start_us,
+            &times,
+        );
+        Ok(Self {
+            log,
+            file: file.into(),
+            map: map.clone(),
+            columns,
+            decoder,
+            id: actuator.id,
+            bus,
+            names,
+            rows,
+            ready: VecDeque::new(),
+        })
+    }
+
+    /// The interfaces seen so far.
+    pub fn bus_names(&self) -> &BusNames {
+        &self.names
+    }
+
+    /// The table of interfaces, to go on with in the next log.
+    pub fn into_bus_names(self) -> BusNames {
+        self.names
+    }
+
+    /// How far it was read, bytes; `None` where the bytes of its input are counted.
+    pub fn position(&self) -> Option<u64> {
+        self.log.position()
+    }
+
+    fn decode(&mut self, place: Place, row: &[f64]) -> Result<(), Damage> {
+        let damage = |expected, found| Damage {
+            file: self.file.clone(),
+            place,
+            expected,
+            found,
+        };
+        let decoded = self.decoder.push(row).map_err(|fault| {
+            let quantity = fault.quantity();
+            let column = self.columns.iter().find(|column| column.quantity == quantity);
+            let name = column.map_or("", |column| column.signal.as_str());
+            damage(
+                fault.expected(),
+                format!("{} in column {name:?} ({})", fault.found(), quantity.key()),
+            )
+        })?;
+        let sample = SampleFd::from_samples(&[decoded.sample]);
+        let sample = sample.map_err(|error| damage("a sample", error.to_string()))?;
+        let status = decoded.status.map(Frame::Status);
+        for frame in status.into_iter().chain([Frame::SampleFd(sample)]) {
+            let mut buffer = [0; FD_LEN];
+            let data = frame.emit(&mut buffer);
+            let flags = FrameFlags::NONE.with(FrameFlags::FD, data.len() > ema_wire::can::CLASSIC_LEN);
+            let id = u32::from(frame.message().id(self.id));
+            let raw = RawFrame::new(decoded.stamp_ns, self.bus, id, flags, data);
+            self.ready
+                .push_back(raw.map_err(|error| damage("a frame", error.to_string()))?);
+        }
+        Ok(())
+    }
+}
+
+impl Iterator for MappedFrames {
+    type Item = Result<RawFrame, Damage>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(frame) = self.ready.pop_front() {
+                return Some(Ok(frame));
+            }
+            let row = self.rows.pop_front();
+            let decoded = match row.or_else(|| next_row(&mut *self.log, &self.columns, &self.map))? {
+                Ok((place, row)) => self.decode(place, &row),
+                Err(damage) => Err(damage),
+            };
+            if let Err(damage) = decoded {
+                return Some(Err(damage));
+            }
+        }
+    }
+}
+
+fn next_row(log: &mut dyn SignalLog, columns: &[Column], map: &LogMap) -> Option<Result<(Place, Vec<f64>), Damage>> {
+    let mut row = vec![f64::NAN; columns.len()];
+    let text = |n: usize, text: &str| {
+        let is_mode = columns.get(n).is_some_and(|column| column.quantity == Quantity::MODE);
+        map.mode_code(text).filter(|_| is_mode)
+    };
+    let read = log.next_row(&mut row, &text)?;
+    Some(read.map(|()| (log.place(), row)))
+}
+
+/// The column of the log's own time.
+fn own_time(log: &dyn SignalLog) -> Option<Column> {
+    let own = log.signals().iter().find(|signal| signal.start_us.is_some());
+    own.map(|signal| Column::plain(Quantity::Time, &signal.name))
+}
+
+fn missing(log: &dyn SignalLog, column: &Column) -> Unusable {
+    let names: Vec<&str> = log.signals().iter().map(|signal| signal.name.as_str()).collect();
+    let more = names.len().saturating_sub(OFFERED);
+    let mut found = names[..names.len() - more].join(", ");
+    if more > 0 {
+        found.push_str(&format!(" and {more} more"));
+    }
+    Unusable::new(format!("signal {:?} ({})", column.signal, column.quantity.key()), found)
+}

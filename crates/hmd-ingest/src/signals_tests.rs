@@ -1,0 +1,198 @@
+//! Logs of measured signals as a whole: what pandas, pyarrow and asammdf write (`fixtures/measured`), and damaged copies of it.
+
+use std::io::Cursor;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use hmd_core::config::Config;
+use hmd_core::frame::BusNames;
+use hmd_core::outbox::WindowJob;
+use hmd_core::pipeline::Pipeline;
+
+use crate::foreign_tests::{Choices, mutate};
+use crate::mdf::MdfSignals;
+use crate::signals::{CsvLog, MappedFrames, ParquetLog, SignalLog};
+
+const FILES: [&str; 6] = [
+    "samples.csv",
+    "samples-european.csv",
+    "samples-snappy.parquet",
+    "samples-zstd.parquet",
+    "samples-signals.mf4",
+    "samples-signals-transposed.mf4",
+];
+
+fn folder() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/measured")
+}
+
+/// The map of the fixtures without the lines that contain one of these, and with more of them.
+fn config(without: &[&str], with: &str) -> Arc<Config> {
+    let text = std::fs::read_to_string(folder().join("map.toml")).expect("a fixture");
+    let lines = text.lines().filter(|line| !without.iter().any(|of| line.contains(of)));
+    let text = lines.collect::<Vec<_>>().join("\n") + "\n" + with;
+    Arc::new(Config::from_toml_str(&text, "map.toml").expect("a fixture"))
+}
+
+fn windows(name: &str, config: &Arc<Config>) -> Vec<WindowJob> {
+    let mut source = crate::open_mapped(&folder().join(name), BusNames::new(), config).expect("a fixture");
+    let mut pipeline = Pipeline::new(config.clone());
+    while let Some(item) = source.next() {
+        pipeline.push(&item.expect(name), source.bus_names());
+    }
+    pipeline.finish();
+    pipeline.take_windows()
+}
+
+#[test]
+fn every_format_gives_the_windows_of_the_frames() {
+    let config = config(&[], "");
+    let frames = windows("samples.log", &config);
+    assert!(frames.len() == 1 && frames[0].window.quality.is_fit());
+    for name in FILES {
+        let found = windows(name, &config);
+        assert_eq!(found.len(), 1, "{name}");
+        assert_eq!(found[0].window, frames[0].window, "{name}");
+        assert_eq!(found[0].conditions, frames[0].conditions, "{name}");
+    }
+}
+
+#[test]
+fn what_is_missing_is_not_invented() {
+    let whole = windows("samples.csv", &config(&[], ""));
+    let few = config(
+        &[
+            "currents.c",
+            "position.output",
+            "counter",
+            "sample.time",
+            "winding_temp",
+        ],
+        "",
+    );
+    let found = windows("samples-signals.mf4", &few);
+    assert_eq!(found[0].conditions.winding_temp_deg_c, None);
+    assert_eq!(found[0].conditions.dc_link_v, whole[0].conditions.dc_link_v);
+    let gaps: Vec<String> = found[0]
+        .actuator
+        .log
+        .as_ref()
+        .unwrap()
+        .gaps()
+        .map(|gap| gap.to_string())
+        .collect();
+    assert_eq!(
+        gaps,
+        [
+            "no currents.c: the sum of the currents is not checked",
+            "no position.output: the gear is taken as rigid, and backlash is not observable",
+        ]
+    );
+    let jitter = found[0].window.quality.to_string();
+    assert_eq!(jitter, "numbered by time, which jitters by 0.0 %");
+    // Numbered by time, and the star point closes the sum.
+    let (few, whole) = (&found[0].window, &whole[0].window);
+    assert_eq!(few.samples.len(), whole.samples.len());
+    for (few, whole) in few.samples.iter().zip(&whole.samples) {
+        assert_eq!(few.motor_counts, whole.motor_counts);
+        assert!((few.currents[2] + whole.currents[0] + whole.currents[1]).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn currents_of_the_rotor_frame_become_phases() {
+    let text = std::fs::read_to_string(folder().join("samples.csv")).unwrap();
+    let config_dq = config(
+        &["currents."],
+        "currents.d = { signal = \"I_d\", unit = \"A\" }\ncurrents.q = { signal = \"I_q\", unit = \"A\" }",
+    );
+    let motor = Config::default().actuators()[0].params;
+    let rad = core::f64::consts::TAU * motor.motor.pole_pairs / motor.sensors.motor_counts_per_rev;
+    let mut dq = String::new();
+    for (n, line) in text.lines().enumerate() {
+        let cells: Vec<&str> = line.split(',').collect();
+        if n == 0 {
+            dq.push_str(&format!("{line},I_d,I_q\n"));
+            continue;
+        }
+        let number = |n: usize| cells[n].parse::<f64>().unwrap();
+        let (sin, cos) = (number(6) * rad).sin_cos();
+        let (a, b, c) = (number(3), number(4), number(5));
+        let (alpha, beta) = ((2.0 * a - b - c) / 3.0, (b - c) / 3f64.sqrt());
+        dq.push_str(&format!(
+            "{line},{},{}\n",
+            cos * alpha + sin * beta,
+            cos * beta - sin * alpha
+        ));
+    }
+    let file = tempfile::Builder::new().suffix(".csv").tempfile().unwrap();
+    std::fs::write(file.path(), dq).unwrap();
+    let found = windows(file.path().to_str().unwrap(), &config_dq);
+    let phases = windows("samples.csv", &config(&[], ""));
+    for (found, phases) in found[0].window.samples.iter().zip(&phases[0].window.samples) {
+        let common = phases.currents.iter().sum::<f64>() / 3.0;
+        for phase in 0..3 {
+            // A step of 1 mA, and the sum that d and q do not have.
+            assert!((found.currents[phase] - phases.currents[phase] + common).abs() < 0.6e-3);
+        }
+    }
+}
+
+/// Reads all of it; how many items there were.
+fn items(name: &str, bytes: &[u8], config: &Config) -> usize {
+    let log: Box<dyn SignalLog> = if name.ends_with("csv") {
+        match CsvLog::new(Cursor::new(bytes.to_vec()), name) {
+            Ok(log) => Box::new(log),
+            Err(_) => return 1,
+        }
+    } else if name.ends_with("parquet") {
+        match ParquetLog::new(bytes::Bytes::copy_from_slice(bytes), name) {
+            Ok(log) => Box::new(log),
+            Err(_) => return 1,
+        }
+    } else {
+        match MdfSignals::new(Cursor::new(bytes.to_vec()), name) {
+            Ok(log) => Box::new(log),
+            Err(_) => return 1,
+        }
+    };
+    let (actuator, map) = config.actuator_of_logs().expect("a fixture");
+    let frames = MappedFrames::new(log, name, actuator, map, BusNames::new());
+    frames.map_or(1, Iterator::count)
+}
+
+/// Reads mutations of every file; a panic fails.
+fn read_mutations(of_each_format: usize) {
+    let config = config(&[], "");
+    for (format, names) in [("csv", &FILES[..1]), ("parquet", &FILES[2..4]), ("mf4", &FILES[4..])] {
+        let start = Instant::now();
+        let mut slowest_s = 0.0_f64;
+        for n in 0..of_each_format {
+            let name = names[n % names.len()];
+            let mut bytes = std::fs::read(folder().join(name)).expect(name);
+            let mut choices = Choices(n as u64);
+            mutate(&mut bytes, &mut choices);
+            let one = Instant::now();
+            let items = items(name, &bytes, &config);
+            assert!(items <= 400 * bytes.len() + 4000, "{name}, mutation {n}: {items} items");
+            slowest_s = slowest_s.max(one.elapsed().as_secs_f64());
+        }
+        let all_s = start.elapsed().as_secs_f64();
+        println!(
+            "{format}: {of_each_format} mutations, 0 panics, {all_s:.1} s, slowest {:.1} ms",
+            1e3 * slowest_s
+        );
+    }
+}
+
+#[test]
+fn damaged_files_are_refused_or_read() {
+    read_mutations(200);
+}
+
+#[test]
+#[ignore = "ten thousand of each format; cargo test -p hmd-ingest --features signals --lib -- --ignored --nocapture mutations"]
+fn ten_thousand_mutations_of_each_format() {
+    read_mutations(10_000);
+}

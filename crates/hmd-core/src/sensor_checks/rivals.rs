@@ -273,7 +273,7 @@ pub fn judge(job: &WindowJob, estimate: &Estimate, suspect: Suspect, rival: &Est
     let accuses = |estimate: &Estimate| accused(estimate, level).contains(&FaultId::Friction);
     let is_untold = || {
         suspect == Suspect::LoadSensor
-            && moves_one_way(&job.window.samples)
+            && moves_one_way(job)
             && accuses(estimate)
             && !rival.is_unmodelled()
             && !(accuses(rival) && rival.observable[FaultId::Friction.parameter()])
@@ -286,13 +286,24 @@ pub fn judge(job: &WindowJob, estimate: &Estimate, suspect: Suspect, rival: &Est
     }
 }
 
-/// Share of the way that a motion in one direction goes back: an overshoot.
-const BACK: f64 = 0.1;
+/// Speed from which on friction has the sign of a direction, rad/s, and time for which it must last, s.
+const MOVES: f64 = 3.0;
+const LASTS_S: f64 = 0.01;
 
-fn moves_one_way(samples: &[SensedSample]) -> bool {
-    let steps = samples
-        .windows(2)
-        .map(|pair| pair[1].motor_counts.saturating_sub(pair[0].motor_counts) as f64);
-    let (net, way) = steps.fold((0.0_f64, 0.0), |(net, way), step| (net + step, way + step.abs()));
-    way - net.abs() < 2.0 * BACK * way
+/// Whether the motor turns for a while in one direction only.
+fn moves_one_way(job: &WindowJob) -> bool {
+    let sensors = &job.params.sensors;
+    let speed = |pair: &[SensedSample]| {
+        pair[1].motor_counts.saturating_sub(pair[0].motor_counts) as f64 * sensors.motor_lsb() * sensors.sample_rate
+    };
+    let needed = (LASTS_S * sensors.sample_rate).ceil();
+    let (mut runs, mut longest) = ([0.0_f64; 2], [0.0_f64; 2]);
+    for pair in job.window.samples.windows(2) {
+        let speed = speed(pair);
+        for (place, speed) in [speed, -speed].into_iter().enumerate() {
+            runs[place] = if speed > MOVES { runs[place] + 1.0 } else { 0.0 };
+            longest[place] = longest[place].max(runs[place]);
+        }
+    }
+    longest.iter().any(|&longest| longest < needed)
 }

@@ -171,7 +171,7 @@ mod tests {
         ];
         let text = configuration("a.csv", &signals).unwrap();
         assert!(
-            text.contains("#   motor_angle      400 Hz  0.1 to 359.9 deg\n"),
+            text.contains("#   motor_angle        400 Hz  0.1 to 359.9 deg\n"),
             "{text}"
         );
         assert!(

@@ -166,7 +166,7 @@ fn a_file_that_is_no_log_is_refused_in_one_sentence() {
         ),
         (
             "folder",
-            "expected logs (.log, .mcap, .asc, .blf, .mf4) in this folder, found none",
+            "expected logs (.log, .mcap, .asc, .blf, .mf4, .csv, .parquet) in this folder, found none",
         ),
         (
             "empty.log",

@@ -44,11 +44,12 @@ pub(super) fn format(start: &[u8]) -> Option<Format> {
     (!is_other && is_table(text) && !is_asc(text)).then_some(Format::Csv)
 }
 
-/// Names or values with separators between them, and no stamp of candump.
+/// Three names or values or more with one separator between them, as time and two signals are, and no stamp of candump.
 fn is_table(start: &[u8]) -> bool {
     let mut lines = start.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
     let first = lines.find(|line| !line.is_empty() && line[0] != b'#');
-    first.is_some_and(|line| line[0] != b'(' && line.iter().any(|byte| b",;\t".contains(byte)))
+    let separates = |line: &[u8], separator: u8| line.iter().filter(|&&byte| byte == separator).count() >= 2;
+    first.is_some_and(|line| line[0] != b'(' && b",;\t".iter().any(|&separator| separates(line, separator)))
 }
 
 /// The frames of a log of measured signals.

@@ -43,7 +43,10 @@ fn a_wrong_load_is_no_friction() {
         reason.starts_with("load sensor: reads 0.0 N m") && reason.contains("or friction 0."),
         "{reason}"
     );
-    assert!(reason.ends_with("motion in one direction does not tell"), "{reason}");
+    assert!(
+        reason.ends_with("motion in one direction does not tell them apart"),
+        "{reason}"
+    );
     let [status, faults, reason] = ramp(-6.0, -6.0);
     assert_eq!((status.as_str(), faults.as_str()), ("ok", ""), "{reason}");
 }

@@ -21,7 +21,7 @@ extern crate std;
 
 pub mod calibration;
 #[cfg(feature = "std")]
-mod counter_wrap;
+mod counter_alignment;
 #[cfg(feature = "std")]
 pub mod effort;
 mod estimate;

@@ -5,7 +5,7 @@ use std::vec::Vec;
 
 use ema_models::{ActuatorParams, ComparedSample, InitialState, Recording, SensedSample, prepare_window};
 
-use crate::counter_wrap::align_counters;
+use crate::counter_alignment::align_counters;
 
 /// A window made ready for comparison, owning its samples.
 #[derive(Clone, Debug)]

@@ -3,12 +3,15 @@
 //! The format is recognised by the first bytes, not by the name. A source is opened up to its first frame, so that a file
 //! that has none is refused at once.
 
+mod error;
+
 #[cfg_attr(not(feature = "signals"), path = "file/not_measured.rs")]
 mod measured;
 
 #[cfg(feature = "signals")]
 mod survey;
 
+pub use error::IngestError;
 #[cfg(feature = "signals")]
 pub use {
     measured::open_signals,
@@ -32,7 +35,6 @@ use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use thiserror::Error;
 
 /// Losses before the first frame after which a text is not taken for a log; also the most that are held in memory.
 pub const LEAD_LIMIT: usize = 1000;
@@ -46,137 +48,6 @@ const COMPRESSED: [(&[u8], &str); 3] = [
 
 /// What some editors put before UTF-8 text.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
-
-/// Why a file cannot be used at all.
-#[derive(Debug, Error)]
-pub enum IngestError {
-    /// The file cannot be opened or read.
-    #[error("{file}: expected a readable file, found: {cause}")]
-    Unreadable {
-        /// The path.
-        file: String,
-        /// What the system says.
-        cause: io::Error,
-    },
-    /// The path is a directory.
-    #[error("{file}: expected a file, found a directory")]
-    Directory {
-        /// The path.
-        file: String,
-    },
-    /// The file has no bytes.
-    #[error("{file}: expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found an empty file")]
-    Empty {
-        /// The path.
-        file: String,
-    },
-    /// An MCAP or MF4 file comes through a pipe.
-    #[error("{file}: expected a file that can be sought, found an MCAP or MF4 stream in a pipe")]
-    NotSeekable {
-        /// The path.
-        file: String,
-    },
-    /// A text (or anything else) without one line that is a frame.
-    #[error("{file}: expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found no valid line in {lines}{}", first.as_ref().map(|loss| format!("; the first: {loss}")).unwrap_or_default())]
-    NoGoodLine {
-        /// The path.
-        file: String,
-        /// Lines looked at.
-        lines: u64,
-        /// The first bad line.
-        first: Option<Box<Loss>>,
-    },
-    /// Neither text nor MCAP.
-    #[error(
-        "{file}: expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found binary data starting with \"{found}\""
-    )]
-    Binary {
-        /// The path.
-        file: String,
-        /// The first bytes, escaped.
-        found: String,
-    },
-    /// A compressed file.
-    #[error(
-        "{file}: expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found {format} data; decompress it first"
-    )]
-    Compressed {
-        /// The path.
-        file: String,
-        /// Name of the compression.
-        format: &'static str,
-    },
-    /// A log of another program without one frame.
-    #[error("{file}: expected frames in this {format} file, found none{}", first.as_ref().map(|loss| format!("; {loss}")).unwrap_or_default())]
-    NoForeignFrame {
-        /// The path.
-        file: String,
-        /// Its format.
-        format: &'static str,
-        /// The first thing that could not be read.
-        first: Option<Box<Loss>>,
-    },
-    /// A log of measured signals, and nothing says what they are.
-    #[error(
-        "{file}: expected a configuration with a section [map] for a log of measured signals, found none; hmd map writes one"
-    )]
-    NoMap {
-        /// The path.
-        file: String,
-    },
-    /// A log of measured signals that the map does not fit, or that cannot be read at all.
-    #[error("{file}: {cause}")]
-    Unusable {
-        /// The path.
-        file: String,
-        /// What is expected and found.
-        cause: String,
-    },
-    /// A log of measured signals without one row that is a sample.
-    #[error("{file}: expected rows with all mapped signals, found none{}", first.as_ref().map(|loss| format!("; {loss}")).unwrap_or_default())]
-    NoRow {
-        /// The path.
-        file: String,
-        /// The first thing that could not be read.
-        first: Option<Box<Loss>>,
-    },
-    /// An MCAP file without raw frames.
-    #[error(
-        "{file}: expected raw frames (schema hmd.v1.RawBatch) on topics /bus/<interface>/raw, found {}",
-        found(topics, first)
-    )]
-    NoFrames {
-        /// The path.
-        file: String,
-        /// Topics of the file.
-        topics: Vec<String>,
-        /// The first thing that could not be read.
-        first: Option<Box<Loss>>,
-    },
-}
-
-fn found(topics: &[String], first: &Option<Box<Loss>>) -> String {
-    const TOPICS_LISTED_MAX: usize = 4;
-    let mut text = match topics {
-        [] => "no topic".to_owned(),
-        some if some.iter().any(|topic| topic.starts_with("/bus/")) => "none that is intact".to_owned(),
-        some => format!(
-            "only {}",
-            some.iter()
-                .take(TOPICS_LISTED_MAX)
-                .map(String::as_str)
-                .collect::<Vec<_>>()
-                .join(", ")
-        ),
-    };
-    if text.starts_with("only") && topics.len() > TOPICS_LISTED_MAX {
-        text.push_str(&format!(" and {} more", topics.len() - TOPICS_LISTED_MAX));
-    }
-    if let Some(first) = first {
-        text.push_str(&format!("; {first}"));
-    }
-    text
-}
 
 /// Format of a log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -525,23 +396,24 @@ mod tests {
 
     #[test]
     fn useless_files_are_refused_in_one_sentence() {
-        assert_eq!(
-            refused("a.log", b""),
-            "F: expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found an empty file"
-        );
-        assert_eq!(
-            refused("a.mcap", b"\x00\x01\x02"),
-            r#"F: expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found binary data starting with "\x00\x01\x02""#
-        );
-        assert_eq!(
-            refused("a.log", b"hello\nworld\n"),
-            "F: expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found no valid line in 2; the first: F:1: \
-             expected a stamp \"(seconds.fraction)\" with 6 or 9 decimals, found \"hello\""
-        );
-        assert_eq!(
-            refused("a.log", b"\n\n"),
-            "F: expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found no valid line in 2"
-        );
+        for (name, content, found) in [
+            ("a.log", &b""[..], "an empty file"),
+            ("a.mcap", b"\x00\x01\x02", r#"binary data starting with "\x00\x01\x02""#),
+            (
+                "a.log",
+                b"hello\nworld\n",
+                "no valid line in 2; the first: F:1: expected a stamp \"(seconds.fraction)\" with 6 or 9 decimals, found \"hello\"",
+            ),
+            ("a.log", b"\n\n", "no valid line in 2"),
+        ] {
+            assert_eq!(
+                refused(name, content),
+                format!(
+                    "F: expected a log of a format that is known ({}), found {found}",
+                    error::FORMATS
+                )
+            );
+        }
         assert_eq!(
             refused("a.mcap", mcap::MAGIC),
             "F: expected raw frames (schema hmd.v1.RawBatch) on topics /bus/<interface>/raw, found no topic; \

@@ -56,7 +56,7 @@ fn items(name: &str, bytes: &[u8]) -> usize {
 }
 
 /// Small numbers for choices, from a seed.
-pub(crate) struct Choices(pub(crate) u64);
+struct Choices(u64);
 
 impl Choices {
     fn below(&mut self, end: usize) -> usize {
@@ -69,7 +69,7 @@ impl Choices {
 }
 
 /// One to three changes: a bit, a word that a length or a link may be, a cut, a stretch moved or twice.
-pub(crate) fn mutate(bytes: &mut Vec<u8>, choices: &mut Choices) {
+fn mutate(bytes: &mut Vec<u8>, choices: &mut Choices) {
     const WORDS: [u64; 8] = [0, 1, 0x7f, 0xff, 0xffff, 0x7fff_ffff, 0xffff_ffff, u64::MAX];
     for _ in 0..=choices.below(3) {
         let at = choices.below(bytes.len());
@@ -99,27 +99,40 @@ pub(crate) fn mutate(bytes: &mut Vec<u8>, choices: &mut Choices) {
     }
 }
 
-/// Reads mutations of every file; a panic fails. An item is a frame or a loss, so there are fewer than bytes.
+/// Reads mutations of the files of one format by `items`, which says how many frames and losses there were; a panic fails, as more than
+/// `most` do of so many bytes.
+pub(crate) fn read_mutations_of(
+    format: &str,
+    files: &[PathBuf],
+    count: usize,
+    items: impl Fn(&str, &[u8]) -> usize,
+    most: impl Fn(usize) -> usize,
+) {
+    let start = Instant::now();
+    let mut slowest_s = 0.0_f64;
+    for n in 0..count {
+        let file = &files[n % files.len()];
+        let name = file.to_str().expect("a fixture");
+        let mut bytes = std::fs::read(file).expect(name);
+        mutate(&mut bytes, &mut Choices(n as u64));
+        let one = Instant::now();
+        let items = items(name, &bytes);
+        assert!(items <= most(bytes.len()), "{name}, mutation {n}: {items} items");
+        slowest_s = slowest_s.max(one.elapsed().as_secs_f64());
+    }
+    let all_s = start.elapsed().as_secs_f64();
+    println!(
+        "{format}: {count} mutations, 0 panics, {all_s:.1} s, slowest {:.1} ms",
+        1e3 * slowest_s
+    );
+}
+
+/// Reads mutations of every file.
 fn read_mutations(of_each_format: usize) {
     for (format, names) in [("asc", &FILES[..1]), ("blf", &FILES[1..2]), ("mf4", &FILES[2..])] {
-        let start = Instant::now();
-        let mut slowest_s = 0.0_f64;
-        for n in 0..of_each_format {
-            let name = names[n % names.len()];
-            let mut bytes = std::fs::read(folder().join(name)).expect(name);
-            let mut choices = Choices(n as u64);
-            mutate(&mut bytes, &mut choices);
-            let one = Instant::now();
-            let items = items(name, &bytes);
-            // A compressed block has some thousand times its bytes at most.
-            assert!(items <= 2000 * bytes.len() + 1, "{name}, mutation {n}: {items} items");
-            slowest_s = slowest_s.max(one.elapsed().as_secs_f64());
-        }
-        let all_s = start.elapsed().as_secs_f64();
-        println!(
-            "{format}: {of_each_format} mutations, 0 panics, {all_s:.1} s, slowest {:.1} ms",
-            1e3 * slowest_s
-        );
+        let files: Vec<PathBuf> = names.iter().map(|name| folder().join(name)).collect();
+        // A compressed block has some thousand times its bytes at most.
+        read_mutations_of(format, &files, of_each_format, items, |bytes| 2000 * bytes + 1);
     }
 }
 

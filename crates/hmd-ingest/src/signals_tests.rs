@@ -3,14 +3,13 @@
 use std::io::Cursor;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
 
 use hmd_core::config::Config;
 use hmd_core::frame::BusNames;
 use hmd_core::outbox::WindowJob;
 use hmd_core::pipeline::Pipeline;
 
-use crate::foreign_tests::{Choices, mutate};
+use crate::foreign_tests::read_mutations_of;
 use crate::mdf::MdfSignals;
 use crate::signals::{CsvLog, MappedFrames, ParquetLog, SignalLog};
 
@@ -162,27 +161,13 @@ fn items(name: &str, bytes: &[u8], config: &Config) -> usize {
     frames.map_or(1, Iterator::count)
 }
 
-/// Reads mutations of every file; a panic fails.
+/// Reads mutations of every file.
 fn read_mutations(of_each_format: usize) {
     let config = config(&[], "");
     for (format, names) in [("csv", &FILES[..1]), ("parquet", &FILES[2..4]), ("mf4", &FILES[4..])] {
-        let start = Instant::now();
-        let mut slowest_s = 0.0_f64;
-        for n in 0..of_each_format {
-            let name = names[n % names.len()];
-            let mut bytes = std::fs::read(folder().join(name)).expect(name);
-            let mut choices = Choices(n as u64);
-            mutate(&mut bytes, &mut choices);
-            let one = Instant::now();
-            let items = items(name, &bytes, &config);
-            assert!(items <= 400 * bytes.len() + 4000, "{name}, mutation {n}: {items} items");
-            slowest_s = slowest_s.max(one.elapsed().as_secs_f64());
-        }
-        let all_s = start.elapsed().as_secs_f64();
-        println!(
-            "{format}: {of_each_format} mutations, 0 panics, {all_s:.1} s, slowest {:.1} ms",
-            1e3 * slowest_s
-        );
+        let files: Vec<PathBuf> = names.iter().map(|name| folder().join(name)).collect();
+        let items = |name: &str, bytes: &[u8]| items(name, bytes, &config);
+        read_mutations_of(format, &files, of_each_format, items, |bytes| 400 * bytes + 4000);
     }
 }
 

@@ -300,6 +300,7 @@ mod tests {
             assert_eq!(seen.unseen(&window, &params), [expected]);
         }
     }
+
     #[test]
     fn behind_a_spring_a_window_begins_where_commissioning_did() {
         let params = ActuatorParams::bench();

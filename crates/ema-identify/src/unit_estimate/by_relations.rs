@@ -5,7 +5,7 @@ use std::vec::Vec;
 use ema_models::{ActuatorParams, FAULT_COUNT, FaultId, FaultVector, MotorDeviation, SensedSample, Unknowns};
 
 use super::UnitEstimate;
-use crate::counter_wrap::align_counters;
+use crate::counter_alignment::align_counters;
 use crate::estimate::{Estimate, UNMODELLED_COST};
 use crate::inferred::{Inferred, InferredReadings};
 use crate::relations::{Element, MeasuredWindow, Relation, RelationsEstimate};

@@ -96,10 +96,10 @@ impl Assessor {
                     reasons.push(format!("{}, or {}", suspicion.sentence, in_words(&assessed)));
                     return Ok(Explained::invalid(suspects, reasons));
                 }
-                Competitors::Best(Some((Verdict::Untold, suspicion, _))) => {
+                Competitors::Best(Some((Verdict::Undecided, suspicion, _))) => {
                     let parts = in_words(&assessed);
                     reasons.push(format!(
-                        "{}, or {parts}: motion in one direction does not tell",
+                        "{}, or {parts}: motion in one direction does not tell them apart",
                         suspicion.sentence
                     ));
                     return Ok(Explained::invalid(suspects, reasons));

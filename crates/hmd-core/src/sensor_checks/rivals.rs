@@ -140,7 +140,7 @@ pub enum Verdict {
     /// It explains nothing more.
     Worse,
     /// Without the reading the window does not show the fault, and nothing else says that the reading is right.
-    Untold,
+    Undecided,
     /// It explains the window alike, and accuses less.
     Alike,
     /// It explains the window clearly better.
@@ -271,7 +271,7 @@ pub fn compare(estimate: &Estimate, suspect: Suspect, rival: &Estimate, level: f
 pub fn judge(job: &WindowJob, estimate: &Estimate, suspect: Suspect, rival: &Estimate, level: f64) -> Verdict {
     let verdict = compare(estimate, suspect, rival, level);
     let accuses = |estimate: &Estimate| accused(estimate, level).contains(&FaultId::Friction);
-    let is_untold = || {
+    let is_undecided = || {
         suspect == Suspect::LoadSensor
             && moves_one_way(job)
             && accuses(estimate)
@@ -279,8 +279,8 @@ pub fn judge(job: &WindowJob, estimate: &Estimate, suspect: Suspect, rival: &Est
             && !(accuses(rival) && rival.observable[FaultId::Friction.parameter()])
             && rival.cost < ALIKE * estimate.cost
     };
-    if verdict == Verdict::Worse && is_untold() {
-        Verdict::Untold
+    if verdict == Verdict::Worse && is_undecided() {
+        Verdict::Undecided
     } else {
         verdict
     }

@@ -273,7 +273,7 @@ fn a_compressed_log_and_a_damaged_only_chunk_are_named() {
     folder.write("log.gz", b"\x1f\x8b\x08\0anything\n");
     assert_eq!(
         folder.refused("replay log.gz", 1),
-        "hmd: log.gz: expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found gzip data; decompress it first"
+        "hmd: log.gz: expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4, CSV, Parquet), found gzip data; decompress it first"
     );
     folder.done("simulate -o flip.mcap --rate 400 --seed 5");
     let mut bytes = folder.read("flip.mcap");

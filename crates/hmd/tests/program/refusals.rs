@@ -170,20 +170,20 @@ fn a_file_that_is_no_log_is_refused_in_one_sentence() {
         ),
         (
             "empty.log",
-            "expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found an empty file",
+            "expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4, CSV, Parquet), found an empty file",
         ),
         (
             "text.log",
-            "expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found no valid line in 2; the first: text.log:1: expected a stamp \
+            "expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4, CSV, Parquet), found no valid line in 2; the first: text.log:1: expected a stamp \
              \"(seconds.fraction)\" with 6 or 9 decimals, found \"Dear\"",
         ),
         (
             "zeros.log",
-            "expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found binary data starting with \"\\x00",
+            "expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4, CSV, Parquet), found binary data starting with \"\\x00",
         ),
         (
             "noise.mcap",
-            "expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4), found no valid line in ",
+            "expected a log of a format that is known (candump, MCAP, ASC, BLF, MF4, CSV, Parquet), found no valid line in ",
         ),
         (
             "foreign.mcap",

@@ -1,10 +1,10 @@
-//! Undoes the wraps of the two angle counters of a window, and a difference of their zeros.
+//! Puts the two angle counters of a window on one wrap and on one zero.
 //!
 //! A log may begin after a counter has wrapped, and then resolver and encoder seem to be turns apart. The gear couples the
 //! two angles, so the right wraps are those that bring them together. Which turn of the motor is the zero of the output is a choice of who
 //! mounted them: what no play explains is taken out.
 
-use ema_models::{ActuatorParams, SensedSample, Setpoint};
+use ema_models::{ActuatorParams, FaultVector, SensedSample, Setpoint};
 
 /// Counts after which the resolver's counter (s32) and the encoder's (s24) wrap.
 const MOTOR_WRAP: i64 = 1 << 32;
@@ -21,8 +21,11 @@ const TOGETHER: f64 = 0.1;
 const FLANK_COUNTS: i64 = 4;
 const UNCERTAIN_COUNTS: f64 = 2.0;
 
-/// Widths of a healthy play that a worn-out one has.
-const WORN_OUT: f64 = 100.0;
+/// The widest play.
+const WORN_OUT: FaultVector = FaultVector {
+    backlash: 1.0,
+    ..FaultVector::NOMINAL
+};
 
 /// Brings wraps and zeros of both counters of a window together.
 pub(crate) fn align_counters(params: &ActuatorParams, samples: &mut [SensedSample]) {
@@ -50,7 +53,7 @@ fn align_zeros(params: &ActuatorParams, samples: &mut [SensedSample]) {
     let explained = if met_both {
         0.5 * (high - low)
     } else {
-        0.5 * WORN_OUT * params.transmission.backlash
+        0.5 * WORN_OUT.backlash_factor() * params.transmission.backlash
     };
     if !middle.is_finite() || middle.abs() <= explained + UNCERTAIN_COUNTS * per_output_count {
         return;

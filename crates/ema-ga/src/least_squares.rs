@@ -39,6 +39,9 @@ pub struct LmConfig {
     pub max_iterations: u32,
     /// Largest number of calls of [`Residuals::normal_equations`] and [`Residuals::cost`] together; at least 1.
     pub max_evaluations: u32,
+    /// Damping of the first step. Along a valley, steps are short until it has fallen below the share of the curvature that
+    /// the valley's floor has; near the solution of a problem that is nearly linear it can begin there.
+    pub initial_damping: f64,
     /// Converged when, for every free gene, the cosine between its column of `J` and `r` is at most this.
     pub gradient_tolerance: f64,
     /// Converged when a step changes no gene by more than this, relative to the width of the box.
@@ -48,11 +51,12 @@ pub struct LmConfig {
 }
 
 impl Default for LmConfig {
-    /// 50 iterations, 200 evaluations, tolerances of 1e-10.
+    /// 50 iterations, 200 evaluations, damping from 1e-3, tolerances of 1e-10.
     fn default() -> Self {
         Self {
             max_iterations: 50,
             max_evaluations: 200,
+            initial_damping: 1e-3,
             gradient_tolerance: 1e-10,
             step_tolerance: 1e-10,
             cost_tolerance: 1e-10,
@@ -142,7 +146,7 @@ pub fn levenberg_marquardt<const D: usize>(
         evaluations: 0,
         stop: LmStop::MaxEvaluations,
     };
-    let (mut damping, mut growth) = (INITIAL_DAMPING, 2.0);
+    let (mut damping, mut growth) = (config.initial_damping, 2.0);
     loop {
         if at.evaluations >= config.max_evaluations {
             return at.ended(LmStop::MaxEvaluations);
@@ -332,7 +336,6 @@ impl<const D: usize> Model<D> {
     }
 }
 
-const INITIAL_DAMPING: f64 = 1e-3;
 /// Steps damped more than this are below the resolution of `f64`.
 const MAX_DAMPING: f64 = 1e16;
 

@@ -3,6 +3,10 @@
 use ema_models::{Coordinates, FaultVector, SIGNAL_COUNT, Scale, Signals, Weights};
 
 use super::competing_optima::competing_optimum;
+#[cfg(feature = "std")]
+use super::competing_optima::differ;
+#[cfg(feature = "std")]
+use super::least_squares::Starts;
 use super::least_squares::{LocalOptima, LocalOptimum, UNLIMITED, descend_from_each, refine_one_sided, starts};
 use super::uncertainty::{RUNS_OF_ASSESSMENT, assess};
 use super::weak_magnet::{WeakMagnet, weak_magnet};
@@ -26,6 +30,9 @@ pub(crate) struct Search {
     pub(crate) evaluations: u64,
     /// Whether the budget cut it short anywhere.
     pub(crate) cut: bool,
+    /// Whether it ended in coarse time, a little off the optima.
+    #[cfg(feature = "std")]
+    pub(crate) is_in_coarse_time: bool,
     /// Monitor runs that each further descent may take.
     share: u64,
 }
@@ -37,7 +44,18 @@ impl Search {
             evaluations: evaluations + optima.iter().map(|optimum| optimum.spent).sum::<u64>(),
             cut: cut || optima.iter().any(|optimum| optimum.cut),
             optima,
+            #[cfg(feature = "std")]
+            is_in_coarse_time: false,
             share,
+        }
+    }
+
+    /// The same of a search in coarse time.
+    #[cfg(feature = "std")]
+    pub(crate) fn in_coarse_time(self) -> Self {
+        Self {
+            is_in_coarse_time: true,
+            ..self
         }
     }
 
@@ -48,6 +66,19 @@ impl Search {
             share: self.share.min(share),
             ..self
         }
+    }
+
+    /// The same after further descents from the optima that differ, given where they start and their share.
+    #[cfg(feature = "std")]
+    pub(crate) fn resumed(self, descend: impl FnOnce(&Starts, u64) -> LocalOptima) -> Self {
+        let mut starts = Starts::new();
+        for optimum in &self.optima {
+            if starts.iter().all(|start| differ(start, &optimum.at, |_| true)) {
+                // As many as there are optima fit.
+                starts.extend([optimum.at]);
+            }
+        }
+        Self::new(descend(&starts, self.share), self.evaluations, self.cut, self.share)
     }
 
     /// The best local optimum.

@@ -48,6 +48,10 @@ pub(super) const FINE_STEP: f64 = 1e-7;
 #[cfg(feature = "std")]
 pub(crate) const COARSE: [f64; 1] = [COARSE_STEP];
 
+/// Steps of a descent from near a valley's floor.
+#[cfg(feature = "std")]
+pub(crate) const FINE: [f64; 1] = [FINE_STEP];
+
 /// Steps of a descent to the floor of a valley.
 pub(crate) const COARSE_THEN_FINE: [f64; 2] = [COARSE_STEP, FINE_STEP];
 
@@ -193,6 +197,7 @@ fn resume<W: MonitoredWindow>(
     let config = LmConfig {
         max_iterations: iterations,
         max_evaluations: trials.min(u64::from(MAX_EVALUATIONS)) as u32,
+        initial_damping: if step > FINE_STEP { DAMPING } else { DAMPING_NEAR },
         step_tolerance: 1e-9,
         cost_tolerance: 1e-6,
         ..LmConfig::default()
@@ -205,6 +210,10 @@ fn resume<W: MonitoredWindow>(
         (optimum.cost, optimum.at) = (found.cost, Coordinates(found.genes));
     }
 }
+
+/// Damping of a descent's first step, far from its end and near it.
+const DAMPING: f64 = 1e-3;
+const DAMPING_NEAR: f64 = 1e-6;
 
 /// Linearisations at most of one descent with one step.
 const MAX_ITERATIONS: u32 = 25;

@@ -12,8 +12,8 @@ use crate::calibration::TypeCalibration;
 use crate::effort::{Effort, Request, Stage};
 use crate::estimate::Estimate;
 use crate::monitor_fit::{
-    COARSE, COARSE_THEN_FINE, FINE, LocalOptimum, MAX_STARTS, Population, RUNS_OF_ASSESSMENT, RUNS_OF_DESCENT,
-    RUNS_OF_STEP, Search, Starts, UNLIMITED, assess, best_first, coarse_in_time, conclude, conclude_with_tolerances,
+    COARSE, COARSE_THEN_FINE, LocalOptimum, MAX_STARTS, Population, RUNS_OF_ASSESSMENT, RUNS_OF_DESCENT, RUNS_OF_STEP,
+    Search, Starts, UNLIMITED, assess, best_first, coarse_in_time, conclude, conclude_with_tolerances, descend_nearby,
     descend_side_by_side, is_locked, prior, residuals_with_tolerances, starts,
 };
 use crate::prepared::Prepared;
@@ -69,13 +69,20 @@ pub struct Identifier {
 enum Extent {
     /// Descents from health, of the methods that also have a population.
     FromHealth,
-    /// The population first.
-    Population,
+    /// All that the method has.
+    Whole,
 }
 
-/// Cost without noise up to which an optimum explains a window: the right ones have 0.4 at most, in noise too, and the nearest wrong
+/// Systematic cost up to which an estimate explains a window: the right ones have 0.4 at most, in noise too, and the nearest wrong
 /// one found (`servo28`, 400 Hz) 1.2.
 const EXPLAINED_COST: f64 = 0.6;
+
+/// Least short that is one. All three phases shorted look like a weak magnet: both optima are needed for an honest sigma, and descents
+/// from health find but one.
+const ANY_SHORT: f64 = 0.02;
+
+/// Costs that differ by less than this factor do not decide between two searches.
+const AS_GOOD: f64 = 1.01;
 
 /// One window's fit, sample by sample, for records and plots.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -134,47 +141,50 @@ impl Identifier {
         }
         let coefficients = self.calibration.coefficients();
         let comparison = self.comparison(window, &coefficients, conditions);
-        let coarse_params = coarse_in_time(&self.params);
-        let in_coarse_time = Comparison {
-            params: &coarse_params,
-            ..comparison
+        let narrow = if self.starts_from_health() {
+            let params = coarse_in_time(&self.params);
+            let in_coarse_time = Comparison {
+                params: &params,
+                ..comparison
+            };
+            let search = self.local_optima(&in_coarse_time, seed, usual, effort, Extent::FromHealth)?;
+            let Some((estimate, found)) = self.conclude_within(&comparison, search, effort) else {
+                return Ok(None);
+            };
+            if self.is_explained(&comparison, &estimate) {
+                return Ok(self.as_far_as_granted(estimate, &found, effort));
+            }
+            Some((estimate, found))
+        } else {
+            None
         };
-        let searched = match self.method {
-            Method::Hybrid(_) => &in_coarse_time,
-            Method::LeastSquares | Method::Eq14(_) | Method::Population(_) => &comparison,
-        };
-        let search = self.local_optima(searched, seed, usual, effort, Extent::FromHealth)?;
-        let Some((estimate, found)) = self.conclude_within(&comparison, search, effort) else {
+        let search = self.local_optima(&comparison, seed, usual, effort, Extent::Whole)?;
+        let cut = search.cut;
+        let whole = self.conclude_within(&comparison, search, effort);
+        let Some((mut estimate, found)) = better(narrow, whole) else {
             return Ok(None);
         };
-        let unexplained = matches!(self.method, Method::Hybrid(_))
-            && !estimate.locked
-            && self.systematic_cost(&comparison, &estimate) > EXPLAINED_COST;
-        if !unexplained {
-            return Ok(self.as_far_as_granted(estimate, &found, effort));
+        estimate.cut |= cut;
+        Ok(self.as_far_as_granted(estimate, &found, effort))
+    }
+
+    /// Whether descents from health come first, and the whole search only where their estimate does not explain the window. Not with
+    /// tolerances: nuisances then take the place of a part of the cost that the population would lower, and with its start the fit
+    /// loses competing optima.
+    fn starts_from_health(&self) -> bool {
+        matches!(self.method, Method::Hybrid(_)) && !self.has_tolerances()
+    }
+
+    /// Whether no other estimate is worth looking for: this one explains the window, and none explains it likewise.
+    fn is_explained(&self, comparison: &Comparison<'_>, estimate: &Estimate) -> bool {
+        if estimate.locked {
+            return true;
         }
-        // The whole search, in the monitor's own time.
-        let wide = self.local_optima(&comparison, seed, usual, effort, Extent::Population)?;
-        let (spent, cut) = (estimate.evaluations, wide.cut);
-        let (estimate, found) = match self.conclude_within(&comparison, wide, effort) {
-            Some((other, found)) if other.cost < estimate.cost => {
-                let evaluations = spent + other.evaluations;
-                (Estimate { evaluations, ..other }, found)
-            }
-            Some((other, _)) => {
-                let evaluations = spent + other.evaluations;
-                (
-                    Estimate {
-                        evaluations,
-                        ..estimate
-                    },
-                    found,
-                )
-            }
-            None => (Estimate { cut: true, ..estimate }, found),
-        };
-        let cut = cut || estimate.cut;
-        Ok(self.as_far_as_granted(Estimate { cut, ..estimate }, &found, effort))
+        let shorts = &estimate.fault.to_array()[2..=4];
+        let resembles_weak_magnet = shorts.iter().all(|short| *short > ANY_SHORT) && self.motor.information().is_some();
+        !resembles_weak_magnet
+            && !estimate.is_unmodelled()
+            && self.systematic_cost(comparison, estimate) <= EXPLAINED_COST
     }
 
     /// The estimate of a search's local optima with as much work as is granted, and the best of the optima; none without an
@@ -214,7 +224,7 @@ impl Identifier {
                 conclude_with_tolerances(comparison, mismatch, &self.tolerances, &search, budget)
             }
             Method::Hybrid(_) if search.is_in_coarse_time => {
-                let search = search.resumed(|starts, share| descend_side_by_side(comparison, starts, &FINE, share));
+                let search = search.resumed(|starts, share| descend_nearby(comparison, starts, share));
                 conclude(comparison, mismatch, &search, budget)
             }
             Method::LeastSquares | Method::Hybrid(_) => conclude(comparison, mismatch, &search, budget),
@@ -236,18 +246,18 @@ impl Identifier {
         Some(estimate.reaching(&core::array::from_fn(|p| end.0[p] - start.0[p])))
     }
 
-    /// The cost of an estimate without what noise adds to it: by products of neighbouring residuals.
+    /// The part of an estimate's cost that is no noise: by products of neighbouring residuals, of either sign.
     fn systematic_cost(&self, comparison: &Comparison<'_>, estimate: &Estimate) -> f64 {
         let weights = comparison.weights.to_array();
-        let (mut before, mut sum) = ([0.0; SIGNAL_COUNT], 0.0);
+        let (mut before, mut sums) = ([0.0; SIGNAL_COUNT], [0.0; SIGNAL_COUNT]);
         self.residuals_of(comparison, estimate, |_, residuals| {
             let now = residuals.to_array();
-            for signal in 0..SIGNAL_COUNT {
-                sum += 0.5 * weights[signal] * weights[signal] * before[signal] * now[signal];
+            for (signal, sum) in sums.iter_mut().enumerate() {
+                *sum += 0.5 * weights[signal] * weights[signal] * before[signal] * now[signal];
             }
             before = now;
         });
-        sum / comparison.recording.samples.len().max(1) as f64
+        sums.iter().map(|sum| sum.abs()).sum::<f64>() / comparison.recording.samples.len().max(1) as f64
     }
 
     fn length_s(&self, samples: usize) -> f64 {
@@ -268,7 +278,7 @@ impl Identifier {
     /// # Errors
     /// As [`Identifier::identify`].
     pub fn search(&self, comparison: &Comparison<'_>, seed: u64) -> Result<Coordinates, ConfigError> {
-        let optima = self.local_optima(comparison, seed, 0, &Effort::unlimited(), Extent::Population)?;
+        let optima = self.local_optima(comparison, seed, 0, &Effort::unlimited(), Extent::Whole)?;
         Ok(optima.best().at)
     }
 
@@ -333,9 +343,7 @@ impl Identifier {
             Method::Hybrid(population) if extent == Extent::FromHealth => {
                 let starts = starts(comparison, &[FaultVector::NOMINAL]);
                 let share = population.budget().map_or(UNLIMITED, |budget| {
-                    // Half is left for the nuisances.
-                    let budget = if self.has_tolerances() { budget / 2 } else { budget };
-                    budget.saturating_sub(RUNS_OF_ASSESSMENT) / (starts.len() as u64 + 1)
+                    budget.saturating_sub(RUNS_OF_ASSESSMENT) / (2 * starts.len() as u64 + 1)
                 });
                 Search::new(descend(&starts, share), 0, false, share).in_coarse_time()
             }
@@ -360,11 +368,10 @@ impl Identifier {
         })
     }
 
-    /// Steps of the search's descents. In coarse time the floor of a valley is not yet where it is; with tolerances the fit of unknowns and nuisances starts where they end, and goes on by
-    /// itself.
+    /// Steps of the search's descents; coarse ones where the last part starts from where they end: in coarse time the floor of a valley
+    /// is a little off, and with tolerances nuisances are fitted too.
     fn steps(&self, extent: Extent) -> &'static [f64] {
-        let hybrid = matches!(self.method, Method::Hybrid(_));
-        if self.has_tolerances() || hybrid && extent == Extent::FromHealth {
+        if self.has_tolerances() || extent == Extent::FromHealth {
             &COARSE
         } else {
             &COARSE_THEN_FINE
@@ -457,6 +464,31 @@ impl Identifier {
         });
         fit
     }
+}
+
+/// The better of the estimates from health and of the whole search, with the work of both; of equal ones the latter, which knows more
+/// competing optima.
+fn better(
+    narrow: Option<(Estimate, Coordinates)>,
+    whole: Option<(Estimate, Coordinates)>,
+) -> Option<(Estimate, Coordinates)> {
+    let Some((narrow, from)) = narrow else { return whole };
+    let Some((whole, found)) = whole else {
+        return Some((Estimate { cut: true, ..narrow }, from));
+    };
+    let evaluations = narrow.evaluations + whole.evaluations;
+    let (estimate, found) = if whole.cost <= AS_GOOD * narrow.cost {
+        (whole, found)
+    } else {
+        (narrow, from)
+    };
+    Some((
+        Estimate {
+            evaluations,
+            ..estimate
+        },
+        found,
+    ))
 }
 
 /// Whether a population search was ended before its time.

@@ -41,7 +41,10 @@ impl Asked {
 
 fn main() -> Result<(), Failed> {
     let args = std::env::args().skip(1);
-    let pairs = args.filter_map(|arg| arg.split_once('=').map(|(key, value)| (key.to_owned(), value.to_owned())));
+    let pairs = args.filter_map(|arg| {
+        arg.split_once('=')
+            .map(|(key, value)| (key.to_owned(), value.to_owned()))
+    });
     let asked = Asked(pairs.collect());
     // One thread, so that processor time is one identification's.
     let lines = rayon::ThreadPoolBuilder::new()

@@ -48,9 +48,9 @@ pub(super) const FINE_STEP: f64 = 1e-7;
 #[cfg(feature = "std")]
 pub(crate) const COARSE: [f64; 1] = [COARSE_STEP];
 
-/// Steps of a descent from near a valley's floor.
+/// Steps of a descent from near a valley's floor, for [`descend_nearby`].
 #[cfg(feature = "std")]
-pub(crate) const FINE: [f64; 1] = [FINE_STEP];
+const FINE: [f64; 1] = [FINE_STEP];
 
 /// Steps of a descent to the floor of a valley.
 pub(crate) const COARSE_THEN_FINE: [f64; 2] = [COARSE_STEP, FINE_STEP];
@@ -101,7 +101,15 @@ pub(crate) fn descend_side_by_side(
     budget: u64,
 ) -> LocalOptima {
     use rayon::prelude::*;
-    let descend = |&start| descend_by(window, start, steps, budget);
+    let descend = |&start| descend_by(window, start, steps, DAMPING, budget);
+    best_first(starts.par_iter().map(descend).collect::<std::vec::Vec<_>>())
+}
+
+/// Fine descents from each start, all of them near their ends, as [`descend_side_by_side`].
+#[cfg(feature = "std")]
+pub(crate) fn descend_nearby(window: &(impl MonitoredWindow + Sync), starts: &Starts, budget: u64) -> LocalOptima {
+    use rayon::prelude::*;
+    let descend = |&start| descend_by(window, start, &FINE, DAMPING_NEARBY, budget);
     best_first(starts.par_iter().map(descend).collect::<std::vec::Vec<_>>())
 }
 
@@ -109,13 +117,19 @@ pub(crate) fn descend_side_by_side(
 ///
 /// What a fine slope takes for a valley's floor, a coarse one often walks out of.
 pub(super) fn descend(window: &impl MonitoredWindow, start: Coordinates, budget: u64) -> LocalOptimum {
-    descend_by(window, start, &COARSE_THEN_FINE, budget)
+    descend_by(window, start, &COARSE_THEN_FINE, DAMPING, budget)
 }
 
 /// One descent by each step of the finite differences in turn; the best of the ends. With a budget too small for one step, the
 /// start itself.
 #[inline(never)]
-fn descend_by(window: &impl MonitoredWindow, start: Coordinates, steps: &[f64], budget: u64) -> LocalOptimum {
+fn descend_by(
+    window: &impl MonitoredWindow,
+    start: Coordinates,
+    steps: &[f64],
+    damping: f64,
+    budget: u64,
+) -> LocalOptimum {
     let mut optimum = LocalOptimum {
         cost: f64::INFINITY,
         at: start,
@@ -124,7 +138,7 @@ fn descend_by(window: &impl MonitoredWindow, start: Coordinates, steps: &[f64], 
     };
     for &step in steps {
         let whole = constant_box(Coordinates::LOWER, Coordinates::UPPER);
-        resume(window, &mut optimum, step, &whole, budget);
+        resume(window, &mut optimum, [step, damping], &whole, budget);
     }
     if optimum.cost.is_infinite() {
         optimum.cost = window.cost(&optimum.at);
@@ -147,7 +161,7 @@ pub(super) fn refine_one_sided(window: &impl MonitoredWindow, start: Coordinates
         let mut lower = Coordinates::LOWER;
         lower[LOAD_COORDINATE] = clear_of_it;
         let opposing = constant_box(lower, Coordinates::UPPER);
-        resume(window, &mut optimum, FINE_STEP, &opposing, budget);
+        resume(window, &mut optimum, [FINE_STEP, DAMPING], &opposing, budget);
     }
     optimum
 }
@@ -170,19 +184,20 @@ pub(super) fn refine_with_fixed_parameter(
         cut: false,
     };
     optimum.at.0[coordinate] = value;
-    resume(window, &mut optimum, COARSE_STEP, &constant_box(lower, upper), budget);
+    let within = constant_box(lower, upper);
+    resume(window, &mut optimum, [COARSE_STEP, DAMPING], &within, budget);
     optimum
 }
 
 /// Half the width of the box around a coordinate that is held.
 const FIXED_WITHIN: f64 = 1e-9;
 
-/// Resumes a descent where it ended, with one step of the differences and inside a box.
+/// Resumes a descent where it ended, inside a box, with one step of the differences and the damping of its first step.
 #[inline(never)]
 fn resume<W: MonitoredWindow>(
     window: &W,
     optimum: &mut LocalOptimum,
-    step: f64,
+    [step, damping]: [f64; 2],
     bounds: &Bounds<UNKNOWN_COUNT>,
     budget: u64,
 ) {
@@ -197,7 +212,7 @@ fn resume<W: MonitoredWindow>(
     let config = LmConfig {
         max_iterations: iterations,
         max_evaluations: trials.min(u64::from(MAX_EVALUATIONS)) as u32,
-        initial_damping: if step > FINE_STEP { DAMPING } else { DAMPING_NEAR },
+        initial_damping: damping,
         step_tolerance: 1e-9,
         cost_tolerance: 1e-6,
         ..LmConfig::default()
@@ -211,9 +226,12 @@ fn resume<W: MonitoredWindow>(
     }
 }
 
-/// Damping of a descent's first step, far from its end and near it.
+/// Damping of a descent's first step.
 const DAMPING: f64 = 1e-3;
-const DAMPING_NEAR: f64 = 1e-6;
+
+/// The same near its end, where the problem is nearly linear.
+#[cfg(feature = "std")]
+const DAMPING_NEARBY: f64 = 1e-6;
 
 /// Linearisations at most of one descent with one step.
 const MAX_ITERATIONS: u32 = 25;

@@ -2,8 +2,8 @@
 
 use ema_ga::{LmConfig, LmStop, levenberg_marquardt};
 use ema_models::{
-    COST_LANES, Comparison, Coordinates, FAULT_COUNT, MOTOR_COORDINATES, MotorKnowledge, SIGNAL_COUNT, Scale, Signals,
-    Tolerances, UNKNOWN_COUNT, Weights,
+    COST_LANES, Comparison, Coordinates, FAULT_COUNT, FaultVector, MOTOR_COORDINATES, MotorKnowledge, SIGNAL_COUNT,
+    Scale, Signals, Tolerances, UNKNOWN_COUNT, Weights,
 };
 
 use super::basis::Basis;
@@ -17,7 +17,7 @@ use crate::monitor_fit::least_squares::constant_box;
 use crate::monitor_fit::locked::is_locked;
 use crate::monitor_fit::uncertainty::reported;
 use crate::monitor_fit::weak_magnet::{ALL_SHORTED, ANY_MAGNET};
-use crate::monitor_fit::window::MonitoredWindow as _;
+use crate::monitor_fit::window::MonitoredWindow;
 
 /// Step of the finite differences along the unknowns.
 const STEP: f64 = 1e-3;
@@ -31,11 +31,8 @@ const TRIALS_PER_STEP: u32 = 3;
 /// Monitor runs of a whole linearisation at most: the point and one step along each coordinate.
 const RUNS_PER_LINEARISATION: u64 = DIMENSION as u64 + 1;
 
-/// Monitor runs of a linearisation without the slow coordinates.
-const RUNS_PER_STEP: u64 = COST_LANES as u64;
-
-/// Damping of a descent's first step: the search ends near, and the valleys along nuisances are flat.
-const INITIAL_DAMPING: f64 = 1e-6;
+/// Monitor runs of the further linearisations of a descent, without the slow coordinates, at most.
+const RUNS_PER_FURTHER: u64 = COST_LANES as u64;
 
 /// Descents at most: from two starts, after the reweighting, and with another magnet.
 const DESCENTS: u64 = 4;
@@ -47,7 +44,7 @@ const BLOCKS: usize = 16;
 /// does; sigmas grow with the cost. Units with any imperfection that a nuisance describes cost 0.9 to 1.9.
 const SYSTEMATIC_COST: f64 = 2.0;
 
-/// Fits unknowns and nuisances of a window, from the local optima of the search that differ. `budget` are the monitor runs that
+/// Fits unknowns and nuisances of a window, from the best optimum of the search and from health. `budget` are the monitor runs that
 /// the whole identification may take.
 pub(crate) fn conclude_with_tolerances(
     window: &Comparison<'_>,
@@ -58,34 +55,18 @@ pub(crate) fn conclude_with_tolerances(
 ) -> Estimate {
     let basis = Basis::new(window, tolerances);
     let problem = Problem::new(*window, &basis, tolerances, STEP);
-    let left = budget.saturating_sub(search.evaluations);
-    let share = left / DESCENTS;
-    let from = |start: &Coordinates| {
-        let start = point(start);
-        // Not in coarse time: beside derivatives of another monitor, those along shorts would seem to tell them from the nuisances.
-        let whole = problem.linearised(&start);
-        let left = share.saturating_sub(RUNS_PER_LINEARISATION);
-        let mut descent = descend(OnDescent::resumed(&problem, start, whole), start, left);
-        descent.spent += RUNS_PER_LINEARISATION;
-        descent
-    };
     let best = search.best().at;
-    let mut first = from(&best);
-    let mut spent = search.evaluations + first.spent;
-    let other = search.optima.iter().find(|other| differ(&other.at, &best, |_| true));
-    let mut as_good = None;
-    if let Some(other) = other {
-        let mut second = from(&other.at);
-        spent += second.spent;
-        if second.cost < first.cost {
-            core::mem::swap(&mut first, &mut second);
-        }
-        let undecided = undecided_difference(window, first.cost);
-        as_good = (second.cost - first.cost < undecided).then_some(second.at);
-    }
-    let weights = weights_by_noise(&problem, mismatch, &first.linearised);
-    let (reweighted, linearised) = problem.reweighted(first.linearised, &first.at, weights);
-    let refined = descend(OnDescent::resumed(&reweighted, first.at, linearised), first.at, share);
+    let mut healthy = Scale::new(window.params).coordinates(&window.unknowns_with_fault(FaultVector::NOMINAL));
+    healthy.0[FAULT_COUNT..].copy_from_slice(&best.0[FAULT_COUNT..]);
+    let left = budget.saturating_sub(search.evaluations + RUNS_PER_LINEARISATION);
+    let share = left / DESCENTS;
+    let mut descents = [best, healthy].map(|start| descend(&problem, point(&start), share));
+    descents.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let [first, second] = descents;
+    let reweighted = problem.with_weights(weights_by_noise(&problem, mismatch, &first.at));
+    let refined = descend(&reweighted, first.at, share);
+    let undecided = undecided_difference(window, first.cost);
+    let as_good = (second.cost - first.cost < undecided).then_some(second.at);
     let (magnet, more) = weak_magnet(&reweighted, &refined, share);
     let (at, other_motor) = match &magnet {
         WeakMagnet::Yes(other) => (*other, true),
@@ -95,22 +76,15 @@ pub(crate) fn conclude_with_tolerances(
         WeakMagnet::Perhaps(other) => Some(other),
         WeakMagnet::No | WeakMagnet::Yes(_) => as_good,
     };
-    let spent = spent + refined.spent + more + RUNS_PER_LINEARISATION;
-    let linearised = reweighted.linearised(&at);
-    let cost = cost_by(&window.weights, &reweighted.mean_squares(&linearised)) * reweighted.measured_share();
+    let spent = search.evaluations + first.spent + second.spent + refined.spent + more;
+    let cost = problem.mean_cost(&at);
     let misfit = (cost / SYSTEMATIC_COST).max(1.0);
     Estimate {
         cost,
         cut: search.cut || first.cut || refined.cut,
         other_motor,
-        ..assess(&reweighted, mismatch, &at, &linearised, competing, misfit, spent)
+        ..assess(&reweighted, mismatch, &at, competing, misfit, spent)
     }
-}
-
-/// Half the sum over the signals of weighted squares.
-fn cost_by(weights: &Weights, mean_squares: &[f64; SIGNAL_COUNT]) -> f64 {
-    let weighted = weights.to_array().into_iter().zip(mean_squares);
-    weighted.map(|(weight, square)| 0.5 * weight * weight * square).sum()
 }
 
 /// Calls `visit` with index and unweighted residuals of each measured sample for an estimate with deviations.
@@ -153,11 +127,7 @@ fn weak_magnet(problem: &Problem<'_>, optimum: &Descent, budget: u64) -> (WeakMa
         *phase -= common;
     }
     start[MOTOR_COORDINATES[1]] -= common;
-    let found = descend(
-        OnDescent::new(&open, start, optimum.linearised.rows.clone()),
-        start,
-        budget,
-    );
+    let found = descend(&open, start, budget);
     let before = open.cost(&optimum.at);
     let allowed = undecided_difference(problem.comparison(), found.cost.min(before));
     let spent = found.spent + 1;
@@ -179,8 +149,6 @@ fn point(at: &Coordinates) -> Point {
 struct Descent {
     at: Point,
     cost: f64,
-    /// The equations there.
-    linearised: Linearised,
     /// Monitor runs spent.
     spent: u64,
     /// Whether the budget of monitor runs cut it short.
@@ -188,7 +156,7 @@ struct Descent {
 }
 
 /// A descent of at most `budget` monitor runs; with a budget too small for one step, the start itself.
-fn descend(problem: OnDescent<'_, '_>, start: Point, budget: u64) -> Descent {
+fn descend(problem: &Problem<'_>, start: Point, budget: u64) -> Descent {
     let side = |own: [f64; UNKNOWN_COUNT], nuisance: f64| -> Point {
         core::array::from_fn(|p| own.get(p).copied().unwrap_or(nuisance))
     };
@@ -196,41 +164,42 @@ fn descend(problem: OnDescent<'_, '_>, start: Point, budget: u64) -> Descent {
         side(Coordinates::LOWER, -NUISANCE_MAX),
         side(Coordinates::UPPER, NUISANCE_MAX),
     );
-    let affordable = budget / (RUNS_PER_STEP + u64::from(TRIALS_PER_STEP));
+    let trials = u64::from(TRIALS_PER_STEP);
+    let further = |left: u64| 1 + left / (RUNS_PER_FURTHER + trials);
+    let affordable = budget.checked_sub(RUNS_PER_LINEARISATION + trials).map_or(0, further);
     let iterations = affordable.min(u64::from(MAX_ITERATIONS)) as u32;
+    if iterations == 0 {
+        return Descent {
+            at: start,
+            cost: problem.cost(&start),
+            spent: 1,
+            cut: true,
+        };
+    }
     let config = LmConfig {
-        max_iterations: iterations.max(1),
-        max_evaluations: (1 + TRIALS_PER_STEP) * iterations.max(1),
-        initial_damping: INITIAL_DAMPING,
+        max_iterations: iterations,
+        max_evaluations: (1 + TRIALS_PER_STEP) * iterations,
         step_tolerance: 1e-6,
         cost_tolerance: 1e-4,
         ..LmConfig::default()
     };
-    let (at, cut) = if iterations == 0 {
-        (start, true)
-    } else {
-        let found = levenberg_marquardt(&problem, &bounds, start, &config);
-        let at_limit = matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations);
-        (found.genes, iterations < MAX_ITERATIONS && at_limit)
-    };
-    let spent = problem.runs();
-    let linearised = problem.into_linearised(&at);
+    let found = levenberg_marquardt(&OnDescent::new(problem), &bounds, start, &config);
+    let linearisations = RUNS_PER_LINEARISATION + u64::from(found.iterations.saturating_sub(1)) * RUNS_PER_FURTHER;
     Descent {
-        at,
-        cost: linearised.cost(),
-        linearised,
-        spent,
-        cut,
+        at: found.genes,
+        cost: found.cost,
+        spent: linearisations + u64::from(found.evaluations - found.iterations),
+        cut: iterations < MAX_ITERATIONS && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations),
     }
 }
 
 /// As without tolerances: less weight where a signal is noisier than in the windows of the calibration.
-fn weights_by_noise(problem: &Problem<'_>, mismatch: &Mismatch, linearised: &Linearised) -> Weights {
+fn weights_by_noise(problem: &Problem<'_>, mismatch: &Mismatch, at: &Point) -> Weights {
     let expected = Signals::from(mismatch.residual_rms).to_array();
-    let squares = problem.mean_squares(linearised);
+    let (squares, count) = problem.squared_residuals(at);
     let mut weights = problem.comparison().weights.to_array();
     for signal in 0..SIGNAL_COUNT {
-        let found = libm::sqrt(squares[signal]);
+        let found = libm::sqrt(squares[signal] / (count as f64).max(1.0));
         weights[signal] *= (expected[signal] / found.max(f64::MIN_POSITIVE)).min(1.0);
     }
     Signals::from_array(weights)
@@ -241,17 +210,18 @@ fn assess(
     problem: &Problem<'_>,
     mismatch: &Mismatch,
     at: &Point,
-    linearised: &Linearised,
     competing: Option<Point>,
     misfit: f64,
     evaluations: u64,
 ) -> Estimate {
     let window = problem.comparison();
+    let linearised = problem.linearised(at);
     let unknowns = problem.unknowns(at);
     let fault = unknowns.fault;
-    let n = (problem.measured_share() * window.recording.samples.len() as f64).max(1.0);
+    let (squares, count) = problem.squared_residuals(at);
+    let n = (count as f64).max(1.0);
     let excess = (2.0 * linearised.cost() / (n * window.weighted_signals())).max(1.0);
-    let [by_data, with_nuisances] = sigmas(linearised, excess).map(|sigma| sigma.map(|sigma| misfit * sigma));
+    let [by_data, with_nuisances] = sigmas(&linearised, excess).map(|sigma| sigma.map(|sigma| misfit * sigma));
     let with_model = |sigma: [f64; FAULT_COUNT]| -> [f64; FAULT_COUNT] {
         core::array::from_fn(|p| sigma[p].hypot(mismatch.model_sigma[p]))
     };
@@ -267,15 +237,15 @@ fn assess(
         sigma,
         observable,
         cost: linearised.cost() / n,
-        residual_rms_a: libm::sqrt(problem.mean_squares(linearised)[1]),
-        evaluations,
+        residual_rms_a: libm::sqrt(squares[1] / n),
+        evaluations: evaluations + RUNS_PER_LINEARISATION,
         cut: false,
         competing_optimum: competing.map(|other| problem.unknowns(&other).fault),
         back_emf_off: unknowns.motor.back_emf - window.prior.motor.mean.back_emf,
         other_motor: false,
         locked: is_locked(window),
         deviations: at[UNKNOWN_COUNT..].to_vec(),
-        inferred: inferred(problem, linearised, at, libm::sqrt(excess) * misfit),
+        inferred: inferred(problem, &linearised, at, libm::sqrt(excess) * misfit),
     }
 }
 

@@ -1,6 +1,6 @@
 //! The least-squares problem of a window's unknowns together with the nuisances.
 
-use core::cell::{Cell, RefCell};
+use core::cell::RefCell;
 use std::vec;
 use std::vec::Vec;
 
@@ -74,7 +74,7 @@ impl<'a> Problem<'a> {
         }
     }
 
-    fn with_weights(&self, weights: Weights) -> Self {
+    pub(super) fn with_weights(&self, weights: Weights) -> Self {
         let mut weighed = self.clone();
         weighed.comparison.weights = weights;
         weighed
@@ -150,44 +150,17 @@ impl<'a> Problem<'a> {
         known + 0.5 * at[UNKNOWN_COUNT..].iter().map(|size| size * size).sum::<f64>()
     }
 
-    /// Signals that weigh anything, with their weights.
-    fn weighted(&self) -> impl Iterator<Item = (usize, f64)> {
-        self.comparison
-            .weights
-            .to_array()
-            .into_iter()
-            .enumerate()
-            .filter(|(_, weight)| *weight > 0.0)
-    }
-
-    /// Mean over the measured samples of squared residuals, by the confidence in each sample; 0 of signals without weight.
-    pub(super) fn mean_squares(&self, linearised: &Linearised) -> [f64; SIGNAL_COUNT] {
-        let mut squares = [0.0; SIGNAL_COUNT];
-        for rows in linearised.rows.chunks(linearised.rows_per_sample.max(1)) {
-            for ((signal, weight), row) in self.weighted().zip(rows) {
-                let residual = row[RESIDUAL] / weight;
-                squares[signal] += residual * residual;
+    /// Squared residuals at a point, by the confidence in each sample, summed for each signal, and their number.
+    pub(super) fn squared_residuals(&self, at: &Point) -> ([f64; SIGNAL_COUNT], usize) {
+        let (mut squares, mut count) = ([0.0; SIGNAL_COUNT], 0);
+        self.residuals(at, |n, residuals| {
+            for (signal, sum) in squares.iter_mut().enumerate() {
+                let residual = self.basis.confidence[n][signal] * residuals[signal];
+                *sum += residual * residual;
             }
-        }
-        squares.map(|sum| sum / self.measured())
-    }
-
-    fn measured(&self) -> f64 {
-        let samples = self.comparison.recording.samples.iter();
-        (samples.filter(|sample| sample.measured).count() as f64).max(1.0)
-    }
-
-    /// Share of the samples that were measured.
-    pub(super) fn measured_share(&self) -> f64 {
-        self.measured() / (self.comparison.recording.samples.len() as f64).max(1.0)
-    }
-
-    /// The problem and its equations at a point where the signals have other weights.
-    pub(super) fn reweighted(&self, linearised: Linearised, at: &Point, weights: Weights) -> (Self, Linearised) {
-        let mut linearised = linearised.reweighted(self, &weights);
-        let problem = self.with_weights(weights);
-        problem.add_prior(at, &mut linearised.sums);
-        (problem, linearised)
+            count += 1;
+        });
+        (squares, count)
     }
 
     /// Calls `visit` with index and unweighted residuals of each measured sample.
@@ -202,7 +175,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Mean over the samples of half the squared weighted residuals, without the prior.
-    fn mean_cost(&self, at: &Point) -> f64 {
+    pub(super) fn mean_cost(&self, at: &Point) -> f64 {
         let weights = self.comparison.weights.to_array();
         let mut sum = 0.0;
         self.residuals(at, |n, residuals| {
@@ -259,7 +232,7 @@ impl<'a> Problem<'a> {
             .collect();
 
         let weights = self.comparison.weights.to_array();
-        let weighted: Vec<usize> = self.weighted().map(|(signal, _)| signal).collect();
+        let weighted: Vec<usize> = (0..SIGNAL_COUNT).filter(|&s| weights[s] > 0.0).collect();
         let per_step: Vec<f64> = in_lanes.iter().map(|&p| 1.0 / step(p)).collect();
         let mut rows = vec![[0.0; GRAM_COLUMNS]; samples.len() * weighted.len()];
         let mut row = rows.iter_mut().enumerate();
@@ -374,24 +347,6 @@ impl<'a> Problem<'a> {
 }
 
 impl Linearised {
-    /// The same equations where the signals have other weights: `weights` instead of those of `problem`.
-    fn reweighted(mut self, problem: &Problem<'_>, weights: &Weights) -> Self {
-        let factors = problem
-            .weighted()
-            .map(|(signal, weight)| weights.to_array()[signal] / weight);
-        let factors: Vec<f64> = factors.collect();
-        for rows in self.rows.chunks_mut(self.rows_per_sample.max(1)) {
-            for (row, factor) in rows.iter_mut().zip(&factors) {
-                for value in row {
-                    *value *= factor;
-                }
-            }
-        }
-        self.sums = [[0.0; GRAM_COLUMNS]; GRAM_COLUMNS];
-        add_gram(&self.rows, &mut self.sums);
-        self
-    }
-
     /// Half the sum of the squares.
     pub(super) fn cost(&self) -> f64 {
         0.5 * self.sums[RESIDUAL][RESIDUAL]
@@ -420,57 +375,18 @@ fn is_slow(p: usize) -> bool {
     p.checked_sub(UNKNOWN_COUNT).is_some_and(|n| !SOURCES.contains(&n))
 }
 
-/// A problem during one descent: derivatives along slow coordinates stay those of the rows that it begins with.
-///
-/// A trial is linearised at once, in the lanes beside its cost: as a rule it is accepted, and the next step begins there.
+/// A problem during one descent: derivatives along slow coordinates are those of the first point.
 pub(super) struct OnDescent<'p, 'a> {
     problem: &'p Problem<'a>,
-    slow: Vec<GramRow>,
-    newest: RefCell<(Point, Linearised)>,
-    runs: Cell<u64>,
+    first: RefCell<Vec<GramRow>>,
 }
 
 impl<'p, 'a> OnDescent<'p, 'a> {
-    /// A descent from a point with the derivatives along slow coordinates of `slow`, one row for each of the problem's.
-    pub(super) fn new(problem: &'p Problem<'a>, at: Point, slow: Vec<GramRow>) -> Self {
-        let linearised = problem.linearised_near(&at, Some(&slow));
+    pub(super) fn new(problem: &'p Problem<'a>) -> Self {
         Self {
             problem,
-            slow,
-            newest: RefCell::new((at, linearised)),
-            runs: Cell::new(COST_LANES as u64),
+            first: RefCell::new(Vec::new()),
         }
-    }
-
-    /// A descent from a point where the equations are known.
-    pub(super) fn resumed(problem: &'p Problem<'a>, at: Point, linearised: Linearised) -> Self {
-        Self {
-            problem,
-            slow: linearised.rows.clone(),
-            newest: RefCell::new((at, linearised)),
-            runs: Cell::new(0),
-        }
-    }
-
-    /// Monitor runs so far.
-    pub(super) fn runs(&self) -> u64 {
-        self.runs.get()
-    }
-
-    /// Shows the equations at a point, computed unless they are the newest.
-    fn at<T>(&self, genes: &Point, show: impl FnOnce(&Linearised) -> T) -> T {
-        let mut newest = self.newest.borrow_mut();
-        if newest.0 != *genes {
-            *newest = (*genes, self.problem.linearised_near(genes, Some(&self.slow)));
-            self.runs.set(self.runs.get() + COST_LANES as u64);
-        }
-        show(&newest.1)
-    }
-
-    /// The equations at a point, as a rule the one where the descent ended.
-    pub(super) fn into_linearised(self, at: &Point) -> Linearised {
-        self.at(at, |_| ());
-        self.newest.into_inner().1
     }
 }
 
@@ -481,15 +397,24 @@ impl Residuals<DIMENSION> for OnDescent<'_, '_> {
         jtj: &mut SMatrix<f64, DIMENSION, DIMENSION>,
         jtr: &mut SVector<f64, DIMENSION>,
     ) -> f64 {
-        self.at(genes, |linearised| {
-            jtj.copy_from(&linearised.information());
-            jtr.copy_from(&linearised.gradient());
-            linearised.cost()
-        })
+        let mut first = self.first.borrow_mut();
+        let linearised = if first.is_empty() {
+            self.problem.linearised(genes)
+        } else {
+            self.problem.linearised_near(genes, Some(&first))
+        };
+        if first.is_empty() {
+            first.clone_from(&linearised.rows);
+        }
+        jtj.copy_from(&linearised.information());
+        for p in 0..DIMENSION {
+            jtr[p] = linearised.sums[RESIDUAL][p];
+        }
+        linearised.cost()
     }
 
     fn cost(&self, genes: &Point) -> f64 {
-        self.at(genes, Linearised::cost)
+        self.problem.cost(genes)
     }
 
     fn project(&self, genes: &mut Point) {
@@ -501,7 +426,6 @@ impl Residuals<DIMENSION> for OnDescent<'_, '_> {
 
     fn costs(&self, points: &[Point], costs: &mut [f64]) {
         self.problem.costs(points, costs);
-        self.runs.set(self.runs.get() + points.len() as u64);
     }
 }
 

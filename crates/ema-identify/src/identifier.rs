@@ -73,8 +73,8 @@ enum Extent {
     Whole,
 }
 
-/// Systematic cost up to which an estimate explains a window: the right ones have 0.4 at most, in noise too, and the nearest wrong
-/// one found (`servo28`, 400 Hz) 1.2.
+/// Systematic cost up to which an estimate explains a window: the right ones of usual windows have 0.4 at most, in noise too, and the
+/// nearest wrong one found (`servo28`, 400 Hz) 1.2.
 const EXPLAINED_COST: f64 = 0.6;
 
 /// Least short that is one. All three phases shorted look like a weak magnet: both optima are needed for an honest sigma, and descents

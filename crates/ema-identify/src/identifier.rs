@@ -81,9 +81,6 @@ const EXPLAINED_COST: f64 = 0.6;
 /// from health find but one.
 const ANY_SHORT: f64 = 0.02;
 
-/// Costs that differ by less than this factor do not decide between two searches.
-const AS_GOOD: f64 = 1.01;
-
 /// One window's fit, sample by sample, for records and plots.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fit {
@@ -159,12 +156,17 @@ impl Identifier {
             None
         };
         let search = self.local_optima(&comparison, seed, usual, effort, Extent::Whole)?;
-        let cut = search.cut;
+        // The whole search knows more competing optima: its estimate counts, whichever costs less.
         let whole = self.conclude_within(&comparison, search, effort);
-        let Some((mut estimate, found)) = better(narrow, whole) else {
-            return Ok(None);
+        let (estimate, found) = match (narrow, whole) {
+            (Some((narrow, _)), Some((whole, found))) => {
+                let evaluations = narrow.evaluations + whole.evaluations;
+                (Estimate { evaluations, ..whole }, found)
+            }
+            (Some((narrow, from)), None) => (Estimate { cut: true, ..narrow }, from),
+            (None, Some(whole)) => whole,
+            (None, None) => return Ok(None),
         };
-        estimate.cut |= cut;
         Ok(self.as_far_as_granted(estimate, &found, effort))
     }
 
@@ -464,31 +466,6 @@ impl Identifier {
         });
         fit
     }
-}
-
-/// The better of the estimates from health and of the whole search, with the work of both; of equal ones the latter, which knows more
-/// competing optima.
-fn better(
-    narrow: Option<(Estimate, Coordinates)>,
-    whole: Option<(Estimate, Coordinates)>,
-) -> Option<(Estimate, Coordinates)> {
-    let Some((narrow, from)) = narrow else { return whole };
-    let Some((whole, found)) = whole else {
-        return Some((Estimate { cut: true, ..narrow }, from));
-    };
-    let evaluations = narrow.evaluations + whole.evaluations;
-    let (estimate, found) = if whole.cost <= AS_GOOD * narrow.cost {
-        (whole, found)
-    } else {
-        (narrow, from)
-    };
-    Some((
-        Estimate {
-            evaluations,
-            ..estimate
-        },
-        found,
-    ))
 }
 
 /// Whether a population search was ended before its time.

@@ -155,7 +155,13 @@ impl Identifier {
         } else {
             None
         };
-        let search = self.local_optima(&comparison, seed, usual, effort, Extent::Whole)?;
+        let params = coarse_in_time(&self.params);
+        let in_coarse_time = Comparison {
+            params: &params,
+            ..comparison
+        };
+        let searched = if self.has_tolerances() { &in_coarse_time } else { &comparison };
+        let search = self.local_optima(searched, seed, usual, effort, Extent::Whole)?;
         // The whole search knows more competing optima: its estimate counts, whichever costs less.
         let whole = self.conclude_within(&comparison, search, effort);
         let (estimate, found) = match (narrow, whole) {

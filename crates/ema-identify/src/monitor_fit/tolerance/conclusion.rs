@@ -10,6 +10,7 @@ use super::basis::Basis;
 use super::inferred::inferred;
 use super::problem::{DIMENSION, Linearised, NUISANCE_MAX, OnDescent, Point, Problem, coordinates};
 use crate::calibration::Mismatch;
+use crate::monitor_fit::coarse_time::coarse_in_time;
 use crate::estimate::{Estimate, OBSERVABLE_SIGMA};
 use crate::monitor_fit::competing_optima::{differ, undecided_difference};
 use crate::monitor_fit::conclusion::Search;
@@ -54,16 +55,27 @@ pub(crate) fn conclude_with_tolerances(
     budget: u64,
 ) -> Estimate {
     let basis = Basis::new(window, tolerances);
-    let problem = Problem::new(*window, &basis, tolerances, STEP);
+    let fine = Problem::new(*window, &basis, tolerances, STEP);
+    let params = coarse_in_time(window.params);
+    let in_coarse_time = Comparison {
+        params: &params,
+        ..*window
+    };
+    let coarse = Problem::new(in_coarse_time, &basis, tolerances, STEP);
     let best = search.best().at;
     let mut healthy = Scale::new(window.params).coordinates(&window.unknowns_with_fault(FaultVector::NOMINAL));
     healthy.0[FAULT_COUNT..].copy_from_slice(&best.0[FAULT_COUNT..]);
     let left = budget.saturating_sub(search.evaluations + RUNS_PER_LINEARISATION);
     let share = left / DESCENTS;
+    let samples = fine.samples_for(&coarse, &point(&best));
+    let problem = coarse.with_samples(&samples);
     let mut descents = [best, healthy].map(|start| descend(&problem, point(&start), share));
     descents.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let [first, second] = descents;
-    let reweighted = problem.with_weights(weights_by_noise(&problem, mismatch, &first.at));
+    let samples = fine.samples_for(&coarse, &first.at);
+    let problem = coarse.with_samples(&samples);
+    let weights = weights_by_noise(&problem, mismatch, &first.at);
+    let reweighted = problem.with_weights(weights);
     let refined = descend(&reweighted, first.at, share);
     let undecided = undecided_difference(window, first.cost);
     let as_good = (second.cost - first.cost < undecided).then_some(second.at);
@@ -77,13 +89,15 @@ pub(crate) fn conclude_with_tolerances(
         WeakMagnet::No | WeakMagnet::Yes(_) => as_good,
     };
     let spent = search.evaluations + first.spent + second.spent + refined.spent + more;
+    let samples = fine.samples_for(&coarse, &at);
+    let problem = coarse.with_samples(&samples);
     let cost = problem.mean_cost(&at);
     let misfit = (cost / SYSTEMATIC_COST).max(1.0);
     Estimate {
         cost,
         cut: search.cut || first.cut || refined.cut,
         other_motor,
-        ..assess(&reweighted, mismatch, &at, competing, misfit, spent)
+        ..assess(&problem.with_weights(weights), mismatch, &at, competing, misfit, spent)
     }
 }
 

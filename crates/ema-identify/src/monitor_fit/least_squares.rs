@@ -123,7 +123,7 @@ pub(super) fn descend(window: &impl MonitoredWindow, start: Coordinates, budget:
 /// One descent by each step of the finite differences in turn; the best of the ends. With a budget too small for one step, the
 /// start itself.
 #[inline(never)]
-fn descend_by(
+pub(super) fn descend_by(
     window: &impl MonitoredWindow,
     start: Coordinates,
     steps: &[f64],

@@ -1,5 +1,7 @@
 //! From the best optimum of a search to the estimate of a window whose numbers have tolerances.
 
+use core::cell::RefCell;
+
 use ema_ga::{LmConfig, LmStop, levenberg_marquardt};
 use ema_models::{
     COST_LANES, Comparison, Coordinates, FAULT_COUNT, FaultVector, MOTOR_COORDINATES, MotorKnowledge, SIGNAL_COUNT,
@@ -22,6 +24,8 @@ use crate::monitor_fit::window::MonitoredWindow;
 
 /// Step of the finite differences along the unknowns.
 const STEP: f64 = 1e-3;
+
+const ROUNDS: usize = 2;
 
 /// Linearisations at most of one descent.
 const MAX_ITERATIONS: u32 = 8;
@@ -55,14 +59,21 @@ pub(crate) fn conclude_with_tolerances(
     budget: u64,
 ) -> Estimate {
     let basis = Basis::new(window, tolerances);
-    let fine = Problem::new(*window, &basis, tolerances, STEP);
+    let buffers = RefCell::default();
+    let fine = Problem::new(*window, &basis, tolerances, STEP, &buffers);
     let params = coarse_in_time(window.params);
     let in_coarse_time = Comparison {
         params: &params,
         ..*window
     };
-    let coarse = Problem::new(in_coarse_time, &basis, tolerances, STEP);
-    let best = search.best().at;
+    let coarse = Problem::new(in_coarse_time, &basis, tolerances, STEP, &buffers);
+    let mut best = search.best().at;
+    for _ in 0..ROUNDS {
+        let samples = fine.samples_for(&coarse, &point(&best));
+        let mut corrected = in_coarse_time;
+        corrected.recording.samples = &samples;
+        best = crate::monitor_fit::least_squares::descend_by(&corrected, best, &crate::monitor_fit::least_squares::COARSE, 1e-3, u64::MAX).at;
+    }
     let mut healthy = Scale::new(window.params).coordinates(&window.unknowns_with_fault(FaultVector::NOMINAL));
     healthy.0[FAULT_COUNT..].copy_from_slice(&best.0[FAULT_COUNT..]);
     let left = budget.saturating_sub(search.evaluations + RUNS_PER_LINEARISATION);
@@ -109,7 +120,8 @@ pub(crate) fn residuals_with_tolerances(
     mut visit: impl FnMut(usize, Signals<f64>),
 ) {
     let basis = Basis::new(window, tolerances);
-    let problem = Problem::new(*window, &basis, tolerances, STEP);
+    let buffers = RefCell::default();
+    let problem = Problem::new(*window, &basis, tolerances, STEP, &buffers);
     let mut at = point(&Scale::new(window.params).coordinates(&estimate.unknowns));
     for (slot, deviation) in at[UNKNOWN_COUNT..].iter_mut().zip(&estimate.deviations) {
         *slot = *deviation;

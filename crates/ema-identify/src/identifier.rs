@@ -12,9 +12,9 @@ use crate::calibration::TypeCalibration;
 use crate::effort::{Effort, Request, Stage};
 use crate::estimate::Estimate;
 use crate::monitor_fit::{
-    COARSE, COARSE_THEN_FINE, LocalOptimum, MAX_STARTS, Population, RUNS_OF_ASSESSMENT, RUNS_OF_DESCENT, RUNS_OF_STEP,
-    Search, Starts, UNLIMITED, assess, best_first, coarse_in_time, conclude, conclude_with_tolerances, descend_nearby,
-    descend_side_by_side, is_locked, prior, residuals_with_tolerances, starts,
+    Descent, LocalOptimum, MAX_STARTS, Population, RUNS_OF_ASSESSMENT, RUNS_OF_DESCENT, RUNS_OF_STEP, Search, Starts,
+    UNLIMITED, assess, best_first, coarse_in_time, conclude, conclude_with_tolerances, descend_side_by_side, is_locked,
+    prior, residuals_with_tolerances, starts,
 };
 use crate::prepared::Prepared;
 
@@ -160,7 +160,11 @@ impl Identifier {
             params: &params,
             ..comparison
         };
-        let searched = if self.has_tolerances() { &in_coarse_time } else { &comparison };
+        let searched = if self.has_tolerances() {
+            &in_coarse_time
+        } else {
+            &comparison
+        };
         let search = self.local_optima(searched, seed, usual, effort, Extent::Whole)?;
         // The whole search knows more competing optima: its estimate counts, whichever costs less.
         let whole = self.conclude_within(&comparison, search, effort);
@@ -232,7 +236,8 @@ impl Identifier {
                 conclude_with_tolerances(comparison, mismatch, &self.tolerances, &search, budget)
             }
             Method::Hybrid(_) if search.is_in_coarse_time => {
-                let search = search.resumed(|starts, share| descend_nearby(comparison, starts, share));
+                let search =
+                    search.resumed(|starts, share| descend_side_by_side(comparison, starts, Descent::NEARBY, share));
                 conclude(comparison, mismatch, &search, budget)
             }
             Method::LeastSquares | Method::Hybrid(_) => conclude(comparison, mismatch, &search, budget),
@@ -276,7 +281,7 @@ impl Identifier {
     fn runs_of_conclusion(&self) -> [u64; 3] {
         match self.method {
             Method::Eq14(_) | Method::Population(_) => [RUNS_OF_ASSESSMENT; 3],
-            Method::LeastSquares | Method::Hybrid(_) if self.has_tolerances() => [360, 500, 830],
+            Method::LeastSquares | Method::Hybrid(_) if self.has_tolerances() => [510, 700, 1300],
             Method::LeastSquares | Method::Hybrid(_) => [100, 350, 6 * RUNS_OF_DESCENT],
         }
     }
@@ -308,7 +313,7 @@ impl Identifier {
             runs,
             reserved,
         };
-        let steps = self.steps(extent);
+        let how = self.descent(extent);
         // Asks for each generation before it begins.
         let mut seen = 0;
         let mut follow = |log: &GenerationLog<FAULT_COUNT>, (individuals, generations): (u64, u32)| {
@@ -321,14 +326,14 @@ impl Identifier {
             }
         };
         let descend = |starts: &Starts, share: u64| {
-            let wanted = starts.len() as u64 * steps.len() as u64 * RUNS_OF_DESCENT;
+            let wanted = starts.len() as u64 * how.most_runs();
             let granted = effort.grant(&request(wanted));
             let share = if granted < wanted {
                 share.min(granted / starts.len() as u64)
             } else {
                 share
             };
-            let optima = descend_side_by_side(comparison, starts, steps, share);
+            let optima = descend_side_by_side(comparison, starts, how, share);
             let spent = optima.iter().map(|optimum| optimum.spent).sum();
             effort.ran(Stage::Search, window_s, spent);
             optima
@@ -376,13 +381,13 @@ impl Identifier {
         })
     }
 
-    /// Steps of the search's descents; coarse ones where the last part starts from where they end: in coarse time the floor of a valley
-    /// is a little off, and with tolerances nuisances are fitted too.
-    fn steps(&self, extent: Extent) -> &'static [f64] {
-        if self.has_tolerances() || extent == Extent::FromHealth {
-            &COARSE
-        } else {
-            &COARSE_THEN_FINE
+    /// How the search's descents go: no further than the last part needs, which starts from where they end.
+    fn descent(&self, extent: Extent) -> Descent {
+        match extent {
+            _ if self.has_tolerances() => Descent::ROUGHLY,
+            // In coarse time the floor of a valley is a little off.
+            Extent::FromHealth => Descent::INTO_A_VALLEY,
+            Extent::Whole => Descent::TO_THE_FLOOR,
         }
     }
 

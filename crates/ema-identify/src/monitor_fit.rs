@@ -36,8 +36,8 @@ pub use conclusion::identify_from_health;
 pub(crate) use conclusion::{Search, conclude};
 #[cfg(feature = "std")]
 pub(crate) use least_squares::{
-    COARSE, COARSE_THEN_FINE, LocalOptimum, MAX_STARTS, RUNS_OF_DESCENT, RUNS_OF_STEP, Starts, UNLIMITED, best_first,
-    descend_nearby, descend_side_by_side, starts,
+    Descent, LocalOptimum, MAX_STARTS, RUNS_OF_DESCENT, RUNS_OF_STEP, Starts, UNLIMITED, best_first,
+    descend_side_by_side, starts,
 };
 pub use least_squares::{estimator_bias, refined_from};
 #[cfg(feature = "std")]

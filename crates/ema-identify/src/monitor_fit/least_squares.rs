@@ -44,16 +44,66 @@ const COARSE_STEP: f64 = 2e-2;
 /// Step of the finite differences near the solution.
 pub(super) const FINE_STEP: f64 = 1e-7;
 
-/// Steps of a descent into the next valley, to where another descent starts.
-#[cfg(feature = "std")]
-pub(crate) const COARSE: [f64; 1] = [COARSE_STEP];
+/// How a descent goes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Descent {
+    /// Steps of the finite differences, one after another.
+    steps: &'static [f64],
+    /// Damping of the first step.
+    damping: f64,
+    /// Decrease of the cost, as a share of it, by which no further step follows.
+    cost_tolerance: f64,
+}
 
-/// Steps of a descent from near a valley's floor, for [`descend_nearby`].
+/// Damping of a first step; near the end, where the problem is nearly linear, less.
+const DAMPING: f64 = 1e-3;
 #[cfg(feature = "std")]
-const FINE: [f64; 1] = [FINE_STEP];
+const DAMPING_NEARBY: f64 = 1e-6;
 
-/// Steps of a descent to the floor of a valley.
-pub(crate) const COARSE_THEN_FINE: [f64; 2] = [COARSE_STEP, FINE_STEP];
+/// Decrease by which a descent ends.
+const COST_TOLERANCE: f64 = 1e-6;
+
+impl Descent {
+    /// To the floor of a valley: what a fine slope takes for it, a coarse one often walks out of.
+    pub(crate) const TO_THE_FLOOR: Self = Self {
+        steps: &[COARSE_STEP, FINE_STEP],
+        ..Self::INTO_A_VALLEY
+    };
+
+    /// Into the next valley, to where another descent starts.
+    pub(crate) const INTO_A_VALLEY: Self = Self {
+        steps: &[COARSE_STEP],
+        damping: DAMPING,
+        cost_tolerance: COST_TOLERANCE,
+    };
+}
+
+#[cfg(feature = "std")]
+impl Descent {
+    /// Into a valley where most of the cost is of what the unknowns do not explain.
+    pub(crate) const ROUGHLY: Self = Self {
+        cost_tolerance: 1e-3,
+        ..Self::INTO_A_VALLEY
+    };
+
+    /// The same from where that ends.
+    pub(crate) const LESS_ROUGHLY: Self = Self {
+        cost_tolerance: 1e-4,
+        ..Self::INTO_A_VALLEY
+    };
+
+    /// Monitor runs at most.
+    pub(crate) fn most_runs(&self) -> u64 {
+        self.steps.len() as u64 * RUNS_OF_DESCENT
+    }
+
+    /// To a floor nearby.
+    pub(crate) const NEARBY: Self = Self {
+        steps: &[FINE_STEP],
+        damping: DAMPING_NEARBY,
+        ..Self::INTO_A_VALLEY
+    };
+}
 
 /// Where a descent ended.
 #[derive(Clone, Copy, Debug)]
@@ -92,59 +142,45 @@ pub(super) fn descend_from_each(window: &impl MonitoredWindow, starts: &Starts, 
     best_first(starts.iter().map(|&start| descend(window, start, budget)))
 }
 
-/// Descents by these steps from each start on several threads, the same result on any number of them.
+/// Descents from each start on several threads, the same result on any number of them.
 #[cfg(feature = "std")]
 pub(crate) fn descend_side_by_side(
     window: &(impl MonitoredWindow + Sync),
     starts: &Starts,
-    steps: &[f64],
+    how: Descent,
     budget: u64,
 ) -> LocalOptima {
     use rayon::prelude::*;
-    let descend = |&start| descend_by(window, start, steps, DAMPING, budget);
+    let descend = |&start| how.descend(window, start, budget);
     best_first(starts.par_iter().map(descend).collect::<std::vec::Vec<_>>())
 }
 
-/// Fine descents from each start, all of them near their ends, as [`descend_side_by_side`].
-#[cfg(feature = "std")]
-pub(crate) fn descend_nearby(window: &(impl MonitoredWindow + Sync), starts: &Starts, budget: u64) -> LocalOptima {
-    use rayon::prelude::*;
-    let descend = |&start| descend_by(window, start, &FINE, DAMPING_NEARBY, budget);
-    best_first(starts.par_iter().map(descend).collect::<std::vec::Vec<_>>())
-}
-
-/// One descent, coarse and then fine; the better of both ends. With a budget too small for one step, the start itself.
-///
-/// What a fine slope takes for a valley's floor, a coarse one often walks out of.
+/// One descent to the floor of a valley.
 pub(super) fn descend(window: &impl MonitoredWindow, start: Coordinates, budget: u64) -> LocalOptimum {
-    descend_by(window, start, &COARSE_THEN_FINE, DAMPING, budget)
+    Descent::TO_THE_FLOOR.descend(window, start, budget)
 }
 
-/// One descent by each step of the finite differences in turn; the best of the ends. With a budget too small for one step, the
-/// start itself.
-#[inline(never)]
-pub(super) fn descend_by(
-    window: &impl MonitoredWindow,
-    start: Coordinates,
-    steps: &[f64],
-    damping: f64,
-    budget: u64,
-) -> LocalOptimum {
-    let mut optimum = LocalOptimum {
-        cost: f64::INFINITY,
-        at: start,
-        spent: 0,
-        cut: false,
-    };
-    for &step in steps {
+impl Descent {
+    /// One descent by each step of the finite differences in turn; the best of the ends. With a budget too small for one step, the
+    /// start itself.
+    #[inline(never)]
+    pub(super) fn descend(&self, window: &impl MonitoredWindow, start: Coordinates, budget: u64) -> LocalOptimum {
+        let mut optimum = LocalOptimum {
+            cost: f64::INFINITY,
+            at: start,
+            spent: 0,
+            cut: false,
+        };
         let whole = constant_box(Coordinates::LOWER, Coordinates::UPPER);
-        resume(window, &mut optimum, [step, damping], &whole, budget);
+        for &step in self.steps {
+            self.resume(window, &mut optimum, step, &whole, budget);
+        }
+        if optimum.cost.is_infinite() {
+            optimum.cost = window.cost(&optimum.at);
+            optimum.spent += 1;
+        }
+        optimum
     }
-    if optimum.cost.is_infinite() {
-        optimum.cost = window.cost(&optimum.at);
-        optimum.spent += 1;
-    }
-    optimum
 }
 
 /// Loads next to none, in their coordinate: in the bend of the gear's losses, and clear of it.
@@ -161,7 +197,7 @@ pub(super) fn refine_one_sided(window: &impl MonitoredWindow, start: Coordinates
         let mut lower = Coordinates::LOWER;
         lower[LOAD_COORDINATE] = clear_of_it;
         let opposing = constant_box(lower, Coordinates::UPPER);
-        resume(window, &mut optimum, [FINE_STEP, DAMPING], &opposing, budget);
+        Descent::TO_THE_FLOOR.resume(window, &mut optimum, FINE_STEP, &opposing, budget);
     }
     optimum
 }
@@ -185,53 +221,49 @@ pub(super) fn refine_with_fixed_parameter(
     };
     optimum.at.0[coordinate] = value;
     let within = constant_box(lower, upper);
-    resume(window, &mut optimum, [COARSE_STEP, DAMPING], &within, budget);
+    Descent::INTO_A_VALLEY.resume(window, &mut optimum, COARSE_STEP, &within, budget);
     optimum
 }
 
 /// Half the width of the box around a coordinate that is held.
 const FIXED_WITHIN: f64 = 1e-9;
 
-/// Resumes a descent where it ended, inside a box, with one step of the differences and the damping of its first step.
-#[inline(never)]
-fn resume<W: MonitoredWindow>(
-    window: &W,
-    optimum: &mut LocalOptimum,
-    [step, damping]: [f64; 2],
-    bounds: &Bounds<UNKNOWN_COUNT>,
-    budget: u64,
-) {
-    let left = budget.saturating_sub(optimum.spent);
-    let iterations = (left / (RUNS_PER_LINEARISATION + TRIALS_PER_STEP)).min(u64::from(MAX_ITERATIONS)) as u32;
-    let trials = left.saturating_sub(u64::from(iterations) * (RUNS_PER_LINEARISATION - 1));
-    let limited = iterations < MAX_ITERATIONS || trials < u64::from(MAX_EVALUATIONS);
-    if iterations == 0 {
-        optimum.cut = true;
-        return;
-    }
-    let config = LmConfig {
-        max_iterations: iterations,
-        max_evaluations: trials.min(u64::from(MAX_EVALUATIONS)) as u32,
-        initial_damping: damping,
-        step_tolerance: 1e-9,
-        cost_tolerance: 1e-6,
-        ..LmConfig::default()
-    };
-    let found = levenberg_marquardt(&SquaredResiduals { window, step }, bounds, optimum.at.0, &config);
-    optimum.spent +=
-        u64::from(found.iterations) * RUNS_PER_LINEARISATION + u64::from(found.evaluations - found.iterations);
-    optimum.cut |= limited && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations);
-    if found.cost < optimum.cost {
-        (optimum.cost, optimum.at) = (found.cost, Coordinates(found.genes));
+impl Descent {
+    /// Resumes a descent where it ended, inside a box, with one step of the differences.
+    #[inline(never)]
+    fn resume<W: MonitoredWindow>(
+        &self,
+        window: &W,
+        optimum: &mut LocalOptimum,
+        step: f64,
+        bounds: &Bounds<UNKNOWN_COUNT>,
+        budget: u64,
+    ) {
+        let left = budget.saturating_sub(optimum.spent);
+        let iterations = (left / (RUNS_PER_LINEARISATION + TRIALS_PER_STEP)).min(u64::from(MAX_ITERATIONS)) as u32;
+        let trials = left.saturating_sub(u64::from(iterations) * (RUNS_PER_LINEARISATION - 1));
+        let limited = iterations < MAX_ITERATIONS || trials < u64::from(MAX_EVALUATIONS);
+        if iterations == 0 {
+            optimum.cut = true;
+            return;
+        }
+        let config = LmConfig {
+            max_iterations: iterations,
+            max_evaluations: trials.min(u64::from(MAX_EVALUATIONS)) as u32,
+            initial_damping: self.damping,
+            step_tolerance: 1e-9,
+            cost_tolerance: self.cost_tolerance,
+            ..LmConfig::default()
+        };
+        let found = levenberg_marquardt(&SquaredResiduals { window, step }, bounds, optimum.at.0, &config);
+        optimum.spent +=
+            u64::from(found.iterations) * RUNS_PER_LINEARISATION + u64::from(found.evaluations - found.iterations);
+        optimum.cut |= limited && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations);
+        if found.cost < optimum.cost {
+            (optimum.cost, optimum.at) = (found.cost, Coordinates(found.genes));
+        }
     }
 }
-
-/// Damping of a descent's first step.
-const DAMPING: f64 = 1e-3;
-
-/// The same near its end, where the problem is nearly linear.
-#[cfg(feature = "std")]
-const DAMPING_NEARBY: f64 = 1e-6;
 
 /// Linearisations at most of one descent with one step.
 const MAX_ITERATIONS: u32 = 25;

@@ -6,8 +6,9 @@ use std::vec::Vec;
 
 use ema_ga::Residuals;
 use ema_models::{
-    COST_LANES, ComparedSample, Comparison, Coordinates, DISTURBANCE_COUNT, GRAM_COLUMNS, GramRow, LaneResiduals, MonitorVariant,
-    MotorKnowledge, NormalEquations, SIGNAL_COUNT, Scale, Tolerances, UNKNOWN_COUNT, Unknowns, Weights, add_gram,
+    COST_LANES, ComparedSample, Comparison, Coordinates, DISTURBANCE_COUNT, GRAM_COLUMNS, GramRow, LaneResiduals,
+    MonitorVariant, MotorKnowledge, NormalEquations, SIGNAL_COUNT, Scale, Tolerances, UNKNOWN_COUNT, Unknowns, Weights,
+    add_gram,
 };
 use nalgebra::{SMatrix, SVector};
 

@@ -12,9 +12,9 @@ use crate::calibration::TypeCalibration;
 use crate::effort::{Effort, Request, Stage};
 use crate::estimate::Estimate;
 use crate::monitor_fit::{
-    Descent, LocalOptimum, MAX_STARTS, Population, RUNS_OF_ASSESSMENT, RUNS_OF_DESCENT, RUNS_OF_STEP, Search, Starts,
-    UNLIMITED, assess, best_first, coarse_in_time, conclude, conclude_with_tolerances, descend_side_by_side, is_locked,
-    prior, residuals_with_tolerances, starts,
+    Descent, InTime, LocalOptimum, MAX_STARTS, Population, RUNS_OF_ASSESSMENT, RUNS_OF_DESCENT, RUNS_OF_STEP, Search,
+    Starts, Time, Timed, UNLIMITED, assess, best_first, coarse_in_time, conclude, conclude_with_tolerances,
+    descend_side_by_side, is_locked, prior, residuals_with_tolerances, starts,
 };
 use crate::prepared::Prepared;
 
@@ -148,7 +148,7 @@ impl Identifier {
             let Some((estimate, found)) = self.conclude_within(&comparison, search, effort) else {
                 return Ok(None);
             };
-            if self.is_explained(&comparison, &estimate) {
+            if self.method == Method::LeastSquares || self.is_explained(&comparison, &estimate) {
                 return Ok(self.as_far_as_granted(estimate, &found, effort));
             }
             Some((estimate, found))
@@ -184,7 +184,7 @@ impl Identifier {
     /// tolerances: nuisances then take the place of a part of the cost that the population would lower, and with its start the fit
     /// loses competing optima.
     fn starts_from_health(&self) -> bool {
-        matches!(self.method, Method::Hybrid(_)) && !self.has_tolerances()
+        matches!(self.method, Method::Hybrid(_) | Method::LeastSquares) && !self.has_tolerances()
     }
 
     /// Whether no other estimate is worth looking for: this one explains the window, and none explains it likewise.
@@ -235,12 +235,16 @@ impl Identifier {
             Method::LeastSquares | Method::Hybrid(_) if self.has_tolerances() => {
                 conclude_with_tolerances(comparison, mismatch, &self.tolerances, &search, budget)
             }
-            Method::Hybrid(_) if search.is_in_coarse_time => {
-                let search =
-                    search.resumed(|starts, share| descend_side_by_side(comparison, starts, Descent::NEARBY, share));
-                conclude(comparison, mismatch, &search, budget)
+            Method::LeastSquares | Method::Hybrid(_) => {
+                let coarse = coarse_in_time(&self.params);
+                let time = if search.is_in_coarse_time {
+                    Time::Both
+                } else {
+                    Time::Fine
+                };
+                let window = Timed::new(*comparison, &coarse).in_time(time);
+                conclude(&window, mismatch, &search, budget)
             }
-            Method::LeastSquares | Method::Hybrid(_) => conclude(comparison, mismatch, &search, budget),
         };
         effort.ran(Stage::Conclusion, window_s, estimate.evaluations - before);
         Some((estimate, found))
@@ -351,7 +355,11 @@ impl Identifier {
             }
             Method::LeastSquares => {
                 let starts = starts(comparison, &[FaultVector::NOMINAL]);
-                Search::new(descend(&starts, UNLIMITED), 0, false, UNLIMITED)
+                let search = Search::new(descend(&starts, UNLIMITED), 0, false, UNLIMITED);
+                match extent {
+                    Extent::FromHealth => search.in_coarse_time(),
+                    Extent::Whole => search,
+                }
             }
             Method::Hybrid(population) if extent == Extent::FromHealth => {
                 let starts = starts(comparison, &[FaultVector::NOMINAL]);

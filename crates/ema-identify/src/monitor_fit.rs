@@ -10,8 +10,8 @@
 //!
 //! All of it is generic over [`MonitoredWindow`]; `recorded_window` and `streamed` are the firmware's.
 
-#[cfg(feature = "std")]
 mod coarse_time;
+pub use coarse_time::Time;
 #[cfg(feature = "std")]
 pub(crate) use coarse_time::coarse_in_time;
 mod competing_optima;
@@ -25,6 +25,10 @@ pub(crate) use locked::is_locked;
 mod population;
 mod recorded_window;
 mod streamed;
+#[cfg(feature = "std")]
+mod timed;
+#[cfg(feature = "std")]
+pub(crate) use timed::Timed;
 #[cfg(feature = "std")]
 mod tolerance;
 mod uncertainty;
@@ -51,4 +55,4 @@ pub use uncertainty::cramer_rao_bound;
 pub(crate) use uncertainty::{RUNS_OF_ASSESSMENT, assess};
 #[cfg(feature = "std")]
 pub(crate) use window::prior;
-pub use window::{ActuatorKnowledge, MonitoredWindow};
+pub use window::{ActuatorKnowledge, InTime, MonitoredWindow};

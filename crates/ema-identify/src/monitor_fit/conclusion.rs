@@ -2,24 +2,28 @@
 
 use ema_models::{Coordinates, FaultVector, SIGNAL_COUNT, Scale, Signals, Weights};
 
-use super::competing_optima::competing_optimum;
-#[cfg(feature = "std")]
-use super::competing_optima::differ;
-#[cfg(feature = "std")]
-use super::least_squares::Starts;
-use super::least_squares::{LocalOptima, LocalOptimum, UNLIMITED, descend_from_each, refine_one_sided, starts};
+use super::coarse_time::Time;
+use super::competing_optima::{competing_optimum, differ};
+use super::least_squares::{
+    Descent, LocalOptima, LocalOptimum, Starts, UNLIMITED, descend_from_each, refine_one_sided, starts,
+};
 use super::uncertainty::{RUNS_OF_ASSESSMENT, assess};
 use super::weak_magnet::{WeakMagnet, weak_magnet};
-use super::window::MonitoredWindow;
+use super::window::{InTime, MonitoredWindow};
 use crate::calibration::Mismatch;
 use crate::estimate::Estimate;
 
 /// Estimates the fault vector of one window by descents from health, one after another: the whole identification of a
 /// controller, and on the host the one of `Method::LeastSquares`.
+///
+/// The descents run in coarse time, and from where they end once more with the residuals of fine time.
 #[must_use]
-pub fn identify_from_health(window: &impl MonitoredWindow, mismatch: &Mismatch) -> Estimate {
-    let optima = descend_from_each(window, &starts(window, &[FaultVector::NOMINAL]), UNLIMITED);
-    conclude(window, mismatch, &Search::new(optima, 0, false, UNLIMITED), UNLIMITED)
+pub fn identify_from_health(window: &impl InTime, mismatch: &Mismatch) -> Estimate {
+    let coarse = window.in_time(Time::Coarse);
+    let starts = starts(&coarse, &[FaultVector::NOMINAL]);
+    let optima = descend_from_each(&coarse, &starts, Descent::INTO_A_VALLEY, UNLIMITED);
+    let search = Search::new(optima, 0, false, UNLIMITED).in_coarse_time();
+    conclude(&window.in_time(Time::Both), mismatch, &search, UNLIMITED)
 }
 
 /// What a search found.
@@ -31,7 +35,6 @@ pub(crate) struct Search {
     /// Whether the budget cut it short anywhere.
     pub(crate) cut: bool,
     /// Whether it ended in coarse time, a little off the optima.
-    #[cfg(feature = "std")]
     pub(crate) is_in_coarse_time: bool,
     /// Monitor runs that each further descent may take.
     share: u64,
@@ -44,14 +47,12 @@ impl Search {
             evaluations: evaluations + optima.iter().map(|optimum| optimum.spent).sum::<u64>(),
             cut: cut || optima.iter().any(|optimum| optimum.cut),
             optima,
-            #[cfg(feature = "std")]
             is_in_coarse_time: false,
             share,
         }
     }
 
     /// The same of a search in coarse time.
-    #[cfg(feature = "std")]
     pub(crate) fn in_coarse_time(self) -> Self {
         Self {
             is_in_coarse_time: true,
@@ -68,9 +69,8 @@ impl Search {
         }
     }
 
-    /// The same after further descents from the optima that differ, given where they start and their share.
-    #[cfg(feature = "std")]
-    pub(crate) fn resumed(self, descend: impl FnOnce(&Starts, u64) -> LocalOptima) -> Self {
+    /// The same after further descents from the optima that differ.
+    fn resumed(&self, window: &impl MonitoredWindow) -> Self {
         let mut starts = Starts::new();
         for optimum in &self.optima {
             if starts.iter().all(|start| differ(start, &optimum.at, |_| true)) {
@@ -78,7 +78,8 @@ impl Search {
                 starts.extend([optimum.at]);
             }
         }
-        Self::new(descend(&starts, self.share), self.evaluations, self.cut, self.share)
+        let optima = descend_from_each(window, &starts, Descent::NEARBY, self.share);
+        Self::new(optima, self.evaluations, self.cut, self.share)
     }
 
     /// The best local optimum.
@@ -92,9 +93,15 @@ impl Search {
 ///
 /// The cost stays that of the calibration's weights: it is what says whether the fit is a good one at all.
 pub(crate) fn conclude(window: &impl MonitoredWindow, mismatch: &Mismatch, search: &Search, budget: u64) -> Estimate {
+    let (how, resumed) = if search.is_in_coarse_time {
+        (Descent::NEARBY, Some(search.resumed(window)))
+    } else {
+        (Descent::TO_THE_FLOOR, None)
+    };
+    let search = resumed.as_ref().unwrap_or(search);
     let best = search.best().at;
     let reweighted = window.with_weights(weights_by_noise(window, mismatch, &best));
-    let refined = refine_one_sided(&reweighted, best, search.share);
+    let refined = refine_one_sided(&reweighted, best, how, search.share);
     let competing = competing_optimum(window, &search.optima);
     let spent = search.evaluations + refined.spent + 2;
     let (at, competing, more, other_motor) = match weak_magnet(&reweighted, &refined, search.share) {

@@ -57,7 +57,6 @@ pub(crate) struct Descent {
 
 /// Damping of a first step; near the end, where the problem is nearly linear, less.
 const DAMPING: f64 = 1e-3;
-#[cfg(feature = "std")]
 const DAMPING_NEARBY: f64 = 1e-6;
 
 /// Decrease by which a descent ends.
@@ -75,6 +74,13 @@ impl Descent {
         steps: &[COARSE_STEP],
         damping: DAMPING,
         cost_tolerance: COST_TOLERANCE,
+    };
+
+    /// To a floor nearby.
+    pub(crate) const NEARBY: Self = Self {
+        steps: &[FINE_STEP],
+        damping: DAMPING_NEARBY,
+        ..Self::INTO_A_VALLEY
     };
 }
 
@@ -96,13 +102,6 @@ impl Descent {
     pub(crate) fn most_runs(&self) -> u64 {
         self.steps.len() as u64 * RUNS_OF_DESCENT
     }
-
-    /// To a floor nearby.
-    pub(crate) const NEARBY: Self = Self {
-        steps: &[FINE_STEP],
-        damping: DAMPING_NEARBY,
-        ..Self::INTO_A_VALLEY
-    };
 }
 
 /// Where a descent ended.
@@ -138,8 +137,13 @@ pub(crate) const UNLIMITED: u64 = u64::MAX;
 pub(super) const RUNS_PER_LINEARISATION: u64 = UNKNOWN_COUNT as u64 + 1;
 
 /// One descent from each start, one after another, each with `budget` monitor runs at most.
-pub(super) fn descend_from_each(window: &impl MonitoredWindow, starts: &Starts, budget: u64) -> LocalOptima {
-    best_first(starts.iter().map(|&start| descend(window, start, budget)))
+pub(super) fn descend_from_each(
+    window: &impl MonitoredWindow,
+    starts: &Starts,
+    how: Descent,
+    budget: u64,
+) -> LocalOptima {
+    best_first(starts.iter().map(|&start| how.descend(window, start, budget)))
 }
 
 /// Descents from each start on several threads, the same result on any number of them.
@@ -190,8 +194,13 @@ const NO_LOAD: [f64; 2] = [1e-6, 1e-12];
 ///
 /// The gear's losses bend there, and a descent across the bend gets stuck in it, short of the valley that leads along it. On
 /// one side the problem is smooth.
-pub(super) fn refine_one_sided(window: &impl MonitoredWindow, start: Coordinates, budget: u64) -> LocalOptimum {
-    let mut optimum = descend(window, start, budget);
+pub(super) fn refine_one_sided(
+    window: &impl MonitoredWindow,
+    start: Coordinates,
+    how: Descent,
+    budget: u64,
+) -> LocalOptimum {
+    let mut optimum = how.descend(window, start, budget);
     let [in_the_bend, clear_of_it] = NO_LOAD;
     if optimum.at.0[LOAD_COORDINATE].abs() <= in_the_bend {
         let mut lower = Coordinates::LOWER;
@@ -286,7 +295,7 @@ const TRIALS_PER_STEP: u64 = 2;
 /// The local optimum that a descent from a point leads to.
 #[must_use]
 pub fn refined_from(window: &impl MonitoredWindow, start: Coordinates) -> Coordinates {
-    refine_one_sided(window, start, UNLIMITED).at
+    refine_one_sided(window, start, Descent::TO_THE_FLOOR, UNLIMITED).at
 }
 
 /// Estimator bias of one window: distance, in fault coordinates, from the truth to where a descent that starts there ends.

@@ -8,8 +8,9 @@ use ema_models::{
     Prior, ResidualState, SIGNAL_COUNT, Scale, Setpoint, UNKNOWN_COUNT, Unknowns, Weights,
 };
 
-use super::recorded_window::{RecordedSample, RecordedWindow};
-use super::window::{ActuatorKnowledge, MonitoredWindow, prior};
+use super::coarse_time::{Time, coarse_in_time, periods};
+use super::recorded_window::{MAX_CONTROLS, RecordedSample, RecordedWindow};
+use super::window::{ActuatorKnowledge, InTime, MonitoredWindow, prior};
 
 /// A recorded window, and the monitor that it is compared with.
 #[derive(Clone, Copy, Debug)]
@@ -20,11 +21,13 @@ pub struct StreamedWindow<'a, S> {
     conditions: Conditions,
     weights: Weights,
     prior: Prior,
+    time: Time,
 }
 
 /// One monitor at work.
 #[derive(Clone, Copy)]
 struct Running {
+    is_coarse: bool,
     monitor: Monitor<f64>,
     state: MonitorState<f64>,
     residual: ResidualState<f64>,
@@ -50,15 +53,22 @@ impl<'a, S: RecordedSample> StreamedWindow<'a, S> {
             conditions,
             weights: mismatch.weights(params.sensors.sample_rate, calibration.form),
             prior: prior(params, &conditions, *motor),
+            time: Time::Fine,
         }
     }
 
-    /// Runs monitors in lock-step over the window and shows their unweighted residuals, sample by sample.
+    /// Whether monitors run in coarse time whose costs and residuals count.
+    fn is_coarse(&self) -> bool {
+        self.time == Time::Coarse
+    }
+
+    /// Runs monitors in lock-step over the window and shows their unweighted residuals, sample by sample. `monitor` gives the unknowns of
+    /// each, and whether it runs in coarse time.
     ///
     /// What all of them take from a sample is made ready once for all.
     fn run<const N: usize>(
         &self,
-        unknowns: impl Fn(usize) -> Unknowns,
+        monitor: impl Fn(usize) -> (Unknowns, bool),
         mut visit: impl FnMut(&[[f64; SIGNAL_COUNT]; N]),
     ) {
         let initial = self.window.initial();
@@ -66,9 +76,16 @@ impl<'a, S: RecordedSample> StreamedWindow<'a, S> {
             return;
         };
         let start = |n| {
-            let unknowns = self.conditions.at_temperature(&unknowns(n));
-            let monitor = Monitor::new(self.params, self.calibration, self.conditions.v_dc, &unknowns);
+            let (unknowns, is_coarse) = monitor(n);
+            let unknowns = self.conditions.at_temperature(&unknowns);
+            let monitor = if is_coarse {
+                let params = coarse_in_time(self.params);
+                Monitor::new(&params, self.calibration, self.conditions.v_dc, &unknowns)
+            } else {
+                Monitor::new(self.params, self.calibration, self.conditions.v_dc, &unknowns)
+            };
             Running {
+                is_coarse,
                 state: monitor.start(initial, &first),
                 monitor,
                 residual: ResidualState::new(self.params.sensors.sample_rate),
@@ -79,13 +96,20 @@ impl<'a, S: RecordedSample> StreamedWindow<'a, S> {
         for (n, one) in running.iter_mut().enumerate().skip(1) {
             *one = start(n);
         }
+        let periods = periods(self.params) as usize;
         for (n, drive) in self.window.drives().enumerate() {
+            let counted: &[f64] = &drive.counted[..self.window.controls()];
+            let mut coarsely = [0.0; MAX_CONTROLS];
+            for (slot, &counted) in coarsely.iter_mut().zip(counted.iter().step_by(periods)) {
+                *slot = counted;
+            }
+            let coarsely = &coarsely[..counted.len().div_ceil(periods)];
             let mut residuals = [[0.0; SIGNAL_COUNT]; N];
             for (one, residuals) in running.iter_mut().zip(&mut residuals) {
                 let earlier = n >= one.residual.span();
                 let output = one.monitor.output(&one.state);
                 *residuals = one.residual.next(&drive.measured, &output, earlier).to_array();
-                let counted = &drive.counted[..self.window.controls()];
+                let counted = if one.is_coarse { coarsely } else { counted };
                 one.monitor
                     .run_sample_period_with(&mut one.state, initial, drive.setpoint, counted, drive.theta_m);
             }
@@ -133,7 +157,7 @@ impl<S: RecordedSample> MonitoredWindow for StreamedWindow<'_, S> {
         let weights = self.weights.to_array();
         let mut sum = 0.0;
         self.run::<1>(
-            |_| *unknowns,
+            |_| (*unknowns, self.is_coarse()),
             |[residuals]| {
                 for (weight, r) in weights.iter().zip(residuals) {
                     let weighted = weight * r;
@@ -148,7 +172,7 @@ impl<S: RecordedSample> MonitoredWindow for StreamedWindow<'_, S> {
     fn squared_residuals(&self, unknowns: &Unknowns) -> ([f64; SIGNAL_COUNT], usize) {
         let (mut squares, mut count) = ([0.0; SIGNAL_COUNT], 0);
         self.run::<1>(
-            |_| *unknowns,
+            |_| (*unknowns, self.is_coarse()),
             |[residuals]| {
                 for (sum, &r) in squares.iter_mut().zip(residuals) {
                     *sum += r * r;
@@ -159,28 +183,46 @@ impl<S: RecordedSample> MonitoredWindow for StreamedWindow<'_, S> {
         (squares, count)
     }
 
-    #[inline(never)]
     fn normal_equations(&self, at: &Coordinates, step: f64) -> NormalEquations {
+        match self.time {
+            Time::Fine | Time::Coarse => self.linearised::<POINT_AND_STEPS>(at, step),
+            Time::Both => self.linearised::<{ POINT_AND_STEPS + 1 }>(at, step),
+        }
+    }
+}
+
+impl<S: RecordedSample> InTime for StreamedWindow<'_, S> {
+    fn in_time(self, time: Time) -> Self {
+        Self { time, ..self }
+    }
+}
+
+impl<S: RecordedSample> StreamedWindow<'_, S> {
+    /// Normal equations by the point and one step along each coordinate, and where there is one more monitor, by that in fine time at the
+    /// point: its residuals then count.
+    #[inline(never)]
+    fn linearised<const N: usize>(&self, at: &Coordinates, step: f64) -> NormalEquations {
         let scale = Scale::new(self.params);
         let steps = at.inward_steps(step);
         let per_step = steps.map(|step| 1.0 / step);
         let weights = self.weights.to_array();
         let mut sums = NormalEquations::default();
+        let counting = if N > POINT_AND_STEPS { N - 1 } else { 0 };
         let stepped = |n: usize| {
             let mut x = *at;
-            if let Some(p) = n.checked_sub(1) {
+            if let Some(p) = n.checked_sub(1).filter(|&p| p < UNKNOWN_COUNT) {
                 x.0[p] += steps[p];
             }
-            scale.unknowns(&x)
+            (scale.unknowns(&x), self.time != Time::Fine && n < POINT_AND_STEPS)
         };
-        self.run::<POINT_AND_STEPS>(stepped, |residuals| {
-            let [point, along @ ..] = residuals;
+        self.run::<N>(stepped, |residuals| {
+            let (along, counted) = (&residuals[1..=UNKNOWN_COUNT], &residuals[counting]);
             for signal in 0..SIGNAL_COUNT {
                 let weight = weights[signal];
-                let r = point[signal] * weight;
+                let (r, point) = (counted[signal] * weight, residuals[0][signal] * weight);
                 sums.cost += 0.5 * r * r;
                 let slope: [f64; UNKNOWN_COUNT] =
-                    core::array::from_fn(|p| (along[p][signal] * weight - r) * per_step[p]);
+                    core::array::from_fn(|p| (along[p][signal] * weight - point) * per_step[p]);
                 for p in 0..UNKNOWN_COUNT {
                     sums.jtr[p] += slope[p] * r;
                     for q in 0..=p {

@@ -187,9 +187,13 @@ pub fn levenberg_marquardt<const D: usize>(
                 if (0..D).all(|i| (trial[i] - at.genes[i]).abs() <= config.step_tolerance * bounds.width(i)) {
                     return at.ended(LmStop::Step);
                 }
+                let expected = model.decrease(&at.genes, &trial);
+                if expected <= config.cost_tolerance * cost {
+                    return at.ended(LmStop::Cost);
+                }
                 let trial_cost = ahead.next_cost().unwrap_or_else(|| residuals.cost(&trial));
                 at.evaluations += 1;
-                let gain = (cost - trial_cost) / model.decrease(&at.genes, &trial);
+                let gain = (cost - trial_cost) / expected;
                 if trial_cost < cost && gain > 0.0 {
                     let lead = 2.0 * gain - 1.0;
                     damping *= (1.0 - lead * lead * lead).max(1.0 / 3.0);

@@ -80,6 +80,7 @@ impl Descent {
     pub(crate) const NEARBY: Self = Self {
         steps: &[FINE_STEP],
         damping: DAMPING_NEARBY,
+        cost_tolerance: 1e-5,
         ..Self::INTO_A_VALLEY
     };
 }

@@ -183,7 +183,7 @@ impl Figures {
 }
 
 /// Monitors of one linearisation.
-const MONITORS: f64 = 13.0;
+const MONITORS: f64 = 11.0;
 
 fn number(numbers: &Numbers, name: &str) -> anyhow::Result<f64> {
     let text = numbers.get(name).with_context(|| format!("expected a line {name}"))?;

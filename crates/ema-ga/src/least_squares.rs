@@ -251,6 +251,7 @@ impl Ahead {
     }
 
     /// Computes the costs of `trial(0)`, `trial(1)`, ... up to the first that is `None`.
+    #[inline(never)]
     fn fill<const D: usize, L: Residuals<D>>(&mut self, residuals: &L, trial: impl Fn(i32) -> Option<[f64; D]>) {
         let most = L::SIDE_BY_SIDE.min(MAX_AHEAD);
         if most < 2 {
@@ -297,6 +298,9 @@ impl<const D: usize> Model<D> {
     }
 
     /// The point of the box that the damped model proposes; `None` when its matrix is not positive definite.
+    ///
+    /// Not inlined: a controller has no room for its matrices while the residuals are linearised.
+    #[inline(never)]
     fn trial(&self, genes: &[f64; D], bounds: &Bounds<D>, mut fixed: [bool; D], damping: f64) -> Option<[f64; D]> {
         // A gene without influence has a zero on the diagonal; the floor keeps the matrix regular.
         let floor = self.jtj.diagonal().max() * f64::EPSILON;

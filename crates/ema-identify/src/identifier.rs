@@ -243,7 +243,7 @@ impl Identifier {
                     Time::Fine
                 };
                 let window = Timed::new(*comparison, &coarse).in_time(time);
-                conclude(&window, mismatch, &search, budget)
+                conclude(&window, mismatch, search, budget)
             }
         };
         effort.ran(Stage::Conclusion, window_s, estimate.evaluations - before);
@@ -391,11 +391,10 @@ impl Identifier {
 
     /// How the search's descents go: no further than the last part needs, which starts from where they end.
     fn descent(&self, extent: Extent) -> Descent {
-        match extent {
-            _ if self.has_tolerances() => Descent::ROUGHLY,
-            // In coarse time the floor of a valley is a little off.
-            Extent::FromHealth => Descent::INTO_A_VALLEY,
-            Extent::Whole => Descent::TO_THE_FLOOR,
+        if self.has_tolerances() || extent == Extent::FromHealth {
+            Descent::INTO_A_VALLEY
+        } else {
+            Descent::TO_THE_FLOOR
         }
     }
 

@@ -19,11 +19,16 @@ use crate::estimate::Estimate;
 /// The descents run in coarse time, and from where they end once more with the residuals of fine time.
 #[must_use]
 pub fn identify_from_health(window: &impl InTime, mismatch: &Mismatch) -> Estimate {
-    let coarse = window.in_time(Time::Coarse);
-    let starts = starts(&coarse, &[FaultVector::NOMINAL]);
-    let optima = descend_from_each(&coarse, &starts, Descent::INTO_A_VALLEY, UNLIMITED);
-    let search = Search::new(optima, 0, false, UNLIMITED).in_coarse_time();
-    conclude(&window.in_time(Time::Both), mismatch, &search, UNLIMITED)
+    let search = search_from_health(&window.in_time(Time::Coarse));
+    conclude(&window.in_time(Time::Both), mismatch, search, UNLIMITED)
+}
+
+/// Not inlined: a controller has no room for its starts during the conclusion.
+#[inline(never)]
+fn search_from_health(window: &impl MonitoredWindow) -> Search {
+    let starts = starts(window, &[FaultVector::NOMINAL]);
+    let optima = descend_from_each(window, &starts, Descent::INTO_A_VALLEY, UNLIMITED);
+    Search::new(optima, 0, false, UNLIMITED).in_coarse_time()
 }
 
 /// What a search found.
@@ -70,7 +75,8 @@ impl Search {
     }
 
     /// The same after further descents from the optima that differ.
-    fn resumed(&self, window: &impl MonitoredWindow) -> Self {
+    #[inline(never)]
+    fn resumed(self, window: &impl MonitoredWindow) -> Self {
         let mut starts = Starts::new();
         for optimum in &self.optima {
             if starts.iter().all(|start| differ(start, &optimum.at, |_| true)) {
@@ -92,13 +98,12 @@ impl Search {
 /// monitor runs that the whole identification may take.
 ///
 /// The cost stays that of the calibration's weights: it is what says whether the fit is a good one at all.
-pub(crate) fn conclude(window: &impl MonitoredWindow, mismatch: &Mismatch, search: &Search, budget: u64) -> Estimate {
-    let (how, resumed) = if search.is_in_coarse_time {
-        (Descent::NEARBY, Some(search.resumed(window)))
+pub(crate) fn conclude(window: &impl MonitoredWindow, mismatch: &Mismatch, search: Search, budget: u64) -> Estimate {
+    let (search, how) = if search.is_in_coarse_time {
+        (search.resumed(window), Descent::NEARBY)
     } else {
-        (Descent::TO_THE_FLOOR, None)
+        (search, Descent::TO_THE_FLOOR)
     };
-    let search = resumed.as_ref().unwrap_or(search);
     let best = search.best().at;
     let reweighted = window.with_weights(weights_by_noise(window, mismatch, &best));
     let refined = refine_one_sided(&reweighted, best, how, search.share);

@@ -59,42 +59,33 @@ pub(crate) struct Descent {
 const DAMPING: f64 = 1e-3;
 const DAMPING_NEARBY: f64 = 1e-6;
 
-/// Decrease by which a descent ends.
-const COST_TOLERANCE: f64 = 1e-6;
-
 impl Descent {
     /// To the floor of a valley: what a fine slope takes for it, a coarse one often walks out of.
     pub(crate) const TO_THE_FLOOR: Self = Self {
         steps: &[COARSE_STEP, FINE_STEP],
-        ..Self::INTO_A_VALLEY
+        damping: DAMPING,
+        cost_tolerance: 1e-6,
     };
 
-    /// Into the next valley, to where another descent starts.
+    /// Into the next valley, to where another descent starts: most of the cost that is left is of what coarse time or nuisances explain.
     pub(crate) const INTO_A_VALLEY: Self = Self {
         steps: &[COARSE_STEP],
         damping: DAMPING,
-        cost_tolerance: COST_TOLERANCE,
+        cost_tolerance: 1e-3,
     };
 
-    /// To a floor nearby.
+    /// To a floor nearby. Costs are halves of squares in standard deviations, a few thousand in all.
     pub(crate) const NEARBY: Self = Self {
         steps: &[FINE_STEP],
         damping: DAMPING_NEARBY,
         cost_tolerance: 1e-5,
-        ..Self::INTO_A_VALLEY
     };
 }
 
 #[cfg(feature = "std")]
 impl Descent {
-    /// Into a valley where most of the cost is of what the unknowns do not explain.
-    pub(crate) const ROUGHLY: Self = Self {
-        cost_tolerance: 1e-3,
-        ..Self::INTO_A_VALLEY
-    };
-
-    /// The same from where that ends.
-    pub(crate) const LESS_ROUGHLY: Self = Self {
+    /// Further into a valley.
+    pub(crate) const FURTHER_INTO_A_VALLEY: Self = Self {
         cost_tolerance: 1e-4,
         ..Self::INTO_A_VALLEY
     };
@@ -231,7 +222,7 @@ pub(super) fn refine_with_fixed_parameter(
     };
     optimum.at.0[coordinate] = value;
     let within = constant_box(lower, upper);
-    Descent::INTO_A_VALLEY.resume(window, &mut optimum, COARSE_STEP, &within, budget);
+    Descent::TO_THE_FLOOR.resume(window, &mut optimum, COARSE_STEP, &within, budget);
     optimum
 }
 

@@ -4,8 +4,9 @@
 //! Double precision throughout, because the short steps of the fine differences vanish in single precision.
 
 use ema_models::{
-    ActuatorParams, Calibration, Conditions, Coordinates, Monitor, MonitorState, MotorKnowledge, NormalEquations,
-    Prior, ResidualState, SIGNAL_COUNT, Scale, Setpoint, UNKNOWN_COUNT, Unknowns, Weights,
+    ActuatorParams, Calibration, ComparedSample, Conditions, Coordinates, MOTOR_COORDINATES, Monitor, MonitorState,
+    MotorKnowledge, NormalEquations, Prior, ResidualState, SIGNAL_COUNT, Scale, Setpoint, UNKNOWN_COUNT, Unknowns,
+    Weights,
 };
 
 use super::coarse_time::{Time, coarse_in_time, periods};
@@ -24,10 +25,19 @@ pub struct StreamedWindow<'a, S> {
     time: Time,
 }
 
+/// The steps of one monitor.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Steps {
+    Fine,
+    Coarse,
+    /// It stands: nobody asks for what it would say.
+    None,
+}
+
 /// One monitor at work.
 #[derive(Clone, Copy)]
 struct Running {
-    is_coarse: bool,
+    steps: Steps,
     monitor: Monitor<f64>,
     state: MonitorState<f64>,
     residual: ResidualState<f64>,
@@ -57,18 +67,41 @@ impl<'a, S: RecordedSample> StreamedWindow<'a, S> {
         }
     }
 
-    /// Whether monitors run in coarse time whose costs and residuals count.
-    fn is_coarse(&self) -> bool {
-        self.time == Time::Coarse
+    /// Steps of a monitor whose costs and residuals count.
+    fn steps(&self) -> Steps {
+        match self.time {
+            Time::Fine | Time::Both => Steps::Fine,
+            Time::Coarse => Steps::Coarse,
+        }
     }
 
-    /// Runs monitors in lock-step over the window and shows their unweighted residuals, sample by sample. `monitor` gives the unknowns of
-    /// each, and whether it runs in coarse time.
+    /// One monitor at the first sample.
+    #[inline(always)]
+    fn start(&self, unknowns: &Unknowns, steps: Steps, first: &ComparedSample) -> Running {
+        let unknowns = self.conditions.at_temperature(unknowns);
+        let coarse;
+        let params = if steps == Steps::Coarse {
+            coarse = coarse_in_time(self.params);
+            &coarse
+        } else {
+            self.params
+        };
+        let monitor = Monitor::new(params, self.calibration, self.conditions.v_dc, &unknowns);
+        Running {
+            steps,
+            state: monitor.start(self.window.initial(), first),
+            monitor,
+            residual: ResidualState::new(self.params.sensors.sample_rate),
+        }
+    }
+
+    /// Runs monitors in lock-step over the window and shows their unweighted residuals, sample by sample. `monitor` gives the unknowns and
+    /// the steps of each.
     ///
     /// What all of them take from a sample is made ready once for all.
     fn run<const N: usize>(
         &self,
-        monitor: impl Fn(usize) -> (Unknowns, bool),
+        monitor: impl Fn(usize) -> (Unknowns, Steps),
         mut visit: impl FnMut(&[[f64; SIGNAL_COUNT]; N]),
     ) {
         let initial = self.window.initial();
@@ -76,20 +109,8 @@ impl<'a, S: RecordedSample> StreamedWindow<'a, S> {
             return;
         };
         let start = |n| {
-            let (unknowns, is_coarse) = monitor(n);
-            let unknowns = self.conditions.at_temperature(&unknowns);
-            let monitor = if is_coarse {
-                let params = coarse_in_time(self.params);
-                Monitor::new(&params, self.calibration, self.conditions.v_dc, &unknowns)
-            } else {
-                Monitor::new(self.params, self.calibration, self.conditions.v_dc, &unknowns)
-            };
-            Running {
-                is_coarse,
-                state: monitor.start(initial, &first),
-                monitor,
-                residual: ResidualState::new(self.params.sensors.sample_rate),
-            }
+            let (unknowns, steps) = monitor(n);
+            self.start(&unknowns, steps, &first)
         };
         // Not `from_fn`, which makes the array twice, one on top of the other on the stack.
         let mut running = [start(0); N];
@@ -106,10 +127,14 @@ impl<'a, S: RecordedSample> StreamedWindow<'a, S> {
             let coarsely = &coarsely[..counted.len().div_ceil(periods)];
             let mut residuals = [[0.0; SIGNAL_COUNT]; N];
             for (one, residuals) in running.iter_mut().zip(&mut residuals) {
+                let counted = match one.steps {
+                    Steps::Fine => counted,
+                    Steps::Coarse => coarsely,
+                    Steps::None => continue,
+                };
                 let earlier = n >= one.residual.span();
                 let output = one.monitor.output(&one.state);
                 *residuals = one.residual.next(&drive.measured, &output, earlier).to_array();
-                let counted = if one.is_coarse { coarsely } else { counted };
                 one.monitor
                     .run_sample_period_with(&mut one.state, initial, drive.setpoint, counted, drive.theta_m);
             }
@@ -157,7 +182,7 @@ impl<S: RecordedSample> MonitoredWindow for StreamedWindow<'_, S> {
         let weights = self.weights.to_array();
         let mut sum = 0.0;
         self.run::<1>(
-            |_| (*unknowns, self.is_coarse()),
+            |_| (*unknowns, self.steps()),
             |[residuals]| {
                 for (weight, r) in weights.iter().zip(residuals) {
                     let weighted = weight * r;
@@ -172,7 +197,7 @@ impl<S: RecordedSample> MonitoredWindow for StreamedWindow<'_, S> {
     fn squared_residuals(&self, unknowns: &Unknowns) -> ([f64; SIGNAL_COUNT], usize) {
         let (mut squares, mut count) = ([0.0; SIGNAL_COUNT], 0);
         self.run::<1>(
-            |_| (*unknowns, self.is_coarse()),
+            |_| (*unknowns, self.steps()),
             |[residuals]| {
                 for (sum, &r) in squares.iter_mut().zip(residuals) {
                     *sum += r * r;
@@ -207,13 +232,20 @@ impl<S: RecordedSample> StreamedWindow<'_, S> {
         let per_step = steps.map(|step| 1.0 / step);
         let weights = self.weights.to_array();
         let mut sums = NormalEquations::default();
+        // Its coordinates are fixed afterwards.
+        let is_motor_known = self.prior.motor.information().is_none();
         let counting = if N > POINT_AND_STEPS { N - 1 } else { 0 };
         let stepped = |n: usize| {
             let mut x = *at;
             if let Some(p) = n.checked_sub(1).filter(|&p| p < UNKNOWN_COUNT) {
                 x.0[p] += steps[p];
             }
-            (scale.unknowns(&x), self.time != Time::Fine && n < POINT_AND_STEPS)
+            let steps = match n.checked_sub(1) {
+                Some(p) if is_motor_known && MOTOR_COORDINATES.contains(&p) => Steps::None,
+                _ if self.time == Time::Fine || n == POINT_AND_STEPS => Steps::Fine,
+                _ => Steps::Coarse,
+            };
+            (scale.unknowns(&x), steps)
         };
         self.run::<N>(stepped, |residuals| {
             let (along, counted) = (&residuals[1..=UNKNOWN_COUNT], &residuals[counting]);

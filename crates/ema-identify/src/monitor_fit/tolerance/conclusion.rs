@@ -80,7 +80,7 @@ pub(crate) fn conclude_with_tolerances(
         let samples = fine.samples_for(&coarse, &point(&best));
         let mut corrected = in_coarse_time;
         corrected.recording.samples = &samples;
-        let found = Descent::LESS_ROUGHLY.descend(&corrected, best, share);
+        let found = Descent::FURTHER_INTO_A_VALLEY.descend(&corrected, best, share);
         best = found.at;
         spent += found.spent;
     }

@@ -10,6 +10,7 @@ use std::error::Error;
 use std::str::FromStr;
 
 use ema_identify::calibration::{MonitorForm, TypeCalibration};
+use ema_identify::effort::{Allowance, Effort, Request, Stage};
 use ema_identify::{Identifier, Method};
 use ema_models::reference::{Actuations, CurrentSensing, Scenario};
 use ema_models::{
@@ -64,9 +65,18 @@ fn main() -> Result<(), Failed> {
         let at = |share: f64| found.get(((found.len() - 1) as f64 * share).round() as usize).copied();
         json!({"median": at(0.5), "p95": at(0.95), "p99": at(0.99), "max": at(1.0)})
     };
+    let mean = |key: &str, place: usize| {
+        let sum: f64 = lines.iter().filter_map(|line| line[key][place].as_f64()).sum();
+        sum / lines.len().max(1) as f64
+    };
+    let phase = |key: &str| json!({"runs": mean(key, 0), "ms": mean(key, 1)});
+    let twice = lines.iter().filter(|line| line["searches"].as_u64() > Some(1)).count();
     println!(
         "{}",
-        json!({"windows": lines.len(), "ms": share("ms"), "evaluations": share("evaluations"), "rss_pct": share("rss_pct")})
+        json!({
+            "windows": lines.len(), "ms": share("ms"), "evaluations": share("evaluations"), "rss_pct": share("rss_pct"),
+            "mean": {"search": phase("search"), "conclusion": phase("conclusion")}, "with_a_second_search": twice,
+        })
     );
     Ok(())
 }
@@ -75,7 +85,8 @@ fn main() -> Result<(), Failed> {
 fn line(asked: &Asked, number: u64) -> Result<Value, Failed> {
     let actuator = asked.text("actuator", "bench");
     let rate: f64 = asked.number("rate", "2000")?;
-    let seed = mix(asked.number("seed", "1")?, &[number]);
+    // High bits: those of the number are the low ones.
+    let seed = mix(asked.number::<u64>("seed", "1")? << 32, &[number]);
     let mut rng = ChaCha8Rng::seed_from_u64(mix(seed, &[1]));
     let fault = match asked.text("faults", "random") {
         "random" => random_faults(mix(seed, &[2])),
@@ -129,7 +140,12 @@ fn line(asked: &Asked, number: u64) -> Result<Value, Failed> {
         },
     };
     let before = processor_ms()?;
-    let found = identifier.identify(&window.prepared, window.conditions, seed)?;
+    let mut phases = Phases {
+        last_ms: before,
+        ..Phases::default()
+    };
+    let found = identifier.identify_within(&window.prepared, window.conditions, seed, &Effort::within(&mut phases))?;
+    let found = found.ok_or("an estimate")?;
     let ms = processor_ms()? - before;
     let weights = identifier.calibration.weights(rate).to_array();
     let (mut earlier, mut sum, mut count) = ([0.0; SIGNAL_COUNT], 0.0, 0);
@@ -145,8 +161,37 @@ fn line(asked: &Asked, number: u64) -> Result<Value, Failed> {
         "number": number, "entry": entry, "profile": format!("{profile:?}"), "truth": fault.to_array(), "k": found.fault.to_array(),
         "sigma": found.sigma, "load": found.unknowns.load_torque, "cost": found.cost, "systematic": systematic,
         "rss_pct": rss_pct(&found.fault, &fault), "evaluations": found.evaluations, "ambiguous": found.competing_optimum.is_some(),
-        "locked": found.locked, "ms": ms,
+        "locked": found.locked, "ms": ms, "search": phases.search, "conclusion": phases.conclusion, "searches": phases.searches,
     }))
+}
+
+/// Monitor runs and processor time of each phase.
+#[derive(Default)]
+struct Phases {
+    last_ms: f64,
+    /// Runs and ms.
+    search: [f64; 2],
+    conclusion: [f64; 2],
+    /// Searches with their conclusions: a second one has the population.
+    searches: u64,
+}
+
+impl Allowance for Phases {
+    fn grant(&mut self, request: &Request) -> u64 {
+        request.runs
+    }
+
+    fn ran(&mut self, stage: Stage, _: f64, runs: u64) {
+        let now = processor_ms().unwrap_or(f64::NAN);
+        let phase = match stage {
+            Stage::Search => &mut self.search,
+            Stage::Conclusion | Stage::Relations => &mut self.conclusion,
+        };
+        self.searches += u64::from(stage == Stage::Conclusion);
+        phase[0] += runs as f64;
+        phase[1] += now - self.last_ms;
+        self.last_ms = now;
+    }
 }
 
 /// Several faults at once, each of any size.

@@ -48,10 +48,13 @@ pub struct LmConfig {
     pub step_tolerance: f64,
     /// Converged when an accepted step lowers the cost by at most this share of the cost.
     pub cost_tolerance: f64,
+    /// Converged when the model expects of the next step less than this share of the cost; its cost is then not computed. Where costs are
+    /// dear it spares a row of rejected steps at the resolution of the derivatives.
+    pub expected_tolerance: f64,
 }
 
 impl Default for LmConfig {
-    /// 50 iterations, 200 evaluations, damping from 1e-3, tolerances of 1e-10.
+    /// 50 iterations, 200 evaluations, damping from 1e-3, tolerances of 1e-10, of the expected decrease 0.
     fn default() -> Self {
         Self {
             max_iterations: 50,
@@ -60,6 +63,7 @@ impl Default for LmConfig {
             gradient_tolerance: 1e-10,
             step_tolerance: 1e-10,
             cost_tolerance: 1e-10,
+            expected_tolerance: 0.0,
         }
     }
 }
@@ -71,7 +75,8 @@ pub enum LmStop {
     Gradient,
     /// The step became negligible: no lower cost is found at this resolution.
     Step,
-    /// The last step lowered the cost by no more than the tolerance. The derivatives at the returned point are not computed.
+    /// The last step lowered the cost by no more than the tolerance, and the derivatives at the returned point are not computed; or the
+    /// model expected less of the next one.
     Cost,
     /// The search reached the largest number of linearisations.
     MaxIterations,
@@ -103,6 +108,7 @@ pub struct LmOutcome<const D: usize> {
 /// 3. Solve `(J^T J + lambda diag(J^T J)) d = -g` for the free genes. A gene whose step leaves the box is set to its bound,
 ///    and the others are solved again, so that `d` stays in the box.
 /// 4. The gain ratio is (cost decrease) / (decrease of the quadratic model, `-(g^T d + 0.5 d^T J^T J d)`).
+///    A step of which the model expects less than `expected_tolerance` of the cost ends the search.
 /// 5. If the gain ratio is above zero, the step is accepted and `lambda` is multiplied by `max(1/3, 1 - (2 gain - 1)^3)`. The
 ///    search ends if the cost fell by no more than `cost_tolerance`, and else continues with 1. If the gain ratio is not
 ///    above zero, or the cost is not finite, `lambda` is multiplied by 2, 4, 8, ..., and 3 is repeated.
@@ -188,7 +194,7 @@ pub fn levenberg_marquardt<const D: usize>(
                     return at.ended(LmStop::Step);
                 }
                 let expected = model.decrease(&at.genes, &trial);
-                if expected <= config.cost_tolerance * cost {
+                if expected < config.expected_tolerance * cost {
                     return at.ended(LmStop::Cost);
                 }
                 let trial_cost = ahead.next_cost().unwrap_or_else(|| residuals.cost(&trial));

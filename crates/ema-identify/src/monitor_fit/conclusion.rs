@@ -98,14 +98,17 @@ impl Search {
 /// monitor runs that the whole identification may take.
 ///
 /// The cost stays that of the calibration's weights: it is what says whether the fit is a good one at all.
-pub(crate) fn conclude(window: &impl MonitoredWindow, mismatch: &Mismatch, search: Search, budget: u64) -> Estimate {
+pub(crate) fn conclude(window: &impl InTime, mismatch: &Mismatch, search: Search, budget: u64) -> Estimate {
     let (search, how) = if search.is_in_coarse_time {
         (search.resumed(window), Descent::NEARBY)
     } else {
         (search, Descent::TO_THE_FLOOR)
     };
     let best = search.best().at;
-    let reweighted = window.with_weights(weights_by_noise(window, mismatch, &best));
+    // In fine time: derivatives of coarse time let the mismatch of the monitor move the end by a tenth of its error more.
+    let reweighted = window
+        .with_weights(weights_by_noise(window, mismatch, &best))
+        .in_time(Time::Fine);
     let refined = refine_one_sided(&reweighted, best, how, search.share);
     let competing = competing_optimum(window, &search.optima);
     let spent = search.evaluations + refined.spent + 2;

@@ -51,7 +51,7 @@ pub(crate) struct Descent {
     steps: &'static [f64],
     /// Damping of the first step.
     damping: f64,
-    /// Decrease of the cost, as a share of it, by which no further step follows.
+    /// Decrease of the cost, as a share of it, by which no further step follows, expected or found.
     cost_tolerance: f64,
 }
 
@@ -254,6 +254,7 @@ impl Descent {
             initial_damping: self.damping,
             step_tolerance: 1e-9,
             cost_tolerance: self.cost_tolerance,
+            expected_tolerance: self.cost_tolerance,
             ..LmConfig::default()
         };
         let found = levenberg_marquardt(&SquaredResiduals { window, step }, bounds, optimum.at.0, &config);

@@ -215,6 +215,7 @@ fn descend(problem: &Problem<'_>, start: Point, budget: u64) -> Ended {
         max_evaluations: (1 + TRIALS_PER_STEP) * iterations,
         step_tolerance: 1e-6,
         cost_tolerance: 1e-4,
+        expected_tolerance: 1e-4,
         ..LmConfig::default()
     };
     let found = levenberg_marquardt(&OnDescent::new(problem), &bounds, start, &config);

@@ -39,23 +39,31 @@ pub struct LmConfig {
     pub max_iterations: u32,
     /// Largest number of calls of [`Residuals::normal_equations`] and [`Residuals::cost`] together; at least 1.
     pub max_evaluations: u32,
+    /// Damping of the first step. Along a valley, steps are short until it has fallen below the share of the curvature that
+    /// the valley's floor has; near the solution of a problem that is nearly linear it can begin there.
+    pub initial_damping: f64,
     /// Converged when, for every free gene, the cosine between its column of `J` and `r` is at most this.
     pub gradient_tolerance: f64,
     /// Converged when a step changes no gene by more than this, relative to the width of the box.
     pub step_tolerance: f64,
     /// Converged when an accepted step lowers the cost by at most this share of the cost.
     pub cost_tolerance: f64,
+    /// Converged when the model expects of the next step less than this share of the cost; its cost is then not computed. Where costs are
+    /// dear it spares a row of rejected steps at the resolution of the derivatives.
+    pub expected_tolerance: f64,
 }
 
 impl Default for LmConfig {
-    /// 50 iterations, 200 evaluations, tolerances of 1e-10.
+    /// 50 iterations, 200 evaluations, damping from 1e-3, tolerances of 1e-10, of the expected decrease 0.
     fn default() -> Self {
         Self {
             max_iterations: 50,
             max_evaluations: 200,
+            initial_damping: 1e-3,
             gradient_tolerance: 1e-10,
             step_tolerance: 1e-10,
             cost_tolerance: 1e-10,
+            expected_tolerance: 0.0,
         }
     }
 }
@@ -67,7 +75,8 @@ pub enum LmStop {
     Gradient,
     /// The step became negligible: no lower cost is found at this resolution.
     Step,
-    /// The last step lowered the cost by no more than the tolerance. The derivatives at the returned point are not computed.
+    /// The last step lowered the cost by no more than the tolerance, and the derivatives at the returned point are not computed; or the
+    /// model expected less of the next one.
     Cost,
     /// The search reached the largest number of linearisations.
     MaxIterations,
@@ -99,6 +108,7 @@ pub struct LmOutcome<const D: usize> {
 /// 3. Solve `(J^T J + lambda diag(J^T J)) d = -g` for the free genes. A gene whose step leaves the box is set to its bound,
 ///    and the others are solved again, so that `d` stays in the box.
 /// 4. The gain ratio is (cost decrease) / (decrease of the quadratic model, `-(g^T d + 0.5 d^T J^T J d)`).
+///    A step of which the model expects less than `expected_tolerance` of the cost ends the search.
 /// 5. If the gain ratio is above zero, the step is accepted and `lambda` is multiplied by `max(1/3, 1 - (2 gain - 1)^3)`. The
 ///    search ends if the cost fell by no more than `cost_tolerance`, and else continues with 1. If the gain ratio is not
 ///    above zero, or the cost is not finite, `lambda` is multiplied by 2, 4, 8, ..., and 3 is repeated.
@@ -142,7 +152,7 @@ pub fn levenberg_marquardt<const D: usize>(
         evaluations: 0,
         stop: LmStop::MaxEvaluations,
     };
-    let (mut damping, mut growth) = (INITIAL_DAMPING, 2.0);
+    let (mut damping, mut growth) = (config.initial_damping, 2.0);
     loop {
         if at.evaluations >= config.max_evaluations {
             return at.ended(LmStop::MaxEvaluations);
@@ -183,9 +193,13 @@ pub fn levenberg_marquardt<const D: usize>(
                 if (0..D).all(|i| (trial[i] - at.genes[i]).abs() <= config.step_tolerance * bounds.width(i)) {
                     return at.ended(LmStop::Step);
                 }
+                let expected = model.decrease(&at.genes, &trial);
+                if expected < config.expected_tolerance * cost {
+                    return at.ended(LmStop::Cost);
+                }
                 let trial_cost = ahead.next_cost().unwrap_or_else(|| residuals.cost(&trial));
                 at.evaluations += 1;
-                let gain = (cost - trial_cost) / model.decrease(&at.genes, &trial);
+                let gain = (cost - trial_cost) / expected;
                 if trial_cost < cost && gain > 0.0 {
                     let lead = 2.0 * gain - 1.0;
                     damping *= (1.0 - lead * lead * lead).max(1.0 / 3.0);
@@ -243,6 +257,7 @@ impl Ahead {
     }
 
     /// Computes the costs of `trial(0)`, `trial(1)`, ... up to the first that is `None`.
+    #[inline(never)]
     fn fill<const D: usize, L: Residuals<D>>(&mut self, residuals: &L, trial: impl Fn(i32) -> Option<[f64; D]>) {
         let most = L::SIDE_BY_SIDE.min(MAX_AHEAD);
         if most < 2 {
@@ -289,6 +304,9 @@ impl<const D: usize> Model<D> {
     }
 
     /// The point of the box that the damped model proposes; `None` when its matrix is not positive definite.
+    ///
+    /// Not inlined: a controller has no room for its matrices while the residuals are linearised.
+    #[inline(never)]
     fn trial(&self, genes: &[f64; D], bounds: &Bounds<D>, mut fixed: [bool; D], damping: f64) -> Option<[f64; D]> {
         // A gene without influence has a zero on the diagonal; the floor keeps the matrix regular.
         let floor = self.jtj.diagonal().max() * f64::EPSILON;
@@ -332,7 +350,6 @@ impl<const D: usize> Model<D> {
     }
 }
 
-const INITIAL_DAMPING: f64 = 1e-3;
 /// Steps damped more than this are below the resolution of `f64`.
 const MAX_DAMPING: f64 = 1e16;
 

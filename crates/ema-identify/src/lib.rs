@@ -50,8 +50,8 @@ pub use inferred::{Inferred, InferredReadings};
 #[cfg(feature = "std")]
 pub use monitor_fit::Population;
 pub use monitor_fit::{
-    ActuatorKnowledge, MAX_CONTROLS, MonitoredWindow, RecordedSample, RecordedWindow, SampleDrive, StreamedWindow,
-    cramer_rao_bound, estimator_bias, identify_from_health, refined_from,
+    ActuatorKnowledge, InTime, MAX_CONTROLS, MonitoredWindow, RecordedSample, RecordedWindow, SampleDrive,
+    StreamedWindow, Time, cramer_rao_bound, estimator_bias, identify_from_health, refined_from,
 };
 #[cfg(feature = "std")]
 pub use prepared::Prepared;

@@ -10,6 +10,10 @@
 //!
 //! All of it is generic over [`MonitoredWindow`]; `recorded_window` and `streamed` are the firmware's.
 
+mod coarse_time;
+pub use coarse_time::Time;
+#[cfg(feature = "std")]
+pub(crate) use coarse_time::coarse_in_time;
 mod competing_optima;
 mod conclusion;
 mod friction_bound;
@@ -22,6 +26,10 @@ mod population;
 mod recorded_window;
 mod streamed;
 #[cfg(feature = "std")]
+mod timed;
+#[cfg(feature = "std")]
+pub(crate) use timed::Timed;
+#[cfg(feature = "std")]
 mod tolerance;
 mod uncertainty;
 mod weak_magnet;
@@ -32,7 +40,7 @@ pub use conclusion::identify_from_health;
 pub(crate) use conclusion::{Search, conclude};
 #[cfg(feature = "std")]
 pub(crate) use least_squares::{
-    COARSE, COARSE_THEN_FINE, LocalOptimum, MAX_STARTS, RUNS_OF_DESCENT, RUNS_OF_STEP, Starts, UNLIMITED, best_first,
+    Descent, LocalOptimum, MAX_STARTS, RUNS_OF_DESCENT, RUNS_OF_STEP, Starts, UNLIMITED, best_first,
     descend_side_by_side, starts,
 };
 pub use least_squares::{estimator_bias, refined_from};
@@ -47,4 +55,4 @@ pub use uncertainty::cramer_rao_bound;
 pub(crate) use uncertainty::{RUNS_OF_ASSESSMENT, assess};
 #[cfg(feature = "std")]
 pub(crate) use window::prior;
-pub use window::{ActuatorKnowledge, MonitoredWindow};
+pub use window::{ActuatorKnowledge, InTime, MonitoredWindow};

@@ -180,6 +180,22 @@ impl Comparison<'_> {
     /// a short step resolves the curvature near it.
     #[must_use]
     pub fn normal_equations(&self, at: &Coordinates, step: f64) -> NormalEquations {
+        self.linearised(at, step, None)
+    }
+
+    /// [`Comparison::normal_equations`] with the derivatives of this comparison and other residuals: unweighted, one row per sample, rows that
+    /// are missing counting as zero.
+    #[must_use]
+    pub fn normal_equations_with(
+        &self,
+        at: &Coordinates,
+        step: f64,
+        residuals: &[[f64; SIGNAL_COUNT]],
+    ) -> NormalEquations {
+        self.linearised(at, step, Some(residuals))
+    }
+
+    fn linearised(&self, at: &Coordinates, step: f64, residuals: Option<&[[f64; SIGNAL_COUNT]]>) -> NormalEquations {
         let scale = Scale::new(self.params);
         let steps = at.inward_steps(step);
         let monitors: [Monitor<f64>; SLOPE_LANES] = core::array::from_fn(|lane| {
@@ -194,6 +210,7 @@ impl Comparison<'_> {
             comparison: self,
             monitors: &monitors,
             steps,
+            residuals,
         });
         self.prior.add_to(&mut sums, &scale, &self.conditions, at);
         sums
@@ -266,6 +283,8 @@ struct Linearised<'a> {
     comparison: &'a Comparison<'a>,
     monitors: &'a [Monitor<f64>; SLOPE_LANES],
     steps: [f64; UNKNOWN_COUNT],
+    /// Residuals in place of those of the monitor at the point.
+    residuals: Option<&'a [[f64; SIGNAL_COUNT]]>,
 }
 
 impl LaneWork for Linearised<'_> {
@@ -282,12 +301,14 @@ impl LaneWork for Linearised<'_> {
         let per_step = N::Double::from_lanes(per_step);
         let zero = N::Double::zero();
         let (mut cost, mut jtr, mut jtj) = (0.0, zero, [zero; UNKNOWN_COUNT]);
-        self.comparison.run(&monitor, |_, residuals| {
+        self.comparison.run(&monitor, |sample, residuals| {
             let residuals = residuals.to_array();
+            let given = self.residuals.map(|rows| rows.get(sample).copied().unwrap_or_default());
             for n in 0..SIGNAL_COUNT {
                 let weighted = residuals[n] * N::Double::splat(weights[n]);
-                let r = weighted.to_lanes()[0];
-                let slope = (weighted - N::Double::splat(r)) * per_step;
+                let point = weighted.to_lanes()[0];
+                let r = given.map_or(point, |given| given[n] * weights[n]);
+                let slope = (weighted - N::Double::splat(point)) * per_step;
                 let along = slope.to_lanes();
                 cost += 0.5 * r * r;
                 jtr = jtr + slope * N::Double::splat(r);

@@ -145,18 +145,41 @@ impl LaneWork for Gram<'_> {
 
     #[inline(always)]
     fn run<N: LaneTypes>(self) {
-        for row in self.rows {
-            for (p, sum) in self.sums.iter_mut().enumerate() {
-                // Whole registers: some of the upper triangle is summed as well.
-                let end = (p / 4 + 1) * 4;
-                let factor = row[p];
-                for (sum, value) in sum[..end].iter_mut().zip(&row[..end]) {
-                    *sum += factor * value;
-                }
-            }
+        let (blocks, rest) = self.rows.as_chunks::<ROWS_AT_ONCE>();
+        for block in blocks {
+            add_block(block, self.sums);
+        }
+        for row in rest {
+            add_block(core::array::from_ref(row), self.sums);
         }
     }
 }
+
+/// Rows whose products are added to a sum before the next one, one after another as alone.
+const ROWS_AT_ONCE: usize = 8;
+
+/// Sums in one register of the widest kind.
+const SUMS_AT_ONCE: usize = 8;
+
+/// Adds the products of some rows.
+#[inline(always)]
+fn add_block<const ROWS: usize>(block: &[GramRow; ROWS], sums: &mut [GramRow; GRAM_COLUMNS]) {
+    for (p, sums) in sums.iter_mut().enumerate() {
+        // Whole registers: some of the upper triangle is summed as well.
+        for begin in (0..=p).step_by(SUMS_AT_ONCE) {
+            let mut partial: [f64; SUMS_AT_ONCE] = core::array::from_fn(|n| sums[begin + n]);
+            for row in block {
+                let factor = row[p];
+                for (n, sum) in partial.iter_mut().enumerate() {
+                    *sum += factor * row[begin + n];
+                }
+            }
+            sums[begin..begin + SUMS_AT_ONCE].copy_from_slice(&partial);
+        }
+    }
+}
+
+const _: () = assert!(GRAM_COLUMNS.is_multiple_of(SUMS_AT_ONCE));
 
 #[cfg(test)]
 mod tests {

@@ -61,6 +61,23 @@ fn a_step_within_the_cost_tolerance_ends_the_search() {
 }
 
 #[test]
+fn a_step_of_which_little_is_expected_is_not_tried() {
+    let bounds = Bounds::new([0.0, 0.0], [1000.0, 0.01]).unwrap();
+    let nothing_is_much = LmConfig {
+        expected_tolerance: f64::INFINITY,
+        ..LmConfig::default()
+    };
+    let found = levenberg_marquardt(&Misra1a, &bounds, [250.0, 0.0005], &nothing_is_much);
+    assert_eq!((found.stop, found.iterations, found.evaluations), (LmStop::Cost, 1, 1));
+    let little_is_little = LmConfig {
+        expected_tolerance: 1e-6,
+        ..LmConfig::default()
+    };
+    let found = levenberg_marquardt(&Misra1a, &bounds, [250.0, 0.0005], &little_is_little);
+    assert!((2.0 * found.cost / 1.245_513_889_4e-1 - 1.0).abs() < 1e-5, "{found:?}");
+}
+
+#[test]
 fn a_solution_at_a_bound_satisfies_the_conditions_of_optimality() {
     let bounds = Bounds::new([0.0, 0.0], [200.0, 0.01]).unwrap();
     let found = levenberg_marquardt(&Misra1a, &bounds, [50.0, 0.005], &LmConfig::default());

@@ -2,20 +2,33 @@
 
 use ema_models::{Coordinates, FaultVector, SIGNAL_COUNT, Scale, Signals, Weights};
 
-use super::competing_optima::competing_optimum;
-use super::least_squares::{LocalOptima, LocalOptimum, UNLIMITED, descend_from_each, refine_one_sided, starts};
+use super::coarse_time::Time;
+use super::competing_optima::{competing_optimum, differ};
+use super::least_squares::{
+    Descent, LocalOptima, LocalOptimum, Starts, UNLIMITED, descend_from_each, refine_one_sided, starts,
+};
 use super::uncertainty::{RUNS_OF_ASSESSMENT, assess};
 use super::weak_magnet::{WeakMagnet, weak_magnet};
-use super::window::MonitoredWindow;
+use super::window::{InTime, MonitoredWindow};
 use crate::calibration::Mismatch;
 use crate::estimate::Estimate;
 
 /// Estimates the fault vector of one window by descents from health, one after another: the whole identification of a
 /// controller, and on the host the one of `Method::LeastSquares`.
+///
+/// The descents run in coarse time, and from where they end once more with the residuals of fine time.
 #[must_use]
-pub fn identify_from_health(window: &impl MonitoredWindow, mismatch: &Mismatch) -> Estimate {
-    let optima = descend_from_each(window, &starts(window, &[FaultVector::NOMINAL]), UNLIMITED);
-    conclude(window, mismatch, &Search::new(optima, 0, false, UNLIMITED), UNLIMITED)
+pub fn identify_from_health(window: &impl InTime, mismatch: &Mismatch) -> Estimate {
+    let search = search_from_health(&window.in_time(Time::Coarse));
+    conclude(&window.in_time(Time::Both), mismatch, search, UNLIMITED)
+}
+
+/// Not inlined: a controller has no room for its starts during the conclusion.
+#[inline(never)]
+fn search_from_health(window: &impl MonitoredWindow) -> Search {
+    let starts = starts(window, &[FaultVector::NOMINAL]);
+    let optima = descend_from_each(window, &starts, Descent::INTO_A_VALLEY, UNLIMITED);
+    Search::new(optima, 0, false, UNLIMITED).in_coarse_time()
 }
 
 /// What a search found.
@@ -26,6 +39,8 @@ pub(crate) struct Search {
     pub(crate) evaluations: u64,
     /// Whether the budget cut it short anywhere.
     pub(crate) cut: bool,
+    /// Whether it ended in coarse time, a little off the optima.
+    pub(crate) is_in_coarse_time: bool,
     /// Monitor runs that each further descent may take.
     share: u64,
 }
@@ -37,7 +52,16 @@ impl Search {
             evaluations: evaluations + optima.iter().map(|optimum| optimum.spent).sum::<u64>(),
             cut: cut || optima.iter().any(|optimum| optimum.cut),
             optima,
+            is_in_coarse_time: false,
             share,
+        }
+    }
+
+    /// The same of a search in coarse time.
+    pub(crate) fn in_coarse_time(self) -> Self {
+        Self {
+            is_in_coarse_time: true,
+            ..self
         }
     }
 
@@ -50,6 +74,20 @@ impl Search {
         }
     }
 
+    /// The same after further descents from the optima that differ.
+    #[inline(never)]
+    fn resumed(self, window: &impl MonitoredWindow) -> Self {
+        let mut starts = Starts::new();
+        for optimum in &self.optima {
+            if starts.iter().all(|start| differ(start, &optimum.at, |_| true)) {
+                // As many as there are optima fit.
+                starts.extend([optimum.at]);
+            }
+        }
+        let optima = descend_from_each(window, &starts, Descent::NEARBY, self.share);
+        Self::new(optima, self.evaluations, self.cut, self.share)
+    }
+
     /// The best local optimum.
     pub(crate) fn best(&self) -> &LocalOptimum {
         &self.optima[0]
@@ -60,10 +98,18 @@ impl Search {
 /// monitor runs that the whole identification may take.
 ///
 /// The cost stays that of the calibration's weights: it is what says whether the fit is a good one at all.
-pub(crate) fn conclude(window: &impl MonitoredWindow, mismatch: &Mismatch, search: &Search, budget: u64) -> Estimate {
+pub(crate) fn conclude(window: &impl InTime, mismatch: &Mismatch, search: Search, budget: u64) -> Estimate {
+    let (search, how) = if search.is_in_coarse_time {
+        (search.resumed(window), Descent::NEARBY)
+    } else {
+        (search, Descent::TO_THE_FLOOR)
+    };
     let best = search.best().at;
-    let reweighted = window.with_weights(weights_by_noise(window, mismatch, &best));
-    let refined = refine_one_sided(&reweighted, best, search.share);
+    // In fine time: derivatives of coarse time let the mismatch of the monitor move the end by a tenth of its error more.
+    let reweighted = window
+        .with_weights(weights_by_noise(window, mismatch, &best))
+        .in_time(Time::Fine);
+    let refined = refine_one_sided(&reweighted, best, how, search.share);
     let competing = competing_optimum(window, &search.optima);
     let spent = search.evaluations + refined.spent + 2;
     let (at, competing, more, other_motor) = match weak_magnet(&reweighted, &refined, search.share) {

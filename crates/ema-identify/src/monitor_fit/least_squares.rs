@@ -44,12 +44,57 @@ const COARSE_STEP: f64 = 2e-2;
 /// Step of the finite differences near the solution.
 pub(super) const FINE_STEP: f64 = 1e-7;
 
-/// Steps of a descent into the next valley, to where another descent starts.
-#[cfg(feature = "std")]
-pub(crate) const COARSE: [f64; 1] = [COARSE_STEP];
+/// How a descent goes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Descent {
+    /// Steps of the finite differences, one after another.
+    steps: &'static [f64],
+    /// Damping of the first step.
+    damping: f64,
+    /// Decrease of the cost, as a share of it, by which no further step follows, expected or found.
+    cost_tolerance: f64,
+}
 
-/// Steps of a descent to the floor of a valley.
-pub(crate) const COARSE_THEN_FINE: [f64; 2] = [COARSE_STEP, FINE_STEP];
+/// Damping of a first step; near the end, where the problem is nearly linear, less.
+const DAMPING: f64 = 1e-3;
+const DAMPING_NEARBY: f64 = 1e-6;
+
+impl Descent {
+    /// To the floor of a valley: what a fine slope takes for it, a coarse one often walks out of.
+    pub(crate) const TO_THE_FLOOR: Self = Self {
+        steps: &[COARSE_STEP, FINE_STEP],
+        damping: DAMPING,
+        cost_tolerance: 1e-6,
+    };
+
+    /// Into the next valley, to where another descent starts: most of the cost that is left is of what coarse time or nuisances explain.
+    pub(crate) const INTO_A_VALLEY: Self = Self {
+        steps: &[COARSE_STEP],
+        damping: DAMPING,
+        cost_tolerance: 1e-3,
+    };
+
+    /// To a floor nearby. Costs are halves of squares in standard deviations, a few thousand in all.
+    pub(crate) const NEARBY: Self = Self {
+        steps: &[FINE_STEP],
+        damping: DAMPING_NEARBY,
+        cost_tolerance: 1e-5,
+    };
+}
+
+#[cfg(feature = "std")]
+impl Descent {
+    /// Further into a valley.
+    pub(crate) const FURTHER_INTO_A_VALLEY: Self = Self {
+        cost_tolerance: 1e-4,
+        ..Self::INTO_A_VALLEY
+    };
+
+    /// Monitor runs at most.
+    pub(crate) fn most_runs(&self) -> u64 {
+        self.steps.len() as u64 * RUNS_OF_DESCENT
+    }
+}
 
 /// Where a descent ended.
 #[derive(Clone, Copy, Debug)]
@@ -84,49 +129,54 @@ pub(crate) const UNLIMITED: u64 = u64::MAX;
 pub(super) const RUNS_PER_LINEARISATION: u64 = UNKNOWN_COUNT as u64 + 1;
 
 /// One descent from each start, one after another, each with `budget` monitor runs at most.
-pub(super) fn descend_from_each(window: &impl MonitoredWindow, starts: &Starts, budget: u64) -> LocalOptima {
-    best_first(starts.iter().map(|&start| descend(window, start, budget)))
+pub(super) fn descend_from_each(
+    window: &impl MonitoredWindow,
+    starts: &Starts,
+    how: Descent,
+    budget: u64,
+) -> LocalOptima {
+    best_first(starts.iter().map(|&start| how.descend(window, start, budget)))
 }
 
-/// Descents by these steps from each start on several threads, the same result on any number of them.
+/// Descents from each start on several threads, the same result on any number of them.
 #[cfg(feature = "std")]
 pub(crate) fn descend_side_by_side(
     window: &(impl MonitoredWindow + Sync),
     starts: &Starts,
-    steps: &[f64],
+    how: Descent,
     budget: u64,
 ) -> LocalOptima {
     use rayon::prelude::*;
-    let descend = |&start| descend_by(window, start, steps, budget);
+    let descend = |&start| how.descend(window, start, budget);
     best_first(starts.par_iter().map(descend).collect::<std::vec::Vec<_>>())
 }
 
-/// One descent, coarse and then fine; the better of both ends. With a budget too small for one step, the start itself.
-///
-/// What a fine slope takes for a valley's floor, a coarse one often walks out of.
+/// One descent to the floor of a valley.
 pub(super) fn descend(window: &impl MonitoredWindow, start: Coordinates, budget: u64) -> LocalOptimum {
-    descend_by(window, start, &COARSE_THEN_FINE, budget)
+    Descent::TO_THE_FLOOR.descend(window, start, budget)
 }
 
-/// One descent by each step of the finite differences in turn; the best of the ends. With a budget too small for one step, the
-/// start itself.
-#[inline(never)]
-fn descend_by(window: &impl MonitoredWindow, start: Coordinates, steps: &[f64], budget: u64) -> LocalOptimum {
-    let mut optimum = LocalOptimum {
-        cost: f64::INFINITY,
-        at: start,
-        spent: 0,
-        cut: false,
-    };
-    for &step in steps {
+impl Descent {
+    /// One descent by each step of the finite differences in turn; the best of the ends. With a budget too small for one step, the
+    /// start itself.
+    #[inline(never)]
+    pub(super) fn descend(&self, window: &impl MonitoredWindow, start: Coordinates, budget: u64) -> LocalOptimum {
+        let mut optimum = LocalOptimum {
+            cost: f64::INFINITY,
+            at: start,
+            spent: 0,
+            cut: false,
+        };
         let whole = constant_box(Coordinates::LOWER, Coordinates::UPPER);
-        resume(window, &mut optimum, step, &whole, budget);
+        for &step in self.steps {
+            self.resume(window, &mut optimum, step, &whole, budget);
+        }
+        if optimum.cost.is_infinite() {
+            optimum.cost = window.cost(&optimum.at);
+            optimum.spent += 1;
+        }
+        optimum
     }
-    if optimum.cost.is_infinite() {
-        optimum.cost = window.cost(&optimum.at);
-        optimum.spent += 1;
-    }
-    optimum
 }
 
 /// Loads next to none, in their coordinate: in the bend of the gear's losses, and clear of it.
@@ -136,14 +186,19 @@ const NO_LOAD: [f64; 2] = [1e-6, 1e-12];
 ///
 /// The gear's losses bend there, and a descent across the bend gets stuck in it, short of the valley that leads along it. On
 /// one side the problem is smooth.
-pub(super) fn refine_one_sided(window: &impl MonitoredWindow, start: Coordinates, budget: u64) -> LocalOptimum {
-    let mut optimum = descend(window, start, budget);
+pub(super) fn refine_one_sided(
+    window: &impl MonitoredWindow,
+    start: Coordinates,
+    how: Descent,
+    budget: u64,
+) -> LocalOptimum {
+    let mut optimum = how.descend(window, start, budget);
     let [in_the_bend, clear_of_it] = NO_LOAD;
     if optimum.at.0[LOAD_COORDINATE].abs() <= in_the_bend {
         let mut lower = Coordinates::LOWER;
         lower[LOAD_COORDINATE] = clear_of_it;
         let opposing = constant_box(lower, Coordinates::UPPER);
-        resume(window, &mut optimum, FINE_STEP, &opposing, budget);
+        Descent::TO_THE_FLOOR.resume(window, &mut optimum, FINE_STEP, &opposing, budget);
     }
     optimum
 }
@@ -166,43 +221,49 @@ pub(super) fn refine_with_fixed_parameter(
         cut: false,
     };
     optimum.at.0[coordinate] = value;
-    resume(window, &mut optimum, COARSE_STEP, &constant_box(lower, upper), budget);
+    let within = constant_box(lower, upper);
+    Descent::TO_THE_FLOOR.resume(window, &mut optimum, COARSE_STEP, &within, budget);
     optimum
 }
 
 /// Half the width of the box around a coordinate that is held.
 const FIXED_WITHIN: f64 = 1e-9;
 
-/// Resumes a descent where it ended, with one step of the differences and inside a box.
-#[inline(never)]
-fn resume<W: MonitoredWindow>(
-    window: &W,
-    optimum: &mut LocalOptimum,
-    step: f64,
-    bounds: &Bounds<UNKNOWN_COUNT>,
-    budget: u64,
-) {
-    let left = budget.saturating_sub(optimum.spent);
-    let iterations = (left / (RUNS_PER_LINEARISATION + TRIALS_PER_STEP)).min(u64::from(MAX_ITERATIONS)) as u32;
-    let trials = left.saturating_sub(u64::from(iterations) * (RUNS_PER_LINEARISATION - 1));
-    let limited = iterations < MAX_ITERATIONS || trials < u64::from(MAX_EVALUATIONS);
-    if iterations == 0 {
-        optimum.cut = true;
-        return;
-    }
-    let config = LmConfig {
-        max_iterations: iterations,
-        max_evaluations: trials.min(u64::from(MAX_EVALUATIONS)) as u32,
-        step_tolerance: 1e-9,
-        cost_tolerance: 1e-6,
-        ..LmConfig::default()
-    };
-    let found = levenberg_marquardt(&SquaredResiduals { window, step }, bounds, optimum.at.0, &config);
-    optimum.spent +=
-        u64::from(found.iterations) * RUNS_PER_LINEARISATION + u64::from(found.evaluations - found.iterations);
-    optimum.cut |= limited && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations);
-    if found.cost < optimum.cost {
-        (optimum.cost, optimum.at) = (found.cost, Coordinates(found.genes));
+impl Descent {
+    /// Resumes a descent where it ended, inside a box, with one step of the differences.
+    #[inline(never)]
+    fn resume<W: MonitoredWindow>(
+        &self,
+        window: &W,
+        optimum: &mut LocalOptimum,
+        step: f64,
+        bounds: &Bounds<UNKNOWN_COUNT>,
+        budget: u64,
+    ) {
+        let left = budget.saturating_sub(optimum.spent);
+        let iterations = (left / (RUNS_PER_LINEARISATION + TRIALS_PER_STEP)).min(u64::from(MAX_ITERATIONS)) as u32;
+        let trials = left.saturating_sub(u64::from(iterations) * (RUNS_PER_LINEARISATION - 1));
+        let limited = iterations < MAX_ITERATIONS || trials < u64::from(MAX_EVALUATIONS);
+        if iterations == 0 {
+            optimum.cut = true;
+            return;
+        }
+        let config = LmConfig {
+            max_iterations: iterations,
+            max_evaluations: trials.min(u64::from(MAX_EVALUATIONS)) as u32,
+            initial_damping: self.damping,
+            step_tolerance: 1e-9,
+            cost_tolerance: self.cost_tolerance,
+            expected_tolerance: self.cost_tolerance,
+            ..LmConfig::default()
+        };
+        let found = levenberg_marquardt(&SquaredResiduals { window, step }, bounds, optimum.at.0, &config);
+        optimum.spent +=
+            u64::from(found.iterations) * RUNS_PER_LINEARISATION + u64::from(found.evaluations - found.iterations);
+        optimum.cut |= limited && matches!(found.stop, LmStop::MaxIterations | LmStop::MaxEvaluations);
+        if found.cost < optimum.cost {
+            (optimum.cost, optimum.at) = (found.cost, Coordinates(found.genes));
+        }
     }
 }
 
@@ -227,7 +288,7 @@ const TRIALS_PER_STEP: u64 = 2;
 /// The local optimum that a descent from a point leads to.
 #[must_use]
 pub fn refined_from(window: &impl MonitoredWindow, start: Coordinates) -> Coordinates {
-    refine_one_sided(window, start, UNLIMITED).at
+    refine_one_sided(window, start, Descent::TO_THE_FLOOR, UNLIMITED).at
 }
 
 /// Estimator bias of one window: distance, in fault coordinates, from the truth to where a descent that starts there ends.

@@ -4,12 +4,14 @@
 //! Double precision throughout, because the short steps of the fine differences vanish in single precision.
 
 use ema_models::{
-    ActuatorParams, Calibration, Conditions, Coordinates, Monitor, MonitorState, MotorKnowledge, NormalEquations,
-    Prior, ResidualState, SIGNAL_COUNT, Scale, Setpoint, UNKNOWN_COUNT, Unknowns, Weights,
+    ActuatorParams, Calibration, ComparedSample, Conditions, Coordinates, MOTOR_COORDINATES, Monitor, MonitorState,
+    MotorKnowledge, NormalEquations, Prior, ResidualState, SIGNAL_COUNT, Scale, Setpoint, UNKNOWN_COUNT, Unknowns,
+    Weights,
 };
 
-use super::recorded_window::{RecordedSample, RecordedWindow};
-use super::window::{ActuatorKnowledge, MonitoredWindow, prior};
+use super::coarse_time::{Time, coarse_in_time, periods};
+use super::recorded_window::{MAX_CONTROLS, RecordedSample, RecordedWindow};
+use super::window::{ActuatorKnowledge, InTime, MonitoredWindow, prior};
 
 /// A recorded window, and the monitor that it is compared with.
 #[derive(Clone, Copy, Debug)]
@@ -20,11 +22,22 @@ pub struct StreamedWindow<'a, S> {
     conditions: Conditions,
     weights: Weights,
     prior: Prior,
+    time: Time,
+}
+
+/// The steps of one monitor.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Steps {
+    Fine,
+    Coarse,
+    /// It stands: nobody asks for what it would say.
+    None,
 }
 
 /// One monitor at work.
 #[derive(Clone, Copy)]
 struct Running {
+    steps: Steps,
     monitor: Monitor<f64>,
     state: MonitorState<f64>,
     residual: ResidualState<f64>,
@@ -50,15 +63,45 @@ impl<'a, S: RecordedSample> StreamedWindow<'a, S> {
             conditions,
             weights: mismatch.weights(params.sensors.sample_rate, calibration.form),
             prior: prior(params, &conditions, *motor),
+            time: Time::Fine,
         }
     }
 
-    /// Runs monitors in lock-step over the window and shows their unweighted residuals, sample by sample.
+    /// Steps of a monitor whose costs and residuals count.
+    fn steps(&self) -> Steps {
+        match self.time {
+            Time::Fine | Time::Both => Steps::Fine,
+            Time::Coarse => Steps::Coarse,
+        }
+    }
+
+    /// One monitor at the first sample.
+    #[inline(always)]
+    fn start(&self, unknowns: &Unknowns, steps: Steps, first: &ComparedSample) -> Running {
+        let unknowns = self.conditions.at_temperature(unknowns);
+        let coarse;
+        let params = if steps == Steps::Coarse {
+            coarse = coarse_in_time(self.params);
+            &coarse
+        } else {
+            self.params
+        };
+        let monitor = Monitor::new(params, self.calibration, self.conditions.v_dc, &unknowns);
+        Running {
+            steps,
+            state: monitor.start(self.window.initial(), first),
+            monitor,
+            residual: ResidualState::new(self.params.sensors.sample_rate),
+        }
+    }
+
+    /// Runs monitors in lock-step over the window and shows their unweighted residuals, sample by sample. `monitor` gives the unknowns and
+    /// the steps of each.
     ///
     /// What all of them take from a sample is made ready once for all.
     fn run<const N: usize>(
         &self,
-        unknowns: impl Fn(usize) -> Unknowns,
+        monitor: impl Fn(usize) -> (Unknowns, Steps),
         mut visit: impl FnMut(&[[f64; SIGNAL_COUNT]; N]),
     ) {
         let initial = self.window.initial();
@@ -66,26 +109,32 @@ impl<'a, S: RecordedSample> StreamedWindow<'a, S> {
             return;
         };
         let start = |n| {
-            let unknowns = self.conditions.at_temperature(&unknowns(n));
-            let monitor = Monitor::new(self.params, self.calibration, self.conditions.v_dc, &unknowns);
-            Running {
-                state: monitor.start(initial, &first),
-                monitor,
-                residual: ResidualState::new(self.params.sensors.sample_rate),
-            }
+            let (unknowns, steps) = monitor(n);
+            self.start(&unknowns, steps, &first)
         };
         // Not `from_fn`, which makes the array twice, one on top of the other on the stack.
         let mut running = [start(0); N];
         for (n, one) in running.iter_mut().enumerate().skip(1) {
             *one = start(n);
         }
+        let periods = periods(self.params) as usize;
         for (n, drive) in self.window.drives().enumerate() {
+            let counted: &[f64] = &drive.counted[..self.window.controls()];
+            let mut coarsely = [0.0; MAX_CONTROLS];
+            for (slot, &counted) in coarsely.iter_mut().zip(counted.iter().step_by(periods)) {
+                *slot = counted;
+            }
+            let coarsely = &coarsely[..counted.len().div_ceil(periods)];
             let mut residuals = [[0.0; SIGNAL_COUNT]; N];
             for (one, residuals) in running.iter_mut().zip(&mut residuals) {
+                let counted = match one.steps {
+                    Steps::Fine => counted,
+                    Steps::Coarse => coarsely,
+                    Steps::None => continue,
+                };
                 let earlier = n >= one.residual.span();
                 let output = one.monitor.output(&one.state);
                 *residuals = one.residual.next(&drive.measured, &output, earlier).to_array();
-                let counted = &drive.counted[..self.window.controls()];
                 one.monitor
                     .run_sample_period_with(&mut one.state, initial, drive.setpoint, counted, drive.theta_m);
             }
@@ -133,7 +182,7 @@ impl<S: RecordedSample> MonitoredWindow for StreamedWindow<'_, S> {
         let weights = self.weights.to_array();
         let mut sum = 0.0;
         self.run::<1>(
-            |_| *unknowns,
+            |_| (*unknowns, self.steps()),
             |[residuals]| {
                 for (weight, r) in weights.iter().zip(residuals) {
                     let weighted = weight * r;
@@ -148,7 +197,7 @@ impl<S: RecordedSample> MonitoredWindow for StreamedWindow<'_, S> {
     fn squared_residuals(&self, unknowns: &Unknowns) -> ([f64; SIGNAL_COUNT], usize) {
         let (mut squares, mut count) = ([0.0; SIGNAL_COUNT], 0);
         self.run::<1>(
-            |_| *unknowns,
+            |_| (*unknowns, self.steps()),
             |[residuals]| {
                 for (sum, &r) in squares.iter_mut().zip(residuals) {
                     *sum += r * r;
@@ -159,28 +208,53 @@ impl<S: RecordedSample> MonitoredWindow for StreamedWindow<'_, S> {
         (squares, count)
     }
 
-    #[inline(never)]
     fn normal_equations(&self, at: &Coordinates, step: f64) -> NormalEquations {
+        match self.time {
+            Time::Fine | Time::Coarse => self.linearised::<POINT_AND_STEPS>(at, step),
+            Time::Both => self.linearised::<{ POINT_AND_STEPS + 1 }>(at, step),
+        }
+    }
+}
+
+impl<S: RecordedSample> InTime for StreamedWindow<'_, S> {
+    fn in_time(self, time: Time) -> Self {
+        Self { time, ..self }
+    }
+}
+
+impl<S: RecordedSample> StreamedWindow<'_, S> {
+    /// Normal equations by the point and one step along each coordinate, and where there is one more monitor, by that in fine time at the
+    /// point: its residuals then count.
+    #[inline(never)]
+    fn linearised<const N: usize>(&self, at: &Coordinates, step: f64) -> NormalEquations {
         let scale = Scale::new(self.params);
         let steps = at.inward_steps(step);
         let per_step = steps.map(|step| 1.0 / step);
         let weights = self.weights.to_array();
         let mut sums = NormalEquations::default();
+        // Its coordinates are fixed afterwards.
+        let is_motor_known = self.prior.motor.information().is_none();
+        let counting = if N > POINT_AND_STEPS { N - 1 } else { 0 };
         let stepped = |n: usize| {
             let mut x = *at;
-            if let Some(p) = n.checked_sub(1) {
+            if let Some(p) = n.checked_sub(1).filter(|&p| p < UNKNOWN_COUNT) {
                 x.0[p] += steps[p];
             }
-            scale.unknowns(&x)
+            let steps = match n.checked_sub(1) {
+                Some(p) if is_motor_known && MOTOR_COORDINATES.contains(&p) => Steps::None,
+                _ if self.time == Time::Fine || n == POINT_AND_STEPS => Steps::Fine,
+                _ => Steps::Coarse,
+            };
+            (scale.unknowns(&x), steps)
         };
-        self.run::<POINT_AND_STEPS>(stepped, |residuals| {
-            let [point, along @ ..] = residuals;
+        self.run::<N>(stepped, |residuals| {
+            let (along, counted) = (&residuals[1..=UNKNOWN_COUNT], &residuals[counting]);
             for signal in 0..SIGNAL_COUNT {
                 let weight = weights[signal];
-                let r = point[signal] * weight;
+                let (r, point) = (counted[signal] * weight, residuals[0][signal] * weight);
                 sums.cost += 0.5 * r * r;
                 let slope: [f64; UNKNOWN_COUNT] =
-                    core::array::from_fn(|p| (along[p][signal] * weight - r) * per_step[p]);
+                    core::array::from_fn(|p| (along[p][signal] * weight - point) * per_step[p]);
                 for p in 0..UNKNOWN_COUNT {
                     sums.jtr[p] += slope[p] * r;
                     for q in 0..=p {

@@ -6,6 +6,7 @@ use ema_models::{
     NormalEquations, Prior, SIGNAL_COUNT, Scale, Setpoint, UNKNOWN_COUNT, Unknowns, Weights,
 };
 
+use super::coarse_time::Time;
 use crate::calibration::Mismatch;
 
 /// One window, and the monitor that it is compared with.
@@ -153,6 +154,13 @@ impl MonitoredWindow for Comparison<'_> {
             *slot = cost;
         }
     }
+}
+
+/// A window whose monitors can run in coarse time.
+pub trait InTime: MonitoredWindow {
+    /// The same window in another time.
+    #[must_use]
+    fn in_time(self, time: Time) -> Self;
 }
 
 /// What identification knows of one actuator before it sees a window.

@@ -18,7 +18,10 @@ use crate::monitor_fit::RecordedSample;
 const MAX_WIDTHS: f64 = 120.0;
 
 /// Widths of the first, coarse search.
-const COARSE: usize = 40;
+const COARSE: usize = 41;
+
+/// Widths of it that are followed in one pass over the window.
+const SIDE_BY_SIDE: usize = 7;
 
 /// Steps of the golden section between the neighbours of the best coarse width.
 const GOLDEN_STEPS: usize = 22;
@@ -118,13 +121,16 @@ fn width_of<S: RecordedSample>(
     let params = window.params();
     let span = Kernel::new(HALF_WIDTHS_S[0], params.sensors.sample_rate, &Compliance::RIGID).span;
     let mismatch = |width: f64| follow(window, start, width, within).mismatch();
-    let step = MAX_WIDTHS * params.transmission.backlash / COARSE as f64;
+    let step = MAX_WIDTHS * params.transmission.backlash / (COARSE - 1) as f64;
     let mut best = (f64::INFINITY, 0.0);
-    for n in 0..=COARSE {
-        let width = step * n as f64;
-        let left = mismatch(width);
-        if left < best.0 {
-            best = (left, width);
+    for first in (0..COARSE).step_by(SIDE_BY_SIDE) {
+        let widths: [f64; SIDE_BY_SIDE] = core::array::from_fn(|n| step * (first + n) as f64);
+        let followed = follow_each(window, start, widths, within);
+        for (followed, width) in followed.iter().zip(widths).take(COARSE - first) {
+            let left = followed.mismatch();
+            if left < best.0 {
+                best = (left, width);
+            }
         }
     }
     let width = golden_section((best.1 - step).max(0.0), best.1 + step, mismatch);
@@ -175,6 +181,7 @@ pub(super) fn pushed<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Optio
 }
 
 /// How an output behind a play compares with the counts.
+#[derive(Clone, Copy, Default)]
 struct Followed {
     samples: f64,
     sum: f64,
@@ -190,51 +197,75 @@ impl Followed {
     }
 }
 
+/// State of an output behind a play.
+#[derive(Clone, Copy)]
+struct Output {
+    /// Half the width of the play, rad.
+    half: f64,
+    /// Its angle, rad, and its speed while it coasts, rad/s.
+    angle: f64,
+    speed: f64,
+    followed: Followed,
+}
+
 fn follow<S: RecordedSample>(window: &MeasuredWindow<'_, S>, start: Start, width: f64, within: Within) -> Followed {
+    let [followed] = follow_each(window, start, [width], within);
+    followed
+}
+
+/// Outputs behind plays of several widths, in one pass over the window.
+#[inline(never)]
+fn follow_each<S: RecordedSample, const K: usize>(
+    window: &MeasuredWindow<'_, S>,
+    start: Start,
+    widths: [f64; K],
+    within: Within,
+) -> [Followed; K] {
     let params = window.params();
-    let (sensors, half) = (&params.sensors, 0.5 * width);
+    let sensors = &params.sensors;
     let first = window.sensed(start.sample);
     let per_motor_count = sensors.motor_lsb() / params.transmission.gear_ratio;
-    let mut output = if start.forward { -half } else { half };
+    let mut outputs = widths.map(|width| Output {
+        half: 0.5 * width,
+        angle: if start.forward { -0.5 * width } else { 0.5 * width },
+        speed: 0.0,
+        followed: Followed::default(),
+    });
     let period = 1.0 / sensors.sample_rate;
-    let (mut speed, mut centre_before) = (0.0, 0.0);
-    let mut followed = Followed {
-        samples: 0.0,
-        sum: 0.0,
-        squares: 0.0,
-        flanks: [0; 2],
-    };
+    let mut centre_before = 0.0;
     for n in start.sample..window.inner().end {
         let now = window.sensed(n);
         let centre = (now.motor_counts - first.motor_counts) as f64 * per_motor_count;
-        let before = output;
-        output = match within {
-            Within::Rests => follow_through_play(output, centre, half),
-            Within::Coasts(deceleration) => {
-                speed -= libm::copysign(libm::fabs(speed).min(deceleration * period), speed);
-                let free = output + speed * period;
-                let pushed = free.clamp(centre - half, centre + half);
-                if libm::fabs(pushed - free) > 0.0 {
-                    speed = (centre - centre_before) / period;
+        let counted = (now.output_counts - first.output_counts) as f64 * sensors.output_lsb();
+        let is_measured = window.is_measured(n);
+        for output in &mut outputs {
+            let before = output.angle;
+            output.angle = match within {
+                Within::Rests => follow_through_play(before, centre, output.half),
+                Within::Coasts(deceleration) => {
+                    let slowed = libm::fabs(output.speed).min(deceleration * period);
+                    output.speed -= libm::copysign(slowed, output.speed);
+                    let free = before + output.speed * period;
+                    let pushed = free.clamp(centre - output.half, centre + output.half);
+                    if libm::fabs(pushed - free) > 0.0 {
+                        output.speed = (centre - centre_before) / period;
+                    }
+                    pushed
                 }
-                pushed
+            };
+            let followed = &mut output.followed;
+            followed.flanks[1] += usize::from(output.angle > before);
+            followed.flanks[0] += usize::from(output.angle < before);
+            if is_measured {
+                let difference = counted - output.angle;
+                followed.samples += 1.0;
+                followed.sum += difference;
+                followed.squares += difference * difference;
             }
-        };
+        }
         centre_before = centre;
-        if output > before {
-            followed.flanks[1] += 1;
-        } else if output < before {
-            followed.flanks[0] += 1;
-        }
-        if window.is_measured(n) {
-            let counted = (now.output_counts - first.output_counts) as f64 * sensors.output_lsb();
-            let difference = counted - output;
-            followed.samples += 1.0;
-            followed.sum += difference;
-            followed.squares += difference * difference;
-        }
     }
-    followed
+    outputs.map(|output| output.followed)
 }
 
 /// Place of the least value of a function between two bounds, where it has one.

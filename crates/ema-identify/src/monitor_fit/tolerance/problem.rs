@@ -6,12 +6,13 @@ use std::vec::Vec;
 
 use ema_ga::Residuals;
 use ema_models::{
-    COST_LANES, Comparison, Coordinates, DISTURBANCE_COUNT, GRAM_COLUMNS, GramRow, LaneResiduals, MonitorVariant,
-    MotorKnowledge, NormalEquations, SIGNAL_COUNT, Scale, Tolerances, UNKNOWN_COUNT, Unknowns, Weights, add_gram,
+    COST_LANES, ComparedSample, Comparison, Coordinates, DISTURBANCE_COUNT, GRAM_COLUMNS, GramRow, LaneResiduals,
+    MonitorVariant, MotorKnowledge, NormalEquations, SIGNAL_COUNT, Scale, Tolerances, UNKNOWN_COUNT, Unknowns, Weights,
+    add_gram,
 };
 use nalgebra::{SMatrix, SVector};
 
-use super::basis::Basis;
+use super::basis::{Basis, CHANGE_COUNT};
 use super::nuisance::{
     Action, BACKLASH, DYNAMIC_FRICTION, FRICTION_TEMPERATURE, Hardware, LINK_VOLTAGE, NUISANCE_COUNT, NUISANCES,
     POSITION_GAIN, STATIC_FRICTION, sigmas,
@@ -43,8 +44,18 @@ pub(super) struct Problem<'a> {
     basis: &'a Basis,
     scale: Scale,
     sigma: [f64; NUISANCE_COUNT],
+    /// Nuisances that change the signals, and the place of what they change.
+    on_signals: [(usize, usize); CHANGE_COUNT],
     /// Step of the finite differences along the unknowns.
     step: f64,
+    buffers: &'a RefCell<Buffers>,
+}
+
+/// Memory of linearisations, used again by the next one.
+#[derive(Debug, Default)]
+pub(super) struct Buffers {
+    passes: Vec<Vec<LaneResiduals>>,
+    rows: Vec<GramRow>,
 }
 
 /// Derivatives and residuals at a point, weighted, one row per sample and signal.
@@ -64,8 +75,22 @@ struct SameDirection {
 }
 
 impl<'a> Problem<'a> {
-    pub(super) fn new(comparison: Comparison<'a>, basis: &'a Basis, tolerances: &Tolerances, step: f64) -> Self {
+    pub(super) fn new(
+        comparison: Comparison<'a>,
+        basis: &'a Basis,
+        tolerances: &Tolerances,
+        step: f64,
+        buffers: &'a RefCell<Buffers>,
+    ) -> Self {
+        let mut on_signals = [(0, 0); CHANGE_COUNT];
+        for (number, nuisance) in NUISANCES.iter().enumerate() {
+            if let Action::Signals(place) | Action::TorqueAndSignals(_, place) = nuisance.action {
+                on_signals[place] = (number, place);
+            }
+        }
         Self {
+            on_signals,
+            buffers,
             scale: Scale::new(comparison.params),
             sigma: sigmas(tolerances, comparison.params, &comparison.conditions),
             comparison,
@@ -84,6 +109,31 @@ impl<'a> Problem<'a> {
         let mut other = self.clone();
         other.comparison.prior.motor = motor;
         other
+    }
+
+    /// The same problem compared with other samples.
+    pub(super) fn with_samples(&self, samples: &'a [ComparedSample]) -> Self {
+        let mut other = self.clone();
+        other.comparison.recording.samples = samples;
+        other
+    }
+
+    /// The window's samples, changed by what coarse time changes of the monitor's signals at a point: with them `coarse` has the residuals
+    /// there that this problem has.
+    pub(super) fn samples_for(&self, coarse: &Problem<'_>, at: &Point) -> Vec<ComparedSample> {
+        let mut samples = self.comparison.recording.samples.to_vec();
+        for (problem, sign) in [(self, 1.0), (coarse, -1.0)] {
+            problem
+                .comparison
+                .residuals_of_variant(&problem.variant(at), &self.basis.disturbances, |n, residuals| {
+                    let sample = &mut samples[n];
+                    sample.i_d += sign * residuals.i_d;
+                    sample.i_q += sign * residuals.i_q;
+                    sample.theta_m += sign * residuals.theta_m;
+                    sample.theta_out += sign * residuals.theta_out;
+                });
+        }
+        samples
     }
 
     pub(super) fn comparison(&self) -> &Comparison<'a> {
@@ -126,11 +176,10 @@ impl<'a> Problem<'a> {
     /// What the nuisances of a point add to the signals of a sample.
     fn change(&self, at: &Point, n: usize) -> [f64; SIGNAL_COUNT] {
         let mut change = [0.0; SIGNAL_COUNT];
-        for ((nuisance, sigma), size) in NUISANCES.iter().zip(self.sigma).zip(&at[UNKNOWN_COUNT..]) {
-            if let Action::Signals(place) | Action::TorqueAndSignals(_, place) = nuisance.action {
-                for (sum, per_unit) in change.iter_mut().zip(self.basis.changes[n][place]) {
-                    *sum += sigma * size * per_unit;
-                }
+        for (number, place) in self.on_signals {
+            let size = self.sigma[number] * at[UNKNOWN_COUNT + number];
+            for (sum, per_unit) in change.iter_mut().zip(self.basis.changes[n][place]) {
+                *sum += size * per_unit;
             }
         }
         change
@@ -220,21 +269,21 @@ impl<'a> Problem<'a> {
             }))
             .collect();
         let samples = self.comparison.recording.samples;
-        let passes: Vec<Vec<LaneResiduals>> = variants
-            .chunks(COST_LANES)
-            .map(|chunk| {
-                let lanes = core::array::from_fn(|lane| *chunk.get(lane).unwrap_or(&at_point));
-                let mut residuals = vec![[[0.0; COST_LANES]; SIGNAL_COUNT]; samples.len()];
-                self.comparison
-                    .residuals_of_variants(&lanes, &self.basis.disturbances, &mut residuals);
-                residuals
-            })
-            .collect();
+        let Buffers { passes, rows } = &mut *self.buffers.borrow_mut();
+        passes.resize(variants.len().div_ceil(COST_LANES).max(passes.len()), Vec::new());
+        for (chunk, residuals) in variants.chunks(COST_LANES).zip(passes.iter_mut()) {
+            let lanes = core::array::from_fn(|lane| *chunk.get(lane).unwrap_or(&at_point));
+            residuals.resize(samples.len(), [[0.0; COST_LANES]; SIGNAL_COUNT]);
+            self.comparison
+                .residuals_of_variants(&lanes, &self.basis.disturbances, residuals);
+        }
 
         let weights = self.comparison.weights.to_array();
         let weighted: Vec<usize> = (0..SIGNAL_COUNT).filter(|&s| weights[s] > 0.0).collect();
         let per_step: Vec<f64> = in_lanes.iter().map(|&p| 1.0 / step(p)).collect();
-        let mut rows = vec![[0.0; GRAM_COLUMNS]; samples.len() * weighted.len()];
+        let mut rows = core::mem::take(rows);
+        rows.clear();
+        rows.resize(samples.len() * weighted.len(), [0.0; GRAM_COLUMNS]);
         let mut row = rows.iter_mut().enumerate();
         for (n, sample) in samples.iter().enumerate() {
             let change = self.change(at, n);
@@ -249,10 +298,8 @@ impl<'a> Problem<'a> {
                     let stepped = passes[lane / COST_LANES][n][signal][lane % COST_LANES];
                     row[p] = (stepped - point) * per_step * weight;
                 }
-                for (number, (nuisance, sigma)) in NUISANCES.iter().zip(self.sigma).enumerate() {
-                    if let Action::Signals(place) | Action::TorqueAndSignals(_, place) = nuisance.action {
-                        row[UNKNOWN_COUNT + number] -= sigma * self.basis.changes[n][place][signal] * weight;
-                    }
+                for (number, place) in self.on_signals {
+                    row[UNKNOWN_COUNT + number] -= self.sigma[number] * self.basis.changes[n][place][signal] * weight;
                 }
                 // The rows nearby are whole: the part that acts on the signals is in them already.
                 if let Some(nearby) = nearby.and_then(|rows| rows.get(place)) {
@@ -398,19 +445,18 @@ impl Residuals<DIMENSION> for OnDescent<'_, '_> {
         jtr: &mut SVector<f64, DIMENSION>,
     ) -> f64 {
         let mut first = self.first.borrow_mut();
-        let linearised = if first.is_empty() {
-            self.problem.linearised(genes)
-        } else {
-            self.problem.linearised_near(genes, Some(&first))
-        };
-        if first.is_empty() {
-            first.clone_from(&linearised.rows);
-        }
+        let nearby = (!first.is_empty()).then_some(first.as_slice());
+        let linearised = self.problem.linearised_near(genes, nearby);
         jtj.copy_from(&linearised.information());
-        for p in 0..DIMENSION {
-            jtr[p] = linearised.sums[RESIDUAL][p];
+        jtr.copy_from(&linearised.gradient());
+        let cost = linearised.cost();
+        let rows = linearised.rows;
+        if first.is_empty() {
+            *first = rows;
+        } else {
+            self.problem.buffers.borrow_mut().rows = rows;
         }
-        linearised.cost()
+        cost
     }
 
     fn cost(&self, genes: &Point) -> f64 {
@@ -440,9 +486,14 @@ impl Problem<'_> {
         let Some(first) = points.first() else { return };
         let variants = core::array::from_fn(|lane| self.variant(points.get(lane).unwrap_or(first)));
         let samples = self.comparison.recording.samples;
-        let mut residuals = vec![[[0.0; COST_LANES]; SIGNAL_COUNT]; samples.len()];
+        let mut buffers = self.buffers.borrow_mut();
+        if buffers.passes.is_empty() {
+            buffers.passes.push(Vec::new());
+        }
+        let residuals = &mut buffers.passes[0];
+        residuals.resize(samples.len(), [[0.0; COST_LANES]; SIGNAL_COUNT]);
         self.comparison
-            .residuals_of_variants(&variants, &self.basis.disturbances, &mut residuals);
+            .residuals_of_variants(&variants, &self.basis.disturbances, residuals);
         let weights = self.comparison.weights.to_array();
         for (lane, (point, cost)) in points.iter().zip(costs).enumerate() {
             let mut sum = 0.0;
@@ -515,7 +566,8 @@ mod tests {
         };
         let tolerances = Tolerances::USUAL;
         let basis = Basis::new(&comparison, &tolerances);
-        let problem = Problem::new(comparison, &basis, &tolerances, 1e-3);
+        let buffers = RefCell::default();
+        let problem = Problem::new(comparison, &basis, &tolerances, 1e-3, &buffers);
         let start = problem
             .scale
             .coordinates(&comparison.unknowns_with_fault(FaultVector::NOMINAL));

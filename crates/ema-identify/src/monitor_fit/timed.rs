@@ -1,0 +1,113 @@
+//! The host's window whose monitors can run in coarse time.
+
+use std::vec;
+use std::vec::Vec;
+
+use ema_models::{
+    ActuatorParams, COST_LANES, Comparison, Conditions, Coordinates, MotorKnowledge, NormalEquations, Prior,
+    SIGNAL_COUNT, Scale, Setpoint, UNKNOWN_COUNT, Unknowns, Weights,
+};
+
+use super::coarse_time::Time;
+use super::window::{InTime, MonitoredWindow};
+
+/// A comparison and the actuator in coarse time.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Timed<'a> {
+    fine: Comparison<'a>,
+    coarse: &'a ActuatorParams,
+    time: Time,
+}
+
+impl<'a> Timed<'a> {
+    /// In fine time; `coarse` is [`coarse_in_time`](super::coarse_in_time).
+    pub(crate) fn new(fine: Comparison<'a>, coarse: &'a ActuatorParams) -> Self {
+        let time = Time::Fine;
+        Self { fine, coarse, time }
+    }
+
+    fn in_coarse_time(&self) -> Comparison<'a> {
+        Comparison {
+            params: self.coarse,
+            ..self.fine
+        }
+    }
+
+    /// The comparison whose costs and residuals count.
+    fn compared(&self) -> Comparison<'a> {
+        match self.time {
+            Time::Fine | Time::Both => self.fine,
+            Time::Coarse => self.in_coarse_time(),
+        }
+    }
+}
+
+impl InTime for Timed<'_> {
+    fn in_time(self, time: Time) -> Self {
+        Self { time, ..self }
+    }
+}
+
+impl MonitoredWindow for Timed<'_> {
+    fn params(&self) -> &ActuatorParams {
+        self.fine.params
+    }
+
+    fn conditions(&self) -> &Conditions {
+        &self.fine.conditions
+    }
+
+    fn weights(&self) -> &Weights {
+        &self.fine.weights
+    }
+
+    fn prior(&self) -> &Prior {
+        &self.fine.prior
+    }
+
+    fn with_weights(mut self, weights: Weights) -> Self {
+        self.fine.weights = weights;
+        self
+    }
+
+    fn with_motor(mut self, motor: MotorKnowledge) -> Self {
+        self.fine.prior.motor = motor;
+        self
+    }
+
+    fn sample_count(&self) -> usize {
+        self.fine.sample_count()
+    }
+
+    fn setpoints_and_angles(&self) -> impl Iterator<Item = (Setpoint, f64)> {
+        self.fine.setpoints_and_angles()
+    }
+
+    fn mean_cost(&self, unknowns: &Unknowns) -> f64 {
+        self.compared().mean_cost(unknowns)
+    }
+
+    fn squared_residuals(&self, unknowns: &Unknowns) -> ([f64; SIGNAL_COUNT], usize) {
+        self.compared().squared_residuals(unknowns)
+    }
+
+    fn normal_equations(&self, at: &Coordinates, step: f64) -> NormalEquations {
+        if self.time != Time::Both {
+            return self.compared().normal_equations(at, step);
+        }
+        let mut residuals: Vec<[f64; SIGNAL_COUNT]> = vec![[0.0; SIGNAL_COUNT]; self.fine.sample_count()];
+        let unknowns = Scale::new(self.fine.params).unknowns(at);
+        self.fine.residuals(&unknowns, |n, r| residuals[n] = r.to_array());
+        self.in_coarse_time().normal_equations_with(at, step, &residuals)
+    }
+
+    fn cost(&self, at: &Coordinates) -> f64 {
+        self.compared().cost(at)
+    }
+
+    const SIDE_BY_SIDE: usize = COST_LANES;
+
+    fn costs(&self, points: &[[f64; UNKNOWN_COUNT]], costs: &mut [f64]) {
+        MonitoredWindow::costs(&self.compared(), points, costs);
+    }
+}

@@ -9,6 +9,7 @@ mod actuator_type;
 mod bus;
 mod describe;
 mod drive;
+mod drive_bus;
 mod effective;
 mod error;
 mod health;
@@ -50,6 +51,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use crate::dbc::SignalMap;
+use crate::drive_bus::DriveJoiner;
 use crate::frame::BusNames;
 use crate::log_map::LogMap;
 use crate::metadata_checksum::hex;
@@ -186,11 +188,24 @@ impl Config {
         })
     }
 
+    /// The drives on interface `bus`.
+    pub(crate) fn drives(&self, bus: &str) -> impl Iterator<Item = (ActuatorId, DriveJoiner)> {
+        self.actuators.iter().filter_map(move |actuator| {
+            let drive = actuator
+                .drive_bus
+                .as_ref()
+                .filter(|_| actuator.is_at(bus, actuator.id))?;
+            let joiner = DriveJoiner::new(actuator.id, &actuator.params, drive.clone());
+            Some((actuator.id, joiner))
+        })
+    }
+
     /// The actuator that a log of measured signals is of, with its map (`[map]`).
     #[must_use]
     pub fn actuator_of_logs(&self) -> Option<(&ActuatorConfig, &Arc<LogMap>)> {
-        self.actuators
-            .iter()
+        let on_no_bus = self.actuators.iter().filter(|actuator| actuator.drive_bus.is_none());
+        on_no_bus
+            .into_iter()
             .find_map(|actuator| Some((actuator, actuator.log.as_ref()?)))
     }
 
@@ -324,7 +339,7 @@ impl Config {
         let units = self
             .actuators
             .iter()
-            .flat_map(|unit| unit.calibration.iter().chain(&unit.dbc));
+            .flat_map(|unit| unit.calibration.iter().chain(&unit.dbc).chain(&unit.eds));
         let named = calibrations.chain(units).chain(&self.rul.events);
         let named = named.map(|path| self.resolve(path));
         self.files.iter().cloned().chain(named).collect()

@@ -69,7 +69,13 @@ impl Quantity {
     /// Whether it keeps its value until it has another: a command or a condition.
     #[must_use]
     pub fn is_held(self) -> bool {
-        matches!(self, Self::Of(Role::CommandPosition | Role::CommandSpeed | Role::Mode)) || !self.is_sampled()
+        self.is_command() || !self.is_sampled()
+    }
+
+    /// Whether it is what is commanded.
+    #[must_use]
+    pub fn is_command(self) -> bool {
+        matches!(self, Self::Of(Role::CommandPosition | Role::CommandSpeed | Role::Mode))
     }
 
     /// Whether a row without it makes no sample.

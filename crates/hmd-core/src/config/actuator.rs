@@ -11,11 +11,13 @@ use serde::Serialize;
 
 use super::ConfigError;
 use super::actuator_type::{ActuatorType, DEFAULT_TYPE, parameters_as_text};
+use super::drive_bus;
 use super::name::{NAME_EXPECTED, is_name};
 use super::reader::Section;
 use super::signals::{self, DbcFiles};
 use super::specification::Specification;
 use crate::dbc::SignalMap;
+use crate::drive_bus::DriveBus;
 use crate::log_map::LogMap;
 
 const KEYS: &[&str] = &[
@@ -28,6 +30,7 @@ const KEYS: &[&str] = &[
     "learn_folder",
     "dbc",
     "signals",
+    "drive",
     "part_number",
     "serial_number",
     "passive",
@@ -74,7 +77,13 @@ pub struct ActuatorConfig {
     /// Its signals in there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub map: Option<Arc<SignalMap>>,
-    /// Its columns in logs of measured signals.
+    /// The drive that it is of, where its frames are those of one as they are sold.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub drive_bus: Option<Arc<DriveBus>>,
+    /// EDS or DCF file of the drive, as written in the file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub eds: Option<PathBuf>,
+    /// Its columns in logs of measured signals, or as a drive's quantities.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub log: Option<Arc<LogMap>>,
     /// Part number, for the records.
@@ -138,6 +147,8 @@ impl ActuatorConfig {
             learning: None,
             dbc: None,
             map: None,
+            drive_bus: None,
+            eds: None,
             log: None,
             part_number: None,
             serial_number: None,
@@ -174,6 +185,7 @@ impl ActuatorConfig {
         actuator.learning = Learning::read(section)?;
         actuator.dbc = section.text("dbc")?.map(PathBuf::from);
         actuator.map = signals::read(section, &actuator.params, files)?.map(Arc::new);
+        drive_bus::read(section, &mut actuator, files)?;
         actuator.part_number = section.text("part_number")?;
         actuator.serial_number = section.text("serial_number")?;
         actuator.passive = section.flag("passive", false)?;

@@ -34,6 +34,13 @@ pub(super) fn read(root: &Section<'_>, actuators: &mut [ActuatorConfig]) -> Resu
     let Some(actuator) = found else {
         return Err(section.refuse("actuator", "the name of an [[actuator]]"));
     };
+    if actuator.drive_bus.is_some() {
+        return Err(section.refuse_effective(
+            "actuator",
+            "an actuator without drive: its frames are those of a drive",
+            &actuator.name,
+        ));
+    }
     if actuator.dbc.is_some() {
         return Err(section.refuse_effective(
             "actuator",

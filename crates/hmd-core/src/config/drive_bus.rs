@@ -1,0 +1,95 @@
+//! Section `[actuator.drive]`: a drive as it is sold, by a preset and its number.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::reader::Section;
+use super::signals::DbcFiles;
+use super::{ActuatorConfig, ConfigError};
+use crate::drive_bus::{DriveBus, DriveSettings, ObjectDictionary, Preset};
+
+const KEYS: [&str; 8] = [
+    "preset",
+    "node",
+    "eds",
+    "motor_units_per_rev",
+    "output_encoder",
+    "output_units_per_rev",
+    "rated_current_a",
+    "set_point",
+];
+
+/// Reads it, if it is there.
+pub(super) fn read(
+    actuator: &Section<'_>,
+    config: &mut ActuatorConfig,
+    files: &DbcFiles<'_>,
+) -> Result<(), ConfigError> {
+    if !actuator.has("drive") {
+        return Ok(());
+    }
+    if config.dbc.is_some() {
+        return Err(actuator.refuse("dbc", "either dbc or drive"));
+    }
+    let section = actuator.section("drive", &KEYS)?;
+    if !section.has("preset") {
+        return Err(section.refuse("preset", &format!("one of {}", names())));
+    }
+    let preset = section.choice("preset", Preset::Odrive, &Preset::NAMES)?;
+    let only_of = |key: &str, of: Preset| {
+        let allowed = !section.has(key) || preset == of;
+        let why = format!("no such key, which is of preset {}", of.name());
+        if allowed {
+            Ok(())
+        } else {
+            Err(section.refuse(key, &why))
+        }
+    };
+    only_of("eds", Preset::Cia402)?;
+    only_of("rated_current_a", Preset::Cia402)?;
+    let node = section
+        .integer("node", preset.nodes())?
+        .unwrap_or(u32::from(config.id.index()));
+    if !preset.nodes().contains(&node) {
+        return Err(section.refuse_effective("node", "a number from 1 to 127", "0 (that of the actuator)"));
+    }
+    let settings = DriveSettings {
+        preset,
+        node: node as u8,
+        motor_units_per_rev: number(&section, "motor_units_per_rev", |steps| steps > 0.0)?,
+        output_encoder: section
+            .integer("output_encoder", 0..=u32::from(u16::MAX))?
+            .map(|n| n as u16),
+        output_units_per_rev: number(&section, "output_units_per_rev", |steps| steps != 0.0)?,
+        rated_current_a: number(&section, "rated_current_a", |rated| rated > 0.0)?,
+        uses_commands: section.flag("set_point", true)?,
+    };
+    let mut dictionary = ObjectDictionary::default();
+    if let Some(path) = section.text("eds")? {
+        let path = PathBuf::from(path);
+        let why = |why: String| section.refuse("eds", &format!("an EDS or DCF file that can be read ({why})"));
+        let bytes = files.bytes(&path).map_err(why)?;
+        dictionary = ObjectDictionary::parse(&bytes, settings.node).map_err(|e| why(e.to_string()))?;
+        config.eds = Some(path);
+    }
+    let drive = DriveBus::new(settings, &config.params, &dictionary)
+        .map_err(|misfit| section.refuse_self(&misfit.to_string(), "none"))?;
+    config.log = Some(drive.map().clone());
+    config.drive_bus = Some(Arc::new(drive));
+    Ok(())
+}
+
+fn number(section: &Section<'_>, key: &str, is_good: impl Fn(f64) -> bool) -> Result<Option<f64>, ConfigError> {
+    let expected = || match key {
+        "output_units_per_rev" => "a number other than 0".to_owned(),
+        _ => "a number above 0".to_owned(),
+    };
+    match section.any_number(key, expected)? {
+        Some(value) if !value.is_finite() || !is_good(value) => Err(section.refuse(key, &expected())),
+        other => Ok(other),
+    }
+}
+
+fn names() -> String {
+    Preset::NAMES.map(|(name, _)| name).join(", ")
+}

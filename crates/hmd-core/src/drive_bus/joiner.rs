@@ -1,0 +1,172 @@
+//! [`DriveJoiner`]: frames of a drive -> rows -> samples.
+//!
+//! A row is whole when it has every quantity of a sample; commands and conditions hold. The parts of a row are those whose stamps are
+//! at most half a sample period apart: nothing counts them. A part that is there already, or comes later than that, begins the next
+//! row; what the row before lacks makes its sample missing.
+
+use std::sync::Arc;
+
+use ema_models::ActuatorParams;
+use ema_wire::ActuatorId;
+
+use super::DriveBus;
+use super::layout::{Coding, DriveLayout, DriveMessage, MODE, Place, TIME, Target};
+use super::moteus::{self, Registers};
+use crate::dbc::{DecodedUpdate, Role, Unit};
+use crate::frame::RawFrame;
+use crate::log_map::{Column, Quantity, RowDecoder};
+use crate::sample::MeasuredConditions;
+
+/// Collects the frames of one drive into samples.
+#[derive(Clone, Debug)]
+pub struct DriveJoiner {
+    bus: Arc<DriveBus>,
+    rows: RowDecoder,
+    /// Most between two stamps of one row, ns.
+    span_ns: u64,
+    row: Vec<f64>,
+    /// Columns that a row needs, and those that the open one has, a bit each.
+    awaited: u64,
+    filled: u64,
+    since_ns: u64,
+    /// The command heard last; 0: none yet.
+    commanded: i64,
+    /// What each state said last, in the order of the messages' fields.
+    follows: Vec<bool>,
+}
+
+impl DriveJoiner {
+    /// For one actuator.
+    #[must_use]
+    pub fn new(actuator: ActuatorId, params: &ActuatorParams, bus: Arc<DriveBus>) -> Self {
+        let layout = bus.layout();
+        let columns = layout.columns.iter().map(|column| {
+            // Every column of a preset has a unit of its quantity.
+            let unit = column.conversion(None, params).unwrap_or(Unit::SAME);
+            (column.clone(), unit)
+        });
+        let rows = RowDecoder::new(actuator, params, bus.map().clone(), columns.collect(), 0.0, &[]);
+        let is_awaited = layout.columns.iter().map(DriveLayout::is_awaited);
+        let awaited = is_awaited.enumerate().map(|(n, awaited)| u64::from(awaited) << n);
+        let awaited = awaited.sum();
+        let states = layout.messages.iter().flat_map(|message| &message.fields);
+        let states = states
+            .filter(|field| matches!(field.target, Target::State { .. }))
+            .count();
+        Self {
+            // A command or mode that was never heard is none.
+            row: layout.columns.iter().map(initially).collect(),
+            rows,
+            span_ns: (0.5e9 / params.sensors.sample_rate) as u64,
+            awaited,
+            filled: 0,
+            since_ns: 0,
+            commanded: 0,
+            follows: vec![true; states],
+            bus,
+        }
+    }
+
+    /// Takes a frame: `None` if it is not the drive's or not used, `Some(None)` if it cannot be decoded.
+    pub fn push(&mut self, frame: &RawFrame) -> Option<Option<DecodedUpdate>> {
+        if frame.is_remote() {
+            return None;
+        }
+        let bus = self.bus.clone();
+        let mut states = 0;
+        for message in &bus.layout().messages {
+            if message.is(frame) {
+                return Some(self.take(message, states, frame));
+            }
+            states += message.states();
+        }
+        None
+    }
+
+    fn take(&mut self, message: &DriveMessage, first_state: usize, frame: &RawFrame) -> Option<DecodedUpdate> {
+        let (data, mut state) = (frame.data(), first_state);
+        let registers = match message.coding {
+            Coding::Bits { length } if data.len() < length => return None,
+            Coding::Bits { .. } => Registers::default(),
+            Coding::Registers { written } => moteus::registers(data, written)?,
+        };
+        for field in &message.fields {
+            let value = match &field.place {
+                Place::Bits(signal) => signal.value(data),
+                Place::Register(register) => registers.value(*register),
+            };
+            match (&field.target, value) {
+                (Target::State { mask, values }, value) => {
+                    if let Some(value) = value {
+                        self.follows[state] = values.contains(&(value as i64 as u64 & mask));
+                    }
+                    state += 1;
+                }
+                (_, None) => {}
+                (Target::Command(column, mode), Some(value)) => {
+                    // A command that is no number leaves it to the drive where it goes.
+                    if value.is_finite() {
+                        (self.row[*column], self.commanded) = (value, *mode);
+                    } else {
+                        self.commanded = 0;
+                    }
+                }
+                (Target::Column(column), Some(value)) => self.set(*column, value, frame.stamp_ns),
+            }
+        }
+        self.whole_row()
+    }
+
+    fn set(&mut self, column: usize, value: f64, stamp_ns: u64) {
+        let bit = 1 << column;
+        if self.awaited & bit != 0 {
+            let is_over = stamp_ns.abs_diff(self.since_ns) > self.span_ns;
+            if self.filled == 0 || is_over || self.filled & bit != 0 {
+                (self.filled, self.since_ns) = (0, stamp_ns);
+            }
+            self.filled |= bit;
+        }
+        // Without a sensor, drives report 0 °C to the bit.
+        let is_temperature = self.bus.layout().columns[column].quantity == Quantity::Of(Role::WindingTemp);
+        self.row[column] = if is_temperature && value.abs() < f64::MIN_POSITIVE {
+            f64::NAN
+        } else {
+            value
+        };
+    }
+
+    /// The sample, where the row is whole; `None` where a value of it is no number.
+    fn whole_row(&mut self) -> Option<DecodedUpdate> {
+        if self.filled != self.awaited {
+            return Some(DecodedUpdate::default());
+        }
+        self.filled = 0;
+        self.row[TIME] = self.since_ns as f64 / 1e3;
+        let follows = self.follows.iter().all(|&follows| follows);
+        self.row[MODE] = if follows { self.commanded as f64 } else { 0.0 };
+        let decoded = self.rows.push(&self.row).ok()?;
+        Some(DecodedUpdate {
+            conditions: decoded.status.as_ref().map(MeasuredConditions::from),
+            sample: Some((decoded.sample, decoded.stamp_ns)),
+        })
+    }
+}
+
+/// A command or mode that was never heard is none; anything else is not known.
+fn initially(column: &Column) -> f64 {
+    if column.quantity.is_command() { 0.0 } else { f64::NAN }
+}
+
+impl DriveMessage {
+    fn is(&self, frame: &RawFrame) -> bool {
+        frame.id() & self.mask == self.id && self.extended.is_none_or(|extended| extended == frame.is_extended())
+    }
+
+    fn states(&self) -> usize {
+        let states = self
+            .fields
+            .iter()
+            .filter(|field| matches!(field.target, Target::State { .. }));
+        states.count()
+    }
+}

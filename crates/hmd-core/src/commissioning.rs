@@ -156,6 +156,8 @@ pub fn calibrate_unit(
         .as_ref()
         .is_ok_and(|learnt| learnt.evidence.shows_all_well() && learnt.far_parameter(&jobs[0]).is_none());
     let by_monitor = match (suffice, is_vector) {
+        // The monitor follows the set point.
+        _ if !jobs[0].actuator.has_set_point() => None,
         (true, true) => None,
         (true, false) => learn_monitor(assessor, jobs, &CURRENT_TIME_CONSTANTS_S[..1], seed, progress)?,
         (false, _) => learn_monitor(assessor, jobs, &CURRENT_TIME_CONSTANTS_S, seed, progress)?,

@@ -51,7 +51,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use crate::dbc::SignalMap;
-use crate::drive_bus::DriveJoiner;
+use crate::drive_bus::{DriveBus, DriveJoiner};
 use crate::frame::BusNames;
 use crate::log_map::LogMap;
 use crate::metadata_checksum::hex;
@@ -195,8 +195,10 @@ impl Config {
                 .drive_bus
                 .as_ref()
                 .filter(|_| actuator.is_at(bus, actuator.id))?;
-            let joiner = DriveJoiner::new(actuator.id, &actuator.params, drive.clone());
-            Some((actuator.id, joiner))
+            Some((
+                actuator.id,
+                DriveJoiner::new(actuator.id, &actuator.name, DriveBus::clone(drive)),
+            ))
         })
     }
 

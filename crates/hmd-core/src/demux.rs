@@ -53,6 +53,8 @@ pub struct Demux {
     /// The same of drives.
     drives: BTreeMap<u16, Vec<(ActuatorId, DriveJoiner)>>,
     counts: FrameCounts,
+    /// Stamp of the newest frame.
+    last_ns: u64,
     /// Packets of each serial line, by what became of them.
     serial: BTreeMap<u16, DeframerStats>,
     outbox: Outbox,
@@ -78,6 +80,7 @@ impl Demux {
             mapped: BTreeMap::new(),
             drives: BTreeMap::new(),
             counts: FrameCounts::default(),
+            last_ns: 0,
             serial: BTreeMap::new(),
             outbox: Outbox::default(),
         }
@@ -93,6 +96,7 @@ impl Demux {
     /// Routes one frame. The windows that it ends wait for [`Demux::take_windows`].
     pub fn push(&mut self, frame: &RawFrame, names: &BusNames) {
         self.counts.received += 1;
+        self.last_ns = frame.stamp_ns;
         if frame.is_error() {
             self.counts.error += 1;
             return;
@@ -144,15 +148,19 @@ impl Demux {
         } = self;
         let bus = names.name(frame.bus).unwrap_or("");
         let drives = drives.entry(frame.bus).or_insert_with(|| config.drives(bus).collect());
-        let updates = drives
-            .iter_mut()
-            .find_map(|(id, joiner)| Some((*id, joiner.push(frame)?)));
-        let Some((id, update)) = updates else { return false };
+        let updates = drives.iter_mut().find_map(|(id, joiner)| {
+            let update = joiner.push(frame)?;
+            Some((*id, joiner, update))
+        });
+        let Some((id, joiner, update)) = updates else {
+            return false;
+        };
         let Some(update) = update else {
             counts.malformed += 1;
             return true;
         };
         counts.decoded += 1;
+        let Ok(map) = joiner.map() else { return true };
         let named = match streams.entry((frame.bus, id)) {
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(place) => match NamedStream::new(config, bus, id) {
@@ -160,6 +168,7 @@ impl Demux {
                 None => return true,
             },
         };
+        named.stream.remap(map, frame.stamp_ns, outbox);
         named.stream.push_update(&update, outbox);
         true
     }
@@ -246,6 +255,18 @@ impl Demux {
     /// End of the traffic: ends every open window, in the order of interface names and numbers. (The index of an
     /// interface depends on the source: in its order, a live run and a replay would differ.)
     pub fn finish(&mut self) {
+        let waiting = self.drives.values().flatten().filter_map(|(_, joiner)| {
+            let misfit = joiner.map().err()?;
+            Some(format!(
+                "{}: not monitored: expected {misfit}, found none",
+                joiner.name()
+            ))
+        });
+        let mut waiting: Vec<String> = waiting.collect();
+        waiting.sort_unstable();
+        for notice in waiting {
+            self.outbox.push_notice(self.last_ns, notice);
+        }
         let mut streams: Vec<_> = self.streams.iter_mut().collect();
         streams.sort_by(|((_, a), x), ((_, b), y)| (&x.bus, a).cmp(&(&y.bus, b)));
         for (_, NamedStream { stream, .. }) in streams {

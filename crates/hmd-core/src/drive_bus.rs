@@ -16,6 +16,7 @@ mod layout;
 mod moteus;
 mod odrive;
 mod pdo;
+mod sdo;
 
 pub use eds::{EDS_BYTES_MAX, EdsError, ObjectDictionary};
 pub use joiner::DriveJoiner;
@@ -91,10 +92,15 @@ pub struct DriveSettings {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DriveBus {
     settings: DriveSettings,
-    layout: DriveLayout,
-    /// As the columns of a log.
     #[serde(skip)]
-    map: Arc<LogMap>,
+    params: ActuatorParams,
+    /// Of CiA 402: what its file says, and what was overheard.
+    #[serde(skip)]
+    dictionary: ObjectDictionary,
+    layout: DriveLayout,
+    /// As the columns of a log; what a drive of CiA 402 still lacks, which its master may yet write.
+    #[serde(skip)]
+    map: Result<Arc<LogMap>, DriveMisfit>,
 }
 
 /// Why a drive cannot be read. Displays as what is expected.
@@ -115,19 +121,38 @@ impl DriveBus {
     /// The drive with these settings; of CiA 402 with what its file says, which may be nothing.
     ///
     /// # Errors
-    /// [`DriveMisfit`].
+    /// [`DriveMisfit`] of a drive whose frames do not depend on what is written to it.
     pub fn new(
         settings: DriveSettings,
         params: &ActuatorParams,
-        dictionary: &ObjectDictionary,
+        dictionary: ObjectDictionary,
     ) -> Result<Self, DriveMisfit> {
-        let layout = match settings.preset {
-            Preset::Cia402 => cia402::layout(&settings, params, dictionary)?,
-            Preset::Odrive => odrive::layout(&settings, params),
-            Preset::Moteus => moteus::layout(&settings, params),
+        let mut drive = Self {
+            settings,
+            params: *params,
+            dictionary,
+            layout: DriveLayout::new(),
+            map: Err(DriveMisfit::Pdo(pdo::PdoError::None)),
         };
-        let map = Arc::new(layout.log_map()?);
-        Ok(Self { settings, layout, map })
+        drive.lay_out();
+        match (&drive.map, drive.settings.preset) {
+            (Err(misfit), Preset::Odrive | Preset::Moteus) => Err(misfit.clone()),
+            _ => Ok(drive),
+        }
+    }
+
+    fn lay_out(&mut self) {
+        let (settings, params) = (&self.settings, &self.params);
+        let layout = match settings.preset {
+            Preset::Cia402 => cia402::layout(settings, params, &self.dictionary),
+            Preset::Odrive => Ok(odrive::layout(settings, params)),
+            Preset::Moteus => Ok(moteus::layout(settings, params)),
+        };
+        let mapped = layout.and_then(|layout| Ok((Arc::new(layout.log_map()?), layout)));
+        self.map = mapped.map(|(map, layout)| {
+            self.layout = layout;
+            map
+        });
     }
 
     /// Its settings.
@@ -143,8 +168,10 @@ impl DriveBus {
     }
 
     /// Its quantities, as the columns of a log.
-    #[must_use]
-    pub fn map(&self) -> &Arc<LogMap> {
-        &self.map
+    ///
+    /// # Errors
+    /// What a drive of CiA 402 lacks so far.
+    pub fn map(&self) -> Result<&Arc<LogMap>, &DriveMisfit> {
+        self.map.as_ref()
     }
 }

@@ -141,9 +141,6 @@ pub enum LogMisfit {
     /// A quantity without which nothing can be assessed is missing.
     #[error("a column for {0}, without which no window can be assessed")]
     Missing(&'static str),
-    /// Nothing is commanded.
-    #[error("a column for command.position or command.speed, without which no window begins")]
-    NoCommand,
     /// Two commands, and no mode that selects one.
     #[error("a column for command.mode beside command.position and command.speed")]
     NoMode,
@@ -172,7 +169,6 @@ impl LogMap {
             return Err(LogMisfit::Missing(Role::MotorPosition.key()));
         }
         match (has(Role::CommandPosition), has(Role::CommandSpeed), has(Role::Mode)) {
-            (false, false, _) => Err(LogMisfit::NoCommand),
             (true, true, false) => Err(LogMisfit::NoMode),
             _ => Ok(map),
         }
@@ -188,6 +184,14 @@ impl LogMap {
     #[must_use]
     pub fn has(&self, quantity: Quantity) -> bool {
         self.columns.iter().any(|column| column.quantity == quantity)
+    }
+
+    /// Whether anything is commanded; else motion begins a window.
+    #[must_use]
+    pub fn has_command(&self) -> bool {
+        [Role::CommandPosition, Role::CommandSpeed]
+            .into_iter()
+            .any(|role| self.has(Quantity::Of(role)))
     }
 
     /// Whether the rows show the time of the device.

@@ -212,6 +212,12 @@ impl ActuatorConfig {
         }
     }
 
+    /// Whether its samples have a set point; else motion begins a window.
+    #[must_use]
+    pub fn has_set_point(&self) -> bool {
+        self.log.as_ref().is_none_or(|log| log.has_command())
+    }
+
     /// Whether frames of number `id` on interface `bus` are its own.
     #[must_use]
     pub fn is_at(&self, bus: &str, id: ActuatorId) -> bool {

@@ -135,6 +135,13 @@ fn write_types(out: &mut String, config: &Config) -> fmt::Result {
 
 /// What is mapped of logs of measured signals, and what comes of what is not.
 fn write_log_map(out: &mut String, actuator: &ActuatorConfig) -> fmt::Result {
+    if let Some(Err(misfit)) = actuator.drive_bus.as_ref().map(|drive| drive.map()) {
+        let name = &actuator.name;
+        return writeln!(
+            out,
+            "    {name}: waits until its master writes the PDO: expected {misfit}"
+        );
+    }
     let Some(map) = &actuator.log else { return Ok(()) };
     match &actuator.drive_bus {
         Some(drive) => write!(

@@ -72,9 +72,9 @@ pub(super) fn read(
         dictionary = ObjectDictionary::parse(&bytes, settings.node).map_err(|e| why(e.to_string()))?;
         config.eds = Some(path);
     }
-    let drive = DriveBus::new(settings, &config.params, &dictionary)
+    let drive = DriveBus::new(settings, &config.params, dictionary)
         .map_err(|misfit| section.refuse_self(&misfit.to_string(), "none"))?;
-    config.log = Some(drive.map().clone());
+    config.log = drive.map().ok().cloned();
     config.drive_bus = Some(Arc::new(drive));
     Ok(())
 }

@@ -105,6 +105,7 @@ pub(super) fn layout(
         name,
         id,
         extended,
+        synchronous,
         objects,
     } in &pdos
     {
@@ -113,6 +114,9 @@ pub(super) fn layout(
         if !fields.is_empty() {
             let length = usize::from(end.div_ceil(8));
             layout.message(name, *id, Some(*extended), Coding::Bits { length }, fields);
+            if let Some(message) = layout.messages.last_mut() {
+                message.synchronous = *synchronous;
+            }
         }
     }
     let is_sent = |column: usize| {

@@ -20,6 +20,14 @@ const PDO_LAST: u16 = 0x1BFF;
 const PROFILE_FIRST: u16 = 0x6000;
 const PROFILE_LAST: u16 = 0x60FF;
 
+/// Most objects with those that were written: a bus may write anything.
+const WRITTEN_MAX: usize = 1 << 16;
+
+/// Whether a layout may need an object.
+fn is_needed(index: u16) -> bool {
+    (PDO_FIRST..=PDO_LAST).contains(&index) || (PROFILE_FIRST..=PROFILE_LAST).contains(&index)
+}
+
 /// Why a file is no EDS. Displays as line, what is expected and found.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum EdsError {
@@ -94,8 +102,7 @@ impl ObjectDictionary {
             let (key, value) = (line[..equals].trim_ascii(), line[equals + 1..].trim_ascii());
             let Section::Object(index, sub) = section else { continue };
             let is_parameter = key.eq_ignore_ascii_case(b"ParameterValue");
-            let is_needed = (PDO_FIRST..=PDO_LAST).contains(&index) || (PROFILE_FIRST..=PROFILE_LAST).contains(&index);
-            if !is_needed || value.is_empty() || !(is_parameter || key.eq_ignore_ascii_case(b"DefaultValue")) {
+            if !is_needed(index) || value.is_empty() || !(is_parameter || key.eq_ignore_ascii_case(b"DefaultValue")) {
                 continue;
             }
             let is_pdo = (PDO_FIRST..=PDO_LAST).contains(&index);
@@ -114,6 +121,13 @@ impl ObjectDictionary {
         } else {
             Ok(found)
         }
+    }
+
+    /// Takes over a value that was written; whether a layout may need it.
+    pub(super) fn write(&mut self, index: u16, sub: u8, value: u64) -> bool {
+        let is_known = self.values.contains_key(&(index, sub));
+        let fits = is_needed(index) && (is_known || self.values.len() < WRITTEN_MAX);
+        fits && self.values.insert((index, sub), value) != Some(value)
     }
 
     /// The value of an object; `None` where there is none.

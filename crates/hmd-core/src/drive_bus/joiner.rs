@@ -3,25 +3,42 @@
 //! A row is whole when it has every quantity of a sample; commands and conditions hold. The parts of a row are those whose stamps are
 //! at most half a sample period apart: nothing counts them. A part that is there already, or comes later than that, begins the next
 //! row; what the row before lacks makes its sample missing.
+//!
+//! Of CiA 402, objects that the master writes are overheard, and hold over those of the file.
 
 use std::sync::Arc;
 
 use ema_models::ActuatorParams;
 use ema_wire::ActuatorId;
 
-use super::DriveBus;
 use super::layout::{Coding, DriveLayout, DriveMessage, MODE, Place, TIME, Target};
 use super::moteus::{self, Registers};
+use super::sdo::SdoListener;
+use super::{DriveBus, DriveMisfit, Preset};
 use crate::dbc::{DecodedUpdate, Role, Unit};
 use crate::frame::RawFrame;
-use crate::log_map::{Column, Quantity, RowDecoder};
+use crate::log_map::{Column, LogMap, Quantity, RowDecoder};
 use crate::sample::MeasuredConditions;
+
+/// Identifier of CANopen's SYNC.
+const SYNC: u32 = 0x080;
 
 /// Collects the frames of one drive into samples.
 #[derive(Clone, Debug)]
 pub struct DriveJoiner {
-    bus: Arc<DriveBus>,
-    rows: RowDecoder,
+    actuator: ActuatorId,
+    name: Arc<str>,
+    bus: DriveBus,
+    sdo: Option<SdoListener>,
+    /// Whether objects were written that the layout does not know yet.
+    is_rewritten: bool,
+    rows: Option<Rows>,
+}
+
+/// The row that is being collected.
+#[derive(Clone, Debug)]
+struct Rows {
+    decoder: RowDecoder,
     /// Most between two stamps of one row, ns.
     span_ns: u64,
     row: Vec<f64>,
@@ -31,6 +48,8 @@ pub struct DriveJoiner {
     since_ns: u64,
     /// The command heard last; 0: none yet.
     commanded: i64,
+    /// A command that holds from the next SYNC on: its column, value and mode.
+    next: Option<(usize, f64, i64)>,
     /// What each state said last, in the order of the messages' fields.
     follows: Vec<bool>,
 }
@@ -38,33 +57,32 @@ pub struct DriveJoiner {
 impl DriveJoiner {
     /// For one actuator.
     #[must_use]
-    pub fn new(actuator: ActuatorId, params: &ActuatorParams, bus: Arc<DriveBus>) -> Self {
-        let layout = bus.layout();
-        let columns = layout.columns.iter().map(|column| {
-            // Every column of a preset has a unit of its quantity.
-            let unit = column.conversion(None, params).unwrap_or(Unit::SAME);
-            (column.clone(), unit)
-        });
-        let rows = RowDecoder::new(actuator, params, bus.map().clone(), columns.collect(), 0.0, &[]);
-        let is_awaited = layout.columns.iter().map(DriveLayout::is_awaited);
-        let awaited = is_awaited.enumerate().map(|(n, awaited)| u64::from(awaited) << n);
-        let awaited = awaited.sum();
-        let states = layout.messages.iter().flat_map(|message| &message.fields);
-        let states = states
-            .filter(|field| matches!(field.target, Target::State { .. }))
-            .count();
+    pub fn new(actuator: ActuatorId, name: &str, bus: DriveBus) -> Self {
+        let settings = bus.settings();
+        let sdo = (settings.preset == Preset::Cia402).then(|| SdoListener::new(settings.node));
+        let rows = Rows::new(actuator, &bus);
         Self {
-            // A command or mode that was never heard is none.
-            row: layout.columns.iter().map(initially).collect(),
-            rows,
-            span_ns: (0.5e9 / params.sensors.sample_rate) as u64,
-            awaited,
-            filled: 0,
-            since_ns: 0,
-            commanded: 0,
-            follows: vec![true; states],
+            actuator,
+            name: name.into(),
             bus,
+            sdo,
+            is_rewritten: false,
+            rows,
         }
+    }
+
+    /// Name of the actuator.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Its quantities, as the columns of a log.
+    ///
+    /// # Errors
+    /// What a drive of CiA 402 lacks so far.
+    pub fn map(&self) -> Result<&Arc<LogMap>, &DriveMisfit> {
+        self.bus.map()
     }
 
     /// Takes a frame: `None` if it is not the drive's or not used, `Some(None)` if it cannot be decoded.
@@ -72,18 +90,67 @@ impl DriveJoiner {
         if frame.is_remote() {
             return None;
         }
-        let bus = self.bus.clone();
+        if let Some(sdo) = self.sdo.as_mut() {
+            if sdo.is_sdo(frame) {
+                if let Some((index, sub, value)) = sdo.push(frame) {
+                    self.is_rewritten |= self.bus.dictionary.write(index, sub, value);
+                }
+                return Some(Some(DecodedUpdate::default()));
+            }
+            if self.is_rewritten {
+                self.is_rewritten = false;
+                self.bus.lay_out();
+                self.rows = Rows::new(self.actuator, &self.bus);
+            }
+        }
+        let (rows, layout) = (self.rows.as_mut()?, self.bus.layout());
+        if self.sdo.is_some() && frame.id() == SYNC && !frame.is_extended() {
+            rows.synchronise();
+            return Some(Some(DecodedUpdate::default()));
+        }
         let mut states = 0;
-        for message in &bus.layout().messages {
+        for message in &layout.messages {
             if message.is(frame) {
-                return Some(self.take(message, states, frame));
+                return Some(rows.take(layout, message, states, frame));
             }
             states += message.states();
         }
         None
     }
+}
 
-    fn take(&mut self, message: &DriveMessage, first_state: usize, frame: &RawFrame) -> Option<DecodedUpdate> {
+impl Rows {
+    /// `None` until all of its quantities are known.
+    fn new(actuator: ActuatorId, bus: &DriveBus) -> Option<Self> {
+        let (layout, params, map) = (&bus.layout, &bus.params, bus.map.as_ref().ok()?);
+        let columns = layout.columns.iter().map(|column| {
+            // Every column of a preset has a unit of its quantity.
+            let unit = column.conversion(None, params).unwrap_or(Unit::SAME);
+            (column.clone(), unit)
+        });
+        let is_awaited = layout.columns.iter().map(DriveLayout::is_awaited);
+        let awaited = is_awaited.enumerate().map(|(n, awaited)| u64::from(awaited) << n);
+        let states: usize = layout.messages.iter().map(DriveMessage::states).sum();
+        Some(Self {
+            decoder: RowDecoder::new(actuator, params, map.clone(), columns.collect(), 0.0, &[]),
+            span_ns: span_ns(params),
+            row: layout.columns.iter().map(initially).collect(),
+            awaited: awaited.sum(),
+            filled: 0,
+            since_ns: 0,
+            commanded: 0,
+            next: None,
+            follows: vec![true; states],
+        })
+    }
+
+    fn take(
+        &mut self,
+        layout: &DriveLayout,
+        message: &DriveMessage,
+        first_state: usize,
+        frame: &RawFrame,
+    ) -> Option<DecodedUpdate> {
         let (data, mut state) = (frame.data(), first_state);
         let registers = match message.coding {
             Coding::Bits { length } if data.len() < length => return None,
@@ -98,26 +165,37 @@ impl DriveJoiner {
             match (&field.target, value) {
                 (Target::State { mask, values }, value) => {
                     if let Some(value) = value {
-                        self.follows[state] = values.contains(&(value as i64 as u64 & mask));
+                        self.follows[state] = values.contains(&((value as i64).cast_unsigned() & mask));
                     }
                     state += 1;
                 }
                 (_, None) => {}
                 (Target::Command(column, mode), Some(value)) => {
-                    // A command that is no number leaves it to the drive where it goes.
-                    if value.is_finite() {
-                        (self.row[*column], self.commanded) = (value, *mode);
-                    } else {
-                        self.commanded = 0;
+                    self.next = Some((*column, value, *mode));
+                    if !message.synchronous {
+                        self.synchronise();
                     }
                 }
-                (Target::Column(column), Some(value)) => self.set(*column, value, frame.stamp_ns),
+                (Target::Column(column), Some(value)) => self.set(layout, *column, value, frame.stamp_ns),
             }
         }
         self.whole_row()
     }
 
-    fn set(&mut self, column: usize, value: f64, stamp_ns: u64) {
+    /// The command that waits holds.
+    fn synchronise(&mut self) {
+        let Some((column, value, mode)) = self.next.take() else {
+            return;
+        };
+        // A command that is no number leaves it to the drive where it goes.
+        if value.is_finite() {
+            (self.row[column], self.commanded) = (value, mode);
+        } else {
+            self.commanded = 0;
+        }
+    }
+
+    fn set(&mut self, layout: &DriveLayout, column: usize, value: f64, stamp_ns: u64) {
         let bit = 1 << column;
         if self.awaited & bit != 0 {
             let is_over = stamp_ns.abs_diff(self.since_ns) > self.span_ns;
@@ -127,12 +205,9 @@ impl DriveJoiner {
             self.filled |= bit;
         }
         // Without a sensor, drives report 0 °C to the bit.
-        let is_temperature = self.bus.layout().columns[column].quantity == Quantity::Of(Role::WindingTemp);
-        self.row[column] = if is_temperature && value.abs() < f64::MIN_POSITIVE {
-            f64::NAN
-        } else {
-            value
-        };
+        let is_temperature = layout.columns[column].quantity == Quantity::Of(Role::WindingTemp);
+        let is_missing = is_temperature && value.abs() < f64::MIN_POSITIVE;
+        self.row[column] = if is_missing { f64::NAN } else { value };
     }
 
     /// The sample, where the row is whole; `None` where a value of it is no number.
@@ -144,12 +219,17 @@ impl DriveJoiner {
         self.row[TIME] = self.since_ns as f64 / 1e3;
         let follows = self.follows.iter().all(|&follows| follows);
         self.row[MODE] = if follows { self.commanded as f64 } else { 0.0 };
-        let decoded = self.rows.push(&self.row).ok()?;
+        let decoded = self.decoder.push(&self.row).ok()?;
         Some(DecodedUpdate {
             conditions: decoded.status.as_ref().map(MeasuredConditions::from),
             sample: Some((decoded.sample, decoded.stamp_ns)),
         })
     }
+}
+
+/// Half a sample period, ns.
+fn span_ns(params: &ActuatorParams) -> u64 {
+    (0.5e9 / params.sensors.sample_rate) as u64
 }
 
 /// A command or mode that was never heard is none; anything else is not known.

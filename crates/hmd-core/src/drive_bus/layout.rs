@@ -27,6 +27,8 @@ pub struct DriveMessage {
     pub mask: u32,
     /// Whether the identifier has 29 bits; `None`: either.
     pub extended: Option<bool>,
+    /// Whether its commands hold from the next SYNC on.
+    pub synchronous: bool,
     /// How its bytes are read.
     pub coding: Coding,
     /// What is in it.
@@ -118,6 +120,7 @@ impl DriveLayout {
             id,
             mask: u32::MAX,
             extended,
+            synchronous: false,
             coding,
             fields,
         });

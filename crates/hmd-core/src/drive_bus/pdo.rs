@@ -21,12 +21,17 @@ const TRANSMIT_MAPPING: u16 = 0x1A00;
 const NOT_VALID: u32 = 1 << 31;
 const EXTENDED: u32 = 1 << 29;
 
+/// Largest transmission type that waits for the SYNC.
+const SYNCHRONOUS_MAX: u64 = 240;
+
 /// One PDO in use.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Pdo {
     pub(super) name: String,
     pub(super) id: u32,
     pub(super) extended: bool,
+    /// Whether what it says holds from the next SYNC on.
+    pub(super) synchronous: bool,
     pub(super) objects: Vec<Mapped>,
 }
 
@@ -113,6 +118,9 @@ fn pdo(
         name: name(),
         id: cob & if extended { 0x1fff_ffff } else { 0x7ff },
         extended,
+        synchronous: dictionary
+            .number(communication, 2)
+            .is_some_and(|of| of <= SYNCHRONOUS_MAX),
         objects,
     }))
 }

@@ -19,10 +19,18 @@ pub enum Gap {
     DirectCurrent,
     /// The output angle.
     OutputAngle,
+    /// A set point.
+    SetPoint,
 }
 
 impl Gap {
-    pub(super) const ALL: [Self; 4] = [Self::ThirdPhase, Self::Phases, Self::DirectCurrent, Self::OutputAngle];
+    pub(super) const ALL: [Self; 5] = [
+        Self::ThirdPhase,
+        Self::Phases,
+        Self::DirectCurrent,
+        Self::OutputAngle,
+        Self::SetPoint,
+    ];
 
     pub(super) fn is_in(self, map: &LogMap) -> bool {
         let lacks = |quantity: Quantity| !map.has(quantity);
@@ -32,6 +40,7 @@ impl Gap {
             Self::Phases => is_dq,
             Self::DirectCurrent => is_dq && lacks(Quantity::CurrentD),
             Self::OutputAngle => lacks(Quantity::Of(Role::OutputPosition)),
+            Self::SetPoint => !map.has_command(),
         }
     }
 
@@ -43,6 +52,7 @@ impl Gap {
             // Shorted turns unbalance the phases, which shows as ripple of both currents of the rotor's frame.
             Self::DirectCurrent => &[FaultId::ShortA, FaultId::ShortB, FaultId::ShortC],
             Self::OutputAngle => &[FaultId::Backlash],
+            Self::SetPoint => &[FaultId::Gain],
         }
     }
 }
@@ -54,6 +64,7 @@ impl fmt::Display for Gap {
             Self::Phases => "currents of d and q: the sum of the phases is not checked",
             Self::DirectCurrent => "no currents.d: it is taken as 0, and shorts are not observable",
             Self::OutputAngle => "no position.output: the gear is taken as rigid, and backlash is not observable",
+            Self::SetPoint => "no set point: motion begins a window, and controller gain is not observable",
         })
     }
 }

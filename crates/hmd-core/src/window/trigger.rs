@@ -2,7 +2,7 @@
 
 use super::config::WindowConfig;
 use super::ring::Ring;
-use ema_models::Setpoint;
+use ema_models::{SensedSample, Setpoint};
 
 /// How far two setpoints of one mode may be apart to be the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,6 +64,8 @@ pub(super) fn same_mode(a: Setpoint, b: Setpoint) -> bool {
 pub(super) struct Trigger {
     pub(super) thresholds: Thresholds,
     rest: usize,
+    /// Output angle of a rigid gear per count of the motor, rad, where nothing is commanded and the motion itself is watched.
+    motion: Option<f64>,
 }
 
 impl Trigger {
@@ -71,13 +73,27 @@ impl Trigger {
         Self {
             thresholds: Thresholds::new(config),
             rest,
+            motion: None,
+        }
+    }
+
+    /// The same for samples without set point: the position that the motor has takes its place.
+    pub(super) fn of_motion(&mut self, rad_per_motor_count: f64) {
+        self.motion = Some(rad_per_motor_count);
+    }
+
+    /// What is watched of a sample.
+    pub(super) fn watched(&self, sample: &SensedSample) -> Setpoint {
+        match self.motion {
+            Some(rad) => Setpoint::Position(sample.motor_counts as f64 * rad),
+            None => sample.setpoint,
         }
     }
 
     /// Whether the latest setpoint differs from the one `rest` samples earlier, in the same mode.
     pub(super) fn moved(&self, ring: &Ring) -> bool {
         ring.newest(self.rest + 1).is_some_and(|slots| {
-            let (reference, now) = (slots[0].sample.setpoint, slots[self.rest].sample.setpoint);
+            let [reference, now] = [0, self.rest].map(|n| self.watched(&slots[n].sample));
             same_mode(now, reference) && self.thresholds.differ(now, reference)
         })
     }
@@ -87,10 +103,10 @@ impl Trigger {
     pub(super) fn fires(&self, ring: &Ring) -> bool {
         self.moved(ring)
             && ring.newest(self.rest + 1).is_some_and(|slots| {
-                let reference = slots[0].sample.setpoint;
+                let reference = self.watched(&slots[0].sample);
                 slots[1..self.rest].iter().all(|slot| {
-                    same_mode(slot.sample.setpoint, reference)
-                        && !self.thresholds.differ(slot.sample.setpoint, reference)
+                    let setpoint = self.watched(&slot.sample);
+                    same_mode(setpoint, reference) && !self.thresholds.differ(setpoint, reference)
                 })
             })
     }

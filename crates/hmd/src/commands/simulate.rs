@@ -135,9 +135,12 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let Some(actuator) = ActuatorId::new(args.id) else {
         return Err(Misuse(format!("--id: expected 0 to 15, found {}", args.id)).into());
     };
+    let mut effects = effects(args, &found.drive)?;
+    // A drive that has no encoder at the output closes its loop over the motor's.
+    effects.controller.closes_over_motor = args.preset.is_some() && !args.output_encoder;
     let scenario = Scenario {
         load_torque: args.load,
-        effects: effects(args, &found.drive)?,
+        effects,
         sensing: CurrentSensing {
             quantised: args.noise > 0.0,
             noise_rms: args.noise,

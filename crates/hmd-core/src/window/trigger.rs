@@ -101,6 +101,9 @@ impl Trigger {
     /// Whether the latest sample is a trigger: it has moved, and all samples since the one it is compared with rested,
     /// that is, stood within the threshold of that one, in the same mode.
     pub(super) fn fires(&self, ring: &Ring) -> bool {
+        if self.motion.is_some() {
+            return self.has_begun_to_move(ring);
+        }
         self.moved(ring)
             && ring.newest(self.rest + 1).is_some_and(|slots| {
                 let reference = self.watched(&slots[0].sample);
@@ -110,7 +113,25 @@ impl Trigger {
                 })
             })
     }
+
+    /// Without set point: whether the motor stood for the first half of the rest and has moved since. Steady slow motion is no start,
+    /// however often it passes a threshold.
+    fn has_begun_to_move(&self, ring: &Ring) -> bool {
+        let still = self.thresholds.scaled(HELD_SHARE);
+        let moving = self.thresholds.scaled(MOTION_SHARE);
+        ring.newest(self.rest + 1).is_some_and(|slots| {
+            let reference = self.watched(&slots[0].sample);
+            let stood = &slots[1..=self.rest.div_ceil(2)];
+            stood
+                .iter()
+                .all(|slot| !still.differ(self.watched(&slot.sample), reference))
+                && moving.differ(self.watched(&slots[self.rest].sample), reference)
+        })
+    }
 }
+
+/// Motion that begins a window, as a share of the trigger's threshold: early enough that the window has the rest before it.
+const MOTION_SHARE: f64 = 0.1;
 
 /// Share of the trigger's threshold within which a setpoint is held.
 const HELD_SHARE: f64 = 0.01;

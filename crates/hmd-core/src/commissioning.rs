@@ -165,9 +165,12 @@ pub fn calibrate_unit(
     let Choice {
         estimator,
         reason,
-        evidence,
+        mut evidence,
     } = choose(&jobs[0], is_vector, by_relations.as_ref(), by_monitor.as_ref())?;
     let actuator = &jobs[0].actuator;
+    if let Some(log) = &actuator.log {
+        evidence.hide(log.gaps().flat_map(|gap| gap.hides()));
+    }
     let mut notes = Vec::new();
     if let (UnitEstimator::Relations, Some(monitor)) = (estimator, &by_monitor)
         && let Some(far) = monitor.far_parameter(&jobs[0])

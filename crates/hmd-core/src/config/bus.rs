@@ -57,7 +57,7 @@ impl Default for BusConfig {
 }
 
 impl BusConfig {
-    pub(super) const KEYS: &[&str] = &["bitrate_bit_s", "fd", "data_bitrate_bit_s"];
+    pub(super) const KEYS: &[&str] = &["bitrate_bit_s", "fd", "data_bitrate_bit_s", "eds"];
 
     pub(super) fn read(section: &Section<'_>) -> Result<Self, ConfigError> {
         let default = Self::default();

@@ -19,11 +19,12 @@ const KEYS: [&str; 8] = [
     "set_point",
 ];
 
-/// Reads it, if it is there.
+/// Reads it, if it is there; `eds_of_bus` is the file of drives that name none.
 pub(super) fn read(
     actuator: &Section<'_>,
     config: &mut ActuatorConfig,
     files: &DbcFiles<'_>,
+    eds_of_bus: Option<&str>,
 ) -> Result<(), ConfigError> {
     if !actuator.has("drive") {
         return Ok(());
@@ -65,9 +66,14 @@ pub(super) fn read(
         uses_commands: section.flag("set_point", true)?,
     };
     let mut dictionary = ObjectDictionary::default();
-    if let Some(path) = section.text("eds")? {
+    let eds = section.text("eds")?;
+    let of_bus = eds_of_bus.filter(|_| preset == Preset::Cia402).map(str::to_owned);
+    if let Some(path) = eds.or(of_bus) {
         let path = PathBuf::from(path);
-        let why = |why: String| section.refuse("eds", &format!("an EDS or DCF file that can be read ({why})"));
+        let why = |why: String| {
+            let found = path.display().to_string();
+            section.refuse_effective("eds", &format!("an EDS or DCF file that can be read ({why})"), &found)
+        };
         let bytes = files.bytes(&path).map_err(why)?;
         dictionary = ObjectDictionary::parse(&bytes, settings.node).map_err(|e| why(e.to_string()))?;
         config.eds = Some(path);

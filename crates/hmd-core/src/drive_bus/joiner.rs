@@ -250,3 +250,70 @@ impl DriveMessage {
         states.count()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drive_bus::{DriveSettings, ObjectDictionary};
+    use crate::frame::FrameFlags;
+    use proptest::prelude::*;
+
+    fn joiner(preset: Preset) -> DriveJoiner {
+        let settings = DriveSettings {
+            preset,
+            node: 1,
+            motor_units_per_rev: Some(65_536.0),
+            output_encoder: Some(1),
+            output_units_per_rev: Some(20_000.0),
+            rated_current_a: Some(5.0),
+            uses_commands: true,
+        };
+        let dictionary = ObjectDictionary::parse(include_bytes!("../../../../fixtures/drives/drive.dcf"), 1);
+        let params = ActuatorParams::bench();
+        let bus = DriveBus::new(settings, &params, dictionary.expect("a fixture")).expect("a drive");
+        DriveJoiner::new(ActuatorId::new(0).expect("a number"), "joint", bus)
+    }
+
+    proptest! {
+        /// Whatever a bus sends: no panic, and no more samples than frames.
+        #[test]
+        fn any_frame_is_read_or_refused(
+            frames in prop::collection::vec((any::<u8>(), any::<u64>(), prop::collection::vec(any::<u8>(), 0..=8)), 1..200),
+            preset in prop::sample::select(vec![Preset::Cia402, Preset::Odrive, Preset::Moteus]),
+        ) {
+            const IDS: [u32; 16] = [
+                0x080, 0x181, 0x281, 0x381, 0x481, 0x201, 0x581, 0x601, 0x021, 0x029, 0x034, 0x025, 0x02c, 0x037, 0x100, 0x001,
+            ];
+            let mut joiner = joiner(preset);
+            for (id, stamp_ns, data) in frames {
+                let id = IDS[usize::from(id) % IDS.len()];
+                let frame = RawFrame::new(stamp_ns % (1 << 62), 0, id, FrameFlags::NONE, &data).expect("a frame");
+                joiner.push(&frame);
+            }
+        }
+    }
+
+    #[test]
+    fn a_synchronous_command_holds_from_the_next_sync_on() {
+        let mut joiner = joiner(Preset::Cia402);
+        let mut hear = |id: u32, data: &[u8], stamp_us: u64| {
+            let stamp_ns = 1_700_000_000_000_000_000 + 1000 * stamp_us;
+            let frame = RawFrame::new(stamp_ns, 0, id, FrameFlags::NONE, data).expect("a frame");
+            joiner.push(&frame).flatten().and_then(|update| update.sample)
+        };
+        let row = |hear: &mut dyn FnMut(u32, &[u8], u64) -> Option<(ema_wire::Sample, u64)>, stamp_us| {
+            hear(0x281, &[0, 0, 1, 0, 0xe8, 3], stamp_us);
+            hear(0x381, &[0, 0, 0, 0], stamp_us + 100).expect("a whole row").0
+        };
+        let turn = [0x0f, 0, 0, 0, 1, 0];
+        hear(0x201, &turn, 0);
+        let before = row(&mut hear, 500);
+        hear(0x080, &[], 1000);
+        let behind = row(&mut hear, 1500);
+        assert_eq!((before.mode, before.setpoint), (ema_wire::Mode::Idle, 0));
+        let gear_ratio = ActuatorParams::bench().transmission.gear_ratio;
+        let expected = ema_wire::quantity::position_setpoint_urad(core::f64::consts::TAU / gear_ratio);
+        assert_eq!((behind.mode, behind.setpoint), (ema_wire::Mode::Position, expected));
+        assert_eq!(behind.motor_counts, 65_536);
+    }
+}

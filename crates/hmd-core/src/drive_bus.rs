@@ -86,6 +86,8 @@ pub struct DriveSettings {
     pub rated_current_a: Option<f64>,
     /// Whether overheard commands are the set point.
     pub uses_commands: bool,
+    /// Bandwidth of its filter of the currents, Hz, where that is known.
+    pub current_bandwidth_hz: Option<u32>,
 }
 
 /// The drive of one actuator.
@@ -148,7 +150,11 @@ impl DriveBus {
             Preset::Odrive => Ok(odrive::layout(settings, params)),
             Preset::Moteus => Ok(moteus::layout(settings, params)),
         };
-        let mapped = layout.and_then(|layout| Ok((Arc::new(layout.log_map()?), layout)));
+        let mapped = layout.and_then(|layout| {
+            let map = layout.log_map()?;
+            let map = map.with_current_bandwidth(settings.current_bandwidth_hz);
+            Ok((Arc::new(map), layout))
+        });
         self.map = mapped.map(|(map, layout)| {
             self.layout = layout;
             map

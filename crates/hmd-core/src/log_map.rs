@@ -130,6 +130,8 @@ pub struct LogMap {
     clock: Clock,
     modes: ModeCodes,
     names: ModeNames,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    current_bandwidth_hz: Option<u32>,
 }
 
 /// Why columns make no map. Displays as what is expected.
@@ -157,6 +159,7 @@ impl LogMap {
             clock,
             modes,
             names,
+            current_bandwidth_hz: None,
         };
         let has = |role: Role| map.has(Quantity::Of(role));
         let phases = [Role::CurrentA, Role::CurrentB, Role::CurrentC].map(has);
@@ -171,6 +174,15 @@ impl LogMap {
         match (has(Role::CommandPosition), has(Role::CommandSpeed), has(Role::Mode)) {
             (true, true, false) => Err(LogMisfit::NoMode),
             _ => Ok(map),
+        }
+    }
+
+    /// The same of currents that a drive filters; `None`: it does not, or nobody knows.
+    #[must_use]
+    pub fn with_current_bandwidth(self, current_bandwidth_hz: Option<u32>) -> Self {
+        Self {
+            current_bandwidth_hz,
+            ..self
         }
     }
 
@@ -202,7 +214,8 @@ impl LogMap {
 
     /// What is missing.
     pub fn gaps(&self) -> impl Iterator<Item = Gap> {
-        Gap::ALL.into_iter().filter(|gap| gap.is_in(self))
+        let of_columns = Gap::OF_COLUMNS.into_iter().filter(|gap| gap.is_in(self));
+        of_columns.chain(self.current_bandwidth_hz.map(Gap::FilteredCurrents))
     }
 
     /// The code of a mode that a log has as text; `None` where no name is configured.

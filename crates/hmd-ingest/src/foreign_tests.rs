@@ -139,6 +139,7 @@ fn layout_of_drive(bytes: &[u8]) -> usize {
         output_units_per_rev: None,
         rated_current_a: None,
         uses_commands: true,
+        current_bandwidth_hz: None,
     };
     let params = Config::default().actuators()[0].params;
     let dictionary = ObjectDictionary::parse(bytes, settings.node);

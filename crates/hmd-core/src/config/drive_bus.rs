@@ -1,5 +1,6 @@
 //! Section `[actuator.drive]`: a drive as it is sold, by a preset and its number.
 
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -8,7 +9,10 @@ use super::signals::DbcFiles;
 use super::{ActuatorConfig, ConfigError};
 use crate::drive_bus::{DriveBus, DriveSettings, ObjectDictionary, Preset};
 
-const KEYS: [&str; 8] = [
+/// Bandwidths of a current filter.
+pub(super) const BANDWIDTHS_HZ: RangeInclusive<u32> = 1..=1_000_000;
+
+const KEYS: [&str; 9] = [
     "preset",
     "node",
     "eds",
@@ -17,6 +21,7 @@ const KEYS: [&str; 8] = [
     "output_units_per_rev",
     "rated_current_a",
     "set_point",
+    "current_bandwidth_hz",
 ];
 
 /// Reads it, if it is there; `eds_of_bus` is the file of drives that name none.
@@ -64,6 +69,7 @@ pub(super) fn read(
         output_units_per_rev: number(&section, "output_units_per_rev", |steps| steps != 0.0)?,
         rated_current_a: number(&section, "rated_current_a", |rated| rated > 0.0)?,
         uses_commands: section.flag("set_point", true)?,
+        current_bandwidth_hz: section.integer("current_bandwidth_hz", BANDWIDTHS_HZ)?,
     };
     let mut dictionary = ObjectDictionary::default();
     let eds = section.text("eds")?;

@@ -267,6 +267,7 @@ mod tests {
             output_units_per_rev: Some(20_000.0),
             rated_current_a: Some(5.0),
             uses_commands: true,
+            current_bandwidth_hz: None,
         };
         let dictionary = ObjectDictionary::parse(include_bytes!("../../../../fixtures/drives/drive.dcf"), 1);
         let params = ActuatorParams::bench();

@@ -21,10 +21,13 @@ pub enum Gap {
     OutputAngle,
     /// A set point.
     SetPoint,
+    /// Currents as they flow: the drive filters them at so many Hz.
+    FilteredCurrents(u32),
 }
 
 impl Gap {
-    pub(super) const ALL: [Self; 5] = [
+    /// Those that follow from the columns.
+    pub(super) const OF_COLUMNS: [Self; 5] = [
         Self::ThirdPhase,
         Self::Phases,
         Self::DirectCurrent,
@@ -41,6 +44,7 @@ impl Gap {
             Self::DirectCurrent => is_dq && lacks(Quantity::CurrentD),
             Self::OutputAngle => lacks(Quantity::Of(Role::OutputPosition)),
             Self::SetPoint => !map.has_command(),
+            Self::FilteredCurrents(_) => true,
         }
     }
 
@@ -48,7 +52,7 @@ impl Gap {
     #[must_use]
     pub fn hides(self) -> &'static [FaultId] {
         match self {
-            Self::ThirdPhase | Self::Phases => &[],
+            Self::ThirdPhase | Self::Phases | Self::FilteredCurrents(_) => &[],
             // Shorted turns unbalance the phases, which shows as ripple of both currents of the rotor's frame.
             Self::DirectCurrent => &[FaultId::ShortA, FaultId::ShortB, FaultId::ShortC],
             Self::OutputAngle => &[FaultId::Backlash],
@@ -60,6 +64,9 @@ impl Gap {
 impl fmt::Display for Gap {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
+            Self::FilteredCurrents(hz) => {
+                return write!(f, "currents filtered at {hz} Hz by the drive: faster ones are not seen");
+            }
             Self::ThirdPhase => "no currents.c: the sum of the currents is not checked",
             Self::Phases => "currents of d and q: the sum of the phases is not checked",
             Self::DirectCurrent => "no currents.d: it is taken as 0, and shorts are not observable",

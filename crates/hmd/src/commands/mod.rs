@@ -40,7 +40,7 @@ mod table;
 pub mod top;
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 

@@ -118,7 +118,7 @@ fn without_set_point_motion_begins_a_window() {
         preset: "moteus",
         encoder: true,
         rate_hz: 1000,
-        keys: "output_encoder = 1\nset_point = false",
+        keys: "output_encoder = 1\nset_point = false\ncurrent_bandwidth_hz = 500",
     };
     let folder = Folder::new();
     let said = bus.commission(&folder);
@@ -132,6 +132,8 @@ fn without_set_point_motion_begins_a_window() {
     assert_eq!(count(&play, "\"faults\":[\"backlash\"]"), 2, "{play}");
     let hidden = "no set point: motion begins a window, and controller gain is not observable";
     assert_eq!(count(&play, hidden), 2, "{play}");
+    let filtered = "currents filtered at 500 Hz by the drive: faster ones are not seen";
+    assert_eq!(count(&play, filtered), 2, "{play}");
     // A unit that is not known has nothing but the monitor, which follows a set point.
     let unknown = folder.done("replay later.log -c new.toml --json");
     assert_eq!(count(&unknown, "\"status\":\"invalid\""), 2, "{unknown}");

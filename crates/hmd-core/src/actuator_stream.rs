@@ -284,7 +284,7 @@ impl ActuatorStream {
                     .push(&sample.sensed)
                     .filter(|_| ready.motor_counts.is_none())
                 {
-                    outbox.push_notice(sample.stamp_ns, format!("{}: {sentence}", self.actuator.name));
+                    outbox.push_notice(sample.stamp_ns, unseen_notice(&self.actuator, &sentence));
                 }
                 if let Some(window) = ready.windower.push(sample) {
                     ready.unseen.end();
@@ -301,7 +301,7 @@ impl ActuatorStream {
             } else if let (Some(sentence), Some((last, _)), None) =
                 (ready.unseen.finish(), self.last, ready.motor_counts)
             {
-                outbox.push_notice(last.stamp_ns, format!("{}: {sentence}", self.actuator.name));
+                outbox.push_notice(last.stamp_ns, unseen_notice(&self.actuator, &sentence));
             }
         }
     }
@@ -391,6 +391,16 @@ impl ActuatorStream {
         let name = &self.actuator.name;
         format!("{name}: {why}; windows are cut at the nominal {nominal_hz} samples/s{doubt}")
     }
+}
+
+/// What the trigger saw of motion without a window; the set point of a drive is what was overheard.
+fn unseen_notice(actuator: &ActuatorConfig, sentence: &str) -> String {
+    let hint = if actuator.drive_bus.is_some() {
+        "; the set point of a drive is overheard: without it, set_point = false begins windows by motion"
+    } else {
+        ""
+    };
+    format!("{}: {sentence}{hint}", actuator.name)
 }
 
 impl ReadyWindowing {

@@ -256,11 +256,9 @@ impl Demux {
     /// interface depends on the source: in its order, a live run and a replay would differ.)
     pub fn finish(&mut self) {
         let waiting = self.drives.values().flatten().filter_map(|(_, joiner)| {
-            let misfit = joiner.map().err()?;
-            Some(format!(
-                "{}: not monitored: expected {misfit}, found none",
-                joiner.name()
-            ))
+            let lacking = joiner.lacking()?;
+            let name = joiner.name();
+            Some(format!("{name}: not monitored: expected {lacking}, found none"))
         });
         let mut waiting: Vec<String> = waiting.collect();
         waiting.sort_unstable();

@@ -144,7 +144,7 @@ impl DriveTraffic {
                 Setpoint::Position(angle) => Some(angle * gear_ratio / core::f64::consts::TAU),
                 Setpoint::Idle | Setpoint::Speed(_) => None,
             },
-            is_slow: sensed.seq % slow_every == 0,
+            is_slow: sensed.seq.is_multiple_of(slow_every),
             dc_link_v: self.dc_link_v,
             winding_temp_deg_c: self.winding_temp_deg_c,
         }

@@ -55,8 +55,8 @@ pub enum Sender {
 
 /// Its frames.
 enum Frames {
-    BuiltIn(Traffic<ScenarioRun>),
-    Drive(DriveTraffic),
+    BuiltIn(Box<Traffic<ScenarioRun>>),
+    Drive(Box<DriveTraffic>),
 }
 
 impl Frames {
@@ -124,8 +124,14 @@ pub fn write(
     sender: Sender,
 ) -> Result<(), RecordingError> {
     let (actuator, mut frames) = match sender {
-        Sender::BuiltIn(actuator) => (actuator, Frames::BuiltIn(traffic(scenario, actuator, EPOCH_NS))),
-        Sender::Drive(actuator, link) => (actuator, Frames::Drive(DriveTraffic::new(scenario, link, EPOCH_NS))),
+        Sender::BuiltIn(actuator) => (
+            actuator,
+            Frames::BuiltIn(Box::new(traffic(scenario, actuator, EPOCH_NS))),
+        ),
+        Sender::Drive(actuator, link) => (
+            actuator,
+            Frames::Drive(Box::new(DriveTraffic::new(scenario, link, EPOCH_NS))),
+        ),
     };
     let begin = |path: &Path| {
         let begun = OutputFile::create(path).and_then(|output| Ok((output.handle()?, output)));

@@ -45,6 +45,9 @@ struct Rows {
     /// Columns that a row needs, and those that the open one has, a bit each.
     awaited: u64,
     filled: u64,
+    /// Columns that any frame had, a bit each; and whether a row was ever whole.
+    heard: u64,
+    was_whole: bool,
     since_ns: u64,
     /// The command heard last; 0: none yet.
     commanded: i64,
@@ -83,6 +86,28 @@ impl DriveJoiner {
     /// What a drive of CiA 402 lacks so far.
     pub fn map(&self) -> Result<&Arc<LogMap>, &DriveMisfit> {
         self.bus.map()
+    }
+
+    /// Why no sample ever came, where frames did; displays as what is expected.
+    #[must_use]
+    pub fn lacking(&self) -> Option<String> {
+        let rows = match (&self.rows, self.map()) {
+            (Some(rows), _) => rows,
+            (None, Err(misfit)) => return Some(misfit.to_string()),
+            (None, Ok(_)) => return None,
+        };
+        if rows.was_whole || rows.heard == 0 {
+            return None;
+        }
+        let columns = self.bus.layout().columns.iter().enumerate();
+        let missing = columns.filter(|(n, _)| rows.awaited & !rows.heard & 1 << n != 0);
+        let missing: Vec<&str> = missing.map(|(_, column)| column.signal.as_str()).collect();
+        Some(if missing.is_empty() {
+            let ms = rows.span_ns as f64 / 1e6;
+            format!("the parts of a sample within {ms} ms, half a period of sample_rate_hz")
+        } else {
+            format!("{} in each sample", missing.join(", "))
+        })
     }
 
     /// Takes a frame: `None` if it is not the drive's or not used, `Some(None)` if it cannot be decoded.
@@ -137,6 +162,8 @@ impl Rows {
             row: layout.columns.iter().map(initially).collect(),
             awaited: awaited.sum(),
             filled: 0,
+            heard: 0,
+            was_whole: false,
             since_ns: 0,
             commanded: 0,
             next: None,
@@ -203,6 +230,7 @@ impl Rows {
                 (self.filled, self.since_ns) = (0, stamp_ns);
             }
             self.filled |= bit;
+            self.heard |= bit;
         }
         // Without a sensor, drives report 0 °C to the bit.
         let is_temperature = layout.columns[column].quantity == Quantity::Of(Role::WindingTemp);
@@ -216,6 +244,7 @@ impl Rows {
             return Some(DecodedUpdate::default());
         }
         self.filled = 0;
+        self.was_whole = true;
         self.row[TIME] = self.since_ns as f64 / 1e3;
         let follows = self.follows.iter().all(|&follows| follows);
         self.row[MODE] = if follows { self.commanded as f64 } else { 0.0 };
@@ -302,19 +331,22 @@ mod tests {
             let frame = RawFrame::new(stamp_ns, 0, id, FrameFlags::NONE, data).expect("a frame");
             joiner.push(&frame).flatten().and_then(|update| update.sample)
         };
-        let row = |hear: &mut dyn FnMut(u32, &[u8], u64) -> Option<(ema_wire::Sample, u64)>, stamp_us| {
-            hear(0x281, &[0, 0, 1, 0, 0xe8, 3], stamp_us);
-            hear(0x381, &[0, 0, 0, 0], stamp_us + 100).expect("a whole row").0
-        };
         let turn = [0x0f, 0, 0, 0, 1, 0];
-        hear(0x201, &turn, 0);
-        let before = row(&mut hear, 500);
-        hear(0x080, &[], 1000);
-        let behind = row(&mut hear, 1500);
-        assert_eq!((before.mode, before.setpoint), (ema_wire::Mode::Idle, 0));
+        let mut samples = Vec::new();
+        for (sync_us, row_us) in [(None, 500), (Some(1000), 1500)] {
+            match sync_us {
+                Some(stamp_us) => hear(0x080, &[], stamp_us),
+                None => hear(0x201, &turn, 0),
+            };
+            hear(0x281, &[0, 0, 1, 0, 0xe8, 3], row_us);
+            let (sample, _) = hear(0x381, &[0, 0, 0, 0], row_us + 100).expect("a whole row");
+            samples.push(sample);
+        }
         let gear_ratio = ActuatorParams::bench().transmission.gear_ratio;
         let expected = ema_wire::quantity::position_setpoint_urad(core::f64::consts::TAU / gear_ratio);
-        assert_eq!((behind.mode, behind.setpoint), (ema_wire::Mode::Position, expected));
-        assert_eq!(behind.motor_counts, 65_536);
+        let commands = samples.iter().map(|sample| (sample.mode, sample.setpoint));
+        let modes = [(ema_wire::Mode::Idle, 0), (ema_wire::Mode::Position, expected)];
+        assert!(commands.eq(modes), "{samples:?}");
+        assert_eq!(samples[1].motor_counts, 65_536);
     }
 }

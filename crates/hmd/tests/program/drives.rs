@@ -20,7 +20,7 @@ impl Bus {
         } = self;
         let head = format!("[[actuator]]\nid = 1\nname = \"joint\"\ntype = \"servo270\"\n{calibration}");
         let drive = format!("[actuator.drive]\npreset = \"{preset}\"\n{keys}\n");
-        folder.write(&format!("{name}.toml"), &format!("{head}{drive}{TYPE}{rate_hz}\n"));
+        folder.write(&format!("{name}.toml"), format!("{head}{drive}{TYPE}{rate_hz}\n"));
     }
 
     fn simulate(&self, folder: &Folder, options: &str, log: &str) {
@@ -185,13 +185,42 @@ fn the_pdo_are_those_that_the_master_wrote() {
 }
 
 #[test]
+fn what_a_bus_never_says_is_said() {
+    let folder = Folder::new();
+    let bus = Bus {
+        preset: "odrive",
+        encoder: false,
+        rate_hz: 400,
+        keys: "",
+    };
+    bus.configure(&folder, "hmd", "");
+    bus.simulate(&folder, "--windows 1 --seed 4", "joint.log");
+    let log = String::from_utf8(folder.read("joint.log")).expect("text");
+    for (frames, said) in [
+        // Get_Iq; Set_Input_Pos.
+        (
+            " 034#",
+            "joint: not monitored: expected Get_Iq.Iq_Measured in each sample, found none",
+        ),
+        (
+            " 02C#",
+            "the mode was never on; the set point of a drive is overheard: without it, set_point = false begins windows by motion",
+        ),
+    ] {
+        folder.write_lines("cut.log", log.lines().filter(|line| !line.contains(frames)));
+        let ended = folder.hmd("replay cut.log -c hmd.toml");
+        assert!(ended.stderr.contains(said), "{}", ended.stderr);
+    }
+}
+
+#[test]
 fn what_is_wrong_with_a_drive_is_said() {
     let folder = Folder::new();
     folder.write("bad.eds", "[1A00sub1]\nDefaultValue=many\n");
     let sentence = |drive: &str| {
         folder.write(
             "hmd.toml",
-            &format!("[[actuator]]\nid = 0\n[actuator.drive]\n{drive}\n"),
+            format!("[[actuator]]\nid = 0\n[actuator.drive]\n{drive}\n"),
         );
         let ended = folder.hmd("check-config -c hmd.toml");
         assert_eq!(ended.code, 78, "{}", ended.stderr);

@@ -1,7 +1,7 @@
 //! When does an actuation begin?
 
 use super::config::WindowConfig;
-use super::ring::Ring;
+use super::ring::{Ring, Slot};
 use ema_models::{SensedSample, Setpoint};
 
 /// How far two setpoints of one mode may be apart to be the same.
@@ -117,21 +117,24 @@ impl Trigger {
     /// Without set point: whether the motor stood for the first half of the rest and has moved since. Steady slow motion is no start,
     /// however often it passes a threshold.
     fn has_begun_to_move(&self, ring: &Ring) -> bool {
-        let still = self.thresholds.scaled(HELD_SHARE);
-        let moving = self.thresholds.scaled(MOTION_SHARE);
+        let rad = self.motion.unwrap_or(0.0);
+        let still = (HELD_SHARE * self.thresholds.position_rad).max(STILL_COUNTS * rad);
+        let moving = (MOTION_SHARE * self.thresholds.position_rad).max(MOTION_COUNTS * rad);
         ring.newest(self.rest + 1).is_some_and(|slots| {
-            let reference = self.watched(&slots[0].sample);
+            let reference = slots[0].sample.motor_counts;
+            let turned = |slot: &Slot| slot.sample.motor_counts.abs_diff(reference) as f64 * rad;
             let stood = &slots[1..=self.rest.div_ceil(2)];
-            stood
-                .iter()
-                .all(|slot| !still.differ(self.watched(&slot.sample), reference))
-                && moving.differ(self.watched(&slots[self.rest].sample), reference)
+            stood.iter().all(|slot| turned(slot) <= still) && turned(&slots[self.rest]) > moving
         })
     }
 }
 
 /// Motion that begins a window, as a share of the trigger's threshold: early enough that the window has the rest before it.
 const MOTION_SHARE: f64 = 0.1;
+
+/// Counts of a coarse encoder between which a motor at rest may change, and those that are motion.
+const STILL_COUNTS: f64 = 1.5;
+const MOTION_COUNTS: f64 = 6.0;
 
 /// Share of the trigger's threshold within which a setpoint is held.
 const HELD_SHARE: f64 = 0.01;
@@ -190,6 +193,38 @@ mod tests {
             assert!(!thresholds.differ(at(micro), at(micro + 1000)));
             assert!(thresholds.differ(at(micro), at(micro + 1001)));
         }
+    }
+
+    /// Samples at which windows begin, of a motor with these counts at 2 kHz.
+    fn begins(counts: impl Fn(u64) -> i64) -> Vec<u64> {
+        let params = ema_models::ActuatorParams::bench();
+        let windower = super::super::Windower::new(WindowConfig::default(), &params).expect("defaults");
+        let mut windower = windower.triggered_by_motion();
+        let windows = (0..4000).filter_map(|seq| {
+            windower.push(super::super::TimedSample {
+                seq,
+                stamp_ns: 500_000 * seq,
+                sensed: SensedSample {
+                    seq,
+                    currents: [0.0; 3],
+                    motor_counts: counts(seq),
+                    output_counts: 0,
+                    setpoint: Setpoint::Idle,
+                },
+            })
+        });
+        windows.map(|window| window.samples[window.trigger].seq).collect()
+    }
+
+    #[test]
+    fn without_set_point_a_window_begins_where_the_motor_leaves_its_rest() {
+        // 10^-4 rad at the output are 104 counts of this motor; it dithers by one count at rest.
+        let at_rest = |seq: u64| (seq % 2).cast_signed();
+        let moves = begins(|seq| at_rest(seq) + 20 * seq.saturating_sub(1000).cast_signed());
+        assert_eq!(moves, [1006]);
+        // Slow and steady from before, through any threshold.
+        assert!(begins(|seq| 3 * seq.cast_signed()).is_empty());
+        assert!(begins(at_rest).is_empty());
     }
 
     #[test]

@@ -218,10 +218,7 @@ fn what_is_wrong_with_a_drive_is_said() {
     let folder = Folder::new();
     folder.write("bad.eds", "[1A00sub1]\nDefaultValue=many\n");
     let sentence = |drive: &str| {
-        folder.write(
-            "hmd.toml",
-            format!("[[actuator]]\nid = 0\n[actuator.drive]\n{drive}\n"),
-        );
+        folder.write("hmd.toml", format!("[[actuator]]\nid = 0\n[actuator.drive]\n{drive}\n"));
         let ended = folder.hmd("check-config -c hmd.toml");
         assert_eq!(ended.code, 78, "{}", ended.stderr);
         ended.stderr.trim_end().to_owned()

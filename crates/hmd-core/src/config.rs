@@ -138,7 +138,15 @@ impl Config {
         let table = document.parse()?;
         let root = Section::root(&document, &table, Self::KEYS)?;
         let types = actuator_type::read_all(&root)?;
-        let configured = actuator::read_all(&root, &types, &parent(Path::new(file_name)), read_dbc)?;
+        let bus = root.section("bus", BusConfig::KEYS)?;
+        let eds = bus.text("eds")?;
+        let directory = parent(Path::new(file_name));
+        let configured = actuator::read_all(&root, &types, &directory, read_dbc, eds.as_deref())?;
+        let uses = |actuator: &ActuatorConfig| actuator.eds.as_deref() == eds.as_deref().map(Path::new);
+        if eds.is_some() && !configured.iter().flatten().any(uses) {
+            let expected = "no such key without an actuator whose drive has preset \"cia402\" and no eds of its own";
+            return Err(bus.refuse("eds", expected));
+        }
         let auto = configured.is_none();
         let mut actuators = configured.unwrap_or_else(|| actuator::every_one(&types));
         map::read(&root, &mut actuators)?;
@@ -154,10 +162,10 @@ impl Config {
             health: HealthConfig::read(&root.section("health", HealthConfig::KEYS)?)?,
             rul: RulConfig::read(&root.section("rul", RulConfig::KEYS)?)?,
             output: OutputConfig::read(&root.section("output", OutputConfig::KEYS)?)?,
-            bus: BusConfig::read(&root.section("bus", BusConfig::KEYS)?)?,
+            bus: BusConfig::read(&bus)?,
             serial,
             files: files.iter().map(|(name, _)| PathBuf::from(name)).collect(),
-            directory: parent(Path::new(file_name)),
+            directory,
         };
         config.named_buses(file_name)?;
         match config.bus_loads().into_iter().find(|bus| bus.load > LOAD_MAX) {

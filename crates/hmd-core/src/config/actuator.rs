@@ -9,13 +9,13 @@ use ema_models::{ActuatorParams, DriveParams, Tolerances};
 use ema_wire::ActuatorId;
 use serde::Serialize;
 
+use super::ConfigError;
 use super::actuator_type::{ActuatorType, DEFAULT_TYPE, parameters_as_text};
 use super::drive_bus;
 use super::name::{NAME_EXPECTED, is_name};
 use super::reader::Section;
 use super::signals::{self, DbcFiles};
 use super::specification::Specification;
-use super::{BusConfig, ConfigError};
 use crate::dbc::SignalMap;
 use crate::drive_bus::DriveBus;
 use crate::log_map::LogMap;
@@ -186,7 +186,11 @@ impl ActuatorConfig {
         actuator.learning = Learning::read(section)?;
         actuator.dbc = section.text("dbc")?.map(PathBuf::from);
         actuator.map = signals::read(section, &actuator.params, files)?.map(Arc::new);
-        drive_bus::read(section, &mut actuator, files, eds)?;
+        if let Some((drive, eds)) = drive_bus::read(section, id, &actuator.params, files, eds)? {
+            actuator.log = drive.map().ok().cloned();
+            actuator.drive_bus = Some(Arc::new(drive));
+            actuator.eds = eds;
+        }
         actuator.part_number = section.text("part_number")?;
         actuator.serial_number = section.text("serial_number")?;
         actuator.passive = section.flag("passive", false)?;
@@ -231,28 +235,21 @@ impl ActuatorConfig {
     }
 }
 
-/// Every `[[actuator]]`; `None` if there is none.
+/// Every `[[actuator]]`; `None` if there is none. `eds` is the file of drives that name none.
 pub(super) fn read_all(
     root: &Section<'_>,
     types: &BTreeMap<String, ActuatorType>,
     directory: &Path,
     read_dbc: &dyn Fn(&Path) -> Result<Vec<u8>, String>,
+    eds: Option<&str>,
 ) -> Result<Option<Vec<ActuatorConfig>>, ConfigError> {
     let mut files = DbcFiles::new(directory, read_dbc);
-    let bus = root.section("bus", BusConfig::KEYS)?;
-    let eds = bus.text("eds")?;
-    let unused = || {
-        bus.refuse(
-            "eds",
-            "no such key without an actuator whose drive has preset \"cia402\" and no eds of its own",
-        )
-    };
     let Some(sections) = root.list("actuator", KEYS)? else {
-        return if eds.is_some() { Err(unused()) } else { Ok(None) };
+        return Ok(None);
     };
     let mut actuators: Vec<ActuatorConfig> = Vec::with_capacity(sections.len());
     for section in &sections {
-        let actuator = ActuatorConfig::read(section, types, &mut files, eds.as_deref())?;
+        let actuator = ActuatorConfig::read(section, types, &mut files, eds)?;
         if let Some(other) = actuators.iter().find(|other| other.overlaps(&actuator)) {
             let place = other.bus.as_deref().or(actuator.bus.as_deref()).unwrap_or("any bus");
             let expected = format!("a number that {} on {place} does not have", other.name);
@@ -263,10 +260,6 @@ pub(super) fn read_all(
             return Err(section.refuse_effective("name", "a name that no other actuator has", &effective));
         }
         actuators.push(actuator);
-    }
-    let uses = |actuator: &ActuatorConfig| actuator.eds.as_deref() == eds.as_deref().map(Path::new);
-    if eds.is_some() && !actuators.iter().any(uses) {
-        return Err(unused());
     }
     Ok((!actuators.is_empty()).then_some(actuators))
 }

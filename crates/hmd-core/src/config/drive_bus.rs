@@ -2,11 +2,13 @@
 
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
-use std::sync::Arc;
 
+use ema_models::ActuatorParams;
+use ema_wire::ActuatorId;
+
+use super::ConfigError;
 use super::reader::Section;
 use super::signals::DbcFiles;
-use super::{ActuatorConfig, ConfigError};
 use crate::drive_bus::{DriveBus, DriveSettings, ObjectDictionary, Preset};
 
 /// Bandwidths of a current filter.
@@ -24,17 +26,18 @@ const KEYS: [&str; 9] = [
     "current_bandwidth_hz",
 ];
 
-/// Reads it, if it is there; `eds_of_bus` is the file of drives that name none.
+/// Reads it with its EDS or DCF file, if it is there; `eds_of_bus` is the file of drives that name none.
 pub(super) fn read(
     actuator: &Section<'_>,
-    config: &mut ActuatorConfig,
+    id: ActuatorId,
+    params: &ActuatorParams,
     files: &DbcFiles<'_>,
     eds_of_bus: Option<&str>,
-) -> Result<(), ConfigError> {
+) -> Result<Option<(DriveBus, Option<PathBuf>)>, ConfigError> {
     if !actuator.has("drive") {
-        return Ok(());
+        return Ok(None);
     }
-    if config.dbc.is_some() {
+    if actuator.has("dbc") {
         return Err(actuator.refuse("dbc", "either dbc or drive"));
     }
     let section = actuator.section("drive", &KEYS)?;
@@ -55,7 +58,7 @@ pub(super) fn read(
     only_of("rated_current_a", Preset::Cia402)?;
     let node = section
         .integer("node", preset.nodes())?
-        .unwrap_or(u32::from(config.id.index()));
+        .unwrap_or(u32::from(id.index()));
     if !preset.nodes().contains(&node) {
         return Err(section.refuse_effective("node", "a number from 1 to 127", "0 (that of the actuator)"));
     }
@@ -71,7 +74,7 @@ pub(super) fn read(
         uses_commands: section.flag("set_point", true)?,
         current_bandwidth_hz: section.integer("current_bandwidth_hz", BANDWIDTHS_HZ)?,
     };
-    let mut dictionary = ObjectDictionary::default();
+    let (mut dictionary, mut file) = (ObjectDictionary::default(), None);
     let eds = section.text("eds")?;
     let of_bus = eds_of_bus.filter(|_| preset == Preset::Cia402).map(str::to_owned);
     if let Some(path) = eds.or(of_bus) {
@@ -82,13 +85,11 @@ pub(super) fn read(
         };
         let bytes = files.bytes(&path).map_err(why)?;
         dictionary = ObjectDictionary::parse(&bytes, settings.node).map_err(|e| why(e.to_string()))?;
-        config.eds = Some(path);
+        file = Some(path);
     }
-    let drive = DriveBus::new(settings, &config.params, dictionary)
+    let drive = DriveBus::new(settings, params, dictionary)
         .map_err(|misfit| section.refuse_self(&misfit.to_string(), "none"))?;
-    config.log = drive.map().ok().cloned();
-    config.drive_bus = Some(Arc::new(drive));
-    Ok(())
+    Ok(Some((drive, file)))
 }
 
 fn number(section: &Section<'_>, key: &str, is_good: impl Fn(f64) -> bool) -> Result<Option<f64>, ConfigError> {

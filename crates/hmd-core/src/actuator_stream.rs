@@ -19,7 +19,7 @@ use ema_wire::{
 
 use crate::config::{ActuatorConfig, Config};
 use crate::dbc::{DecodedUpdate, Role};
-use crate::log_map::Quantity;
+use crate::log_map::{LogMap, Quantity};
 use crate::outbox::{AssembledSample, Notice, Outbox, WindowJob};
 use crate::sample::{MeasuredConditions, SampleRate};
 use crate::sensor_checks::UnseenMotion;
@@ -83,8 +83,10 @@ struct ReadyWindowing {
     params: ActuatorParams,
     windower: Windower,
     unseen: UnseenMotion,
-    /// Samples with a mode other than idle.
+    /// Samples with a mode other than idle; without set point those in motion.
     operating: u64,
+    /// Motor counts of the sample before, where there is no set point.
+    motor_counts: Option<i64>,
 }
 
 impl ActuatorStream {
@@ -127,6 +129,23 @@ impl ActuatorStream {
             Windowing::Waiting | Windowing::Ready(_) => 0,
         };
         self.stats().missing + dropped
+    }
+
+    /// Takes over which quantities its samples have from now on; an open window ends where they are others.
+    pub fn remap(&mut self, map: &Arc<LogMap>, stamp_ns: u64, outbox: &mut Outbox) {
+        if self.actuator.log.as_ref().is_some_and(|known| Arc::ptr_eq(known, map)) {
+            return;
+        }
+        let is_other = self.actuator.log.as_ref() != Some(map);
+        let mut actuator = ActuatorConfig::clone(&self.actuator);
+        actuator.log = Some(map.clone());
+        if is_other {
+            self.end_window(self.conditions, outbox);
+            self.windowing = Windowing::Waiting;
+            let name = &actuator.name;
+            outbox.push_notice(stamp_ns, format!("{name}: its PDO are as its master wrote them"));
+        }
+        self.actuator = Arc::new(actuator);
     }
 
     /// Takes what a frame of a mapped bus carried. A sample there is whole, as in CAN FD.
@@ -259,9 +278,13 @@ impl ActuatorStream {
             Windowing::Waiting => {}
             Windowing::Refused(dropped) => *dropped += 1,
             Windowing::Ready(ready) => {
-                ready.operating += u64::from(sample.sensed.setpoint != Setpoint::Idle);
-                if let Some(sentence) = ready.unseen.push(&sample.sensed) {
-                    outbox.push_notice(sample.stamp_ns, format!("{}: {sentence}", self.actuator.name));
+                ready.count_operation(&sample.sensed);
+                if let Some(sentence) = ready
+                    .unseen
+                    .push(&sample.sensed)
+                    .filter(|_| ready.motor_counts.is_none())
+                {
+                    outbox.push_notice(sample.stamp_ns, unseen_notice(&self.actuator, &sentence));
                 }
                 if let Some(window) = ready.windower.push(sample) {
                     ready.unseen.end();
@@ -275,8 +298,10 @@ impl ActuatorStream {
         if let Windowing::Ready(ready) = &mut self.windowing {
             if let Some(window) = ready.windower.finish() {
                 outbox.push_window(ready.job(&self.actuator, window, conditions));
-            } else if let (Some(sentence), Some((last, _))) = (ready.unseen.finish(), self.last) {
-                outbox.push_notice(last.stamp_ns, format!("{}: {sentence}", self.actuator.name));
+            } else if let (Some(sentence), Some((last, _)), None) =
+                (ready.unseen.finish(), self.last, ready.motor_counts)
+            {
+                outbox.push_notice(last.stamp_ns, unseen_notice(&self.actuator, &sentence));
             }
         }
     }
@@ -304,17 +329,21 @@ impl ActuatorStream {
         }
         let made = match params.checked() {
             Ok(params) => Windower::new(self.window_config, &params)
+                .map(|windower| match &self.actuator.log {
+                    Some(log) if !log.has(Quantity::Counter) => windower.numbered_by_time(),
+                    _ => windower,
+                })
                 .map(|windower| {
-                    let log = self.actuator.log.as_ref();
-                    if log.is_some_and(|log| !log.has(Quantity::Counter)) {
-                        windower.numbered_by_time()
-                    } else {
+                    if self.actuator.has_set_point() {
                         windower
+                    } else {
+                        windower.triggered_by_motion()
                     }
                 })
                 .map(|windower| {
                     Windowing::Ready(Box::new(ReadyWindowing {
                         unseen: UnseenMotion::new(&params, self.window_config.trigger_position_rad),
+                        motor_counts: (!self.actuator.has_set_point()).then_some(i64::MIN),
                         params,
                         windower: if rate.is_measured {
                             windower.at_device_time()
@@ -364,7 +393,31 @@ impl ActuatorStream {
     }
 }
 
+/// What the trigger saw of motion without a window; the set point of a drive is what was overheard.
+fn unseen_notice(actuator: &ActuatorConfig, sentence: &str) -> String {
+    let hint = if actuator.drive_bus.is_some() {
+        "; the set point of a drive is overheard: without it, set_point = false begins windows by motion"
+    } else {
+        ""
+    };
+    format!("{}: {sentence}{hint}", actuator.name)
+}
+
 impl ReadyWindowing {
+    fn count_operation(&mut self, sample: &SensedSample) {
+        /// One count is the noise of a sensor at rest.
+        const STILL_COUNTS: u64 = 1;
+        let is_operating = match &mut self.motor_counts {
+            Some(before) => {
+                let moved = before.abs_diff(sample.motor_counts) > STILL_COUNTS && *before != i64::MIN;
+                *before = sample.motor_counts;
+                moved
+            }
+            None => sample.setpoint != Setpoint::Idle,
+        };
+        self.operating += u64::from(is_operating);
+    }
+
     fn job(&self, actuator: &Arc<ActuatorConfig>, window: Window, conditions: MeasuredConditions) -> WindowJob {
         WindowJob {
             actuator: actuator.clone(),

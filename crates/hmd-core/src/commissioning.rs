@@ -156,6 +156,8 @@ pub fn calibrate_unit(
         .as_ref()
         .is_ok_and(|learnt| learnt.evidence.shows_all_well() && learnt.far_parameter(&jobs[0]).is_none());
     let by_monitor = match (suffice, is_vector) {
+        // The monitor follows the set point.
+        _ if !jobs[0].actuator.has_set_point() => None,
         (true, true) => None,
         (true, false) => learn_monitor(assessor, jobs, &CURRENT_TIME_CONSTANTS_S[..1], seed, progress)?,
         (false, _) => learn_monitor(assessor, jobs, &CURRENT_TIME_CONSTANTS_S, seed, progress)?,
@@ -163,9 +165,12 @@ pub fn calibrate_unit(
     let Choice {
         estimator,
         reason,
-        evidence,
+        mut evidence,
     } = choose(&jobs[0], is_vector, by_relations.as_ref(), by_monitor.as_ref())?;
     let actuator = &jobs[0].actuator;
+    if let Some(log) = &actuator.log {
+        evidence.hide(log.gaps().flat_map(|gap| gap.hides()));
+    }
     let mut notes = Vec::new();
     if let (UnitEstimator::Relations, Some(monitor)) = (estimator, &by_monitor)
         && let Some(far) = monitor.far_parameter(&jobs[0])

@@ -9,6 +9,7 @@ mod actuator_type;
 mod bus;
 mod describe;
 mod drive;
+mod drive_bus;
 mod effective;
 mod error;
 mod health;
@@ -50,6 +51,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use crate::dbc::SignalMap;
+use crate::drive_bus::{DriveBus, DriveJoiner};
 use crate::frame::BusNames;
 use crate::log_map::LogMap;
 use crate::metadata_checksum::hex;
@@ -136,7 +138,15 @@ impl Config {
         let table = document.parse()?;
         let root = Section::root(&document, &table, Self::KEYS)?;
         let types = actuator_type::read_all(&root)?;
-        let configured = actuator::read_all(&root, &types, &parent(Path::new(file_name)), read_dbc)?;
+        let bus = root.section("bus", BusConfig::KEYS)?;
+        let eds = bus.text("eds")?;
+        let directory = parent(Path::new(file_name));
+        let configured = actuator::read_all(&root, &types, &directory, read_dbc, eds.as_deref())?;
+        let uses = |actuator: &ActuatorConfig| actuator.eds.as_deref() == eds.as_deref().map(Path::new);
+        if eds.is_some() && !configured.iter().flatten().any(uses) {
+            let expected = "no such key without an actuator whose drive has preset \"cia402\" and no eds of its own";
+            return Err(bus.refuse("eds", expected));
+        }
         let auto = configured.is_none();
         let mut actuators = configured.unwrap_or_else(|| actuator::every_one(&types));
         map::read(&root, &mut actuators)?;
@@ -152,10 +162,10 @@ impl Config {
             health: HealthConfig::read(&root.section("health", HealthConfig::KEYS)?)?,
             rul: RulConfig::read(&root.section("rul", RulConfig::KEYS)?)?,
             output: OutputConfig::read(&root.section("output", OutputConfig::KEYS)?)?,
-            bus: BusConfig::read(&root.section("bus", BusConfig::KEYS)?)?,
+            bus: BusConfig::read(&bus)?,
             serial,
             files: files.iter().map(|(name, _)| PathBuf::from(name)).collect(),
-            directory: parent(Path::new(file_name)),
+            directory,
         };
         config.named_buses(file_name)?;
         match config.bus_loads().into_iter().find(|bus| bus.load > LOAD_MAX) {
@@ -186,11 +196,26 @@ impl Config {
         })
     }
 
+    /// The drives on interface `bus`.
+    pub(crate) fn drives(&self, bus: &str) -> impl Iterator<Item = (ActuatorId, DriveJoiner)> {
+        self.actuators.iter().filter_map(move |actuator| {
+            let drive = actuator
+                .drive_bus
+                .as_ref()
+                .filter(|_| actuator.is_at(bus, actuator.id))?;
+            Some((
+                actuator.id,
+                DriveJoiner::new(actuator.id, &actuator.name, DriveBus::clone(drive)),
+            ))
+        })
+    }
+
     /// The actuator that a log of measured signals is of, with its map (`[map]`).
     #[must_use]
     pub fn actuator_of_logs(&self) -> Option<(&ActuatorConfig, &Arc<LogMap>)> {
-        self.actuators
-            .iter()
+        let on_no_bus = self.actuators.iter().filter(|actuator| actuator.drive_bus.is_none());
+        on_no_bus
+            .into_iter()
             .find_map(|actuator| Some((actuator, actuator.log.as_ref()?)))
     }
 
@@ -324,7 +349,7 @@ impl Config {
         let units = self
             .actuators
             .iter()
-            .flat_map(|unit| unit.calibration.iter().chain(&unit.dbc));
+            .flat_map(|unit| unit.calibration.iter().chain(&unit.dbc).chain(&unit.eds));
         let named = calibrations.chain(units).chain(&self.rul.events);
         let named = named.map(|path| self.resolve(path));
         self.files.iter().cloned().chain(named).collect()

@@ -13,6 +13,7 @@ use ema_wire::{ActuatorId, DeframerStats, Frame, Message, SampleFd, SerialPacket
 use crate::actuator_stream::ActuatorStream;
 use crate::config::Config;
 use crate::dbc::MappedBus;
+use crate::drive_bus::DriveJoiner;
 use crate::frame::{BusNames, RawFrame};
 use crate::outbox::{AssembledSample, Notice, Outbox, WindowJob};
 
@@ -47,8 +48,13 @@ pub struct Demux {
     streams: BTreeMap<(u16, ActuatorId), NamedStream>,
     /// Whether any actuator has a map; then, for each bus seen, those that have.
     any_mapped: bool,
+    any_drive: bool,
     mapped: BTreeMap<u16, Option<MappedBus>>,
+    /// The same of drives.
+    drives: BTreeMap<u16, Vec<(ActuatorId, DriveJoiner)>>,
     counts: FrameCounts,
+    /// Stamp of the newest frame.
+    last_ns: u64,
     /// Packets of each serial line, by what became of them.
     serial: BTreeMap<u16, DeframerStats>,
     outbox: Outbox,
@@ -68,10 +74,13 @@ impl Demux {
     pub fn new(config: Arc<Config>) -> Self {
         Self {
             any_mapped: config.actuators().iter().any(|actuator| actuator.map.is_some()),
+            any_drive: config.actuators().iter().any(|actuator| actuator.drive_bus.is_some()),
             config,
             streams: BTreeMap::new(),
             mapped: BTreeMap::new(),
+            drives: BTreeMap::new(),
             counts: FrameCounts::default(),
+            last_ns: 0,
             serial: BTreeMap::new(),
             outbox: Outbox::default(),
         }
@@ -87,8 +96,12 @@ impl Demux {
     /// Routes one frame. The windows that it ends wait for [`Demux::take_windows`].
     pub fn push(&mut self, frame: &RawFrame, names: &BusNames) {
         self.counts.received += 1;
+        self.last_ns = frame.stamp_ns;
         if frame.is_error() {
             self.counts.error += 1;
+            return;
+        }
+        if self.any_drive && !frame.is_serial() && self.push_of_drive(frame, names) {
             return;
         }
         if self.any_mapped && !frame.is_serial() && self.push_mapped(frame, names) {
@@ -121,6 +134,43 @@ impl Demux {
         if let Some(NamedStream { stream, .. }) = self.streams.get_mut(&key) {
             stream.push(&parsed, frame.stamp_ns, &mut self.outbox);
         }
+    }
+
+    /// Routes a frame that a drive sends or is sent; false if it is of none.
+    fn push_of_drive(&mut self, frame: &RawFrame, names: &BusNames) -> bool {
+        let Self {
+            config,
+            streams,
+            drives,
+            counts,
+            outbox,
+            ..
+        } = self;
+        let bus = names.name(frame.bus).unwrap_or("");
+        let drives = drives.entry(frame.bus).or_insert_with(|| config.drives(bus).collect());
+        let updates = drives.iter_mut().find_map(|(id, joiner)| {
+            let update = joiner.push(frame)?;
+            Some((*id, joiner, update))
+        });
+        let Some((id, joiner, update)) = updates else {
+            return false;
+        };
+        let Some(update) = update else {
+            counts.malformed += 1;
+            return true;
+        };
+        counts.decoded += 1;
+        let Ok(map) = joiner.map() else { return true };
+        let named = match streams.entry((frame.bus, id)) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(place) => match NamedStream::new(config, bus, id) {
+                Some(stream) => place.insert(stream),
+                None => return true,
+            },
+        };
+        named.stream.remap(map, frame.stamp_ns, outbox);
+        named.stream.push_update(&update, outbox);
+        true
     }
 
     /// Routes a frame of a bus with mapped actuators; false if the built-in dictionary is to decode it.
@@ -205,6 +255,16 @@ impl Demux {
     /// End of the traffic: ends every open window, in the order of interface names and numbers. (The index of an
     /// interface depends on the source: in its order, a live run and a replay would differ.)
     pub fn finish(&mut self) {
+        let waiting = self.drives.values().flatten().filter_map(|(_, joiner)| {
+            let lacking = joiner.lacking()?;
+            let name = joiner.name();
+            Some(format!("{name}: not monitored: expected {lacking}, found none"))
+        });
+        let mut waiting: Vec<String> = waiting.collect();
+        waiting.sort_unstable();
+        for notice in waiting {
+            self.outbox.push_notice(self.last_ns, notice);
+        }
         let mut streams: Vec<_> = self.streams.iter_mut().collect();
         streams.sort_by(|((_, a), x), ((_, b), y)| (&x.bus, a).cmp(&(&y.bus, b)));
         for (_, NamedStream { stream, .. }) in streams {

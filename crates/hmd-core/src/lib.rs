@@ -1,7 +1,7 @@
 //! From bus frames to health and remaining useful life: everything between a source and a recording, without files or clocks.
 //!
 //! The data path, in order: [`demux`] gives each [`frame`] to its actuator and decodes it ([`actuator_stream`]; a bus with a layout
-//! of its own by its [`dbc`], a log of measured signals by its [`log_map`]); [`window`] cuts actuations out of the samples; [`assess`] identifies each window and decides on
+//! of its own by its [`dbc`], a drive by its [`drive_bus`], a log of measured signals by its [`log_map`]); [`window`] cuts actuations out of the samples; [`assess`] identifies each window and decides on
 //! [`health`]; [`history`] holds what is known of an actuator from window to window, and [`rul`] predicts how long it lasts;
 //! [`commissioning`] calibrates one unit by windows of it, [`learning`] by its first ones, and [`type_of_units`] a type by units; [`record`] has the messages that leave. [`pipeline`] counts everything on the way. [`config`] holds the settings, from
 //! text. Time comes with the frames, randomness from a seed.
@@ -19,6 +19,7 @@ pub mod config_warnings;
 pub mod dbc;
 pub mod deadline;
 pub mod demux;
+pub mod drive_bus;
 pub mod frame;
 pub mod functional_check;
 pub mod health;

@@ -69,7 +69,13 @@ impl Quantity {
     /// Whether it keeps its value until it has another: a command or a condition.
     #[must_use]
     pub fn is_held(self) -> bool {
-        matches!(self, Self::Of(Role::CommandPosition | Role::CommandSpeed | Role::Mode)) || !self.is_sampled()
+        self.is_command() || !self.is_sampled()
+    }
+
+    /// Whether it is what is commanded.
+    #[must_use]
+    pub fn is_command(self) -> bool {
+        matches!(self, Self::Of(Role::CommandPosition | Role::CommandSpeed | Role::Mode))
     }
 
     /// Whether a row without it makes no sample.
@@ -124,6 +130,8 @@ pub struct LogMap {
     clock: Clock,
     modes: ModeCodes,
     names: ModeNames,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    current_bandwidth_hz: Option<u32>,
 }
 
 /// Why columns make no map. Displays as what is expected.
@@ -135,9 +143,6 @@ pub enum LogMisfit {
     /// A quantity without which nothing can be assessed is missing.
     #[error("a column for {0}, without which no window can be assessed")]
     Missing(&'static str),
-    /// Nothing is commanded.
-    #[error("a column for command.position or command.speed, without which no window begins")]
-    NoCommand,
     /// Two commands, and no mode that selects one.
     #[error("a column for command.mode beside command.position and command.speed")]
     NoMode,
@@ -154,6 +159,7 @@ impl LogMap {
             clock,
             modes,
             names,
+            current_bandwidth_hz: None,
         };
         let has = |role: Role| map.has(Quantity::Of(role));
         let phases = [Role::CurrentA, Role::CurrentB, Role::CurrentC].map(has);
@@ -166,9 +172,17 @@ impl LogMap {
             return Err(LogMisfit::Missing(Role::MotorPosition.key()));
         }
         match (has(Role::CommandPosition), has(Role::CommandSpeed), has(Role::Mode)) {
-            (false, false, _) => Err(LogMisfit::NoCommand),
             (true, true, false) => Err(LogMisfit::NoMode),
             _ => Ok(map),
+        }
+    }
+
+    /// The same of currents that a drive filters; `None`: it does not, or nobody knows.
+    #[must_use]
+    pub fn with_current_bandwidth(self, current_bandwidth_hz: Option<u32>) -> Self {
+        Self {
+            current_bandwidth_hz,
+            ..self
         }
     }
 
@@ -184,6 +198,14 @@ impl LogMap {
         self.columns.iter().any(|column| column.quantity == quantity)
     }
 
+    /// Whether anything is commanded; else motion begins a window.
+    #[must_use]
+    pub fn has_command(&self) -> bool {
+        [Role::CommandPosition, Role::CommandSpeed]
+            .into_iter()
+            .any(|role| self.has(Quantity::Of(role)))
+    }
+
     /// Whether the rows show the time of the device.
     #[must_use]
     pub fn has_device_time(&self) -> bool {
@@ -192,7 +214,8 @@ impl LogMap {
 
     /// What is missing.
     pub fn gaps(&self) -> impl Iterator<Item = Gap> {
-        Gap::ALL.into_iter().filter(|gap| gap.is_in(self))
+        let of_columns = Gap::OF_COLUMNS.into_iter().filter(|gap| gap.is_in(self));
+        of_columns.chain(self.current_bandwidth_hz.map(Gap::FilteredCurrents))
     }
 
     /// The code of a mode that a log has as text; `None` where no name is configured.

@@ -238,6 +238,14 @@ impl Windower {
         self
     }
 
+    /// The same for samples without set point: motion of the motor begins a window.
+    #[must_use]
+    pub fn triggered_by_motion(mut self) -> Self {
+        let limits = &self.limits;
+        self.trigger.of_motion(limits.rotor.motor_lsb / limits.gear_ratio);
+        self
+    }
+
     /// Counts since the start.
     #[must_use]
     pub fn counts(&self) -> StreamCounts {
@@ -322,7 +330,7 @@ impl Windower {
         } else {
             for _ in 0..gap {
                 let next = self.ring.latest()?.missing_next();
-                self.held.push(next.sample.setpoint);
+                self.held.push(self.trigger.watched(&next.sample));
                 self.ring.push(next);
             }
         }
@@ -339,12 +347,12 @@ impl Windower {
                 _ => Invalidity::ModeChanged,
             };
             let ended = self.close(Some(why));
-            self.held.push(setpoint);
+            self.held.push(self.trigger.watched(&slot.sample));
             self.ring.push(slot);
             return ended;
         }
         let was_held = self.held.was_held();
-        self.held.push(setpoint);
+        self.held.push(self.trigger.watched(&slot.sample));
         self.ring.push(slot);
         let Some(open) = &mut self.open else {
             if may_open && self.trigger.fires(&self.ring) {

@@ -52,11 +52,15 @@ pub struct CanId {
 }
 
 impl Wanted {
-    /// Frames of the actuators that a configuration has on an interface: those of its map, or of the built-in dictionary.
+    /// Frames of the actuators that a configuration has on an interface: those of its map, or of the built-in dictionary. Beside a drive
+    /// all of them: its master may map PDO to any identifier, and commands come from any source.
     #[must_use]
     pub fn for_interface(config: &Config, interface: &str) -> Self {
         let mut ids = BTreeSet::new();
         for actuator in config.actuators().iter().filter(|of| of.is_at(interface, of.id)) {
+            if actuator.drive_bus.is_some() {
+                return Self::All;
+            }
             match &actuator.map {
                 Some(map) => ids.extend(map.messages.iter().map(|of| CanId {
                     id: of.id,
@@ -293,6 +297,15 @@ mod tests {
             assert!(!passes(&filters, can_id | socketcan::EFF), "{can_id:#x} extended");
             assert!(!passes(&filters, can_id | socketcan::RTR), "{can_id:#x} remote");
         }
+    }
+
+    #[test]
+    fn beside_a_drive_every_frame_is_wanted() {
+        let text = "[[actuator]]\nid = 1\nbus = \"can0\"\n[actuator.drive]\npreset = \"odrive\"\n\
+                    [[actuator]]\nid = 0\nbus = \"can1\"\n[type.bench.sensors]\nsample_rate_hz = 400\n";
+        let config = Config::from_toml_str(text, "hmd.toml").expect("valid");
+        assert_eq!(Wanted::for_interface(&config, "can0"), Wanted::All);
+        assert!(matches!(Wanted::for_interface(&config, "can1"), Wanted::Ids(_)));
     }
 
     #[test]

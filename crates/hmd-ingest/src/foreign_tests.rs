@@ -4,6 +4,8 @@ use std::io::Cursor;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use hmd_core::config::Config;
+use hmd_core::drive_bus::{DriveBus, DriveSettings, ObjectDictionary, Preset};
 use hmd_core::frame::BusNames;
 
 use crate::asc::AscReader;
@@ -127,8 +129,29 @@ pub(crate) fn read_mutations_of(
     );
 }
 
+/// The layout of a drive by an EDS or DCF file; 1, whatever is wrong with it.
+fn layout_of_drive(bytes: &[u8]) -> usize {
+    let settings = DriveSettings {
+        preset: Preset::Cia402,
+        node: 1,
+        motor_units_per_rev: None,
+        output_encoder: Some(1),
+        output_units_per_rev: None,
+        rated_current_a: None,
+        uses_commands: true,
+        current_bandwidth_hz: None,
+    };
+    let params = Config::default().actuators()[0].params;
+    let dictionary = ObjectDictionary::parse(bytes, settings.node);
+    dictionary.map_or(1, |dictionary| {
+        usize::from(DriveBus::new(settings, &params, dictionary).is_ok())
+    })
+}
+
 /// Reads mutations of every file.
 fn read_mutations(of_each_format: usize) {
+    let drives = ["drive.eds", "drive.dcf"].map(|name| folder().join("../drives").join(name));
+    read_mutations_of("eds", &drives, of_each_format, |_, bytes| layout_of_drive(bytes), |_| 1);
     for (format, names) in [("asc", &FILES[..1]), ("blf", &FILES[1..2]), ("mf4", &FILES[2..])] {
         let files: Vec<PathBuf> = names.iter().map(|name| folder().join(name)).collect();
         // A compressed block has some thousand times its bytes at most.

@@ -5,6 +5,7 @@
 pub mod bench;
 pub mod calibrate_type;
 pub mod demo;
+pub mod drive_traffic;
 pub mod effects_file;
 pub mod evaluate;
 pub mod recording;

@@ -7,7 +7,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use ema_models::FAULT_COUNT;
-use ema_models::reference::{Drive, Effects, Scenario};
+use ema_models::reference::{Drive, Effects, Scenario, ScenarioRun};
 use ema_wire::ActuatorId;
 use hmd_core::frame::{BusError, BusNames, RawFrame};
 use hmd_ingest::candump::{Decimals, emit};
@@ -17,7 +17,8 @@ use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 use thiserror::Error;
 
-use crate::simulate::{EPOCH_NS, traffic};
+use crate::drive_traffic::{DriveLink, DriveTraffic};
+use crate::simulate::{EPOCH_NS, Traffic, traffic};
 
 /// Name of the simulated interface.
 const INTERFACE: &str = "can0";
@@ -39,6 +40,41 @@ impl RecordingFormat {
             "mcap" => Some(Self::Mcap),
             "log" => Some(Self::Candump),
             _ => None,
+        }
+    }
+}
+
+/// Whose frames a log has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sender {
+    /// Those of the built-in dictionary.
+    BuiltIn(ActuatorId),
+    /// Those of a drive.
+    Drive(ActuatorId, DriveLink),
+}
+
+/// Its frames.
+enum Frames {
+    BuiltIn(Box<Traffic<ScenarioRun>>),
+    Drive(Box<DriveTraffic>),
+}
+
+impl Frames {
+    fn diverged(&self) -> Option<f64> {
+        match self {
+            Self::BuiltIn(frames) => frames.diverged(),
+            Self::Drive(frames) => frames.diverged(),
+        }
+    }
+}
+
+impl Iterator for Frames {
+    type Item = RawFrame;
+
+    fn next(&mut self) -> Option<RawFrame> {
+        match self {
+            Self::BuiltIn(frames) => frames.next(),
+            Self::Drive(frames) => frames.next(),
         }
     }
 }
@@ -85,9 +121,18 @@ pub fn write(
     format: RecordingFormat,
     scenario: &Scenario,
     drive_of_type: &Drive,
-    actuator: ActuatorId,
+    sender: Sender,
 ) -> Result<(), RecordingError> {
-    let mut frames = traffic(scenario, actuator, EPOCH_NS);
+    let (actuator, mut frames) = match sender {
+        Sender::BuiltIn(actuator) => (
+            actuator,
+            Frames::BuiltIn(Box::new(traffic(scenario, actuator, EPOCH_NS))),
+        ),
+        Sender::Drive(actuator, link) => (
+            actuator,
+            Frames::Drive(Box::new(DriveTraffic::new(scenario, link, EPOCH_NS))),
+        ),
+    };
     let begin = |path: &Path| {
         let begun = OutputFile::create(path).and_then(|output| Ok((output.handle()?, output)));
         begun.map_err(|e| io_error(path, e))
@@ -213,7 +258,14 @@ mod tests {
         scenario.unit.motor.j = 1e-12;
         for (name, format) in [("a.log", RecordingFormat::Candump), ("a.mcap", RecordingFormat::Mcap)] {
             let log = folder.join(format!("diverges-{}-{name}", std::process::id()));
-            let error = write(&log, format, &scenario, &Drive::Hysteresis, ActuatorId::new(0).unwrap()).unwrap_err();
+            let error = write(
+                &log,
+                format,
+                &scenario,
+                &Drive::Hysteresis,
+                Sender::BuiltIn(ActuatorId::new(0).unwrap()),
+            )
+            .unwrap_err();
             assert!(matches!(error, RecordingError::Diverged { .. }), "{error}");
             assert!(!log.exists() && !truth_path(&log).exists());
         }

@@ -131,13 +131,18 @@ impl Scenario {
         let lsb = self.nominal.sensors.output_lsb();
         let seen = self.effects.sensors.output_angle(theta_out);
         let at_rest = DetailedState::at_rest(theta_m, theta_out, reference.gear_ratio);
+        let gear_ratio = reference.gear_ratio;
         ScenarioRun {
             state: at_rest,
             earlier: at_rest,
             reference,
             detailed: self.detailed(),
             scenario: self.clone(),
-            rest_angle: encoder_count(seen, lsb) as f64 * lsb,
+            rest_angle: if self.effects.controller.closes_over_motor {
+                theta_m / gear_ratio
+            } else {
+                encoder_count(seen, lsb) as f64 * lsb
+            },
             sign,
             seq: 0,
             diverged: false,

@@ -6,7 +6,7 @@
 use ema_identify::effort::Effort;
 use ema_identify::unit_calibration::{UnitCalibration, UnitEstimator};
 use ema_identify::unit_fit::healthy_cost;
-use ema_identify::{Identifier, Method, Prepared};
+use ema_identify::{Fit, Identifier, Method, Prepared};
 use ema_models::{Comparison, Conditions, Tolerances};
 
 use super::by_signals::{BySignals, CORRECTED_FACTOR, in_words};
@@ -20,6 +20,10 @@ use crate::sensor_checks::rivals::{
     BETTER, Corrected, Rival, Verdict, accuses_all_phases_alike, correct, is_doubtful, judge, rivals,
 };
 use crate::sensor_checks::{Contradiction, Suspect, Suspicion, contradictions};
+
+/// Why a window without set point is not assessed: the monitor follows it.
+const NO_MONITOR: &str =
+    "no set point: assessed by relations between measured signals alone, of a commissioned unit (hmd calibrate)";
 
 /// The explanation of a window.
 pub(super) struct Explained {
@@ -65,6 +69,10 @@ impl Assessor {
         effort: &Effort<'_>,
     ) -> Result<Explained, AssessError> {
         let (mut suspects, mut reasons) = (Vec::new(), Vec::new());
+        if !job.actuator.has_set_point() && !self.has_relations(job) {
+            reasons.push(NO_MONITOR.to_owned());
+            return Ok(Explained::invalid(suspects, reasons));
+        }
         let by_signals = if job.window.quality.is_fit() {
             self.without_mistakes(job, is_learning, effort, &mut suspects, &mut reasons)?
         } else {
@@ -123,6 +131,12 @@ impl Assessor {
             reasons,
             unchecked,
         })
+    }
+
+    /// Whether the unit of a window is known by relations between measured signals.
+    fn has_relations(&self, job: &WindowJob) -> bool {
+        let unit = self.models.unit(&job.actuator);
+        unit.is_some_and(|unit| unit.relations.is_some())
     }
 
     /// Winding temperatures at which the unit of a window was commissioned, °C, if it was; `None` inside where none was measured.
@@ -199,7 +213,8 @@ impl Assessor {
     ) -> Result<Option<Assessed>, AssessError> {
         let identifier = self.identifier_of(job)?;
         let seed = mix(self.seed, &[name_hash(&job.actuator.name), job.window.number]);
-        let only_relations = self.config.identification().method == SearchMethod::Relations;
+        let has_set_point = job.actuator.has_set_point();
+        let only_relations = self.config.identification().method == SearchMethod::Relations || !has_set_point;
         let mut reasons = Vec::new();
         match self.models.unit(&job.actuator) {
             Some(unit) if only_relations && unit.relations.is_some() => {
@@ -208,7 +223,12 @@ impl Assessor {
                     monitor: None,
                     ..unit.clone()
                 };
-                return by_unit::estimate(&alone, &identifier, job, conditions, seed, effort);
+                let found = by_unit::estimate(&alone, &identifier, job, conditions, seed, effort)?;
+                // The monitor has no curve to show without a set point.
+                return Ok(found.map(|assessed| Assessed {
+                    fit: if has_set_point { assessed.fit } else { Fit::default() },
+                    ..assessed
+                }));
             }
             Some(unit) => return by_unit::estimate(unit, &identifier, job, conditions, seed, effort),
             // They are changes since commissioning.

@@ -41,6 +41,13 @@ impl Evidence {
         }
     }
 
+    /// Leaves out faults that later windows cannot show either.
+    pub(super) fn hide<'a>(&mut self, faults: impl Iterator<Item = &'a FaultId>) {
+        for fault in faults {
+            self.sigma[fault.index()] = None;
+        }
+    }
+
     /// Whether the estimator can assess the unit at all.
     pub(super) fn is_sound(&self) -> bool {
         self.explained >= EXPLAINED_MIN && self.sigma.iter().any(Option::is_some)

@@ -11,11 +11,13 @@ use serde::Serialize;
 
 use super::ConfigError;
 use super::actuator_type::{ActuatorType, DEFAULT_TYPE, parameters_as_text};
+use super::drive_bus;
 use super::name::{NAME_EXPECTED, is_name};
 use super::reader::Section;
 use super::signals::{self, DbcFiles};
 use super::specification::Specification;
 use crate::dbc::SignalMap;
+use crate::drive_bus::DriveBus;
 use crate::log_map::LogMap;
 
 const KEYS: &[&str] = &[
@@ -28,6 +30,7 @@ const KEYS: &[&str] = &[
     "learn_folder",
     "dbc",
     "signals",
+    "drive",
     "part_number",
     "serial_number",
     "passive",
@@ -74,7 +77,13 @@ pub struct ActuatorConfig {
     /// Its signals in there.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub map: Option<Arc<SignalMap>>,
-    /// Its columns in logs of measured signals.
+    /// The drive that it is of, where its frames are those of one as they are sold.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub drive_bus: Option<Arc<DriveBus>>,
+    /// EDS or DCF file of the drive, as written in the file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub eds: Option<PathBuf>,
+    /// Its columns in logs of measured signals, or as a drive's quantities.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub log: Option<Arc<LogMap>>,
     /// Part number, for the records.
@@ -138,6 +147,8 @@ impl ActuatorConfig {
             learning: None,
             dbc: None,
             map: None,
+            drive_bus: None,
+            eds: None,
             log: None,
             part_number: None,
             serial_number: None,
@@ -149,6 +160,7 @@ impl ActuatorConfig {
         section: &Section<'_>,
         types: &BTreeMap<String, ActuatorType>,
         files: &mut DbcFiles<'_>,
+        eds: Option<&str>,
     ) -> Result<Self, ConfigError> {
         let last = ActuatorId::COUNT - 1;
         let index = section
@@ -174,6 +186,11 @@ impl ActuatorConfig {
         actuator.learning = Learning::read(section)?;
         actuator.dbc = section.text("dbc")?.map(PathBuf::from);
         actuator.map = signals::read(section, &actuator.params, files)?.map(Arc::new);
+        if let Some((drive, eds)) = drive_bus::read(section, id, &actuator.params, files, eds)? {
+            actuator.log = drive.map().ok().cloned();
+            actuator.drive_bus = Some(Arc::new(drive));
+            actuator.eds = eds;
+        }
         actuator.part_number = section.text("part_number")?;
         actuator.serial_number = section.text("serial_number")?;
         actuator.passive = section.flag("passive", false)?;
@@ -200,6 +217,12 @@ impl ActuatorConfig {
         }
     }
 
+    /// Whether its samples have a set point; else motion begins a window.
+    #[must_use]
+    pub fn has_set_point(&self) -> bool {
+        self.log.as_ref().is_none_or(|log| log.has_command())
+    }
+
     /// Whether frames of number `id` on interface `bus` are its own.
     #[must_use]
     pub fn is_at(&self, bus: &str, id: ActuatorId) -> bool {
@@ -212,12 +235,13 @@ impl ActuatorConfig {
     }
 }
 
-/// Every `[[actuator]]`; `None` if there is none.
+/// Every `[[actuator]]`; `None` if there is none. `eds` is the file of drives that name none.
 pub(super) fn read_all(
     root: &Section<'_>,
     types: &BTreeMap<String, ActuatorType>,
     directory: &Path,
     read_dbc: &dyn Fn(&Path) -> Result<Vec<u8>, String>,
+    eds: Option<&str>,
 ) -> Result<Option<Vec<ActuatorConfig>>, ConfigError> {
     let mut files = DbcFiles::new(directory, read_dbc);
     let Some(sections) = root.list("actuator", KEYS)? else {
@@ -225,7 +249,7 @@ pub(super) fn read_all(
     };
     let mut actuators: Vec<ActuatorConfig> = Vec::with_capacity(sections.len());
     for section in &sections {
-        let actuator = ActuatorConfig::read(section, types, &mut files)?;
+        let actuator = ActuatorConfig::read(section, types, &mut files, eds)?;
         if let Some(other) = actuators.iter().find(|other| other.overlaps(&actuator)) {
             let place = other.bus.as_deref().or(actuator.bus.as_deref()).unwrap_or("any bus");
             let expected = format!("a number that {} on {place} does not have", other.name);

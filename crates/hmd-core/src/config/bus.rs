@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::reader::Section;
 use super::{ActuatorConfig, ConfigError, SerialConfig};
 use crate::dbc::{MessageUse, SignalMap};
+use crate::drive_bus::{Coding, DriveBus, DriveMessage};
 
 /// Largest load of an interface that is accepted; 1.0 is a full bus.
 pub const LOAD_MAX: f64 = 0.9;
@@ -56,7 +57,7 @@ impl Default for BusConfig {
 }
 
 impl BusConfig {
-    pub(super) const KEYS: &[&str] = &["bitrate_bit_s", "fd", "data_bitrate_bit_s"];
+    pub(super) const KEYS: &[&str] = &["bitrate_bit_s", "fd", "data_bitrate_bit_s", "eds"];
 
     pub(super) fn read(section: &Section<'_>) -> Result<Self, ConfigError> {
         let default = Self::default();
@@ -99,21 +100,37 @@ impl BusConfig {
         per_sample * sample_rate_hz
     }
 
-    /// Time that a frame takes, s; of more than eight bytes it can only be FD.
+    /// Load of a bus by the samples of one drive: its frames with parts of them, and one command.
+    fn load_of_drive(&self, drive: &DriveBus, sample_rate_hz: f64) -> f64 {
+        /// Bytes of a subframe's head and of a register.
+        const REGISTER_BYTES: usize = 6;
+        let bytes = |message: &DriveMessage| match message.coding {
+            Coding::Bits { length } => length,
+            Coding::Registers { .. } => REGISTER_BYTES * message.fields.len(),
+        };
+        let sampled = drive.layout().sampled();
+        let per_sample: f64 = sampled
+            .map(|message| self.seconds(bytes(message), message.extended == Some(true)))
+            .sum();
+        (per_sample + self.seconds(CLASSIC_LEN, false)) * sample_rate_hz
+    }
+
+    /// Time that a frame takes, s.
     fn frame_s(&self, message: &MessageUse) -> f64 {
+        self.seconds(message.length, message.extended)
+    }
+
+    /// Time that a frame of so many bytes takes, s; of more than eight bytes it can only be FD.
+    fn seconds(&self, length: usize, extended: bool) -> f64 {
         /// Further bits of a long identifier, stuffing included.
         const EXTENSION_BITS: f64 = 22.0;
-        let (bitrate, bytes) = (f64::from(self.bitrate_bit_s), message.length as u32);
-        let frame_s = if message.length > CLASSIC_LEN {
+        let (bitrate, bytes) = (f64::from(self.bitrate_bit_s), length as u32);
+        let frame_s = if length > CLASSIC_LEN {
             fd_frame_seconds(bytes, bitrate, f64::from(self.data_bitrate_bit_s))
         } else {
             f64::from(classic_frame_bits(bytes, Stuffing::Nominal)) / bitrate
         };
-        let extension_s = if message.extended {
-            EXTENSION_BITS / bitrate
-        } else {
-            0.0
-        };
+        let extension_s = if extended { EXTENSION_BITS / bitrate } else { 0.0 };
         frame_s + extension_s
     }
 
@@ -126,9 +143,10 @@ impl BusConfig {
             let sample_rate_hz = actuator.params.sensors.sample_rate;
             *load += match line(actuator.bus.as_deref()) {
                 Some(line) => line.load_of_one(sample_rate_hz),
-                None => match &actuator.map {
-                    Some(map) => self.load_of_map(map, sample_rate_hz),
-                    None => self.load_of_one(sample_rate_hz),
+                None => match (&actuator.map, &actuator.drive_bus) {
+                    (Some(map), _) => self.load_of_map(map, sample_rate_hz),
+                    (None, Some(drive)) => self.load_of_drive(drive, sample_rate_hz),
+                    (None, None) => self.load_of_one(sample_rate_hz),
                 },
             };
         }

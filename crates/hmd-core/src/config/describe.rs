@@ -135,8 +135,23 @@ fn write_types(out: &mut String, config: &Config) -> fmt::Result {
 
 /// What is mapped of logs of measured signals, and what comes of what is not.
 fn write_log_map(out: &mut String, actuator: &ActuatorConfig) -> fmt::Result {
+    if let Some(Err(misfit)) = actuator.drive_bus.as_ref().map(|drive| drive.map()) {
+        let name = &actuator.name;
+        return writeln!(
+            out,
+            "    {name}: waits until its master writes the PDO: expected {misfit}"
+        );
+    }
     let Some(map) = &actuator.log else { return Ok(()) };
-    write!(out, "    {}, of logs:", actuator.name)?;
+    match &actuator.drive_bus {
+        Some(drive) => write!(
+            out,
+            "    {} node {}, listened to:",
+            drive.settings().preset.name(),
+            drive.settings().node
+        )?,
+        None => write!(out, "    {}, of logs:", actuator.name)?,
+    }
     for column in map.columns() {
         write!(out, " {} {:?}", column.quantity.key(), column.signal)?;
     }

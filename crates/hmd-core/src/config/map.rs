@@ -12,9 +12,12 @@ pub(super) const KEYS: [&str; 8] = [
     "actuator", "time", "clock", "currents", "position", "command", "sample", "status",
 ];
 
+/// Key beside the currents: where the drive filters them.
+const BANDWIDTH: &str = "bandwidth_hz";
+
 /// Tables of quantities in it.
 const SECTIONS: [(&str, &[&str]); 5] = [
-    ("currents", &["a", "b", "c", "d", "q"]),
+    ("currents", &["a", "b", "c", "d", "q", BANDWIDTH]),
     ("position", &["motor", "output"]),
     ("command", &["position", "speed", "mode"]),
     ("sample", &["counter", "time"]),
@@ -34,6 +37,13 @@ pub(super) fn read(root: &Section<'_>, actuators: &mut [ActuatorConfig]) -> Resu
     let Some(actuator) = found else {
         return Err(section.refuse("actuator", "the name of an [[actuator]]"));
     };
+    if actuator.drive_bus.is_some() {
+        return Err(section.refuse_effective(
+            "actuator",
+            "an actuator without drive: its frames are those of a drive",
+            &actuator.name,
+        ));
+    }
     if actuator.dbc.is_some() {
         return Err(section.refuse_effective(
             "actuator",
@@ -47,6 +57,8 @@ pub(super) fn read(root: &Section<'_>, actuators: &mut [ActuatorConfig]) -> Resu
         &[("device", Clock::Device), ("receiver", Clock::Receiver)],
     )?;
     let mut reader = Reader::default();
+    let currents = section.section(SECTIONS[0].0, SECTIONS[0].1)?;
+    let bandwidth_hz = currents.integer(BANDWIDTH, super::drive_bus::BANDWIDTHS_HZ)?;
     reader.column(&section, "time", Quantity::Time)?;
     for (name, keys) in SECTIONS {
         let table = section.section(name, keys)?;
@@ -60,7 +72,7 @@ pub(super) fn read(root: &Section<'_>, actuators: &mut [ActuatorConfig]) -> Resu
     }
     let map = LogMap::new(reader.columns, clock, reader.modes, reader.names);
     let map = map.map_err(|misfit| section.refuse_self(&misfit.to_string(), "none"))?;
-    actuator.log = Some(Arc::new(map));
+    actuator.log = Some(Arc::new(map.with_current_bandwidth(bandwidth_hz)));
     Ok(())
 }
 

@@ -63,8 +63,11 @@ pub(super) fn read_all(root: &Section<'_>, actuators: &[ActuatorConfig]) -> Resu
         if on_it.peek().is_none() {
             return Err(section.refuse("bus", "the bus of an [[actuator]]"));
         }
-        if on_it.any(|actuator| actuator.map.is_some()) {
-            return Err(section.refuse("bus", "the bus of actuators without a DBC file, which is of CAN"));
+        if on_it.any(|actuator| actuator.map.is_some() || actuator.drive_bus.is_some()) {
+            return Err(section.refuse(
+                "bus",
+                "the bus of actuators without a DBC file or a drive, which are of CAN",
+            ));
         }
         lines.push(line);
     }

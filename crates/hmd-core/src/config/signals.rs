@@ -39,6 +39,11 @@ impl<'a> DbcFiles<'a> {
         }
     }
 
+    /// The bytes of a file of another kind, or why there are none.
+    pub(super) fn bytes(&self, path: &Path) -> Result<Vec<u8>, String> {
+        (self.read_file)(&self.directory.join(path))
+    }
+
     /// A file, or what was expected and found instead.
     fn get(&mut self, path: &Path) -> Result<&Database, String> {
         if !self.read.contains_key(path) {

@@ -19,10 +19,21 @@ pub enum Gap {
     DirectCurrent,
     /// The output angle.
     OutputAngle,
+    /// A set point.
+    SetPoint,
+    /// Currents as they flow: the drive filters them at so many Hz.
+    FilteredCurrents(u32),
 }
 
 impl Gap {
-    pub(super) const ALL: [Self; 4] = [Self::ThirdPhase, Self::Phases, Self::DirectCurrent, Self::OutputAngle];
+    /// Those that follow from the columns.
+    pub(super) const OF_COLUMNS: [Self; 5] = [
+        Self::ThirdPhase,
+        Self::Phases,
+        Self::DirectCurrent,
+        Self::OutputAngle,
+        Self::SetPoint,
+    ];
 
     pub(super) fn is_in(self, map: &LogMap) -> bool {
         let lacks = |quantity: Quantity| !map.has(quantity);
@@ -32,6 +43,8 @@ impl Gap {
             Self::Phases => is_dq,
             Self::DirectCurrent => is_dq && lacks(Quantity::CurrentD),
             Self::OutputAngle => lacks(Quantity::Of(Role::OutputPosition)),
+            Self::SetPoint => !map.has_command(),
+            Self::FilteredCurrents(_) => true,
         }
     }
 
@@ -39,10 +52,11 @@ impl Gap {
     #[must_use]
     pub fn hides(self) -> &'static [FaultId] {
         match self {
-            Self::ThirdPhase | Self::Phases => &[],
+            Self::ThirdPhase | Self::Phases | Self::FilteredCurrents(_) => &[],
             // Shorted turns unbalance the phases, which shows as ripple of both currents of the rotor's frame.
             Self::DirectCurrent => &[FaultId::ShortA, FaultId::ShortB, FaultId::ShortC],
             Self::OutputAngle => &[FaultId::Backlash],
+            Self::SetPoint => &[FaultId::Gain],
         }
     }
 }
@@ -50,10 +64,14 @@ impl Gap {
 impl fmt::Display for Gap {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
+            Self::FilteredCurrents(hz) => {
+                return write!(f, "currents filtered at {hz} Hz by the drive: faster ones are not seen");
+            }
             Self::ThirdPhase => "no currents.c: the sum of the currents is not checked",
             Self::Phases => "currents of d and q: the sum of the phases is not checked",
             Self::DirectCurrent => "no currents.d: it is taken as 0, and shorts are not observable",
             Self::OutputAngle => "no position.output: the gear is taken as rigid, and backlash is not observable",
+            Self::SetPoint => "no set point: motion begins a window, and controller gain is not observable",
         })
     }
 }

@@ -40,7 +40,7 @@ mod table;
 pub mod top;
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
@@ -128,6 +128,9 @@ struct Settings {
     /// Set a key of the configuration, over what its files say, also several times: `identification.method=ga`.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    /// EDS or DCF file of every drive of preset cia402 that names none: bus.eds.
+    #[arg(long, value_name = "FILE")]
+    eds: Option<PathBuf>,
 }
 
 /// The configuration of a file, or the defaults.
@@ -140,7 +143,14 @@ pub fn load_config(path: Option<&Path>) -> Result<Config, ConfigError> {
 
 /// The same with the settings of the command line.
 fn load_config_with(path: Option<&Path>, settings: &Settings) -> Result<Config, ConfigError> {
-    config_file::load_config_with(path, &settings.set)
+    let mut all = settings.set.clone();
+    // A path of the command line starts where the command runs, not where the configuration is.
+    let eds = settings.eds.as_deref();
+    all.extend(eds.map(|eds| {
+        let eds = std::path::absolute(eds).unwrap_or_else(|_| eds.to_owned());
+        format!("bus.eds={}", eds.display())
+    }));
+    config_file::load_config_with(path, &all)
 }
 
 /// Whether every calibration and the events that the configuration names can be used, before a log is read. Warns of units that were

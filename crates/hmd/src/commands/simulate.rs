@@ -11,8 +11,10 @@ use ema_wire::bus_load::bus_load;
 use super::outputs::Outputs;
 use super::{Exit, Misuse, load_config, say, unknown_type};
 use hmd_core::config::LOAD_MAX;
+use hmd_core::drive_bus::Preset;
+use hmd_lab::drive_traffic::DriveLink;
 use hmd_lab::effects_file::{self, EffectsFileError};
-use hmd_lab::recording::{self, RecordingFormat};
+use hmd_lab::recording::{self, RecordingFormat, Sender};
 
 /// Bit rate of the simulated bus.
 const BIT_RATE_BIT_S: f64 = 1e6;
@@ -75,6 +77,12 @@ pub struct Args {
     /// CAN number of the actuator.
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..16))]
     id: u8,
+    /// Frames of a drive as it is sold, of node `--id`, instead of the built-in ones.
+    #[arg(long, value_parser = named_preset, value_name = "cia402|odrive|moteus")]
+    preset: Option<Preset>,
+    /// With `--preset`: a second encoder at the output is sent too.
+    #[arg(long, requires = "preset")]
+    output_encoder: bool,
     /// Configuration that defines further types.
     #[arg(short, long)]
     config: Option<PathBuf>,
@@ -127,9 +135,12 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let Some(actuator) = ActuatorId::new(args.id) else {
         return Err(Misuse(format!("--id: expected 0 to 15, found {}", args.id)).into());
     };
+    let mut effects = effects(args, &found.drive)?;
+    // A drive that has no encoder at the output closes its loop over the motor's.
+    effects.controller.closes_over_motor = args.preset.is_some() && !args.output_encoder;
     let scenario = Scenario {
         load_torque: args.load,
-        effects: effects(args, &found.drive)?,
+        effects,
         sensing: CurrentSensing {
             quantised: args.noise > 0.0,
             noise_rms: args.noise,
@@ -147,7 +158,22 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         return Err(Misuse(format!("{found}: expected a name that ends in .mcap or .log")).into());
     };
     let drive_of_type = Drive::of_type(&found.drive);
-    recording::write(output, format, &scenario, &drive_of_type, actuator)?;
+    let sender = match args.preset {
+        Some(preset) if !preset.nodes().contains(&u32::from(args.id)) => {
+            return Err(Misuse(format!("--id: expected 1 to 15 with --preset, found {}", args.id)).into());
+        }
+        Some(preset) => {
+            let (node, has_output_encoder) = (args.id, args.output_encoder);
+            let link = DriveLink {
+                preset,
+                node,
+                has_output_encoder,
+            };
+            Sender::Drive(actuator, link)
+        }
+        None => Sender::BuiltIn(actuator),
+    };
+    recording::write(output, format, &scenario, &drive_of_type, sender)?;
     Ok(Exit::Done)
 }
 
@@ -281,6 +307,13 @@ fn named_effect(text: &str) -> Result<EffectSettings, String> {
     let mut settings = EffectSettings::default();
     settings.set(name, value).map_err(|e| e.to_string())?;
     Ok(settings)
+}
+
+fn named_preset(text: &str) -> Result<Preset, String> {
+    let found = Preset::NAMES.into_iter().find(|(name, _)| *name == text);
+    found
+        .map(|(_, preset)| preset)
+        .ok_or_else(|| format!("expected one of {}", Preset::NAMES.map(|(name, _)| name).join(", ")))
 }
 
 fn named_drive(text: &str) -> Result<Drive, String> {

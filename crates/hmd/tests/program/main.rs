@@ -3,6 +3,7 @@
 mod check_config;
 mod cli_live;
 mod damaged_log;
+mod drives;
 mod export;
 mod folder;
 mod foreign_log;

@@ -47,6 +47,19 @@ fn the_configuration_that_map_writes_gives_the_records_of_the_frames() {
 }
 
 #[test]
+fn without_set_point_a_window_is_assessed_by_relations_alone() {
+    let folder = tempfile::tempdir().expect("a temporary directory");
+    let map = "[map]\ntime = \"t\"\ncurrents.a = \"I_A\"\ncurrents.b = \"I_B\"\nposition.motor = \"theta_m\"\n";
+    fs::write(folder.path().join("hmd.toml"), map).expect("hmd.toml");
+    let output = hmd(folder.path(), &["replay", "--json", "samples.csv", "-c", "hmd.toml"]);
+    let line = String::from_utf8(output.stdout).expect("hmd prints UTF-8");
+    assert!(line.contains("\"status\":\"invalid\""), "{line}");
+    let said =
+        "no set point: assessed by relations between measured signals alone, of a commissioned unit (hmd calibrate)";
+    assert!(line.contains(said), "{line}");
+}
+
+#[test]
 fn what_is_wrong_with_a_map_is_said() {
     let folder = tempfile::tempdir().expect("a temporary directory");
     let sentence = |config: &str, log: &str| {
@@ -66,10 +79,9 @@ fn what_is_wrong_with_a_map_is_said() {
              hmd map writes one",
         ),
         (
-            map,
+            &map.replace("position.motor", "position.output"),
             Some(78),
-            "hmd: hmd.toml:1: map: expected a column for command.position or command.speed, without which no window begins, \
-             found none",
+            "hmd: hmd.toml:1: map: expected a column for position.motor, without which no window can be assessed, found none",
         ),
         (
             &with_phi,

@@ -15,6 +15,8 @@ pub struct ControllerEffects {
     pub speed_filter: f64,
     /// Whole control periods between measurement and current reference.
     pub delay: f64,
+    /// Whether the position loop is closed over the motor's angle: a drive without an encoder at the output. No effect of its own.
+    pub closes_over_motor: bool,
 }
 
 /// Longest delay, control periods.
@@ -27,6 +29,8 @@ pub(crate) struct Controller {
     effects: ControllerEffects,
     period: f64,
     motor_lsb: f64,
+    /// Output angle of a rigid gear per count of the motor, rad.
+    output_per_count: f64,
     /// Weight of a new speed in the filter.
     filter_weight: f64,
     delay: usize,
@@ -54,6 +58,7 @@ impl Controller {
             effects: *effects,
             period,
             motor_lsb: params.sensors.motor_lsb(),
+            output_per_count: params.sensors.motor_lsb() / params.transmission.gear_ratio,
             filter_weight: 1.0 - libm::exp(-core::f64::consts::TAU * effects.speed_filter * period),
             delay: effects.delay as usize,
         }
@@ -71,6 +76,11 @@ impl Controller {
         motor_counts: i64,
         omega_m: f64,
     ) -> f64 {
+        let counted = if self.effects.closes_over_motor {
+            motor_counts as f64 * self.output_per_count
+        } else {
+            counted
+        };
         state.limited = self.limited(state.limited, setpoint, counted, omega_m);
         let speed = self.speed(state, motor_counts, omega_m);
         let i_ref = self.ace.step(&mut state.ace, state.limited, counted, speed);

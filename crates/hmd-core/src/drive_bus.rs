@@ -1,0 +1,183 @@
+//! Drives as they are sold, on CAN: which of their frames are the quantities of one actuator.
+//!
+//! ```text
+//! preset, EDS or DCF, overheard SDO ─ DriveLayout ─┐
+//! RawFrame ────────────────────────── DriveJoiner ─┴─ rows ─ log_map::RowDecoder ─> Sample, MeasuredConditions
+//! ```
+//!
+//! Such a drive sends currents in its rotor's frame, counts no samples and has no clock, so its frames become rows as a log of measured
+//! signals has them, numbered by their stamps; what it lacks is said as of a log ([`crate::log_map::Gap`]). Its set point is overheard:
+//! frames to the drive. Nothing is ever sent. Each preset: `docs/drives.md`.
+
+mod cia402;
+mod eds;
+mod joiner;
+mod layout;
+mod moteus;
+mod odrive;
+mod pdo;
+mod sdo;
+
+pub use eds::{EDS_BYTES_MAX, EdsError, ObjectDictionary};
+pub use joiner::DriveJoiner;
+pub use layout::{Coding, DriveLayout, DriveMessage, Field, Place, Target};
+
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+
+use ema_models::ActuatorParams;
+use serde::Serialize;
+
+use crate::log_map::{LogMap, LogMisfit};
+
+/// Whose frames they are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Preset {
+    /// A drive of CiA 402 on CANopen.
+    Cia402,
+    /// ODrive, CANSimple.
+    Odrive,
+    /// moteus, multiplex frames of registers.
+    Moteus,
+}
+
+impl Preset {
+    /// All of them by name.
+    pub const NAMES: [(&'static str, Self); 3] = [
+        ("cia402", Self::Cia402),
+        ("odrive", Self::Odrive),
+        ("moteus", Self::Moteus),
+    ];
+
+    /// Its name in the configuration.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        Self::NAMES
+            .iter()
+            .find(|(_, of)| *of == self)
+            .map_or("", |(name, _)| name)
+    }
+
+    /// Numbers that a node may have.
+    #[must_use]
+    pub fn nodes(self) -> RangeInclusive<u32> {
+        match self {
+            Self::Odrive => 0..=odrive::NODE_MAX,
+            Self::Cia402 | Self::Moteus => 1..=127,
+        }
+    }
+}
+
+/// Section `[actuator.drive]`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DriveSettings {
+    /// Whose frames they are.
+    pub preset: Preset,
+    /// Number of the node.
+    pub node: u8,
+    /// Steps of its position in one turn of the motor; `None`: as the preset or its file has them.
+    pub motor_units_per_rev: Option<f64>,
+    /// Which second encoder is at the output, as the preset numbers them; `None`: none.
+    pub output_encoder: Option<u16>,
+    /// Steps of that one in one turn of the output, negative where it counts the other way; `None`: as above.
+    pub output_units_per_rev: Option<f64>,
+    /// Peak of i_q at 1000 ‰, A; of CiA 402.
+    pub rated_current_a: Option<f64>,
+    /// Whether overheard commands are the set point.
+    pub uses_commands: bool,
+    /// Bandwidth of its filter of the currents, Hz, where that is known.
+    pub current_bandwidth_hz: Option<u32>,
+}
+
+/// The drive of one actuator.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DriveBus {
+    settings: DriveSettings,
+    #[serde(skip)]
+    params: ActuatorParams,
+    /// Of CiA 402: what its file says, and what was overheard.
+    #[serde(skip)]
+    dictionary: ObjectDictionary,
+    layout: DriveLayout,
+    /// As the columns of a log; what a drive of CiA 402 still lacks, which its master may yet write.
+    #[serde(skip)]
+    map: Result<Arc<LogMap>, DriveMisfit>,
+}
+
+/// Why a drive cannot be read. Displays as what is expected.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DriveMisfit {
+    /// A quantity is missing.
+    #[error(transparent)]
+    Log(#[from] LogMisfit),
+    /// Numbers that neither the configuration nor the file has.
+    #[error("{0}, in [actuator.drive] or in the EDS file")]
+    Unknown(&'static str),
+    /// The mapping of a PDO.
+    #[error(transparent)]
+    Pdo(#[from] pdo::PdoError),
+}
+
+impl DriveBus {
+    /// The drive with these settings; of CiA 402 with what its file says, which may be nothing.
+    ///
+    /// # Errors
+    /// [`DriveMisfit`] of a drive whose frames do not depend on what is written to it.
+    pub fn new(
+        settings: DriveSettings,
+        params: &ActuatorParams,
+        dictionary: ObjectDictionary,
+    ) -> Result<Self, DriveMisfit> {
+        let mut drive = Self {
+            settings,
+            params: *params,
+            dictionary,
+            layout: DriveLayout::new(),
+            map: Err(DriveMisfit::Pdo(pdo::PdoError::None)),
+        };
+        drive.lay_out();
+        match (&drive.map, drive.settings.preset) {
+            (Err(misfit), Preset::Odrive | Preset::Moteus) => Err(misfit.clone()),
+            _ => Ok(drive),
+        }
+    }
+
+    fn lay_out(&mut self) {
+        let (settings, params) = (&self.settings, &self.params);
+        let layout = match settings.preset {
+            Preset::Cia402 => cia402::layout(settings, params, &self.dictionary),
+            Preset::Odrive => Ok(odrive::layout(settings, params)),
+            Preset::Moteus => Ok(moteus::layout(settings, params)),
+        };
+        let mapped = layout.and_then(|layout| {
+            let map = layout.log_map()?;
+            let map = map.with_current_bandwidth(settings.current_bandwidth_hz);
+            Ok((Arc::new(map), layout))
+        });
+        self.map = mapped.map(|(map, layout)| {
+            self.layout = layout;
+            map
+        });
+    }
+
+    /// Its settings.
+    #[must_use]
+    pub fn settings(&self) -> &DriveSettings {
+        &self.settings
+    }
+
+    /// Its frames.
+    #[must_use]
+    pub fn layout(&self) -> &DriveLayout {
+        &self.layout
+    }
+
+    /// Its quantities, as the columns of a log.
+    ///
+    /// # Errors
+    /// What a drive of CiA 402 lacks so far.
+    pub fn map(&self) -> Result<&Arc<LogMap>, &DriveMisfit> {
+        self.map.as_ref()
+    }
+}

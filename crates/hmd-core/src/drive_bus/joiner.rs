@@ -1,0 +1,352 @@
+//! [`DriveJoiner`]: frames of a drive -> rows -> samples.
+//!
+//! A row is whole when it has every quantity of a sample; commands and conditions hold. The parts of a row are those whose stamps are
+//! at most half a sample period apart: nothing counts them. A part that is there already, or comes later than that, begins the next
+//! row; what the row before lacks makes its sample missing.
+//!
+//! Of CiA 402, objects that the master writes are overheard, and hold over those of the file.
+
+use std::sync::Arc;
+
+use ema_models::ActuatorParams;
+use ema_wire::ActuatorId;
+
+use super::layout::{Coding, DriveLayout, DriveMessage, MODE, Place, TIME, Target};
+use super::moteus::{self, Registers};
+use super::sdo::SdoListener;
+use super::{DriveBus, DriveMisfit, Preset};
+use crate::dbc::{DecodedUpdate, Role, Unit};
+use crate::frame::RawFrame;
+use crate::log_map::{Column, LogMap, Quantity, RowDecoder};
+use crate::sample::MeasuredConditions;
+
+/// Identifier of CANopen's SYNC.
+const SYNC: u32 = 0x080;
+
+/// Collects the frames of one drive into samples.
+#[derive(Clone, Debug)]
+pub struct DriveJoiner {
+    actuator: ActuatorId,
+    name: Arc<str>,
+    bus: DriveBus,
+    sdo: Option<SdoListener>,
+    /// Whether objects were written that the layout does not know yet.
+    is_rewritten: bool,
+    rows: Option<Rows>,
+}
+
+/// The row that is being collected.
+#[derive(Clone, Debug)]
+struct Rows {
+    decoder: RowDecoder,
+    /// Most between two stamps of one row, ns.
+    span_ns: u64,
+    row: Vec<f64>,
+    /// Columns that a row needs, and those that the open one has, a bit each.
+    awaited: u64,
+    filled: u64,
+    /// Columns that any frame had, a bit each; and whether a row was ever whole.
+    heard: u64,
+    was_whole: bool,
+    since_ns: u64,
+    /// The command heard last; 0: none yet.
+    commanded: i64,
+    /// A command that holds from the next SYNC on: its column, value and mode.
+    next: Option<(usize, f64, i64)>,
+    /// What each state said last, in the order of the messages' fields.
+    follows: Vec<bool>,
+}
+
+impl DriveJoiner {
+    /// For one actuator.
+    #[must_use]
+    pub fn new(actuator: ActuatorId, name: &str, bus: DriveBus) -> Self {
+        let settings = bus.settings();
+        let sdo = (settings.preset == Preset::Cia402).then(|| SdoListener::new(settings.node));
+        let rows = Rows::new(actuator, &bus);
+        Self {
+            actuator,
+            name: name.into(),
+            bus,
+            sdo,
+            is_rewritten: false,
+            rows,
+        }
+    }
+
+    /// Name of the actuator.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Its quantities, as the columns of a log.
+    ///
+    /// # Errors
+    /// What a drive of CiA 402 lacks so far.
+    pub fn map(&self) -> Result<&Arc<LogMap>, &DriveMisfit> {
+        self.bus.map()
+    }
+
+    /// Why no sample ever came, where frames did; displays as what is expected.
+    #[must_use]
+    pub fn lacking(&self) -> Option<String> {
+        let rows = match (&self.rows, self.map()) {
+            (Some(rows), _) => rows,
+            (None, Err(misfit)) => return Some(misfit.to_string()),
+            (None, Ok(_)) => return None,
+        };
+        if rows.was_whole || rows.heard == 0 {
+            return None;
+        }
+        let columns = self.bus.layout().columns.iter().enumerate();
+        let missing = columns.filter(|(n, _)| rows.awaited & !rows.heard & 1 << n != 0);
+        let missing: Vec<&str> = missing.map(|(_, column)| column.signal.as_str()).collect();
+        Some(if missing.is_empty() {
+            let ms = rows.span_ns as f64 / 1e6;
+            format!("the parts of a sample within {ms} ms, half a period of sample_rate_hz")
+        } else {
+            format!("{} in each sample", missing.join(", "))
+        })
+    }
+
+    /// Takes a frame: `None` if it is not the drive's or not used, `Some(None)` if it cannot be decoded.
+    pub fn push(&mut self, frame: &RawFrame) -> Option<Option<DecodedUpdate>> {
+        if frame.is_remote() {
+            return None;
+        }
+        if let Some(sdo) = self.sdo.as_mut() {
+            if sdo.is_sdo(frame) {
+                if let Some((index, sub, value)) = sdo.push(frame) {
+                    self.is_rewritten |= self.bus.dictionary.write(index, sub, value);
+                }
+                return Some(Some(DecodedUpdate::default()));
+            }
+            if self.is_rewritten {
+                self.is_rewritten = false;
+                self.bus.lay_out();
+                self.rows = Rows::new(self.actuator, &self.bus);
+            }
+        }
+        let (rows, layout) = (self.rows.as_mut()?, self.bus.layout());
+        if self.sdo.is_some() && frame.id() == SYNC && !frame.is_extended() {
+            rows.synchronise();
+            return Some(Some(DecodedUpdate::default()));
+        }
+        let mut states = 0;
+        for message in &layout.messages {
+            if message.is(frame) {
+                return Some(rows.take(layout, message, states, frame));
+            }
+            states += message.states();
+        }
+        None
+    }
+}
+
+impl Rows {
+    /// `None` until all of its quantities are known.
+    fn new(actuator: ActuatorId, bus: &DriveBus) -> Option<Self> {
+        let (layout, params, map) = (&bus.layout, &bus.params, bus.map.as_ref().ok()?);
+        let columns = layout.columns.iter().map(|column| {
+            // Every column of a preset has a unit of its quantity.
+            let unit = column.conversion(None, params).unwrap_or(Unit::SAME);
+            (column.clone(), unit)
+        });
+        let is_awaited = layout.columns.iter().map(DriveLayout::is_awaited);
+        let awaited = is_awaited.enumerate().map(|(n, awaited)| u64::from(awaited) << n);
+        let states: usize = layout.messages.iter().map(DriveMessage::states).sum();
+        Some(Self {
+            decoder: RowDecoder::new(actuator, params, map.clone(), columns.collect(), 0.0, &[]),
+            span_ns: span_ns(params),
+            row: layout.columns.iter().map(initially).collect(),
+            awaited: awaited.sum(),
+            filled: 0,
+            heard: 0,
+            was_whole: false,
+            since_ns: 0,
+            commanded: 0,
+            next: None,
+            follows: vec![true; states],
+        })
+    }
+
+    fn take(
+        &mut self,
+        layout: &DriveLayout,
+        message: &DriveMessage,
+        first_state: usize,
+        frame: &RawFrame,
+    ) -> Option<DecodedUpdate> {
+        let (data, mut state) = (frame.data(), first_state);
+        let registers = match message.coding {
+            Coding::Bits { length } if data.len() < length => return None,
+            Coding::Bits { .. } => Registers::default(),
+            Coding::Registers { written } => moteus::registers(data, written)?,
+        };
+        for field in &message.fields {
+            let value = match &field.place {
+                Place::Bits(signal) => signal.value(data),
+                Place::Register(register) => registers.value(*register),
+            };
+            match (&field.target, value) {
+                (Target::State { mask, values }, value) => {
+                    if let Some(value) = value {
+                        self.follows[state] = values.contains(&((value as i64).cast_unsigned() & mask));
+                    }
+                    state += 1;
+                }
+                (_, None) => {}
+                (Target::Command(column, mode), Some(value)) => {
+                    self.next = Some((*column, value, *mode));
+                    if !message.synchronous {
+                        self.synchronise();
+                    }
+                }
+                (Target::Column(column), Some(value)) => self.set(layout, *column, value, frame.stamp_ns),
+            }
+        }
+        self.whole_row()
+    }
+
+    /// The command that waits holds.
+    fn synchronise(&mut self) {
+        let Some((column, value, mode)) = self.next.take() else {
+            return;
+        };
+        // A command that is no number leaves it to the drive where it goes.
+        if value.is_finite() {
+            (self.row[column], self.commanded) = (value, mode);
+        } else {
+            self.commanded = 0;
+        }
+    }
+
+    fn set(&mut self, layout: &DriveLayout, column: usize, value: f64, stamp_ns: u64) {
+        let bit = 1 << column;
+        if self.awaited & bit != 0 {
+            let is_over = stamp_ns.abs_diff(self.since_ns) > self.span_ns;
+            if self.filled == 0 || is_over || self.filled & bit != 0 {
+                (self.filled, self.since_ns) = (0, stamp_ns);
+            }
+            self.filled |= bit;
+            self.heard |= bit;
+        }
+        // Without a sensor, drives report 0 °C to the bit.
+        let is_temperature = layout.columns[column].quantity == Quantity::Of(Role::WindingTemp);
+        let is_missing = is_temperature && value.abs() < f64::MIN_POSITIVE;
+        self.row[column] = if is_missing { f64::NAN } else { value };
+    }
+
+    /// The sample, where the row is whole; `None` where a value of it is no number.
+    fn whole_row(&mut self) -> Option<DecodedUpdate> {
+        if self.filled != self.awaited {
+            return Some(DecodedUpdate::default());
+        }
+        self.filled = 0;
+        self.was_whole = true;
+        self.row[TIME] = self.since_ns as f64 / 1e3;
+        let follows = self.follows.iter().all(|&follows| follows);
+        self.row[MODE] = if follows { self.commanded as f64 } else { 0.0 };
+        let decoded = self.decoder.push(&self.row).ok()?;
+        Some(DecodedUpdate {
+            conditions: decoded.status.as_ref().map(MeasuredConditions::from),
+            sample: Some((decoded.sample, decoded.stamp_ns)),
+        })
+    }
+}
+
+/// Half a sample period, ns.
+fn span_ns(params: &ActuatorParams) -> u64 {
+    (0.5e9 / params.sensors.sample_rate) as u64
+}
+
+/// A command or mode that was never heard is none; anything else is not known.
+fn initially(column: &Column) -> f64 {
+    if column.quantity.is_command() { 0.0 } else { f64::NAN }
+}
+
+impl DriveMessage {
+    fn is(&self, frame: &RawFrame) -> bool {
+        frame.id() & self.mask == self.id && self.extended.is_none_or(|extended| extended == frame.is_extended())
+    }
+
+    fn states(&self) -> usize {
+        let states = self
+            .fields
+            .iter()
+            .filter(|field| matches!(field.target, Target::State { .. }));
+        states.count()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drive_bus::{DriveSettings, ObjectDictionary};
+    use crate::frame::FrameFlags;
+    use proptest::prelude::*;
+
+    fn joiner(preset: Preset) -> DriveJoiner {
+        let settings = DriveSettings {
+            preset,
+            node: 1,
+            motor_units_per_rev: Some(65_536.0),
+            output_encoder: Some(1),
+            output_units_per_rev: Some(20_000.0),
+            rated_current_a: Some(5.0),
+            uses_commands: true,
+            current_bandwidth_hz: None,
+        };
+        let dictionary = ObjectDictionary::parse(include_bytes!("../../../../fixtures/drives/drive.dcf"), 1);
+        let params = ActuatorParams::bench();
+        let bus = DriveBus::new(settings, &params, dictionary.expect("a fixture")).expect("a drive");
+        DriveJoiner::new(ActuatorId::new(0).expect("a number"), "joint", bus)
+    }
+
+    proptest! {
+        /// Whatever a bus sends: no panic, and no more samples than frames.
+        #[test]
+        fn any_frame_is_read_or_refused(
+            frames in prop::collection::vec((any::<u8>(), any::<u64>(), prop::collection::vec(any::<u8>(), 0..=8)), 1..200),
+            preset in prop::sample::select(vec![Preset::Cia402, Preset::Odrive, Preset::Moteus]),
+        ) {
+            const IDS: [u32; 16] = [
+                0x080, 0x181, 0x281, 0x381, 0x481, 0x201, 0x581, 0x601, 0x021, 0x029, 0x034, 0x025, 0x02c, 0x037, 0x100, 0x001,
+            ];
+            let mut joiner = joiner(preset);
+            for (id, stamp_ns, data) in frames {
+                let id = IDS[usize::from(id) % IDS.len()];
+                let frame = RawFrame::new(stamp_ns % (1 << 62), 0, id, FrameFlags::NONE, &data).expect("a frame");
+                joiner.push(&frame);
+            }
+        }
+    }
+
+    #[test]
+    fn a_synchronous_command_holds_from_the_next_sync_on() {
+        let mut joiner = joiner(Preset::Cia402);
+        let mut hear = |id: u32, data: &[u8], stamp_us: u64| {
+            let stamp_ns = 1_700_000_000_000_000_000 + 1000 * stamp_us;
+            let frame = RawFrame::new(stamp_ns, 0, id, FrameFlags::NONE, data).expect("a frame");
+            joiner.push(&frame).flatten().and_then(|update| update.sample)
+        };
+        let turn = [0x0f, 0, 0, 0, 1, 0];
+        let mut samples = Vec::new();
+        for (sync_us, row_us) in [(None, 500), (Some(1000), 1500)] {
+            match sync_us {
+                Some(stamp_us) => hear(0x080, &[], stamp_us),
+                None => hear(0x201, &turn, 0),
+            };
+            hear(0x281, &[0, 0, 1, 0, 0xe8, 3], row_us);
+            let (sample, _) = hear(0x381, &[0, 0, 0, 0], row_us + 100).expect("a whole row");
+            samples.push(sample);
+        }
+        let gear_ratio = ActuatorParams::bench().transmission.gear_ratio;
+        let expected = ema_wire::quantity::position_setpoint_urad(core::f64::consts::TAU / gear_ratio);
+        let commands = samples.iter().map(|sample| (sample.mode, sample.setpoint));
+        let modes = [(ema_wire::Mode::Idle, 0), (ema_wire::Mode::Position, expected)];
+        assert!(commands.eq(modes), "{samples:?}");
+        assert_eq!(samples[1].motor_counts, 65_536);
+    }
+}

@@ -1,0 +1,255 @@
+//! Drives as they are sold, simulated frame by frame from their published dictionaries, commissioned and assessed by the program.
+
+use crate::folder::Folder;
+
+const TYPE: &str = "[type.servo270]\nbased_on = \"servo270\"\n[type.servo270.sensors]\nsample_rate_hz = ";
+
+/// A bus: preset, whether there is an encoder at the output, rate in Hz, further keys of the drive.
+struct Bus {
+    preset: &'static str,
+    encoder: bool,
+    rate_hz: u32,
+    keys: &'static str,
+}
+
+impl Bus {
+    /// Writes `NAME.toml`; `calibration` is that of the unit.
+    fn configure(&self, folder: &Folder, name: &str, calibration: &str) {
+        let Self {
+            preset, rate_hz, keys, ..
+        } = self;
+        let head = format!("[[actuator]]\nid = 1\nname = \"joint\"\ntype = \"servo270\"\n{calibration}");
+        let drive = format!("[actuator.drive]\npreset = \"{preset}\"\n{keys}\n");
+        folder.write(&format!("{name}.toml"), format!("{head}{drive}{TYPE}{rate_hz}\n"));
+    }
+
+    fn simulate(&self, folder: &Folder, options: &str, log: &str) {
+        let Self { preset, rate_hz, .. } = self;
+        let encoder = if self.encoder { "--output-encoder" } else { "" };
+        folder.done(&format!(
+            "simulate --actuator servo270 --rate {rate_hz} --noise 0.02 --id 1 --preset {preset} {encoder} {options} -o {log}"
+        ));
+    }
+
+    /// Commissions the unit by eight windows; the configuration that knows it is `known.toml`.
+    fn commission(&self, folder: &Folder) -> String {
+        folder.write("drive.dcf", include_str!("../../../../fixtures/drives/drive.dcf"));
+        folder.write("drive.eds", include_str!("../../../../fixtures/drives/drive.eds"));
+        self.configure(folder, "new", "");
+        self.simulate(folder, "--windows 8 --seed 30", "healthy.log");
+        let ended = folder.hmd("calibrate healthy.log -c new.toml -o unit.toml");
+        assert_eq!(ended.code, 0, "{}", ended.stderr);
+        self.configure(folder, "known", "calibration = \"unit.toml\"\n");
+        ended.stderr
+    }
+
+    /// The lines of two windows with a fault.
+    fn assessed(&self, folder: &Folder, options: &str) -> String {
+        self.simulate(folder, &format!("--windows 2 {options}"), "later.log");
+        let lines = folder.done("replay later.log -c known.toml --json");
+        assert_eq!(lines.lines().count(), 2, "{lines}");
+        lines
+    }
+}
+
+fn count(lines: &str, what: &str) -> usize {
+    lines.matches(what).count()
+}
+
+#[test]
+fn friction_and_play_are_named_where_the_output_is_measured() {
+    for (preset, keys) in [
+        ("odrive", "output_encoder = 490"),
+        ("moteus", "output_encoder = 1"),
+        ("cia402", "eds = \"drive.dcf\"\noutput_encoder = 1"),
+    ] {
+        let (encoder, rate_hz) = (true, 400);
+        let bus = Bus {
+            preset,
+            encoder,
+            rate_hz,
+            keys,
+        };
+        let folder = Folder::new();
+        bus.commission(&folder);
+        let healthy = bus.assessed(&folder, "--seed 3");
+        assert_eq!(
+            count(&healthy, "\"health\":\"nominal\",\"faults\":[]"),
+            2,
+            "{preset}: {healthy}"
+        );
+        let friction = bus.assessed(&folder, "--seed 4 --fault friction=0.4");
+        assert_eq!(count(&friction, "\"faults\":[\"friction\"]"), 2, "{preset}: {friction}");
+        let play = bus.assessed(&folder, "--seed 5 --fault backlash=0.4");
+        assert_eq!(count(&play, "\"faults\":[\"backlash\"]"), 2, "{preset}: {play}");
+        let shorts = "no currents.d: it is taken as 0, and shorts are not observable";
+        let hidden = if preset == "moteus" { 0 } else { 2 };
+        assert_eq!(count(&healthy, shorts), hidden, "{preset}: {healthy}");
+    }
+}
+
+#[test]
+fn without_an_encoder_at_the_output_play_is_not_observable() {
+    for (preset, keys) in [("odrive", ""), ("moteus", ""), ("cia402", "eds = \"drive.dcf\"")] {
+        let (encoder, rate_hz) = (false, 400);
+        let bus = Bus {
+            preset,
+            encoder,
+            rate_hz,
+            keys,
+        };
+        let folder = Folder::new();
+        let said = bus.commission(&folder);
+        assert!(said.contains("backlash not shown by these windows"), "{preset}: {said}");
+        let friction = bus.assessed(&folder, "--seed 4 --fault friction=0.4");
+        assert_eq!(count(&friction, "\"faults\":[\"friction\"]"), 2, "{preset}: {friction}");
+        let play = bus.assessed(&folder, "--seed 5 --fault backlash=0.4");
+        assert_eq!(count(&play, "\"faults\":[]"), 2, "{preset}: {play}");
+        let hidden = "no position.output: the gear is taken as rigid, and backlash is not observable";
+        assert_eq!(count(&play, hidden), 2, "{preset}: {play}");
+        // Friction, then backlash.
+        assert_eq!(count(&play, "\"observable\":[true,false,"), 2, "{preset}: {play}");
+    }
+}
+
+#[test]
+fn without_set_point_motion_begins_a_window() {
+    let bus = Bus {
+        preset: "moteus",
+        encoder: true,
+        rate_hz: 1000,
+        keys: "output_encoder = 1\nset_point = false\ncurrent_bandwidth_hz = 500",
+    };
+    let folder = Folder::new();
+    let said = bus.commission(&folder);
+    assert!(said.contains("from 8 windows"), "{said}");
+    assert!(said.contains("controller gain not shown by these windows"), "{said}");
+    let healthy = bus.assessed(&folder, "--seed 3");
+    assert_eq!(count(&healthy, "\"health\":\"nominal\",\"faults\":[]"), 2, "{healthy}");
+    let friction = bus.assessed(&folder, "--seed 4 --fault friction=0.4");
+    assert_eq!(count(&friction, "\"faults\":[\"friction\"]"), 2, "{friction}");
+    let play = bus.assessed(&folder, "--seed 5 --fault backlash=0.4");
+    assert_eq!(count(&play, "\"faults\":[\"backlash\"]"), 2, "{play}");
+    let hidden = "no set point: motion begins a window, and controller gain is not observable";
+    assert_eq!(count(&play, hidden), 2, "{play}");
+    let filtered = "currents filtered at 500 Hz by the drive: faster ones are not seen";
+    assert_eq!(count(&play, filtered), 2, "{play}");
+    // A unit that is not known has nothing but the monitor, which follows a set point.
+    let unknown = folder.done("replay later.log -c new.toml --json");
+    assert_eq!(count(&unknown, "\"status\":\"invalid\""), 2, "{unknown}");
+    assert_eq!(count(&unknown, "of a commissioned unit"), 2, "{unknown}");
+}
+
+#[test]
+fn the_pdo_are_those_that_the_master_wrote() {
+    let bus = |keys| Bus {
+        preset: "cia402",
+        encoder: true,
+        rate_hz: 400,
+        keys,
+    };
+    let folder = Folder::new();
+    let of_dcf = bus("eds = \"drive.dcf\"\noutput_encoder = 1");
+    of_dcf.commission(&folder);
+    of_dcf.simulate(&folder, "--seed 4", "later.log");
+    let expected = folder.done("replay later.log -c new.toml --json");
+    // The file's defaults are others; no file at all, with the scales in the configuration.
+    for keys in [
+        "eds = \"drive.eds\"\noutput_encoder = 1",
+        "output_encoder = 1\nmotor_units_per_rev = 65536\noutput_units_per_rev = 20000\nrated_current_a = 5.656854249492381",
+    ] {
+        bus(keys).configure(&folder, "other", "");
+        let described = folder.done("check-config -c other.toml");
+        assert!(
+            described.contains("joint: waits until its master writes the PDO"),
+            "{described}"
+        );
+        assert_eq!(folder.done("replay later.log -c other.toml --json"), expected, "{keys}");
+    }
+    // Without what the master wrote nothing is known.
+    let log = String::from_utf8(folder.read("later.log")).expect("text");
+    let kept = log
+        .lines()
+        .filter(|line| !line.contains(" 601#") && !line.contains(" 581#"));
+    folder.write("cut.log", &(kept.collect::<Vec<_>>().join("\n") + "\n"));
+    assert_eq!(folder.done("replay cut.log -c new.toml --json"), expected);
+    bus("output_encoder = 1").configure(&folder, "bus", "");
+    assert_eq!(
+        folder.done("replay cut.log -c bus.toml --eds drive.dcf --json"),
+        expected
+    );
+    let refused = folder.hmd("replay cut.log -c other.toml");
+    assert_eq!(refused.code, 1);
+    let said = "joint: not monitored: expected a PDO in use (1400 to 1BFF), from the EDS file or overheard, where there is none";
+    assert!(refused.stderr.contains(said), "{}", refused.stderr);
+}
+
+#[test]
+fn what_a_bus_never_says_is_said() {
+    let folder = Folder::new();
+    let bus = Bus {
+        preset: "odrive",
+        encoder: false,
+        rate_hz: 400,
+        keys: "",
+    };
+    bus.configure(&folder, "hmd", "");
+    bus.simulate(&folder, "--windows 1 --seed 4", "joint.log");
+    let log = String::from_utf8(folder.read("joint.log")).expect("text");
+    for (frames, said) in [
+        // Get_Iq; Set_Input_Pos.
+        (
+            " 034#",
+            "joint: not monitored: expected Get_Iq.Iq_Measured in each sample, found none",
+        ),
+        (
+            " 02C#",
+            "the mode was never on; the set point of a drive is overheard: without it, set_point = false begins windows by motion",
+        ),
+    ] {
+        folder.write_lines("cut.log", log.lines().filter(|line| !line.contains(frames)));
+        let ended = folder.hmd("replay cut.log -c hmd.toml");
+        assert!(ended.stderr.contains(said), "{}", ended.stderr);
+    }
+}
+
+#[test]
+fn what_is_wrong_with_a_drive_is_said() {
+    let folder = Folder::new();
+    folder.write("bad.eds", "[1A00sub1]\nDefaultValue=many\n");
+    let sentence = |drive: &str| {
+        folder.write("hmd.toml", format!("[[actuator]]\nid = 0\n[actuator.drive]\n{drive}\n"));
+        let ended = folder.hmd("check-config -c hmd.toml");
+        assert_eq!(ended.code, 78, "{}", ended.stderr);
+        ended.stderr.trim_end().to_owned()
+    };
+    for (drive, expected) in [
+        (
+            "",
+            "hmd: hmd.toml:3: actuator[0].drive.preset: expected one of cia402, odrive, moteus, found no such key",
+        ),
+        (
+            "preset = \"vesc\"",
+            "hmd: hmd.toml:4: actuator[0].drive.preset: expected \"cia402\" or \"odrive\" or \"moteus\", found \"vesc\"",
+        ),
+        (
+            "preset = \"odrive\"\nnode = 63",
+            "hmd: hmd.toml:5: actuator[0].drive.node: expected a whole number from 0 to 62, found 63",
+        ),
+        (
+            "preset = \"cia402\"",
+            "hmd: hmd.toml:3: actuator[0].drive.node: expected a number from 1 to 127, found 0 (that of the actuator)",
+        ),
+        (
+            "preset = \"odrive\"\neds = \"bad.eds\"",
+            "hmd: hmd.toml:5: actuator[0].drive.eds: expected no such key, which is of preset cia402, found \"bad.eds\"",
+        ),
+        (
+            "preset = \"cia402\"\nnode = 1\neds = \"bad.eds\"",
+            "hmd: hmd.toml:6: actuator[0].drive.eds: expected an EDS or DCF file that can be read (line 2: expected a whole \
+             number, or $NODEID + a whole number, found \"DefaultValue=many\"), found \"bad.eds\"",
+        ),
+    ] {
+        assert_eq!(sentence(drive), expected);
+    }
+}

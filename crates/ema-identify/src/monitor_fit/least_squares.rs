@@ -74,6 +74,12 @@ impl Descent {
         cost_tolerance: 1e-3,
     };
 
+    /// To where another explanation has nearly its cost: what is asked is whether it differs by a few.
+    pub(crate) const TO_COMPARE: Self = Self {
+        cost_tolerance: 1e-4,
+        ..Self::TO_THE_FLOOR
+    };
+
     /// To a floor nearby. Costs are halves of squares in standard deviations, a few thousand in all.
     pub(crate) const NEARBY: Self = Self {
         steps: &[FINE_STEP],
@@ -222,7 +228,7 @@ pub(super) fn refine_with_fixed_parameter(
     };
     optimum.at.0[coordinate] = value;
     let within = constant_box(lower, upper);
-    Descent::TO_THE_FLOOR.resume(window, &mut optimum, COARSE_STEP, &within, budget);
+    Descent::TO_COMPARE.resume(window, &mut optimum, COARSE_STEP, &within, budget);
     optimum
 }
 

@@ -3,7 +3,7 @@
 use ema_models::{Coordinates, MOTOR_COORDINATES, MotorKnowledge};
 
 use super::competing_optima::{differ, undecided_difference};
-use super::least_squares::{LocalOptimum, descend};
+use super::least_squares::{Descent, LocalOptimum};
 use super::window::MonitoredWindow;
 
 /// Shorts in all three phases from which on a weak magnet is tried.
@@ -38,7 +38,7 @@ pub(super) fn weak_magnet(window: &impl MonitoredWindow, optimum: &LocalOptimum,
         *phase -= common;
     }
     start[MOTOR_COORDINATES[1]] -= common;
-    let found = descend(&open, Coordinates(start), budget);
+    let found = Descent::TO_COMPARE.descend(&open, Coordinates(start), budget);
     let before = open.cost(&optimum.at);
     let allowed = undecided_difference(&open, found.cost.min(before));
     let different = differ(&found.at, &optimum.at, |_| true);

@@ -245,7 +245,8 @@ impl SegmentStore {
         for kind in [Kind::Records, Kind::Raw] {
             let synced = self.stream(kind).sync();
             self.check(kind, synced);
-            if self.stream(kind).is_due(&limits, now) {
+            // That of raw frames stays open until the next frame, so that a decision on a window never comes between two.
+            if kind == Kind::Records && self.stream(kind).is_due(&limits, now) {
                 self.close_segment(kind);
             }
         }

@@ -94,6 +94,7 @@ pub(crate) fn check(mut world: World, host: &Host) -> anyhow::Result<Outcome> {
     let (stored, unreadable) = stored(&world, &mut outcome)?;
     check_published(&reported, &stored, &removed, &unreadable, &world, &mut outcome);
     check_counts(&world, &mut outcome);
+    check_numbers(&reported, &world, &mut outcome);
     check_health(&reported, &world, &mut outcome);
     check_progress(&reported, &world, &mut outcome);
     let all_names = world.disk.names();
@@ -199,6 +200,21 @@ fn check_counts(world: &World, outcome: &mut Outcome) {
     for (run, facts) in world.runs.iter().enumerate() {
         let Some(status) = &facts.status else { continue };
         let given = facts.given;
+        // Those before the first whole one and after the last are not missed.
+        let ends = 2 * u64::from(BUSES) * u64::from(DEVICES);
+        let accounted = status.samples + status.lost_samples;
+        if given.resets == 0 && accounted + ends < given.samples {
+            let text = format!(
+                "run {run}: {} samples sent, {accounted} counted as received or lost",
+                given.samples
+            );
+            outcome.violations.push(text);
+        }
+        if status.samples > given.samples {
+            outcome
+                .violations
+                .push(format!("run {run}: {} samples of {}", status.samples, given.samples));
+        }
         let kinds = status.frames_decoded + status.frames_filtered + status.frames_error + status.lost_malformed;
         for (what, expected, found) in [
             ("frames", given.frames, status.frames_received),
@@ -216,6 +232,27 @@ fn check_counts(world: &World, outcome: &mut Outcome) {
                     .violations
                     .push(format!("run {run}: {expected} {what}, {found} counted"));
             }
+        }
+    }
+}
+
+/// Windows are numbered one by one, and what is left out was dropped and counted.
+fn check_numbers(reported: &[Reported], world: &World, outcome: &mut Outcome) {
+    for (run, facts) in world.runs.iter().enumerate() {
+        let Some(status) = &facts.status else { continue };
+        let mut next = BTreeMap::new();
+        let mut left_out = 0;
+        for Reported { health, .. } in reported.iter().filter(|reported| reported.run == run) {
+            let expected = next.entry(&health.actuator).or_insert(0);
+            left_out += health.window.saturating_sub(*expected);
+            *expected = health.window + 1;
+        }
+        if left_out > status.lost_windows {
+            let text = format!(
+                "run {run}: {left_out} windows left out, {} counted",
+                status.lost_windows
+            );
+            outcome.violations.push(text);
         }
     }
 }
@@ -349,6 +386,24 @@ fn check_replay(
             "run {run}: {} damaged places in raw frames",
             summary.damaged_places
         ));
+    }
+    if let Some(live) = &facts.status {
+        let again = &summary.status;
+        for (what, live, again) in [
+            ("frames", live.frames_received, again.frames_received),
+            ("error frames", live.frames_error, again.frames_error),
+            ("samples", live.samples, again.samples),
+            ("lost samples", live.lost_samples, again.lost_samples),
+            ("late frames", live.lost_late, again.lost_late),
+            ("malformed frames", live.lost_malformed, again.lost_malformed),
+            ("dropped windows", live.lost_windows, again.lost_windows),
+        ] {
+            if live != again {
+                outcome
+                    .violations
+                    .push(format!("run {run}: {live} {what} live, {again} in the replay"));
+            }
+        }
     }
     let replayed = std::mem::take(&mut *replayed.0.lock().unwrap_or_else(PoisonError::into_inner));
     let is_whole = facts.status.is_some();

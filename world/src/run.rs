@@ -11,7 +11,7 @@ use std::time::Duration;
 use anyhow::Context;
 use ema_wire::ActuatorId;
 use hmd::commands::run::load;
-use hmd::daemon::{HostClock, Observer, QUEUE_WINDOWS, Steps};
+use hmd::daemon::{HostClock, Observer, QUEUE_WINDOWS, STALE_AFTER, Steps};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::Config;
 use hmd_core::deadline::Clock;
@@ -69,6 +69,10 @@ pub(crate) struct Given {
     pub errors: u64,
     /// Frames that the kernel dropped and counted.
     pub overflown: u64,
+    /// Samples sent, of which frames may be missing.
+    pub samples: u64,
+    /// Times that an actuator began anew.
+    pub resets: u64,
 }
 
 /// One run of the program.
@@ -115,6 +119,7 @@ struct Bus {
     link_down: bool,
     drop: u32,
     overflow: u32,
+    overflown: u64,
     flip: u32,
     shorten: u32,
     foreign: u32,
@@ -122,6 +127,8 @@ struct Bus {
     swap: u32,
     jitter: Duration,
     last_stamp: u64,
+    /// When it brought a frame last.
+    heard: Duration,
 }
 
 /// Clock and observer of a world, which the program borrows.
@@ -312,7 +319,7 @@ impl World {
         let estimator = Arc::new(StandIn { seed: self.plan.seed });
         let recorder = Some(Recorder::of_store(store));
         let mut steps = Steps::new(names, recorder, watch, estimator, clock, host)?;
-        let mut ticked = clock.now();
+        let (began, mut ticked) = (clock.now(), clock.now());
         let end = loop {
             if let Some(end) = self.disturb(host, &mut inputs)? {
                 break end;
@@ -327,7 +334,7 @@ impl World {
                 inputs.push(Input::Tick {
                     stamp_ns: clock.utc_ns(),
                 });
-                self.look(&steps.status());
+                self.look(&steps.status(), began, clock.now());
             }
             let mut failed = steps.take(&mut inputs).err();
             while failed.is_none() && clock.now() >= self.stalled {
@@ -370,7 +377,7 @@ impl World {
     }
 
     /// What must hold at any time.
-    fn look(&mut self, status: &Status) {
+    fn look(&mut self, status: &Status, began: Duration, now: Duration) {
         if self.disk.is_dead() {
             return;
         }
@@ -383,6 +390,25 @@ impl World {
                 let text = format!(
                     "{} bytes stored, the budget is {}",
                     status.storage_used_bytes, limits.budget_bytes
+                );
+                self.violations.push(text);
+            }
+        }
+        for actuator in &status.actuators {
+            let number = actuator
+                .actuator
+                .trim_start_matches("ema")
+                .parse::<u16>()
+                .unwrap_or_default();
+            let bus = &self.buses[usize::from(number / u16::from(DEVICES))];
+            let quiet = now.saturating_sub(bus.heard.max(began));
+            // It is looked at each second, and before this tick is.
+            let limit = STALE_AFTER + Duration::from_millis(2100);
+            if quiet > limit && !actuator.is_stale() {
+                let text = format!(
+                    "{} is fresh after {:.1} s of silence",
+                    actuator.actuator,
+                    quiet.as_secs_f64()
                 );
                 self.violations.push(text);
             }
@@ -449,9 +475,13 @@ impl World {
                 (state.silent, state.link_down) = (now + lasts, true);
                 inputs.push(link(bus, &host.clock, LinkState::Down));
             }
-            What::Reset(bus, device) => self.devices[usize::from(bus) * usize::from(DEVICES) + usize::from(device)]
-                .1
-                .reset(),
+            What::Reset(bus, device) => {
+                let index = usize::from(bus) * usize::from(DEVICES) + usize::from(device);
+                self.devices[index].1.reset();
+                if let Some(facts) = self.runs.last_mut() {
+                    facts.given.resets += 1;
+                }
+            }
             What::Disk(mood, lasts) => {
                 self.disk.set_mood(mood);
                 self.calms_disk = now + lasts;
@@ -527,6 +557,9 @@ impl World {
                 frames.clear();
                 device.next_sample(&mut stamps[usize::from(bus)], &mut self.rng, &mut frames);
                 if self.buses[usize::from(bus)].silent == Duration::ZERO {
+                    if let Some(facts) = self.runs.last_mut() {
+                        facts.given.samples += 1;
+                    }
                     self.carry(bus, &mut frames, inputs);
                 }
             }
@@ -554,13 +587,17 @@ impl World {
             }
             if bus.overflow > 0 {
                 bus.overflow -= 1;
+                bus.overflown += 1;
+                continue;
+            }
+            if bus.overflown > 0 {
+                // As the kernel tells it: with the next frame that it has room for.
                 let lost = Input::Lost {
                     bus: number,
                     loss: LiveLoss::SocketQueue,
-                    frames: 1,
+                    frames: std::mem::take(&mut bus.overflown),
                 };
                 self.give(lost, inputs);
-                continue;
             }
             let stamp_ns = frame.stamp_ns;
             let made = |id, data: &[u8]| RawFrame::new(stamp_ns, number, id, FrameFlags::NONE, data);
@@ -581,6 +618,7 @@ impl World {
                 }
             }
             self.give(Input::Frame(frame), inputs);
+            bus.heard = self.sampled;
             if bus.repeat > 0 {
                 bus.repeat -= 1;
                 self.give(Input::Frame(frame), inputs);

@@ -15,8 +15,14 @@ pub const SIGMA: f64 = 0.01;
 /// Of so many windows one is identified.
 const IDENTIFIED: u64 = 100;
 
-/// A healthy window in so many shows friction far above every scatter.
-const OUTLIER: u64 = 12;
+/// A healthy window in so many shows friction above a level: often enough for several in a row.
+const OUTLIER: u64 = 4;
+
+/// Of the outliers one in so many is no more than its scatter explains, though above a level.
+const INSIGNIFICANT: u64 = 3;
+
+/// Standard deviation of such an outlier.
+const SIGMA_LARGE: f64 = 0.06;
 
 /// Answers from a seed.
 #[derive(Clone, Copy, Debug)]
@@ -46,7 +52,7 @@ impl StandIn {
             return Some((since_s / 60.0).min(1.0) * 0.7 + scatter);
         }
         let is_outlier = (chance >> 8).is_multiple_of(OUTLIER);
-        Some(if is_outlier { 0.15 + scatter } else { scatter })
+        Some(if is_outlier { 0.12 + scatter } else { scatter })
     }
 }
 
@@ -62,11 +68,16 @@ impl Estimator for StandIn {
         let Some(friction) = self.friction(&job.actuator.name, job.window.t_start_ns) else {
             return Identification.estimate(identifier, job, conditions, seed, effort);
         };
+        let chance = mix(self.seed, &[job.window.t_start_ns]);
+        let is_vague = !is_worn(&job.actuator.name) && friction > 0.1 && chance.is_multiple_of(INSIGNIFICANT);
         let fault = FaultVector {
             friction,
             ..FaultVector::NOMINAL
         };
         let mut sigma = [Some(SIGMA); 8];
+        if is_vague {
+            sigma[0] = Some(SIGMA_LARGE);
+        }
         sigma[FaultVector::ECCENTRICITY_PHASE_INDEX] = None;
         let estimate = Estimate {
             fault,

@@ -65,11 +65,13 @@ pub(crate) struct Given {
     pub frames: u64,
     /// Of them those that are shorter than their kind.
     pub malformed: u64,
+    /// Frames with another bit, which may make them impossible.
+    pub flipped: u64,
     /// Of them error frames.
     pub errors: u64,
     /// Frames that the kernel dropped and counted.
     pub overflown: u64,
-    /// Samples sent, of which frames may be missing.
+    /// Samples sent since the first whole one of their actuator; frames of them may be missing.
     pub samples: u64,
     /// Times that an actuator began anew.
     pub resets: u64,
@@ -103,6 +105,10 @@ pub(crate) struct World {
     rng: ChaCha8Rng,
     devices: Vec<(u16, Device)>,
     buses: [Bus; BUSES as usize],
+    /// When each tick of this run was given, and when it was taken.
+    ticks: Vec<(Duration, Duration)>,
+    /// Actuators that brought a whole sample in this run of the program.
+    heard: [bool; BUSES as usize * DEVICES as usize],
     /// Up to when the devices have sent.
     sampled: Duration,
     next: usize,
@@ -219,6 +225,8 @@ pub fn run(plan: &Plan, show: bool) -> anyhow::Result<Outcome> {
         violations: Vec::new(),
         devices,
         buses: [Bus::default(); BUSES as usize],
+        ticks: Vec::new(),
+        heard: Default::default(),
         sampled: Duration::ZERO,
         next: 0,
         calms_disk: Duration::ZERO,
@@ -282,6 +290,7 @@ impl World {
         let clock = &host.clock;
         host.run.store(self.runs.len(), Relaxed);
         self.disk.begin_run(self.runs.len());
+        self.heard = Default::default();
         self.runs.push(RunFacts {
             config: config.clone(),
             ended: clock.now(),
@@ -319,7 +328,8 @@ impl World {
         let estimator = Arc::new(StandIn { seed: self.plan.seed });
         let recorder = Some(Recorder::of_store(store));
         let mut steps = Steps::new(names, recorder, watch, estimator, clock, host)?;
-        let (began, mut ticked) = (clock.now(), clock.now());
+        let mut ticked = clock.now();
+        self.ticks.clear();
         let end = loop {
             if let Some(end) = self.disturb(host, &mut inputs)? {
                 break end;
@@ -329,14 +339,17 @@ impl World {
             }
             clock.advance(SLICE);
             self.send(host, &mut inputs);
+            let mut given = None;
             while clock.now() >= ticked {
                 ticked += Duration::from_secs(1);
                 inputs.push(Input::Tick {
                     stamp_ns: clock.utc_ns(),
                 });
-                self.look(&steps.status(), began, clock.now());
+                self.look(&steps.status());
+                given = Some(clock.now());
             }
             let mut failed = steps.take(&mut inputs).err();
+            self.ticks.extend(given.map(|given| (given, clock.now())));
             while failed.is_none() && clock.now() >= self.stalled {
                 match steps.assess() {
                     Ok(true) => {}
@@ -377,7 +390,7 @@ impl World {
     }
 
     /// What must hold at any time.
-    fn look(&mut self, status: &Status, began: Duration, now: Duration) {
+    fn look(&mut self, status: &Status) {
         if self.disk.is_dead() {
             return;
         }
@@ -400,15 +413,19 @@ impl World {
                 .trim_start_matches("ema")
                 .parse::<u16>()
                 .unwrap_or_default();
-            let bus = &self.buses[usize::from(number / u16::from(DEVICES))];
-            let quiet = now.saturating_sub(bus.heard.max(began));
-            // It is looked at each second, and before this tick is.
-            let limit = STALE_AFTER + Duration::from_millis(2100);
-            if quiet > limit && !actuator.is_stale() {
+            let heard = self.buses[usize::from(number / u16::from(DEVICES))].heard;
+            // Its last sample is seen with a tick, and found to be old with another, which a slow disk may delay.
+            let seen = self
+                .ticks
+                .iter()
+                .find(|(given, _)| *given >= heard)
+                .map(|(_, taken)| *taken);
+            let is_due = |seen: Duration| self.ticks.iter().any(|(given, _)| *given > seen + STALE_AFTER);
+            if seen.is_some_and(is_due) && !actuator.is_stale() {
                 let text = format!(
-                    "{} is fresh after {:.1} s of silence",
+                    "{} is fresh, its last sample came at {:.1} s",
                     actuator.actuator,
-                    quiet.as_secs_f64()
+                    heard.as_secs_f64()
                 );
                 self.violations.push(text);
             }
@@ -557,19 +574,22 @@ impl World {
                 frames.clear();
                 device.next_sample(&mut stamps[usize::from(bus)], &mut self.rng, &mut frames);
                 if self.buses[usize::from(bus)].silent == Duration::ZERO {
-                    if let Some(facts) = self.runs.last_mut() {
+                    let is_whole = self.carry(bus, &mut frames, inputs);
+                    self.heard[index] |= is_whole;
+                    if let Some(facts) = self.runs.last_mut().filter(|_| self.heard[index]) {
                         facts.given.samples += 1;
                     }
-                    self.carry(bus, &mut frames, inputs);
                 }
             }
         }
     }
 
-    /// Frames go over their bus.
-    fn carry(&mut self, bus: u16, frames: &mut [RawFrame], inputs: &mut Vec<Input>) {
+    /// Frames of a sample go over their bus. Whether they all arrive as they were sent.
+    fn carry(&mut self, bus: u16, frames: &mut [RawFrame], inputs: &mut Vec<Input>) -> bool {
         let number = bus;
         let mut bus = self.buses[usize::from(bus)];
+        let spoilt = |bus: &Bus| bus.drop + bus.overflow + bus.flip + bus.shorten;
+        let spoilt_before = spoilt(&bus);
         if bus.swap > 0 && frames.len() > 1 {
             bus.swap -= 1;
             frames.swap(0, 1);
@@ -607,6 +627,9 @@ impl World {
                 let mut data = frame.data().to_vec();
                 data[self.rng.random_range(0..8)] ^= 1 << self.rng.random_range(0..8);
                 frame = made(frame.id(), &data).unwrap_or(frame);
+                if let Some(facts) = self.runs.last_mut() {
+                    facts.given.flipped += 1;
+                }
             } else if bus.shorten > 0 && is_sample {
                 bus.shorten -= 1;
                 frame = made(frame.id(), &frame.data()[..SHORT]).unwrap_or(frame);
@@ -625,6 +648,7 @@ impl World {
             }
         }
         self.buses[usize::from(number)] = bus;
+        spoilt(&bus) == spoilt_before
     }
 
     fn give(&mut self, input: Input, inputs: &mut Vec<Input>) {

@@ -158,6 +158,17 @@ impl Host {
             at: self.clock.now(),
             health: assessed.health.clone(),
         });
+        drop(reported);
+        let health = &assessed.health;
+        self.notice(&format!(
+            "{}: window {}{}: {}, {}; {}",
+            health.actuator,
+            health.window,
+            if stored { "" } else { ", not stored" },
+            health.status,
+            health.health,
+            health.reason
+        ));
     }
 }
 

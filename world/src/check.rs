@@ -81,7 +81,7 @@ pub(crate) fn check(mut world: World, host: &Host) -> anyhow::Result<Outcome> {
     let reported = std::mem::take(&mut *host.reported.lock().unwrap_or_else(PoisonError::into_inner));
     let mut outcome = Outcome {
         violations: std::mem::take(&mut world.violations),
-        actuator_hours: world.plan.length.as_secs_f64() / 3600.0 * f64::from(BUSES) * f64::from(DEVICES),
+        actuator_hours: world.until.as_secs_f64() / 3600.0 * f64::from(BUSES) * f64::from(DEVICES),
         disturbances: world.plan.disturbances.len() as u64,
         runs: world.runs.len() as u64,
         windows: reported.len() as u64,

@@ -15,7 +15,7 @@ pub const DEVICES: u8 = 4;
 /// Time without disturbances at the end, in which everything must work again.
 pub const CALM: Duration = Duration::from_secs(12);
 /// Longest disturbance.
-const LASTS_MAX: Duration = Duration::from_secs(6);
+pub const LASTS_MAX: Duration = Duration::from_secs(6);
 /// Mean time between two disturbances.
 const BETWEEN: Duration = Duration::from_millis(900);
 
@@ -105,6 +105,8 @@ impl Plan {
         let last = length - CALM - LASTS_MAX;
         // Some runs are quiet, so that long stretches without a break exist as well.
         let between = BETWEEN.mul_f64([0.5, 1.0, 3.0][rng.random_range(0..3)]);
+        // In some nothing happens to the disk but power cuts, so that all can be replayed.
+        let keeps_all = rng.random_bool(0.4);
         let mut disturbances = Vec::new();
         let mut at = Duration::ZERO;
         loop {
@@ -115,7 +117,11 @@ impl Plan {
             let what = any(&mut rng);
             // An event may come to windows that were assessed already where the clock was set back: one of both.
             let is_odd = !seed.is_multiple_of(2);
-            if matches!(what, What::Step(_)) && is_odd || matches!(what, What::Maintenance(..)) && !is_odd {
+            let is_of_disk = matches!(what, What::Disk(..) | What::Rot);
+            if is_of_disk && keeps_all
+                || matches!(what, What::Step(_)) && is_odd
+                || matches!(what, What::Maintenance(..)) && !is_odd
+            {
                 continue;
             }
             let number = disturbances.len();

@@ -29,7 +29,7 @@ use tempfile::TempDir;
 use crate::check::{Outcome, check};
 use crate::clock::WorldClock;
 use crate::disk::{Mood, WorldDisk};
-use crate::plan::{BUSES, CALM, DEVICES, Disturbance, Plan, What};
+use crate::plan::{BUSES, CALM, DEVICES, Disturbance, LASTS_MAX, Plan, What};
 use crate::stand_in::StandIn;
 use crate::traffic::{Device, PERIOD};
 
@@ -114,6 +114,8 @@ pub(crate) struct World {
     next: usize,
     calms_disk: Duration,
     stalled: Duration,
+    /// When the run ends: a slow disk delays disturbances, and the calm comes after them all.
+    pub(crate) until: Duration,
     persistence: u32,
     budget_mib: u32,
 }
@@ -242,6 +244,7 @@ pub fn run(plan: &Plan, show: bool) -> anyhow::Result<Outcome> {
         next: 0,
         calms_disk: Duration::ZERO,
         stalled: Duration::ZERO,
+        until: plan.length,
         persistence: rng.random_range(2..=3),
         // In some worlds room is scarce; in the others everything is kept, and replayed.
         budget_mib: if rng.random_bool(0.3) { 6 } else { 64 },
@@ -321,7 +324,7 @@ impl World {
                     if !self.disk.is_dead() && self.disk.mood() == Mood::Works {
                         self.violations.push(format!("a store does not open: {cause}"));
                     }
-                    return Ok(if clock.now() >= self.plan.length {
+                    return Ok(if clock.now() >= self.until {
                         End::Over
                     } else {
                         End::Died
@@ -345,7 +348,7 @@ impl World {
             if let Some(end) = self.disturb(host, &mut inputs)? {
                 break end;
             }
-            if clock.now() >= self.plan.length {
+            if clock.now() >= self.until {
                 break End::Over;
             }
             clock.advance(SLICE);
@@ -474,6 +477,7 @@ impl World {
         while let Some(Disturbance { what, .. }) = self.plan.disturbances.get(self.next).filter(|next| next.at <= now) {
             let what = what.clone();
             self.next += 1;
+            self.until = self.until.max(now + LASTS_MAX + CALM);
             if let Some(end) = self.begin(&what, host, inputs)? {
                 return Ok(Some(end));
             }
@@ -543,7 +547,10 @@ impl World {
                 return self.reload();
             }
             What::Restart => return Ok(Some(End::Restart)),
-            What::Stall(lasts) => self.stalled = now + lasts,
+            What::Stall(lasts) => {
+                self.stalled = now + lasts;
+                self.until = self.until.max(self.stalled + CALM);
+            }
             What::Maintenance(bus, device) => {
                 let event = Event {
                     t_ns: host.clock.utc_ns(),
@@ -680,7 +687,7 @@ impl World {
 
     /// Actuators of which each must be stored again in the last seconds of the calm.
     pub(crate) fn calm_since(&self) -> Duration {
-        self.plan.length - CALM / 2
+        self.until - CALM / 2
     }
 
     /// Segments by their number, and the run that began them.

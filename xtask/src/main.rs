@@ -38,6 +38,7 @@ mod target;
 mod tools;
 mod viewers;
 mod wheel;
+mod world;
 
 use std::process::ExitCode;
 
@@ -51,7 +52,7 @@ struct Cli {
     verb: Verb,
 }
 
-#[derive(Debug, Clone, Copy, Subcommand)]
+#[derive(Debug, Clone, Subcommand)]
 enum Verb {
     /// Formatting, lints as errors, import cycles, and what the flight build contains.
     Check,
@@ -133,6 +134,8 @@ enum Verb {
     Package,
     /// Model checking of what runs concurrently.
     Model,
+    /// The whole daemon in a simulated world, under disturbances from seeds; planted bugs.
+    World(world::Args),
     /// The suite of units with imperfections, in a small form, with bounds.
     Robust,
     /// Runs every command whose output stands in a document, and draws the figures, again.
@@ -173,6 +176,7 @@ fn main() -> ExitCode {
         Verb::PowerCut { cuts } => power_cut::check(cuts),
         Verb::Package => package::check(),
         Verb::Model => model::check(),
+        Verb::World(args) => world::check(&args),
         Verb::Dist => dist::check(),
         Verb::Deb => deb::make(),
         Verb::Soak { minutes } => soak::check(minutes),

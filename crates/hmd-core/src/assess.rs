@@ -6,6 +6,7 @@
 mod by_signals;
 mod by_unit;
 mod conditions;
+mod estimator;
 mod explained;
 mod models;
 mod records;
@@ -32,6 +33,7 @@ use records::{health_record, rul_record, sensors_record, shortened_record, windo
 
 pub(crate) use by_unit::{motion_of, needed_in_words};
 pub use conditions::{conditions, motor_knowledge_at, motor_within};
+pub use estimator::{Estimator, Identification};
 pub use models::{AssessError, Models, ReadText, TypeModel, hash_of_parameters, hash_of_type, model_hash};
 
 /// Assesses the windows of all actuators, in the order in which they come.
@@ -41,6 +43,7 @@ pub struct Assessor {
     method: Method,
     seed: u64,
     models: Models,
+    estimator: Arc<dyn Estimator>,
     histories: HistoryStore,
     counts: WindowCounts,
 }
@@ -86,8 +89,15 @@ impl Assessor {
             method,
             seed,
             models,
+            estimator: Arc::new(Identification),
             counts: WindowCounts::default(),
         }
+    }
+
+    /// The same with another estimator than [`Identification`] for units that are not commissioned.
+    #[must_use]
+    pub fn with_estimator(self, estimator: Arc<dyn Estimator>) -> Self {
+        Self { estimator, ..self }
     }
 
     /// Histories of all actuators.

@@ -140,14 +140,20 @@ impl Recorder {
         limits: Limits,
     ) -> Result<Self, RecordError> {
         let store = SegmentStore::open(folder, metadata, limits, Box::new(RealDisk), Instant::now())?;
-        Ok(Self::with_output(Output::Folder(Box::new(store))))
+        Ok(Self::of_store(store))
+    }
+
+    /// Goes on in a folder of segments that was opened.
+    #[must_use]
+    pub fn of_store(store: SegmentStore) -> Self {
+        Self::with_output(Output::Folder(Box::new(store)))
     }
 
     /// The same for a process that wrote to the folder before ([`SegmentStore::reopen`]): it fails never, and counts what it cannot store.
     #[must_use]
     pub fn reopen_folder(folder: &Path, metadata: &BTreeMap<String, String>, limits: Limits) -> Self {
         let store = SegmentStore::reopen(folder, metadata, limits, Box::new(RealDisk), Instant::now());
-        Self::with_output(Output::Folder(Box::new(store)))
+        Self::of_store(store)
     }
 
     /// A folder if the path is one or ends with a slash, else a file.

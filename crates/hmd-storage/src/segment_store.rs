@@ -245,7 +245,8 @@ impl SegmentStore {
         for kind in [Kind::Records, Kind::Raw] {
             let synced = self.stream(kind).sync();
             self.check(kind, synced);
-            if self.stream(kind).is_due(&limits, now) {
+            // That of raw frames stays open until the next frame, so that a decision on a window never comes between two.
+            if kind == Kind::Records && self.stream(kind).is_due(&limits, now) {
                 self.close_segment(kind);
             }
         }
@@ -414,9 +415,9 @@ impl SegmentStore {
     }
 
     fn close_segment(&mut self, kind: Kind) {
-        let folder = self.folder.clone();
+        let (folder, disk) = (self.folder.clone(), self.disk.clone());
         let before = self.stream(kind).name().map(|name| (name, self.stream(kind).bytes()));
-        match self.stream(kind).close(&folder) {
+        match self.stream(kind).close(&folder, &*disk) {
             Ok(Some((name, bytes))) => self.add_closed(name, bytes),
             Ok(None) => {}
             Err(error) => {
@@ -433,8 +434,8 @@ impl SegmentStore {
     /// After a failed step the stream gives its segment up.
     fn check(&mut self, kind: Kind, step: Result<(), McapWriteError>) {
         let Err(error) = step else { return };
-        let (now, folder) = (self.now, self.folder.clone());
-        if let Some((name, bytes)) = self.stream(kind).fail(&folder, now) {
+        let (now, folder, disk) = (self.now, self.folder.clone(), self.disk.clone());
+        if let Some((name, bytes)) = self.stream(kind).fail(&folder, &*disk, now) {
             self.add_closed(name, bytes);
         }
         self.report_once(format!(
@@ -495,7 +496,7 @@ impl SegmentStore {
     fn delete(&mut self, key: (Kind, u64), stage: Stage) -> bool {
         let (kind, number) = key;
         let name = Name { number, kind, stage };
-        match fs::remove_file(self.folder.join(name.to_string())) {
+        match self.disk.remove(&self.folder.join(name.to_string())) {
             Ok(()) => self.deleted += 1,
             // It is gone already.
             Err(cause) if cause.kind() == io::ErrorKind::NotFound => {}

@@ -12,8 +12,11 @@
 
 mod freshness;
 mod health_tracker;
+mod host_clock;
+mod identification;
 mod notices;
 mod pipeline_thread;
+mod steps;
 mod window_queue;
 #[cfg(test)]
 mod window_queue_tests;
@@ -34,23 +37,18 @@ use tokio::task::JoinSet;
 
 pub use freshness::STALE_AFTER;
 use health_tracker::HealthTracker;
-use hmd_core::assess::{AssessError, AssessedWindow, Assessor, WindowCounts};
+use hmd_core::assess::{AssessError, AssessedWindow, WindowCounts};
 use hmd_core::config::Config;
-use hmd_core::deadline::{Clock, Turns};
 use hmd_core::frame::{BusError, BusNames};
-use hmd_core::learning::Learner;
-use hmd_core::outbox::{Notice, WindowJob};
-use hmd_core::pipeline::Pipeline;
+use hmd_core::outbox::WindowJob;
 use hmd_core::record::{LogLevel, Status};
 use hmd_ingest::feed::{Feed, Input, QUEUE_INPUTS};
 use hmd_ingest::live::LiveSource;
-use hmd_storage::calibration_file::{load_learnt, load_models, save_learnt};
-use hmd_storage::clock::now_ns;
-use hmd_storage::event_file::load_events;
-use hmd_storage::history_file;
 use hmd_storage::recorder::{RecordError, Recorder};
+pub use host_clock::HostClock;
+use host_clock::SteadyClock;
 use notices::Notices;
-use pipeline_thread::{PipelineThread, publish, publish_last_summaries, publish_rate_limited};
+pub use steps::Steps;
 pub use window_queue::QUEUE_WINDOWS;
 
 type WindowQueue = window_queue::WindowQueue<WaitingWindow>;
@@ -60,15 +58,6 @@ struct WaitingWindow {
     job: WindowJob,
     /// When its last sample arrived.
     arrived: Duration,
-}
-
-/// The computer's own clock.
-struct SteadyClock(Instant);
-
-impl Clock for SteadyClock {
-    fn now(&self) -> Duration {
-        self.0.elapsed()
-    }
 }
 
 /// Time between two ticks, each of which reports fresh losses.
@@ -160,98 +149,70 @@ impl Daemon {
         self.run_by(&SteadyClock(Instant::now()), shutdown, observer)
     }
 
-    /// The same with deadlines by another clock.
+    /// The same by another clock.
     ///
     /// # Errors
     /// As [`Daemon::run`].
     pub fn run_by(
         self,
-        clock: &(impl Clock + Sync),
+        clock: &impl HostClock,
         shutdown: impl Future<Output = ()>,
         observer: &impl Observer,
     ) -> Result<Status, DaemonError> {
-        let mut names = BusNames::new();
-        let mut sources = Vec::new();
-        for (name, source) in self.sources {
-            let bus = names
-                .intern(&name)
-                .map_err(|cause| DaemonError::Interface { name, cause })?;
-            sources.push((bus, source));
-        }
+        let (names, sources): (Vec<_>, Vec<_>) = self.sources.into_iter().unzip();
+        let names = bus_names(&names)?;
+        let sources = (0..).zip(sources).collect();
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
             .build()
             .map_err(DaemonError::Start)?;
-        let shared = Mutex::new(Shared {
-            recorder: self.recorder,
-            windows: WindowCounts::default(),
-            assessing: (Duration::ZERO, Duration::ZERO),
-            last_record: None,
-            health_tracker: HealthTracker::default(),
-            notices: Notices::default(),
-        });
-        let windows = WindowQueue::new();
         let (queue, inputs) = mpsc::channel(QUEUE_INPUTS);
-        let pipeline = match &self.watch {
-            Some((config, _)) => Pipeline::new(config.clone()),
-            None => Pipeline::capture(),
-        };
-        let store_raw = self.watch.as_ref().is_none_or(|(config, _)| config.output().raw_frames);
-        let config = self.watch.as_ref().map(|(config, _)| config.clone());
-        let mut pipeline_thread = PipelineThread::new(pipeline, names, store_raw, config);
-        let assessor = match self.watch {
-            Some((config, seed)) => Some((
-                ready_assessor(config.clone(), seed)?,
-                Learner::new(config.clone(), seed),
-                config,
-            )),
-            None => None,
-        };
-
+        let estimator = Arc::new(hmd_core::assess::Identification);
+        let mut steps = Steps::new(names, self.recorder, self.watch, estimator, clock, observer)?;
         let (watched, assessed) = thread::scope(|scope| {
-            let (windows, shared) = (&windows, &shared);
+            let (windows, shared) = (&steps.windows, &steps.shared);
+            let (pipeline, identification) = (&mut steps.pipeline, steps.identification.as_mut());
             let named = |name: &str| thread::Builder::new().name(name.to_owned());
             // The first to start: it ends with the sources if the other one cannot start.
             let watching = named("pipeline")
                 .spawn_scoped(scope, || {
                     let _closed = CloseAtEnd(windows);
-                    pipeline_thread.run(inputs, windows, clock, shared, observer)
+                    pipeline.run(inputs, windows, shared, observer)
                 })
                 .map_err(DaemonError::Start)?;
-            let assessing = assessor.map(|(assessor, learner, config)| {
+            let assessing = identification.map(|identification| {
                 named("identification").spawn_scoped(scope, move || {
                     let _closed = CloseAtEnd(windows);
-                    assess_windows(assessor, learner, &config, windows, clock, shared, observer)
+                    identification.run(windows, shared, observer)
                 })
             });
             let assessing = assessing.transpose().map_err(DaemonError::Start)?;
-            runtime.block_on(receive(sources, queue, shutdown));
+            runtime.block_on(receive(sources, queue, shutdown, clock));
             Ok::<_, DaemonError>((join(watching), assessing.map_or(Ok(()), join)))
         })?;
-        let mut shared = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let published = publish_last_summaries(&mut shared, observer);
-        let mut status = pipeline_thread.status(&shared);
-        let written = shared.recorder.map_or(Ok(None), |mut recorder| {
-            recorder.write_status(now_ns(), &status)?;
-            recorder.finish()
-        });
-        // The file is ended whatever went wrong before; the first error is returned.
-        assessed?;
-        watched?;
-        published?;
-        if let Some(store) = written? {
-            status.set_storage(&store.status);
-            for (level, message) in store.messages {
-                observer.notice_with_level(level, &message);
-            }
-        }
-        observer.status(&status);
-        Ok(status)
+        steps.end(watched, assessed)
     }
 }
 
+/// Numbers the buses in their order.
+fn bus_names(wanted: &[String]) -> Result<BusNames, DaemonError> {
+    let mut names = BusNames::new();
+    for name in wanted {
+        names.intern(name).map_err(|cause| DaemonError::Interface {
+            name: name.clone(),
+            cause,
+        })?;
+    }
+    Ok(names)
+}
+
 /// Runs the sources until the shutdown, or until all have ended.
-async fn receive(sources: Vec<(u16, LiveSource)>, queue: mpsc::Sender<Input>, shutdown: impl Future<Output = ()>) {
+async fn receive(
+    sources: Vec<(u16, LiveSource)>,
+    queue: mpsc::Sender<Input>,
+    shutdown: impl Future<Output = ()>,
+    clock: &impl HostClock,
+) {
     let (close, closing) = watch::channel(false);
     let mut tasks = JoinSet::new();
     for (bus, source) in sources {
@@ -261,7 +222,7 @@ async fn receive(sources: Vec<(u16, LiveSource)>, queue: mpsc::Sender<Input>, sh
         let mut interval = tokio::time::interval(TICK);
         loop {
             interval.tick().await;
-            let stamp_ns = now_ns();
+            let stamp_ns = clock.utc_ns();
             if queue.send(Input::Tick { stamp_ns }).await.is_err() {
                 return;
             }
@@ -284,136 +245,6 @@ impl Drop for CloseAtEnd<'_> {
     fn drop(&mut self) {
         self.0.close();
     }
-}
-
-/// An assessor with its models, and the units and histories of earlier runs; the notices of unusable histories come with the first
-/// window.
-fn ready_assessor(config: Arc<Config>, seed: u64) -> Result<Assessor, AssessError> {
-    let mut assessor = Assessor::new(config.clone(), load_models(&config)?, seed);
-    if let Some(directory) = config.rul().state.as_ref().map(|path| config.resolve(path)) {
-        history_file::restore_all(&directory, &config, assessor.histories());
-    }
-    for (_, actuator, unit) in load_learnt(&config)? {
-        assessor.set_unit(&actuator.name, unit);
-    }
-    Ok(assessor)
-}
-
-/// Assesses the windows of the queue until it is closed. CPU-bound; runs on the identification thread.
-fn assess_windows(
-    mut assessor: Assessor,
-    mut learner: Learner,
-    config: &Config,
-    windows: &WindowQueue,
-    clock: &impl Clock,
-    shared: &Mutex<Shared>,
-    observer: &impl Observer,
-) -> Result<(), DaemonError> {
-    let mut turns = Turns::new(config, clock);
-    if let Some(actuator) = config.actuators().first() {
-        turns
-            .measure(|effort| assessor.rehearse(actuator, effort))
-            .transpose()?;
-    }
-    let histories = config.rul().state.as_ref().map(|path| config.resolve(path));
-    while let Some(WaitingWindow { job, arrived }) = windows.pop() {
-        // Events may have come since the last window; the file is short. One that is damaged does not end the watch.
-        let events = match load_events(config) {
-            Ok(events) => {
-                assessor.histories().set_events(events);
-                None
-            }
-            Err(error) => Some(format!("rul.events: {error}")),
-        };
-        let since = Instant::now();
-        let passive = job.actuator.passive;
-        let assessed = turns.take(
-            arrived,
-            || windows.look(|waiting| waiting.iter().map(|waiting| waiting.arrived).collect()),
-            |limit| learner.assess(&mut assessor, job, limit),
-        )?;
-        let commissioned = learner.commission_complete(&mut assessor)?;
-        let took = since.elapsed();
-        // Before the lock is taken: frames need not wait for this file.
-        let saved = match (&histories, assessor.histories().get(&assessed.health.actuator)) {
-            (Some(directory), Some(history)) => history_file::save(directory, &assessed.health.actuator, history),
-            _ => Ok(()),
-        };
-        // A unit that cannot be kept is assessed by what was learnt all the same, until the run ends.
-        let kept = learner.take_learnt();
-        let unkept: Vec<String> = kept
-            .iter()
-            .filter_map(|learnt| save_learnt(config, learnt).err())
-            .map(|error| error.to_string())
-            .collect();
-        let troubles = events
-            .into_iter()
-            .chain(saved.err().map(|error| error.to_string()))
-            .chain(unkept);
-        let pending = assessor.histories().pending(&assessed.health.actuator);
-        let notices: Vec<String> = assessor
-            .histories()
-            .take_notices()
-            .into_iter()
-            .chain(troubles)
-            .collect();
-        let stored = {
-            let mut shared = lock(shared);
-            shared.windows = assessor.counts();
-            let (total, longest) = shared.assessing;
-            shared.assessing = (total + took, longest.max(took));
-            // The same trouble may come with each window.
-            for message in notices {
-                let stamp_ns = assessed.health.t_start_ns;
-                publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Warning, &mut shared, observer)?;
-            }
-            for message in learner.take_notices() {
-                let stamp_ns = assessed.health.t_start_ns;
-                publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Info, &mut shared, observer)?;
-            }
-            if let Some((level, message)) = shared.health_tracker.update(&assessed.health, pending, passive) {
-                let stamp_ns = assessed.health.t_start_ns;
-                publish(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
-            }
-            if let Some((level, message)) = shared.health_tracker.update_sensors(&assessed.sensors, passive) {
-                let stamp_ns = assessed.health.t_start_ns;
-                publish(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
-            }
-            let (mut stored, mut messages) = (true, Vec::new());
-            if let Some(recorder) = &mut shared.recorder {
-                // At the end there are no ticks any more, and the storage is tended here.
-                if windows.is_closed() {
-                    messages = recorder.tick(Instant::now())?;
-                }
-                stored = recorder.write_assessed(&assessed)?;
-                messages.append(&mut recorder.take_messages());
-            }
-            // Reported before the line of a window that is not stored.
-            for (level, message) in messages {
-                let stamp_ns = now_ns();
-                publish(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
-            }
-            if stored {
-                shared.last_record = Some(Instant::now());
-            }
-            stored
-        };
-        if windows.is_closed() {
-            // There are no ticks any more.
-            observer.heartbeat();
-        }
-        // Reported only now: what is reported as assessed is on the disk.
-        let reported = if stored {
-            observer.assessed(&assessed)
-        } else {
-            observer.assessed_unstored(&assessed)
-        };
-        reported.map_err(DaemonError::Stdout)?;
-        if commissioned {
-            turns.resume();
-        }
-    }
-    Ok(())
 }
 
 /// A panic elsewhere leaves whole records behind; it is passed on when the threads are joined.

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use prost::Message;
 
 use ema_identify::effort::{Effort, RecordedGrants};
-use hmd_core::assess::{AssessError, AssessedWindow, Assessor};
+use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Estimator, Identification};
 use hmd_core::config::{ActuatorConfig, Config};
 use hmd_core::dbc::MessageUse;
 use hmd_core::deadline::TimeLimit;
@@ -225,6 +225,19 @@ impl Replay<'_> {
         observer: &mut impl Observer,
         records: Option<Box<dyn RecordObserver>>,
     ) -> Result<Summary, ReplayError> {
+        self.run_with(observer, records, Arc::new(Identification))
+    }
+
+    /// The same with another estimator.
+    ///
+    /// # Errors
+    /// As [`Replay::run`].
+    pub fn run_with(
+        &self,
+        observer: &mut impl Observer,
+        records: Option<Box<dyn RecordObserver>>,
+        estimator: Arc<dyn Estimator>,
+    ) -> Result<Summary, ReplayError> {
         let mut names = BusNames::new();
         // An output is begun only once the first log has turned out to be one.
         let mut opened = None;
@@ -239,7 +252,8 @@ impl Replay<'_> {
             Some(records) => recorder.map(|recorder| recorder.with_observer(records)),
             None => recorder,
         };
-        let mut assessor = Assessor::new(self.config.clone(), load_models(&self.config)?, self.seed);
+        let mut assessor =
+            Assessor::new(self.config.clone(), load_models(&self.config)?, self.seed).with_estimator(estimator);
         assessor.histories().set_events(load_events(&self.config)?);
         let mut run = Run {
             pipeline: Pipeline::new(self.config.clone()),

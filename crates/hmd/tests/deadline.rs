@@ -13,7 +13,7 @@ use ema_identify::effort::{Effort, RecordedGrants};
 use ema_models::reference::{Actuations, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
-use hmd::daemon::{Daemon, Observer};
+use hmd::daemon::{Daemon, HostClock, Observer};
 use hmd::replay::{self, Replay};
 use hmd_core::assess::{AssessedWindow, Assessor, Models};
 use hmd_core::config::Config;
@@ -173,6 +173,8 @@ fn every_window_is_answered_in_time_and_again_by_what_it_was_granted() {
         assert!(cut > 0 && invalid > 0, "{cut} cut, {invalid} invalid, exact: {exact}");
     }
 }
+
+impl HostClock for SlowComputer {}
 
 #[derive(Default)]
 struct Lines(Mutex<Vec<String>>);

@@ -14,7 +14,7 @@ use super::by_unit::{self, Assessed};
 use super::{AssessError, Assessor, conditions, unseen};
 use crate::config::SearchMethod;
 use crate::outbox::WindowJob;
-use crate::outliers::{grants_runs, identify_without_outliers};
+use crate::outliers::grants_runs;
 use crate::seed::{mix, name_hash};
 use crate::sensor_checks::rivals::{
     BETTER, Corrected, Rival, Verdict, accuses_all_phases_alike, correct, is_doubtful, judge, rivals,
@@ -235,9 +235,9 @@ impl Assessor {
             None if only_relations => reasons.push("not commissioned: assessed by the monitor".to_owned()),
             None => {}
         }
-        let found = identify_without_outliers(&identifier, &mut job.window, conditions, seed, effort)?;
-        Ok(found.map(|(prepared, estimate)| Assessed {
-            fit: identifier.fit(&prepared, conditions, &estimate),
+        let found = self.estimator.estimate(&identifier, job, conditions, seed, effort)?;
+        Ok(found.map(|(estimate, fit)| Assessed {
+            fit,
             reasons: reasons.into_iter().chain(unseen(&estimate)).collect(),
             estimate,
         }))

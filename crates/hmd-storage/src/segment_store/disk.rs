@@ -1,4 +1,4 @@
-//! File-system operations that the segment store needs; tests replace them by a failing disk.
+//! What the segment store changes on a disk; tests and the simulated world replace it. Reading is that of the system.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Seek, Write};
@@ -12,7 +12,7 @@ pub trait Out: Write + Seek + Send {}
 
 impl<T: Write + Seek + Send> Out for T {}
 
-/// File-system operations of the segment store.
+/// File-system operations of the segment store. Names are changed on the system's own disk unless another says otherwise.
 pub trait Disk: Send + Sync {
     /// Makes a file that is not there yet.
     ///
@@ -25,6 +25,30 @@ pub trait Disk: Send + Sync {
     /// # Errors
     /// What the system says.
     fn free_bytes(&self, folder: &Path) -> io::Result<u64>;
+
+    /// Gives a file another name, in place of any file of that name; safe after the next [`Disk::sync_folder`].
+    ///
+    /// # Errors
+    /// What the system says.
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        std::fs::rename(from, to)
+    }
+
+    /// Removes a file.
+    ///
+    /// # Errors
+    /// What the system says.
+    fn remove(&self, path: &Path) -> io::Result<()> {
+        std::fs::remove_file(path)
+    }
+
+    /// Brings the names of a folder to the disk: a new or renamed file is not safe before.
+    ///
+    /// # Errors
+    /// What the system says.
+    fn sync_folder(&self, folder: &Path) -> io::Result<()> {
+        File::open(folder)?.sync_all()
+    }
 }
 
 /// The real one.
@@ -44,16 +68,11 @@ impl Disk for RealDisk {
 }
 
 /// Gives a segment a name that is not in use, durably.
-pub(super) fn rename(folder: &Path, from: Name, to: Name) -> io::Result<()> {
+pub(super) fn rename(disk: &dyn Disk, folder: &Path, from: Name, to: Name) -> io::Result<()> {
     let [from, to] = [from, to].map(|name| folder.join(name.to_string()));
     if to.exists() {
         return Err(io::ErrorKind::AlreadyExists.into());
     }
-    std::fs::rename(from, to)?;
-    sync_folder(folder)
-}
-
-/// Brings the names of a folder to the disk: a new or renamed file is not safe before.
-pub(super) fn sync_folder(folder: &Path) -> io::Result<()> {
-    File::open(folder)?.sync_all()
+    disk.rename(&from, &to)?;
+    disk.sync_folder(folder)
 }

@@ -70,7 +70,7 @@ pub(super) fn repair_folder(folder: &Path, disk: &dyn Disk) -> io::Result<Found>
     let at = |stage| ours.iter().copied().filter(move |name| name.stage == stage);
     for name in at(Stage::Repair).chain(empty) {
         // A repair that was itself cut; its source is still there.
-        found.remove(folder, name);
+        found.remove(folder, name, disk);
     }
     for name in at(Stage::Open) {
         if found.expand_bytes_left != Some(0) && size_of(folder, name) <= AT_START_BYTES_MAX {
@@ -86,7 +86,7 @@ pub(super) fn repair_folder(folder: &Path, disk: &dyn Disk) -> io::Result<Found>
     for name in at(Stage::Closed) {
         found.add(folder, name);
     }
-    found.thin_out_damaged(folder)?;
+    found.thin_out_damaged(folder, disk)?;
     Ok(found)
 }
 
@@ -94,7 +94,7 @@ pub(super) fn repair_folder(folder: &Path, disk: &dyn Disk) -> io::Result<Found>
 pub(super) fn repair_one(folder: &Path, name: Name, disk: &dyn Disk) -> Found {
     let mut found = Found::within(None);
     found.mend(folder, name, disk);
-    if let Err(cause) = found.thin_out_damaged(folder) {
+    if let Err(cause) = found.thin_out_damaged(folder, disk) {
         found.report(LogLevel::Error, &format!("damaged segments cannot be listed: {cause}"));
     }
     found
@@ -145,8 +145,8 @@ impl Found {
     }
 
     /// What cannot be removed is not counted: the closed one of the same number is, and the next start tries again.
-    fn remove(&mut self, folder: &Path, name: Name) {
-        if let Err(cause) = fs::remove_file(folder.join(name.to_string())) {
+    fn remove(&mut self, folder: &Path, name: Name, disk: &dyn Disk) {
+        if let Err(cause) = disk.remove(&folder.join(name.to_string())) {
             self.report(LogLevel::Error, &format!("{name} cannot be removed: {cause}"));
         }
     }
@@ -155,7 +155,7 @@ impl Found {
         let closed = folder.join(name.with_stage(Stage::Closed).to_string());
         if is_segment(&closed).unwrap_or(false) {
             // Repaired and renamed; only what becomes of the source was cut.
-            self.settle(folder, name);
+            self.settle(folder, name, disk);
         } else {
             self.repair(folder, name, disk);
         }
@@ -179,7 +179,7 @@ impl Found {
                 if messages > 0 {
                     self.add(folder, closed);
                 }
-                self.dispose(folder, name, is_spent);
+                self.dispose(folder, name, is_spent, disk);
             }
             Err(cause) => {
                 // It may be repaired by the next start, or by hand.
@@ -204,12 +204,12 @@ impl Found {
     }
 
     /// Does with a source that has its copy what the repair would have done.
-    fn settle(&mut self, folder: &Path, name: Name) {
+    fn settle(&mut self, folder: &Path, name: Name, disk: &dyn Disk) {
         let copied = copied(folder, name, io::empty(), self.expand_bytes_left);
         copied.iter().for_each(|copied| self.account(copied));
         match copied {
             Ok(copied) if copied.is_postponed => self.pending.push(name),
-            Ok(copied) => self.dispose(folder, name, copied.is_source_spent),
+            Ok(copied) => self.dispose(folder, name, copied.is_source_spent, disk),
             Err(cause) => {
                 let text = format!("{name} was repaired and cannot be read again: {cause}");
                 self.report(LogLevel::Error, &text);
@@ -218,12 +218,12 @@ impl Found {
     }
 
     /// Removes the source of a repair, or keeps it aside.
-    fn dispose(&mut self, folder: &Path, name: Name, is_spent: bool) {
+    fn dispose(&mut self, folder: &Path, name: Name, is_spent: bool, disk: &dyn Disk) {
         if is_spent {
-            return self.remove(folder, name);
+            return self.remove(folder, name, disk);
         }
         let aside = name.with_stage(Stage::Damaged);
-        match rename(folder, name, aside) {
+        match rename(disk, folder, name, aside) {
             Ok(()) => self.report(LogLevel::Error, &format!("{name} was damaged, and is kept as {aside}")),
             Err(cause) => {
                 let text = format!("{name} was damaged, and cannot be kept as {aside}: {cause}; it stays");
@@ -233,7 +233,7 @@ impl Found {
     }
 
     /// Removes the oldest damaged segments beyond [`DAMAGED_MAX`].
-    fn thin_out_damaged(&mut self, folder: &Path) -> io::Result<()> {
+    fn thin_out_damaged(&mut self, folder: &Path, disk: &dyn Disk) -> io::Result<()> {
         let mut damaged = Vec::new();
         for entry in fs::read_dir(folder)? {
             let entry = entry?;
@@ -250,7 +250,7 @@ impl Found {
         for name in damaged.into_iter().take(beyond) {
             let text = format!("{name} is removed: the newest {DAMAGED_MAX} damaged segments are kept");
             self.report(LogLevel::Warning, &text);
-            self.remove(folder, name);
+            self.remove(folder, name, disk);
         }
         Ok(())
     }
@@ -276,10 +276,17 @@ fn repaired(folder: &Path, name: Name, disk: &dyn Disk, expanded_max: Option<u64
     let copied = copied(folder, name, out, expanded_max);
     let is_kept = |copied: &Repaired| copied.report.messages > 0 && !copied.is_postponed;
     let kept = copied.as_ref().is_ok_and(is_kept);
-    let renamed = kept.then(|| rename(folder, name.with_stage(Stage::Repair), name.with_stage(Stage::Closed)));
+    let renamed = kept.then(|| {
+        rename(
+            disk,
+            folder,
+            name.with_stage(Stage::Repair),
+            name.with_stage(Stage::Closed),
+        )
+    });
     if !matches!(renamed, Some(Ok(()))) {
         // It is ours: it was made above.
-        fs::remove_file(copy).map_err(output_error)?;
+        disk.remove(&copy).map_err(output_error)?;
     }
     renamed.transpose().map_err(output_error)?;
     copied

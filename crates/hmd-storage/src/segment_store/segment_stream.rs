@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
-use super::disk::{Disk, Out, rename, sync_folder};
+use super::disk::{Disk, Out, rename};
 use super::name::{Kind, Name, PROFILE, Stage};
 use crate::mcap_writer::{McapWriteError, McapWriter};
 use crate::retry_delay::RetryDelay;
@@ -99,11 +99,11 @@ impl SegmentStream {
         metadata.insert("segment".to_owned(), self.segment.to_string());
         let path = with.folder.join(name.to_string());
         let out = with.disk.create(&path)?;
-        let writer = match started(out, with.folder, &metadata) {
+        let writer = match started(out, with, &metadata) {
             Ok(writer) => writer,
             Err(error) => {
                 // Nothing is in it.
-                let _ = std::fs::remove_file(path);
+                let _ = with.disk.remove(&path);
                 return Err(error);
             }
         };
@@ -147,13 +147,13 @@ impl SegmentStream {
     }
 
     /// Ends the segment in progress; its closed name and its size.
-    pub(super) fn close(&mut self, folder: &Path) -> Result<Option<(Name, u64)>, McapWriteError> {
+    pub(super) fn close(&mut self, folder: &Path, disk: &dyn Disk) -> Result<Option<(Name, u64)>, McapWriteError> {
         self.sync()?;
         let Some(open) = self.open.take() else { return Ok(None) };
         let closed = open.name.with_stage(Stage::Closed);
         // What is in it is on the disk already; without its end it is repaired by the next start.
         let ended = open.writer.finish().map(|_| ());
-        if let Err(error) = ended.and_then(|()| Ok(rename(folder, open.name, closed)?)) {
+        if let Err(error) = ended.and_then(|()| Ok(rename(disk, folder, open.name, closed)?)) {
             if is_removed(folder, open.name) {
                 self.lost += open.taken;
             }
@@ -169,7 +169,7 @@ impl SegmentStream {
     /// though a repair may still find some of it; all that it held, when its file was removed. The segment's name and
     /// size, if anything in it is worth a repair; else it is removed, so that a disk that fails for days leaves no file for
     /// each attempt.
-    pub(super) fn fail(&mut self, folder: &Path, now: Instant) -> Option<(Name, u64)> {
+    pub(super) fn fail(&mut self, folder: &Path, disk: &dyn Disk, now: Instant) -> Option<(Name, u64)> {
         self.segment += 1;
         self.retry_at = Some(now + self.pause.next_delay());
         let open = self.open.take()?;
@@ -178,7 +178,7 @@ impl SegmentStream {
         let kept = open.syncs > 0 && !gone;
         drop(open);
         if !kept {
-            let _ = std::fs::remove_file(folder.join(name.to_string()));
+            let _ = disk.remove(&folder.join(name.to_string()));
         }
         kept.then_some((name, bytes))
     }
@@ -192,11 +192,11 @@ pub(super) fn is_removed(folder: &Path, name: Name) -> bool {
 /// A segment with its header and metadata, all of it and its name on the disk.
 fn started(
     out: Box<dyn Out>,
-    folder: &Path,
+    with: &SegmentStart<'_>,
     metadata: &BTreeMap<String, String>,
 ) -> Result<McapWriter<Box<dyn Out>>, McapWriteError> {
     let mut writer = McapWriter::with_profile(out, metadata, PROFILE)?;
     writer.flush_window()?;
-    sync_folder(folder)?;
+    with.disk.sync_folder(with.folder)?;
     Ok(writer)
 }

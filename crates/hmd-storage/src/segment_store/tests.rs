@@ -1,7 +1,7 @@
 use super::*;
 use crate::mcap::{McapFrames, McapMessages};
 use hmd_core::frame::FrameFlags;
-use hmd_core::record::{Health, Log, RawBatch};
+use hmd_core::record::{Dropped, Health, Log, RawBatch};
 use std::io::{Seek, SeekFrom, Write};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
@@ -182,6 +182,31 @@ fn segments_are_closed_by_size_and_by_age() {
         .map(|name| fs::metadata(bench.folder.path().join(name)).unwrap().len())
         .max();
     assert!(sizes.unwrap() < 2 * LIMITS.segment_bytes, "{sizes:?}");
+}
+
+/// Found by the simulated world: a replay of the raw frames assessed a window that was dropped just after a segment had become old.
+#[test]
+fn a_decision_on_a_window_is_among_the_raw_frames_between_two_segments() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    bench.put_frames(&mut store, 10);
+    bench.tick(&mut store, 60);
+    let dropped = Dropped {
+        actuator: "ema0".to_owned(),
+        ..Dropped::default()
+    };
+    store.write_to_both(1, &dropped);
+    bench.put_frames(&mut store, 10);
+    store.finish();
+    let raw = |name: &String| name.ends_with("-raw.mcap");
+    let decisions = bench.names().into_iter().filter(raw).map(|name| {
+        let file = File::open(bench.folder.path().join(&name)).unwrap();
+        let messages = McapMessages::new(file, &name).unwrap().flatten();
+        messages
+            .filter(|message| *message.schema == *Dropped::SCHEMA_NAME)
+            .count()
+    });
+    assert_eq!(decisions.collect::<Vec<_>>(), [1, 0]);
 }
 
 #[test]

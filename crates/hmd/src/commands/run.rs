@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::net::SocketAddr;
 use std::os::fd::AsFd;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -19,7 +19,7 @@ use super::metrics_http::{self, Page, loopback};
 use super::outputs::Outputs;
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, Misuse, Settings, check_files_of_run, load_config_with, no_recording, service, use_threads, warn};
+use super::{Exit, Misuse, Settings, check_files_of_run, no_recording, service, use_threads, warn};
 use crate::daemon::{Daemon, DaemonError, Observer};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::Config;
@@ -29,6 +29,7 @@ use hmd_ingest::can::{CanSource, Wanted};
 use hmd_ingest::live::LiveSource;
 use hmd_ingest::serial::SerialSource;
 use hmd_storage::calibration_file::hash_of_models_of_run;
+use hmd_storage::config_file;
 use hmd_storage::metrics_file::{may_replace, write_textfile};
 use hmd_storage::printable;
 use hmd_storage::recorder::{RecordError, Recorder, is_folder, metadata};
@@ -72,7 +73,7 @@ pub struct Args {
 /// # Errors
 /// A bad configuration at the start, or an output that cannot be written. A bad bus is no error: its source waits.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
-    let mut config = load(args)?;
+    let mut config = load(&args.config, &args.settings.set)?;
     if let Some(output) = &args.output {
         no_recording(output)?;
     }
@@ -153,10 +154,13 @@ fn check_outputs(args: &Args, config: &Config) -> Result<(), Misuse> {
 }
 
 /// The configuration, if the daemon can run with it.
-fn load(args: &Args) -> anyhow::Result<Arc<Config>> {
-    let config = load_config_with(Some(&args.config), &args.settings)?;
+///
+/// # Errors
+/// It cannot be read, names files that cannot be used, or no interface.
+pub fn load(path: &Path, settings: &[String]) -> anyhow::Result<Arc<Config>> {
+    let config = config_file::load_config_with(Some(path), settings)?;
     check_files_of_run(&config)?;
-    config.interfaces(&args.config.display().to_string())?;
+    config.interfaces(&path.display().to_string())?;
     Ok(Arc::new(config))
 }
 
@@ -175,7 +179,7 @@ async fn new_config(
                 "not reloaded: the output is one file, which belongs to one configuration",
             );
         } else {
-            match load(args) {
+            match load(&args.config, &args.settings.set) {
                 // Ready again once it runs.
                 Ok(config) => return Some(config),
                 Err(error) => printer.notice_with_level(

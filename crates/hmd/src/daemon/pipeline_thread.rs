@@ -5,21 +5,20 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use ema_wire::{DeframerStats, FrameError};
 use tokio::sync::mpsc;
 
 use super::freshness::Freshness;
+use super::host_clock::HostClock;
 use super::{DaemonError, Observer, Shared, WaitingWindow, WindowQueue, lock};
 use hmd_core::config::Config;
-use hmd_core::deadline::Clock;
 use hmd_core::frame::BusNames;
 use hmd_core::outbox::{Notice, WindowJob};
 use hmd_core::pipeline::Pipeline;
 use hmd_core::record::{ActuatorStatus, DataState, LogLevel, Status};
 use hmd_ingest::feed::{Input, LinkState, LiveLoss};
-use hmd_storage::clock::now_ns;
 use hmd_storage::recorder::Recorder;
 
 /// Inputs taken at once, during which identification cannot write records.
@@ -32,7 +31,8 @@ const ASSESSING_MAX: Duration = Duration::from_secs(60);
 const STATUS_TICKS: u64 = 10;
 
 /// State of the thread.
-pub(super) struct PipelineThread {
+pub(super) struct PipelineThread<'a, C> {
+    clock: &'a C,
     names: BusNames,
     pipeline: Pipeline,
     links: BTreeMap<u16, LinkState>,
@@ -53,12 +53,19 @@ pub(super) struct PipelineThread {
     passive: BTreeSet<String>,
 }
 
-impl PipelineThread {
+impl<'a, C: HostClock> PipelineThread<'a, C> {
     /// With the actuators of a configuration, or without one for a capture.
-    pub(super) fn new(pipeline: Pipeline, names: BusNames, store_raw: bool, config: Option<Arc<Config>>) -> Self {
+    pub(super) fn new(
+        pipeline: Pipeline,
+        names: BusNames,
+        store_raw: bool,
+        config: Option<Arc<Config>>,
+        clock: &'a C,
+    ) -> Self {
         let actuators = || config.iter().flat_map(|config| config.actuators());
         let passive = actuators().filter(|actuator| actuator.passive);
         Self {
+            clock,
             not_reported: Some((0..names.len() as u16).collect()),
             names,
             pipeline,
@@ -69,7 +76,7 @@ impl PipelineThread {
             ticks: 0,
             store_raw,
             queued: (0, 0),
-            freshness: Freshness::new(actuators().map(|actuator| actuator.name.clone()), Instant::now()),
+            freshness: Freshness::new(actuators().map(|actuator| actuator.name.clone()), clock.instant()),
             passive: passive.map(|actuator| actuator.name.clone()).collect(),
         }
     }
@@ -79,50 +86,73 @@ impl PipelineThread {
         &mut self,
         mut inputs: mpsc::Receiver<Input>,
         windows: &WindowQueue,
-        clock: &impl Clock,
         shared: &Mutex<Shared>,
         observer: &impl Observer,
     ) -> Result<(), DaemonError> {
         let mut batch = Vec::with_capacity(BATCH);
         // When the queue of inputs was empty last.
-        let mut emptied = clock.now();
+        let mut emptied = self.clock.now();
         while inputs.blocking_recv_many(&mut batch, BATCH) > 0 {
             // Nothing in the batch has waited for longer.
             let waited_from = emptied;
             if batch.len() < BATCH {
-                emptied = clock.now();
+                emptied = self.clock.now();
             }
             if windows.is_closed() {
                 return Ok(());
             }
-            self.queued = (inputs.len() as u64, windows.len() as u64);
-            let mut shared = lock(shared);
-            for input in batch.drain(..) {
-                let is_tick = matches!(input, Input::Tick { .. });
-                self.note_link_report(&input);
-                self.process(input, &mut shared, observer)?;
-                self.report_ready(&shared, observer);
-                // A tick came through the I/O thread and the queue, and the writer has synced or reported a failure.
-                if is_tick && windows.busy_for() < ASSESSING_MAX {
-                    observer.heartbeat();
-                }
-            }
-            self.publish_notices(&mut shared, observer)?;
-            for job in self.pipeline.take_windows() {
-                let arrived = arrival_of(&job, waited_from, clock);
-                if let Some(dropped) = windows.push(WaitingWindow { job, arrived }) {
-                    self.count_dropped(&dropped.job, &mut shared)?;
-                }
+            self.queued.0 = inputs.len() as u64;
+            self.take(&mut batch, waited_from, windows, shared, observer)?;
+        }
+        self.finish(windows, shared, observer)
+    }
+
+    /// Takes inputs that have waited since then at most.
+    pub(super) fn take(
+        &mut self,
+        batch: &mut Vec<Input>,
+        waited_from: Duration,
+        windows: &WindowQueue,
+        shared: &Mutex<Shared>,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
+        self.queued.1 = windows.len() as u64;
+        let mut shared = lock(shared);
+        for input in batch.drain(..) {
+            let is_tick = matches!(input, Input::Tick { .. });
+            self.note_link_report(&input);
+            self.process(input, &mut shared, observer)?;
+            self.report_ready(&shared, observer);
+            // A tick came through the I/O thread and the queue, and the writer has synced or reported a failure.
+            if is_tick && windows.busy_for() < ASSESSING_MAX {
+                observer.heartbeat();
             }
         }
+        self.publish_notices(&mut shared, observer)?;
+        for job in self.pipeline.take_windows() {
+            let arrived = arrival_of(&job, waited_from, self.clock);
+            if let Some(dropped) = windows.push(WaitingWindow { job, arrived }) {
+                self.count_dropped(&dropped.job, &mut shared)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Ends the open windows; waits where the queue has no room for them.
+    pub(super) fn finish(
+        &mut self,
+        windows: &WindowQueue,
+        shared: &Mutex<Shared>,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
         self.pipeline.finish();
         let mut last = lock(shared);
-        self.publish_losses(now_ns(), &mut last, observer)?;
+        self.publish_losses(self.clock.utc_ns(), &mut last, observer)?;
         self.publish_notices(&mut last, observer)?;
         // Identification needs it to make room.
         drop(last);
         for job in self.pipeline.take_windows() {
-            let arrived = clock.now();
+            let arrived = self.clock.now();
             windows.push_waiting(WaitingWindow { job, arrived });
         }
         Ok(())
@@ -136,13 +166,13 @@ impl PipelineThread {
             queued_windows: self.queued.1,
             identification_s: identification.as_secs_f64(),
             identification_max_s: longest.as_secs_f64(),
-            record_age_s: shared.last_record.map(|at| at.elapsed().as_secs_f64()),
+            record_age_s: shared.last_record.map(|at| (self.clock.instant() - at).as_secs_f64()),
             ..self.pipeline.status(&self.names, shared.windows)
         };
         for (interface, bus) in status.interfaces.iter_mut().zip(0..) {
             interface.link = self.links.get(&bus).map(ToString::to_string).unwrap_or_default();
         }
-        for (name, data_age_s, stale) in self.freshness.ages(Instant::now()) {
+        for (name, data_age_s, stale) in self.freshness.ages(self.clock.instant()) {
             let tracked = shared.health_tracker.health_of(name);
             let changed = tracked.changed.unwrap_or_default();
             let data_state = if stale { DataState::Stale } else { DataState::Fresh };
@@ -259,7 +289,7 @@ impl PipelineThread {
         let Some(recorder) = &mut shared.recorder else {
             return Ok(());
         };
-        for (level, message) in recorder.tick(Instant::now())? {
+        for (level, message) in recorder.tick(self.clock.instant())? {
             publish(&Notice { stamp_ns, message }, level, shared, observer)?;
         }
         Ok(())
@@ -272,7 +302,7 @@ impl PipelineThread {
         shared: &mut Shared,
         observer: &impl Observer,
     ) -> Result<(), DaemonError> {
-        let changes = self.freshness.update(Instant::now(), self.pipeline.samples());
+        let changes = self.freshness.update(self.clock.instant(), self.pipeline.samples());
         for (stale, message) in &changes {
             let level = if *stale { LogLevel::Warning } else { LogLevel::Info };
             let message = message.clone();
@@ -331,10 +361,10 @@ impl PipelineThread {
 
 /// When the last sample of a window arrived: by its stamp, which stamps of another clock may not put before the time since when
 /// inputs have waited.
-fn arrival_of(job: &WindowJob, waited_from: Duration, clock: &impl Clock) -> Duration {
+fn arrival_of(job: &WindowJob, waited_from: Duration, clock: &impl HostClock) -> Duration {
     let window = &job.window;
     let last_ns = window.t_start_ns.saturating_add((1e9 * job.length_s()) as u64);
-    let age = Duration::from_nanos(now_ns().saturating_sub(last_ns));
+    let age = Duration::from_nanos(clock.utc_ns().saturating_sub(last_ns));
     let now = clock.now();
     now.saturating_sub(age).max(waited_from.min(now))
 }
@@ -365,8 +395,12 @@ pub(super) fn publish_rate_limited(
 }
 
 /// Tells how many of each kind were held back, at the end.
-pub(super) fn publish_last_summaries(shared: &mut Shared, observer: &impl Observer) -> Result<(), DaemonError> {
-    for (notice, level) in shared.notices.last_summaries(now_ns()) {
+pub(super) fn publish_last_summaries(
+    stamp_ns: u64,
+    shared: &mut Shared,
+    observer: &impl Observer,
+) -> Result<(), DaemonError> {
+    for (notice, level) in shared.notices.last_summaries(stamp_ns) {
         publish(&notice, level, shared, observer)?;
     }
     Ok(())

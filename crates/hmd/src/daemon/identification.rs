@@ -1,0 +1,192 @@
+//! The identification thread: windows of the queue to records. CPU-bound.
+
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
+
+use super::host_clock::HostClock;
+use super::pipeline_thread::{publish, publish_rate_limited};
+use super::{DaemonError, Observer, Shared, WaitingWindow, WindowQueue, lock};
+use hmd_core::assess::{AssessError, Assessor, Estimator};
+use hmd_core::config::Config;
+use hmd_core::deadline::Turns;
+use hmd_core::learning::Learner;
+use hmd_core::outbox::Notice;
+use hmd_core::record::LogLevel;
+use hmd_storage::calibration_file::{load_learnt, load_models, save_learnt};
+use hmd_storage::event_file::load_events;
+use hmd_storage::history_file;
+
+/// State of the thread.
+pub(super) struct Identification<'a, C> {
+    clock: &'a C,
+    config: Arc<Config>,
+    assessor: Assessor,
+    learner: Learner,
+    turns: Turns<'a, C>,
+    /// Folder of the unit histories, if they are kept.
+    histories: Option<PathBuf>,
+}
+
+impl<'a, C: HostClock> Identification<'a, C> {
+    pub(super) fn new(
+        config: Arc<Config>,
+        seed: u64,
+        estimator: Arc<dyn Estimator>,
+        clock: &'a C,
+    ) -> Result<Self, DaemonError> {
+        Ok(Self {
+            clock,
+            assessor: ready_assessor(config.clone(), seed, estimator)?,
+            learner: Learner::new(config.clone(), seed),
+            turns: Turns::new(&config, clock),
+            histories: config.rul().state.as_ref().map(|path| config.resolve(path)),
+            config,
+        })
+    }
+
+    /// Assesses the windows of the queue until it is closed.
+    pub(super) fn run(
+        &mut self,
+        windows: &WindowQueue,
+        shared: &Mutex<Shared>,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
+        self.rehearse()?;
+        while let Some(window) = windows.pop() {
+            self.assess(window, windows, shared, observer)?;
+        }
+        Ok(())
+    }
+
+    /// Measures how long identification takes on this computer, where windows have a deadline.
+    pub(super) fn rehearse(&mut self) -> Result<(), DaemonError> {
+        if let Some(actuator) = self.config.actuators().first() {
+            let measured = self.turns.measure(|effort| self.assessor.rehearse(actuator, effort));
+            measured.transpose()?;
+        }
+        Ok(())
+    }
+
+    /// Assesses one window, stores its records and reports it.
+    pub(super) fn assess(
+        &mut self,
+        WaitingWindow { job, arrived }: WaitingWindow,
+        windows: &WindowQueue,
+        shared: &Mutex<Shared>,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
+        // Events may have come since the last window; the file is short. One that is damaged does not end the watch.
+        let events = match load_events(&self.config) {
+            Ok(events) => {
+                self.assessor.histories().set_events(events);
+                None
+            }
+            Err(error) => Some(format!("rul.events: {error}")),
+        };
+        let since = self.clock.instant();
+        let passive = job.actuator.passive;
+        let assessed = self.turns.take(
+            arrived,
+            || windows.look(|waiting| waiting.iter().map(|waiting| waiting.arrived).collect()),
+            |limit| self.learner.assess(&mut self.assessor, job, limit),
+        )?;
+        let commissioned = self.learner.commission_complete(&mut self.assessor)?;
+        let took = self.clock.instant() - since;
+        // Before the lock is taken: frames need not wait for this file.
+        let saved = match (
+            &self.histories,
+            self.assessor.histories().get(&assessed.health.actuator),
+        ) {
+            (Some(directory), Some(history)) => history_file::save(directory, &assessed.health.actuator, history),
+            _ => Ok(()),
+        };
+        // A unit that cannot be kept is assessed by what was learnt all the same, until the run ends.
+        let kept = self.learner.take_learnt();
+        let unkept: Vec<String> = kept
+            .iter()
+            .filter_map(|learnt| save_learnt(&self.config, learnt).err())
+            .map(|error| error.to_string())
+            .collect();
+        let troubles = events
+            .into_iter()
+            .chain(saved.err().map(|error| error.to_string()))
+            .chain(unkept);
+        let pending = self.assessor.histories().pending(&assessed.health.actuator);
+        let notices: Vec<String> = self
+            .assessor
+            .histories()
+            .take_notices()
+            .into_iter()
+            .chain(troubles)
+            .collect();
+        let stored = {
+            let mut shared = lock(shared);
+            shared.windows = self.assessor.counts();
+            let (total, longest) = shared.assessing;
+            shared.assessing = (total + took, longest.max(took));
+            // The same trouble may come with each window.
+            for message in notices {
+                let stamp_ns = assessed.health.t_start_ns;
+                publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Warning, &mut shared, observer)?;
+            }
+            for message in self.learner.take_notices() {
+                let stamp_ns = assessed.health.t_start_ns;
+                publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Info, &mut shared, observer)?;
+            }
+            if let Some((level, message)) = shared.health_tracker.update(&assessed.health, pending, passive) {
+                let stamp_ns = assessed.health.t_start_ns;
+                publish(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
+            }
+            if let Some((level, message)) = shared.health_tracker.update_sensors(&assessed.sensors, passive) {
+                let stamp_ns = assessed.health.t_start_ns;
+                publish(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
+            }
+            let (mut stored, mut messages) = (true, Vec::new());
+            if let Some(recorder) = &mut shared.recorder {
+                // At the end there are no ticks any more, and the storage is tended here.
+                if windows.is_closed() {
+                    messages = recorder.tick(self.clock.instant())?;
+                }
+                stored = recorder.write_assessed(&assessed)?;
+                messages.append(&mut recorder.take_messages());
+            }
+            // Reported before the line of a window that is not stored.
+            for (level, message) in messages {
+                let stamp_ns = self.clock.utc_ns();
+                publish(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
+            }
+            if stored {
+                shared.last_record = Some(self.clock.instant());
+            }
+            stored
+        };
+        if windows.is_closed() {
+            // There are no ticks any more.
+            observer.heartbeat();
+        }
+        // Reported only now: what is reported as assessed is on the disk.
+        let reported = if stored {
+            observer.assessed(&assessed)
+        } else {
+            observer.assessed_unstored(&assessed)
+        };
+        reported.map_err(DaemonError::Stdout)?;
+        if commissioned {
+            self.turns.resume();
+        }
+        Ok(())
+    }
+}
+
+/// An assessor with its models, and the units and histories of earlier runs; the notices of unusable histories come with the first
+/// window.
+fn ready_assessor(config: Arc<Config>, seed: u64, estimator: Arc<dyn Estimator>) -> Result<Assessor, AssessError> {
+    let mut assessor = Assessor::new(config.clone(), load_models(&config)?, seed).with_estimator(estimator);
+    if let Some(directory) = config.rul().state.as_ref().map(|path| config.resolve(path)) {
+        history_file::restore_all(&directory, &config, assessor.histories());
+    }
+    for (_, actuator, unit) in load_learnt(&config)? {
+        assessor.set_unit(&actuator.name, unit);
+    }
+    Ok(assessor)
+}

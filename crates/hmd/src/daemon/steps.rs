@@ -1,0 +1,142 @@
+//! The daemon without its threads and sources.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use super::health_tracker::HealthTracker;
+use super::host_clock::HostClock;
+use super::identification::Identification;
+use super::notices::Notices;
+use super::pipeline_thread::{PipelineThread, publish_last_summaries};
+use super::{DaemonError, Observer, Shared, WindowQueue};
+use hmd_core::assess::{Estimator, WindowCounts};
+use hmd_core::config::Config;
+use hmd_core::frame::BusNames;
+use hmd_core::pipeline::Pipeline;
+use hmd_core::record::Status;
+use hmd_ingest::feed::Input;
+use hmd_storage::recorder::Recorder;
+
+/// What the threads of a [`Daemon`](super::Daemon) do, one step after another: for a simulation, in which everything happens in a
+/// known order.
+pub struct Steps<'a, C, O> {
+    pub(super) shared: Mutex<Shared>,
+    pub(super) windows: WindowQueue,
+    pub(super) pipeline: PipelineThread<'a, C>,
+    pub(super) identification: Option<Identification<'a, C>>,
+    clock: &'a C,
+    observer: &'a O,
+}
+
+impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
+    /// Without any input yet; `watch` is what is watched, with the seed of every search.
+    ///
+    /// # Errors
+    /// The configuration names files that cannot be used.
+    pub fn new(
+        names: BusNames,
+        recorder: Option<Recorder>,
+        watch: Option<(Arc<Config>, u64)>,
+        estimator: Arc<dyn Estimator>,
+        clock: &'a C,
+        observer: &'a O,
+    ) -> Result<Self, DaemonError> {
+        let pipeline = match &watch {
+            Some((config, _)) => Pipeline::new(config.clone()),
+            None => Pipeline::capture(),
+        };
+        let store_raw = watch.as_ref().is_none_or(|(config, _)| config.output().raw_frames);
+        let config = watch.as_ref().map(|(config, _)| config.clone());
+        let identification = watch.map(|(config, seed)| Identification::new(config, seed, estimator, clock));
+        Ok(Self {
+            shared: Mutex::new(Shared {
+                recorder,
+                windows: WindowCounts::default(),
+                assessing: (Duration::ZERO, Duration::ZERO),
+                last_record: None,
+                health_tracker: HealthTracker::default(),
+                notices: Notices::default(),
+            }),
+            windows: WindowQueue::new(),
+            pipeline: PipelineThread::new(pipeline, names, store_raw, config, clock),
+            identification: identification.transpose()?,
+            clock,
+            observer,
+        })
+    }
+
+    /// Takes inputs, as the pipeline thread does.
+    ///
+    /// # Errors
+    /// As [`Daemon::run`](super::Daemon::run).
+    pub fn take(&mut self, inputs: &mut Vec<Input>) -> Result<(), DaemonError> {
+        let now = self.clock.now();
+        self.pipeline
+            .take(inputs, now, &self.windows, &self.shared, self.observer)
+    }
+
+    /// Assesses the oldest window that waits, as the identification thread does. Whether there was one.
+    ///
+    /// # Errors
+    /// As [`Daemon::run`](super::Daemon::run).
+    pub fn assess(&mut self) -> Result<bool, DaemonError> {
+        let Some(identification) = self.identification.as_mut().filter(|_| self.windows.len() > 0) else {
+            return Ok(false);
+        };
+        if let Some(window) = self.windows.pop() {
+            identification.assess(window, &self.windows, &self.shared, self.observer)?;
+        }
+        Ok(true)
+    }
+
+    /// The counters as they stand.
+    #[must_use]
+    pub fn status(&self) -> Status {
+        self.pipeline.status(&super::lock(&self.shared))
+    }
+
+    /// Ends the open windows, assesses all that wait, and ends the output.
+    ///
+    /// # Errors
+    /// As [`Daemon::run`](super::Daemon::run).
+    pub fn finish(mut self) -> Result<Status, DaemonError> {
+        // The last windows find room.
+        let mut assessed = self.assess_all();
+        let watched = self.pipeline.finish(&self.windows, &self.shared, self.observer);
+        self.windows.close();
+        assessed = assessed.and_then(|()| self.assess_all());
+        self.end(watched, assessed)
+    }
+
+    fn assess_all(&mut self) -> Result<(), DaemonError> {
+        while self.assess()? {}
+        Ok(())
+    }
+
+    /// Ends the output after both threads.
+    pub(super) fn end(
+        self,
+        watched: Result<(), DaemonError>,
+        assessed: Result<(), DaemonError>,
+    ) -> Result<Status, DaemonError> {
+        let mut shared = self.shared.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let published = publish_last_summaries(self.clock.utc_ns(), &mut shared, self.observer);
+        let mut status = self.pipeline.status(&shared);
+        let written = shared.recorder.map_or(Ok(None), |mut recorder| {
+            recorder.write_status(self.clock.utc_ns(), &status)?;
+            recorder.finish()
+        });
+        // The file is ended whatever went wrong before; the first error is returned.
+        assessed?;
+        watched?;
+        published?;
+        if let Some(store) = written? {
+            status.set_storage(&store.status);
+            for (level, message) in store.messages {
+                self.observer.notice_with_level(level, &message);
+            }
+        }
+        self.observer.status(&status);
+        Ok(status)
+    }
+}

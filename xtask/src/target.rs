@@ -280,7 +280,9 @@ fn none_grew(document: &str, table: &str) -> anyhow::Result<()> {
         });
         cells.collect()
     };
-    let (_, committed) = document.split_once(BEGIN).with_context(|| format!("expected {BEGIN}"))?;
+    let (_, committed) = document
+        .split_once(BEGIN)
+        .with_context(|| format!("expected {BEGIN}"))?;
     let committed = rows(committed.split_once(END).map_or(committed, |(table, _)| table));
     for (name, found) in rows(table) {
         let before = committed.get(&name).map_or(&[][..], Vec::as_slice);

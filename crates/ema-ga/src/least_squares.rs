@@ -49,7 +49,7 @@ pub struct LmConfig {
     /// Converged when an accepted step lowers the cost by at most this share of the cost.
     pub cost_tolerance: f64,
     /// Converged when the model expects of the next step less than this share of the cost; its cost is then not computed. Where costs are
-    /// dear it spares a row of rejected steps at the resolution of the derivatives.
+    /// dear it spares a row of rejected steps at the resolution of the derivatives. 0: never.
     pub expected_tolerance: f64,
 }
 
@@ -194,7 +194,7 @@ pub fn levenberg_marquardt<const D: usize>(
                     return at.ended(LmStop::Step);
                 }
                 let expected = model.decrease(&at.genes, &trial);
-                if expected < config.expected_tolerance * cost {
+                if config.expected_tolerance > 0.0 && expected < config.expected_tolerance * cost {
                     return at.ended(LmStop::Cost);
                 }
                 let trial_cost = ahead.next_cost().unwrap_or_else(|| residuals.cost(&trial));

@@ -155,17 +155,7 @@ impl Identifier {
         } else {
             None
         };
-        let params = coarse_in_time(&self.params);
-        let in_coarse_time = Comparison {
-            params: &params,
-            ..comparison
-        };
-        let searched = if self.has_tolerances() {
-            &in_coarse_time
-        } else {
-            &comparison
-        };
-        let search = self.local_optima(searched, seed, usual, effort, Extent::Whole)?;
+        let search = self.local_optima(&comparison, seed, usual, effort, Extent::Whole)?;
         // The whole search knows more competing optima: its estimate counts, whichever costs less.
         let whole = self.conclude_within(&comparison, search, effort);
         let (estimate, found) = match (narrow, whole) {
@@ -285,7 +275,7 @@ impl Identifier {
     fn runs_of_conclusion(&self) -> [u64; 3] {
         match self.method {
             Method::Eq14(_) | Method::Population(_) => [RUNS_OF_ASSESSMENT; 3],
-            Method::LeastSquares | Method::Hybrid(_) if self.has_tolerances() => [510, 700, 1300],
+            Method::LeastSquares | Method::Hybrid(_) if self.has_tolerances() => [360, 500, 830],
             Method::LeastSquares | Method::Hybrid(_) => [100, 350, 6 * RUNS_OF_DESCENT],
         }
     }
@@ -391,10 +381,10 @@ impl Identifier {
 
     /// How the search's descents go: no further than the last part needs, which starts from where they end.
     fn descent(&self, extent: Extent) -> Descent {
-        if self.has_tolerances() || extent == Extent::FromHealth {
-            Descent::INTO_A_VALLEY
-        } else {
-            Descent::TO_THE_FLOOR
+        match extent {
+            _ if self.has_tolerances() => Descent::WITHOUT_NUISANCES,
+            Extent::FromHealth => Descent::INTO_A_VALLEY,
+            Extent::Whole => Descent::TO_THE_FLOOR,
         }
     }
 

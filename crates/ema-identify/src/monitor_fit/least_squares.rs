@@ -51,8 +51,10 @@ pub(crate) struct Descent {
     steps: &'static [f64],
     /// Damping of the first step.
     damping: f64,
-    /// Decrease of the cost, as a share of it, by which no further step follows, expected or found.
+    /// Decrease of the cost, as a share of it, by which no further step follows.
     cost_tolerance: f64,
+    /// The same of a decrease that is expected.
+    expected_tolerance: f64,
 }
 
 /// Damping of a first step; near the end, where the problem is nearly linear, less.
@@ -65,6 +67,7 @@ impl Descent {
         steps: &[COARSE_STEP, FINE_STEP],
         damping: DAMPING,
         cost_tolerance: 1e-6,
+        expected_tolerance: 1e-6,
     };
 
     /// Into the next valley, to where another descent starts: most of the cost that is left is of what coarse time or nuisances explain.
@@ -72,11 +75,13 @@ impl Descent {
         steps: &[COARSE_STEP],
         damping: DAMPING,
         cost_tolerance: 1e-3,
+        expected_tolerance: 1e-3,
     };
 
     /// To where another explanation has nearly its cost: what is asked is whether it differs by a few.
     pub(crate) const TO_COMPARE: Self = Self {
         cost_tolerance: 1e-4,
+        expected_tolerance: 1e-4,
         ..Self::TO_THE_FLOOR
     };
 
@@ -85,14 +90,16 @@ impl Descent {
         steps: &[FINE_STEP],
         damping: DAMPING_NEARBY,
         cost_tolerance: 1e-5,
+        expected_tolerance: 1e-5,
     };
 }
 
 #[cfg(feature = "std")]
 impl Descent {
-    /// Further into a valley.
-    pub(crate) const FURTHER_INTO_A_VALLEY: Self = Self {
-        cost_tolerance: 1e-4,
+    /// As far as without nuisances, which lower the cost further and start from there.
+    pub(crate) const WITHOUT_NUISANCES: Self = Self {
+        cost_tolerance: 1e-6,
+        expected_tolerance: 0.0,
         ..Self::INTO_A_VALLEY
     };
 
@@ -260,7 +267,7 @@ impl Descent {
             initial_damping: self.damping,
             step_tolerance: 1e-9,
             cost_tolerance: self.cost_tolerance,
-            expected_tolerance: self.cost_tolerance,
+            expected_tolerance: self.expected_tolerance,
             ..LmConfig::default()
         };
         let found = levenberg_marquardt(&SquaredResiduals { window, step }, bounds, optimum.at.0, &config);

@@ -13,10 +13,9 @@ use super::inferred::inferred;
 use super::problem::{DIMENSION, Linearised, NUISANCE_MAX, OnDescent, Point, Problem, coordinates};
 use crate::calibration::Mismatch;
 use crate::estimate::{Estimate, OBSERVABLE_SIGMA};
-use crate::monitor_fit::coarse_time::coarse_in_time;
 use crate::monitor_fit::competing_optima::{differ, undecided_difference};
 use crate::monitor_fit::conclusion::Search;
-use crate::monitor_fit::least_squares::{Descent, constant_box};
+use crate::monitor_fit::least_squares::constant_box;
 use crate::monitor_fit::locked::is_locked;
 use crate::monitor_fit::uncertainty::reported;
 use crate::monitor_fit::weak_magnet::{ALL_SHORTED, ANY_MAGNET};
@@ -37,12 +36,8 @@ const RUNS_PER_LINEARISATION: u64 = DIMENSION as u64 + 1;
 /// Monitor runs of the further linearisations of a descent, without the slow coordinates, at most.
 const RUNS_PER_FURTHER: u64 = COST_LANES as u64;
 
-/// Descents of the unknowns alone from the end of the search, each with the residuals of fine time where the one before ended: what coarse
-/// time changes of the signals then is not taken for friction.
-const CORRECTIONS: u64 = 2;
-
-/// Descents at most: those, from two starts, after the reweighting, and with another magnet.
-const DESCENTS: u64 = CORRECTIONS + 4;
+/// Descents at most: from two starts, after the reweighting, and with another magnet.
+const DESCENTS: u64 = 4;
 
 /// Blocks of consecutive samples whose contributions to an estimate are compared.
 const BLOCKS: usize = 16;
@@ -53,9 +48,6 @@ const SYSTEMATIC_COST: f64 = 2.0;
 
 /// Fits unknowns and nuisances of a window, from the best optimum of the search and from health. `budget` are the monitor runs that
 /// the whole identification may take.
-///
-/// Descents run in coarse time, on samples by which the residuals at the start of each are those of fine time ([`Problem::samples_for`]);
-/// the estimate has the derivatives of coarse time and the residuals of fine time.
 pub(crate) fn conclude_with_tolerances(
     window: &Comparison<'_>,
     mismatch: &Mismatch,
@@ -65,36 +57,16 @@ pub(crate) fn conclude_with_tolerances(
 ) -> Estimate {
     let basis = Basis::new(window, tolerances);
     let buffers = RefCell::default();
-    let fine = Problem::new(*window, &basis, tolerances, STEP, &buffers);
-    let params = coarse_in_time(window.params);
-    let in_coarse_time = Comparison {
-        params: &params,
-        ..*window
-    };
-    let coarse = Problem::new(in_coarse_time, &basis, tolerances, STEP, &buffers);
-    let left = budget.saturating_sub(search.evaluations + RUNS_PER_LINEARISATION);
-    let share = left / DESCENTS;
-    let mut spent = search.evaluations;
-    let mut best = search.best().at;
-    for _ in 0..CORRECTIONS {
-        let samples = fine.samples_for(&coarse, &point(&best));
-        let mut corrected = in_coarse_time;
-        corrected.recording.samples = &samples;
-        let found = Descent::FURTHER_INTO_A_VALLEY.descend(&corrected, best, share);
-        best = found.at;
-        spent += found.spent;
-    }
+    let problem = Problem::new(*window, &basis, tolerances, STEP, &buffers);
+    let best = search.best().at;
     let mut healthy = Scale::new(window.params).coordinates(&window.unknowns_with_fault(FaultVector::NOMINAL));
     healthy.0[FAULT_COUNT..].copy_from_slice(&best.0[FAULT_COUNT..]);
-    let samples = fine.samples_for(&coarse, &point(&best));
-    let problem = coarse.with_samples(&samples);
+    let left = budget.saturating_sub(search.evaluations + RUNS_PER_LINEARISATION);
+    let share = left / DESCENTS;
     let mut descents = [best, healthy].map(|start| descend(&problem, point(&start), share));
     descents.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let [first, second] = descents;
-    let samples = fine.samples_for(&coarse, &first.at);
-    let problem = coarse.with_samples(&samples);
-    let weights = weights_by_noise(&problem, mismatch, &first.at);
-    let reweighted = problem.with_weights(weights);
+    let reweighted = problem.with_weights(weights_by_noise(&problem, mismatch, &first.at));
     let refined = descend(&reweighted, first.at, share);
     let undecided = undecided_difference(window, first.cost);
     let as_good = (second.cost - first.cost < undecided).then_some(second.at);
@@ -107,16 +79,14 @@ pub(crate) fn conclude_with_tolerances(
         WeakMagnet::Perhaps(other) => Some(other),
         WeakMagnet::No | WeakMagnet::Yes(_) => as_good,
     };
-    spent += first.spent + second.spent + refined.spent + more;
-    let samples = fine.samples_for(&coarse, &at);
-    let problem = coarse.with_samples(&samples);
+    let spent = search.evaluations + first.spent + second.spent + refined.spent + more;
     let cost = problem.mean_cost(&at);
     let misfit = (cost / SYSTEMATIC_COST).max(1.0);
     Estimate {
         cost,
         cut: search.cut || first.cut || refined.cut,
         other_motor,
-        ..assess(&problem.with_weights(weights), mismatch, &at, competing, misfit, spent)
+        ..assess(&reweighted, mismatch, &at, competing, misfit, spent)
     }
 }
 
@@ -146,7 +116,7 @@ enum WeakMagnet {
 
 /// As without tolerances: where all three phases are shorted, tries whether the motor's back-EMF, left open, takes their place.
 /// Monitor runs spent, too.
-fn weak_magnet(problem: &Problem<'_>, optimum: &Ended, budget: u64) -> (WeakMagnet, u64) {
+fn weak_magnet(problem: &Problem<'_>, optimum: &Descent, budget: u64) -> (WeakMagnet, u64) {
     let common = optimum.at[2].min(optimum.at[3]).min(optimum.at[4]);
     let known = problem.comparison().prior.motor;
     if common < ALL_SHORTED || known.information().is_none() {
@@ -180,7 +150,7 @@ fn point(at: &Coordinates) -> Point {
 }
 
 /// Where a descent ended.
-struct Ended {
+struct Descent {
     at: Point,
     cost: f64,
     /// Monitor runs spent.
@@ -190,7 +160,7 @@ struct Ended {
 }
 
 /// A descent of at most `budget` monitor runs; with a budget too small for one step, the start itself.
-fn descend(problem: &Problem<'_>, start: Point, budget: u64) -> Ended {
+fn descend(problem: &Problem<'_>, start: Point, budget: u64) -> Descent {
     let side = |own: [f64; UNKNOWN_COUNT], nuisance: f64| -> Point {
         core::array::from_fn(|p| own.get(p).copied().unwrap_or(nuisance))
     };
@@ -203,7 +173,7 @@ fn descend(problem: &Problem<'_>, start: Point, budget: u64) -> Ended {
     let affordable = budget.checked_sub(RUNS_PER_LINEARISATION + trials).map_or(0, further);
     let iterations = affordable.min(u64::from(MAX_ITERATIONS)) as u32;
     if iterations == 0 {
-        return Ended {
+        return Descent {
             at: start,
             cost: problem.cost(&start),
             spent: 1,
@@ -215,12 +185,11 @@ fn descend(problem: &Problem<'_>, start: Point, budget: u64) -> Ended {
         max_evaluations: (1 + TRIALS_PER_STEP) * iterations,
         step_tolerance: 1e-6,
         cost_tolerance: 1e-4,
-        expected_tolerance: 1e-4,
         ..LmConfig::default()
     };
     let found = levenberg_marquardt(&OnDescent::new(problem), &bounds, start, &config);
     let linearisations = RUNS_PER_LINEARISATION + u64::from(found.iterations.saturating_sub(1)) * RUNS_PER_FURTHER;
-    Ended {
+    Descent {
         at: found.genes,
         cost: found.cost,
         spent: linearisations + u64::from(found.evaluations - found.iterations),

@@ -6,9 +6,8 @@ use std::vec::Vec;
 
 use ema_ga::Residuals;
 use ema_models::{
-    COST_LANES, ComparedSample, Comparison, Coordinates, DISTURBANCE_COUNT, GRAM_COLUMNS, GramRow, LaneResiduals,
-    MonitorVariant, MotorKnowledge, NormalEquations, SIGNAL_COUNT, Scale, Tolerances, UNKNOWN_COUNT, Unknowns, Weights,
-    add_gram,
+    COST_LANES, Comparison, Coordinates, DISTURBANCE_COUNT, GRAM_COLUMNS, GramRow, LaneResiduals, MonitorVariant,
+    MotorKnowledge, NormalEquations, SIGNAL_COUNT, Scale, Tolerances, UNKNOWN_COUNT, Unknowns, Weights, add_gram,
 };
 use nalgebra::{SMatrix, SVector};
 
@@ -109,31 +108,6 @@ impl<'a> Problem<'a> {
         let mut other = self.clone();
         other.comparison.prior.motor = motor;
         other
-    }
-
-    /// The same problem compared with other samples.
-    pub(super) fn with_samples(&self, samples: &'a [ComparedSample]) -> Self {
-        let mut other = self.clone();
-        other.comparison.recording.samples = samples;
-        other
-    }
-
-    /// The window's samples, changed by what coarse time changes of the monitor's signals at a point: with them `coarse` has the residuals
-    /// there that this problem has.
-    pub(super) fn samples_for(&self, coarse: &Problem<'_>, at: &Point) -> Vec<ComparedSample> {
-        let mut samples = self.comparison.recording.samples.to_vec();
-        for (problem, sign) in [(self, 1.0), (coarse, -1.0)] {
-            problem
-                .comparison
-                .residuals_of_variant(&problem.variant(at), &self.basis.disturbances, |n, residuals| {
-                    let sample = &mut samples[n];
-                    sample.i_d += sign * residuals.i_d;
-                    sample.i_q += sign * residuals.i_q;
-                    sample.theta_m += sign * residuals.theta_m;
-                    sample.theta_out += sign * residuals.theta_out;
-                });
-        }
-        samples
     }
 
     pub(super) fn comparison(&self) -> &Comparison<'a> {

@@ -71,7 +71,7 @@ pub(crate) struct Given {
     pub errors: u64,
     /// Frames that the kernel dropped and counted.
     pub overflown: u64,
-    /// Samples sent since the first whole one of their actuator; frames of them may be missing.
+    /// Samples sent from the first whole one of their actuator to the last; frames of those between may be missing.
     pub samples: u64,
     /// Times that an actuator began anew.
     pub resets: u64,
@@ -109,6 +109,8 @@ pub(crate) struct World {
     ticks: Vec<(Duration, Duration)>,
     /// Actuators that brought a whole sample in this run of the program.
     heard: [bool; BUSES as usize * DEVICES as usize],
+    /// Samples of each actuator since its last whole one: nothing tells the program of them if none follows.
+    unconfirmed: [u64; BUSES as usize * DEVICES as usize],
     /// Up to when the devices have sent.
     sampled: Duration,
     next: usize,
@@ -240,6 +242,7 @@ pub fn run(plan: &Plan, show: bool) -> anyhow::Result<Outcome> {
         buses: [Bus::default(); BUSES as usize],
         ticks: Vec::new(),
         heard: Default::default(),
+        unconfirmed: Default::default(),
         sampled: Duration::ZERO,
         next: 0,
         calms_disk: Duration::ZERO,
@@ -305,6 +308,7 @@ impl World {
         host.run.store(self.runs.len(), Relaxed);
         self.disk.begin_run(self.runs.len());
         self.heard = Default::default();
+        self.unconfirmed = Default::default();
         self.runs.push(RunFacts {
             config: config.clone(),
             ended: clock.now(),
@@ -594,8 +598,9 @@ impl World {
                 if self.buses[usize::from(bus)].silent == Duration::ZERO {
                     let is_whole = self.carry(bus, &mut frames, inputs);
                     self.heard[index] |= is_whole;
-                    if let Some(facts) = self.runs.last_mut().filter(|_| self.heard[index]) {
-                        facts.given.samples += 1;
+                    self.unconfirmed[index] += u64::from(self.heard[index]);
+                    if let Some(facts) = self.runs.last_mut().filter(|_| is_whole) {
+                        facts.given.samples += std::mem::take(&mut self.unconfirmed[index]);
                     }
                 }
             }

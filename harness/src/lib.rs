@@ -1,6 +1,6 @@
 //! Harnesses: what must hold for every input within a stated bound.
 //!
-//! Each states its claim and its bound in its first two paragraphs; `docs/design/harnesses.md` is written from them. A bound that
+//! Each states its claim and its bound in its first two paragraphs; the table of `docs/design/harnesses.md` is written from them. A bound that
 //! says "exhaustive" is tried in whole, the others by random inputs that a failure shrinks.
 #![cfg(test)]
 #![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]

@@ -9,7 +9,7 @@ use anyhow::{Context, ensure};
 use crate::shell::{root, run};
 
 /// In the order of the table: what fails soonest first.
-const VERBS: [&str; 17] = [
+const VERBS: [&str; 18] = [
     "check",
     "no-std",
     "docs",
@@ -20,6 +20,7 @@ const VERBS: [&str; 17] = [
     "target",
     "firmware",
     "viewers",
+    "alerts",
     "readers",
     "python",
     "model",

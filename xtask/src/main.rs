@@ -2,6 +2,7 @@
 //!
 //! `cargo xtask VERB`; `cargo xtask ci` runs all of them but the tests, the fuzzing and the long forms.
 
+mod alerts;
 mod book;
 mod can;
 mod ci;
@@ -80,6 +81,8 @@ enum Verb {
     Report,
     /// A viewer beside the program: it gets what is recorded.
     Viewers,
+    /// Alert rules under a real Prometheus, until a worn actuator fires one.
+    Alerts,
     /// Our forecasts beside those of NASA's progpy, on the same histories.
     Progpy,
     /// Minimisers and filters by others on our windows, monitor and cost, beside our search; puts the table in place.
@@ -162,6 +165,7 @@ fn main() -> ExitCode {
         Verb::Report => report::check(),
         Verb::Robust => robust::check(),
         Verb::Viewers => viewers::check(),
+        Verb::Alerts => alerts::check(),
         Verb::Progpy => progpy::compare(),
         Verb::Peers { windows } => peers::compare(windows),
         Verb::Python => wheel::check(),

@@ -7,7 +7,6 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use anyhow::Context;
 use hmd::replay::{self, Replay};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::record::{Health, Record, Rul, Sensors};
@@ -17,7 +16,7 @@ use prost::Message;
 
 use crate::disk::{Removed, segment_number};
 use crate::health_oracle::HealthOracle;
-use crate::plan::{BUSES, DEVICES, Plan};
+use crate::plan::{BUSES, DEVICES};
 use crate::run::{Host, Reported, World, actuator};
 use crate::stand_in::StandIn;
 
@@ -473,37 +472,4 @@ fn shown(topic: &str, data: &[Vec<u8>], again: Option<&Vec<Vec<u8>>>) -> String 
         .count();
     let from = |text: &str| text.chars().skip(same.saturating_sub(40)).take(120).collect::<String>();
     format!(": …{}…, …{}…", from(&once), from(&again))
-}
-
-/// The shortest list of disturbances of a plan that still fails.
-///
-/// # Errors
-/// Those of a run.
-pub fn shrink(plan: &Plan) -> anyhow::Result<Plan> {
-    // A shorter list may fail otherwise; that is another failure.
-    let kind = |violation: &String| violation.replace(|letter: char| letter.is_ascii_digit(), "");
-    let kinds_of = |plan: &Plan| -> anyhow::Result<Vec<String>> {
-        let outcome = crate::run::run(plan, false).context("a shorter run")?;
-        Ok(outcome.violations.iter().map(kind).collect())
-    };
-    let first = kinds_of(plan)?.into_iter().next();
-    let fails =
-        |plan: &Plan| -> anyhow::Result<bool> { Ok(kinds_of(plan)?.into_iter().any(|kind| Some(kind) == first)) };
-    let mut plan = plan.clone();
-    let mut size = plan.disturbances.len().div_ceil(2);
-    while size > 0 {
-        let mut at = 0;
-        while at < plan.disturbances.len() {
-            let mut shorter = plan.clone();
-            let end = (at + size).min(shorter.disturbances.len());
-            shorter.disturbances.drain(at..end);
-            if fails(&shorter)? {
-                plan = shorter;
-            } else {
-                at += size;
-            }
-        }
-        size /= 2;
-    }
-    Ok(plan)
 }

@@ -7,8 +7,20 @@ pub mod disk;
 mod health_oracle;
 pub mod plan;
 mod run;
+mod shrink;
 pub mod stand_in;
 pub mod traffic;
 
-pub use check::{Outcome, shrink};
-pub use run::run;
+use plan::Plan;
+
+pub use check::Outcome;
+pub use shrink::shrink;
+
+/// Runs the world of a plan and checks it; with `show`, prints what the program said.
+///
+/// # Errors
+/// The real folder in which the world lives cannot be used.
+pub fn run(plan: &Plan, show: bool) -> anyhow::Result<Outcome> {
+    let (world, host) = run::live(plan, show)?;
+    check::check(world, &host)
+}

@@ -26,7 +26,6 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use tempfile::TempDir;
 
-use crate::check::{Outcome, check};
 use crate::clock::WorldClock;
 use crate::disk::{Mood, WorldDisk};
 use crate::plan::{BUSES, CALM, DEVICES, Disturbance, LASTS_MAX, Plan, What};
@@ -206,7 +205,7 @@ enum End {
 ///
 /// # Errors
 /// The real folder in which the world lives cannot be used.
-pub fn run(plan: &Plan, show: bool) -> anyhow::Result<Outcome> {
+pub(crate) fn live(plan: &Plan, show: bool) -> anyhow::Result<(World, Host)> {
     let memory = Path::new("/dev/shm");
     let root = if memory.is_dir() {
         tempfile::tempdir_in(memory)
@@ -276,7 +275,7 @@ pub fn run(plan: &Plan, show: bool) -> anyhow::Result<Outcome> {
             println!("{notice}");
         }
     }
-    check(world, &host)
+    Ok((world, host))
 }
 
 impl World {

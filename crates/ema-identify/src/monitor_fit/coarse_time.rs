@@ -14,7 +14,7 @@ const PERIODS_MAX: u32 = 5;
 pub enum Time {
     /// The actuator's control periods.
     Fine,
-    /// As many of them in one as [`coarse_in_time`] says.
+    /// Up to five of them in one.
     Coarse,
     /// Costs and residuals of fine time, derivatives of coarse time.
     Both,

@@ -126,8 +126,9 @@ impl Iterator for Device {
     }
 }
 
-/// A sample in wire units; of counters and device time it has the low bits.
-fn encode(actuator: ActuatorId, sensed: &SensedSample, at_us: u64) -> Sample {
+/// A sample in wire units, latched at `at_us` of the device's clock; of counters and device time it has the low bits.
+#[must_use]
+pub fn encode(actuator: ActuatorId, sensed: &SensedSample, at_us: u64) -> Sample {
     let [i_a_ma, i_b_ma, i_c_ma] = sensed.currents.map(quantity::current_ma);
     let (mode, setpoint) = match sensed.setpoint {
         Setpoint::Idle => (Mode::Idle, 0),

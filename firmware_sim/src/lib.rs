@@ -25,7 +25,7 @@ mod stuck_sensors;
 #[cfg(feature = "std")]
 mod writer;
 
-pub use device::{Device, Plan, Timed};
+pub use device::{Device, Plan, Timed, encode};
 pub use frames::{CanFrame, CanFrames, SerialFrame, SerialFrames};
 pub use link::{Link, LinkFaults, LinkFrame};
 pub use settings::{ActuatorKind, BadSetting, Settings};

@@ -4,9 +4,10 @@ use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use ema_models::reference::{Actuations, Scenario};
-use ema_models::{ActuatorParams, FaultVector, Profile, SensedSample, Setpoint};
+use ema_models::{ActuatorParams, FaultVector, Profile, SensedSample};
 use ema_wire::can::Status;
-use ema_wire::{ActuatorId, Frame, Mode, Sample, quantity};
+use ema_wire::{ActuatorId, Frame, quantity};
+use firmware_sim::encode;
 use hmd_core::frame::{FrameFlags, RawFrame};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -79,8 +80,11 @@ impl Device {
     /// The frames of its next sample, the first at this time of the bus, ns.
     pub fn next_sample(&mut self, stamp_ns: &mut u64, rng: &mut ChaCha8Rng, frames: &mut Vec<RawFrame>) {
         let rest = (REST_S * RATE_HZ as f64) as usize;
-        let sensed = self.recording[self.at];
         let seq = self.sent;
+        let sensed = SensedSample {
+            seq,
+            ..self.recording[self.at]
+        };
         self.sent += 1;
         if self.rests > 0 {
             // The last tenth of a second before an actuation is left to the recording.
@@ -92,7 +96,7 @@ impl Device {
                 (self.at, self.rests) = (0, rng.random_range(0..400));
             }
         }
-        let sample = encode(self.id, &sensed, seq);
+        let sample = encode(self.id, &sensed, seq * 1_000_000 / RATE_HZ);
         for frame in sample.to_frames() {
             push(self.id, &frame, stamp_ns, frames);
         }
@@ -123,25 +127,4 @@ fn push(id: ActuatorId, frame: &Frame, stamp_ns: &mut u64, frames: &mut Vec<RawF
         frame.emit(&mut bytes),
     ));
     *stamp_ns += FRAME_NS;
-}
-
-fn encode(actuator: ActuatorId, sensed: &SensedSample, seq: u64) -> Sample {
-    let [i_a_ma, i_b_ma, i_c_ma] = sensed.currents.map(quantity::current_ma);
-    let (mode, setpoint) = match sensed.setpoint {
-        Setpoint::Idle => (Mode::Idle, 0),
-        Setpoint::Position(angle) => (Mode::Position, quantity::position_setpoint_urad(angle)),
-        Setpoint::Speed(speed) => (Mode::Speed, quantity::speed_setpoint_mrad_s(speed)),
-    };
-    Sample {
-        actuator,
-        seq: seq as u16,
-        time_us: (seq * 1_000_000 / RATE_HZ) as u16,
-        i_a_ma,
-        i_b_ma,
-        i_c_ma,
-        motor_counts: sensed.motor_counts as i32,
-        output_counts: quantity::wrap_s24(sensed.output_counts),
-        setpoint,
-        mode,
-    }
 }

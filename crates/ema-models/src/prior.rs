@@ -76,7 +76,7 @@ impl Prior {
 }
 
 /// Normal equations of a least-squares problem in [`Coordinates`].
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NormalEquations {
     /// `JᵀJ`.
     pub jtj: [[f64; UNKNOWN_COUNT]; UNKNOWN_COUNT],

@@ -3,8 +3,8 @@
 use ema_models::reference::Scenario;
 use ema_models::{
     ActuatorParams, COST_LANES, Calibration, ComparedSample, Comparison, Conditions, Coordinates, FaultVector,
-    Feedback, InstructionSet, Lanes32, Monitor, MotorDeviation, MotorKnowledge, Prior, RANK_LANES, Recording, Scale,
-    SensedSample, Unknowns, Weights, prepare_window,
+    Feedback, InstructionSet, Lanes32, Monitor, MotorDeviation, MotorKnowledge, Prior, RANK_LANES, Recording,
+    SIGNAL_COUNT, Scale, SensedSample, Unknowns, Weights, prepare_window,
 };
 
 #[test]
@@ -127,6 +127,13 @@ fn every_instruction_set_ranks_with_the_same_bits() {
         for (cost, point) in comparison.costs(&points).iter().zip(&points) {
             assert_eq!(cost.to_bits(), comparison.cost(point).to_bits());
         }
+        // Residuals of the comparison itself, given from outside, change no bit.
+        let mut residuals = vec![[0.0; SIGNAL_COUNT]; samples.len()];
+        comparison.residuals(&unknowns[1], |n, r| residuals[n] = r.to_array());
+        let at = scale.coordinates(&unknowns[1]);
+        let own = comparison.normal_equations(&at, 1e-3);
+        let given = comparison.normal_equations_with(&at, 1e-3, &residuals);
+        assert_eq!(given, own);
         // Single precision agrees with double precision.
         for (cost, u) in comparison.rank(&unknowns).iter().zip(&unknowns) {
             let exact = comparison.least_squares(u);

@@ -542,7 +542,10 @@ impl World {
                 return self.reload();
             }
             What::ReloadBad => {
-                fs::write(self.config_path(), "[health]\npersistence = 0\n").context("configuration")?;
+                // Nothing but this value is wrong with it.
+                let good = format!("persistence = {}\n", self.persistence);
+                let bad = self.config_text().replace(&good, "persistence = 0\n");
+                fs::write(self.config_path(), bad).context("configuration")?;
                 return self.reload();
             }
             What::ReloadAbsent => {

@@ -16,8 +16,9 @@ use prost::Message;
 
 use crate::disk::{Removed, segment_number};
 use crate::health_oracle::HealthOracle;
+use crate::host::{Host, Reported};
 use crate::plan::{BUSES, DEVICES};
-use crate::run::{Host, Reported, World, actuator};
+use crate::run::{World, actuator};
 use crate::stand_in::StandIn;
 
 /// A run that did not end by itself lacks what was not synced: up to a second, and what was then under way.

@@ -1,10 +1,13 @@
 //! The whole daemon in a simulated world: one seed gives frames, failures of bus, disk, power and clock, and signals; what must hold is
 //! checked after every run. `docs/design/world.md` says what is simulated and what not.
 
+mod bus;
 mod check;
 pub mod clock;
 pub mod disk;
+mod disturb;
 mod health_oracle;
+mod host;
 pub mod plan;
 mod run;
 mod shrink;

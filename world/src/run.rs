@@ -1,8 +1,6 @@
 //! One run of the world: the program's own daemon, step by step, under the disturbances of a plan.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -11,24 +9,24 @@ use std::time::Duration;
 use anyhow::Context;
 use ema_wire::ActuatorId;
 use hmd::commands::run::load;
-use hmd::daemon::{HostClock, Observer, QUEUE_WINDOWS, STALE_AFTER, Steps};
-use hmd_core::assess::AssessedWindow;
+use hmd::daemon::{HostClock, QUEUE_WINDOWS, STALE_AFTER, Steps};
 use hmd_core::config::Config;
 use hmd_core::deadline::Clock;
-use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
-use hmd_core::history::{Event, EventKind};
-use hmd_core::record::{Health, Status};
-use hmd_ingest::feed::{Input, LinkState, LiveLoss};
-use hmd_storage::event_file;
+use hmd_core::frame::BusNames;
+use hmd_core::history::Event;
+use hmd_core::record::Status;
+use hmd_ingest::feed::{Input, LinkState};
 use hmd_storage::recorder::{Recorder, metadata};
 use hmd_storage::segment_store::SegmentStore;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use tempfile::TempDir;
 
+use crate::bus::{Bus, Given};
 use crate::clock::WorldClock;
 use crate::disk::{Mood, WorldDisk};
-use crate::plan::{BUSES, CALM, DEVICES, Disturbance, LASTS_MAX, Plan, What};
+use crate::host::Host;
+use crate::plan::{BUSES, CALM, DEVICES, Plan};
 use crate::stand_in::StandIn;
 use crate::traffic::{Device, PERIOD};
 
@@ -36,46 +34,6 @@ use crate::traffic::{Device, PERIOD};
 const SLICE: Duration = Duration::from_millis(20);
 /// Time after which a supervisor starts the program again.
 const RESTART_AFTER: Duration = Duration::from_secs(1);
-/// A bus-off, as the kernel reports it: its class, and that of a restarted controller.
-const BUS_OFF: u32 = 0x40;
-
-/// Length of a shortened frame, bytes.
-const SHORT: usize = 3;
-/// Identifier of a device that nobody watches.
-const FOREIGN: u32 = 0x7FE;
-
-/// One window as it was reported.
-#[derive(Clone, Debug)]
-pub(crate) struct Reported {
-    /// Run of the program.
-    pub run: usize,
-    /// Its records were said to be on the disk.
-    pub stored: bool,
-    /// When.
-    pub at: Duration,
-    /// What.
-    pub health: Health,
-}
-
-/// What was given to one run of the program.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Given {
-    /// Frames.
-    pub frames: u64,
-    /// Of them those that are shorter than their kind.
-    pub malformed: u64,
-    /// Frames with another bit, which may make them impossible.
-    pub flipped: u64,
-    /// Of them error frames.
-    pub errors: u64,
-    /// Frames that the kernel dropped and counted.
-    pub overflown: u64,
-    /// Samples sent from the first whole one of their actuator to the last; frames of those between may be missing.
-    pub samples: u64,
-    /// Times that an actuator began anew.
-    pub resets: u64,
-}
-
 /// One run of the program.
 #[derive(Clone, Debug)]
 pub(crate) struct RunFacts {
@@ -101,9 +59,9 @@ pub(crate) struct World {
     pub(crate) rotten: Vec<String>,
     pub(crate) events: Vec<Event>,
     pub(crate) violations: Vec<String>,
-    rng: ChaCha8Rng,
-    devices: Vec<(u16, Device)>,
-    buses: [Bus; BUSES as usize],
+    pub(crate) rng: ChaCha8Rng,
+    pub(crate) devices: Vec<(u16, Device)>,
+    pub(crate) buses: [Bus; BUSES as usize],
     /// When each tick of this run was given, and when it was taken.
     ticks: Vec<(Duration, Duration)>,
     /// Actuators that brought a whole sample in this run of the program.
@@ -112,89 +70,17 @@ pub(crate) struct World {
     unconfirmed: [u64; BUSES as usize * DEVICES as usize],
     /// Up to when the devices have sent.
     sampled: Duration,
-    next: usize,
-    calms_disk: Duration,
-    stalled: Duration,
+    pub(crate) next: usize,
+    pub(crate) calms_disk: Duration,
+    pub(crate) stalled: Duration,
     /// When the run ends: a slow disk delays disturbances, and the calm comes after them all.
     pub(crate) until: Duration,
-    persistence: u32,
-    budget_mib: u32,
-}
-
-#[derive(Clone, Copy, Default)]
-struct Bus {
-    silent: Duration,
-    /// Comes back from what made it silent by a link.
-    link_down: bool,
-    drop: u32,
-    overflow: u32,
-    overflown: u64,
-    flip: u32,
-    shorten: u32,
-    foreign: u32,
-    repeat: u32,
-    swap: u32,
-    jitter: Duration,
-    last_stamp: u64,
-    /// When it brought a frame last.
-    heard: Duration,
-}
-
-/// Clock and observer of a world, which the program borrows.
-pub(crate) struct Host {
-    pub(crate) clock: WorldClock,
-    disk: WorldDisk,
-    run: AtomicUsize,
-    pub(crate) reported: Mutex<Vec<Reported>>,
-    notices: Mutex<Vec<String>>,
-}
-
-impl Host {
-    fn report(&self, assessed: &AssessedWindow, stored: bool) {
-        if self.disk.is_dead() {
-            return;
-        }
-        let mut reported = self.reported.lock().unwrap_or_else(PoisonError::into_inner);
-        reported.push(Reported {
-            run: self.run.load(Relaxed),
-            stored,
-            at: self.clock.now(),
-            health: assessed.health.clone(),
-        });
-        drop(reported);
-        let health = &assessed.health;
-        self.notice(&format!(
-            "{}: window {}{}: {}, {}; {}",
-            health.actuator,
-            health.window,
-            if stored { "" } else { ", not stored" },
-            health.status,
-            health.health,
-            health.reason
-        ));
-    }
-}
-
-impl Observer for Host {
-    fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
-        self.report(assessed, true);
-        Ok(())
-    }
-
-    fn assessed_unstored(&self, assessed: &AssessedWindow) -> io::Result<()> {
-        self.report(assessed, false);
-        Ok(())
-    }
-
-    fn notice(&self, message: &str) {
-        let mut notices = self.notices.lock().unwrap_or_else(PoisonError::into_inner);
-        let at = self.clock.now().as_secs_f64();
-        notices.push(format!("{at:8.3} s  {message}"));
-    }
+    pub(crate) persistence: u32,
+    pub(crate) budget_mib: u32,
 }
 
 /// How a run of the program ended.
-enum End {
+pub(crate) enum End {
     Reload(Arc<Config>),
     Restart,
     Died,
@@ -281,24 +167,6 @@ pub(crate) fn live(plan: &Plan, show: bool) -> anyhow::Result<(World, Host)> {
 impl World {
     pub(crate) fn config_path(&self) -> PathBuf {
         self.root.path().join("hmd.toml")
-    }
-
-    fn write_config(&mut self) -> anyhow::Result<()> {
-        fs::write(self.config_path(), self.config_text()).context("configuration")
-    }
-
-    fn config_text(&self) -> String {
-        let mut text = format!(
-            "[type.slow]\nbased_on = \"bench\"\ntolerances = \"exact\"\n[type.slow.sensors]\nsample_rate_hz = 400\n\
-             [health]\npersistence = {}\n[output]\nsegment_mib = 1\nsegment_age_s = 10\ndisk_budget_mib = {}\n\
-             disk_free_min_mib = 1\n[rul]\nevents = \"events.jsonl\"\n",
-            self.persistence, self.budget_mib
-        );
-        for (bus, device) in (0..BUSES).flat_map(|bus| (0..DEVICES).map(move |device| (bus, device))) {
-            let name = actuator(bus, device);
-            text += &format!("[[actuator]]\nid = {device}\nname = \"{name}\"\nbus = \"can{bus}\"\ntype = \"slow\"\n");
-        }
-        text
     }
 
     /// One run of the program.
@@ -459,237 +327,31 @@ impl World {
         self.send(host, &mut Vec::new());
     }
 
-    fn calm_disk(&self, now: Duration) {
-        if now >= self.calms_disk {
-            self.disk.set_mood(Mood::Works);
-        }
-    }
-
-    /// Begins what is due. How the run ends by it, if it does.
-    fn disturb(&mut self, host: &Host, inputs: &mut Vec<Input>) -> anyhow::Result<Option<End>> {
-        let now = host.clock.now();
-        self.calm_disk(now);
-        for (bus, state) in (0..).zip(&mut self.buses) {
-            if state.silent != Duration::ZERO && now >= state.silent {
-                state.silent = Duration::ZERO;
-                if std::mem::take(&mut state.link_down) {
-                    inputs.push(link(bus, &host.clock, LinkState::Up));
-                }
-            }
-        }
-        while let Some(Disturbance { what, .. }) = self.plan.disturbances.get(self.next).filter(|next| next.at <= now) {
-            let what = what.clone();
-            self.next += 1;
-            self.until = self.until.max(now + LASTS_MAX + CALM);
-            if let Some(end) = self.begin(&what, host, inputs)? {
-                return Ok(Some(end));
-            }
-        }
-        Ok(None)
-    }
-
-    fn begin(&mut self, what: &What, host: &Host, inputs: &mut Vec<Input>) -> anyhow::Result<Option<End>> {
-        let now = host.clock.now();
-        match *what {
-            What::Drop(bus, frames) => self.buses[usize::from(bus)].drop += frames,
-            What::Overflow(bus, frames) => self.buses[usize::from(bus)].overflow += frames,
-            What::Flip(bus) => self.buses[usize::from(bus)].flip += 1,
-            What::Shorten(bus) => self.buses[usize::from(bus)].shorten += 1,
-            What::Foreign(bus) => self.buses[usize::from(bus)].foreign += 1,
-            What::Repeat(bus) => self.buses[usize::from(bus)].repeat += 1,
-            What::Swap(bus) => self.buses[usize::from(bus)].swap += 1,
-            What::Jitter(bus, lasts) => self.buses[usize::from(bus)].jitter = now + lasts,
-            What::BusOff(bus, lasts) => {
-                self.buses[usize::from(bus)].silent = now + lasts;
-                if let Ok(frame) = RawFrame::new(host.clock.utc_ns(), bus, BUS_OFF, FrameFlags::ERROR, &[0; 8]) {
-                    self.give(Input::Frame(frame), inputs);
-                }
-            }
-            What::LinkDown(bus, lasts) => {
-                let state = &mut self.buses[usize::from(bus)];
-                (state.silent, state.link_down) = (now + lasts, true);
-                inputs.push(link(bus, &host.clock, LinkState::Down));
-            }
-            What::Reset(bus, device) => {
-                let index = usize::from(bus) * usize::from(DEVICES) + usize::from(device);
-                self.devices[index].1.reset();
-                if let Some(facts) = self.runs.last_mut() {
-                    facts.given.resets += 1;
-                }
-            }
-            What::Disk(mood, lasts) => {
-                self.disk.set_mood(mood);
-                self.calms_disk = now + lasts;
-            }
-            What::Rot => {
-                let names = self.disk.names();
-                let closed: Vec<&String> = names.iter().filter(|name| name.ends_with(".mcap")).collect();
-                if !closed.is_empty() {
-                    let name = closed[self.rng.random_range(0..closed.len())].clone();
-                    self.disk.rot(&name, &mut self.rng)?;
-                    self.rotten.push(name);
-                }
-            }
-            What::PowerCut(operations) => self.disk.power_fails_after(operations),
-            What::Kill => return Ok(Some(End::Died)),
-            What::Step(ms) => {
-                host.clock.step(ms * 1_000_000);
-                self.buses.iter_mut().for_each(|bus| bus.last_stamp = 0);
-            }
-            What::ReloadGood => {
-                self.persistence = 5 - self.persistence;
-                self.write_config()?;
-                return self.reload();
-            }
-            What::ReloadBad => {
-                // Nothing but this value is wrong with it.
-                let good = format!("persistence = {}\n", self.persistence);
-                let bad = self.config_text().replace(&good, "persistence = 0\n");
-                fs::write(self.config_path(), bad).context("configuration")?;
-                return self.reload();
-            }
-            What::ReloadAbsent => {
-                fs::remove_file(self.config_path()).context("configuration")?;
-                return self.reload();
-            }
-            What::Restart => return Ok(Some(End::Restart)),
-            What::Stall(lasts) => {
-                self.stalled = now + lasts;
-                self.until = self.until.max(self.stalled + CALM);
-            }
-            What::Maintenance(bus, device) => {
-                let event = Event {
-                    t_ns: host.clock.utc_ns(),
-                    actuator: actuator(bus, device),
-                    event: EventKind::Reset,
-                    note: None,
-                };
-                event_file::append(&self.root.path().join("events.jsonl"), &event)?;
-                self.events.push(event);
-            }
-        }
-        Ok(None)
-    }
-
-    /// `SIGHUP`: the program's own decision.
-    fn reload(&mut self) -> anyhow::Result<Option<End>> {
-        let loaded = load(&self.config_path(), &[]);
-        let is_good = fs::read_to_string(self.config_path()).is_ok_and(|text| text == self.config_text());
-        if loaded.is_ok() != is_good {
-            self.violations.push(format!(
-                "a configuration was taken: {}, and is good: {is_good}",
-                loaded.is_ok()
-            ));
-        }
-        self.write_config()?;
-        Ok(loaded.ok().map(End::Reload))
-    }
-
     /// What the devices send until now.
     fn send(&mut self, host: &Host, inputs: &mut Vec<Input>) {
         let now = host.clock.now();
+        let Some(facts) = self.runs.last_mut() else { return };
+        let given = &mut facts.given;
         let mut frames = Vec::new();
         while self.sampled + PERIOD <= now {
             self.sampled += PERIOD;
             let mut stamps = [host.clock.utc_at(self.sampled); BUSES as usize];
             for index in 0..self.devices.len() {
                 let (bus, device) = &mut self.devices[index];
-                let bus = *bus;
+                let number = usize::from(*bus);
                 frames.clear();
-                device.next_sample(&mut stamps[usize::from(bus)], &mut self.rng, &mut frames);
-                if self.buses[usize::from(bus)].silent == Duration::ZERO {
-                    let is_whole = self.carry(bus, &mut frames, inputs);
+                device.next_sample(&mut stamps[number], &mut self.rng, &mut frames);
+                if self.buses[number].silent == Duration::ZERO {
+                    let at = (*bus, self.sampled);
+                    let is_whole = self.buses[number].carry(at, &mut frames, &mut self.rng, given, inputs);
                     self.heard[index] |= is_whole;
                     self.unconfirmed[index] += u64::from(self.heard[index]);
-                    if let Some(facts) = self.runs.last_mut().filter(|_| is_whole) {
-                        facts.given.samples += std::mem::take(&mut self.unconfirmed[index]);
+                    if is_whole {
+                        given.samples += std::mem::take(&mut self.unconfirmed[index]);
                     }
                 }
             }
         }
-    }
-
-    /// Frames of a sample go over their bus. Whether they all arrive as they were sent.
-    fn carry(&mut self, bus: u16, frames: &mut [RawFrame], inputs: &mut Vec<Input>) -> bool {
-        let number = bus;
-        let mut bus = self.buses[usize::from(bus)];
-        let spoilt = |bus: &Bus| bus.drop + bus.overflow + bus.flip + bus.shorten;
-        let spoilt_before = spoilt(&bus);
-        if bus.swap > 0 && frames.len() > 1 {
-            bus.swap -= 1;
-            frames.swap(0, 1);
-        }
-        for frame in frames {
-            let mut frame = frame.with_bus(number);
-            if self.sampled < bus.jitter {
-                frame.stamp_ns += self.rng.random_range(0..4_000_000);
-            }
-            frame.stamp_ns = frame.stamp_ns.max(bus.last_stamp);
-            bus.last_stamp = frame.stamp_ns;
-            if bus.drop > 0 {
-                bus.drop -= 1;
-                continue;
-            }
-            if bus.overflow > 0 {
-                bus.overflow -= 1;
-                bus.overflown += 1;
-                continue;
-            }
-            if bus.overflown > 0 {
-                // As the kernel tells it: with the next frame that it has room for.
-                let lost = Input::Lost {
-                    bus: number,
-                    loss: LiveLoss::SocketQueue,
-                    frames: std::mem::take(&mut bus.overflown),
-                };
-                self.give(lost, inputs);
-            }
-            let stamp_ns = frame.stamp_ns;
-            let made = |id, data: &[u8]| RawFrame::new(stamp_ns, number, id, FrameFlags::NONE, data);
-            let is_sample = frame.data().len() == 8;
-            if bus.flip > 0 && is_sample {
-                bus.flip -= 1;
-                let mut data = frame.data().to_vec();
-                data[self.rng.random_range(0..8)] ^= 1 << self.rng.random_range(0..8);
-                frame = made(frame.id(), &data).unwrap_or(frame);
-                if let Some(facts) = self.runs.last_mut() {
-                    facts.given.flipped += 1;
-                }
-            } else if bus.shorten > 0 && is_sample {
-                bus.shorten -= 1;
-                frame = made(frame.id(), &frame.data()[..SHORT]).unwrap_or(frame);
-            }
-            if bus.foreign > 0 {
-                bus.foreign -= 1;
-                if let Ok(foreign) = made(FOREIGN, &[1, 2, 3]) {
-                    self.give(Input::Frame(foreign), inputs);
-                }
-            }
-            self.give(Input::Frame(frame), inputs);
-            bus.heard = self.sampled;
-            if bus.repeat > 0 {
-                bus.repeat -= 1;
-                self.give(Input::Frame(frame), inputs);
-            }
-        }
-        self.buses[usize::from(number)] = bus;
-        spoilt(&bus) == spoilt_before
-    }
-
-    fn give(&mut self, input: Input, inputs: &mut Vec<Input>) {
-        if let Some(facts) = self.runs.last_mut() {
-            match &input {
-                Input::Frame(frame) => {
-                    facts.given.frames += 1;
-                    facts.given.errors += u64::from(frame.is_error());
-                    let is_short = frame.data().len() == SHORT && frame.id() != FOREIGN;
-                    facts.given.malformed += u64::from(is_short);
-                }
-                Input::Lost { frames, .. } => facts.given.overflown += frames,
-                Input::Link { .. } | Input::Tick { .. } => {}
-            }
-        }
-        inputs.push(input);
     }
 
     /// Actuators of which each must be stored again in the last seconds of the calm.
@@ -703,7 +365,8 @@ impl World {
     }
 }
 
-fn link(bus: u16, clock: &WorldClock, state: LinkState) -> Input {
+/// State of a bus's link, now.
+pub(crate) fn link(bus: u16, clock: &WorldClock, state: LinkState) -> Input {
     Input::Link {
         bus,
         stamp_ns: clock.utc_ns(),

@@ -27,6 +27,8 @@ pub(crate) struct Given {
     pub overflown: u64,
     /// Samples sent from the first whole one of their actuator to the last; frames of those between may be missing.
     pub samples: u64,
+    /// Samples whose frames all came as they were sent.
+    pub whole: u64,
     /// Times that an actuator began anew.
     pub resets: u64,
 }

@@ -2,7 +2,7 @@
 //!
 //! The files lie in a real folder, which is what a running system shows to readers. Beside it stands what is safe: of each file its content
 //! at the last sync and the writes since, of the names those at the last sync of the folder and the changes since. A power cut keeps any
-//! sectors of the writes, and the changes of names up to any of them: a journal keeps their order.
+//! sectors of the writes, and any of the changes of names.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
@@ -40,6 +40,8 @@ pub enum Mood {
 pub struct Removed {
     /// Its name.
     pub name: String,
+    /// Run that had begun it: its number may be given again.
+    pub owner: Option<usize>,
     /// Bytes of all segments before.
     pub used_bytes: u64,
     /// All segments before.
@@ -142,6 +144,12 @@ impl WorldDisk {
         self.lock().power_lasts.get_or_insert(operations);
     }
 
+    /// The power fails.
+    pub fn power_fails_now(&self) {
+        let mut state = self.lock();
+        (state.power_lasts, state.dead) = (Some(0), true);
+    }
+
     /// How it behaves.
     #[must_use]
     pub fn mood(&self) -> Mood {
@@ -187,11 +195,11 @@ impl WorldDisk {
         if !was_cut {
             return Ok(());
         }
-        let kept = rng.random_range(0..=state.changes.len());
-        for change in &state.changes[..kept] {
-            change.apply(&mut state.safe_names);
+        for change in std::mem::take(&mut state.changes) {
+            if rng.random_bool(0.5) {
+                change.apply(&mut state.safe_names);
+            }
         }
-        state.changes.clear();
         for file in &mut state.files {
             // Nothing, all, or any sectors of what was not synced.
             let share = [0.0, 1.0, 0.5][rng.random_range(0..3)];
@@ -316,8 +324,10 @@ impl Disk for WorldDisk {
         let used_bytes = state.names.keys().map(length).sum();
         fs::remove_file(path)?;
         let names = state.names.keys().cloned().collect();
+        let owner = segment_number(&name_of(path)).and_then(|number| state.owners.get(&number).copied());
         state.removed.push(Removed {
             name: name_of(path),
+            owner,
             used_bytes,
             names,
             content,

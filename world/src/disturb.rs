@@ -23,9 +23,10 @@ const BUS_OFF: u32 = 0x40;
 
 impl World {
     /// Ends a disturbance of the disk that is over.
-    pub(crate) fn calm_disk(&self, now: Duration) {
-        if now >= self.calms_disk {
+    pub(crate) fn calm_disk(&mut self, now: Duration) {
+        if now >= self.calms_disk && self.disk.mood() != Mood::Works {
             self.disk.set_mood(Mood::Works);
+            self.works_since = now;
         }
     }
 
@@ -85,6 +86,7 @@ impl World {
             What::Disk(mood, lasts) => {
                 self.disk.set_mood(mood);
                 self.calms_disk = now + lasts;
+                self.until = self.until.max(self.calms_disk + CALM);
             }
             What::Rot => {
                 let names = self.disk.names();
@@ -96,6 +98,11 @@ impl World {
                 }
             }
             What::PowerCut(operations) => self.disk.power_fails_after(operations),
+            What::PowerCutTwice(operations) => {
+                self.disk.power_fails_now();
+                self.cuts_start = Some(operations);
+                return Ok(Some(End::Died));
+            }
             What::Kill => return Ok(Some(End::Died)),
             What::Step(ms) => {
                 host.clock.step(ms * 1_000_000);

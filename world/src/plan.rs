@@ -50,6 +50,8 @@ pub enum What {
     Rot,
     /// The power fails after so many operations on the disk.
     PowerCut(u64),
+    /// The power fails now, and again after so many operations of the next start.
+    PowerCutTwice(u64),
     /// The process is killed.
     Kill,
     /// The wall clock is set by so many ms.
@@ -158,11 +160,12 @@ fn any(rng: &mut ChaCha8Rng) -> What {
         58..61 => What::BusOff(bus, lasts),
         61..64 => What::LinkDown(bus, lasts),
         64..68 => What::Reset(bus, device),
-        68..71 => What::Disk(Mood::Full, lasts),
-        71..74 => What::Disk(Mood::Fails, lasts),
+        68..71 => What::Disk(Mood::Full, lasts * rng.random_range(1..=3)),
+        71..74 => What::Disk(Mood::Fails, lasts * rng.random_range(1..=3)),
         74..76 => What::Disk(Mood::Slow(Duration::from_millis(rng.random_range(5..400))), lasts),
         76..78 => What::Rot,
-        78..81 => What::PowerCut(rng.random_range(1..60)),
+        78..80 => What::PowerCut(rng.random_range(1..60)),
+        80..81 => What::PowerCutTwice(rng.random_range(1..30)),
         81..83 => What::Kill,
         83..87 => What::Step(rng.random_range(-5_000..5_000)),
         87..89 => What::ReloadGood,

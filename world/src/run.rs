@@ -30,21 +30,28 @@ use crate::plan::{BUSES, CALM, DEVICES, Plan};
 use crate::stand_in::StandIn;
 use crate::traffic::{Device, PERIOD};
 
-/// Time between two batches of the sources.
-const SLICE: Duration = Duration::from_millis(20);
+/// Times between two batches of the sources: of a computer that has time, and of one that has little.
+const SLICES: [Duration; 2] = [Duration::from_millis(20), Duration::from_millis(200)];
 /// Time after which a supervisor starts the program again.
 const RESTART_AFTER: Duration = Duration::from_secs(1);
+/// Time after which a disk that works again takes segments: a second until the next attempt, the tick that makes it, and the one that
+/// is looked at.
+const RECOVERS_WITHIN: Duration = Duration::from_millis(3500);
 /// One run of the program.
 #[derive(Clone, Debug)]
 pub(crate) struct RunFacts {
     /// Its configuration.
     pub config: Arc<Config>,
+    /// When it began.
+    pub began: Duration,
     /// When it ended.
     pub ended: Duration,
     /// Its last words, if it had any.
     pub status: Option<Status>,
     /// Frames not stored, as last known.
     pub lost_frames: u64,
+    /// When windows were dropped.
+    pub drops: Vec<Duration>,
     /// What it was given.
     pub given: Given,
 }
@@ -72,11 +79,17 @@ pub(crate) struct World {
     sampled: Duration,
     pub(crate) next: usize,
     pub(crate) calms_disk: Duration,
+    /// When the disk began to work again.
+    pub(crate) works_since: Duration,
+    /// Operations of the next start until the power fails.
+    pub(crate) cuts_start: Option<u64>,
     pub(crate) stalled: Duration,
     /// When the run ends: a slow disk delays disturbances, and the calm comes after them all.
     pub(crate) until: Duration,
     pub(crate) persistence: u32,
     pub(crate) budget_mib: u32,
+    /// Time between two batches of the sources.
+    slice: Duration,
 }
 
 /// How a run of the program ended.
@@ -131,11 +144,14 @@ pub(crate) fn live(plan: &Plan, show: bool) -> anyhow::Result<(World, Host)> {
         sampled: Duration::ZERO,
         next: 0,
         calms_disk: Duration::ZERO,
+        works_since: Duration::ZERO,
+        cuts_start: None,
         stalled: Duration::ZERO,
         until: plan.length,
         persistence: rng.random_range(2..=3),
         // In some worlds room is scarce; in the others everything is kept, and replayed.
         budget_mib: if rng.random_bool(0.3) { 6 } else { 64 },
+        slice: SLICES[rng.random_range(0..SLICES.len())],
         rng,
     };
     world.write_config()?;
@@ -152,6 +168,9 @@ pub(crate) fn live(plan: &Plan, show: bool) -> anyhow::Result<(World, Host)> {
         }
         if !reopens {
             world.disk.revive(&mut world.rng)?;
+            if let Some(operations) = world.cuts_start.take() {
+                world.disk.power_fails_after(operations);
+            }
             world.write_config()?;
             config = load(&world.config_path(), &[])?;
         }
@@ -178,9 +197,11 @@ impl World {
         self.unconfirmed = Default::default();
         self.runs.push(RunFacts {
             config: config.clone(),
+            began: clock.now(),
             ended: clock.now(),
             status: None,
             lost_frames: 0,
+            drops: Vec::new(),
             given: Given::default(),
         });
         let about = metadata(&config, "host", self.plan.seed);
@@ -213,7 +234,7 @@ impl World {
         let estimator = Arc::new(StandIn { seed: self.plan.seed });
         let recorder = Some(Recorder::of_store(store));
         let mut steps = Steps::new(names, recorder, watch, estimator, clock, host)?;
-        let mut ticked = clock.now();
+        let (mut ticked, mut dropped) = (clock.now(), 0);
         self.ticks.clear();
         let end = loop {
             if let Some(end) = self.disturb(host, &mut inputs)? {
@@ -222,7 +243,7 @@ impl World {
             if clock.now() >= self.until {
                 break End::Over;
             }
-            clock.advance(SLICE);
+            clock.advance(self.slice);
             self.send(host, &mut inputs);
             let mut given = None;
             while clock.now() >= ticked {
@@ -230,10 +251,17 @@ impl World {
                 inputs.push(Input::Tick {
                     stamp_ns: clock.utc_ns(),
                 });
-                self.look(&steps.status());
+                self.look(&steps.status(), clock.now());
                 given = Some(clock.now());
             }
             let mut failed = steps.take(&mut inputs).err();
+            let lost_windows = steps.status().lost_windows;
+            if lost_windows > dropped
+                && let Some(facts) = self.runs.last_mut()
+            {
+                dropped = lost_windows;
+                facts.drops.push(clock.now());
+            }
             self.ticks.extend(given.map(|given| (given, clock.now())));
             while failed.is_none() && clock.now() >= self.stalled {
                 match steps.assess() {
@@ -275,7 +303,7 @@ impl World {
     }
 
     /// What must hold at any time.
-    fn look(&mut self, status: &Status) {
+    fn look(&mut self, status: &Status, now: Duration) {
         if self.disk.is_dead() {
             return;
         }
@@ -284,7 +312,14 @@ impl World {
             let limits = facts.config.output().limits();
             // Of each kind, the segment in progress grows until the next tick.
             let most = limits.budget_bytes + 2 * limits.segment_bytes;
-            if self.disk.mood() == Mood::Works && status.storage_used_bytes > most {
+            let works = self.disk.mood() == Mood::Works;
+            let since = self.works_since.max(facts.began);
+            if works && status.storage == "failing" && now > since + RECOVERS_WITHIN {
+                let (now, since) = (now.as_secs_f64(), since.as_secs_f64());
+                let text = format!("storage still fails at {now:.1} s, the disk works since {since:.1} s");
+                self.violations.push(text);
+            }
+            if works && status.storage_used_bytes > most {
                 let text = format!(
                     "{} bytes stored, the budget is {}",
                     status.storage_used_bytes, limits.budget_bytes
@@ -347,6 +382,7 @@ impl World {
                     self.heard[index] |= is_whole;
                     self.unconfirmed[index] += u64::from(self.heard[index]);
                     if is_whole {
+                        given.whole += 1;
                         given.samples += std::mem::take(&mut self.unconfirmed[index]);
                     }
                 }

@@ -21,6 +21,9 @@ const OUTLIER: u64 = 4;
 /// Of the outliers one in so many is no more than its scatter explains, though above a level.
 const INSIGNIFICANT: u64 = 3;
 
+/// Of the windows of a unit about a level one in so many lies below it.
+const BELOW: u64 = 5;
+
 /// Standard deviation of such an outlier.
 const SIGMA_LARGE: f64 = 0.06;
 
@@ -37,6 +40,12 @@ pub fn is_worn(actuator: &str) -> bool {
     actuator.ends_with(['3', '7'])
 }
 
+/// Names of units whose damage stays about a level.
+#[must_use]
+pub fn hovers(actuator: &str) -> bool {
+    actuator.ends_with(['1', '5'])
+}
+
 impl StandIn {
     /// Friction of a window as it is answered, `None` where it is identified.
     #[must_use]
@@ -50,6 +59,11 @@ impl StandIn {
             // From nothing to 0.7 in a minute.
             let since_s = 1e-9 * t_start_ns.saturating_sub(EPOCH_NS) as f64;
             return Some((since_s / 60.0).min(1.0) * 0.7 + scatter);
+        }
+        if hovers(actuator) {
+            // Below the level of watch by less than its hysteresis, or above it.
+            let is_below = (chance >> 8).is_multiple_of(BELOW);
+            return Some(if is_below { 0.028 + scatter } else { 0.055 + scatter });
         }
         let is_outlier = (chance >> 8).is_multiple_of(OUTLIER);
         Some(if is_outlier { 0.12 + scatter } else { scatter })

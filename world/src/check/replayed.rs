@@ -1,0 +1,180 @@
+//! A replay of the raw frames gives what was stored.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use hmd::replay::{self, Replay};
+use hmd_core::assess::AssessedWindow;
+use hmd_core::record::{Health, Record, Rul, Sensors};
+use hmd_storage::recorder::{PublishedRecord, RecordObserver};
+
+use super::Outcome;
+use super::stored::Found;
+use crate::disk::{Removed, segment_number};
+use crate::host::Reported;
+use crate::run::World;
+use crate::stand_in::StandIn;
+
+/// A run that did not end by itself lacks what was not synced: up to a second, and what was then under way.
+const LATE: Duration = Duration::from_millis(2500);
+
+/// Records of a replay.
+#[derive(Clone, Default)]
+struct Replayed(Arc<Mutex<Found>>);
+
+impl RecordObserver for Replayed {
+    fn publish(&self, record: PublishedRecord) {
+        let mut found = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        found.entry((record.topic, record.at_ns)).or_default().push(record.data);
+    }
+}
+
+struct Silent;
+
+impl replay::Observer for Silent {
+    fn assessed(&mut self, _: &AssessedWindow) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn notice(&mut self, _: &str) {}
+
+    fn progress(&mut self, _: u64) {}
+}
+
+/// What is stored of a run is what its raw frames give again.
+pub(super) fn check(
+    run: usize,
+    names: &[String],
+    reported: &[Reported],
+    stored: &BTreeMap<usize, Found>,
+    removed: &[Removed],
+    world: &World,
+    outcome: &mut Outcome,
+) -> anyhow::Result<()> {
+    let (facts, owners) = (&world.runs[run], world.owners());
+    let is_own = |name: &str| segment_number(name).and_then(|number| owners.get(&number)) == Some(&run);
+    let raw: Vec<&String> = names
+        .iter()
+        .filter(|name| name.ends_with("-raw.mcap") && is_own(name))
+        .collect();
+    let is_removed = removed
+        .iter()
+        .any(|removed| removed.name.ends_with("-raw.mcap") && removed.owner == Some(run));
+    let is_rotten = world.rotten.iter().any(|name| is_own(name));
+    let Some(found) = stored
+        .get(&run)
+        .filter(|_| !is_removed && !is_rotten && facts.lost_frames == 0)
+    else {
+        return Ok(());
+    };
+    if raw.is_empty() {
+        return Ok(());
+    }
+    let logs: Vec<PathBuf> = raw.iter().map(|name| world.store.join(name)).collect();
+    let replay = Replay {
+        logs: &logs,
+        output: None,
+        config: facts.config.clone(),
+        seed: world.plan.seed,
+    };
+    let replayed = Replayed::default();
+    let estimator = Arc::new(StandIn { seed: world.plan.seed });
+    let summary = replay.run_with(&mut Silent, Some(Box::new(replayed.clone())), estimator);
+    let summary = match summary {
+        Ok(summary) => summary,
+        Err(error) => {
+            outcome
+                .violations
+                .push(format!("run {run} cannot be replayed: {error}"));
+            return Ok(());
+        }
+    };
+    if summary.damaged_places > 0 {
+        outcome.violations.push(format!(
+            "run {run}: {} damaged places in raw frames",
+            summary.damaged_places
+        ));
+    }
+    if let Some(live) = &facts.status {
+        let again = &summary.status;
+        for (what, live, again) in [
+            ("frames", live.frames_received, again.frames_received),
+            ("error frames", live.frames_error, again.frames_error),
+            ("samples", live.samples, again.samples),
+            ("lost samples", live.lost_samples, again.lost_samples),
+            ("late frames", live.lost_late, again.lost_late),
+            ("malformed frames", live.lost_malformed, again.lost_malformed),
+            ("dropped windows", live.lost_windows, again.lost_windows),
+        ] {
+            if live != again {
+                outcome
+                    .violations
+                    .push(format!("run {run}: {live} {what} live, {again} in the replay"));
+            }
+        }
+    }
+    let replayed = std::mem::take(&mut *replayed.0.lock().unwrap_or_else(PoisonError::into_inner));
+    let is_whole = facts.status.is_some();
+    let of_run = || reported.iter().filter(|of| of.run == run);
+    let key = |of: &'_ Reported| (of.health.actuator.clone(), of.health.t_start_ns);
+    let known: BTreeSet<_> = of_run().map(key).collect();
+    // What came last may have been stored before its frames were.
+    let early = |of: &&Reported| is_whole || of.at + LATE < facts.ended;
+    let early: BTreeSet<_> = of_run().filter(early).map(key).collect();
+    let kinds = ["/window", "/health", "/rul", "/sensors"];
+    for ((topic, at_ns), data) in found
+        .iter()
+        .filter(|((topic, _), _)| kinds.iter().any(|kind| topic.ends_with(kind)))
+    {
+        let actuator = topic.trim_start_matches('/').split('/').next().unwrap_or_default();
+        if !early.contains(&(actuator.to_owned(), *at_ns)) {
+            continue;
+        }
+        outcome.replayed += u64::from(topic.ends_with("/health"));
+        let again = replayed.get(&(topic.clone(), *at_ns));
+        if again != Some(data) {
+            let what = if again.is_some() { "is another" } else { "is missing" };
+            outcome.violations.push(format!(
+                "run {run}: {topic} at {at_ns} {what} in the replay{}",
+                shown(topic, data, again)
+            ));
+        }
+    }
+    if is_whole {
+        for (topic, at_ns) in replayed.keys().filter(|(topic, _)| topic.ends_with("/health")) {
+            let actuator = topic.trim_start_matches('/').split('/').next().unwrap_or_default();
+            if !known.contains(&(actuator.to_owned(), *at_ns)) {
+                outcome
+                    .violations
+                    .push(format!("run {run}: {topic} at {at_ns} comes only in the replay"));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Both records, where they differ.
+fn shown(topic: &str, data: &[Vec<u8>], again: Option<&Vec<Vec<u8>>>) -> String {
+    fn decoded<R: Record + Default + std::fmt::Debug>(data: &[Vec<u8>]) -> String {
+        let records = data.iter().filter_map(|data| R::decode(data.as_slice()).ok());
+        records.map(|record| format!("{record:?} ")).collect()
+    }
+    let text = |data: &[Vec<u8>]| match topic.rsplit('/').next() {
+        Some("health") => decoded::<Health>(data),
+        Some("rul") => decoded::<Rul>(data),
+        Some("sensors") => decoded::<Sensors>(data),
+        _ => String::new(),
+    };
+    let (once, again) = (text(data), again.map(|again| text(again)).unwrap_or_default());
+    // From a little before the first difference on.
+    let same = once
+        .chars()
+        .zip(again.chars())
+        .take_while(|(one, other)| one == other)
+        .count();
+    let from = |text: &str| text.chars().skip(same.saturating_sub(40)).take(120).collect::<String>();
+    format!(": …{}…, …{}…", from(&once), from(&again))
+}

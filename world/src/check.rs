@@ -3,6 +3,8 @@
 mod replayed;
 mod stored;
 
+pub(crate) use stored::{Messages, read_messages};
+
 use std::collections::BTreeMap;
 use std::sync::PoisonError;
 use std::time::Duration;
@@ -59,6 +61,7 @@ pub(crate) fn check(mut world: World, host: &Host) -> anyhow::Result<Outcome> {
         .extend(removed.iter().filter_map(|removed| wrongly_removed(removed, &world)));
     let (stored, unreadable) = stored::read_all(&world, &mut outcome);
     stored::check_published(&reported, &stored, &removed, &unreadable, &mut outcome);
+    stored::check_rotten(&removed, &world, &mut outcome);
     stored::check_contents(&reported, &stored, &world, &mut outcome);
     stored::check_frames(&removed, &world, &mut outcome)?;
     check_counts(&world, &mut outcome);

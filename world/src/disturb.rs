@@ -13,6 +13,7 @@ use hmd_ingest::feed::{Input, LinkState};
 use hmd_storage::event_file;
 use rand::RngExt;
 
+use crate::check::read_messages;
 use crate::disk::Mood;
 use crate::host::Host;
 use crate::plan::{BUSES, CALM, DEVICES, Disturbance, LASTS_MAX, What};
@@ -93,8 +94,10 @@ impl World {
                 let closed: Vec<&String> = names.iter().filter(|name| name.ends_with(".mcap")).collect();
                 if !closed.is_empty() {
                     let name = closed[self.rng.random_range(0..closed.len())].clone();
+                    self.before_rot
+                        .entry(name.clone())
+                        .or_insert(read_messages(&self.store.join(&name)));
                     self.disk.rot(&name, &mut self.rng)?;
-                    self.rotten.push(name);
                 }
             }
             What::PowerCut(operations) => self.disk.power_fails_after(operations),

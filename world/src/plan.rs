@@ -70,6 +70,16 @@ pub enum What {
     Maintenance(u16, u8),
 }
 
+impl What {
+    /// Whether a run of the program ends by it.
+    fn ends_run(&self) -> bool {
+        matches!(
+            self,
+            Self::PowerCut(_) | Self::PowerCutTwice(_) | Self::Kill | Self::ReloadGood | Self::Restart
+        )
+    }
+}
+
 /// One disturbance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Disturbance {
@@ -109,6 +119,10 @@ impl Plan {
         let between = BETWEEN.mul_f64([0.5, 1.0, 3.0][rng.random_range(0..3)]);
         // In some nothing happens to the disk but power cuts, so that all can be replayed.
         let keeps_all = rng.random_bool(0.4);
+        // In some the program runs from beginning to end, so that what takes long comes to its end as well.
+        let ends_run = !rng.random_bool(0.3);
+        // In some every sample that comes is as it was sent, so that all can be counted.
+        let is_countable = rng.random_bool(0.3);
         let mut disturbances = Vec::new();
         let mut at = Duration::ZERO;
         loop {
@@ -121,6 +135,8 @@ impl Plan {
             let is_odd = !seed.is_multiple_of(2);
             let is_of_disk = matches!(what, What::Disk(..) | What::Rot);
             if is_of_disk && keeps_all
+                || what.ends_run() && !ends_run
+                || matches!(what, What::Flip(_) | What::Reset(..)) && is_countable
                 || matches!(what, What::Step(_)) && is_odd
                 || matches!(what, What::Maintenance(..)) && !is_odd
             {
@@ -163,9 +179,9 @@ fn any(rng: &mut ChaCha8Rng) -> What {
         68..71 => What::Disk(Mood::Full, lasts * rng.random_range(1..=3)),
         71..74 => What::Disk(Mood::Fails, lasts * rng.random_range(1..=3)),
         74..76 => What::Disk(Mood::Slow(Duration::from_millis(rng.random_range(5..400))), lasts),
-        76..78 => What::Rot,
-        78..80 => What::PowerCut(rng.random_range(1..60)),
-        80..81 => What::PowerCutTwice(rng.random_range(1..30)),
+        76..77 => What::Rot,
+        77..79 => What::PowerCut(rng.random_range(1..60)),
+        79..81 => What::PowerCutTwice(rng.random_range(1..30)),
         81..83 => What::Kill,
         83..87 => What::Step(rng.random_range(-5_000..5_000)),
         87..89 => What::ReloadGood,

@@ -23,6 +23,7 @@ use rand_chacha::ChaCha8Rng;
 use tempfile::TempDir;
 
 use crate::bus::{Bus, Given};
+use crate::check::Messages;
 use crate::clock::WorldClock;
 use crate::disk::{Mood, WorldDisk};
 use crate::host::Host;
@@ -63,7 +64,8 @@ pub(crate) struct World {
     pub(crate) store: PathBuf,
     pub(crate) disk: WorldDisk,
     pub(crate) runs: Vec<RunFacts>,
-    pub(crate) rotten: Vec<String>,
+    /// What segments said before bits of them changed.
+    pub(crate) before_rot: BTreeMap<String, Messages>,
     pub(crate) events: Vec<Event>,
     pub(crate) violations: Vec<String>,
     pub(crate) rng: ChaCha8Rng,
@@ -133,7 +135,7 @@ pub(crate) fn live(plan: &Plan, show: bool) -> anyhow::Result<(World, Host)> {
         store,
         disk,
         runs: Vec::new(),
-        rotten: Vec::new(),
+        before_rot: BTreeMap::new(),
         events: Vec::new(),
         violations: Vec::new(),
         devices,
@@ -263,7 +265,9 @@ impl World {
                 facts.drops.push(clock.now());
             }
             self.ticks.extend(given.map(|given| (given, clock.now())));
-            while failed.is_none() && clock.now() >= self.stalled {
+            // On a slow disk it goes on beside the next inputs.
+            let until = clock.now() + self.slice;
+            while failed.is_none() && clock.now() >= self.stalled && clock.now() < until {
                 match steps.assess() {
                     Ok(true) => {}
                     Ok(false) => break,

@@ -16,7 +16,7 @@ const PAGE: &str = "docs/design/world.md";
 const TABLE: [&str; 2] = ["<!-- planted -->\n", "<!-- end -->"];
 
 /// Seeds among which a planted bug must be found.
-const PLANTED_SEEDS: u32 = 16;
+const PLANTED_SEEDS: u32 = 48;
 
 /// Seconds after which a run with a planted bug hangs: many times what all seeds take.
 const HANGS_S: &str = "900";

@@ -12,7 +12,7 @@ use hmd_core::record::{Health, Record, Rul, Sensors};
 use hmd_storage::recorder::{PublishedRecord, RecordObserver};
 
 use super::Outcome;
-use super::stored::Found;
+use super::stored::Messages;
 use crate::disk::{Removed, segment_number};
 use crate::host::Reported;
 use crate::run::World;
@@ -23,7 +23,7 @@ const LATE: Duration = Duration::from_millis(2500);
 
 /// Records of a replay.
 #[derive(Clone, Default)]
-struct Replayed(Arc<Mutex<Found>>);
+struct Replayed(Arc<Mutex<Messages>>);
 
 impl RecordObserver for Replayed {
     fn publish(&self, record: PublishedRecord) {
@@ -49,7 +49,7 @@ pub(super) fn check(
     run: usize,
     names: &[String],
     reported: &[Reported],
-    stored: &BTreeMap<usize, Found>,
+    stored: &BTreeMap<usize, Messages>,
     removed: &[Removed],
     world: &World,
     outcome: &mut Outcome,
@@ -63,7 +63,7 @@ pub(super) fn check(
     let is_removed = removed
         .iter()
         .any(|removed| removed.name.ends_with("-raw.mcap") && removed.owner == Some(run));
-    let is_rotten = world.rotten.iter().any(|name| is_own(name));
+    let is_rotten = world.before_rot.keys().any(|name| is_own(name));
     let Some(found) = stored
         .get(&run)
         .filter(|_| !is_removed && !is_rotten && facts.lost_frames == 0)

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::{self, Cursor, Read, Seek};
+use std::path::Path;
 
 use hmd_core::frame::BusNames;
 use hmd_core::record::Record as _;
@@ -15,12 +16,12 @@ use crate::host::Reported;
 use crate::run::World;
 
 /// Topic, time and content of a record.
-pub(super) type Found = BTreeMap<(String, u64), Vec<Vec<u8>>>;
+pub(crate) type Messages = BTreeMap<(String, u64), Vec<Vec<u8>>>;
 
 /// The records of one segment.
 #[derive(Default)]
 struct Segment {
-    found: Found,
+    found: Messages,
     losses: usize,
 }
 
@@ -39,15 +40,15 @@ fn read_segment(input: impl Read + Seek, name: &str) -> io::Result<Segment> {
 }
 
 /// All records by the run that wrote them, and the runs of which some cannot be read for what became of the disk.
-pub(super) fn read_all(world: &World, outcome: &mut Outcome) -> (BTreeMap<usize, Found>, BTreeSet<usize>) {
+pub(super) fn read_all(world: &World, outcome: &mut Outcome) -> (BTreeMap<usize, Messages>, BTreeSet<usize>) {
     let owners = world.owners();
-    let (mut stored, mut unreadable) = (BTreeMap::<usize, Found>::new(), BTreeSet::new());
+    let (mut stored, mut unreadable) = (BTreeMap::<usize, Messages>::new(), BTreeSet::new());
     for name in world.disk.names() {
         let path = world.store.join(&name);
         let Some(run) = segment_number(&name).and_then(|number| owners.get(&number)) else {
             continue;
         };
-        let is_rotten = world.rotten.contains(&name);
+        let is_rotten = world.before_rot.contains_key(&name);
         if !name.contains("-records.mcap") || name.ends_with(".damaged") {
             continue;
         }
@@ -82,7 +83,7 @@ pub(super) fn read_all(world: &World, outcome: &mut Outcome) -> (BTreeMap<usize,
 /// What was reported as stored is there, once, as it was reported.
 pub(super) fn check_published(
     reported: &[Reported],
-    stored: &BTreeMap<usize, Found>,
+    stored: &BTreeMap<usize, Messages>,
     removed: &[Removed],
     unreadable: &BTreeSet<usize>,
     outcome: &mut Outcome,
@@ -110,10 +111,35 @@ pub(super) fn check_published(
     }
 }
 
+/// All that can be read of a segment.
+pub(crate) fn read_messages(path: &Path) -> Messages {
+    let segment = fs::File::open(path).and_then(|file| read_segment(file, &path.to_string_lossy()));
+    segment.unwrap_or_default().found
+}
+
+/// What is read of a segment with wrong bits is what it said before.
+pub(super) fn check_rotten(removed: &[Removed], world: &World, outcome: &mut Outcome) {
+    // The name of one that was removed may be given again.
+    let is_left = |name: &str| removed.iter().all(|removed| removed.name != name);
+    for (name, before) in world.before_rot.iter().filter(|(name, _)| is_left(name)) {
+        let now = read_messages(&world.store.join(name));
+        for ((topic, at_ns), data) in now {
+            let before = before.get(&(topic.clone(), at_ns));
+            if data
+                .iter()
+                .any(|data| !before.is_some_and(|before| before.contains(data)))
+            {
+                let text = format!("{name}: {topic} at {at_ns} is read otherwise since a bit changed");
+                outcome.violations.push(text);
+            }
+        }
+    }
+}
+
 /// No window is stored otherwise than it was reported, whatever became of the disk.
 pub(super) fn check_contents(
     reported: &[Reported],
-    stored: &BTreeMap<usize, Found>,
+    stored: &BTreeMap<usize, Messages>,
     world: &World,
     outcome: &mut Outcome,
 ) {
@@ -161,7 +187,7 @@ pub(super) fn check_frames(removed: &[Removed], world: &World, outcome: &mut Out
             Box::new(Cursor::new(removed.content.clone())),
         )?;
     }
-    let rotten: BTreeSet<_> = world.rotten.iter().filter_map(|name| run_of(name)).collect();
+    let rotten: BTreeSet<_> = world.before_rot.keys().filter_map(|name| run_of(name)).collect();
     for (run, facts) in world.runs.iter().enumerate().filter(|(run, _)| !rotten.contains(run)) {
         let Some(status) = &facts.status else { continue };
         let stored: u64 = frames

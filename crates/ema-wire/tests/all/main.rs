@@ -6,3 +6,4 @@ mod common;
 mod dictionary;
 mod roundtrip;
 mod serial;
+mod values;

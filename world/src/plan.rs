@@ -181,7 +181,8 @@ fn any(rng: &mut ChaCha8Rng) -> What {
         74..76 => What::Disk(Mood::Slow(Duration::from_millis(rng.random_range(5..400))), lasts),
         76..77 => What::Rot,
         77..79 => What::PowerCut(rng.random_range(1..60)),
-        79..81 => What::PowerCutTwice(rng.random_range(1..30)),
+        // A repair takes some tens to hundreds of them.
+        79..81 => What::PowerCutTwice(rng.random_range(1..20) * rng.random_range(1..20)),
         81..83 => What::Kill,
         83..87 => What::Step(rng.random_range(-5_000..5_000)),
         87..89 => What::ReloadGood,

@@ -18,6 +18,7 @@ mod fuzz;
 mod guest_state;
 mod links;
 mod model;
+mod mutants;
 mod no_std;
 mod oracle;
 mod package;
@@ -113,6 +114,11 @@ enum Verb {
     Fuzz,
     /// The same for half an hour each.
     FuzzLong,
+    /// Changes to the modules that a verdict rests on, one at a time: whether a test sees them.
+    Mutants {
+        /// One module alone.
+        module: Option<String>,
+    },
     /// The shipped systemd unit: understood by systemd, and hardened as promised.
     Systemd,
     /// Storage under kill -9, cuts and flips: the long forms.
@@ -175,6 +181,7 @@ fn main() -> ExitCode {
         Verb::Firmware => firmware::check(),
         Verb::Fuzz => fuzz::check(false),
         Verb::FuzzLong => fuzz::check(true),
+        Verb::Mutants { module } => mutants::check(module.as_deref()),
         Verb::Systemd => systemd::check(),
         Verb::Survive => survive::check(),
         Verb::PowerCut { cuts } => power_cut::check(cuts),

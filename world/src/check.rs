@@ -64,7 +64,7 @@ pub(crate) fn check(mut world: World, host: &Host) -> anyhow::Result<Outcome> {
     stored::check_rotten(&removed, &world, &mut outcome);
     stored::check_contents(&reported, &stored, &world, &mut outcome);
     stored::check_frames(&removed, &world, &mut outcome)?;
-    check_counts(&world, &mut outcome);
+    check_counts(&reported, &world, &mut outcome);
     check_numbers(&reported, &world, &mut outcome);
     check_health(&reported, &world, &mut outcome);
     check_progress(&reported, &world, &mut outcome);
@@ -92,7 +92,7 @@ fn wrongly_removed(removed: &Removed, world: &World) -> Option<String> {
 }
 
 /// Every frame has its count.
-fn check_counts(world: &World, outcome: &mut Outcome) {
+fn check_counts(reported: &[Reported], world: &World, outcome: &mut Outcome) {
     for (run, facts) in world.runs.iter().enumerate() {
         let Some(status) = &facts.status else { continue };
         let given = facts.given;
@@ -120,6 +120,15 @@ fn check_counts(world: &World, outcome: &mut Outcome) {
                 .push(format!("run {run}: {} samples of {}", status.samples, given.samples));
         }
         let kinds = status.frames_decoded + status.frames_filtered + status.frames_error + status.lost_malformed;
+        let went_back = |of: &&Reported| of.run == run && of.health.reason.contains("went back");
+        if given.resets + given.flipped == 0
+            && let Some(of) = reported.iter().find(went_back)
+        {
+            let (actuator, window) = (&of.health.actuator, of.health.window);
+            outcome.violations.push(format!(
+                "{actuator}: window {window} of run {run}: a counter that rises went back"
+            ));
+        }
         let whole = if given.resets + given.flipped == 0 {
             given.whole
         } else {

@@ -65,6 +65,8 @@ struct State {
     dead: bool,
     /// Operations until the power fails.
     power_lasts: Option<u64>,
+    /// Changes of names until it does.
+    name_changes_last: Option<u64>,
     files: Vec<Content>,
     names: BTreeMap<String, usize>,
     safe_names: BTreeMap<String, usize>,
@@ -150,6 +152,11 @@ impl WorldDisk {
         (state.power_lasts, state.dead) = (Some(0), true);
     }
 
+    /// The power fails at so many changes of names from here on.
+    pub fn power_fails_at_change_of_names(&self, changes: u64) {
+        self.lock().name_changes_last = Some(changes);
+    }
+
     /// How it behaves.
     #[must_use]
     pub fn mood(&self) -> Mood {
@@ -191,7 +198,7 @@ impl WorldDisk {
         let mut state = self.lock();
         let state = &mut *state;
         let was_cut = state.power_lasts.take() == Some(0);
-        state.dead = false;
+        (state.dead, state.name_changes_last) = (false, None);
         if !was_cut {
             return Ok(());
         }
@@ -250,6 +257,19 @@ impl WorldDisk {
         self.lock().names.keys().cloned().collect()
     }
 
+    /// One operation that changes names, or brings changed ones to the disk.
+    fn begin_with_names(&self) -> io::Result<MutexGuard<'_, State>> {
+        let mut state = self.lock();
+        if let Some(left) = &mut state.name_changes_last {
+            *left = left.saturating_sub(1);
+            if *left == 0 {
+                (state.power_lasts, state.dead) = (Some(0), true);
+            }
+        }
+        drop(state);
+        self.begin()
+    }
+
     /// One operation that changes something.
     fn begin(&self) -> io::Result<MutexGuard<'_, State>> {
         let mut state = self.lock();
@@ -276,7 +296,7 @@ impl WorldDisk {
 
 impl Disk for WorldDisk {
     fn create(&self, path: &Path) -> io::Result<Box<dyn Out>> {
-        let mut state = self.begin()?;
+        let mut state = self.begin_with_names()?;
         let real = OpenOptions::new().write(true).create_new(true).open(path)?;
         let file = state.files.len();
         state.files.push(Content::default());
@@ -305,7 +325,7 @@ impl Disk for WorldDisk {
     }
 
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
-        let mut state = self.begin()?;
+        let mut state = self.begin_with_names()?;
         fs::rename(from, to)?;
         let change = Change::Renamed(name_of(from), name_of(to));
         change.apply(&mut state.names);
@@ -339,7 +359,7 @@ impl Disk for WorldDisk {
     }
 
     fn sync_folder(&self, _: &Path) -> io::Result<()> {
-        let mut state = self.begin()?;
+        let mut state = self.begin_with_names()?;
         for change in std::mem::take(&mut state.changes) {
             change.apply(&mut state.safe_names);
         }

@@ -101,9 +101,9 @@ impl World {
                 }
             }
             What::PowerCut(operations) => self.disk.power_fails_after(operations),
-            What::PowerCutTwice(operations) => {
+            What::PowerCutTwice(changes) => {
                 self.disk.power_fails_now();
-                self.cuts_start = Some(operations);
+                self.cuts_start = Some(changes);
                 return Ok(Some(End::Died));
             }
             What::Kill => return Ok(Some(End::Died)),

@@ -50,7 +50,7 @@ pub enum What {
     Rot,
     /// The power fails after so many operations on the disk.
     PowerCut(u64),
-    /// The power fails now, and again after so many operations of the next start.
+    /// The power fails now, and again at this change of names of the next start.
     PowerCutTwice(u64),
     /// The process is killed.
     Kill,
@@ -181,8 +181,7 @@ fn any(rng: &mut ChaCha8Rng) -> What {
         74..76 => What::Disk(Mood::Slow(Duration::from_millis(rng.random_range(5..400))), lasts),
         76..77 => What::Rot,
         77..79 => What::PowerCut(rng.random_range(1..60)),
-        // A repair takes some tens to hundreds of them.
-        79..81 => What::PowerCutTwice(rng.random_range(1..20) * rng.random_range(1..20)),
+        79..81 => What::PowerCutTwice(rng.random_range(1..12)),
         81..83 => What::Kill,
         83..87 => What::Step(rng.random_range(-5_000..5_000)),
         87..89 => What::ReloadGood,

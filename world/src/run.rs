@@ -83,7 +83,7 @@ pub(crate) struct World {
     pub(crate) calms_disk: Duration,
     /// When the disk began to work again.
     pub(crate) works_since: Duration,
-    /// Operations of the next start until the power fails.
+    /// Changes of names of the next start until the power fails.
     pub(crate) cuts_start: Option<u64>,
     pub(crate) stalled: Duration,
     /// When the run ends: a slow disk delays disturbances, and the calm comes after them all.
@@ -170,8 +170,8 @@ pub(crate) fn live(plan: &Plan, show: bool) -> anyhow::Result<(World, Host)> {
         }
         if !reopens {
             world.disk.revive(&mut world.rng)?;
-            if let Some(operations) = world.cuts_start.take() {
-                world.disk.power_fails_after(operations);
+            if let Some(changes) = world.cuts_start.take() {
+                world.disk.power_fails_at_change_of_names(changes);
             }
             world.write_config()?;
             config = load(&world.config_path(), &[])?;

@@ -1,4 +1,4 @@
-//! Our alert rules under Prometheus: accepted, tested, and fired by a worn actuator that `hmd run` watches.
+//! Our alert rules and dashboard under Prometheus: accepted, tested, fired and answered by a worn actuator that `hmd run` watches.
 
 use crate::debian;
 use crate::programs::Programs;
@@ -13,9 +13,10 @@ pub(crate) fn check() -> anyhow::Result<()> {
     let rules = root().join("dist/prometheus");
     run(program("promtool", ["check", "rules"]).arg(rules.join("hmd.rules.yml")))?;
     run(program("promtool", ["test", "rules"]).arg(rules.join("hmd.test.yml")))?;
+    let dashboard = root().join("dist/grafana/hmd.json");
     let programs = Programs::build()?;
     let folder = target_dir()?.join("alerts");
     run(program("python3", ["fixtures/check_alerts.py"])
-        .args([&programs.hmd(), &programs.firmware_sim(), &rules, &folder])
+        .args([&programs.hmd(), &programs.firmware_sim(), &rules, &dashboard, &folder])
         .current_dir(root()))
 }

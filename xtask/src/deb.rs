@@ -1,11 +1,11 @@
 //! The Debian packages: `cargo-deb` by the metadata in `crates/hmd/Cargo.toml`, with what has to be made first.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 
-use crate::dist::{Build, PLATFORMS, build};
+use crate::dist::{Build, PLATFORMS, Platform, build};
 use crate::sbom;
 use crate::shell::{cargo, program, run, run_to_file, target_dir};
 use crate::tools::Tool;
@@ -18,80 +18,110 @@ const CARGO_DEB: Tool = Tool {
     options: &[],
 };
 
-/// A package, its variant in the metadata, its build, and what it must contain.
-const PACKAGES: [(&str, &[&str], Build, &[&str]); 2] = [
-    (
-        "hmd",
-        &["--variant", "flight"],
-        Build::Flight,
-        &[
-            "./usr/bin/hmd",
-            "./usr/lib/systemd/system/hmd.service",
-            "./usr/lib/sysusers.d/hmd.conf",
-            "./usr/share/doc/hmd/examples/serial.conf",
-            "./etc/hmd/hmd.toml",
-            "./usr/share/hmd/ema.dbc",
-            "./usr/share/doc/hmd/sbom.cdx.json",
-        ],
-    ),
-    (
-        "hmd-tools",
-        &[],
-        Build::Full,
-        &[
-            "./usr/bin/hmd",
-            "./usr/share/hmd/ema.dbc",
-            "./usr/share/bash-completion/completions/hmd",
-            "./usr/share/man/man1/hmd.1.gz",
-            "./usr/share/man/man1/hmd-run.1.gz",
-            "./usr/share/doc/hmd-tools/sbom.cdx.json",
-        ],
-    ),
-];
+/// A package.
+struct Package {
+    name: &'static str,
+    /// Its variant in the metadata.
+    variant: &'static [&'static str],
+    kind: Build,
+    /// What it must contain.
+    expected: &'static [&'static str],
+}
+
+/// The service.
+const SERVICE: Package = Package {
+    name: "hmd",
+    variant: &["--variant", "flight"],
+    kind: Build::Flight,
+    expected: &[
+        "./usr/bin/hmd",
+        "./usr/lib/systemd/system/hmd.service",
+        "./usr/lib/sysusers.d/hmd.conf",
+        "./usr/share/doc/hmd/examples/serial.conf",
+        "./etc/hmd/hmd.toml",
+        "./usr/share/hmd/ema.dbc",
+        "./usr/share/doc/hmd/sbom.cdx.json",
+    ],
+};
+
+/// All verbs, for engineers.
+const TOOLS: Package = Package {
+    name: "hmd-tools",
+    variant: &[],
+    kind: Build::Full,
+    expected: &[
+        "./usr/bin/hmd",
+        "./usr/share/hmd/ema.dbc",
+        "./usr/share/bash-completion/completions/hmd",
+        "./usr/share/man/man1/hmd.1.gz",
+        "./usr/share/man/man1/hmd-run.1.gz",
+        "./usr/share/doc/hmd-tools/sbom.cdx.json",
+    ],
+};
 
 /// Makes both packages for every platform.
 pub(crate) fn make() -> anyhow::Result<()> {
-    run(cargo(["build", "--quiet", "--package", "hmd"]))?;
-    let hmd = target_dir()?.join("debug/hmd");
     for platform in &PLATFORMS {
-        for (name, variant, kind, expected) in PACKAGES {
-            let built = build(platform, kind, "dist1")?;
-            let folder = built.with_file_name("package");
-            let _ = fs::remove_dir_all(&folder);
-            fs::create_dir_all(folder.join("completions")).with_context(|| folder.display().to_string())?;
-            // The one that runs here knows the manual.
-            run(program(&hmd, ["man"]).arg(folder.join("man")))?;
-            // cargo-deb leaves what is built as it is. Without name and date, as Debian asks for.
-            run(program("gzip", ["-9", "-n", "-r"]).arg(folder.join("man")))?;
-            for shell in ["bash", "zsh", "fish"] {
-                let script = folder.join("completions").join(shell);
-                run_to_file(program(&hmd, ["completions", shell]), None, &script)?;
-            }
-            sbom::write(platform.target, kind, &folder.join("sbom.cdx.json"))?;
-            let file = format!("{name}_{}_{}.deb", env!("CARGO_PKG_VERSION"), platform.architecture);
-            let package = target_dir()?.join("deb").join(file);
-            let pack = [
-                "--package",
-                "hmd",
-                "--profile",
-                "dist",
-                "--no-build",
-                "--no-strip",
-                "--locked",
-            ];
-            run(program(CARGO_DEB.path()?, pack)
-                .args(["--target", platform.target])
-                .args(variant)
-                .arg("--output")
-                .arg(&package)
-                .env("CARGO_TARGET_DIR", target_dir()?.join("dist1"))
-                // Dates of the files are not those of the build.
-                .env("SOURCE_DATE_EPOCH", "0"))?;
-            check(&package, expected)?;
-            run(program("sha256sum", [&package]))?;
+        for package in [SERVICE, TOOLS] {
+            run(program("sha256sum", [package.pack(platform)?]))?;
         }
     }
     Ok(())
+}
+
+/// The package of the service for this kind of computer.
+pub(crate) fn service() -> anyhow::Result<PathBuf> {
+    let native = PLATFORMS
+        .iter()
+        .find(|platform| platform.target.starts_with(std::env::consts::ARCH));
+    SERVICE.pack(native.context("expected one of the platforms that packages are made for")?)
+}
+
+impl Package {
+    fn pack(&self, platform: &Platform) -> anyhow::Result<PathBuf> {
+        let Self {
+            name,
+            variant,
+            kind,
+            expected,
+        } = *self;
+        run(cargo(["build", "--quiet", "--package", "hmd"]))?;
+        let hmd = target_dir()?.join("debug/hmd");
+        let built = build(platform, kind, "dist1")?;
+        let folder = built.with_file_name("package");
+        let _ = fs::remove_dir_all(&folder);
+        fs::create_dir_all(folder.join("completions")).with_context(|| folder.display().to_string())?;
+        // The one that runs here knows the manual.
+        run(program(&hmd, ["man"]).arg(folder.join("man")))?;
+        // cargo-deb leaves what is built as it is. Without name and date, as Debian asks for.
+        run(program("gzip", ["-9", "-n", "-r"]).arg(folder.join("man")))?;
+        for shell in ["bash", "zsh", "fish"] {
+            let script = folder.join("completions").join(shell);
+            run_to_file(program(&hmd, ["completions", shell]), None, &script)?;
+        }
+        sbom::write(platform.target, kind, &folder.join("sbom.cdx.json"))?;
+        let file = format!("{name}_{}_{}.deb", env!("CARGO_PKG_VERSION"), platform.architecture);
+        let package = target_dir()?.join("deb").join(file);
+        let pack = [
+            "--package",
+            "hmd",
+            "--profile",
+            "dist",
+            "--no-build",
+            "--no-strip",
+            "--locked",
+        ];
+        run(program(CARGO_DEB.path()?, pack)
+            .args(["--target", platform.target])
+            .args(variant)
+            .arg("--output")
+            .arg(&package)
+            .env("CARGO_TARGET_DIR", target_dir()?.join("dist1"))
+            // Dates of the files are not those of the build.
+            .env("SOURCE_DATE_EPOCH", "0"))?;
+        check(&package, expected)?;
+        Ok(package)
+    }
 }
 
 /// Whether `dpkg-deb` finds in a package what it must contain.

@@ -4,6 +4,7 @@
 
 mod alerts;
 mod book;
+mod boot;
 mod can;
 mod ci;
 mod circles;
@@ -121,6 +122,8 @@ enum Verb {
     },
     /// The shipped systemd unit: understood by systemd, and hardened as promised.
     Systemd,
+    /// The Debian package on a fresh Debian under a real systemd.
+    Boot,
     /// Storage under kill -9, cuts and flips: the long forms.
     Survive,
     /// The power cut while the daemon writes to ext4 in a user-mode Linux.
@@ -183,6 +186,7 @@ fn main() -> ExitCode {
         Verb::FuzzLong => fuzz::check(true),
         Verb::Mutants { module } => mutants::check(module.as_deref()),
         Verb::Systemd => systemd::check(),
+        Verb::Boot => boot::check(),
         Verb::Survive => survive::check(),
         Verb::PowerCut { cuts } => power_cut::check(cuts),
         Verb::Package => package::check(),

@@ -1,5 +1,7 @@
 //! The counters of a [`Status`] as Prometheus metrics, in the text form that scrapers and the textfile collector read.
 
+pub mod last_windows;
+
 use std::fmt;
 
 use prometheus_client::collector::Collector;
@@ -11,12 +13,14 @@ use prometheus_client::registry::Registry;
 
 use crate::health::HealthState;
 use crate::record::{ActuatorStatus, Status, StorageState, WindowStatus};
+use last_windows::LastWindows;
 
 /// The metrics of `docs/metrics.md`, which is made from them.
 #[must_use]
-pub fn render(status: &Status) -> String {
+pub fn render(status: &Status, last: &LastWindows) -> String {
     let mut registry = Registry::with_prefix("hmd");
     registry.register_collector(Box::new(Snapshot(status.clone())));
+    registry.register_collector(Box::new(last.clone()));
     let mut out = String::new();
     text::encode(&mut out, &registry).expect("writing to a String does not fail");
     out
@@ -227,7 +231,7 @@ mod tests {
 
     #[test]
     fn every_metric_is_there_once_with_its_type() {
-        let text = render(&status());
+        let text = render(&status(), &LastWindows::default());
         for line in [
             "# TYPE hmd_frames counter",
             "hmd_frames_total{outcome=\"decoded\"} 7",
@@ -253,7 +257,7 @@ mod tests {
             );
         }
         assert!(
-            !render(&Status::default()).contains("record_age"),
+            !render(&Status::default(), &LastWindows::default()).contains("record_age"),
             "absent before the first record"
         );
     }

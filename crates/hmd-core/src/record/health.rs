@@ -175,6 +175,20 @@ impl Health {
         ]
     }
 
+    /// Standard deviations of the damages, in the same order: those of k1 to k6, and twice that of k8, whose damage is 2 |k8 − 0.5|.
+    #[must_use]
+    pub fn damage_sigmas(&self) -> [Option<f64>; FaultId::COUNT] {
+        [
+            self.k1_sigma,
+            self.k2_sigma,
+            self.k3_sigma,
+            self.k4_sigma,
+            self.k5_sigma,
+            self.k6_sigma,
+            self.k8_sigma.map(|sigma| 2.0 * sigma),
+        ]
+    }
+
     /// Fills the damages, in the order of [`FaultId::ALL`]; a value that is not a number is left out.
     pub fn set_damage(&mut self, damage: [Option<f64>; FaultId::COUNT]) {
         let damage = damage.map(|damage| damage.and_then(finite));

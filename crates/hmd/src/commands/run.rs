@@ -5,8 +5,8 @@ use std::io::{self, Write};
 use std::net::SocketAddr;
 use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use anyhow::Context;
@@ -23,6 +23,7 @@ use super::{Exit, Misuse, Settings, check_files_of_run, no_recording, service, u
 use crate::daemon::{Daemon, DaemonError, Observer};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::Config;
+use hmd_core::metrics::last_windows::LastWindows;
 use hmd_core::metrics::render;
 use hmd_core::record::{HealthLine, LogLevel, Status};
 use hmd_ingest::can::{CanSource, Wanted};
@@ -89,6 +90,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         metrics_failed: AtomicBool::new(false),
         page: args.metrics_listen.map(|_| Page::default()),
         journal: Journal::from_stderr(),
+        last: Mutex::new(LastWindows::new(config.hash())),
     };
     if let (Some(address), Some(page)) = (args.metrics_listen, &printer.page) {
         let address =
@@ -114,6 +116,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         match next {
             Some(new) => {
                 config = new;
+                printer.begin_again(&config);
                 recorder = args.output.as_ref().map(|folder| {
                     Recorder::reopen_folder(folder, &run_metadata(args, &config), config.output().limits())
                 });
@@ -254,10 +257,26 @@ struct Printer {
     page: Option<Page>,
     /// Where stderr is the journal.
     journal: Option<Journal>,
+    /// For the metrics.
+    last: Mutex<LastWindows>,
+}
+
+impl Printer {
+    /// With another configuration.
+    fn begin_again(&self, config: &Config) {
+        let hash = config.hash();
+        self.notice(&format!("reloaded, configuration {hash}"));
+        *self.last_windows() = LastWindows::new(hash);
+    }
+
+    fn last_windows(&self) -> MutexGuard<'_, LastWindows> {
+        self.last.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 impl Observer for Printer {
     fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
+        self.last_windows().update(&assessed.health, &assessed.rul);
         if !self.read.load(Ordering::Relaxed) {
             return Ok(());
         }
@@ -310,7 +329,7 @@ impl Observer for Printer {
         if self.metrics.is_none() && self.page.is_none() {
             return;
         }
-        let metrics = render(status);
+        let metrics = render(status, &self.last_windows());
         if let Some(page) = &self.page {
             page.set(metrics.clone());
         }

@@ -5,6 +5,8 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use ema_models::FaultId;
+use hmd_core::metrics::last_windows::LastWindows;
 use hmd_core::metrics::render;
 use hmd_core::record::{
     ActuatorStatus, Dropped, Health, InterfaceStatus, Log, RawBatch, Record, Rul, Sensors, Shortened, Status, Window,
@@ -29,7 +31,22 @@ fn check(name: &str, made: &str) {
 
 #[test]
 fn metrics() {
-    let text = render(&Status {
+    let mut last = LastWindows::new(ANY.to_owned());
+    let mut health = Health {
+        actuator: ANY.to_owned(),
+        ..Health::default()
+    };
+    health.set_damage([Some(0.0); FaultId::COUNT]);
+    [health.k1_sigma, health.k2_sigma, health.k3_sigma, health.k4_sigma] = [Some(0.0); 4];
+    [health.k5_sigma, health.k6_sigma, health.k8_sigma] = [Some(0.0); 3];
+    let rul = Rul {
+        rul_p10_h: Some(0.0),
+        rul_p50_h: Some(0.0),
+        rul_p90_h: Some(0.0),
+        ..Rul::default()
+    };
+    last.update(&health, &rul);
+    let status = Status {
         record_age_s: Some(0.0),
         interfaces: vec![InterfaceStatus {
             interface: ANY.to_owned(),
@@ -40,7 +57,8 @@ fn metrics() {
             ..ActuatorStatus::default()
         }],
         ..Status::default()
-    });
+    };
+    let text = render(&status, &last);
     let mut page = "# Metrics\n\nWhat `hmd run --metrics` and `--metrics-listen` give ([deploy.md](deploy.md)); made from the code.\n\n\
         | metric | type | labels | what |\n|---|---|---|---|\n"
         .to_owned();
@@ -56,19 +74,31 @@ fn metrics() {
             .expect("a # TYPE line")
             .1;
         let suffix = if kind == "counter" { "_total" } else { "" };
-        let mut label = String::new();
+        let mut labels: Vec<(&str, Vec<&str>)> = Vec::new();
         while let Some(sample) = lines.next_if(|line| !line.starts_with('#')) {
             let Some((_, rest)) = sample.split_once('{') else {
                 continue;
             };
-            let (key, value) = rest.split_once("=\"").expect("a label");
-            let value = value.split('"').next().unwrap_or_default();
-            if label.is_empty() {
-                write!(label, "`{key}`").expect("a String");
+            let (pairs, _) = rest.split_once('}').expect("the end of the labels");
+            for pair in pairs.split(',') {
+                let (key, value) = pair.split_once('=').expect("a label");
+                let value = value.trim_matches('"');
+                let known = labels.iter().position(|(known, _)| *known == key);
+                let at = known.unwrap_or(labels.len());
+                if known.is_none() {
+                    labels.push((key, Vec::new()));
+                }
+                if value != ANY && key != "version" && !labels[at].1.contains(&value) {
+                    labels[at].1.push(value);
+                }
             }
-            if value != ANY {
-                let comma = if label.contains(':') { "," } else { ":" };
-                write!(label, "{comma} `{value}`").expect("a String");
+        }
+        let mut label = String::new();
+        for (key, values) in labels {
+            let comma = if label.is_empty() { "" } else { "; " };
+            write!(label, "{comma}`{key}`").expect("a String");
+            for (n, value) in values.iter().enumerate() {
+                write!(label, "{} `{value}`", if n == 0 { ":" } else { "," }).expect("a String");
             }
         }
         let help = help.trim_end_matches('.');

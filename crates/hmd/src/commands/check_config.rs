@@ -11,10 +11,13 @@ use super::{Exit, Settings, check_files_of_run, load_config_with, say, warn};
 /// Check a configuration and say what it means.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n\
-    \x20 hmd check-config -c hmd.toml\n\
+    \x20 hmd check-config hmd.toml\n\
     \x20 hmd check-config -c hmd.toml --json")]
 pub struct Args {
     /// Configuration file; without it the defaults are shown.
+    #[arg(value_name = "FILE", conflicts_with = "config")]
+    file: Option<PathBuf>,
+    /// The same, as other verbs take it.
     #[arg(short, long)]
     config: Option<PathBuf>,
     #[command(flatten)]
@@ -29,11 +32,12 @@ pub struct Args {
 /// # Errors
 /// A bad configuration.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
-    let config = load_config_with(args.config.as_deref(), &args.settings)?;
+    let given = args.file.as_deref().or(args.config.as_deref());
+    let config = load_config_with(given, &args.settings)?;
     check_files_of_run(&config)?;
     let units = units(&config)?;
     let warnings = warnings(&config, &load_type_models(&config)?);
-    let file = args.config.as_deref().unwrap_or(Path::new("defaults")).display();
+    let file = given.unwrap_or(Path::new("defaults")).display();
     for warning in &warnings {
         warn(format_args!("{file}: warning: {warning}"));
     }

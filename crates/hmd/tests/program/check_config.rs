@@ -13,6 +13,7 @@ fn parameters_have_their_origin_and_what_is_seldom_meant_is_warned_of() {
     folder.write("own.toml", OWN);
     let ended = folder.hmd("check-config -c own.toml");
     assert_eq!(ended.code, 0, "{}", ended.stderr);
+    assert_eq!(folder.hmd("check-config own.toml").stdout, ended.stdout);
     for line in [
         "  motor.inertia_kg_m2 0.0011 ± 0.02 of it (own.toml:4, own.toml:5)\n",
         "  motor.phase_resistance_ohm 2.75 ± 0.05 of it (built-in bench, usual)\n",

@@ -1,4 +1,5 @@
-//! A report of a whole wear-out in headless Chromium: pictures, no console message, no request, accessible.
+//! Headless Chromium: a report of a whole wear-out (pictures, no console message, no request, accessible), and live data that no page of another
+//! origin gets.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -35,6 +36,7 @@ pub(crate) fn check() -> anyhow::Result<()> {
     let size = fs::metadata(&page).with_context(|| page.display().to_string())?.len();
     anyhow::ensure!(size < SIZE_MAX, "expected less than {SIZE_MAX} bytes, found {size}");
     python.script("fixtures/check_report.py", &[&page, &folder])?;
+    python.script("fixtures/check_origins.py", &[&hmd, &life, &folder.join("origins")])?;
     let page = fleet_page(&hmd, &folder.join("fleet"))?;
     python.script("fixtures/check_report.py", &[&page, &folder.join("fleet")])
 }

@@ -113,12 +113,6 @@ impl Levels {
     /// Values of the persistence, windows.
     pub(crate) const PERSISTENCE: RangeInclusive<u32> = 1..=1_000;
 
-    /// The same levels for the assessment of a single window: without persistence.
-    #[must_use]
-    pub fn at_once(self) -> Self {
-        Self { persistence: 1, ..self }
-    }
-
     /// The same levels, if they are possible together.
     ///
     /// # Errors

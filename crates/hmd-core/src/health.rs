@@ -113,6 +113,12 @@ impl Levels {
     /// Values of the persistence, windows.
     pub(crate) const PERSISTENCE: RangeInclusive<u32> = 1..=1_000;
 
+    /// The same levels for the assessment of a single window: without persistence.
+    #[must_use]
+    pub fn at_once(self) -> Self {
+        Self { persistence: 1, ..self }
+    }
+
     /// The same levels, if they are possible together.
     ///
     /// # Errors
@@ -332,6 +338,32 @@ mod tests {
             ..Levels::default()
         };
         Health::new([levels; FaultId::COUNT]).unwrap()
+    }
+
+    #[test]
+    fn levels_of_a_single_window_and_of_another_configuration() {
+        let patient = Levels {
+            persistence: 5,
+            watch: 0.123,
+            ..Levels::default()
+        };
+        let at_once = patient.at_once();
+        assert_eq!(
+            (at_once.persistence, at_once.watch.to_bits()),
+            (1, patient.watch.to_bits())
+        );
+        let mut other = health(5).with_rules_of(&health(1));
+        assert_eq!(other.state(), HealthState::Unknown);
+        other.update(0, Some(&friction(0.2)));
+        assert_eq!((other.state(), other.persistence(None)), (HealthState::Watch, 1));
+    }
+
+    #[test]
+    fn an_eccentricity_needs_more_sigmas_than_others() {
+        for fault in FaultId::ALL {
+            let expected = if fault == FaultId::Eccentricity { 3.44 } else { 3.0 };
+            assert_eq!(significance(fault).to_bits(), f64::to_bits(expected), "{fault:?}");
+        }
     }
 
     /// A history of friction damage, NaN for a window that was not assessed, and the initials of the states after each window.

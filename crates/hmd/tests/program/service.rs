@@ -328,6 +328,16 @@ fn a_folder_that_cannot_be_written_fails_at_the_start() {
     assert!(socket.recv(&mut [0; 64]).is_err(), "it was not ready");
 }
 
+/// stderr follows stdout unless it is told not to, and a least system has no `kill` beside the shell's.
+#[test]
+fn the_unit_sends_messages_to_the_journal_and_reloads_by_the_shell() {
+    let unit = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../dist/systemd/hmd.service");
+    let unit = std::fs::read_to_string(unit).unwrap();
+    let has = |line: &str| unit.lines().any(|found| found == line);
+    assert!(has("StandardOutput=null") && has("StandardError=journal"), "{unit}");
+    assert!(has("ExecReload=/bin/sh -c \"kill -HUP $MAINPID\""), "{unit}");
+}
+
 /// The unit that is shipped: a check before the start would hide exit code 78 from the manager, which then restarts for ever.
 #[test]
 fn a_bad_configuration_is_not_tried_again_by_the_unit() {

@@ -3,8 +3,6 @@
 mod replayed;
 mod stored;
 
-pub(crate) use stored::{Messages, read_messages};
-
 use std::collections::BTreeMap;
 use std::sync::PoisonError;
 use std::time::Duration;

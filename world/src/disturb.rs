@@ -13,11 +13,11 @@ use hmd_ingest::feed::{Input, LinkState};
 use hmd_storage::event_file;
 use rand::RngExt;
 
-use crate::check::read_messages;
 use crate::disk::Mood;
 use crate::host::Host;
 use crate::plan::{BUSES, CALM, DEVICES, Disturbance, LASTS_MAX, What};
 use crate::run::{End, World, actuator, link};
+use crate::segment::read_messages;
 
 /// A bus-off, as the kernel reports it: its class, and that of a restarted controller.
 const BUS_OFF: u32 = 0x40;

@@ -10,6 +10,7 @@ mod health_oracle;
 mod host;
 pub mod plan;
 mod run;
+mod segment;
 mod shrink;
 pub mod stand_in;
 pub mod traffic;

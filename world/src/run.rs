@@ -23,11 +23,11 @@ use rand_chacha::ChaCha8Rng;
 use tempfile::TempDir;
 
 use crate::bus::{Bus, Given};
-use crate::check::Messages;
 use crate::clock::WorldClock;
 use crate::disk::{Mood, WorldDisk};
 use crate::host::Host;
 use crate::plan::{BUSES, CALM, DEVICES, Plan};
+use crate::segment::Messages;
 use crate::stand_in::StandIn;
 use crate::traffic::{Device, PERIOD};
 

@@ -12,10 +12,10 @@ use hmd_core::record::{Health, Record, Rul, Sensors};
 use hmd_storage::recorder::{PublishedRecord, RecordObserver};
 
 use super::Outcome;
-use super::stored::Messages;
 use crate::disk::{Removed, segment_number};
 use crate::host::Reported;
 use crate::run::World;
+use crate::segment::Messages;
 use crate::stand_in::StandIn;
 
 /// A run that did not end by itself lacks what was not synced: up to a second, and what was then under way.

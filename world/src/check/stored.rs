@@ -3,41 +3,17 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::{self, Cursor, Read, Seek};
-use std::path::Path;
 
 use hmd_core::frame::BusNames;
 use hmd_core::record::Record as _;
-use hmd_storage::mcap::{McapFrames, McapMessages};
+use hmd_storage::mcap::McapFrames;
 use prost::Message;
 
 use super::Outcome;
 use crate::disk::{Removed, segment_number};
 use crate::host::Reported;
 use crate::run::World;
-
-/// Topic, time and content of a record.
-pub(crate) type Messages = BTreeMap<(String, u64), Vec<Vec<u8>>>;
-
-/// The records of one segment.
-#[derive(Default)]
-struct Segment {
-    found: Messages,
-    losses: usize,
-}
-
-fn read_segment(input: impl Read + Seek, name: &str) -> io::Result<Segment> {
-    let mut segment = Segment::default();
-    for message in McapMessages::new(input, name)? {
-        match message {
-            Ok(message) => {
-                let key = (message.topic.to_string(), message.log_time_ns);
-                segment.found.entry(key).or_default().push(message.data);
-            }
-            Err(_) => segment.losses += 1,
-        }
-    }
-    Ok(segment)
-}
+use crate::segment::{Messages, Segment, read_messages, read_segment};
 
 /// All records by the run that wrote them, and the runs of which some cannot be read for what became of the disk.
 pub(super) fn read_all(world: &World, outcome: &mut Outcome) -> (BTreeMap<usize, Messages>, BTreeSet<usize>) {
@@ -109,12 +85,6 @@ pub(super) fn check_published(
             ));
         }
     }
-}
-
-/// All that can be read of a segment.
-pub(crate) fn read_messages(path: &Path) -> Messages {
-    let segment = fs::File::open(path).and_then(|file| read_segment(file, &path.to_string_lossy()));
-    segment.unwrap_or_default().found
 }
 
 /// What is read of a segment with wrong bits is what it said before.

@@ -252,6 +252,10 @@ impl SegmentStore {
         }
         self.make_room();
         self.begin(Kind::Records);
+        // Without frames nothing else would find out that the disk is back.
+        if self.raw.has_failed() && !self.raw_paused {
+            self.begin(Kind::Raw);
+        }
         if !self.reported.is_empty() && !self.undeletable && !self.records.has_failed() && !self.raw.has_failed() {
             self.reported.clear();
             let text = format!(

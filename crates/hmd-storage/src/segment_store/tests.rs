@@ -580,6 +580,20 @@ fn a_disk_that_fails_for_long_leaves_no_file_for_each_attempt() {
     assert!(bench.names().len() <= 1, "{:?}", bench.names());
 }
 
+/// Found by the simulated world: both buses fell silent while the disk failed.
+#[test]
+fn storage_works_again_without_frames() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    bench.put_frames(&mut store, 10);
+    bench.disk.set(Some(io::ErrorKind::Other));
+    bench.tick(&mut store, 1);
+    assert_eq!(store.status().state, StorageState::Failing);
+    bench.disk.set(None);
+    bench.tick(&mut store, 2);
+    assert_eq!(store.status().state, StorageState::Ok);
+}
+
 #[test]
 fn store_retries_when_disk_full_at_start() {
     let mut bench = Bench::new();

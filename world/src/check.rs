@@ -7,6 +7,8 @@ use std::collections::BTreeMap;
 use std::sync::PoisonError;
 use std::time::Duration;
 
+use hmd_core::window::CutShort;
+
 use crate::disk::Removed;
 use crate::health_oracle::HealthOracle;
 use crate::host::{Host, Reported};
@@ -118,20 +120,17 @@ fn check_counts(reported: &[Reported], world: &World, outcome: &mut Outcome) {
                 .push(format!("run {run}: {} samples of {}", status.samples, given.samples));
         }
         let kinds = status.frames_decoded + status.frames_filtered + status.frames_error + status.lost_malformed;
-        let went_back = |of: &&Reported| of.run == run && of.health.reason.contains("went back");
-        if given.resets + given.flipped == 0
-            && let Some(of) = reported.iter().find(went_back)
-        {
+        // A changed bit may be one of the counter, and a device that starts again begins to count anew.
+        let is_countable = given.resets + given.flipped == 0;
+        let cut = CutShort::CounterWentBack.to_string();
+        let went_back = |of: &&Reported| of.run == run && of.health.reason.contains(&cut);
+        if let Some(of) = reported.iter().filter(|_| is_countable).find(went_back) {
             let (actuator, window) = (&of.health.actuator, of.health.window);
-            outcome.violations.push(format!(
-                "{actuator}: window {window} of run {run}: a counter that rises went back"
-            ));
+            outcome
+                .violations
+                .push(format!("{actuator}: window {window} of run {run}: {cut}, but it rose"));
         }
-        let whole = if given.resets + given.flipped == 0 {
-            given.whole
-        } else {
-            status.samples
-        };
+        let whole = if is_countable { given.whole } else { status.samples };
         for (what, expected, found) in [
             ("frames", given.frames, status.frames_received),
             ("whole samples", whole, status.samples),
@@ -162,8 +161,8 @@ fn check_numbers(reported: &[Reported], world: &World, outcome: &mut Outcome) {
             let (expected, before) = next.entry(&health.actuator).or_insert((0, facts.began));
             left_out += health.window.saturating_sub(*expected);
             // The oldest that waits is dropped: never one that came after a window which was assessed later.
-            let is_dropped = |drop: &&Duration| **drop > *before && **drop <= *at;
-            if health.window > *expected && !facts.drops.iter().any(|drop| is_dropped(&drop)) {
+            let is_between = |drop: &Duration| drop > before && drop <= at;
+            if health.window > *expected && !facts.drops.iter().any(is_between) {
                 let (before, at) = (before.as_secs_f64(), at.as_secs_f64());
                 outcome.violations.push(format!(
                     "{}: windows {expected} to {} of run {run} were not dropped between {before:.1} and {at:.1} s, when those beside \

@@ -10,7 +10,7 @@ use std::process::Stdio;
 
 use anyhow::{Context, bail, ensure};
 
-use crate::shell::{program, run, target_dir};
+use crate::shell::{program, run, succeeds, target_dir};
 use crate::{deb, debian, guest_state};
 
 /// What it takes, each with a file of it.
@@ -61,7 +61,12 @@ const EXPECTED: [(&str, &str); 22] = [
     ("denied", "0"),
 ];
 
+/// Installs, boots, and compares; debootstrap and chroot need root.
 pub(crate) fn check() -> anyhow::Result<()> {
+    ensure!(
+        succeeds(program("sh", ["-c", "test $(id -u) = 0"])),
+        "expected to run as root, for debootstrap and chroot"
+    );
     debian::install(&PACKAGES)?;
     let package = deb::service()?;
     let folder = target_dir()?.join("boot");

@@ -65,7 +65,7 @@ const MODULES: [Module; 6] = [
     },
 ];
 
-/// Mutants that no test can see, each with its reason: `[[mutant]]` with `starts` of its name and `reason`.
+/// Mutants that make the same program: `[[mutant]]` with a part of its `name`, and the `reason`.
 const EXPLAINED: &str = "xtask/mutants.toml";
 const PAGE: &str = "fixtures/results/mutants.md";
 
@@ -115,7 +115,7 @@ pub(crate) fn check(wanted: Option<&str>) -> anyhow::Result<()> {
         let (caught, missed) = (count("caught") + count("timeout"), count("missed"));
         let mut reasons = 0;
         for name in missed_names(&outcomes) {
-            let reason = explained.iter().find(|(starts, _)| name.contains(starts.as_str()));
+            let reason = explained.iter().find(|(part, _)| name.contains(part.as_str()));
             reasons += u64::from(reason.is_some());
             let reason = reason.map_or("no test", |(_, reason)| reason);
             writeln!(survivors, "- `{}`: {reason}", name.trim_start_matches("crates/"))?;

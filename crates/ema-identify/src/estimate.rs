@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use ema_models::{FAULT_COUNT, FaultVector, Unknowns};
+use ema_models::{FAULT_COUNT, FaultId, FaultVector, Unknowns};
 
 /// Fault vector of one window, and how far it can be trusted.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,8 +66,9 @@ impl Estimate {
     #[must_use]
     pub fn damage_sigma(&self) -> [f64; FAULT_COUNT] {
         let mut sigma = self.sigma.map(|s| s.unwrap_or(f64::INFINITY));
-        // The gain's damage is 2 |k8 − ½|.
-        sigma[7] *= 2.0;
+        for fault in FaultId::ALL {
+            sigma[fault.parameter()] *= fault.damage_per_change();
+        }
         sigma
     }
 

@@ -96,7 +96,7 @@ impl FaultVector {
     #[must_use]
     pub fn damage_of(&self, fault: FaultId) -> f64 {
         match fault {
-            FaultId::Gain => 2.0 * libm::fabs(self.gain - 0.5),
+            FaultId::Gain => fault.damage_per_change() * libm::fabs(self.gain - 0.5),
             _ => self.to_array()[fault.parameter()],
         }
     }
@@ -281,6 +281,16 @@ impl FaultId {
     #[must_use]
     pub const fn parameter(self) -> usize {
         FAULT_TABLE[self as usize].parameter
+    }
+
+    /// Damage by a change of the fault's parameter, which scales its standard deviation, too: 2 for the gain, whose damage is
+    /// `2 |k8 − ½|`, else 1.
+    #[must_use]
+    pub const fn damage_per_change(self) -> f64 {
+        match self {
+            Self::Gain => 2.0,
+            _ => 1.0,
+        }
     }
 
     /// The fault of a parameter of the fault vector; `None` for the direction of the eccentricity and beyond k8.

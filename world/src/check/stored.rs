@@ -157,7 +157,15 @@ pub(super) fn check_frames(removed: &[Removed], world: &World, outcome: &mut Out
             Box::new(Cursor::new(removed.content.clone())),
         )?;
     }
-    let rotten: BTreeSet<_> = world.before_rot.keys().filter_map(|name| run_of(name)).collect();
+    // The name of a segment that was removed may be another run's by now.
+    let is_rotten = |name: &str| world.before_rot.contains_key(name);
+    let removed_rotten = removed.iter().filter(|removed| is_rotten(&removed.name));
+    let rotten: BTreeSet<_> = world
+        .before_rot
+        .keys()
+        .filter_map(|name| run_of(name))
+        .chain(removed_rotten.filter_map(|removed| removed.owner))
+        .collect();
     for (run, facts) in world.runs.iter().enumerate().filter(|(run, _)| !rotten.contains(run)) {
         let Some(status) = &facts.status else { continue };
         let stored: u64 = frames

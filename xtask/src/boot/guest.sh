@@ -23,7 +23,7 @@ active() { # name: after at most 20 s in a state that lasts
 section() {
     since=$(date +%s)
 }
-now_and_then() { # what is to be true, at most 60 s
+until_true() { # condition: at most 60 s
     tries=0
     until eval "$1" || [ $tries -ge 120 ]; do
         sleep 0.5
@@ -42,6 +42,7 @@ ip link add dev can0 type vcan
 ip link set can0 up
 
 section
+# A key that there is not.
 cp /etc/hmd/hmd.toml /hmd.toml
 echo 'persistance = 3' >>/etc/hmd/hmd.toml
 systemctl start hmd
@@ -82,14 +83,14 @@ say reload-good.same-process "$([ "$(property MainPID)" = "$process" ] && echo 1
 
 section
 kill -KILL "$process"
-now_and_then '[ "$(property NRestarts)" = 1 ]'
+until_true '[ "$(property NRestarts)" = 1 ]'
 sleep 2
 active crash
 say crash.restarts "$(property NRestarts)"
 
 section
 kill -STOP "$(property MainPID)"
-now_and_then '[ "$(property NRestarts)" = 2 ]'
+until_true '[ "$(property NRestarts)" = 2 ]'
 sleep 2
 active hang
 say hang.restarts "$(property NRestarts)"

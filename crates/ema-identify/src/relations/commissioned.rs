@@ -2,7 +2,7 @@
 
 use core::f64::consts::{PI, TAU};
 
-use ema_models::{ActuatorParams, FAULT_COUNT, FaultVector};
+use ema_models::{ActuatorParams, FAULT_COUNT, FaultId, FaultVector};
 
 use super::controller::gain_ratio;
 use super::elements::{ELEMENT_COUNT, Element, ElementReadings, Needed, Reading};
@@ -304,9 +304,12 @@ fn change(element: Element, Reading { value, sigma }: Reading, unit: f64, params
     }
 }
 
-/// Damage by a change of an element's parameter: that of the gain is `2 |k8 − ½|`.
+/// Damage by a change of an element's parameter, as [`FaultId::damage_per_change`].
 fn damage_per_change(element: Element) -> f64 {
-    if element == Element::Gain { 2.0 } else { 1.0 }
+    match element {
+        Element::Gain => FaultId::Gain.damage_per_change(),
+        _ => 1.0,
+    }
 }
 
 /// The parameter of an element that has not changed.

@@ -5,7 +5,7 @@ use core::f64::consts::TAU;
 use ema_wire::bus_load::{bus_load, fd_bus_load, fd_frame_seconds, serial_load};
 use ema_wire::quantity::output_angle_rad;
 use ema_wire::serial::{BufferTooSmall, DeframerStats, MAX_FRAME_LEN, SerialPacket};
-use ema_wire::{ActuatorId, Assembler, Deframer, Frame, FrameError, Mode, Sample};
+use ema_wire::{ActuatorId, Assembler, BatchError, Currents, Deframer, Frame, FrameError, Mode, ParseError, Sample};
 
 use crate::common::nth_sample;
 
@@ -81,6 +81,23 @@ fn a_repeated_and_a_late_whole_sample_count_once() {
 }
 
 #[test]
+fn a_whole_sample_after_frames_that_contradict_each_other_is_late() {
+    let mut assembler = Assembler::new(actuator());
+    let [first, ..] = nth_sample(0).to_frames();
+    let Frame::Currents(currents) = first else {
+        panic!("the first frame has the currents: {first:?}");
+    };
+    let other = Frame::Currents(Currents {
+        i_a_ma: currents.i_a_ma.wrapping_add(1),
+        ..currents
+    });
+    assert_eq!(assembler.push(&first, 0).count() + assembler.push(&other, 1).count(), 0);
+    assert_eq!(assembler.push_sample(&nth_sample(0), 2), None);
+    let stats = assembler.stats();
+    assert_eq!((stats.conflicting, stats.late, stats.samples), (1, 1, 0));
+}
+
+#[test]
 fn a_span_that_is_set_counts() {
     let mut assembler = Assembler::new(actuator());
     assembler.set_max_span_ns(10);
@@ -141,4 +158,8 @@ fn errors_say_what_was_expected() {
     let short = BufferTooSmall { sufficient: 40, got: 3 };
     assert_eq!(short.to_string(), "serial buffer: 40 bytes suffice, got 3");
     assert_eq!(FrameError::Crc.to_string(), "wrong CRC");
+    let length = ParseError::Length { expected: 8, got: 7 };
+    assert_eq!(length.to_string(), "data length: expected 8 bytes, got 7");
+    let gap = BatchError::Seq { expected: 3, got: 4 };
+    assert_eq!(gap.to_string(), "sample counter: expected 3, got 4");
 }

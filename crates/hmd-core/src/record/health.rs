@@ -2,7 +2,7 @@
 
 use super::finite;
 use super::schema::message;
-use ema_models::FaultId;
+use ema_models::{FAULT_COUNT, FaultId};
 
 message! {
     /// Assessment of one window of one actuator. All fields are scalars, because viewers draw an array as one line.
@@ -138,16 +138,7 @@ impl Health {
         let k = [
             self.k1?, self.k2?, self.k3?, self.k4?, self.k5?, self.k6?, self.k7?, self.k8?,
         ];
-        let sigma = [
-            self.k1_sigma,
-            self.k2_sigma,
-            self.k3_sigma,
-            self.k4_sigma,
-            self.k5_sigma,
-            self.k6_sigma,
-            self.k7_sigma,
-            self.k8_sigma,
-        ];
+        let sigma = self.sigmas();
         let observable = [
             self.k1_observable,
             self.k2_observable,
@@ -175,9 +166,8 @@ impl Health {
         ]
     }
 
-    /// Standard deviations of the damages, in the same order: those of k1 to k6, and twice that of k8, whose damage is 2 |k8 − 0.5|.
-    #[must_use]
-    pub fn damage_sigmas(&self) -> [Option<f64>; FaultId::COUNT] {
+    /// Standard deviations of k1…k8.
+    fn sigmas(&self) -> [Option<f64>; FAULT_COUNT] {
         [
             self.k1_sigma,
             self.k2_sigma,
@@ -185,8 +175,16 @@ impl Health {
             self.k4_sigma,
             self.k5_sigma,
             self.k6_sigma,
-            self.k8_sigma.map(|sigma| 2.0 * sigma),
+            self.k7_sigma,
+            self.k8_sigma,
         ]
+    }
+
+    /// Standard deviations of the damages, in the same order; `None` where unknown.
+    #[must_use]
+    pub fn damage_sigmas(&self) -> [Option<f64>; FaultId::COUNT] {
+        let sigmas = self.sigmas();
+        FaultId::ALL.map(|fault| sigmas[fault.parameter()].map(|sigma| fault.damage_per_change() * sigma))
     }
 
     /// Fills the damages, in the order of [`FaultId::ALL`]; a value that is not a number is left out.

@@ -58,9 +58,19 @@ impl LastWindows {
 impl Collector for LastWindows {
     fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> Result<(), fmt::Error> {
         let out = &mut encoder;
-        info(out, "build_info", "The program", ("version", env!("CARGO_PKG_VERSION")))?;
+        info(
+            out,
+            "build_info",
+            "Version of the program",
+            ("version", env!("CARGO_PKG_VERSION")),
+        )?;
         if !self.config_hash.is_empty() {
-            info(out, "config_info", "The configuration", ("hash", &self.config_hash))?;
+            info(
+                out,
+                "config_info",
+                "Hash of the configuration, as recordings have it",
+                ("hash", &self.config_hash),
+            )?;
         }
         if self.actuators.is_empty() {
             return Ok(());

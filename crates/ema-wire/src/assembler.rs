@@ -185,6 +185,13 @@ impl Assembler {
         }
     }
 
+    /// Begins another stream of the same actuator: what lies between its first sample and the last one is unknown, and not
+    /// counted as missing.
+    pub fn begin_stream(&mut self) {
+        self.close();
+        self.last_seq = None;
+    }
+
     fn push_part(&mut self, part: Part, seq8: u8, received_ns: u64) -> Option<Sample> {
         let (mut parts, since_ns) = match self.relation_to_newest(seq8, received_ns) {
             Relation::Behind | Relation::Same(Stage::Rejected) => {

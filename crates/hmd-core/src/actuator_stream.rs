@@ -222,6 +222,12 @@ impl ActuatorStream {
         self.end_window(conditions, outbox);
     }
 
+    /// The frames that come are of another recording: their counters do not continue. To be called after [`ActuatorStream::finish`].
+    pub fn begin_recording(&mut self) {
+        self.assembler.begin_stream();
+        self.last = None;
+    }
+
     fn nominal_hz(&self) -> f64 {
         self.actuator.params.sensors.sample_rate
     }

@@ -272,6 +272,13 @@ impl Demux {
         }
     }
 
+    /// The frames that come are of another recording. To be called after [`Demux::finish`].
+    pub fn begin_recording(&mut self) {
+        for named in self.streams.values_mut() {
+            named.stream.begin_recording();
+        }
+    }
+
     /// Windows ended since the last call.
     pub fn take_windows(&mut self) -> Vec<WindowJob> {
         self.outbox.take_windows()

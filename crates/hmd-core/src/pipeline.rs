@@ -96,6 +96,14 @@ impl Pipeline {
         }
     }
 
+    /// The frames that come are of another recording: what lies between is not missing. To be called after
+    /// [`Pipeline::finish`].
+    pub fn begin_recording(&mut self) {
+        if let Some(demux) = &mut self.demux {
+            demux.begin_recording();
+        }
+    }
+
     /// Windows ended since the last call; an empty list takes no memory.
     pub fn take_windows(&mut self) -> Vec<WindowJob> {
         self.demux.as_mut().map(Demux::take_windows).unwrap_or_default()

@@ -16,7 +16,7 @@ use nix::errno::Errno;
 use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
 
-use super::feed::{COALESCE, Closed, Feed, Link, LinkState, LiveLoss, QUEUE_INPUTS};
+use super::feed::{COALESCE, Closed, Feed, Link, LinkState, LiveLoss, QUEUE_INPUTS, REOPENED_WITHIN};
 use hmd_core::config::Config;
 use hmd_core::frame::{MAX_EXTENDED_ID, MAX_STANDARD_ID, socketcan};
 use hmd_storage::clock::now_ns;
@@ -94,7 +94,7 @@ impl CanSource {
 
     /// Receives until the feed closes.
     pub async fn run(self, mut feed: Feed) {
-        let mut pause = RetryDelay::default();
+        let mut pause = RetryDelay::up_to(REOPENED_WITHIN);
         let mut link = Link::default();
         loop {
             let ended = match self.open() {

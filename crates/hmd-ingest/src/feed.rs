@@ -18,6 +18,9 @@ use hmd_storage::clock::now_ns;
 /// counts, and the source reports it as [`Input::Lost`]. Nothing is ever dropped here.
 pub const QUEUE_INPUTS: usize = 1 << 16;
 
+/// Longest pause before a link that is missing or down is tried again: it bounds how late its return is noticed.
+pub(crate) const REOPENED_WITHIN: Duration = Duration::from_millis(250);
+
 /// How long an emptied socket or terminal is left to fill, so that one wake-up serves many frames. Buffers hold some ten
 /// times as much and more.
 pub(crate) const COALESCE: Duration = Duration::from_millis(2);

@@ -14,7 +14,7 @@ use rustix::termios::{ControlModes, OptionalActions, QueueSelector, tcflush, tcg
 use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
 
-use super::feed::{COALESCE, Closed, Feed, Link, LinkState};
+use super::feed::{COALESCE, Closed, Feed, Link, LinkState, REOPENED_WITHIN};
 use hmd_core::frame::RawFrame;
 use hmd_storage::clock::now_ns;
 use hmd_storage::retry_delay::RetryDelay;
@@ -48,7 +48,7 @@ impl SerialSource {
 
     /// Receives until the feed closes.
     pub async fn run(self, mut feed: Feed) {
-        let (mut pause, mut link) = (RetryDelay::default(), Link::default());
+        let (mut pause, mut link) = (RetryDelay::up_to(REOPENED_WITHIN), Link::default());
         loop {
             let ended = match self.open() {
                 Ok(file) => read(file, &mut feed, &mut link, &mut pause).await,

@@ -183,6 +183,20 @@ impl Recorder {
         }
     }
 
+    /// The next frame does not follow the last one: it begins a capture, made for this reason. A file has no captures.
+    pub fn begin_capture(&mut self, why: &str) {
+        if let Output::Folder(store) = &mut self.output {
+            store.begin_capture(why);
+        }
+    }
+
+    /// Ends the capture in progress, so that its segment can be read.
+    pub fn end_capture(&mut self) {
+        if let Output::Folder(store) = &mut self.output {
+            store.end_capture();
+        }
+    }
+
     /// Writes the records of an assessed window, and syncs all records so far. Returns whether they are on the disk.
     ///
     /// # Errors

@@ -82,6 +82,8 @@ pub struct SegmentStore {
     folder: PathBuf,
     limits: Limits,
     metadata: BTreeMap<String, String>,
+    /// Number and reason of the capture that the frames belong to, where not all are stored.
+    capture: Option<(u64, String)>,
     disk: Arc<dyn Disk>,
     /// The folder, locked; none as long as it cannot be had.
     lock: Option<File>,
@@ -165,6 +167,7 @@ impl SegmentStore {
             folder: folder.to_owned(),
             limits,
             metadata: metadata.clone(),
+            capture: None,
             disk: Arc::from(disk),
             lock: None,
             is_link: false,
@@ -210,6 +213,18 @@ impl SegmentStore {
         self.begin(Kind::Raw);
         let put = self.raw.write(|writer| writer.write_frame(frame, names));
         self.check(Kind::Raw, put);
+    }
+
+    /// The next frame does not follow the last one, and begins a capture; its segments tell why it was made.
+    pub fn begin_capture(&mut self, why: &str) {
+        self.end_capture();
+        let number = self.capture.as_ref().map_or(0, |(number, _)| number + 1);
+        self.capture = Some((number, why.to_owned()));
+    }
+
+    /// Closes the segment of a capture.
+    pub fn end_capture(&mut self) {
+        self.close_segment(Kind::Raw);
     }
 
     /// Writes one record; it is on the disk after the next [`SegmentStore::sync_records`] or [`SegmentStore::tick`].
@@ -334,10 +349,18 @@ impl SegmentStore {
         self.hold_folder()?;
         let number = self.next_number;
         self.next_number += 1;
+        let mut metadata = self.metadata.clone();
+        if let (Kind::Raw, Some((capture, why))) = (kind, &self.capture) {
+            // Their frames are no continuation of those of another capture.
+            metadata
+                .entry("run".to_owned())
+                .and_modify(|run| run.push_str(&format!("-{capture}")));
+            metadata.insert("capture".to_owned(), why.clone());
+        }
         let with = SegmentStart {
             folder: &self.folder,
             disk: &*self.disk,
-            metadata: &self.metadata,
+            metadata: &metadata,
             number,
             now,
         };

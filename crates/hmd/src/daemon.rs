@@ -10,10 +10,12 @@
 //! ([`QUEUE_WINDOWS`]); that is recorded, and replay leaves them out as well. Nothing else depends on time, so the recorded
 //! frames, replayed, give the same health records.
 
+mod capture;
 mod freshness;
 mod health_tracker;
 mod host_clock;
 mod identification;
+mod keep_requests;
 mod notices;
 mod pipeline_thread;
 mod steps;
@@ -35,6 +37,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 
+use capture::{Capture, Put, Step};
 pub use freshness::STALE_AFTER;
 use health_tracker::HealthTracker;
 use hmd_core::assess::{AssessError, AssessedWindow, WindowCounts};
@@ -129,6 +132,9 @@ pub struct Daemon {
 /// What pipeline and identification share.
 struct Shared {
     recorder: Option<Recorder>,
+    names: BusNames,
+    /// Frames that may be stored later, where not all are.
+    capture: Option<Capture>,
     windows: WindowCounts,
     /// Time spent on identification, and the longest that one window took.
     assessing: (Duration, Duration),
@@ -138,6 +144,29 @@ struct Shared {
     health_tracker: HealthTracker,
     /// Notices published lately, by either thread.
     notices: Notices,
+}
+
+impl Shared {
+    /// Takes a step with the captures, whose frames go to the recorder.
+    fn with_capture(
+        &mut self,
+        act: impl FnOnce(&mut Capture, Put<'_>) -> Result<(), RecordError>,
+    ) -> Result<(), RecordError> {
+        let (Some(capture), Some(recorder)) = (&mut self.capture, &mut self.recorder) else {
+            return Ok(());
+        };
+        act(capture, &mut |step| match step {
+            Step::Begin(why) => {
+                recorder.begin_capture(why);
+                Ok(())
+            }
+            Step::Frame(frame) => recorder.write_frame(frame, &self.names),
+            Step::End => {
+                recorder.end_capture();
+                Ok(())
+            }
+        })
+    }
 }
 
 impl Daemon {

@@ -188,6 +188,16 @@ pub trait Observer {
     fn progress(&mut self, position: u64);
 }
 
+/// How a log follows the one before.
+enum Succession {
+    /// The next segment of the same run, and none lost between.
+    Next,
+    /// A run of its own, or another capture of the same run.
+    AnotherRun,
+    /// A log that does not say, or a segment behind a lost one: what is missing between them is counted.
+    Unknown,
+}
+
 struct Run<'a, O> {
     pipeline: Pipeline,
     assessor: Assessor,
@@ -274,9 +284,13 @@ impl Replay<'_> {
                 Some(source) => source,
                 None => open_mapped(log, names, &self.config)?,
             };
-            let continued = run.continues(&source);
+            let succession = run.succession(&source);
+            let continued = matches!(succession, Succession::Next);
             if !continued {
                 run.end_windows()?;
+            }
+            if matches!(succession, Succession::AnotherRun) {
+                run.pipeline.begin_recording();
             }
             run.follow_units(log)?;
             let store_raw = self.config.output().raw_frames;
@@ -363,8 +377,8 @@ impl<O: Observer> Run<'_, O> {
         Ok(())
     }
 
-    /// Whether a log goes on where the one before ended: the next segment of the same run, and none lost between.
-    fn continues(&mut self, source: &FrameSource) -> bool {
+    /// How a log follows the one before.
+    fn succession(&mut self, source: &FrameSource) -> Succession {
         let metadata = source
             .metadata(METADATA_NAME)
             .filter(|found| is_sealed(METADATA_NAME, found));
@@ -372,10 +386,19 @@ impl<O: Observer> Run<'_, O> {
             let number = found.get("segment")?.parse().ok()?;
             Some((found.get("run")?.clone(), number))
         });
-        let next = self.segment.take().map(|(run, number)| (run, number + 1));
-        let continued = segment.is_some() && next == segment;
+        let succession = match (&self.segment, &segment) {
+            (Some((before, last)), Some((run, number))) if before == run => {
+                if *number == last + 1 {
+                    Succession::Next
+                } else {
+                    Succession::Unknown
+                }
+            }
+            (Some(_), Some(_)) => Succession::AnotherRun,
+            _ => Succession::Unknown,
+        };
         self.segment = segment;
-        continued
+        succession
     }
 
     fn end_windows(&mut self) -> Result<(), ReplayError> {

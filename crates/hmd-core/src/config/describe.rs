@@ -52,8 +52,16 @@ fn write_all(out: &mut String, config: &Config) -> fmt::Result {
     write_health(out, config)?;
     write_rul(out, config)?;
     let output = config.output();
-    let stored = if output.raw_frames { "stored" } else { "not stored" };
-    writeln!(out, "raw frames: {stored}")?;
+    match (output.raw_frames, output.captures) {
+        (true, _) => writeln!(out, "raw frames: stored")?,
+        (false, false) => writeln!(out, "raw frames: not stored")?,
+        (false, true) => writeln!(
+            out,
+            "raw frames: in a folder, those from {} s before to {} s behind windows that are unmodelled or whose health got \
+             worse, or times asked for by hmd event --keep",
+            output.capture_before_s, output.capture_after_s
+        )?,
+    }
     writeln!(
         out,
         "output in a folder: segments of {} MiB or {} s, at most {} MiB of them, {} MiB left free",

@@ -1,4 +1,4 @@
-//! Maintenance events: a part was replaced, and the history of the unit starts again.
+//! Maintenance events: a part was replaced, and the history of the unit starts again; or the frames of a time shall be kept.
 
 use serde::{Deserialize, Serialize};
 
@@ -23,6 +23,8 @@ pub struct Event {
 pub enum EventKind {
     /// The unit was replaced or overhauled: what was known of its wear is void.
     Reset,
+    /// The frames around this time shall be stored by a daemon that does not store all; the history goes on.
+    Keep,
 }
 
 /// The events of a file.

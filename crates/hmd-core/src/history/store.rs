@@ -5,7 +5,7 @@ use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
 use super::UnitHistory;
-use super::maintenance::{Event, Events};
+use super::maintenance::{Event, EventKind, Events};
 use crate::config::{ActuatorConfig, Config};
 use crate::health::LevelsError;
 
@@ -69,7 +69,8 @@ impl HistoryStore {
                 None => UnitHistory::new(config, serial_number.clone())?,
             }),
         };
-        let has_come = |event: &&Event| event.actuator == actuator.name && event.t_ns <= t_ns;
+        let has_come =
+            |event: &&Event| event.event == EventKind::Reset && event.actuator == actuator.name && event.t_ns <= t_ns;
         let come = || self.events.list.iter().filter(has_come);
         let count = come().count() as u64;
         let begun_ns = history.begun_ns;

@@ -3,7 +3,7 @@
 use ema_models::ActuatorParams;
 
 use super::least_squares::fit;
-use super::signals::{Row, Signals, commanded_angle};
+use super::signals::{Row, Signals, commanded_angle, range};
 
 /// What the output turns for each turn of the motor, times the gear ratio: 1 where all numbers are right.
 ///
@@ -215,45 +215,43 @@ pub(super) fn setpoint_error(signals: &Signals, params: &ActuatorParams, rest: u
     scale
 }
 
-/// How the output follows the set point.
+/// How the output follows the set point, once a motion has ended that the window begins in: it belongs to an earlier command.
 fn followed(signals: &Signals, params: &ActuatorParams) -> Option<SetpointError> {
-    let commanded = signals.rows.iter().map(|row| commanded_angle(row.setpoint));
+    let omega = signals.rows.first()?.omega_m;
+    let slow = MOVING * params.controller.omega_max;
+    let ended = |row: &Row| omega.abs() <= slow || row.omega_m * omega.signum() <= slow;
+    let rows = &signals.rows[signals.rows.iter().position(ended)?..];
+    let commanded = rows.iter().map(|row| commanded_angle(row.setpoint));
     let commanded: Vec<f64> = commanded.collect::<Option<_>>()?;
-    let (min, max) = commanded
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max): (f64, f64), &x| {
-            (min.min(x), max.max(x))
-        });
-    let (setpoint, output) = (max - min, signals.span(|row| row.theta_out));
+    let (min, max) = range(commanded.iter().copied());
+    let (least, most) = range(rows.iter().map(|row| row.theta_out));
+    let (setpoint, output) = (max - min, most - least);
     let lsb = params.sensors.output_lsb();
     if setpoint < 10.0 * lsb || output < 10.0 * lsb {
         return None;
     }
-    let late = &signals.rows[signals.rows.len() * 2 / 3..];
+    let late = &rows[rows.len() * 2 / 3..];
     let speed = late.iter().map(|row| row.omega_m).sum::<f64>() / late.len().max(1) as f64;
     let chases = speed.abs() > CHASING * params.controller.omega_max;
     if setpoint > UNIT_MIN * output && !chases {
         return Some(SetpointError::Unit(setpoint / output));
     }
-    let (first_setpoint, first_output) = (commanded[0], signals.rows[0].theta_out);
-    let rows = signals
-        .rows
+    let (first_setpoint, first_output) = (commanded[0], rows[0].theta_out);
+    let followed = rows
         .iter()
         .zip(&commanded)
         .map(|(row, command)| ([1.0, command - first_setpoint], row.theta_out - first_output));
     let free = (0.0, f64::INFINITY);
-    let slope = fit(rows, [free; 2], 1.0)?.value[1];
+    let slope = fit(followed, [free; 2], 1.0)?.value[1];
     if slope < -REVERSED {
         return Some(SetpointError::Reversed);
     }
     // At the end both stand.
-    let stands = late
-        .iter()
-        .all(|row| row.omega_m.abs() < MOVING * params.controller.omega_max);
-    let held = commanded[signals.rows.len() * 2 / 3..]
+    let stands = late.iter().all(|row| row.omega_m.abs() < slow);
+    let held = commanded[rows.len() * 2 / 3..]
         .iter()
         .all(|&x| (x - max).abs().min((x - min).abs()) < HELD_RAD);
-    let (last, row) = (commanded.last()?, signals.rows.last()?);
+    let (last, row) = (commanded.last()?, rows.last()?);
     let missed = last - first_setpoint - (row.theta_out - first_output);
     (stands && held && missed.abs() > SCALE_ERROR * setpoint).then_some(SetpointError::Scale(output / setpoint))
 }

@@ -72,21 +72,17 @@ impl Signals {
         dq_from_abc(row.currents, (self.pole_pairs * row.theta_m).sin_cos_poly())
     }
 
-    /// Smallest and largest value of a quantity.
-    pub(super) fn range(&self, of: impl Fn(&Row) -> f64) -> (f64, f64) {
-        self.rows
-            .iter()
-            .map(of)
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), x| {
-                (min.min(x), max.max(x))
-            })
-    }
-
     /// Largest minus smallest value of a quantity; 0 of an empty window.
     pub(super) fn span(&self, of: impl Fn(&Row) -> f64) -> f64 {
-        let (min, max) = self.range(of);
+        let (min, max) = range(self.rows.iter().map(of));
         (max - min).max(0.0)
     }
+}
+
+/// Smallest and largest of some values.
+pub(super) fn range(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
+    let none = (f64::INFINITY, f64::NEG_INFINITY);
+    values.into_iter().fold(none, |(min, max), x| (min.min(x), max.max(x)))
 }
 
 /// Share of the link voltage: three quarters of V_dc / √3, for supplies that sag by a quarter.

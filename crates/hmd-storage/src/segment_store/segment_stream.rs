@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::disk::{Disk, Out, rename};
 use super::name::{Kind, Name, PROFILE, Stage};
@@ -34,6 +34,9 @@ struct Open {
     syncs: u32,
 }
 
+/// Longest pause before a segment is begun again after a failure.
+const RETRIED_WITHIN: Duration = Duration::from_secs(1);
+
 /// Most syncs of a segment, which bounds its index to some 0.3 MB.
 const SYNCS_MAX: u32 = 512;
 
@@ -52,7 +55,7 @@ impl SegmentStream {
             kind,
             open: None,
             segment: 0,
-            pause: RetryDelay::default(),
+            pause: RetryDelay::up_to(RETRIED_WITHIN),
             retry_at: None,
             lost: 0,
         }

@@ -1,4 +1,4 @@
-//! `hmd event`: enter maintenance, so that a new unit does not inherit a trend.
+//! `hmd event`: enter maintenance, so that a new unit does not inherit a trend, or ask for the frames of a time.
 
 use std::path::PathBuf;
 
@@ -11,14 +11,14 @@ use hmd_storage::event_file::append;
 /// Most characters of a note: it goes into one line of the journal.
 const NOTE_MAX: usize = 200;
 
-/// Enter maintenance: a part was replaced, and its history is reset.
+/// Enter maintenance: a part was replaced, and its history is reset; or ask for the frames of a time.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n\
-    \x20 hmd event --reset flap-left -c hmd.toml --at 2026-11-20T14:00Z --note gearbox")]
+#[command(after_help = "Examples:\n\
+    \x20 hmd event --reset flap-left -c hmd.toml --at 2026-11-20T14:00Z --note gearbox\n\
+    \x20 hmd event --keep flap-left -c hmd.toml --note noise")]
 pub struct Args {
-    /// The actuator that was replaced or overhauled; what is known of its wear is void.
-    #[arg(long, value_name = "ACTUATOR")]
-    reset: String,
+    #[command(flatten)]
+    kind: Kind,
     /// Configuration; its rul.events names the file that the event is added to.
     #[arg(short, long)]
     config: PathBuf,
@@ -28,6 +28,29 @@ pub struct Args {
     /// What was done; it stands in the journal and in reports.
     #[arg(long, value_name = "TEXT", value_parser = note)]
     note: Option<String>,
+}
+
+/// What happened, and to which actuator.
+#[derive(Debug, clap::Args)]
+#[group(required = true, multiple = false)]
+struct Kind {
+    /// The actuator that was replaced or overhauled; what is known of its wear is void.
+    #[arg(long, value_name = "ACTUATOR")]
+    reset: Option<String>,
+    /// The actuator that did something worth a look: a daemon without output.raw_frames stores the frames around that time, of the
+    /// last seconds at most.
+    #[arg(long, value_name = "ACTUATOR")]
+    keep: Option<String>,
+}
+
+impl Kind {
+    /// Option, kind and actuator.
+    fn chosen(&self) -> (&'static str, EventKind, &str) {
+        match (&self.reset, &self.keep) {
+            (None, Some(actuator)) => ("--keep", EventKind::Keep, actuator),
+            (actuator, _) => ("--reset", EventKind::Reset, actuator.as_deref().unwrap_or_default()),
+        }
+    }
 }
 
 /// UTC ns of a time with its offset, or of a number of nanoseconds.
@@ -65,24 +88,36 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         ))
         .into());
     };
-    if config.actuator_named(&args.reset).is_none() {
+    let (option, kind, actuator) = args.kind.chosen();
+    if config.actuator_named(actuator).is_none() {
         let known: Vec<&str> = config.actuators().iter().map(|a| a.name.as_str()).collect();
-        let sentence = format!("--reset: expected one of {}, found {:?}", known.join(", "), args.reset);
+        let sentence = format!("{option}: expected one of {}, found {actuator:?}", known.join(", "));
         return Err(Misuse(sentence).into());
+    }
+    let output = config.output();
+    if kind == EventKind::Keep && (output.raw_frames || !output.captures) {
+        let found = if output.raw_frames {
+            "output.raw_frames = true: all frames are stored"
+        } else {
+            "output.captures = false"
+        };
+        return Err(Misuse(format!("--keep: expected a configuration with captures, found {found}")).into());
     }
     let event = Event {
         t_ns: args.at.unwrap_or_else(now_ns),
-        actuator: args.reset.clone(),
-        event: EventKind::Reset,
+        actuator: actuator.to_owned(),
+        event: kind,
         note: args.note.clone(),
     };
     let path = config.resolve(path);
     append(&path, &event)?;
-    say(&format!(
-        "{}: history reset from {} UTC on; noted in {}",
-        event.actuator,
-        timestamp::minute(event.t_ns),
-        path.display()
-    ))?;
+    let (minute, noted) = (timestamp::minute(event.t_ns), path.display());
+    say(&match kind {
+        EventKind::Reset => format!("{actuator}: history reset from {minute} UTC on; noted in {noted}"),
+        EventKind::Keep => format!(
+            "{actuator}: frames from {} s before to {} s after {minute} UTC asked for; noted in {noted}",
+            output.capture_before_s, output.capture_after_s
+        ),
+    })?;
     Ok(Exit::Done)
 }

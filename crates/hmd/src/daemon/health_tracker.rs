@@ -113,6 +113,11 @@ impl TrackedHealth {
     }
 }
 
+/// Whether a state is reported, and worse than the one before.
+pub(super) fn is_worse(from: &str, to: &str) -> bool {
+    reported_level(from, to, false) == Some(LogLevel::Warning)
+}
+
 /// How a change of a state is reported: not at all below `watch`, as a warning where it is for the worse.
 fn reported_level(from: &str, to: &str, passive: bool) -> Option<LogLevel> {
     let rank = |state: &str| ORDER.iter().position(|of| *of == state);

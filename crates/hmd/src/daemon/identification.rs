@@ -3,15 +3,16 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
+use super::health_tracker::{HealthTracker, is_worse};
 use super::host_clock::HostClock;
 use super::pipeline_thread::{publish, publish_rate_limited};
 use super::{DaemonError, Observer, Shared, WaitingWindow, WindowQueue, lock};
-use hmd_core::assess::{AssessError, Assessor, Estimator};
+use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Estimator};
 use hmd_core::config::Config;
 use hmd_core::deadline::Turns;
 use hmd_core::learning::Learner;
 use hmd_core::outbox::Notice;
-use hmd_core::record::LogLevel;
+use hmd_core::record::{LogLevel, WindowStatus};
 use hmd_storage::calibration_file::{load_learnt, load_models, save_learnt};
 use hmd_storage::event_file::load_events;
 use hmd_storage::history_file;
@@ -85,6 +86,7 @@ impl<'a, C: HostClock> Identification<'a, C> {
         };
         let since = self.clock.instant();
         let passive = job.actuator.passive;
+        let length_ns = (1e9 * job.length_s()) as u64;
         let assessed = self.turns.take(
             arrived,
             || windows.look(|waiting| waiting.iter().map(|waiting| waiting.arrived).collect()),
@@ -133,6 +135,7 @@ impl<'a, C: HostClock> Identification<'a, C> {
                 let stamp_ns = assessed.health.t_start_ns;
                 publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Info, &mut shared, observer)?;
             }
+            Self::keep_frames(&assessed, length_ns, &mut shared)?;
             if let Some((level, message)) = shared.health_tracker.update(&assessed.health, pending, passive) {
                 let stamp_ns = assessed.health.t_start_ns;
                 publish(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
@@ -176,6 +179,32 @@ impl<'a, C: HostClock> Identification<'a, C> {
         }
         Ok(())
     }
+
+    /// Stores the frames around a window that somebody will want to look at.
+    fn keep_frames(assessed: &AssessedWindow, length_ns: u64, shared: &mut Shared) -> Result<(), DaemonError> {
+        let Some(why) = reason_to_keep(assessed, &shared.health_tracker) else {
+            return Ok(());
+        };
+        let from_ns = assessed.health.t_start_ns;
+        let to_ns = from_ns.saturating_add(length_ns);
+        Ok(shared.with_capture(|capture, put| capture.want((from_ns, to_ns), why, put))?)
+    }
+}
+
+/// Why the frames of a window are kept; `None` where they need not be.
+fn reason_to_keep(assessed: &AssessedWindow, tracker: &HealthTracker) -> Option<String> {
+    let (health, sensors) = (&assessed.health, &assessed.sensors);
+    let before = tracker.health_of(&health.actuator);
+    let why = if health.status == WindowStatus::Unmodelled.name() {
+        "unmodelled".to_owned()
+    } else if is_worse(&before.health, &health.health) {
+        format!("{} to {}", before.health, health.health)
+    } else if is_worse(&before.sensors, &sensors.level) {
+        format!("sensors {} to {}", before.sensors, sensors.level)
+    } else {
+        return None;
+    };
+    Some(format!("{}: window {}: {why}", health.actuator, health.window))
 }
 
 /// An assessor with its models, and the units and histories of earlier runs; the notices of unusable histories come with the first

@@ -12,6 +12,7 @@ use tokio::sync::mpsc;
 
 use super::freshness::Freshness;
 use super::host_clock::HostClock;
+use super::keep_requests::KeepRequests;
 use super::{DaemonError, Observer, Shared, WaitingWindow, WindowQueue, lock};
 use hmd_core::config::Config;
 use hmd_core::frame::BusNames;
@@ -51,6 +52,7 @@ pub(super) struct PipelineThread<'a, C> {
     freshness: Freshness,
     /// Names of the actuators whose changes raise no alarm.
     passive: BTreeSet<String>,
+    keep_requests: KeepRequests,
 }
 
 impl<'a, C: HostClock> PipelineThread<'a, C> {
@@ -64,8 +66,10 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
     ) -> Self {
         let actuators = || config.iter().flat_map(|config| config.actuators());
         let passive = actuators().filter(|actuator| actuator.passive);
+        let keep_requests = config.as_deref().map(KeepRequests::of).unwrap_or_default();
         Self {
             clock,
+            keep_requests,
             not_reported: Some((0..names.len() as u16).collect()),
             names,
             pipeline,
@@ -224,6 +228,8 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
                     && let Some(recorder) = &mut shared.recorder
                 {
                     recorder.write_frame(&frame, &self.names)?;
+                } else {
+                    shared.with_capture(|capture, put| capture.push(&frame, put))?;
                 }
                 self.pipeline.push(&frame, &self.names);
             }
@@ -260,6 +266,8 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
                     publish(&notice, level, shared, observer)?;
                 }
                 self.publish_stale(stamp_ns, shared, observer)?;
+                self.take_requests(stamp_ns, shared, observer)?;
+                shared.with_capture(|capture, put| capture.tick(stamp_ns, put))?;
                 self.tend_storage(stamp_ns, shared, observer)?;
                 if self.ticks.is_multiple_of(STATUS_TICKS) {
                     self.write_status(stamp_ns, shared, observer)?;
@@ -275,6 +283,26 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         observer.status(&status);
         if let Some(recorder) = &mut shared.recorder {
             recorder.write_status(stamp_ns, &status)?;
+        }
+        Ok(())
+    }
+
+    /// Takes the requests of an operator for the frames of a time.
+    fn take_requests(
+        &mut self,
+        stamp_ns: u64,
+        shared: &mut Shared,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
+        if shared.capture.is_none() {
+            return Ok(());
+        }
+        for event in self.keep_requests.take_new() {
+            let asked = format!("{}: asked for by hmd event --keep", event.actuator);
+            let why = event.note.map_or(asked.clone(), |note| format!("{asked}: {note}"));
+            let message = format!("frames kept: {why}");
+            shared.with_capture(|capture, put| capture.want((event.t_ns, event.t_ns), why, put))?;
+            publish(&Notice { stamp_ns, message }, LogLevel::Info, shared, observer)?;
         }
         Ok(())
     }

@@ -3,6 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use super::capture::Capture;
 use super::health_tracker::HealthTracker;
 use super::host_clock::HostClock;
 use super::identification::Identification;
@@ -47,10 +48,19 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
         };
         let store_raw = watch.as_ref().is_none_or(|(config, _)| config.output().raw_frames);
         let config = watch.as_ref().map(|(config, _)| config.clone());
+        let is_folder = recorder
+            .as_ref()
+            .is_some_and(|recorder| recorder.storage_status().is_some());
+        let capture = config
+            .as_ref()
+            .filter(|_| is_folder)
+            .and_then(|config| Capture::of(config));
         let identification = watch.map(|(config, seed)| Identification::new(config, seed, estimator, clock));
         Ok(Self {
             shared: Mutex::new(Shared {
                 recorder,
+                names: names.clone(),
+                capture,
                 windows: WindowCounts::default(),
                 assessing: (Duration::ZERO, Duration::ZERO),
                 last_record: None,

@@ -1,5 +1,6 @@
 //! What is on the disk after damage, kills and failures of the disk.
 
+mod captures;
 mod failing_disk;
 mod power_cut;
 mod recover;

@@ -1,0 +1,304 @@
+//! Frames around the windows that matter, for a run that does not store all.
+//!
+//! The newest frames wait in a ring. An interval that is wanted takes its frames out of it, and all that come until its end. What is
+//! written without a break is one capture; a frame given up behind it ends it.
+
+use std::collections::VecDeque;
+
+use hmd_core::config::Config;
+use hmd_core::frame::RawFrame;
+use hmd_storage::recorder::RecordError;
+
+/// Most frames that wait: 20 MiB. Beyond it the oldest is given up.
+const FRAMES_MAX: usize = 1 << 18;
+
+/// Most intervals wanted at once; a further one extends the last.
+const INTERVALS_MAX: usize = 64;
+
+/// How long a window may wait for its verdict, ns: twice what a full queue of them takes.
+const VERDICT_NS: u64 = 5_000_000_000;
+
+/// Takes what becomes of the frames.
+pub(super) type Put<'a> = &'a mut dyn FnMut(Step<'_>) -> Result<(), RecordError>;
+
+/// What becomes of the frames.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Step<'a> {
+    /// The next frame begins a capture; why.
+    Begin(&'a str),
+    /// A frame of it.
+    Frame(&'a RawFrame),
+    /// The next frame does not follow the last.
+    End,
+}
+
+/// An interval of stamps, UTC ns, both ends included.
+#[derive(Clone, Debug)]
+struct Wanted {
+    from_ns: u64,
+    to_ns: u64,
+    why: String,
+}
+
+/// The frames that may be wanted, and what is.
+#[derive(Debug)]
+pub(super) struct Capture {
+    before_ns: u64,
+    after_ns: u64,
+    /// Age at which no window asks for a frame any more.
+    held_ns: u64,
+    /// Frames not written, oldest first.
+    waiting: VecDeque<RawFrame>,
+    wanted: Vec<Wanted>,
+    /// The first of those that wait follows the last one written.
+    open: bool,
+}
+
+impl Capture {
+    /// For a run of this configuration; `None` where all frames are stored, or none shall be.
+    pub(super) fn of(config: &Config) -> Option<Self> {
+        let output = config.output();
+        let ns = |seconds: f64| (1e9 * seconds) as u64;
+        let before_ns = ns(output.capture_before_s);
+        (output.captures && !output.raw_frames).then(|| Self {
+            before_ns,
+            after_ns: ns(output.capture_after_s),
+            held_ns: before_ns + ns(1e-3 * config.window().duration_ms) + VERDICT_NS,
+            waiting: VecDeque::new(),
+            wanted: Vec::new(),
+            open: false,
+        })
+    }
+
+    /// Takes the newest frame.
+    pub(super) fn push(&mut self, frame: &RawFrame, put: Put<'_>) -> Result<(), RecordError> {
+        self.waiting.push_back(*frame);
+        if self.is_wanted(frame) {
+            return self.write_wanted(put);
+        }
+        self.give_up(frame.stamp_ns, put)
+    }
+
+    /// Asks for the frames from an interval of time, with what the configuration adds around it.
+    pub(super) fn want(&mut self, (from_ns, to_ns): (u64, u64), why: String, put: Put<'_>) -> Result<(), RecordError> {
+        let from_ns = from_ns.saturating_sub(self.before_ns);
+        let to_ns = to_ns.saturating_add(self.after_ns);
+        let is_full = self.wanted.len() == INTERVALS_MAX;
+        match self.wanted.last_mut() {
+            Some(last) if is_full => {
+                last.from_ns = last.from_ns.min(from_ns);
+                last.to_ns = last.to_ns.max(to_ns);
+            }
+            _ => self.wanted.push(Wanted { from_ns, to_ns, why }),
+        }
+        self.write_wanted(put)
+    }
+
+    /// Gives up what no window asks for any more; to be called every second, so that a silent bus ends a capture as well.
+    pub(super) fn tick(&mut self, now_ns: u64, put: Put<'_>) -> Result<(), RecordError> {
+        let held_ns = self.held_ns;
+        self.wanted
+            .retain(|wanted| now_ns <= wanted.to_ns.saturating_add(held_ns));
+        self.give_up(now_ns, put)?;
+        let silent = self.waiting.is_empty() && self.wanted.iter().all(|wanted| wanted.to_ns < now_ns);
+        if self.open && silent {
+            self.open = false;
+            put(Step::End)?;
+        }
+        Ok(())
+    }
+
+    fn is_wanted(&self, frame: &RawFrame) -> bool {
+        let stamp_ns = frame.stamp_ns;
+        let mut wanted = self.wanted.iter();
+        wanted.any(|wanted| (wanted.from_ns..=wanted.to_ns).contains(&stamp_ns))
+    }
+
+    /// Writes all frames up to the newest that is wanted; an open capture takes those between as well.
+    fn write_wanted(&mut self, put: Put<'_>) -> Result<(), RecordError> {
+        let Some(last) = self.waiting.iter().rposition(|frame| self.is_wanted(frame)) else {
+            return Ok(());
+        };
+        let unwanted = self
+            .waiting
+            .iter()
+            .position(|frame| self.is_wanted(frame))
+            .unwrap_or(last);
+        let mut left = last + 1;
+        if !self.open {
+            self.waiting.drain(..unwanted);
+            left -= unwanted;
+            self.open = true;
+            let stamp_ns = self.waiting.front().map_or(0, |frame| frame.stamp_ns);
+            let why = self
+                .wanted
+                .iter()
+                .find(|wanted| (wanted.from_ns..=wanted.to_ns).contains(&stamp_ns));
+            put(Step::Begin(why.map_or("", |wanted| &wanted.why)))?;
+        }
+        for frame in self.waiting.drain(..left) {
+            put(Step::Frame(&frame))?;
+        }
+        Ok(())
+    }
+
+    /// Gives up frames that are older than any window without a verdict, or of a time to come, after the clock was set back.
+    fn give_up(&mut self, now_ns: u64, put: Put<'_>) -> Result<(), RecordError> {
+        let mut given_up = false;
+        while let Some(oldest) = self.waiting.front()
+            && (self.waiting.len() > FRAMES_MAX || oldest.stamp_ns.abs_diff(now_ns) > self.held_ns)
+        {
+            self.waiting.pop_front();
+            given_up = true;
+        }
+        if given_up && self.open {
+            self.open = false;
+            put(Step::End)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test may stop at the first surprise")]
+
+    use hmd_core::frame::FrameFlags;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+    const START: u64 = 1_700_000_000_000 * MS;
+
+    /// What was put, frame by frame: its number, and whether it began a capture. `End` is `None`.
+    type Put = Vec<Option<(u32, bool)>>;
+
+    struct Bench {
+        capture: Capture,
+        next: u32,
+        begun: bool,
+        put: Put,
+    }
+
+    impl Bench {
+        fn new() -> Self {
+            let text = "[output]\nraw_frames = false\ncapture_before_s = 2\ncapture_after_s = 1";
+            Self {
+                capture: Capture::of(&Config::from_toml_str(text, "test").unwrap()).unwrap(),
+                next: 0,
+                begun: false,
+                put: Put::new(),
+            }
+        }
+
+        fn act(&mut self, act: impl FnOnce(&mut Capture, super::Put<'_>) -> Result<(), RecordError>) {
+            let (begun, put) = (&mut self.begun, &mut self.put);
+            act(&mut self.capture, &mut |step| {
+                match step {
+                    Step::Begin(why) => {
+                        assert!(!why.is_empty());
+                        *begun = true;
+                    }
+                    Step::Frame(frame) => put.push(Some((frame.id(), std::mem::take(begun)))),
+                    Step::End => put.push(None),
+                }
+                Ok(())
+            })
+            .unwrap();
+        }
+
+        fn push(&mut self, stamp_ns: u64) {
+            let frame = RawFrame::new(stamp_ns, 0, self.next, FrameFlags::EXTENDED, &[]).unwrap();
+            self.next += 1;
+            self.act(|capture, put| capture.push(&frame, put));
+        }
+
+        fn want(&mut self, from_ns: u64, to_ns: u64) {
+            self.act(|capture, put| capture.want((from_ns, to_ns), "why".to_owned(), put));
+        }
+    }
+
+    #[test]
+    fn two_windows_close_together_are_one_capture_and_later_ones_another() {
+        let mut bench = Bench::new();
+        let at = |n: u64| START + n * 100 * MS;
+        for n in 0..400 {
+            bench.push(at(n));
+            match n {
+                55 => bench.want(at(40), at(45)),
+                95 => bench.want(at(80), at(85)),
+                300 => bench.want(at(290), at(295)),
+                _ => {}
+            }
+        }
+        bench.act(|capture, put| capture.tick(at(500), put));
+        let put = bench.put;
+        let ends: Vec<_> = (0..put.len()).filter(|n| put[*n].is_none()).collect();
+        let (first, second) = (&put[..ends[0]], &put[ends[0] + 1..ends[1]]);
+        assert_eq!(
+            (first[0], first[first.len() - 1]),
+            (Some((20, true)), Some((95, false)))
+        );
+        assert_eq!(
+            (second[0], second[second.len() - 1]),
+            (Some((270, true)), Some((305, false)))
+        );
+        assert_eq!((first.len(), second.len(), ends.len()), (76, 36, 2));
+    }
+
+    #[test]
+    fn frames_that_wait_are_bounded_in_number_and_by_a_clock_that_is_set_back() {
+        let mut bench = Bench::new();
+        for _ in 0..FRAMES_MAX + 10 {
+            bench.push(START);
+        }
+        assert_eq!(bench.capture.waiting.len(), FRAMES_MAX);
+        bench.push(START - 3_600_000 * MS);
+        assert_eq!(bench.capture.waiting.len(), 1);
+        for _ in 0..2 * INTERVALS_MAX {
+            bench.want(START, START);
+        }
+        assert_eq!(bench.capture.wanted.len(), INTERVALS_MAX);
+        bench.act(|capture, put| capture.tick(START + 60_000 * MS, put));
+        assert_eq!((bench.capture.wanted.len(), bench.capture.waiting.len()), (0, 0));
+        assert_eq!(bench.put, []);
+    }
+
+    proptest! {
+        #[test]
+        fn frames_are_put_once_in_order_whole_and_as_wanted(
+            acts in prop::collection::vec((0..20u64, 0..900u64, 0..8_000u64, 0..1_000u64), 1..400),
+        ) {
+            let mut bench = Bench::new();
+            let (mut now_ns, mut wanted, mut expected) = (START, Vec::new(), Vec::new());
+            for (act, later_ms, ago_ms, length_ms) in acts {
+                now_ns += later_ms * MS;
+                match act {
+                    0 => {
+                        let from_ns = now_ns - ago_ms * MS;
+                        bench.want(from_ns, from_ns + length_ms * MS);
+                        wanted.push(from_ns - 2_000 * MS..=from_ns + (length_ms + 1_000) * MS);
+                    }
+                    1 => bench.act(|capture, put| capture.tick(now_ns, put)),
+                    _ => {
+                        if wanted.iter().any(|wanted| wanted.contains(&now_ns)) {
+                            expected.push(bench.next);
+                        }
+                        bench.push(now_ns);
+                    }
+                }
+            }
+            let put: Vec<u32> = bench.put.iter().flatten().map(|(frame, _)| *frame).collect();
+            prop_assert!(put.is_sorted_by(|a, b| a < b));
+            prop_assert!(expected.iter().all(|frame| put.contains(frame)));
+            let mut before = None;
+            for step in &bench.put {
+                if let Some((frame, begins)) = step {
+                    prop_assert_eq!(before == frame.checked_sub(1) && before.is_some(), !begins);
+                }
+                before = step.map(|(frame, _)| frame);
+            }
+        }
+    }
+}

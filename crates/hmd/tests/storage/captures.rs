@@ -1,0 +1,185 @@
+//! Frames around windows that matter, of a run that does not store all.
+#![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use hmd::daemon::{HostClock, Observer, Steps};
+use hmd_core::assess::{AssessedWindow, Identification};
+use hmd_core::deadline::Clock;
+use hmd_core::frame::RawFrame;
+use hmd_core::history::{Event, EventKind};
+use hmd_core::record::Health;
+use hmd_ingest::feed::Input;
+use hmd_ingest::file::open;
+use hmd_storage::config_file::load_config;
+use hmd_storage::event_file;
+use hmd_storage::mcap_writer::METADATA_NAME;
+use hmd_storage::recorder::{Recorder, metadata};
+
+/// Time of the frames that were given.
+struct FrameClock {
+    start: Instant,
+    start_ns: u64,
+    now_ns: AtomicU64,
+}
+
+impl Clock for FrameClock {
+    fn now(&self) -> Duration {
+        Duration::from_nanos(self.now_ns.load(Relaxed) - self.start_ns)
+    }
+}
+
+impl HostClock for FrameClock {
+    fn instant(&self) -> Instant {
+        self.start + self.now()
+    }
+
+    fn utc_ns(&self) -> u64 {
+        self.now_ns.load(Relaxed)
+    }
+}
+
+#[derive(Default)]
+struct Healths(Mutex<Vec<Health>>);
+
+impl Observer for Healths {
+    fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
+        self.0.lock().unwrap().push(assessed.health.clone());
+        Ok(())
+    }
+
+    fn notice(&self, _: &str) {}
+}
+
+fn hmd(folder: &Path, line: &str) -> String {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hmd"));
+    let ended = command.args(line.split(' ')).current_dir(folder).output().unwrap();
+    let stderr = String::from_utf8_lossy(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(0), "hmd {line}: {stderr}");
+    String::from_utf8(ended.stdout).unwrap()
+}
+
+/// Segments of raw frames, each with the reason of its capture and its frames.
+fn captures(folder: &Path) -> Vec<(PathBuf, String, Vec<RawFrame>)> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.to_str().is_some_and(|path| path.ends_with("-raw.mcap")) {
+            let mut source = open(&path).unwrap();
+            let frames = source.by_ref().map(Result::unwrap).collect();
+            let why = source.metadata(METADATA_NAME).unwrap()["capture"].clone();
+            found.push((path, why, frames));
+        }
+    }
+    found.sort_by(|a, b| a.0.cmp(&b.0));
+    found
+}
+
+/// Runs the daemon over the frames of a log, with a request for frames when so much of it has passed.
+fn run(root: &Path, log: &Path, request_at: Duration) -> (Vec<Health>, Vec<RawFrame>) {
+    let config = Arc::new(load_config(root.join("hmd.toml")).unwrap());
+    let mut source = open(log).unwrap();
+    let frames: Vec<RawFrame> = source.by_ref().map(Result::unwrap).collect();
+    let names = source.into_bus_names();
+    let start_ns = frames[0].stamp_ns;
+    let clock = FrameClock {
+        start: Instant::now(),
+        start_ns,
+        now_ns: AtomicU64::new(start_ns),
+    };
+    let healths = Healths::default();
+    let recorder = Recorder::open_folder(
+        &root.join("segments"),
+        &metadata(&config, "host", 1),
+        config.output().limits(),
+    )
+    .unwrap();
+    let watch = Some((config, 1));
+    let mut steps = Steps::new(names, Some(recorder), watch, Arc::new(Identification), &clock, &healths).unwrap();
+    let (mut tick_ns, mut asked) = (start_ns, false);
+    for frame in &frames {
+        clock.now_ns.store(frame.stamp_ns, Relaxed);
+        let mut inputs = vec![Input::Frame(*frame)];
+        if !asked && clock.now() >= request_at {
+            asked = true;
+            let event = Event {
+                t_ns: clock.utc_ns(),
+                actuator: "ema0".to_owned(),
+                event: EventKind::Keep,
+                note: Some("noise heard".to_owned()),
+            };
+            event_file::append(&root.join("events.jsonl"), &event).unwrap();
+        }
+        if frame.stamp_ns >= tick_ns {
+            tick_ns += 1_000_000_000;
+            inputs.push(Input::Tick {
+                stamp_ns: frame.stamp_ns,
+            });
+        }
+        steps.take(&mut inputs).unwrap();
+        while steps.assess().unwrap() {}
+    }
+    let status = steps.finish().unwrap();
+    assert_eq!((status.lost_storage_frames, status.lost_storage_records), (0, 0));
+    (healths.0.into_inner().unwrap(), frames)
+}
+
+#[test]
+fn frames_around_a_window_whose_health_got_worse_are_kept_and_those_asked_for_and_no_others() {
+    let root = tempfile::tempdir().unwrap();
+    let text = "[output]\nraw_frames = false\ncapture_before_s = 0.5\ncapture_after_s = 0.2\n\
+                [rul]\nevents = \"events.jsonl\"\n\
+                [type.slow]\nbased_on = \"bench\"\n[type.slow.sensors]\nsample_rate_hz = 400\n\
+                [[actuator]]\nid = 0\nname = \"ema0\"\ntype = \"slow\"\n";
+    std::fs::write(root.path().join("hmd.toml"), text).unwrap();
+    hmd(
+        root.path(),
+        "simulate --rate 400 --windows 20 --fault friction=0.6 --seed 4 -o worn.log",
+    );
+    let (healths, all) = run(root.path(), &root.path().join("worn.log"), Duration::from_secs(12));
+    assert_eq!(healths.len(), 20);
+
+    let kept = captures(&root.path().join("segments"));
+    let reasons: Vec<&str> = kept.iter().map(|(_, why, _)| why.as_str()).collect();
+    let expected = [
+        "ema0: window 0: unknown to critical",
+        "ema0: asked for by hmd event --keep: noise heard",
+    ];
+    assert_eq!(reasons, expected);
+    let around = |from_ns: u64, to_ns: u64| {
+        let wanted = from_ns - 500_000_000..=to_ns + 200_000_000;
+        let within = all.iter().filter(|frame| wanted.contains(&frame.stamp_ns));
+        within.copied().collect::<Vec<_>>()
+    };
+    let first = &healths[0];
+    // Up to the sample after the last.
+    assert_eq!(kept[0].2, around(first.t_start_ns, first.t_start_ns + 502_400_000));
+    let asked = event_file::read(&root.path().join("events.jsonl")).unwrap().list[0].t_ns;
+    assert_eq!(kept[1].2, around(asked, asked));
+
+    // The capture alone is enough for the same verdict.
+    let line = format!("replay --json -c hmd.toml {}", kept[0].0.display());
+    let again: serde_json::Value = serde_json::from_str(hmd(root.path(), &line).trim()).unwrap();
+    assert_eq!(again["t_start_ns"], first.t_start_ns);
+    assert_eq!(again["k"][0], first.k1.unwrap());
+    assert_eq!(again["health"], "critical");
+    // All captures in one replay: what was not kept between them is not lost.
+    let both = hmd(root.path(), "replay --json -c hmd.toml segments/");
+    let starts: Vec<u64> = healths.iter().map(|health| health.t_start_ns).collect();
+    for line in both.lines() {
+        let window: serde_json::Value = serde_json::from_str(line).unwrap();
+        // A capture may begin in the motion before.
+        let reason = window["reason"].as_str().unwrap_or_default();
+        let is_cut = window["status"] == "invalid" && reason.starts_with("start in motion");
+        assert!(
+            is_cut || starts.contains(&window["t_start_ns"].as_u64().unwrap()),
+            "{line}"
+        );
+        assert_eq!(window["suspects"], serde_json::Value::Null, "{line}");
+    }
+}

@@ -168,9 +168,11 @@ impl World {
     fn config_text(&self, persistence: u32) -> String {
         let mut text = format!(
             "[type.slow]\nbased_on = \"bench\"\ntolerances = \"exact\"\n[type.slow.sensors]\nsample_rate_hz = 400\n\
-             [health]\npersistence = {}\n[output]\nsegment_mib = 1\nsegment_age_s = 10\ndisk_budget_mib = {}\n\
+             [health]\npersistence = {}\n[output]\nraw_frames = {}\nsegment_mib = 1\nsegment_age_s = 10\ndisk_budget_mib = {}\n\
              disk_free_min_mib = 1\n[rul]\nevents = \"events.jsonl\"\n",
-            persistence, self.budget_mib
+            persistence,
+            !self.plan.captures(),
+            self.budget_mib
         );
         for (bus, device) in (0..BUSES).flat_map(|bus| (0..DEVICES).map(move |device| (bus, device))) {
             let name = actuator(bus, device);

@@ -1,4 +1,5 @@
-//! The Debian package on a fresh Debian under a real systemd: installed, started with bad and good files, reloaded, crashed, hung, stopped.
+//! The Debian packages on a fresh Debian under a real systemd: what `docs/install.md` says, line by line; then started with bad and good
+//! files, reloaded, crashed, hung, stopped.
 //!
 //! Nothing is checked inside: `boot/guest.sh` does it and writes down what systemd says, and this compares.
 
@@ -20,7 +21,7 @@ const PACKAGES: [(&str, &str); 2] = [
 ];
 /// Debian of the guest, and what it has beside the least.
 const RELEASE: &str = "bookworm";
-const INCLUDED: &str = "systemd,systemd-sysv,kmod,iproute2,can-utils";
+const INCLUDED: &str = "systemd,systemd-sysv,kmod,iproute2,can-utils,curl";
 const MIRROR: &str = "http://deb.debian.org/debian";
 
 /// Actuations that the guest plays.
@@ -30,7 +31,16 @@ const WINDOWS: &str = "6";
 const LIMIT_S: u32 = 300;
 
 /// What the guest must have written down: `NAME VALUE` on each line.
-const EXPECTED: [(&str, &str); 22] = [
+const EXPECTED: [(&str, &str); 30] = [
+    // The page on installing, with a worn actuator on a pseudo-terminal.
+    ("page.actuator", "0"),
+    ("page.configuration", "0"),
+    ("page.service", "0"),
+    ("page.look", "0"),
+    ("page.end", "0"),
+    ("page.journal", "1"),
+    ("page.scrape", "1"),
+    ("page.report", "1"),
     // A bad file: one start, and no other.
     ("bad.active", "failed"),
     ("bad.status", "78"),
@@ -68,13 +78,13 @@ pub(crate) fn check() -> anyhow::Result<()> {
         "expected to run as root, for debootstrap and chroot"
     );
     debian::install(&PACKAGES)?;
-    let package = deb::service()?;
+    let packages = deb::native()?;
     let folder = target_dir()?.join("boot");
     fs::create_dir_all(&folder).context("target/boot")?;
     let root = folder.join("root");
     // Of an earlier run everything but what Debian brought.
     let _ = fs::remove_dir_all(&root);
-    let base = folder.join(format!("{RELEASE}.tar"));
+    let base = folder.join(format!("{RELEASE}-{}.tar", INCLUDED.replace(',', "-")));
     if !base.is_file() {
         let mut bootstrap = program("debootstrap", ["--variant=minbase"]);
         bootstrap.arg(format!("--include={INCLUDED}")).arg(RELEASE).arg(&root);
@@ -84,14 +94,31 @@ pub(crate) fn check() -> anyhow::Result<()> {
         fs::create_dir_all(&root)?;
         run(program("tar", ["-xf"]).arg(&base).arg("-C").arg(&root))?;
     }
-    fs::copy(&package, root.join("hmd.deb"))?;
-    run(program("chroot", [&root]).args(["apt-get", "install", "-qq", "--yes", "./hmd.deb"]))?;
+    let page = root.join("page");
+    fs::create_dir_all(&page)?;
+    for package in &packages {
+        run(program("cp", [package]).arg(&page))?;
+    }
+    for (name, block) in blocks(include_str!("../../docs/install.md")) {
+        fs::write(page.join(name), block)?;
+    }
+    // Packages are fetched for the guest, which has no network.
+    run(program("chroot", [&root]).args(["sh", "-c", "cd /page && . ./install"]))?;
     let modules = root.join("usr/lib/uml");
     fs::create_dir_all(&modules)?;
     run(program("cp", ["-r", "/usr/lib/uml/modules"]).arg(&modules))?;
     prepare(&root)?;
     boot(&root, &folder)?;
     judge(&root)
+}
+
+/// The marked blocks of a page, by name.
+fn blocks(page: &str) -> impl Iterator<Item = (&str, &str)> {
+    page.split("<!-- boot: ").skip(1).filter_map(|part| {
+        let (name, rest) = part.split_once(" -->")?;
+        let (_, block) = rest.split_once("```sh\n")?;
+        Some((name, block.split_once("```")?.0))
+    })
 }
 
 /// Where this computer's own packages come from.

@@ -34,10 +34,10 @@ const SERVICE: Package = Package {
     variant: &["--variant", "flight"],
     kind: Build::Flight,
     expected: &[
-        "./usr/bin/hmd",
+        "./usr/lib/hmd/hmd",
         "./usr/lib/systemd/system/hmd.service",
         "./usr/lib/sysusers.d/hmd.conf",
-        "./usr/share/doc/hmd/examples/serial.conf",
+        "./usr/share/hmd/systemd/serial.conf",
         "./etc/hmd/hmd.toml",
         "./usr/share/hmd/ema.dbc",
         "./usr/share/doc/hmd/sbom.cdx.json",
@@ -50,8 +50,9 @@ const TOOLS: Package = Package {
     variant: &[],
     kind: Build::Full,
     expected: &[
-        "./usr/bin/hmd",
-        "./usr/share/hmd/ema.dbc",
+        "./usr/lib/hmd-tools/hmd",
+        "./usr/bin/firmware_sim",
+        "./usr/share/hmd-tools/ema.dbc",
         "./usr/share/bash-completion/completions/hmd",
         "./usr/share/man/man1/hmd.1.gz",
         "./usr/share/man/man1/hmd-run.1.gz",
@@ -69,12 +70,14 @@ pub(crate) fn make() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The package of the service for this kind of computer.
-pub(crate) fn service() -> anyhow::Result<PathBuf> {
+/// Both packages for this kind of computer.
+pub(crate) fn native() -> anyhow::Result<[PathBuf; 2]> {
     let native = PLATFORMS
         .iter()
-        .find(|platform| platform.target.starts_with(std::env::consts::ARCH));
-    SERVICE.pack(native.context("expected one of the platforms that packages are made for")?)
+        .find(|platform| platform.target.starts_with(std::env::consts::ARCH))
+        .context("expected one of the platforms that packages are made for")?;
+    // The full build takes the place of the other, so that each is packed before the next is built.
+    Ok([SERVICE.pack(native)?, TOOLS.pack(native)?])
 }
 
 impl Package {

@@ -45,6 +45,14 @@ impl Build {
     /// Both of them.
     pub(crate) const ALL: [Self; 2] = [Self::Flight, Self::Full];
 
+    /// What is built: on the ground an actuator to try the program with, too.
+    fn packages(self) -> &'static [&'static str] {
+        match self {
+            Self::Flight => &["--package", "hmd"],
+            Self::Full => &["--package", "hmd", "--package", "firmware_sim"],
+        }
+    }
+
     /// Cargo's options for its features.
     pub(crate) fn features(self) -> &'static [&'static str] {
         match self {
@@ -83,17 +91,9 @@ pub(crate) fn build(platform: &Platform, kind: Build, folder: &str) -> anyhow::R
             .map(|(path, name)| format!("{option}={}={name}", path.display()));
         renamed.collect::<Vec<_>>().join(" ")
     };
-    let build = [
-        "build",
-        "--locked",
-        "--profile",
-        "dist",
-        "--package",
-        "hmd",
-        "--target",
-        platform.target,
-    ];
+    let build = ["build", "--locked", "--profile", "dist", "--target", platform.target];
     run(cargo(build)
+        .args(kind.packages())
         .args(kind.features())
         .env("CARGO_TARGET_DIR", &folder)
         .env("RUSTFLAGS", of_paths("--remap-path-prefix"))

@@ -27,7 +27,7 @@ pub(crate) fn check() -> anyhow::Result<()> {
         fs::create_dir_all(units.join("hmd.service.d"))?;
         let unit = fs::read_to_string(root().join("dist/systemd/hmd.service"))?;
         // The program must be there to be verified.
-        let unit = unit.replace("/usr/bin/hmd", &hmd.display().to_string());
+        let unit = unit.replace("/usr/lib/hmd/hmd", &hmd.display().to_string());
         fs::write(units.join("hmd.service"), unit)?;
         if let Some(variant) = variant {
             let from = root().join("dist/systemd/variants").join(variant);

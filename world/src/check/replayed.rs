@@ -1,4 +1,4 @@
-//! A replay of the raw frames gives what was stored.
+//! A replay of the raw frames gives what was stored; of captures alone, the verdicts that asked for them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -8,10 +8,13 @@ use std::time::Duration;
 
 use hmd::replay::{self, Replay};
 use hmd_core::assess::AssessedWindow;
-use hmd_core::record::{Health, Record, Rul, Sensors};
+use hmd_core::record::{Health, Record, Rul, Sensors, WindowStatus};
 use hmd_storage::recorder::{PublishedRecord, RecordObserver};
 
 use super::Outcome;
+use prost::Message;
+
+use crate::clock::EPOCH_NS;
 use crate::disk::{Removed, segment_number};
 use crate::host::Reported;
 use crate::run::World;
@@ -70,7 +73,11 @@ pub(super) fn check(
     else {
         return Ok(());
     };
+    let captures = !facts.config.output().raw_frames;
     if raw.is_empty() {
+        if captures {
+            check_captures(run, reported, &Messages::default(), world, outcome);
+        }
         return Ok(());
     }
     let logs: Vec<PathBuf> = raw.iter().map(|name| world.store.join(name)).collect();
@@ -92,11 +99,16 @@ pub(super) fn check(
             return Ok(());
         }
     };
+    let replayed = std::mem::take(&mut *replayed.0.lock().unwrap_or_else(PoisonError::into_inner));
     if summary.damaged_places > 0 {
         outcome.violations.push(format!(
             "run {run}: {} damaged places in raw frames",
             summary.damaged_places
         ));
+    }
+    if captures {
+        check_captures(run, reported, &replayed, world, outcome);
+        return Ok(());
     }
     if let Some(live) = &facts.status {
         let again = &summary.status;
@@ -116,7 +128,6 @@ pub(super) fn check(
             }
         }
     }
-    let replayed = std::mem::take(&mut *replayed.0.lock().unwrap_or_else(PoisonError::into_inner));
     let is_whole = facts.status.is_some();
     let of_run = || reported.iter().filter(|of| of.run == run);
     let key = |of: &'_ Reported| (of.health.actuator.clone(), of.health.t_start_ns);
@@ -155,6 +166,45 @@ pub(super) fn check(
     }
     Ok(())
 }
+
+/// What asked for its frames has the same estimate by them alone, unless the verdict came when they were given up.
+fn check_captures(run: usize, reported: &[Reported], replayed: &Messages, world: &World, outcome: &mut Outcome) {
+    let facts = &world.runs[run];
+    let mut before = BTreeMap::new();
+    for Reported { at, health, stored, .. } in reported.iter().filter(|of| of.run == run) {
+        let last = before.insert(&health.actuator, rank(&health.health)).unwrap_or(0);
+        let asks = rank(&health.health) > last.max(1) || health.status == WindowStatus::Unmodelled.name();
+        let began = Duration::from_nanos(health.t_start_ns.saturating_sub(EPOCH_NS));
+        let is_early = facts.status.is_some() || *at + LATE < facts.ended;
+        if !asks || !stored || !is_early || *at > began + VERDICT {
+            continue;
+        }
+        outcome.replayed += 1;
+        let again = replayed.get(&(health.topic(), health.t_start_ns));
+        let again = again.and_then(|data| Health::decode(data.first()?.as_slice()).ok());
+        let is_same = again
+            .as_ref()
+            .is_some_and(|again| (again.k1, &again.status) == (health.k1, &health.status));
+        if !is_same {
+            outcome.violations.push(format!(
+                "run {run}: window {} of {} became {}, and its capture gives {:?}",
+                health.window,
+                health.actuator,
+                health.health,
+                again.map(|again| (again.status, again.k1, again.reason))
+            ));
+        }
+    }
+}
+
+/// States from good to bad.
+fn rank(health: &str) -> usize {
+    let order = ["unknown", "nominal", "watch", "warning", "critical"];
+    order.iter().position(|of| *of == health).unwrap_or(0)
+}
+
+/// Time from the beginning of a window within which its frames wait for its verdict.
+const VERDICT: Duration = Duration::from_secs(5);
 
 /// Both records, where they differ.
 fn shown(topic: &str, data: &[Vec<u8>], again: Option<&Vec<Vec<u8>>>) -> String {

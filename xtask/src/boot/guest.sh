@@ -42,8 +42,26 @@ ip link add dev can0 type vcan
 ip link set can0 up
 
 section
+for block in actuator configuration service; do
+    (cd /page && sh -e "./$block") >"/page/$block.out" 2>&1
+    say page.$block $?
+done
+until_true '[ "$(journal "flap-left.*critical")" = 1 ]'
+(cd /page && sh -e ./look) >/page/look.out 2>&1
+say page.look $?
+say page.journal "$(grep -c -m 1 'flap-left.*critical' /page/look.out)"
+say page.scrape "$(grep -c -m 1 '^hmd_health{.*flap-left.*} 4' /page/look.out)"
+say page.report "$(grep -c -m 1 'flap-left' /root/report.html)"
+say page.seconds "$(($(date +%s) - since))"
+cp /root/report.html /page/
+(cd /page && sh -e ./end) >/page/end.out 2>&1
+say page.end $?
+systemctl disable hmd
+
+section
 # A key that there is not.
-cp /etc/hmd/hmd.toml /hmd.toml
+echo >/hmd.toml
+cp /hmd.toml /etc/hmd/hmd.toml
 echo 'persistance = 3' >>/etc/hmd/hmd.toml
 systemctl start hmd
 sleep 5

@@ -1,9 +1,13 @@
+mod room;
+mod starts;
+mod stream;
+
 use super::*;
 use crate::mcap::{McapFrames, McapMessages};
 use hmd_core::frame::FrameFlags;
 use hmd_core::record::{Dropped, Health, Log, RawBatch};
 use std::io::{Seek, SeekFrom, Write};
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -14,6 +18,8 @@ struct BadDisk {
     error: Arc<Mutex<Option<io::ErrorKind>>>,
     /// Free bytes reported; plenty when 0.
     free: Arc<AtomicU64>,
+    /// No file can be removed.
+    keeps: Arc<AtomicBool>,
 }
 
 impl BadDisk {
@@ -50,6 +56,13 @@ impl Disk for BadDisk {
     fn create(&self, path: &Path) -> io::Result<Box<dyn Out>> {
         self.check()?;
         Ok(Box::new(BadFile(self.clone(), RealDisk.create(path)?)))
+    }
+
+    fn remove(&self, path: &Path) -> io::Result<()> {
+        if self.keeps.load(Relaxed) {
+            return Err(io::ErrorKind::PermissionDenied.into());
+        }
+        RealDisk.remove(path)
     }
 
     fn free_bytes(&self, _: &Path) -> io::Result<u64> {

@@ -1,0 +1,156 @@
+//! Room is made, paused and found again at exactly the limits.
+
+use super::*;
+
+#[test]
+fn the_real_disk_says_how_much_is_free() {
+    let folder = tempfile::tempdir().unwrap();
+    assert!(RealDisk.free_bytes(folder.path()).unwrap() > 1 << 20);
+    assert!(RealDisk.free_bytes(&folder.path().join("none")).is_err());
+}
+
+#[test]
+fn names_of_segments_are_told_from_others() {
+    for name in ["hmd-00000012-raw.mcap", "hmd-00000013-records.mcap.part"] {
+        assert!(is_segment_name(name), "{name}");
+    }
+    for name in ["flight.mcap", "hmd-raw.mcap", "hmd-00000012-raw.mcap~"] {
+        assert!(!is_segment_name(name), "{name}");
+    }
+}
+
+#[test]
+fn the_status_counts_segments_in_progress_and_closed_ones() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    assert_eq!(store.status().segments, 1);
+    bench.put_frames(&mut store, 1);
+    assert_eq!(store.status().segments, 2);
+    bench.tick(&mut store, 61);
+    assert_eq!(store.status().segments, 3, "old records, new ones, and frames");
+    assert_eq!(store.finish().status.segments, 3);
+}
+
+#[test]
+fn nothing_is_removed_within_the_budget_and_frames_go_one_byte_beyond() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    bench.put_frames(&mut store, 3000);
+    store.finish();
+    let open = |budget_bytes: u64| {
+        let limits = Limits {
+            segment_bytes: 1000,
+            budget_bytes,
+            ..LIMITS
+        };
+        let disk = Box::new(bench.disk.clone());
+        SegmentStore::open(bench.folder.path(), &BTreeMap::new(), limits, disk, bench.now).unwrap()
+    };
+    let used = {
+        let mut store = open(u64::MAX);
+        store.tick(bench.now);
+        store.status().used_bytes
+    };
+    // The store before left its records as one more segment, without any record: they are removed at the start.
+    let mut store = open(used);
+    store.tick(bench.now);
+    let status = store.status();
+    assert_eq!(
+        (status.used_bytes, status.deleted, status.state),
+        (used, 0, StorageState::Ok)
+    );
+    drop(store);
+    let mut store = open(used - 1);
+    store.tick(bench.now);
+    let status = store.status();
+    assert!(status.used_bytes < used && status.deleted == 1, "{status:?}");
+}
+
+#[test]
+fn the_least_free_space_is_enough_and_frames_return_with_room_for_a_segment() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    let mut state_at = |free: u64, store: &mut SegmentStore| {
+        bench.disk.free.store(free, Relaxed);
+        bench.tick(store, 1);
+        store.status().state
+    };
+    let (least, segment) = (LIMITS.free_bytes_min, LIMITS.segment_bytes);
+    assert_eq!(state_at(least, &mut store), StorageState::Ok);
+    assert_eq!(state_at(least - 1, &mut store), StorageState::RawPaused);
+    assert_eq!(state_at(least + segment - 1, &mut store), StorageState::RawPaused);
+    assert_eq!(state_at(least + segment, &mut store), StorageState::Ok);
+}
+
+#[test]
+fn the_frames_in_progress_go_before_the_oldest_records_and_not_before_older_frames() {
+    let limits = Limits {
+        segment_bytes: 50_000,
+        budget_bytes: 60_000,
+        ..LIMITS
+    };
+    let mut bench = Bench::new();
+    let disk = Box::new(bench.disk.clone());
+    let mut store = SegmentStore::open(bench.folder.path(), &BTreeMap::new(), limits, disk, bench.now).unwrap();
+    assert!(Bench::put_health(&mut store, 1));
+    bench.tick(&mut store, 61);
+    while store.status().used_bytes <= limits.budget_bytes {
+        bench.put_frames(&mut store, 500);
+        bench.disk.set(None);
+        store.raw.sync().unwrap();
+        if store.raw.bytes() > 45_000 && !bench.names().iter().any(|name| name.ends_with("-raw.mcap")) {
+            store.close_segment(Kind::Raw);
+        }
+    }
+    let newest = bench.names().into_iter().rfind(|name| name.contains("-raw.mcap"));
+    bench.tick(&mut store, 0);
+    // The older segment of frames was enough.
+    assert_eq!(store.status().deleted, 1);
+    assert!(newest.is_some_and(|name| bench.names().contains(&name)));
+    while store.status().used_bytes <= limits.budget_bytes {
+        bench.put_frames(&mut store, 500);
+        store.raw.sync().unwrap();
+    }
+    bench.tick(&mut store, 0);
+    assert_eq!(store.status().deleted, 2);
+    assert_eq!(bench.read(), (0, vec![1]), "records stay");
+}
+
+#[test]
+fn a_segment_that_somebody_removed_is_forgotten_and_one_that_cannot_be_deleted_is_told_once() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    bench.put_frames(&mut store, 5000);
+    store.close_segment(Kind::Raw);
+    bench.put_frames(&mut store, 1);
+    store.close_segment(Kind::Raw);
+    let raw = || bench.names().into_iter().filter(|name| name.ends_with("-raw.mcap"));
+    let first = raw().next().unwrap();
+    fs::remove_file(bench.folder.path().join(first)).unwrap();
+    bench.disk.free.store(LIMITS.free_bytes_min - 1, Relaxed);
+    bench.tick(&mut store, 1);
+    assert_eq!(store.status().deleted, 1, "the other one alone");
+    assert_eq!(
+        bench.reported,
+        ["storage: no room: raw frames are not stored, and counted"]
+    );
+
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    bench.put_frames(&mut store, 5000);
+    store.close_segment(Kind::Raw);
+    bench.disk.free.store(LIMITS.free_bytes_min - 1, Relaxed);
+    bench.disk.keeps.store(true, Relaxed);
+    for _ in 0..3 {
+        bench.tick(&mut store, 1);
+    }
+    assert_eq!(
+        (store.status().deleted, store.status().state),
+        (0, StorageState::RawPaused)
+    );
+    let told = bench.reported.iter().filter(|text| text.contains("cannot be deleted"));
+    assert_eq!(told.count(), 1, "{:?}", bench.reported);
+    bench.disk.keeps.store(false, Relaxed);
+    bench.tick(&mut store, 1);
+    assert_eq!(store.status().deleted, 1);
+}

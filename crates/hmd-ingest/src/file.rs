@@ -25,7 +25,7 @@ use crate::candump::CandumpReader;
 use crate::mdf::{self, MdfReader};
 use hmd_core::config::Config;
 use hmd_core::frame::{BusNames, RawFrame};
-use hmd_storage::mcap::McapFrames;
+use hmd_storage::mcap::{McapFrames, McapMessages};
 use hmd_storage::quoted;
 use hmd_storage::regular_file::open_regular;
 use std::collections::{BTreeMap, VecDeque};
@@ -226,7 +226,17 @@ pub fn open_recorded(path: &Path) -> io::Result<File> {
         let what = format!("expected files, found a folder; the records of hmd run are in {folder}/*-records.mcap");
         return Err(io::Error::new(io::ErrorKind::IsADirectory, what));
     }
-    open_regular(path)
+    open_segment(path, open_regular)
+}
+
+/// Opens a file; where it was a segment in progress that was closed meanwhile, under the name that it has now.
+fn open_segment(path: &Path, open: impl Fn(&Path) -> io::Result<File>) -> io::Result<File> {
+    match open(path) {
+        Err(cause) if cause.kind() == io::ErrorKind::NotFound && path.extension().is_some_and(|end| end == "part") => {
+            open(&path.with_extension("")).map_err(|_| cause)
+        }
+        opened => opened,
+    }
 }
 
 /// Opens a log; `names` is the table of interfaces of the log before, so that an interface keeps its index.
@@ -251,7 +261,7 @@ fn open_for(path: &Path, names: BusNames, config: Option<&Config>) -> Result<Fra
         file: file.clone(),
         cause,
     };
-    let input = File::open(path).map_err(unreadable)?;
+    let input = open_segment(path, |path| File::open(path)).map_err(unreadable)?;
     let about = input.metadata().map_err(unreadable)?;
     if about.is_dir() {
         return Err(IngestError::Directory { file });
@@ -280,7 +290,8 @@ fn open_for(path: &Path, names: BusNames, config: Option<&Config>) -> Result<Fra
             return Err(IngestError::NotSeekable { file });
         }
         let input = input.into_inner().file;
-        Box::new(McapFrames::new(input, &file, names).map_err(unreadable)?)
+        let messages = McapMessages::of_recording(input, &file).map_err(unreadable)?;
+        Box::new(McapFrames::of_messages(messages, names))
     } else if mdf::MAGICS.iter().any(|magic| start.starts_with(magic)) {
         if !about.is_file() {
             return Err(IngestError::NotSeekable { file });

@@ -134,7 +134,7 @@ pub fn export<P: AsRef<Path>>(
             source,
         };
         let file = open_recorded(path.as_ref()).map_err(io)?;
-        let mut messages = McapMessages::new(BufReader::new(file), &name).map_err(io)?;
+        let mut messages = McapMessages::of_recording(BufReader::new(file), &name).map_err(io)?;
         // The health of each actuator's newest window, until its remaining life comes.
         let mut waiting: BTreeMap<String, Health> = BTreeMap::new();
         for message in messages.by_ref() {

@@ -62,8 +62,14 @@ impl<R: Read + Seek> McapFrames<R> {
     /// # Errors
     /// When the input cannot be read or sought.
     pub fn new(input: R, file: &str, names: BusNames) -> io::Result<Self> {
-        Ok(Self {
-            messages: McapMessages::new(input, file)?,
+        Ok(Self::of_messages(McapMessages::new(input, file)?, names))
+    }
+
+    /// The frames among messages.
+    #[must_use]
+    pub fn of_messages(messages: McapMessages<R>, names: BusNames) -> Self {
+        Self {
+            messages,
             names,
             seen: BusNames::new(),
             round: Vec::new(),
@@ -73,7 +79,7 @@ impl<R: Read + Seek> McapFrames<R> {
             newest_ns: 0,
             refused_topics: BTreeSet::new(),
             queue: VecDeque::new(),
-        })
+        }
     }
 
     /// The interfaces seen so far.

@@ -46,11 +46,11 @@ for block in actuator configuration service; do
     (cd /page && sh -e "./$block") >"/page/$block.out" 2>&1
     say page.$block $?
 done
-until_true '[ "$(journal "flap-left.*critical")" = 1 ]'
+until_true '[ "$(journal "flap-left: unknown to \(warning\|critical\)")" = 1 ]'
 (cd /page && sh -e ./look) >/page/look.out 2>&1
 say page.look $?
-say page.journal "$(grep -c -m 1 'flap-left.*critical' /page/look.out)"
-say page.scrape "$(grep -c -m 1 '^hmd_health{.*flap-left.*} 4' /page/look.out)"
+say page.journal "$(grep -c -m 1 'flap-left: unknown to \(warning\|critical\)' /page/look.out)"
+say page.scrape "$(grep -c -m 1 '^hmd_health{.*flap-left.*} [34]' /page/look.out)"
 say page.report "$(grep -c -m 1 'flap-left' /root/report.html)"
 say page.seconds "$(($(date +%s) - since))"
 cp /root/report.html /page/

@@ -123,7 +123,7 @@ impl Files {
                 source,
             };
             let file = open_recorded(path.as_ref()).map_err(io)?;
-            let mut messages = McapMessages::new(BufReader::new(file), &name).map_err(io)?;
+            let mut messages = McapMessages::of_recording(BufReader::new(file), &name).map_err(io)?;
             let mut source = Source {
                 file: path
                     .as_ref()

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use hmd_storage::mcap::{McapTail, TailError};
-use hmd_storage::segment_store::{RecordsSegment, records_segments};
+use hmd_storage::segment_store::{Segment, records_segments};
 
 use super::state::State;
 
@@ -176,7 +176,7 @@ impl Follow {
     }
 }
 
-fn list(folder: &Path, first: u64) -> Result<BTreeMap<u64, RecordsSegment>, FollowError> {
+fn list(folder: &Path, first: u64) -> Result<BTreeMap<u64, Segment>, FollowError> {
     records_segments(folder, first).map_err(|source| FollowError::Folder {
         folder: folder.display().to_string(),
         source,
@@ -184,7 +184,7 @@ fn list(folder: &Path, first: u64) -> Result<BTreeMap<u64, RecordsSegment>, Foll
 }
 
 /// `None` for one that has gone, or whose header is not written yet.
-fn open(segment: &RecordsSegment) -> Result<Option<McapTail>, FollowError> {
+fn open(segment: &Segment) -> Result<Option<McapTail>, FollowError> {
     // Its name may have changed since it was listed.
     let closed = segment.path.with_extension("");
     let path = if segment.is_open && !segment.path.exists() {

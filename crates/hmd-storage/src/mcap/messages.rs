@@ -93,6 +93,18 @@ impl<R: Read + Seek> McapMessages<R> {
         Ok(Self::with_reader(ResyncReader::new(input)?, summary, file))
     }
 
+    /// A reader of a recording by its name: of a segment in progress (`.part`) a torn end is no loss, because it is not written yet.
+    ///
+    /// # Errors
+    /// When the input cannot be read or sought.
+    pub fn of_recording(input: R, file: &str) -> io::Result<Self> {
+        let mut messages = Self::new(input, file)?;
+        if file.ends_with(".part") {
+            messages.reader = messages.reader.in_progress();
+        }
+        Ok(messages)
+    }
+
     /// The same, which ends with [`McapFault::Expansion`] before the chunks expand to more than `bytes`, too.
     #[must_use]
     pub(crate) fn expanding_at_most(mut self, bytes: u64) -> Self {

@@ -73,6 +73,10 @@ pub(super) struct ResyncReader<R> {
     growing: bool,
     /// Its footer was read.
     finished: bool,
+    /// A file in progress: what is torn at its end is not written yet, and no fault.
+    in_progress: bool,
+    /// Fault of a record that ends behind the file, until it is known whether another follows.
+    torn: Option<ResyncItem>,
 }
 
 impl<R: Read + Seek> ResyncReader<R> {
@@ -99,7 +103,15 @@ impl<R: Read + Seek> ResyncReader<R> {
             ended: false,
             growing: true,
             finished: false,
+            in_progress: false,
+            torn: None,
         }
+    }
+
+    /// The same of a file that another process may be writing.
+    pub(super) fn in_progress(mut self) -> Self {
+        self.in_progress = true;
+        self
     }
 
     /// Goes on as far as `length`, where a record must end unless nothing more will come.
@@ -153,7 +165,12 @@ impl<R: Read + Seek> ResyncReader<R> {
         }
         if self.searching {
             match self.search()? {
-                Some(at) => self.at = at,
+                Some(at) => {
+                    self.at = at;
+                    if let Some(torn) = self.torn.take() {
+                        return Ok(Some(torn));
+                    }
+                }
                 None => {
                     self.ended = true;
                     self.at = self.length;
@@ -163,8 +180,9 @@ impl<R: Read + Seek> ResyncReader<R> {
         }
         let at_byte = self.at;
         let left = self.length - at_byte;
-        if left == 0 && self.growing {
+        if left == 0 && self.growing || left < HEAD && self.in_progress {
             self.ended = true;
+            self.at = self.length;
             return Ok(None);
         }
         if left < HEAD {
@@ -181,6 +199,10 @@ impl<R: Read + Seek> ResyncReader<R> {
         }
         if length > left - HEAD {
             let cut = length <= RECORD_BYTES_MAX as u64;
+            if cut && self.in_progress {
+                self.torn = Some(self.broken(McapFault::Truncated));
+                return Ok(None);
+            }
             let fault = if cut {
                 McapFault::Truncated
             } else {

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use super::name::{Kind, Name, Stage, is_segment};
 
-/// A segment with records.
+/// A segment.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RecordsSegment {
+pub struct Segment {
     /// Where it is now; it loses its `.part` when it is closed, and goes when there is no room.
     pub path: PathBuf,
     /// Being written, or left by a run that did not end.
@@ -19,12 +19,24 @@ pub struct RecordsSegment {
 ///
 /// # Errors
 /// When the folder cannot be listed.
-pub fn records_segments(folder: &Path, first: u64) -> io::Result<BTreeMap<u64, RecordsSegment>> {
+pub fn records_segments(folder: &Path, first: u64) -> io::Result<BTreeMap<u64, Segment>> {
+    segments(folder, first, Kind::Records)
+}
+
+/// The segments with raw frames, in the order of their writing. Nothing is locked or changed.
+///
+/// # Errors
+/// When the folder cannot be listed.
+pub fn raw_segments(folder: &Path) -> io::Result<BTreeMap<u64, Segment>> {
+    segments(folder, 0, Kind::Raw)
+}
+
+fn segments(folder: &Path, first: u64, kind: Kind) -> io::Result<BTreeMap<u64, Segment>> {
     let mut segments = BTreeMap::new();
     for entry in std::fs::read_dir(folder)? {
         let entry = entry?;
         let name = entry.file_name().to_str().and_then(Name::parse);
-        let Some(name) = name.filter(|name| is_records(name) && name.number >= first) else {
+        let Some(name) = name.filter(|name| is_source(*name, kind) && name.number >= first) else {
             continue;
         };
         // A file that has gone or is foreign is skipped.
@@ -37,14 +49,14 @@ pub fn records_segments(folder: &Path, first: u64) -> io::Result<BTreeMap<u64, R
             continue;
         }
         let path = entry.path();
-        segments.insert(name.number, RecordsSegment { path, is_open });
+        segments.insert(name.number, Segment { path, is_open });
     }
     Ok(segments)
 }
 
-/// Whether it holds records, and is no copy that is being made or was kept.
-fn is_records(name: &Name) -> bool {
-    name.kind == Kind::Records && matches!(name.stage, Stage::Open | Stage::Closed)
+/// Whether it is of a kind, and no copy that is being made or was kept.
+fn is_source(name: Name, kind: Kind) -> bool {
+    name.kind == kind && matches!(name.stage, Stage::Open | Stage::Closed)
 }
 
 #[cfg(test)]

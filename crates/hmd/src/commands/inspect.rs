@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::PathBuf;
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail};
 use prost::Message;
 use serde::Serialize;
 
@@ -115,14 +115,19 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         summaries: BTreeMap::new(),
     };
     let mut losses = Losses::default();
-    for path in &recordings(&args.files, Wanted::Records)? {
+    let mut windows = 0;
+    let files = recordings(&args.files, Wanted::Records)?;
+    for path in &files {
         let name = path.display().to_string();
         let file = open_recorded(path).with_context(|| name.clone())?;
-        let messages = McapMessages::new(BufReader::new(file), &name).with_context(|| name.clone())?;
-        let windows = printer.print(messages, &mut losses).with_context(|| name.clone())?;
-        ensure!(
-            windows > 0,
-            "{name}: expected records of windows, found none; hmd replay LOG -o OUT.mcap makes them"
+        let messages = McapMessages::of_recording(BufReader::new(file), &name).with_context(|| name.clone())?;
+        windows += printer.print(messages, &mut losses).with_context(|| name.clone())?;
+    }
+    if windows == 0 {
+        let names: Vec<String> = files.iter().map(|path| path.display().to_string()).collect();
+        bail!(
+            "{}: expected records of windows, found none; hmd replay LOG -o OUT.mcap makes them",
+            names.join(", ")
         );
     }
     for summarised in printer.summaries.values() {

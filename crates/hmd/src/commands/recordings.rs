@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 
+use hmd_storage::segment_store::{raw_segments, records_segments};
+
 /// What a verb reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Wanted {
@@ -20,16 +22,6 @@ const LOGS: [&str; 5] = ["log", "mcap", "asc", "blf", "mf4"];
 
 /// Extensions of tables, which are logs where a folder has no others: an export may lie beside them.
 const TABLES: [&str; 2] = ["csv", "parquet"];
-
-impl Wanted {
-    /// Ends of the names of the segments of `hmd run`: those wanted, and the others.
-    fn segments(self) -> [&'static str; 2] {
-        match self {
-            Self::Logs => ["-raw.mcap", "-records.mcap"],
-            Self::Records => ["-records.mcap", "-raw.mcap"],
-        }
-    }
-}
 
 /// The files named; for a folder its recordings in the order of their names, which for segments of `hmd run` is that of time.
 ///
@@ -57,13 +49,12 @@ fn in_folder(folder: &Path, wanted: Wanted) -> anyhow::Result<Vec<PathBuf>> {
         }
     }
     files.sort_unstable();
-    let ends_in = |path: &Path, end: &str| {
-        let name = path.file_name().and_then(OsStr::to_str).unwrap_or_default();
-        name.starts_with("hmd-") && name.ends_with(end)
-    };
-    let [own, other] = wanted.segments();
-    if files.iter().any(|path| ends_in(path, own) || ends_in(path, other)) {
-        files.retain(|path| ends_in(path, own));
+    // Those of a daemon, the ones in progress included.
+    let [raw, records] = [raw_segments(folder), records_segments(folder, 0)].map(|found| found.with_context(name));
+    let [raw, records] = [raw?, records?];
+    if !raw.is_empty() || !records.is_empty() {
+        let own = if wanted == Wanted::Logs { raw } else { records };
+        files = own.into_values().map(|segment| segment.path).collect();
     } else {
         let has = |path: &PathBuf, extensions: &[&str]| {
             let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default();
@@ -88,6 +79,13 @@ fn in_folder(folder: &Path, wanted: Wanted) -> anyhow::Result<Vec<PathBuf>> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+    use std::time::Instant;
+
+    use hmd_core::config::Config;
+    use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
+    use hmd_storage::segment_store::{RealDisk, SegmentStore};
+
     use super::*;
 
     #[test]
@@ -113,16 +111,24 @@ mod tests {
         fs::create_dir(folder.path().join("d.log")).unwrap();
         assert_eq!(of(&path, Wanted::Logs).unwrap(), ["a.BLF", "b.log", "c.mcap"]);
         assert_eq!(of(&path, Wanted::Records).unwrap(), ["c.mcap"]);
-        for name in [
-            "hmd-00000002-raw.mcap",
-            "hmd-00000001-raw.mcap",
-            "hmd-00000003-records.mcap",
-        ] {
-            write(name);
-        }
-        let raw = ["hmd-00000001-raw.mcap", "hmd-00000002-raw.mcap"];
-        assert_eq!(of(&path, Wanted::Logs).unwrap(), raw);
-        assert_eq!(of(&path, Wanted::Records).unwrap(), ["hmd-00000003-records.mcap"]);
+        let limits = Config::default().output().limits();
+        let store = SegmentStore::open(
+            folder.path(),
+            &BTreeMap::new(),
+            limits,
+            Box::new(RealDisk),
+            Instant::now(),
+        );
+        let mut store = store.unwrap();
+        let mut names = BusNames::new();
+        names.intern("can0").unwrap();
+        let frame = RawFrame::new(1, 0, 1, FrameFlags::NONE, &[]).unwrap();
+        store.write_frame(&frame, &names);
+        let part = ["hmd-00000001-raw.mcap.part"];
+        assert_eq!(of(&path, Wanted::Logs).unwrap(), part, "what is being written, too");
+        store.finish();
+        assert_eq!(of(&path, Wanted::Logs).unwrap(), ["hmd-00000001-raw.mcap"]);
+        assert_eq!(of(&path, Wanted::Records).unwrap(), ["hmd-00000000-records.mcap"]);
         let file = [folder.path().join("named")];
         assert_eq!(of(&file, Wanted::Logs).unwrap(), ["named"]);
     }

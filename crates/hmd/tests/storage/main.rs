@@ -2,6 +2,7 @@
 
 mod captures;
 mod failing_disk;
+mod in_progress;
 mod power_cut;
 mod recover;
 mod survive;

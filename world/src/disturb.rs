@@ -135,6 +135,7 @@ impl World {
                     t_ns: host.clock.utc_ns(),
                     actuator: actuator(bus, device),
                     event: EventKind::Reset,
+                    part: None,
                     note: None,
                 };
                 event_file::append(&self.root.path().join("events.jsonl"), &event)?;

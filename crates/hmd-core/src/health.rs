@@ -271,6 +271,11 @@ impl Health {
         self.faults = [LevelMemory::default(); FaultId::COUNT];
     }
 
+    /// Forgets one fault, as after the replacement of a part.
+    pub(crate) fn forget(&mut self, fault: FaultId) {
+        self.faults[fault.index()] = LevelMemory::default();
+    }
+
     /// Takes the next window; `None` if it was not assessed.
     pub fn update(&mut self, window: u64, damage_evidence: Option<&DamageEvidence>) -> HealthDecision {
         for (fault, memory) in FaultId::ALL.into_iter().zip(&mut self.faults) {

@@ -23,7 +23,7 @@ use ema_identify::Fit;
 use urgency::Urgency;
 
 pub use functional::LimitingCriterion;
-pub use maintenance::{Event, EventKind, Events};
+pub use maintenance::{Event, EventKind, Events, ReplacedPart};
 pub use store::HistoryStore;
 
 /// What is kept of a unit from window to window.
@@ -35,6 +35,12 @@ pub struct UnitHistory {
     /// earlier time, where a clock was wrong. Files of version 1 had no count.
     #[serde(default)]
     events_followed: Option<u64>,
+    /// The same of events that replaced one part, by part; older files had none.
+    #[serde(default)]
+    parts_followed: [u64; ReplacedPart::COUNT],
+    /// What was replaced before the window to come: parts by their names, or `unit`; joined by commas, else empty.
+    #[serde(skip)]
+    replaced: String,
     /// Serial number of the unit.
     serial_number: Option<String>,
     health: Health,
@@ -95,6 +101,8 @@ pub struct UnitAssessment {
     pub limiting_criterion: LimitingCriterion,
     /// Use so far.
     pub used: Odometer,
+    /// What was replaced since the window before: parts by their names, or `unit`; joined by commas, else empty.
+    pub replaced: String,
 }
 
 impl UnitHistory {
@@ -107,6 +115,8 @@ impl UnitHistory {
         Ok(Self {
             begun_ns: 0,
             events_followed: None,
+            parts_followed: [0; ReplacedPart::COUNT],
+            replaced: String::new(),
             serial_number,
             health: Health::new(levels)?,
             prognosis: Prognosis::new(levels.map(|l| l.end_of_life)),
@@ -157,6 +167,25 @@ impl UnitHistory {
         })
     }
 
+    /// Forgets the wear of what a new part changes; use and all other damage go on.
+    fn replace(&mut self, part: ReplacedPart) {
+        for fault in part.faults() {
+            self.health.forget(*fault);
+            self.prognosis.forget(*fault);
+        }
+        // Both rest on all faults together.
+        self.urgency = Urgency::default();
+        self.last_check = None;
+        self.note_replaced(part.name());
+    }
+
+    fn note_replaced(&mut self, what: &str) {
+        if !self.replaced.is_empty() {
+            self.replaced.push(',');
+        }
+        self.replaced.push_str(what);
+    }
+
     /// Adds a window and its evidence, and decides on the health state: the worse of the state by damage and the state by
     /// remaining life.
     pub fn update(&mut self, job: &WindowJob, evidence: &WindowEvidence<'_>, config: &Config) -> UnitAssessment {
@@ -197,6 +226,7 @@ impl UnitHistory {
             forecast,
             limiting_criterion,
             used: self.used,
+            replaced: std::mem::take(&mut self.replaced),
         }
     }
 

@@ -123,6 +123,7 @@ mod tests {
             t_ns,
             actuator: "ema0".to_owned(),
             event: EventKind::Reset,
+            part: None,
             note: None,
         };
         for t_ns in [2, 1] {

@@ -140,6 +140,8 @@ struct Shared {
     assessing: (Duration, Duration),
     /// When the newest health record was stored, or reported where nothing is stored.
     last_record: Option<Instant>,
+    /// A health changed since the last status record, so that the next is not waited for.
+    health_changed: bool,
     /// Health of the actuators by their assessments.
     health_tracker: HealthTracker,
     /// Notices published lately, by either thread.

@@ -138,6 +138,7 @@ pub(super) fn rul_record(
             Some(fault) => fault.name().to_owned(),
             None => largest_fault(&assessment.health, estimate),
         },
+        replaced: assessment.replaced.clone(),
         ..record::Rul::default()
     };
     match &forecast.actuator {

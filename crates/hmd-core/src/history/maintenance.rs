@@ -1,5 +1,6 @@
 //! Maintenance events: a part was replaced, and the history of the unit starts again; or the frames of a time shall be kept.
 
+use ema_models::FaultId;
 use serde::{Deserialize, Serialize};
 
 /// One event.
@@ -12,6 +13,9 @@ pub struct Event {
     pub actuator: String,
     /// What happened.
     pub event: EventKind,
+    /// Of a reset, the part that was replaced; without it the whole unit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part: Option<ReplacedPart>,
     /// What the person who entered it wrote; older files had none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
@@ -21,10 +25,62 @@ pub struct Event {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum EventKind {
-    /// The unit was replaced or overhauled: what was known of its wear is void.
+    /// The unit, or a part of it, was replaced or overhauled: what was known of its wear is void.
     Reset,
     /// The frames around this time shall be stored by a daemon that does not store all; the history goes on.
     Keep,
+}
+
+/// What is replaced of a unit in one piece.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ReplacedPart {
+    /// Motor with its windings, rotor and bearings.
+    Motor,
+    /// Gear and screw with their bearings.
+    Gearbox,
+    /// Position controller.
+    Controller,
+}
+
+impl ReplacedPart {
+    /// Number of parts.
+    pub const COUNT: usize = 3;
+
+    /// All of them.
+    pub const ALL: [Self; Self::COUNT] = [Self::Motor, Self::Gearbox, Self::Controller];
+
+    /// Its name in options and records.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Motor => "motor",
+            Self::Gearbox => "gearbox",
+            Self::Controller => "controller",
+        }
+    }
+
+    /// The part of a name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|part| part.name() == name)
+    }
+
+    /// The faults whose damage a new part changes. Bearings of motor and gear add to one friction.
+    #[must_use]
+    pub const fn faults(self) -> &'static [FaultId] {
+        match self {
+            Self::Motor => &[
+                FaultId::Friction,
+                FaultId::ShortA,
+                FaultId::ShortB,
+                FaultId::ShortC,
+                FaultId::Eccentricity,
+            ],
+            Self::Gearbox => &[FaultId::Friction, FaultId::Backlash],
+            Self::Controller => &[FaultId::Gain],
+        }
+    }
 }
 
 /// The events of a file.

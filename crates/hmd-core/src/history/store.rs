@@ -5,7 +5,7 @@ use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
 use super::UnitHistory;
-use super::maintenance::{Event, EventKind, Events};
+use super::maintenance::{Event, EventKind, Events, ReplacedPart};
 use crate::config::{ActuatorConfig, Config};
 use crate::health::LevelsError;
 
@@ -69,9 +69,14 @@ impl HistoryStore {
                 None => UnitHistory::new(config, serial_number.clone())?,
             }),
         };
-        let has_come =
+        let resets =
             |event: &&Event| event.event == EventKind::Reset && event.actuator == actuator.name && event.t_ns <= t_ns;
-        let come = || self.events.list.iter().filter(has_come);
+        let of = |part: Option<ReplacedPart>| {
+            let events = self.events.list.iter().filter(resets);
+            events.filter(move |event| event.part == part)
+        };
+        let of_parts = ReplacedPart::ALL.map(|part| of(Some(part)).count() as u64);
+        let come = || of(None);
         let count = come().count() as u64;
         let begun_ns = history.begun_ns;
         let before = || come().filter(|event| event.t_ns <= begun_ns).count() as u64;
@@ -81,14 +86,34 @@ impl HistoryStore {
             *history = UnitHistory {
                 begun_ns: newest.t_ns,
                 events_followed: Some(count),
+                parts_followed: of_parts,
                 ..UnitHistory::new(config, serial_number.clone())?
             };
-            let note = newest
-                .note
-                .as_ref()
-                .map_or_else(String::new, |note| format!(": {note}"));
-            let notice = format!("{}: history reset by a maintenance event{note}", actuator.name);
+            history.note_replaced("unit");
+            let notice = format!(
+                "{}: history reset by a maintenance event{}",
+                actuator.name,
+                noted(newest)
+            );
             self.notices.push(notice);
+        }
+        for (n, part) in ReplacedPart::ALL.into_iter().enumerate() {
+            if let Some(newest) = of(Some(part))
+                .next_back()
+                .filter(|_| of_parts[n] > history.parts_followed[n])
+            {
+                history.parts_followed[n] = of_parts[n];
+                history.replace(part);
+                let faults: Vec<&str> = part.faults().iter().map(|fault| fault.plain_name()).collect();
+                let notice = format!(
+                    "{}: {} replaced, its faults begin anew ({}){}",
+                    actuator.name,
+                    part.name(),
+                    faults.join(", "),
+                    noted(newest)
+                );
+                self.notices.push(notice);
+            }
         }
         Ok(history)
     }
@@ -113,4 +138,9 @@ impl HistoryStore {
     pub fn take_notices(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notices)
     }
+}
+
+/// The note of an event, behind a colon.
+fn noted(event: &Event) -> String {
+    event.note.as_ref().map_or_else(String::new, |note| format!(": {note}"))
 }

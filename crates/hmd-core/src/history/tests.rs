@@ -162,6 +162,7 @@ fn a_maintenance_event_resets_the_history_once() {
         t_ns: job(&config, 0, hours, 0.0).window.t_start_ns,
         actuator: actuator.to_owned(),
         event: EventKind::Reset,
+        part: None,
         note: None,
     };
     histories.set_events(Events {
@@ -178,6 +179,50 @@ fn a_maintenance_event_resets_the_history_once() {
     assert_eq!(histories.take_notices().len(), 1);
 }
 
+#[test]
+fn a_replaced_part_begins_its_faults_anew_once_and_the_rest_goes_on() {
+    let config = config("hours = \"elapsed\"");
+    let mut histories = HistoryStore::new(config.clone());
+    let event = |hours: f64, part| Event {
+        t_ns: job(&config, 0, hours, 0.0).window.t_start_ns,
+        actuator: "ema0".to_owned(),
+        event: EventKind::Reset,
+        part: Some(part),
+        note: Some("S/N 4711".to_owned()),
+    };
+    let events = |list| Events {
+        list,
+        unfinished: vec![],
+    };
+    histories.set_events(events(vec![event(405.0, ReplacedPart::Controller)]));
+    let assessments = wear_out(&mut histories, &config, 0, 60);
+    // What wears is friction: its trend goes on, and the hours too.
+    assert!(assessments[41].forecast.actuator.is_ok() && (assessments[41].used.hours - 410.0).abs() < 1e-9);
+    let replaced: Vec<_> = assessments.iter().map(|one| one.replaced.as_str()).collect();
+    assert_eq!(replaced.iter().position(|what| !what.is_empty()), Some(41));
+    assert_eq!((replaced[41], replaced[42]), ("controller", ""));
+
+    let both = vec![
+        event(405.0, ReplacedPart::Controller),
+        event(605.0, ReplacedPart::Gearbox),
+    ];
+    histories.set_events(events(both.clone()));
+    // The stored history knows which events it has followed.
+    let mut again = HistoryStore::new(config.clone());
+    again.restore("ema0", stored(&histories));
+    again.set_events(events(both));
+    let assessments = wear_out(&mut again, &config, 60, 100);
+    let replaced = assessments.iter().filter(|one| !one.replaced.is_empty());
+    assert_eq!(
+        replaced.map(|one| one.replaced.as_str()).collect::<Vec<_>>(),
+        ["gearbox"]
+    );
+    assert!(assessments[0].forecast.actuator.is_ok() && assessments[1].forecast.actuator.is_err());
+    assert!((assessments[1].used.hours - 610.0).abs() < 1e-9 && assessments[39].forecast.actuator.is_ok());
+    let expected = "ema0: gearbox replaced, its faults begin anew (friction, backlash): S/N 4711";
+    assert_eq!(again.take_notices(), [expected]);
+}
+
 /// The technician's clock was in 1970, or behind the one before.
 #[test]
 fn an_event_recorded_later_counts_even_if_it_lies_earlier() {
@@ -187,6 +232,7 @@ fn an_event_recorded_later_counts_even_if_it_lies_earlier() {
         t_ns,
         actuator: "ema0".to_owned(),
         event: EventKind::Reset,
+        part: None,
         note: None,
     };
     let first = event(job(&config, 0, 105.0, 0.0).window.t_start_ns);

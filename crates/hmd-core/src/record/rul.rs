@@ -41,6 +41,9 @@ message! {
         /// What ends the life: `damage`, or the requirement of the specification that is missed first, `slew_rate`,
         /// `response_time`, `steady_error` or `stall`; empty without a number.
         governed_by: String = 17 string;
+        /// What a maintenance event replaced since the window before: `unit`, or `motor`, `gearbox`, `controller`, joined by
+        /// commas; else empty.
+        replaced: String = 18 string;
         /// Hours left to the end of life by friction alone, 10 % quantile; absent without a trend, as all below.
         friction_p10_h: Option<f64> = 21 double optional;
         /// Median.

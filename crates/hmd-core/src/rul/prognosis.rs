@@ -129,6 +129,12 @@ impl Prognosis {
         self
     }
 
+    /// Forgets the trend of one fault, as after the replacement of a part.
+    pub(crate) fn forget(&mut self, fault: FaultId) {
+        let trend = &mut self.trends[fault.index()];
+        *trend = Trend::new(trend.end_of_life);
+    }
+
     /// Use so far.
     #[must_use]
     pub fn now(&self) -> Odometer {

@@ -104,7 +104,7 @@ macro_rules! columns {
 
 columns! {
     /// Results of one window.
-    HEALTH, pub fn health_row(health: &Health, rul: &Rul), 84:
+    HEALTH, pub fn health_row(health: &Health, rul: &Rul), 85:
     "t_start_ns" "ns, UTC" Time(health.t_start_ns);
     "actuator" "" Text(health.actuator.clone());
     "window" "" Count(health.window);
@@ -159,6 +159,7 @@ columns! {
     "horizon_h" "h" Number(rul.horizon_h);
     "dominant_fault" "" Text(rul.dominant_fault.clone());
     "governed_by" "" Text(rul.governed_by.clone());
+    "replaced" "" Text(rul.replaced.clone());
     "rul_reason" "" Text(rul.reason.clone());
     "friction_p10_h" "h" Number(rul.friction_p10_h);
     "friction_p50_h" "h" Number(rul.friction_p50_h);

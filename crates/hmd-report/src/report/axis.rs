@@ -1,5 +1,7 @@
 //! One continuous axis of use for a history, and the marks where something other than wear changed it.
 
+use hmd_core::history::ReplacedPart;
+
 use super::history::History;
 
 /// What changed the history before a window.
@@ -7,6 +9,8 @@ use super::history::History;
 pub(super) enum Mark {
     /// The history was reset: a maintenance event, another serial number, or a run that knew nothing of the one before.
     Reset,
+    /// A part was replaced, by a maintenance event; the rest of the unit goes on.
+    Replaced(ReplacedPart),
     /// The program was started again and continued the history.
     Restart,
 }
@@ -16,6 +20,9 @@ impl Mark {
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Reset => "history reset",
+            Self::Replaced(ReplacedPart::Motor) => "motor replaced",
+            Self::Replaced(ReplacedPart::Gearbox) => "gearbox replaced",
+            Self::Replaced(ReplacedPart::Controller) => "controller replaced",
             Self::Restart => "program restarted",
         }
     }
@@ -24,6 +31,7 @@ impl Mark {
     pub(super) const fn class(self) -> &'static str {
         match self {
             Self::Reset => "reset",
+            Self::Replaced(_) => "replaced",
             Self::Restart => "restart",
         }
     }
@@ -49,7 +57,7 @@ impl UseAxis {
             ("window", (0..history.points.len()).map(|n| n as f64).collect())
         };
         let marks = (1..history.points.len())
-            .filter_map(|n| Some((n, mark_before(history, n)?)))
+            .flat_map(|n| marks_before(history, n).into_iter().map(move |mark| (n, mark)))
             .collect();
         Self { label, places, marks }
     }
@@ -73,16 +81,16 @@ fn continuous_hours(history: &History) -> Vec<f64> {
 }
 
 /// What lies between window `n` and the one before.
-pub(super) fn mark_before(history: &History, n: usize) -> Option<Mark> {
+pub(super) fn marks_before(history: &History, n: usize) -> Vec<Mark> {
     let [before, after] = [&history.points[n - 1], &history.points[n]];
     let began_again = matches!((before.used_h, after.used_h), (Some(before), Some(after)) if after < before);
-    if began_again {
-        Some(Mark::Reset)
-    } else if after.window <= before.window {
-        Some(Mark::Restart)
-    } else {
-        None
+    let replaced = || after.replaced.split(',');
+    if began_again || replaced().any(|what| what == "unit") {
+        return vec![Mark::Reset];
     }
+    let restarted = (after.window <= before.window).then_some(Mark::Restart);
+    let parts = replaced().filter_map(ReplacedPart::from_name).map(Mark::Replaced);
+    restarted.into_iter().chain(parts).collect()
 }
 
 #[cfg(test)]
@@ -115,6 +123,17 @@ mod tests {
         assert_eq!(axis.places, [0.0, 10.0, 11.0, 12.0, 12.5, 14.0]);
         assert_eq!(axis.marks, [(2, Mark::Restart), (4, Mark::Reset)]);
         assert_eq!(axis.label, "operating time, h");
+    }
+
+    #[test]
+    fn replaced_parts_are_marks_and_a_replaced_unit_is_a_reset() {
+        let mut history = history(&[(0, 1.0), (1, 2.0), (2, 3.0)]);
+        history.points[1].replaced = "motor,gearbox".to_owned();
+        history.points[2].replaced = "unit".to_owned();
+        let [motor, gearbox] = [ReplacedPart::Motor, ReplacedPart::Gearbox].map(Mark::Replaced);
+        let axis = UseAxis::new(&history);
+        assert_eq!(axis.marks, [(1, motor), (1, gearbox), (2, Mark::Reset)]);
+        assert_eq!(axis.places, [1.0, 2.0, 3.0], "use goes on");
     }
 
     #[test]

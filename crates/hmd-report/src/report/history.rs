@@ -65,6 +65,8 @@ pub struct Point {
     pub used_h: Option<f64>,
     /// Hours left: 10, 50 and 90 % quantile.
     pub left_h: Option<[f64; 3]>,
+    /// What was replaced before it: `unit`, or parts, joined by commas.
+    pub replaced: String,
 }
 
 /// How one file was made, and what it lost.
@@ -224,6 +226,7 @@ impl Files {
             residual_rms_a: health.residual_rms_a,
             used_h: None,
             left_h: None,
+            replaced: String::new(),
         });
         history.newest = (health, Rul::default());
     }
@@ -232,6 +235,7 @@ impl Files {
         let history = self.entry(&rul.actuator);
         if let Some(point) = history.points.last_mut().filter(|point| point.window == rul.window) {
             point.used_h = rul.operating_h;
+            point.replaced.clone_from(&rul.replaced);
             point.left_h = match (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) {
                 (Some(p10), Some(p50), Some(p90)) => Some([p10, p50, p90]),
                 _ => None,

@@ -5,7 +5,7 @@ use hmd_core::catalogue::FaultMode;
 use hmd_core::health::HealthState;
 use hmd_core::record::Rul;
 
-use super::axis::{Mark, mark_before};
+use super::axis::{Mark, marks_before};
 use super::history::History;
 
 /// What a mechanic needs to know of one actuator.
@@ -83,7 +83,7 @@ fn since(history: &History, state: HealthState) -> Option<u64> {
             break;
         }
         since = Some(point.t_start_ns);
-        if n > 0 && mark_before(history, n) == Some(Mark::Reset) {
+        if n > 0 && marks_before(history, n).contains(&Mark::Reset) {
             break;
         }
     }

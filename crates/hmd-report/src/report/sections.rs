@@ -3,6 +3,7 @@
 use ema_models::{FaultId, FaultVector};
 use hmd_core::catalogue::FaultMode;
 use hmd_core::health::HealthState;
+use hmd_core::history::ReplacedPart;
 use hmd_core::record::Window;
 
 use super::axis::{Mark, UseAxis};
@@ -129,9 +130,9 @@ impl<'a> Drawn<'a> {
             .filter_map(move |place| Some((place.at, value(place.point)?)))
     }
 
-    /// A value of each window, which a line joins; a reset breaks it.
+    /// A value of each window, which a line joins; a reset or a new part breaks it.
     fn line(&self, value: impl Fn(&Point) -> Option<f64>) -> Vec<(f64, Option<f64>)> {
-        let resets = self.marks.iter().filter(|(_, _, mark)| *mark == Mark::Reset);
+        let resets = self.marks.iter().filter(|(_, _, mark)| *mark != Mark::Restart);
         let mut resets = resets.map(|(n, ..)| *n).peekable();
         let mut line = Vec::with_capacity(self.points.len());
         for place in &self.points {
@@ -159,8 +160,10 @@ pub(super) fn legend(history: &History) -> String {
         let times = if count == 1 { "once" } else { &format!("{count} times") };
         format!("<span class=\"key {}\">{} ({times})</span> ", mark.class(), mark.name())
     };
+    let parts = ReplacedPart::ALL.map(Mark::Replaced);
     let kinds: String = [Mark::Reset, Mark::Restart]
         .into_iter()
+        .chain(parts)
         .filter(|mark| marks.iter().any(|(_, found)| found == mark))
         .map(key)
         .collect();

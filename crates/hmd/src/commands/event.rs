@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::{Exit, Misuse, load_config, say};
-use hmd_core::history::{Event, EventKind};
+use hmd_core::history::{Event, EventKind, ReplacedPart};
 use hmd_core::timestamp;
 use hmd_storage::clock::now_ns;
 use hmd_storage::event_file::append;
@@ -14,7 +14,8 @@ const NOTE_MAX: usize = 200;
 /// Enter maintenance: a part was replaced, and its history is reset; or ask for the frames of a time.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n\
-    \x20 hmd event --reset flap-left -c hmd.toml --at 2026-11-20T14:00Z --note gearbox\n\
+    \x20 hmd event --reset flap-left -c hmd.toml --at 2026-11-20T14:00Z --note S/N-4711\n\
+    \x20 hmd event --reset flap-left --part gearbox -c hmd.toml\n\
     \x20 hmd event --keep flap-left -c hmd.toml --note noise")]
 pub struct Args {
     #[command(flatten)]
@@ -25,6 +26,9 @@ pub struct Args {
     /// When it happened, as 2026-11-20T14:00Z, 2026-11-20T15:00+01:00 or UTC ns; now without it.
     #[arg(long, value_name = "TIME", value_parser = instant)]
     at: Option<u64>,
+    /// Of a reset: the part that was replaced, and what is known of the others stays; the whole unit without it.
+    #[arg(long, value_name = "PART", requires = "reset", value_parser = part)]
+    part: Option<ReplacedPart>,
     /// What was done; it stands in the journal and in reports.
     #[arg(long, value_name = "TEXT", value_parser = note)]
     note: Option<String>,
@@ -62,6 +66,12 @@ fn instant(text: &str) -> Result<u64, String> {
         return text.parse().ok().filter(in_range).ok_or_else(expected);
     }
     timestamp::parsed(text).filter(in_range).ok_or_else(expected)
+}
+
+/// A part by its name.
+fn part(text: &str) -> Result<ReplacedPart, String> {
+    let known = || ReplacedPart::ALL.map(ReplacedPart::name).join(", ");
+    ReplacedPart::from_name(text).ok_or_else(|| format!("expected one of {}, found {text:?}", known()))
 }
 
 /// One line of text.
@@ -107,13 +117,20 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         t_ns: args.at.unwrap_or_else(now_ns),
         actuator: actuator.to_owned(),
         event: kind,
+        part: args.part,
         note: args.note.clone(),
     };
     let path = config.resolve(path);
     append(&path, &event)?;
     let (minute, noted) = (timestamp::minute(event.t_ns), path.display());
     say(&match kind {
-        EventKind::Reset => format!("{actuator}: history reset from {minute} UTC on; noted in {noted}"),
+        EventKind::Reset => {
+            let what = args.part.map_or_else(
+                || "history reset".to_owned(),
+                |part| format!("{} replaced, its faults begin anew", part.name()),
+            );
+            format!("{actuator}: {what} from {minute} UTC on; noted in {noted}")
+        }
         EventKind::Keep => format!(
             "{actuator}: frames from {} s before to {} s after {minute} UTC asked for; noted in {noted}",
             output.capture_before_s, output.capture_after_s

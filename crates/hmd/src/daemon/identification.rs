@@ -136,6 +136,8 @@ impl<'a, C: HostClock> Identification<'a, C> {
                 publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Info, &mut shared, observer)?;
             }
             Self::keep_frames(&assessed, length_ns, &mut shared)?;
+            shared.health_changed |=
+                shared.health_tracker.health_of(&assessed.health.actuator).health != assessed.health.health;
             if let Some((level, message)) = shared.health_tracker.update(&assessed.health, pending, passive) {
                 let stamp_ns = assessed.health.t_start_ns;
                 publish(&Notice { stamp_ns, message }, level, &mut shared, observer)?;

@@ -63,6 +63,7 @@ mod tests {
             t_ns,
             actuator: "ema0".to_owned(),
             event,
+            part: None,
             note: None,
         };
         event_file::append(&path, &event(1, EventKind::Keep)).unwrap();

@@ -269,7 +269,8 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
                 self.take_requests(stamp_ns, shared, observer)?;
                 shared.with_capture(|capture, put| capture.tick(stamp_ns, put))?;
                 self.tend_storage(stamp_ns, shared, observer)?;
-                if self.ticks.is_multiple_of(STATUS_TICKS) {
+                if self.ticks.is_multiple_of(STATUS_TICKS) || shared.health_changed {
+                    shared.health_changed = false;
                     self.write_status(stamp_ns, shared, observer)?;
                 }
                 self.ticks += 1;

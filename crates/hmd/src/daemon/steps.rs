@@ -64,6 +64,7 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
                 windows: WindowCounts::default(),
                 assessing: (Duration::ZERO, Duration::ZERO),
                 last_record: None,
+                health_changed: false,
                 health_tracker: HealthTracker::default(),
                 notices: Notices::default(),
             }),

@@ -111,6 +111,7 @@ fn run(root: &Path, log: &Path, request_at: Duration) -> (Vec<Health>, Vec<RawFr
                 t_ns: clock.utc_ns(),
                 actuator: "ema0".to_owned(),
                 event: EventKind::Keep,
+                part: None,
                 note: Some("noise heard".to_owned()),
             };
             event_file::append(&root.join("events.jsonl"), &event).unwrap();

@@ -34,7 +34,7 @@ fn segments_in_progress_are_read_and_what_is_torn_at_their_end_is_no_loss() {
         health: "nominal".to_owned(),
         ..Health::default()
     };
-    let mut put = |store: &mut SegmentStore, window| {
+    let put = |store: &mut SegmentStore, window| {
         let health = health(window);
         let rul = Rul {
             actuator: health.actuator.clone(),
@@ -69,11 +69,9 @@ fn segments_in_progress_are_read_and_what_is_torn_at_their_end_is_no_loss() {
     store.tick(now);
     assert_eq!(hmd(root.path(), "replay --json segments/").lines().count(), 1);
     // The writer was seen in the middle of a chunk.
-    let part = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path());
-    let part = part
-        .filter(|path| path.to_str().unwrap().ends_with("-records.mcap.part"))
-        .next()
-        .unwrap();
+    let mut paths = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path());
+    let part = paths.find(|path| path.to_str().unwrap().ends_with("-records.mcap.part"));
+    let part = part.unwrap();
     let whole = std::fs::read(&part).unwrap();
     put(&mut store, 2);
     let longer = std::fs::read(&part).unwrap();

@@ -128,6 +128,7 @@ mod tests {
             residual_rms_a: Some(0.05),
             used_h: Some(n as f64),
             left_h: (n > 5).then_some([90.0, 100.0, 110.0]),
+            replaced: String::new(),
         };
         History {
             actuator: "<script>alert(1)</script>".to_owned(),

@@ -18,6 +18,7 @@ mod flight;
 mod fuzz;
 mod guest_state;
 mod links;
+mod miri;
 mod model;
 mod mutants;
 mod no_std;
@@ -120,6 +121,8 @@ enum Verb {
         /// One module alone.
         module: Option<String>,
     },
+    /// Undefined behaviour and byte order: unit tests of library crates in Miri, on a big-endian processor; needs a nightly compiler.
+    Miri,
     /// The shipped systemd unit: understood by systemd, and hardened as promised.
     Systemd,
     /// The Debian package on a fresh Debian under a real systemd.
@@ -184,6 +187,7 @@ fn main() -> ExitCode {
         Verb::Firmware => firmware::check(),
         Verb::Fuzz => fuzz::check(false),
         Verb::FuzzLong => fuzz::check(true),
+        Verb::Miri => miri::check(),
         Verb::Mutants { module } => mutants::check(module.as_deref()),
         Verb::Systemd => systemd::check(),
         Verb::Boot => boot::check(),

@@ -47,6 +47,8 @@ for block in actuator configuration service; do
     say page.$block $?
 done
 until_true '[ "$(journal "flap-left: unknown to \(warning\|critical\)")" = 1 ]'
+# Metrics are a second old at most.
+sleep 2
 (cd /page && sh -e ./look) >/page/look.out 2>&1
 say page.look $?
 say page.journal "$(grep -c -m 1 'flap-left: unknown to \(warning\|critical\)' /page/look.out)"

@@ -114,11 +114,13 @@ pub(crate) fn check() -> anyhow::Result<()> {
 
 /// The marked blocks of a page, by name.
 fn blocks(page: &str) -> impl Iterator<Item = (&str, &str)> {
-    page.split("<!-- not run: cargo xtask boot does, as ").skip(1).filter_map(|part| {
-        let (name, rest) = part.split_once(" -->")?;
-        let (_, block) = rest.split_once("```sh\n")?;
-        Some((name, block.split_once("```")?.0))
-    })
+    page.split("<!-- not run: cargo xtask boot does, as ")
+        .skip(1)
+        .filter_map(|part| {
+            let (name, rest) = part.split_once(" -->")?;
+            let (_, block) = rest.split_once("```sh\n")?;
+            Some((name, block.split_once("```")?.0))
+        })
 }
 
 /// Where this computer's own packages come from.

@@ -17,7 +17,12 @@ const CRATES: [(&str, &[&str], &[&str]); 3] = [
     (
         "ema-identify",
         &["--features", "std"],
-        &["slow_slopes_of_the_same_point", "only_optima_that_differ"],
+        &[
+            "slow_slopes_of_the_same_point",
+            "only_optima_that_differ",
+            "a_start_that_shows_nearly_all",
+            "the_share_of_an_admittance",
+        ],
     ),
 ];
 

@@ -215,11 +215,13 @@ pub(super) fn setpoint_error(signals: &Signals, params: &ActuatorParams, rest: u
     scale
 }
 
-/// How the output follows the set point, once a motion has ended that the window begins in: it belongs to an earlier command.
+/// How the output follows the set point, once a motion has ended that the window begins in: it belongs to an earlier command. How far
+/// the output had to go is then unknown, and the direction is all that is checked.
 fn followed(signals: &Signals, params: &ActuatorParams) -> Option<SetpointError> {
     let omega = signals.rows.first()?.omega_m;
     let slow = MOVING * params.controller.omega_max;
-    let ended = |row: &Row| omega.abs() <= slow || row.omega_m * omega.signum() <= slow;
+    let begins_at_rest = omega.abs() <= slow;
+    let ended = |row: &Row| begins_at_rest || row.omega_m * omega.signum() <= slow;
     let rows = &signals.rows[signals.rows.iter().position(ended)?..];
     let commanded = rows.iter().map(|row| commanded_angle(row.setpoint));
     let commanded: Vec<f64> = commanded.collect::<Option<_>>()?;
@@ -233,7 +235,7 @@ fn followed(signals: &Signals, params: &ActuatorParams) -> Option<SetpointError>
     let late = &rows[rows.len() * 2 / 3..];
     let speed = late.iter().map(|row| row.omega_m).sum::<f64>() / late.len().max(1) as f64;
     let chases = speed.abs() > CHASING * params.controller.omega_max;
-    if setpoint > UNIT_MIN * output && !chases {
+    if setpoint > UNIT_MIN * output && !chases && begins_at_rest {
         return Some(SetpointError::Unit(setpoint / output));
     }
     let (first_setpoint, first_output) = (commanded[0], rows[0].theta_out);
@@ -253,7 +255,8 @@ fn followed(signals: &Signals, params: &ActuatorParams) -> Option<SetpointError>
         .all(|&x| (x - max).abs().min((x - min).abs()) < HELD_RAD);
     let (last, row) = (commanded.last()?, rows.last()?);
     let missed = last - first_setpoint - (row.theta_out - first_output);
-    (stands && held && missed.abs() > SCALE_ERROR * setpoint).then_some(SetpointError::Scale(output / setpoint))
+    (begins_at_rest && stands && held && missed.abs() > SCALE_ERROR * setpoint)
+        .then_some(SetpointError::Scale(output / setpoint))
 }
 
 /// Slope of output over set point that is no lag of a chirp.

@@ -22,6 +22,8 @@ const CRATES: [(&str, &[&str], &[&str]); 3] = [
             "only_optima_that_differ",
             "a_start_that_shows_nearly_all",
             "the_share_of_an_admittance",
+            "unit_calibration::tests",
+            "the_torque_is_that_of_the_equation_of_the_loop",
         ],
     ),
 ];

@@ -58,14 +58,17 @@ pub(super) fn check(
     outcome: &mut Outcome,
 ) -> anyhow::Result<()> {
     let (facts, owners) = (&world.runs[run], world.owners());
+    let captures = !facts.config.output().raw_frames;
     let is_own = |name: &str| segment_number(name).and_then(|number| owners.get(&number)) == Some(&run);
     let raw: Vec<&String> = names
         .iter()
-        .filter(|name| name.ends_with("-raw.mcap") && is_own(name))
+        .filter(|name| is_own(name))
+        // A capture whose end could not be written is read as it is.
+        .filter(|name| name.ends_with("-raw.mcap") || captures && name.ends_with("-raw.mcap.part"))
         .collect();
     let is_removed = removed
         .iter()
-        .any(|removed| removed.name.ends_with("-raw.mcap") && removed.owner == Some(run));
+        .any(|removed| removed.name.contains("-raw.mcap") && removed.owner == Some(run));
     let is_rotten = world.before_rot.keys().any(|name| is_own(name));
     let Some(found) = stored
         .get(&run)
@@ -73,7 +76,6 @@ pub(super) fn check(
     else {
         return Ok(());
     };
-    let captures = !facts.config.output().raw_frames;
     if raw.is_empty() {
         if captures {
             check_captures(run, reported, &Messages::default(), world, outcome);

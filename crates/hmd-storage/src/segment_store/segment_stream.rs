@@ -153,6 +153,11 @@ impl SegmentStream {
     pub(super) fn close(&mut self, folder: &Path, disk: &dyn Disk) -> Result<Option<(Name, u64)>, McapWriteError> {
         self.sync()?;
         let Some(open) = self.open.take() else { return Ok(None) };
+        if self.kind == Kind::Raw && open.taken == 0 {
+            // Begun to find out whether the disk is back; a replay would find no frames in it.
+            disk.remove(&folder.join(open.name.to_string()))?;
+            return Ok(None);
+        }
         let closed = open.name.with_stage(Stage::Closed);
         // What is in it is on the disk already; without its end it is repaired by the next start.
         let ended = open.writer.finish().map(|_| ());

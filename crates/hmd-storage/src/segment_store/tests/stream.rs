@@ -36,6 +36,25 @@ fn segments_are_numbered_without_a_gap_but_for_one_after_a_failure() {
     assert_eq!(bench.numbers(), ["0", "1", "2", "5"], "3 failed");
 }
 
+/// Found by the simulated world: a replay of the folder was refused for a segment without frames.
+#[test]
+fn a_segment_without_frames_is_removed() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    bench.put_frames(&mut store, 10);
+    bench.disk.set(Some(io::ErrorKind::Other));
+    bench.tick(&mut store, 1);
+    bench.disk.set(None);
+    bench.tick(&mut store, 2);
+    assert!(bench.names().iter().any(|name| name.ends_with("-raw.mcap.part")));
+    store.finish();
+    assert!(
+        !bench.names().iter().any(|name| name.contains("-raw")),
+        "{:?}",
+        bench.names()
+    );
+}
+
 #[test]
 fn ticks_without_data_close_no_segment() {
     let mut bench = Bench::new();

@@ -28,6 +28,7 @@ use hmd_core::frame::{BusNames, RawFrame};
 use hmd_storage::mcap::{McapFrames, McapMessages};
 use hmd_storage::quoted;
 use hmd_storage::regular_file::open_regular;
+use hmd_storage::segment_store::current_path;
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt::Debug;
 use std::fs::File;
@@ -226,17 +227,7 @@ pub fn open_recorded(path: &Path) -> io::Result<File> {
         let what = format!("expected files, found a folder; the records of hmd run are in {folder}/*-records.mcap");
         return Err(io::Error::new(io::ErrorKind::IsADirectory, what));
     }
-    open_segment(path, open_regular)
-}
-
-/// Opens a file; where it was a segment in progress that was closed meanwhile, under the name that it has now.
-fn open_segment(path: &Path, open: impl Fn(&Path) -> io::Result<File>) -> io::Result<File> {
-    match open(path) {
-        Err(cause) if cause.kind() == io::ErrorKind::NotFound && path.extension().is_some_and(|end| end == "part") => {
-            open(&path.with_extension("")).map_err(|_| cause)
-        }
-        opened => opened,
-    }
+    open_regular(&current_path(path))
 }
 
 /// Opens a log; `names` is the table of interfaces of the log before, so that an interface keeps its index.
@@ -261,7 +252,7 @@ fn open_for(path: &Path, names: BusNames, config: Option<&Config>) -> Result<Fra
         file: file.clone(),
         cause,
     };
-    let input = open_segment(path, |path| File::open(path)).map_err(unreadable)?;
+    let input = File::open(current_path(path)).map_err(unreadable)?;
     let about = input.metadata().map_err(unreadable)?;
     if about.is_dir() {
         return Err(IngestError::Directory { file });

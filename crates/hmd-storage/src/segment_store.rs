@@ -16,7 +16,7 @@ mod repair;
 mod segment_stream;
 
 pub use disk::{Disk, Out, RealDisk};
-pub use list::{Segment, raw_segments, records_segments};
+pub use list::{Segment, current_path, raw_segments, records_segments};
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, TryLockError};
@@ -368,7 +368,13 @@ impl SegmentStore {
             Kind::Raw => &mut self.raw,
             Kind::Records => &mut self.records,
         };
-        stream.begin(&with)
+        stream.begin(&with)?;
+        if let (Kind::Raw, Some(name), Some((_, why))) = (kind, self.raw.name(), &self.capture) {
+            let closed = name.with_stage(Stage::Closed);
+            self.messages
+                .push((LogLevel::Info, format!("storage: frames kept in {closed}: {why}")));
+        }
+        Ok(())
     }
 
     /// Whether the folder is the one that is held, under its name.

@@ -8,12 +8,13 @@ use std::time::Duration;
 
 use hmd::replay::{self, Replay};
 use hmd_core::assess::AssessedWindow;
+use hmd_core::health::HealthState;
 use hmd_core::record::{Health, Record, Rul, Sensors, WindowStatus};
 use hmd_storage::recorder::{PublishedRecord, RecordObserver};
 
-use super::Outcome;
 use prost::Message;
 
+use super::Outcome;
 use crate::clock::EPOCH_NS;
 use crate::disk::{Removed, segment_number};
 use crate::host::Reported;
@@ -174,8 +175,9 @@ fn check_captures(run: usize, reported: &[Reported], replayed: &Messages, world:
     let facts = &world.runs[run];
     let mut before = BTreeMap::new();
     for Reported { at, health, stored, .. } in reported.iter().filter(|of| of.run == run) {
-        let last = before.insert(&health.actuator, rank(&health.health)).unwrap_or(0);
-        let asks = rank(&health.health) > last.max(1) || health.status == WindowStatus::Unmodelled.name();
+        let last = before.insert(&health.actuator, HealthState::named(&health.health));
+        let last = last.unwrap_or_default().max(HealthState::Nominal);
+        let asks = HealthState::named(&health.health) > last || health.status == WindowStatus::Unmodelled.name();
         let began = Duration::from_nanos(health.t_start_ns.saturating_sub(EPOCH_NS));
         let is_early = facts.status.is_some() || *at + LATE < facts.ended;
         if !asks || !stored || !is_early || *at > began + VERDICT {
@@ -197,12 +199,6 @@ fn check_captures(run: usize, reported: &[Reported], replayed: &Messages, world:
             ));
         }
     }
-}
-
-/// States from good to bad.
-fn rank(health: &str) -> usize {
-    let order = ["unknown", "nominal", "watch", "warning", "critical"];
-    order.iter().position(|of| *of == health).unwrap_or(0)
 }
 
 /// Time from the beginning of a window within which its frames wait for its verdict.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use hmd_storage::mcap::{McapTail, TailError};
-use hmd_storage::segment_store::{Segment, records_segments};
+use hmd_storage::segment_store::{Segment, current_path, records_segments};
 
 use super::state::State;
 
@@ -185,13 +185,7 @@ fn list(folder: &Path, first: u64) -> Result<BTreeMap<u64, Segment>, FollowError
 
 /// `None` for one that has gone, or whose header is not written yet.
 fn open(segment: &Segment) -> Result<Option<McapTail>, FollowError> {
-    // Its name may have changed since it was listed.
-    let closed = segment.path.with_extension("");
-    let path = if segment.is_open && !segment.path.exists() {
-        &closed
-    } else {
-        &segment.path
-    };
+    let path = &current_path(&segment.path);
     match McapTail::open(path) {
         Ok(tail) => Ok(Some(tail)),
         Err(TailError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => Ok(None),

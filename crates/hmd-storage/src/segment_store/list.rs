@@ -15,6 +15,17 @@ pub struct Segment {
     pub is_open: bool,
 }
 
+/// Where a segment is that may have been closed since it was listed: without its `.part` if there is none of that name any more.
+#[must_use]
+pub fn current_path(path: &Path) -> PathBuf {
+    let was_open = path.extension().is_some_and(|end| end == "part");
+    if was_open && !path.exists() {
+        path.with_extension("")
+    } else {
+        path.to_owned()
+    }
+}
+
 /// The segments with records from number `first` on; the numbers are the order of their writing. Nothing is locked or changed.
 ///
 /// # Errors

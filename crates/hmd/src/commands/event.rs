@@ -27,7 +27,7 @@ pub struct Args {
     #[arg(long, value_name = "TIME", value_parser = instant)]
     at: Option<u64>,
     /// Of a reset: the part that was replaced, and what is known of the others stays; the whole unit without it.
-    #[arg(long, value_name = "PART", requires = "reset", value_parser = part)]
+    #[arg(long, value_name = "PART", conflicts_with = "keep", value_parser = part)]
     part: Option<ReplacedPart>,
     /// What was done; it stands in the journal and in reports.
     #[arg(long, value_name = "TEXT", value_parser = note)]

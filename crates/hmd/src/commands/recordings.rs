@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 
-use hmd_storage::segment_store::{raw_segments, records_segments};
+use hmd_ingest::open;
+use hmd_storage::segment_store::{Segment, raw_segments, records_segments};
 
 /// What a verb reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,7 +55,14 @@ fn in_folder(folder: &Path, wanted: Wanted) -> anyhow::Result<Vec<PathBuf>> {
     let [raw, records] = [raw?, records?];
     if !raw.is_empty() || !records.is_empty() {
         let own = if wanted == Wanted::Logs { raw } else { records };
-        files = own.into_values().map(|segment| segment.path).collect();
+        // One that was just begun has no frame yet.
+        let has_begun =
+            |segment: &Segment| wanted == Wanted::Records || !segment.is_open || open(&segment.path).is_ok();
+        files = own
+            .into_values()
+            .filter(has_begun)
+            .map(|segment| segment.path)
+            .collect();
     } else {
         let has = |path: &PathBuf, extensions: &[&str]| {
             let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default();

@@ -301,7 +301,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         for event in self.keep_requests.take_new() {
             let asked = format!("{}: asked for by hmd event --keep", event.actuator);
             let why = event.note.map_or(asked.clone(), |note| format!("{asked}: {note}"));
-            let message = format!("frames kept: {why}");
+            let message = format!("frames wanted: {why}");
             shared.with_capture(|capture, put| capture.want((event.t_ns, event.t_ns), why, put))?;
             publish(&Notice { stamp_ns, message }, LogLevel::Info, shared, observer)?;
         }

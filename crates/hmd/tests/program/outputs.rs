@@ -128,3 +128,46 @@ fn an_output_that_cannot_be_finished_leaves_the_old_file() {
     assert!(folder.read("copy.mcap") == folder.read("flight.mcap"));
     assert_eq!(names(), before, "nothing is left over");
 }
+
+#[test]
+fn an_event_says_what_it_noted_and_refuses_what_means_nothing() {
+    let folder = Folder::new();
+    let config = |output: &str| {
+        let text = format!("[[actuator]]\nid = 3\n[rul]\nevents = \"events.jsonl\"\n[output]\n{output}\n");
+        folder.write("hmd.toml", text);
+    };
+    config("raw_frames = false");
+    let said = folder.done("event --reset ema3 --part gearbox -c hmd.toml --at 2026-11-20T14:00Z");
+    let noted = "from 2026-11-20 14:00 UTC on; noted in events.jsonl";
+    assert_eq!(
+        said.trim(),
+        format!("ema3: gearbox replaced, its faults begin anew {noted}")
+    );
+    let said = folder.done("event --keep ema3 -c hmd.toml --at 2026-11-20T14:00Z");
+    assert_eq!(
+        said.trim(),
+        "ema3: frames from 2 s before to 1 s after 2026-11-20 14:00 UTC asked for; noted in events.jsonl"
+    );
+    let lines = String::from_utf8(folder.read("events.jsonl")).unwrap();
+    assert!(lines.contains("\"event\":\"reset\",\"part\":\"gearbox\"") && lines.contains("\"event\":\"keep\""));
+
+    let refused = folder.misused("event --reset ema3 --part wing -c hmd.toml");
+    assert!(
+        refused.contains("expected one of motor, gearbox, controller, found \"wing\""),
+        "{refused}"
+    );
+    folder.misused("event --keep ema3 --part gearbox -c hmd.toml");
+    folder.misused("event --keep ema3 --reset ema3 -c hmd.toml");
+    for (output, found) in [
+        ("raw_frames = true", "output.raw_frames = true: all frames are stored"),
+        ("raw_frames = false\ncaptures = false", "output.captures = false"),
+    ] {
+        config(output);
+        let refused = folder.refused("event --keep ema3 -c hmd.toml", 2);
+        assert!(
+            refused.ends_with(&format!("expected a configuration with captures, found {found}")),
+            "{refused}"
+        );
+    }
+    assert_eq!(String::from_utf8(folder.read("events.jsonl")).unwrap(), lines);
+}

@@ -3,7 +3,6 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -13,13 +12,15 @@ use hmd_core::assess::{AssessedWindow, Identification};
 use hmd_core::deadline::Clock;
 use hmd_core::frame::RawFrame;
 use hmd_core::history::{Event, EventKind};
-use hmd_core::record::Health;
+use hmd_core::record::{Health, Status};
 use hmd_ingest::feed::Input;
 use hmd_ingest::file::open;
 use hmd_storage::config_file::load_config;
 use hmd_storage::event_file;
 use hmd_storage::mcap_writer::METADATA_NAME;
 use hmd_storage::recorder::{Recorder, metadata};
+
+use super::hmd;
 
 /// Time of the frames that were given.
 struct FrameClock {
@@ -44,24 +45,32 @@ impl HostClock for FrameClock {
     }
 }
 
+/// What a run said.
 #[derive(Default)]
-struct Healths(Mutex<Vec<Health>>);
+struct Said {
+    healths: Mutex<Vec<Health>>,
+    notices: Mutex<Vec<String>>,
+    /// Samples so far and health, in each status record.
+    statuses: Mutex<Vec<(u64, String)>>,
+}
 
-impl Observer for Healths {
+impl Observer for Said {
     fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
-        self.0.lock().unwrap().push(assessed.health.clone());
+        self.healths.lock().unwrap().push(assessed.health.clone());
         Ok(())
     }
 
-    fn notice(&self, _: &str) {}
-}
+    fn notice(&self, message: &str) {
+        self.notices.lock().unwrap().push(message.to_owned());
+    }
 
-fn hmd(folder: &Path, line: &str) -> String {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_hmd"));
-    let ended = command.args(line.split(' ')).current_dir(folder).output().unwrap();
-    let stderr = String::from_utf8_lossy(&ended.stderr);
-    assert_eq!(ended.status.code(), Some(0), "hmd {line}: {stderr}");
-    String::from_utf8(ended.stdout).unwrap()
+    fn status(&self, status: &Status) {
+        let health = status.actuators.first().map(|actuator| actuator.health.clone());
+        self.statuses
+            .lock()
+            .unwrap()
+            .push((status.samples, health.unwrap_or_default()));
+    }
 }
 
 /// Segments of raw frames, each with the reason of its capture and its frames.
@@ -81,7 +90,7 @@ fn captures(folder: &Path) -> Vec<(PathBuf, String, Vec<RawFrame>)> {
 }
 
 /// Runs the daemon over the frames of a log, with a request for frames when so much of it has passed.
-fn run(root: &Path, log: &Path, request_at: Duration) -> (Vec<Health>, Vec<RawFrame>) {
+fn run(root: &Path, log: &Path, request_at: Duration) -> (Said, Vec<RawFrame>) {
     let config = Arc::new(load_config(root.join("hmd.toml")).unwrap());
     let mut source = open(log).unwrap();
     let frames: Vec<RawFrame> = source.by_ref().map(Result::unwrap).collect();
@@ -92,7 +101,7 @@ fn run(root: &Path, log: &Path, request_at: Duration) -> (Vec<Health>, Vec<RawFr
         start_ns,
         now_ns: AtomicU64::new(start_ns),
     };
-    let healths = Healths::default();
+    let said = Said::default();
     let recorder = Recorder::open_folder(
         &root.join("segments"),
         &metadata(&config, "host", 1),
@@ -100,7 +109,7 @@ fn run(root: &Path, log: &Path, request_at: Duration) -> (Vec<Health>, Vec<RawFr
     )
     .unwrap();
     let watch = Some((config, 1));
-    let mut steps = Steps::new(names, Some(recorder), watch, Arc::new(Identification), &clock, &healths).unwrap();
+    let mut steps = Steps::new(names, Some(recorder), watch, Arc::new(Identification), &clock, &said).unwrap();
     let (mut tick_ns, mut asked) = (start_ns, false);
     for frame in &frames {
         clock.now_ns.store(frame.stamp_ns, Relaxed);
@@ -127,7 +136,7 @@ fn run(root: &Path, log: &Path, request_at: Duration) -> (Vec<Health>, Vec<RawFr
     }
     let status = steps.finish().unwrap();
     assert_eq!((status.lost_storage_frames, status.lost_storage_records), (0, 0));
-    (healths.0.into_inner().unwrap(), frames)
+    (said, frames)
 }
 
 #[test]
@@ -142,7 +151,8 @@ fn frames_around_a_window_whose_health_got_worse_are_kept_and_those_asked_for_an
         root.path(),
         "simulate --rate 400 --windows 20 --fault friction=0.6 --seed 4 -o worn.log",
     );
-    let (healths, all) = run(root.path(), &root.path().join("worn.log"), Duration::from_secs(12));
+    let (said, all) = run(root.path(), &root.path().join("worn.log"), Duration::from_secs(12));
+    let healths = said.healths.into_inner().unwrap();
     assert_eq!(healths.len(), 20);
 
     let kept = captures(&root.path().join("segments"));
@@ -162,6 +172,21 @@ fn frames_around_a_window_whose_health_got_worse_are_kept_and_those_asked_for_an
     assert_eq!(kept[0].2, around(first.t_start_ns, first.t_start_ns + 502_400_000));
     let asked = event_file::read(&root.path().join("events.jsonl")).unwrap().list[0].t_ns;
     assert_eq!(kept[1].2, around(asked, asked));
+
+    let notices = said.notices.into_inner().unwrap();
+    for (path, why, _) in &kept {
+        let name = path.file_name().unwrap().to_str().unwrap();
+        let told = format!("storage: frames kept in {name}: {why}");
+        assert!(notices.contains(&told), "{told}: {notices:?}");
+    }
+    // A changed health is not held back until the next status record is due, ten seconds after the first.
+    let statuses = said.statuses.into_inner().unwrap();
+    let critical = statuses.iter().find(|(_, health)| health == "critical").unwrap();
+    assert!(
+        critical.0 < 3 * 400,
+        "after {} samples at 400 Hz: {statuses:?}",
+        critical.0
+    );
 
     // The capture alone is enough for the same verdict.
     let line = format!("replay --json -c hmd.toml {}", kept[0].0.display());

@@ -2,7 +2,6 @@
 #![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
@@ -10,14 +9,7 @@ use hmd_core::frame::BusNames;
 use hmd_core::record::{Health, Rul};
 use hmd_storage::segment_store::{RealDisk, SegmentStore};
 
-/// What a verb says on stdout; nothing is lost.
-fn hmd(folder: &Path, line: &str) -> String {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_hmd"));
-    let ended = command.args(line.split(' ')).current_dir(folder).output().unwrap();
-    let stderr = String::from_utf8_lossy(&ended.stderr);
-    assert_eq!(ended.status.code(), Some(0), "hmd {line}: {stderr}");
-    String::from_utf8(ended.stdout).unwrap()
-}
+use super::hmd;
 
 #[test]
 fn segments_in_progress_are_read_and_what_is_torn_at_their_end_is_no_loss() {
@@ -63,17 +55,25 @@ fn segments_in_progress_are_read_and_what_is_torn_at_their_end_is_no_loss() {
     let log = hmd(root.path(), "simulate -o log.log --rate 400");
     assert_eq!(log, "");
     let mut source = hmd_ingest::file::open(&root.path().join("log.log")).unwrap();
-    for frame in source.by_ref().map(Result::unwrap) {
-        store.write_frame(&frame, &names);
+    let frames: Vec<_> = source.by_ref().map(Result::unwrap).collect();
+    for frame in &frames {
+        store.write_frame(frame, &names);
     }
     store.tick(now);
-    assert_eq!(hmd(root.path(), "replay --json segments/").lines().count(), 1);
+    let replayed = || hmd(root.path(), "replay --json segments/").lines().count();
+    assert_eq!(replayed(), 1);
+    // The next segment is begun with a frame that is not on the disk yet.
+    now += limits.segment_age + Duration::from_secs(1);
+    store.tick(now);
+    store.write_frame(&frames[0], &names);
+    assert_eq!(replayed(), 1);
     // The writer was seen in the middle of a chunk.
+    put(&mut store, 2);
     let mut paths = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path());
     let part = paths.find(|path| path.to_str().unwrap().ends_with("-records.mcap.part"));
     let part = part.unwrap();
     let whole = std::fs::read(&part).unwrap();
-    put(&mut store, 2);
+    put(&mut store, 3);
     let longer = std::fs::read(&part).unwrap();
     for cut in whole.len()..=longer.len() {
         std::fs::write(root.path().join("cut.mcap.part"), &longer[..cut]).unwrap();

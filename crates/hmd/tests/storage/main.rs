@@ -8,6 +8,19 @@ mod recover;
 mod survive;
 mod survive_rig;
 
+use std::path::Path;
+use std::process::Command;
+
+/// What a verb says on stdout; it does its work and loses nothing.
+#[allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
+fn hmd(folder: &Path, line: &str) -> String {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_hmd"));
+    let ended = command.args(line.split(' ')).current_dir(folder).output().unwrap();
+    let stderr = String::from_utf8_lossy(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(0), "hmd {line}: {stderr}");
+    String::from_utf8(ended.stdout).unwrap()
+}
+
 #[test]
 #[ignore = "the process that the others start, and end"]
 fn writer() {

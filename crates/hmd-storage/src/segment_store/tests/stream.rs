@@ -15,6 +15,14 @@ impl Bench {
         };
         names.map(number).collect()
     }
+
+    /// Some frames, and a disk that then fails for a tick.
+    fn fail_once(&mut self, store: &mut SegmentStore) {
+        self.put_frames(store, 10);
+        self.disk.set(Some(io::ErrorKind::Other));
+        self.tick(store, 1);
+        self.disk.set(None);
+    }
 }
 
 #[test]
@@ -26,10 +34,7 @@ fn segments_are_numbered_without_a_gap_but_for_one_after_a_failure() {
         store.close_segment(Kind::Raw);
     }
     assert_eq!(bench.numbers(), ["0", "1", "2"]);
-    bench.put_frames(&mut store, 10);
-    bench.disk.set(Some(io::ErrorKind::Other));
-    bench.tick(&mut store, 1);
-    bench.disk.set(None);
+    bench.fail_once(&mut store);
     bench.tick(&mut store, 1);
     bench.put_frames(&mut store, 10);
     store.finish();
@@ -41,10 +46,7 @@ fn segments_are_numbered_without_a_gap_but_for_one_after_a_failure() {
 fn a_segment_without_frames_is_removed() {
     let mut bench = Bench::new();
     let mut store = bench.open();
-    bench.put_frames(&mut store, 10);
-    bench.disk.set(Some(io::ErrorKind::Other));
-    bench.tick(&mut store, 1);
-    bench.disk.set(None);
+    bench.fail_once(&mut store);
     bench.tick(&mut store, 2);
     assert!(bench.names().iter().any(|name| name.ends_with("-raw.mcap.part")));
     store.finish();
@@ -69,10 +71,7 @@ fn ticks_without_data_close_no_segment() {
 fn after_a_failure_the_next_segment_waits_for_its_time() {
     let mut bench = Bench::new();
     let mut store = bench.open();
-    bench.put_frames(&mut store, 10);
-    bench.disk.set(Some(io::ErrorKind::Other));
-    bench.tick(&mut store, 1);
-    bench.disk.set(None);
+    bench.fail_once(&mut store);
     let lost = store.status().lost_frames;
     bench.put_frames(&mut store, 7);
     assert_eq!(store.status().lost_frames, lost + 7, "too early");

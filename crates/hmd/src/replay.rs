@@ -1,12 +1,12 @@
 //! File driver: the same chain as live, with time taken from the file.
 
-use std::collections::{BTreeMap, BTreeSet};
+mod live_decisions;
+
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-use prost::Message;
 
 use ema_identify::effort::{Effort, RecordedGrants};
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Estimator, Identification};
@@ -19,7 +19,7 @@ use hmd_core::learning::Learner;
 use hmd_core::metadata_checksum::is_sealed;
 use hmd_core::outbox::Notice;
 use hmd_core::pipeline::Pipeline;
-use hmd_core::record::{Dropped, LogLevel, Record, Shortened, Status};
+use hmd_core::record::{LogLevel, Status};
 use hmd_ingest::Loss;
 use hmd_ingest::file::{FrameSource, IngestError, open_mapped};
 use hmd_storage::calibration_file::load_models;
@@ -28,6 +28,7 @@ use hmd_storage::mcap::McapMessages;
 use hmd_storage::mcap_writer::METADATA_NAME;
 use hmd_storage::recorder::{RecordError, RecordObserver, Recorder, metadata};
 use hmd_storage::same_file::is_same_file;
+use live_decisions::LiveDecisions;
 
 /// Why a replay failed.
 #[derive(Debug, thiserror::Error)]
@@ -501,51 +502,6 @@ pub fn serial_numbers(log: &Path) -> BTreeMap<String, String> {
         }
     }
     found
-}
-
-/// What a live run decided by time, out of the logs that it wrote; by actuator and start of each window.
-#[derive(Debug, Default)]
-struct LiveDecisions {
-    dropped: BTreeSet<(String, u64)>,
-    shortened: BTreeMap<(String, u64), Shortened>,
-}
-
-impl LiveDecisions {
-    /// They must be known before their windows are met, and a run records them only later. A log that cannot be read has none; it is
-    /// reported when it is replayed.
-    fn of(logs: &[PathBuf]) -> Self {
-        let mut found = Self::default();
-        for log in logs {
-            // Nothing else than a regular file can be read twice.
-            if !log.metadata().is_ok_and(|of| of.is_file()) {
-                continue;
-            }
-            let Ok(file) = File::open(log) else { continue };
-            let Ok(messages) = McapMessages::new(BufReader::new(file), &log.display().to_string()) else {
-                continue;
-            };
-            let topics = messages.topics();
-            let none = |topic: &String| !topic.ends_with("/dropped") && !topic.ends_with("/shortened");
-            if !topics.is_empty() && topics.iter().all(none) {
-                continue;
-            }
-            for message in messages.flatten() {
-                let data = message.data.as_slice();
-                if *message.schema == *Dropped::SCHEMA_NAME {
-                    let decoded = Dropped::decode(data);
-                    found
-                        .dropped
-                        .extend(decoded.map(|record| (record.actuator, record.t_start_ns)));
-                } else if *message.schema == *Shortened::SCHEMA_NAME {
-                    let decoded = Shortened::decode(data);
-                    found
-                        .shortened
-                        .extend(decoded.map(|record| ((record.actuator.clone(), record.t_start_ns), record)));
-                }
-            }
-        }
-        found
-    }
 }
 
 #[cfg(test)]

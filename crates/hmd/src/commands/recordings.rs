@@ -132,6 +132,8 @@ mod tests {
         names.intern("can0").unwrap();
         let frame = RawFrame::new(1, 0, 1, FrameFlags::NONE, &[]).unwrap();
         store.write_frame(&frame, &names);
+        assert!(of(&path, Wanted::Logs).is_err(), "its frame is not on the disk yet");
+        store.tick(Instant::now());
         let part = ["hmd-00000001-raw.mcap.part"];
         assert_eq!(of(&path, Wanted::Logs).unwrap(), part, "what is being written, too");
         store.finish();

@@ -1,10 +1,21 @@
-//! Nothing but its tests: the queue of windows, compiled from the daemon's own source, under a scheduler that tries orders; health and
-//! the segment store, explored state by state.
+//! Nothing but its tests: the queue of windows, compiled from the daemon's own source, under a scheduler that tries orders; health,
+//! learning, requests of an operator and the segment store, explored state by state.
 
 #[cfg(test)]
 mod health;
 #[cfg(test)]
+mod learning;
+#[cfg(test)]
+mod reload;
+#[cfg(test)]
 mod segment_store;
+
+#[cfg(test)]
+#[path = "../crates/hmd-core/src/learning/kept_windows.rs"]
+mod kept_windows;
+#[cfg(test)]
+#[path = "../crates/hmd/src/commands/requests.rs"]
+mod requests;
 
 #[cfg(test)]
 mod sync {

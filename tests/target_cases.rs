@@ -161,7 +161,7 @@ impl Case {
             conditions,
             rest,
             samples,
-            prepared: Prepared::new(params, &sensed, &[], rest),
+            prepared: Prepared::new(params, &sensed, &[], rest, None),
             identifier,
         }
     }

@@ -3,9 +3,9 @@
 
 use std::sync::Arc;
 
+use hmd_core::assess::WindowCounts;
 use hmd_core::config::Config;
 use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
-use hmd_core::assess::WindowCounts;
 use hmd_core::pipeline::Pipeline;
 use libfuzzer_sys::fuzz_target;
 

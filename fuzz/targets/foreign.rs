@@ -14,7 +14,7 @@ fuzz_target!(|bytes: &[u8]| {
     if bytes.starts_with(blf::MAGIC) {
         BlfReader::new(bytes, "a.blf", names).count();
     } else if mdf::MAGICS.iter().any(|magic| bytes.starts_with(magic)) {
-        MdfReader::new(Cursor::new(bytes), "a.mf4", names).map_or(0, Iterator::count);
+        let _ = MdfReader::new(Cursor::new(bytes), "a.mf4", names).map_or(0, Iterator::count);
     } else {
         AscReader::new(bytes, "a.asc", names).count();
     }

@@ -1,12 +1,19 @@
 //! Any bytes as an MCAP file: frames, and what recovery makes of it, which must be whole.
 #![no_main]
 
+#[path = "../mutators/mcap.rs"]
+mod mutator;
+
 use std::io::Cursor;
 
 use hmd_core::frame::BusNames;
 use hmd_storage::mcap::{McapFrames, McapMessages};
 use hmd_storage::recover::recover;
-use libfuzzer_sys::fuzz_target;
+use libfuzzer_sys::{fuzz_mutator, fuzz_target};
+
+fuzz_mutator!(|data: &mut [u8], size: usize, max_size: usize, seed: u32| {
+    mutator::mutate(data, size, max_size, seed)
+});
 
 fuzz_target!(|bytes: &[u8]| {
     if let Ok(frames) = McapFrames::new(Cursor::new(bytes), "a.mcap", BusNames::new()) {

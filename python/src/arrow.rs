@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use arrow_array::ffi_stream::FFI_ArrowArrayStream;
 use arrow_array::{
     ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, RecordBatchIterator, StringArray,
-    TimestampNanosecondArray, UInt64Array,
+    TimestampNanosecondArray,
 };
 use arrow_schema::{ArrowError, DataType, Field, Schema, SchemaRef, TimeUnit};
 use hmd_report::export::{ExportError, Head, Kind, Sources, Table, Value};
@@ -130,8 +130,8 @@ impl ArrowTable {
 fn field(head: &Head) -> Field {
     let kind = match head.kind {
         Kind::Time => DataType::Timestamp(TimeUnit::Nanosecond, Some("UTC".into())),
-        Kind::Count => DataType::UInt64,
-        Kind::Signed => DataType::Int64,
+        // As Parquet files have them: no count comes near 2⁶³.
+        Kind::Count | Kind::Signed => DataType::Int64,
         Kind::Text => DataType::Utf8,
         Kind::Flag => DataType::Boolean,
         Kind::Number => DataType::Float64,
@@ -152,11 +152,8 @@ fn column(kind: Kind, values: Vec<Value>) -> ArrayRef {
             });
             Arc::new(TimestampNanosecondArray::from_iter(times).with_timezone("UTC"))
         }
-        Kind::Count => Arc::new(UInt64Array::from_iter(values.map(|value| match value {
-            Value::Count(n) => Some(n),
-            _ => None,
-        }))),
-        Kind::Signed => Arc::new(Int64Array::from_iter(values.map(|value| match value {
+        Kind::Count | Kind::Signed => Arc::new(Int64Array::from_iter(values.map(|value| match value {
+            Value::Count(n) => i64::try_from(n).ok(),
             Value::Signed(n) => Some(n),
             _ => None,
         }))),

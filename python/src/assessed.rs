@@ -6,6 +6,8 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use ema_models::{SensedSample, Setpoint};
+use hmd::commands::recordings::{Wanted, recordings};
+use hmd::commands::replay::check_output;
 use hmd::commands::{check_files, load_config};
 use hmd::replay::{Observer, Replay};
 use hmd_core::actuator_stream::cut_windows;
@@ -87,7 +89,11 @@ impl Observer for CollectedRecords {
 }
 
 /// Computes on threads of its own, which a fork later cannot hang on; without the interpreter's lock.
-fn compute<T: Send>(py: Python<'_>, threads: usize, work: impl FnOnce() -> anyhow::Result<T> + Send) -> PyResult<T> {
+pub(crate) fn compute<T: Send>(
+    py: Python<'_>,
+    threads: usize,
+    work: impl FnOnce() -> anyhow::Result<T> + Send,
+) -> PyResult<T> {
     let computed = py.detach(|| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
         pool.context("cannot start threads")?.install(work)
@@ -95,10 +101,10 @@ fn compute<T: Send>(py: Python<'_>, threads: usize, work: impl FnOnce() -> anyho
     computed.map_err(raised)
 }
 
-/// The configuration of a file and all that it names, or the defaults.
-fn checked_config(path: Option<&PathBuf>) -> anyhow::Result<Arc<Config>> {
+/// The configuration of a file and all that it names, or the defaults; and what an operator should read of them.
+fn checked_config(path: Option<&PathBuf>, notices: &mut Vec<String>) -> anyhow::Result<Arc<Config>> {
     let config = load_config(path.map(PathBuf::as_path))?;
-    check_files(&config)?;
+    check_files(&config, &mut |notice| notices.push(notice.to_owned()))?;
     Ok(Arc::new(config))
 }
 
@@ -116,11 +122,16 @@ pub(crate) fn replay(
         return Err(misuse("expected a log, found none"));
     }
     let (records, loss) = compute(py, threads, || {
+        let logs = recordings(&logs, Wanted::Logs)?;
         let mut records = CollectedRecords::new();
+        let config = checked_config(config.as_ref(), &mut records.notices)?;
+        if let Some(output) = &output {
+            check_output(output, &logs, &config)?;
+        }
         let replay = Replay {
             logs: &logs,
             output: output.as_deref(),
-            config: checked_config(config.as_ref())?,
+            config,
             seed,
         };
         let summary = replay.run(&mut records)?;
@@ -238,14 +249,14 @@ pub(crate) fn identify(
         winding_temp_deg_c: measured.winding_temp_c,
         load_torque_nm: measured.load_torque_nm,
     };
-    let config = checked_config(config.as_ref()).map_err(raised)?;
+    let mut records = CollectedRecords::new();
+    let config = checked_config(config.as_ref(), &mut records.notices).map_err(raised)?;
     let Some(known) = config.actuator_named(actuator).cloned().map(Arc::new) else {
         return Err(misuse(format!(
             "actuator: expected one of the configuration, found {actuator:?}"
         )));
     };
-    let records = compute(py, threads, || {
-        let mut records = CollectedRecords::new();
+    let records = compute(py, threads, move || {
         let (jobs, notices) = cut_windows(&config, &known, rate, conditions, samples);
         records.notices.extend(notices.into_iter().map(|notice| notice.message));
         let events = load_events(&config)?;

@@ -8,7 +8,7 @@ mod assessed;
 mod error;
 mod fit_problem;
 mod logs;
-mod simulate;
+mod verbs;
 
 use pyo3::prelude::*;
 
@@ -26,7 +26,11 @@ mod _hmd {
     #[pymodule_export]
     use super::logs::{config_identity, read_raw, read_records, serial_numbers};
     #[pymodule_export]
-    use super::simulate::simulate;
+    use super::verbs::run;
+
+    /// Names of k1 to k8.
+    #[pymodule_export]
+    const FAULT_PARAMETERS: [&str; ema_models::FAULT_COUNT] = ema_models::FaultVector::NAMES;
 
     /// Version of the program.
     #[pymodule_export]

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use hmd::commands::recordings::{Wanted, recordings};
 use hmd::commands::{check_files, load_config};
 use hmd_report::export::{TableKind, export, export_raw, raw_heads};
 use hmd_storage::calibration_file::hash_of_models;
@@ -12,7 +13,7 @@ use pyo3::prelude::*;
 use crate::arrow::{ArrowTable, Shared};
 use crate::error::{misuse, raised};
 
-/// Records of files that `hmd` wrote; also whether parts could not be read.
+/// Records of files or folders that `hmd` wrote; also whether parts could not be read.
 #[pyfunction]
 pub(crate) fn read_records(py: Python<'_>, files: Vec<PathBuf>, table: &str) -> PyResult<(ArrowTable, bool)> {
     let kind = match table {
@@ -22,18 +23,31 @@ pub(crate) fn read_records(py: Python<'_>, files: Vec<PathBuf>, table: &str) -> 
     };
     let rows = Shared::new(kind.heads());
     let exported = py
-        .detach(|| export(&files, kind, Box::new(rows.clone()), &mut |_| {}))
+        .detach(|| {
+            let files = recordings(&files, Wanted::Records)?;
+            Ok::<_, anyhow::Error>(export(&files, kind, Box::new(rows.clone()), &mut |_| {})?)
+        })
         .map_err(raised)?;
+    if exported.rows == 0 && exported.damaged {
+        let names: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
+        return Err(raised(anyhow::anyhow!(
+            "{}: expected records of windows, found none",
+            names.join(", ")
+        )));
+    }
     Ok((rows.into_table()?, exported.damaged))
 }
 
-/// Samples of logs; also whether parts could not be read.
+/// Samples of logs, or folders of them; also whether parts could not be read.
 #[pyfunction]
 pub(crate) fn read_raw(py: Python<'_>, logs: Vec<PathBuf>, config: Option<PathBuf>) -> PyResult<(ArrowTable, bool)> {
     let config = load_config(config.as_deref()).map_err(raised)?;
     let rows = Shared::new(raw_heads());
     let exported = py
-        .detach(|| export_raw(&logs, Arc::new(config), Box::new(rows.clone())))
+        .detach(|| {
+            let logs = recordings(&logs, Wanted::Logs)?;
+            Ok::<_, anyhow::Error>(export_raw(&logs, Arc::new(config), Box::new(rows.clone()))?)
+        })
         .map_err(raised)?;
     Ok((rows.into_table()?, exported.damaged))
 }
@@ -42,7 +56,7 @@ pub(crate) fn read_raw(py: Python<'_>, logs: Vec<PathBuf>, config: Option<PathBu
 #[pyfunction]
 pub(crate) fn config_identity(config: Option<PathBuf>) -> PyResult<(String, String, Vec<PathBuf>)> {
     let config = load_config(config.as_deref()).map_err(raised)?;
-    check_files(&config).map_err(raised)?;
+    check_files(&config, &mut |_| {}).map_err(raised)?;
     let actuators = config.actuators().iter();
     let files = actuators.flat_map(|actuator| [&actuator.calibration, &actuator.dbc]);
     let files = files.chain([&config.rul().events]).flatten();

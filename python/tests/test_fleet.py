@@ -212,6 +212,49 @@ def test_a_log_that_kills_its_worker_is_listed_and_the_others_are_assessed(
     assert summary["bad"] == [{"log": "deadly.log", "message": "its worker died each time"}]
 
 
+def test_each_unit_has_its_own_configuration(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder, configs, out = tmp_path / "logs", tmp_path / "configs", tmp_path / "out"
+    configs.mkdir()
+    with pytest.raises(hmd.ConfigError, match=r"expected configurations called UNIT\.toml, found none"):
+        run(folder, out, configs, workers=0)
+    own = configs / "unit-2.toml"
+    own.write_text(EXACT)
+    for unit in ("unit-1", "unit-2"):
+        shifted(folder / unit / "day.log", (fleet / unit / "day-09.log").read_text(), 0)
+    (configs / "unit-9.toml").write_text(EXACT)
+    assert run(folder, out, configs, workers=1) == 0
+    said = capsys.readouterr().err
+    assert "folders without a configuration of their unit: unit-1" in said
+    assert "configurations of no log: unit-9.toml" in said
+
+    def lines(unit: str) -> list[str]:
+        log = folder / unit / "day.log"
+        texts = [text.decode() for text in results(out).values()]
+        found = next(text for text in texts if contract.hash_of(log) in text.splitlines()[0])
+        return found.splitlines()[1:]
+
+    assert lines("unit-1") == hmd.replay(folder / "unit-1/day.log").lines
+    assert lines("unit-2") == hmd.replay(folder / "unit-2/day.log", config=own).lines
+    assert lines("unit-2") != hmd.replay(folder / "unit-2/day.log").lines
+    # Another configuration of one unit: that unit alone is assessed again.
+    before = set(results(out))
+    own.write_text(EXACT + "[health]\nwatch = 0.04\n")
+    assert run(folder, out, configs, workers=0) == 0
+    assert len(set(results(out)) - before) == 1
+
+
+def test_arguments_that_make_no_sense_are_refused(tmp_path: Path) -> None:
+    for words in (["--workers", "-1"], ["--seed", "-1"], ["--seed", str(2**64)]):
+        ended = subprocess.run(
+            [sys.executable, "-m", "hmd.fleet", str(tmp_path), "-o", str(tmp_path / "out"), *words],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert ended.returncode == 2
+        assert "expected a whole number" in ended.stderr
+
+
 def test_bad_logs_are_listed_and_end_nothing(spoilt: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert run(spoilt, out, workers=2) == 3

@@ -2,12 +2,14 @@
 
 import json
 import math
+import pickle
 import subprocess
 import threading
 import time
 from pathlib import Path
 
 import pandas
+import polars
 import pytest
 from conftest import EXACT, REPOSITORY
 
@@ -69,6 +71,30 @@ def test_the_table_holds_the_same_numbers_for_pandas(worn: Path, tmp_path: Path)
         assert row["damage_friction"] == window["k"][0]
 
 
+def test_frames_of_pandas_and_polars_are_equal(worn: Path) -> None:
+    found = hmd.replay(worn)
+    of_pandas, of_polars = found.to_pandas(), found.to_polars()
+    assert list(of_pandas.columns) == of_polars.columns
+    pandas.testing.assert_frame_equal(of_polars.to_pandas(), of_pandas)
+    assert of_polars.equals(polars.from_pandas(of_pandas))
+    assert of_polars.schema["window"] == polars.Int64
+    assert of_polars.schema["t_start_ns"] == polars.Datetime("ns", "UTC")
+
+
+def test_windows_are_a_sequence_that_shows_itself(worn: Path) -> None:
+    found = hmd.replay(worn)
+    assert len(found) == len(list(found)) == len(found.windows) == 2
+    assert [window["window"] for window in found] == [0, 1]
+    assert {window["health"] for window in found} == {"watch"}
+    assert repr(found) == "<hmd.Judged, 2 windows: 2 of ema0 watch>"
+    assert found[1] == found.windows[1]
+    again = pickle.loads(pickle.dumps(found))
+    assert again == found
+    assert again.to_arrow().equals(found.to_arrow())
+    assert hmd.FAULT_PARAMETERS[0] == "friction"
+    assert len(hmd.FAULT_PARAMETERS) == len(found.windows[0]["k"]) == 8
+
+
 def test_an_error_is_the_sentence_of_the_program(program: str, tmp_path: Path) -> None:
     bad = tmp_path / "bad.toml"
     bad.write_text("[window]\nduration_ms = -3\n")
@@ -103,7 +129,9 @@ def test_losses_are_reported_and_the_rest_is_assessed(program: str, worn: Path, 
     torn = tmp_path / "torn.log"
     torn.write_text("".join(lines))
     ended = command(program, torn, "--json")
-    assessed = hmd.replay(torn)
+    with pytest.warns(hmd.DataLossWarning, match=r"torn\.log"):
+        assessed = hmd.replay(torn)
+    assert repr(assessed).endswith(", data lost>")
     assert ended.returncode == 3
     assert assessed.loss is not None
     assert f"{torn}: {assessed.loss}" in ended.stderr

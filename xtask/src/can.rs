@@ -50,7 +50,12 @@ pub(crate) fn check() -> anyhow::Result<()> {
 /// The MCAP reference library finds as many frames in each file as the daemon says it received.
 fn read_by_others(results: &Results, folder: &Path, python: &Python) -> anyhow::Result<()> {
     for name in ["stream", "bus", "link", "record", "slcan"] {
-        let frames = results.counted(name, "frames received")?;
+        let phrase = if name == "record" {
+            "frames recorded"
+        } else {
+            "frames received"
+        };
+        let frames = results.counted(name, phrase)?;
         let file = folder.join(name).with_extension("mcap");
         python.script_with(
             "fixtures/check_mcap.py",
@@ -259,7 +264,7 @@ fn link(results: &Results) -> anyhow::Result<()> {
 fn record(results: &Results, folder: &Path) -> anyhow::Result<()> {
     let played = logs::frames(&folder.join("fd.log"))? + logs::frames(&folder.join("foreign.log"))?;
     equal("frames on the interface", results.number("record.sent0")?, played)?;
-    equal("frames received", results.counted("record", "frames received")?, played)?;
+    equal("frames recorded", results.counted("record", "frames recorded")?, played)?;
     equal("exit code", results.number("record.exit")?, 0)?;
     eprintln!("record: {played} frames");
     Ok(())

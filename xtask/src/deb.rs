@@ -2,12 +2,14 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Output;
 
 use anyhow::{Context, ensure};
 
+use crate::debian;
 use crate::dist::{Build, PLATFORMS, Platform, build};
 use crate::sbom;
-use crate::shell::{cargo, program, run, run_to_file, target_dir};
+use crate::shell::{cargo, program, root, run, run_to_file, target_dir};
 use crate::tools::Tool;
 
 /// What packs.
@@ -60,14 +62,54 @@ const TOOLS: Package = Package {
     ],
 };
 
-/// Makes both packages for every platform.
+/// Makes both packages for every platform; their programs must replay each golden log with the same bytes.
 pub(crate) fn make() -> anyhow::Result<()> {
+    let mut replayed: Option<(&str, Vec<(PathBuf, Output)>)> = None;
     for platform in &PLATFORMS {
-        for package in [SERVICE, TOOLS] {
-            run(program("sha256sum", [package.pack(platform)?]))?;
+        run(program("sha256sum", [SERVICE.pack(platform)?]))?;
+        let tools = TOOLS.pack(platform)?;
+        run(program("sha256sum", [&tools]))?;
+        let outputs = replay_golden_logs(platform, &tools)?;
+        if let Some((other, expected)) = &replayed {
+            let pair = format!("{other} and {}", platform.architecture);
+            for ((log, one), (_, other)) in expected.iter().zip(&outputs) {
+                ensure!(one == other, "{}: {pair} replay it differently", log.display());
+            }
+            eprintln!("{pair}: the same bytes of {} golden logs", outputs.len());
         }
+        replayed = Some((platform.architecture, outputs));
     }
     Ok(())
+}
+
+/// What the program in a package of tools prints of each golden log: unpacked, not installed; emulated where it has to be.
+fn replay_golden_logs(platform: &Platform, package: &Path) -> anyhow::Result<Vec<(PathBuf, Output)>> {
+    let folder = package.with_extension("");
+    let _ = fs::remove_dir_all(&folder);
+    run(program("dpkg-deb", ["--extract"]).arg(package).arg(&folder))?;
+    let hmd = folder.join("usr/lib/hmd-tools/hmd");
+    if let Some((emulator, from)) = platform.emulator {
+        debian::install(&[(from, &format!("/usr/bin/{emulator}"))])?;
+    }
+    let logs = root().join("fixtures/logs");
+    let mut outputs = Vec::new();
+    for entry in fs::read_dir(&logs).with_context(|| logs.display().to_string())? {
+        let log = entry?.path();
+        // Beside each log stands what its simulation was given.
+        if log.extension().is_some_and(|extension| extension == "jsonl") {
+            continue;
+        }
+        let mut command = match platform.emulator {
+            None => program(&hmd, ["replay"]),
+            Some((emulator, _)) => program(emulator, [hmd.as_os_str(), "replay".as_ref()]),
+        };
+        let output = command.arg(&log).arg("--json").output().context("replay")?;
+        ensure!(!output.stdout.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+        outputs.push((log, output));
+    }
+    outputs.sort_by(|(one, _), (other, _)| one.cmp(other));
+    ensure!(!outputs.is_empty(), "{}: expected logs", logs.display());
+    Ok(outputs)
 }
 
 /// Both packages for this kind of computer.

@@ -16,6 +16,8 @@ pub(crate) struct Platform {
     pub(crate) architecture: &'static str,
     /// Compiler of the C code, with the package that has it.
     compiler: (&'static str, &'static str),
+    /// What runs its programs on x86-64, with the package that has it; none where they run by themselves.
+    pub(crate) emulator: Option<(&'static str, &'static str)>,
 }
 
 /// All of them.
@@ -24,11 +26,13 @@ pub(crate) const PLATFORMS: [Platform; 2] = [
         target: "x86_64-unknown-linux-musl",
         architecture: "amd64",
         compiler: ("musl-gcc", "musl-tools"),
+        emulator: None,
     },
     Platform {
         target: "aarch64-unknown-linux-musl",
         architecture: "arm64",
         compiler: ("aarch64-linux-gnu-gcc", "gcc-aarch64-linux-gnu"),
+        emulator: Some(("qemu-aarch64-static", "qemu-user-static")),
     },
 ];
 

@@ -11,17 +11,60 @@ use crate::shell::{program, root, run, succeeds, target_dir};
 /// Version that is installed where there is none.
 const VERSION: &str = "0.13.2";
 
-/// Targets of `fuzz/targets`, each with a file that its reader takes, to begin with.
-const TARGETS: [(&str, Option<&str>); 8] = [
-    ("can", None),
-    ("serial", None),
-    ("config", Some("fixtures/hmd.toml")),
-    ("candump", None),
-    ("foreign", Some("fixtures/foreign/transposed.mf4")),
-    ("signals", Some("fixtures/measured/samples-snappy.parquet")),
-    ("dbc", Some("fixtures/foreign.dbc")),
-    ("mcap", Some("fixtures/logs/backlash-low.mcap")),
+/// One of `fuzz/targets`.
+struct Target {
+    name: &'static str,
+    /// Files that its reader takes, to begin with.
+    seeds: &'static [&'static str],
+    /// Words of its format, if it is text.
+    dictionary: Option<&'static str>,
+    /// Longest input, bytes: the files to begin with fit. What is read faster is read more often.
+    longest: u32,
+}
+
+const TARGETS: [Target; 8] = [
+    target("can", &[], 4 << 10),
+    target("serial", &[], 4 << 10),
+    Target {
+        dictionary: Some("fuzz/dictionaries/config.dict"),
+        ..target("config", &["fixtures/hmd.toml"], 8 << 10)
+    },
+    target("candump", &["fixtures/foreign/frames.log"], 4 << 10),
+    target(
+        "foreign",
+        &[
+            "fixtures/foreign/transposed.mf4",
+            "fixtures/foreign/deflated.mf4",
+            "fixtures/foreign/unfinalised.mf4",
+            "fixtures/foreign/frames.blf",
+            "fixtures/foreign/frames.asc",
+        ],
+        16 << 10,
+    ),
+    target(
+        "signals",
+        &[
+            "fixtures/measured/samples-snappy.parquet",
+            "fixtures/measured/samples-zstd.parquet",
+            "fixtures/measured/samples-signals-transposed.mf4",
+        ],
+        32 << 10,
+    ),
+    Target {
+        dictionary: Some("fuzz/dictionaries/dbc.dict"),
+        ..target("dbc", &["fixtures/foreign.dbc"], 4 << 10)
+    },
+    target("mcap", &["fixtures/logs/healthy-400hz.mcap"], 32 << 10),
 ];
+
+const fn target(name: &'static str, seeds: &'static [&'static str], longest: u32) -> Target {
+    Target {
+        name,
+        seeds,
+        dictionary: None,
+        longest,
+    }
+}
 
 /// Seconds of each target in the short form, which finds what is broken outright.
 const SHORT_S: u32 = 20;
@@ -30,8 +73,6 @@ const LONG_S: u32 = 1800;
 /// See [`LONG_S`].
 const LONG_RUNS: u32 = 10_000_000;
 
-/// Longest input, bytes; the files to begin with fit.
-const INPUT_MAX: u32 = 1 << 16;
 /// Most memory of one run, MiB: a record, its content and the sanitiser's own.
 const MEMORY_MIB: u32 = 1024;
 /// Longest single run, s.
@@ -42,8 +83,8 @@ pub(crate) fn check(long: bool) -> anyhow::Result<()> {
     let fuzz = Fuzz::install()?;
     run(fuzz.cargo(["build"]))?;
     let mut running = Vec::new();
-    for (target, seed) in TARGETS {
-        running.push((target, fuzz.start(target, seed, long)?));
+    for target in &TARGETS {
+        running.push((target.name, fuzz.start(target, long)?));
     }
     let mut failed = Vec::new();
     for (target, (mut child, log)) in running {
@@ -115,29 +156,32 @@ impl Fuzz {
     }
 
     /// Starts a target, and tells where its words go.
-    fn start(&self, target: &str, seed: Option<&str>, long: bool) -> anyhow::Result<(Child, PathBuf)> {
+    fn start(&self, target: &Target, long: bool) -> anyhow::Result<(Child, PathBuf)> {
         // What earlier runs found stays there, for the next to begin with.
-        let corpus = target_dir()?.join("fuzz").join(target);
+        let corpus = target_dir()?.join("fuzz").join(target.name);
         fs::create_dir_all(&corpus).with_context(|| corpus.display().to_string())?;
-        if let Some(seed) = seed {
-            fs::copy(root().join(seed), corpus.join("seed")).with_context(|| seed.to_owned())?;
+        for (n, seed) in target.seeds.iter().enumerate() {
+            fs::copy(root().join(seed), corpus.join(format!("seed{n}"))).with_context(|| (*seed).to_owned())?;
         }
         let log = corpus.with_extension("log");
         let file = File::create(&log).with_context(|| log.display().to_string())?;
-        let mut command = self.cargo(["run", target]);
+        let mut command = self.cargo(["run", target.name]);
         command
             .arg(&corpus)
             .arg("--")
-            .arg(format!("-max_len={INPUT_MAX}"))
+            .arg(format!("-max_len={}", target.longest))
             .arg(format!("-rss_limit_mb={MEMORY_MIB}"))
             .arg(format!("-timeout={RUN_S}"))
             .arg("-print_final_stats=1");
+        if let Some(words) = target.dictionary {
+            command.arg(format!("-dict={}", root().join(words).display()));
+        }
         if long {
             command.args([format!("-max_total_time={LONG_S}"), format!("-runs={LONG_RUNS}")]);
         } else {
             command.arg(format!("-max_total_time={SHORT_S}"));
         }
         let child = command.stdout(Stdio::null()).stderr(file).spawn();
-        Ok((child.with_context(|| target.to_owned())?, log))
+        Ok((child.with_context(|| target.name.to_owned())?, log))
     }
 }

@@ -25,6 +25,7 @@ mod no_std;
 mod oracle;
 mod package;
 mod peers;
+mod pictures;
 mod power_cut;
 mod progpy;
 mod programs;
@@ -82,6 +83,8 @@ enum Verb {
     Oracle,
     /// A report, and that of a fleet, in headless Chromium: no console message, no request, accessible; with pictures.
     Report,
+    /// Pictures in the documentation, in headless Chromium: demo, `hmd top`, reports.
+    Pictures,
     /// A viewer beside the program: it gets what is recorded.
     Viewers,
     /// Alert rules under a real Prometheus, until a worn actuator fires one.
@@ -143,7 +146,8 @@ enum Verb {
     },
     /// Static release builds for x86-64 and aarch64, flight and full, each made twice and compared byte by byte.
     Dist,
-    /// The Debian packages of these builds: `hmd` for flight, `hmd-tools` with manual pages and completions.
+    /// The Debian packages of these builds: `hmd` for flight, `hmd-tools` with manual pages and completions; both processors
+    /// replay the golden logs with the same bytes.
     Deb,
     /// The library crates as they would be published, each built from its package.
     Package,
@@ -175,6 +179,7 @@ fn main() -> ExitCode {
         Verb::Readers => readers::check(),
         Verb::Oracle => oracle::check(),
         Verb::Report => report::check(),
+        Verb::Pictures => pictures::make(),
         Verb::Robust => robust::check(),
         Verb::Viewers => viewers::check(),
         Verb::Alerts => alerts::check(),

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 use std::fs;
+use std::path::Path;
 
 use anyhow::{Context, ensure};
 use serde_json::Value;
@@ -16,12 +17,16 @@ const CARGO_MUTANTS: Tool = Tool {
     options: &[],
 };
 
-/// What is changed.
+/// A part that a verdict rests on, and what is changed in it.
 struct Module {
     name: &'static str,
     package: &'static str,
     /// Its sources, below the package's folder.
     files: &'static [&'static str],
+    /// Packages whose tests are run.
+    tests: &'static str,
+    /// Of these tests, as `cargo test` takes it: all that touch a module whose package has slow tests of other things.
+    of_tests: &'static [&'static str],
     /// One mutant in so many is tried: all of a module that takes minutes, of the others a sample.
     one_in: u32,
 }
@@ -31,48 +36,61 @@ const MODULES: [Module; 6] = [
         name: "wire",
         package: "ema-wire",
         files: &["src/**/*.rs"],
+        tests: "ema-wire",
+        of_tests: &[],
         one_in: 1,
     },
     Module {
         name: "health",
         package: "hmd-core",
         files: &["src/health.rs", "src/health/*.rs"],
+        tests: "hmd-core",
+        of_tests: &[],
         one_in: 1,
     },
     Module {
         name: "store",
         package: "hmd-storage",
         files: &["src/segment_store.rs", "src/segment_store/*.rs"],
+        tests: "hmd-storage",
+        of_tests: &["--lib", "segment_store"],
         one_in: 1,
     },
     Module {
         name: "window",
         package: "hmd-core",
         files: &["src/window.rs", "src/window/*.rs"],
-        one_in: 8,
+        tests: "hmd-core",
+        of_tests: &[],
+        one_in: 16,
     },
     Module {
         name: "trend",
         package: "hmd-core",
         files: &["src/rul.rs", "src/rul/*.rs"],
-        one_in: 8,
+        tests: "hmd-core",
+        of_tests: &[],
+        one_in: 16,
     },
     Module {
         name: "configuration",
         package: "hmd-core",
         files: &["src/config.rs", "src/config/*.rs"],
-        one_in: 8,
+        tests: "hmd-core,hmd-storage",
+        of_tests: &[],
+        one_in: 16,
     },
 ];
 
 /// Mutants that make the same program: `[[mutant]]` with a part of its `name`, and the `reason`.
 const EXPLAINED: &str = "xtask/mutants.toml";
-const PAGE: &str = "fixtures/results/mutants.md";
+/// A page for each module, of its last run.
+const PAGES: &str = "fixtures/results/mutants";
 
-/// Seconds that all tests of a mutant may take: several times what they do.
-const TIMEOUT_S: &str = "300";
+/// Times as long as the tests take without a mutant, at least 20 s: what runs longer does not end.
+const TIMEOUT_MULTIPLIER: &str = "5";
 
-/// Tries every module, or the one of this name, and writes the page from the last run of each.
+/// Tries every module, or the one of this name, and writes its page.
 pub(crate) fn check(wanted: Option<&str>) -> anyhow::Result<()> {
     ensure!(
         wanted.is_none_or(|wanted| MODULES.iter().any(|module| module.name == wanted)),
@@ -88,52 +106,54 @@ pub(crate) fn check(wanted: Option<&str>) -> anyhow::Result<()> {
     {
         let mut command = cargo(["mutants", "--jobs", "1", "--colors", "never", "--no-shuffle"]);
         command
-            .args(["--timeout", TIMEOUT_S, "--package", module.package])
+            .args(["--timeout-multiplier", TIMEOUT_MULTIPLIER])
+            .args(["--package", module.package])
+            .args(["--test-package", module.tests])
             .args(["--shard", &format!("0/{}", module.one_in)])
+            // Optimising across units again takes most of the time of a build after one change.
+            .args(["--cargo-arg", "--config=profile.dev.lto='off'"])
             .arg("--output")
             .arg(output.join(module.name));
         for file in module.files {
             command.arg("--file").arg(format!("crates/{}/{file}", module.package));
         }
+        command.arg("--").args(module.of_tests);
         let folder = path.parent().context("folder of a tool")?.display().to_string();
         let before = std::env::var("PATH").unwrap_or_default();
         command.env("PATH", format!("{folder}:{before}"));
+        // Each module is built in a copy of its own; what it depends on is built once.
+        command.env("CARGO_TARGET_DIR", target_dir()?.join("mutants-build"));
         // It fails where any mutant survives.
         let ended = command.status().context("cargo mutants")?;
         ensure!(matches!(ended.code(), Some(0 | 2 | 3)), "cargo mutants: {ended}");
+        write_page(module, &output)?;
     }
-    let explained = explained()?;
-    let (mut rows, mut survivors) = (String::new(), String::new());
-    for module in &MODULES {
-        let outcomes = output.join(module.name).join("mutants.out/outcomes.json");
-        let Ok(text) = fs::read_to_string(&outcomes) else {
-            writeln!(rows, "| {} | not run | | | |", module.name)?;
-            continue;
-        };
-        let outcomes: Value = serde_json::from_str(&text).context("outcomes.json")?;
-        let count = |key: &str| outcomes[key].as_u64().unwrap_or_default();
-        let (caught, missed) = (count("caught") + count("timeout"), count("missed"));
-        let mut reasons = 0;
-        for name in missed_names(&outcomes) {
-            let reason = explained.iter().find(|(part, _)| name.contains(part.as_str()));
-            reasons += u64::from(reason.is_some());
-            let reason = reason.map_or("no test", |(_, reason)| reason);
-            writeln!(survivors, "- `{}`: {reason}", name.trim_start_matches("crates/"))?;
-        }
-        let share = 100.0 * caught as f64 / (caught + missed - reasons).max(1) as f64;
-        writeln!(
-            rows,
-            "| {} | {} | {} | {caught} | {reasons} | {share:.1} |",
-            module.name,
-            share_of(module.one_in),
-            caught + missed
-        )?;
+    Ok(())
+}
+
+/// Writes the page of a module: a row of the table, and after an empty line the mutants that no test saw.
+fn write_page(module: &Module, output: &Path) -> anyhow::Result<()> {
+    let outcomes = output.join(module.name).join("mutants.out/outcomes.json");
+    let text = fs::read_to_string(&outcomes).with_context(|| outcomes.display().to_string())?;
+    let outcomes: Value = serde_json::from_str(&text).context("outcomes.json")?;
+    let count = |key: &str| outcomes[key].as_u64().unwrap_or_default();
+    let (caught, missed) = (count("caught") + count("timeout"), count("missed"));
+    let (explained, mut reasons, mut survivors) = (explained()?, 0, String::new());
+    for name in missed_names(&outcomes) {
+        let reason = explained.iter().find(|(part, _)| name.contains(part.as_str()));
+        reasons += u64::from(reason.is_some());
+        let reason = reason.map_or("no test", |(_, reason)| reason);
+        writeln!(survivors, "- `{}`: {reason}", name.trim_start_matches("crates/"))?;
     }
-    let page = format!(
-        "| module | mutants | tried | seen by a test | the same program | seen of the others, % |\n|---|---|---|---|---|---|\n{rows}\n\
-         Not seen:\n\n{survivors}"
+    let share = 100.0 * caught as f64 / (caught + missed - reasons).max(1) as f64;
+    let row = format!(
+        "| {} | {} | {} | {caught} | {reasons} | {share:.1} |",
+        module.name,
+        share_of(module.one_in),
+        caught + missed
     );
-    fs::write(root().join(PAGE), page).context(PAGE)
+    let page = root().join(PAGES).join(format!("{}.md", module.name));
+    fs::write(&page, format!("{row}\n\n{survivors}")).with_context(|| page.display().to_string())
 }
 
 fn share_of(one_in: u32) -> String {

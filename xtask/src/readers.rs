@@ -38,12 +38,14 @@ const CONVERTED: [&str; 6] = [
 ];
 
 /// What `fixtures/measured/make.py` makes of the samples of `text.log`.
-const MEASURED: [&str; 8] = [
+const MEASURED: [&str; 10] = [
     "text.csv",
     "text-european.csv",
     "text-none.parquet",
     "text-snappy.parquet",
     "text-zstd.parquet",
+    "text-gzip.parquet",
+    "text-lz4.parquet",
     "text-signals.mf4",
     "text-signals-deflated.mf4",
     "text-signals-transposed.mf4",

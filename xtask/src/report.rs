@@ -52,10 +52,9 @@ fn fleet_page(hmd: &Path, folder: &Path) -> anyhow::Result<PathBuf> {
         for day in 0..DAYS {
             let log = unit.join(format!("day-{day}.log"));
             let fault = format!("friction={}", growth * f64::from(day));
-            run(program(hmd, ["simulate", "--rate", "400", "--fault", &fault, "-o"]).arg(&log))?;
-            // Simulated stamps begin at 1 700 000 000 s whatever the day.
-            let text = fs::read_to_string(&log)?.replace("(17000", &format!("(1700{day}"));
-            fs::write(&log, text)?;
+            let start = format!("2026-11-{:02}T08:00Z", day + 1);
+            let options = ["simulate", "--rate", "400", "--fault", &fault, "--start", &start, "-o"];
+            run(program(hmd, options).arg(&log))?;
         }
     }
     fs::write(logs.join("empty.log"), "")?;

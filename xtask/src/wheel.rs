@@ -52,9 +52,13 @@ pub(crate) fn check() -> anyhow::Result<()> {
     };
     run(inside("ruff", &["format", "--check", "."]))?;
     run(inside("ruff", &["check", "."]))?;
-    run(inside("mypy", &["package"]))?;
+    run(inside("mypy", &["package", "examples"]))?;
     let pytest = ["--quiet", "-p", "no:cacheprovider"];
     run(inside("pytest", &pytest).env("HMD_PROGRAM", programs.hmd()))?;
+    let place = folder()?.join("example");
+    fs::create_dir_all(&place).with_context(|| place.display().to_string())?;
+    let example = root().join("python/examples/wearing_unit.py");
+    run(program(python.interpreter(), [example]).current_dir(&place))?;
     run_notebook(&python)
 }
 

@@ -31,6 +31,8 @@ mod identifier;
 mod inferred;
 mod monitor_fit;
 #[cfg(feature = "std")]
+mod output_zero;
+#[cfg(feature = "std")]
 mod prepared;
 pub mod relations;
 #[cfg(feature = "std")]
@@ -53,5 +55,7 @@ pub use monitor_fit::{
     ActuatorKnowledge, InTime, MAX_CONTROLS, MonitoredWindow, RecordedSample, RecordedWindow, SampleDrive,
     StreamedWindow, Time, cramer_rao_bound, estimator_bias, identify_from_health, refined_from,
 };
+#[cfg(feature = "std")]
+pub use output_zero::output_zero;
 #[cfg(feature = "std")]
 pub use prepared::Prepared;

@@ -15,14 +15,20 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Makes a window ready; its first `rest` samples precede the trigger, and those of the indices `filled` were not
-    /// measured.
+    /// Makes a window ready; its first `rest` samples precede the trigger, those of the indices `filled` were not measured, and
+    /// `output_zero` is that of its unit, rad, where it is [known](crate::output_zero).
     #[must_use]
-    pub fn new(params: &ActuatorParams, window: &[SensedSample], filled: &[usize], rest: usize) -> Self {
+    pub fn new(
+        params: &ActuatorParams,
+        window: &[SensedSample],
+        filled: &[usize],
+        rest: usize,
+        output_zero: Option<f64>,
+    ) -> Self {
         let mut sensed = window.to_vec();
-        align_counters(params, &mut sensed);
+        let output_zero = align_counters(params, &mut sensed, output_zero);
         let mut samples = vec![ComparedSample::default(); sensed.len()];
-        let initial = prepare_window(params, &sensed, filled, rest, &mut samples);
+        let initial = prepare_window(params, &sensed, filled, rest, output_zero, &mut samples);
         Self { samples, initial }
     }
 

@@ -47,6 +47,7 @@ mod terms;
 mod torque_balance;
 mod transmission;
 
+pub use between_samples::is_coarsely_sampled;
 #[cfg(feature = "std")]
 pub use commission::{CommissionError, commission, commission_as};
 pub use commissioned::{Baseline, CommissionedRelations, RelationsEstimate};
@@ -55,7 +56,7 @@ pub use compliance::Compliance;
 pub use curves::{Curve, CurvePoint};
 pub use elements::{ELEMENT_COUNT, Element, Needed, Reading};
 pub use kernel::Kernel;
-pub use measured::MeasuredWindow;
+pub use measured::{MeasuredWindow, WindingTemp};
 pub use residual::{HealthyResidual, RELATION_COUNT, Relation};
 pub use shared::SHARED_COUNT;
 pub use terms::{BalanceShape, TERM_COUNT, Term};

@@ -61,6 +61,10 @@ pub struct UnitCalibration {
     pub estimator: UnitEstimator,
     /// Why this estimator.
     pub estimator_reason: String,
+    /// Zero of the output's angle against the motor's behind the gear, rad, but for whole turns of the motor; where the windows show it. Older
+    /// files had none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub output_zero_rad: Option<f64>,
     /// Under which conditions the windows were recorded.
     pub seen: Seen,
     /// Smallest damage of each fault that a window shows with a probability of 99 % at a false alarm rate of 0.1 %; without the
@@ -217,6 +221,9 @@ impl UnitCalibration {
         {
             return Some(format!("smallest_damage.{unknown}: no fault"));
         }
+        if let Some(zero) = self.output_zero_rad.filter(|zero| zero.abs() > core::f64::consts::TAU) {
+            return Some(format!("output_zero_rad = {zero}"));
+        }
         if let Some(monitor) = &self.monitor {
             if monitor.current_time_constant_s < 0.0 {
                 return Some(format!(
@@ -285,6 +292,7 @@ mod tests {
             windows: 12,
             estimator: UnitEstimator::Monitor,
             estimator_reason: "hysteresis drive".to_owned(),
+            output_zero_rad: Some(0.0125),
             seen: Seen {
                 winding_temp_deg_c: Some([18.0, 25.0]),
                 ..Seen::default()

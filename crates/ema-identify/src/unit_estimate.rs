@@ -9,7 +9,7 @@ mod by_relations;
 
 use std::vec::Vec;
 
-use ema_models::FAULT_COUNT;
+use ema_models::{FAULT_COUNT, FaultId};
 
 use crate::estimate::Estimate;
 use crate::relations::{Needed, Relation};
@@ -37,6 +37,27 @@ impl UnitEstimate {
     #[must_use]
     pub fn widened(self, factor: f64) -> Self {
         self.widened_by(&[factor; FAULT_COUNT])
+    }
+
+    /// The same with the sigmas of these faults multiplied.
+    #[must_use]
+    pub fn widened_in(self, faults: &[FaultId], factor: f64) -> Self {
+        let of_fault = |n: usize| faults.iter().any(|fault| fault.parameter() == n);
+        self.widened_by(&core::array::from_fn(|n| if of_fault(n) { factor } else { 1.0 }))
+    }
+
+    /// The same where the torque for each ampere is known within this standard deviation, 1: shorts may stand in its place.
+    #[must_use]
+    pub fn with_torque_sigma(self, torque_sigma: f64) -> Self {
+        let shorts = [FaultId::ShortA, FaultId::ShortB, FaultId::ShortC].map(FaultId::parameter);
+        let factors = core::array::from_fn(|n| match self.estimate.sigma[n] {
+            Some(sigma) if shorts.contains(&n) && sigma > 0.0 => sigma.hypot(torque_sigma) / sigma,
+            _ => 1.0,
+        });
+        Self {
+            estimate: self.estimate.widened(&factors),
+            ..self
+        }
     }
 
     /// The same with a factor for each sigma.

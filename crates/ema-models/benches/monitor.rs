@@ -19,7 +19,7 @@ fn monitor(c: &mut Criterion) {
     // The window starts 20 ms before the trigger, which is at 40 ms.
     let sensed: Vec<SensedSample> = Scenario::new(params, fault, 1).run().skip(40).take(1000).collect();
     let mut samples = vec![ComparedSample::default(); sensed.len()];
-    let initial = prepare_window(&params, &sensed, &[], 40, &mut samples);
+    let initial = prepare_window(&params, &sensed, &[], 40, 0.0, &mut samples);
     let calibration = Calibration::default();
     let comparison = Comparison {
         recording: Recording {

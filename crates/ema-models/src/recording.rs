@@ -35,7 +35,7 @@ pub struct Recording<'a> {
 /// let sensed = [at_rest; 4];
 /// let mut ready = Vec::new();
 /// ready.resize(4, Default::default());
-/// let initial = prepare_window(&ActuatorParams::bench(), &sensed, &[], 4, &mut ready);
+/// let initial = prepare_window(&ActuatorParams::bench(), &sensed, &[], 4, 0.0, &mut ready);
 /// // A quarter turn of the motor is one electrical turn for four pole pairs.
 /// assert!((initial.origin.theta_e - core::f64::consts::TAU).abs() < 1e-12 && initial.omega_m == 0.0);
 /// ```
@@ -44,12 +44,13 @@ pub fn prepare_window(
     sensed: &[SensedSample],
     filled: &[usize],
     rest: usize,
+    output_zero: f64,
     into: &mut [ComparedSample],
 ) -> InitialState {
     let Some(first) = sensed.first() else {
         return InitialState::default();
     };
-    let frame = WindowFrame::new(params, first);
+    let frame = WindowFrame::new(params, first).with_output_zero(output_zero);
     let last = sensed.len().saturating_sub(1);
     for (n, (s, ready)) in sensed.iter().zip(into.iter_mut()).enumerate() {
         *ready = frame.compared(&sensed[n.saturating_sub(1)], s, &sensed[(n + 1).min(last)]);
@@ -102,6 +103,13 @@ impl WindowFrame {
             first_motor_counts: first.motor_counts,
             first_output_counts: first.output_counts,
         }
+    }
+
+    /// The same with the zero of the output at this angle, rad, against the zero of the motor behind the gear; a part of a count.
+    #[must_use]
+    pub fn with_output_zero(mut self, output_zero: f64) -> Self {
+        self.origin.play_centre -= output_zero;
+        self
     }
 
     /// Origin of the window's relative angles.

@@ -34,7 +34,9 @@ use records::{health_record, rul_record, sensors_record, shortened_record, windo
 pub(crate) use by_unit::{motion_of, needed_in_words};
 pub use conditions::{conditions, motor_knowledge_at, motor_within};
 pub use estimator::{Estimator, Identification};
-pub use models::{AssessError, Models, ReadText, TypeModel, hash_of_parameters, hash_of_type, model_hash};
+pub use models::{
+    AssessError, Models, ReadText, TypeModel, check_serial, hash_of_parameters, hash_of_type, model_hash,
+};
 
 /// Assesses the windows of all actuators, in the order in which they come.
 #[derive(Debug)]
@@ -74,6 +76,8 @@ pub struct AssessedWindow {
     pub sensors: record::Sensors,
     /// Sensors, wires and configured numbers that may be wrong; the reasons of the records hold their sentences.
     pub suspects: Vec<Suspect>,
+    /// Damage that the window shows, whether or not it counts: while a unit is learnt it does not.
+    pub damage_evidence: Option<DamageEvidence>,
     /// What a deadline left of the identification, where it left less than all.
     pub shortened: Option<record::Shortened>,
 }
@@ -206,10 +210,11 @@ impl Assessor {
         let falls_short = |faults: &[FaultVector; CHECK_LANES]| {
             unmet_requirements(&job.params, &coefficients, &specification, faults)
         };
-        let counted = explained.filter(|_| learning.is_none() && !unchecked);
-        let damage = counted.map(damage_evidence);
+        let checked = explained.filter(|_| !unchecked);
+        let damage = checked.map(damage_evidence);
+        let counted = checked.filter(|_| learning.is_none());
         let evidence = WindowEvidence {
-            damage_evidence: damage.as_ref(),
+            damage_evidence: damage.as_ref().filter(|_| learning.is_none()),
             fault: counted.map(|estimate| &estimate.fault),
             fit: &fit,
             unmet_requirement: specification.is_set().then_some(&falls_short as _),
@@ -230,6 +235,7 @@ impl Assessor {
             sensors: sensors_record(&job, &sensors),
             rul: rul_record(&job, found.as_ref(), &decision, config.rul().horizon_h),
             suspects,
+            damage_evidence: damage,
             shortened: is_short.then(|| shortened_record(&job, limit, found.as_ref())),
         })
     }
@@ -254,7 +260,7 @@ impl Assessor {
             output_counts: 0,
             setpoint: Setpoint::Position(0.0),
         };
-        let prepared = Prepared::new(&actuator.params, &vec![at_rest; samples], &[], 0);
+        let prepared = Prepared::new(&actuator.params, &vec![at_rest; samples], &[], 0, None);
         let conditions = Conditions {
             load_torque: None,
             v_dc: actuator.params.motor.v_dc,

@@ -7,14 +7,15 @@
 
 mod by_monitor;
 mod by_relations;
+mod by_type;
 mod evidence;
 mod findings;
 mod words;
 
-use ema_identify::is_unmodelled;
-use ema_identify::relations::CommissionError;
+use ema_identify::relations::{CommissionError, is_coarsely_sampled};
 use ema_identify::unit_calibration::{Seen, UNIT_VERSION, UnitError};
 use ema_identify::unit_fit::WINDOWS_MIN;
+use ema_identify::{is_unmodelled, output_zero};
 use ema_models::{DriveKind, FaultId};
 
 use crate::assess::{AssessError, Assessor, conditions, hash_of_type, motion_of};
@@ -24,6 +25,7 @@ use by_monitor::{CURRENT_TIME_CONSTANTS_S, MonitorLearnt, learn_monitor};
 use by_relations::{RelationsLearnt, learn_relations};
 use evidence::Evidence;
 
+pub use by_type::{SeenByType, health_by_type};
 pub use ema_identify::relations::{Curve, CurvePoint, Relation};
 pub use ema_identify::unit_calibration::{UnitCalibration, UnitEstimator};
 pub use findings::{Findings, FoundParameter, HealthyWindow};
@@ -43,6 +45,9 @@ pub enum CommissioningError {
         /// What is beyond.
         sentence: String,
     },
+    /// Most windows show a fault that calls for a repair.
+    #[error("expected windows in health, found {0}: repair the unit, correct the type, or widen its tolerances")]
+    Worn(String),
     /// A parameter of the unit is far from that of its type.
     #[error("{0}")]
     Parameter(FarParameter),
@@ -89,6 +94,9 @@ pub struct FarParameter {
     /// Tolerance, one standard deviation, in the unit of the value.
     pub tolerance: f64,
 }
+
+/// Key of the play.
+const PLAY: &str = "transmission.backlash_rad";
 
 /// Tolerances from its type within which a parameter must be.
 const TOLERANCES_MAX: f64 = 5.0;
@@ -147,7 +155,14 @@ pub fn calibrate_unit(
         let window = job.window.number;
         conditions(job).map_err(|sentence| CommissioningError::Conditions { window, sentence })?;
     }
-    let by_relations = learn_relations(jobs);
+    let windows = jobs.iter().map(|job| job.window.samples.as_slice());
+    let output_zero_rad = output_zero(&jobs[0].params, windows);
+    for job in &mut *jobs {
+        job.window.output_zero_rad = output_zero_rad;
+    }
+    let motions: Vec<_> = jobs.iter().map(motion_of).collect();
+    let seen = Seen::of(&motions);
+    let by_relations = learn_relations(jobs, &seen);
     progress(jobs.len() as u64);
     let is_vector = jobs[0].actuator.drive.kind == DriveKind::Vector;
     // Relations that show all well assess the unit, whatever the monitor says: it is learnt for what it says of the motor, by the drive of
@@ -187,17 +202,21 @@ pub fn calibrate_unit(
     }
     let findings = findings(
         jobs,
+        &seen,
         estimator,
         &evidence,
         by_relations.as_ref().ok(),
         by_monitor.as_ref(),
     );
-    let motions: Vec<_> = jobs.iter().map(motion_of).collect();
     let is_compliant = |learnt: &RelationsLearnt| !learnt.unit.commissioned.balance.shape.compliance.is_rigid();
-    let seen = match &by_relations {
-        Ok(learnt) if is_compliant(learnt) => Seen::of(&motions).with_sectors(&motions),
-        _ => Seen::of(&motions),
-    };
+    let by_angle = by_relations.as_ref().is_ok_and(is_compliant) || is_coarsely_sampled(&jobs[0].params);
+    let seen = if by_angle { seen.with_sectors(&motions) } else { seen };
+    if seen.rotor_sectors.is_some() {
+        notes.push(
+            "windows that begin at other rotor angles will have larger sigmas: record from several positions, in both directions"
+                .to_owned(),
+        );
+    }
     let calibration = UnitCalibration {
         version: UNIT_VERSION,
         made_by: concat!("hmd ", env!("CARGO_PKG_VERSION")).to_owned(),
@@ -208,6 +227,7 @@ pub fn calibrate_unit(
         windows: jobs.len() as u32,
         estimator,
         estimator_reason: reason,
+        output_zero_rad,
         seen,
         smallest_damage: evidence.smallest_damage(levels),
         // A parameter far from its type is not written.
@@ -232,12 +252,14 @@ pub fn calibrate_unit(
 /// What was found, by the estimator that assesses the unit.
 fn findings(
     jobs: &[WindowJob],
+    seen: &Seen,
     estimator: UnitEstimator,
     evidence: &Evidence,
     relations: Option<&RelationsLearnt>,
     monitor: Option<&MonitorLearnt>,
 ) -> Findings {
-    let (curves_window, curves) = relations.map_or((0, Vec::new()), |learnt| findings::curves(jobs, &learnt.unit));
+    let (curves_window, curves) =
+        relations.map_or((0, Vec::new()), |learnt| findings::curves(jobs, &learnt.unit, seen));
     let of_monitor = monitor.map(|learnt| findings::windows_by_monitor(jobs, &learnt.unit, &learnt.estimates));
     let of_relations = relations.map(|learnt| findings::windows_by_relations(jobs, &learnt.unit, &learnt.left_out));
     let windows = match (estimator, of_relations, of_monitor) {
@@ -315,6 +337,8 @@ fn choose(
     let sound = usable.filter(|learnt| learnt.evidence.is_sound() && !is_unmodelled(learnt.unit.cost));
     let error = match relations {
         Ok(relations) => match (relations.far_parameter(job), sound) {
+            // The two angles show it, whatever else the relations lack.
+            (Some(far), _) if far.key == PLAY => return Err(CommissioningError::Parameter(far)),
             (Some(far), Some(monitor)) => {
                 let reason = format!("the relations are not used: {far}");
                 return Ok(Choice::new(UnitEstimator::Monitor, reason, &monitor.evidence));

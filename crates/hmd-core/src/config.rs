@@ -224,6 +224,11 @@ impl Config {
     /// # Errors
     /// [`ConfigError`] when an actuator has no bus, because it is not known where its frames arrive.
     pub fn interfaces(&self, file_name: &str) -> Result<BusNames, ConfigError> {
+        if self.is_auto() {
+            return Err(ConfigError::NoActuator {
+                file: file_name.to_owned(),
+            });
+        }
         match self.actuators.iter().find(|actuator| actuator.bus.is_none()) {
             Some(actuator) => Err(ConfigError::NoBus {
                 file: file_name.to_owned(),

@@ -10,6 +10,7 @@
 //! frames to the drive. Nothing is ever sent. Each preset: `docs/drives.md`.
 
 mod cia402;
+mod damiao;
 mod eds;
 mod joiner;
 mod layout;
@@ -17,6 +18,7 @@ mod moteus;
 mod odrive;
 mod pdo;
 mod sdo;
+mod vesc;
 
 pub use eds::{EDS_BYTES_MAX, EdsError, ObjectDictionary};
 pub use joiner::DriveJoiner;
@@ -40,14 +42,20 @@ pub enum Preset {
     Odrive,
     /// moteus, multiplex frames of registers.
     Moteus,
+    /// VESC, status frames.
+    Vesc,
+    /// Damiao, feedback frames.
+    Damiao,
 }
 
 impl Preset {
     /// All of them by name.
-    pub const NAMES: [(&'static str, Self); 3] = [
+    pub const NAMES: [(&'static str, Self); 5] = [
         ("cia402", Self::Cia402),
         ("odrive", Self::Odrive),
         ("moteus", Self::Moteus),
+        ("vesc", Self::Vesc),
+        ("damiao", Self::Damiao),
     ];
 
     /// Its name in the configuration.
@@ -64,7 +72,8 @@ impl Preset {
     pub fn nodes(self) -> RangeInclusive<u32> {
         match self {
             Self::Odrive => 0..=odrive::NODE_MAX,
-            Self::Cia402 | Self::Moteus => 1..=127,
+            Self::Vesc => 0..=vesc::NODE_MAX,
+            Self::Cia402 | Self::Moteus | Self::Damiao => 1..=127,
         }
     }
 }
@@ -82,12 +91,35 @@ pub struct DriveSettings {
     pub output_encoder: Option<u16>,
     /// Steps of that one in one turn of the output, negative where it counts the other way; `None`: as above.
     pub output_units_per_rev: Option<f64>,
-    /// Peak of i_q at 1000 ‰, A; of CiA 402.
+    /// Peak of i_q at 1000 ‰ of CiA 402, at the largest torque of Damiao, A.
     pub rated_current_a: Option<f64>,
+    /// Largest position of Damiao, rad at the output; `None`: the factory's.
+    pub position_max_rad: Option<f64>,
+    /// Identifier of the feedback of Damiao; `None`: the factory's.
+    pub feedback_id: Option<u16>,
     /// Whether overheard commands are the set point.
     pub uses_commands: bool,
     /// Bandwidth of its filter of the currents, Hz, where that is known.
     pub current_bandwidth_hz: Option<u32>,
+}
+
+impl DriveSettings {
+    /// A node of a preset, all else as the preset has it.
+    #[must_use]
+    pub fn new(preset: Preset, node: u8) -> Self {
+        Self {
+            preset,
+            node,
+            motor_units_per_rev: None,
+            output_encoder: None,
+            output_units_per_rev: None,
+            rated_current_a: None,
+            position_max_rad: None,
+            feedback_id: None,
+            uses_commands: true,
+            current_bandwidth_hz: None,
+        }
+    }
 }
 
 /// The drive of one actuator.
@@ -111,8 +143,8 @@ pub enum DriveMisfit {
     /// A quantity is missing.
     #[error(transparent)]
     Log(#[from] LogMisfit),
-    /// Numbers that neither the configuration nor the file has.
-    #[error("{0}, in [actuator.drive] or in the EDS file")]
+    /// What neither the configuration nor, of CiA 402, the EDS file has.
+    #[error("{0}, in [actuator.drive] or, of CiA 402, in the EDS file")]
     Unknown(&'static str),
     /// The mapping of a PDO.
     #[error(transparent)]
@@ -137,8 +169,9 @@ impl DriveBus {
             map: Err(DriveMisfit::Pdo(pdo::PdoError::None)),
         };
         drive.lay_out();
-        match (&drive.map, drive.settings.preset) {
-            (Err(misfit), Preset::Odrive | Preset::Moteus) => Err(misfit.clone()),
+        match &drive.map {
+            // What a drive of CiA 402 lacks its master may yet write.
+            Err(misfit) if drive.settings.preset != Preset::Cia402 => Err(misfit.clone()),
             _ => Ok(drive),
         }
     }
@@ -149,6 +182,8 @@ impl DriveBus {
             Preset::Cia402 => cia402::layout(settings, params, &self.dictionary),
             Preset::Odrive => Ok(odrive::layout(settings, params)),
             Preset::Moteus => Ok(moteus::layout(settings, params)),
+            Preset::Vesc => Ok(vesc::layout(settings, params)),
+            Preset::Damiao => damiao::layout(settings, params),
         };
         let mapped = layout.and_then(|layout| {
             let map = layout.log_map()?;

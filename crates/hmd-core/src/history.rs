@@ -241,6 +241,11 @@ impl UnitHistory {
         self.sensors.update(self.used.hours, readings, &job.params, tolerances)
     }
 
+    /// State after the last window: the worse of those by damage and by remaining life.
+    fn state(&self) -> HealthState {
+        self.health.state().max(self.urgency.state())
+    }
+
     /// Windows in a row that ask for a worse state by damage.
     pub(crate) fn pending(&self) -> u32 {
         self.health.pending()

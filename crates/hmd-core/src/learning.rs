@@ -5,17 +5,20 @@
 //! assessed by what was learnt. Where that fails, the older half of the windows is dropped and learning goes on. The same windows
 //! and seed give the same records. No files: what was learnt is taken by [`Learner::take_learnt`]. CPU-bound.
 
+mod kept_windows;
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use ema_identify::unit_calibration::UnitCalibration;
 
 use crate::assess::{AssessError, AssessedWindow, Assessor};
-use crate::commissioning::{CommissioningError, calibrate_unit, in_words};
+use crate::commissioning::{CommissioningError, SeenByType, calibrate_unit, health_by_type, in_words};
 use crate::config::{ActuatorConfig, Config};
 use crate::deadline::TimeLimit;
 use crate::outbox::WindowJob;
 use crate::record::WindowStatus;
+use kept_windows::KeptWindows;
 
 /// Learns the units of a run.
 #[derive(Debug)]
@@ -23,7 +26,7 @@ pub struct Learner {
     config: Arc<Config>,
     seed: u64,
     /// Windows of each unit that is not commissioned yet, at most `learn_windows`.
-    windows: BTreeMap<String, Vec<WindowJob>>,
+    windows: BTreeMap<String, KeptWindows<(WindowJob, SeenByType)>>,
     /// The actuator of the last window, if that completed its windows.
     complete: Option<Arc<ActuatorConfig>>,
     learnt: Vec<LearntUnit>,
@@ -72,10 +75,10 @@ impl Learner {
         let copy = job.clone();
         let reason = format!("learning, {number} of {} windows", learning.windows);
         let assessed = assessor.assess_within(job, limit, Some(&reason))?;
-        if assessed.health.status != WindowStatus::Invalid.name() {
-            kept.push(copy);
-        }
-        self.complete = (kept.len() >= learning.windows).then_some(actuator);
+        let is_valid = assessed.health.status != WindowStatus::Invalid.name();
+        let seen = SeenByType::new(&assessed, self.config.health().levels())?;
+        let is_complete = is_valid && kept.keep((copy, seen), learning.windows);
+        self.complete = is_complete.then_some(actuator);
         Ok(assessed)
     }
 
@@ -98,10 +101,16 @@ impl Learner {
             return Ok(());
         };
         // Commissioning repairs what it learns from; the windows stay as they came.
-        let mut jobs = kept.clone();
-        match calibrate_unit(assessor, self.config.health().levels(), &mut jobs, self.seed, &|_| {}) {
-            Ok(commissioned) => {
-                let calibration = commissioned.calibration;
+        let (mut jobs, seen): (Vec<_>, Vec<_>) = kept.windows().iter().cloned().unzip();
+        let levels = self.config.health().levels();
+        let commissioned = health_by_type(&seen, actuator, levels).and_then(|warnings| {
+            let commissioned = calibrate_unit(assessor, levels, &mut jobs, self.seed, &|_| {})?;
+            Ok((commissioned.calibration, warnings))
+        });
+        match commissioned {
+            Ok((calibration, warnings)) => {
+                let warnings = warnings.into_iter().map(|warning| format!("{name}: {warning}"));
+                self.notices.extend(warnings);
                 let sentences = in_words(&calibration).join("; ");
                 self.notices.push(format!("{name}: commissioned, {sentences}"));
                 self.windows.remove(name);
@@ -114,7 +123,7 @@ impl Learner {
             Err(CommissioningError::Assess(error)) => return Err(error),
             Err(error) => {
                 let windows = kept.len();
-                kept.drain(..windows.div_ceil(2));
+                kept.drop_older_half();
                 self.notices.push(format!(
                     "{name}: not commissioned by {windows} windows, learning goes on: {error}"
                 ));

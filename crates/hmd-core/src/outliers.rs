@@ -90,7 +90,7 @@ pub fn estimate_without_outliers<T, E>(
 ) -> Result<(Prepared, T), E> {
     let mut passes_left = PASSES;
     loop {
-        let prepared = Prepared::new(&identifier.params, &window.samples, &window.filled, window.trigger);
+        let prepared = window.prepared(&identifier.params);
         let found = estimate(window, &prepared)?;
         let outliers = of(&found).map_or_else(Vec::new, |of| outliers(identifier, &prepared, conditions, of));
         if passes_left == 0 || outliers.is_empty() || outliers.len() as f64 > SHARE_MAX * window.samples.len() as f64 {

@@ -29,6 +29,9 @@ pub use config::WindowConfig;
 pub use quality::{Counter, CutShort, Defect, Degradation, Invalidity, Signal, WindowQuality};
 
 use crate::setting::SettingError;
+use ema_identify::Prepared;
+use ema_identify::relations::WindingTemp;
+use ema_identify::unit_estimate::AlignedWindow;
 use ema_models::{ActuatorParams, SensedSample, Setpoint};
 use glitch::Deglitch;
 use limits::Limits;
@@ -70,12 +73,29 @@ pub struct Window {
     pub filled: Vec<usize>,
     /// Repeated samples dropped while the window was open.
     pub duplicates: u64,
+    /// Zero of the output's angle against the motor's behind the gear, rad, but for whole turns of the motor; of a commissioned unit. The
+    /// samples are as measured.
+    pub output_zero_rad: Option<f64>,
     /// Times the stamp moved against the sample counter by more than 50 ms. Counted, no handicap: time is taken
     /// from the counter.
     pub clock_jumps: u64,
 }
 
 impl Window {
+    /// The window as the monitor compares it.
+    pub(crate) fn prepared(&self, params: &ActuatorParams) -> Prepared {
+        Prepared::new(params, &self.samples, &self.filled, self.trigger, self.output_zero_rad)
+    }
+
+    /// The window as the relations read it, the winding as warm as this.
+    pub(crate) fn aligned<'a>(
+        &'a self,
+        params: &'a ActuatorParams,
+        winding_temp: Option<WindingTemp>,
+    ) -> AlignedWindow<'a> {
+        AlignedWindow::new(params, &self.samples, &self.filled, self.output_zero_rad).at(winding_temp)
+    }
+
     /// Checks the samples of an invalid window again, after what made it invalid was taken out of them; they are completed and its quality
     /// is what they have now. A window with missing samples stays invalid.
     ///
@@ -412,6 +432,7 @@ impl Windower {
             filled,
             duplicates: self.counts.duplicates - open.duplicates_before,
             clock_jumps: findings.clock_jumps,
+            output_zero_rad: None,
         })
     }
 }

@@ -132,14 +132,8 @@ pub(crate) fn read_mutations_of(
 /// The layout of a drive by an EDS or DCF file; 1, whatever is wrong with it.
 fn layout_of_drive(bytes: &[u8]) -> usize {
     let settings = DriveSettings {
-        preset: Preset::Cia402,
-        node: 1,
-        motor_units_per_rev: None,
         output_encoder: Some(1),
-        output_units_per_rev: None,
-        rated_current_a: None,
-        uses_commands: true,
-        current_bandwidth_hz: None,
+        ..DriveSettings::new(Preset::Cia402, 1)
     };
     let params = Config::default().actuators()[0].params;
     let dictionary = ObjectDictionary::parse(bytes, settings.node);

@@ -160,7 +160,7 @@ fn window(params: &ActuatorParams, length: f64) -> Prepared {
         .skip(count(actuations.rest - PRE_TRIGGER))
         .take(count(length))
         .collect();
-    Prepared::new(params, &samples, &[], count(PRE_TRIGGER))
+    Prepared::new(params, &samples, &[], count(PRE_TRIGGER), None)
 }
 
 /// A batch as a search begins with: drawn from all of the box, so that the monitors have little in common.

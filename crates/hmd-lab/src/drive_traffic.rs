@@ -1,11 +1,13 @@
-//! A simulated actuator behind a drive as it is sold: the reference model's samples as the frames of CiA 402, ODrive or moteus, written
-//! from their published dictionaries and not from the layouts that read them.
+//! A simulated actuator behind a drive as it is sold: the reference model's samples as the frames of CiA 402, ODrive, moteus, VESC or
+//! Damiao, written from their published dictionaries and not from the layouts that read them.
 //!
 //! Besides the drive's own frames there are those to it: commands, requests, SYNC; and the jitter of a host's stamps.
 
 mod cia402;
+mod damiao;
 mod moteus;
 mod odrive;
+mod vesc;
 
 use std::collections::VecDeque;
 
@@ -40,14 +42,19 @@ struct DriveSample {
     motor_turns: f64,
     motor_counts: i64,
     motor_counts_per_turn: f64,
+    /// The same angle behind the gear, rad.
+    rotor_rad_at_output: f64,
     /// Output angle, turns and counts.
     output_turns: f64,
     output_counts: i64,
     /// Currents of the rotor's frame, A.
     i_d: f64,
     i_q: f64,
-    /// The position command in turns of the motor.
+    /// Voltage across the rotor's field, V, for its sign.
+    v_q: f64,
+    /// The position command in turns of the motor, and in rad of the output.
     command_turns: Option<f64>,
+    command_rad: Option<f64>,
     /// Whether the slow values are sent, too.
     is_slow: bool,
     dc_link_v: f64,
@@ -81,6 +88,8 @@ pub struct DriveTraffic {
     winding_temp_deg_c: f64,
     period_ns: u64,
     start_ns: u64,
+    /// Motor counts of the sample before.
+    counts_before: Option<i64>,
     jitter: ChaCha8Rng,
     queue: VecDeque<RawFrame>,
 }
@@ -98,6 +107,7 @@ impl DriveTraffic {
             winding_temp_deg_c: scenario.temperature_deg_c(),
             period_ns: (1e9 / params.sensors.sample_rate).round() as u64,
             start_ns,
+            counts_before: None,
             jitter: ChaCha8Rng::seed_from_u64(scenario.seed),
             queue: VecDeque::new(),
         };
@@ -125,25 +135,33 @@ impl DriveTraffic {
         }
     }
 
-    fn sample(&self, sensed: &SensedSample) -> DriveSample {
+    fn sample(&mut self, sensed: &SensedSample) -> DriveSample {
         let (sensors, gear_ratio) = (&self.params.sensors, self.params.transmission.gear_ratio);
         let motor_turns = (sensed.motor_counts as f64 + 0.5) / sensors.motor_counts_per_rev;
         let angle = core::f64::consts::TAU * (self.params.motor.pole_pairs * motor_turns).rem_euclid(1.0);
         let [i_d, i_q] = dq_from_abc(sensed.currents, angle.sin_cos_poly());
+        let command_rad = match sensed.setpoint {
+            Setpoint::Position(angle) => Some(angle),
+            Setpoint::Idle | Setpoint::Speed(_) => None,
+        };
+        let counts_before = self.counts_before.replace(sensed.motor_counts);
+        let moved = sensed.motor_counts - counts_before.unwrap_or(sensed.motor_counts);
+        let speed = core::f64::consts::TAU * moved as f64 / sensors.motor_counts_per_rev * sensors.sample_rate;
+        let motor = &self.params.motor;
         // Slow values ten times a second.
         let slow_every = (sensors.sample_rate / 10.0).round().max(1.0) as u64;
         DriveSample {
             motor_turns,
             motor_counts: sensed.motor_counts,
+            rotor_rad_at_output: core::f64::consts::TAU * motor_turns / gear_ratio,
             motor_counts_per_turn: sensors.motor_counts_per_rev,
             output_turns: sensed.output_counts as f64 / sensors.output_counts_per_rev,
             output_counts: sensed.output_counts,
             i_d,
             i_q,
-            command_turns: match sensed.setpoint {
-                Setpoint::Position(angle) => Some(angle * gear_ratio / core::f64::consts::TAU),
-                Setpoint::Idle | Setpoint::Speed(_) => None,
-            },
+            v_q: motor.r_s * i_q + motor.k * speed,
+            command_turns: command_rad.map(|angle| angle * gear_ratio / core::f64::consts::TAU),
+            command_rad,
             is_slow: sensed.seq.is_multiple_of(slow_every),
             dc_link_v: self.dc_link_v,
             winding_temp_deg_c: self.winding_temp_deg_c,
@@ -162,6 +180,8 @@ impl Iterator for DriveTraffic {
                 Preset::Cia402 => cia402::frames(&self.link, &sample),
                 Preset::Odrive => odrive::frames(&self.link, &sample),
                 Preset::Moteus => moteus::frames(&self.link, &sample),
+                Preset::Vesc => vesc::frames(&self.link, &sample),
+                Preset::Damiao => damiao::frames(&self.link, &sample),
             };
             self.send(self.start_ns + sensed.seq * self.period_ns, frames);
         }

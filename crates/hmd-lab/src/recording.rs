@@ -18,7 +18,7 @@ use serde::{Serialize, Serializer};
 use thiserror::Error;
 
 use crate::drive_traffic::{DriveLink, DriveTraffic};
-use crate::simulate::{EPOCH_NS, Traffic, traffic};
+use crate::simulate::{Traffic, traffic};
 
 /// Name of the simulated interface.
 const INTERFACE: &str = "can0";
@@ -120,17 +120,18 @@ pub fn write(
     log: &Path,
     format: RecordingFormat,
     scenario: &Scenario,
+    start_ns: u64,
     drive_of_type: &Drive,
     sender: Sender,
 ) -> Result<(), RecordingError> {
     let (actuator, mut frames) = match sender {
         Sender::BuiltIn(actuator) => (
             actuator,
-            Frames::BuiltIn(Box::new(traffic(scenario, actuator, EPOCH_NS))),
+            Frames::BuiltIn(Box::new(traffic(scenario, actuator, start_ns))),
         ),
         Sender::Drive(actuator, link) => (
             actuator,
-            Frames::Drive(Box::new(DriveTraffic::new(scenario, link, EPOCH_NS))),
+            Frames::Drive(Box::new(DriveTraffic::new(scenario, link, start_ns))),
         ),
     };
     let begin = |path: &Path| {
@@ -262,6 +263,7 @@ mod tests {
                 &log,
                 format,
                 &scenario,
+                0,
                 &Drive::Hysteresis,
                 Sender::BuiltIn(ActuatorId::new(0).unwrap()),
             )

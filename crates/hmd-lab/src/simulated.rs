@@ -46,7 +46,7 @@ impl SimulatedWindow {
         let samples = samples[start..end].to_vec();
         Self {
             truth: scenario.fault,
-            prepared: Prepared::new(&scenario.nominal, &samples, &[], rest),
+            prepared: Prepared::new(&scenario.nominal, &samples, &[], rest, None),
             samples,
             conditions: Conditions {
                 load_torque: Some(scenario.load_torque),

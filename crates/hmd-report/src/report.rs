@@ -5,6 +5,7 @@
 
 mod axis;
 mod commissioning;
+mod files;
 mod history;
 mod markup;
 mod overview;
@@ -15,9 +16,11 @@ mod recommendation;
 mod sections;
 mod sources;
 mod summary;
+mod units;
 mod zone;
 
 pub use commissioning::commissioning_page;
-pub use history::{Files, History, Point, ReportError};
+pub use files::{Files, ReportError};
+pub use history::{History, Point};
 pub use page::{View, page};
 pub use zone::Zone;

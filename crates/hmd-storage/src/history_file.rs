@@ -1,6 +1,6 @@
 //! Files of unit histories: one for each actuator, versioned, replaced as a whole.
 
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -115,6 +115,35 @@ pub fn save(directory: &Path, actuator: &str, history: &UnitHistory) -> Result<(
     })
 }
 
+/// Name of the file whose lock says that a run keeps its histories in a folder.
+const LOCK: &str = "histories.lock";
+
+/// Takes the folder of the histories, made if need be, for one run: two would overwrite what the other learns. It is free when the returned
+/// file is closed.
+///
+/// # Errors
+/// [`StateError::Io`]; also where another run has it.
+pub fn hold(directory: &Path) -> Result<File, StateError> {
+    let failed = |source| StateError::Io {
+        path: directory.display().to_string(),
+        source,
+    };
+    fs::create_dir_all(directory).map_err(failed)?;
+    let lock = File::options()
+        .create(true)
+        .append(true)
+        .open(directory.join(LOCK))
+        .map_err(failed)?;
+    match lock.try_lock() {
+        Ok(()) => Ok(lock),
+        Err(TryLockError::WouldBlock) => Err(failed(io::Error::new(
+            io::ErrorKind::ResourceBusy,
+            "expected histories that no other hmd keeps, found some in use",
+        ))),
+        Err(TryLockError::Error(cause)) => Err(failed(cause)),
+    }
+}
+
 /// Reads a history; `None` where none is stored.
 ///
 /// # Errors
@@ -187,6 +216,20 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
+
+    #[test]
+    fn one_run_at_a_time_keeps_the_histories_of_a_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = folder.path().join("histories");
+        let held = hold(&place).unwrap();
+        let refused = hold(&place).unwrap_err().to_string();
+        assert!(
+            refused.contains("expected histories that no other hmd keeps"),
+            "{refused}"
+        );
+        drop(held);
+        hold(&place).unwrap();
+    }
 
     #[test]
     fn a_history_is_stored_and_a_bad_file_is_reported() {

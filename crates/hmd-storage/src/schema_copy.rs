@@ -104,6 +104,8 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
+        // Texts of any characters take long to draw.
+        #![proptest_config(ProptestConfig::with_cases(64))]
         #[test]
         fn a_copy_is_read_as_it_is_written(
             id: u16, schema_id: u16, name: String, encoding: String, data: Vec<u8>,

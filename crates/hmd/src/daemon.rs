@@ -47,6 +47,7 @@ use hmd_core::outbox::WindowJob;
 use hmd_core::record::{LogLevel, Status};
 use hmd_ingest::feed::{Feed, Input, QUEUE_INPUTS};
 use hmd_ingest::live::LiveSource;
+use hmd_storage::history_file::StateError;
 use hmd_storage::recorder::{RecordError, Recorder};
 pub use host_clock::HostClock;
 use host_clock::SteadyClock;
@@ -83,6 +84,9 @@ pub enum DaemonError {
     /// The windows cannot be assessed.
     #[error(transparent)]
     Assess(#[from] AssessError),
+    /// The histories of earlier runs cannot be kept.
+    #[error("rul.state: {0}")]
+    State(StateError),
     /// The records cannot be written.
     #[error(transparent)]
     Record(#[from] RecordError),

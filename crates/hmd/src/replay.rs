@@ -293,7 +293,7 @@ impl Replay<'_> {
             if matches!(succession, Succession::AnotherRun) {
                 run.pipeline.begin_recording();
             }
-            run.follow_units(log)?;
+            run.follow_units(log, &self.config)?;
             let store_raw = self.config.output().raw_frames;
             names = run.one_log(log, source, continued, &mut read_before, store_raw)?;
         }
@@ -362,8 +362,17 @@ impl<O: Observer> Run<'_, O> {
     }
 
     /// A unit whose serial number is another than in the logs before begins a history of its own.
-    fn follow_units(&mut self, log: &Path) -> Result<(), ReplayError> {
+    fn follow_units(&mut self, log: &Path, config: &Config) -> Result<(), ReplayError> {
         for (actuator, serial) in serial_numbers(log) {
+            let configured = config
+                .actuator_named(&actuator)
+                .and_then(|of| of.serial_number.as_ref());
+            if let Some(configured) = configured.filter(|configured| **configured != serial) {
+                let log = log.display();
+                let message = format!("{log}: {actuator}: recorded of unit {serial}, assessed as unit {configured}");
+                let stamp_ns = self.pipeline.last_stamp_ns();
+                self.notice(&Notice { stamp_ns, message }, LogLevel::Error)?;
+            }
             let before = self.serial_numbers.insert(actuator.clone(), serial.clone());
             let Some(before) = before.filter(|before| *before != serial) else {
                 continue;
@@ -565,12 +574,12 @@ mod tests {
         };
         let actuator = config.actuator_named("ema0").unwrap();
         let (first, second) = (log("S1"), log("S2"));
-        run.follow_units(&first).unwrap();
+        run.follow_units(&first, &config).unwrap();
         run.assessor.histories().history_at(actuator, 1).unwrap();
-        run.follow_units(&first).unwrap();
+        run.follow_units(&first, &config).unwrap();
         assert!(run.assessor.histories().remove("ema0"), "the same unit goes on");
         run.assessor.histories().history_at(actuator, 2).unwrap();
-        run.follow_units(&second).unwrap();
+        run.follow_units(&second, &config).unwrap();
         assert!(!run.assessor.histories().remove("ema0"), "another one does not");
     }
 }

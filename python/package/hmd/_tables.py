@@ -1,26 +1,18 @@
 """Logs and records as Arrow tables."""
 
 import warnings
-from collections.abc import Sequence
-from os import PathLike
 from typing import TYPE_CHECKING, Literal
 
 from . import _hmd
+from ._arguments import Path, Paths, checked_paths, optional_path
+from ._refusals import refusing
 
 if TYPE_CHECKING:
     import pyarrow
 
-Path = str | PathLike[str]
-Paths = Path | Sequence[Path]
-
 
 class DataLossWarning(UserWarning):
     """Parts of a file could not be read and were passed over; the rest is there."""
-
-
-def many(paths: Paths) -> list[Path]:
-    """One path or several, as a list."""
-    return [paths] if isinstance(paths, str | PathLike) else list(paths)
 
 
 def to_pyarrow(table: _hmd.ArrowTable) -> "pyarrow.Table":
@@ -30,32 +22,35 @@ def to_pyarrow(table: _hmd.ArrowTable) -> "pyarrow.Table":
     return pyarrow.table(table)
 
 
+@refusing
 def read_records(files: Paths, table: Literal["health", "samples"] = "health") -> "pyarrow.Table":
-    """The records of MCAP files that `hmd` wrote, in the order of time, as `hmd export` gives them.
+    """The records of MCAP files that `hmd` wrote, or folders of them, in the order given, as `hmd export` gives them.
 
     `health` has a row for each window: status, health, faults, k1 to k8 with sigmas, damage, remaining life. `samples`
     has a row for each stored sample of each window: setpoint, measured and fitted current, speed and position.
 
     Raises `Error` for a file that is none of ours. Warns with `DataLossWarning` where parts of a file are damaged.
     """
-    rows, damaged = _hmd.read_records(many(files), table)
-    return _warned(rows, damaged, files)
+    names = checked_paths("files", files)
+    rows, damaged = _hmd.read_records(names, table)
+    return _warned(rows, damaged, names)
 
 
+@refusing
 def read_raw(logs: Paths, *, config: Path | None = None) -> "pyarrow.Table":
-    """The samples of logs (MCAP or candump text), a row for each: currents in A, counts, setpoint with its mode, rate.
+    """The samples of logs or folders of them, a row for each: currents in A, counts, setpoint with its mode, rate.
 
     They are decoded and their counters continued, but nothing is filled or refused yet. Supply, winding temperature and
     load are what the status frames last said. `config` is needed for a bus with a layout of its own.
 
     Raises `Error` for what is no log. Warns with `DataLossWarning` where parts of it cannot be read.
     """
-    rows, damaged = _hmd.read_raw(many(logs), config)
-    return _warned(rows, damaged, logs)
+    names = checked_paths("logs", logs)
+    rows, damaged = _hmd.read_raw(names, optional_path("config", config))
+    return _warned(rows, damaged, names)
 
 
-def _warned(rows: _hmd.ArrowTable, damaged: bool, files: Paths) -> "pyarrow.Table":
+def _warned(rows: _hmd.ArrowTable, damaged: bool, files: list[str]) -> "pyarrow.Table":
     if damaged:
-        names = ", ".join(str(file) for file in many(files))
-        warnings.warn(f"{names}: parts could not be read", DataLossWarning, stacklevel=3)
+        warnings.warn(f"{', '.join(files)}: parts could not be read", DataLossWarning, stacklevel=4)
     return to_pyarrow(rows)

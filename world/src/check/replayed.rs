@@ -10,6 +10,7 @@ use hmd::replay::{self, Replay};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::health::HealthState;
 use hmd_core::record::{Health, Record, Rul, Sensors, WindowStatus};
+use hmd_ingest::file::open;
 use hmd_storage::recorder::{PublishedRecord, RecordObserver};
 
 use prost::Message;
@@ -64,8 +65,11 @@ pub(super) fn check(
     let raw: Vec<&String> = names
         .iter()
         .filter(|name| is_own(name))
-        // A capture whose end could not be written is read as it is.
-        .filter(|name| name.ends_with("-raw.mcap") || captures && name.ends_with("-raw.mcap.part"))
+        // A capture whose end could not be written is read as it is, unless no frame has got there: so does `hmd replay` with a folder.
+        .filter(|name| {
+            let is_open = || captures && name.ends_with("-raw.mcap.part") && open(&world.store.join(name)).is_ok();
+            name.ends_with("-raw.mcap") || is_open()
+        })
         .collect();
     let is_removed = removed
         .iter()

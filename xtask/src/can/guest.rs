@@ -109,9 +109,12 @@ impl Results {
     /// The number before a phrase, in the two lines with which a daemon ends.
     pub(super) fn counted(&self, name: &str, phrase: &str) -> anyhow::Result<u64> {
         let output = self.output(&format!("{name}.err"))?;
-        let last = output
-            .lines()
-            .filter(|line| line.contains(" frames received: ") || line.starts_with("data lost: "));
+        let last = output.lines().filter(|line| {
+            let is_count = [" frames received: ", " frames recorded, "]
+                .iter()
+                .any(|of| line.contains(of));
+            is_count || line.starts_with("data lost: ")
+        });
         for part in last.flat_map(|line| line.split([',', ':'])) {
             if let Some(number) = part.trim().strip_suffix(phrase) {
                 return number.trim().parse().with_context(|| part.to_owned());

@@ -59,7 +59,7 @@ mod tests {
             output_counts: 0,
             setpoint: Setpoint::Position(0.0),
         };
-        let window = Prepared::new(&identifier.params, &[at_rest; 1000], &[], 40);
+        let window = Prepared::new(&identifier.params, &[at_rest; 1000], &[], 40, None);
         let coefficients = identifier.calibration.coefficients();
         let conditions = Conditions {
             load_torque: Some(0.0),

@@ -41,6 +41,13 @@ pub(super) fn instants(params: &ActuatorParams) -> usize {
     }
 }
 
+/// Whether the motor makes so much of a turn from sample to sample that angle and currents are interpolated between them: what that leaves
+/// repeats with the rotor's angle.
+#[must_use]
+pub fn is_coarsely_sampled(params: &ActuatorParams) -> bool {
+    instants(params) > 0
+}
+
 impl Interval {
     /// The interval that begins at sample `n`; needs one sample before it and two behind. `jump` gives the step of the quadrature
     /// current, A, with which a set point takes effect behind its sample.

@@ -185,7 +185,7 @@ impl CommissionedRelations {
         let mut bridge_spread = [0.0; FAULT_COUNT];
         if let Some((phase, admittance)) = balance.shorted {
             let element = Element::BALANCE[phase];
-            let share = ShortedShare::of(admittance.value, window.params().motor.r_s);
+            let share = ShortedShare::of(admittance.value, window.motor().r_s);
             bridge_spread[element.fault().parameter()] = share.deviation;
             let error = ModelError::of(element, window.params().sensors.sample_rate, unseen);
             let own = libm::hypot(share.slope * admittance.sigma, error.floor);

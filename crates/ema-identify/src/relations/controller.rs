@@ -58,13 +58,14 @@ pub(super) fn law_rows<S: RecordedSample>(
     window.inner().map(move |n| {
         let reference = window.position_error(n).map(|error| controller.g_p * error);
         let now = window.quantities(n);
-        let torque = torque_gain * dq_from_abc(now.i, now.sin_cos_e)[1];
-        let limited = now.speed_reference >= SPEED_SHARE || window.is_torque_limited(torque);
+        let [_, quadrature] = dq_from_abc(now.i, now.sin_cos_e);
+        let limited = now.speed_reference >= SPEED_SHARE || window.is_current_limited(quadrature);
         let Some(reference) = reference.filter(|_| !limited && window.is_measured(n)) else {
             ring.clear();
             return None;
         };
-        ring.push([reference, window.central_speed(n), torque]);
+        // The controller's own torque, whatever the motor makes of it.
+        ring.push([reference, window.central_speed(n), torque_gain * quadrature]);
         if !ring.is_full() {
             return None;
         }

@@ -26,9 +26,10 @@ pub(super) fn unseen_share<S: RecordedSample>(window: &MeasuredWindow<'_, S>) ->
     let (mut mixed, mut squares) = (0.0, 0.0);
     for n in window.inner() {
         let now = window.quantities(n);
-        let torque = torque_gain * dq_from_abc(now.i, now.sin_cos_e)[1];
+        let [_, quadrature] = dq_from_abc(now.i, now.sin_cos_e);
+        let torque = torque_gain * quadrature;
         squares += torque * torque;
-        if now.speed_reference < 1.0 && !window.is_torque_limited(torque) {
+        if now.speed_reference < 1.0 && !window.is_current_limited(quadrature) {
             mixed += torque * k_p * now.reference_step;
         }
     }

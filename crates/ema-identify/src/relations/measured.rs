@@ -3,7 +3,7 @@
 use core::f64::consts::TAU;
 use core::ops::Range;
 
-use ema_models::{ActuatorParams, Real, SensedSample, Setpoint};
+use ema_models::{ActuatorParams, MotorParams, Real, SensedSample, Setpoint, temperature_factors};
 
 use crate::monitor_fit::RecordedSample;
 
@@ -11,6 +11,8 @@ use crate::monitor_fit::RecordedSample;
 #[derive(Debug)]
 pub struct MeasuredWindow<'a, S> {
     params: &'a ActuatorParams,
+    /// Its motor, as warm as it is in this window.
+    motor: MotorParams,
     samples: &'a [S],
     filled: &'a [usize],
 }
@@ -22,6 +24,24 @@ impl<S> Clone for MeasuredWindow<'_, S> {
 }
 
 impl<S> Copy for MeasuredWindow<'_, S> {}
+
+/// Winding temperature of a window of a commissioned unit, °C.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WindingTemp {
+    /// In the window.
+    pub now: f64,
+    /// In the middle of those at which the unit was commissioned, whose torque for each ampere is that of the type.
+    pub commissioned: f64,
+}
+
+impl WindingTemp {
+    /// Torque for each ampere in the window as a share of that at commissioning, 1: the magnets are as warm as the winding.
+    #[must_use]
+    pub fn torque_factor(&self) -> f64 {
+        let [[_, now], [_, commissioned]] = [self.now, self.commissioned].map(temperature_factors);
+        now / commissioned
+    }
+}
 
 /// Measured quantities of one sample.
 #[derive(Clone, Copy, Debug)]
@@ -68,8 +88,8 @@ impl Quantities {
     }
 }
 
-/// Largest torque, as a share of `G_T I_max`.
-const TORQUE_SHARE: f64 = 0.9;
+/// Largest current, as a share of `I_max`.
+const CURRENT_SHARE: f64 = 0.9;
 
 /// Samples that [`MeasuredWindow::quantities`] needs on either side.
 pub(super) const MARGIN: usize = 2;
@@ -81,9 +101,30 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
     pub fn new(params: &'a ActuatorParams, samples: &'a [S], filled: &'a [usize]) -> Self {
         Self {
             params,
+            motor: params.motor,
             samples,
             filled,
         }
+    }
+
+    /// The same with the winding as warm as this; as the type says without it.
+    #[must_use]
+    pub fn at(self, winding_temp: Option<WindingTemp>) -> Self {
+        let motor = &self.params.motor;
+        let warm = |temp: WindingTemp| MotorParams {
+            k: motor.k * temp.torque_factor(),
+            r_s: motor.at_temperature(temp.now).r_s,
+            ..*motor
+        };
+        Self {
+            motor: winding_temp.map_or(*motor, warm),
+            ..self
+        }
+    }
+
+    /// The motor as warm as it is.
+    pub(super) fn motor(&self) -> &MotorParams {
+        &self.motor
     }
 
     /// The actuator's type.
@@ -162,10 +203,9 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
         }
     }
 
-    /// Whether a torque, Nm, may be at the controller's limit.
-    pub(super) fn is_torque_limited(&self, torque: f64) -> bool {
-        let motor = &self.params.motor;
-        libm::fabs(torque) >= TORQUE_SHARE * motor.torque_gain() * motor.i_max
+    /// Whether a quadrature current, A, may be at the controller's limit.
+    pub(super) fn is_current_limited(&self, quadrature: f64) -> bool {
+        libm::fabs(quadrature) >= CURRENT_SHARE * self.params.motor.i_max
     }
 
     /// Magnitude of the position loop's speed reference at the nominal gain, as a share of ω_max, before the limit.

@@ -14,7 +14,7 @@
 //!
 //! The filter runs in the rotor's frame, where its inputs are slow; a step at constant speed is exact. Derived here.
 
-use ema_models::{ActuatorParams, abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc, phase_shapes};
+use ema_models::{MotorParams, abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc, phase_shapes};
 
 use super::between_samples::{Interval, instants};
 use super::measured::MeasuredWindow;
@@ -109,8 +109,7 @@ pub(super) struct LoopTorque {
 
 impl LoopTorque {
     /// Before the first sample, without current; the healthy phase has this turns ratio.
-    pub(super) fn new(shorted: ShortedLoop, turns: f64, params: &ActuatorParams) -> Self {
-        let motor = &params.motor;
+    pub(super) fn new(shorted: ShortedLoop, turns: f64, motor: &MotorParams) -> Self {
         Self {
             shorted,
             turns,
@@ -213,7 +212,7 @@ fn times([a, b]: Phasor, [c, d]: Phasor) -> Phasor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ema_models::{Real, SensedSample, Setpoint};
+    use ema_models::{ActuatorParams, Real, SensedSample, Setpoint};
     use std::vec::Vec;
 
     /// Motor angle, rad, and currents i_d, i_q, A, at a time: the speed rises to 150 rad/s and falls.
@@ -286,7 +285,7 @@ mod tests {
     /// The term of the admittance and the rest, by sample from the third one.
     fn by_samples(params: &ActuatorParams, samples: &[SensedSample], shorted: ShortedLoop) -> Vec<[f64; 2]> {
         let window = MeasuredWindow::new(params, samples, &[]);
-        let mut torque = LoopTorque::new(shorted, 1.0, params);
+        let mut torque = LoopTorque::new(shorted, 1.0, &params.motor);
         window.inner().map(|n| torque.next(&window, n, |_, _| 0.0)).collect()
     }
 

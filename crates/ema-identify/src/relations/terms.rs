@@ -167,7 +167,7 @@ pub(super) fn balance_rows<S: RecordedSample>(
     mut shorted: Option<LoopTorque>,
     ring: &mut BalanceRing,
 ) -> impl Iterator<Item = Option<BalanceRow>> {
-    let (window, integrands) = (*window, Integrands::new(window.params(), shape, load, gain));
+    let (window, integrands) = (*window, Integrands::new(window, shape, load, gain));
     let (instants, stride) = (instants(window.params()), kernel.stride);
     ring.clear();
     let mut forward = true;
@@ -278,6 +278,10 @@ fn smoothed(ring: &BalanceRing, kernel: &Kernel, means: bool, with_loop: bool) -
 #[derive(Clone, Copy)]
 struct Integrands {
     k: f64,
+    /// Torque of the motor for that which the controller demands: it is the type's at commissioning alone.
+    made: f64,
+    /// What the controller takes for the torque of an ampere, Nm/A.
+    torque_gain: f64,
     k_p: f64,
     g_p: f64,
     gear_ratio: f64,
@@ -289,9 +293,17 @@ struct Integrands {
 }
 
 impl Integrands {
-    fn new(params: &ActuatorParams, shape: &BalanceShape, load: OutputLoad, gain: f64) -> Self {
+    fn new<S: RecordedSample>(
+        window: &MeasuredWindow<'_, S>,
+        shape: &BalanceShape,
+        load: OutputLoad,
+        gain: f64,
+    ) -> Self {
+        let (params, k) = (window.params(), window.motor().k);
         Self {
-            k: params.motor.k,
+            k,
+            made: k / params.motor.k,
+            torque_gain: params.motor.torque_gain(),
             k_p: params.controller.k_p,
             g_p: params.controller.g_p,
             gear_ratio: params.transmission.gear_ratio,
@@ -313,7 +325,7 @@ impl Integrands {
         let double = sum(e, e);
         let s = phase_shapes(e);
         let torque: f64 = (0..3).map(|j| self.k * s[j] * now.i[j]).sum();
-        let is_limited = now.speed_reference * self.gain >= 1.0 || window.is_torque_limited(torque);
+        let is_limited = now.speed_reference * self.gain >= 1.0 || window.is_current_limited(torque / (1.5 * self.k));
         let sign = libm::copysign(1.0, now.omega_m);
         let ratio = now.omega_m / self.shape.stribeck_speed;
         let load_torque = (self.load.constant + self.load.spring * now.travel) / self.gear_ratio;
@@ -358,12 +370,12 @@ impl Integrands {
             if is_limited {
                 0.0
             } else {
-                self.gain * self.k_p * now.reference_step
+                self.made * self.gain * self.k_p * now.reference_step
             },
             if is_limited {
                 0.0
             } else {
-                self.gain * self.k_p * self.g_p * counted
+                self.made * self.gain * self.k_p * self.g_p * counted
             },
             -1.0 / self.gear_ratio,
             -now.travel / self.gear_ratio,
@@ -373,11 +385,10 @@ impl Integrands {
 
     /// Step of the quadrature current behind a sample, A, where neither speed nor torque is at its limit.
     fn jump(&self, window: &MeasuredWindow<'_, impl RecordedSample>, n: usize, [_, quadrature]: [f64; 2]) -> f64 {
-        let torque_gain = 1.5 * self.k;
-        if window.is_torque_limited(torque_gain * quadrature) {
+        if window.is_current_limited(quadrature) {
             0.0
         } else {
-            self.k_p * window.reference_change(n, self.gain) / torque_gain
+            self.k_p * window.reference_change(n, self.gain) / self.torque_gain
         }
     }
 

@@ -144,7 +144,7 @@ pub(super) fn torque_balance<S: RecordedSample>(
         shorted: None,
     };
     let mut noise = SVector::<f64, FREE_COUNT>::zeros();
-    let of_columns = noise_of_columns(current_noise(window), window.params().motor.k, &kernel);
+    let of_columns = noise_of_columns(current_noise(window), window.motor().k, &kernel);
     noise.fixed_rows_mut::<5>(0).copy_from_slice(&of_columns);
     let mut rows = Rows::new(window, unit, &kernel, gain);
     let mut equations = NormalEquations::new();
@@ -411,7 +411,7 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
         let (shape, ring) = (&self.unit.shape, &mut self.ring);
         let shorted = self
             .shorted
-            .map(|shorted| LoopTorque::new(shorted, self.unit.values[shorted.phase], self.window.params()));
+            .map(|shorted| LoopTorque::new(shorted, self.unit.values[shorted.phase], self.window.motor()));
         for row in balance_rows(self.window, shape, self.losing, self.kernel, self.gain, shorted, ring) {
             let Some(row) = row else {
                 pass(None);

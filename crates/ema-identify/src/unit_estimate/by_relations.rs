@@ -8,7 +8,7 @@ use super::UnitEstimate;
 use crate::counter_alignment::align_counters;
 use crate::estimate::{Estimate, UNMODELLED_COST};
 use crate::inferred::{Inferred, InferredReadings};
-use crate::relations::{Element, MeasuredWindow, Relation, RelationsEstimate};
+use crate::relations::{Element, MeasuredWindow, Relation, RelationsEstimate, WindingTemp};
 use crate::unit_calibration::UnitRelations;
 
 /// A window's samples with both counters on the wraps that bring the angles together.
@@ -17,25 +17,40 @@ pub struct AlignedWindow<'a> {
     params: &'a ActuatorParams,
     samples: Vec<SensedSample>,
     filled: &'a [usize],
+    winding_temp: Option<WindingTemp>,
 }
 
 impl<'a> AlignedWindow<'a> {
-    /// Of a window; those of the indices `filled` were not measured.
+    /// Of a window; those of the indices `filled` were not measured, and `output_zero` is that of its unit, rad, where it is
+    /// [known](crate::output_zero).
     #[must_use]
-    pub fn new(params: &'a ActuatorParams, window: &[SensedSample], filled: &'a [usize]) -> Self {
+    pub fn new(
+        params: &'a ActuatorParams,
+        window: &[SensedSample],
+        filled: &'a [usize],
+        output_zero: Option<f64>,
+    ) -> Self {
         let mut samples = window.to_vec();
-        align_counters(params, &mut samples);
+        // The relations read changes of the angles: what is left of a count matters to none.
+        align_counters(params, &mut samples, output_zero);
         Self {
             params,
             samples,
             filled,
+            winding_temp: None,
         }
+    }
+
+    /// The same with the winding as warm as this, where that is measured.
+    #[must_use]
+    pub fn at(self, winding_temp: Option<WindingTemp>) -> Self {
+        Self { winding_temp, ..self }
     }
 
     /// The window as the relations read it.
     #[must_use]
     pub fn measured(&self) -> MeasuredWindow<'_, SensedSample> {
-        MeasuredWindow::new(self.params, &self.samples, self.filled)
+        MeasuredWindow::new(self.params, &self.samples, self.filled).at(self.winding_temp)
     }
 }
 

@@ -133,7 +133,7 @@ fn residuals(params: &ActuatorParams, row: &Row, fault: &FaultVector, seed: u64)
     let trigger = (begin * params.sensors.sample_rate).round() as usize;
     let sensed: Vec<SensedSample> = scenario.run().skip(trigger - rest).take(25 * rest).collect();
     let mut ready = vec![ComparedSample::default(); sensed.len()];
-    let initial = prepare_window(params, &sensed, &[], rest, &mut ready);
+    let initial = prepare_window(params, &sensed, &[], rest, 0.0, &mut ready);
     let comparison = Comparison {
         recording: Recording {
             samples: &ready,

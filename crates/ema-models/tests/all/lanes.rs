@@ -32,7 +32,7 @@ fn every_lane_has_the_bits_of_its_scalar() {
     ];
     let sensed: Vec<SensedSample> = Scenario::new(params, faults[1], 3).run().skip(40).take(300).collect();
     let mut samples = vec![ComparedSample::default(); sensed.len()];
-    let initial = prepare_window(&params, &sensed, &[], 40, &mut samples);
+    let initial = prepare_window(&params, &sensed, &[], 40, 0.0, &mut samples);
 
     let monitors = faults.map(|fault| {
         let unknowns = Unknowns {
@@ -77,7 +77,7 @@ fn every_instruction_set_ranks_with_the_same_bits() {
     };
     let sensed: Vec<SensedSample> = Scenario::new(params, fault, 5).run().skip(40).take(300).collect();
     let mut samples = vec![ComparedSample::default(); sensed.len()];
-    let initial = prepare_window(&params, &sensed, &[], 40, &mut samples);
+    let initial = prepare_window(&params, &sensed, &[], 40, 0.0, &mut samples);
     let calibration = Calibration::default();
     for feedback in [Feedback::Measured, Feedback::Simulated] {
         let comparison = Comparison {

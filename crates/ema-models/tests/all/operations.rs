@@ -141,7 +141,7 @@ fn per_step(shortcuts: bool) -> f64 {
     let params = ActuatorParams::bench();
     let sensed: Vec<SensedSample> = Scenario::new(params, FaultVector::NOMINAL, 3).run().collect();
     let mut samples = vec![ComparedSample::default(); sensed.len()];
-    let initial = prepare_window(&params, &sensed, &[], 40, &mut samples);
+    let initial = prepare_window(&params, &sensed, &[], 40, 0.0, &mut samples);
     let unknowns = Unknowns {
         fault: FaultVector::NOMINAL,
         load_torque: 0.0,

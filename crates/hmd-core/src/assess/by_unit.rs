@@ -1,9 +1,9 @@
 //! A window of a commissioned unit -> estimate: by its relations, or by the monitor corrected by its baseline.
 
 use ema_identify::effort::{Effort, Request, Stage};
-use ema_identify::relations::{Needed, Relation};
-use ema_identify::unit_calibration::{Motion, UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations};
-use ema_identify::unit_estimate::{AlignedWindow, USUAL_COST, UnitEstimate, corrected, estimate_by_relations, of_both};
+use ema_identify::relations::{Needed, Relation, WindingTemp};
+use ema_identify::unit_calibration::{Motion, UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations, Unseen};
+use ema_identify::unit_estimate::{USUAL_COST, UnitEstimate, corrected, estimate_by_relations, of_both};
 use ema_identify::{Estimate, Fit, Identifier, Prepared};
 use ema_models::{Conditions, FAULT_COUNT, FaultId};
 
@@ -42,9 +42,11 @@ pub(super) fn estimate(
     seed: u64,
     effort: &Effort<'_>,
 ) -> Result<Option<Assessed>, AssessError> {
+    job.window.output_zero_rad = unit.output_zero_rad;
+    let winding_temp = unit.seen.winding_temp(conditions.winding_temp_deg_c);
     let mut reasons = Vec::new();
     let of_relations = |job: &mut WindowJob| match &unit.relations {
-        Some(relations) => by_relations(relations, identifier, job, conditions, effort),
+        Some(relations) => by_relations(relations, identifier, job, (conditions, winding_temp), effort),
         None => Ok(None),
     };
     let of_monitor =
@@ -97,16 +99,24 @@ pub(super) fn estimate(
     let Some((fit, mut found)) = found else { return Ok(None) };
     if let (Some(relations), None, false) = (&unit.relations, found.estimate.inferred.turns, effort.is_short()) {
         // The monitor infers nothing of a commissioned unit.
-        let aligned = AlignedWindow::new(&job.params, &job.window.samples, &job.window.filled);
+        let aligned = job.window.aligned(&job.params, winding_temp);
         let by_relations = estimate_by_relations(relations, &aligned, false);
         if by_relations.unexplained.is_empty() {
             found.estimate.inferred = by_relations.estimate.inferred;
         }
     }
+    found = found.with_torque_sigma(unit.seen.magnet_sigma(conditions.winding_temp_deg_c));
     let motion = motion_of(job);
     let unseen = unit.seen.unseen(&motion, &job.params);
+    let is_rigid = |relations: &UnitRelations| relations.commissioned.balance.shape.compliance.is_rigid();
     for respect in &unseen {
-        found = found.widened(respect.factor());
+        found = match respect {
+            // What is left between coarse samples goes with the phases' shapes.
+            Unseen::RotorAngle(_) if unit.relations.as_ref().is_some_and(is_rigid) => {
+                found.widened_in(&OF_THE_ROTOR, respect.factor())
+            }
+            _ => found.widened(respect.factor()),
+        };
     }
     reasons.extend(not_observable(&found));
     reasons.extend(unseen.iter().map(ToString::to_string));
@@ -117,12 +127,15 @@ pub(super) fn estimate(
     }))
 }
 
+/// Faults whose torque goes with the rotor's electrical angle.
+const OF_THE_ROTOR: [FaultId; 4] = [FaultId::ShortA, FaultId::ShortB, FaultId::ShortC, FaultId::Eccentricity];
+
 /// None where no time is granted for it, as for the monitor.
 fn by_relations(
     relations: &UnitRelations,
     identifier: &Identifier,
     job: &mut WindowJob,
-    conditions: Conditions,
+    (conditions, winding_temp): (Conditions, Option<WindingTemp>),
     effort: &Effort<'_>,
 ) -> Result<Option<(Fit, UnitEstimate)>, AssessError> {
     let params = job.params;
@@ -137,7 +150,7 @@ fn by_relations(
         return Ok(None);
     }
     let estimate = |window: &Window, prepared: &Prepared| {
-        let aligned = AlignedWindow::new(&params, &window.samples, &window.filled);
+        let aligned = window.aligned(&params, winding_temp);
         let is_locked = identifier.is_locked(prepared, conditions);
         Ok::<_, AssessError>(estimate_by_relations(relations, &aligned, is_locked))
     };

@@ -6,7 +6,7 @@
 use ema_identify::effort::Effort;
 use ema_identify::unit_calibration::{UnitCalibration, UnitEstimator};
 use ema_identify::unit_fit::healthy_cost;
-use ema_identify::{Fit, Identifier, Method, Prepared};
+use ema_identify::{Fit, Identifier, Method};
 use ema_models::{Comparison, Conditions, Tolerances};
 
 use super::by_signals::{BySignals, CORRECTED_FACTOR, in_words};
@@ -324,8 +324,7 @@ impl Assessor {
             tolerances: Tolerances::NONE,
             ..self.identifier_of(job)?
         };
-        let window = &job.window;
-        let prepared = Prepared::new(&identifier.params, &window.samples, &window.filled, window.trigger);
+        let prepared = job.window.prepared(&identifier.params);
         let coefficients = identifier.calibration.coefficients();
         cost(
             &identifier,

@@ -141,6 +141,21 @@ pub struct Models {
     units: BTreeMap<String, UnitCalibration>,
 }
 
+/// Refuses what was learnt of another unit, where both serial numbers are known.
+///
+/// # Errors
+/// [`AssessError::Serial`].
+pub fn check_serial(path: &Path, actuator: &ActuatorConfig, unit: &UnitCalibration) -> Result<(), AssessError> {
+    match (&actuator.serial_number, &unit.serial_number) {
+        (Some(expected), Some(found)) if expected != found => Err(AssessError::Serial {
+            path: path.display().to_string(),
+            expected: expected.clone(),
+            found: found.clone(),
+        }),
+        _ => Ok(()),
+    }
+}
+
 impl Models {
     /// Loads the calibrations of every actuator of a configuration, its unit's and its type's.
     ///
@@ -154,6 +169,7 @@ impl Models {
                 let text = read_text(&path, read)?;
                 let name = path.display().to_string();
                 let unit = UnitCalibration::parse(&text, &name, &actuator.type_name)?;
+                check_serial(&path, actuator, &unit)?;
                 models.units.insert(actuator.name.clone(), unit);
             }
         }

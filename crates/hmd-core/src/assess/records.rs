@@ -257,6 +257,7 @@ mod tests {
                 filled: vec![4, 5, 7],
                 duplicates: 0,
                 clock_jumps: 0,
+                output_zero_rad: None,
             },
             conditions: MeasuredConditions::default(),
             operating_s: 0.0,

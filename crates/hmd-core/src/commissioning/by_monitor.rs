@@ -6,7 +6,7 @@ use ema_identify::unit_calibration::{ElementStatistics, UnitMonitor, UnitParamet
 use ema_identify::unit_estimate::{USUAL_COST, corrected};
 use ema_identify::unit_fit::WINDOWS_MIN;
 use ema_identify::unit_parameters_fit::fit_unit_parameters;
-use ema_identify::{Estimate, Identifier, Prepared};
+use ema_identify::{Estimate, Identifier};
 use ema_models::{Conditions, Tolerances};
 
 use super::evidence::Evidence;
@@ -121,8 +121,7 @@ fn fit_with(
     let mut prepared = Vec::with_capacity(jobs.len());
     for job in jobs {
         let (identifier, conditions) = of_type(assessor, job, current_time_constant_s)?;
-        let window = &job.window;
-        let samples = Prepared::new(&identifier.params, &window.samples, &window.filled, window.trigger);
+        let samples = job.window.prepared(&identifier.params);
         prepared.push((identifier, samples, conditions));
     }
     let coefficients: Vec<_> = prepared

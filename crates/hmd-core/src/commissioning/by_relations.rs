@@ -4,12 +4,12 @@ use ema_identify::relations::{
     BalanceShape, CommissionError, CommissionedRelations, Element, MeasuredWindow, RelationsEstimate, Term, commission,
     commission_as,
 };
-use ema_identify::unit_calibration::{UnitParameter, UnitRelations, nominal_elements};
+use ema_identify::unit_calibration::{Seen, UnitParameter, UnitRelations, nominal_elements};
 use ema_identify::unit_estimate::{AlignedWindow, estimate_by_relations};
 use ema_models::{FaultVector, SensedSample};
 
 use super::evidence::Evidence;
-use super::{FarParameter, TOLERANCES_MAX};
+use super::{FarParameter, PLAY, TOLERANCES_MAX};
 use crate::outbox::WindowJob;
 
 /// Tolerance of the play, as a share of the type's.
@@ -26,15 +26,16 @@ pub(super) struct RelationsLearnt {
     pub(super) left_out: Vec<RelationsEstimate>,
 }
 
-/// Learns the relations of a unit.
+/// Learns the relations of a unit from windows in these conditions.
 ///
 /// # Errors
 /// The windows do not determine them.
-pub(super) fn learn_relations(jobs: &[WindowJob]) -> Result<RelationsLearnt, CommissionError> {
-    let aligned: Vec<AlignedWindow<'_>> = jobs
-        .iter()
-        .map(|job| AlignedWindow::new(&job.params, &job.window.samples, &job.window.filled))
-        .collect();
+pub(super) fn learn_relations(jobs: &[WindowJob], seen: &Seen) -> Result<RelationsLearnt, CommissionError> {
+    let aligned = jobs.iter().map(|job| {
+        let winding_temp = seen.winding_temp(job.conditions.winding_temp_deg_c);
+        job.window.aligned(&job.params, winding_temp)
+    });
+    let aligned: Vec<AlignedWindow<'_>> = aligned.collect();
     let windows: Vec<MeasuredWindow<'_, SensedSample>> = aligned.iter().map(AlignedWindow::measured).collect();
     let shape = BalanceShape::usual(&jobs[0].params);
     let commissioned = commission(&windows, &shape)?;
@@ -127,12 +128,7 @@ impl RelationsLearnt {
         let play = baseline[Element::Backlash as usize];
         // The scatter from window to window is no property of the unit.
         let sure = (play.mean - TOLERANCES_MAX * play.scatter).max(0.0);
-        let play = far(
-            "transmission.backlash_rad",
-            job.params.transmission.backlash,
-            sure,
-            PLAY_TOLERANCE,
-        );
+        let play = far(PLAY, job.params.transmission.backlash, sure, PLAY_TOLERANCE);
         of_balance
             .into_iter()
             .chain([play])

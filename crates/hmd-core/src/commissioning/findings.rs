@@ -4,9 +4,8 @@
 use ema_identify::Estimate;
 use ema_identify::relations::{Curve, Element, Needed, RelationsEstimate, Term};
 use ema_identify::unit_calibration::{
-    Deviation, UnitMonitor, UnitParameter, UnitRelations, change_since, elements_of, fault_of,
+    Deviation, Seen, UnitMonitor, UnitParameter, UnitRelations, change_since, elements_of, fault_of,
 };
-use ema_identify::unit_estimate::AlignedWindow;
 use ema_models::{ActuatorParams, FAULT_COUNT, FaultId, Tolerances};
 
 use crate::assess::needed_in_words;
@@ -297,9 +296,10 @@ pub(super) fn windows_by_both(relations: Vec<HealthyWindow>, monitor: &[HealthyW
 }
 
 /// Both sides of each relation over the window that excites most: that with the most rows.
-pub(super) fn curves(jobs: &[WindowJob], relations: &UnitRelations) -> (u64, Vec<Curve>) {
+pub(super) fn curves(jobs: &[WindowJob], relations: &UnitRelations, seen: &Seen) -> (u64, Vec<Curve>) {
     let of = |job: &WindowJob| {
-        let aligned = AlignedWindow::new(&job.params, &job.window.samples, &job.window.filled);
+        let winding_temp = seen.winding_temp(job.conditions.winding_temp_deg_c);
+        let aligned = job.window.aligned(&job.params, winding_temp);
         let window = aligned.measured();
         let estimate = relations.commissioned.estimate(&window);
         (

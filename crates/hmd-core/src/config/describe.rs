@@ -18,6 +18,14 @@ pub(super) fn describe(config: &Config) -> String {
 
 fn write_all(out: &mut String, config: &Config) -> fmt::Result {
     write_actuators(out, config)?;
+    match config.interfaces("hmd run refuses this configuration") {
+        Ok(names) => writeln!(
+            out,
+            "hmd run: listens to {}",
+            names.iter().collect::<Vec<_>>().join(", ")
+        )?,
+        Err(refusal) => writeln!(out, "{refusal}")?,
+    }
     write_types(out, config)?;
     let window = config.window();
     writeln!(

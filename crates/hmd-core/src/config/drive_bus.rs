@@ -14,7 +14,7 @@ use crate::drive_bus::{DriveBus, DriveSettings, ObjectDictionary, Preset};
 /// Bandwidths of a current filter.
 pub(super) const BANDWIDTHS_HZ: RangeInclusive<u32> = 1..=1_000_000;
 
-const KEYS: [&str; 9] = [
+const KEYS: [&str; 11] = [
     "preset",
     "node",
     "eds",
@@ -22,9 +22,31 @@ const KEYS: [&str; 9] = [
     "output_encoder",
     "output_units_per_rev",
     "rated_current_a",
+    "position_max_rad",
+    "feedback_id",
     "set_point",
     "current_bandwidth_hz",
 ];
+
+/// Keys that not every preset has.
+const KEYS_OF_PRESETS: [(&str, &[Preset]); 7] = [
+    ("eds", &[Preset::Cia402]),
+    ("rated_current_a", &[Preset::Cia402, Preset::Damiao]),
+    ("position_max_rad", &[Preset::Damiao]),
+    ("feedback_id", &[Preset::Damiao]),
+    (
+        "motor_units_per_rev",
+        &[Preset::Cia402, Preset::Odrive, Preset::Moteus, Preset::Vesc],
+    ),
+    ("output_encoder", &[Preset::Cia402, Preset::Odrive, Preset::Moteus]),
+    (
+        "output_units_per_rev",
+        &[Preset::Cia402, Preset::Odrive, Preset::Moteus],
+    ),
+];
+
+/// Largest identifier of 11 bits.
+const STANDARD_ID_MAX: u32 = 0x7ff;
 
 /// Reads it with its EDS or DCF file, if it is there; `eds_of_bus` is the file of drives that name none.
 pub(super) fn read(
@@ -45,17 +67,13 @@ pub(super) fn read(
         return Err(section.refuse("preset", &format!("one of {}", names())));
     }
     let preset = section.choice("preset", Preset::Odrive, &Preset::NAMES)?;
-    let only_of = |key: &str, of: Preset| {
-        let allowed = !section.has(key) || preset == of;
-        let why = format!("no such key, which is of preset {}", of.name());
-        if allowed {
-            Ok(())
-        } else {
-            Err(section.refuse(key, &why))
+    for (key, of) in KEYS_OF_PRESETS {
+        if section.has(key) && !of.contains(&preset) {
+            let names: Vec<&str> = of.iter().map(|of| of.name()).collect();
+            let why = format!("no such key, which is of preset {}", names.join(", "));
+            return Err(section.refuse(key, &why));
         }
-    };
-    only_of("eds", Preset::Cia402)?;
-    only_of("rated_current_a", Preset::Cia402)?;
+    }
     let node = section
         .integer("node", preset.nodes())?
         .unwrap_or(u32::from(id.index()));
@@ -71,6 +89,8 @@ pub(super) fn read(
             .map(|n| n as u16),
         output_units_per_rev: number(&section, "output_units_per_rev", |steps| steps != 0.0)?,
         rated_current_a: number(&section, "rated_current_a", |rated| rated > 0.0)?,
+        position_max_rad: number(&section, "position_max_rad", |most| most > 0.0)?,
+        feedback_id: section.integer("feedback_id", 0..=STANDARD_ID_MAX)?.map(|id| id as u16),
         uses_commands: section.flag("set_point", true)?,
         current_bandwidth_hz: section.integer("current_bandwidth_hz", BANDWIDTHS_HZ)?,
     };

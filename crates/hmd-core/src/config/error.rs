@@ -69,6 +69,12 @@ pub enum ConfigError {
         /// Configured bit rate, bit/s.
         bitrate_bit_s: u32,
     },
+    /// No actuator is named.
+    #[error("{file}: expected an [[actuator]] with its bus to watch live, found none")]
+    NoActuator {
+        /// File name as given.
+        file: String,
+    },
     /// An actuator has no interface.
     #[error("{file}: expected a bus for every [[actuator]] that is watched live, found none for {actuator}")]
     NoBus {

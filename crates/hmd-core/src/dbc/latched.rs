@@ -56,6 +56,28 @@ pub struct SampleMaker {
     modes: ModeCodes,
     /// Of the motor's angle and of the output's.
     turns: [Turns; 2],
+    part_of_count: Option<PartOfCount>,
+}
+
+/// Where the output angles of a log lie between counts. Rounding would move them by that part of a count, and the command not.
+#[derive(Clone, Copy, Debug)]
+struct PartOfCount {
+    rad_per_count: f64,
+    /// Part of a count at the first sample, −0.5 to 0.5.
+    part: Option<f64>,
+}
+
+impl PartOfCount {
+    /// Part of a count that is taken for none: what conversions round.
+    const LEAST: f64 = 0.01;
+
+    /// The part of a count, by the first angle that is given, counts; and the angle that it is, rad.
+    fn of(&mut self, angle: f64) -> [f64; 2] {
+        let found = angle - angle.round();
+        let found = if found.abs() >= Self::LEAST { found } else { 0.0 };
+        let part = *self.part.get_or_insert(found);
+        [part, part * self.rad_per_count]
+    }
 }
 
 /// An angle that begins again.
@@ -87,7 +109,19 @@ impl SampleMaker {
                 wraps_after,
                 ..Turns::default()
             }),
+            part_of_count: None,
         }
+    }
+
+    /// The same for angles whose zero may lie anywhere between counts of the output, of this size: the part of a count is taken from
+    /// output and command alike. For what is read from its beginning: the first sample decides.
+    #[must_use]
+    pub fn with_any_zero(mut self, output_rad_per_count: f64) -> Self {
+        self.part_of_count = Some(PartOfCount {
+            rad_per_count: output_rad_per_count,
+            part: None,
+        });
+        self
     }
 
     /// Whether every quantity is there that belongs to a sample; of two commands, the one that the mode asks for.
@@ -141,13 +175,16 @@ impl SampleMaker {
             -a - b
         };
         let mode = self.mode(latched);
+        let angles =
+            [(0, Role::MotorPosition), (1, Role::OutputPosition)].map(|(n, role)| self.turns[n].continued(value(role)));
+        let of_count = self.part_of_count.as_mut();
+        let [part, part_rad] = of_count.map_or([0.0; 2], |of_count| of_count.of(angles[1]));
         let setpoint = match mode {
             Mode::Idle => 0,
-            Mode::Position => quantity::position_setpoint_urad(value(Role::CommandPosition)),
+            Mode::Position => quantity::position_setpoint_urad(value(Role::CommandPosition) - part_rad),
             Mode::Speed => quantity::speed_setpoint_mrad_s(value(Role::CommandSpeed)),
         };
-        let counts = [(0, Role::MotorPosition), (1, Role::OutputPosition)]
-            .map(|(n, role)| self.turns[n].continued(value(role)).round() as i64);
+        let counts = [angles[0], angles[1] - part].map(|angle| angle.round() as i64);
         Sample {
             actuator: self.actuator,
             seq,
@@ -178,4 +215,52 @@ impl Turns {
 
 fn bit(role: Role) -> u16 {
     1 << role as u16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RAD_PER_COUNT: f64 = 3.2e-4;
+
+    /// Output counts and set points of angles and commands, counts, of a log.
+    fn samples(angles: &[[f64; 2]]) -> Vec<(i32, i32)> {
+        let roles = [Role::OutputPosition, Role::CommandPosition];
+        let actuator = ActuatorId::new(0).unwrap();
+        let maker = SampleMaker::new(actuator, roles.into_iter(), ModeCodes::default(), [None; 2]);
+        let mut maker = maker.with_any_zero(RAD_PER_COUNT);
+        let mut sample = |[angle, command]: &[f64; 2]| {
+            let mut latched = Latched::default();
+            latched.set(Role::OutputPosition, *angle);
+            latched.set(Role::CommandPosition, command * RAD_PER_COUNT);
+            let sample = maker.sample(&latched, 0);
+            (sample.output_counts, sample.setpoint)
+        };
+        angles.iter().map(&mut sample).collect()
+    }
+
+    #[test]
+    fn angles_between_counts_keep_their_distance_from_the_command() {
+        let on_counts = [[3.0, 3.0], [7.0, 7.25], [-12.0, -40.5]];
+        for part in [0.0_f64, 0.009, 0.3, -0.45, 0.499] {
+            let between = on_counts.map(|both| both.map(|angle| angle + part));
+            let expected = if part.abs() < PartOfCount::LEAST {
+                between
+            } else {
+                on_counts
+            };
+            let setpoints = expected.map(|[_, command]| (command * RAD_PER_COUNT * 1e6).round() as i32);
+            let found = samples(&between);
+            assert_eq!(
+                found.iter().map(|(output, _)| *output).collect::<Vec<_>>(),
+                [3, 7, -12],
+                "{part}"
+            );
+            for ((_, found), expected) in found.iter().zip(setpoints) {
+                assert!((found - expected).abs() <= 1, "{part}: {found} for {expected}");
+            }
+        }
+        // A first value that is no number decides nothing.
+        assert_eq!(samples(&[[f64::NAN, 0.0], [5.3, 5.0]])[1], (5, 1600));
+    }
 }

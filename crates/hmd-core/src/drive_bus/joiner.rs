@@ -14,7 +14,7 @@ use ema_wire::ActuatorId;
 use super::layout::{Coding, DriveLayout, DriveMessage, MODE, Place, TIME, Target};
 use super::moteus::{self, Registers};
 use super::sdo::SdoListener;
-use super::{DriveBus, DriveMisfit, Preset};
+use super::{DriveBus, DriveMisfit, Preset, vesc};
 use crate::dbc::{DecodedUpdate, Role, Unit};
 use crate::frame::RawFrame;
 use crate::log_map::{Column, LogMap, Quantity, RowDecoder};
@@ -185,10 +185,7 @@ impl Rows {
             Coding::Registers { written } => moteus::registers(data, written)?,
         };
         for field in &message.fields {
-            let value = match &field.place {
-                Place::Bits(signal) => signal.value(data),
-                Place::Register(register) => registers.value(*register),
-            };
+            let value = value_at(&field.place, data, &registers);
             match (&field.target, value) {
                 (Target::State { mask, values }, value) => {
                     if let Some(value) = value {
@@ -256,6 +253,18 @@ impl Rows {
     }
 }
 
+/// The value of a place in a frame with these registers; `None` where it is not in it.
+fn value_at(place: &Place, data: &[u8], registers: &Registers) -> Option<f64> {
+    match place {
+        Place::Bits(signal) => signal.value(data),
+        Place::Register(register) => registers.value(*register),
+        Place::CurrentByPower { current, duty } => {
+            let [current, duty] = [current, duty].map(|place| value_at(place, data, registers));
+            Some(vesc::current_a(current?, duty?))
+        }
+    }
+}
+
 /// Half a sample period, ns.
 fn span_ns(params: &ActuatorParams) -> u64 {
     (0.5e9 / params.sensors.sample_rate) as u64
@@ -289,14 +298,11 @@ mod tests {
 
     fn joiner(preset: Preset) -> DriveJoiner {
         let settings = DriveSettings {
-            preset,
-            node: 1,
             motor_units_per_rev: Some(65_536.0),
             output_encoder: Some(1),
             output_units_per_rev: Some(20_000.0),
             rated_current_a: Some(5.0),
-            uses_commands: true,
-            current_bandwidth_hz: None,
+            ..DriveSettings::new(preset, 1)
         };
         let dictionary = ObjectDictionary::parse(include_bytes!("../../../../fixtures/drives/drive.dcf"), 1);
         let params = ActuatorParams::bench();
@@ -309,15 +315,17 @@ mod tests {
         #[test]
         fn any_frame_is_read_or_refused(
             frames in prop::collection::vec((any::<u8>(), any::<u64>(), prop::collection::vec(any::<u8>(), 0..=8)), 1..200),
-            preset in prop::sample::select(vec![Preset::Cia402, Preset::Odrive, Preset::Moteus]),
+            preset in prop::sample::select(Preset::NAMES.map(|(_, preset)| preset).to_vec()),
         ) {
-            const IDS: [u32; 16] = [
+            const IDS: [u32; 22] = [
                 0x080, 0x181, 0x281, 0x381, 0x481, 0x201, 0x581, 0x601, 0x021, 0x029, 0x034, 0x025, 0x02c, 0x037, 0x100, 0x001,
+                0x000, 0x101, 0x901, 0x1001, 0x1b01, 0x301,
             ];
             let mut joiner = joiner(preset);
             for (id, stamp_ns, data) in frames {
                 let id = IDS[usize::from(id) % IDS.len()];
-                let frame = RawFrame::new(stamp_ns % (1 << 62), 0, id, FrameFlags::NONE, &data).expect("a frame");
+                let flags = FrameFlags::NONE.with(FrameFlags::EXTENDED, preset == Preset::Vesc || id > 0x7ff);
+                let frame = RawFrame::new(stamp_ns % (1 << 62), 0, id, flags, &data).expect("a frame");
                 joiner.push(&frame);
             }
         }

@@ -68,6 +68,13 @@ pub enum Place {
     Bits(Signal),
     /// In this register.
     Register(u32),
+    /// The length of the current vector, positive where power is drawn, and a duty cycle with the sign of v_q: i_q by both.
+    CurrentByPower {
+        /// The current, in steps.
+        current: Box<Place>,
+        /// The duty cycle.
+        duty: Box<Place>,
+    },
 }
 
 /// What a value is.
@@ -176,6 +183,21 @@ impl Place {
                 start,
                 size,
                 big_endian: false,
+            },
+            kind,
+            factor: 1.0,
+            offset: 0.0,
+            selectors: Vec::new(),
+        })
+    }
+
+    /// A number of so many bits from a byte on, the most significant byte first.
+    pub(super) fn big_endian(kind: SignalKind, byte: u16, size: u16) -> Self {
+        Self::Bits(Signal {
+            layout: Layout {
+                start: 8 * byte + 7,
+                size,
+                big_endian: true,
             },
             kind,
             factor: 1.0,

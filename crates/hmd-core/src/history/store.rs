@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::UnitHistory;
 use super::maintenance::{Event, EventKind, Events, ReplacedPart};
 use crate::config::{ActuatorConfig, Config};
-use crate::health::LevelsError;
+use crate::health::{HealthState, LevelsError};
 
 /// The unit histories of a run. At most one for each of 16 actuators on each of 64 interfaces.
 #[derive(Debug)]
@@ -37,6 +37,14 @@ impl HistoryStore {
     /// Continues a history of an earlier run at the first window of the actuator.
     pub fn restore(&mut self, actuator: &str, history: UnitHistory) {
         self.restored.insert(actuator.to_owned(), history);
+    }
+
+    /// State of each actuator whose history of an earlier run will continue; not of those that got another unit since.
+    pub fn restored_states(&self) -> impl Iterator<Item = (&str, HealthState)> {
+        self.restored.iter().filter_map(|(name, history)| {
+            let actuator = self.config.actuator_named(name)?;
+            (history.serial_number == actuator.serial_number).then(|| (name.as_str(), history.state()))
+        })
     }
 
     /// The history of an actuator, if it has one.

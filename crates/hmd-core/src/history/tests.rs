@@ -28,6 +28,7 @@ fn job(config: &Config, number: u64, hours: f64, operating_s: f64) -> WindowJob 
             filled: Vec::new(),
             duplicates: 0,
             clock_jumps: 0,
+            output_zero_rad: None,
         },
         conditions: MeasuredConditions::default(),
         operating_s,

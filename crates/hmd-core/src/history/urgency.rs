@@ -37,6 +37,11 @@ impl Urgency {
                 self.reached -= 1;
             }
         }
+        self.state()
+    }
+
+    /// State after the last window.
+    pub(super) fn state(&self) -> HealthState {
         [HealthState::Unknown, HealthState::Warning, HealthState::Critical][self.reached]
     }
 }

@@ -128,9 +128,26 @@ const MOTOR: [&str; 3] = ["motor", "rotor", "resolver"];
 const OUTPUT: [&str; 5] = ["output", "shaft", "joint", "surface", "encoder"];
 
 impl Quantity {
-    /// What a column of this name and unit may be.
+    /// What a column of this name and unit may be; where it has no unit, also by the one that its name ends with, as in `iq_A` and
+    /// `speed_rad_s`, and that unit.
     #[must_use]
-    pub fn guess(name: &str, unit: Option<&str>) -> Option<Self> {
+    pub fn guess(name: &str, unit: Option<&str>) -> Option<(Self, Option<String>)> {
+        let by_ending = || {
+            name.match_indices('_').find_map(|(at, _)| {
+                let ending = name[at + 1..].replace('_', "/");
+                Some((Self::guess_with(&name[..at], Some(&ending))?, Some(ending)))
+            })
+        };
+        let plain = || Some((Self::guess_with(name, unit)?, None));
+        if unit.is_some() {
+            plain()
+        } else {
+            by_ending().or_else(plain)
+        }
+    }
+
+    /// What a column of this name and unit, if it has one, may be.
+    fn guess_with(name: &str, unit: Option<&str>) -> Option<Self> {
         let plain: String = name
             .chars()
             .filter(|c| c.is_alphanumeric())
@@ -166,7 +183,9 @@ mod tests {
 
     #[test]
     fn usual_names_are_recognised_and_units_decide() {
-        let guess = |name: &str, unit: &str| Quantity::guess(name, Some(unit).filter(|unit| !unit.is_empty()));
+        let guess = |name: &str, unit: &str| {
+            Quantity::guess(name, Some(unit).filter(|unit| !unit.is_empty())).map(|(quantity, _)| quantity)
+        };
         assert_eq!(guess("I_A", "A"), Some(Quantity::Of(Role::CurrentA)));
         assert_eq!(guess("i.u", ""), Some(Quantity::Of(Role::CurrentA)));
         assert_eq!(guess("I_A", "V"), None);
@@ -175,5 +194,25 @@ mod tests {
         assert_eq!(guess("SpeedDemand", "rpm"), Some(Quantity::Of(Role::CommandSpeed)));
         assert_eq!(guess("elapsed", "ms"), None);
         assert_eq!(guess("Iq_act", "A"), Some(Quantity::CurrentQ));
+    }
+
+    #[test]
+    fn a_name_may_end_with_its_unit() {
+        let guess = |name: &str| Quantity::guess(name, None);
+        let with = |quantity, unit: &str| Some((quantity, Some(unit.to_owned())));
+        assert_eq!(guess("time_s"), with(Quantity::Time, "s"));
+        assert_eq!(guess("iq_A"), with(Quantity::CurrentQ, "A"));
+        assert_eq!(guess("i_d_mA"), with(Quantity::CurrentD, "mA"));
+        assert_eq!(guess("motor_angle_deg"), with(Quantity::Of(Role::MotorPosition), "deg"));
+        assert_eq!(
+            guess("speed_demand_rad_s"),
+            with(Quantity::Of(Role::CommandSpeed), "rad/s")
+        );
+        assert_eq!(
+            guess("I_A"),
+            Some((Quantity::Of(Role::CurrentA), None)),
+            "phase A, not ampere"
+        );
+        assert_eq!((guess("some_thing"), guess("_"), guess("é_°")), (None, None, None));
     }
 }

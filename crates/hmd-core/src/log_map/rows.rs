@@ -118,8 +118,8 @@ impl RowDecoder {
             Quantity::Of(role) => Some(role),
             Quantity::Time | Quantity::Counter | Quantity::CurrentD | Quantity::CurrentQ => None,
         });
-        let maker = SampleMaker::new(actuator, roles, map.modes, wraps_after);
         let sensors = &params.sensors;
+        let maker = SampleMaker::new(actuator, roles, map.modes, wraps_after).with_any_zero(sensors.output_lsb());
         let numbering = (!map.has(Quantity::Counter)).then(|| Numbering {
             period_us: period(first_times).map_or(1e6 / sensors.sample_rate, |period| period * time_scale.abs()),
             last: None,

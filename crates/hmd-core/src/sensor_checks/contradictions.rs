@@ -6,6 +6,7 @@
 
 use std::ops::RangeInclusive;
 
+use ema_identify::unit_calibration::Seen;
 use ema_identify::{Estimate, Inferred};
 use ema_models::DriveKind;
 
@@ -43,6 +44,7 @@ pub fn contradictions(
     let mut found: Vec<Contradiction> = load(job, estimate).into_iter().chain(link(job, estimate)).collect();
     if let (Some(temperatures), Some(turns)) = (commissioned, estimate.inferred.turns) {
         let read = job.conditions.winding_temp_deg_c;
+        let turns = turns.map(|turns| at_commissioning(turns, read, temperatures));
         let by_gain = current_gain(&turns, expected_torque(read, temperatures));
         found.extend(by_gain.or_else(|| temperature(&turns, read?, temperatures?)));
     }
@@ -147,6 +149,20 @@ fn inferred_link(job: &WindowJob, estimate: &Estimate) -> Option<Inferred> {
         .filter(|link| is_known && link.sigma <= sigma_max)
 }
 
+/// A torque for each ampere as a share of that at commissioning; the estimate has it as a share of what the temperature that is read lets
+/// expect.
+fn at_commissioning(turns: Inferred, read: Option<f64>, commissioned: Option<[f64; 2]>) -> Inferred {
+    let seen = Seen {
+        winding_temp_deg_c: commissioned,
+        ..Seen::default()
+    };
+    let factor = seen.winding_temp(read).map_or(1.0, |temp| temp.torque_factor());
+    Inferred {
+        value: factor * turns.value,
+        sigma: factor * turns.sigma,
+    }
+}
+
 /// Change of the torque for each ampere with temperature, 1/K: magnets of samarium-cobalt and of neodymium.
 const TORQUE_PER_KELVIN: [f64; 2] = [-0.4e-3, -1.2e-3];
 
@@ -170,6 +186,9 @@ fn expected_torque(read: Option<f64>, commissioned: Option<[f64; 2]>) -> [f64; 2
 /// Change of the torque for each ampere, beyond that by temperature, that no tolerance explains.
 const GAIN_OFF: f64 = 0.05;
 
+/// Gains that sensors may have.
+const GAIN_POSSIBLE: RangeInclusive<f64> = 0.5..=2.0;
+
 /// Standard deviations of each phase; their mean is [`SIGMAS`] of its own off.
 const PHASE_SIGMAS: f64 = 2.0;
 
@@ -192,6 +211,10 @@ fn current_gain(turns: &[Inferred; 3], [low, high]: [f64; 2]) -> Option<Contradi
         None
     }?;
     let gain = 1.0 / least.value;
+    // Currents that fit no motion at all, as of exchanged phases, are no matter of their gain.
+    if !GAIN_POSSIBLE.contains(&gain) {
+        return None;
+    }
     let sigma = least.sigma * gain * gain;
     let or_magnets = if gain > 1.0 {
         ", or the magnets are as much weaker"

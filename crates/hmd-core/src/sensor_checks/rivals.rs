@@ -182,7 +182,10 @@ pub fn is_doubtful(estimate: &Estimate, level: f64) -> bool {
 /// Spread of three shorts, as a share of the largest, up to which they are alike.
 const ALIKE_SHORTS: f64 = 0.25;
 
-/// Whether an estimate accuses all three phases alike: no winding fails so, but a gain of all currents, a weak magnet or a drive that
+/// Share of the largest of three shorts that the least has where they are alike.
+const LEAST_SHARE: f64 = 0.5;
+
+/// Whether an estimate accuses a phase and finds all three alike: no winding fails so, but a gain of all currents, a weak magnet or a drive that
 /// the monitor does not know looks so.
 #[must_use]
 pub fn accuses_all_phases_alike(estimate: &Estimate, level: f64) -> bool {
@@ -197,7 +200,9 @@ pub fn accuses_all_phases_alike(estimate: &Estimate, level: f64) -> bool {
     let largest = damages.into_iter().fold(0.0, f64::max);
     let least = damages.into_iter().fold(f64::INFINITY, f64::min);
     let is_alike = largest - least <= ALIKE_SHORTS * largest + SIGNIFICANCE * noise;
-    is_alike && phases.iter().all(|phase| accused.contains(phase))
+    let are_accused = |phase: &FaultId| accused.contains(phase);
+    let one_suffices = least > LEAST_SHARE * largest && !estimate.is_unmodelled();
+    is_alike && (phases.iter().all(are_accused) || one_suffices && phases.iter().any(are_accused))
 }
 
 /// What becomes of a reading that the motion, or the configuration, contradicts.

@@ -117,6 +117,39 @@ impl Suspect {
         }
     }
 
+    /// The suspect of this name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|suspect| suspect.name() == name)
+    }
+
+    /// What to look at, for a mechanic: goes on after "check".
+    #[must_use]
+    pub const fn to_check(self) -> &'static str {
+        match self {
+            Self::LoadSensor => "the load sensor and its wiring",
+            Self::DcLink => "the sensor of the DC link voltage",
+            Self::WindingTemperature => "the sensor of the winding temperature and its wiring",
+            Self::CurrentOffset | Self::CurrentGain | Self::PhaseGain | Self::CurrentFrozen => {
+                "the phase current sensors of the drive and their wiring"
+            }
+            Self::PhaseOrder | Self::CurrentSign => "the wires of the phase current sensors: order and direction",
+            Self::ResolverZero => "the seat of the resolver on the motor shaft",
+            Self::ResolverDirection | Self::ResolverFrozen => "the resolver and its wiring",
+            Self::EncoderZero => "the seat of the output encoder",
+            Self::EncoderDirection | Self::EncoderFrozen => "the output encoder and its wiring",
+            Self::ResolverCounts => "the configured resolver counts",
+            Self::PolePairs => "the configured pole pairs",
+            Self::EncoderCounts => "the configured encoder counts",
+            Self::GearRatio => "the configured gear ratio",
+            Self::SetpointUnit => "the configured unit of the set point",
+            Self::SetpointDelay => "when the drive sends its set point",
+            Self::Mode => "the mode that the drive sends",
+            Self::RepeatedSamples => "whether the drive repeats samples",
+            Self::SampleOrder => "whether the drive sends currents and angles of one instant",
+        }
+    }
+
     /// What an invalid window points at by itself.
     #[must_use]
     pub fn of_invalidity(invalidity: &Invalidity) -> Option<Self> {

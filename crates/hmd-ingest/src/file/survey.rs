@@ -1,5 +1,6 @@
 //! [`survey`]: what a log of measured signals holds.
 
+use std::cell::RefCell;
 use std::path::Path;
 
 use hmd_core::dbc::Dimension;
@@ -8,6 +9,10 @@ use hmd_core::log_map::Quantity;
 use super::{IngestError, open_signals};
 use crate::signals::Between;
 
+/// Texts of one signal that are kept, and the characters of each.
+const TEXTS_MAX: usize = 8;
+const TEXT_LENGTH_MAX: usize = 40;
+
 /// One signal of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurveyedSignal {
@@ -15,6 +20,8 @@ pub struct SurveyedSignal {
     pub name: String,
     /// Its unit, where the log has one.
     pub unit: Option<String>,
+    /// The unit that its name ends with, where the log has none and the guess fits it.
+    pub unit_of_name: Option<String>,
     /// Whether it is the log's own time.
     pub is_own_time: bool,
     /// Values that are numbers.
@@ -23,8 +30,20 @@ pub struct SurveyedSignal {
     pub rate_hz: Option<f64>,
     /// Least and largest value; `None` without one.
     pub range: Option<[f64; 2]>,
+    /// Largest difference of one value from the one before.
+    pub jump: f64,
+    /// The first values that are no numbers, each once.
+    pub texts: Vec<String>,
     /// What it may be; each quantity once.
     pub guess: Option<Quantity>,
+}
+
+impl SurveyedSignal {
+    /// Its unit, by the log or by its name.
+    #[must_use]
+    pub fn unit_or_guess(&self) -> Option<&str> {
+        self.unit.as_deref().or(self.unit_of_name.as_deref())
+    }
 }
 
 /// Reads a log through.
@@ -36,19 +55,23 @@ pub fn survey(path: &Path) -> Result<Vec<SurveyedSignal>, IngestError> {
     let mut found: Vec<SurveyedSignal> = Vec::new();
     for signal in log.signals() {
         let is_own_time = signal.start_us.is_some();
-        let guess = if is_own_time {
-            Some(Quantity::Time)
+        let (guess, unit_of_name) = if is_own_time {
+            (Some(Quantity::Time), None)
         } else {
             Quantity::guess(&signal.name, signal.unit.as_deref())
+                .map_or((None, None), |(guess, unit)| (Some(guess), unit))
         };
         let is_taken = |other: &SurveyedSignal| other.guess == guess;
         found.push(SurveyedSignal {
             name: signal.name.clone(),
             unit: signal.unit.clone(),
+            unit_of_name,
             is_own_time,
             values: 0,
             rate_hz: None,
             range: None,
+            jump: 0.0,
+            texts: Vec::new(),
             guess: guess.filter(|_| is_own_time || !found.iter().any(is_taken)),
         });
     }
@@ -59,29 +82,50 @@ pub fn survey(path: &Path) -> Result<Vec<SurveyedSignal>, IngestError> {
             continue;
         }
         let mut row = vec![f64::NAN; group.len()];
-        while let Some(read) = log.next_row(&mut row, &|_, _| None) {
+        let mut before = row.clone();
+        let texts = RefCell::new(vec![Vec::new(); group.len()]);
+        let keep = |place: usize, text: &str| {
+            let kept: &mut Vec<String> = &mut texts.borrow_mut()[place];
+            let text: String = text.chars().take(TEXT_LENGTH_MAX).collect();
+            if kept.len() < TEXTS_MAX && !text.is_empty() && !kept.contains(&text) {
+                kept.push(text);
+            }
+            None
+        };
+        while let Some(read) = log.next_row(&mut row, &keep) {
             if read.is_err() {
                 continue;
             }
-            for (&value, &n) in row.iter().zip(&group).filter(|(value, _)| value.is_finite()) {
+            for ((&value, before), &n) in row.iter().zip(&mut before).zip(&group) {
+                if !value.is_finite() {
+                    continue;
+                }
                 let signal = &mut found[n];
+                // Not a number before the first one.
+                signal.jump = signal.jump.max((value - *before).abs());
+                *before = value;
                 let [least, largest] = signal.range.unwrap_or([value; 2]);
                 signal.range = Some([least.min(value), largest.max(value)]);
                 signal.values += 1;
             }
+        }
+        for (&n, texts) in group.iter().zip(texts.into_inner()) {
+            found[n].texts = texts;
         }
         let time = group
             .iter()
             .find(|&&n| found[n].guess == Some(Quantity::Time))
             .and_then(|&n| {
                 let [first, last] = found[n].range?;
-                let unit = found[n].unit.as_deref().unwrap_or("s");
+                let unit = found[n].unit_or_guess().unwrap_or("s");
                 let to_us = Dimension::Time.unit(unit)?.scale;
                 Some((last - first) * to_us * 1e-6)
             });
         for &n in &group {
             let intervals = found[n].values.saturating_sub(1) as f64;
-            found[n].rate_hz = time.map(|time_s| intervals / time_s).filter(|rate| rate.is_finite());
+            found[n].rate_hz = time
+                .map(|time_s| intervals / time_s)
+                .filter(|rate| rate.is_finite() && found[n].values > 0);
         }
     }
     Ok(found)

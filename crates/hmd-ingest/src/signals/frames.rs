@@ -9,7 +9,7 @@ use hmd_core::config::ActuatorConfig;
 use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
 use hmd_core::log_map::{Column, LogMap, Quantity, RowDecoder};
 
-use super::log::{Between, SignalLog, Unusable};
+use super::log::{Between, SignalInfo, SignalLog, Unusable};
 use crate::damage::{Damage, Place};
 
 /// Rows that are looked at before the first is decoded: their times show the period.
@@ -69,6 +69,11 @@ impl MappedFrames {
                 return Err(missing(&*log, column));
             };
             let info = &log.signals()[place];
+            if is_ambiguous(&*log, column) {
+                let found = format!("several {:?}", column.signal);
+                return Err(Unusable::new("a name that one column alone has", found));
+            }
+            refuse_other_unit_of_time(column, info)?;
             let unit = column.conversion(info.unit.as_deref(), &actuator.params);
             units.push(unit.map_err(|expected| {
                 let unit = info
@@ -199,6 +204,25 @@ fn next_row(log: &mut dyn SignalLog, columns: &[Column], map: &LogMap) -> Option
     };
     let read = log.next_row(&mut row, &text)?;
     Some(read.map(|()| (log.place(), row)))
+}
+
+/// Whether several columns beside each other have the name; groups of MF4 may have it each.
+fn is_ambiguous(log: &dyn SignalLog, column: &Column) -> bool {
+    let is_named = |n: &&usize| log.signals()[**n].name == column.signal;
+    log.groups()
+        .iter()
+        .any(|group| group.iter().filter(is_named).count() > 1)
+}
+
+/// A date, or a number of which the log says what it counts, is in no other unit.
+fn refuse_other_unit_of_time(column: &Column, info: &SignalInfo) -> Result<(), Unusable> {
+    match (column.quantity, &info.unit, &column.unit) {
+        (Quantity::Time, Some(own), Some(unit)) if own != unit => Err(Unusable::new(
+            "no unit of the time in [map] other than the log's",
+            format!("{unit:?} for {:?}, which counts in {own}", info.name),
+        )),
+        _ => Ok(()),
+    }
 }
 
 /// The column of the log's own time.

@@ -1,4 +1,4 @@
-//! Tables in Parquet: plain columns of numbers and texts, uncompressed, Snappy or Zstandard.
+//! Tables in Parquet: plain columns of numbers and texts, uncompressed or by Snappy, Zstandard, gzip or LZ4.
 //!
 //! A unit stands behind a name as `name [unit]`; a column of time stamps counts as what its type says, since 1970. Rows are read in
 //! batches, so that of each column at most one page is held. A file may say of itself that it has any number of rows: no more are read

@@ -72,5 +72,5 @@ impl Estimator {
 }
 
 fn aligned<'a>(params: &'a ActuatorParams, window: &SimulatedWindow) -> AlignedWindow<'a> {
-    AlignedWindow::new(params, &window.samples, &[])
+    AlignedWindow::new(params, &window.samples, &[], None)
 }

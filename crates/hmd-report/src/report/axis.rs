@@ -7,7 +7,9 @@ use super::history::History;
 /// What changed the history before a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Mark {
-    /// The history was reset: a maintenance event, another serial number, or a run that knew nothing of the one before.
+    /// The unit was replaced or overhauled, by a maintenance event or by its serial number.
+    Unit,
+    /// The history begins anew: a run that knew nothing of the one before.
     Reset,
     /// A part was replaced, by a maintenance event; the rest of the unit goes on.
     Replaced(ReplacedPart),
@@ -19,7 +21,8 @@ impl Mark {
     /// Name for people.
     pub(super) const fn name(self) -> &'static str {
         match self {
-            Self::Reset => "history reset",
+            Self::Unit => "actuator replaced",
+            Self::Reset => "history begins anew",
             Self::Replaced(ReplacedPart::Motor) => "motor replaced",
             Self::Replaced(ReplacedPart::Gearbox) => "gearbox replaced",
             Self::Replaced(ReplacedPart::Controller) => "controller replaced",
@@ -30,7 +33,7 @@ impl Mark {
     /// Class of the line in the page's style.
     pub(super) const fn class(self) -> &'static str {
         match self {
-            Self::Reset => "reset",
+            Self::Unit | Self::Reset => "reset",
             Self::Replaced(_) => "replaced",
             Self::Restart => "restart",
         }
@@ -85,7 +88,10 @@ pub(super) fn marks_before(history: &History, n: usize) -> Vec<Mark> {
     let [before, after] = [&history.points[n - 1], &history.points[n]];
     let began_again = matches!((before.used_h, after.used_h), (Some(before), Some(after)) if after < before);
     let replaced = || after.replaced.split(',');
-    if began_again || replaced().any(|what| what == "unit") {
+    if replaced().any(|what| what == "unit") {
+        return vec![Mark::Unit];
+    }
+    if began_again {
         return vec![Mark::Reset];
     }
     let restarted = (after.window <= before.window).then_some(Mark::Restart);
@@ -132,7 +138,7 @@ mod tests {
         history.points[2].replaced = "unit".to_owned();
         let [motor, gearbox] = [ReplacedPart::Motor, ReplacedPart::Gearbox].map(Mark::Replaced);
         let axis = UseAxis::new(&history);
-        assert_eq!(axis.marks, [(1, motor), (1, gearbox), (2, Mark::Reset)]);
+        assert_eq!(axis.marks, [(1, motor), (1, gearbox), (2, Mark::Unit)]);
         assert_eq!(axis.places, [1.0, 2.0, 3.0], "use goes on");
     }
 

@@ -1,50 +1,9 @@
-//! What recorded files say of an actuator.
+//! What recorded files say of one actuator.
 
 use std::collections::BTreeMap;
-use std::io::BufReader;
-use std::path::Path;
 
-use prost::Message;
-
-use hmd_core::record::{Estimate, Health, Log, Record, Rul, Status, Window};
-use hmd_ingest::file::open_recorded;
-use hmd_storage::mcap::{McapLoss, McapMessages};
-use hmd_storage::mcap_writer::METADATA_NAME;
-
-/// Why there is no report.
-#[derive(Debug, thiserror::Error)]
-pub enum ReportError {
-    /// A file that cannot be read.
-    #[error("{file}: {source}")]
-    Io {
-        /// The file.
-        file: String,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// A record that is not what its schema says.
-    #[error("{file}: {source}")]
-    Record {
-        /// The file.
-        file: String,
-        /// Why.
-        source: prost::DecodeError,
-    },
-    /// Files without records of windows.
-    #[error("{files}: expected records of windows, found none; hmd replay LOG -o OUT.mcap makes them")]
-    Empty {
-        /// The files.
-        files: String,
-    },
-    /// No such actuator.
-    #[error("--actuator: expected one of {known}, found {found:?}")]
-    Actuator {
-        /// Those that the files have.
-        known: String,
-        /// What was asked for.
-        found: String,
-    },
-}
+use hmd_core::health::HealthState;
+use hmd_core::record::{Estimate, Health, Rul, Window};
 
 /// One window of a history.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -67,19 +26,8 @@ pub struct Point {
     pub left_h: Option<[f64; 3]>,
     /// What was replaced before it: `unit`, or parts, joined by commas.
     pub replaced: String,
-}
-
-/// How one file was made, and what it lost.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Source {
-    /// Name of the file.
-    pub file: String,
-    /// Its metadata: build, configuration, model, seed…
-    pub metadata: BTreeMap<String, String>,
-    /// Counts at its end.
-    pub status: Status,
-    /// Parts of the file were damaged.
-    pub damaged: bool,
+    /// Names of the faults that it reported.
+    pub faults: Vec<String>,
 }
 
 /// What is known of one actuator.
@@ -91,156 +39,73 @@ pub struct History {
     pub points: Vec<Point>,
     /// The newest health record, and what was left then.
     pub newest: (Health, Rul),
+    /// The newest health record with an estimate.
+    pub assessed: Option<Health>,
+    /// Part and serial number, in words; empty where its configuration had none.
+    pub identity: String,
     /// The newest window that was fitted.
     pub fitted: Option<Window>,
     /// Samples of all windows: called for, received, missing.
     pub samples: [u64; 3],
     /// Reasons of windows that are not `ok`, with their number.
     pub reasons: BTreeMap<String, u64>,
+    /// What was replaced after the newest window, as it was entered: a part, or the actuator.
+    pub replaced_since: Option<&'static str>,
 }
 
-/// What some files say: of each actuator, of themselves, and events.
-#[derive(Clone, Debug, Default)]
-pub struct Files {
-    /// By name.
-    pub actuators: BTreeMap<String, History>,
-    /// In the order of reading.
-    pub sources: Vec<Source>,
-    /// UTC ns and text.
-    pub events: Vec<(u64, String)>,
+/// The newest windows, as far as none of them was assessed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Unassessed {
+    /// How many.
+    pub(super) windows: usize,
+    /// Start of the first of them, UTC ns.
+    pub(super) since_ns: u64,
 }
 
-impl Files {
-    /// Reads files in the order of time.
-    ///
-    /// # Errors
-    /// A file that cannot be read, or a record that is none. Damaged parts are skipped and given to `report`, each with its
-    /// place, and mentioned on the page.
-    pub fn read<P: AsRef<Path>>(paths: &[P], tell: &mut dyn FnMut(&McapLoss)) -> Result<Self, ReportError> {
-        let mut files = Self::default();
-        for path in paths {
-            let name = path.as_ref().display().to_string();
-            let io = |source| ReportError::Io {
-                file: name.clone(),
-                source,
-            };
-            let file = open_recorded(path.as_ref()).map_err(io)?;
-            let mut messages = McapMessages::of_recording(BufReader::new(file), &name).map_err(io)?;
-            let mut source = Source {
-                file: path
-                    .as_ref()
-                    .file_name()
-                    .unwrap_or_default()
-                    .to_string_lossy()
-                    .into_owned(),
-                ..Source::default()
-            };
-            let record = |source| ReportError::Record {
-                file: name.clone(),
-                source,
-            };
-            for message in messages.by_ref() {
-                let message = match message {
-                    Ok(message) => message,
-                    Err(loss) => {
-                        tell(&loss);
-                        source.damaged = true;
-                        continue;
-                    }
-                };
-                let data = message.data.as_slice();
-                match &*message.schema {
-                    Window::SCHEMA_NAME => files.window(Window::decode(data).map_err(record)?),
-                    Health::SCHEMA_NAME => files.health(Health::decode(data).map_err(record)?),
-                    Rul::SCHEMA_NAME => files.rul(Rul::decode(data).map_err(record)?),
-                    Status::SCHEMA_NAME => source.status = Status::decode(data).map_err(record)?,
-                    Log::SCHEMA_NAME => {
-                        let text = Log::decode(data).map_err(record)?.message;
-                        files.events.push((message.log_time_ns, text));
-                    }
-                    _ => {}
-                }
-            }
-            match messages.verified_metadata(METADATA_NAME) {
-                Ok(metadata) => source.metadata = metadata.cloned().unwrap_or_default(),
-                Err(loss) => {
-                    tell(&loss);
-                    source.damaged = true;
-                }
-            }
-            files.sources.push(source);
-        }
-        Ok(files)
-    }
-
-    /// All actuators by name, or the one of this name.
-    ///
-    /// # Errors
-    /// None, or none of this name.
-    pub fn actuators(&self, name: Option<&str>) -> Result<Vec<&History>, ReportError> {
-        if self.actuators.is_empty() {
-            let files: Vec<&str> = self.sources.iter().map(|source| source.file.as_str()).collect();
-            return Err(ReportError::Empty {
-                files: files.join(", "),
-            });
-        }
-        let Some(name) = name else {
-            return Ok(self.actuators.values().collect());
-        };
-        let found = self.actuators.get(name).ok_or_else(|| ReportError::Actuator {
-            known: self.actuators.keys().cloned().collect::<Vec<_>>().join(", "),
-            found: name.to_owned(),
-        })?;
-        Ok(vec![found])
-    }
-
-    fn entry(&mut self, actuator: &str) -> &mut History {
-        self.actuators.entry(actuator.to_owned()).or_insert_with(|| History {
-            actuator: actuator.to_owned(),
-            ..History::default()
+impl History {
+    /// The newest windows without an estimate; `None` if the newest has one.
+    pub(super) fn unassessed(&self) -> Option<Unassessed> {
+        let tail = self.points.rsplit(|point| point.estimate.is_some()).next()?;
+        tail.first().map(|first| Unassessed {
+            windows: tail.len(),
+            since_ns: first.t_start_ns,
         })
     }
 
-    fn window(&mut self, window: Window) {
-        let history = self.entry(&window.actuator);
-        let counts = [window.samples_expected, window.samples, window.samples_lost];
-        for (sum, count) in history.samples.iter_mut().zip(counts) {
+    /// The record that damages are taken from: the newest with an estimate, unless the history began anew since.
+    pub(super) fn damaged_as_of(&self) -> &Health {
+        let newest = &self.newest.0;
+        let knows_nothing = HealthState::named(&newest.health) == HealthState::Unknown;
+        self.assessed.as_ref().filter(|_| !knows_nothing).unwrap_or(newest)
+    }
+
+    /// Goes on with what a later file says of the same actuator.
+    pub(super) fn go_on(&mut self, later: Self) {
+        let Self {
+            actuator: _,
+            points,
+            newest,
+            assessed,
+            identity,
+            fitted,
+            samples,
+            reasons,
+            replaced_since: _,
+        } = later;
+        if !points.is_empty() {
+            self.newest = newest;
+        }
+        self.points.extend(points);
+        self.assessed = assessed.or(self.assessed.take());
+        if !identity.is_empty() {
+            self.identity = identity;
+        }
+        self.fitted = fitted.or(self.fitted.take());
+        for (sum, count) in self.samples.iter_mut().zip(samples) {
             *sum += count;
         }
-        if !window.fitted_i_q_a.is_empty() {
-            history.fitted = Some(window);
-        }
-    }
-
-    fn health(&mut self, health: Health) {
-        let history = self.entry(&health.actuator);
-        if !health.reason.is_empty() {
-            *history.reasons.entry(health.reason.clone()).or_default() += 1;
-        }
-        history.points.push(Point {
-            window: health.window,
-            t_start_ns: health.t_start_ns,
-            status: health.status.clone(),
-            health: health.health.clone(),
-            estimate: health.estimate(),
-            residual_rms_a: health.residual_rms_a,
-            used_h: None,
-            left_h: None,
-            replaced: String::new(),
-        });
-        history.newest = (health, Rul::default());
-    }
-
-    fn rul(&mut self, rul: Rul) {
-        let history = self.entry(&rul.actuator);
-        if let Some(point) = history.points.last_mut().filter(|point| point.window == rul.window) {
-            point.used_h = rul.operating_h;
-            point.replaced.clone_from(&rul.replaced);
-            point.left_h = match (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) {
-                (Some(p10), Some(p50), Some(p90)) => Some([p10, p50, p90]),
-                _ => None,
-            };
-            history.newest.1 = rul;
+        for (reason, count) in reasons {
+            *self.reasons.entry(reason).or_default() += count;
         }
     }
 }

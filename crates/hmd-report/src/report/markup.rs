@@ -1,5 +1,7 @@
 //! HTML that every page has: the document around its body, and tables.
 
+use std::fmt::Write;
+
 use super::plot::escaped;
 
 const STYLE: &str = include_str!("style.css");
@@ -16,12 +18,33 @@ pub(super) fn document(title: &str, body: &str) -> String {
 
 /// A table with heads, each with the class of its column; the rows are HTML.
 pub(super) fn table(caption: &str, heads: &[(&str, &str)], rows: &str) -> String {
+    table_of_class("", caption, heads, rows)
+}
+
+/// A table whose rows become one block each where the screen is narrow; the cells are HTML, the first of a row is its head.
+pub(super) fn wide_table(caption: &str, heads: &[(&str, &str)], rows: &[Vec<String>]) -> String {
+    let mut html = String::new();
+    for row in rows {
+        html += "<tr>";
+        for (n, (cell, (head, class))) in row.iter().zip(heads).enumerate() {
+            let _ = match n {
+                0 => write!(html, "<th scope=\"row\">{cell}</th>"),
+                _ => write!(html, "<td class=\"{class}\" data-head=\"{head}\">{cell}</td>"),
+            };
+        }
+        html += "</tr>\n";
+    }
+    table_of_class("wide", caption, heads, &html)
+}
+
+fn table_of_class(class: &str, caption: &str, heads: &[(&str, &str)], rows: &str) -> String {
     let heads: String = heads
         .iter()
         .map(|(head, class)| format!("<th scope=\"col\" class=\"{class}\">{head}</th>"))
         .collect();
     format!(
-        "<div class=\"scroll\"><table><caption>{}</caption><thead><tr>{heads}</tr></thead><tbody>\n{rows}</tbody></table></div>\n",
+        "<div class=\"scroll\"><table class=\"{class}\"><caption>{}</caption><thead><tr>{heads}</tr></thead>\
+         <tbody>\n{rows}</tbody></table></div>\n",
         escaped(caption)
     )
 }

@@ -6,7 +6,8 @@ use ema_models::FaultId;
 use hmd_core::catalogue::{FaultMode, catalogue};
 use hmd_core::health::Levels;
 
-use super::history::{Files, History};
+use super::files::Files;
+use super::history::History;
 use super::markup::document;
 use super::overview::overview;
 use super::plot::escaped;
@@ -64,12 +65,18 @@ fn section(heading: &str, content: &str) -> String {
 /// The part of the page about one actuator.
 fn actuator(history: &History, modes: &[FaultMode; FaultId::COUNT], zone: &Zone) -> String {
     let advice = recommendation(history, modes);
-    let plots = |plots: String| format!("{}<div class=\"plots\">{plots}</div>\n", legend(history));
+    let plots = |plots: String| format!("{}<div class=\"plots\">{plots}</div>\n", legend(history, zone));
     [
         period(history, zone),
-        headline(&advice, &history.newest.1, zone),
+        headline(&advice, history, zone),
         section("Faults", &faults(history, modes)),
-        section("Damage over use", &plots(damages(history, modes))),
+        section(
+            "Damage over use",
+            &format!(
+                "<p>0 % is new. Green: nominal, below the watch level.</p>\n{}",
+                plots(damages(history, modes))
+            ),
+        ),
         section(
             "Health and remaining life",
             &plots(format!("{}{}", timeline(history), remaining(history))),
@@ -98,8 +105,8 @@ fn fitted(history: &History, zone: &Zone) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::files::Source;
     use super::super::history::Point;
-    use super::super::history::Source;
     use super::*;
     use hmd_core::record::{Estimate, Health, Status};
 
@@ -129,6 +136,7 @@ mod tests {
             used_h: Some(n as f64),
             left_h: (n > 5).then_some([90.0, 100.0, 110.0]),
             replaced: String::new(),
+            faults: Vec::new(),
         };
         History {
             actuator: "<script>alert(1)</script>".to_owned(),

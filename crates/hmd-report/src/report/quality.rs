@@ -4,7 +4,8 @@ use std::fmt::Write;
 
 use hmd_core::record::WindowStatus;
 
-use super::history::{Files, History};
+use super::files::Files;
+use super::history::History;
 use super::markup::table;
 use super::plot::escaped;
 

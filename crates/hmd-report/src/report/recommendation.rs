@@ -4,9 +4,10 @@ use ema_models::FaultId;
 use hmd_core::catalogue::FaultMode;
 use hmd_core::health::HealthState;
 use hmd_core::record::Rul;
+use hmd_core::sensor_checks::Suspect;
 
 use super::axis::{Mark, marks_before};
-use super::history::History;
+use super::history::{History, Point, Unassessed};
 
 /// What a mechanic needs to know of one actuator.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,10 +18,26 @@ pub(super) struct Recommendation {
     pub(super) fault: Option<FaultId>,
     /// What to do, a sentence.
     pub(super) action: String,
-    /// Hours left to the end of life: median and 80 % interval.
-    pub(super) hours_left: Option<[f64; 3]>,
+    /// Hours left to the end of life, 10 %, 50 % and 90 % quantile; or why there is no number.
+    pub(super) hours_left: Result<[f64; 3], String>,
     /// Start of the first window since which the state was this or worse, UTC ns.
     pub(super) since_ns: Option<u64>,
+    /// The newest windows, where they could not be assessed.
+    pub(super) unassessed: Option<Unassessed>,
+}
+
+/// Below so many hours there is nothing to plan.
+const HOURS_TO_PLAN: f64 = 1.0;
+
+impl Recommendation {
+    /// Life left, or why there is no number.
+    pub(super) fn life_left(&self) -> String {
+        match &self.hours_left {
+            Ok([.., p90]) if *p90 <= 0.0 => "none: its end of life is reached".to_owned(),
+            Ok(left) => hours(*left),
+            Err(reason) => format!("no number: {reason}"),
+        }
+    }
 }
 
 /// The recommendation after the newest window; `modes` has the levels, in the order of [`FaultId::ALL`].
@@ -29,24 +46,64 @@ pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COU
     let state = HealthState::named(&health.health);
     let fault = worst_fault(history, modes);
     let what = fault.map_or("actuator", FaultId::part);
+    let checks = checks(&health.suspects);
     let action = match state {
+        _ if history.replaced_since.is_some() => {
+            let part = history.replaced_since.unwrap_or_default();
+            format!("The {part} was replaced after the last window: the next actuation shows its health.")
+        }
+        HealthState::Unknown if !checks.is_empty() => "Nothing is known yet.".to_owned(),
         HealthState::Unknown if health.reason.is_empty() => "Nothing is known yet: no window was assessed.".to_owned(),
         HealthState::Unknown => format!("Nothing is known yet: {}.", health.reason),
+        HealthState::Nominal if !checks.is_empty() => String::new(),
         HealthState::Nominal => "No action.".to_owned(),
         _ => {
             let severity = modes[fault.map_or(0, FaultId::index)].severity;
-            let class = severity.iter().find(|severity| severity.class == state);
-            let action = class.map_or("", |severity| severity.action);
-            format!("{}: {what}.", with_capital(action))
+            let action_of = |state: HealthState| {
+                let class = severity.iter().find(|severity| severity.class == state);
+                with_capital(class.map_or("", |severity| severity.action))
+            };
+            // By when nine of ten such actuators still work.
+            match hours_left(rul) {
+                Some([p10, ..]) if state == HealthState::Warning && p10 < HOURS_TO_PLAN => {
+                    let action = action_of(HealthState::Critical);
+                    format!("{action}: {what}. It may last less than {HOURS_TO_PLAN:.0} h more.")
+                }
+                Some([p10, ..]) if state == HealthState::Warning => {
+                    let action = action_of(state);
+                    format!("{action}: {what}, within {} of operation.", duration(p10))
+                }
+                _ => format!("{}: {what}.", action_of(state)),
+            }
         }
+    };
+    let action = match (action.is_empty(), checks.is_empty()) {
+        (_, true) => action,
+        (true, false) => format!("Check {checks}."),
+        (false, false) => format!("{action} Check {checks}."),
     };
     Recommendation {
         state,
         fault: fault.filter(|_| state > HealthState::Nominal),
         action,
-        hours_left: hours_left(rul),
-        since_ns: since(history, state),
+        hours_left: hours_left(rul).ok_or_else(|| match &*rul.reason {
+            "" => "none was recorded".to_owned(),
+            reason => reason.to_owned(),
+        }),
+        since_ns: since(history, state, fault.filter(|_| state > HealthState::Nominal)),
+        unassessed: history.unassessed(),
     }
+}
+
+/// What to look at besides the actuator, for these suspects of a record; each once.
+fn checks(suspects: &[String]) -> String {
+    let mut found: Vec<&str> = Vec::new();
+    for suspect in suspects.iter().filter_map(|name| Suspect::from_name(name)) {
+        if !found.contains(&suspect.to_check()) {
+            found.push(suspect.to_check());
+        }
+    }
+    found.join("; ")
 }
 
 /// Hours left: 10 %, 50 % and 90 % quantile.
@@ -56,7 +113,8 @@ fn hours_left(rul: &Rul) -> Option<[f64; 3]> {
 
 /// The reported fault with the highest level, then the largest damage; without one, the fault whose trend ends the life first.
 fn worst_fault(history: &History, modes: &[FaultMode; FaultId::COUNT]) -> Option<FaultId> {
-    let (health, rul) = &history.newest;
+    // A window that could not be assessed lists no fault.
+    let health = history.damaged_as_of();
     let damages = health.damages();
     let reported = FaultId::ALL
         .into_iter()
@@ -71,32 +129,54 @@ fn worst_fault(history: &History, modes: &[FaultMode; FaultId::COUNT]) -> Option
             let ((level_a, damage_a), (level_b, damage_b)) = (rank(*a), rank(*b));
             level_a.cmp(&level_b).then(damage_a.total_cmp(&damage_b))
         })
-        .or_else(|| FaultId::from_name(&rul.dominant_fault))
+        .or_else(|| FaultId::from_name(&history.newest.1.dominant_fault))
 }
 
-/// Start of the oldest window of the newest run of windows in this state or a worse one, since the last reset.
-fn since(history: &History, state: HealthState) -> Option<u64> {
+/// Start of the oldest window of the newest run of windows in this state or a worse one that reported the fault where the newest did, since the
+/// last reset.
+fn since(history: &History, state: HealthState, fault: Option<FaultId>) -> Option<u64> {
+    let reports = |point: &Point| fault.is_some_and(|fault| point.faults.iter().any(|name| name == fault.name()));
+    let assessed = history.points.iter().rfind(|point| point.estimate.is_some());
+    let is_reported = assessed.or(history.points.last()).is_some_and(reports);
     let mut since = None;
     for n in (0..history.points.len()).rev() {
         let point = &history.points[n];
-        if HealthState::named(&point.health) < state {
+        // One that did not show it says nothing of it.
+        let was_silent = point.estimate.is_none();
+        if HealthState::named(&point.health) < state || (is_reported && !was_silent && !reports(point)) {
             break;
         }
         since = Some(point.t_start_ns);
-        if n > 0 && marks_before(history, n).contains(&Mark::Reset) {
+        let begins_anew = |mark: &Mark| matches!(mark, Mark::Unit | Mark::Reset);
+        if n > 0 && marks_before(history, n).iter().any(begins_anew) {
             break;
         }
     }
     since
 }
 
-/// Hours left as people read them.
-pub(super) fn hours(left: [f64; 3]) -> String {
-    let [p10, p50, p90] = left;
-    format!("{p50:.0} h ({p10:.0} … {p90:.0})")
+/// Operating time as people read it.
+pub(super) fn duration(hours: f64) -> String {
+    match hours {
+        h if h >= 9.95 => format!("{h:.0} h"),
+        h if h >= 0.995 => format!("{h:.1} h"),
+        h if h >= 1.0 / 60.0 => format!("{:.0} min", 60.0 * h),
+        h if h <= 0.0 => "0 h".to_owned(),
+        _ => "less than 1 min".to_owned(),
+    }
 }
 
-fn with_capital(text: &str) -> String {
+/// Median and 80 % interval of an operating time.
+pub(super) fn hours([p10, p50, p90]: [f64; 3]) -> String {
+    let [low, median, high] = [p10, p50, p90].map(duration);
+    if low == high {
+        return median;
+    }
+    format!("{median} ({low} … {high})")
+}
+
+/// The text with a capital letter at its start.
+pub(super) fn with_capital(text: &str) -> String {
     let mut chars = text.chars();
     chars
         .next()
@@ -105,7 +185,6 @@ fn with_capital(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::history::Point;
     use super::*;
     use hmd_core::catalogue::catalogue;
     use hmd_core::health::Levels;
@@ -153,11 +232,95 @@ mod tests {
     }
 
     #[test]
+    fn a_suspected_sensor_is_to_be_checked_and_the_last_known_state_stays() {
+        let mut history = history(&["nominal", "critical"], &[FaultId::Backlash], [0.7; FaultId::COUNT]);
+        history.points[0].estimate = Some(hmd_core::record::Estimate {
+            k: [0.0; 8],
+            sigma: [None; 8],
+            observable: [true; 8],
+        });
+        history.assessed = Some(history.newest.0.clone());
+        history.newest.0.set_faults(&[]);
+        history.newest.0.suspects = vec!["frozen current".to_owned(), "phase gain".to_owned(), "?".to_owned()];
+        let found = of(&history);
+        assert_eq!(
+            found.action,
+            "Repair before the next use: gear and screw. Check the phase current sensors of the drive and their wiring."
+        );
+        let expected = Unassessed {
+            windows: 1,
+            since_ns: 1,
+        };
+        assert_eq!(found.unassessed, Some(expected));
+        for (state, expected) in [
+            (
+                "nominal",
+                "Check the phase current sensors of the drive and their wiring.",
+            ),
+            (
+                "unknown",
+                "Nothing is known yet. Check the phase current sensors of the drive and their wiring.",
+            ),
+        ] {
+            history.assessed = None;
+            history.newest.0.health = state.to_owned();
+            assert_eq!(of(&history).action, expected);
+        }
+    }
+
+    #[test]
+    fn a_part_replaced_after_the_last_window_is_not_to_be_repaired_again() {
+        let worn = [0.0, 0.7, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let mut history = history(&["critical"], &[FaultId::Backlash], worn);
+        history.replaced_since = Some("gearbox");
+        let expected = "The gearbox was replaced after the last window: the next actuation shows its health.";
+        assert_eq!(of(&history).action, expected);
+    }
+
+    #[test]
     fn a_state_by_the_remaining_life_names_the_part_that_ends_it() {
         let mut history = history(&["critical"], &[], [0.04; FaultId::COUNT]);
         history.newest.1.dominant_fault = "friction".to_owned();
         let found = of(&history);
         assert_eq!(found.action, "Repair before the next use: bearings, gear and screw.");
+    }
+
+    #[test]
+    fn a_repair_is_planned_within_the_life_that_nine_of_ten_have() {
+        let mut history = history(&["warning"], &[FaultId::Backlash], [0.0, 0.4, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let mut with = |p10: f64| {
+            let rul = &mut history.newest.1;
+            (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(p10), Some(2.0 * p10), Some(3.0 * p10));
+            of(&history)
+        };
+        let planned = with(90.0);
+        assert_eq!(
+            planned.action,
+            "Plan the repair: gear and screw, within 90 h of operation."
+        );
+        assert_eq!(planned.life_left(), "180 h (90 h … 270 h)");
+        let urgent = with(0.002);
+        assert_eq!(
+            urgent.action,
+            "Repair before the next use: gear and screw. It may last less than 1 h more."
+        );
+        assert_eq!(urgent.life_left(), "less than 1 min");
+    }
+
+    #[test]
+    fn durations_have_the_unit_that_suits_them() {
+        let shown = [1234.4, 9.96, 9.94, 0.996, 0.5, 0.017, 0.01, 0.0].map(duration);
+        let expected = [
+            "1234 h",
+            "10 h",
+            "9.9 h",
+            "1.0 h",
+            "30 min",
+            "1 min",
+            "less than 1 min",
+            "0 h",
+        ];
+        assert_eq!(shown, expected);
     }
 
     #[test]

@@ -9,6 +9,7 @@ use hmd_core::record::Window;
 use super::axis::{Mark, UseAxis};
 use super::history::{History, Point};
 use super::plot::{Axis, Plot, escaped, significant};
+use super::zone::Zone;
 
 pub(super) const HEIGHT: f64 = 230.0;
 
@@ -152,16 +153,32 @@ impl<'a> Drawn<'a> {
     }
 }
 
-/// Legend of the marks in the plots over use; empty where there are none.
-pub(super) fn legend(history: &History) -> String {
+/// Most times that are listed of one kind of mark, the newest.
+const TIMES_MAX: usize = 5;
+
+/// Legend of the marks in the plots over use, with the windows that they precede; empty where there are none.
+pub(super) fn legend(history: &History, zone: &Zone) -> String {
     let marks = UseAxis::new(history).marks;
     let key = |mark: Mark| {
-        let count = marks.iter().filter(|(_, found)| *found == mark).count();
-        let times = if count == 1 { "once" } else { &format!("{count} times") };
-        format!("<span class=\"key {}\">{} ({times})</span> ", mark.class(), mark.name())
+        let found = marks.iter().rev().filter(|(_, found)| *found == mark);
+        let mut times: Vec<String> = found.map(|(n, _)| zone.minute(history.points[*n].t_start_ns)).collect();
+        let more = times.len().saturating_sub(TIMES_MAX);
+        times.truncate(TIMES_MAX);
+        times.reverse();
+        let more = if more > 0 {
+            format!("{more} times, then before ")
+        } else {
+            "before ".to_owned()
+        };
+        format!(
+            "<span class=\"key {}\">{} {more}{}</span><br>",
+            mark.class(),
+            mark.name(),
+            times.join(", ")
+        )
     };
     let parts = ReplacedPart::ALL.map(Mark::Replaced);
-    let kinds: String = [Mark::Reset, Mark::Restart]
+    let kinds: String = [Mark::Unit, Mark::Reset, Mark::Restart]
         .into_iter()
         .chain(parts)
         .filter(|mark| marks.iter().any(|(_, found)| found == mark))
@@ -170,7 +187,7 @@ pub(super) fn legend(history: &History) -> String {
     if kinds.is_empty() {
         kinds
     } else {
-        format!("<p class=\"faint\">Vertical lines: {kinds}</p>\n")
+        format!("<p class=\"faint\">{kinds}</p>\n")
     }
 }
 
@@ -202,12 +219,14 @@ fn damage(drawn: &Drawn<'_>, fault: FaultId, mode: &FaultMode) -> String {
     );
     let [watch, warning, critical] = mode.severity.map(|severity| 100.0 * severity.damage);
     plot.zone("healthy", 0.0, watch);
-    plot.level("level", warning, "warning");
-    plot.level("level", critical, "critical");
-    plot.level("level", 100.0 * mode.end_of_life, "end of life");
     plot.band("band", drawn.band(interval).into_iter());
     plot.line("value", drawn.line(value).into_iter());
     plot.dots("dots", drawn.values(value));
+    // In front, so that their names can be read.
+    plot.level("level", watch, "watch");
+    plot.level("level", warning, "warning");
+    plot.level("level", critical, "critical");
+    plot.level("level", 100.0 * mode.end_of_life, "end of life");
     let newest = drawn
         .points
         .iter()

@@ -1,6 +1,6 @@
 //! Where the page comes from: events and metadata of the files.
 
-use super::history::{Files, Source};
+use super::files::{Files, Source};
 use super::markup::table;
 use super::plot::escaped;
 use super::zone::Zone;
@@ -13,7 +13,10 @@ pub(super) fn events(files: &Files, zone: &Zone) -> String {
     if files.events.is_empty() {
         return "<p>None recorded.</p>\n".to_owned();
     }
-    let newest = files.events.iter().rev().take(EVENTS_MAX);
+    let mut newest: Vec<&(u64, String)> = files.events.iter().collect();
+    // Files of several actuators need not follow each other.
+    newest.sort_by_key(|(t_ns, _)| std::cmp::Reverse(*t_ns));
+    let newest = newest.into_iter().take(EVENTS_MAX);
     let rows: String = newest
         .map(|(t_ns, text)| format!("<tr><td>{}</td><td>{}</td></tr>\n", zone.minute(*t_ns), escaped(text)))
         .collect();

@@ -7,19 +7,23 @@ use hmd_core::catalogue::FaultMode;
 use hmd_core::health::HealthState;
 use hmd_core::record::Rul;
 
-use super::history::History;
-use super::markup::table;
+use super::history::{History, Unassessed};
+use super::markup::wide_table;
 use super::plot::escaped;
-use super::recommendation::{Recommendation, hours};
+use super::recommendation::{Recommendation, duration, hours, with_capital};
 use super::zone::Zone;
 
-/// Number of windows and the time they span.
+/// Part and serial number, number of windows and the time they span.
 pub(super) fn period(history: &History, zone: &Zone) -> String {
     let (Some(first), Some(last)) = (history.points.first(), history.points.last()) else {
         return String::new();
     };
+    let identity = match &*history.identity {
+        "" => String::new(),
+        identity => format!("{}<br>", escaped(&with_capital(identity))),
+    };
     format!(
-        "<p class=\"faint\">{} windows from {} to {}</p>\n",
+        "<p class=\"faint\">{identity}{} windows from {} to {}</p>\n",
         history.points.len(),
         zone.minute(first.t_start_ns),
         zone.minute(last.t_start_ns)
@@ -27,7 +31,8 @@ pub(super) fn period(history: &History, zone: &Zone) -> String {
 }
 
 /// State, what to do, since when, and how long the actuator lasts.
-pub(super) fn headline(advice: &Recommendation, rul: &Rul, zone: &Zone) -> String {
+pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) -> String {
+    let (health, rul) = &history.newest;
     let state = advice.state.name();
     let mut text = format!(
         "<p class=\"assessment {state}\"><strong>{state}</strong><br>{}",
@@ -39,22 +44,34 @@ pub(super) fn headline(advice: &Recommendation, rul: &Rul, zone: &Zone) -> Strin
     if let Some(since) = advice.since_ns.filter(|_| advice.state != HealthState::Unknown) {
         let _ = write!(text, "<br>Since {}.", zone.minute(since));
     }
+    if let Some(Unassessed { windows, since_ns }) = advice.unassessed {
+        let which = match windows {
+            1 => "The newest window could not be assessed".to_owned(),
+            _ => format!(
+                "The newest {windows} windows, since {}, could not be assessed",
+                zone.minute(since_ns)
+            ),
+        };
+        let reason = if health.reason.is_empty() { "" } else { ": " };
+        let _ = write!(text, "<br>{which}{reason}{}.", escaped(&health.reason));
+    }
     let _ = writeln!(text, "<br>{}</p>", escaped(&remaining_life(advice, rul)));
     text
 }
 
 /// The forecast in one or two sentences that do not contradict the action.
 fn remaining_life(advice: &Recommendation, rul: &Rul) -> String {
-    let Some(left) = advice.hours_left else {
-        let reason = if rul.reason.is_empty() {
-            "none was recorded"
-        } else {
-            &rul.reason
-        };
-        return format!("Remaining life: no number ({reason}).");
+    let [p10, p50, p90] = match &advice.hours_left {
+        Ok(left) => left.map(duration),
+        Err(reason) => return format!("Remaining life: no number ({reason})."),
     };
-    let [p10, p50, p90] = left;
-    let mut text = format!("Remaining life: {p50:.0} h, with 80 % probability between {p10:.0} and {p90:.0} h");
+    let mut text = if p10 == p90 {
+        format!("Remaining life in operation: {p50}")
+    } else {
+        format!(
+            "Remaining life in operation: nine of ten such actuators last {p10}, half of them {p50}, one of ten {p90}"
+        )
+    };
     if let Some(fault) = FaultId::from_name(&rul.dominant_fault) {
         let _ = write!(text, "; {fault} ends it first");
     }
@@ -79,36 +96,32 @@ fn percent(probability: f64) -> String {
 
 /// Each fault: part, symptom, damage, level, and the hours left by it alone or why there is no number.
 pub(super) fn faults(history: &History, modes: &[FaultMode; FaultId::COUNT]) -> String {
-    let (health, rul) = &history.newest;
-    let mut rows = String::new();
-    let all = FaultId::ALL
-        .into_iter()
-        .zip(modes)
-        .zip(health.damages())
-        .zip(rul.faults());
-    for (((fault, mode), damage), left) in all {
+    let rul = &history.newest.1;
+    let health = history.damaged_as_of();
+    let (damages, left) = (health.damages(), rul.faults());
+    let row = |fault: FaultId| {
+        let (mode, damage) = (&modes[fault.index()], damages[fault.index()]);
         let reported = health.fault_list.iter().any(|name| name == fault.name());
-        let left = left.map_or_else(|| without_trend(damage, mode, reported, rul), hours);
-        let damage_text = damage.map_or_else(|| "not known".to_owned(), |damage| format!("{:.1} %", 100.0 * damage));
-        let _ = writeln!(
-            rows,
-            "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td><td class=\"n\">{damage_text}</td><td>{}</td><td>{}</td></tr>",
+        let left = left[fault.index()].map_or_else(|| without_trend(damage, mode, reported, rul), hours);
+        vec![
             escaped(fault.plain_name()),
             escaped(mode.item),
+            damage.map_or_else(|| "not known".to_owned(), |damage| format!("{:.1} %", 100.0 * damage)),
+            level(damage, mode, reported).to_owned(),
+            escaped(&left),
             escaped(mode.symptom),
-            level(damage, mode, reported),
-            escaped(&left)
-        );
-    }
-    table(
-        "After the newest window. Hours left: to the end of life by this fault alone, median and 80 % interval",
+        ]
+    };
+    let rows: Vec<Vec<String>> = FaultId::ALL.into_iter().map(row).collect();
+    wide_table(
+        "After the newest assessed window. Life left: operating time to the end of life by this fault alone, median and 80 % interval",
         &[
             ("Fault", ""),
             ("Part", ""),
-            ("Symptom", ""),
             ("Damage", "n"),
             ("Level", ""),
-            ("Hours left", ""),
+            ("Life left", ""),
+            ("Symptom", ""),
         ],
         &rows,
     )
@@ -139,14 +152,16 @@ fn without_trend(damage: Option<f64>, mode: &FaultMode, reported: bool, rul: &Ru
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hmd_core::record::Health;
 
     fn advice(state: HealthState) -> Recommendation {
         Recommendation {
             state,
             fault: Some(FaultId::Friction),
             action: "Act.".to_owned(),
-            hours_left: Some([90.0, 100.0, 110.0]),
+            hours_left: Ok([90.0, 100.0, 110.0]),
             since_ns: Some(0),
+            unassessed: None,
         }
     }
 
@@ -158,12 +173,16 @@ mod tests {
             dominant_fault: "friction".to_owned(),
             ..Rul::default()
         };
-        let critical = headline(&advice(HealthState::Critical), &rul, &Zone::utc());
+        let history = History {
+            newest: (Health::default(), rul),
+            ..History::default()
+        };
+        let critical = headline(&advice(HealthState::Critical), &history, &Zone::utc());
         assert!(
             !critical.contains("ends within") && critical.contains("do not permit"),
             "{critical}"
         );
-        let watch = headline(&advice(HealthState::Watch), &rul, &Zone::utc());
+        let watch = headline(&advice(HealthState::Watch), &history, &Zone::utc());
         assert!(watch.contains("less than 0.1 % probability"), "{watch}");
     }
 }

@@ -180,33 +180,33 @@ fn a_flipped_byte_costs_its_chunk_and_nothing_else() {
     let chunks = chunks(&file);
     let data_end = data_end(&file);
     for at in 0..file.len() {
-        for flip in [1_u8, 0x80, 0xFF] {
-            let mut bad = file.clone();
-            bad[at] ^= flip;
-            let (read, losses) = read(&bad);
-            assert!(is_part_of(&read, &frames), "byte {at} flipped by {flip:#x}");
-            assert!(
-                read.len() == frames.len() || !losses.is_empty(),
-                "byte {at} by {flip:#x}: silent loss"
-            );
-            let lost: u64 = losses.iter().map(McapLoss::frames).sum();
-            assert!(
-                lost + read.len() as u64 <= frames.len() as u64,
-                "byte {at} by {flip:#x}: {losses:?}"
-            );
-            let in_chunk = chunks.iter().any(|chunk| (chunk.0..chunk.1).contains(&at));
-            let least = frames.len() - if in_chunk { 30 } else { 0 };
-            assert!(
-                read.len() >= least,
-                "byte {at} by {flip:#x}: {} frames, {losses:?}",
-                read.len()
-            );
-            // Behind the data stands only what this reader does not need while the data are whole.
-            assert!(
-                at >= data_end || !losses.is_empty(),
-                "byte {at} by {flip:#x}: not noticed"
-            );
-        }
+        // A bit, another, or all of them.
+        let flip = [1_u8, 0x80, 0xFF][at % 3];
+        let mut bad = file.clone();
+        bad[at] ^= flip;
+        let (read, losses) = read(&bad);
+        assert!(is_part_of(&read, &frames), "byte {at} flipped by {flip:#x}");
+        assert!(
+            read.len() == frames.len() || !losses.is_empty(),
+            "byte {at} by {flip:#x}: silent loss"
+        );
+        let lost: u64 = losses.iter().map(McapLoss::frames).sum();
+        assert!(
+            lost + read.len() as u64 <= frames.len() as u64,
+            "byte {at} by {flip:#x}: {losses:?}"
+        );
+        let in_chunk = chunks.iter().any(|chunk| (chunk.0..chunk.1).contains(&at));
+        let least = frames.len() - if in_chunk { 30 } else { 0 };
+        assert!(
+            read.len() >= least,
+            "byte {at} by {flip:#x}: {} frames, {losses:?}",
+            read.len()
+        );
+        // Behind the data stands only what this reader does not need while the data are whole.
+        assert!(
+            at >= data_end || !losses.is_empty(),
+            "byte {at} by {flip:#x}: not noticed"
+        );
     }
 }
 

@@ -8,12 +8,14 @@ use anyhow::{Context, bail};
 use super::outputs::Outputs;
 use super::progress::over_pieces;
 use super::recordings::{Wanted, recordings};
-use super::{Exit, Misuse, Settings, load_config_with, use_threads, warn};
+use super::{Exit, Misuse, Settings, load_config_with, to_stderr, use_threads};
 use crate::unit_windows::windows_of;
 #[cfg(feature = "full")]
 use ema_identify::calibration::TypeCalibration;
 use hmd_core::assess::{Assessor, conditions};
-use hmd_core::commissioning::{Commissioned, CommissioningError, calibrate_unit, in_words, windows_of_work};
+use hmd_core::commissioning::{
+    Commissioned, CommissioningError, SeenByType, calibrate_unit, health_by_type, in_words, windows_of_work,
+};
 use hmd_core::config::Config;
 #[cfg(feature = "full")]
 use hmd_report::report::commissioning_page;
@@ -72,6 +74,15 @@ pub struct Args {
 /// # Errors
 /// A bad configuration, or a file that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    use_threads(args.threads.map(usize::from))?;
+    run_with(args, &mut to_stderr)
+}
+
+/// The same on the threads of the caller; `tell` gets what the command would write to standard error.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_with(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit> {
     let config = load_config_with(args.config.as_deref(), &args.settings)?;
     #[cfg(feature = "full")]
     if args.of_type.is_requested()? {
@@ -80,11 +91,11 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             read_files(&config, true).iter().chain(args.of_type.units()),
         )?;
         if !args.of_type.units().is_empty() {
-            save(&args.output, &args.of_type.of_units(&config)?).with_context(|| args.output.display().to_string())?;
+            save(&args.output, &args.of_type.of_units(&config, tell)?)
+                .with_context(|| args.output.display().to_string())?;
             return Ok(Exit::Done);
         }
-        use_threads(args.threads.map(usize::from))?;
-        let calibration = args.of_type.calibrate(&config, args.seed)?;
+        let calibration = args.of_type.calibrate(&config, args.seed, tell)?;
         let (text, path) = (calibration.emit(), args.output.display().to_string());
         // What a replay would refuse is not written.
         TypeCalibration::parse(&text, &path)?;
@@ -98,7 +109,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let outputs: Vec<&Path> = [args.output.as_path()].into_iter().chain(report).collect();
     let logs = recordings(&args.logs, Wanted::Logs)?;
     check(&outputs, logs.iter().chain(&read_files(&config, false)))?;
-    unit(args, &logs, config)
+    unit(args, &logs, config, tell)
 }
 
 fn check<'a>(outputs: &[&Path], inputs: impl Iterator<Item = &'a PathBuf>) -> Result<(), Misuse> {
@@ -120,22 +131,21 @@ fn read_files(config: &Config, of_type: bool) -> Vec<PathBuf> {
 }
 
 /// Commissions one unit by its healthy windows.
-fn unit(args: &Args, logs: &[PathBuf], config: Config) -> anyhow::Result<Exit> {
-    use_threads(args.threads.map(usize::from))?;
+fn unit(args: &Args, logs: &[PathBuf], config: Config, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit> {
     let config = Arc::new(config);
-    let mut found = windows_of(logs, &config, args.name.as_deref(), &mut |message| warn(message))?;
+    let mut found = windows_of(logs, &config, args.name.as_deref(), tell)?;
     let jobs = &mut found.jobs;
     jobs.retain(|job| match conditions(job) {
         Ok(_) => true,
         Err(absurd) => {
-            warn(format_args!(
+            tell(&format!(
                 "{}: window {}: left out: {absurd}",
                 job.actuator.name, job.window.number
             ));
             false
         }
     });
-    let assessor = Assessor::new(config.clone(), load_type_models(&config)?, args.seed);
+    let mut assessor = Assessor::new(config.clone(), load_type_models(&config)?, args.seed);
     let bar = over_pieces(windows_of_work(jobs.len()));
     let commissioned = calibrate_unit(&assessor, config.health().levels(), jobs, args.seed, &|n| bar.inc(n));
     bar.finish_and_clear();
@@ -149,10 +159,16 @@ fn unit(args: &Args, logs: &[PathBuf], config: Config) -> anyhow::Result<Exit> {
         }
         Err(error) => return Err(error.into()),
     };
-    let Commissioned { calibration, notes, .. } = &commissioned;
+    let levels = config.health().levels();
+    let mut seen = Vec::new();
+    for job in &*jobs {
+        seen.push(SeenByType::new(&assessor.assess(job.clone())?, levels)?);
+    }
     let name = &jobs[0].actuator.name;
-    for line in notes.iter().cloned().chain(in_words(calibration)) {
-        warn(format_args!("{name}: {line}"));
+    let warnings = health_by_type(&seen, &jobs[0].actuator, levels).with_context(|| name.clone())?;
+    let Commissioned { calibration, notes, .. } = &commissioned;
+    for line in warnings.iter().chain(notes).cloned().chain(in_words(calibration)) {
+        tell(&format!("{name}: {line}"));
     }
     save(&args.output, &calibration.emit()).with_context(|| args.output.display().to_string())?;
     #[cfg(feature = "full")]

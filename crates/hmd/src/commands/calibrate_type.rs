@@ -10,7 +10,7 @@ use hmd_lab::calibrate_type::{calibrate_type, pieces};
 use hmd_storage::calibration_file::load_unit;
 
 use super::progress::over_pieces;
-use super::{Misuse, unknown_type, warn};
+use super::{Misuse, unknown_type};
 
 /// Options of the calibration of a type.
 #[derive(Debug, clap::Args)]
@@ -55,11 +55,11 @@ impl TypeArgs {
         Ok((name, found))
     }
 
-    /// The type that the units have in common, as a part of a configuration; prints what was found.
+    /// The type that the units have in common, as a part of a configuration; tells what was found.
     ///
     /// # Errors
     /// No type of that name, a file that is no calibration of a unit of it, or too few units.
-    pub(super) fn of_units(&self, config: &Config) -> anyhow::Result<String> {
+    pub(super) fn of_units(&self, config: &Config, tell: &mut dyn FnMut(&str)) -> anyhow::Result<String> {
         let (name, found) = self.found(config)?;
         let mut units = Vec::with_capacity(self.units.len());
         for path in &self.units {
@@ -69,16 +69,21 @@ impl TypeArgs {
         }
         let common = type_of_units(name, found, &units)?;
         for line in common.in_words() {
-            warn(line);
+            tell(&line);
         }
         Ok(common.emit())
     }
 
-    /// Calibrates the type and prints the error before and after.
+    /// Calibrates the type and tells the error before and after.
     ///
     /// # Errors
     /// No type of that name, or one that no monitor follows.
-    pub(super) fn calibrate(&self, config: &Config, seed: u64) -> anyhow::Result<TypeCalibration> {
+    pub(super) fn calibrate(
+        &self,
+        config: &Config,
+        seed: u64,
+        tell: &mut dyn FnMut(&str),
+    ) -> anyhow::Result<TypeCalibration> {
         let (name, found) = self.found(config)?;
         let form = self.monitor.unwrap_or(MonitorForm::ThreePhase);
         let bar = over_pieces(pieces(form));
@@ -86,12 +91,12 @@ impl TypeArgs {
         bar.finish_and_clear();
         let calibration = calibration.with_context(|| format!("type {name}"))?;
         let q = &calibration.quality;
-        warn(format_args!("mean squared error of i_q, A²   before      after"));
-        warn(format_args!(
+        tell("mean squared error of i_q, A²   before      after");
+        tell(&format!(
             "healthy                       {:.5}    {:.5}",
             q.healthy_before_a2, q.healthy_after_a2
         ));
-        warn(format_args!(
+        tell(&format!(
             "faulty                        {:.5}    {:.5}",
             q.faulty_before_a2, q.faulty_after_a2
         ));

@@ -6,7 +6,7 @@ use hmd_core::config::{Config, EffectiveParameter, parameters_of_unit, write_par
 use hmd_core::config_warnings::warnings;
 use hmd_storage::calibration_file::{load_learnt, load_type_models, load_unit};
 
-use super::{Exit, Settings, check_files_of_run, load_config_with, say, warn};
+use super::{Exit, Settings, check_files_of_run, load_config_with, say, to_stderr};
 
 /// Check a configuration and say what it means.
 #[derive(Debug, clap::Args)]
@@ -32,30 +32,37 @@ pub struct Args {
 /// # Errors
 /// A bad configuration.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    say(&meaning(args, &mut to_stderr)?)?;
+    Ok(Exit::Done)
+}
+
+/// What the verb prints; `tell` gets what it would write to standard error.
+///
+/// # Errors
+/// As [`run`].
+pub fn meaning(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<String> {
     let given = args.file.as_deref().or(args.config.as_deref());
     let config = load_config_with(given, &args.settings)?;
-    check_files_of_run(&config)?;
+    check_files_of_run(&config, tell)?;
     let units = units(&config)?;
     let warnings = warnings(&config, &load_type_models(&config)?);
     let file = given.unwrap_or(Path::new("defaults")).display();
     for warning in &warnings {
-        warn(format_args!("{file}: warning: {warning}"));
+        tell(&format!("{file}: warning: {warning}"));
     }
     if args.json {
         let mut text = config.to_json();
         let of_units = units.iter().map(|unit| (unit.actuator.clone(), &unit.parameters));
         text["units"] = serde_json::to_value(of_units.collect::<std::collections::BTreeMap<_, _>>())?;
         text["warnings"] = serde_json::to_value(&warnings)?;
-        say(&serde_json::to_string_pretty(&text)?)?;
-        return Ok(Exit::Done);
+        return Ok(serde_json::to_string_pretty(&text)?);
     }
     let mut text = config.describe();
     for unit in &units {
         text += &format!("unit {}:\n", unit.actuator);
         write_parameters(&mut text, &unit.parameters)?;
     }
-    say(text.trim_end())?;
-    Ok(Exit::Done)
+    Ok(text.trim_end().to_owned())
 }
 
 /// What is known of a commissioned unit.

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::{Exit, Misuse, load_config, say};
+use super::instant::instant;
+use super::{Exit, Misuse, load_config, say, warn};
 use hmd_core::history::{Event, EventKind, ReplacedPart};
 use hmd_core::timestamp;
 use hmd_storage::clock::now_ns;
@@ -57,17 +58,6 @@ impl Kind {
     }
 }
 
-/// UTC ns of a time with its offset, or of a number of nanoseconds.
-fn instant(text: &str) -> Result<u64, String> {
-    let expected = || format!("expected a time as 2026-11-20T14:00Z, or UTC ns, found {text:?}");
-    // Other programs count nanoseconds in 63 bits.
-    let in_range = |ns: &u64| i64::try_from(*ns).is_ok();
-    if text.bytes().all(|byte| byte.is_ascii_digit()) {
-        return text.parse().ok().filter(in_range).ok_or_else(expected);
-    }
-    timestamp::parsed(text).filter(in_range).ok_or_else(expected)
-}
-
 /// A part by its name.
 fn part(text: &str) -> Result<ReplacedPart, String> {
     let known = || ReplacedPart::ALL.map(ReplacedPart::name).join(", ");
@@ -113,8 +103,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         };
         return Err(Misuse(format!("--keep: expected a configuration with captures, found {found}")).into());
     }
+    let now = now_ns();
     let event = Event {
-        t_ns: args.at.unwrap_or_else(now_ns),
+        t_ns: args.at.unwrap_or(now),
         actuator: actuator.to_owned(),
         event: kind,
         part: args.part,
@@ -123,6 +114,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let path = config.resolve(path);
     append(&path, &event)?;
     let (minute, noted) = (timestamp::minute(event.t_ns), path.display());
+    if event.t_ns > now {
+        warn(format_args!("--at: warning: {minute} UTC is still to come"));
+    }
     say(&match kind {
         EventKind::Reset => {
             let what = args.part.map_or_else(

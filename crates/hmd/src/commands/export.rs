@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::outputs::Outputs;
 use super::recordings::{Wanted, recordings};
-use super::{Exit, Losses, Misuse};
+use super::{Exit, Losses, Misuse, to_stderr};
 use hmd_report::export::{CsvTable, Late, ParquetTable, Table, TableKind, export, metadata_path};
 
 /// Write what was recorded as a table: CSV or Parquet, wide by time, units in the metadata.
@@ -29,6 +29,14 @@ pub struct Args {
 /// # Errors
 /// A file that is none of ours or has nothing for the table, an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    run_with(args, &mut to_stderr)
+}
+
+/// The same; `tell` gets what the command would write to standard error.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_with(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit> {
     let recorded = recordings(&args.files, Wanted::Records)?;
     let beside = metadata_path(&args.output);
     let others = [args.output.as_path(), beside.as_path()];
@@ -60,5 +68,5 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             files.join(", ")
         );
     }
-    Ok(losses.exit())
+    Ok(losses.exit(tell))
 }

@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use super::recordings::{Wanted, recordings};
 use super::table::{HEALTH_HEAD, health_row, left_cell};
-use super::{Exit, Losses, load_config, say};
+use super::{Exit, Losses, load_config, say, to_stderr};
 use hmd_core::catalogue::catalogue;
 use hmd_core::record::{Health, Interval, Log, Record, Rul};
 use hmd_ingest::file::open_recorded;
@@ -133,7 +133,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     for summarised in printer.summaries.values() {
         say(&summarised.line)?;
     }
-    Ok(losses.exit())
+    Ok(losses.exit(&mut to_stderr))
 }
 
 impl Printer {

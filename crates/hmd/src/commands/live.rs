@@ -1,64 +1,83 @@
 //! What the verbs that run until a signal have in common.
 
 use std::io;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::signal::unix::{SignalKind, signal};
-use tokio::sync::mpsc;
+use tokio::sync::Notify;
 
+use super::requests::{Request, Requests};
 use super::{Exit, warn};
 use hmd_core::record::Status;
 
-/// Request of an operator to a running daemon.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Request {
-    /// SIGINT or SIGTERM.
-    Stop,
-    /// SIGHUP.
-    Reload,
-}
+/// Signals of this process, as requests.
+pub(super) struct Signals(Arc<(Mutex<Requests>, Notify)>);
 
-/// Requests that wait while one is carried out: a reload takes the configuration as it is then, so that a second asks for nothing
-/// new, and there is always room for a stop.
-const WAITING_MAX: usize = 2;
-
-/// Signals from now on, on a thread of their own: none is missed before the daemon runs, or between two runs of it.
-pub(super) fn signals() -> io::Result<mpsc::Receiver<Request>> {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
-    let (sender, receiver) = mpsc::channel(WAITING_MAX);
-    let [mut interrupt, mut terminate, mut hangup, _too_large] = {
-        let _inside = runtime.enter();
-        [
-            signal(SignalKind::interrupt())?,
-            signal(SignalKind::terminate())?,
-            signal(SignalKind::hangup())?,
-            // A file larger than the limit of the process is an error of the write, which costs a segment, not the run.
-            signal(SignalKind::from_raw(libc::SIGXFSZ))?,
-        ]
-    };
-    std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
-        runtime.block_on(async {
-            loop {
-                let request = tokio::select! {
-                    _ = interrupt.recv() => Request::Stop,
-                    _ = terminate.recv() => Request::Stop,
-                    _ = hangup.recv() => Request::Reload,
-                };
-                if request == Request::Stop || sender.capacity() == WAITING_MAX {
-                    // A full channel asks for the stop already.
-                    let _ = sender.try_send(request);
+impl Signals {
+    /// Signals from now on, on a thread of their own: none is missed before the daemon runs, or between two runs of it.
+    pub(super) fn listen() -> io::Result<Self> {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
+        let [mut interrupt, mut terminate, mut hangup, _too_large] = {
+            let _inside = runtime.enter();
+            [
+                signal(SignalKind::interrupt())?,
+                signal(SignalKind::terminate())?,
+                signal(SignalKind::hangup())?,
+                // A file larger than the limit of the process is an error of the write, which costs a segment, not the run.
+                signal(SignalKind::from_raw(libc::SIGXFSZ))?,
+            ]
+        };
+        let shared = Arc::new((Mutex::<Requests>::default(), Notify::new()));
+        let asked = shared.clone();
+        std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
+            runtime.block_on(async {
+                loop {
+                    let request = tokio::select! {
+                        _ = interrupt.recv() => Request::Stop,
+                        _ = terminate.recv() => Request::Stop,
+                        _ = hangup.recv() => Request::Reload,
+                    };
+                    lock(&asked.0).ask(request);
+                    asked.1.notify_one();
                 }
+            });
+        })?;
+        Ok(Self(shared))
+    }
+
+    /// The next request, if there is one.
+    pub(super) fn poll(&self) -> Option<Request> {
+        lock(&self.0.0).next()
+    }
+
+    /// Waits for the next request.
+    pub(super) async fn next(&self) -> Request {
+        loop {
+            if let Some(request) = self.poll() {
+                return request;
             }
-        });
-    })?;
-    Ok(receiver)
+            self.0.1.notified().await;
+        }
+    }
 }
 
-/// Prints what came in and what was lost.
-pub(super) fn report(status: &Status) -> Exit {
-    warn(format_args!(
-        "{} frames received: {} decoded, {} of no actuator that is watched, {} error frames",
-        status.frames_received, status.frames_decoded, status.frames_filtered, status.frames_error
-    ));
+fn lock(requests: &Mutex<Requests>) -> MutexGuard<'_, Requests> {
+    requests.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Prints what came in and what was lost; whether any actuator `is_watched` decides what is said of frames that were not decoded.
+pub(super) fn report(status: &Status, is_watched: bool) -> Exit {
+    if is_watched {
+        warn(format_args!(
+            "{} frames received: {} decoded, {} of no actuator that is watched, {} error frames",
+            status.frames_received, status.frames_decoded, status.frames_filtered, status.frames_error
+        ));
+    } else {
+        warn(format_args!(
+            "{} frames recorded, {} error frames",
+            status.frames_received, status.frames_error
+        ));
+    }
     if !status.data_lost() {
         return Exit::Done;
     }

@@ -19,7 +19,8 @@ pub struct Args {
 }
 
 /// Quantities that a configuration has in any case: to fill in where no signal looks like one.
-const OFFERED: [Quantity; 6] = [
+const OFFERED: [Quantity; 7] = [
+    Quantity::Time,
     Quantity::Of(Role::CurrentA),
     Quantity::Of(Role::CurrentB),
     Quantity::Of(Role::CurrentC),
@@ -55,9 +56,15 @@ fn configuration(log: &str, signals: &[SurveyedSignal]) -> Result<String, std::f
             .map_or("?".to_owned(), |rate| format!("{}", (rate * 10.0).round() / 10.0));
         let range = match signal.range {
             Some([least, largest]) => format!("{least} to {largest}"),
-            None => "no number".to_owned(),
+            None if signal.texts.is_empty() => "no number".to_owned(),
+            None => signal
+                .texts
+                .iter()
+                .map(|text| quoted(text))
+                .collect::<Vec<_>>()
+                .join(", "),
         };
-        let unit = plain(signal.unit.as_deref().unwrap_or("-"));
+        let unit = plain(signal.unit_or_guess().unwrap_or("-"));
         writeln!(out, "#   {name:width$}  {rate:>8} Hz  {range} {unit}")?;
     }
     writeln!(
@@ -76,6 +83,14 @@ fn configuration(log: &str, signals: &[SurveyedSignal]) -> Result<String, std::f
                 writeln!(out, "# {} = {{ signal = \"…\", unit = \"…\" }}", quantity.key())?;
             }
             None => {}
+        }
+        if quantity == Quantity::Of(Role::CurrentC)
+            && [quantity, Quantity::CurrentQ].iter().all(|of| guessed(*of).is_none())
+        {
+            writeln!(
+                out,
+                "# Instead of phase currents: currents.q, and currents.d where it is known."
+            )?;
         }
     }
     Ok(out)
@@ -98,13 +113,16 @@ fn order() -> Vec<Quantity> {
 
 fn line(quantity: Quantity, signal: &SurveyedSignal) -> String {
     let name = quoted(&signal.name);
+    if quantity == Quantity::MODE && !signal.texts.is_empty() {
+        return mode_line(&name, &signal.texts);
+    }
     let needs_unit = !matches!(quantity, Quantity::Counter | Quantity::MODE);
     let wraps = wraps_after(quantity, signal);
-    let unit = match &signal.unit {
-        None if needs_unit => ", unit = \"…\"".to_owned(),
-        None => String::new(),
-        Some(_) if wraps.is_none() => return format!("{} = {name}", quantity.key()),
-        Some(unit) => format!(", unit = {}", quoted(unit)),
+    let unit = match (&signal.unit, &signal.unit_of_name) {
+        (None, None) if needs_unit => ", unit = \"…\"".to_owned(),
+        (None, None) => String::new(),
+        (Some(_), _) if wraps.is_none() => return format!("{} = {name}", quantity.key()),
+        (Some(unit), _) | (None, Some(unit)) => format!(", unit = {}", quoted(unit)),
     };
     let wraps = wraps.map_or(String::new(), |range| format!(", wraps_after = {range}"));
     if unit.is_empty() && wraps.is_empty() {
@@ -113,21 +131,49 @@ fn line(quantity: Quantity, signal: &SurveyedSignal) -> String {
     format!("{} = {{ signal = {name}{unit}{wraps} }}", quantity.key())
 }
 
-/// The turn after which an angle begins again, if its range is nearly one.
+/// A mode whose values are texts, with those that look like position and speed mode.
+fn mode_line(name: &str, texts: &[String]) -> String {
+    let like = |starts: &[&str]| {
+        let is_like = |text: &&String| starts.iter().any(|start| text.to_ascii_lowercase().starts_with(start));
+        texts
+            .iter()
+            .find(is_like)
+            .map_or("\"…\"".to_owned(), |text| quoted(text))
+    };
+    let (position, speed) = (like(&["pos", "angle"]), like(&["speed", "spd", "vel"]));
+    let key = Quantity::MODE.key();
+    let comment = if position.contains('…') { "# " } else { "" };
+    // A mode that this log does not have needs no text.
+    let speed = if speed.contains('…') {
+        String::new()
+    } else {
+        format!(", speed = {speed}")
+    };
+    format!("{comment}{key} = {{ signal = {name}, position = {position}{speed} }}")
+}
+
+/// The turn after which an angle begins again, if its range is nearly one, or if it jumps by most of its range.
 fn wraps_after(quantity: Quantity, signal: &SurveyedSignal) -> Option<f64> {
     /// Share of a turn that a wrapping angle passes in nearly every log.
     const NEARLY: f64 = 0.99;
+    /// The same of one that is seen to jump; a jump's share of its range.
+    const WITH_A_JUMP: f64 = 0.9;
     if !matches!(quantity, Quantity::Of(Role::MotorPosition | Role::OutputPosition)) {
         return None;
     }
-    let turn = match signal.unit.as_deref()? {
+    let [least, largest] = signal.range?;
+    let range = largest - least;
+    let jumps = range > 0.0 && signal.jump >= WITH_A_JUMP * range;
+    let turn = match signal.unit_or_guess()? {
         "deg" | "°" => 360.0,
         "rad" => core::f64::consts::TAU,
         "rev" => 1.0,
+        // Of a sensor whose resolution nobody said: turns have powers of two.
+        "counts" if jumps => range.log2().ceil().exp2(),
         _ => return None,
     };
-    let [least, largest] = signal.range?;
-    (NEARLY * turn..=turn).contains(&(largest - least)).then_some(turn)
+    let nearly = if jumps { WITH_A_JUMP } else { NEARLY };
+    (nearly * turn..=turn).contains(&range).then_some(turn)
 }
 
 /// A text as TOML has it.
@@ -146,6 +192,8 @@ mod tests {
     use hmd_core::config::Config;
 
     fn signal(name: &str, unit: &str, range: [f64; 2]) -> SurveyedSignal {
+        let guess = Quantity::guess(name, Some(unit).filter(|unit| !unit.is_empty()));
+        let (guess, unit_of_name) = guess.map_or((None, None), |(guess, unit)| (Some(guess), unit));
         SurveyedSignal {
             name: name.to_owned(),
             unit: (!unit.is_empty()).then(|| unit.to_owned()),
@@ -153,7 +201,10 @@ mod tests {
             values: 10,
             rate_hz: Some(399.96),
             range: Some(range),
-            guess: Quantity::guess(name, Some(unit).filter(|unit| !unit.is_empty())),
+            jump: 0.0,
+            texts: Vec::new(),
+            guess,
+            unit_of_name,
         }
     }
 
@@ -182,5 +233,71 @@ mod tests {
         assert!(text.contains("command.mode = \"mode\"\n"), "{text}");
         let config = Config::from_toml_str(&text, "hmd.toml").unwrap();
         assert!(config.actuator_of_logs().is_some());
+    }
+
+    #[test]
+    fn an_angle_that_jumps_by_a_turn_wraps_and_modes_by_name_are_written() {
+        let angle = |range: [f64; 2], jump: f64| SurveyedSignal {
+            jump,
+            ..signal("motor_angle", "counts", range)
+        };
+        let wraps = |signal: SurveyedSignal| wraps_after(Quantity::Of(Role::MotorPosition), &signal);
+        assert_eq!(wraps(angle([3.0, 16_380.0], 16_300.0)), Some(16_384.0));
+        assert_eq!(wraps(angle([3.0, 16_380.0], 30.0)), None, "it does not jump");
+        assert_eq!(
+            wraps(angle([3.0, 9_000.0], 8_990.0)),
+            None,
+            "no turn of that many counts"
+        );
+        let mode = |texts: &[&str]| {
+            let texts = texts.iter().map(|text| (*text).to_owned()).collect();
+            let signal = SurveyedSignal {
+                texts,
+                range: None,
+                ..signal("mode", "", [0.0; 2])
+            };
+            line(Quantity::MODE, &signal)
+        };
+        assert_eq!(
+            mode(&["Off", "Position", "Speed"]),
+            "command.mode = { signal = \"mode\", position = \"Position\", speed = \"Speed\" }"
+        );
+        assert_eq!(
+            mode(&["off", "tracking"]),
+            "# command.mode = { signal = \"mode\", position = \"…\" }"
+        );
+    }
+
+    #[test]
+    fn units_at_the_ends_of_names_are_written() {
+        let columns = [
+            ("time_s", [0.0, 1.0]),
+            ("iq_A", [-3.0, 3.0]),
+            ("id_A", [-3.0, 3.0]),
+            ("motor_angle_deg", [0.1, 359.9]),
+            ("setpoint_deg", [0.0, 14.0]),
+        ];
+        let signals = columns.map(|(name, range)| signal(name, "", range));
+        let text = configuration("a.csv", &signals).unwrap();
+        assert!(
+            text.contains("time = { signal = \"time_s\", unit = \"s\" }\n"),
+            "{text}"
+        );
+        assert!(text.contains("unit = \"deg\", wraps_after = 360 }\n"), "{text}");
+        let config = Config::from_toml_str(&text, "hmd.toml").unwrap();
+        assert!(config.actuator_of_logs().is_some());
+    }
+
+    #[test]
+    fn what_nothing_looks_like_is_offered() {
+        let text = configuration("a.csv", &[signal("x", "", [0.0, 1.0])]).unwrap();
+        for offered in [
+            "# time = {",
+            "# currents.a = {",
+            "currents.q, and currents.d",
+            "# position.motor = {",
+        ] {
+            assert!(text.contains(offered), "{offered}: {text}");
+        }
     }
 }

@@ -14,6 +14,7 @@ pub mod event;
 #[cfg(feature = "full")]
 pub mod export;
 pub mod inspect;
+mod instant;
 mod journal;
 mod live;
 #[cfg(feature = "full")]
@@ -24,11 +25,12 @@ mod metrics_http;
 mod outputs;
 mod progress;
 pub mod record;
-mod recordings;
+pub mod recordings;
 pub mod recover;
 pub mod replay;
 #[cfg(feature = "full")]
 pub mod report;
+mod requests;
 pub mod run;
 #[cfg_attr(not(feature = "full"), path = "no_serve.rs")]
 mod serve;
@@ -48,7 +50,7 @@ use crate::daemon::DaemonError;
 use crate::replay::ReplayError;
 use ema_identify::unit_calibration::UnitCalibration;
 use hmd_core::assess::AssessError;
-use hmd_core::assess::hash_of_type;
+use hmd_core::assess::{check_serial, hash_of_type};
 use hmd_core::config::{ActuatorConfig, Config, ConfigError};
 use hmd_storage::calibration_file::{load_learnt, load_type_model, load_unit};
 use hmd_storage::config_file;
@@ -153,12 +155,12 @@ fn load_config_with(path: Option<&Path>, settings: &Settings) -> Result<Config, 
     config_file::load_config_with(path, &all)
 }
 
-/// Whether every calibration and the events that the configuration names can be used, before a log is read. Warns of units that were
-/// commissioned under other parameters of their type.
+/// Whether every calibration and the events that the configuration names can be used, before a log is read. `tell` gets a warning of each
+/// unit that was commissioned under other parameters of its type.
 ///
 /// # Errors
 /// The first file that cannot.
-pub fn check_files(config: &Config) -> anyhow::Result<()> {
+pub fn check_files(config: &Config, tell: &mut dyn FnMut(&str)) -> anyhow::Result<()> {
     load_events(config).context("rul.events")?;
     let form = config.identification().monitor;
     for (name, of_type) in config.types().filter(|(_, of_type)| of_type.calibration.is_some()) {
@@ -167,8 +169,9 @@ pub fn check_files(config: &Config) -> anyhow::Result<()> {
     for actuator in config.actuators() {
         if let Some(path) = &actuator.calibration {
             let unit = load_unit(&config.resolve(path), &actuator.type_name)
+                .and_then(|unit| check_serial(path, actuator, &unit).map(|()| unit))
                 .with_context(|| format!("actuator.calibration of {}", actuator.name))?;
-            warn_of_changed_type(path, actuator, &unit);
+            tell_of_changed_type(path, actuator, &unit, tell);
         }
     }
     Ok(())
@@ -178,17 +181,17 @@ pub fn check_files(config: &Config) -> anyhow::Result<()> {
 ///
 /// # Errors
 /// The first file that cannot be used.
-pub fn check_files_of_run(config: &Config) -> anyhow::Result<()> {
-    check_files(config)?;
+pub fn check_files_of_run(config: &Config, tell: &mut dyn FnMut(&str)) -> anyhow::Result<()> {
+    check_files(config, tell)?;
     for (path, actuator, unit) in load_learnt(config)? {
-        warn_of_changed_type(&path, actuator, &unit);
+        tell_of_changed_type(&path, actuator, &unit, tell);
     }
     Ok(())
 }
 
-fn warn_of_changed_type(path: &Path, actuator: &ActuatorConfig, unit: &UnitCalibration) {
+fn tell_of_changed_type(path: &Path, actuator: &ActuatorConfig, unit: &UnitCalibration, tell: &mut dyn FnMut(&str)) {
     if unit.parameters_hash != hash_of_type(actuator) {
-        warn(format_args!(
+        tell(&format!(
             "{}: warning: the parameters of type {} have changed since {} was commissioned",
             path.display(),
             actuator.type_name,
@@ -235,22 +238,19 @@ impl Losses {
         }
     }
 
-    /// Prints what was lost, each with its place; returns how the verb ends.
-    fn exit(&self) -> Exit {
+    /// Tells what was lost, each with its place; returns how the verb ends.
+    fn exit(&self, tell: &mut dyn FnMut(&str)) -> Exit {
         if self.total == 0 {
             return Exit::Done;
         }
         for loss in &self.listed {
-            warn(loss);
+            tell(&loss.to_string());
         }
         let more = self.total - self.listed.len() as u64;
         if more > 0 {
-            warn(format_args!("{more} more damaged places"));
+            tell(&format!("{more} more damaged places"));
         }
-        warn(format_args!(
-            "data lost: {} damaged places in the files read",
-            self.total
-        ));
+        tell(&format!("data lost: {} damaged places in the files read", self.total));
         Exit::DataLost
     }
 }
@@ -258,6 +258,11 @@ impl Losses {
 /// Writes a line to stderr, with what a terminal would obey escaped. An error of that cannot be reported anywhere.
 pub fn warn(line: impl std::fmt::Display) {
     let _ = writeln!(std::io::stderr().lock(), "{}", printable(&line.to_string()));
+}
+
+/// The same for a verb whose messages a library may take instead.
+fn to_stderr(line: &str) {
+    warn(line);
 }
 
 /// Writes a line to stdout; a reader that has gone away is no failure.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
-use super::live::{report, signals};
+use super::live::{Signals, report};
 use super::{Exit, no_recording, warn};
 use crate::daemon::{Daemon, Observer};
 use hmd_core::assess::AssessedWindow;
@@ -54,7 +54,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         .map(|(key, value)| (key.to_owned(), value.to_owned()))
         .collect();
     no_recording(&args.output)?;
-    let mut requests = signals().context("signals")?;
+    let signals = Signals::listen().context("signals")?;
     let daemon = Daemon {
         sources: sources.collect(),
         recorder: Some(Recorder::open(
@@ -65,9 +65,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         watch: None,
     };
     let end = async {
-        requests.recv().await;
+        signals.next().await;
     };
-    Ok(report(&daemon.run(end, &NoticePrinter)?))
+    Ok(report(&daemon.run(end, &NoticePrinter)?, false))
 }
 
 fn serial_line(text: &str) -> Result<(String, SerialSource), String> {

@@ -11,7 +11,7 @@ use hmd_storage::segment_store::{Segment, raw_segments, records_segments};
 
 /// What a verb reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Wanted {
+pub enum Wanted {
     /// Frames.
     Logs,
     /// Records of windows.
@@ -28,7 +28,7 @@ const TABLES: [&str; 2] = ["csv", "parquet"];
 ///
 /// # Errors
 /// A folder that cannot be read, or has no recording.
-pub(super) fn recordings(paths: &[PathBuf], wanted: Wanted) -> anyhow::Result<Vec<PathBuf>> {
+pub fn recordings(paths: &[PathBuf], wanted: Wanted) -> anyhow::Result<Vec<PathBuf>> {
     let mut found = Vec::with_capacity(paths.len());
     for path in paths {
         if path.is_dir() {

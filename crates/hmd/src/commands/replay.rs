@@ -1,7 +1,7 @@
 //! `hmd replay`: the pipeline over recorded logs.
 
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -12,9 +12,10 @@ use super::outputs::Outputs;
 use super::recordings::{Wanted, recordings};
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, Misuse, Settings, check_files, load_config_with, progress, use_threads, warn};
+use super::{Exit, Misuse, Settings, check_files, load_config_with, progress, to_stderr, use_threads, warn};
 use crate::replay::{Observer, Replay};
 use hmd_core::assess::AssessedWindow;
+use hmd_core::config::Config;
 use hmd_core::record::HealthLine;
 
 /// Assess recorded logs.
@@ -64,28 +65,39 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     Ok(exit)
 }
 
-/// Names that ask for what other verbs make of a recording.
-const OTHER_FORMS: [&str; 5] = ["csv", "parquet", "html", "json", "jsonl"];
+/// Names that ask for what other verbs make of a recording, or that logs have which it is not.
+const OTHER_FORMS: [&str; 12] = [
+    "csv", "parquet", "html", "json", "jsonl", "toml", "log", "asc", "blf", "mf4", "txt", "pdf",
+];
 
-fn replay(args: &Args, viewers: &Viewers) -> anyhow::Result<Exit> {
-    let extension = args.output.as_ref().and_then(|output| output.extension()?.to_str());
-    if let (Some(output), true) = (&args.output, extension.is_some_and(|of| OTHER_FORMS.contains(&of))) {
+/// Refuses a recording in the place of a file that the replay reads, or under the name of another kind of file.
+///
+/// # Errors
+/// Such an output.
+pub fn check_output(output: &Path, logs: &[PathBuf], config: &Config) -> anyhow::Result<()> {
+    let extension = output.extension().and_then(|extension| extension.to_str());
+    if extension.is_some_and(|of| OTHER_FORMS.iter().any(|form| of.eq_ignore_ascii_case(form))) {
         let found = output.display();
         return Err(Misuse(format!(
             "--output: expected a name that ends in .mcap, found {found}; hmd export and hmd report make other forms of it"
         ))
         .into());
     }
+    let outputs = Outputs {
+        recordings: &[output],
+        ..Outputs::default()
+    };
+    outputs.check(logs.iter().chain(&config.files()))?;
+    Ok(())
+}
+
+fn replay(args: &Args, viewers: &Viewers) -> anyhow::Result<Exit> {
     let config = Arc::new(load_config_with(args.config.as_deref(), &args.settings)?);
     let logs = recordings(&args.logs, Wanted::Logs)?;
     if let Some(output) = &args.output {
-        let outputs = Outputs {
-            recordings: &[output],
-            ..Outputs::default()
-        };
-        outputs.check(logs.iter().chain(&config.files()))?;
+        check_output(output, &logs, &config)?;
     }
-    check_files(&config)?;
+    check_files(&config, &mut to_stderr)?;
     use_threads(args.threads.map(usize::from))?;
     let total = logs.iter().filter_map(|log| log.metadata().ok()).map(|m| m.len()).sum();
     let mut printer = Printer {

@@ -6,9 +6,10 @@ use anyhow::Context;
 
 use super::outputs::Outputs;
 use super::recordings::{Wanted, recordings};
-use super::{Exit, Losses, Misuse, load_config};
+use super::{Exit, Losses, Misuse, load_config, to_stderr};
 use hmd_report::pdf;
 use hmd_report::report::{Files, View, Zone, page};
+use hmd_storage::event_file::load_events;
 use hmd_storage::output_file;
 
 /// Write a report of one actuator or several: one HTML file that needs nothing else.
@@ -42,26 +43,51 @@ pub struct Args {
 /// # Errors
 /// A file that is none of ours, an actuator that it does not have, an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    run_with(args, &mut to_stderr)
+}
+
+/// The same; `tell` gets what the command would write to standard error.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_with(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit> {
     let recorded = recordings(&args.files, Wanted::Records)?;
     let written: Vec<&Path> = [args.output.as_path()].into_iter().chain(args.pdf.as_deref()).collect();
     let outputs = Outputs {
         others: &written,
         ..Outputs::default()
     };
-    outputs.check(&recorded)?;
+    let config = load_config(args.config.as_deref())?;
+    outputs.check(recorded.iter().chain(&config.files()))?;
+    for (option, path, extension) in [
+        ("--output", Some(&args.output), "html"),
+        ("--pdf", args.pdf.as_ref(), "pdf"),
+    ] {
+        if let Some(path) = path.filter(|path| {
+            path.extension()
+                .is_none_or(|found| !found.eq_ignore_ascii_case(extension))
+        }) {
+            let found = path.display();
+            return Err(Misuse(format!(
+                "{option}: expected a name that ends in .{extension}, found {found}"
+            ))
+            .into());
+        }
+    }
     let view = View {
         zone: zone(args.zone.as_deref())?,
-        levels: *load_config(args.config.as_deref())?.health().levels(),
+        levels: *config.health().levels(),
     };
     let mut losses = Losses::default();
-    let files = Files::read(&recorded, &mut |loss| losses.add(loss))?;
+    let mut files = Files::read(&recorded, &mut |loss| losses.add(loss))?;
+    files.note_replacements(&load_events(&config)?);
     let histories = files.actuators(args.actuator.as_deref())?;
     let text = page(&files, &histories, &view);
     output_file::write(&args.output, text).with_context(|| args.output.display().to_string())?;
     if let Some(pdf) = &args.pdf {
         pdf::print(&args.output, pdf).context("--pdf")?;
     }
-    Ok(losses.exit())
+    Ok(losses.exit(tell))
 }
 
 fn zone(name: Option<&str>) -> Result<Zone, Misuse> {

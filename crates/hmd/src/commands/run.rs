@@ -11,15 +11,17 @@ use std::time::Duration;
 
 use anyhow::Context;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use tokio::sync::mpsc;
 
 use super::journal::Journal;
-use super::live::{Request, report, signals};
+use super::live::{Signals, report};
 use super::metrics_http::{self, Page, loopback};
 use super::outputs::Outputs;
+use super::requests::Request;
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
-use super::{Exit, Misuse, Settings, check_files_of_run, no_recording, service, use_threads, warn};
+use super::{
+    Exit, Misuse, Settings, check_files_of_run, no_recording, sentence, service, to_stderr, use_threads, warn,
+};
 use crate::daemon::{Daemon, DaemonError, Observer};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::Config;
@@ -80,7 +82,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     }
     check_outputs(args, &config)?;
     use_threads(args.threads.map(usize::from))?;
-    let mut requests = signals().context("signals")?;
+    let signals = Signals::listen().context("signals")?;
     let printer = Printer {
         json: args.json,
         alone: args.output.is_none(),
@@ -105,10 +107,10 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     loop {
         let mut next = None;
         let stop = async {
-            next = new_config(args, is_file, &mut requests, &printer).await;
+            next = new_config(args, is_file, &signals, &printer).await;
         };
         match daemon(args, config, recorder, &viewers)?.run(stop, &printer) {
-            Ok(status) if report(&status) == Exit::DataLost => exit = Exit::DataLost,
+            Ok(status) if report(&status, true) == Exit::DataLost => exit = Exit::DataLost,
             Ok(_) => {}
             Err(DaemonError::Stdout(e)) if e.kind() == io::ErrorKind::BrokenPipe => return Ok(exit),
             Err(error) => return Err(error.into()),
@@ -162,19 +164,14 @@ fn check_outputs(args: &Args, config: &Config) -> Result<(), Misuse> {
 /// It cannot be read, names files that cannot be used, or no interface.
 pub fn load(path: &Path, settings: &[String]) -> anyhow::Result<Arc<Config>> {
     let config = config_file::load_config_with(Some(path), settings)?;
-    check_files_of_run(&config)?;
+    check_files_of_run(&config, &mut to_stderr)?;
     config.interfaces(&path.display().to_string())?;
     Ok(Arc::new(config))
 }
 
 /// Waits until the daemon shall stop (`None`), or go on with another configuration. A bad one changes nothing.
-async fn new_config(
-    args: &Args,
-    is_file: bool,
-    requests: &mut mpsc::Receiver<Request>,
-    printer: &Printer,
-) -> Option<Arc<Config>> {
-    while requests.recv().await? == Request::Reload {
+async fn new_config(args: &Args, is_file: bool, signals: &Signals, printer: &Printer) -> Option<Arc<Config>> {
+    while signals.next().await == Request::Reload {
         service::reloading();
         if is_file {
             printer.notice_with_level(
@@ -187,7 +184,7 @@ async fn new_config(
                 Ok(config) => return Some(config),
                 Err(error) => printer.notice_with_level(
                     LogLevel::Error,
-                    &format!("not reloaded, the configuration stays as it was: {error:#}"),
+                    &format!("not reloaded, the configuration stays as it was: {}", sentence(&error)),
                 ),
             }
         }

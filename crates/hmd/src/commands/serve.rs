@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 
-use super::live::signals;
+use super::live::Signals;
 use super::metrics_http::loopback;
 use crate::serve::{Hub, listen};
 use hmd_storage::recorder::RecordObserver;
@@ -67,9 +67,10 @@ impl Viewers {
     /// Goes on for those who look until a signal ends it.
     pub(super) fn stay(&self, tell: impl FnOnce(&str)) -> anyhow::Result<()> {
         if self.0.is_some() {
-            let mut requests = signals().context("signals")?;
+            let signals = Signals::listen().context("signals")?;
             tell("replayed; served on until Ctrl-C");
-            requests.blocking_recv();
+            let runtime = tokio::runtime::Builder::new_current_thread().build();
+            runtime.context("runtime")?.block_on(signals.next());
         }
         Ok(())
     }

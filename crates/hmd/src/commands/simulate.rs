@@ -8,6 +8,7 @@ use ema_models::{ActuatorParams, DriveParams, FAULT_COUNT, FaultVector, Profile}
 use ema_wire::ActuatorId;
 use ema_wire::bus_load::bus_load;
 
+use super::instant::instant;
 use super::outputs::Outputs;
 use super::{Exit, Misuse, load_config, say, unknown_type};
 use hmd_core::config::LOAD_MAX;
@@ -62,6 +63,9 @@ pub struct Args {
     /// Number of actuations, their direction alternating.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     windows: u32,
+    /// When it begins, as 2026-11-20T14:00Z, 2026-11-20T15:00+01:00 or UTC ns.
+    #[arg(long, default_value = "2023-11-14T22:13:20Z", value_name = "TIME", value_parser = instant)]
+    start: u64,
     /// Sampling rate, Hz; default that of the type.
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
@@ -78,7 +82,7 @@ pub struct Args {
     #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..16))]
     id: u8,
     /// Frames of a drive as it is sold, of node `--id`, instead of the built-in ones.
-    #[arg(long, value_parser = named_preset, value_name = "cia402|odrive|moteus")]
+    #[arg(long, value_parser = named_preset, value_name = "cia402|odrive|moteus|vesc|damiao")]
     preset: Option<Preset>,
     /// With `--preset`: a second encoder at the output is sent too.
     #[arg(long, requires = "preset")]
@@ -173,7 +177,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         }
         None => Sender::BuiltIn(actuator),
     };
-    recording::write(output, format, &scenario, &drive_of_type, sender)?;
+    recording::write(output, format, &scenario, args.start, &drive_of_type, sender)?;
     Ok(Exit::Done)
 }
 

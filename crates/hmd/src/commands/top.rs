@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 
-use super::live::signals;
+use super::live::Signals;
 use super::{Exit, Misuse, say, warn};
 use hmd_report::top::{ScreenEnd, Watch, show};
 
@@ -40,8 +40,8 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     }
     // A file that is no log is refused before the terminal changes.
     watch.read()?;
-    let mut requests = signals().context("signals")?;
-    match show(&mut watch, || requests.try_recv().is_ok())? {
+    let signals = Signals::listen().context("signals")?;
+    match show(&mut watch, || signals.poll().is_some())? {
         ScreenEnd::Asked => Ok(Exit::Done),
         ScreenEnd::HungUp => std::process::exit(Exit::Done as i32),
     }

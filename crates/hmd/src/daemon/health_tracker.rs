@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use hmd_core::health::HealthState;
 use hmd_core::record::{Health, LogLevel, Sensors};
 
 /// Health of all actuators with an assessment.
@@ -91,6 +92,11 @@ impl HealthTracker {
             if passive { " (passive)" } else { "" }
         );
         Some((level, message))
+    }
+
+    /// The state that an actuator had when an earlier run ended.
+    pub(super) fn resume(&mut self, actuator: &str, state: HealthState) {
+        self.tracked(actuator).health = state.name().to_owned();
     }
 
     fn tracked(&mut self, actuator: &str) -> &mut TrackedHealth {

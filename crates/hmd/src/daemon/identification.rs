@@ -1,5 +1,6 @@
 //! The identification thread: windows of the queue to records. CPU-bound.
 
+use std::fs::File;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
@@ -24,8 +25,8 @@ pub(super) struct Identification<'a, C> {
     assessor: Assessor,
     learner: Learner,
     turns: Turns<'a, C>,
-    /// Folder of the unit histories, if they are kept.
-    histories: Option<PathBuf>,
+    /// Folder of the unit histories, if they are kept, and the lock that makes it this run's.
+    histories: Option<(PathBuf, File)>,
 }
 
 impl<'a, C: HostClock> Identification<'a, C> {
@@ -35,14 +36,30 @@ impl<'a, C: HostClock> Identification<'a, C> {
         estimator: Arc<dyn Estimator>,
         clock: &'a C,
     ) -> Result<Self, DaemonError> {
+        let histories = match config.rul().state.as_ref().map(|path| config.resolve(path)) {
+            Some(folder) => {
+                let lock = history_file::hold(&folder).map_err(DaemonError::State)?;
+                Some((folder, lock))
+            }
+            None => None,
+        };
         Ok(Self {
             clock,
             assessor: ready_assessor(config.clone(), seed, estimator)?,
             learner: Learner::new(config.clone(), seed),
             turns: Turns::new(&config, clock),
-            histories: config.rul().state.as_ref().map(|path| config.resolve(path)),
+            histories,
             config,
         })
+    }
+
+    /// Health of the actuators by the histories of earlier runs: it holds until their next windows.
+    pub(super) fn resumed_health(&mut self) -> HealthTracker {
+        let mut tracker = HealthTracker::default();
+        for (actuator, state) in self.assessor.histories().restored_states() {
+            tracker.resume(actuator, state);
+        }
+        tracker
     }
 
     /// Assesses the windows of the queue until it is closed.
@@ -99,7 +116,7 @@ impl<'a, C: HostClock> Identification<'a, C> {
             &self.histories,
             self.assessor.histories().get(&assessed.health.actuator),
         ) {
-            (Some(directory), Some(history)) => history_file::save(directory, &assessed.health.actuator, history),
+            (Some((directory, _)), Some(history)) => history_file::save(directory, &assessed.health.actuator, history),
             _ => Ok(()),
         };
         // A unit that cannot be kept is assessed by what was learnt all the same, until the run ends.

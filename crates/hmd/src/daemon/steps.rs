@@ -4,7 +4,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use super::capture::Capture;
-use super::health_tracker::HealthTracker;
 use super::host_clock::HostClock;
 use super::identification::Identification;
 use super::notices::Notices;
@@ -55,7 +54,13 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
             .as_ref()
             .filter(|_| is_folder)
             .and_then(|config| Capture::of(config));
-        let identification = watch.map(|(config, seed)| Identification::new(config, seed, estimator, clock));
+        let mut identification = watch
+            .map(|(config, seed)| Identification::new(config, seed, estimator, clock))
+            .transpose()?;
+        let health_tracker = identification
+            .as_mut()
+            .map(Identification::resumed_health)
+            .unwrap_or_default();
         Ok(Self {
             shared: Mutex::new(Shared {
                 recorder,
@@ -65,12 +70,12 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
                 assessing: (Duration::ZERO, Duration::ZERO),
                 last_record: None,
                 health_changed: false,
-                health_tracker: HealthTracker::default(),
+                health_tracker,
                 notices: Notices::default(),
             }),
             windows: WindowQueue::new(),
             pipeline: PipelineThread::new(pipeline, names, store_raw, config, clock),
-            identification: identification.transpose()?,
+            identification,
             clock,
             observer,
         })

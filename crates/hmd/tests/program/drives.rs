@@ -2,10 +2,9 @@
 
 use crate::folder::Folder;
 
-const TYPE: &str = "[type.servo270]\nbased_on = \"servo270\"\n[type.servo270.sensors]\nsample_rate_hz = ";
-
-/// A bus: preset, whether there is an encoder at the output, rate in Hz, further keys of the drive.
+/// A bus: type of actuator, preset, whether there is an encoder at the output, rate in Hz, further keys of the drive.
 struct Bus {
+    actuator: &'static str,
     preset: &'static str,
     encoder: bool,
     rate_hz: u32,
@@ -16,18 +15,28 @@ impl Bus {
     /// Writes `NAME.toml`; `calibration` is that of the unit.
     fn configure(&self, folder: &Folder, name: &str, calibration: &str) {
         let Self {
-            preset, rate_hz, keys, ..
+            actuator,
+            preset,
+            rate_hz,
+            keys,
+            ..
         } = self;
-        let head = format!("[[actuator]]\nid = 1\nname = \"joint\"\ntype = \"servo270\"\n{calibration}");
+        let head = format!("[[actuator]]\nid = 1\nname = \"joint\"\ntype = \"{actuator}\"\n{calibration}");
         let drive = format!("[actuator.drive]\npreset = \"{preset}\"\n{keys}\n");
-        folder.write(&format!("{name}.toml"), format!("{head}{drive}{TYPE}{rate_hz}\n"));
+        let kind = format!("[type.{actuator}]\nbased_on = \"{actuator}\"\nsensors.sample_rate_hz = {rate_hz}\n");
+        folder.write(&format!("{name}.toml"), format!("{head}{drive}{kind}"));
     }
 
     fn simulate(&self, folder: &Folder, options: &str, log: &str) {
-        let Self { preset, rate_hz, .. } = self;
+        let Self {
+            actuator,
+            preset,
+            rate_hz,
+            ..
+        } = self;
         let encoder = if self.encoder { "--output-encoder" } else { "" };
         folder.done(&format!(
-            "simulate --actuator servo270 --rate {rate_hz} --noise 0.02 --id 1 --preset {preset} {encoder} {options} -o {log}"
+            "simulate --actuator {actuator} --rate {rate_hz} --noise 0.02 --id 1 --preset {preset} {encoder} {options} -o {log}"
         ));
     }
 
@@ -65,6 +74,7 @@ fn friction_and_play_are_named_where_the_output_is_measured() {
     ] {
         let (encoder, rate_hz) = (true, 400);
         let bus = Bus {
+            actuator: "servo270",
             preset,
             encoder,
             rate_hz,
@@ -90,9 +100,18 @@ fn friction_and_play_are_named_where_the_output_is_measured() {
 
 #[test]
 fn without_an_encoder_at_the_output_play_is_not_observable() {
-    for (preset, keys) in [("odrive", ""), ("moteus", ""), ("cia402", "eds = \"drive.dcf\"")] {
+    for (preset, keys) in [
+        ("odrive", ""),
+        ("moteus", ""),
+        ("cia402", "eds = \"drive.dcf\""),
+        (
+            "damiao",
+            "rated_current_a = 10\nposition_max_rad = 1\nfeedback_id = 0x11",
+        ),
+    ] {
         let (encoder, rate_hz) = (false, 400);
         let bus = Bus {
+            actuator: "servo270",
             preset,
             encoder,
             rate_hz,
@@ -115,6 +134,7 @@ fn without_an_encoder_at_the_output_play_is_not_observable() {
 #[test]
 fn without_set_point_motion_begins_a_window() {
     let bus = Bus {
+        actuator: "servo270",
         preset: "moteus",
         encoder: true,
         rate_hz: 1000,
@@ -141,8 +161,38 @@ fn without_set_point_motion_begins_a_window() {
 }
 
 #[test]
+fn a_current_by_power_and_voltage_in_coarse_steps_is_assessed() {
+    let bus = Bus {
+        actuator: "bench",
+        preset: "vesc",
+        encoder: false,
+        rate_hz: 1000,
+        keys: "set_point = false",
+    };
+    let folder = Folder::new();
+    let said = bus.commission(&folder);
+    assert!(said.contains("from 8 windows"), "{said}");
+    // A step of the current is nearly what friction takes.
+    assert!(said.contains("smallest damage that shows: friction 0.3"), "{said}");
+    for fault in ["", "backlash"] {
+        let fault = if fault.is_empty() {
+            String::new()
+        } else {
+            format!("--fault {fault}=0.4")
+        };
+        let lines = bus.assessed(&folder, &format!("--seed 3 {fault}"));
+        assert_eq!(count(&lines, "\"faults\":[]"), 2, "{fault}: {lines}");
+    }
+    let eccentric = bus.assessed(&folder, "--seed 4 --fault eccentricity=0.4");
+    assert_eq!(count(&eccentric, "\"faults\":[\"eccentricity\"]"), 2, "{eccentric}");
+    let friction = bus.assessed(&folder, "--seed 4 --fault friction=0.6");
+    assert!(friction.contains("\"faults\":[\"friction\"]"), "{friction}");
+}
+
+#[test]
 fn the_pdo_are_those_that_the_master_wrote() {
     let bus = |keys| Bus {
+        actuator: "servo270",
         preset: "cia402",
         encoder: true,
         rate_hz: 400,
@@ -188,6 +238,7 @@ fn the_pdo_are_those_that_the_master_wrote() {
 fn what_a_bus_never_says_is_said() {
     let folder = Folder::new();
     let bus = Bus {
+        actuator: "servo270",
         preset: "odrive",
         encoder: false,
         rate_hz: 400,
@@ -226,11 +277,12 @@ fn what_is_wrong_with_a_drive_is_said() {
     for (drive, expected) in [
         (
             "",
-            "hmd: hmd.toml:3: actuator[0].drive.preset: expected one of cia402, odrive, moteus, found no such key",
+            "hmd: hmd.toml:3: actuator[0].drive.preset: expected one of cia402, odrive, moteus, vesc, damiao, found no such key",
         ),
         (
-            "preset = \"vesc\"",
-            "hmd: hmd.toml:4: actuator[0].drive.preset: expected \"cia402\" or \"odrive\" or \"moteus\", found \"vesc\"",
+            "preset = \"sevcon\"",
+            "hmd: hmd.toml:4: actuator[0].drive.preset: expected \"cia402\" or \"odrive\" or \"moteus\" or \"vesc\" or \"damiao\", \
+             found \"sevcon\"",
         ),
         (
             "preset = \"odrive\"\nnode = 63",
@@ -239,6 +291,16 @@ fn what_is_wrong_with_a_drive_is_said() {
         (
             "preset = \"cia402\"",
             "hmd: hmd.toml:3: actuator[0].drive.node: expected a number from 1 to 127, found 0 (that of the actuator)",
+        ),
+        (
+            "preset = \"damiao\"\nnode = 1",
+            "hmd: hmd.toml:3: actuator[0].drive: expected rated_current_a, the peak of i_q at TMAX, in [actuator.drive] or, of CiA \
+             402, in the EDS file, found none",
+        ),
+        (
+            "preset = \"vesc\"\noutput_encoder = 1",
+            "hmd: hmd.toml:5: actuator[0].drive.output_encoder: expected no such key, which is of preset cia402, odrive, moteus, \
+             found 1",
         ),
         (
             "preset = \"odrive\"\neds = \"bad.eds\"",

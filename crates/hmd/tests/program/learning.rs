@@ -146,6 +146,31 @@ fn a_unit_that_cannot_be_commissioned_says_why_and_learning_goes_on() {
     assert!(!folder.path("units").exists());
 }
 
+/// As by `hmd calibrate`: what a unit has when it is learnt would count as its health.
+#[test]
+fn a_worn_unit_is_not_learnt() {
+    let folder = Folder::new();
+    folder.write(
+        "hmd.toml",
+        "[[actuator]]\nid = 0\nname = \"flap\"\nlearn_windows = 5\nlearn_folder = \"units\"\n",
+    );
+    for (short, sentence) in [
+        (
+            0.4,
+            "flap: not commissioned by 5 windows, learning goes on: expected windows in health, found inter-turn short, phase A",
+        ),
+        (0.25, "flap: warning: inter-turn short, phase A of 0.2"),
+    ] {
+        folder.done(&format!(
+            "simulate --noise 0.03 --windows 6 --seed 5 --fault short_a={short} -o worn.log"
+        ));
+        let ended = folder.hmd("replay worn.log -c hmd.toml --json");
+        assert!(ended.stderr.contains(sentence), "{}", ended.stderr);
+        let is_learnt = ended.stderr.contains("flap: commissioned");
+        assert_eq!(is_learnt, short < 0.3, "{}", ended.stderr);
+    }
+}
+
 #[test]
 fn contradictory_settings_of_learning_are_refused() {
     let folder = Folder::new();

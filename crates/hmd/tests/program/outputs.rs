@@ -148,6 +148,8 @@ fn an_event_says_what_it_noted_and_refuses_what_means_nothing() {
         said.trim(),
         "ema3: frames from 2 s before to 1 s after 2026-11-20 14:00 UTC asked for; noted in events.jsonl"
     );
+    let ended = folder.hmd("event --reset ema3 -c hmd.toml --at 2200-01-01T00:00Z");
+    assert_eq!(ended.stderr, "--at: warning: 2200-01-01 00:00 UTC is still to come\n");
     let lines = String::from_utf8(folder.read("events.jsonl")).unwrap();
     assert!(lines.contains("\"event\":\"reset\",\"part\":\"gearbox\"") && lines.contains("\"event\":\"keep\""));
 

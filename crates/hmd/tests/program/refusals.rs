@@ -424,12 +424,16 @@ fn an_event_needs_a_place_and_a_known_actuator() {
     );
     fs::write(folder.path("hmd.toml"), "[rul]\nevents = \"events.jsonl\"\n").expect("a file");
     assert!(folder.refused("event --reset nobody -c hmd.toml", 2).contains("nobody"));
-    for time in ["1969-12-31T23:59Z", "2026-11-20", "9223372036854775808"] {
+    for time in ["1969-12-31T23:59Z", "2026-11-20", "9223372036854775808", "1700000004"] {
         let line = format!("event --reset ema0 -c hmd.toml --at {time}");
-        assert!(folder.misused(&line).contains("expected a time as 2026-11-20T14:00Z"));
+        assert!(
+            folder
+                .misused(&line)
+                .contains("expected a time from 2000 on as 2026-11-20T14:00Z")
+        );
     }
     let output = folder
-        .command("event --reset ema0 -c hmd.toml --at 5")
+        .command("event --reset ema0 -c hmd.toml --at 1600000000000000005")
         .output()
         .expect("hmd starts");
     assert_eq!(output.status.code(), Some(0));
@@ -445,7 +449,7 @@ fn an_event_needs_a_place_and_a_known_actuator() {
     let lines = fs::read_to_string(folder.path("events.jsonl")).expect("the events");
     assert_eq!(
         lines,
-        "{\"t_ns\":5,\"actuator\":\"ema0\",\"event\":\"reset\"}\n\
+        "{\"t_ns\":1600000000000000005,\"actuator\":\"ema0\",\"event\":\"reset\"}\n\
          {\"t_ns\":1699999980000000000,\"actuator\":\"ema0\",\"event\":\"reset\",\"note\":\"gearbox\"}\n"
     );
     fs::write(folder.path("events.jsonl"), "nonsense\n").expect("a file");

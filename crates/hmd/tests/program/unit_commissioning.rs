@@ -63,6 +63,104 @@ fn a_unit_with_a_vector_drive_is_commissioned_by_its_relations() {
     assert!(ended.stderr.contains(expected), "{}", ended.stderr);
 }
 
+/// The magnets lose a tenth of a percent of their torque for each kelvin, and gain it in the cold.
+#[test]
+fn warmth_is_no_short_and_cold_hides_none() {
+    let folder = Folder::new();
+    let drive = "--drive vector --noise 0.03";
+    folder.done(&format!("simulate {drive} --windows 8 --seed 3 -o healthy.log"));
+    folder.done("calibrate healthy.log -o unit.toml");
+    folder.write("hmd.toml", "[[actuator]]\nid = 0\ncalibration = \"unit.toml\"\n");
+    let shorts = |options: &str| {
+        folder.done(&format!("simulate {drive} --windows 2 {options} -o later.log"));
+        let lines = folder.done("replay later.log -c hmd.toml --json");
+        assert_eq!(lines.matches("\"status\":\"degraded\"").count(), 2, "{lines}");
+        let of = |line: &str| {
+            let line: serde_json::Value = serde_json::from_str(line).expect("JSON");
+            assert_eq!(line["faults"], serde_json::json!([]), "{options}: {line}");
+            [2, 3, 4].map(|n| line["k"][n].as_f64().expect("a number"))
+        };
+        lines.lines().map(of).collect::<Vec<_>>()
+    };
+    for rise in [50, -50] {
+        for [a, b, c] in shorts(&format!("--with temperature_rise_k={rise} --seed 9")) {
+            assert!(a.max(b).max(c) < 0.015, "{rise} K: {a} {b} {c}");
+        }
+    }
+    for [a, b, c] in shorts("--with temperature_rise_k=-50 --fault short_b=0.08 --seed 12") {
+        assert!((b - 0.08).abs() < 0.015 && a.max(c) < 0.015, "{a} {b} {c}");
+    }
+}
+
+/// Between coarse samples the torque is interpolated: what that leaves goes with the rotor's angle, and windows from one angle hide it.
+#[test]
+fn a_healthy_unit_at_another_rotor_angle_is_not_accused() {
+    let folder = Folder::new();
+    folder.write(
+        "new.toml",
+        "[[actuator]]\nid = 0\n[type.bench.drive]\nkind = \"vector\"\n[type.bench.sensors]\nsample_rate_hz = 400\n",
+    );
+    folder.write(
+        "effects.toml",
+        "drive = \"vector\"\ndead_time_s = 1.2e-6\ncogging_nm = 0.09\nresolver_error_1_rad = 3e-3\nresolver_error_2_rad = 2e-3\n\
+         current_offset_a_a = 0.03\ncurrent_gain_b = 0.01\nback_emf_deviation = 0.025\ninertia_deviation = -0.04\n",
+    );
+    let drive = "--effects effects.toml --rate 400 --noise 0.03";
+    folder.done(&format!("simulate {drive} --windows 10 --seed 11 -o healthy.log"));
+    let ended = folder.hmd("calibrate healthy.log -c new.toml -o unit.toml");
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("record from several positions"),
+        "{}",
+        ended.stderr
+    );
+    let known = String::from_utf8(folder.read("new.toml")).expect("text");
+    folder.write(
+        "known.toml",
+        known.replacen("id = 0", "id = 0\ncalibration = \"unit.toml\"", 1),
+    );
+    for seed in 212..217 {
+        folder.done(&format!("simulate {drive} --windows 2 --seed {seed} -o later.log"));
+        let lines = folder.done("replay later.log -c known.toml --json");
+        assert_eq!(lines.matches("\"faults\":[]").count(), 2, "{seed}: {lines}");
+    }
+    folder.done(&format!(
+        "simulate {drive} --windows 2 --seed 5 --fault friction=0.5 -o worn.log"
+    ));
+    let lines = folder.done("replay worn.log -c known.toml --json");
+    assert!(lines.contains("\"faults\":[\"friction\"]"), "{lines}");
+}
+
+/// What a unit has when it is commissioned would count as its health.
+#[test]
+fn windows_of_a_worn_unit_commission_nothing() {
+    let folder = Folder::new();
+    for (fault, said) in [
+        (
+            "backlash=0.5",
+            "type.bench.transmission.backlash_rad: expected 0.0001 within 5 tolerances",
+        ),
+        (
+            "short_a=0.4",
+            "expected windows in health, found inter-turn short, phase A of 0.41 in 6 of 6 windows",
+        ),
+    ] {
+        folder.done(&format!(
+            "simulate --noise 0.03 --windows 6 --seed 5 --fault {fault} -o worn.log"
+        ));
+        let text = folder.refused("calibrate worn.log -o unit.toml", 1);
+        assert!(text.contains(said), "{text}");
+        assert!(!folder.path("unit.toml").exists());
+    }
+    folder.done("simulate --noise 0.03 --windows 6 --seed 5 --fault short_a=0.25 -o visible.log");
+    let ended = folder.hmd("calibrate visible.log -o unit.toml");
+    assert!(
+        ended.stderr.contains("what it has now will count as health"),
+        "{}",
+        ended.stderr
+    );
+}
+
 /// R, k and J trade against each other in all that an actuator with comparators does: nearly no other torque, voltage or current.
 #[test]
 fn the_parameters_of_a_unit_come_out_near_what_they_are() {
@@ -90,6 +188,71 @@ fn the_parameters_of_a_unit_come_out_near_what_they_are() {
             assert!((found - truth).abs() < tolerance, "{effect}: {key} {found}\n{written}");
         }
         fs::remove_file(folder.path("unit.toml")).expect("removable");
+    }
+}
+
+/// A log of the built-in frames as if the motor had stood whole turns further, and the encoder been mounted so many counts off.
+fn with_other_zeros(log: &[u8], motor_turns: i32, output_counts: i32) -> String {
+    /// `(stamp) bus ID#DATA`.
+    fn moved(line: &str, motor_turns: i32, output_counts: i32) -> Option<String> {
+        let (head, data) = line.split_once('#')?;
+        let byte = |n: usize| u8::from_str_radix(&data[2 * n..2 * n + 2], 16).expect("hexadecimal");
+        let i32_at_start = || i32::from_le_bytes([byte(0), byte(1), byte(2), byte(3)]);
+        let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02X}")).collect::<String>();
+        if head.ends_with(" 101") {
+            let output = i32::from_le_bytes([0, byte(4), byte(5), byte(6)]) >> 8;
+            let motor = hex(&(i32_at_start() + 65_536 * motor_turns).to_le_bytes());
+            let output = hex(&(output + output_counts).to_le_bytes()[..3]);
+            return Some(format!("{head}#{motor}{output}{}", &data[14..]));
+        }
+        let is_command = head.ends_with(" 102") && byte(4) == 1;
+        // 20 000 counts are a turn.
+        let set_point = f64::from(output_counts) * std::f64::consts::TAU / 20_000.0 * 1e6;
+        let set_point = i32_at_start() + set_point.round() as i32;
+        is_command.then(|| format!("{head}#{}{}", hex(&set_point.to_le_bytes()), &data[8..]))
+    }
+    let text = std::str::from_utf8(log).expect("text");
+    let lines = text
+        .lines()
+        .map(|line| moved(line, motor_turns, output_counts).unwrap_or_else(|| line.to_owned()) + "\n");
+    lines.collect()
+}
+
+#[test]
+fn where_the_zeros_of_motor_and_output_lie_changes_nothing() {
+    let folder = Folder::new();
+    folder.done("simulate --rate 400 --noise 0.03 --windows 6 --seed 6 -o healthy.log");
+    let fault = "--fault friction=0.4 --fault backlash=0.15 --fault short_b=0.1";
+    folder.done(&format!(
+        "simulate --rate 400 --noise 0.03 {fault} --seed 7 -o worn.log"
+    ));
+    let [healthy, worn] = ["healthy.log", "worn.log"].map(|log| folder.read(log));
+    folder.write("hmd.toml", "[[actuator]]\nid = 0\ncalibration = \"unit.toml\"\n");
+    let damages = |motor_turns: [i32; 2], output_counts: i32| -> Vec<f64> {
+        folder.write("moved.log", with_other_zeros(&healthy, motor_turns[0], output_counts));
+        let ended = folder.hmd("calibrate moved.log -o unit.toml");
+        assert!(ended.stderr.contains("assessed by the monitor"), "{}", ended.stderr);
+        folder.write("moved.log", with_other_zeros(&worn, motor_turns[1], output_counts));
+        let line = folder.done("replay moved.log -c hmd.toml --json");
+        fs::remove_file(folder.path("unit.toml")).expect("removable");
+        let window: serde_json::Value = serde_json::from_str(line.trim()).expect("one line");
+        let k = window["k"].as_array().expect("eight").iter().take(5);
+        k.map(|k| k.as_f64().expect("a number")).collect()
+    };
+    let as_simulated = damages([0, 0], 0);
+    assert!((as_simulated[0] - 0.4).abs() < 0.03, "{as_simulated:?}");
+    // After another start the motor's counter may stand elsewhere.
+    for (motor_turns, output_counts) in [([3, 3], 0), ([1, -4], 0), ([0, 2], 37)] {
+        let moved = damages(motor_turns, output_counts);
+        let off = moved
+            .iter()
+            .zip(&as_simulated)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        assert!(
+            off < 0.01,
+            "{motor_turns:?}, {output_counts}: {moved:?} for {as_simulated:?}"
+        );
     }
 }
 
@@ -146,6 +309,22 @@ fn calibrations_in_the_wrong_place_are_refused() {
     let folder = Folder::new();
     folder.done("simulate --rate 400 --noise 0.05 --windows 5 --seed 3 -o healthy.log");
     folder.done("calibrate healthy.log -o unit.toml");
+    let unit = String::from_utf8(folder.read("unit.toml")).expect("text");
+    folder.write(
+        "of_s1.toml",
+        unit.replacen("[seen]", "serial_number = \"S1\"\n[seen]", 1),
+    );
+    folder.write(
+        "s2.toml",
+        "[[actuator]]\nid = 0\nserial_number = \"S2\"\ncalibration = \"of_s1.toml\"\n",
+    );
+    for verb in ["check-config -c s2.toml", "replay healthy.log -c s2.toml"] {
+        let text = folder.refused(verb, 78);
+        assert!(
+            text.contains("of_s1.toml") && text.contains("S2") && text.contains("S1"),
+            "{text}"
+        );
+    }
     folder.write("as_type.toml", "[type.bench]\ncalibration = \"unit.toml\"\n");
     let text = folder.refused("check-config -c as_type.toml", 78);
     assert!(
@@ -174,7 +353,7 @@ fn a_calibration_from_a_damaged_log_reports_what_was_lost() {
     assert_eq!(ended.code, 3, "{}", ended.stderr);
     for expected in [
         "damaged.log:101: expected a stamp",
-        "damaged.log: data lost: 1 unreadable lines or frames, ",
+        "damaged.log: data lost: 1 unreadable lines or frames",
         "from 6 windows",
     ] {
         assert!(ended.stderr.contains(expected), "{expected} in\n{}", ended.stderr);

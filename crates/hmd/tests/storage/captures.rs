@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use hmd::daemon::{HostClock, Observer, Steps};
 use hmd_core::assess::{AssessedWindow, Identification};
 use hmd_core::deadline::Clock;
-use hmd_core::frame::RawFrame;
+use hmd_core::frame::{BusNames, RawFrame};
 use hmd_core::history::{Event, EventKind};
 use hmd_core::record::{Health, Status};
 use hmd_ingest::feed::Input;
@@ -143,7 +143,7 @@ fn run(root: &Path, log: &Path, request_at: Duration) -> (Said, Vec<RawFrame>) {
 fn frames_around_a_window_whose_health_got_worse_are_kept_and_those_asked_for_and_no_others() {
     let root = tempfile::tempdir().unwrap();
     let text = "[output]\nraw_frames = false\ncapture_before_s = 0.5\ncapture_after_s = 0.2\n\
-                [rul]\nevents = \"events.jsonl\"\n\
+                [rul]\nevents = \"events.jsonl\"\nstate = \"histories\"\n\
                 [type.slow]\nbased_on = \"bench\"\n[type.slow.sensors]\nsample_rate_hz = 400\n\
                 [[actuator]]\nid = 0\nname = \"ema0\"\ntype = \"slow\"\n";
     std::fs::write(root.path().join("hmd.toml"), text).unwrap();
@@ -187,6 +187,22 @@ fn frames_around_a_window_whose_health_got_worse_are_kept_and_those_asked_for_an
         "after {} samples at 400 Hz: {statuses:?}",
         critical.0
     );
+
+    // The daemon that starts next knows it before it sees any window, and a replay does not.
+    let config = Arc::new(load_config(root.path().join("hmd.toml")).unwrap());
+    let clock = FrameClock {
+        start: Instant::now(),
+        start_ns: 0,
+        now_ns: AtomicU64::new(0),
+    };
+    let (names, next) = (BusNames::new(), Said::default());
+    let steps = Steps::new(names, None, Some((config, 1)), Arc::new(Identification), &clock, &next).unwrap();
+    let resumed = steps.status().actuators;
+    assert_eq!(
+        resumed.iter().map(|actuator| &actuator.health).collect::<Vec<_>>(),
+        [&healths[19].health]
+    );
+    assert_ne!(healths[19].health, "unknown");
 
     // The capture alone is enough for the same verdict.
     let line = format!("replay --json -c hmd.toml {}", kept[0].0.display());

@@ -22,16 +22,38 @@ def main(words: list[str] | None = None) -> int:
     )
     parser.add_argument("folder", type=Path, help="logs, *.mcap and *.log, in folders of any depth")
     parser.add_argument("-o", "--output", required=True, type=Path, help="folder of the results")
-    parser.add_argument("-c", "--config", type=Path, help="configuration")
-    parser.add_argument("--seed", type=int, default=1, help="seed of the search")
+    parser.add_argument("-c", "--config", type=Path, help="configuration; or a folder of them, UNIT.toml")
+    parser.add_argument("--seed", type=seed, default=1, help="seed of the search")
     parser.add_argument("--scheduler", metavar="ADDR", help="a Dask scheduler; this computer's cores without it")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="local workers; 0: no Dask")
+    parser.add_argument("--workers", type=workers, default=os.cpu_count() or 1, help="local workers; 0: no Dask")
     args = parser.parse_args(words)
     try:
         return run(args.folder, args.output, args.config, args.seed, args.scheduler, args.workers)
     except ConfigError as error:
         print(f"hmd.fleet: {error}", file=sys.stderr)
         return 78
+    except (OSError, ValueError) as error:
+        print(f"hmd.fleet: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("hmd.fleet: interrupted; run again to go on", file=sys.stderr)
+        return 130
+
+
+def seed(text: str) -> int:
+    """A seed of 64 bits."""
+    return _within(text, 2**64 - 1)
+
+
+def workers(text: str) -> int:
+    """A number of local workers."""
+    return _within(text, 1024)
+
+
+def _within(text: str, most: int) -> int:
+    if not (text.isascii() and text.isdigit() and int(text) <= most):
+        raise argparse.ArgumentTypeError(f"expected a whole number from 0 to {most}, found {text!r}")
+    return int(text)
 
 
 def run(
@@ -64,6 +86,7 @@ def run(
         finally:
             index.write([outcomes[log] for log in sorted(outcomes)])
             _sweep(out)
+    _warn_of_units(job, logs)
     assessed_s = time.monotonic() - since
     summary = _write_tables(folder, out, job, [outcomes[str(log)] for log in logs])
     counts = summary["counts"]
@@ -106,6 +129,25 @@ def _write_tables(folder: Path, out: Path, job: Job, outcomes: list[Outcome]) ->
     write_whole(out / "report.html", page(units, summary))
     write_whole(summary_file, json.dumps(summary, indent=1) + "\n")
     return {"counts": counts}
+
+
+def _warn_of_units(job: Job, logs: list[Path]) -> None:
+    """Says which logs have no configuration of their unit, and which configurations no log: a misspelt name tells."""
+    if job.config is None or not os.path.isdir(job.config):
+        return
+    used = [job.of(log).config for log in logs]
+    without = sorted({log.parent.name for log, config in zip(logs, used, strict=True) if not _is_of_unit(config)})
+    idle = sorted(
+        {path.name for path in Path(job.config).glob("*.toml")} - {Path(config).name for config in used if config}
+    )
+    for names, what in ((without, "folders without a configuration of their unit"), (idle, "configurations of no log")):
+        if names:
+            more = f" and {len(names) - 10} more" if len(names) > 10 else ""
+            print(f"hmd.fleet: warning: {what}: {', '.join(names[:10])}{more}", file=sys.stderr)
+
+
+def _is_of_unit(config: str | None) -> bool:
+    return config is not None and Path(config).name != "default.toml"
 
 
 def _sweep(out: Path) -> None:

@@ -4,12 +4,15 @@ import hashlib
 import json
 import os
 import socket
-from dataclasses import asdict, dataclass
+import warnings
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 from .. import _hmd
 from .._assessed import replay
 from .._hmd import ConfigError, Error
+from .._tables import DataLossWarning
 
 CONTRACT = 1
 """Version of the result files; a part of their names."""
@@ -28,6 +31,7 @@ class Job:
     out: str
     """Folder of the results, which all computers see."""
     config: str | None
+    """Of every log; or a folder with one for each unit, `UNIT.toml`."""
     seed: int
     identity: str
     """Hash of the configuration as checked, of the calibrations that it leads to, and of the files that it names."""
@@ -38,13 +42,29 @@ class Job:
 
         Raises `ConfigError` where it is bad.
         """
-        checked, model, files = _hmd.config_identity(config)
-        digest = hashlib.sha256(f"{checked} {model}".encode())
-        for file in files:
-            # A file of events need not be there yet.
-            digest.update(f" {hash_of(Path(file)) if os.path.exists(file) else None}".encode())
+        _identity_of.cache_clear()
         name = None if config is None else str(Path(config).resolve())
-        return cls(str(out.resolve()), name, seed, digest.hexdigest())
+        if config is None or not Path(config).is_dir():
+            return cls(str(out.resolve()), name, seed, _identity_of(name, ""))
+        of_units = sorted(Path(config).resolve().glob("*.toml"))
+        if not of_units:
+            raise ConfigError(f"{config}: expected configurations called UNIT.toml, found none")
+        all_of_them = " ".join(f"{file.name} {_identity_of(str(file), '')}" for file in of_units)
+        return cls(str(out.resolve()), name, seed, hashlib.sha256(all_of_them.encode()).hexdigest())
+
+    def of(self, log: Path) -> "Job":
+        """The same for one log: with the configuration of its unit, where each has its own.
+
+        That is called as the log's serial number, else as its folder; what has neither is assessed by `default.toml`,
+        or without one by the defaults.
+        """
+        if self.config is None or not os.path.isdir(self.config):
+            return self
+        serials = list(_hmd.serial_numbers(log).values())
+        names = [*(serials if len(serials) == 1 else []), log.parent.name, "default"]
+        places = (Path(self.config, f"{name}.toml") for name in names if os.path.basename(name) == name)
+        config = next((str(place) for place in places if place.is_file()), None)
+        return replace(self, config=config, identity=_identity_of(config, self.identity))
 
     def key(self, content: str) -> str:
         """Name of the result for a log with these bytes."""
@@ -60,6 +80,20 @@ class Job:
     def result(self, key: str) -> Path:
         """Where the result of that name stands; in one of 256 folders, because a folder of 100 000 files is slow."""
         return Path(self.out, "results", key[:2], f"{key}.jsonl")
+
+
+@lru_cache(maxsize=4096)
+def _identity_of(config: str | None, _of_all: str) -> str:
+    """Hash of a configuration as checked, of the calibrations that it leads to, and of the files that it names.
+
+    Read once for each identity of all configurations: a worker lives longer than a run.
+    """
+    checked, model, files = _hmd.config_identity(config)
+    digest = hashlib.sha256(f"{checked} {model}".encode())
+    for file in files:
+        # A file of events need not be there yet.
+        digest.update(f" {hash_of(Path(file)) if os.path.exists(file) else None}".encode())
+    return digest.hexdigest()
 
 
 @dataclass(frozen=True)
@@ -100,6 +134,7 @@ def one_log(log: Path, job: Job) -> Outcome:
     """
     try:
         before = log.stat()
+        job = job.of(log)
         content = hash_of(log)
         key = job.key(content)
         place = job.result(key)
@@ -120,7 +155,10 @@ def _assess(log: Path, content: str, job: Job) -> str:
     lines: list[str] = []
     code, message = 0, ""
     try:
-        assessed = replay(log, config=job.config, seed=job.seed, threads=1)
+        with warnings.catch_warnings():
+            # What was lost stands in the result.
+            warnings.simplefilter("ignore", DataLossWarning)
+            assessed = replay(log, config=job.config, seed=job.seed, threads=1)
         lines = assessed.lines
         if assessed.loss is not None:
             code, message = 3, assessed.loss
@@ -179,7 +217,7 @@ class Index:
             return None
         if (known.size, known.mtime_ns) != (now.st_size, now.st_mtime_ns):
             return None
-        key = job.key(known.content)
+        key = job.of(log).key(known.content)
         return Outcome(known.log, known.size, known.mtime_ns, known.content, key) if job.result(key).exists() else None
 
     def write(self, outcomes: list[Outcome]) -> None:

@@ -16,7 +16,7 @@ def main(words: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m hmd.fleet.one", description="Assess logs, a result for each.")
     parser.add_argument("logs", nargs="+", type=Path, help="logs, or folders of them")
     parser.add_argument("-o", "--output", required=True, type=Path, help="folder of the results")
-    parser.add_argument("-c", "--config", type=Path, help="configuration")
+    parser.add_argument("-c", "--config", type=Path, help="configuration; or a folder of them, UNIT.toml")
     parser.add_argument("--seed", type=int, default=1, help="seed of the search")
     parser.add_argument("--task", type=int, default=0, help="number of this task, from 0")
     parser.add_argument("--of", type=int, default=1, help="number of tasks")

@@ -28,7 +28,7 @@ def _schema() -> pa.Schema:
         pa.field("log", text, nullable=False),
         pa.field("unit", text, nullable=False),
         pa.field("actuator", text, nullable=False),
-        pa.field("window", pa.uint64(), nullable=False),
+        pa.field("window", pa.int64(), nullable=False),
         pa.field("t_start_ns", pa.timestamp("ns", "UTC"), nullable=False, metadata=_unit("ns, UTC")),
         pa.field("status", text, nullable=False),
         pa.field("reason", text, nullable=False),
@@ -42,7 +42,7 @@ def _schema() -> pa.Schema:
     fields += [
         pa.field("cost", number, metadata=_unit("1")),
         pa.field("residual_rms_a", number, metadata=_unit("A")),
-        pa.field("evaluations", pa.uint64(), nullable=False),
+        pa.field("evaluations", pa.int64(), nullable=False),
     ]
     for unit in ("h", "cycles"):
         fields += [pa.field(f"rul_{p}_{unit}", number, metadata=_unit(unit)) for p in ("p10", "p50", "p90")]
@@ -75,6 +75,9 @@ def unit_of(log: str, actuator: str, serial_numbers: dict[str, str]) -> str:
     """Whose windows these are: the serial number if the log holds one, else the log's folder, else its own name."""
     if actuator in serial_numbers:
         return serial_numbers[actuator]
+    if len(serial_numbers) == 1:
+        # Its writer called the one actuator otherwise.
+        return next(iter(serial_numbers.values()))
     place = Path(log)
     owner = place.parent if place.parent.name else place.with_suffix("")
     return f"{owner.as_posix()}/{actuator}"

@@ -6,14 +6,19 @@ use crate::mcap_writer::METADATA_NAME;
 impl Bench {
     /// The numbers in the metadata of the segments of frames, oldest first.
     fn numbers(&self) -> Vec<String> {
+        self.metadata("segment").into_iter().flatten().collect()
+    }
+
+    /// A value in the metadata of each segment of frames, oldest first.
+    fn metadata(&self, key: &str) -> Vec<Option<String>> {
         let names = self.names().into_iter().filter(|name| name.contains("-raw.mcap"));
-        let number = |name: String| {
+        let value = |name: String| {
             let file = File::open(self.folder.path().join(&name)).unwrap();
             let mut messages = McapMessages::new(file, &name).unwrap();
             let _ = messages.next();
-            messages.metadata(METADATA_NAME).unwrap()["segment"].clone()
+            messages.metadata(METADATA_NAME).unwrap().get(key).cloned()
         };
-        names.map(number).collect()
+        names.map(value).collect()
     }
 
     /// Some frames, and a disk that then fails for a tick.
@@ -78,4 +83,35 @@ fn after_a_failure_the_next_segment_waits_for_its_time() {
     bench.tick(&mut store, 1);
     bench.put_frames(&mut store, 7);
     assert_eq!(store.status().lost_frames, lost + 7);
+}
+
+#[test]
+fn a_capture_has_segments_of_its_own_with_its_reason_and_run() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    for why in ["worse", "asked for"] {
+        store.begin_capture(why);
+        bench.put_frames(&mut store, 10);
+        store.end_capture();
+        assert!(
+            bench.names().iter().all(|name| !name.ends_with("-raw.mcap.part")),
+            "closed as soon as the capture ends"
+        );
+    }
+    // One that begins before the other has ended.
+    store.begin_capture("one");
+    bench.put_frames(&mut store, 10);
+    store.begin_capture("another");
+    bench.put_frames(&mut store, 10);
+    store.finish();
+    let reasons: Vec<String> = bench.metadata("capture").into_iter().flatten().collect();
+    assert_eq!(reasons, ["worse", "asked for", "one", "another"]);
+    let mut runs: Vec<String> = bench.metadata("run").into_iter().flatten().collect();
+    assert_eq!(runs.len(), 4);
+    runs.dedup();
+    assert_eq!(
+        runs.len(),
+        4,
+        "frames of two captures do not follow each other: {runs:?}"
+    );
 }

@@ -495,7 +495,12 @@ fn description_names_what_is_configured() {
         auto.contains("bus load: 72 % of 1000000 bit/s by each at 2000 Hz, so 1 fit on one bus"),
         "{auto}"
     );
+    assert!(
+        auto.contains("hmd run refuses this configuration: expected an [[actuator]] with its bus"),
+        "{auto}"
+    );
     let text = read(&example_in_full()).describe();
+    assert!(text.contains("hmd run: listens to can0"), "{text}");
     assert!(
         text.contains(
             "flap-left: number 0 on can0, type bench400 with hysteresis drive at 400 Hz, unit learnt from 10 windows, kept in \

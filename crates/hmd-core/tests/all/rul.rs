@@ -177,6 +177,30 @@ fn no_number_without_a_trend() {
 }
 
 #[test]
+fn at_the_end_of_life_nothing_is_left_whatever_the_trend() {
+    // A jump ends the trend; the first estimate beyond the end may be an outlier.
+    let jumped = |windows: usize| {
+        let before = (0..20).map(|n| (10.0 * n as f64, 0.1 + error(n)));
+        after(
+            before.chain((20..20 + windows).map(|n| (10.0 * n as f64, 0.9 + error(n)))),
+            SIGMA,
+        )
+    };
+    let forecast = jumped(1).forecast(100.0);
+    assert!(forecast.actuator.is_err(), "{forecast:?}");
+    let forecast = jumped(5).forecast(100.0);
+    let life = forecast.actuator.expect("an end");
+    assert!(
+        life.hours.p10.max(life.hours.p90) < f64::MIN_POSITIVE,
+        "{:?}",
+        life.hours
+    );
+    assert!(life.fails_within_horizon >= 1.0);
+    assert_eq!(forecast.dominant, Some(FaultId::Friction));
+    assert_eq!(forecast.faults[0], Ok(life));
+}
+
+#[test]
 fn what_comes_twice_or_late_changes_nothing() {
     let clean = after(steady(60), SIGMA).forecast(1.0);
     let (mut twice, mut late) = (Vec::new(), Vec::new());

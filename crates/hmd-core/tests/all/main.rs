@@ -1,0 +1,5 @@
+//! Tests of the crate from outside.
+
+mod rul;
+mod window;
+mod window_properties;

@@ -189,6 +189,9 @@ pub trait Observer {
     fn progress(&mut self, position: u64);
 }
 
+/// Losses of one log that are told one by one; of the others, their number. All are counted.
+const LOSSES_TOLD: u64 = 20;
+
 /// How a log follows the one before.
 enum Succession {
     /// The next segment of the same run, and none lost between.
@@ -211,6 +214,8 @@ struct Run<'a, O> {
     /// Newest stamp of each interface, ns: frames of a later log up to it have been seen or come out of order.
     newest_ns: BTreeMap<u16, u64>,
     damaged_places: u64,
+    /// Losses of the log that is read; the first [`LOSSES_TOLD`] are told one by one.
+    losses_of_log: u64,
     /// Serial numbers by actuator, by the logs so far.
     serial_numbers: BTreeMap<String, String>,
     /// Run and number of the segment read last, if it was one.
@@ -276,6 +281,7 @@ impl Replay<'_> {
             live: LiveDecisions::of(self.logs),
             newest_ns: BTreeMap::new(),
             damaged_places: 0,
+            losses_of_log: 0,
             serial_numbers: BTreeMap::new(),
             segment: None,
         };
@@ -348,6 +354,12 @@ impl<O: Observer> Run<'_, O> {
             }
         }
         *read_before += source.position();
+        let untold = std::mem::take(&mut self.losses_of_log).saturating_sub(LOSSES_TOLD);
+        if untold > 0 {
+            let message = format!("{}: data lost at {untold} more places", log.display());
+            let stamp_ns = self.pipeline.last_stamp_ns();
+            self.notice(&Notice { stamp_ns, message }, LogLevel::Error)?;
+        }
         if overlapping > 0 {
             self.pipeline.losses.overlapping += overlapping;
             let message = format!(
@@ -455,6 +467,10 @@ impl<O: Observer> Run<'_, O> {
 
     fn lost(&mut self, loss: &Loss) -> Result<(), ReplayError> {
         self.damaged_places += loss.count_into(&mut self.pipeline.losses);
+        self.losses_of_log += 1;
+        if self.losses_of_log > LOSSES_TOLD {
+            return Ok(());
+        }
         self.notice(
             &Notice {
                 stamp_ns: self.pipeline.last_stamp_ns(),
@@ -560,6 +576,7 @@ mod tests {
             live: LiveDecisions::default(),
             newest_ns: BTreeMap::new(),
             damaged_places: 0,
+            losses_of_log: 0,
             serial_numbers: BTreeMap::new(),
             segment: None,
         };

@@ -427,14 +427,17 @@ mod tests {
 
     #[test]
     fn wrong_wires_are_named_and_a_run_gives_the_same_on_any_number_of_threads() {
-        let run = |threads: usize| {
+        let run = |threads: usize, entries: Vec<String>| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| sensors(&tiny(), &|_| ())).unwrap()
+            let options = SensorsOptions { entries, ..tiny() };
+            pool.install(|| sensors(&options, &|_| ())).unwrap()
         };
-        let report = run(1);
+        let report = run(2, tiny().entries);
+        // An entry alone, by one thread, is what it is among others.
+        let alone = run(1, vec!["phases_swapped".to_owned()]);
         assert_eq!(
-            serde_json::to_string(&report).unwrap(),
-            serde_json::to_string(&run(2)).unwrap()
+            serde_json::to_string(&report.by_mistake[1]).unwrap(),
+            serde_json::to_string(&alone.by_mistake[0]).unwrap()
         );
         assert!((report.mistakes.all.named_rate - 1.0).abs() < 1e-12);
         let [right, swapped, unit] = &report.by_mistake[..] else {

@@ -85,6 +85,23 @@ fn an_unreadable_line_and_a_short_frame_are_counted() {
 }
 
 #[test]
+fn of_many_unreadable_lines_twenty_are_told_and_all_counted() {
+    let folder = Folder::new();
+    let mut lines = folder.actuation();
+    lines.splice(10..10, (0..300).map(|n| format!("garbage {n}")));
+    folder.write_lines("bad.log", &lines);
+    let ended = folder.hmd("replay --json bad.log -o out.mcap");
+    assert_eq!(ended.code, 3, "{}", ended.stderr);
+    assert_eq!(ended.stderr.matches("expected a stamp").count(), 20, "{}", ended.stderr);
+    for said in [
+        "bad.log: data lost at 280 more places",
+        "data lost: 300 unreadable lines or frames",
+    ] {
+        assert!(ended.stderr.contains(said), "{}", ended.stderr);
+    }
+}
+
+#[test]
 fn stamps_that_step_back_do_not_stop_the_monitoring() {
     let folder = Folder::new();
     let lines = folder.actuation();

@@ -120,8 +120,10 @@ fn without_an_encoder_at_the_output_play_is_not_observable() {
         let folder = Folder::new();
         let said = bus.commission(&folder);
         assert!(said.contains("backlash not shown by these windows"), "{preset}: {said}");
-        let friction = bus.assessed(&folder, "--seed 4 --fault friction=0.4");
-        assert_eq!(count(&friction, "\"faults\":[\"friction\"]"), 2, "{preset}: {friction}");
+        if preset == "damiao" {
+            let friction = bus.assessed(&folder, "--seed 4 --fault friction=0.4");
+            assert_eq!(count(&friction, "\"faults\":[\"friction\"]"), 2, "{friction}");
+        }
         let play = bus.assessed(&folder, "--seed 5 --fault backlash=0.4");
         assert_eq!(count(&play, "\"faults\":[]"), 2, "{preset}: {play}");
         let hidden = "no position.output: the gear is taken as rigid, and backlash is not observable";

@@ -184,7 +184,7 @@ fn segments_of_one_run_replay_like_one_file() {
 #[test]
 fn windows_that_were_dropped_are_left_out_by_replay() {
     // Far more at once than can wait: the playback is faster than any identification.
-    let status = compare(120);
+    let status = compare(60);
     assert!(status.lost_windows > 0, "{status:?}");
     assert!(status.data_lost());
 }

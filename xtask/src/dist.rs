@@ -14,8 +14,10 @@ pub(crate) struct Platform {
     pub(crate) target: &'static str,
     /// In Debian's.
     pub(crate) architecture: &'static str,
-    /// Compiler of the C code, with the package that has it.
-    compiler: (&'static str, &'static str),
+    /// Compiler of the C code.
+    compiler: &'static str,
+    /// Debian packages with the compiler and its headers, each with a file of it.
+    packages: &'static [(&'static str, &'static str)],
     /// What runs its programs on x86-64, with the package that has it; none where they run by themselves.
     pub(crate) emulator: Option<(&'static str, &'static str)>,
 }
@@ -25,13 +27,18 @@ pub(crate) const PLATFORMS: [Platform; 2] = [
     Platform {
         target: "x86_64-unknown-linux-musl",
         architecture: "amd64",
-        compiler: ("musl-gcc", "musl-tools"),
+        compiler: "musl-gcc",
+        packages: &[("musl-tools", "/usr/bin/musl-gcc")],
         emulator: None,
     },
     Platform {
         target: "aarch64-unknown-linux-musl",
         architecture: "arm64",
-        compiler: ("aarch64-linux-gnu-gcc", "gcc-aarch64-linux-gnu"),
+        compiler: "aarch64-linux-gnu-gcc",
+        packages: &[
+            ("gcc-aarch64-linux-gnu", "/usr/bin/aarch64-linux-gnu-gcc"),
+            ("libc6-dev-arm64-cross", "/usr/aarch64-linux-gnu/include/string.h"),
+        ],
         emulator: Some(("qemu-aarch64-static", "qemu-user-static")),
     },
 ];
@@ -83,8 +90,7 @@ pub(crate) fn check() -> anyhow::Result<()> {
 
 /// The program for a platform, built in a folder of this name below the target directory; each build replaces the other.
 pub(crate) fn build(platform: &Platform, kind: Build, folder: &str) -> anyhow::Result<PathBuf> {
-    let (compiler, package) = platform.compiler;
-    debian::install(&[(package, &format!("/usr/bin/{compiler}"))])?;
+    debian::install(platform.packages)?;
     run(program("rustup", ["target", "add", platform.target]))?;
     let folder = target_dir()?.join(folder);
     let under = platform.target.replace('-', "_");
@@ -103,7 +109,7 @@ pub(crate) fn build(platform: &Platform, kind: Build, folder: &str) -> anyhow::R
         .env("RUSTFLAGS", of_paths("--remap-path-prefix"))
         .env("CFLAGS", of_paths("-ffile-prefix-map"))
         .env("SOURCE_DATE_EPOCH", "0")
-        .env(format!("CC_{under}"), compiler)
+        .env(format!("CC_{under}"), platform.compiler)
         // The one that comes with the compiler, so that the system's has no say.
         .env(format!("CARGO_TARGET_{}_LINKER", under.to_uppercase()), "rust-lld"))?;
     Ok(folder.join(platform.target).join("dist/hmd"))

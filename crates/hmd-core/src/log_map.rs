@@ -78,6 +78,22 @@ impl Quantity {
         matches!(self, Self::Of(Role::CommandPosition | Role::CommandSpeed | Role::Mode))
     }
 
+    /// Whether it is a current.
+    #[must_use]
+    pub fn is_current(&self) -> bool {
+        use Role::{CurrentA, CurrentB, CurrentC};
+        matches!(
+            self,
+            Self::CurrentD | Self::CurrentQ | Self::Of(CurrentA | CurrentB | CurrentC)
+        )
+    }
+
+    /// Whether it has a value at every time: a current or an angle.
+    #[must_use]
+    pub fn is_continuous(&self) -> bool {
+        self.is_current() || matches!(self, Self::Of(Role::MotorPosition | Role::OutputPosition))
+    }
+
     /// Whether a row without it makes no sample.
     fn is_sampled(self) -> bool {
         match self {
@@ -132,6 +148,8 @@ pub struct LogMap {
     names: ModeNames,
     #[serde(skip_serializing_if = "Option::is_none")]
     current_bandwidth_hz: Option<u32>,
+    #[serde(skip_serializing_if = "core::ops::Not::not")]
+    is_resampled: bool,
 }
 
 /// Why columns make no map. Displays as what is expected.
@@ -160,6 +178,7 @@ impl LogMap {
             modes,
             names,
             current_bandwidth_hz: None,
+            is_resampled: false,
         };
         let has = |role: Role| map.has(Quantity::Of(role));
         let phases = [Role::CurrentA, Role::CurrentB, Role::CurrentC].map(has);
@@ -184,6 +203,18 @@ impl LogMap {
             current_bandwidth_hz,
             ..self
         }
+    }
+
+    /// The same of a log whose signals have their values at different times.
+    #[must_use]
+    pub fn with_resampling(self, is_resampled: bool) -> Self {
+        Self { is_resampled, ..self }
+    }
+
+    /// Whether currents and angles are interpolated at the times of the first current.
+    #[must_use]
+    pub fn is_resampled(&self) -> bool {
+        self.is_resampled
     }
 
     /// Its columns.
@@ -215,7 +246,8 @@ impl LogMap {
     /// What is missing.
     pub fn gaps(&self) -> impl Iterator<Item = Gap> {
         let of_columns = Gap::OF_COLUMNS.into_iter().filter(|gap| gap.is_in(self));
-        of_columns.chain(self.current_bandwidth_hz.map(Gap::FilteredCurrents))
+        let of_columns = of_columns.chain(self.current_bandwidth_hz.map(Gap::FilteredCurrents));
+        of_columns.chain(self.is_resampled.then_some(Gap::Resampled))
     }
 
     /// The code of a mode that a log has as text; `None` where no name is configured.

@@ -99,6 +99,11 @@ trait LogReader: Debug {
         None
     }
 
+    /// What an operator should know of what was read, a sentence each.
+    fn remarks(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// What to say of a file without a frame.
     fn no_frame(&self, file: String, first: Option<Box<Loss>>) -> IngestError;
 }
@@ -356,6 +361,11 @@ impl FrameSource {
     /// The metadata record `name` of an MCAP file, if it was read already (ours stand at the start of the file).
     pub fn metadata(&self, name: &str) -> Option<&BTreeMap<String, String>> {
         self.reader.metadata(name)
+    }
+
+    /// What an operator should know of what was read so far, a sentence each: what was interpolated.
+    pub fn remarks(&self) -> Vec<String> {
+        self.reader.remarks()
     }
 
     fn find_first_frame(&mut self, file: String) -> Result<(), IngestError> {

@@ -1,7 +1,7 @@
 //! Logs of measured signals: values over time instead of frames.
 //!
 //! [`SignalLog`] is one log, whatever its format; [`MappedFrames`] makes the frames of the built-in dictionary of its rows, by the map of
-//! an actuator (`[map]`). Each row becomes a CAN FD frame with one sample, behind a status frame where the conditions changed, on the
+//! an actuator (`[map]`), [`resampled`] to the times of the currents where signals have several rates. Each row becomes a CAN FD frame with one sample, behind a status frame where the conditions changed, on the
 //! actuator's interface, so that everything behind a reader is the same for every log. How rows become samples:
 //! [`hmd_core::log_map::RowDecoder`].
 
@@ -9,8 +9,9 @@ mod csv;
 mod frames;
 mod log;
 mod parquet;
+mod resampled;
 
 pub use self::parquet::{MAGIC as PARQUET_MAGIC, ParquetLog};
 pub use csv::CsvLog;
 pub use frames::MappedFrames;
-pub use log::{Between, SignalInfo, SignalLog, TextValue, Unusable};
+pub use log::{Between, Interpolated, SignalInfo, SignalLog, TextValue, Unusable};

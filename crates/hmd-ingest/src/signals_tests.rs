@@ -99,6 +99,64 @@ fn what_is_missing_is_not_invented() {
     }
 }
 
+/// The table with only every second value of the motor's angle.
+fn several_rates() -> String {
+    let text = std::fs::read_to_string(folder().join("samples.csv")).unwrap();
+    let mut several = String::new();
+    for (n, line) in text.lines().enumerate() {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        if n > 0 && n % 2 == 0 {
+            cells[6] = "";
+        }
+        several += &(cells.join(",") + "\n");
+    }
+    several
+}
+
+#[test]
+fn signals_of_several_rates_are_interpolated_and_their_error_is_said() {
+    let file = tempfile::Builder::new().suffix(".csv").tempfile().unwrap();
+    std::fs::write(file.path(), several_rates()).unwrap();
+    let resampled = config(&[], "resample = true");
+    let mut source = crate::open_mapped(file.path(), BusNames::new(), &resampled).unwrap();
+    assert!(source.by_ref().all(|item| item.is_ok()));
+    let remarks = source.remarks();
+    let [remark] = &remarks[..] else { panic!("{remarks:?}") };
+    let found = windows(file.path().to_str().unwrap(), &resampled);
+    assert_eq!(
+        windows("samples-rates.mf4", &resampled)[0].window,
+        found[0].window,
+        "the same values of another format"
+    );
+    let whole = windows("samples.csv", &config(&[], ""));
+    assert!(
+        remark.contains("position.motor: 299 values interpolated, off by up to about "),
+        "{remark}"
+    );
+    let error: f64 = remark
+        .split("about ")
+        .nth(1)
+        .unwrap()
+        .split(' ')
+        .next()
+        .unwrap()
+        .parse()
+        .unwrap();
+    // 14 krad/s² over 5 ms; the rest is rounded.
+    assert!((1.0..1000.0).contains(&error), "{remark}");
+    for (found, whole) in found[0].window.samples.iter().zip(&whole[0].window.samples) {
+        assert_eq!(found.currents, whole.currents);
+        let difference = (found.motor_counts - whole.motor_counts).unsigned_abs() as f64;
+        assert!(difference <= 1.1 * error + 1.0, "{difference} {remark}");
+    }
+    let gaps = found[0].actuator.log.as_ref().unwrap().gaps();
+    let gaps: Vec<String> = gaps.map(|gap| gap.to_string()).collect();
+    assert_eq!(
+        gaps,
+        ["signals of several rates: interpolated at the times of the currents"]
+    );
+}
+
 #[test]
 fn currents_of_the_rotor_frame_become_phases() {
     let text = std::fs::read_to_string(folder().join("samples.csv")).unwrap();
@@ -163,10 +221,15 @@ fn items(name: &str, bytes: &[u8], config: &Config) -> usize {
 
 /// Reads mutations of every file.
 fn read_mutations(of_each_format: usize) {
-    let config = config(&[], "");
-    for (format, names) in [("csv", &FILES[..1]), ("parquet", &FILES[2..4]), ("mf4", &FILES[4..])] {
+    let (rows, resampled) = (config(&[], ""), config(&[], "resample = true"));
+    for (format, names, config) in [
+        ("csv", &FILES[..1], &rows),
+        ("parquet", &FILES[2..4], &rows),
+        ("mf4", &FILES[4..], &rows),
+        ("mf4", &["samples-rates.mf4"][..], &resampled),
+    ] {
         let files: Vec<PathBuf> = names.iter().map(|name| folder().join(name)).collect();
-        let items = |name: &str, bytes: &[u8]| items(name, bytes, &config);
+        let items = |name: &str, bytes: &[u8]| items(name, bytes, config);
         read_mutations_of(format, &files, of_each_format, items, |bytes| 400 * bytes + 4000);
     }
 }

@@ -354,6 +354,10 @@ impl<O: Observer> Run<'_, O> {
             }
         }
         *read_before += source.position();
+        for message in source.remarks() {
+            let stamp_ns = self.pipeline.last_stamp_ns();
+            self.notice(&Notice { stamp_ns, message }, LogLevel::Warning)?;
+        }
         let untold = std::mem::take(&mut self.losses_of_log).saturating_sub(LOSSES_TOLD);
         if untold > 0 {
             let message = format!("{}: data lost at {untold} more places", log.display());

@@ -63,6 +63,9 @@ pub fn windows_of(
                 report(&notice.message);
             }
         }
+        for remark in source.remarks() {
+            report(&remark);
+        }
         pipeline.finish();
         found.jobs.extend(pipeline.take_windows());
         names = source.into_bus_names();

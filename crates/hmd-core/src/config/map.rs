@@ -8,8 +8,8 @@ use crate::dbc::{ModeCodes, Role};
 use crate::log_map::{Clock, Column, LogMap, ModeNames, Quantity};
 
 /// Keys of the section itself.
-pub(super) const KEYS: [&str; 8] = [
-    "actuator", "time", "clock", "currents", "position", "command", "sample", "status",
+pub(super) const KEYS: [&str; 9] = [
+    "actuator", "time", "clock", "resample", "currents", "position", "command", "sample", "status",
 ];
 
 /// Key beside the currents: where the drive filters them.
@@ -72,7 +72,8 @@ pub(super) fn read(root: &Section<'_>, actuators: &mut [ActuatorConfig]) -> Resu
     }
     let map = LogMap::new(reader.columns, clock, reader.modes, reader.names);
     let map = map.map_err(|misfit| section.refuse_self(&misfit.to_string(), "none"))?;
-    actuator.log = Some(Arc::new(map.with_current_bandwidth(bandwidth_hz)));
+    let map = map.with_current_bandwidth(bandwidth_hz);
+    actuator.log = Some(Arc::new(map.with_resampling(section.flag("resample", false)?)));
     Ok(())
 }
 

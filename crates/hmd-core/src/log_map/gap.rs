@@ -23,6 +23,8 @@ pub enum Gap {
     SetPoint,
     /// Currents as they flow: the drive filters them at so many Hz.
     FilteredCurrents(u32),
+    /// Values of all signals at the same times.
+    Resampled,
 }
 
 impl Gap {
@@ -44,7 +46,7 @@ impl Gap {
             Self::DirectCurrent => is_dq && lacks(Quantity::CurrentD),
             Self::OutputAngle => lacks(Quantity::Of(Role::OutputPosition)),
             Self::SetPoint => !map.has_command(),
-            Self::FilteredCurrents(_) => true,
+            Self::FilteredCurrents(_) | Self::Resampled => true,
         }
     }
 
@@ -52,7 +54,7 @@ impl Gap {
     #[must_use]
     pub fn hides(self) -> &'static [FaultId] {
         match self {
-            Self::ThirdPhase | Self::Phases | Self::FilteredCurrents(_) => &[],
+            Self::ThirdPhase | Self::Phases | Self::FilteredCurrents(_) | Self::Resampled => &[],
             // Shorted turns unbalance the phases, which shows as ripple of both currents of the rotor's frame.
             Self::DirectCurrent => &[FaultId::ShortA, FaultId::ShortB, FaultId::ShortC],
             Self::OutputAngle => &[FaultId::Backlash],
@@ -71,6 +73,7 @@ impl fmt::Display for Gap {
             Self::Phases => "currents of d and q: the sum of the phases is not checked",
             Self::DirectCurrent => "no currents.d: it is taken as 0, and shorts are not observable",
             Self::OutputAngle => "no position.output: the gear is taken as rigid, and backlash is not observable",
+            Self::Resampled => "signals of several rates: interpolated at the times of the currents",
             Self::SetPoint => "no set point: motion begins a window, and controller gain is not observable",
         })
     }

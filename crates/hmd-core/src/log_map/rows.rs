@@ -66,7 +66,7 @@ impl RowFault {
     #[must_use]
     pub fn expected(self) -> &'static str {
         match self {
-            Self::NoNumber(_) => "a number",
+            Self::NoNumber(_) => "a number (resample = true in [map] takes signals of several rates)",
             Self::NoTime => "a time from 1970 to 2255",
             Self::NotLater => "a time later than the row before's",
         }

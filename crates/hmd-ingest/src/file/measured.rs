@@ -171,6 +171,10 @@ impl LogReader for Measured {
         self.frames.position()
     }
 
+    fn remarks(&self) -> Vec<String> {
+        self.frames.remarks()
+    }
+
     fn no_frame(&self, file: String, first: Option<Box<Loss>>) -> IngestError {
         IngestError::NoRow { file, first }
     }

@@ -1,8 +1,9 @@
 //! Channels of measured signals, each with the time of its group.
 //!
 //! The group of the first signal that is chosen gives the rows. What other groups hold is taken at the time of the row, to the
-//! microsecond; between its values a command or a condition keeps the last one, and any other signal has none. Numbers of fixed length
-//! are read, with a linear conversion or names beside them.
+//! microsecond; between its values a command or a condition keeps the last one, and any other signal has none. Where a signal lies on the
+//! line between its values, each time of any group gives a row, with what has a value then. Numbers of fixed length are read, with a
+//! linear conversion or names beside them.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -34,6 +35,8 @@ pub struct MdfSignals<R> {
     /// Groups that are read; the first gives the rows.
     read: Vec<Group<R>>,
     selected: Vec<Selected>,
+    /// Whether each time of any group gives a row.
+    is_merged: bool,
     row: u64,
     ended: bool,
 }
@@ -139,6 +142,7 @@ impl<R: Read + Seek> MdfSignals<R> {
             places,
             read: Vec::new(),
             selected: Vec::new(),
+            is_merged: false,
             row: 0,
             ended: false,
         })
@@ -219,11 +223,17 @@ impl<R: Read + Seek + std::fmt::Debug> SignalLog for MdfSignals<R> {
             selected.remove(0);
         }
         (self.read, self.selected) = (read, selected);
+        self.is_merged = signals
+            .iter()
+            .any(|(_, between)| matches!(between, Between::Linear { .. }));
         (self.row, self.ended) = (0, false);
         Ok(())
     }
 
     fn next_row(&mut self, row: &mut [f64], _: TextValue<'_>) -> Option<Result<(), Damage>> {
+        if self.is_merged {
+            return self.next_merged(row);
+        }
         if self.ended {
             return None;
         }
@@ -262,6 +272,35 @@ impl<R: Read + Seek + std::fmt::Debug> SignalLog for MdfSignals<R> {
 
     fn position(&self) -> Option<u64> {
         self.read.first().map(|group| group.blocks.bytes_read())
+    }
+}
+
+impl<R: Read + Seek> MdfSignals<R> {
+    /// The row of the earliest time that any group has next: NaN where a signal has no value then.
+    fn next_merged(&mut self, row: &mut [f64]) -> Option<Result<(), Damage>> {
+        for group in &mut self.read {
+            if group.next.is_none() {
+                match group.read() {
+                    Ok(next) => group.next = next,
+                    Err(damage) => return Some(Err(damage)),
+                }
+            }
+        }
+        let times = self.read.iter().filter_map(|group| Some(group.next.as_ref()?.time_s));
+        let time_s = times.min_by(f64::total_cmp)?;
+        for group in &mut self.read {
+            let is_now = |next: &mut Values| next.time_s.total_cmp(&(time_s + SAME_TIME_S)).is_le();
+            group.now = group.next.take_if(is_now);
+        }
+        self.row += u64::from(self.read.first().is_some_and(|base| base.now.is_some()));
+        for (value, selected) in row.iter_mut().zip(&self.selected) {
+            let now = self.read[selected.group].now.as_ref();
+            *value = match selected.value {
+                None => time_s,
+                Some(n) => now.map_or(f64::NAN, |now| now.values[n]),
+            };
+        }
+        Some(Ok(()))
     }
 }
 

@@ -9,7 +9,8 @@ use hmd_core::config::ActuatorConfig;
 use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
 use hmd_core::log_map::{Column, LogMap, Quantity, RowDecoder};
 
-use super::log::{Between, SignalInfo, SignalLog, Unusable};
+use super::log::{Between, Interpolated, SignalInfo, SignalLog, Unusable};
+use super::resampled::Resampled;
 use crate::damage::{Damage, Place};
 
 /// Rows that are looked at before the first is decoded: their times show the period.
@@ -85,14 +86,17 @@ impl MappedFrames {
             if column.quantity == Quantity::Time {
                 start_us = info.start_us.unwrap_or(0.0);
             }
-            let between = if column.quantity.is_held() {
-                Between::Held
-            } else {
-                Between::Unknown
-            };
-            places.push((place, between));
+            places.push((place, between(column, map)));
         }
-        log.select(&places)?;
+        let of = |is: fn(&Quantity) -> bool| columns.iter().position(|column| is(&column.quantity));
+        let (time, base) = (of(|quantity| *quantity == Quantity::Time), of(Quantity::is_current));
+        if let (true, Some(time), Some(base)) = (map.is_resampled(), time, base) {
+            places[base].1 = Between::Unknown;
+            log.select(&places)?;
+            log = Box::new(Resampled::new(log, &places, time, base));
+        } else {
+            log.select(&places)?;
+        }
         let bus = actuator.bus.as_deref().unwrap_or(INTERFACE);
         let bus = names
             .intern(bus)
@@ -104,7 +108,6 @@ impl MappedFrames {
                 None => break,
             }
         }
-        let time = columns.iter().position(|column| column.quantity == Quantity::Time);
         let times = rows.iter().flatten().filter_map(|(_, row)| row.get(time?).copied());
         let times: Vec<f64> = times.collect();
         let decoder = RowDecoder::new(
@@ -142,6 +145,21 @@ impl MappedFrames {
     /// How far it was read, bytes; `None` where the bytes of its input are counted.
     pub fn position(&self) -> Option<u64> {
         self.log.position()
+    }
+
+    /// What was interpolated, a sentence for each signal.
+    pub fn remarks(&self) -> Vec<String> {
+        let interpolated = self.log.interpolated();
+        let made = interpolated.iter().zip(&self.columns).filter(|(of, _)| of.values > 0);
+        let remark = |(of, column): (&Interpolated, &Column)| {
+            let info = self.log.signals().iter().find(|signal| signal.name == column.signal);
+            let of_log = info.and_then(|info| info.unit.as_deref());
+            let unit = column.unit.as_deref().or(of_log).unwrap_or_default();
+            let (file, key, values) = (&self.file, column.quantity.key(), of.values);
+            let error = of.error * column.scale.abs();
+            format!("{file}: {key}: {values} values interpolated, off by up to about {error:.1e} {unit}")
+        };
+        made.map(remark).collect()
     }
 
     fn decode(&mut self, place: Place, row: &[f64]) -> Result<(), Damage> {
@@ -193,6 +211,18 @@ impl Iterator for MappedFrames {
                 return Some(Err(damage));
             }
         }
+    }
+}
+
+fn between(column: &Column, map: &LogMap) -> Between {
+    if column.quantity.is_held() {
+        Between::Held
+    } else if map.is_resampled() && column.quantity.is_continuous() {
+        Between::Linear {
+            wraps_after: column.wraps_after,
+        }
+    } else {
+        Between::Unknown
     }
 }
 

@@ -40,12 +40,26 @@ impl Unusable {
 }
 
 /// What a signal has between its values, where others have one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Between {
     /// The last one holds: a command, a condition.
     Held,
     /// It is not known.
     Unknown,
+    /// It lies on the line between them. A log with such a signal gives a row at each time at which any signal has a value.
+    Linear {
+        /// Of an angle: the difference after which it begins again.
+        wraps_after: Option<f64>,
+    },
+}
+
+/// Values of one signal that were interpolated.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Interpolated {
+    /// Their number.
+    pub values: u64,
+    /// About the most that they are off, in the numbers of the log.
+    pub error: f64,
 }
 
 /// One log of measured signals, row by row.
@@ -73,6 +87,11 @@ pub trait SignalLog: Debug {
     /// How far it was read, bytes; `None` where the bytes of its input are counted.
     fn position(&self) -> Option<u64> {
         None
+    }
+
+    /// What was interpolated so far, of each signal in the order of the selection; empty where nothing is.
+    fn interpolated(&self) -> Vec<Interpolated> {
+        Vec::new()
     }
 }
 

@@ -72,6 +72,10 @@ fn configuration(log: &str, signals: &[SurveyedSignal]) -> Result<String, std::f
         "# What follows is guessed by names and units: check it, above all the signs and the zero of the motor's angle."
     )?;
     writeln!(out, "[map]")?;
+    if has_several_rates(signals) {
+        writeln!(out, "# Currents and angles have several rates: they are interpolated.")?;
+        writeln!(out, "resample = true")?;
+    }
     let guessed = |quantity: Quantity| signals.iter().find(|signal| signal.guess == Some(quantity));
     let is_dq = guessed(Quantity::CurrentQ).is_some() && guessed(Quantity::Of(Role::CurrentA)).is_none();
     for quantity in order() {
@@ -94,6 +98,16 @@ fn configuration(log: &str, signals: &[SurveyedSignal]) -> Result<String, std::f
         }
     }
     Ok(out)
+}
+
+/// Whether the currents and angles that look like ones come at different rates.
+fn has_several_rates(signals: &[SurveyedSignal]) -> bool {
+    /// Share by which two rates of one log are the same.
+    const SAME: f64 = 0.02;
+    let is_continuous = |signal: &&SurveyedSignal| signal.guess.is_some_and(|guess| guess.is_continuous());
+    let mut rates = signals.iter().filter(is_continuous).filter_map(|signal| signal.rate_hz);
+    let Some(first) = rates.next() else { return false };
+    rates.any(|rate| (rate - first).abs() > SAME * first)
 }
 
 /// Quantities in the order in which a person reads them.
@@ -266,6 +280,27 @@ mod tests {
             mode(&["off", "tracking"]),
             "# command.mode = { signal = \"mode\", position = \"…\" }"
         );
+    }
+
+    #[test]
+    fn signals_of_several_rates_are_resampled() {
+        let angle = |rate_hz| SurveyedSignal {
+            rate_hz: Some(rate_hz),
+            ..signal("motor_angle", "rad", [0.0, 14.0])
+        };
+        let resampled = |rate_hz| {
+            let signals = [
+                signal("t", "s", [0.0, 1.0]),
+                signal("I_A", "A", [-3.0, 3.0]),
+                signal("I_B", "A", [-3.0, 3.0]),
+                angle(rate_hz),
+            ];
+            let text = configuration("a.csv", &signals).unwrap();
+            let config = Config::from_toml_str(&text, "hmd.toml").unwrap();
+            config.actuator_of_logs().unwrap().1.is_resampled()
+        };
+        assert!(!resampled(398.0));
+        assert!(resampled(200.0));
     }
 
     #[test]

@@ -1,0 +1,332 @@
+//! [`Resampled`]: a log whose signals have their values at different times -> rows at the times of its currents.
+//!
+//! A row is a sample where the base, the first column but the time, has a value. Between two of its own values another signal lies on the
+//! line through them; a twice differentiable signal is then off by at most `h² max|x''| / 8`, with the distance `h` of the two. `x''` is
+//! estimated by the second divided difference of values in sequence, so that noise counts as error. Values further apart than
+//! [`STEPS_MAX`] samples are no neighbours: what lies between them is missing.
+
+use std::collections::VecDeque;
+
+use super::log::{Between, Interpolated, SignalInfo, SignalLog, TextValue, Unusable};
+use crate::damage::{Damage, Place};
+
+/// Most samples between two values of one signal.
+const STEPS_MAX: f64 = 8.0;
+
+/// Most rows that wait for a later value; the oldest goes on without it.
+const QUEUE_MAX: usize = 1024;
+
+/// A log with values for each of its samples.
+#[derive(Debug)]
+pub(super) struct Resampled {
+    log: Box<dyn SignalLog>,
+    time: usize,
+    base: usize,
+    courses: Vec<Course>,
+    queue: VecDeque<Result<Waiting, Damage>>,
+    /// Time of the sample before, and the least distance of two, in the log's numbers.
+    last_sample: f64,
+    least_step: f64,
+    place: Place,
+    ended: bool,
+}
+
+/// One signal so far.
+#[derive(Debug)]
+struct Course {
+    between: Between,
+    /// The value before the last and the last, each with its time.
+    before: Option<[f64; 2]>,
+    last: Option<[f64; 2]>,
+    interpolated: Interpolated,
+}
+
+/// A row that waits for its values.
+#[derive(Debug)]
+struct Waiting {
+    place: Place,
+    row: Vec<f64>,
+    /// It lies before the first or behind the last value of a signal.
+    is_outside: bool,
+}
+
+impl Resampled {
+    /// `log` with these signals selected; `time` and `base` are places among them.
+    pub(super) fn new(log: Box<dyn SignalLog>, selected: &[(usize, Between)], time: usize, base: usize) -> Self {
+        let course = |&(_, between): &(usize, Between)| Course {
+            between,
+            before: None,
+            last: None,
+            interpolated: Interpolated::default(),
+        };
+        Self {
+            place: log.place(),
+            log,
+            time,
+            base,
+            courses: selected.iter().map(course).collect(),
+            queue: VecDeque::new(),
+            last_sample: f64::NAN,
+            least_step: f64::INFINITY,
+            ended: false,
+        }
+    }
+
+    /// Whether the oldest row waits for nothing.
+    fn is_ready(&self) -> bool {
+        let is_complete = |row: &[f64]| {
+            let mut values = self.courses.iter().zip(row);
+            values.all(|(course, value)| !course.is_linear() || value.is_finite())
+        };
+        match self.queue.front() {
+            Some(Ok(waiting)) => {
+                self.ended || waiting.is_outside || self.queue.len() > QUEUE_MAX || is_complete(&waiting.row)
+            }
+            Some(Err(_)) => true,
+            None => false,
+        }
+    }
+
+    fn take(&mut self, mut row: Vec<f64>) {
+        let time = row[self.time];
+        let is_sample = row[self.base].is_finite();
+        if is_sample {
+            let step = time - self.last_sample;
+            if step > 0.0 {
+                self.least_step = self.least_step.min(step);
+            }
+            self.last_sample = time;
+        }
+        let step_max = STEPS_MAX * self.least_step;
+        for (n, course) in self.courses.iter_mut().enumerate() {
+            let value = row[n];
+            if value.is_finite() {
+                if course.is_linear() && time.is_finite() {
+                    course.fill(n, self.time, [time, value], step_max, &mut self.queue);
+                }
+                (course.before, course.last) = (course.last, Some([time, value]));
+            } else if let (Between::Held, Some([_, held])) = (course.between, course.last) {
+                row[n] = held;
+            }
+        }
+        if is_sample {
+            self.queue.push_back(Ok(Waiting {
+                place: self.log.place(),
+                row,
+                is_outside: false,
+            }));
+        }
+    }
+
+    /// The log's last values are behind: rows that follow one of them closely are no samples.
+    fn end(&mut self) {
+        self.ended = true;
+        let step_max = STEPS_MAX * self.least_step;
+        for waiting in self.queue.iter_mut().flatten() {
+            let time = waiting.row[self.time];
+            waiting.is_outside |= self.courses.iter().zip(&waiting.row).any(|(course, value)| {
+                let is_behind = |[last, _]: [f64; 2]| time >= last && time - last <= step_max;
+                course.is_linear() && !value.is_finite() && course.last.is_some_and(is_behind)
+            });
+        }
+    }
+}
+
+impl SignalLog for Resampled {
+    fn signals(&self) -> &[SignalInfo] {
+        self.log.signals()
+    }
+
+    fn select(&mut self, _: &[(usize, Between)]) -> Result<(), Unusable> {
+        Err(Unusable::new("one selection of signals", "another"))
+    }
+
+    fn next_row(&mut self, row: &mut [f64], text: TextValue<'_>) -> Option<Result<(), Damage>> {
+        loop {
+            while self.is_ready() {
+                match self.queue.pop_front()? {
+                    Ok(waiting) if waiting.is_outside => {}
+                    Ok(waiting) => {
+                        row.copy_from_slice(&waiting.row);
+                        self.place = waiting.place;
+                        return Some(Ok(()));
+                    }
+                    Err(damage) => return Some(Err(damage)),
+                }
+            }
+            if self.ended {
+                return None;
+            }
+            let mut next = vec![f64::NAN; row.len()];
+            match self.log.next_row(&mut next, text) {
+                Some(Ok(())) => self.take(next),
+                Some(Err(damage)) => self.queue.push_back(Err(damage)),
+                None => self.end(),
+            }
+        }
+    }
+
+    fn place(&self) -> Place {
+        self.place
+    }
+
+    fn position(&self) -> Option<u64> {
+        self.log.position()
+    }
+
+    fn interpolated(&self) -> Vec<Interpolated> {
+        self.courses.iter().map(|course| course.interpolated).collect()
+    }
+}
+
+impl Course {
+    fn is_linear(&self) -> bool {
+        matches!(self.between, Between::Linear { .. })
+    }
+
+    /// Difference of two values, of an angle that begins again the short way.
+    fn difference(&self, from: f64, to: f64) -> f64 {
+        let difference = to - from;
+        match self.between {
+            Between::Linear {
+                wraps_after: Some(turn),
+            } => difference - turn * (difference / turn).round(),
+            _ => difference,
+        }
+    }
+
+    /// Completes the rows that waited for this value.
+    fn fill(
+        &mut self,
+        column: usize,
+        time_column: usize,
+        [time, value]: [f64; 2],
+        step_max: f64,
+        queue: &mut VecDeque<Result<Waiting, Damage>>,
+    ) {
+        let waiting = queue.iter_mut().rev().flatten();
+        let waiting = waiting.take_while(|waiting| !waiting.row[column].is_finite());
+        let Some([from, first]) = self.last else {
+            for waiting in waiting {
+                waiting.is_outside |= time - waiting.row[time_column] <= step_max;
+            }
+            return;
+        };
+        let step = time - from;
+        if !(step > 0.0 && step <= step_max) {
+            return;
+        }
+        let slope = self.difference(first, value) / step;
+        let mut made = 0;
+        for waiting in waiting {
+            let at = waiting.row[time_column];
+            if (from..=time).contains(&at) {
+                waiting.row[column] = first + slope * (at - from);
+                made += 1;
+            }
+        }
+        if made == 0 {
+            return;
+        }
+        self.interpolated.values += made;
+        if let Some([before, value_before]) = self.before
+            && from > before
+        {
+            let slope_before = self.difference(value_before, first) / (from - before);
+            let second = 2.0 * (slope - slope_before) / (time - before);
+            self.interpolated.error = self.interpolated.error.max(step * step * second.abs() / 8.0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use super::*;
+    use crate::signals::CsvLog;
+
+    const LINEAR: Between = Between::Linear { wraps_after: None };
+
+    /// Rows of time, base, a signal between its values and a held one, and what was interpolated.
+    fn rows(text: &str, between: Between) -> (Vec<Result<Vec<f64>, String>>, Interpolated) {
+        let mut log = CsvLog::new(Cursor::new(text.to_owned()), "a.csv").unwrap();
+        let selected = [
+            (0, Between::Unknown),
+            (1, Between::Unknown),
+            (2, between),
+            (3, Between::Held),
+        ];
+        log.select(&selected).unwrap();
+        let mut log = Resampled::new(Box::new(log), &selected, 0, 1);
+        let mut rows = Vec::new();
+        let mut row = [0.0; 4];
+        while let Some(read) = log.next_row(&mut row, &|_, _| None) {
+            rows.push(read.map(|()| row.to_vec()).map_err(|damage| damage.to_string()));
+        }
+        (rows, log.interpolated()[2])
+    }
+
+    #[test]
+    fn between_its_values_a_signal_lies_on_the_line() {
+        // The angle at half the rate, x = t², the command once; a row of the angle alone is no sample.
+        let text = "t,i,x,c\n0,1,0,7\n1,2,,\n2,3,4,\n2.5,,6.25,\n3,4,,\n4,5,16,8\n";
+        let (rows, interpolated) = rows(text, LINEAR);
+        let rows: Vec<Vec<f64>> = rows.into_iter().map(Result::unwrap).collect();
+        assert_eq!(
+            rows,
+            [
+                vec![0.0, 1.0, 0.0, 7.0],
+                vec![1.0, 2.0, 2.0, 7.0],
+                vec![2.0, 3.0, 4.0, 7.0],
+                vec![3.0, 4.0, 6.25 + 0.5 * 6.5, 7.0],
+                vec![4.0, 5.0, 16.0, 8.0],
+            ]
+        );
+        assert_eq!(interpolated.values, 2);
+        // The last stretch: h = 1.5, x'' = 2.
+        assert!(
+            (interpolated.error - 1.5 * 1.5 * 2.0 / 8.0).abs() < 1e-12,
+            "{interpolated:?}"
+        );
+        assert!(interpolated.error >= (6.25 + 0.5 * 6.5 - 9.0_f64).abs());
+    }
+
+    #[test]
+    fn an_angle_that_begins_again_takes_the_short_way() {
+        let text = "t,i,x,c\n0,1,350,\n1,2,,\n2,3,10,\n";
+        let wraps = Between::Linear {
+            wraps_after: Some(360.0),
+        };
+        let (rows, _) = rows(text, wraps);
+        assert_eq!(rows[1].as_ref().unwrap()[2], 360.0);
+    }
+
+    #[test]
+    fn what_lies_too_far_apart_or_outside_is_not_made() {
+        let mut text = "t,i,x,c\n".to_owned();
+        for n in 0..60 {
+            let x = if (4..20).contains(&n) || n % 2 == 0 && n < 50 {
+                n.to_string()
+            } else {
+                String::new()
+            };
+            let x = if (20..40).contains(&n) || n < 3 {
+                String::new()
+            } else {
+                x
+            };
+            text += &format!("{n},1,{x},\n");
+        }
+        let (rows, _) = rows(&text, LINEAR);
+        let rows: Vec<Vec<f64>> = rows.into_iter().map(Result::unwrap).collect();
+        let times: Vec<f64> = rows.iter().map(|row| row[0]).collect();
+        // Rows close to an end of the signal are left out, those further from it are there without a value.
+        let expected: Vec<f64> = (4..=48).chain(57..60).map(f64::from).collect();
+        assert_eq!(times, expected);
+        for row in rows {
+            let is_missing = (20.0..40.0).contains(&row[0]) || row[0] > 48.0;
+            assert_eq!(row[2].is_nan(), is_missing, "{row:?}");
+        }
+    }
+}

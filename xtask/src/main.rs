@@ -2,6 +2,7 @@
 //!
 //! `cargo xtask VERB`; `cargo xtask ci` runs all of them but the tests, the fuzzing and the long forms.
 
+mod advisories;
 mod alerts;
 mod book;
 mod boot;

@@ -55,6 +55,8 @@ pub struct ActuatorStream {
     conditions: MeasuredConditions,
     /// Times the sample counter went back.
     restarts: u64,
+    /// The traffic ended, so that a counter that goes back is no device that restarted.
+    is_ended: bool,
     windowing: Windowing,
 }
 
@@ -105,6 +107,7 @@ impl ActuatorStream {
             },
             conditions: MeasuredConditions::default(),
             restarts: 0,
+            is_ended: false,
             windowing: Windowing::Waiting,
         }
     }
@@ -180,7 +183,8 @@ impl ActuatorStream {
                 _ => stamp_ns,
             };
             let timed = self.continued(&sample, stamp_ns);
-            if self.last.is_some_and(|(last, _)| timed.seq < last.seq) {
+            let is_first = std::mem::take(&mut self.is_ended);
+            if !is_first && self.last.is_some_and(|(last, _)| timed.seq < last.seq) {
                 self.restarts += 1;
             }
             let elapsed_us = self.last.map(|(_, time_us)| sample.time_us.wrapping_sub(time_us));
@@ -220,6 +224,7 @@ impl ActuatorStream {
             self.deliver(rate, sample, conditions, outbox);
         }
         self.end_window(conditions, outbox);
+        self.is_ended = true;
     }
 
     /// The frames that come are of another recording: their counters do not continue. To be called after [`ActuatorStream::finish`].

@@ -211,6 +211,59 @@ mod tests {
     }
 
     #[test]
+    fn nodes_and_weights_have_the_moments_of_a_normal_distribution() {
+        let moment = |power: i32| -> f64 { USE_NODES.iter().map(|(node, share)| share * node.powi(power)).sum() };
+        let moments = [0, 1, 2, 3, 4, 5].map(moment);
+        for (moment, expected) in moments.iter().zip([1.0, 0.0, 1.0, 0.0, 3.0, 0.0]) {
+            assert!((moment - expected).abs() < 1e-6, "{moments:?}");
+        }
+    }
+
+    #[test]
+    fn damage_is_the_mean_of_the_laws() {
+        let [one, other] = [0.2, 0.6].map(|damage| Law::new(Clock::Hours, 0.0, damage, 1e-8, 1e-6));
+        let rate = UseRate {
+            cycles_per_hour: 1.0,
+            work_j_per_hour: 1.0,
+            step_hours: 1.0,
+            log_sigma: 0.0,
+        };
+        let remaining = Remaining::from_laws(vec![(&one, 0.25), (&other, 0.75)], 0.8, 1.0, 0.0, rate);
+        assert!((remaining.damage() - 0.5).abs() < 1e-12, "{}", remaining.damage());
+    }
+
+    /// Against the integral over the use, by trapezoids.
+    #[test]
+    fn use_that_scatters_spreads_the_end_of_life() {
+        let law = Law {
+            slope: 1e-6,
+            ..Law::new(Clock::Work, 0.0, 0.3, 2e-2, 1e-7)
+        };
+        let rate = UseRate {
+            cycles_per_hour: 1.0,
+            work_j_per_hour: 2e3,
+            step_hours: 4.0,
+            log_sigma: 0.3,
+        };
+        let (observed_h, hours) = (400.0, 240.0);
+        let remaining = Remaining::from_laws(vec![(&law, 1.0)], 0.8, observed_h, 0.0, rate);
+        let spread = 0.3 * (hours / observed_h).sqrt();
+        let (mut expected, mut weights) = (0.0, 0.0);
+        for n in -4000..=4000 {
+            let z = f64::from(n) * 1e-3 * 1.5;
+            let work = hours * 2e3 * (spread * z).exp();
+            let (mean, variance) = law.damage_after(work, work * 4.0 / hours);
+            let weight = (-0.5 * z * z).exp();
+            expected += weight * normal_cdf((mean - 0.8) / variance.sqrt());
+            weights += weight;
+        }
+        expected /= weights;
+        let found = remaining.probability_within(hours);
+        assert!((0.2..0.8).contains(&expected), "{expected}");
+        assert!((found - expected).abs() < 0.01, "{found} {expected}");
+    }
+
+    #[test]
     fn quantiles_have_their_limits() {
         assert_eq!(quantile(|_| 0.4, 0.5, 100.0), None);
         assert_eq!(quantile(|_| 0.6, 0.5, 100.0), Some(0.0));

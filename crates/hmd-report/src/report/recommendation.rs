@@ -166,9 +166,15 @@ pub(super) fn duration(hours: f64) -> String {
     }
 }
 
+/// Quantiles of an operating time: where some is left, none of them is "0 h".
+pub(super) fn durations(quantiles: [f64; 3]) -> [String; 3] {
+    let is_over = quantiles[2] <= 0.0;
+    quantiles.map(|hours| duration(if is_over { hours } else { hours.max(f64::MIN_POSITIVE) }))
+}
+
 /// Median and 80 % interval of an operating time.
-pub(super) fn hours([p10, p50, p90]: [f64; 3]) -> String {
-    let [low, median, high] = [p10, p50, p90].map(duration);
+pub(super) fn hours(quantiles: [f64; 3]) -> String {
+    let [low, median, high] = durations(quantiles);
     if low == high {
         return median;
     }
@@ -321,6 +327,9 @@ mod tests {
             "0 h",
         ];
         assert_eq!(shown, expected);
+        assert_eq!(hours([0.0, 1e-4, 2e-4]), "less than 1 min");
+        assert_eq!(hours([0.0, 1.0, 20.0]), "1.0 h (less than 1 min … 20 h)");
+        assert_eq!(hours([0.0; 3]), "0 h");
     }
 
     #[test]

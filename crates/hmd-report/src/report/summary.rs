@@ -10,7 +10,7 @@ use hmd_core::record::Rul;
 use super::history::{History, Unassessed};
 use super::markup::wide_table;
 use super::plot::escaped;
-use super::recommendation::{Recommendation, duration, hours, with_capital};
+use super::recommendation::{Recommendation, durations, hours, with_capital};
 use super::zone::Zone;
 
 /// Part and serial number, number of windows and the time they span.
@@ -62,7 +62,7 @@ pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) 
 /// The forecast in one or two sentences that do not contradict the action.
 fn remaining_life(advice: &Recommendation, rul: &Rul) -> String {
     let [p10, p50, p90] = match &advice.hours_left {
-        Ok(left) => left.map(duration),
+        Ok(left) => durations(*left),
         Err(reason) => return format!("Remaining life: no number ({reason})."),
     };
     let mut text = if p10 == p90 {

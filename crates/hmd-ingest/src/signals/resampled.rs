@@ -299,7 +299,8 @@ mod tests {
             wraps_after: Some(360.0),
         };
         let (rows, _) = rows(text, wraps);
-        assert_eq!(rows[1].as_ref().unwrap()[2], 360.0);
+        let angle = rows[1].as_ref().unwrap()[2];
+        assert!((angle - 360.0).abs() < 1e-9, "{angle}");
     }
 
     #[test]

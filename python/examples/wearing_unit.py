@@ -1,6 +1,6 @@
 """From healthy logs of one actuator to what wears, in data frames and on a page."""
 
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pandas
@@ -11,7 +11,7 @@ folder = Path("wearing-unit")
 folder.mkdir(exist_ok=True)
 
 # Recordings: healthy ones to commission the unit by, and one a month later. Yours take their place.
-installed, later = (datetime(2026, month, 20, 14, tzinfo=timezone.utc) for month in (10, 11))
+installed, later = (datetime(2026, month, 20, 14, tzinfo=UTC) for month in (10, 11))
 hmd.simulate(folder / "healthy.log", windows=8, start=installed, rate_hz=400, noise_a=0.03, seed=1)
 hmd.simulate(folder / "later.log", faults={"friction": 0.3}, windows=3, start=later, rate_hz=400, noise_a=0.03, seed=2)
 

@@ -3,7 +3,7 @@
 import json
 import math
 import subprocess
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -110,7 +110,7 @@ def test_a_simulation_is_that_of_the_program(program: str, tmp_path: Path) -> No
     truth = Path(f"{ours}.truth.jsonl").read_text()
     assert json.loads(truth)["k"] == [0.1, 0, 0, 0, 0, 0, 0.5, 0.7]
 
-    start = datetime(2026, 11, 20, 14, tzinfo=timezone.utc)
+    start = datetime(2026, 11, 20, 14, tzinfo=UTC)
     hmd.simulate(ours, effects={"dead_time_s": 1.5e-6, "cogging_nm": 0.05}, drive="vector", start=start)
     words = "--with dead_time_s=1.5e-6 --with cogging_nm=0.05 --drive vector --start 2026-11-20T15:00+01:00".split()
     command(program, "simulate", "-o", theirs, *words)

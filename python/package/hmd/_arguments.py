@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from datetime import datetime, timedelta, timezone
+from datetime import UTC, datetime, timedelta
 from os import PathLike, fspath
 
 from ._hmd import UsageError
@@ -50,7 +50,7 @@ def checked_start(start: datetime) -> int:
     """A time with its zone, as UTC ns."""
     if not isinstance(start, datetime) or start.tzinfo is None:
         raise UsageError(f"start: expected a datetime with a time zone, found {start!r}")
-    since_1970 = start - datetime(1970, 1, 1, tzinfo=timezone.utc)
+    since_1970 = start - datetime(1970, 1, 1, tzinfo=UTC)
     return since_1970 // timedelta(microseconds=1) * 1000
 
 

@@ -34,8 +34,9 @@ def simulate(
     """Writes `log` (`.mcap` or `.log`) with simulated actuations, and the truth as `LOG.truth.jsonl`: `hmd simulate`.
 
     `k` is the whole fault vector; `faults` sets single ones by name (`hmd.FAULT_PARAMETERS`). Without `rate_hz` it is
-    the type's; `noise_a` is the current noise, A rms, `load_nm` a constant load at the output. `effects` are those of a real
-    actuator by name, as `hmd simulate --list-effects` has them; `start` is when the log begins, with its time zone.
+    the type's; `noise_a` is the current noise, A rms, `load_nm` a constant load at the output. `effects` are those of
+    a real actuator by name, as `hmd simulate --list-effects` has them; `start` is when the log begins, with its time
+    zone.
 
     Raises `UsageError` with the command's own sentence, `Error` for a file that cannot be written.
     """

@@ -263,6 +263,57 @@ mod tests {
         assert!((found - expected).abs() < 0.01, "{found} {expected}");
     }
 
+    /// With a law that is known well, the nodes of the use to come reach the end of life one after the other.
+    #[test]
+    fn the_use_to_come_spreads_by_its_own_sigma_as_far_as_it_was_watched() {
+        let law = Law {
+            slope: 1e-6,
+            ..Law::new(Clock::Work, 0.0, 0.3, 1e-12, 1e-13)
+        };
+        let rate = UseRate {
+            cycles_per_hour: 1.0,
+            work_j_per_hour: 2e3,
+            step_hours: 1e-9,
+            log_sigma: 0.3,
+        };
+        // Work of 5e5 J is left: 250 h of the use so far.
+        for observed_h in [100.0, 1000.0] {
+            let sigma_at = |hours: f64| 0.3 * (hours / observed_h).min(1.0).sqrt();
+            let remaining = Remaining::from_laws(vec![(&law, 1.0)], 0.8, observed_h, 0.0, rate);
+            for (node, before, after) in [(3.0_f64.sqrt(), 0.0, 1.0 / 6.0), (0.0, 1.0 / 6.0, 5.0 / 6.0)] {
+                let mut hours: f64 = 250.0;
+                for _ in 0..100 {
+                    hours = 250.0 * (-node * sigma_at(hours)).exp();
+                }
+                let found = [0.999, 1.001].map(|share| remaining.probability_within(share * hours));
+                assert!((found[0] - before).abs() < 1e-4, "{hours} {found:?}");
+                assert!((found[1] - after).abs() < 1e-4, "{hours} {found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn growth_scatters_more_in_longer_steps() {
+        let law = Law {
+            slope: 1e-3,
+            ..Law::new(Clock::Hours, 0.0, 0.3, 1e-12, 1e-15)
+        };
+        let [short, long] = [4.0, 16.0].map(|step_hours| {
+            let rate = UseRate {
+                cycles_per_hour: 1.0,
+                work_j_per_hour: 1.0,
+                step_hours,
+                log_sigma: 0.0,
+            };
+            let remaining = Remaining::from_laws(vec![(&law, 1.0)], 0.8, 300.0, 0.0, rate);
+            let [p10, p90] =
+                [0.1, 0.9].map(|share| quantile(|h| remaining.probability_within(h), share, 1e4).unwrap_or(f64::NAN));
+            p90 - p10
+        });
+        // Noise of white steps goes by the root of their length.
+        assert!((long / short - 2.0).abs() < 0.05, "{short} {long}");
+    }
+
     #[test]
     fn quantiles_have_their_limits() {
         assert_eq!(quantile(|_| 0.4, 0.5, 100.0), None);

@@ -154,7 +154,10 @@ impl Files {
                 continue;
             };
             if history.points.iter().all(|point| point.t_start_ns < event.t_ns) {
-                history.replaced_since = Some(event.part.map_or("actuator", ReplacedPart::name));
+                let name = event.part.map_or("actuator", ReplacedPart::name);
+                if !history.replaced_since.contains(&name) {
+                    history.replaced_since.push(name);
+                }
             }
         }
     }

@@ -49,8 +49,8 @@ pub struct History {
     pub samples: [u64; 3],
     /// Reasons of windows that are not `ok`, with their number.
     pub reasons: BTreeMap<String, u64>,
-    /// What was replaced after the newest window, as it was entered: a part, or the actuator.
-    pub replaced_since: Option<&'static str>,
+    /// What was replaced after the newest window, as it was entered, each once: parts, or the actuator.
+    pub replaced_since: Vec<&'static str>,
 }
 
 /// The newest windows, as far as none of them was assessed.

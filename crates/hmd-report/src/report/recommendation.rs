@@ -3,6 +3,7 @@
 use ema_models::FaultId;
 use hmd_core::catalogue::FaultMode;
 use hmd_core::health::HealthState;
+use hmd_core::history::ReplacedPart;
 use hmd_core::record::Rul;
 use hmd_core::sensor_checks::Suspect;
 
@@ -44,21 +45,31 @@ impl Recommendation {
 pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COUNT]) -> Recommendation {
     let (health, rul) = &history.newest;
     let state = HealthState::named(&health.health);
-    let fault = worst_fault(history, modes);
-    let what = fault.map_or("actuator", FaultId::part);
+    let fault = worst_fault(history, modes, |_| true);
+    // What a new part leaves to be done; of its own faults nothing is known before the next window.
+    let is_left = |fault: FaultId| !history.replaced_since.iter().any(|part| is_cleared_by(fault, part));
+    let left = worst_fault(history, modes, is_left);
+    let replaced = replaced(&history.replaced_since);
+    let unassessed = history.unassessed();
+    let what = left.map_or("actuator", FaultId::part);
     let checks = checks(&health.suspects);
     let action = match state {
-        _ if history.replaced_since.is_some() => {
-            let part = history.replaced_since.unwrap_or_default();
-            format!("The {part} was replaced after the last window: the next actuation shows its health.")
-        }
+        _ if !replaced.is_empty() && (left.is_none() || state <= HealthState::Nominal) => String::new(),
         HealthState::Unknown if !checks.is_empty() => "Nothing is known yet.".to_owned(),
         HealthState::Unknown if health.reason.is_empty() => "Nothing is known yet: no window was assessed.".to_owned(),
         HealthState::Unknown => format!("Nothing is known yet: {}.", health.reason),
         HealthState::Nominal if !checks.is_empty() => String::new(),
-        HealthState::Nominal => "No action.".to_owned(),
+        HealthState::Nominal => match unassessed {
+            None => "No action.".to_owned(),
+            Some(Unassessed { windows: 1, .. }) => "Nothing before the next actuation.".to_owned(),
+            Some(_) => "Check sensors, wiring and supply before the next use.".to_owned(),
+        },
         _ => {
-            let severity = modes[fault.map_or(0, FaultId::index)].severity;
+            let severity = modes[left.map_or(0, FaultId::index)].severity;
+            let state = match left {
+                Some(of_another) if left != fault => level_of(history, of_another, modes),
+                _ => state,
+            };
             let action_of = |state: HealthState| {
                 let class = severity.iter().find(|severity| severity.class == state);
                 with_capital(class.map_or("", |severity| severity.action))
@@ -77,22 +88,52 @@ pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COU
             }
         }
     };
-    let action = match (action.is_empty(), checks.is_empty()) {
-        (_, true) => action,
-        (true, false) => format!("Check {checks}."),
-        (false, false) => format!("{action} Check {checks}."),
+    let checks = if checks.is_empty() {
+        checks
+    } else {
+        format!("Check {checks}.")
     };
+    let sentences: Vec<String> = [action, replaced, checks]
+        .into_iter()
+        .filter(|text| !text.is_empty())
+        .collect();
     Recommendation {
         state,
         fault: fault.filter(|_| state > HealthState::Nominal),
-        action,
+        action: sentences.join(" "),
         hours_left: hours_left(rul).ok_or_else(|| match &*rul.reason {
             "" => "none was recorded".to_owned(),
             reason => reason.to_owned(),
         }),
         since_ns: since(history, state, fault.filter(|_| state > HealthState::Nominal)),
-        unassessed: history.unassessed(),
+        unassessed,
     }
+}
+
+/// Whether nothing is known of this fault once the part, or `actuator`, is another one.
+fn is_cleared_by(fault: FaultId, part: &str) -> bool {
+    ReplacedPart::from_name(part).is_none_or(|part| part.faults().contains(&fault))
+}
+
+/// What was replaced since the newest window, a sentence; empty if nothing was.
+fn replaced(parts: &[&str]) -> String {
+    let (verb, shows) = match parts.len() {
+        0 => return String::new(),
+        1 => ("was", "its"),
+        _ => ("were", "their"),
+    };
+    let parts = parts.join(" and the ");
+    format!("The {parts} {verb} replaced after the last window: the next actuation shows {shows} health.")
+}
+
+/// The level that a reported fault has by its damage; at least `watch`.
+fn level_of(history: &History, fault: FaultId, modes: &[FaultMode; FaultId::COUNT]) -> HealthState {
+    let damage = history.damaged_as_of().damages()[fault.index()].unwrap_or(0.0);
+    let reached = modes[fault.index()]
+        .severity
+        .iter()
+        .filter(|level| damage >= level.damage);
+    reached.map(|level| level.class).max().unwrap_or(HealthState::Watch)
 }
 
 /// What to look at besides the actuator, for these suspects of a record; each once.
@@ -111,14 +152,18 @@ fn hours_left(rul: &Rul) -> Option<[f64; 3]> {
     Some([rul.rul_p10_h?, rul.rul_p50_h?, rul.rul_p90_h?])
 }
 
-/// The reported fault with the highest level, then the largest damage; without one, the fault whose trend ends the life first.
-fn worst_fault(history: &History, modes: &[FaultMode; FaultId::COUNT]) -> Option<FaultId> {
+/// Of the faults that count, the reported one with the highest level, then the largest damage; without one, the fault whose trend ends the life first.
+fn worst_fault(
+    history: &History,
+    modes: &[FaultMode; FaultId::COUNT],
+    counts: impl Fn(FaultId) -> bool,
+) -> Option<FaultId> {
     // A window that could not be assessed lists no fault.
     let health = history.damaged_as_of();
     let damages = health.damages();
     let reported = FaultId::ALL
         .into_iter()
-        .filter(|fault| health.fault_list.iter().any(|name| name == fault.name()));
+        .filter(|fault| counts(*fault) && health.fault_list.iter().any(|name| name == fault.name()));
     let rank = |fault: FaultId| {
         let damage = damages[fault.index()].unwrap_or(0.0);
         let levels = modes[fault.index()].severity;
@@ -129,7 +174,7 @@ fn worst_fault(history: &History, modes: &[FaultMode; FaultId::COUNT]) -> Option
             let ((level_a, damage_a), (level_b, damage_b)) = (rank(*a), rank(*b));
             level_a.cmp(&level_b).then(damage_a.total_cmp(&damage_b))
         })
-        .or_else(|| FaultId::from_name(&history.newest.1.dominant_fault))
+        .or_else(|| FaultId::from_name(&history.newest.1.dominant_fault).filter(|fault| counts(*fault)))
 }
 
 /// Start of the oldest window of the newest run of windows in this state or a worse one that reported the fault where the newest did, since the
@@ -194,7 +239,7 @@ mod tests {
     use super::*;
     use hmd_core::catalogue::catalogue;
     use hmd_core::health::Levels;
-    use hmd_core::record::Health;
+    use hmd_core::record::{Estimate, Health};
 
     fn history(states: &[&str], faults: &[FaultId], damages: [f64; FaultId::COUNT]) -> History {
         let points = states.iter().enumerate().map(|(n, state)| Point {
@@ -217,6 +262,14 @@ mod tests {
         }
     }
 
+    fn estimate() -> Estimate {
+        Estimate {
+            k: [0.0; 8],
+            sigma: [None; 8],
+            observable: [true; 8],
+        }
+    }
+
     fn of(history: &History) -> Recommendation {
         recommendation(history, &catalogue(&[Levels::default(); FaultId::COUNT]).fault_modes)
     }
@@ -233,18 +286,16 @@ mod tests {
         assert_eq!(found.fault, Some(Backlash));
         assert_eq!(found.action, "Repair before the next use: gear and screw.");
         assert_eq!(found.since_ns, Some(2));
-        let well = of(&history(&["nominal"], &[], [0.0; FaultId::COUNT]));
+        let mut well = history(&["nominal"], &[], [0.0; FaultId::COUNT]);
+        well.points[0].estimate = Some(estimate());
+        let well = of(&well);
         assert_eq!((well.fault, &*well.action), (None, "No action."));
     }
 
     #[test]
     fn a_suspected_sensor_is_to_be_checked_and_the_last_known_state_stays() {
         let mut history = history(&["nominal", "critical"], &[FaultId::Backlash], [0.7; FaultId::COUNT]);
-        history.points[0].estimate = Some(hmd_core::record::Estimate {
-            k: [0.0; 8],
-            sigma: [None; 8],
-            observable: [true; 8],
-        });
+        history.points[0].estimate = Some(estimate());
         history.assessed = Some(history.newest.0.clone());
         history.newest.0.set_faults(&[]);
         history.newest.0.suspects = vec!["frozen current".to_owned(), "phase gain".to_owned(), "?".to_owned()];
@@ -278,9 +329,46 @@ mod tests {
     fn a_part_replaced_after_the_last_window_is_not_to_be_repaired_again() {
         let worn = [0.0, 0.7, 0.0, 0.0, 0.0, 0.0, 0.0];
         let mut history = history(&["critical"], &[FaultId::Backlash], worn);
-        history.replaced_since = Some("gearbox");
+        history.replaced_since = vec!["gearbox"];
         let expected = "The gearbox was replaced after the last window: the next actuation shows its health.";
         assert_eq!(of(&history).action, expected);
+        history.replaced_since = vec!["gearbox", "motor"];
+        let expected =
+            "The gearbox and the motor were replaced after the last window: the next actuation shows their health.";
+        assert_eq!(of(&history).action, expected);
+        // Another part takes nothing away.
+        history.replaced_since = vec!["controller"];
+        let found = of(&history);
+        assert!(
+            found
+                .action
+                .starts_with("Repair before the next use: gear and screw. The controller was replaced"),
+            "{}",
+            found.action
+        );
+    }
+
+    #[test]
+    fn a_replaced_part_leaves_the_faults_of_the_others_with_their_own_level() {
+        use FaultId::{Backlash, Gain};
+        let mut history = history(&["critical"], &[Backlash, Gain], [0.0, 0.7, 0.0, 0.0, 0.0, 0.0, 0.1]);
+        history.replaced_since = vec!["gearbox"];
+        let expected = "Inspect at the next scheduled maintenance: position controller. The gearbox was replaced \
+                        after the last window: the next actuation shows its health.";
+        assert_eq!(of(&history).action, expected);
+    }
+
+    #[test]
+    fn no_action_is_never_said_of_windows_that_could_not_be_assessed() {
+        let mut history = history(&["nominal"; 3], &[], [0.0; FaultId::COUNT]);
+        for (assessed, expected) in [
+            (1, "Check sensors, wiring and supply before the next use."),
+            (2, "Nothing before the next actuation."),
+            (3, "No action."),
+        ] {
+            history.points[assessed - 1].estimate = Some(estimate());
+            assert_eq!(of(&history).action, expected);
+        }
     }
 
     #[test]

@@ -186,7 +186,17 @@ pub(crate) fn normal_cdf(z: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::law::GROWTH_NOISE;
     use super::*;
+
+    fn rate(work_j_per_hour: f64, step_hours: f64, log_sigma: f64) -> UseRate {
+        UseRate {
+            cycles_per_hour: 1.0,
+            work_j_per_hour,
+            step_hours,
+            log_sigma,
+        }
+    }
 
     #[test]
     fn a_straight_line_that_is_known_well_ends_where_it_must() {
@@ -194,12 +204,7 @@ mod tests {
             slope: 1e-3,
             ..Law::new(Clock::Hours, 0.0, 0.3, 1e-8, 1e-6)
         };
-        let rate = UseRate {
-            cycles_per_hour: 1.0,
-            work_j_per_hour: 1.0,
-            step_hours: 1.0,
-            log_sigma: 0.0,
-        };
+        let rate = rate(1.0, 1.0, 0.0);
         let remaining = Remaining::from_laws(vec![(&law, 1.0)], 0.8, 300.0, 0.0, rate);
         let [p10, p50, p90] =
             [0.1, 0.5, 0.9].map(|share| quantile(|h| remaining.probability_within(h), share, 1e4).unwrap_or(f64::NAN));
@@ -222,12 +227,7 @@ mod tests {
     #[test]
     fn damage_is_the_mean_of_the_laws() {
         let [one, other] = [0.2, 0.6].map(|damage| Law::new(Clock::Hours, 0.0, damage, 1e-8, 1e-6));
-        let rate = UseRate {
-            cycles_per_hour: 1.0,
-            work_j_per_hour: 1.0,
-            step_hours: 1.0,
-            log_sigma: 0.0,
-        };
+        let rate = rate(1.0, 1.0, 0.0);
         let remaining = Remaining::from_laws(vec![(&one, 0.25), (&other, 0.75)], 0.8, 1.0, 0.0, rate);
         assert!((remaining.damage() - 0.5).abs() < 1e-12, "{}", remaining.damage());
     }
@@ -239,12 +239,7 @@ mod tests {
             slope: 1e-6,
             ..Law::new(Clock::Work, 0.0, 0.3, 2e-2, 1e-7)
         };
-        let rate = UseRate {
-            cycles_per_hour: 1.0,
-            work_j_per_hour: 2e3,
-            step_hours: 4.0,
-            log_sigma: 0.3,
-        };
+        let rate = rate(2e3, 4.0, 0.3);
         let (observed_h, hours) = (400.0, 240.0);
         let remaining = Remaining::from_laws(vec![(&law, 1.0)], 0.8, observed_h, 0.0, rate);
         let spread = 0.3 * (hours / observed_h).sqrt();
@@ -270,12 +265,7 @@ mod tests {
             slope: 1e-6,
             ..Law::new(Clock::Work, 0.0, 0.3, 1e-12, 1e-13)
         };
-        let rate = UseRate {
-            cycles_per_hour: 1.0,
-            work_j_per_hour: 2e3,
-            step_hours: 1e-9,
-            log_sigma: 0.3,
-        };
+        let rate = rate(2e3, 1e-9, 0.3);
         // Work of 5e5 J is left: 250 h of the use so far.
         for observed_h in [100.0, 1000.0] {
             let sigma_at = |hours: f64| 0.3 * (hours / observed_h).min(1.0).sqrt();
@@ -293,25 +283,18 @@ mod tests {
     }
 
     #[test]
-    fn growth_scatters_more_in_longer_steps() {
+    fn growth_scatters_by_the_root_of_its_steps() {
         let law = Law {
             slope: 1e-3,
-            ..Law::new(Clock::Hours, 0.0, 0.3, 1e-12, 1e-15)
+            ..Law::new(Clock::Hours, 0.0, 0.3, 1e-16, 1e-20)
         };
-        let [short, long] = [4.0, 16.0].map(|step_hours| {
-            let rate = UseRate {
-                cycles_per_hour: 1.0,
-                work_j_per_hour: 1.0,
-                step_hours,
-                log_sigma: 0.0,
-            };
-            let remaining = Remaining::from_laws(vec![(&law, 1.0)], 0.8, 300.0, 0.0, rate);
-            let [p10, p90] =
-                [0.1, 0.9].map(|share| quantile(|h| remaining.probability_within(h), share, 1e4).unwrap_or(f64::NAN));
-            p90 - p10
-        });
-        // Noise of white steps goes by the root of their length.
-        assert!((long / short - 2.0).abs() < 0.05, "{short} {long}");
+        for step_hours in [4.0_f64, 16.0] {
+            let remaining = Remaining::from_laws(vec![(&law, 1.0)], 0.8, 300.0, 0.0, rate(1.0, step_hours, 0.0));
+            // 0.49 more in 490 h, and 0.01 is missing.
+            let sigma = GROWTH_NOISE * 0.49 * (step_hours / 490.0).sqrt();
+            let (found, expected) = (remaining.probability_within(490.0), normal_cdf(-0.01 / sigma));
+            assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use prost::Message;
 
 use super::history::{History, Point};
 use super::units::{Part, by_unit};
-use hmd_core::history::{EventKind, Events, ReplacedPart};
+use hmd_core::history::{EventKind, Events};
 use hmd_core::record::{Health, Log, Record, Rul, Status, Window};
 use hmd_ingest::file::open_recorded;
 use hmd_storage::mcap::{McapLoss, McapMessages};
@@ -153,11 +153,9 @@ impl Files {
             let Some(history) = self.actuators.get_mut(&event.actuator) else {
                 continue;
             };
-            if history.points.iter().all(|point| point.t_start_ns < event.t_ns) {
-                let name = event.part.map_or("actuator", ReplacedPart::name);
-                if !history.replaced_since.contains(&name) {
-                    history.replaced_since.push(name);
-                }
+            let is_after = history.points.iter().all(|point| point.t_start_ns < event.t_ns);
+            if is_after && !history.replaced_since.contains(&event.part) {
+                history.replaced_since.push(event.part);
             }
         }
     }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use hmd_core::health::HealthState;
+use hmd_core::history::ReplacedPart;
 use hmd_core::record::{Estimate, Health, Rul, Window};
 
 /// One window of a history.
@@ -49,8 +50,8 @@ pub struct History {
     pub samples: [u64; 3],
     /// Reasons of windows that are not `ok`, with their number.
     pub reasons: BTreeMap<String, u64>,
-    /// What was replaced after the newest window, as it was entered, each once: parts, or the actuator.
-    pub replaced_since: Vec<&'static str>,
+    /// What was replaced after the newest window, as it was entered, each once: a part, or `None` for the whole actuator.
+    pub replaced_since: Vec<Option<ReplacedPart>>,
 }
 
 /// The newest windows, as far as none of them was assessed.

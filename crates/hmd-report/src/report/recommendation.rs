@@ -30,6 +30,9 @@ pub(super) struct Recommendation {
 /// Below so many hours there is nothing to plan.
 const HOURS_TO_PLAN: f64 = 1.0;
 
+/// What to do where no sensor is named and windows in a row could not be assessed; their reason stands beside it.
+const CHECK_WHAT_HINDERS: &str = "Check sensors, wiring and supply, and for a jam, before the next use.";
+
 impl Recommendation {
     /// Life left, or why there is no number.
     pub(super) fn life_left(&self) -> String {
@@ -45,94 +48,104 @@ impl Recommendation {
 pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COUNT]) -> Recommendation {
     let (health, rul) = &history.newest;
     let state = HealthState::named(&health.health);
-    let fault = worst_fault(history, modes, |_| true);
+    let worst = worst_fault(history, modes, |_| true);
     // What a new part leaves to be done; of its own faults nothing is known before the next window.
-    let is_left = |fault: FaultId| !history.replaced_since.iter().any(|part| is_cleared_by(fault, part));
+    let is_left = |fault: FaultId| !history.replaced_since.iter().any(|part| clears(*part, fault));
     let left = worst_fault(history, modes, is_left);
     let replaced = replaced(&history.replaced_since);
     let unassessed = history.unassessed();
-    let what = left.map_or("actuator", FaultId::part);
-    let checks = checks(&health.suspects);
-    let action = match state {
-        _ if !replaced.is_empty() && (left.is_none() || state <= HealthState::Nominal) => String::new(),
-        HealthState::Unknown if !checks.is_empty() => "Nothing is known yet.".to_owned(),
-        HealthState::Unknown if health.reason.is_empty() => "Nothing is known yet: no window was assessed.".to_owned(),
-        HealthState::Unknown => format!("Nothing is known yet: {}.", health.reason),
-        HealthState::Nominal if !checks.is_empty() => String::new(),
-        HealthState::Nominal => match unassessed {
-            None => "No action.".to_owned(),
-            Some(Unassessed { windows: 1, .. }) => "Nothing before the next actuation.".to_owned(),
-            Some(_) => "Check sensors, wiring and supply before the next use.".to_owned(),
-        },
-        _ => {
-            let severity = modes[left.map_or(0, FaultId::index)].severity;
-            let state = match left {
-                Some(of_another) if left != fault => level_of(history, of_another, modes),
-                _ => state,
-            };
-            let action_of = |state: HealthState| {
-                let class = severity.iter().find(|severity| severity.class == state);
-                with_capital(class.map_or("", |severity| severity.action))
-            };
-            // By when nine of ten such actuators still work.
-            match hours_left(rul) {
-                Some([p10, ..]) if state == HealthState::Warning && p10 < HOURS_TO_PLAN => {
-                    let action = action_of(HealthState::Critical);
-                    format!("{action}: {what}. It may last less than {HOURS_TO_PLAN:.0} h more.")
-                }
-                Some([p10, ..]) if state == HealthState::Warning => {
-                    let action = action_of(state);
-                    format!("{action}: {what}, within {} of operation.", duration(p10))
-                }
-                _ => format!("{}: {what}.", action_of(state)),
-            }
+    let checks = match (checks(&health.suspects), &unassessed) {
+        (checks, _) if !checks.is_empty() => format!("Check {checks}."),
+        (_, Some(Unassessed { windows: 2.., .. })) if state != HealthState::Unknown => CHECK_WHAT_HINDERS.to_owned(),
+        _ => String::new(),
+    };
+    let action = match (state, left) {
+        (HealthState::Unknown | HealthState::Nominal, _) | (_, None) if !replaced.is_empty() => String::new(),
+        (HealthState::Unknown, _) if !checks.is_empty() => "Nothing is known yet.".to_owned(),
+        (HealthState::Unknown, _) if health.reason.is_empty() => {
+            "Nothing is known yet: no window was assessed.".to_owned()
         }
+        (HealthState::Unknown, _) => format!("Nothing is known yet: {}.", health.reason),
+        (HealthState::Nominal, _) if !checks.is_empty() => String::new(),
+        (HealthState::Nominal, _) if unassessed.is_some() => "Nothing before the next actuation.".to_owned(),
+        (HealthState::Nominal, _) => "No action.".to_owned(),
+        (_, Some(fault)) if left != worst => {
+            let state = level_of(history, fault, modes);
+            maintenance(left, state, rul.faults()[fault.index()], modes)
+        }
+        _ => maintenance(left, state, hours_left(rul), modes),
     };
-    let checks = if checks.is_empty() {
-        checks
-    } else {
-        format!("Check {checks}.")
-    };
-    let sentences: Vec<String> = [action, replaced, checks]
-        .into_iter()
-        .filter(|text| !text.is_empty())
-        .collect();
+    let sentences = [action, replaced, checks];
+    let fault = left.or(worst).filter(|_| state > HealthState::Nominal);
     Recommendation {
         state,
-        fault: fault.filter(|_| state > HealthState::Nominal),
-        action: sentences.join(" "),
+        fault,
+        action: sentences
+            .into_iter()
+            .filter(|text| !text.is_empty())
+            .collect::<Vec<_>>()
+            .join(" "),
         hours_left: hours_left(rul).ok_or_else(|| match &*rul.reason {
             "" => "none was recorded".to_owned(),
             reason => reason.to_owned(),
         }),
-        since_ns: since(history, state, fault.filter(|_| state > HealthState::Nominal)),
+        since_ns: since(history, state, fault),
         unassessed,
     }
 }
 
-/// Whether nothing is known of this fault once the part, or `actuator`, is another one.
-fn is_cleared_by(fault: FaultId, part: &str) -> bool {
-    ReplacedPart::from_name(part).is_none_or(|part| part.faults().contains(&fault))
+/// What to do about the part of a fault, or about the actuator, in this state and with these hours left (quantiles).
+fn maintenance(
+    fault: Option<FaultId>,
+    state: HealthState,
+    hours_left: Option<[f64; 3]>,
+    modes: &[FaultMode; FaultId::COUNT],
+) -> String {
+    let what = fault.map_or("actuator", FaultId::part);
+    let severity = modes[fault.map_or(0, FaultId::index)].severity;
+    let action_of = |state: HealthState| {
+        let class = severity.iter().find(|severity| severity.class == state);
+        with_capital(class.map_or("", |severity| severity.action))
+    };
+    // By when nine of ten such actuators still work.
+    match hours_left {
+        Some([p10, ..]) if state == HealthState::Warning && p10 < HOURS_TO_PLAN => {
+            let action = action_of(HealthState::Critical);
+            format!("{action}: {what}. It may last less than {HOURS_TO_PLAN:.0} h more.")
+        }
+        Some([p10, ..]) if state == HealthState::Warning => {
+            let action = action_of(state);
+            format!("{action}: {what}, within {} of operation.", duration(p10))
+        }
+        _ => format!("{}: {what}.", action_of(state)),
+    }
+}
+
+/// Whether nothing is known of this fault once the part, or the actuator (`None`), is another one.
+fn clears(part: Option<ReplacedPart>, fault: FaultId) -> bool {
+    part.is_none_or(|part| part.faults().contains(&fault))
 }
 
 /// What was replaced since the newest window, a sentence; empty if nothing was.
-fn replaced(parts: &[&str]) -> String {
+fn replaced(parts: &[Option<ReplacedPart>]) -> String {
     let (verb, shows) = match parts.len() {
         0 => return String::new(),
         1 => ("was", "its"),
         _ => ("were", "their"),
     };
-    let parts = parts.join(" and the ");
-    format!("The {parts} {verb} replaced after the last window: the next actuation shows {shows} health.")
+    let names: Vec<&str> = parts
+        .iter()
+        .map(|part| part.map_or("actuator", ReplacedPart::name))
+        .collect();
+    let names = names.join(" and the ");
+    format!("The {names} {verb} replaced after the last window: the next actuation shows {shows} health.")
 }
 
 /// The level that a reported fault has by its damage; at least `watch`.
 fn level_of(history: &History, fault: FaultId, modes: &[FaultMode; FaultId::COUNT]) -> HealthState {
     let damage = history.damaged_as_of().damages()[fault.index()].unwrap_or(0.0);
-    let reached = modes[fault.index()]
-        .severity
-        .iter()
-        .filter(|level| damage >= level.damage);
+    let levels = modes[fault.index()].severity.iter();
+    let reached = levels.filter(|level| damage >= level.damage);
     reached.map(|level| level.class).max().unwrap_or(HealthState::Watch)
 }
 
@@ -152,7 +165,8 @@ fn hours_left(rul: &Rul) -> Option<[f64; 3]> {
     Some([rul.rul_p10_h?, rul.rul_p50_h?, rul.rul_p90_h?])
 }
 
-/// Of the faults that count, the reported one with the highest level, then the largest damage; without one, the fault whose trend ends the life first.
+/// Of the faults that count, the reported one with the highest level, then the largest damage. Where no fault at all is reported, the one
+/// whose trend ends the life first.
 fn worst_fault(
     history: &History,
     modes: &[FaultMode; FaultId::COUNT],
@@ -161,6 +175,9 @@ fn worst_fault(
     // A window that could not be assessed lists no fault.
     let health = history.damaged_as_of();
     let damages = health.damages();
+    if health.fault_list.is_empty() {
+        return FaultId::from_name(&history.newest.1.dominant_fault).filter(|fault| counts(*fault));
+    }
     let reported = FaultId::ALL
         .into_iter()
         .filter(|fault| counts(*fault) && health.fault_list.iter().any(|name| name == fault.name()));
@@ -169,12 +186,10 @@ fn worst_fault(
         let levels = modes[fault.index()].severity;
         (levels.iter().filter(|level| damage >= level.damage).count(), damage)
     };
-    reported
-        .max_by(|a, b| {
-            let ((level_a, damage_a), (level_b, damage_b)) = (rank(*a), rank(*b));
-            level_a.cmp(&level_b).then(damage_a.total_cmp(&damage_b))
-        })
-        .or_else(|| FaultId::from_name(&history.newest.1.dominant_fault).filter(|fault| counts(*fault)))
+    reported.max_by(|a, b| {
+        let ((level_a, damage_a), (level_b, damage_b)) = (rank(*a), rank(*b));
+        level_a.cmp(&level_b).then(damage_a.total_cmp(&damage_b))
+    })
 }
 
 /// Start of the oldest window of the newest run of windows in this state or a worse one that reported the fault where the newest did, since the
@@ -247,6 +262,7 @@ mod tests {
             t_start_ns: n as u64,
             health: (*state).to_owned(),
             used_h: Some(n as f64),
+            estimate: Some(estimate()),
             ..Point::default()
         });
         let mut health = Health {
@@ -286,16 +302,14 @@ mod tests {
         assert_eq!(found.fault, Some(Backlash));
         assert_eq!(found.action, "Repair before the next use: gear and screw.");
         assert_eq!(found.since_ns, Some(2));
-        let mut well = history(&["nominal"], &[], [0.0; FaultId::COUNT]);
-        well.points[0].estimate = Some(estimate());
-        let well = of(&well);
+        let well = of(&history(&["nominal"], &[], [0.0; FaultId::COUNT]));
         assert_eq!((well.fault, &*well.action), (None, "No action."));
     }
 
     #[test]
     fn a_suspected_sensor_is_to_be_checked_and_the_last_known_state_stays() {
         let mut history = history(&["nominal", "critical"], &[FaultId::Backlash], [0.7; FaultId::COUNT]);
-        history.points[0].estimate = Some(estimate());
+        history.points[1].estimate = None;
         history.assessed = Some(history.newest.0.clone());
         history.newest.0.set_faults(&[]);
         history.newest.0.suspects = vec!["frozen current".to_owned(), "phase gain".to_owned(), "?".to_owned()];
@@ -329,15 +343,15 @@ mod tests {
     fn a_part_replaced_after_the_last_window_is_not_to_be_repaired_again() {
         let worn = [0.0, 0.7, 0.0, 0.0, 0.0, 0.0, 0.0];
         let mut history = history(&["critical"], &[FaultId::Backlash], worn);
-        history.replaced_since = vec!["gearbox"];
+        history.replaced_since = vec![Some(ReplacedPart::Gearbox)];
         let expected = "The gearbox was replaced after the last window: the next actuation shows its health.";
         assert_eq!(of(&history).action, expected);
-        history.replaced_since = vec!["gearbox", "motor"];
+        history.replaced_since = vec![Some(ReplacedPart::Gearbox), Some(ReplacedPart::Motor)];
         let expected =
             "The gearbox and the motor were replaced after the last window: the next actuation shows their health.";
         assert_eq!(of(&history).action, expected);
         // Another part takes nothing away.
-        history.replaced_since = vec!["controller"];
+        history.replaced_since = vec![Some(ReplacedPart::Controller)];
         let found = of(&history);
         assert!(
             found
@@ -352,23 +366,48 @@ mod tests {
     fn a_replaced_part_leaves_the_faults_of_the_others_with_their_own_level() {
         use FaultId::{Backlash, Gain};
         let mut history = history(&["critical"], &[Backlash, Gain], [0.0, 0.7, 0.0, 0.0, 0.0, 0.0, 0.1]);
-        history.replaced_since = vec!["gearbox"];
+        history.replaced_since = vec![Some(ReplacedPart::Gearbox)];
         let expected = "Inspect at the next scheduled maintenance: position controller. The gearbox was replaced \
                         after the last window: the next actuation shows its health.";
-        assert_eq!(of(&history).action, expected);
+        // The hours are those of what is left, not of the gearbox.
+        history.newest.1.dominant_fault = "backlash".to_owned();
+        let rul = &mut history.newest.1;
+        (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(0.0), Some(0.1), Some(0.2));
+        let found = of(&history);
+        assert_eq!((found.fault, &*found.action), (Some(Gain), expected));
+        history
+            .newest
+            .0
+            .set_damage([0.0, 0.7, 0.0, 0.0, 0.0, 0.0, 0.4].map(Some));
+        let found = of(&history).action;
+        assert!(
+            found.starts_with("Plan the repair: position controller. The gearbox"),
+            "{found}"
+        );
+        // A trend that nobody reports is no reason to go on with a repair.
+        history.newest.0.set_faults(&[Backlash]);
+        history.newest.1.dominant_fault = "gain".to_owned();
+        assert!(of(&history).action.starts_with("The gearbox was replaced"));
     }
 
     #[test]
     fn no_action_is_never_said_of_windows_that_could_not_be_assessed() {
-        let mut history = history(&["nominal"; 3], &[], [0.0; FaultId::COUNT]);
-        for (assessed, expected) in [
-            (1, "Check sensors, wiring and supply before the next use."),
-            (2, "Nothing before the next actuation."),
-            (3, "No action."),
-        ] {
-            history.points[assessed - 1].estimate = Some(estimate());
-            assert_eq!(of(&history).action, expected);
+        let mut well = history(&["nominal"; 3], &[], [0.0; FaultId::COUNT]);
+        for expected in ["No action.", "Nothing before the next actuation.", CHECK_WHAT_HINDERS] {
+            assert_eq!(of(&well).action, expected);
+            well.points
+                .iter_mut()
+                .rfind(|point| point.estimate.is_some())
+                .unwrap()
+                .estimate = None;
         }
+        // A known fault stays, and what hinders is to be found as well.
+        let mut worn = history(&["warning"; 2], &[FaultId::Gain], [0.4; FaultId::COUNT]);
+        for point in &mut worn.points {
+            point.estimate = None;
+        }
+        let expected = format!("Plan the repair: position controller. {CHECK_WHAT_HINDERS}");
+        assert_eq!(of(&worn).action, expected);
     }
 
     #[test]

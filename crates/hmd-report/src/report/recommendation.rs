@@ -21,7 +21,7 @@ pub(super) struct Recommendation {
     pub(super) action: String,
     /// Hours left to the end of life, 10 %, 50 % and 90 % quantile; or why there is no number.
     pub(super) hours_left: Result<[f64; 3], String>,
-    /// Start of the first window since which the state was this or worse, UTC ns.
+    /// Start of the first window since which the state was this or worse (`nominal`: was this), UTC ns.
     pub(super) since_ns: Option<u64>,
     /// The newest windows, where they could not be assessed.
     pub(super) unassessed: Option<Unassessed>,
@@ -192,7 +192,7 @@ fn worst_fault(
     })
 }
 
-/// Start of the oldest window of the newest run of windows in this state or a worse one that reported the fault where the newest did, since the
+/// Start of the oldest window of the newest run of windows in this state or a worse one (`nominal`: in this state) that reported the fault where the newest did, since the
 /// last reset.
 fn since(history: &History, state: HealthState, fault: Option<FaultId>) -> Option<u64> {
     let reports = |point: &Point| fault.is_some_and(|fault| point.faults.iter().any(|name| name == fault.name()));
@@ -203,7 +203,12 @@ fn since(history: &History, state: HealthState, fault: Option<FaultId>) -> Optio
         let point = &history.points[n];
         // One that did not show it says nothing of it.
         let was_silent = point.estimate.is_none();
-        if HealthState::named(&point.health) < state || (is_reported && !was_silent && !reports(point)) {
+        let of_point = HealthState::named(&point.health);
+        let is_another = match state {
+            HealthState::Nominal => of_point != state,
+            _ => of_point < state,
+        };
+        if is_another || (is_reported && !was_silent && !reports(point)) {
             break;
         }
         since = Some(point.t_start_ns);
@@ -457,6 +462,16 @@ mod tests {
         assert_eq!(hours([0.0, 1e-4, 2e-4]), "less than 1 min");
         assert_eq!(hours([0.0, 1.0, 20.0]), "1.0 h (less than 1 min … 20 h)");
         assert_eq!(hours([0.0; 3]), "0 h");
+    }
+
+    #[test]
+    fn an_actuator_is_nominal_again_since_its_last_fault() {
+        let history = history(
+            &["nominal", "critical", "watch", "nominal", "nominal"],
+            &[],
+            [0.0; FaultId::COUNT],
+        );
+        assert_eq!(of(&history).since_ns, Some(3));
     }
 
     #[test]

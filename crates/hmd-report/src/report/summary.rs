@@ -42,7 +42,7 @@ pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) 
         let _ = write!(text, " Fault: {}.", escaped(fault.plain_name()));
     }
     if let Some(since) = advice.since_ns.filter(|_| advice.state != HealthState::Unknown) {
-        let _ = write!(text, "<br>Since {}.", zone.minute(since));
+        let _ = write!(text, "<br>{} since {}.", with_capital(state), zone.minute(since));
     }
     if let Some(Unassessed { windows, since_ns }) = advice.unassessed {
         let which = match windows {

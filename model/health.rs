@@ -116,6 +116,7 @@ impl Model for Windows {
         let mut evidence = DamageEvidence {
             damage: [f64::NAN; FaultId::COUNT],
             sigma: Some([0.0; FaultId::COUNT]),
+            observable: [true; FaultId::COUNT],
         };
         for (n, fault) in FAULTS.into_iter().enumerate() {
             let Some((damage, sigma)) = readings[n] else { continue };
@@ -130,7 +131,14 @@ impl Model for Windows {
         next.before = state.now;
         next.now = FAULTS.map(|fault| decision.states[fault.index()]);
         next.readings = readings;
-        assert_eq!(decision.state, decision.states.into_iter().max().unwrap());
+        let worst = decision.states.into_iter().max().unwrap();
+        let is_open = decision.states.contains(&HealthState::Unknown);
+        let expected = if is_open && worst == HealthState::Nominal {
+            HealthState::Unknown
+        } else {
+            worst
+        };
+        assert_eq!(decision.state, expected);
         next.key = next.key();
         Some(next)
     }

@@ -14,7 +14,8 @@ pub(crate) struct HealthOracle {
     persistence: usize,
     /// Of each fault, the damages and sigmas of the windows that showed it, and the levels that it has reached.
     faults: [(Vec<(f64, f64)>, usize); 7],
-    is_known: bool,
+    /// Faults that a window has shown.
+    shown: [bool; 7],
     events: Option<usize>,
 }
 
@@ -23,7 +24,7 @@ impl HealthOracle {
         Self {
             persistence: persistence as usize,
             faults: Default::default(),
-            is_known: false,
+            shown: [false; 7],
             events: None,
         }
     }
@@ -33,7 +34,7 @@ impl HealthOracle {
         let before = self.events.replace(come.max(self.events.unwrap_or(0)));
         if before.is_some_and(|before| come > before) {
             self.faults = Default::default();
-            self.is_known = false;
+            self.shown = [false; 7];
         }
         let sigmas = [
             health.k1_sigma,
@@ -48,7 +49,8 @@ impl HealthOracle {
             let (Some(damage), Some(sigma)) = (damage, sigma) else {
                 continue;
             };
-            self.is_known = true;
+            // A record has a damage where the window shows it.
+            self.shown[n] = true;
             let (shown, reached) = &mut self.faults[n];
             shown.push((damage, sigma));
             let least = if n == 5 { SIGMAS_OF_ECCENTRICITY } else { SIGMAS };
@@ -70,7 +72,7 @@ impl HealthOracle {
         }
         let worst = self.faults.iter().map(|(_, reached)| *reached).max().unwrap_or(0);
         match worst {
-            _ if !self.is_known => "unknown",
+            0 if self.shown.contains(&false) => "unknown",
             0 => "nominal",
             reached => LEVELS[reached - 1].1,
         }

@@ -226,6 +226,7 @@ impl Assessor {
         if learning.is_some() {
             decision.state = HealthState::Unknown;
             decision.health.state = HealthState::Unknown;
+            decision.health.states = [HealthState::Unknown; FaultId::COUNT];
             decision.health.faults.clear();
         }
         let reason = reasons.join("; ");
@@ -233,7 +234,7 @@ impl Assessor {
             window: window_record(&job, status, &reason, fit),
             health: health_record(&job, status, &reason, found.as_ref(), &decision, &suspects),
             sensors: sensors_record(&job, &sensors),
-            rul: rul_record(&job, found.as_ref(), &decision, config.rul().horizon_h),
+            rul: rul_record(&job, found.as_ref(), &decision, config.rul()),
             suspects,
             damage_evidence: damage,
             shortened: is_short.then(|| shortened_record(&job, limit, found.as_ref())),
@@ -325,13 +326,14 @@ pub fn method(section: &IdentificationConfig) -> Method {
     }
 }
 
-/// Damage of the faults that are observable in the window; the others have no sigma and keep their state.
+/// Damage of the faults in the window; one of which it shows nothing has no finite sigma and keeps its state.
 #[must_use]
 pub fn damage_evidence(estimate: &Estimate) -> DamageEvidence {
     let sigma = estimate.damage_sigma();
     DamageEvidence {
         damage: estimate.fault.damages(),
         sigma: Some(FaultId::ALL.map(|fault| sigma[fault.parameter()])),
+        observable: FaultId::ALL.map(|fault| estimate.observable[fault.parameter()]),
     }
 }
 

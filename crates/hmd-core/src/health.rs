@@ -22,10 +22,10 @@ pub use level_memory::{SIGNIFICANCE, significance};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum HealthState {
-    /// No window was assessed yet.
+    /// No window has shown it yet.
     #[default]
     Unknown,
-    /// No fault has reached its watch level.
+    /// Shown, and no fault has reached its watch level.
     Nominal,
     /// A fault is visible.
     Watch,
@@ -168,6 +168,9 @@ pub struct DamageEvidence {
     pub damage: [f64; FaultId::COUNT],
     /// Standard deviations, same order; one that is no number makes its damage unobservable.
     pub sigma: Option<[f64; FaultId::COUNT]>,
+    /// Whether the window shows each fault well enough to call it nominal, same order. A damage that it shows less well counts where it is
+    /// significant all the same.
+    pub observable: [bool; FaultId::COUNT],
 }
 
 /// Health after a window.
@@ -175,7 +178,7 @@ pub struct DamageEvidence {
 pub struct HealthDecision {
     /// Number of the window.
     pub window: u64,
-    /// The worst state of all faults.
+    /// The worst of the faults at watch or worse; without one nominal where every fault that is not hidden was shown, else unknown.
     pub state: HealthState,
     /// The faults at watch or worse, in the order of [`FaultId::ALL`].
     pub faults: Vec<FaultId>,
@@ -189,14 +192,16 @@ pub struct HealthDecision {
 ///
 /// A fault worsens to a level when as many assessed windows in a row as its own `persistence` have reached it, each with a
 /// damage of at least [`significance`] sigmas. It improves at once when the damage plus one sigma is below the level by more
-/// than the hysteresis. Windows that were not assessed neither change a state nor interrupt a row.
+/// than the hysteresis. Windows that were not assessed neither change a state nor interrupt a row. A fault is unknown until a window
+/// has shown it.
 ///
 /// ```
 /// use ema_models::FaultId;
 /// use hmd_core::health::{DamageEvidence, Health, HealthState, Levels};
 /// let mut health = Health::new([Levels::default(); 7])?;
 /// assert_eq!(health.update(0, None).state, HealthState::Unknown);
-/// let worn = DamageEvidence { damage: [0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01], sigma: None };
+/// let damage = [0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01];
+/// let worn = DamageEvidence { damage, sigma: None, observable: [true; 7] };
 /// let decision = health.update(1, Some(&worn));
 /// assert_eq!((decision.state, decision.faults), (HealthState::Watch, vec![FaultId::Friction]));
 /// # Ok::<(), hmd_core::health::LevelsError>(())
@@ -206,9 +211,12 @@ pub struct Health {
     /// The rules. They come from the configuration, never from a file in which the rest is kept.
     #[serde(skip)]
     levels: [Levels; FaultId::COUNT],
-    /// Whether any window was assessed. The name in history files is older.
-    #[serde(rename = "judged")]
-    assessed: bool,
+    /// Faults that no window can show for want of a signal. They come from the configuration too.
+    #[serde(skip)]
+    hidden: [bool; FaultId::COUNT],
+    /// Whether a window has shown each fault; older files had none.
+    #[serde(default)]
+    shown: [bool; FaultId::COUNT],
     last: (HealthState, [HealthState; FaultId::COUNT]),
     faults: [LevelMemory; FaultId::COUNT],
 }
@@ -227,7 +235,8 @@ impl Health {
         }
         Ok(Self {
             levels,
-            assessed: false,
+            hidden: [false; FaultId::COUNT],
+            shown: [false; FaultId::COUNT],
             last: (HealthState::Unknown, [HealthState::Unknown; FaultId::COUNT]),
             faults: [LevelMemory::default(); FaultId::COUNT],
         })
@@ -264,9 +273,17 @@ impl Health {
         self.last.0
     }
 
+    /// Names the faults that no window can show: the state is nominal without them.
+    pub(crate) fn hide(&mut self, faults: impl IntoIterator<Item = FaultId>) {
+        self.hidden = [false; FaultId::COUNT];
+        for fault in faults {
+            self.hidden[fault.index()] = true;
+        }
+    }
+
     /// Forgets everything, as after the replacement of the part.
     pub fn reset(&mut self) {
-        self.assessed = false;
+        self.shown = [false; FaultId::COUNT];
         self.last = (HealthState::Unknown, [HealthState::Unknown; FaultId::COUNT]);
         self.faults = [LevelMemory::default(); FaultId::COUNT];
     }
@@ -274,27 +291,24 @@ impl Health {
     /// Forgets one fault, as after the replacement of a part.
     pub(crate) fn forget(&mut self, fault: FaultId) {
         self.faults[fault.index()] = LevelMemory::default();
+        self.shown[fault.index()] = false;
     }
 
     /// Takes the next window; `None` if it was not assessed.
     pub fn update(&mut self, window: u64, damage_evidence: Option<&DamageEvidence>) -> HealthDecision {
         for (fault, memory) in FaultId::ALL.into_iter().zip(&mut self.faults) {
-            let Some((damage, sigma)) =
-                damage_evidence.and_then(|damage_evidence| damage_evidence.damage_and_sigma(fault))
-            else {
+            let Some(evidence) = damage_evidence else { break };
+            let Some((damage, sigma)) = evidence.damage_and_sigma(fault) else {
                 continue;
             };
             memory.update(damage, sigma, significance(fault), &self.levels[fault.index()]);
-            self.assessed = true;
+            self.shown[fault.index()] |= evidence.shows(fault);
         }
-        let states = self.faults.map(|memory| {
-            if self.assessed {
-                memory.state()
-            } else {
-                HealthState::Unknown
-            }
+        let states = FaultId::ALL.map(|fault| match self.faults[fault.index()].state() {
+            HealthState::Nominal if !self.shown[fault.index()] => HealthState::Unknown,
+            state => state,
         });
-        let state = states.iter().copied().max().unwrap_or_default();
+        let state = self.of_actuator(&states);
         let changed = (state, states.map(is_fault)) != (self.last.0, self.last.1.map(is_fault));
         self.last = (state, states);
         let faults = FaultId::ALL
@@ -309,6 +323,16 @@ impl Health {
             changed,
         }
     }
+
+    fn of_actuator(&self, states: &[HealthState; FaultId::COUNT]) -> HealthState {
+        let worst = states.iter().copied().max().unwrap_or_default();
+        let is_open = |(state, hidden): (&HealthState, &bool)| *state == HealthState::Unknown && !hidden;
+        if worst == HealthState::Nominal && states.iter().zip(&self.hidden).any(is_open) {
+            HealthState::Unknown
+        } else {
+            worst
+        }
+    }
 }
 
 fn is_fault(state: HealthState) -> bool {
@@ -321,6 +345,13 @@ impl DamageEvidence {
         let damage = self.damage[fault.index()];
         let sigma = self.sigma.map_or(0.0, |sigma| sigma[fault.index()]);
         (damage.is_finite() && sigma.is_finite() && sigma >= 0.0).then_some((damage, sigma))
+    }
+
+    /// Whether the window shows a fault: well enough, or a damage that is significant.
+    pub(crate) fn shows(&self, fault: FaultId) -> bool {
+        let is_significant = |(damage, sigma)| damage >= significance(fault) * sigma;
+        let found = self.damage_and_sigma(fault);
+        found.is_some_and(|found| self.observable[fault.index()] || is_significant(found))
     }
 }
 

@@ -211,6 +211,7 @@ impl UnitHistory {
             }
             _ => LimitingCriterion::Damage,
         };
+        self.health.hide(job.actuator.hidden_faults());
         let health = self.health.update(job.window.number, evidence.damage_evidence);
         let left_h = forecast.actuator.ok().map(|remaining| remaining.hours.p10);
         // The function is missed by all faults together.

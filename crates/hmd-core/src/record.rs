@@ -6,6 +6,7 @@
 mod dropped;
 mod health;
 mod json;
+mod last_shown;
 mod log;
 mod raw;
 mod rul;
@@ -19,6 +20,7 @@ mod window_status;
 pub use dropped::Dropped;
 pub use health::{Estimate, Health};
 pub use json::{HealthLine, Interval};
+pub use last_shown::{LastShown, Shown};
 pub use log::{Log, LogLevel};
 pub use raw::{BatchError, RawBatch};
 pub use rul::Rul;

@@ -4,6 +4,8 @@ use std::collections::BTreeSet;
 
 use ema_models::{FaultId, Setpoint};
 
+use super::damage_evidence;
+use crate::config::RulConfig;
 use crate::deadline::TimeLimit;
 use crate::health::{HealthDecision, HealthState, significance};
 use crate::history::UnitAssessment;
@@ -50,8 +52,13 @@ pub(super) fn health_record(
             sigma: estimate.sigma,
             observable: estimate.observable,
         }));
-        health.set_damage(estimate.fault.damages().map(Some));
+        let evidence = damage_evidence(estimate);
+        health.set_damage(FaultId::ALL.map(|fault| {
+            let damage = evidence.damage[fault.index()];
+            evidence.shows(fault).then_some(damage)
+        }));
     }
+    health.set_states(&decision.states);
     // An invalid window is never counted as a fault: it lists none, and the state stays what it was.
     if status != WindowStatus::Unmodelled && estimate.is_some() && decision.state > HealthState::Nominal {
         health.set_faults(&decision.faults);
@@ -123,7 +130,7 @@ pub(super) fn rul_record(
     job: &WindowJob,
     estimate: Option<&Estimate>,
     assessment: &UnitAssessment,
-    horizon_h: f64,
+    config: &RulConfig,
 ) -> record::Rul {
     let forecast = &assessment.forecast;
     let mut rul = record::Rul {
@@ -133,7 +140,8 @@ pub(super) fn rul_record(
         operating_h: Some(assessment.used.hours),
         operating_cycles: Some(assessment.used.cycles),
         operating_work_j: Some(assessment.used.work_j),
-        horizon_h: Some(horizon_h),
+        horizon_h: Some(config.horizon_h),
+        hours_of: config.hours.name().to_owned(),
         dominant_fault: match forecast.dominant {
             Some(fault) => fault.name().to_owned(),
             None => largest_fault(&assessment.health, estimate),

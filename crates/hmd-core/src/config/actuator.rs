@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use ema_models::{ActuatorParams, DriveParams, Tolerances};
+use ema_models::{ActuatorParams, DriveParams, FaultId, Tolerances};
 use ema_wire::ActuatorId;
 use serde::Serialize;
 
@@ -221,6 +221,12 @@ impl ActuatorConfig {
     #[must_use]
     pub fn has_set_point(&self) -> bool {
         self.log.as_ref().is_none_or(|log| log.has_command())
+    }
+
+    /// Faults that no window can show, for want of a signal in its log or drive.
+    pub fn hidden_faults(&self) -> impl Iterator<Item = FaultId> {
+        let gaps = self.log.iter().flat_map(|log| log.gaps());
+        gaps.flat_map(|gap| gap.hides()).copied()
     }
 
     /// Whether frames of number `id` on interface `bus` are its own.

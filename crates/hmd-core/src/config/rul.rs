@@ -21,6 +21,15 @@ pub enum HoursOf {
 impl HoursOf {
     /// Each under its name in the file.
     pub const NAMES: [(&str, Self); 2] = [("operating", Self::Operating), ("elapsed", Self::Elapsed)];
+
+    /// Its name in the file.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Operating => "operating",
+            Self::Elapsed => "elapsed",
+        }
+    }
 }
 
 /// Remaining useful life.

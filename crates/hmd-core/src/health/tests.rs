@@ -8,6 +8,7 @@ fn friction(damage: f64) -> DamageEvidence {
     DamageEvidence {
         damage: [damage, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
         sigma: None,
+        observable: [true; FaultId::COUNT],
     }
 }
 
@@ -124,6 +125,7 @@ fn each_fault_has_its_own_persistence() {
     let both = DamageEvidence {
         damage: [0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.4],
         sigma: None,
+        observable: [true; FaultId::COUNT],
     };
     let named = [0, 1, 2].map(|window| health.update(window, Some(&both)).faults);
     use FaultId::{Friction, Gain};
@@ -136,7 +138,14 @@ fn each_fault_has_its_own_persistence() {
 fn faults_are_listed_in_order() {
     let mut health = health(1);
     let damage = [0.1, 0.0, 0.7, 0.0, 0.0, 0.06, 0.31];
-    let decision = health.update(3, Some(&DamageEvidence { damage, sigma: None }));
+    let decision = health.update(
+        3,
+        Some(&DamageEvidence {
+            damage,
+            sigma: None,
+            observable: [true; FaultId::COUNT],
+        }),
+    );
     use FaultId::{Eccentricity, Friction, Gain, ShortA};
     assert_eq!(decision.faults, [Friction, ShortA, Eccentricity, Gain]);
     assert_eq!(
@@ -147,6 +156,7 @@ fn faults_are_listed_in_order() {
     let all = DamageEvidence {
         damage: [1.0; FaultId::COUNT],
         sigma: None,
+        observable: [true; FaultId::COUNT],
     };
     assert_eq!(health.update(5, Some(&all)).faults, FaultId::ALL);
     health.reset();
@@ -188,6 +198,7 @@ fn an_unobservable_first_window_leaves_the_state_unknown() {
     let nothing = DamageEvidence {
         damage: [f64::NAN; FaultId::COUNT],
         sigma: None,
+        observable: [true; FaultId::COUNT],
     };
     assert_eq!(health(1).update(0, Some(&nothing)).state, HealthState::Unknown);
 }
@@ -258,7 +269,7 @@ proptest! {
     ) {
         let mut health = health(2);
         for (n, damage) in junk.iter().enumerate() {
-            health.update(n as u64, Some(&DamageEvidence { damage: *damage, sigma: Some(*damage) }));
+            health.update(n as u64, Some(&DamageEvidence { damage: *damage, sigma: Some(*damage), observable: [true; FaultId::COUNT] }));
         }
         health.update(90, Some(&friction(0.0)));
         health.update(91, Some(&friction(damage)));

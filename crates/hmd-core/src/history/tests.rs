@@ -41,6 +41,7 @@ fn friction(damage: f64) -> DamageEvidence {
     DamageEvidence {
         damage: all,
         sigma: Some([0.003; FaultId::COUNT]),
+        observable: [true; FaultId::COUNT],
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::finite;
 use super::schema::message;
+use crate::health::HealthState;
 use ema_models::{FAULT_COUNT, FaultId};
 
 message! {
@@ -73,7 +74,7 @@ message! {
         k7_observable: bool = 37 bool;
         /// Whether the window excites k8.
         k8_observable: bool = 38 bool;
-        /// Damage by friction, 0…1; absent when unknown, as all damages.
+        /// Damage by friction, 0…1; absent when the window does not show it, as all damages.
         damage_friction: Option<f64> = 41 double optional;
         /// Damage by backlash, 0…1.
         damage_backlash: Option<f64> = 42 double optional;
@@ -93,6 +94,20 @@ message! {
         residual_rms_a: Option<f64> = 52 double optional;
         /// Evaluations of the monitor that the identification took.
         evaluations: u64 = 53 uint64;
+        /// State of friction, as `health`; `unknown` until a window has shown it. Empty in records of older versions, as all states.
+        state_friction: String = 61 string;
+        /// State of backlash.
+        state_backlash: String = 62 string;
+        /// State of a short circuit of phase A.
+        state_short_a: String = 63 string;
+        /// State of a short circuit of phase B.
+        state_short_b: String = 64 string;
+        /// State of a short circuit of phase C.
+        state_short_c: String = 65 string;
+        /// State of eccentricity.
+        state_eccentricity: String = 66 string;
+        /// State of the gain.
+        state_gain: String = 67 string;
     }
 }
 
@@ -197,6 +212,35 @@ impl Health {
             self.damage_short_b,
         ] = [damage[0], damage[1], damage[2], damage[3]];
         [self.damage_short_c, self.damage_eccentricity, self.damage_gain] = [damage[4], damage[5], damage[6]];
+    }
+
+    /// State of each fault, in the order of [`FaultId::ALL`]; `None` in records of older versions.
+    #[must_use]
+    pub fn states(&self) -> Option<[HealthState; FaultId::COUNT]> {
+        let names = [
+            &self.state_friction,
+            &self.state_backlash,
+            &self.state_short_a,
+            &self.state_short_b,
+            &self.state_short_c,
+            &self.state_eccentricity,
+            &self.state_gain,
+        ];
+        let is_there = names.iter().any(|name| !name.is_empty());
+        is_there.then(|| names.map(|name| HealthState::named(name)))
+    }
+
+    /// Fills the states of the faults, in the order of [`FaultId::ALL`].
+    pub fn set_states(&mut self, states: &[HealthState; FaultId::COUNT]) {
+        [
+            self.state_friction,
+            self.state_backlash,
+            self.state_short_a,
+            self.state_short_b,
+            self.state_short_c,
+            self.state_eccentricity,
+            self.state_gain,
+        ] = states.map(|state| state.name().to_owned());
     }
 
     /// Fills both forms of the list of faults.

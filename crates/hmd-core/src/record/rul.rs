@@ -44,6 +44,8 @@ message! {
         /// What a maintenance event replaced since the window before: `unit`, or `motor`, `gearbox`, `controller`, joined by
         /// commas; else empty.
         replaced: String = 18 string;
+        /// What counts as hours: `operating` or `elapsed` time. Empty in records of older versions.
+        hours_of: String = 19 string;
         /// Hours left to the end of life by friction alone, 10 % quantile; absent without a trend, as all below.
         friction_p10_h: Option<f64> = 21 double optional;
         /// Median.

@@ -60,9 +60,6 @@ const NOTHING_LEFT: Quantiles = Quantiles {
     p90: 0.0,
 };
 
-/// Estimates of a trend from which on a damage at the end of life is one: a single one may be an outlier.
-const ESTIMATES_AT_END: u64 = 2;
-
 /// Why there is no remaining useful life.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum NoTrend {
@@ -169,7 +166,7 @@ impl Prognosis {
         let nothing = self.remaining_life_of(NOTHING_LEFT, 1.0);
         let faults = FaultId::ALL.map(|fault| match &remaining[fault.index()] {
             // Whatever the trend: a jump may have ended it.
-            _ if self.is_at_its_end(fault) => Ok(nothing),
+            _ if self.trends[fault.index()].is_at_its_end() => Ok(nothing),
             Ok(remaining) => {
                 self.remaining_life(|h| remaining.probability_within(h), remaining.observed_h(), horizon_h)
             }
@@ -188,7 +185,7 @@ impl Prognosis {
         };
         let observed_h = trends.iter().map(|(_, r)| r.observed_h()).fold(0.0, f64::max);
         let actuator = match trends.len() {
-            _ if FaultId::ALL.into_iter().any(|fault| self.is_at_its_end(fault)) => Ok(nothing),
+            _ if self.trends.iter().any(Trend::is_at_its_end) => Ok(nothing),
             0 => Err(least_lacking(&faults)),
             1 => faults[trends[0].0.index()],
             _ => self.remaining_life(|h| 1.0 - survives(h), observed_h, horizon_h),
@@ -204,12 +201,6 @@ impl Prognosis {
             dominant,
             horizon_h,
         }
-    }
-
-    /// Whether the damage of a fault has reached the end of its life, by more than one estimate.
-    fn is_at_its_end(&self, fault: FaultId) -> bool {
-        let trend = &self.trends[fault.index()];
-        trend.estimates >= ESTIMATES_AT_END && trend.damage() >= trend.end_of_life
     }
 
     /// Distribution of the hours left to one fault.

@@ -35,6 +35,9 @@ const DISAGREEMENT_SIGMAS: f64 = 5.0;
 /// Estimates in a row that fit no law, after which a new trend begins.
 const JUMP_AFTER: u32 = 4;
 
+/// Estimates from which on a damage at the end of life is one.
+const ESTIMATES_AT_END: u32 = 2;
+
 /// Windows over which the scatter is compared with the stated sigma.
 const SCATTER_MEMORY: f64 = 20.0;
 
@@ -71,6 +74,9 @@ pub struct Trend {
     pub(super) estimates: u64,
     /// Estimates in a row that fit no law.
     misfits: u32,
+    /// The last of them that are at the end of life; older files had none.
+    #[serde(default)]
+    misfits_at_end: u32,
     /// Variance of the estimates over the stated one, at least 1.
     scatter: f64,
     /// Trends before this one that broke off.
@@ -99,6 +105,7 @@ impl Trend {
             last: Odometer::default(),
             estimates: 0,
             misfits: 0,
+            misfits_at_end: 0,
             scatter: 1.0,
             jumps: 0,
         }
@@ -113,6 +120,7 @@ impl Trend {
             && self.laws.iter().all(variances)
             && self.start.len() < START
             && self.slowest.is_none_or(|number| number.unsigned_abs() <= NUMBER_MAX)
+            && self.misfits_at_end <= self.misfits
             && self.misfits < JUMP_AFTER
             && self.estimates <= ESTIMATES_MAX
     }
@@ -188,7 +196,10 @@ impl Trend {
         }
         self.scatter += (self.scatter * squared.min(SCATTER_CAP) - self.scatter) / SCATTER_MEMORY;
         self.scatter = self.scatter.max(1.0);
-        self.misfits = if inlier < 0.5 * weight { self.misfits + 1 } else { 0 };
+        let is_misfit = inlier < 0.5 * weight;
+        self.misfits = if is_misfit { self.misfits + 1 } else { 0 };
+        let is_at_end = is_misfit && estimate.damage >= self.end_of_life;
+        self.misfits_at_end = if is_at_end { self.misfits_at_end + 1 } else { 0 };
         if self.misfits >= JUMP_AFTER {
             let (end_of_life, scatter, jumps) = (self.end_of_life, self.scatter, self.jumps.saturating_add(1));
             *self = Self {
@@ -236,6 +247,12 @@ impl Trend {
             None if self.laws.is_empty() => 0.0,
             None => mean(self.weights()),
         }
+    }
+
+    /// Whether the damage has reached the end of life by more than one estimate: a single one may be an outlier.
+    pub(super) fn is_at_its_end(&self) -> bool {
+        let is_trend = self.estimates >= u64::from(ESTIMATES_AT_END) && self.damage() >= self.end_of_life;
+        is_trend || self.misfits_at_end >= ESTIMATES_AT_END
     }
 
     fn best_evidence(&self) -> f64 {

@@ -104,7 +104,7 @@ macro_rules! columns {
 
 columns! {
     /// Results of one window.
-    HEALTH, pub fn health_row(health: &Health, rul: &Rul), 85:
+    HEALTH, pub fn health_row(health: &Health, rul: &Rul), 93:
     "t_start_ns" "ns, UTC" Time(health.t_start_ns);
     "actuator" "" Text(health.actuator.clone());
     "window" "" Count(health.window);
@@ -190,6 +190,14 @@ columns! {
     "gain_p90_h" "h" Number(rul.gain_p90_h);
     "gain_failure_probability" "1" Number(rul.gain_failure_probability);
     "suspects" "" Text(health.suspects.join(","));
+    "state_friction" "" Text(health.state_friction.clone());
+    "state_backlash" "" Text(health.state_backlash.clone());
+    "state_short_a" "" Text(health.state_short_a.clone());
+    "state_short_b" "" Text(health.state_short_b.clone());
+    "state_short_c" "" Text(health.state_short_c.clone());
+    "state_eccentricity" "" Text(health.state_eccentricity.clone());
+    "state_gain" "" Text(health.state_gain.clone());
+    "hours_of" "" Text(rul.hours_of.clone());
 }
 
 columns! {
@@ -306,8 +314,11 @@ mod tests {
                     ("_c", "°C"),
                     ("_nm", "Nm"),
                 ] {
-                    let damage = head.name.starts_with("damage_") || head.name.starts_with("short_c");
-                    assert!(damage || !head.name.ends_with(end) || head.unit == unit, "{head:?}");
+                    // Names of faults end like units.
+                    let fault = ["damage_", "state_", "short_c"]
+                        .iter()
+                        .any(|start| head.name.starts_with(start));
+                    assert!(fault || !head.name.ends_with(end) || head.unit == unit, "{head:?}");
                 }
             }
         }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use prost::Message;
 
-use super::history::{History, Point};
+use super::history::History;
 use super::units::{Part, by_unit};
 use hmd_core::history::{EventKind, Events};
 use hmd_core::record::{Health, Log, Record, Rul, Status, Window};
@@ -211,26 +211,7 @@ impl Files {
     }
 
     fn health(&mut self, health: Health) {
-        let history = self.entry(&health.actuator);
-        if !health.reason.is_empty() {
-            *history.reasons.entry(health.reason.clone()).or_default() += 1;
-        }
-        history.points.push(Point {
-            window: health.window,
-            t_start_ns: health.t_start_ns,
-            status: health.status.clone(),
-            health: health.health.clone(),
-            estimate: health.estimate(),
-            residual_rms_a: health.residual_rms_a,
-            used_h: None,
-            left_h: None,
-            replaced: String::new(),
-            faults: health.fault_list.clone(),
-        });
-        if health.estimate().is_some() {
-            history.assessed = Some(health.clone());
-        }
-        history.newest = (health, Rul::default());
+        self.entry(&health.actuator).add(health);
     }
 
     fn rul(&mut self, rul: Rul) {
@@ -242,10 +223,6 @@ impl Files {
                 (Some(p10), Some(p50), Some(p90)) => Some([p10, p50, p90]),
                 _ => None,
             };
-            if !rul.replaced.is_empty() && point.estimate.is_none() {
-                // What was known is of the old part.
-                history.assessed = None;
-            }
             history.newest.1 = rul;
         }
     }

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use ema_models::FaultId;
 use hmd_core::health::HealthState;
 use hmd_core::history::ReplacedPart;
-use hmd_core::record::{Estimate, Health, Rul, Window};
+use hmd_core::record::{Estimate, Health, LastShown, Rul, Window};
 
 /// One window of a history.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -40,15 +41,15 @@ pub struct History {
     pub points: Vec<Point>,
     /// The newest health record, and what was left then.
     pub newest: (Health, Rul),
-    /// The newest health record with an estimate.
-    pub assessed: Option<Health>,
+    /// What its windows have shown of each fault.
+    pub shown: LastShown,
     /// Part and serial number, in words; empty where its configuration had none.
     pub identity: String,
     /// The newest window that was fitted.
     pub fitted: Option<Window>,
     /// Samples of all windows: called for, received, missing.
     pub samples: [u64; 3],
-    /// Reasons of windows that are not `ok`, with their number.
+    /// Reasons of windows that are not `ok`, without their values, with the number of windows.
     pub reasons: BTreeMap<String, u64>,
     /// What was replaced after the newest window, as it was entered, each once: a part, or `None` for the whole actuator.
     pub replaced_since: Vec<Option<ReplacedPart>>,
@@ -73,20 +74,73 @@ impl History {
         })
     }
 
-    /// The record that damages are taken from: the newest with an estimate, unless the history began anew since.
-    pub(super) fn damaged_as_of(&self) -> &Health {
-        let newest = &self.newest.0;
-        let knows_nothing = HealthState::named(&newest.health) == HealthState::Unknown;
-        self.assessed.as_ref().filter(|_| !knows_nothing).unwrap_or(newest)
+    /// State of each fault after the newest window, in the order of [`FaultId::ALL`].
+    pub(super) fn states(&self) -> [HealthState; FaultId::COUNT] {
+        self.newest.0.states().unwrap_or_default()
     }
 
-    /// Goes on with what a later file says of the same actuator.
-    pub(super) fn go_on(&mut self, later: Self) {
+    /// Takes the next window of the same file. A record of an older version gets the states of its faults: what it reports is at watch.
+    pub(super) fn add(&mut self, mut health: Health) {
+        if health.states().is_none() {
+            let states = self.states_of_older(&health);
+            health.set_states(&states);
+        }
+        for reason in health.reason.split("; ").filter(|reason| !reason.is_empty()) {
+            *self.reasons.entry(without_numbers(reason)).or_default() += 1;
+        }
+        self.points.push(Point {
+            window: health.window,
+            t_start_ns: health.t_start_ns,
+            status: health.status.clone(),
+            health: health.health.clone(),
+            estimate: health.estimate(),
+            residual_rms_a: health.residual_rms_a,
+            used_h: None,
+            left_h: None,
+            replaced: String::new(),
+            faults: health.fault_list.clone(),
+        });
+        self.shown.update(&health);
+        self.newest = (health, Rul::default());
+    }
+
+    fn states_of_older(&self, health: &Health) -> [HealthState; FaultId::COUNT] {
+        let state = HealthState::named(&health.health);
+        if health.estimate().is_none() && state != HealthState::Unknown {
+            return self.states();
+        }
+        FaultId::ALL.map(|fault| match state {
+            HealthState::Unknown => state,
+            _ if health.fault_list.iter().any(|name| name == fault.name()) => HealthState::Watch,
+            _ => HealthState::Nominal,
+        })
+    }
+
+    /// Goes on with what a later file says of the same actuator. Where that has shown nothing of a fault, what was known of it before holds,
+    /// unless its part was replaced.
+    pub(super) fn go_on(&mut self, mut later: Self) {
+        let counts = |fault: FaultId| later.keeps(fault);
+        later.shown = later.shown.or(&self.shown, counts);
+        let mut states = later.states();
+        for (fault, before) in FaultId::ALL.into_iter().zip(self.states()) {
+            let state = &mut states[fault.index()];
+            if *state == HealthState::Unknown && later.keeps(fault) {
+                *state = before;
+            }
+        }
+        let worst = states.into_iter().max().unwrap_or_default();
+        let is_known = !states.contains(&HealthState::Unknown);
+        let newest = &mut later.newest.0;
+        let state = HealthState::named(&newest.health);
+        if worst > state && (worst > HealthState::Nominal || is_known) {
+            newest.health = worst.name().to_owned();
+        }
+        newest.set_states(&states);
         let Self {
             actuator: _,
             points,
             newest,
-            assessed,
+            shown,
             identity,
             fitted,
             samples,
@@ -95,9 +149,9 @@ impl History {
         } = later;
         if !points.is_empty() {
             self.newest = newest;
+            self.shown = shown;
         }
         self.points.extend(points);
-        self.assessed = assessed.or(self.assessed.take());
         if !identity.is_empty() {
             self.identity = identity;
         }
@@ -108,5 +162,90 @@ impl History {
         for (reason, count) in reasons {
             *self.reasons.entry(reason).or_default() += count;
         }
+    }
+
+    /// Whether what was known of a fault before these windows still holds: neither its part nor the unit was replaced.
+    fn keeps(&self, fault: FaultId) -> bool {
+        let mut replaced = self.points.iter().flat_map(|point| point.replaced.split(','));
+        !replaced.any(|what| {
+            let is_of_fault = |part: ReplacedPart| part.faults().contains(&fault);
+            what == "unit" || ReplacedPart::from_name(what).is_some_and(is_of_fault)
+        })
+    }
+}
+
+/// A reason without its values, so that one kind is counted together: every number becomes an ellipsis.
+fn without_numbers(reason: &str) -> String {
+    let is_number = |word: &str| {
+        let word = word.trim_matches(|c: char| "+-−±(),:%".contains(c));
+        word.parse::<f64>().is_ok()
+    };
+    let words = reason.split(' ').map(|word| if is_number(word) { "…" } else { word });
+    let mut words: Vec<&str> = words.collect();
+    words.dedup_by(|a, b| *a == "…" && *b == "…");
+    words.join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reasons_of_one_kind_are_counted_together() {
+        let mut history = History::default();
+        for reason in [
+            "no fault vector explains the data: cost 17; 3 samples lost",
+            "no fault vector explains the data: cost 230",
+            "",
+        ] {
+            let health = Health {
+                reason: reason.to_owned(),
+                ..Health::default()
+            };
+            history.add(health);
+        }
+        let found: Vec<(&str, u64)> = history
+            .reasons
+            .iter()
+            .map(|(reason, n)| (reason.as_str(), *n))
+            .collect();
+        assert_eq!(
+            found,
+            [("no fault vector explains the data: cost …", 2), ("… samples lost", 1)]
+        );
+    }
+
+    fn recording(health: &str, states: [HealthState; FaultId::COUNT], replaced: &str) -> History {
+        let mut history = History::default();
+        let mut record = Health {
+            health: health.to_owned(),
+            ..Health::default()
+        };
+        record.set_states(&states);
+        history.add(record);
+        history.points[0].replaced = replaced.to_owned();
+        history
+    }
+
+    #[test]
+    fn a_recording_in_which_nothing_was_shown_hides_nothing_that_was_known_before() {
+        use HealthState::{Critical, Nominal, Unknown};
+        let mut worn = [Nominal; FaultId::COUNT];
+        worn[FaultId::Backlash.index()] = Critical;
+        let nothing = [Unknown; FaultId::COUNT];
+        let after = |replaced: &str| {
+            let mut history = recording("critical", worn, "");
+            history.go_on(recording("unknown", nothing, replaced));
+            (history.newest.0.health.clone(), history.states())
+        };
+        assert_eq!(after(""), ("critical".to_owned(), worn));
+        assert_eq!(after("unit"), ("unknown".to_owned(), nothing));
+        let (health, states) = after("gearbox");
+        assert_eq!((&*health, states[FaultId::Backlash.index()]), ("unknown", Unknown));
+        assert_eq!(states[FaultId::ShortA.index()], Nominal);
+        // What the later one has shown counts.
+        let mut history = recording("critical", worn, "");
+        history.go_on(recording("nominal", [Nominal; FaultId::COUNT], ""));
+        assert_eq!(history.newest.0.health, "nominal");
     }
 }

@@ -36,6 +36,9 @@ pub fn page(files: &Files, histories: &[&History], view: &View) -> String {
         _ => format!("Health report of {} actuators", histories.len()),
     };
     let mut body = format!("<h1>{title}</h1>\n");
+    if files.sources.iter().any(|source| source.damaged) {
+        body += "<p class=\"assessment\">Parts of a recording are missing or damaged: newer windows may be lost. See <em>Lost data</em>.</p>\n";
+    }
     if histories.len() != 1 {
         body += &overview(histories, &modes, &view.zone);
     }
@@ -69,7 +72,7 @@ fn actuator(history: &History, modes: &[FaultMode; FaultId::COUNT], zone: &Zone)
     [
         period(history, zone),
         headline(&advice, history, zone),
-        section("Faults", &faults(history, modes)),
+        section("Faults", &faults(history, modes, zone)),
         section(
             "Damage over use",
             &format!(
@@ -108,6 +111,7 @@ mod tests {
     use super::super::files::Source;
     use super::super::history::Point;
     use super::*;
+    use hmd_core::health::HealthState;
     use hmd_core::record::{Estimate, Health, Status};
 
     fn view() -> View {
@@ -204,6 +208,11 @@ mod tests {
                 ..Health::default()
             };
             health.set_faults(faults);
+            let is_worn = |fault: FaultId| faults.contains(&fault);
+            health.set_states(&FaultId::ALL.map(|fault| match is_worn(fault) {
+                true => HealthState::named(state),
+                false => HealthState::Nominal,
+            }));
             history.newest.0 = health;
             history
         };
@@ -212,7 +221,7 @@ mod tests {
         let text = page(&Files::default(), &[&well, &worn], &view());
         let place = |what: &str| text.find(what).unwrap_or_else(|| panic!("{what}"));
         assert!(place("#actuator-1\">flap") < place("#actuator-0\">aileron"));
-        assert!(place("Plan the repair: gear and screw.") < place("No action."));
+        assert!(place("Plan the repair: gear and screw") < place("No action."));
         assert_eq!(text.matches("<article").count(), 2);
     }
 }

@@ -2,6 +2,7 @@
 
 use ema_models::FaultId;
 use hmd_core::catalogue::FaultMode;
+use hmd_core::config::HoursOf;
 use hmd_core::health::HealthState;
 use hmd_core::history::ReplacedPart;
 use hmd_core::record::Rul;
@@ -25,6 +26,8 @@ pub(super) struct Recommendation {
     pub(super) since_ns: Option<u64>,
     /// The newest windows, where they could not be assessed.
     pub(super) unassessed: Option<Unassessed>,
+    /// Faults that no window has shown, in the order of [`FaultId::ALL`].
+    pub(super) unknown: Vec<FaultId>,
 }
 
 /// Below so many hours there is nothing to plan.
@@ -48,12 +51,15 @@ impl Recommendation {
 pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COUNT]) -> Recommendation {
     let (health, rul) = &history.newest;
     let state = HealthState::named(&health.health);
-    let worst = worst_fault(history, modes, |_| true);
+    let worst = worst_fault(history, |_| true);
     // What a new part leaves to be done; of its own faults nothing is known before the next window.
     let is_left = |fault: FaultId| !history.replaced_since.iter().any(|part| clears(*part, fault));
-    let left = worst_fault(history, modes, is_left);
+    let left = worst_fault(history, is_left);
     let replaced = replaced(&history.replaced_since);
     let unassessed = history.unassessed();
+    let states = history.states();
+    let is_unknown = |fault: &FaultId| states[fault.index()] == HealthState::Unknown;
+    let unknown: Vec<FaultId> = FaultId::ALL.into_iter().filter(is_unknown).collect();
     let checks = match (checks(&health.suspects), &unassessed) {
         (checks, _) if !checks.is_empty() => format!("Check {checks}."),
         (_, Some(Unassessed { windows: 2.., .. })) if state != HealthState::Unknown => CHECK_WHAT_HINDERS.to_owned(),
@@ -62,6 +68,9 @@ pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COU
     let action = match (state, left) {
         (HealthState::Unknown | HealthState::Nominal, _) | (_, None) if !replaced.is_empty() => String::new(),
         (HealthState::Unknown, _) if !checks.is_empty() => "Nothing is known yet.".to_owned(),
+        (HealthState::Unknown, _) if unknown.len() < FaultId::COUNT => {
+            "Not everything is known yet: see what no window has shown.".to_owned()
+        }
         (HealthState::Unknown, _) if health.reason.is_empty() => {
             "Nothing is known yet: no window was assessed.".to_owned()
         }
@@ -70,10 +79,15 @@ pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COU
         (HealthState::Nominal, _) if unassessed.is_some() => "Nothing before the next actuation.".to_owned(),
         (HealthState::Nominal, _) => "No action.".to_owned(),
         (_, Some(fault)) if left != worst => {
-            let state = level_of(history, fault, modes);
-            maintenance(left, state, rul.faults()[fault.index()], modes)
+            let state = history.states()[fault.index()].max(HealthState::Watch);
+            let hours = rul.faults()[fault.index()];
+            let life_left = hours.map(|hours| LifeLeft {
+                hours,
+                of: hours_of(rul),
+            });
+            maintenance(left, state, life_left, modes)
         }
-        _ => maintenance(left, state, hours_left(rul), modes),
+        _ => maintenance(left, state, life_left(rul), modes),
     };
     let sentences = [action, replaced, checks];
     let fault = left.or(worst).filter(|_| state > HealthState::Nominal);
@@ -85,12 +99,13 @@ pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COU
             .filter(|text| !text.is_empty())
             .collect::<Vec<_>>()
             .join(" "),
-        hours_left: hours_left(rul).ok_or_else(|| match &*rul.reason {
+        hours_left: life_left(rul).map(|left| left.hours).ok_or_else(|| match &*rul.reason {
             "" => "none was recorded".to_owned(),
             reason => reason.to_owned(),
         }),
         since_ns: since(history, state, fault),
         unassessed,
+        unknown,
     }
 }
 
@@ -98,7 +113,7 @@ pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COU
 fn maintenance(
     fault: Option<FaultId>,
     state: HealthState,
-    hours_left: Option<[f64; 3]>,
+    life_left: Option<LifeLeft>,
     modes: &[FaultMode; FaultId::COUNT],
 ) -> String {
     let what = fault.map_or("actuator", FaultId::part);
@@ -107,17 +122,26 @@ fn maintenance(
         let class = severity.iter().find(|severity| severity.class == state);
         with_capital(class.map_or("", |severity| severity.action))
     };
+    let action = action_of(state);
     // By when nine of ten such actuators still work.
-    match hours_left {
-        Some([p10, ..]) if state == HealthState::Warning && p10 < HOURS_TO_PLAN => {
-            let action = action_of(HealthState::Critical);
+    match (state, life_left) {
+        (HealthState::Watch | HealthState::Warning, Some(LifeLeft { hours: [p10, ..], .. })) if p10 < HOURS_TO_PLAN => {
+            let action = match state {
+                HealthState::Watch => "Inspect before the next use".to_owned(),
+                _ => action_of(HealthState::Critical),
+            };
             format!("{action}: {what}. It may last less than {HOURS_TO_PLAN:.0} h more.")
         }
-        Some([p10, ..]) if state == HealthState::Warning => {
-            let action = action_of(state);
-            format!("{action}: {what}, within {} of operation.", duration(p10))
+        (HealthState::Watch, Some(LifeLeft { hours: [p10, ..], of })) => {
+            format!("{action}: {what}, at the latest within {}{of}.", duration(p10))
         }
-        _ => format!("{}: {what}.", action_of(state)),
+        (HealthState::Warning, Some(LifeLeft { hours: [p10, ..], of })) => {
+            format!("{action}: {what}, within {}{of}.", duration(p10))
+        }
+        (HealthState::Warning, None) => {
+            format!("{action}: {what}, at the next scheduled maintenance at the latest, for want of a forecast.")
+        }
+        _ => format!("{action}: {what}."),
     }
 }
 
@@ -141,14 +165,6 @@ fn replaced(parts: &[Option<ReplacedPart>]) -> String {
     format!("The {names} {verb} replaced after the last window: the next actuation shows {shows} health.")
 }
 
-/// The level that a reported fault has by its damage; at least `watch`.
-fn level_of(history: &History, fault: FaultId, modes: &[FaultMode; FaultId::COUNT]) -> HealthState {
-    let damage = history.damaged_as_of().damages()[fault.index()].unwrap_or(0.0);
-    let levels = modes[fault.index()].severity.iter();
-    let reached = levels.filter(|level| damage >= level.damage);
-    reached.map(|level| level.class).max().unwrap_or(HealthState::Watch)
-}
-
 /// What to look at besides the actuator, for these suspects of a record; each once.
 fn checks(suspects: &[String]) -> String {
     let mut found: Vec<&str> = Vec::new();
@@ -160,35 +176,45 @@ fn checks(suspects: &[String]) -> String {
     found.join("; ")
 }
 
-/// Hours left: 10 %, 50 % and 90 % quantile.
-fn hours_left(rul: &Rul) -> Option<[f64; 3]> {
-    Some([rul.rul_p10_h?, rul.rul_p50_h?, rul.rul_p90_h?])
+/// Hours left: 10 %, 50 % and 90 % quantile, and what they are hours of, as words that follow a number.
+#[derive(Clone, Copy)]
+struct LifeLeft {
+    hours: [f64; 3],
+    of: &'static str,
 }
 
-/// Of the faults that count, the reported one with the highest level, then the largest damage. Where no fault at all is reported, the one
+fn life_left(rul: &Rul) -> Option<LifeLeft> {
+    let hours = [rul.rul_p10_h?, rul.rul_p50_h?, rul.rul_p90_h?];
+    Some(LifeLeft {
+        hours,
+        of: hours_of(rul),
+    })
+}
+
+/// What the hours of a record are hours of, as words that follow a number.
+pub(super) fn hours_of(rul: &Rul) -> &'static str {
+    if rul.hours_of == HoursOf::Elapsed.name() {
+        " from now, used or not"
+    } else {
+        " of operation"
+    }
+}
+
+/// Of the faults that count, the reported one with the worst state, then the largest damage. Where no fault at all is reported, the one
 /// whose trend ends the life first.
-fn worst_fault(
-    history: &History,
-    modes: &[FaultMode; FaultId::COUNT],
-    counts: impl Fn(FaultId) -> bool,
-) -> Option<FaultId> {
-    // A window that could not be assessed lists no fault.
-    let health = history.damaged_as_of();
-    let damages = health.damages();
-    if health.fault_list.is_empty() {
+fn worst_fault(history: &History, counts: impl Fn(FaultId) -> bool) -> Option<FaultId> {
+    let states = history.states();
+    let is_reported = |fault: &FaultId| states[fault.index()] >= HealthState::Watch;
+    if !FaultId::ALL.iter().any(is_reported) {
         return FaultId::from_name(&history.newest.1.dominant_fault).filter(|fault| counts(*fault));
     }
     let reported = FaultId::ALL
         .into_iter()
-        .filter(|fault| counts(*fault) && health.fault_list.iter().any(|name| name == fault.name()));
-    let rank = |fault: FaultId| {
-        let damage = damages[fault.index()].unwrap_or(0.0);
-        let levels = modes[fault.index()].severity;
-        (levels.iter().filter(|level| damage >= level.damage).count(), damage)
-    };
+        .filter(|fault| is_reported(fault) && counts(*fault));
+    let damage = |fault: FaultId| history.shown.of(fault).map_or(0.0, |shown| shown.damage);
     reported.max_by(|a, b| {
-        let ((level_a, damage_a), (level_b, damage_b)) = (rank(*a), rank(*b));
-        level_a.cmp(&level_b).then(damage_a.total_cmp(&damage_b))
+        let by_state = states[a.index()].cmp(&states[b.index()]);
+        by_state.then(damage(*a).total_cmp(&damage(*b)))
     })
 }
 
@@ -204,6 +230,9 @@ fn since(history: &History, state: HealthState, fault: Option<FaultId>) -> Optio
         // One that did not show it says nothing of it.
         let was_silent = point.estimate.is_none();
         let of_point = HealthState::named(&point.health);
+        if of_point == HealthState::Unknown && was_silent && state != HealthState::Unknown {
+            continue;
+        }
         let is_another = match state {
             HealthState::Nominal => of_point != state,
             _ => of_point < state,
@@ -276,11 +305,30 @@ mod tests {
         };
         health.set_damage(damages.map(Some));
         health.set_faults(faults);
-        History {
+        let mut history = History {
             points: points.collect(),
             newest: (health, Rul::default()),
             ..History::default()
-        }
+        };
+        report(&mut history, faults);
+        history
+    }
+
+    /// Gives the newest window the states of its damages, as far as the faults are reported.
+    fn report(history: &mut History, faults: &[FaultId]) {
+        let health = &mut history.newest.0;
+        let damages = health.damages();
+        let levels = Levels::default();
+        let states = FaultId::ALL.map(|fault| match damages[fault.index()] {
+            _ if health.health == "unknown" => HealthState::Unknown,
+            Some(damage) if faults.contains(&fault) && damage >= levels.critical => HealthState::Critical,
+            Some(damage) if faults.contains(&fault) && damage >= levels.warning => HealthState::Warning,
+            _ if faults.contains(&fault) => HealthState::Watch,
+            _ => HealthState::Nominal,
+        });
+        health.set_faults(faults);
+        health.set_states(&states);
+        history.shown.update(health);
     }
 
     fn estimate() -> Estimate {
@@ -315,7 +363,6 @@ mod tests {
     fn a_suspected_sensor_is_to_be_checked_and_the_last_known_state_stays() {
         let mut history = history(&["nominal", "critical"], &[FaultId::Backlash], [0.7; FaultId::COUNT]);
         history.points[1].estimate = None;
-        history.assessed = Some(history.newest.0.clone());
         history.newest.0.set_faults(&[]);
         history.newest.0.suspects = vec!["frozen current".to_owned(), "phase gain".to_owned(), "?".to_owned()];
         let found = of(&history);
@@ -338,8 +385,8 @@ mod tests {
                 "Nothing is known yet. Check the phase current sensors of the drive and their wiring.",
             ),
         ] {
-            history.assessed = None;
             history.newest.0.health = state.to_owned();
+            report(&mut history, &[]);
             assert_eq!(of(&history).action, expected);
         }
     }
@@ -384,13 +431,15 @@ mod tests {
             .newest
             .0
             .set_damage([0.0, 0.7, 0.0, 0.0, 0.0, 0.0, 0.4].map(Some));
+        report(&mut history, &[Backlash, Gain]);
         let found = of(&history).action;
         assert!(
-            found.starts_with("Plan the repair: position controller. The gearbox"),
+            found.starts_with("Plan the repair: position controller, at the next scheduled")
+                && found.contains("The gearbox was replaced"),
             "{found}"
         );
         // A trend that nobody reports is no reason to go on with a repair.
-        history.newest.0.set_faults(&[Backlash]);
+        report(&mut history, &[Backlash]);
         history.newest.1.dominant_fault = "gain".to_owned();
         assert!(of(&history).action.starts_with("The gearbox was replaced"));
     }
@@ -411,7 +460,10 @@ mod tests {
         for point in &mut worn.points {
             point.estimate = None;
         }
-        let expected = format!("Plan the repair: position controller. {CHECK_WHAT_HINDERS}");
+        let expected = format!(
+            "Plan the repair: position controller, at the next scheduled maintenance at the latest, for want of a \
+             forecast. {CHECK_WHAT_HINDERS}"
+        );
         assert_eq!(of(&worn).action, expected);
     }
 
@@ -443,6 +495,38 @@ mod tests {
             "Repair before the next use: gear and screw. It may last less than 1 h more."
         );
         assert_eq!(urgent.life_left(), "less than 1 min");
+    }
+
+    #[test]
+    fn an_inspection_is_due_within_the_life_that_nine_of_ten_have() {
+        let mut history = history(&["watch"], &[FaultId::Gain], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.1]);
+        let mut with = |p10: f64, hours_of: &str| {
+            let rul = &mut history.newest.1;
+            rul.hours_of = hours_of.to_owned();
+            (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(p10), Some(2.0 * p10), Some(3.0 * p10));
+            of(&history).action
+        };
+        let found = with(90.0, "elapsed");
+        let expected = "Inspect at the next scheduled maintenance: position controller, at the latest within 90 h from now, used or not.";
+        assert_eq!(found, expected);
+        let found = with(0.002, "operating");
+        let expected = "Inspect before the next use: position controller. It may last less than 1 h more.";
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn a_part_that_no_window_has_shown_is_not_called_well() {
+        let mut history = history(&["unknown"], &[], [0.0; FaultId::COUNT]);
+        let mut states = [HealthState::Nominal; FaultId::COUNT];
+        states[0] = HealthState::Unknown;
+        history.newest.0.set_states(&states);
+        let found = of(&history);
+        assert_eq!(found.unknown, [FaultId::Friction]);
+        assert!(
+            found.action.starts_with("Not everything is known yet"),
+            "{}",
+            found.action
+        );
     }
 
     #[test]

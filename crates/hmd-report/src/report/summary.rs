@@ -5,12 +5,13 @@ use std::fmt::Write;
 use ema_models::FaultId;
 use hmd_core::catalogue::FaultMode;
 use hmd_core::health::HealthState;
-use hmd_core::record::Rul;
+use hmd_core::record::{Rul, Shown};
 
 use super::history::{History, Unassessed};
 use super::markup::wide_table;
 use super::plot::escaped;
-use super::recommendation::{Recommendation, durations, hours, with_capital};
+use super::recommendation::{Recommendation, durations, hours, hours_of, with_capital};
+use super::sections::NORMAL_95;
 use super::zone::Zone;
 
 /// Part and serial number, number of windows and the time they span.
@@ -55,22 +56,35 @@ pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) 
         let reason = if health.reason.is_empty() { "" } else { ": " };
         let _ = write!(text, "<br>{which}{reason}{}.", escaped(&health.reason));
     }
+    if !advice.unknown.is_empty() && advice.unknown.len() < FaultId::COUNT {
+        let names: Vec<&str> = advice.unknown.iter().map(|fault| fault.plain_name()).collect();
+        let _ = write!(text, "<br>No window has shown: {}.", escaped(&names.join(", ")));
+    }
+    if let Some(by_life) = state_by_life(advice, history) {
+        let _ = write!(text, "<br>{by_life}");
+    }
     let _ = writeln!(text, "<br>{}</p>", escaped(&remaining_life(advice, rul)));
     text
 }
 
+/// Why the state is worse than that of every fault.
+fn state_by_life(advice: &Recommendation, history: &History) -> Option<String> {
+    let worst = history.states().into_iter().max().unwrap_or_default();
+    let is_worse = advice.state > worst && advice.state >= HealthState::Watch;
+    is_worse.then(|| format!("{} by the short remaining life.", with_capital(advice.state.name())))
+}
+
 /// The forecast in one or two sentences that do not contradict the action.
 fn remaining_life(advice: &Recommendation, rul: &Rul) -> String {
+    let of = hours_of(rul);
     let [p10, p50, p90] = match &advice.hours_left {
         Ok(left) => durations(*left),
         Err(reason) => return format!("Remaining life: no number ({reason})."),
     };
     let mut text = if p10 == p90 {
-        format!("Remaining life in operation: {p50}")
+        format!("Remaining life: {p50}{of}")
     } else {
-        format!(
-            "Remaining life in operation: nine of ten such actuators last {p10}, half of them {p50}, one of ten {p90}"
-        )
+        format!("Remaining life: nine of ten such actuators last {p10}{of}, half of them {p50}, one of ten {p90}")
     };
     if let Some(fault) = FaultId::from_name(&rul.dominant_fault) {
         let _ = write!(text, "; {fault} ends it first");
@@ -95,31 +109,39 @@ fn percent(probability: f64) -> String {
 }
 
 /// Each fault: part, symptom, damage, level, and the hours left by it alone or why there is no number.
-pub(super) fn faults(history: &History, modes: &[FaultMode; FaultId::COUNT]) -> String {
+pub(super) fn faults(history: &History, modes: &[FaultMode; FaultId::COUNT], zone: &Zone) -> String {
     let rul = &history.newest.1;
-    let health = history.damaged_as_of();
-    let (damages, left) = (health.damages(), rul.faults());
+    let (states, left) = (history.states(), rul.faults());
     let row = |fault: FaultId| {
-        let (mode, damage) = (&modes[fault.index()], damages[fault.index()]);
-        let reported = health.fault_list.iter().any(|name| name == fault.name());
-        let left = left[fault.index()].map_or_else(|| without_trend(damage, mode, reported, rul), hours);
+        let (mode, state) = (&modes[fault.index()], states[fault.index()]);
+        let shown = history.shown.of(fault);
+        let left = left[fault.index()].map_or_else(|| without_trend(shown, mode, state, rul), hours);
         vec![
             escaped(fault.plain_name()),
             escaped(mode.item),
-            damage.map_or_else(|| "not known".to_owned(), |damage| format!("{:.1} %", 100.0 * damage)),
-            level(damage, mode, reported).to_owned(),
+            shown.map_or_else(|| "not known".to_owned(), |shown| percent_of(shown.damage)),
+            escaped(&level(shown, mode, state)),
+            shown.map_or_else(
+                || "no window shows it".to_owned(),
+                |shown| zone.minute(shown.t_start_ns),
+            ),
             escaped(&left),
             escaped(mode.symptom),
         ]
     };
     let rows: Vec<Vec<String>> = FaultId::ALL.into_iter().map(row).collect();
+    let of = hours_of(rul);
     wide_table(
-        "After the newest assessed window. Life left: operating time to the end of life by this fault alone, median and 80 % interval",
+        &format!(
+            "Damage by the newest window that shows it. Life left: time{of} to the end of life by this fault alone, median and \
+             80 % interval"
+        ),
         &[
             ("Fault", ""),
             ("Part", ""),
             ("Damage", "n"),
             ("Level", ""),
+            ("Shown", ""),
             ("Life left", ""),
             ("Symptom", ""),
         ],
@@ -127,25 +149,51 @@ pub(super) fn faults(history: &History, modes: &[FaultMode; FaultId::COUNT]) -> 
     )
 }
 
-/// The level that a damage has reached, as far as it was reported.
-fn level(damage: Option<f64>, mode: &FaultMode, reported: bool) -> &'static str {
-    let Some(damage) = damage else { return "unknown" };
-    if !reported {
-        return "nominal";
+fn percent_of(damage: f64) -> String {
+    format!("{:.1} %", 100.0 * damage)
+}
+
+/// The level of a fault; where it is another than that of the damage, why.
+fn level(shown: Option<Shown>, mode: &FaultMode, state: HealthState) -> String {
+    let Some(shown) = shown else { return state.to_string() };
+    let by_damage = level_of(shown.damage, mode);
+    if state > by_damage && by_damage >= HealthState::Nominal {
+        let level = mode.severity.iter().find(|severity| severity.class == state);
+        let level = percent_of(level.map_or(0.0, |severity| severity.damage));
+        format!("{state}: it was {level} or more, and is not surely less")
+    } else if state < by_damage && state != HealthState::Unknown {
+        match shown.sigma {
+            Some(sigma) if shown.damage < mode.significance_sigmas * sigma => {
+                format!("{state}: not certain yet, ± {}", percent_of(NORMAL_95 * sigma))
+            }
+            _ => format!(
+                "{state}: {by_damage} takes {} windows in a row",
+                mode.persistence_windows
+            ),
+        }
+    } else {
+        state.to_string()
     }
+}
+
+/// The level of a damage by itself.
+fn level_of(damage: f64, mode: &FaultMode) -> HealthState {
     let reached = mode.severity.iter().rfind(|severity| damage >= severity.damage);
-    // Reported below its level: within the hysteresis.
-    reached.unwrap_or(&mode.severity[0]).class.name()
+    reached.map_or(HealthState::Nominal, |severity| severity.class)
 }
 
 /// Why a fault has no hours left.
-fn without_trend(damage: Option<f64>, mode: &FaultMode, reported: bool, rul: &Rul) -> String {
-    match damage {
+fn without_trend(shown: Option<Shown>, mode: &FaultMode, state: HealthState, rul: &Rul) -> String {
+    match shown {
         None => "no trend: no window shows it".to_owned(),
-        Some(damage) if !reported && damage < mode.severity[0].damage => "no trend: below the watch level".to_owned(),
-        Some(_) if !reported => "no trend: the damage is within its uncertainty".to_owned(),
-        Some(_) if !rul.reason.is_empty() => rul.reason.clone(),
-        Some(_) => "no trend: the damage does not grow, or the windows are too few".to_owned(),
+        Some(_) if state >= HealthState::Watch && !rul.reason.is_empty() => rul.reason.clone(),
+        Some(_) if state >= HealthState::Watch => {
+            "no trend: the damage does not grow, or the windows are too few".to_owned()
+        }
+        Some(shown) if level_of(shown.damage, mode) == HealthState::Nominal => {
+            "no trend: below the watch level".to_owned()
+        }
+        Some(_) => "no trend: the damage is within its uncertainty".to_owned(),
     }
 }
 
@@ -162,6 +210,7 @@ mod tests {
             hours_left: Ok([90.0, 100.0, 110.0]),
             since_ns: Some(0),
             unassessed: None,
+            unknown: Vec::new(),
         }
     }
 

@@ -16,7 +16,7 @@ use super::recordings::{Wanted, recordings};
 use super::table::{HEALTH_HEAD, health_row, left_cell};
 use super::{Exit, Losses, load_config, say, to_stderr};
 use hmd_core::catalogue::catalogue;
-use hmd_core::record::{Health, Interval, Log, Record, Rul};
+use hmd_core::record::{Health, Interval, LastShown, Log, Record, Rul};
 use hmd_ingest::file::open_recorded;
 use hmd_storage::mcap::McapMessages;
 use hmd_storage::{no_formula, printable};
@@ -86,10 +86,10 @@ struct Printer {
     summaries: BTreeMap<String, Summarised>,
 }
 
-/// The newest window of an actuator, with the damages of the newest that was assessed.
+/// The newest window of an actuator, with what its windows have shown.
 #[derive(Default)]
 struct Summarised {
-    damage: [Option<f64>; FaultId::COUNT],
+    shown: LastShown,
     line: String,
 }
 
@@ -185,10 +185,8 @@ impl Printer {
             }
             Form::Summary => {
                 let newest = self.summaries.entry(health.actuator.clone()).or_default();
-                if health.estimate().is_some() {
-                    newest.damage = health.damages();
-                }
-                newest.line = summary::summary_line(health, &newest.damage, rul);
+                newest.shown.update(health);
+                newest.line = summary::summary_line(health, &newest.shown.damages(), rul);
                 Ok(())
             }
         }

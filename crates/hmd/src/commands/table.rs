@@ -21,14 +21,8 @@ pub(super) fn health_row(health: &record::Health) -> String {
         "{:<8} {:>6} {:<8} {:<8}",
         health.actuator, health.window, health.status, health.health
     );
-    let damage = health.damages();
-    let estimate = health.estimate();
-    for (column, p) in [0, 1, 2, 3, 4, 5, 7].into_iter().enumerate() {
-        let shown = estimate.is_some_and(|e| e.observable[p]);
-        let cell = match (damage[column], shown) {
-            (Some(d), true) => format!("{:.1} %", 100.0 * d),
-            _ => "·".to_owned(),
-        };
+    for damage in health.damages() {
+        let cell = damage.map_or_else(|| "·".to_owned(), |damage| format!("{:.1} %", 100.0 * damage));
         row += &format!(" {cell:>7}");
     }
     row += &format!("  {}", health.faults);

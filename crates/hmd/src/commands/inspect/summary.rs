@@ -1,6 +1,7 @@
 //! The newest state of an actuator as one line for a downlink.
 
 use ema_models::FaultId;
+use hmd_core::health::HealthState;
 use hmd_core::record::{Health, Rul};
 use hmd_core::timestamp::compact_minute;
 
@@ -41,11 +42,18 @@ pub(super) fn summary_line(health: &Health, damage: &[Option<f64>; FaultId::COUN
             ))
         })
         .collect();
-    fields.push(if faults.is_empty() {
-        "NO FAULT".to_owned()
-    } else {
-        faults.join(" ")
-    });
+    let is_unknown = |n: &usize| health.states().is_some_and(|states| states[*n] == HealthState::Unknown);
+    let unknown: Vec<&str> = (0..FaultId::COUNT).filter(is_unknown).map(|n| SHORT_NAMES[n]).collect();
+    match (faults.is_empty(), unknown.is_empty()) {
+        (true, true) => fields.push("NO FAULT".to_owned()),
+        (true, false) => {}
+        (false, _) => fields.push(faults.join(" ")),
+    }
+    match unknown.len() {
+        0 => {}
+        FaultId::COUNT => fields.push("ALL UNKNOWN".to_owned()),
+        _ => fields.push(format!("UNKNOWN {}", unknown.join(" "))),
+    }
     match (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) {
         (Some(p10), Some(p50), Some(p90)) => {
             let [p10, p50, p90] = [p10, p50, p90].map(|hours| hours.clamp(0.0, HOURS_MAX));
@@ -101,6 +109,14 @@ mod tests {
         assert!(line.ends_with("/BY RESPONSE-TIME"), "{line}");
         assert!(line.len() <= LENGTH_MAX, "{} characters: {line}", line.len());
         assert!(line.chars().all(|c| sent(c) == c), "{line}");
+        // The longest mixture: one fault is unknown.
+        let (mut health, rul) = full();
+        let mut states = [HealthState::Critical; FaultId::COUNT];
+        states[0] = HealthState::Unknown;
+        health.set_states(&states);
+        health.set_faults(&FaultId::ALL[1..]);
+        let line = summary_line(&health, &[Some(1.0); 7], &rul);
+        assert!(line.ends_with("/BY RESPONSE-TIME"), "{line}");
     }
 
     #[test]
@@ -119,11 +135,21 @@ mod tests {
             summary_line(&health, &damage, &rul),
             "HMD1/EMA0/W7/20231114T2213Z/CRITICAL/FRIC 75/RUL 140-165-191 H/PF 1.00 IN 100 H/BY DAMAGE"
         );
+        let mut states = [HealthState::Nominal; FaultId::COUNT];
+        health.set_states(&states);
         health.set_faults(&[]);
         health.health = "nominal".to_owned();
         assert_eq!(
             summary_line(&health, &damage, &Rul::default()),
             "HMD1/EMA0/W7/20231114T2213Z/NOMINAL/NO FAULT/NO RUL"
         );
+        states[1] = HealthState::Unknown;
+        health.set_states(&states);
+        health.health = "unknown".to_owned();
+        let expected = "HMD1/EMA0/W7/20231114T2213Z/UNKNOWN/UNKNOWN BKLSH/NO RUL";
+        assert_eq!(summary_line(&health, &damage, &Rul::default()), expected);
+        health.set_states(&[HealthState::Unknown; FaultId::COUNT]);
+        let expected = "HMD1/EMA0/W7/20231114T2213Z/UNKNOWN/ALL UNKNOWN/NO RUL";
+        assert_eq!(summary_line(&health, &damage, &Rul::default()), expected);
     }
 }

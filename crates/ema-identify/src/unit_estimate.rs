@@ -9,7 +9,7 @@ mod by_relations;
 
 use std::vec::Vec;
 
-use ema_models::{FAULT_COUNT, FaultId};
+use ema_models::{FAULT_COUNT, FaultId, FaultVector};
 
 use crate::estimate::Estimate;
 use crate::relations::{Needed, Relation};
@@ -60,6 +60,32 @@ impl UnitEstimate {
         }
     }
 
+    /// The same where the torque for each ampere may have changed by up to this share for another reason, as by a temperature that nobody
+    /// reads. It weakens all phases alike, and at most two of them are shorted: what the least shorted one lacks is not a short.
+    #[must_use]
+    pub fn without_common_short(mut self, change_max: f64) -> Self {
+        let shorts = [FaultId::ShortA, FaultId::ShortB, FaultId::ShortC].map(FaultId::parameter);
+        let mut k = self.estimate.fault.to_array();
+        let Some(least) = shorts.into_iter().min_by(|a, b| k[*a].total_cmp(&k[*b])) else {
+            return self;
+        };
+        let common = k[least].min(change_max);
+        let (true, Some(of_common)) = (common > 0.0, self.estimate.sigma[least]) else {
+            return self;
+        };
+        let spread = of_common.min(common);
+        let factors = core::array::from_fn(|n| match self.estimate.sigma[n] {
+            Some(sigma) if shorts.contains(&n) && n != least && sigma > 0.0 => sigma.hypot(spread) / sigma,
+            _ => 1.0,
+        });
+        for n in shorts {
+            k[n] -= common;
+        }
+        self.estimate.fault = FaultVector::from_array(k);
+        self.estimate.unknowns.fault = self.estimate.fault;
+        self.widened_by(&factors)
+    }
+
     /// The same with a factor for each sigma.
     fn widened_by(self, factors: &[f64; FAULT_COUNT]) -> Self {
         let factors = core::array::from_fn(|n| match self.estimate.sigma[n] {
@@ -75,5 +101,52 @@ impl UnitEstimate {
             estimate: self.estimate.widened(&factors),
             ..self
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::by_both::tests::estimate;
+    use super::*;
+
+    /// Shorts of phases A, B, C, each with its sigma, after what all three have in common is taken out.
+    fn shorts(damage: [f64; 3], sigma: f64, change_max: f64) -> [(f64, f64); 3] {
+        let mut k = [0.0; FAULT_COUNT];
+        k[2..5].copy_from_slice(&damage);
+        let found = estimate(k, [Some(sigma); FAULT_COUNT])
+            .without_common_short(change_max)
+            .estimate;
+        let k = found.fault.to_array();
+        [2, 3, 4].map(|n| (k[n], found.sigma[n].unwrap_or(f64::NAN)))
+    }
+
+    #[test]
+    fn warm_magnets_are_no_shorts_and_a_short_of_one_phase_stays() {
+        let near = |found: [(f64, f64); 3], expected: [(f64, f64); 3]| {
+            for ((k, sigma), (k_expected, sigma_expected)) in found.into_iter().zip(expected) {
+                assert!(
+                    (k - k_expected).abs() < 1e-12 && (sigma - sigma_expected).abs() < 1e-12,
+                    "{found:?}"
+                );
+            }
+        };
+        let wider = 0.01_f64.hypot(0.01);
+        near(
+            shorts([0.04, 0.045, 0.24], 0.01, 0.09),
+            [(0.0, 0.01), (0.005, wider), (0.2, wider)],
+        );
+        // What is known stays as it is, and so does what no temperature explains.
+        near(
+            shorts([0.04, 0.045, 0.24], 0.01, 0.0),
+            [(0.04, 0.01), (0.045, 0.01), (0.24, 0.01)],
+        );
+        near(
+            shorts([0.5; 3], 0.01, 0.09),
+            [(0.41, 0.01), (0.41, wider), (0.41, wider)],
+        );
+        near(
+            shorts([0.0, 0.1, 0.1], 0.01, 0.09),
+            [(0.0, 0.01), (0.1, 0.01), (0.1, 0.01)],
+        );
     }
 }

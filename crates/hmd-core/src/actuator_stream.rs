@@ -25,6 +25,12 @@ use crate::sample::{MeasuredConditions, SampleRate};
 use crate::sensor_checks::UnseenMotion;
 use crate::window::{TimedSample, Window, WindowConfig, Windower};
 
+/// Standard deviations of the jitter that the rate may be off by.
+const JITTER_SIGMAS: f64 = 3.0;
+
+/// Most that a rate may be off by for jitter, as a share.
+const JITTER_MAX: f64 = 0.05;
+
 /// Samples that wait until the sample rate is known.
 const RATE_SAMPLES: usize = 16;
 
@@ -325,7 +331,7 @@ impl ActuatorStream {
         let control_s = params.controller.period;
         let whole = (1.0 / (rate.hz * control_s)).round().max(1.0);
         let whole_hz = 1.0 / (whole * control_s);
-        let is_whole = rate.is_measured && (whole_hz / rate.hz - 1.0).abs() < RATE_ROUNDING;
+        let is_whole = rate.is_measured && (whole_hz / rate.hz - 1.0).abs() < rate.uncertainty;
         let rate = SampleRate {
             hz: if is_whole { whole_hz } else { rate.hz },
             ..rate
@@ -366,11 +372,10 @@ impl ActuatorStream {
                 })
                 .map_err(|e| e.to_string()),
             Err(_) if rate.is_measured => Err(format!(
-                "its clock shows {:.1} samples/s, of a period that is no whole number of control periods of {} ms; if that is \
-                 wrong, leave sample.time out of the map and set sensors.sample_rate_hz of type {}",
+                "its clock shows {:.1} samples/s, of a period that is no whole number of control periods of {} ms{}",
                 rate.hz,
                 1e3 * control_s,
-                self.actuator.type_name
+                self.advice_for_rate(rate.hz)
             )),
             Err(e) => Err(e.to_string()),
         };
@@ -378,6 +383,21 @@ impl ActuatorStream {
             outbox.push_notice(stamp_ns, format!("{name}: not monitored: {why}"));
             Windowing::Refused(0)
         })
+    }
+
+    /// What to do about a rate that no window can have.
+    fn advice_for_rate(&self, rate_hz: f64) -> String {
+        let control_s = self.actuator.params.controller.period;
+        let usable_hz = 1.0 / ((1.0 / (rate_hz * control_s)).ceil().max(1.0) * control_s);
+        match &self.actuator.log {
+            Some(log) if log.resampling().is_none() => format!(
+                "; resample_hz = {usable_hz:.0} in [map] interpolates its values, clock = \"receiver\" there takes the rate of the type"
+            ),
+            _ => format!(
+                "; if that is wrong, leave sample.time out of the map and set sensors.sample_rate_hz of type {}",
+                self.actuator.type_name
+            ),
+        }
     }
 
     /// Why windows are cut at the nominal rate, and whether the stamps of the first samples and the last contradict it.
@@ -526,14 +546,24 @@ fn measured_rate(periods_us: &mut [u16], nominal_hz: f64) -> SampleRate {
     // The clock's own step, where it shows: the mean is off by at most one step in all the time summed up.
     let step = near.clone().fold(0, |step, us| gcd(step, us as u16));
     let coarse = near.clone().any(|us| us as u16 != step);
-    let rounding = if coarse {
-        RATE_ROUNDING.max(f64::from(step) / sum)
+    let by_step = if coarse { f64::from(step) / sum } else { 0.0 };
+    // Periods further apart than one step: stamps jitter. What is off in one period is made good in the next, so that the first and
+    // the last stamp decide.
+    let (least, most) = near
+        .clone()
+        .fold((f64::MAX, 0.0_f64), |(least, most), us| (least.min(us), most.max(us)));
+    let mean = sum / count;
+    let scatter = (near.map(|us| (us - mean).powi(2)).sum::<f64>() / count).sqrt();
+    let by_jitter = if most - least > f64::from(step) {
+        (JITTER_SIGMAS * scatter / sum).min(JITTER_MAX)
     } else {
-        RATE_ROUNDING
+        0.0
     };
-    let is_nominal = (hz - nominal_hz).abs() <= rounding * nominal_hz;
+    let uncertainty = RATE_ROUNDING.max(by_step).max(by_jitter);
+    let is_nominal = (hz - nominal_hz).abs() <= uncertainty * nominal_hz;
     SampleRate {
         hz: if is_nominal { nominal_hz } else { hz },
+        uncertainty,
         is_measured: true,
     }
 }
@@ -605,6 +635,17 @@ mod tests {
         // Jitter does not make the clock coarse: a step of 1 µs.
         let mut jitter: Vec<u16> = (0..15).map(|n| 2490 + 3 * (n % 3)).collect();
         assert!((measured_rate(&mut jitter, 402.0).hz - 401.1).abs() < 0.1);
+        // Stamps off by 50 µs (rms) of 1 ms: the nominal rate may be it, a rate far off is not.
+        let stamp = |n: u32| 1000 * n + [20, 90, 0, 110, 45, 30, 130, 60, 10, 75][n as usize % 10];
+        let mut jitter: Vec<u16> = (1..RATE_SAMPLES as u32)
+            .map(|n| (stamp(n) - stamp(n - 1)) as u16)
+            .collect();
+        let found = measured_rate(&mut jitter, 1000.0);
+        assert!(
+            (found.hz - 1000.0).abs() < f64::EPSILON && found.uncertainty > 0.005,
+            "{found:?}"
+        );
+        assert!((measured_rate(&mut jitter, 1100.0).hz - 1000.0).abs() < 20.0);
         // Another rate is no rounding.
         assert!((rate(402.3, 1.0).hz - 402.3).abs() < 0.1);
         assert!((rate(625.0, 100.0).hz - 625.0).abs() < 6.0);

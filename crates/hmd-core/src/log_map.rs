@@ -148,8 +148,17 @@ pub struct LogMap {
     names: ModeNames,
     #[serde(skip_serializing_if = "Option::is_none")]
     current_bandwidth_hz: Option<u32>,
-    #[serde(skip_serializing_if = "core::ops::Not::not")]
-    is_resampled: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    resampling: Option<Resampling>,
+}
+
+/// Times at which currents and angles are interpolated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub enum Resampling {
+    /// Those of the first current, of a log with signals of several rates.
+    AtCurrents,
+    /// Even ones, so many a second, of a log whose own rate is of no use.
+    Even(u32),
 }
 
 /// Why columns make no map. Displays as what is expected.
@@ -178,7 +187,7 @@ impl LogMap {
             modes,
             names,
             current_bandwidth_hz: None,
-            is_resampled: false,
+            resampling: None,
         };
         let has = |role: Role| map.has(Quantity::Of(role));
         let phases = [Role::CurrentA, Role::CurrentB, Role::CurrentC].map(has);
@@ -205,16 +214,16 @@ impl LogMap {
         }
     }
 
-    /// The same of a log whose signals have their values at different times.
+    /// The same of a log whose currents and angles are interpolated.
     #[must_use]
-    pub fn with_resampling(self, is_resampled: bool) -> Self {
-        Self { is_resampled, ..self }
+    pub fn with_resampling(self, resampling: Option<Resampling>) -> Self {
+        Self { resampling, ..self }
     }
 
-    /// Whether currents and angles are interpolated at the times of the first current.
+    /// Times at which currents and angles are interpolated; `None`: they are taken as they are.
     #[must_use]
-    pub fn is_resampled(&self) -> bool {
-        self.is_resampled
+    pub fn resampling(&self) -> Option<Resampling> {
+        self.resampling
     }
 
     /// Its columns.
@@ -247,7 +256,7 @@ impl LogMap {
     pub fn gaps(&self) -> impl Iterator<Item = Gap> {
         let of_columns = Gap::OF_COLUMNS.into_iter().filter(|gap| gap.is_in(self));
         let of_columns = of_columns.chain(self.current_bandwidth_hz.map(Gap::FilteredCurrents));
-        of_columns.chain(self.is_resampled.then_some(Gap::Resampled))
+        of_columns.chain(self.resampling.map(Gap::Resampled))
     }
 
     /// The code of a mode that a log has as text; `None` where no name is configured.

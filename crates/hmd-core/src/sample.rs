@@ -8,6 +8,8 @@ use ema_wire::quantity;
 pub struct SampleRate {
     /// Samples per second.
     pub hz: f64,
+    /// Share that it may be off by, as far as it was measured.
+    pub uncertainty: f64,
     /// Whether it was measured by the device's own time; otherwise it is the nominal rate.
     pub is_measured: bool,
 }
@@ -15,7 +17,11 @@ pub struct SampleRate {
 impl SampleRate {
     /// The nominal rate, where the device's time shows none.
     pub(crate) fn nominal(hz: f64) -> Self {
-        Self { hz, is_measured: false }
+        Self {
+            hz,
+            uncertainty: 0.0,
+            is_measured: false,
+        }
     }
 }
 

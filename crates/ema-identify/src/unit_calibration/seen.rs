@@ -4,7 +4,7 @@ use core::f64::consts::TAU;
 use core::fmt;
 use std::vec::Vec;
 
-use ema_models::{ActuatorParams, Scale, SensedSample, Setpoint};
+use ema_models::{ActuatorParams, BACK_EMF_PER_KELVIN, Scale, SensedSample, Setpoint};
 use serde::{Deserialize, Serialize};
 
 use crate::relations::WindingTemp;
@@ -131,6 +131,9 @@ impl Unseen {
 /// neodymium 0.12 %, and 0.1 % are taken; magnets follow the winding late.
 const MAGNET_SIGMA_PER_KELVIN: f64 = 3e-4;
 
+/// Temperatures that a motor without a sensor may be off by from those of commissioning, K: most of −40 to 120 °C about a room's.
+const UNKNOWN_TEMPERATURE_K: f64 = 90.0;
+
 /// Temperature beyond the range that changes little, K.
 const TEMPERATURE_MARGIN_K: f64 = 15.0;
 
@@ -177,6 +180,17 @@ impl Seen {
     pub fn magnet_sigma(&self, read: Option<f64>) -> f64 {
         let off = self.winding_temp(read).map_or(0.0, |temp| temp.now - temp.commissioned);
         MAGNET_SIGMA_PER_KELVIN * off.abs()
+    }
+
+    /// Largest share by which the torque for each ampere may have changed since commissioning, where the winding temperature of then or of a
+    /// window is not known; 0 where both are.
+    #[must_use]
+    pub fn torque_change_max(&self, read: Option<f64>) -> f64 {
+        if read.is_some() && self.winding_temp_deg_c.is_some() {
+            0.0
+        } else {
+            (BACK_EMF_PER_KELVIN * UNKNOWN_TEMPERATURE_K).abs()
+        }
     }
 
     /// The same with the sectors of the rotor, which matter behind a spring, and where the motor makes a part of a turn from sample to sample;

@@ -75,14 +75,14 @@ fn shown(estimate: &Estimate, parameter: usize) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::estimate::UNMODELLED_COST;
     use crate::relations::Needed;
     use ema_models::MotorDeviation;
     use std::vec::Vec;
 
-    fn estimate(k: [f64; FAULT_COUNT], sigma: [Option<f64>; FAULT_COUNT]) -> UnitEstimate {
+    pub(in super::super) fn estimate(k: [f64; FAULT_COUNT], sigma: [Option<f64>; FAULT_COUNT]) -> UnitEstimate {
         let fault = FaultVector::from_array(k);
         UnitEstimate {
             estimate: Estimate {

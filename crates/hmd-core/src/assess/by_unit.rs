@@ -10,6 +10,7 @@ use ema_models::{Conditions, FAULT_COUNT, FaultId};
 use super::AssessError;
 use crate::outbox::WindowJob;
 use crate::outliers::{estimate_without_outliers, identify_without_outliers};
+use crate::sample::MeasuredConditions;
 use crate::window::Window;
 
 /// What an identification finds in a window.
@@ -45,6 +46,8 @@ pub(super) fn estimate(
     job.window.output_zero_rad = unit.output_zero_rad;
     let winding_temp = unit.seen.winding_temp(conditions.winding_temp_deg_c);
     let mut reasons = Vec::new();
+    let measured = job.conditions;
+    let not_explained = |relations: &[Relation]| not_explained(relations, &measured);
     let of_relations = |job: &mut WindowJob| match &unit.relations {
         Some(relations) => by_relations(relations, identifier, job, (conditions, winding_temp), effort),
         None => Ok(None),
@@ -105,7 +108,9 @@ pub(super) fn estimate(
             found.estimate.inferred = by_relations.estimate.inferred;
         }
     }
-    found = found.with_torque_sigma(unit.seen.magnet_sigma(conditions.winding_temp_deg_c));
+    found = found
+        .without_common_short(unit.seen.torque_change_max(conditions.winding_temp_deg_c))
+        .with_torque_sigma(unit.seen.magnet_sigma(conditions.winding_temp_deg_c));
     let motion = motion_of(job);
     let unseen = unit.seen.unseen(&motion, &job.params);
     let is_rigid = |relations: &UnitRelations| relations.commissioned.balance.shape.compliance.is_rigid();
@@ -193,18 +198,33 @@ fn may_fall_back(found: &UnitEstimate, monitor: &UnitMonitor) -> bool {
 }
 
 /// The reason that names the relations which do not explain a window. One alone points at what only it reads.
-fn not_explained(relations: &[Relation]) -> Option<String> {
+fn not_explained(relations: &[Relation], measured: &MeasuredConditions) -> Option<String> {
     match relations {
         [] => None,
         [alone] => Some(format!(
-            "{} alone not explained: check {}",
+            "{} alone not explained: check {}{}",
             name_of(*alone),
-            suspects(*alone)
+            suspects(*alone),
+            if *alone == Relation::TorqueBalance {
+                not_measured(measured)
+            } else {
+                ""
+            }
         )),
         several => {
             let names: Vec<&str> = several.iter().copied().map(name_of).collect();
             Some(format!("not explained: {}", names.join(", ")))
         }
+    }
+}
+
+/// What else the torque may depend on, as far as nobody measures it.
+fn not_measured(measured: &MeasuredConditions) -> &'static str {
+    match (measured.winding_temp_deg_c, measured.load_torque_nm) {
+        (None, None) => ", and temperature and load, which are not measured",
+        (None, Some(_)) => ", and the temperature, which is not measured",
+        (Some(_), None) => ", and the load, which is not measured",
+        (Some(_), Some(_)) => "",
     }
 }
 
@@ -268,7 +288,16 @@ mod tests {
 
     #[test]
     fn one_relation_alone_points_at_what_it_reads() {
+        let measured = MeasuredConditions::default();
+        let not_explained = |relations: &[Relation]| not_explained(relations, &measured);
         assert_eq!(not_explained(&[]), None);
+        let torque = not_explained(&[Relation::TorqueBalance]);
+        assert_eq!(
+            torque.as_deref(),
+            Some(
+                "torque balance alone not explained: check phase currents and motor, and temperature and load, which are not measured"
+            )
+        );
         let alone = not_explained(&[Relation::Transmission]);
         assert_eq!(
             alone.as_deref(),

@@ -137,7 +137,9 @@ impl BusConfig {
     pub(super) fn loads(&self, actuators: &[ActuatorConfig], serial: &[SerialConfig]) -> Vec<BusLoad> {
         let line = |bus: Option<&str>| serial.iter().find(|line| Some(line.bus.as_str()) == bus);
         let mut by_bus: BTreeMap<Option<&str>, (usize, f64)> = BTreeMap::new();
-        for actuator in actuators {
+        // The samples of a log of signals are on no bus.
+        let is_on_bus = |actuator: &&ActuatorConfig| actuator.log.is_none() || actuator.drive_bus.is_some();
+        for actuator in actuators.iter().filter(is_on_bus) {
             let (count, load) = by_bus.entry(actuator.bus.as_deref()).or_default();
             *count += 1;
             let sample_rate_hz = actuator.params.sensors.sample_rate;

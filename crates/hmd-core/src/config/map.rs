@@ -1,16 +1,23 @@
 //! Section `[map]`: which columns of a log of measured signals are an actuator's quantities.
 
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use super::reader::Section;
 use super::{ActuatorConfig, ConfigError};
 use crate::dbc::{ModeCodes, Role};
-use crate::log_map::{Clock, Column, LogMap, ModeNames, Quantity};
+use crate::log_map::{Clock, Column, LogMap, ModeNames, Quantity, Resampling};
 
 /// Keys of the section itself.
-pub(super) const KEYS: [&str; 9] = [
-    "actuator", "time", "clock", "resample", "currents", "position", "command", "sample", "status",
+pub(super) const KEYS: [&str; 10] = [
+    "actuator", "time", "clock", "resample", EVEN, "currents", "position", "command", "sample", "status",
 ];
+
+/// Key of the rate at which currents and angles are interpolated.
+const EVEN: &str = "resample_hz";
+
+/// Such rates.
+const EVEN_HZ: RangeInclusive<u32> = 50..=20_000;
 
 /// Key beside the currents: where the drive filters them.
 const BANDWIDTH: &str = "bandwidth_hz";
@@ -73,7 +80,15 @@ pub(super) fn read(root: &Section<'_>, actuators: &mut [ActuatorConfig]) -> Resu
     let map = LogMap::new(reader.columns, clock, reader.modes, reader.names);
     let map = map.map_err(|misfit| section.refuse_self(&misfit.to_string(), "none"))?;
     let map = map.with_current_bandwidth(bandwidth_hz);
-    actuator.log = Some(Arc::new(map.with_resampling(section.flag("resample", false)?)));
+    let at_currents = section.flag("resample", false)?.then_some(Resampling::AtCurrents);
+    let even = section.integer(EVEN, EVEN_HZ)?.map(Resampling::Even);
+    if even.is_some() && (map.has(Quantity::Counter) || map.has(Quantity::Of(Role::Time))) {
+        return Err(section.refuse(
+            EVEN,
+            "neither sample.counter nor sample.time beside it: its samples are others",
+        ));
+    }
+    actuator.log = Some(Arc::new(map.with_resampling(even.or(at_currents))));
     Ok(())
 }
 

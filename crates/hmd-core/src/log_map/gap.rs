@@ -4,7 +4,7 @@ use std::fmt;
 
 use ema_models::FaultId;
 
-use super::{LogMap, Quantity};
+use super::{LogMap, Quantity, Resampling};
 use crate::dbc::Role;
 
 /// Something that a log does not have, so that less is known of every window in it. A missing counter is a handicap of the window, with
@@ -23,8 +23,8 @@ pub enum Gap {
     SetPoint,
     /// Currents as they flow: the drive filters them at so many Hz.
     FilteredCurrents(u32),
-    /// Values of all signals at the same times.
-    Resampled,
+    /// Values of all signals at the same times, or at even ones.
+    Resampled(Resampling),
 }
 
 impl Gap {
@@ -46,7 +46,7 @@ impl Gap {
             Self::DirectCurrent => is_dq && lacks(Quantity::CurrentD),
             Self::OutputAngle => lacks(Quantity::Of(Role::OutputPosition)),
             Self::SetPoint => !map.has_command(),
-            Self::FilteredCurrents(_) | Self::Resampled => true,
+            Self::FilteredCurrents(_) | Self::Resampled(_) => true,
         }
     }
 
@@ -54,7 +54,7 @@ impl Gap {
     #[must_use]
     pub fn hides(self) -> &'static [FaultId] {
         match self {
-            Self::ThirdPhase | Self::Phases | Self::FilteredCurrents(_) | Self::Resampled => &[],
+            Self::ThirdPhase | Self::Phases | Self::FilteredCurrents(_) | Self::Resampled(_) => &[],
             // Shorted turns unbalance the phases, which shows as ripple of both currents of the rotor's frame.
             Self::DirectCurrent => &[FaultId::ShortA, FaultId::ShortB, FaultId::ShortC],
             Self::OutputAngle => &[FaultId::Backlash],
@@ -73,7 +73,10 @@ impl fmt::Display for Gap {
             Self::Phases => "currents of d and q: the sum of the phases is not checked",
             Self::DirectCurrent => "no currents.d: it is taken as 0, and shorts are not observable",
             Self::OutputAngle => "no position.output: the gear is taken as rigid, and backlash is not observable",
-            Self::Resampled => "signals of several rates: interpolated at the times of the currents",
+            Self::Resampled(Resampling::AtCurrents) => {
+                "signals of several rates: interpolated at the times of the currents"
+            }
+            Self::Resampled(Resampling::Even(hz)) => return write!(f, "currents and angles interpolated at {hz} Hz"),
             Self::SetPoint => "no set point: motion begins a window, and controller gain is not observable",
         })
     }

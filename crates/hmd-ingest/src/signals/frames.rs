@@ -7,10 +7,10 @@ use ema_wire::can::FD_LEN;
 use ema_wire::{ActuatorId, Frame, SampleFd};
 use hmd_core::config::ActuatorConfig;
 use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
-use hmd_core::log_map::{Column, LogMap, Quantity, RowDecoder};
+use hmd_core::log_map::{Column, LogMap, Quantity, Resampling, RowDecoder};
 
 use super::log::{Between, Interpolated, SignalInfo, SignalLog, Unusable};
-use super::resampled::Resampled;
+use super::resampled::{Base, Resampled};
 use crate::damage::{Damage, Place};
 
 /// Rows that are looked at before the first is decoded: their times show the period.
@@ -90,12 +90,19 @@ impl MappedFrames {
         }
         let of = |is: fn(&Quantity) -> bool| columns.iter().position(|column| is(&column.quantity));
         let (time, base) = (of(|quantity| *quantity == Quantity::Time), of(Quantity::is_current));
-        if let (true, Some(time), Some(base)) = (map.is_resampled(), time, base) {
-            places[base].1 = Between::Unknown;
-            log.select(&places)?;
+        let base = match (map.resampling(), time, base) {
+            (Some(Resampling::AtCurrents), _, Some(base)) => {
+                places[base].1 = Between::Unknown;
+                Some(Base::Column(base))
+            }
+            (Some(Resampling::Even(hz)), Some(time), _) => Some(Base::Even {
+                step: (1e6 / f64::from(hz) / units[time].scale).abs(),
+            }),
+            _ => None,
+        };
+        log.select(&places)?;
+        if let (Some(base), Some(time)) = (base, time) {
             log = Box::new(Resampled::new(log, &places, time, base));
-        } else {
-            log.select(&places)?;
         }
         let bus = actuator.bus.as_deref().unwrap_or(INTERFACE);
         let bus = names
@@ -217,7 +224,7 @@ impl Iterator for MappedFrames {
 fn between(column: &Column, map: &LogMap) -> Between {
     if column.quantity.is_held() {
         Between::Held
-    } else if map.is_resampled() && column.quantity.is_continuous() {
+    } else if map.resampling().is_some() && column.quantity.is_continuous() {
         Between::Linear {
             wraps_after: column.wraps_after,
         }

@@ -1,6 +1,6 @@
-//! [`Resampled`]: a log whose signals have their values at different times -> rows at the times of its currents.
+//! [`Resampled`]: a log whose signals have their values at different times -> rows at the times of its currents, or at even times.
 //!
-//! A row is a sample where the base, the first column but the time, has a value. Between two of its own values another signal lies on the
+//! A row is a sample where the base ([`Base`]) has one. Between two of its own values another signal lies on the
 //! line through them; a twice differentiable signal is then off by at most `h² max|x''| / 8`, with the distance `h` of the two. `x''` is
 //! estimated by the second divided difference of values in sequence, so that noise counts as error. Values further apart than
 //! [`STEPS_MAX`] samples are no neighbours: what lies between them is missing.
@@ -16,12 +16,26 @@ const STEPS_MAX: f64 = 8.0;
 /// Most rows that wait for a later value; the oldest goes on without it.
 const QUEUE_MAX: usize = 1024;
 
+/// What makes a sample.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Base {
+    /// A value in this column.
+    Column(usize),
+    /// A step of time, in the log's numbers.
+    Even {
+        /// Its length.
+        step: f64,
+    },
+}
+
 /// A log with values for each of its samples.
 #[derive(Debug)]
 pub(super) struct Resampled {
     log: Box<dyn SignalLog>,
     time: usize,
-    base: usize,
+    base: Base,
+    /// First time of the log, and number of the next even step from there.
+    even: Option<(f64, f64)>,
     courses: Vec<Course>,
     queue: VecDeque<Result<Waiting, Damage>>,
     /// Time of the sample before, and the least distance of two, in the log's numbers.
@@ -51,8 +65,8 @@ struct Waiting {
 }
 
 impl Resampled {
-    /// `log` with these signals selected; `time` and `base` are places among them.
-    pub(super) fn new(log: Box<dyn SignalLog>, selected: &[(usize, Between)], time: usize, base: usize) -> Self {
+    /// `log` with these signals selected; `time` is a place among them.
+    pub(super) fn new(log: Box<dyn SignalLog>, selected: &[(usize, Between)], time: usize, base: Base) -> Self {
         let course = |&(_, between): &(usize, Between)| Course {
             between,
             before: None,
@@ -64,6 +78,7 @@ impl Resampled {
             log,
             time,
             base,
+            even: None,
             courses: selected.iter().map(course).collect(),
             queue: VecDeque::new(),
             last_sample: f64::NAN,
@@ -89,12 +104,21 @@ impl Resampled {
 
     fn take(&mut self, mut row: Vec<f64>) {
         let time = row[self.time];
-        let is_sample = row[self.base].is_finite();
-        if is_sample {
-            let step = time - self.last_sample;
-            if step > 0.0 {
-                self.least_step = self.least_step.min(step);
+        let is_sample = match self.base {
+            Base::Column(base) => {
+                let is_sample = row[base].is_finite();
+                let step = time - self.last_sample;
+                if is_sample && step > 0.0 {
+                    self.least_step = self.least_step.min(step);
+                }
+                is_sample
             }
+            Base::Even { step } => {
+                self.least_step = step;
+                self.add_even(time, step)
+            }
+        };
+        if is_sample {
             self.last_sample = time;
         }
         let step_max = STEPS_MAX * self.least_step;
@@ -105,8 +129,8 @@ impl Resampled {
                     course.fill(n, self.time, [time, value], step_max, &mut self.queue);
                 }
                 (course.before, course.last) = (course.last, Some([time, value]));
-            } else if let (Between::Held, Some([_, held])) = (course.between, course.last) {
-                row[n] = held;
+            } else if course.held().is_finite() {
+                row[n] = course.held();
             }
         }
         if is_sample {
@@ -116,6 +140,34 @@ impl Resampled {
                 is_outside: false,
             }));
         }
+    }
+
+    /// Adds the even steps before a time, which wait for the values at that time; across a longer pause there are none. Whether one
+    /// falls on the time itself.
+    fn add_even(&mut self, time: f64, step: f64) -> bool {
+        /// A step that is this near to a time, in steps, falls on it.
+        const SAME: f64 = 1e-6;
+        if !time.is_finite() {
+            return false;
+        }
+        let (first, next) = self.even.unwrap_or((time, 0.0));
+        let number = (time - first) / step;
+        // Beyond lies a pause, or a clock that was set back.
+        let is_near = (-1.0..=STEPS_MAX).contains(&(number - next));
+        let mut next = if is_near { next } else { (number - SAME).ceil() };
+        while next < number - SAME {
+            let mut row: Vec<f64> = self.courses.iter().map(Course::held).collect();
+            row[self.time] = first + next * step;
+            self.queue.push_back(Ok(Waiting {
+                place: self.log.place(),
+                row,
+                is_outside: false,
+            }));
+            next += 1.0;
+        }
+        let falls_on = next <= number + SAME;
+        self.even = Some((first, if falls_on { next + 1.0 } else { next }));
+        falls_on
     }
 
     /// The log's last values are behind: rows that follow one of them closely are no samples.
@@ -182,6 +234,14 @@ impl SignalLog for Resampled {
 impl Course {
     fn is_linear(&self) -> bool {
         matches!(self.between, Between::Linear { .. })
+    }
+
+    /// The last value of a signal that holds it.
+    fn held(&self) -> f64 {
+        match (self.between, self.last) {
+            (Between::Held, Some([_, held])) => held,
+            _ => f64::NAN,
+        }
     }
 
     /// Difference of two values, of an angle that begins again the short way.
@@ -258,7 +318,7 @@ mod tests {
             (3, Between::Held),
         ];
         log.select(&selected).unwrap();
-        let mut log = Resampled::new(Box::new(log), &selected, 0, 1);
+        let mut log = Resampled::new(Box::new(log), &selected, 0, Base::Column(1));
         let mut rows = Vec::new();
         let mut row = [0.0; 4];
         while let Some(read) = log.next_row(&mut row, &|_, _| None) {
@@ -329,5 +389,33 @@ mod tests {
             let is_missing = (20.0..40.0).contains(&row[0]) || row[0] > 48.0;
             assert_eq!(row[2].is_nan(), is_missing, "{row:?}");
         }
+    }
+
+    #[test]
+    fn even_steps_lie_between_the_rows_and_not_across_a_pause() {
+        // 3 rows a unit of time; x = 3 t, the command changes at 1. Then a pause of 100.
+        let mut text = "t,x,c\n".to_owned();
+        for n in 0..=6 {
+            let t = f64::from(n) / 3.0;
+            text += &format!("{t},{n},{}\n", i32::from(t >= 1.0));
+        }
+        text += "102.1,0,5\n102.4,3,5\n";
+        let mut log = CsvLog::new(Cursor::new(text), "a.csv").unwrap();
+        let selected = [(0, Between::Unknown), (1, LINEAR), (2, Between::Held)];
+        log.select(&selected).unwrap();
+        let mut log = Resampled::new(Box::new(log), &selected, 0, Base::Even { step: 0.25 });
+        let (mut rows, mut row) = (Vec::new(), [0.0; 3]);
+        while let Some(read) = log.next_row(&mut row, &|_, _| None) {
+            read.unwrap();
+            rows.push(row);
+        }
+        let times: Vec<f64> = rows.iter().map(|row| row[0]).collect();
+        let expected: Vec<f64> = (0..=8).map(|n| f64::from(n) * 0.25).chain([102.25]).collect();
+        assert_eq!(times, expected);
+        for [t, x, c] in &rows[..9] {
+            assert!((x - 3.0 * t).abs() < 1e-9, "{t} {x}");
+            assert_eq!(*c, f64::from(i32::from(*t >= 1.0)), "{t}");
+        }
+        assert!((rows[9][1] - 1.5).abs() < 1e-9, "{:?}", rows[9]);
     }
 }

@@ -242,6 +242,7 @@ columns! {
 pub fn raw_heads() -> Vec<Head> {
     let rate = SampleRate {
         hz: 0.0,
+        uncertainty: 0.0,
         is_measured: false,
     };
     let sensed = SensedSample {

@@ -159,6 +159,9 @@ impl Window {
     }
 }
 
+/// Times further apart than this, between windows, are no loss where nothing counts samples: recordings begin and end.
+const PAUSE_S: f64 = 0.5;
+
 /// What a [`Windower`] has seen since it was made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StreamCounts {
@@ -168,6 +171,8 @@ pub struct StreamCounts {
     pub duplicates: u64,
     /// Samples missing by their counter.
     pub missing: u64,
+    /// Pauses of samples that nothing counts: whatever lay in them was perhaps never sampled.
+    pub pauses: u64,
     /// Times the counter went back.
     pub restarts: u64,
     /// Samples whose setpoint lasted one sample only, or was no number.
@@ -331,7 +336,12 @@ impl Windower {
             .ring
             .latest()
             .map_or(0, |latest| slot.sample.seq - latest.sample.seq - 1);
-        self.counts.missing = self.counts.missing.saturating_add(gap);
+        let is_pause = self.limits.is_numbered_by_time && gap as f64 > PAUSE_S * self.limits.sample_rate;
+        if is_pause && self.open.is_none() {
+            self.counts.pauses += 1;
+        } else {
+            self.counts.missing = self.counts.missing.saturating_add(gap);
+        }
         let completed = self.bridge(gap);
         completed.or(self.advance(slot, may_open))
     }

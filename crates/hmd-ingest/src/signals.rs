@@ -5,6 +5,7 @@
 //! one sample, behind a status frame where the conditions changed, on the actuator's interface, so that everything behind a reader is the
 //! same for every log. How rows become samples: [`hmd_core::log_map::RowDecoder`].
 
+mod course;
 mod csv;
 mod frames;
 mod log;

@@ -11,6 +11,7 @@
 pub mod commands;
 pub mod daemon;
 mod local_server;
+mod recorded_use;
 pub mod replay;
 #[cfg(feature = "full")]
 pub mod serve;

@@ -8,6 +8,7 @@ use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::recorded_use::RecordedUse;
 use ema_identify::effort::{Effort, RecordedGrants};
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Estimator, Identification};
 use hmd_core::config::{ActuatorConfig, Config};
@@ -190,7 +191,7 @@ pub trait Observer {
 }
 
 /// Losses of one log that are told one by one; of the others, their number. All are counted.
-const LOSSES_TOLD: u64 = 20;
+pub(crate) const LOSSES_TOLD: u64 = 20;
 
 /// How a log follows the one before.
 enum Succession {
@@ -216,6 +217,7 @@ struct Run<'a, O> {
     damaged_places: u64,
     /// Losses of the log that is read; the first [`LOSSES_TOLD`] are told one by one.
     losses_of_log: u64,
+    recorded: RecordedUse,
     /// Serial numbers by actuator, by the logs so far.
     serial_numbers: BTreeMap<String, String>,
     /// Run and number of the segment read last, if it was one.
@@ -282,6 +284,7 @@ impl Replay<'_> {
             newest_ns: BTreeMap::new(),
             damaged_places: 0,
             losses_of_log: 0,
+            recorded: RecordedUse::default(),
             serial_numbers: BTreeMap::new(),
             segment: None,
         };
@@ -304,6 +307,11 @@ impl Replay<'_> {
             names = run.one_log(log, source, continued, &mut read_before, store_raw)?;
         }
         run.end_windows()?;
+        let of_use: Vec<String> = run.recorded.notices().collect();
+        for message in of_use {
+            let stamp_ns = run.pipeline.last_stamp_ns();
+            run.notice(&Notice { stamp_ns, message }, LogLevel::Warning)?;
+        }
         run.finish(&names)
     }
 
@@ -464,6 +472,7 @@ impl<O: Observer> Run<'_, O> {
             if let Some(recorder) = &mut self.recorder {
                 recorder.write_assessed(&assessed)?;
             }
+            self.recorded.add(&assessed.rul);
             self.observer.assessed(&assessed).map_err(ReplayError::Stdout)?;
         }
         Ok(())
@@ -581,6 +590,7 @@ mod tests {
             newest_ns: BTreeMap::new(),
             damaged_places: 0,
             losses_of_log: 0,
+            recorded: RecordedUse::default(),
             serial_numbers: BTreeMap::new(),
             segment: None,
         };

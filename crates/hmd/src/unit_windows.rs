@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use crate::replay::LOSSES_TOLD;
 use hmd_core::assess::WindowCounts;
 use hmd_core::config::Config;
 use hmd_core::frame::BusNames;
@@ -50,18 +51,25 @@ pub fn windows_of(
         let mut source = open_mapped(log, names, config)?;
         // Each log is a recording of its own: nothing is carried over.
         let mut pipeline = Pipeline::new(config.clone());
-        let mut damaged_places = 0;
+        let (mut damaged_places, mut losses) = (0, 0_u64);
         while let Some(item) = source.next() {
             match item {
                 Ok(frame) => pipeline.push(&frame, source.bus_names()),
                 Err(loss) => {
                     damaged_places += loss.count_into(&mut pipeline.losses);
-                    report(&loss.to_string());
+                    losses += 1;
+                    if losses <= LOSSES_TOLD {
+                        report(&loss.to_string());
+                    }
                 }
             }
             for notice in pipeline.take_notices() {
                 report(&notice.message);
             }
+        }
+        if losses > LOSSES_TOLD {
+            let untold = losses - LOSSES_TOLD;
+            report(&format!("{}: data lost at {untold} more places", log.display()));
         }
         for remark in source.remarks() {
             report(&remark);

@@ -125,7 +125,21 @@ const COMMANDED: [&str; 7] = ["set", "cmd", "command", "demand", "target", "ref"
 
 /// Parts of the names of angles of the motor and of the output.
 const MOTOR: [&str; 3] = ["motor", "rotor", "resolver"];
-const OUTPUT: [&str; 5] = ["output", "shaft", "joint", "surface", "encoder"];
+const OUTPUT: [&str; 12] = [
+    "output", "shaft", "joint", "surface", "encoder", "load", "flap", "aileron", "elevator", "rudder", "spoiler",
+    "slat",
+];
+
+/// Parts of the names of angles, which need no unit to say so.
+const ANGLE: [&str; 7] = ["angle", "pos", "theta", "phi", "count", "enc", "resolver"];
+
+/// Words in the names of currents that do not say which.
+const OF_CURRENTS: [&str; 11] = [
+    "current", "phase", "ph", "motor", "stator", "meas", "measured", "act", "actual", "foc", "i",
+];
+
+/// Units that names end with in lower case, too.
+const UNITS: [&str; 9] = ["mA", "A", "mV", "V", "Nm", "degC", "rad/s", "counts", "Hz"];
 
 impl Quantity {
     /// What a column of this name and unit may be; where it has no unit, also by the one that its name ends with, as in `iq_A` and
@@ -135,10 +149,17 @@ impl Quantity {
         let by_ending = || {
             name.match_indices('_').find_map(|(at, _)| {
                 let ending = name[at + 1..].replace('_', "/");
-                Some((Self::guess_with(&name[..at], Some(&ending))?, Some(ending)))
+                let known = UNITS.iter().find(|unit| unit.eq_ignore_ascii_case(&ending));
+                let unit = known.map_or(ending.as_str(), |unit| *unit).to_owned();
+                Some((Self::guess_with(&name[..at], Some(&unit))?, Some(unit)))
             })
         };
-        let plain = || Some((Self::guess_with(name, unit)?, None));
+        // A group before the signal says little.
+        let alone = name.rsplit(['.', '/', ':']).next().filter(|alone| !alone.is_empty());
+        let plain = || {
+            let of_alone = || Self::guess_with(alone?, unit);
+            Some((Self::guess_with(name, unit).or_else(of_alone)?, None))
+        };
         if unit.is_some() {
             plain()
         } else {
@@ -161,9 +182,14 @@ impl Quantity {
         if let Some((quantity, _)) = named {
             return Some(quantity);
         }
-        // A part of a name says something beside a unit alone.
-        unit?;
+        if let Some(current) = current(name).filter(|quantity| fits(*quantity)) {
+            return Some(current);
+        }
         let has = |parts: &[&str]| parts.iter().any(|part| plain.contains(part));
+        // A part of a name says something beside a unit, or a word for an angle, alone.
+        if unit.is_none() && !(has(&ANGLE) && (has(&MOTOR) || has(&OUTPUT)) && !has(&COMMANDED)) {
+            return None;
+        }
         let of = |role: Role| Some(Self::Of(role)).filter(|quantity| fits(*quantity));
         if has(&COMMANDED) {
             of(Role::CommandPosition).or_else(|| of(Role::CommandSpeed))
@@ -175,6 +201,44 @@ impl Quantity {
             of(Role::DcLink).filter(|_| has(&["dc", "bus", "link"]))
         }
     }
+}
+
+/// The current that a name of several words means, as in `Phase U current`: what is left of it without the usual words.
+fn current(name: &str) -> Option<Quantity> {
+    let words = words(name);
+    let mut left = words.iter().filter(|word| !OF_CURRENTS.contains(&word.as_str()));
+    let which = left.next().map_or("", String::as_str);
+    let which = which.strip_prefix('i').filter(|rest| rest.len() == 1).unwrap_or(which);
+    let is_current = words.len() > 1 && left.next().is_none();
+    match which {
+        _ if !is_current => None,
+        "a" | "u" | "1" => Some(Quantity::Of(Role::CurrentA)),
+        "b" | "v" | "2" => Some(Quantity::Of(Role::CurrentB)),
+        "c" | "w" | "3" => Some(Quantity::Of(Role::CurrentC)),
+        "d" => Some(Quantity::CurrentD),
+        "q" => Some(Quantity::CurrentQ),
+        _ => None,
+    }
+}
+
+/// The words of a name in lower case: a capital letter behind a small one begins a word.
+fn words(name: &str) -> Vec<String> {
+    let mut words: Vec<String> = Vec::new();
+    let (mut goes_on, mut was_small) = (false, false);
+    for c in name.chars() {
+        if !c.is_alphanumeric() {
+            goes_on = false;
+            continue;
+        }
+        if !goes_on || (was_small && c.is_uppercase()) {
+            words.push(String::new());
+        }
+        if let Some(word) = words.last_mut() {
+            word.extend(c.to_lowercase());
+        }
+        (goes_on, was_small) = (true, c.is_lowercase() || c.is_numeric());
+    }
+    words
 }
 
 #[cfg(test)]
@@ -194,6 +258,31 @@ mod tests {
         assert_eq!(guess("SpeedDemand", "rpm"), Some(Quantity::Of(Role::CommandSpeed)));
         assert_eq!(guess("elapsed", "ms"), None);
         assert_eq!(guess("Iq_act", "A"), Some(Quantity::CurrentQ));
+    }
+
+    #[test]
+    fn names_of_several_words_and_groups_are_recognised() {
+        let guess = |name: &str, unit: &str| {
+            Quantity::guess(name, Some(unit).filter(|unit| !unit.is_empty())).map(|(quantity, _)| quantity)
+        };
+        let of = |role: Role| Some(Quantity::Of(role));
+        for (name, unit, expected) in [
+            ("Phase U current", "mA", of(Role::CurrentA)),
+            ("PhaseCurrentB", "A", of(Role::CurrentB)),
+            ("motor.i_w", "A", of(Role::CurrentC)),
+            ("FOC.Id", "A", Some(Quantity::CurrentD)),
+            ("FOC.Iq", "", Some(Quantity::CurrentQ)),
+            ("ia_ma", "", of(Role::CurrentA)),
+            ("LoadAngle", "deg", of(Role::OutputPosition)),
+            ("LoadTorque", "Nm", of(Role::LoadTorque)),
+            ("Flap_deg", "", of(Role::OutputPosition)),
+            ("enc_motor", "", of(Role::MotorPosition)),
+            ("motor_enable", "", None),
+            ("phase", "deg", None),
+            ("Flap_cmd_deg", "", of(Role::CommandPosition)),
+        ] {
+            assert_eq!(guess(name, unit), expected, "{name} [{unit}]");
+        }
     }
 
     #[test]

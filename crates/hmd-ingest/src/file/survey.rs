@@ -46,6 +46,44 @@ impl SurveyedSignal {
     }
 }
 
+/// Pauses between recordings in one log: they say nothing of the rate.
+#[derive(Default)]
+struct Pauses {
+    /// The first steps of the time, until they show which is usual.
+    first: Vec<f64>,
+    usual: Option<f64>,
+    /// Time of all pauses, beyond a usual step each.
+    sum: f64,
+}
+
+impl Pauses {
+    /// Steps that show which is usual.
+    const SHOWN: usize = 64;
+    /// A step of so many usual ones is a pause.
+    const LEAST: f64 = 50.0;
+
+    fn add(&mut self, step: f64) {
+        if step.is_nan() || step <= 0.0 {
+            return;
+        }
+        match self.usual {
+            Some(usual) if step > Self::LEAST * usual => self.sum += step - usual,
+            Some(_) => {}
+            None => {
+                self.first.push(step);
+                if self.first.len() == Self::SHOWN {
+                    let mut sorted = self.first.clone();
+                    sorted.sort_unstable_by(f64::total_cmp);
+                    self.usual = Some(sorted[Self::SHOWN / 2]);
+                    for step in std::mem::take(&mut self.first) {
+                        self.add(step);
+                    }
+                }
+            }
+        }
+    }
+}
+
 /// Reads a log through.
 ///
 /// # Errors
@@ -83,6 +121,8 @@ pub fn survey(path: &Path) -> Result<Vec<SurveyedSignal>, IngestError> {
         }
         let mut row = vec![f64::NAN; group.len()];
         let mut before = row.clone();
+        let time = group.iter().position(|&n| found[n].guess == Some(Quantity::Time));
+        let mut pauses = Pauses::default();
         let texts = RefCell::new(vec![Vec::new(); group.len()]);
         let keep = |place: usize, text: &str| {
             let kept: &mut Vec<String> = &mut texts.borrow_mut()[place];
@@ -95,6 +135,9 @@ pub fn survey(path: &Path) -> Result<Vec<SurveyedSignal>, IngestError> {
         while let Some(read) = log.next_row(&mut row, &keep) {
             if read.is_err() {
                 continue;
+            }
+            if let Some(place) = time {
+                pauses.add(row[place] - before[place]);
             }
             for ((&value, before), &n) in row.iter().zip(&mut before).zip(&group) {
                 if !value.is_finite() {
@@ -112,15 +155,12 @@ pub fn survey(path: &Path) -> Result<Vec<SurveyedSignal>, IngestError> {
         for (&n, texts) in group.iter().zip(texts.into_inner()) {
             found[n].texts = texts;
         }
-        let time = group
-            .iter()
-            .find(|&&n| found[n].guess == Some(Quantity::Time))
-            .and_then(|&n| {
-                let [first, last] = found[n].range?;
-                let unit = found[n].unit_or_guess().unwrap_or("s");
-                let to_us = Dimension::Time.unit(unit)?.scale;
-                Some((last - first) * to_us * 1e-6)
-            });
+        let time = time.and_then(|place| {
+            let signal = &found[group[place]];
+            let [first, last] = signal.range?;
+            let to_us = Dimension::Time.unit(signal.unit_or_guess().unwrap_or("s"))?.scale;
+            Some((last - first - pauses.sum) * to_us * 1e-6)
+        });
         for &n in &group {
             let intervals = found[n].values.saturating_sub(1) as f64;
             found[n].rate_hz = time

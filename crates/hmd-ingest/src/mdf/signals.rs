@@ -225,7 +225,7 @@ impl<R: Read + Seek + std::fmt::Debug> SignalLog for MdfSignals<R> {
         (self.read, self.selected) = (read, selected);
         self.is_merged = signals
             .iter()
-            .any(|(_, between)| matches!(between, Between::Linear { .. }));
+            .any(|(_, between)| matches!(between, Between::Curve { .. }));
         (self.row, self.ended) = (0, false);
         Ok(())
     }

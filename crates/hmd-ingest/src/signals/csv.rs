@@ -282,6 +282,21 @@ fn number(cell: &str, separator: u8) -> Option<f64> {
     }
 }
 
+/// A date as `20.11.2026 14:00:00.5` or `2026/11/20 14:00:00.5`. With slashes and the year last, nobody knows which is the month.
+fn day_first(cell: &str) -> Option<DateTime> {
+    let (date, time) = cell.split_once([' ', 'T'])?;
+    let parts = |by: char| {
+        let mut parts = date.split(by);
+        let three = [parts.next()?, parts.next()?, parts.next()?];
+        parts.next().is_none().then_some(three)
+    };
+    let [year, month, day] = match parts('.') {
+        Some([day, month, year]) => [year, month, day],
+        None => parts('/').filter(|[year, ..]| year.len() == 4)?,
+    };
+    format!("{year:0>4}-{month:0>2}-{day:0>2}T{}", time.trim()).parse().ok()
+}
+
 /// A date and time, µs since 1970.
 fn date_us(cell: &str) -> Option<f64> {
     if !cell.as_bytes().first()?.is_ascii_digit() || cell.len() < 10 || !cell.contains(':') {
@@ -290,7 +305,7 @@ fn date_us(cell: &str) -> Option<f64> {
     let stamp = match cell.parse::<Timestamp>() {
         Ok(stamp) => stamp,
         Err(_) => {
-            let civil: DateTime = cell.parse().ok()?;
+            let civil = cell.parse().ok().or_else(|| day_first(cell))?;
             TimeZone::UTC.to_timestamp(civil).ok()?
         }
     };

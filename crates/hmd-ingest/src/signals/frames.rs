@@ -225,7 +225,7 @@ fn between(column: &Column, map: &LogMap) -> Between {
     if column.quantity.is_held() {
         Between::Held
     } else if map.resampling().is_some() && column.quantity.is_continuous() {
-        Between::Linear {
+        Between::Curve {
             wraps_after: column.wraps_after,
         }
     } else {

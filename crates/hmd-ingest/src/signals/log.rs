@@ -46,8 +46,8 @@ pub enum Between {
     Held,
     /// It is not known.
     Unknown,
-    /// It lies on the line between them. A log with such a signal gives a row at each time at which any signal has a value.
-    Linear {
+    /// It lies on a smooth curve through them. A log with such a signal gives a row at each time at which any signal has a value.
+    Curve {
         /// Of an angle: the difference after which it begins again.
         wraps_after: Option<f64>,
     },

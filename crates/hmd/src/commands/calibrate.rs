@@ -1,5 +1,6 @@
 //! `hmd calibrate`: one unit from healthy windows of it, or (feature `full`) the monitor against the reference.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -17,6 +18,7 @@ use hmd_core::commissioning::{
     Commissioned, CommissioningError, SeenByType, calibrate_unit, health_by_type, in_words, windows_of_work,
 };
 use hmd_core::config::Config;
+use hmd_core::outbox::WindowJob;
 #[cfg(feature = "full")]
 use hmd_report::report::commissioning_page;
 use hmd_storage::calibration_file::{load_type_models, save};
@@ -157,7 +159,12 @@ fn unit(args: &Args, logs: &[PathBuf], config: Config, tell: &mut dyn FnMut(&str
             let logs: Vec<String> = logs.iter().map(|log| log.display().to_string()).collect();
             bail!("{}: {error}", logs.join(", "));
         }
-        Err(error) => return Err(error.into()),
+        Err(error) => {
+            for line in doubts(&mut assessor, jobs)? {
+                tell(&line);
+            }
+            return Err(error.into());
+        }
     };
     let levels = config.health().levels();
     let mut seen = Vec::new();
@@ -177,4 +184,26 @@ fn unit(args: &Args, logs: &[PathBuf], config: Config, tell: &mut dyn FnMut(&str
         output_file::write(report, page).with_context(|| report.display().to_string())?;
     }
     Ok(if found.data_lost { Exit::DataLost } else { Exit::Done })
+}
+
+/// Sensors, wires and configured numbers that the first windows doubt, each with the reason of one of them: what a unit's own numbers would
+/// have to make up for.
+fn doubts(assessor: &mut Assessor, jobs: &[WindowJob]) -> anyhow::Result<Vec<String>> {
+    /// Windows that are asked.
+    const ASKED: usize = 3;
+    let mut found = BTreeMap::new();
+    for job in jobs.iter().take(ASKED) {
+        let assessed = assessor.assess(job.clone())?;
+        for suspect in assessed.suspects {
+            found.entry(suspect).or_insert_with(|| {
+                let (name, window) = (&job.actuator.name, job.window.number);
+                format!(
+                    "{name}: check {} first: window {window}: {}",
+                    suspect.name(),
+                    assessed.health.reason
+                )
+            });
+        }
+    }
+    Ok(found.into_values().collect())
 }

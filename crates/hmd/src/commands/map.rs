@@ -72,9 +72,13 @@ fn configuration(log: &str, signals: &[SurveyedSignal]) -> Result<String, std::f
         "# What follows is guessed by names and units: check it, above all the signs and the zero of the motor's angle."
     )?;
     writeln!(out, "[map]")?;
-    if has_several_rates(signals) {
+    if has_several_rates(signals, |signal| {
+        signal.guess.is_some_and(|guess| guess.is_continuous())
+    }) {
         writeln!(out, "# Currents and angles have several rates: they are interpolated.")?;
         writeln!(out, "resample = true")?;
+    } else if !has_all_continuous(signals) && has_several_rates(signals, |_| true) {
+        writeln!(out, "# resample = true  # where currents and angles have several rates")?;
     }
     let guessed = |quantity: Quantity| signals.iter().find(|signal| signal.guess == Some(quantity));
     let is_dq = guessed(Quantity::CurrentQ).is_some() && guessed(Quantity::Of(Role::CurrentA)).is_none();
@@ -97,15 +101,68 @@ fn configuration(log: &str, signals: &[SurveyedSignal]) -> Result<String, std::f
             )?;
         }
     }
+    if guessed(Quantity::Of(Role::MotorPosition)).is_none() {
+        for signal in signals.iter().filter(|signal| is_electrical_angle(&signal.name)) {
+            writeln!(
+                out,
+                "# position.motor = {{ signal = {}, unit = \"…\", scale = …, wraps_after = … }}  # scale: 1 / pole pairs; wraps_after: a turn, as \
+                 the log has it",
+                quoted(&signal.name)
+            )?;
+        }
+    }
+    write!(out, "{OWN_TYPE}")?;
     Ok(out)
 }
 
-/// Whether the currents and angles that look like ones come at different rates.
-fn has_several_rates(signals: &[SurveyedSignal]) -> bool {
+/// What else a configuration of an actuator has.
+const OWN_TYPE: &str = "\
+# The actuator, where it is none of the type bench; every number that is not given is that of bench (docs/config.md):
+# [[actuator]]
+# id = 0
+# type = \"own\"
+# [type.own]
+# based_on = \"bench\"
+# [type.own.motor]
+# pole_pairs = …
+# [type.own.transmission]
+# gear_ratio = …
+# [type.own.drive]
+# kind = \"vector\"
+";
+
+/// Whether a name says the electrical angle, which turns once for each pair of poles.
+fn is_electrical_angle(name: &str) -> bool {
+    let plain: String = name.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect();
+    [
+        "thetael",
+        "thetae",
+        "electricalangle",
+        "anglee",
+        "angleel",
+        "elangle",
+        "phiel",
+    ]
+    .iter()
+    .any(|known| plain.ends_with(known))
+}
+
+/// Whether currents and both angles look like ones.
+fn has_all_continuous(signals: &[SurveyedSignal]) -> bool {
+    let has = |quantity: Quantity| signals.iter().any(|signal| signal.guess == Some(quantity));
+    let angles = [Role::MotorPosition, Role::OutputPosition];
+    (has(Quantity::CurrentQ) || has(Quantity::Of(Role::CurrentA)))
+        && angles.into_iter().all(|role| has(Quantity::Of(role)))
+}
+
+/// Whether the signals that count come at different rates.
+fn has_several_rates(signals: &[SurveyedSignal], counts: impl Fn(&SurveyedSignal) -> bool) -> bool {
     /// Share by which two rates of one log are the same.
     const SAME: f64 = 0.02;
-    let is_continuous = |signal: &&SurveyedSignal| signal.guess.is_some_and(|guess| guess.is_continuous());
-    let mut rates = signals.iter().filter(is_continuous).filter_map(|signal| signal.rate_hz);
+    let mut rates = signals
+        .iter()
+        .filter(|signal| counts(signal))
+        .filter_map(|signal| signal.rate_hz);
     let Some(first) = rates.next() else { return false };
     rates.any(|rate| (rate - first).abs() > SAME * first)
 }
@@ -297,7 +354,7 @@ mod tests {
             ];
             let text = configuration("a.csv", &signals).unwrap();
             let config = Config::from_toml_str(&text, "hmd.toml").unwrap();
-            config.actuator_of_logs().unwrap().1.is_resampled()
+            config.actuator_of_logs().unwrap().1.resampling().is_some()
         };
         assert!(!resampled(398.0));
         assert!(resampled(200.0));
@@ -321,6 +378,24 @@ mod tests {
         assert!(text.contains("unit = \"deg\", wraps_after = 360 }\n"), "{text}");
         let config = Config::from_toml_str(&text, "hmd.toml").unwrap();
         assert!(config.actuator_of_logs().is_some());
+    }
+
+    #[test]
+    fn an_electrical_angle_is_offered_with_its_scale_and_rates_that_nobody_knows_with_a_comment() {
+        let signals = [
+            signal("FOC.Iq", "A", [-3.0, 3.0]),
+            SurveyedSignal {
+                rate_hz: Some(100.0),
+                ..signal("ThetaEl", "rad", [0.0, 6.2])
+            },
+        ];
+        let text = configuration("a.mf4", &signals).unwrap();
+        assert!(
+            text.contains("# position.motor = { signal = \"ThetaEl\", unit = \"…\", scale"),
+            "{text}"
+        );
+        assert!(text.contains("# resample = true  #"), "{text}");
+        assert!(text.contains("# [type.own.motor]\n# pole_pairs = …\n"), "{text}");
     }
 
     #[test]

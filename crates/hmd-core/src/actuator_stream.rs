@@ -31,6 +31,9 @@ const JITTER_SIGMAS: f64 = 3.0;
 /// Most that a rate may be off by for jitter, as a share.
 const JITTER_MAX: f64 = 0.05;
 
+/// Times further apart than this are a pause where nothing counts the samples.
+const PAUSE_NS: u64 = 500_000_000;
+
 /// Samples that wait until the sample rate is known.
 const RATE_SAMPLES: usize = 16;
 
@@ -61,6 +64,8 @@ pub struct ActuatorStream {
     conditions: MeasuredConditions,
     /// Times the sample counter went back.
     restarts: u64,
+    /// Samples that would have been in pauses of samples that nothing counts.
+    paused: u64,
     /// The traffic ended, so that a counter that goes back is no device that restarted.
     is_ended: bool,
     windowing: Windowing,
@@ -113,6 +118,7 @@ impl ActuatorStream {
             },
             conditions: MeasuredConditions::default(),
             restarts: 0,
+            paused: 0,
             is_ended: false,
             windowing: Windowing::Waiting,
         }
@@ -130,14 +136,14 @@ impl ActuatorStream {
         self.assembler.stats()
     }
 
-    /// Samples lost: missing by their counter, or dropped because the actuator cannot be monitored at its sample rate.
+    /// Samples lost: missing by their counter, or by times that are no pause where nothing counts them, or dropped because the actuator cannot be monitored at its sample rate.
     #[must_use]
     pub fn lost(&self) -> u64 {
         let dropped = match self.windowing {
             Windowing::Refused(dropped) => dropped,
             Windowing::Waiting | Windowing::Ready(_) => 0,
         };
-        self.stats().missing + dropped
+        self.stats().missing.saturating_sub(self.paused) + dropped
     }
 
     /// Takes over which quantities its samples have from now on; an open window ends where they are others.
@@ -193,6 +199,7 @@ impl ActuatorStream {
             if !is_first && self.last.is_some_and(|(last, _)| timed.seq < last.seq) {
                 self.restarts += 1;
             }
+            self.paused += self.pause_before(&timed);
             let elapsed_us = self.last.map(|(_, time_us)| sample.time_us.wrapping_sub(time_us));
             match self.rate.push(timed, elapsed_us, nominal_hz) {
                 Settled::Not => {}
@@ -241,6 +248,17 @@ impl ActuatorStream {
 
     fn nominal_hz(&self) -> f64 {
         self.actuator.params.sensors.sample_rate
+    }
+
+    /// Samples of the pause before one, where nothing counts them: a recording ended and another began.
+    fn pause_before(&self, sample: &TimedSample) -> u64 {
+        let is_counted = self.actuator.log.as_ref().is_none_or(|log| log.has(Quantity::Counter));
+        let (false, Some((last, _))) = (is_counted, self.last) else {
+            return 0;
+        };
+        let gap = sample.seq.saturating_sub(last.seq).saturating_sub(1);
+        let is_pause = sample.stamp_ns.saturating_sub(last.stamp_ns) > PAUSE_NS;
+        if is_pause { gap } else { 0 }
     }
 
     /// Continues the wrapping counters. A counter that steps back by less than half its range is a restart, and stays

@@ -159,9 +159,6 @@ impl Window {
     }
 }
 
-/// Times further apart than this, between windows, are no loss where nothing counts samples: recordings begin and end.
-const PAUSE_S: f64 = 0.5;
-
 /// What a [`Windower`] has seen since it was made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StreamCounts {
@@ -171,8 +168,6 @@ pub struct StreamCounts {
     pub duplicates: u64,
     /// Samples missing by their counter.
     pub missing: u64,
-    /// Pauses of samples that nothing counts: whatever lay in them was perhaps never sampled.
-    pub pauses: u64,
     /// Times the counter went back.
     pub restarts: u64,
     /// Samples whose setpoint lasted one sample only, or was no number.
@@ -336,12 +331,7 @@ impl Windower {
             .ring
             .latest()
             .map_or(0, |latest| slot.sample.seq - latest.sample.seq - 1);
-        let is_pause = self.limits.is_numbered_by_time && gap as f64 > PAUSE_S * self.limits.sample_rate;
-        if is_pause && self.open.is_none() {
-            self.counts.pauses += 1;
-        } else {
-            self.counts.missing = self.counts.missing.saturating_add(gap);
-        }
+        self.counts.missing = self.counts.missing.saturating_add(gap);
         let completed = self.bridge(gap);
         completed.or(self.advance(slot, may_open))
     }

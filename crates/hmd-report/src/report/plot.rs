@@ -9,6 +9,9 @@ const RIGHT: f64 = 10.0;
 const TOP: f64 = 8.0;
 const BOTTOM: f64 = 44.0;
 
+/// Half the width of a digit.
+const HALF_DIGIT: f64 = 4.0;
+
 /// About so many ticks on an axis.
 const TICKS: f64 = 5.0;
 
@@ -220,9 +223,12 @@ impl Plot {
         );
         for (value, label) in self.x.ticks() {
             let x = self.x_of(value);
+            // A label at the edge ends there.
+            let half = HALF_DIGIT * label.chars().count() as f64;
+            let (at, class) = if x + half > WIDTH { (WIDTH, "end") } else { (x, "mid") };
             let _ = write!(
                 text,
-                "<path class=\"grid\" d=\"M{x:.1} {TOP}V{bottom}\"/><text x=\"{x:.1}\" y=\"{:.1}\" class=\"mid\">{}</text>",
+                "<path class=\"grid\" d=\"M{x:.1} {TOP}V{bottom}\"/><text x=\"{at:.1}\" y=\"{:.1}\" class=\"{class}\">{}</text>",
                 bottom + 18.0,
                 escaped(&label)
             );

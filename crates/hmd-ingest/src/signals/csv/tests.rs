@@ -48,7 +48,8 @@ fn units_stand_behind_names_or_below_them() {
     // The day first, as in much of Europe; with slashes only where the year is first.
     let found = good("t,n\n14.11.2023 22:13:20.0005,1\n2023/11/14 22:13:21,1\n", &["t"]);
     assert_eq!(found, [[1_700_000_000_000_500.0], [1_700_000_001_000_000.0]]);
-    assert!(rows("t,n\n14.11.2023 22:13:20,1\n11/14/2023 22:13:21,1\n", &["t"]).unwrap()[1].is_err());
+    let found = good("t,n\n14.11.2023 22:13:20,1\n11/14/2023 22:13:21,1\n", &["t"]);
+    assert!(found[1][0].is_nan(), "nobody knows which is the month: {found:?}");
 }
 
 #[test]

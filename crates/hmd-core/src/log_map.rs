@@ -5,9 +5,11 @@
 
 mod gap;
 mod guess;
+mod rotor_frame;
 mod rows;
 
 pub use gap::Gap;
+pub use rotor_frame::RotorFrame;
 pub use rows::{Decoded, RowDecoder, RowFault};
 
 use ema_models::ActuatorParams;

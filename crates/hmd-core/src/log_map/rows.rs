@@ -92,6 +92,11 @@ impl RowFault {
     }
 }
 
+/// Electrical angle for each count of the motor's angle, rad.
+pub(super) fn electrical_rad_per_count(params: &ActuatorParams) -> f64 {
+    core::f64::consts::TAU * params.motor.pole_pairs / params.sensors.motor_counts_per_rev
+}
+
 impl RowDecoder {
     /// For one actuator; `columns` are those of the map and the time, each with the conversion of its numbers, `start_us` is added to the
     /// time, UTC, µs, and `first_times` are those of the first rows in the log's own numbers: they show the period where nothing counts
@@ -126,7 +131,7 @@ impl RowDecoder {
         });
         Self {
             maker,
-            electrical_rad_per_count: core::f64::consts::TAU * params.motor.pole_pairs / sensors.motor_counts_per_rev,
+            electrical_rad_per_count: electrical_rad_per_count(params),
             output_per_motor: sensors.output_counts_per_rev
                 / sensors.motor_counts_per_rev
                 / params.transmission.gear_ratio,

@@ -12,6 +12,7 @@ use hmd_core::log_map::{Column, LogMap, Quantity, Resampling, RowDecoder};
 use super::log::{Between, Interpolated, SignalInfo, SignalLog, Unusable};
 use super::resampled::{Base, Resampled};
 use crate::damage::{Damage, Place};
+use hmd_core::log_map::RotorFrame;
 
 /// Rows that are looked at before the first is decoded: their times show the period.
 const FIRST_ROWS: usize = 64;
@@ -102,7 +103,11 @@ impl MappedFrames {
         };
         log.select(&places)?;
         if let (Some(base), Some(time)) = (base, time) {
-            log = Box::new(Resampled::new(log, &places, time, base));
+            let frame = match base {
+                Base::Even { .. } => RotorFrame::new(&columns, &units, &actuator.params),
+                Base::Column(_) => None,
+            };
+            log = Box::new(Resampled::new(log, &places, time, base).in_frame(frame));
         }
         let bus = actuator.bus.as_deref().unwrap_or(INTERFACE);
         let bus = names

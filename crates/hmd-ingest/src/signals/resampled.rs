@@ -8,6 +8,7 @@ use std::collections::VecDeque;
 use super::course::{Course, News, Piece};
 use super::log::{Between, Interpolated, SignalInfo, SignalLog, TextValue, Unusable};
 use crate::damage::{Damage, Place};
+use hmd_core::log_map::RotorFrame;
 
 /// Most samples between two values of one signal.
 const STEPS_MAX: f64 = 8.0;
@@ -36,10 +37,14 @@ pub(super) struct Resampled {
     /// First time of the log, and number of the next even step from there.
     even: Option<(f64, f64)>,
     courses: Vec<Course>,
+    /// Where phase currents are interpolated; `None`: as they are.
+    frame: Option<RotorFrame>,
     queue: VecDeque<Result<Waiting, Damage>>,
     /// Time of the sample before, and the least distance of two, in the log's numbers.
     last_sample: f64,
     least_step: f64,
+    /// Time of the row before.
+    last_row: f64,
     place: Place,
     ended: bool,
 }
@@ -63,11 +68,18 @@ impl Resampled {
             base,
             even: None,
             courses: selected.iter().map(|(_, between)| Course::new(*between)).collect(),
+            frame: None,
             queue: VecDeque::new(),
             last_sample: f64::NAN,
             least_step: f64::INFINITY,
+            last_row: f64::NAN,
             ended: false,
         }
+    }
+
+    /// The same with phase currents interpolated in the frame of the rotor.
+    pub(super) fn in_frame(self, frame: Option<RotorFrame>) -> Self {
+        Self { frame, ..self }
     }
 
     /// Whether the oldest row waits for nothing.
@@ -98,7 +110,7 @@ impl Resampled {
             }
             Base::Even { step } => {
                 self.least_step = step;
-                self.add_even(time, step)
+                self.add_even(&row, step)
             }
         };
         if is_sample {
@@ -134,20 +146,29 @@ impl Resampled {
 
     /// Adds the even steps before a time, which wait for the values at that time; across a longer pause there are none. Whether one
     /// falls on the time itself.
-    fn add_even(&mut self, time: f64, step: f64) -> bool {
+    fn add_even(&mut self, values: &[f64], step: f64) -> bool {
         /// A step that is this near to a time, in steps, falls on it.
         const SAME: f64 = 1e-6;
+        let time = values[self.time];
         if !time.is_finite() {
             return false;
         }
+        let before = std::mem::replace(&mut self.last_row, time);
         let (first, next) = self.even.unwrap_or((time, 0.0));
         let number = (time - first) / step;
         // Beyond lies a pause, or a clock that was set back.
         let is_near = (-1.0..=STEPS_MAX).contains(&(number - next));
         let mut next = if is_near { next } else { (number - SAME).ceil() };
         while next < number - SAME {
-            let mut row: Vec<f64> = self.courses.iter().map(Course::held).collect();
-            row[self.time] = first + next * step;
+            let at = first + next * step;
+            // A command may have changed anywhere between two rows: the nearer one has it.
+            let is_nearer = time - at < at - before;
+            let held = self.courses.iter().zip(values).map(|(course, value)| {
+                let is_new = is_nearer && !course.is_curve() && value.is_finite();
+                if is_new { *value } else { course.held() }
+            });
+            let mut row: Vec<f64> = held.collect();
+            row[self.time] = at;
             self.queue.push_back(Ok(Waiting {
                 place: self.log.place(),
                 row,
@@ -195,6 +216,9 @@ impl SignalLog for Resampled {
                     Ok(waiting) if waiting.is_outside => {}
                     Ok(waiting) => {
                         row.copy_from_slice(&waiting.row);
+                        if let Some(frame) = &self.frame {
+                            frame.leave(row);
+                        }
                         self.place = waiting.place;
                         return Some(Ok(()));
                     }
@@ -206,7 +230,12 @@ impl SignalLog for Resampled {
             }
             let mut next = vec![f64::NAN; row.len()];
             match self.log.next_row(&mut next, text) {
-                Some(Ok(())) => self.take(next),
+                Some(Ok(())) => {
+                    if let Some(frame) = &self.frame {
+                        frame.enter(&mut next);
+                    }
+                    self.take(next);
+                }
                 Some(Err(damage)) => self.queue.push_back(Err(damage)),
                 None => self.end(),
             }
@@ -222,7 +251,11 @@ impl SignalLog for Resampled {
     }
 
     fn interpolated(&self) -> Vec<Interpolated> {
-        self.courses.iter().map(|course| course.interpolated).collect()
+        let mut all: Vec<Interpolated> = self.courses.iter().map(|course| course.interpolated).collect();
+        for (place, per_ampere) in self.frame.iter().flat_map(RotorFrame::per_ampere) {
+            all[place].error *= per_ampere;
+        }
+        all
     }
 }
 
@@ -355,7 +388,7 @@ mod tests {
         assert_eq!(times, expected);
         for [t, x, c] in &rows[..9] {
             assert!((x - 3.0 * t).abs() < 1e-9, "{t} {x}");
-            assert_eq!(*c, f64::from(i32::from(*t >= 1.0)), "{t}");
+            assert_eq!(*c, f64::from(i32::from(*t >= 5.0 / 6.0)), "{t}");
         }
         assert!((rows[9][1] - 1.5).abs() < 1e-9, "{:?}", rows[9]);
     }

@@ -242,6 +242,7 @@ pub(crate) fn identify(
     let samples = columns.samples(py)?;
     let rate = SampleRate {
         hz: rate_hz,
+        uncertainty: 0.0,
         is_measured: true,
     };
     let conditions = MeasuredConditions {

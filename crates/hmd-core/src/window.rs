@@ -107,15 +107,15 @@ impl Window {
         }
         let mut limits = Limits::new(&config.checked(params.sensors.sample_rate)?, params);
         limits.rate_is_unconfirmed = false;
-        let received = |(n, sensed): (usize, &SensedSample)| {
-            let since_ns = 1e9 * n as f64 / params.sensors.sample_rate;
+        // The rate is known, so that stamps are no evidence.
+        let received = |sensed: &SensedSample| {
             Slot::received(&TimedSample {
                 seq: sensed.seq,
-                stamp_ns: self.t_start_ns.saturating_add(since_ns as u64),
+                stamp_ns: self.t_start_ns,
                 sensed: *sensed,
             })
         };
-        let mut slots: Vec<Slot> = self.samples.iter().enumerate().map(received).collect();
+        let mut slots: Vec<Slot> = self.samples.iter().map(received).collect();
         let findings = check::examine(&mut slots, &limits);
         if let Some(why) = findings.invalid {
             self.quality = WindowQuality::Invalid(why);

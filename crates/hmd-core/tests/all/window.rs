@@ -612,3 +612,73 @@ fn an_invalid_window_is_fit_again_once_its_mistake_is_taken_out() {
     let expected = windows(&params, &right).remove(0);
     assert_eq!((window.quality, window.samples), (expected.quality, expected.samples));
 }
+
+#[test]
+fn a_window_with_missing_samples_is_not_made_fit_again() {
+    let params = bench(2000.0);
+    let reverse = |sample: &mut SensedSample| sample.currents[1] = -sample.currents[1];
+    let mut samples = mixed();
+    samples.remove(600);
+    samples.iter_mut().for_each(|sample| reverse(&mut sample.sensed));
+    let mut window = windows(&params, &samples).remove(0);
+    assert_eq!((window.quality.is_fit(), window.lost), (false, 1));
+    window.samples.iter_mut().for_each(reverse);
+    let before = window.clone();
+    window
+        .check_again(&WindowConfig::default(), &params)
+        .expect("default settings");
+    assert_eq!(window, before);
+}
+
+#[test]
+fn counts_that_turn_out_wrong_are_filled_and_named_beside_what_was_known() {
+    let good = only(&mixed());
+    let mut window = good.clone();
+    let places = [500, 700];
+    for place in places {
+        window.samples[place].motor_counts += 500;
+    }
+    window.refuse_counts(&[places[1], places[0], places[1]]);
+    assert_eq!((window.filled.as_slice(), window.rejected), (places.as_slice(), 3));
+    let filled = |lost, rejected| Degradation::Filled { lost, rejected };
+    assert_eq!(window.quality, WindowQuality::Degraded(vec![filled(0, 3)]));
+    for place in places {
+        let off = window.samples[place].motor_counts - good.samples[place].motor_counts;
+        assert!(off.abs() < 40, "{off}");
+    }
+    // A handicap that was known stays, one of filled samples is counted on.
+    let mut window = good.clone();
+    let known = Degradation::AnotherActuation { at: 900 };
+    window.quality = WindowQuality::Degraded(vec![known, filled(1, 1)]);
+    (window.lost, window.rejected) = (1, 1);
+    window.refuse_counts(&[500]);
+    assert_eq!(window.quality, WindowQuality::Degraded(vec![filled(1, 2), known]));
+    // An invalid window stays as it is.
+    let mut window = good;
+    window.quality = WindowQuality::Invalid(Invalidity::ModeChanged);
+    let before = window.clone();
+    window.refuse_counts(&[500]);
+    assert_eq!(window, before);
+}
+
+#[test]
+fn a_window_is_open_from_the_command_to_its_last_sample() {
+    let mut windower = Windower::new(WindowConfig::default(), &bench(2000.0)).expect("default settings");
+    let samples = mixed();
+    let mut open = Vec::new();
+    for &sample in &samples {
+        windower.push(sample);
+        open.push(windower.is_open());
+    }
+    let first = open.iter().position(|open| *open).expect("a window");
+    let last = open.iter().rposition(|open| *open).expect("a window");
+    assert!((80..=82).contains(&first) && last < open.len() - 1, "{first} {last}");
+    assert!(open[first..=last].iter().all(|open| *open));
+    // A counter that goes back is a restart each time.
+    for _ in 0..2 {
+        for &sample in &samples[..100] {
+            windower.push(sample);
+        }
+    }
+    assert_eq!(windower.counts().restarts, 2);
+}

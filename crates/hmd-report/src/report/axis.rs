@@ -2,7 +2,7 @@
 
 use hmd_core::history::ReplacedPart;
 
-use super::history::History;
+use super::history::{History, is_elapsed};
 
 /// What changed the history before a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,7 +55,12 @@ impl UseAxis {
     pub(super) fn new(history: &History) -> Self {
         let hours = continuous_hours(history);
         let (label, places) = if hours.last().is_some_and(|last| *last >= 1.0) {
-            ("operating time, h", hours)
+            let label = if is_elapsed(&history.newest.1) {
+                "elapsed time, h"
+            } else {
+                "operating time, h"
+            };
+            (label, hours)
         } else {
             ("window", (0..history.points.len()).map(|n| n as f64).collect())
         };

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use ema_models::FaultId;
+use hmd_core::config::HoursOf;
 use hmd_core::health::HealthState;
 use hmd_core::history::ReplacedPart;
 use hmd_core::record::{Estimate, Health, LastShown, Rul, Window};
@@ -171,6 +172,20 @@ impl History {
             let is_of_fault = |part: ReplacedPart| part.faults().contains(&fault);
             what == "unit" || ReplacedPart::from_name(what).is_some_and(is_of_fault)
         })
+    }
+}
+
+/// Whether the hours of a record pass without use, too.
+pub(super) fn is_elapsed(rul: &Rul) -> bool {
+    rul.hours_of == HoursOf::Elapsed.name()
+}
+
+/// What the hours of a record are hours of, as words that follow a number.
+pub(super) fn hours_of(rul: &Rul) -> &'static str {
+    if is_elapsed(rul) {
+        " of elapsed time"
+    } else {
+        " of operation"
     }
 }
 

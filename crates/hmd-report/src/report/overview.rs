@@ -33,7 +33,7 @@ pub(super) fn overview(histories: &[&History], modes: &[FaultMode; FaultId::COUN
     };
     let rows: Vec<Vec<String>> = all.iter().map(row).collect();
     wide_table(
-        "Worst first. Life left: operating time, median and 80 % interval",
+        "Worst first. Life left: median and 80 % interval",
         &[
             ("Actuator", ""),
             ("State", ""),

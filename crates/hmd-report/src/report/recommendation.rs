@@ -2,14 +2,13 @@
 
 use ema_models::FaultId;
 use hmd_core::catalogue::FaultMode;
-use hmd_core::config::HoursOf;
 use hmd_core::health::HealthState;
 use hmd_core::history::ReplacedPart;
 use hmd_core::record::Rul;
 use hmd_core::sensor_checks::Suspect;
 
 use super::axis::{Mark, marks_before};
-use super::history::{History, Point, Unassessed};
+use super::history::{History, Point, Unassessed, hours_of};
 
 /// What a mechanic needs to know of one actuator.
 #[derive(Clone, Debug, PartialEq)]
@@ -189,15 +188,6 @@ fn life_left(rul: &Rul) -> Option<LifeLeft> {
         hours,
         of: hours_of(rul),
     })
-}
-
-/// What the hours of a record are hours of, as words that follow a number.
-pub(super) fn hours_of(rul: &Rul) -> &'static str {
-    if rul.hours_of == HoursOf::Elapsed.name() {
-        " from now, used or not"
-    } else {
-        " of operation"
-    }
 }
 
 /// Of the faults that count, the reported one with the worst state, then the largest damage. Where no fault at all is reported, the one
@@ -507,7 +497,7 @@ mod tests {
             of(&history).action
         };
         let found = with(90.0, "elapsed");
-        let expected = "Inspect at the next scheduled maintenance: position controller, at the latest within 90 h from now, used or not.";
+        let expected = "Inspect at the next scheduled maintenance: position controller, at the latest within 90 h of elapsed time.";
         assert_eq!(found, expected);
         let found = with(0.002, "operating");
         let expected = "Inspect before the next use: position controller. It may last less than 1 h more.";

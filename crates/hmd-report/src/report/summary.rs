@@ -7,10 +7,10 @@ use hmd_core::catalogue::FaultMode;
 use hmd_core::health::HealthState;
 use hmd_core::record::{Rul, Shown};
 
-use super::history::{History, Unassessed};
+use super::history::{History, Unassessed, hours_of};
 use super::markup::wide_table;
 use super::plot::escaped;
-use super::recommendation::{Recommendation, durations, hours, hours_of, with_capital};
+use super::recommendation::{Recommendation, durations, hours, with_capital};
 use super::sections::NORMAL_95;
 use super::zone::Zone;
 
@@ -133,7 +133,7 @@ pub(super) fn faults(history: &History, modes: &[FaultMode; FaultId::COUNT], zon
     let of = hours_of(rul);
     wide_table(
         &format!(
-            "Damage by the newest window that shows it. Life left: time{of} to the end of life by this fault alone, median and \
+            "Damage by the newest window that shows it. Life left: hours{of} to the end of life by this fault alone, median and \
              80 % interval"
         ),
         &[

@@ -290,7 +290,7 @@ mod tests {
                 }
             })
             .collect();
-        sudden_stop(&Signals::new(&params, &samples), &params)
+        sudden_stop(&Signals::new(&params, &samples, &[]), &params)
     }
 
     /// An output that follows the motor through this play, rad, as both oscillate by 20 mrad with 5 Hz, and stands from `freezes_s` on.
@@ -313,7 +313,7 @@ mod tests {
             }
         });
         let samples: Vec<SensedSample> = samples.collect();
-        frozen_output(&Signals::new(&params, &samples), &params)
+        frozen_output(&Signals::new(&params, &samples, &[]), &params)
     }
 
     #[test]

@@ -196,7 +196,7 @@ mod tests {
                 }
             })
             .collect();
-        let signals = Signals::new(&params, &samples);
+        let signals = Signals::new(&params, &samples, &[]);
         (params, signals)
     }
 

@@ -13,7 +13,8 @@ pub(super) const RIPPLE_ROWS: f64 = 3.0;
 /// For each sample the currents `i_q s_j` of phase A, B, C, and the sum of the measured ones, A. The torque-producing current is that of
 /// the two neighbouring samples, whose noise is not in the sum.
 pub(super) fn sums_of_currents(signals: &Signals) -> impl Iterator<Item = ([f64; 3], f64)> + '_ {
-    signals.rows.windows(3).map(|near| {
+    let all = signals.rows.windows(3);
+    all.filter(|near| !near[1].is_filled).map(|near| {
         let i_q = 0.5 * (signals.i_dq(&near[0])[1] + signals.i_dq(&near[2])[1]);
         let shapes = phase_shapes((signals.pole_pairs * near[1].theta_m).sin_cos_poly());
         (shapes.map(|shape| i_q * shape), near[1].currents.iter().sum())
@@ -22,7 +23,8 @@ pub(super) fn sums_of_currents(signals: &Signals) -> impl Iterator<Item = ([f64;
 
 /// For each sample at which the drive holds the direct current its row, the columns of δ, τ, o_α and o_β, and the direct current, A.
 pub(super) fn direct_current(signals: &Signals) -> impl Iterator<Item = (&Row, [f64; 4], f64)> + '_ {
-    signals.rows.iter().filter(|row| signals.is_controlled(row)).map(|row| {
+    let is_evidence = |row: &&Row| !row.is_filled && signals.is_controlled(row);
+    signals.rows.iter().filter(is_evidence).map(|row| {
         let (sin, cos) = (signals.pole_pairs * row.theta_m).sin_cos_poly();
         let [direct, i_q] = signals.i_dq(row);
         let columns = [i_q, signals.pole_pairs * row.omega_m * i_q, cos, sin];

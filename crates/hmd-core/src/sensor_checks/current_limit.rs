@@ -47,7 +47,7 @@ mod tests {
             }
         };
         let samples: Vec<SensedSample> = (0..400).map(sample).collect();
-        gain_beyond_limit(&Signals::new(&params, &samples), &Tolerances::USUAL)
+        gain_beyond_limit(&Signals::new(&params, &samples, &[]), &Tolerances::USUAL)
     }
 
     #[test]

@@ -111,7 +111,8 @@ fn sum_of_currents(signals: &Signals, tolerances: &Tolerances, found: &mut Vec<C
         let rows = sums_of_currents(signals).map(|(currents, sum)| ([1.0, currents[phase]], sum));
         fit(rows, [FREE; 2], 1.0)
     };
-    let alone = fit(signals.rows.iter().map(|row| ([1.0], sum(row))), [FREE], 1.0)?;
+    let measured = signals.rows.iter().filter(|row| !row.is_filled);
+    let alone = fit(measured.map(|row| ([1.0], sum(row))), [FREE], 1.0)?;
     let best = (0..3)
         .filter_map(|phase| Some((phase, of_phase(phase)?)))
         .reduce(|best, other| {
@@ -219,6 +220,11 @@ mod tests {
     /// The errors of a motion whose speed rises from `slow` to 100 rad/s, with 2 A on the torque axis, these offsets, A, and in
     /// every phase a direct current by an eccentric rotor of `rotor` A at the highest speed.
     fn errors(slow: f64, offsets: [f64; 3], rotor: f64) -> Vec<CurrentError> {
+        let (params, samples) = motion(slow, offsets, rotor);
+        current_errors(&Signals::new(&params, &samples, &[]), &Tolerances::USUAL)
+    }
+
+    fn motion(slow: f64, offsets: [f64; 3], rotor: f64) -> (ActuatorParams, Vec<SensedSample>) {
         let mut params = ActuatorParams::bench();
         params.sensors.sample_rate = 2000.0;
         let mut angle = 0.0;
@@ -239,8 +245,8 @@ mod tests {
                 setpoint: Setpoint::Position(0.0),
             }
         });
-        let samples: Vec<SensedSample> = samples.collect();
-        current_errors(&Signals::new(&params, &samples), &Tolerances::USUAL)
+        let samples = samples.collect();
+        (params, samples)
     }
 
     fn offsets(found: &[CurrentError]) -> Option<([f64; 3], bool)> {
@@ -267,5 +273,24 @@ mod tests {
     #[test]
     fn a_direct_current_that_grows_with_the_speed_is_no_offset() {
         assert_eq!(errors(20.0, [0.0; 3], 0.25), []);
+    }
+
+    #[test]
+    fn samples_that_were_filled_in_are_no_evidence_against_a_gain() {
+        let (params, mut samples) = motion(20.0, [0.0; 3], 0.0);
+        // Of the largest currents of the phase that reads too much the sums were refused.
+        let mut filled = Vec::new();
+        for (n, sample) in samples.iter_mut().enumerate() {
+            if sample.currents[0].abs() > 1.0 {
+                filled.push(n);
+            } else {
+                sample.currents[0] *= 1.1;
+            }
+        }
+        let found = |filled: &[usize]| gain_of_a_phase(&Signals::new(&params, &samples, filled), &Tolerances::USUAL);
+        let Some(CurrentError::Gain(0, gain)) = found(&filled) else {
+            panic!("{:?}", found(&filled));
+        };
+        assert!((gain - 1.1).abs() < 0.01, "{gain}");
     }
 }

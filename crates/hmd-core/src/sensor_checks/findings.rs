@@ -52,7 +52,7 @@ const PHASES: [char; 3] = ['a', 'b', 'c'];
 #[must_use]
 pub fn examine(job: &WindowJob) -> Vec<Finding> {
     let (params, samples) = (&job.params, &job.window.samples);
-    let signals = Signals::new(params, samples);
+    let signals = Signals::new(params, samples, &job.window.filled);
     if let Some(stop) = sudden_stop(&signals, params) {
         return vec![of_stop(&stop)];
     }
@@ -397,7 +397,7 @@ fn of_torque(job: &WindowJob, balance: &Balance) -> Option<Finding> {
 /// Torque by the motion over torque by the currents of a window, with its standard deviation.
 #[must_use]
 pub(super) fn torque_ratio(job: &WindowJob) -> Option<(f64, f64)> {
-    let signals = Signals::new(&job.params, &job.window.samples);
+    let signals = Signals::new(&job.params, &job.window.samples, &job.window.filled);
     Some(balance(&signals, &job.params)?.gain)
 }
 

@@ -41,7 +41,7 @@ pub struct SensorReadings {
 #[must_use]
 pub fn sensor_readings(job: &WindowJob) -> SensorReadings {
     let params = &job.params;
-    let signals = Signals::new(params, &job.window.samples);
+    let signals = Signals::new(params, &job.window.samples, &job.window.filled);
     let mut readings = SensorReadings {
         current_latency: latency(&signals),
         dc_link: job.conditions.dc_link_v.map(|volts| (volts, DC_LINK_LSB_V)),

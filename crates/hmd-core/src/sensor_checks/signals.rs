@@ -15,6 +15,8 @@ pub(super) struct Row {
     pub(super) theta_out: f64,
     /// Set point.
     pub(super) setpoint: Setpoint,
+    /// Whether any of it was filled in: its currents are no evidence.
+    pub(super) is_filled: bool,
 }
 
 /// A window in SI units.
@@ -27,8 +29,8 @@ pub(super) struct Signals {
 }
 
 impl Signals {
-    /// Of the samples of a window.
-    pub(super) fn new(params: &ActuatorParams, samples: &[SensedSample]) -> Self {
+    /// Of the samples of a window; `filled` are the indices of those that were filled in, rising.
+    pub(super) fn new(params: &ActuatorParams, samples: &[SensedSample], filled: &[usize]) -> Self {
         let (motor_lsb, output_lsb) = (params.sensors.motor_lsb(), params.sensors.output_lsb());
         let rate_hz = params.sensors.sample_rate;
         let angle = |n: usize| (samples[n].motor_counts as f64 + 0.5) * motor_lsb;
@@ -42,6 +44,7 @@ impl Signals {
                 omega_m: turned * motor_lsb * rate_hz / (after - before).max(1) as f64,
                 theta_out: sample.output_counts as f64 * output_lsb,
                 setpoint: sample.setpoint,
+                is_filled: filled.binary_search(&n).is_ok(),
             }
         });
         Self {

@@ -22,12 +22,17 @@ pub(super) struct Assessed {
 }
 
 impl Assessed {
-    /// The same with every sigma multiplied: see [`Estimate::widened`].
-    pub(super) fn widened(self, factor: f64) -> Self {
-        Self {
-            estimate: self.estimate.widened(&[factor; FAULT_COUNT]),
-            ..self
+    /// The same with every sigma multiplied: see [`Estimate::widened`]. A reason names the faults that are not observable by that.
+    pub(super) fn widened(mut self, factor: f64) -> Self {
+        let before = self.estimate.observable;
+        self.estimate = self.estimate.widened(&[factor; FAULT_COUNT]);
+        let after = self.estimate.observable;
+        let is_lost = |fault: &FaultId| before[fault.parameter()] && !after[fault.parameter()];
+        let lost: Vec<&str> = FaultId::ALL.into_iter().filter(is_lost).map(FaultId::name).collect();
+        if !lost.is_empty() {
+            self.reasons.push(format!("too uncertain then: {}", lost.join(", ")));
         }
+        self
     }
 }
 

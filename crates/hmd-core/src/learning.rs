@@ -76,7 +76,7 @@ impl Learner {
         let reason = format!("learning, {number} of {} windows", learning.windows);
         let assessed = assessor.assess_within(job, limit, Some(&reason))?;
         let is_valid = assessed.health.status != WindowStatus::Invalid.name();
-        let seen = SeenByType::new(&assessed, self.config.health().levels())?;
+        let seen = SeenByType::new(&assessed);
         let is_complete = is_valid && kept.keep((copy, seen), learning.windows);
         self.complete = is_complete.then_some(actuator);
         Ok(assessed)

@@ -41,3 +41,4 @@ pub mod setting;
 pub mod timestamp;
 pub mod type_of_units;
 pub mod window;
+pub mod windows_in_a_row;

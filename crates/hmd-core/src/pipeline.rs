@@ -139,6 +139,12 @@ impl Pipeline {
         self.demux.iter().flat_map(Demux::serial)
     }
 
+    /// Names of the actuators seen, with their samples lost so far.
+    pub fn lost_samples(&self) -> impl Iterator<Item = (&str, u64)> {
+        let of = self.demux.iter().flat_map(Demux::actuators);
+        of.map(|(name, _, lost)| (name, lost))
+    }
+
     /// Names of the actuators seen, with their complete samples so far.
     pub fn samples(&self) -> impl Iterator<Item = (&str, u64)> {
         let of = self.demux.iter().flat_map(Demux::actuators);

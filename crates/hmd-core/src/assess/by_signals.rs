@@ -6,7 +6,7 @@ use crate::outbox::WindowJob;
 use crate::outliers::grants_runs;
 use crate::sensor_checks::rivals::{BETTER, Verdict, compare, is_doubtful};
 use crate::sensor_checks::{Correction, Finding, Suspect, examine};
-use crate::window::{Degradation, Invalidity, WindowQuality};
+use crate::window::{Defect, Degradation, Invalidity, WindowQuality};
 use ema_identify::effort::Effort;
 use ema_models::FaultId;
 
@@ -197,16 +197,24 @@ impl Assessor {
 /// Factor on every sigma of a window from which a mistake was taken out: how large it was is itself an estimate.
 pub(super) const CORRECTED_FACTOR: f64 = 2.0;
 
-/// Whether the samples of an invalid window show why it is.
+/// Whether the samples of an invalid window show why it is. Between those that are missing anything may have happened.
 fn shows_signals(invalidity: &Invalidity) -> bool {
-    matches!(
+    let is_gap = matches!(
         invalidity,
-        Invalidity::TooManyFlawed { .. }
-            | Invalidity::CountersDisagree { .. }
-            | Invalidity::CounterJumped { .. }
-            | Invalidity::StartInMotion { .. }
-            | Invalidity::Stuck(_)
-    )
+        Invalidity::TooManyFlawed {
+            defect: Defect::Missing,
+            ..
+        }
+    );
+    !is_gap
+        && matches!(
+            invalidity,
+            Invalidity::TooManyFlawed { .. }
+                | Invalidity::CountersDisagree { .. }
+                | Invalidity::CounterJumped { .. }
+                | Invalidity::StartInMotion { .. }
+                | Invalidity::Stuck(_)
+        )
 }
 
 fn report(findings: &[Finding], suspects: &mut Vec<Suspect>, reasons: &mut Vec<String>) {

@@ -103,7 +103,7 @@ pub(super) fn shortened_record(
 /// The state is unknown instead of nominal while the estimate has a damage that is too uncertain to count: the window does not show
 /// it, or the type's tolerances explain it as well.
 fn reported_state(state: HealthState, estimate: Option<&Estimate>) -> HealthState {
-    let hidden = estimate.is_some_and(|e| {
+    let hidden = estimate.filter(|e| !e.is_unmodelled()).is_some_and(|e| {
         let sigma = e.damage_sigma();
         let is_hidden = |fault: FaultId| {
             let damage = e.fault.damage_of(fault);

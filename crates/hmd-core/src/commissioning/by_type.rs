@@ -7,34 +7,26 @@ use ema_models::FaultId;
 use super::CommissioningError;
 use crate::assess::AssessedWindow;
 use crate::config::ActuatorConfig;
-use crate::health::{Health, Levels, LevelsError};
+use crate::health::{Levels, significance};
 use crate::sensor_checks::Suspect;
 
 /// What one window shows by the type alone.
 #[derive(Clone, Debug, Default)]
 pub struct SeenByType {
-    /// Damage of the faults that are visible.
-    damage: Vec<(FaultId, f64)>,
+    /// Damage with its standard deviation, of the faults that it shows anything of, in the order of [`FaultId::ALL`].
+    damage: [Option<(f64, f64)>; FaultId::COUNT],
     suspects: Vec<Suspect>,
 }
 
 impl SeenByType {
-    /// Of a window of a unit that is not commissioned. A fault is visible from its level `watch` on.
-    ///
-    /// # Errors
-    /// Impossible levels.
-    pub fn new(assessed: &AssessedWindow, levels: &[Levels; FaultId::COUNT]) -> Result<Self, LevelsError> {
+    /// Of a window of a unit that is not commissioned.
+    #[must_use]
+    pub fn new(assessed: &AssessedWindow) -> Self {
         let evidence = assessed.damage_evidence.as_ref();
-        let decision = Health::new(levels.map(Levels::at_once))?.update(assessed.health.window, evidence);
-        let damage = evidence.map_or([f64::NAN; FaultId::COUNT], |evidence| evidence.damage);
-        Ok(Self {
-            damage: decision
-                .faults
-                .into_iter()
-                .map(|fault| (fault, damage[fault.index()]))
-                .collect(),
+        Self {
+            damage: FaultId::ALL.map(|fault| evidence.and_then(|evidence| evidence.damage_and_sigma(fault))),
             suspects: assessed.suspects.clone(),
-        })
+        }
     }
 }
 
@@ -61,26 +53,74 @@ pub fn health_by_type(
         })
         .collect();
     for fault in FaultId::ALL {
-        let damages = windows.iter().flat_map(|window| &window.damage);
-        let mut found: Vec<f64> = damages
-            .filter(|(of, _)| *of == fault)
-            .map(|(_, damage)| *damage)
+        let shown: Vec<(f64, f64)> = windows
+            .iter()
+            .filter_map(|window| window.damage[fault.index()])
             .collect();
-        if !are_most(found.len()) {
+        // The tolerances of a type are off alike in all windows, so that many are no more certain than one, and their scatter is that of the
+        // windows alone.
+        let median = median(shown.iter().map(|(damage, _)| *damage).collect());
+        let sigma = self::median(shown.iter().map(|(_, sigma)| *sigma).collect());
+        let levels = &levels[fault.index()];
+        if !are_most(shown.len()) || median < levels.watch || median < significance(fault) * sigma {
             continue;
         }
-        found.sort_unstable_by(f64::total_cmp);
-        let median = found[found.len() / 2];
+        let count = shown.iter().filter(|(damage, _)| *damage >= levels.watch).count();
         let what = format!(
             "{} of {median:.2} in {} of {all} windows, by the numbers of type {}",
             fault.plain_name(),
-            found.len(),
+            count,
             actuator.type_name
         );
-        if median >= levels[fault.index()].warning {
+        if median >= levels.warning {
             return Err(CommissioningError::Worn(what));
         }
         warnings.push(format!("warning: {what}: what it has now will count as health"));
     }
     Ok(warnings)
+}
+
+/// The middle of some values; 0 of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+
+    fn windows(damages: &[(f64, f64)]) -> Vec<SeenByType> {
+        let seen = |friction: &(f64, f64)| SeenByType {
+            damage: core::array::from_fn(|n| (n == 0).then_some(*friction)),
+            suspects: Vec::new(),
+        };
+        damages.iter().map(seen).collect()
+    }
+
+    fn health(damages: &[(f64, f64)]) -> Result<usize, CommissioningError> {
+        let config = Config::default();
+        let warnings = health_by_type(&windows(damages), &config.actuators()[0], config.health().levels());
+        warnings.map(|warnings| warnings.len())
+    }
+
+    #[test]
+    fn windows_of_which_few_are_significant_alone_are_worn_together() {
+        // Three sigmas are 0.39: four of ten reach it.
+        let worn = [0.52, 0.36, 0.35, 0.45, 0.38, 0.55, 0.37, 0.43, 0.41, 0.4].map(|damage| (damage, 0.13));
+        assert!(matches!(health(&worn), Err(CommissioningError::Worn(_))));
+        assert_eq!(health(&worn.map(|(damage, _)| (damage - 0.15, 0.05))).ok(), Some(1));
+        assert_eq!(health(&worn.map(|(damage, _)| (damage - 0.2, 0.13))).ok(), Some(0));
+        // Of one window in three nobody knows.
+        assert!(health(&[(0.5, 0.1); 3]).is_err());
+        let mut few = windows(&[(0.5, 0.1); 6]);
+        few.iter_mut()
+            .take(4)
+            .for_each(|window| window.damage = [None; FaultId::COUNT]);
+        let config = Config::default();
+        assert!(
+            health_by_type(&few, &config.actuators()[0], config.health().levels()).is_ok_and(|found| found.is_empty())
+        );
+    }
 }

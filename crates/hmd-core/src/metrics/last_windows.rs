@@ -10,6 +10,7 @@ use prometheus_client::metrics::MetricType;
 use prometheus_client::metrics::gauge::ConstGauge;
 
 use crate::record::{Health, Rul};
+use crate::windows_in_a_row::WindowsInARow;
 
 /// Quantiles of the remaining life, as labels.
 const PERCENTILES: [&str; 3] = ["10", "50", "90"];
@@ -31,6 +32,7 @@ struct LastWindow {
     damage: [(Option<f64>, Option<f64>); FaultId::COUNT],
     /// In the order of [`PERCENTILES`], h.
     rul_h: [Option<f64>; 3],
+    in_a_row: WindowsInARow,
 }
 
 impl LastWindows {
@@ -46,10 +48,17 @@ impl LastWindows {
     /// Takes a window. What it does not show is no longer known.
     pub fn update(&mut self, health: &Health, rul: &Rul) {
         let (damages, sigmas) = (health.damages(), health.damage_sigmas());
+        let mut in_a_row = self
+            .actuators
+            .remove(&health.actuator)
+            .map(|last| last.in_a_row)
+            .unwrap_or_default();
+        in_a_row.update(health);
         let last = LastWindow {
             t_start_ns: health.t_start_ns,
             damage: std::array::from_fn(|n| (damages[n], sigmas[n].filter(|_| damages[n].is_some()))),
             rul_h: [rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h],
+            in_a_row,
         };
         self.actuators.insert(health.actuator.clone(), last);
     }
@@ -81,6 +90,20 @@ impl Collector for LastWindows {
         for (actuator, last) in &self.actuators {
             let labels = [("actuator", actuator.as_str())];
             ConstGauge::new(1e-9 * last.t_start_ns as f64).encode(starts.encode_family(&labels)?)?;
+        }
+        let help = "Newest windows in a row that could not be assessed";
+        let mut unassessed = out.encode_descriptor("unassessed_windows", help, None, MetricType::Gauge)?;
+        for (actuator, last) in &self.actuators {
+            let labels = [("actuator", actuator.as_str())];
+            ConstGauge::new(last.in_a_row.unassessed).encode(unassessed.encode_family(&labels)?)?;
+        }
+        let help = "Newest windows in a row that name a sensor, wire or number to check";
+        let mut suspected = out.encode_descriptor("suspected_windows", help, None, MetricType::Gauge)?;
+        for (actuator, last) in &self.actuators {
+            for (suspect, windows) in &last.in_a_row.suspects {
+                let labels = [("actuator", actuator.as_str()), ("suspect", suspect)];
+                ConstGauge::new(*windows).encode(suspected.encode_family(&labels)?)?;
+            }
         }
         let help = "Damage by the last window, 0 to 1";
         self.of_faults(out, "damage", help, |(damage, _)| damage)?;

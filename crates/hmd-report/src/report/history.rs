@@ -122,7 +122,8 @@ impl History {
     pub(super) fn go_on(&mut self, mut later: Self) {
         let counts = |fault: FaultId| later.keeps(fault);
         later.shown = later.shown.or(&self.shown, counts);
-        let mut states = later.states();
+        let own = later.states();
+        let mut states = own;
         for (fault, before) in FaultId::ALL.into_iter().zip(self.states()) {
             let state = &mut states[fault.index()];
             if *state == HealthState::Unknown && later.keeps(fault) {
@@ -133,7 +134,7 @@ impl History {
         let is_known = !states.contains(&HealthState::Unknown);
         let newest = &mut later.newest.0;
         let state = HealthState::named(&newest.health);
-        if worst > state && (worst > HealthState::Nominal || is_known) {
+        if states != own && worst > state && (worst > HealthState::Nominal || is_known) {
             newest.health = worst.name().to_owned();
         }
         newest.set_states(&states);

@@ -197,11 +197,12 @@ pub(super) fn damages(history: &History, modes: &[FaultMode; FaultId::COUNT]) ->
     FaultId::ALL
         .into_iter()
         .zip(modes)
-        .map(|(fault, mode)| damage(&drawn, fault, mode))
+        .map(|(fault, mode)| damage(&drawn, fault, mode, history.shown.of(fault).is_some()))
         .collect()
 }
 
-fn damage(drawn: &Drawn<'_>, fault: FaultId, mode: &FaultMode) -> String {
+/// `is_shown`: some window since its part is the one that it is.
+fn damage(drawn: &Drawn<'_>, fault: FaultId, mode: &FaultMode, is_shown: bool) -> String {
     let p = fault.parameter();
     // The damage of the gain is twice its deviation, and so is its sigma.
     let per_parameter = if fault == FaultId::Gain { 2.0 } else { 1.0 };
@@ -232,7 +233,7 @@ fn damage(drawn: &Drawn<'_>, fault: FaultId, mode: &FaultMode) -> String {
         .iter()
         .rev()
         .find_map(|place| Some((value(place.point)?, interval(place.point))));
-    let summary = match newest {
+    let summary = match newest.filter(|_| is_shown) {
         Some((damage, Some((low, high)))) => format!("{damage:.1} %, with 95 % probability {low:.1} to {high:.1} %"),
         Some((damage, None)) => format!("{damage:.1} %"),
         None => "no window shows it".to_owned(),

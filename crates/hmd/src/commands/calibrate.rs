@@ -169,7 +169,7 @@ fn unit(args: &Args, logs: &[PathBuf], config: Config, tell: &mut dyn FnMut(&str
     let levels = config.health().levels();
     let mut seen = Vec::new();
     for job in &*jobs {
-        seen.push(SeenByType::new(&assessor.assess(job.clone())?, levels)?);
+        seen.push(SeenByType::new(&assessor.assess(job.clone())?));
     }
     let name = &jobs[0].actuator.name;
     let warnings = health_by_type(&seen, &jobs[0].actuator, levels).with_context(|| name.clone())?;

@@ -123,7 +123,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
                 || "history reset".to_owned(),
                 |part| format!("{} replaced, its faults begin anew", part.name()),
             );
-            format!("{actuator}: {what} from {minute} UTC on; noted in {noted}")
+            format!("{actuator}: {what} from {minute} UTC on, with the next movement; noted in {noted}")
         }
         EventKind::Keep => format!(
             "{actuator}: frames from {} s before to {} s after {minute} UTC asked for; noted in {noted}",

@@ -2,8 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use ema_models::FaultId;
 use hmd_core::health::HealthState;
 use hmd_core::record::{Health, LogLevel, Sensors};
+use hmd_core::windows_in_a_row::WindowsInARow;
 
 /// Health of all actuators with an assessment.
 #[derive(Debug, Default)]
@@ -21,6 +23,7 @@ pub(super) struct TrackedHealth {
     pub(super) sensors: String,
     /// The last change of the state; `None` before the first.
     pub(super) changed: Option<Change>,
+    in_a_row: WindowsInARow,
 }
 
 /// A change of the state, with the values that made it.
@@ -40,8 +43,21 @@ pub(super) struct Change {
 const ORDER: [&str; 5] = ["unknown", "nominal", "watch", "warning", "critical"];
 
 impl HealthTracker {
-    /// Takes an assessment. Returns a notice for an operator on a change to report; that of a passive actuator is no warning.
-    pub(super) fn update(&mut self, health: &Health, persistence: u32, passive: bool) -> Option<(LogLevel, String)> {
+    /// Takes an assessment. Returns notices for an operator: of a change to report, and of what windows in a row have in common; those of
+    /// a passive actuator are no warnings.
+    pub(super) fn update(&mut self, health: &Health, persistence: u32, passive: bool) -> Vec<(LogLevel, String)> {
+        let change = self.change(health, persistence, passive);
+        let in_a_row = self.tracked(&health.actuator).in_a_row.update(health);
+        let in_a_row = in_a_row.into_iter().map(|news| {
+            let is_warning = news.for_the_worse && !passive;
+            let level = if is_warning { LogLevel::Warning } else { LogLevel::Info };
+            let passive = if passive { " (passive)" } else { "" };
+            (level, format!("{}: {}{passive}", health.actuator, news.text))
+        });
+        change.into_iter().chain(in_a_row).collect()
+    }
+
+    fn change(&mut self, health: &Health, persistence: u32, passive: bool) -> Option<(LogLevel, String)> {
         let tracked = self.tracked(&health.actuator);
         tracked.persistence = persistence;
         if tracked.health == health.health {
@@ -50,13 +66,14 @@ impl HealthTracker {
         let from = std::mem::replace(&mut tracked.health, health.health.clone());
         let damage = health.damages().into_iter().flatten().fold(0.0, f64::max);
         let level = reported_level(&from, &health.health, passive);
-        let faults = if health.faults.is_empty() {
-            "no fault"
-        } else {
-            &health.faults
+        let unknown = unknown(health);
+        let what = match &*health.faults {
+            "" if health.health == ORDER[0] && !unknown.is_empty() => format!("not known: {}", unknown.join(", ")),
+            "" => format!("no fault, largest damage {damage:.2}"),
+            faults => format!("{faults}, largest damage {damage:.2}"),
         };
         let message = format!(
-            "{}: {from} to {} in window {}: {faults}, largest damage {damage:.2}{}",
+            "{}: {from} to {} in window {}: {what}{}",
             health.actuator,
             health.health,
             health.window,
@@ -124,12 +141,24 @@ pub(super) fn is_worse(from: &str, to: &str) -> bool {
     reported_level(from, to, false) == Some(LogLevel::Warning)
 }
 
-/// How a change of a state is reported: not at all below `watch`, as a warning where it is for the worse.
+/// The faults that no window has shown.
+fn unknown(health: &Health) -> Vec<&'static str> {
+    let states = health.states().unwrap_or([HealthState::Nominal; FaultId::COUNT]);
+    let named = FaultId::NAMES.into_iter().zip(states);
+    named
+        .filter(|(_, state)| *state == HealthState::Unknown)
+        .map(|(name, _)| name)
+        .collect()
+}
+
+/// How a change of a state is reported: as a warning where it is for the worse; between `unknown` and `nominal` only what was known and is
+/// not any more.
 fn reported_level(from: &str, to: &str, passive: bool) -> Option<LogLevel> {
     let rank = |state: &str| ORDER.iter().position(|of| *of == state);
     let worse = rank(to) > rank(from) && !passive;
     let level = if worse { LogLevel::Warning } else { LogLevel::Info };
-    (rank(from) >= rank("watch") || rank(to) >= rank("watch")).then_some(level)
+    let is_news = rank(from) >= rank("watch") || rank(to) >= rank("watch") || to == ORDER[0];
+    is_news.then_some(level)
 }
 
 #[cfg(test)]
@@ -137,7 +166,7 @@ mod tests {
     use super::*;
 
     fn assessed(window: u64, health: &str, friction: f64) -> Health {
-        Health {
+        let mut health = Health {
             actuator: "ema3".to_owned(),
             window,
             t_start_ns: 1000 + window,
@@ -150,23 +179,53 @@ mod tests {
             damage_friction: Some(friction),
             damage_gain: Some(0.01),
             ..Health::default()
-        }
+        };
+        let estimate = hmd_core::record::Estimate {
+            k: [friction, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.505],
+            sigma: [None; 8],
+            observable: [true; 8],
+        };
+        health.set_estimate(Some(&estimate));
+        health
+    }
+
+    /// The first notice.
+    fn update(
+        tracker: &mut HealthTracker,
+        health: &Health,
+        persistence: u32,
+        passive: bool,
+    ) -> Option<(LogLevel, String)> {
+        tracker.update(health, persistence, passive).into_iter().next()
+    }
+
+    #[test]
+    fn a_health_that_is_no_longer_known_says_of_what() {
+        let mut tracker = HealthTracker::default();
+        update(&mut tracker, &assessed(0, "nominal", 0.0), 0, false);
+        let mut health = assessed(1, "unknown", 0.0);
+        let mut states = [HealthState::Nominal; FaultId::COUNT];
+        states[6] = HealthState::Unknown;
+        health.set_states(&states);
+        let (level, message) = update(&mut tracker, &health, 0, false).unwrap();
+        assert_eq!(level, LogLevel::Info);
+        assert_eq!(message, "ema3: nominal to unknown in window 1: not known: gain");
     }
 
     #[test]
     fn a_change_is_reported_and_its_values_stay() {
         let mut tracker = HealthTracker::default();
         assert_eq!(tracker.health_of("ema3").health, "unknown");
-        assert_eq!(tracker.update(&assessed(0, "nominal", 0.0), 0, false), None);
-        assert_eq!(tracker.update(&assessed(1, "nominal", 0.3), 1, false), None);
+        assert_eq!(update(&mut tracker, &assessed(0, "nominal", 0.0), 0, false), None);
+        assert_eq!(update(&mut tracker, &assessed(1, "nominal", 0.3), 1, false), None);
         assert_eq!(tracker.health_of("ema3").persistence, 1);
-        let (level, message) = tracker.update(&assessed(2, "watch", 0.31), 2, false).unwrap();
+        let (level, message) = update(&mut tracker, &assessed(2, "watch", 0.31), 2, false).unwrap();
         assert_eq!(level, LogLevel::Warning);
         assert_eq!(
             message,
             "ema3: nominal to watch in window 2: friction, largest damage 0.31"
         );
-        assert_eq!(tracker.update(&assessed(3, "watch", 0.35), 0, false), None);
+        assert_eq!(update(&mut tracker, &assessed(3, "watch", 0.35), 0, false), None);
         let changed = tracker.health_of("ema3").changed.unwrap();
         let expected = Change {
             t_ns: 1002,
@@ -175,7 +234,7 @@ mod tests {
             damage: 0.31,
         };
         assert_eq!(changed, expected, "the last change, not the last window");
-        let (level, _) = tracker.update(&assessed(4, "nominal", 0.0), 0, false).unwrap();
+        let (level, _) = update(&mut tracker, &assessed(4, "nominal", 0.0), 0, false).unwrap();
         assert_eq!(level, LogLevel::Info);
     }
 
@@ -208,7 +267,7 @@ mod tests {
     #[test]
     fn a_passive_actuator_raises_no_warning() {
         let mut tracker = HealthTracker::default();
-        let (level, message) = tracker.update(&assessed(0, "critical", 0.9), 0, true).unwrap();
+        let (level, message) = update(&mut tracker, &assessed(0, "critical", 0.9), 0, true).unwrap();
         assert_eq!(level, LogLevel::Info);
         assert!(message.ends_with("(passive)"), "{message}");
     }

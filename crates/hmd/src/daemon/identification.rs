@@ -155,7 +155,7 @@ impl<'a, C: HostClock> Identification<'a, C> {
             Self::keep_frames(&assessed, length_ns, &mut shared)?;
             shared.health_changed |=
                 shared.health_tracker.health_of(&assessed.health.actuator).health != assessed.health.health;
-            if let Some((level, message)) = shared.health_tracker.update(&assessed.health, pending, passive) {
+            for (level, message) in shared.health_tracker.update(&assessed.health, pending, passive) {
                 let stamp_ns = assessed.health.t_start_ns;
                 publish(&Notice { stamp_ns, message }, level, &mut shared, observer)?;
             }

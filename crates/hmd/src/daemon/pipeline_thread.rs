@@ -41,6 +41,8 @@ pub(super) struct PipelineThread<'a, C> {
     fresh_losses: BTreeMap<(u16, LiveLoss), u64>,
     /// Counters of each serial line at the last tick, as reported.
     reported: BTreeMap<u16, DeframerStats>,
+    /// Samples of each actuator lost until the last tick.
+    lost_samples: BTreeMap<String, u64>,
     /// Windows dropped since the last tick.
     fresh_drops: u64,
     ticks: u64,
@@ -76,6 +78,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             links: BTreeMap::new(),
             fresh_losses: BTreeMap::new(),
             reported: BTreeMap::new(),
+            lost_samples: BTreeMap::new(),
             fresh_drops: 0,
             ticks: 0,
             store_raw,
@@ -376,6 +379,18 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             if let Some(unreadable) = unreadable_since(reported, stats) {
                 let name = self.names.name(bus).unwrap_or_default();
                 let message = format!("{name}: {unreadable}");
+                publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
+            }
+        }
+        let losses: Vec<(String, u64)> = self
+            .pipeline
+            .lost_samples()
+            .map(|(name, lost)| (name.to_owned(), lost))
+            .collect();
+        for (name, lost) in losses {
+            let before = self.lost_samples.insert(name.clone(), lost).unwrap_or(0);
+            if lost > before {
+                let message = format!("{name}: {} samples lost", lost - before);
                 publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
             }
         }

@@ -121,7 +121,12 @@ fn a_jittering_clock_shows_the_rate_and_a_coarse_one_is_recognised() {
         );
     }
     let printed = with_clock(&|_, clock| clock / 1000 * 1000);
-    assert!(printed.contains("not monitored: its clock shows 4"), "{printed}");
+    // Steps of a millisecond in periods of 2.5: the rate is known to 3 %, and the nearest of whole control periods is the right one.
+    assert!(printed.contains("expected 2000 samples/s, found 400.0"), "{printed}");
+    assert!(
+        printed.lines().nth(1).is_some_and(|line| line.ends_with("friction")),
+        "{printed}"
+    );
     let text = map() + "\n[type.bench.sensors]\nsample_rate_hz = 400\n";
     fs::write(folder.path().join("flap.toml"), text).expect("flap.toml");
     let printed = with_clock(&|_, clock| clock / 1000 * 1000);

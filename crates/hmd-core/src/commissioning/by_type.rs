@@ -62,7 +62,9 @@ pub fn health_by_type(
         let median = median(shown.iter().map(|(damage, _)| *damage).collect());
         let sigma = self::median(shown.iter().map(|(_, sigma)| *sigma).collect());
         let levels = &levels[fault.index()];
-        if !are_most(shown.len()) || median < levels.watch || median < significance(fault) * sigma {
+        let is_significant = median >= significance(fault) * sigma;
+        let is_likely = median >= levels.warning && median >= LIKELY_SIGMAS * sigma;
+        if !are_most(shown.len()) || median < levels.watch || !(is_significant || is_likely) {
             continue;
         }
         let count = shown.iter().filter(|(damage, _)| *damage >= levels.watch).count();
@@ -72,6 +74,12 @@ pub fn health_by_type(
             count,
             actuator.type_name
         );
+        if !is_significant {
+            warnings.push(format!(
+                "warning: {what}, ± {sigma:.2} by its tolerances: if the unit is worn, this will count as its health"
+            ));
+            continue;
+        }
         if median >= levels.warning {
             return Err(CommissioningError::Worn(what));
         }
@@ -79,6 +87,9 @@ pub fn health_by_type(
     }
     Ok(warnings)
 }
+
+/// Sigmas from which on a damage at its level `warning` is worth a word: one unit in twenty of this type has it without wear.
+const LIKELY_SIGMAS: f64 = 2.0;
 
 /// The middle of some values; 0 of none.
 fn median(mut values: Vec<f64>) -> f64 {
@@ -112,6 +123,8 @@ mod tests {
         assert!(matches!(health(&worn), Err(CommissioningError::Worn(_))));
         assert_eq!(health(&worn.map(|(damage, _)| (damage - 0.15, 0.05))).ok(), Some(1));
         assert_eq!(health(&worn.map(|(damage, _)| (damage - 0.2, 0.13))).ok(), Some(0));
+        // What tolerances explain with one unit in twenty is worth a word.
+        assert_eq!(health(&worn.map(|(damage, _)| (damage, 0.19))).ok(), Some(1));
         // Of one window in three nobody knows.
         assert!(health(&[(0.5, 0.1); 3]).is_err());
         let mut few = windows(&[(0.5, 0.1); 6]);

@@ -116,6 +116,16 @@ impl HealthTracker {
         self.tracked(actuator).health = state.name().to_owned();
     }
 
+    /// Sentences about actuators at `watch` or worse by an earlier run, of which no window has come yet.
+    pub(super) fn resumed(&self) -> Vec<String> {
+        let of_before = self.0.iter().filter(|(_, tracked)| tracked.changed.is_none());
+        let is_news = |health: &str| HealthState::named(health) >= HealthState::Watch;
+        let of_before = of_before.filter(|(_, tracked)| is_news(&tracked.health));
+        of_before
+            .map(|(actuator, tracked)| format!("{actuator}: {}, as when the run before ended", tracked.health))
+            .collect()
+    }
+
     fn tracked(&mut self, actuator: &str) -> &mut TrackedHealth {
         self.0.entry(actuator.to_owned()).or_insert_with(TrackedHealth::unknown)
     }
@@ -262,6 +272,16 @@ mod tests {
         assert_eq!(tracker.update_sensors(&sensors("watch", &[]), false), None);
         let (level, _) = tracker.update_sensors(&sensors("nominal", &[]), false).unwrap();
         assert_eq!(level, LogLevel::Info);
+    }
+
+    #[test]
+    fn what_an_earlier_run_left_is_told() {
+        let mut tracker = HealthTracker::default();
+        tracker.resume("ema3", HealthState::Critical);
+        tracker.resume("ema4", HealthState::Nominal);
+        assert_eq!(tracker.resumed(), ["ema3: critical, as when the run before ended"]);
+        update(&mut tracker, &assessed(0, "warning", 0.3), 0, false);
+        assert!(tracker.resumed().is_empty());
     }
 
     #[test]

@@ -264,6 +264,11 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
                 *self.fresh_losses.entry((bus, loss)).or_default() += frames;
             }
             Input::Tick { stamp_ns } => {
+                if self.ticks == 0 {
+                    for message in shared.health_tracker.resumed() {
+                        publish(&Notice { stamp_ns, message }, LogLevel::Warning, shared, observer)?;
+                    }
+                }
                 self.publish_losses(stamp_ns, shared, observer)?;
                 for (notice, level) in shared.notices.summaries(stamp_ns) {
                     publish(&notice, level, shared, observer)?;

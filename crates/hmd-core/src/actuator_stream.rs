@@ -10,6 +10,8 @@
 //!
 //! Memory is bounded by those 64 samples and by one window. In the steady state a frame allocates nothing.
 
+mod rate;
+
 use std::sync::Arc;
 
 use ema_models::{ActuatorParams, SensedSample, Setpoint};
@@ -24,31 +26,13 @@ use crate::outbox::{AssembledSample, Notice, Outbox, WindowJob};
 use crate::sample::{MeasuredConditions, SampleRate};
 use crate::sensor_checks::UnseenMotion;
 use crate::window::{TimedSample, Window, WindowConfig, Windower};
-
-/// Standard deviations of the jitter that the rate may be off by.
-const JITTER_SIGMAS: f64 = 3.0;
-
-/// Most that a rate may be off by for jitter, as a share.
-const JITTER_MAX: f64 = 0.05;
+use rate::{RateState, Settled};
 
 /// Times further apart than this are a pause where nothing counts the samples.
 const PAUSE_NS: u64 = 500_000_000;
 
-/// Samples that wait until the sample rate is known.
-const RATE_SAMPLES: usize = 16;
-
-/// Samples after which a rate that the device's time does not show is taken as nominal.
-const RATE_SAMPLES_MAX: usize = 64;
-
-/// A measured rate this near the nominal one, as a share of it, is the nominal one. The same holds for a measured rate near
-/// one of whole control periods.
-const RATE_ROUNDING: f64 = 0.002;
-
 /// Samples after which the counter byte of position and command frames repeats.
 const COUNTER_ROUND: f64 = 256.0;
-
-/// Longest sample period that 16 bits of microseconds can show, µs; longer ones are not measured.
-const LONGEST_PERIOD_US: u16 = 32_768;
 
 /// The stream of one actuator, from its frames to its windows.
 #[derive(Debug)]
@@ -69,16 +53,6 @@ pub struct ActuatorStream {
     /// The traffic ended, so that a counter that goes back is no device that restarted.
     is_ended: bool,
     windowing: Windowing,
-}
-
-#[derive(Debug)]
-enum RateState {
-    /// Samples so far and the periods between them, µs.
-    Learning {
-        waiting: Vec<TimedSample>,
-        periods_us: Vec<u16>,
-    },
-    Known(SampleRate),
 }
 
 /// Made with the first sample whose rate is known.
@@ -112,10 +86,7 @@ impl ActuatorStream {
             window_config: *config.window(),
             last: None,
             currents_stamp: None,
-            rate: RateState::Learning {
-                waiting: Vec::with_capacity(RATE_SAMPLES),
-                periods_us: Vec::new(),
-            },
+            rate: RateState::new(),
             conditions: MeasuredConditions::default(),
             restarts: 0,
             paused: 0,
@@ -136,7 +107,8 @@ impl ActuatorStream {
         self.assembler.stats()
     }
 
-    /// Samples lost: missing by their counter, or by times that are no pause where nothing counts them, or dropped because the actuator cannot be monitored at its sample rate.
+    /// Samples lost: missing by their counter, in a log without one by their times where those are no pause; or dropped because the
+    /// actuator cannot be monitored at its sample rate.
     #[must_use]
     pub fn lost(&self) -> u64 {
         let dropped = match self.windowing {
@@ -250,10 +222,12 @@ impl ActuatorStream {
         self.actuator.params.sensors.sample_rate
     }
 
-    /// Samples of the pause before one, where nothing counts them: a recording ended and another began.
+    /// Samples of the pause before one, in a log that nothing counts: a recording ended and another began. On a bus, frames are lost.
     fn pause_before(&self, sample: &TimedSample) -> u64 {
-        let is_counted = self.actuator.log.as_ref().is_none_or(|log| log.has(Quantity::Counter));
-        let (false, Some((last, _))) = (is_counted, self.last) else {
+        let (actuator, last) = (&self.actuator, self.last);
+        let is_uncounted = |log: &Arc<LogMap>| !log.has(Quantity::Counter);
+        let is_of_log = actuator.drive_bus.is_none() && actuator.log.as_ref().is_some_and(is_uncounted);
+        let Some((last, _)) = last.filter(|_| is_of_log) else {
             return 0;
         };
         let gap = sample.seq.saturating_sub(last.seq).saturating_sub(1);
@@ -496,96 +470,6 @@ pub fn cut_windows(
     (outbox.take_windows(), outbox.take_notices())
 }
 
-/// What a sample did to the sample rate.
-enum Settled {
-    /// The rate is not known yet; the sample waits.
-    Not,
-    /// The rate was known.
-    Before(SampleRate),
-    /// The rate is known from this sample on; the samples that waited, this one last.
-    Now(SampleRate, Vec<TimedSample>),
-}
-
-impl RateState {
-    /// Takes a sample and the device time since the one before it, µs.
-    fn push(&mut self, sample: TimedSample, elapsed_us: Option<u16>, nominal_hz: f64) -> Settled {
-        let (waiting, periods_us) = match self {
-            Self::Known(rate) => return Settled::Before(*rate),
-            Self::Learning { waiting, periods_us } => (waiting, periods_us),
-        };
-        if let (Some(previous), Some(elapsed_us)) = (waiting.last(), elapsed_us) {
-            let steps = sample.seq.wrapping_sub(previous.seq);
-            if steps == 1 && elapsed_us < LONGEST_PERIOD_US {
-                periods_us.push(elapsed_us);
-            }
-        }
-        waiting.push(sample);
-        let rate = if waiting.len() >= RATE_SAMPLES && periods_us.iter().any(|&period_us| period_us > 0) {
-            measured_rate(periods_us, nominal_hz)
-        } else if waiting.len() >= RATE_SAMPLES_MAX {
-            // No two samples in a row with a period between them.
-            SampleRate::nominal(nominal_hz)
-        } else {
-            return Settled::Not;
-        };
-        Settled::Now(rate, self.settle(rate))
-    }
-
-    /// Ends the measurement with a rate; the samples that waited, none if the rate was known.
-    fn settle(&mut self, rate: SampleRate) -> Vec<TimedSample> {
-        match self {
-            Self::Known(_) => Vec::new(),
-            Self::Learning { waiting, .. } => {
-                let waiting = std::mem::take(waiting);
-                *self = Self::Known(rate);
-                waiting
-            }
-        }
-    }
-}
-
-/// The rate by the periods that the device's time shows, µs: the mean of those near their median, so that neither one bad
-/// stamp nor the steps of a coarse clock decide. Within a clock's rounding of the nominal rate it is the nominal rate; a
-/// clock that stands still from one sample to the next is too coarse to show any.
-fn measured_rate(periods_us: &mut [u16], nominal_hz: f64) -> SampleRate {
-    periods_us.sort_unstable();
-    if periods_us[0] == 0 {
-        return SampleRate::nominal(nominal_hz);
-    }
-    let median = f64::from(periods_us[periods_us.len() / 2]);
-    let near = periods_us
-        .iter()
-        .map(|&us| f64::from(us))
-        .filter(|us| (0.4 * median..=2.5 * median).contains(us));
-    let (count, sum) = near
-        .clone()
-        .fold((0.0, 0.0), |(count, sum), us| (count + 1.0, sum + us));
-    let hz = 1e6 * count / sum;
-    // The clock's own step, where it shows: the mean is off by at most one step in all the time summed up.
-    let step = near.clone().fold(0, |step, us| gcd(step, us as u16));
-    let coarse = near.clone().any(|us| us as u16 != step);
-    let by_step = if coarse { f64::from(step) / sum } else { 0.0 };
-    // Periods further apart than one step: stamps jitter. What is off in one period is made good in the next, so that the first and
-    // the last stamp decide.
-    let (least, most) = near
-        .clone()
-        .fold((f64::MAX, 0.0_f64), |(least, most), us| (least.min(us), most.max(us)));
-    let mean = sum / count;
-    let scatter = (near.map(|us| (us - mean).powi(2)).sum::<f64>() / count).sqrt();
-    let by_jitter = if most - least > f64::from(step) {
-        (JITTER_SIGMAS * scatter / sum).min(JITTER_MAX)
-    } else {
-        0.0
-    };
-    let uncertainty = RATE_ROUNDING.max(by_step).max(by_jitter);
-    let is_nominal = (hz - nominal_hz).abs() <= uncertainty * nominal_hz;
-    SampleRate {
-        hz: if is_nominal { nominal_hz } else { hz },
-        uncertainty,
-        is_measured: true,
-    }
-}
-
 /// Largest distance between the stamps of one sample's frames, ns: an eighth of the counter byte's round, so that a stalled
 /// receiver splits few samples, and never less than the default. For a nominal rate, the default.
 fn longest_sample_ns(rate: &SampleRate) -> u64 {
@@ -593,11 +477,6 @@ fn longest_sample_ns(rate: &SampleRate) -> u64 {
         return Assembler::DEFAULT_MAX_SPAN_NS;
     }
     ((COUNTER_ROUND / 8.0 / rate.hz * 1e9) as u64).max(Assembler::DEFAULT_MAX_SPAN_NS)
-}
-
-/// Greatest common divisor; of 0 and a number the number.
-fn gcd(a: u16, b: u16) -> u16 {
-    if b == 0 { a } else { gcd(b, a % b) }
 }
 
 #[cfg(test)]
@@ -633,40 +512,6 @@ mod tests {
             }
         }
         outbox.take_samples().len()
-    }
-
-    /// The rate by a device clock of so many microseconds, sampled at `hz`, where 400 Hz are expected.
-    fn rate(hz: f64, lsb_us: f64) -> SampleRate {
-        let count = |n: usize| (((n as f64 * 1e6 / hz) / lsb_us).floor() * lsb_us) as u16;
-        let mut periods: Vec<u16> = (1..RATE_SAMPLES).map(|n| count(n) - count(n - 1)).collect();
-        measured_rate(&mut periods, 400.0)
-    }
-
-    #[test]
-    fn a_coarse_device_clock_shows_the_nominal_rate() {
-        for lsb_us in [1.0, 16.0, 32.0, 64.0, 100.0, 500.0, 1000.0] {
-            assert_eq!(rate(400.0, lsb_us).hz.to_bits(), 400f64.to_bits(), "{lsb_us}");
-        }
-        let too_coarse = rate(400.0, 4000.0);
-        assert!(!too_coarse.is_measured);
-        assert_eq!(too_coarse.hz.to_bits(), 400f64.to_bits());
-        // Jitter does not make the clock coarse: a step of 1 µs.
-        let mut jitter: Vec<u16> = (0..15).map(|n| 2490 + 3 * (n % 3)).collect();
-        assert!((measured_rate(&mut jitter, 402.0).hz - 401.1).abs() < 0.1);
-        // Stamps off by 50 µs (rms) of 1 ms: the nominal rate may be it, a rate far off is not.
-        let stamp = |n: u32| 1000 * n + [20, 90, 0, 110, 45, 30, 130, 60, 10, 75][n as usize % 10];
-        let mut jitter: Vec<u16> = (1..RATE_SAMPLES as u32)
-            .map(|n| (stamp(n) - stamp(n - 1)) as u16)
-            .collect();
-        let found = measured_rate(&mut jitter, 1000.0);
-        assert!(
-            (found.hz - 1000.0).abs() < f64::EPSILON && found.uncertainty > 0.005,
-            "{found:?}"
-        );
-        assert!((measured_rate(&mut jitter, 1100.0).hz - 1000.0).abs() < 20.0);
-        // Another rate is no rounding.
-        assert!((rate(402.3, 1.0).hz - 402.3).abs() < 0.1);
-        assert!((rate(625.0, 100.0).hz - 625.0).abs() < 6.0);
     }
 
     #[test]

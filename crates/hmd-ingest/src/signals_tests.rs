@@ -99,6 +99,38 @@ fn what_is_missing_is_not_invented() {
     }
 }
 
+/// Samples lost of the table, numbered by its time, whose last rows come so much later, s.
+fn lost_before_later_rows(pause_s: f64) -> u64 {
+    let text = std::fs::read_to_string(folder().join("samples.csv")).expect("a fixture");
+    let mut later = String::new();
+    for (n, line) in text.lines().enumerate() {
+        match line.split_once(',') {
+            Some((time, rest)) if n > 560 => {
+                let time: f64 = time.parse().expect("a time");
+                later += &format!("{:.6},{rest}\n", time + pause_s);
+            }
+            _ => later += &(line.to_owned() + "\n"),
+        }
+    }
+    let file = tempfile::Builder::new().suffix(".csv").tempfile().unwrap();
+    std::fs::write(file.path(), later).unwrap();
+    let config = config(&["counter", "sample.time"], "");
+    let mut source = crate::open_mapped(file.path(), BusNames::new(), &config).unwrap();
+    let mut pipeline = Pipeline::new(config);
+    while let Some(item) = source.next() {
+        pipeline.push(&item.unwrap(), source.bus_names());
+    }
+    pipeline.finish();
+    pipeline.lost_samples().map(|(_, lost)| lost).sum()
+}
+
+#[test]
+fn a_pause_of_a_log_that_nothing_counts_is_no_loss_and_a_gap_is() {
+    assert_eq!(lost_before_later_rows(0.0), 0);
+    assert_eq!(lost_before_later_rows(0.3), 120, "0.3 s at 400 Hz");
+    assert_eq!(lost_before_later_rows(19.0), 0);
+}
+
 /// The table with only every second value of the motor's angle.
 fn several_rates() -> String {
     let text = std::fs::read_to_string(folder().join("samples.csv")).expect("a fixture");

@@ -239,3 +239,20 @@ pub(super) fn in_words(assessed: &Assessed) -> String {
         .collect();
     damages.join(", ")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gap_is_no_evidence_of_a_sensor() {
+        let flawed = |defect| Invalidity::TooManyFlawed {
+            defect,
+            count: 200,
+            longest: 90,
+        };
+        assert!(!shows_signals(&flawed(Defect::Missing)));
+        assert!(shows_signals(&flawed(Defect::CurrentSum)) && shows_signals(&flawed(Defect::MotorSpike)));
+        assert!(!shows_signals(&Invalidity::ModeChanged));
+    }
+}

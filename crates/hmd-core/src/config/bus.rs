@@ -161,3 +161,20 @@ impl BusConfig {
         by_bus.into_iter().map(to_load).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::config::Config;
+
+    #[test]
+    fn the_samples_of_a_log_load_no_bus() {
+        let actuator = "[[actuator]]\nid = 0\n[type.bench.sensors]\nsample_rate_hz = 5000\n";
+        let map = "[map]\ntime = \"t\"\ncurrents.q = \"i\"\nposition.motor = \"m\"\n";
+        assert!(
+            Config::from_toml_str(actuator, "a.toml").is_err(),
+            "more than a bus carries"
+        );
+        let of_log = Config::from_toml_str(&format!("{actuator}{map}"), "a.toml").unwrap();
+        assert!(of_log.bus_loads().is_empty());
+    }
+}

@@ -170,3 +170,22 @@ pub fn survey(path: &Path) -> Result<Vec<SurveyedSignal>, IngestError> {
     }
     Ok(found)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_lies_between_recordings_is_no_part_of_the_rate() {
+        let mut pauses = Pauses::default();
+        // One pause before it is known which step is usual, one after.
+        for n in 0..200 {
+            pauses.add(if n == 10 || n == 150 { 19.0 } else { 0.001 });
+        }
+        assert!((pauses.sum - 2.0 * (19.0 - 0.001)).abs() < 1e-9, "{}", pauses.sum);
+        pauses.add(f64::NAN);
+        pauses.add(-100.0);
+        pauses.add(0.04);
+        assert!((pauses.sum - 2.0 * (19.0 - 0.001)).abs() < 1e-9, "{}", pauses.sum);
+    }
+}

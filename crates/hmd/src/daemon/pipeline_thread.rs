@@ -387,11 +387,11 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
                 publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
             }
         }
-        let losses: Vec<(String, u64)> = self
-            .pipeline
-            .lost_samples()
-            .map(|(name, lost)| (name.to_owned(), lost))
-            .collect();
+        // An actuator may be seen on several buses under one name.
+        let mut losses: BTreeMap<String, u64> = BTreeMap::new();
+        for (name, lost) in self.pipeline.lost_samples() {
+            *losses.entry(name.to_owned()).or_default() += lost;
+        }
         for (name, lost) in losses {
             let before = self.lost_samples.insert(name.clone(), lost).unwrap_or(0);
             if lost > before {

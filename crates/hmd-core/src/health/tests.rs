@@ -204,6 +204,47 @@ fn an_unobservable_first_window_leaves_the_state_unknown() {
 }
 
 #[test]
+fn what_no_window_has_shown_is_unknown() {
+    use FaultId::{Backlash, Friction};
+    use HealthState::{Nominal, Unknown, Watch};
+    let shows = |fault: FaultId, damage: f64, sigma: f64, observable: bool| {
+        let mut evidence = DamageEvidence {
+            damage: [0.0; FaultId::COUNT],
+            sigma: Some([0.01; FaultId::COUNT]),
+            observable: [true; FaultId::COUNT],
+        };
+        let n = fault.index();
+        evidence.damage[n] = damage;
+        evidence.sigma = evidence.sigma.map(|mut all| {
+            all[n] = sigma;
+            all
+        });
+        evidence.observable[n] = observable;
+        evidence
+    };
+    let mut health = health(1);
+    // All but friction, of which the window shows nothing, or too little.
+    for sigma in [f64::INFINITY, 0.2] {
+        let decision = health.update(0, Some(&shows(Friction, 0.3, sigma, false)));
+        assert_eq!(
+            (decision.state, decision.states[0], decision.states[1]),
+            (Unknown, Unknown, Nominal)
+        );
+    }
+    // A damage that is significant counts all the same, and what has been seen stays.
+    assert_eq!(health.update(1, Some(&shows(Friction, 0.2, 0.05, false))).state, Watch);
+    assert_eq!(health.update(2, Some(&shows(Friction, 0.0, 0.01, true))).state, Nominal);
+    let decision = health.update(3, Some(&shows(Friction, 0.0, f64::INFINITY, false)));
+    assert_eq!((decision.state, decision.states[0]), (Nominal, Nominal));
+    // A new part begins unknown; what cannot be shown for want of a signal keeps nothing from being nominal.
+    health.forget(Backlash);
+    assert_eq!(health.update(4, None).state, Unknown);
+    health.hide([Backlash]);
+    let decision = health.update(5, Some(&shows(Backlash, 0.0, f64::INFINITY, false)));
+    assert_eq!((decision.state, decision.states[1]), (Nominal, Unknown));
+}
+
+#[test]
 fn impossible_levels_are_refused_by_name() {
     type Change = fn(&mut Levels);
     let cases: [(&str, Change); 7] = [

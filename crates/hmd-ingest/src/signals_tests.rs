@@ -112,13 +112,16 @@ fn lost_before_later_rows(pause_s: f64) -> u64 {
             _ => later += &(line.to_owned() + "\n"),
         }
     }
-    let file = tempfile::Builder::new().suffix(".csv").tempfile().unwrap();
-    std::fs::write(file.path(), later).unwrap();
+    let file = tempfile::Builder::new()
+        .suffix(".csv")
+        .tempfile()
+        .expect("a temporary file");
+    std::fs::write(file.path(), later).expect("a temporary file");
     let config = config(&["counter", "sample.time"], "");
-    let mut source = crate::open_mapped(file.path(), BusNames::new(), &config).unwrap();
+    let mut source = crate::open_mapped(file.path(), BusNames::new(), &config).expect("a table");
     let mut pipeline = Pipeline::new(config);
     while let Some(item) = source.next() {
-        pipeline.push(&item.unwrap(), source.bus_names());
+        pipeline.push(&item.expect("a row"), source.bus_names());
     }
     pipeline.finish();
     pipeline.lost_samples().map(|(_, lost)| lost).sum()

@@ -116,7 +116,6 @@ impl Model for Windows {
         let mut evidence = DamageEvidence {
             damage: [f64::NAN; FaultId::COUNT],
             sigma: Some([0.0; FaultId::COUNT]),
-            observable: [true; FaultId::COUNT],
         };
         for (n, fault) in FAULTS.into_iter().enumerate() {
             let Some((damage, sigma)) = readings[n] else { continue };
@@ -158,11 +157,16 @@ impl Model for Windows {
             Property::always("better only below the hysteresis", |_, state: &Watched| {
                 (0..FAULTS.len()).all(|n| {
                     let better = state.now[n] < state.before[n];
-                    let limit = level(state.before[n]).map(|level| steps()[level] - levels().hysteresis);
-                    !better
-                        || state.readings[n]
-                            .zip(limit)
-                            .is_some_and(|((d, sigma), limit)| d + sigma < limit)
+                    let Some(level) = level(state.before[n]) else { return true };
+                    let limit = steps()[level] - levels().hysteresis;
+                    !better || state.readings[n].is_some_and(|(d, sigma)| d + sigma < limit)
+                })
+            }),
+            Property::always("unknown again only by a doubt", |_, state: &Watched| {
+                (0..FAULTS.len()).all(|n| {
+                    let is_lost = state.now[n] == HealthState::Unknown && state.before[n] != HealthState::Unknown;
+                    let doubtful = |(d, sigma)| d >= levels().warning && d < significance(FAULTS[n]) * sigma;
+                    !is_lost || state.readings[n].is_some_and(doubtful)
                 })
             }),
             Property::always("no evidence, no change", |_, state: &Watched| {

@@ -8,7 +8,6 @@ fn of_friction(damage: f64, sigma: f64) -> DamageEvidence {
     DamageEvidence {
         damage: [damage, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
         sigma: Some([sigma, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
-        observable: [true; FaultId::COUNT],
     }
 }
 
@@ -123,7 +122,6 @@ fn what_is_no_evidence_changes_nothing() {
             let nothing = DamageEvidence {
                 damage: [f64::NAN; 7],
                 sigma: None,
-                observable: [true; FaultId::COUNT],
             };
             let negative = DamageEvidence {
                 sigma: Some([-1.0; 7]),

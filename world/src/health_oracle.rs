@@ -12,9 +12,9 @@ const SIGMAS_OF_ECCENTRICITY: f64 = 3.44;
 /// One actuator in one run.
 pub(crate) struct HealthOracle {
     persistence: usize,
-    /// Of each fault, the damages and sigmas of the windows that showed it, and the levels that it has reached.
+    /// Of each fault, the damages and sigmas of the windows that tell something of it, and the levels that it has reached.
     faults: [(Vec<(f64, f64)>, usize); 7],
-    /// Faults that a window has shown.
+    /// Faults whose state the windows so far have shown.
     shown: [bool; 7],
     events: Option<usize>,
 }
@@ -45,16 +45,29 @@ impl HealthOracle {
             health.k6_sigma,
             health.k8_sigma.map(|sigma| 2.0 * sigma),
         ];
-        for (n, (damage, sigma)) in health.damages().into_iter().zip(sigmas).enumerate() {
+        let damages = [
+            health.k1,
+            health.k2,
+            health.k3,
+            health.k4,
+            health.k5,
+            health.k6,
+            health.k8.map(|gain| (2.0 * (gain - 0.5)).abs()),
+        ];
+        for (n, (damage, sigma)) in damages.into_iter().zip(sigmas).enumerate() {
             let (Some(damage), Some(sigma)) = (damage, sigma) else {
                 continue;
             };
-            // A record has a damage where the window shows it.
-            self.shown[n] = true;
-            let (shown, reached) = &mut self.faults[n];
-            shown.push((damage, sigma));
+            let (found, reached) = &mut self.faults[n];
+            found.push((damage, sigma));
             let least = if n == 5 { SIGMAS_OF_ECCENTRICITY } else { SIGMAS };
-            let last = &shown[shown.len().saturating_sub(self.persistence)..];
+            let is_significant = damage >= least * sigma;
+            if is_significant || damage + 2.0 * sigma < LEVELS[1].0 {
+                self.shown[n] = true;
+            } else if damage >= LEVELS[1].0 {
+                self.shown[n] = false;
+            }
+            let last = &found[found.len().saturating_sub(self.persistence)..];
             let holds = |level: f64| {
                 last.len() == self.persistence
                     && last

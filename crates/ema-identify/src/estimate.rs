@@ -11,10 +11,10 @@ pub struct Estimate {
     pub fault: FaultVector,
     /// The same with its companions.
     pub unknowns: Unknowns,
-    /// One standard deviation of each component, model error included; `None` where it means nothing (k7 without
-    /// eccentricity) or the component is not observable.
+    /// One standard deviation of each component, with the errors of the model and what is not known of the unit; `None` where it
+    /// means nothing (k7 without eccentricity) or the window tells nothing of the component.
     pub sigma: [Option<f64>; FAULT_COUNT],
-    /// Whether the window shows the component.
+    /// Whether the standard deviation is at most 0.1.
     pub observable: [bool; FAULT_COUNT],
     /// Mean over the samples of half the squared weighted residuals.
     pub cost: f64,
@@ -62,7 +62,7 @@ impl Estimate {
         }
     }
 
-    /// One standard deviation of each damage (see [`FaultVector::damage`]); infinite where it is not observable.
+    /// One standard deviation of each damage (see [`FaultVector::damage`]); infinite where the window tells nothing of it.
     #[must_use]
     pub fn damage_sigma(&self) -> [f64; FAULT_COUNT] {
         let mut sigma = self.sigma.map(|s| s.unwrap_or(f64::INFINITY));

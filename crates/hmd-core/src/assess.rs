@@ -19,7 +19,7 @@ use ema_models::{Conditions, FAULT_COUNT, FaultId, FaultVector, MotorKnowledge, 
 use crate::config::{ActuatorConfig, Config, IdentificationConfig, SearchMethod, SearchObjective};
 use crate::deadline::TimeLimit;
 use crate::functional_check::{CHECK_LANES, unmet_requirements};
-use crate::health::{DamageEvidence, HealthState};
+use crate::health::{DamageEvidence, HealthState, Levels};
 use crate::history::{HistoryStore, WindowEvidence};
 use crate::outbox::WindowJob;
 use crate::record::{self, WindowStatus};
@@ -162,6 +162,7 @@ impl Assessor {
         if assessed.is_none() && is_short {
             reasons.push(format!("deadline of {} ms: not identified", limit.deadline_ms));
         }
+        let levels = *self.config.health().levels();
         let mut fit = Fit::default();
         let mut found = None;
         if let Some(assessed) = assessed {
@@ -179,6 +180,10 @@ impl Assessor {
             }
             reasons.extend(learning.map(str::to_owned));
             reasons.extend(assessed.reasons);
+            if !estimate.is_unmodelled() {
+                let is_commissioned = self.knows_unit(&job.actuator);
+                reasons.extend(too_uncertain(&damage_evidence(&estimate), &levels, is_commissioned));
+            }
             reasons.extend(estimate.competing_optimum.map(|other| ambiguous(&estimate, &other)));
             if is_short && (estimate.cut || unchecked) {
                 reasons.push(cut_by_deadline(limit.deadline_ms, &estimate, unchecked));
@@ -232,7 +237,7 @@ impl Assessor {
         let reason = reasons.join("; ");
         Ok(AssessedWindow {
             window: window_record(&job, status, &reason, fit),
-            health: health_record(&job, status, &reason, found.as_ref(), &decision, &suspects),
+            health: health_record(&job, status, &reason, found.as_ref(), &levels, &decision, &suspects),
             sensors: sensors_record(&job, &sensors),
             rul: rul_record(&job, found.as_ref(), &decision, config.rul()),
             suspects,
@@ -333,7 +338,6 @@ pub fn damage_evidence(estimate: &Estimate) -> DamageEvidence {
     DamageEvidence {
         damage: estimate.fault.damages(),
         sigma: Some(FaultId::ALL.map(|fault| sigma[fault.parameter()])),
-        observable: FaultId::ALL.map(|fault| estimate.observable[fault.parameter()]),
     }
 }
 
@@ -346,14 +350,25 @@ fn cut_by_deadline(deadline_ms: u32, estimate: &Estimate, unchecked: bool) -> St
     )
 }
 
-/// The reason that names the faults which are not observable; the direction k7 is no handicap.
+/// The reason that names the faults of which the window tells nothing; the direction k7 is no handicap.
 fn unseen(estimate: &Estimate) -> Option<String> {
     let names: Vec<&str> = FaultId::ALL
         .into_iter()
-        .filter(|fault| !estimate.observable[fault.parameter()])
+        .filter(|fault| estimate.sigma[fault.parameter()].is_none())
         .map(FaultId::name)
         .collect();
     (!names.is_empty()).then(|| format!("not excited: {}", names.join(", ")))
+}
+
+/// The reason that names the faults whose damage is too uncertain to tell their state, and what would tell more.
+fn too_uncertain(evidence: &DamageEvidence, levels: &[Levels; FaultId::COUNT], is_commissioned: bool) -> Option<String> {
+    let damages: Vec<String> = evidence
+        .uncertain(levels)
+        .into_iter()
+        .map(|(fault, damage, sigma)| format!("{} {damage:.2} ± {sigma:.2}", fault.name()))
+        .collect();
+    let unknown_unit = if is_commissioned { "" } else { " (unit not commissioned)" };
+    (!damages.is_empty()).then(|| format!("too uncertain: {}{unknown_unit}", damages.join(", ")))
 }
 
 /// The reason that names the values of a competing optimum, which explains the window as well.

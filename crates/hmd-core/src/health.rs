@@ -166,11 +166,9 @@ pub struct DamageEvidence {
     /// Damage of each fault (see [`ema_models::FaultVector::damages`]), in the order of [`FaultId::ALL`]. A damage that is
     /// no number was not observable in this window and leaves its fault as it is.
     pub damage: [f64; FaultId::COUNT],
-    /// Standard deviations, same order; one that is no number makes its damage unobservable.
+    /// Standard deviations, same order, with all that the damage may be off by; one that is no number says that the window tells nothing of
+    /// the fault. `None`: the damages are exact.
     pub sigma: Option<[f64; FaultId::COUNT]>,
-    /// Whether the window shows each fault well enough to call it nominal, same order. A damage that it shows less well counts where it is
-    /// significant all the same.
-    pub observable: [bool; FaultId::COUNT],
 }
 
 /// Health after a window.
@@ -193,7 +191,7 @@ pub struct HealthDecision {
 /// A fault worsens to a level when as many assessed windows in a row as its own `persistence` have reached it, each with a
 /// damage of at least [`significance`] sigmas. It improves at once when the damage plus one sigma is below the level by more
 /// than the hysteresis. Windows that were not assessed neither change a state nor interrupt a row. A fault is unknown until a window
-/// has shown it.
+/// has shown it ([`DamageEvidence::shows`]), and again when a window finds a damage at the level of warning that is too uncertain to count.
 ///
 /// ```
 /// use ema_models::FaultId;
@@ -201,7 +199,7 @@ pub struct HealthDecision {
 /// let mut health = Health::new([Levels::default(); 7])?;
 /// assert_eq!(health.update(0, None).state, HealthState::Unknown);
 /// let damage = [0.25, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01];
-/// let worn = DamageEvidence { damage, sigma: None, observable: [true; 7] };
+/// let worn = DamageEvidence { damage, sigma: None };
 /// let decision = health.update(1, Some(&worn));
 /// assert_eq!((decision.state, decision.faults), (HealthState::Watch, vec![FaultId::Friction]));
 /// # Ok::<(), hmd_core::health::LevelsError>(())
@@ -214,7 +212,7 @@ pub struct Health {
     /// Faults that no window can show for want of a signal. They come from the configuration too.
     #[serde(skip)]
     hidden: [bool; FaultId::COUNT],
-    /// Whether a window has shown each fault; older files had none.
+    /// Whether a window has shown each fault, and none after it has put that in doubt; older files had none.
     #[serde(default)]
     shown: [bool; FaultId::COUNT],
     last: (HealthState, [HealthState; FaultId::COUNT]),
@@ -301,8 +299,10 @@ impl Health {
             let Some((damage, sigma)) = evidence.damage_and_sigma(fault) else {
                 continue;
             };
-            memory.update(damage, sigma, significance(fault), &self.levels[fault.index()]);
-            self.shown[fault.index()] |= evidence.shows(fault);
+            let levels = &self.levels[fault.index()];
+            memory.update(damage, sigma, significance(fault), levels);
+            let shown = &mut self.shown[fault.index()];
+            *shown = evidence.shows(fault, levels) || (*shown && damage < levels.warning);
         }
         let states = FaultId::ALL.map(|fault| match self.faults[fault.index()].state() {
             HealthState::Nominal if !self.shown[fault.index()] => HealthState::Unknown,
@@ -335,23 +335,46 @@ impl Health {
     }
 }
 
+/// Sigmas above a damage beyond which it is not expected: 98 of 100 are below.
+const RULED_OUT: f64 = 2.0;
+
 fn is_fault(state: HealthState) -> bool {
     state >= HealthState::Watch
 }
 
 impl DamageEvidence {
-    /// Damage and sigma of a fault, if it was observable.
+    /// Damage and sigma of a fault, if the window tells something of it.
     pub(crate) fn damage_and_sigma(&self, fault: FaultId) -> Option<(f64, f64)> {
         let damage = self.damage[fault.index()];
         let sigma = self.sigma.map_or(0.0, |sigma| sigma[fault.index()]);
         (damage.is_finite() && sigma.is_finite() && sigma >= 0.0).then_some((damage, sigma))
     }
 
-    /// Whether the window shows a fault: well enough, or a damage that is significant.
-    pub(crate) fn shows(&self, fault: FaultId) -> bool {
-        let is_significant = |(damage, sigma)| damage >= significance(fault) * sigma;
-        let found = self.damage_and_sigma(fault);
-        found.is_some_and(|found| self.observable[fault.index()] || is_significant(found))
+    /// Whether the window shows what state a fault is in: its damage is significant, or a damage at the level of warning is ruled out,
+    /// which is two sigmas away.
+    #[must_use]
+    pub fn shows(&self, fault: FaultId, levels: &Levels) -> bool {
+        self.damage_and_sigma(fault).is_some_and(|(damage, sigma)| {
+            damage >= significance(fault) * sigma || damage + RULED_OUT * sigma < levels.warning
+        })
+    }
+
+    /// Damage of each fault that the window shows, in the order of [`FaultId::ALL`].
+    pub(crate) fn shown(&self, levels: &[Levels; FaultId::COUNT]) -> [Option<f64>; FaultId::COUNT] {
+        FaultId::ALL.map(|fault| {
+            let is_shown = self.shows(fault, &levels[fault.index()]);
+            is_shown.then_some(self.damage[fault.index()])
+        })
+    }
+
+    /// The faults of which the window finds a damage, but too uncertain a one to tell their state.
+    pub(crate) fn uncertain(&self, levels: &[Levels; FaultId::COUNT]) -> Vec<(FaultId, f64, f64)> {
+        let is_open = |fault: &FaultId| !self.shows(*fault, &levels[fault.index()]);
+        let found = |fault| {
+            let (damage, sigma) = self.damage_and_sigma(fault)?;
+            Some((fault, damage, sigma))
+        };
+        FaultId::ALL.into_iter().filter(is_open).filter_map(found).collect()
     }
 }
 

@@ -69,24 +69,25 @@ pub(crate) fn assess(
     }
 }
 
-/// Standard deviation of each parameter as it is reported, and whether the window shows the parameter: `shown` up to
-/// [`OBSERVABLE_SIGMA`]. Both arguments are of the fault coordinates, with the eccentricity as a Cartesian pair.
+/// Standard deviation `total` of each parameter as it is reported, and whether the parameter is observable: `total` up to
+/// [`OBSERVABLE_SIGMA`]. A parameter has none where the window tells nothing of it: `excited` beyond the same limit. Both arguments are
+/// sigmas of the fault coordinates, with the eccentricity as a Cartesian pair; `excited` leaves out what is not known of the unit.
 pub(super) fn reported(
     eccentricity: f64,
-    shown: &[f64; FAULT_COUNT],
+    excited: &[f64; FAULT_COUNT],
     total: &[f64; FAULT_COUNT],
 ) -> ([Option<f64>; FAULT_COUNT], [bool; FAULT_COUNT]) {
     let mut sigma = [None; FAULT_COUNT];
     let mut observable = [false; FAULT_COUNT];
     for p in [0, 1, 2, 3, 4, 7] {
-        observable[p] = shown[p] <= OBSERVABLE_SIGMA;
-        sigma[p] = observable[p].then_some(total[p]);
+        observable[p] = total[p] <= OBSERVABLE_SIGMA;
+        sigma[p] = (excited[p] <= OBSERVABLE_SIGMA).then_some(total[p]);
     }
     // Amplitude and direction out of the Cartesian pair: along and across the vector; across is an angle only where
     // the vector stands clear of its own uncertainty.
     let amplitude_sigma = total[5].max(total[6]);
-    observable[5] = shown[5].max(shown[6]) <= OBSERVABLE_SIGMA;
-    sigma[5] = observable[5].then_some(amplitude_sigma);
+    observable[5] = amplitude_sigma <= OBSERVABLE_SIGMA;
+    sigma[5] = (excited[5].max(excited[6]) <= OBSERVABLE_SIGMA).then_some(amplitude_sigma);
     if observable[5] && eccentricity > 3.0 * amplitude_sigma {
         observable[6] = true;
         sigma[6] = Some(amplitude_sigma / eccentricity / core::f64::consts::TAU);

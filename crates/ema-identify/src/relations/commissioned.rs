@@ -158,19 +158,25 @@ impl CommissionedRelations {
         let unseen = unseen_share(window);
         // With another position gain the loop moves the actuator otherwise under the same command.
         let differs = |gain: Reading| libm::fabs(gain.value - nominal_gain.mean) > CLEAR * gain.sigma;
-        let same_motion = !readings.get(Element::Gain).is_ok_and(differs);
+        let same_motion = !window.is_other_motion() && !readings.get(Element::Gain).is_ok_and(differs);
+        let asymmetry = if same_motion { 0.0 } else { self.balance.hidden_asymmetry() };
         let changes = Element::ALL.map(|element| {
             let baseline = &self.baseline[element as usize];
             let reading = readings
                 .get(element)
                 .and_then(|reading| baseline.widened(reading, same_motion))?;
             let changed = change(element, reading, baseline.mean, window.params());
-            let error = ModelError::of(element, window.params().sensors.sample_rate, unseen);
+            let error = ModelError::of(element, window.params().sensors.sample_rate, unseen, asymmetry);
             let sigma = libm::hypot(changed.sigma, error.floor);
             // A sum that is not a number is no observation. The share does not count: it hides no large damage.
             let of_damage = damage_per_change(element) * sigma;
             if !changed.value.is_finite() || of_damage.is_nan() || of_damage > OBSERVABLE_SIGMA {
-                return Err(needed_for(element));
+                let by_commissioning = damage_per_change(element) * error.floor > OBSERVABLE_SIGMA;
+                return Err(if by_commissioning {
+                    Needed::CommissioningThatShowsIt
+                } else {
+                    needed_for(element)
+                });
             }
             if element == Element::Backlash && changed.value < CLEAR * sigma && self.may_hold(&balance.load, window) {
                 return Err(Needed::Reversal);
@@ -187,7 +193,7 @@ impl CommissionedRelations {
             let element = Element::BALANCE[phase];
             let share = ShortedShare::of(admittance.value, window.motor().r_s);
             bridge_spread[element.fault().parameter()] = share.deviation;
-            let error = ModelError::of(element, window.params().sensors.sample_rate, unseen);
+            let error = ModelError::of(element, window.params().sensors.sample_rate, unseen, asymmetry);
             let own = libm::hypot(share.slope * admittance.sigma, error.floor);
             changes[element as usize] = Ok(Reading {
                 value: share.mean,
@@ -332,14 +338,15 @@ impl ModelError {
     /// differentiated law leaves out current loop, delay and the quantised feedback; twice the root-mean-square error of 1152 windows of the
     /// suite `robust` at 2 kHz. Others: largest bias over the units of
     /// `tests/relations_units.rs`, mixed motion, at 400 Hz to 5 kHz. Turns and eccentricity: the share of the window's torque that its
-    /// samples do not show.
-    fn of(element: Element, sample_rate: f64, unseen: f64) -> Self {
+    /// samples do not show; of turns also the `asymmetry` of the healthy windows that is none of the motor.
+    fn of(element: Element, sample_rate: f64, unseen: f64, asymmetry: f64) -> Self {
         let slower = 2000.0 / sample_rate;
         let (share, floor) = match element {
             Element::Friction => (0.03 * slower, 0.006 * slower),
             Element::Gain => (0.025 * slower.max(1.0), 0.003 * slower.max(1.0)),
             Element::Backlash => (0.01, 0.001),
-            _ => (libm::hypot(0.01, unseen), 0.002),
+            Element::TurnsA | Element::TurnsB | Element::TurnsC => (libm::hypot(0.01, unseen), 0.002 + asymmetry),
+            Element::EccentricityCos | Element::EccentricitySin => (libm::hypot(0.01, unseen), 0.002),
         };
         Self { share, floor }
     }

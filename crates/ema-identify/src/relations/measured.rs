@@ -15,6 +15,8 @@ pub struct MeasuredWindow<'a, S> {
     motor: MotorParams,
     samples: &'a [S],
     filled: &'a [usize],
+    /// Whether the unit moved otherwise when it was commissioned.
+    is_other_motion: bool,
 }
 
 impl<S> Clone for MeasuredWindow<'_, S> {
@@ -104,7 +106,21 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
             motor: params.motor,
             samples,
             filled,
+            is_other_motion: false,
         }
+    }
+
+    /// The same, of a unit that moved otherwise when it was commissioned.
+    #[must_use]
+    pub fn in_other_motion(self, is_other_motion: bool) -> Self {
+        Self {
+            is_other_motion,
+            ..self
+        }
+    }
+
+    pub(super) fn is_other_motion(&self) -> bool {
+        self.is_other_motion
     }
 
     /// The same with the winding as warm as this; as the type says without it.

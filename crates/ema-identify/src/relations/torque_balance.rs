@@ -46,11 +46,23 @@ impl BalanceCoefficients {
         self.values[term as usize]
     }
 
+    /// Largest difference between the turns of the phases, as a share, beyond what current sensors of a healthy motor leave: an error of
+    /// the balance at the rotor angles of the commissioning windows, as of few samples in an electrical turn. Windows of the same motion
+    /// have it too, others have another one.
+    pub(super) fn hidden_asymmetry(&self) -> f64 {
+        let largest = [Term::TurnsA, Term::TurnsB, Term::TurnsC].map(|term| libm::fabs(self.of(term) - 1.0));
+        let largest = largest.into_iter().fold(0.0, f64::max);
+        (largest - SENSOR_ASYMMETRY).max(0.0)
+    }
+
     /// The kernel of its rows at a sample rate, Hz.
     pub(super) fn kernel(&self, sample_rate: f64) -> Kernel {
         Kernel::new(self.half_width_s, sample_rate, &self.shape.compliance)
     }
 }
+
+/// Difference between the turns of the phases, as a share, by gains of current sensors of 1 % and by their noise.
+const SENSOR_ASYMMETRY: f64 = 0.03;
 
 /// Terms of friction, which wear together.
 const WORN: [Term; 4] = [Term::DryFriction, Term::Stribeck, Term::MeshCos, Term::MeshSin];

@@ -143,6 +143,9 @@ const LOAD_MARGIN: f64 = 0.05;
 /// Travel and current within a factor of this to the range are the same motion.
 const MOTION_FACTOR: f64 = 2.0;
 
+/// Travel beyond the range of the same motion, as a share.
+const TRAVEL_MARGIN: f64 = 0.01;
+
 impl Seen {
     /// The ranges of several windows.
     #[must_use]
@@ -211,6 +214,23 @@ impl Seen {
         }
     }
 
+    /// Whether a window moves as those did: in one of their modes, as far as they. Windows of one command differ by a tenth of the margin,
+    /// also with a load or worn parts.
+    #[must_use]
+    pub fn is_same_motion(&self, window: &Motion) -> bool {
+        let [least, most] = self.travel_rad;
+        let as_far = (least * (1.0 - TRAVEL_MARGIN)..=most * (1.0 + TRAVEL_MARGIN)).contains(&window.travel);
+        as_far && self.is_mode_seen(window)
+    }
+
+    fn is_mode_seen(&self, window: &Motion) -> bool {
+        if window.is_speed_mode {
+            self.speed_mode
+        } else {
+            self.position_mode
+        }
+    }
+
     /// In what a window is outside the ranges.
     #[must_use]
     pub fn unseen(&self, window: &Motion, params: &ActuatorParams) -> Vec<Unseen> {
@@ -234,12 +254,7 @@ impl Seen {
         if is_other(self.current_rms_a, window.current_rms) {
             unseen.push(Unseen::Current(self.current_rms_a, window.current_rms));
         }
-        let is_mode_seen = if window.is_speed_mode {
-            self.speed_mode
-        } else {
-            self.position_mode
-        };
-        if !is_mode_seen {
+        if !self.is_mode_seen(window) {
             unseen.push(Unseen::Mode);
         }
         let here = sector(window.rotor_angle);
@@ -339,6 +354,14 @@ mod tests {
             ),
         ] {
             assert_eq!(seen.unseen(&window, &params), [expected]);
+        }
+        for (travel, is_speed_mode, expected) in [(0.25, false, true), (0.252, false, true), (0.255, false, false), (0.25, true, false)] {
+            let window = Motion {
+                travel,
+                is_speed_mode,
+                ..usual
+            };
+            assert_eq!(seen.is_same_motion(&window), expected, "{travel} {is_speed_mode}");
         }
     }
 

@@ -18,6 +18,7 @@ pub struct AlignedWindow<'a> {
     samples: Vec<SensedSample>,
     filled: &'a [usize],
     winding_temp: Option<WindingTemp>,
+    is_other_motion: bool,
 }
 
 impl<'a> AlignedWindow<'a> {
@@ -38,6 +39,16 @@ impl<'a> AlignedWindow<'a> {
             samples,
             filled,
             winding_temp: None,
+            is_other_motion: false,
+        }
+    }
+
+    /// The same, of a unit that moved otherwise when it was commissioned.
+    #[must_use]
+    pub fn in_other_motion(self, is_other_motion: bool) -> Self {
+        Self {
+            is_other_motion,
+            ..self
         }
     }
 
@@ -50,7 +61,9 @@ impl<'a> AlignedWindow<'a> {
     /// The window as the relations read it.
     #[must_use]
     pub fn measured(&self) -> MeasuredWindow<'_, SensedSample> {
-        MeasuredWindow::new(self.params, &self.samples, self.filled).at(self.winding_temp)
+        MeasuredWindow::new(self.params, &self.samples, self.filled)
+            .at(self.winding_temp)
+            .in_other_motion(self.is_other_motion)
     }
 }
 

@@ -22,17 +22,12 @@ pub(super) struct Assessed {
 }
 
 impl Assessed {
-    /// The same with every sigma multiplied: see [`Estimate::widened`]. A reason names the faults that are not observable by that.
-    pub(super) fn widened(mut self, factor: f64) -> Self {
-        let before = self.estimate.observable;
-        self.estimate = self.estimate.widened(&[factor; FAULT_COUNT]);
-        let after = self.estimate.observable;
-        let is_lost = |fault: &FaultId| before[fault.parameter()] && !after[fault.parameter()];
-        let lost: Vec<&str> = FaultId::ALL.into_iter().filter(is_lost).map(FaultId::name).collect();
-        if !lost.is_empty() {
-            self.reasons.push(format!("too uncertain then: {}", lost.join(", ")));
+    /// The same with every sigma multiplied: see [`Estimate::widened`].
+    pub(super) fn widened(self, factor: f64) -> Self {
+        Self {
+            estimate: self.estimate.widened(&[factor; FAULT_COUNT]),
+            ..self
         }
-        self
     }
 }
 
@@ -52,9 +47,14 @@ pub(super) fn estimate(
     let winding_temp = unit.seen.winding_temp(conditions.winding_temp_deg_c);
     let mut reasons = Vec::new();
     let measured = job.conditions;
+    let motion = motion_of(job);
+    let is_other_motion = !unit.seen.is_same_motion(&motion);
     let not_explained = |relations: &[Relation]| not_explained(relations, &measured);
     let of_relations = |job: &mut WindowJob| match &unit.relations {
-        Some(relations) => by_relations(relations, identifier, job, (conditions, winding_temp), effort),
+        Some(relations) => {
+            let as_commissioned = (winding_temp, is_other_motion);
+            by_relations(relations, identifier, job, conditions, as_commissioned, effort)
+        },
         None => Ok(None),
     };
     let of_monitor =
@@ -107,7 +107,10 @@ pub(super) fn estimate(
     let Some((fit, mut found)) = found else { return Ok(None) };
     if let (Some(relations), None, false) = (&unit.relations, found.estimate.inferred.turns, effort.is_short()) {
         // The monitor infers nothing of a commissioned unit.
-        let aligned = job.window.aligned(&job.params, winding_temp);
+        let aligned = job
+            .window
+            .aligned(&job.params, winding_temp)
+            .in_other_motion(is_other_motion);
         let by_relations = estimate_by_relations(relations, &aligned, false);
         if by_relations.unexplained.is_empty() {
             found.estimate.inferred = by_relations.estimate.inferred;
@@ -116,7 +119,6 @@ pub(super) fn estimate(
     found = found
         .without_common_short(unit.seen.torque_change_max(conditions.winding_temp_deg_c))
         .with_torque_sigma(unit.seen.magnet_sigma(conditions.winding_temp_deg_c));
-    let motion = motion_of(job);
     let unseen = unit.seen.unseen(&motion, &job.params);
     let is_rigid = |relations: &UnitRelations| relations.commissioned.balance.shape.compliance.is_rigid();
     for respect in &unseen {
@@ -145,7 +147,8 @@ fn by_relations(
     relations: &UnitRelations,
     identifier: &Identifier,
     job: &mut WindowJob,
-    (conditions, winding_temp): (Conditions, Option<WindingTemp>),
+    conditions: Conditions,
+    (winding_temp, is_other_motion): (Option<WindingTemp>, bool),
     effort: &Effort<'_>,
 ) -> Result<Option<(Fit, UnitEstimate)>, AssessError> {
     let params = job.params;
@@ -160,7 +163,9 @@ fn by_relations(
         return Ok(None);
     }
     let estimate = |window: &Window, prepared: &Prepared| {
-        let aligned = window.aligned(&params, winding_temp);
+        let aligned = window
+            .aligned(&params, winding_temp)
+            .in_other_motion(is_other_motion);
         let is_locked = identifier.is_locked(prepared, conditions);
         Ok::<_, AssessError>(estimate_by_relations(relations, &aligned, is_locked))
     };
@@ -260,11 +265,11 @@ pub(crate) fn motion_of(job: &WindowJob) -> Motion {
     }
 }
 
-/// The reason that names the faults which are not observable, each with what it needed where that is known.
+/// The reason that names the faults of which the window tells nothing, each with what it needed where that is known.
 fn not_observable(found: &UnitEstimate) -> Option<String> {
     let names: Vec<String> = FaultId::ALL
         .into_iter()
-        .filter(|fault| !found.estimate.observable[fault.parameter()])
+        .filter(|fault| found.estimate.sigma[fault.parameter()].is_none())
         .map(|fault| match found.needed[fault.parameter()] {
             Some(needed) => format!("{} (needs {})", fault.name(), needed_in_words(needed)),
             None => fault.name().to_owned(),

@@ -7,7 +7,7 @@ use ema_models::{FaultId, Setpoint};
 use super::damage_evidence;
 use crate::config::RulConfig;
 use crate::deadline::TimeLimit;
-use crate::health::{HealthDecision, HealthState, significance};
+use crate::health::{HealthDecision, HealthState, Levels};
 use crate::history::UnitAssessment;
 use crate::outbox::WindowJob;
 use crate::record::{self, WindowStatus};
@@ -28,6 +28,7 @@ pub(super) fn health_record(
     status: WindowStatus,
     reason: &str,
     estimate: Option<&Estimate>,
+    levels: &[Levels; FaultId::COUNT],
     assessment: &UnitAssessment,
     suspects: &[Suspect],
 ) -> record::Health {
@@ -38,7 +39,7 @@ pub(super) fn health_record(
         t_start_ns: job.window.t_start_ns,
         status: status.name().to_owned(),
         reason: reason.to_owned(),
-        health: reported_state(assessment.state, estimate).to_string(),
+        health: assessment.state.to_string(),
         cost: estimate.map(|e| e.cost),
         residual_rms_a: estimate.map(|e| e.residual_rms_a),
         evaluations: estimate.map_or(0, |e| e.evaluations),
@@ -52,11 +53,7 @@ pub(super) fn health_record(
             sigma: estimate.sigma,
             observable: estimate.observable,
         }));
-        let evidence = damage_evidence(estimate);
-        health.set_damage(FaultId::ALL.map(|fault| {
-            let damage = evidence.damage[fault.index()];
-            evidence.shows(fault).then_some(damage)
-        }));
+        health.set_damage(damage_evidence(estimate).shown(levels));
     }
     health.set_states(&decision.states);
     // An invalid window is never counted as a fault: it lists none, and the state stays what it was.
@@ -99,32 +96,6 @@ pub(super) fn shortened_record(
     shortened.set_grants(&limit.effort.short_grants());
     shortened
 }
-
-/// The state is unknown instead of nominal while the estimate has a damage that is too uncertain to count: the window does not show
-/// it, or the type's tolerances explain it as well.
-fn reported_state(state: HealthState, estimate: Option<&Estimate>) -> HealthState {
-    let hidden = estimate.filter(|e| !e.is_unmodelled()).is_some_and(|e| {
-        let sigma = e.damage_sigma();
-        let is_hidden = |fault: FaultId| {
-            let damage = e.fault.damage_of(fault);
-            let is_uncertain = if e.deviations.is_empty() {
-                !e.observable[fault.parameter()]
-            } else {
-                damage < significance(fault) * sigma[fault.parameter()]
-            };
-            is_uncertain && damage > HIDDEN_DAMAGE
-        };
-        FaultId::ALL.into_iter().any(is_hidden)
-    });
-    if hidden && state == HealthState::Nominal {
-        HealthState::Unknown
-    } else {
-        state
-    }
-}
-
-/// Damage that makes a nominal state doubtful even where it is uncertain.
-const HIDDEN_DAMAGE: f64 = 0.3;
 
 pub(super) fn rul_record(
     job: &WindowJob,

@@ -8,7 +8,6 @@ fn friction(damage: f64) -> DamageEvidence {
     DamageEvidence {
         damage: [damage, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
         sigma: None,
-        observable: [true; FaultId::COUNT],
     }
 }
 
@@ -125,7 +124,6 @@ fn each_fault_has_its_own_persistence() {
     let both = DamageEvidence {
         damage: [0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.4],
         sigma: None,
-        observable: [true; FaultId::COUNT],
     };
     let named = [0, 1, 2].map(|window| health.update(window, Some(&both)).faults);
     use FaultId::{Friction, Gain};
@@ -143,7 +141,6 @@ fn faults_are_listed_in_order() {
         Some(&DamageEvidence {
             damage,
             sigma: None,
-            observable: [true; FaultId::COUNT],
         }),
     );
     use FaultId::{Eccentricity, Friction, Gain, ShortA};
@@ -156,41 +153,36 @@ fn faults_are_listed_in_order() {
     let all = DamageEvidence {
         damage: [1.0; FaultId::COUNT],
         sigma: None,
-        observable: [true; FaultId::COUNT],
     };
     assert_eq!(health.update(5, Some(&all)).faults, FaultId::ALL);
     health.reset();
     assert_eq!(health.state(), HealthState::Unknown);
 }
 
+/// Friction of a window that tells something of it, and no other damage.
+fn uncertain(damage: f64, sigma: f64) -> DamageEvidence {
+    let mut sigmas = [0.01; FaultId::COUNT];
+    sigmas[0] = sigma;
+    DamageEvidence {
+        sigma: Some(sigmas),
+        ..friction(damage)
+    }
+}
+
 #[test]
 fn an_uncertain_damage_neither_alarms_nor_clears() {
-    let with_sigma = |damage: f64, sigma: f64| DamageEvidence {
-        sigma: Some([sigma; FaultId::COUNT]),
-        ..friction(damage)
-    };
     let mut health = health(1);
-    assert_eq!(
-        health.update(0, Some(&with_sigma(0.4, 0.2))).state,
-        HealthState::Nominal
-    );
-    assert_eq!(
-        health.update(1, Some(&with_sigma(0.4, 0.1))).state,
-        HealthState::Warning
-    );
-    assert_eq!(
-        health.update(2, Some(&with_sigma(0.1, 0.2))).state,
-        HealthState::Warning
-    );
-    assert_eq!(
-        health.update(3, Some(&with_sigma(0.0, f64::NAN))).state,
-        HealthState::Warning
-    );
-    assert_eq!(health.update(4, Some(&friction(f64::NAN))).state, HealthState::Warning);
-    assert_eq!(
-        health.update(5, Some(&with_sigma(0.0, 0.01))).state,
-        HealthState::Nominal
-    );
+    for (damage, sigma, expected) in [
+        (0.4, 0.2, HealthState::Unknown),
+        (0.4, 0.1, HealthState::Warning),
+        (0.1, 0.2, HealthState::Warning),
+        (0.0, f64::NAN, HealthState::Warning),
+        (f64::NAN, 0.0, HealthState::Warning),
+        (0.0, 0.01, HealthState::Nominal),
+    ] {
+        let state = health.update(0, Some(&uncertain(damage, sigma))).state;
+        assert_eq!(state, expected, "{damage} ± {sigma}");
+    }
 }
 
 #[test]
@@ -198,50 +190,53 @@ fn an_unobservable_first_window_leaves_the_state_unknown() {
     let nothing = DamageEvidence {
         damage: [f64::NAN; FaultId::COUNT],
         sigma: None,
-        observable: [true; FaultId::COUNT],
     };
     assert_eq!(health(1).update(0, Some(&nothing)).state, HealthState::Unknown);
 }
 
 #[test]
 fn what_no_window_has_shown_is_unknown() {
-    use FaultId::{Backlash, Friction};
+    use FaultId::Friction;
     use HealthState::{Nominal, Unknown, Watch};
-    let shows = |fault: FaultId, damage: f64, sigma: f64, observable: bool| {
-        let mut evidence = DamageEvidence {
-            damage: [0.0; FaultId::COUNT],
-            sigma: Some([0.01; FaultId::COUNT]),
-            observable: [true; FaultId::COUNT],
-        };
-        let n = fault.index();
-        evidence.damage[n] = damage;
-        evidence.sigma = evidence.sigma.map(|mut all| {
-            all[n] = sigma;
-            all
-        });
-        evidence.observable[n] = observable;
-        evidence
-    };
     let mut health = health(1);
-    // All but friction, of which the window shows nothing, or too little.
-    for sigma in [f64::INFINITY, 0.2] {
-        let decision = health.update(0, Some(&shows(Friction, 0.3, sigma, false)));
+    // All but friction, of which the window tells nothing, or too little: a damage of 0.3 is less than 2 σ away.
+    for sigma in [f64::INFINITY, 0.16] {
+        let decision = health.update(0, Some(&uncertain(0.0, sigma)));
         assert_eq!(
             (decision.state, decision.states[0], decision.states[1]),
             (Unknown, Unknown, Nominal)
         );
     }
-    // A damage that is significant counts all the same, and what has been seen stays.
-    assert_eq!(health.update(1, Some(&shows(Friction, 0.2, 0.05, false))).state, Watch);
-    assert_eq!(health.update(2, Some(&shows(Friction, 0.0, 0.01, true))).state, Nominal);
-    let decision = health.update(3, Some(&shows(Friction, 0.0, f64::INFINITY, false)));
-    assert_eq!((decision.state, decision.states[0]), (Nominal, Nominal));
+    assert_eq!(health.update(1, Some(&uncertain(0.0, 0.14))).state, Nominal);
+    // What has been shown stays where a window tells less, until one finds a damage at the level of warning that is too uncertain to count.
+    for (damage, sigma, expected) in [
+        (0.0, f64::INFINITY, Nominal),
+        (0.29, 0.3, Nominal),
+        (0.31, 0.3, Unknown),
+        (0.29, 0.3, Unknown),
+        (0.2, 0.05, Watch),
+        (0.31, 0.3, Watch),
+        (0.0, 0.01, Nominal),
+    ] {
+        let state = health.update(2, Some(&uncertain(damage, sigma))).state;
+        assert_eq!(state, expected, "{damage} ± {sigma}");
+    }
     // A new part begins unknown; what cannot be shown for want of a signal keeps nothing from being nominal.
-    health.forget(Backlash);
+    health.forget(Friction);
     assert_eq!(health.update(4, None).state, Unknown);
-    health.hide([Backlash]);
-    let decision = health.update(5, Some(&shows(Backlash, 0.0, f64::INFINITY, false)));
-    assert_eq!((decision.state, decision.states[1]), (Nominal, Unknown));
+    health.hide([Friction]);
+    let decision = health.update(5, Some(&uncertain(0.0, f64::INFINITY)));
+    assert_eq!((decision.state, decision.states[0]), (Nominal, Unknown));
+}
+
+#[test]
+fn the_damages_of_a_window_are_shown_or_uncertain() {
+    let levels = [Levels::default(); FaultId::COUNT];
+    let shown = uncertain(0.22, 0.46);
+    assert_eq!(shown.shown(&levels)[..2], [None, Some(0.0)]);
+    assert_eq!(shown.uncertain(&levels), [(FaultId::Friction, 0.22, 0.46)]);
+    let nothing = uncertain(0.22, f64::INFINITY);
+    assert_eq!((nothing.shown(&levels)[0], nothing.uncertain(&levels)), (None, vec![]));
 }
 
 #[test]
@@ -310,7 +305,7 @@ proptest! {
     ) {
         let mut health = health(2);
         for (n, damage) in junk.iter().enumerate() {
-            health.update(n as u64, Some(&DamageEvidence { damage: *damage, sigma: Some(*damage), observable: [true; FaultId::COUNT] }));
+            health.update(n as u64, Some(&DamageEvidence { damage: *damage, sigma: Some(*damage) }));
         }
         health.update(90, Some(&friction(0.0)));
         health.update(91, Some(&friction(damage)));

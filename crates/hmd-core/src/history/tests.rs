@@ -41,7 +41,6 @@ fn friction(damage: f64) -> DamageEvidence {
     DamageEvidence {
         damage: all,
         sigma: Some([0.003; FaultId::COUNT]),
-        observable: [true; FaultId::COUNT],
     }
 }
 

@@ -42,21 +42,21 @@ message! {
         k7: Option<f64> = 17 double optional;
         /// Proportional gain, 0…1; nominal 0.5.
         k8: Option<f64> = 18 double optional;
-        /// Standard deviation of k1; absent when not observable.
+        /// Standard deviation of k1; absent where the window tells nothing of it.
         k1_sigma: Option<f64> = 21 double optional;
-        /// Standard deviation of k2; absent when not observable.
+        /// Standard deviation of k2; absent where the window tells nothing of it.
         k2_sigma: Option<f64> = 22 double optional;
-        /// Standard deviation of k3; absent when not observable.
+        /// Standard deviation of k3; absent where the window tells nothing of it.
         k3_sigma: Option<f64> = 23 double optional;
-        /// Standard deviation of k4; absent when not observable.
+        /// Standard deviation of k4; absent where the window tells nothing of it.
         k4_sigma: Option<f64> = 24 double optional;
-        /// Standard deviation of k5; absent when not observable.
+        /// Standard deviation of k5; absent where the window tells nothing of it.
         k5_sigma: Option<f64> = 25 double optional;
-        /// Standard deviation of k6; absent when not observable.
+        /// Standard deviation of k6; absent where the window tells nothing of it.
         k6_sigma: Option<f64> = 26 double optional;
-        /// Standard deviation of k7; absent when not observable.
+        /// Standard deviation of k7; absent where the window tells nothing of it.
         k7_sigma: Option<f64> = 27 double optional;
-        /// Standard deviation of k8; absent when not observable.
+        /// Standard deviation of k8; absent where the window tells nothing of it.
         k8_sigma: Option<f64> = 28 double optional;
         /// Whether the window excites k1.
         k1_observable: bool = 31 bool;
@@ -118,10 +118,18 @@ super::impl_record!(Health, |health| format!("/{}/health", health.actuator));
 pub struct Estimate {
     /// The fault vector.
     pub k: [f64; 8],
-    /// Standard deviations; `None` where a parameter is not observable.
+    /// Standard deviations; `None` where the window tells nothing of a parameter.
     pub sigma: [Option<f64>; 8],
-    /// Whether the window excites each parameter.
+    /// Whether the standard deviation of each parameter is at most 0.1.
     pub observable: [bool; 8],
+}
+
+impl Estimate {
+    /// Whether the window tells anything of a parameter, by its place.
+    #[must_use]
+    pub fn tells_of(&self, parameter: usize) -> bool {
+        self.observable[parameter] || self.sigma[parameter].is_some()
+    }
 }
 
 impl Health {

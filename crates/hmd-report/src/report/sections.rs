@@ -206,8 +206,8 @@ fn damage(drawn: &Drawn<'_>, fault: FaultId, mode: &FaultMode, is_shown: bool) -
     let p = fault.parameter();
     // The damage of the gain is twice its deviation, and so is its sigma.
     let per_parameter = if fault == FaultId::Gain { 2.0 } else { 1.0 };
-    let shown = |point: &Point| point.estimate.filter(|estimate| estimate.observable[p]);
-    // What a window does not show has no line.
+    let shown = |point: &Point| point.estimate.filter(|estimate| estimate.tells_of(p));
+    // What a window tells nothing of has no line.
     let value = |point: &Point| shown(point).map(|e| 100.0 * FaultVector::from_array(e.k).damage_of(fault));
     let interval = |point: &Point| {
         let half = 100.0 * NORMAL_95 * per_parameter * shown(point)?.sigma[p]?;

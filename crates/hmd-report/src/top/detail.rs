@@ -52,12 +52,12 @@ fn bar(estimate: Option<&Estimate>, n: usize) -> String {
     let k = estimate.k[n];
     let full = (k.clamp(0.0, 1.0) * BAR as f64).round() as usize;
     let bar = format!("{}{}", "#".repeat(full), ".".repeat(BAR - full));
-    let value = match (estimate.observable[n], estimate.sigma[n]) {
+    let value = match (estimate.tells_of(n), estimate.sigma[n]) {
         (true, Some(sigma)) => format!("{k:.3} +-{:.3}", 1.96 * sigma),
         (true, None) => format!("{k:.3}"),
         (false, _) => "not shown".to_owned(),
     };
-    // What the window does not show is no value.
+    // What is too uncertain has no bar.
     let bar = if estimate.observable[n] { bar } else { " ".repeat(BAR) };
     format!("{name:<11} [{bar}] {value:<13}")
 }

@@ -25,7 +25,7 @@ fn health(n: usize, word: &str) -> Health {
     };
     health.set_estimate(Some(&Estimate {
         k: [0.4, 0.1, 0.0, 0.15, 0.0, 0.0, 0.77, 0.5],
-        sigma: [Some(0.005); 8],
+        sigma: std::array::from_fn(|n| (n != 6).then_some(0.005)),
         observable: [true, true, true, true, true, true, false, true],
     }));
     health.set_damage([Some(0.4), Some(0.1), Some(0.0), Some(0.15), None, None, Some(0.0)]);

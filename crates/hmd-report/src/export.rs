@@ -19,7 +19,7 @@ use hmd_storage::mcap_writer::METADATA_NAME;
 pub use csv::{CsvTable, metadata_path};
 pub use parquet::ParquetTable;
 pub use raw::export_raw;
-pub use table::{Head, Kind, TableKind, Value, health_row, raw_heads};
+pub use table::{Head, Kind, Origin, TableKind, Value, health_row, raw_heads};
 
 /// Why there is no table.
 #[derive(Debug, thiserror::Error)]
@@ -137,7 +137,8 @@ pub fn export<P: AsRef<Path>>(
         let mut messages = McapMessages::of_recording(BufReader::new(file), &name).map_err(io)?;
         // The health of each actuator's newest window, until its remaining life comes.
         let mut waiting: BTreeMap<String, Health> = BTreeMap::new();
-        for message in messages.by_ref() {
+        let file = path.as_ref().file_name().unwrap_or_default().to_string_lossy();
+        while let Some(message) = messages.next() {
             let message = match message {
                 Ok(message) => message,
                 Err(loss) => {
@@ -147,6 +148,10 @@ pub fn export<P: AsRef<Path>>(
                 }
             };
             let data = message.data.as_slice();
+            let origin = |actuator: &str| Origin {
+                serial_number: messages.serial_number(actuator).unwrap_or_default(),
+                file: &file,
+            };
             let rows = match (kind, &*message.schema) {
                 (TableKind::Health, Health::SCHEMA_NAME) => {
                     let health = Health::decode(data).map_err(record)?;
@@ -159,11 +164,14 @@ pub fn export<P: AsRef<Path>>(
                         .remove(&rul.actuator)
                         .filter(|health| health.window == rul.window);
                     health
-                        .map(|health| table::health_row(&health, &rul))
+                        .map(|health| table::health_row(&health, &rul, origin(&rul.actuator)))
                         .into_iter()
                         .collect()
                 }
-                (TableKind::Samples, Window::SCHEMA_NAME) => table::sample_rows(&Window::decode(data).map_err(record)?),
+                (TableKind::Samples, Window::SCHEMA_NAME) => {
+                    let window = Window::decode(data).map_err(record)?;
+                    table::sample_rows(&window, origin(&window.actuator))
+                }
                 _ => Vec::new(),
             };
             for row in rows {
@@ -171,18 +179,12 @@ pub fn export<P: AsRef<Path>>(
                 exported.rows += 1;
             }
         }
-        let file = path
-            .as_ref()
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned();
         let metadata = messages.verified_metadata(METADATA_NAME).unwrap_or_else(|loss| {
             tell(&loss);
             exported.damaged = true;
             None
         });
-        sources.insert(file, metadata.cloned().unwrap_or_default());
+        sources.insert(file.into_owned(), metadata.cloned().unwrap_or_default());
     }
     table.finish(&sources)?;
     Ok(exported)

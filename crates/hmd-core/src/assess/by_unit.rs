@@ -57,8 +57,11 @@ pub(super) fn estimate(
         },
         None => Ok(None),
     };
-    let of_monitor =
-        |job: &mut WindowJob, monitor: &UnitMonitor| by_monitor(monitor, identifier, job, conditions, seed, effort);
+    let of_monitor = |job: &mut WindowJob, monitor: &UnitMonitor| {
+        let found = by_monitor(monitor, identifier, job, conditions, seed, effort)?;
+        let factor = if is_other_motion { factor_in_other_motion(monitor) } else { 1.0 };
+        Ok::<_, AssessError>(found.map(|(fit, found)| (fit, found.widened(factor))))
+    };
     let found = match (unit.estimator, &unit.relations, &unit.monitor) {
         (UnitEstimator::Relations, Some(_), monitor) => match of_relations(job)? {
             Some((fit, found)) => {
@@ -191,6 +194,12 @@ fn by_monitor(
         let fit = identifier.fit(&prepared, conditions, &estimate);
         (fit, corrected(monitor, estimate, job.params.sensors.sample_rate))
     }))
+}
+
+/// Factor on the sigmas of the monitor in a motion that commissioning has not seen. What the monitor does not explain of the healthy windows
+/// repeats with their motion and stands in no scatter; how much that is, its cost says.
+fn factor_in_other_motion(monitor: &UnitMonitor) -> f64 {
+    (monitor.cost / USUAL_COST).max(1.0)
 }
 
 /// An estimate of the monitor, whose gear is rigid, where the output does not follow the motor through any play.

@@ -2,7 +2,8 @@
 //!
 //! In: rate, size, seed and a choice of entries and actuator types ([`RobustOptions`]). Out: rates over all units, for each type
 //! and for each entry ([`RobustReport`]). Each entry and type is one unit: healthy and faulty windows are assessed with the type's
-//! calibration, the unit is calibrated from other healthy windows, and the same windows are assessed again. Windows go as frames
+//! calibration, the unit is calibrated from other healthy windows, and the same windows are assessed again, besides healthy ones of
+//! motions that the calibration has not seen. Windows go as frames
 //! through the pipeline, each assessed alone with the default configuration.
 
 mod catalogue_unit;
@@ -20,7 +21,7 @@ use std::sync::Arc;
 use ema_identify::unit_calibration::UnitCalibration;
 use ema_identify::unit_fit::WINDOWS_MIN;
 use ema_models::reference::EffectError;
-use ema_models::{ActuatorParams, FaultVector, ParamsError};
+use ema_models::{ActuatorParams, FaultVector, ParamsError, Profile};
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Models};
 use hmd_core::commissioning::{CommissioningError, calibrate_unit};
 use hmd_core::config::{Config, ConfigError};
@@ -31,7 +32,7 @@ use rayon::prelude::*;
 
 use entries::{ENTRIES, Entry};
 use score::Tally;
-use unit::{UNIT_FILE, Unit, config_of, draw_effects};
+use unit::{OTHER_PROFILES, UNIT_FILE, Unit, config_of, draw_effects};
 
 pub(super) use unit::single_fault;
 
@@ -143,7 +144,12 @@ impl RobustOptions {
     }
 
     fn windows_of_unit(&self) -> u64 {
-        2 * (1 + FAULTY_PER_HEALTHY) * self.n + self.commissioning_windows()
+        2 * (1 + FAULTY_PER_HEALTHY) * self.n + self.commissioning_windows() + self.other_windows()
+    }
+
+    /// Healthy windows of motions that the calibration has not seen, as many of each.
+    fn other_windows(&self) -> u64 {
+        (self.n.div_ceil(OTHER_PROFILES.len() as u64)) * OTHER_PROFILES.len() as u64
     }
 
     fn commissioning_windows(&self) -> u64 {
@@ -208,6 +214,7 @@ pub fn robust(
             effects: effects.active().collect(),
             before: result.before.rates(),
             after: result.after.rates(),
+            elsewhere: result.elsewhere.rates(),
             reason: result.refused.clone(),
         };
         units.push((entry, report, result));
@@ -260,7 +267,8 @@ fn run_unit(
 ) -> Result<FinishedUnit, RobustError> {
     let seed = mix(options.seed, &[name_hash(&entry.name), name_hash(actuator)]);
     let assessed_windows = (1 + FAULTY_PER_HEALTHY) * options.n;
-    let windows: Vec<Simulated> = (0..assessed_windows + options.commissioning_windows())
+    let mixed_windows = assessed_windows + options.commissioning_windows();
+    let windows: Vec<Simulated> = (0..mixed_windows + options.other_windows())
         .into_par_iter()
         .map(|n| {
             let seed = mix(seed, &[2, n]);
@@ -270,7 +278,11 @@ fn run_unit(
             } else {
                 (None, FaultVector::NOMINAL)
             };
-            let job = unit.window(truth, seed)?;
+            let profile = match n.checked_sub(mixed_windows) {
+                None => Profile::Mixed,
+                Some(n) => OTHER_PROFILES[n as usize % OTHER_PROFILES.len()],
+            };
+            let job = unit.window(profile, truth, seed)?;
             Ok(Simulated {
                 place,
                 truth,
@@ -279,7 +291,8 @@ fn run_unit(
             })
         })
         .collect::<Result<_, RobustError>>()?;
-    let (assessed, commissioning) = windows.split_at(assessed_windows as usize);
+    let (mixed, others) = windows.split_at(mixed_windows as usize);
+    let (assessed, commissioning) = mixed.split_at(assessed_windows as usize);
 
     let of_type = Models::load_types(&unit.config, &no_file)?;
     let (before, calibrated) = rayon::join(
@@ -301,7 +314,18 @@ fn run_unit(
         Err(refused) if refused.is_by_windows() => Err(refused.to_string()),
         Err(error) => return Err(RobustError::Commissioning(error)),
     };
-    let (refused, after) = assess_calibrated(&unit.config, usable, assessed, &before, done)?;
+    let (refused, models) = match usable {
+        Ok(calibration) => (None, Some(models_of(&unit.config, &calibration)?)),
+        Err(refused) => (Some(refused), None),
+    };
+    let after = match &models {
+        Some(of_unit) => assess_all(&unit.config, of_unit, assessed, done)?,
+        None => {
+            done(assessed.len() as u64);
+            before.clone()
+        }
+    };
+    let elsewhere = assess_all(&unit.config, models.as_ref().unwrap_or(&of_type), others, done)?;
     Ok(FinishedUnit {
         entry: entry.name.clone(),
         actuator: actuator.to_owned(),
@@ -309,27 +333,8 @@ fn run_unit(
         refused,
         before,
         after,
+        elsewhere,
     })
-}
-
-/// Assesses windows with the calibration of their unit. Where it was refused, the reason, and the results before it again.
-fn assess_calibrated(
-    config: &Arc<Config>,
-    usable: Result<UnitCalibration, String>,
-    windows: &[Simulated],
-    before: &Tally,
-    done: &(dyn Fn(u64) + Sync),
-) -> Result<(Option<String>, Tally), RobustError> {
-    match usable {
-        Ok(calibration) => {
-            let of_unit = models_of(config, &calibration)?;
-            Ok((None, assess_all(config, &of_unit, windows, done)?))
-        }
-        Err(refused) => {
-            done(windows.len() as u64);
-            Ok((Some(refused), before.clone()))
-        }
-    }
 }
 
 /// Assesses windows, each without the history of the others.
@@ -420,10 +425,12 @@ mod tests {
 
         let report: serde_json::Value = serde_json::from_str(&alone).unwrap();
         for group in [&report, &report["entries"][0], &report["actuators"][1]] {
+            assert!(group["elsewhere"]["false_fault_rate"].is_f64());
             for key in [
                 "judged_rate",
                 "false_fault_rate",
                 "named_rate",
+                "wrong_rate",
                 "median_error",
                 "coverage_95",
             ] {
@@ -436,20 +443,6 @@ mod tests {
         }
         assert_eq!(report["entries"][0]["of_units"][1]["actuator"], "servo270");
         assert!(report["entries"][0]["of_units"][0]["effects"]["stribeck_nm"].is_f64());
-    }
-
-    #[test]
-    fn a_unit_that_cannot_be_commissioned_keeps_its_results_with_the_reason() {
-        let before = Tally {
-            healthy: 12,
-            judged: 11,
-            ..Tally::default()
-        };
-        let config = Arc::new(Config::default());
-        let refused = Err("expected five windows, found 4".to_owned());
-        let (reason, after) = assess_calibrated(&config, refused, &[], &before, &|_| ()).unwrap();
-        assert_eq!(reason.as_deref(), Some("expected five windows, found 4"));
-        assert_eq!((after.healthy, after.judged), (12, 11));
     }
 
     #[test]

@@ -60,13 +60,22 @@ pub struct Head {
     pub kind: Kind,
 }
 
+/// Where a row comes from: two units may have the same name.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Origin<'a> {
+    /// Serial number of the actuator; empty where the recording has none.
+    pub serial_number: &'a str,
+    /// Name of the recording.
+    pub file: &'a str,
+}
+
 impl TableKind {
     /// The columns.
     #[must_use]
     pub fn heads(self) -> Vec<Head> {
         match self {
-            Self::Health => heads(&HEALTH, &health_row(&Health::default(), &Rul::default())),
-            Self::Samples => heads(&SAMPLES, &sample_row(&Window::default(), 0)),
+            Self::Health => heads(&HEALTH, &health_row(&Health::default(), &Rul::default(), Origin::default())),
+            Self::Samples => heads(&SAMPLES, &sample_row(&Window::default(), 0, Origin::default())),
         }
     }
 }
@@ -104,7 +113,7 @@ macro_rules! columns {
 
 columns! {
     /// Results of one window.
-    HEALTH, pub fn health_row(health: &Health, rul: &Rul), 93:
+    HEALTH, pub fn health_row(health: &Health, rul: &Rul, origin: Origin<'_>), 95:
     "t_start_ns" "ns, UTC" Time(health.t_start_ns);
     "actuator" "" Text(health.actuator.clone());
     "window" "" Count(health.window);
@@ -198,11 +207,13 @@ columns! {
     "state_eccentricity" "" Text(health.state_eccentricity.clone());
     "state_gain" "" Text(health.state_gain.clone());
     "hours_of" "" Text(rul.hours_of.clone());
+    "serial_number" "" Text(origin.serial_number.to_owned());
+    "file" "" Text(origin.file.to_owned());
 }
 
 columns! {
     /// One stored sample.
-    SAMPLES, pub(super) fn sample_row(window: &Window, n: usize), 13:
+    SAMPLES, pub(super) fn sample_row(window: &Window, n: usize, origin: Origin<'_>), 15:
     "t_ns" "ns, UTC" Time(window.t_start_ns.saturating_add(nanoseconds(window, n)));
     "actuator" "" Text(window.actuator.clone());
     "window" "" Count(window.window);
@@ -216,6 +227,8 @@ columns! {
     "fitted_speed_rad_s" "rad/s" Number(value_at(&window.fitted_speed_rad_s, n));
     "measured_position_rad" "rad" Number(value_at(&window.measured_position_rad, n));
     "fitted_position_rad" "rad" Number(value_at(&window.fitted_position_rad, n));
+    "serial_number" "" Text(origin.serial_number.to_owned());
+    "file" "" Text(origin.file.to_owned());
 }
 
 columns! {
@@ -270,8 +283,10 @@ fn commanded(setpoint: Setpoint) -> (&'static str, Option<f64>) {
 }
 
 /// All stored samples of a window.
-pub(super) fn sample_rows(window: &Window) -> Vec<Vec<Value>> {
-    (0..window.time_s.len()).map(|n| sample_row(window, n)).collect()
+pub(super) fn sample_rows(window: &Window, origin: Origin<'_>) -> Vec<Vec<Value>> {
+    (0..window.time_s.len())
+        .map(|n| sample_row(window, n, origin))
+        .collect()
 }
 
 fn value_at(values: &[f32], n: usize) -> Option<f64> {

@@ -13,6 +13,7 @@ use super::limits::{METADATA_BYTES_MAX, METADATA_MAX};
 use super::records;
 use super::resync_reader::{ItemKind, ResyncItem, ResyncReader};
 use super::summary::read_summary;
+use crate::mcap_writer::METADATA_NAME;
 use crate::schema_copy::{CHANNEL_NAME, LIBRARY_START, SCHEMA_NAME};
 use hmd_core::metadata_checksum::is_sealed;
 use mcap::records::op;
@@ -177,6 +178,14 @@ impl<R: Read + Seek> McapMessages<R> {
                 fault: McapFault::Metadata { name: name.to_owned() },
             }),
         }
+    }
+
+    /// Serial number of an actuator by the metadata of its recording, where a checksum vouches for them; known from the first message on.
+    pub fn serial_number(&self, actuator: &str) -> Option<&str> {
+        let metadata = self
+            .metadata(METADATA_NAME)
+            .filter(|metadata| is_sealed(METADATA_NAME, metadata))?;
+        metadata.get(&format!("{actuator}.serial_number")).map(String::as_str)
     }
 
     /// Bytes that the chunks so far were expanded to.

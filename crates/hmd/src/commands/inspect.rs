@@ -3,6 +3,7 @@
 mod summary;
 
 use ema_models::FaultId;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufReader;
@@ -16,6 +17,7 @@ use super::recordings::{Wanted, recordings};
 use super::table::{HEALTH_HEAD, health_row, left_cell};
 use super::{Exit, Losses, load_config, say, to_stderr};
 use hmd_core::catalogue::catalogue;
+use hmd_core::health::HealthState;
 use hmd_core::record::{Health, Interval, LastShown, Log, Record, Rul};
 use hmd_ingest::file::open_recorded;
 use hmd_storage::mcap::McapMessages;
@@ -56,7 +58,10 @@ struct Line<'a> {
     t_start_ns: u64,
     status: &'a str,
     health: &'a str,
+    states: BTreeMap<&'static str, &'static str>,
     damage: BTreeMap<&'static str, Option<f64>>,
+    suspects: &'a [String],
+    hours_of: &'a str,
     operating_h: Option<f64>,
     operating_cycles: Option<f64>,
     rul_h: Option<Interval>,
@@ -65,6 +70,8 @@ struct Line<'a> {
     dominant_fault: &'a str,
     governed_by: &'a str,
     reason: &'a str,
+    serial_number: Option<&'a str>,
+    file: &'a str,
 }
 
 /// How a history is printed.
@@ -82,15 +89,25 @@ struct Printer {
     form: Form,
     /// The head stands above the first window.
     headed: bool,
-    /// The newest line of each actuator.
-    summaries: BTreeMap<String, Summarised>,
+    /// The newest window of each unit: name and serial number.
+    summaries: BTreeMap<(String, Option<String>), Summarised>,
+    /// The serial number that was last printed of each actuator.
+    serials: BTreeMap<String, String>,
 }
 
 /// The newest window of an actuator, with what its windows have shown.
 #[derive(Default)]
 struct Summarised {
     shown: LastShown,
-    line: String,
+    health: Health,
+    rul: Rul,
+}
+
+/// Where a window comes from: two units may have the same name.
+#[derive(Clone, Copy)]
+struct Origin<'a> {
+    serial_number: Option<&'a str>,
+    file: &'a str,
 }
 
 /// Runs the verb.
@@ -113,6 +130,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         form,
         headed: false,
         summaries: BTreeMap::new(),
+        serials: BTreeMap::new(),
     };
     let mut losses = Losses::default();
     let mut windows = 0;
@@ -130,19 +148,20 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             names.join(", ")
         );
     }
-    for summarised in printer.summaries.values() {
-        say(&summarised.line)?;
+    for line in printer.summary_lines() {
+        say(&line)?;
     }
     Ok(losses.exit(&mut to_stderr))
 }
 
 impl Printer {
     /// Prints a file; how many windows it has.
-    fn print(&mut self, messages: McapMessages<BufReader<File>>, losses: &mut Losses) -> anyhow::Result<u64> {
+    fn print(&mut self, mut messages: McapMessages<BufReader<File>>, losses: &mut Losses) -> anyhow::Result<u64> {
         let mut windows = 0;
+        let file = messages.file().clone();
         // The health of each actuator's newest window, until its remaining life comes.
         let mut waiting: BTreeMap<String, Health> = BTreeMap::new();
-        for message in messages {
+        while let Some(message) = messages.next() {
             let message = match message {
                 Ok(message) => message,
                 Err(loss) => {
@@ -157,7 +176,11 @@ impl Printer {
             } else if *message.schema == *Rul::SCHEMA_NAME {
                 let rul = Rul::decode(data)?;
                 if let Some(health) = waiting.remove(&rul.actuator).filter(|h| h.window == rul.window) {
-                    self.window(&health, &rul)?;
+                    let origin = Origin {
+                        serial_number: messages.serial_number(&rul.actuator),
+                        file: &file,
+                    };
+                    self.window(&health, &rul, origin)?;
                     windows += 1;
                 }
             } else if *message.schema == *Log::SCHEMA_NAME {
@@ -167,29 +190,49 @@ impl Printer {
         Ok(windows)
     }
 
-    fn window(&mut self, health: &Health, rul: &Rul) -> anyhow::Result<()> {
+    fn window(&mut self, health: &Health, rul: &Rul, origin: Origin<'_>) -> anyhow::Result<()> {
         let is_first = !std::mem::replace(&mut self.headed, true);
         match self.form {
             Form::Table => {
                 if is_first {
                     say(&format!("{:>10} {:<22} {HEALTH_HEAD}", "used, h", "left (10…90 %), h"))?;
                 }
+                if let Some(number) = self.other_serial(&health.actuator, origin.serial_number) {
+                    say(&format!("{:>10} {} is serial number {number}", "", printable(&health.actuator)))?;
+                }
                 say(&table_row(health, rul))
             }
-            Form::Json => say(&serde_json::to_string(&line(health, rul))?),
+            Form::Json => say(&serde_json::to_string(&line(health, rul, origin))?),
             Form::Csv => {
                 if is_first {
                     say(&csv_head())?;
                 }
-                say(&csv_row(health, rul))
+                say(&csv_row(health, rul, origin))
             }
             Form::Summary => {
-                let newest = self.summaries.entry(health.actuator.clone()).or_default();
+                let unit = (health.actuator.clone(), origin.serial_number.map(str::to_owned));
+                let newest = self.summaries.entry(unit).or_default();
                 newest.shown.update(health);
-                newest.line = summary::summary_line(health, &newest.shown.damages(), rul);
+                (newest.health, newest.rul) = (health.clone(), rul.clone());
                 Ok(())
             }
         }
+    }
+
+    /// The serial number of an actuator, where another unit of its name was printed before.
+    fn other_serial<'a>(&mut self, actuator: &str, serial_number: Option<&'a str>) -> Option<Cow<'a, str>> {
+        let number = serial_number?;
+        let before = self.serials.insert(actuator.to_owned(), number.to_owned())?;
+        (before != number).then(|| printable(number))
+    }
+
+    /// A line for each unit, with its serial number where others have the same name.
+    fn summary_lines(&self) -> impl Iterator<Item = String> {
+        self.summaries.iter().map(|((actuator, serial_number), newest)| {
+            let has_others = self.summaries.keys().filter(|(name, _)| name == actuator).count() > 1;
+            let serial_number = serial_number.as_deref().filter(|_| has_others);
+            summary::summary_line(&newest.health, &newest.shown.damages(), &newest.rul, serial_number)
+        })
     }
 
     fn event(&self, t_ns: u64, message: &str) -> anyhow::Result<()> {
@@ -210,14 +253,18 @@ fn table_row(health: &Health, rul: &Rul) -> String {
     row
 }
 
-fn line<'a>(health: &'a Health, rul: &'a Rul) -> Line<'a> {
+fn line<'a>(health: &'a Health, rul: &'a Rul, origin: Origin<'a>) -> Line<'a> {
+    let states = health.states().map(|states| states.map(HealthState::name));
     Line {
         actuator: &health.actuator,
         window: health.window,
         t_start_ns: health.t_start_ns,
         status: &health.status,
         health: &health.health,
+        states: FaultId::NAMES.into_iter().zip(states.into_iter().flatten()).collect(),
         damage: FaultId::NAMES.into_iter().zip(health.damages()).collect(),
+        suspects: &health.suspects,
+        hours_of: &rul.hours_of,
         operating_h: rul.operating_h,
         operating_cycles: rul.operating_cycles,
         rul_h: Interval::new(rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h),
@@ -230,19 +277,23 @@ fn line<'a>(health: &'a Health, rul: &'a Rul) -> Line<'a> {
         } else {
             &health.reason
         },
+        serial_number: origin.serial_number,
+        file: origin.file,
     }
 }
 
 fn csv_head() -> String {
-    let faults = FaultId::NAMES.map(|fault| format!("damage_{fault}")).join(",");
+    let columns = |of: &str| FaultId::NAMES.map(|fault| format!("{of}_{fault}")).join(",");
+    let (damages, states) = (columns("damage"), columns("state"));
     format!(
-        "actuator,window,t_start_ns,status,health,{faults},operating_h,operating_cycles,rul_p10_h,rul_p50_h,rul_p90_h,\
-         rul_p10_cycles,rul_p50_cycles,rul_p90_cycles,failure_probability,dominant_fault,governed_by"
+        "actuator,window,t_start_ns,status,health,{damages},operating_h,operating_cycles,rul_p10_h,rul_p50_h,rul_p90_h,\
+         rul_p10_cycles,rul_p50_cycles,rul_p90_cycles,failure_probability,dominant_fault,governed_by,\
+         {states},suspects,hours_of,serial_number,file"
     )
 }
 
 /// What does not exist is empty.
-fn csv_row(health: &Health, rul: &Rul) -> String {
+fn csv_row(health: &Health, rul: &Rul, origin: Origin<'_>) -> String {
     let cell = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
     let mut cells = vec![
         health.actuator.clone(),
@@ -267,6 +318,14 @@ fn csv_row(health: &Health, rul: &Rul) -> String {
         .map(cell),
     );
     cells.extend([rul.dominant_fault.clone(), rul.governed_by.clone()]);
+    let states = health.states().map(|states| states.map(HealthState::name));
+    cells.extend(states.unwrap_or_default().map(str::to_owned));
+    cells.extend([
+        health.suspects.join(","),
+        rul.hours_of.clone(),
+        origin.serial_number.unwrap_or_default().to_owned(),
+        origin.file.to_owned(),
+    ]);
     cells.iter().map(|cell| csv_cell(cell)).collect::<Vec<_>>().join(",")
 }
 

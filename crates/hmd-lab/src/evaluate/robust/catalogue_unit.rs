@@ -1,7 +1,7 @@
 //! The simulated windows of the suite without the pipeline: scenarios of a unit by name of its entry and type.
 
 use ema_models::reference::{Effects, Scenario};
-use ema_models::{ActuatorParams, DriveParams, FaultVector};
+use ema_models::{ActuatorParams, DriveParams, FaultVector, Profile};
 use hmd_core::seed::{mix, name_hash};
 
 use super::entries::ENTRIES;
@@ -50,6 +50,6 @@ impl CatalogueUnit {
         } else {
             (None, FaultVector::NOMINAL)
         };
-        (place, scenario(self.nominal, self.effects, fault, seed))
+        (place, scenario(self.nominal, self.effects, Profile::Mixed, fault, seed))
     }
 }

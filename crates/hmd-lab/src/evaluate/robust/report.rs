@@ -37,6 +37,8 @@ pub struct Group {
     pub before: Rates,
     /// Assessed with the unit's calibration; as before where there is none.
     pub after: Rates,
+    /// Healthy windows of motions that the calibration has not seen, with the unit's calibration; with the type's where there is none.
+    pub elsewhere: Rates,
     /// Units whose calibration was refused.
     pub refused: u64,
 }
@@ -76,6 +78,8 @@ pub struct UnitReport {
     pub before: Rates,
     /// Assessed with its own.
     pub after: Rates,
+    /// The same in motions that the calibration has not seen.
+    pub elsewhere: Rates,
     /// Why its calibration was refused, if it was.
     pub reason: Option<String>,
 }
@@ -86,6 +90,7 @@ impl Group {
             units: units.clone().count() as u64,
             before: Tally::sum(units.clone().map(|unit| &unit.before)).rates(),
             after: Tally::sum(units.clone().map(|unit| &unit.after)).rates(),
+            elsewhere: Tally::sum(units.clone().map(|unit| &unit.elsewhere)).rates(),
             refused: units.filter(|unit| unit.refused.is_some()).count() as u64,
         }
     }

@@ -23,6 +23,8 @@ pub(super) struct Tally {
     pub(super) faulty: u64,
     /// Of these, those that name exactly the true fault.
     pub(super) named: u64,
+    /// Of these, those that name a sound part.
+    pub(super) wrong: u64,
     /// |Δ| of the damaged element in each judged faulty window.
     pub(super) errors: Vec<f64>,
     /// Judged faulty windows that state a sigma of the damaged element.
@@ -42,6 +44,8 @@ pub struct Rates {
     pub sensor_accused_rate: f64,
     /// Share of the faulty windows that name exactly the true fault.
     pub named_rate: f64,
+    /// Share of the faulty windows that name a sound part, with the worn one or without it.
+    pub wrong_rate: f64,
     /// Median of |Δ| of the damaged element over faulty windows with status `ok` or `degraded`; `None` without any.
     pub median_error: Option<f64>,
     /// Share of these windows whose 95 % interval of the damaged element holds the truth, where one is stated.
@@ -65,8 +69,10 @@ impl Tally {
         let Some(window) = window else { return };
         self.sensor_accused += u64::from(!window.suspects.is_empty());
         let fault = FaultId::ALL.into_iter().find(|fault| fault.parameter() == place);
-        let named = fault.is_some_and(|fault| window.health.fault_list == [fault.name()]);
-        self.named += u64::from(named);
+        let is_true = |name: &String| fault.is_some_and(|fault| name == fault.name());
+        let found = &window.health.fault_list;
+        self.named += u64::from(!found.is_empty() && found.iter().all(is_true));
+        self.wrong += u64::from(!found.iter().all(is_true));
         let Some(estimate) = window.health.estimate().filter(|_| is_judged(window)) else {
             return;
         };
@@ -88,6 +94,7 @@ impl Tally {
             sum.sensor_accused += tally.sensor_accused;
             sum.faulty += tally.faulty;
             sum.named += tally.named;
+            sum.wrong += tally.wrong;
             sum.errors.extend(&tally.errors);
             sum.stated += tally.stated;
             sum.covered += tally.covered;
@@ -103,6 +110,7 @@ impl Tally {
             false_fault_rate: share(self.false_faults, self.healthy),
             sensor_accused_rate: share(self.sensor_accused, self.healthy + self.faulty),
             named_rate: share(self.named, self.faulty),
+            wrong_rate: share(self.wrong, self.faulty),
             median_error: (!self.errors.is_empty()).then(|| percentile(self.errors.iter().copied(), 0.5)),
             coverage_95: (self.stated > 0).then(|| share(self.covered, self.stated)),
         }

@@ -40,6 +40,7 @@ pub struct FinishedUnit {
     pub(super) refused: Option<String>,
     pub(super) before: Tally,
     pub(super) after: Tally,
+    pub(super) elsewhere: Tally,
 }
 
 impl FinishedUnit {

@@ -22,29 +22,37 @@ pub fn robust_table(report: &RobustReport) -> String {
 
 fn head(text: &mut String, first: &str) {
     *text += &format!(
-        "| {first} | before: judged, % | false, % | named, % | refused | after: judged, % | false, % | named, % | median error | covers, % |\n\
-         |---|---|---|---|---|---|---|---|---|---|\n"
+        "| {first} | before: judged, % | false, % | named, % | wrong, % | refused | after: judged, % | false, % | named, % | wrong, % | \
+         median error | covers, % | other motion: judged, % | false, % |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n"
     );
 }
 
 fn row(text: &mut String, name: &str, group: &Group) {
     let percent = |rate: f64| format!("{:.1}", 100.0 * rate);
-    let three = |rates: &Rates| {
-        [rates.judged_rate, rates.false_fault_rate, rates.named_rate]
-            .map(percent)
-            .join(" | ")
+    let four = |rates: &Rates| {
+        [
+            rates.judged_rate,
+            rates.false_fault_rate,
+            rates.named_rate,
+            rates.wrong_rate,
+        ]
+        .map(percent)
+        .join(" | ")
     };
     let none = || "–".to_owned();
     *text += &format!(
-        "| {name} | {} | {} of {} | {} | {} | {} |\n",
-        three(&group.before),
+        "| {name} | {} | {} of {} | {} | {} | {} | {} | {} |\n",
+        four(&group.before),
         group.refused,
         group.units,
-        three(&group.after),
+        four(&group.after),
         group
             .after
             .median_error
             .map_or_else(none, |error| format!("{error:.3}")),
         group.after.coverage_95.map_or_else(none, percent),
+        percent(group.elsewhere.judged_rate),
+        percent(group.elsewhere.false_fault_rate),
     );
 }

@@ -121,8 +121,17 @@ pub(super) fn config_of(type_name: &str, rate_hz: f64) -> Result<Config, hmd_cor
     )
 }
 
-/// One mixed actuation of a unit with these effects.
-pub(super) fn scenario(nominal: ActuatorParams, effects: Effects, fault: FaultVector, seed: u64) -> Scenario {
+/// Motions that the calibration of a unit has not seen.
+pub(super) const OTHER_PROFILES: [Profile; 4] = [Profile::Step, Profile::Ramp, Profile::Chirp, Profile::Speed];
+
+/// One actuation of a unit with these effects.
+pub(super) fn scenario(
+    nominal: ActuatorParams,
+    effects: Effects,
+    profile: Profile,
+    fault: FaultVector,
+    seed: u64,
+) -> Scenario {
     Scenario {
         effects,
         sensing: CurrentSensing {
@@ -131,7 +140,7 @@ pub(super) fn scenario(nominal: ActuatorParams, effects: Effects, fault: FaultVe
         },
         actuations: Actuations {
             rest: REST_S,
-            ..Actuations::single(Profile::Mixed)
+            ..Actuations::single(profile)
         },
         ..Scenario::new(nominal, fault, seed)
     }
@@ -162,12 +171,17 @@ impl Unit {
         super::state::drawn(&self.effects, &self.nominal)
     }
 
-    /// The window of one mixed actuation; `None` where none is cut from the frames. The load is not measured.
+    /// The window of one actuation; `None` where none is cut from the frames. The load is not measured.
     ///
     /// # Errors
     /// An interface name that is refused.
-    pub(super) fn window(&self, fault: FaultVector, seed: u64) -> Result<Option<WindowJob>, RobustError> {
-        let scenario = scenario(self.nominal, self.effects, fault, seed);
+    pub(super) fn window(
+        &self,
+        profile: Profile,
+        fault: FaultVector,
+        seed: u64,
+    ) -> Result<Option<WindowJob>, RobustError> {
+        let scenario = scenario(self.nominal, self.effects, profile, fault, seed);
         let mut names = BusNames::new();
         names.intern(INTERFACE)?;
         let mut pipeline = Pipeline::new(self.config.clone());

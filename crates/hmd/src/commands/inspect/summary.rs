@@ -18,8 +18,13 @@ const HOURS_MAX: f64 = 99_999.0;
 const SHORT_NAMES: [&str; FaultId::COUNT] = ["FRIC", "BKLSH", "SHORT-A", "SHORT-B", "SHORT-C", "ECC", "GAIN"];
 
 /// Actuator, window, time, health, faults with damage in percent, hours left, probability of failing within the horizon, and
-/// what ends the life. Capital letters, digits, space, hyphen, comma, stop and slash only, which every air-ground link carries.
-pub(super) fn summary_line(health: &Health, damage: &[Option<f64>; FaultId::COUNT], rul: &Rul) -> String {
+/// what ends the life; `serial_number` last, where units of one name need it. Capital letters, digits, space, hyphen, comma, stop and slash only, which every air-ground link carries.
+pub(super) fn summary_line(
+    health: &Health,
+    damage: &[Option<f64>; FaultId::COUNT],
+    rul: &Rul,
+    serial_number: Option<&str>,
+) -> String {
     let mut fields = vec![
         "HMD1".to_owned(),
         health.actuator.chars().take(NAME_MAX).collect(),
@@ -65,6 +70,7 @@ pub(super) fn summary_line(health: &Health, damage: &[Option<f64>; FaultId::COUN
         }
         _ => fields.push("NO RUL".to_owned()),
     }
+    fields.extend(serial_number.map(|number| format!("SN {}", number.chars().take(NAME_MAX).collect::<String>())));
     fields.join("/").chars().map(sent).take(LENGTH_MAX).collect()
 }
 
@@ -105,7 +111,7 @@ mod tests {
     #[test]
     fn the_longest_line_fits_whole_and_has_only_what_links_carry() {
         let (health, rul) = full();
-        let line = summary_line(&health, &[Some(1.0); 7], &rul);
+        let line = summary_line(&health, &[Some(1.0); 7], &rul, None);
         assert!(line.ends_with("/BY RESPONSE-TIME"), "{line}");
         assert!(line.len() <= LENGTH_MAX, "{} characters: {line}", line.len());
         assert!(line.chars().all(|c| sent(c) == c), "{line}");
@@ -115,7 +121,7 @@ mod tests {
         states[0] = HealthState::Unknown;
         health.set_states(&states);
         health.set_faults(&FaultId::ALL[1..]);
-        let line = summary_line(&health, &[Some(1.0); 7], &rul);
+        let line = summary_line(&health, &[Some(1.0); 7], &rul, None);
         assert!(line.ends_with("/BY RESPONSE-TIME"), "{line}");
     }
 
@@ -132,24 +138,26 @@ mod tests {
         let mut damage = [None; 7];
         damage[0] = Some(0.748);
         assert_eq!(
-            summary_line(&health, &damage, &rul),
+            summary_line(&health, &damage, &rul, None),
             "HMD1/EMA0/W7/20231114T2213Z/CRITICAL/FRIC 75/RUL 140-165-191 H/PF 1.00 IN 100 H/BY DAMAGE"
         );
+        let of_unit = summary_line(&health, &damage, &rul, Some("2031a"));
+        assert!(of_unit.ends_with("/BY DAMAGE/SN 2031A"), "{of_unit}");
         let mut states = [HealthState::Nominal; FaultId::COUNT];
         health.set_states(&states);
         health.set_faults(&[]);
         health.health = "nominal".to_owned();
         assert_eq!(
-            summary_line(&health, &damage, &Rul::default()),
+            summary_line(&health, &damage, &Rul::default(), None),
             "HMD1/EMA0/W7/20231114T2213Z/NOMINAL/NO FAULT/NO RUL"
         );
         states[1] = HealthState::Unknown;
         health.set_states(&states);
         health.health = "unknown".to_owned();
         let expected = "HMD1/EMA0/W7/20231114T2213Z/UNKNOWN/UNKNOWN BKLSH/NO RUL";
-        assert_eq!(summary_line(&health, &damage, &Rul::default()), expected);
+        assert_eq!(summary_line(&health, &damage, &Rul::default(), None), expected);
         health.set_states(&[HealthState::Unknown; FaultId::COUNT]);
         let expected = "HMD1/EMA0/W7/20231114T2213Z/UNKNOWN/ALL UNKNOWN/NO RUL";
-        assert_eq!(summary_line(&health, &damage, &Rul::default()), expected);
+        assert_eq!(summary_line(&health, &damage, &Rul::default(), None), expected);
     }
 }

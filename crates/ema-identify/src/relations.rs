@@ -47,7 +47,7 @@ mod terms;
 mod torque_balance;
 mod transmission;
 
-pub use between_samples::is_coarsely_sampled;
+pub use between_samples::{coarse_torque_error, is_coarsely_sampled};
 #[cfg(feature = "std")]
 pub use commission::{CommissionError, commission, commission_as};
 pub use commissioned::{Baseline, CommissionedRelations, RelationsEstimate};

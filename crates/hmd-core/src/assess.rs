@@ -361,13 +361,21 @@ fn unseen(estimate: &Estimate) -> Option<String> {
 }
 
 /// The reason that names the faults whose damage is too uncertain to tell their state, and what would tell more.
-fn too_uncertain(evidence: &DamageEvidence, levels: &[Levels; FaultId::COUNT], is_commissioned: bool) -> Option<String> {
+fn too_uncertain(
+    evidence: &DamageEvidence,
+    levels: &[Levels; FaultId::COUNT],
+    is_commissioned: bool,
+) -> Option<String> {
     let damages: Vec<String> = evidence
         .uncertain(levels)
         .into_iter()
         .map(|(fault, damage, sigma)| format!("{} {damage:.2} ± {sigma:.2}", fault.name()))
         .collect();
-    let unknown_unit = if is_commissioned { "" } else { " (unit not commissioned)" };
+    let unknown_unit = if is_commissioned {
+        ""
+    } else {
+        " (unit not commissioned)"
+    };
     (!damages.is_empty()).then(|| format!("too uncertain: {}{unknown_unit}", damages.join(", ")))
 }
 

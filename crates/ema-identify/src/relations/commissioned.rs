@@ -159,7 +159,11 @@ impl CommissionedRelations {
         // With another position gain the loop moves the actuator otherwise under the same command.
         let differs = |gain: Reading| libm::fabs(gain.value - nominal_gain.mean) > CLEAR * gain.sigma;
         let same_motion = !window.is_other_motion() && !readings.get(Element::Gain).is_ok_and(differs);
-        let asymmetry = if same_motion { 0.0 } else { self.balance.hidden_asymmetry() };
+        let asymmetry = if same_motion {
+            0.0
+        } else {
+            self.balance.hidden_asymmetry()
+        };
         let changes = Element::ALL.map(|element| {
             let baseline = &self.baseline[element as usize];
             let reading = readings

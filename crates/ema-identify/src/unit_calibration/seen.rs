@@ -355,7 +355,12 @@ mod tests {
         ] {
             assert_eq!(seen.unseen(&window, &params), [expected]);
         }
-        for (travel, is_speed_mode, expected) in [(0.25, false, true), (0.252, false, true), (0.255, false, false), (0.25, true, false)] {
+        for (travel, is_speed_mode, expected) in [
+            (0.25, false, true),
+            (0.252, false, true),
+            (0.255, false, false),
+            (0.25, true, false),
+        ] {
             let window = Motion {
                 travel,
                 is_speed_mode,

@@ -54,12 +54,16 @@ pub(super) fn estimate(
         Some(relations) => {
             let as_commissioned = (winding_temp, is_other_motion);
             by_relations(relations, identifier, job, conditions, as_commissioned, effort)
-        },
+        }
         None => Ok(None),
     };
     let of_monitor = |job: &mut WindowJob, monitor: &UnitMonitor| {
         let found = by_monitor(monitor, identifier, job, conditions, seed, effort)?;
-        let factor = if is_other_motion { factor_in_other_motion(monitor) } else { 1.0 };
+        let factor = if is_other_motion {
+            factor_in_other_motion(monitor)
+        } else {
+            1.0
+        };
         Ok::<_, AssessError>(found.map(|(fit, found)| (fit, found.widened(factor))))
     };
     let found = match (unit.estimator, &unit.relations, &unit.monitor) {
@@ -166,9 +170,7 @@ fn by_relations(
         return Ok(None);
     }
     let estimate = |window: &Window, prepared: &Prepared| {
-        let aligned = window
-            .aligned(&params, winding_temp)
-            .in_other_motion(is_other_motion);
+        let aligned = window.aligned(&params, winding_temp).in_other_motion(is_other_motion);
         let is_locked = identifier.is_locked(prepared, conditions);
         Ok::<_, AssessError>(estimate_by_relations(relations, &aligned, is_locked))
     };

@@ -1,8 +1,8 @@
 //! The relations of one unit, and what they say of windows that were left out.
 
 use ema_identify::relations::{
-    BalanceShape, CommissionError, CommissionedRelations, Element, MeasuredWindow, RelationsEstimate, Term, commission,
-    commission_as,
+    BalanceShape, CommissionError, CommissionedRelations, Element, MeasuredWindow, RelationsEstimate, Term,
+    coarse_torque_error, commission, commission_as,
 };
 use ema_identify::unit_calibration::{Seen, UnitParameter, UnitRelations, nominal_elements};
 use ema_identify::unit_estimate::{AlignedWindow, estimate_by_relations};
@@ -15,11 +15,8 @@ use crate::outbox::WindowJob;
 /// Tolerance of the play, as a share of the type's.
 const PLAY_TOLERANCE: f64 = 0.5;
 
-/// Error of the torque at ω_max, as a share of the largest, within which the damping is known; that of the residual of any unit. At sample rates
-/// below the second number, Hz, it grows with the time between samples, in which torque and speed are not seen: healthy units of `servo270` at
-/// 400 Hz, all dead times of the usual range, show 5 tolerances of it at most 1.3.
+/// Error of the torque at ω_max, as a share of the largest, within which the damping is known; that of the residual of any unit.
 const TORQUE_BEND: f64 = 5e-3;
-const TORQUE_BEND_RATE_HZ: f64 = 2000.0;
 
 /// Relations that were learnt.
 pub(super) struct RelationsLearnt {
@@ -108,8 +105,8 @@ impl RelationsLearnt {
         };
         let motor = &job.params.motor;
         // What bends the torque with current or speed (saturation, iron losses) is taken for damping.
-        let slower = (TORQUE_BEND_RATE_HZ / job.params.sensors.sample_rate).max(1.0);
-        let bend = slower * TORQUE_BEND * motor.torque_gain() * motor.i_max / job.params.controller.omega_max;
+        let error = TORQUE_BEND * motor.torque_gain() * motor.i_max;
+        let bend = error.hypot(coarse_torque_error(&job.params)) / job.params.controller.omega_max;
         let damping_bend = bend / motor.c.max(f64::MIN_POSITIVE);
         let of_balance = [
             (UnitParameter::Inertia, balance.of(Term::Inertia)),

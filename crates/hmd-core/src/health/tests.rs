@@ -136,13 +136,7 @@ fn each_fault_has_its_own_persistence() {
 fn faults_are_listed_in_order() {
     let mut health = health(1);
     let damage = [0.1, 0.0, 0.7, 0.0, 0.0, 0.06, 0.31];
-    let decision = health.update(
-        3,
-        Some(&DamageEvidence {
-            damage,
-            sigma: None,
-        }),
-    );
+    let decision = health.update(3, Some(&DamageEvidence { damage, sigma: None }));
     use FaultId::{Eccentricity, Friction, Gain, ShortA};
     assert_eq!(decision.faults, [Friction, ShortA, Eccentricity, Gain]);
     assert_eq!(

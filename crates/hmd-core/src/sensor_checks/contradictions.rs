@@ -6,6 +6,7 @@
 
 use std::ops::RangeInclusive;
 
+use ema_identify::relations::coarse_torque_error;
 use ema_identify::unit_calibration::Seen;
 use ema_identify::{Estimate, Inferred};
 use ema_models::DriveKind;
@@ -87,12 +88,16 @@ fn load(job: &WindowJob, estimate: &Estimate) -> Option<Contradiction> {
     })
 }
 
-/// Standard deviation of an inferred load, Nm, what the gear's losses add included.
+/// Standard deviation of an inferred load, Nm, what the gear's losses and coarse samples add included.
 fn load_sigma(job: &WindowJob, load: &Inferred, friction_share: f64) -> f64 {
     let transmission = &job.params.transmission;
     let friction = transmission.friction_dynamic * transmission.gear_ratio;
     let size = load.value.abs().max(job.conditions.load_torque_nm.unwrap_or(0.0).abs());
-    load.sigma.hypot(LOAD_SHARE * size).hypot(friction_share * friction)
+    let coarse = coarse_torque_error(&job.params) * transmission.gear_ratio;
+    load.sigma
+        .hypot(LOAD_SHARE * size)
+        .hypot(friction_share * friction)
+        .hypot(coarse)
 }
 
 /// Usual tolerance of a link voltage as a share, where the configuration calls it exact.

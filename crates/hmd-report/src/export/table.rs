@@ -74,7 +74,10 @@ impl TableKind {
     #[must_use]
     pub fn heads(self) -> Vec<Head> {
         match self {
-            Self::Health => heads(&HEALTH, &health_row(&Health::default(), &Rul::default(), Origin::default())),
+            Self::Health => heads(
+                &HEALTH,
+                &health_row(&Health::default(), &Rul::default(), Origin::default()),
+            ),
             Self::Samples => heads(&SAMPLES, &sample_row(&Window::default(), 0, Origin::default())),
         }
     }

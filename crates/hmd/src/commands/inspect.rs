@@ -198,7 +198,11 @@ impl Printer {
                     say(&format!("{:>10} {:<22} {HEALTH_HEAD}", "used, h", "left (10…90 %), h"))?;
                 }
                 if let Some(number) = self.other_serial(&health.actuator, origin.serial_number) {
-                    say(&format!("{:>10} {} is serial number {number}", "", printable(&health.actuator)))?;
+                    say(&format!(
+                        "{:>10} {} is serial number {number}",
+                        "",
+                        printable(&health.actuator)
+                    ))?;
                 }
                 say(&table_row(health, rul))
             }

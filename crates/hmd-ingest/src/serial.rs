@@ -10,6 +10,8 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use ema_wire::{SerialPacket, Splitter};
+use rustix::fs::{FlockOperation, flock};
+use rustix::io::Errno;
 use rustix::termios::{ControlModes, OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr};
 use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
@@ -69,10 +71,15 @@ impl SerialSource {
         }
     }
 
-    /// Opens the device and lets every byte through as it is. What came before belongs to no run.
+    /// Opens the device and lets every byte through as it is. What came before belongs to no run. Two readers of one device would each
+    /// get a part of its bytes: the second one is refused.
     fn open(&self) -> io::Result<File> {
         let flags = libc::O_NOCTTY | libc::O_NONBLOCK;
         let file = OpenOptions::new().read(true).custom_flags(flags).open(&self.device)?;
+        flock(&file, FlockOperation::NonBlockingLockExclusive).map_err(|error| match error {
+            Errno::WOULDBLOCK => io::Error::new(ErrorKind::ResourceBusy, "another reader has it"),
+            error => error.into(),
+        })?;
         let mut settings = tcgetattr(&file)?;
         settings.make_raw();
         settings.control_modes |= ControlModes::CREAD | ControlModes::CLOCAL;

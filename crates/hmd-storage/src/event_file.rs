@@ -23,7 +23,7 @@ pub enum EventError {
         /// Error of the operating system.
         source: io::Error,
     },
-    /// A line is no event.
+    /// No line is an event.
     #[error("{path}:{line}: expected a maintenance event, found {found}")]
     Line {
         /// The file.
@@ -35,10 +35,10 @@ pub enum EventError {
     },
 }
 
-/// Reads all events; none if there is no file.
+/// Reads all events; none if there is no file. Lines that are none are told: one bad line does not keep the others from counting.
 ///
 /// # Errors
-/// [`EventError`].
+/// [`EventError`]; a file of which no line is an event is none of ours.
 pub fn read(path: &Path) -> Result<Events, EventError> {
     let name = || path.display().to_string();
     let bytes = match read_regular(path, BYTES_MAX) {
@@ -54,14 +54,15 @@ pub fn read(path: &Path) -> Result<Events, EventError> {
         match serde_json::from_slice::<Event>(line) {
             Ok(event) => events.list.push(event),
             Err(e) if e.is_eof() || is_torn => events.unfinished.push(n + 1),
-            Err(e) => {
-                return Err(EventError::Line {
-                    path: name(),
-                    line: n + 1,
-                    found: e.to_string(),
-                });
-            }
+            Err(e) => events.unreadable.push((n + 1, e.to_string())),
         }
+    }
+    if let (true, Some((line, found))) = (events.list.is_empty(), events.unreadable.first()) {
+        return Err(EventError::Line {
+            path: name(),
+            line: *line,
+            found: found.clone(),
+        });
     }
     events.list.sort_by_key(|event| event.t_ns);
     Ok(events)
@@ -118,7 +119,15 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("events.jsonl");
         assert_eq!(read(&path).unwrap(), Events::default());
-        let found = |list, unfinished| assert_eq!(read(&path).unwrap(), Events { list, unfinished });
+        let found = |list, unfinished| {
+            let unreadable = Vec::new();
+            let expected = Events {
+                list,
+                unfinished,
+                unreadable,
+            };
+            assert_eq!(read(&path).unwrap(), expected);
+        };
         let event = |t_ns| Event {
             t_ns,
             actuator: "ema0".to_owned(),
@@ -149,6 +158,12 @@ mod tests {
         );
         std::fs::write(&path, [two.as_slice(), &[0, 0, 0xff]].concat()).unwrap();
         found(vec![event(1), event(2)], vec![3]);
+        // A line that somebody spoilt leaves the others.
+        let spoilt = [two.as_slice(), b"reset ema0\n", two.as_slice()].concat();
+        std::fs::write(&path, spoilt).unwrap();
+        let events = read(&path).unwrap();
+        let lines: Vec<usize> = events.unreadable.iter().map(|(line, _)| *line).collect();
+        assert_eq!((events.list.len(), lines), (4, vec![3]));
         // Zeros alone make no line of events.
         std::fs::write(&path, b"\x89MCAP0\r\n\x01\0\0\n").unwrap();
         assert!(matches!(

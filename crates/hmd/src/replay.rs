@@ -124,23 +124,10 @@ impl Summary {
             logs.join(", ")
         };
         if self.actuators == 0 {
-            let found = match (self.status.frames_filtered, self.status.lost_malformed) {
-                (other, 0) => format!("{other} other frames"),
-                (0, malformed) => format!("{malformed} malformed frames"),
-                (other, malformed) => format!("{malformed} malformed and {other} other frames"),
-            };
             return Err(ReplayError::NoActuator {
                 logs: logs(),
                 expected: watched(config),
-                found: format!(
-                    "{found} on {}",
-                    self.status
-                        .interfaces
-                        .iter()
-                        .map(|on| on.interface.as_str())
-                        .collect::<Vec<_>>()
-                        .join(", ")
-                ),
+                found: other_frames(&self.status),
             });
         }
         if self.status.samples == 0 {
@@ -157,8 +144,19 @@ impl Summary {
     }
 }
 
+/// The frames of no actuator that is watched, in words.
+pub(crate) fn other_frames(status: &Status) -> String {
+    let found = match (status.frames_filtered, status.lost_malformed) {
+        (other, 0) => format!("{other} other frames"),
+        (0, malformed) => format!("{malformed} malformed frames"),
+        (other, malformed) => format!("{malformed} malformed and {other} other frames"),
+    };
+    let interfaces: Vec<&str> = status.interfaces.iter().map(|on| on.interface.as_str()).collect();
+    format!("{found} on {}", interfaces.join(", "))
+}
+
 /// What is watched, in words: which frames on which bus.
-fn watched(config: &Config) -> String {
+pub(crate) fn watched(config: &Config) -> String {
     if config.is_auto() {
         return "an actuator with the identifiers of ema.dbc, or a configuration (-c) that maps the DBC file of this bus"
             .to_owned();

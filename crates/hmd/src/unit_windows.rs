@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::replay::LOSSES_TOLD;
+use crate::replay::{LOSSES_TOLD, other_frames, watched};
 use hmd_core::assess::WindowCounts;
 use hmd_core::config::Config;
 use hmd_core::frame::BusNames;
@@ -78,6 +78,13 @@ pub fn windows_of(
         found.jobs.extend(pipeline.take_windows());
         names = source.into_bus_names();
         let status = pipeline.status(&names, WindowCounts::default());
+        if pipeline.actuators() == 0 {
+            let (expected, others) = (watched(config), other_frames(&status));
+            report(&format!(
+                "{}: expected frames of {expected}, found none ({others})",
+                log.display()
+            ));
+        }
         if let Some(lost) = status.lost_in_logs(damaged_places) {
             found.data_lost = true;
             report(&format!("{}: {lost}", log.display()));

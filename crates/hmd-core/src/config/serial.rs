@@ -48,13 +48,16 @@ impl SerialConfig {
     }
 }
 
-/// Every `[[serial]]`; each has actuators, and a name of its own.
+/// Every `[[serial]]`; each has actuators, and a name and a device of its own.
 pub(super) fn read_all(root: &Section<'_>, actuators: &[ActuatorConfig]) -> Result<Vec<SerialConfig>, ConfigError> {
     let mut lines: Vec<SerialConfig> = Vec::new();
     for section in root.list("serial", KEYS)?.unwrap_or_default() {
         let line = SerialConfig::read(&section)?;
         if lines.iter().any(|other| other.bus == line.bus) {
             return Err(section.refuse("bus", "a name that no other serial line has"));
+        }
+        if lines.iter().any(|other| other.device == line.device) {
+            return Err(section.refuse("device", "a device that no other serial line has"));
         }
         let mut on_it = actuators
             .iter()

@@ -90,4 +90,6 @@ pub struct Events {
     pub list: Vec<Event>,
     /// Lines that were never finished, as when the power went while one was written; from 1.
     pub unfinished: Vec<usize>,
+    /// Lines that are no event, from 1, each with the reason.
+    pub unreadable: Vec<(usize, String)>,
 }

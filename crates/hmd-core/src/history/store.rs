@@ -61,6 +61,13 @@ impl HistoryStore {
                 "maintenance events, line {line}: never finished and ignored; record that event again"
             ));
         }
+        let reported = &self.events.unreadable;
+        for bad in events.unreadable.iter().filter(|bad| !reported.contains(bad)) {
+            let (line, found) = bad;
+            self.notices.push(format!(
+                "maintenance events, line {line}: expected an event, found {found}; the line is ignored: correct it"
+            ));
+        }
         self.events = events;
     }
 

@@ -169,6 +169,7 @@ fn a_maintenance_event_resets_the_history_once() {
     histories.set_events(Events {
         list: vec![event(405.0, "ema0"), event(605.0, "ema1")],
         unfinished: vec![],
+        unreadable: vec![],
     });
     let assessments = wear_out(&mut histories, &config, 0, 100);
     assert!(assessments[40].forecast.actuator.is_ok());
@@ -194,6 +195,7 @@ fn a_replaced_part_begins_its_faults_anew_once_and_the_rest_goes_on() {
     let events = |list| Events {
         list,
         unfinished: vec![],
+        unreadable: vec![],
     };
     histories.set_events(events(vec![event(405.0, ReplacedPart::Controller)]));
     let assessments = wear_out(&mut histories, &config, 0, 60);
@@ -240,6 +242,7 @@ fn an_event_recorded_later_counts_even_if_it_lies_earlier() {
     let list = |list| Events {
         list,
         unfinished: vec![],
+        unreadable: vec![],
     };
     histories.set_events(list(vec![first.clone()]));
     wear_out(&mut histories, &config, 0, 30);

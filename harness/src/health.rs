@@ -96,7 +96,7 @@ fn nothing_improves_within_the_hysteresis() {
         for (window, (damage, sigma)) in (0..).zip(input) {
             let (damage, sigma) = (f64::from(damage) / 255.0, f64::from(sigma) / 512.0);
             let state = health.update(window, Some(&of_friction(damage, sigma))).state;
-            if state < before {
+            if state < before && before >= HealthState::Watch {
                 let level =
                     [levels.watch, levels.warning, levels.critical][before as usize - HealthState::Watch as usize];
                 assert!(

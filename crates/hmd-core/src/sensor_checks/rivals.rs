@@ -258,7 +258,7 @@ pub fn compare(estimate: &Estimate, suspect: Suspect, rival: &Estimate, level: f
     let of_rival = accused(rival, level);
     let is_explained_away = |fault: FaultId| {
         let damage = estimate.fault.damage_of(fault);
-        let is_open = damage > LARGE_DAMAGE && !rival.observable[fault.parameter()];
+        let is_open = damage > LARGE_DAMAGE && rival.sigma[fault.parameter()].is_none();
         rival.fault.damage_of(fault) < EXPLAINED_AWAY * damage || is_open
     };
     let accuses_less = accused(estimate, level)
@@ -281,7 +281,7 @@ pub fn judge(job: &WindowJob, estimate: &Estimate, suspect: Suspect, rival: &Est
             && moves_one_way(job)
             && accuses(estimate)
             && !rival.is_unmodelled()
-            && !(accuses(rival) && rival.observable[FaultId::Friction.parameter()])
+            && !(accuses(rival) && rival.sigma[FaultId::Friction.parameter()].is_some())
             && rival.cost < ALIKE * estimate.cost
     };
     if verdict == Verdict::Worse && is_undecided() {

@@ -53,11 +53,7 @@ fn one_run_gives_the_same_lines_from_text_and_mcap_on_any_number_of_threads() {
     assert_eq!(lines.lines().count(), 2);
     for line in lines.lines() {
         let record: serde_json::Value = serde_json::from_str(line).expect("a line of JSON");
-        assert_eq!(
-            (&record["status"], &record["faults"]),
-            (&"ok".into(), &["backlash"].as_slice().into()),
-            "{line}"
-        );
+        assert_eq!(record["faults"], serde_json::json!(["backlash"]), "{line}");
     }
     assert_eq!(folder.done("replay --json run.mcap --threads 4"), lines);
 

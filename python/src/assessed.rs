@@ -16,7 +16,7 @@ use hmd_core::config::Config;
 use hmd_core::record::HealthLine;
 use hmd_core::sample::{MeasuredConditions, SampleRate};
 use hmd_core::window::TimedSample;
-use hmd_report::export::{TableKind, health_row};
+use hmd_report::export::{Origin, TableKind, health_row};
 use hmd_storage::calibration_file::load_models;
 use hmd_storage::event_file::load_events;
 use pyo3::buffer::PyBuffer;
@@ -62,7 +62,8 @@ impl CollectedRecords {
     fn take(&mut self, assessed: &assess::AssessedWindow) {
         self.lines
             .push(HealthLine::from((&assessed.health, &assessed.rul)).to_json());
-        self.rows.row(health_row(&assessed.health, &assessed.rul));
+        self.rows
+            .row(health_row(&assessed.health, &assessed.rul, Origin::default()));
     }
 
     fn into_assessed(mut self, py: Python<'_>, loss: Option<String>) -> PyResult<AssessedWindow> {

@@ -24,5 +24,6 @@ mod settings;
 mod simulate;
 mod terminal_rig;
 mod top;
+mod uncommissioned;
 mod unit_commissioning;
 mod wrong_map;

@@ -131,6 +131,30 @@ fn a_healthy_unit_at_another_rotor_angle_is_not_accused() {
     assert!(lines.contains("\"faults\":[\"friction\"]"), "{lines}");
 }
 
+/// At 400 Hz the motor of this type makes three radians electrical from sample to sample: what the balance leaves of that repeats with the
+/// motion, and each motion leaves something else.
+#[test]
+fn a_healthy_unit_in_another_motion_is_not_accused() {
+    let folder = Folder::new();
+    let known = "[[actuator]]\nid = 0\ntype = \"servo270\"\ncalibration = \"unit.toml\"\n[type.servo270.sensors]\nsample_rate_hz = 400\n";
+    folder.write("known.toml", known);
+    folder.write(
+        "effects.toml",
+        "drive = \"vector\"\ndead_time_s = 1.7e-6\nback_emf_deviation = -0.035\nresistance_deviation = -0.036\n\
+         dynamic_friction_deviation = 0.081\nstatic_friction_deviation = -0.163\ninertia_deviation = 0.019\nplay_deviation = -0.194\n",
+    );
+    let unit = "--actuator servo270 --effects effects.toml --rate 400 --noise 0.02";
+    folder.done(&format!("simulate {unit} --windows 10 --seed 657253 -o healthy.log"));
+    folder.done("calibrate healthy.log -c known.toml -o unit.toml");
+    for (motion, seed, windows) in [("--mode speed", 657_260, 3), ("--profile step", 99, 8), ("", 3, 4)] {
+        folder.done(&format!(
+            "simulate {unit} {motion} --windows {windows} --seed {seed} -o later.log"
+        ));
+        let lines = folder.done("replay later.log -c known.toml --json");
+        assert_eq!(lines.matches("\"faults\":[]").count(), windows, "{motion}: {lines}");
+    }
+}
+
 /// What a unit has when it is commissioned would count as its health.
 #[test]
 fn windows_of_a_worn_unit_commission_nothing() {

@@ -1,7 +1,8 @@
 //! Windows assessed: of logs (`replay`), and of samples in arrays (`identify`).
 
+use std::collections::BTreeMap;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Context;
@@ -12,7 +13,7 @@ use hmd::commands::{check_files, load_config};
 use hmd::replay::{Observer, Replay};
 use hmd_core::actuator_stream::cut_windows;
 use hmd_core::assess::{self, Assessor};
-use hmd_core::config::Config;
+use hmd_core::config::{ActuatorConfig, Config};
 use hmd_core::record::HealthLine;
 use hmd_core::sample::{MeasuredConditions, SampleRate};
 use hmd_core::window::TimedSample;
@@ -48,6 +49,10 @@ struct CollectedRecords {
     lines: Vec<String>,
     notices: Vec<String>,
     rows: Batches,
+    /// Serial numbers of the actuators by name.
+    serial_numbers: BTreeMap<String, String>,
+    /// Name of the recording that is written; empty without one.
+    file: String,
 }
 
 impl CollectedRecords {
@@ -56,14 +61,28 @@ impl CollectedRecords {
             lines: Vec::new(),
             notices: Vec::new(),
             rows: Batches::new(TableKind::Health.heads()),
+            serial_numbers: BTreeMap::new(),
+            file: String::new(),
         }
+    }
+
+    /// Names the units of a configuration, and the recording that is written.
+    fn note_origin(&mut self, config: &Config, output: Option<&Path>) {
+        let serial_of = |actuator: &ActuatorConfig| Some((actuator.name.clone(), actuator.serial_number.clone()?));
+        self.serial_numbers = config.actuators().iter().filter_map(serial_of).collect();
+        let file = output.and_then(Path::file_name).unwrap_or_default();
+        self.file = file.to_string_lossy().into_owned();
     }
 
     fn take(&mut self, assessed: &assess::AssessedWindow) {
         self.lines
             .push(HealthLine::from((&assessed.health, &assessed.rul)).to_json());
-        self.rows
-            .row(health_row(&assessed.health, &assessed.rul, Origin::default()));
+        let serial_number = self.serial_numbers.get(&assessed.health.actuator);
+        let origin = Origin {
+            serial_number: serial_number.map_or("", String::as_str),
+            file: &self.file,
+        };
+        self.rows.row(health_row(&assessed.health, &assessed.rul, origin));
     }
 
     fn into_assessed(mut self, py: Python<'_>, loss: Option<String>) -> PyResult<AssessedWindow> {
@@ -129,6 +148,7 @@ pub(crate) fn replay(
         if let Some(output) = &output {
             check_output(output, &logs, &config)?;
         }
+        records.note_origin(&config, output.as_deref());
         let replay = Replay {
             logs: &logs,
             output: output.as_deref(),

@@ -76,6 +76,9 @@ struct ReadyWindowing {
     motor_counts: Option<i64>,
 }
 
+/// Silence, ns, after which a counter that begins anew is no news: the actuator was off.
+const OFF_NS: u64 = 60_000_000_000;
+
 impl ActuatorStream {
     /// For one actuator of a configuration.
     #[must_use]
@@ -154,7 +157,8 @@ impl ActuatorStream {
     pub fn push(&mut self, frame: &Frame, stamp_ns: u64, outbox: &mut Outbox) {
         // A sample has the conditions that were reported before its frame.
         let conditions = self.conditions;
-        let (restarts, nominal_hz) = (self.restarts, self.nominal_hz());
+        let nominal_hz = self.nominal_hz();
+        let mut was_on = false;
         let mut first_at_nominal_rate = None;
         match frame {
             Frame::Status(status) => self.conditions = MeasuredConditions::from(status),
@@ -168,8 +172,9 @@ impl ActuatorStream {
             };
             let timed = self.continued(&sample, stamp_ns);
             let is_first = std::mem::take(&mut self.is_ended);
-            if !is_first && self.last.is_some_and(|(last, _)| timed.seq < last.seq) {
+            if let Some((last, _)) = self.last.filter(|(last, _)| !is_first && timed.seq < last.seq) {
                 self.restarts += 1;
+                was_on |= stamp_ns.saturating_sub(last.stamp_ns) < OFF_NS;
             }
             self.paused += self.pause_before(&timed);
             let elapsed_us = self.last.map(|(_, time_us)| sample.time_us.wrapping_sub(time_us));
@@ -188,7 +193,7 @@ impl ActuatorStream {
                 self.assembler.set_max_span_ns(longest_sample_ns(&rate));
             }
         }
-        if self.restarts > restarts {
+        if was_on {
             let name = &self.actuator.name;
             outbox.push_notice(
                 stamp_ns,

@@ -30,6 +30,8 @@ pub struct Learner {
     /// The actuator of the last window, if that completed its windows.
     complete: Option<Arc<ActuatorConfig>>,
     learnt: Vec<LearntUnit>,
+    /// Actuators whose unit was replaced.
+    replaced: Vec<Arc<ActuatorConfig>>,
     notices: Vec<String>,
 }
 
@@ -52,6 +54,7 @@ impl Learner {
             windows: BTreeMap::new(),
             complete: None,
             learnt: Vec::new(),
+            replaced: Vec::new(),
             notices: Vec::new(),
         }
     }
@@ -67,6 +70,11 @@ impl Learner {
         limit: &TimeLimit<'_>,
     ) -> Result<AssessedWindow, AssessError> {
         let actuator = job.actuator.clone();
+        let is_learnt = actuator.learning.is_some();
+        if is_learnt && assessor.histories().is_replaced(&actuator, job.window.t_start_ns) {
+            self.forget(assessor, &actuator.name);
+            self.replaced.push(actuator.clone());
+        }
         let Some(learning) = actuator.learning.as_ref().filter(|_| !assessor.knows_unit(&actuator)) else {
             return assessor.assess_within(job, limit, None);
         };
@@ -142,6 +150,11 @@ impl Learner {
             self.windows.remove(actuator);
             assessor.remove_unit(actuator);
         }
+    }
+
+    /// Actuators whose unit a maintenance event replaced since the last call: what was learnt of the one before is void.
+    pub fn take_replaced(&mut self) -> Vec<Arc<ActuatorConfig>> {
+        std::mem::take(&mut self.replaced)
     }
 
     /// Units commissioned since the last call.

@@ -104,6 +104,23 @@ pub fn save_learnt(config: &Config, learnt: &LearntUnit) -> Result<PathBuf, Asse
     }
 }
 
+/// Removes what was learnt of the unit that an actuator had before.
+///
+/// # Errors
+/// The file is there and cannot be removed.
+pub fn remove_learnt(config: &Config, actuator: &ActuatorConfig) -> Result<(), AssessError> {
+    let Some(path) = config.learnt_file(actuator) else {
+        return Ok(());
+    };
+    match fs::remove_file(&path) {
+        Err(source) if source.kind() != io::ErrorKind::NotFound => Err(AssessError::Read {
+            path: path.display().to_string(),
+            source,
+        }),
+        _ => Ok(()),
+    }
+}
+
 /// Hash of the calibrations that a configuration names, of its types as shipped or as their files stand, and of its units.
 #[must_use]
 pub fn hash_of_models(config: &Config) -> String {

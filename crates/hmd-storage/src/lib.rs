@@ -21,4 +21,4 @@ pub mod same_file;
 pub mod schema_copy;
 pub mod segment_store;
 
-pub use quoted::{no_formula, printable, quoted};
+pub use quoted::{no_formula, number_cell, printable, quoted};

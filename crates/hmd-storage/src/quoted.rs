@@ -34,6 +34,19 @@ pub fn printable(text: &str) -> Cow<'_, str> {
     Cow::Owned(escaped)
 }
 
+/// A number as a cell holds it: the shortest text that reads back as the same, with an exponent where it is tiny.
+#[must_use]
+pub fn number_cell(number: f64) -> String {
+    if number != 0.0 && number.abs() < TINY {
+        format!("{number:e}")
+    } else {
+        number.to_string()
+    }
+}
+
+/// Below this a number would be a row of zeros.
+const TINY: f64 = 1e-6;
+
 /// Text for a cell of a table: one that a spreadsheet would compute begins with an apostrophe.
 #[must_use]
 pub fn no_formula(text: &str) -> Cow<'_, str> {
@@ -47,6 +60,20 @@ pub fn no_formula(text: &str) -> Cow<'_, str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_number_in_a_cell_reads_back_as_it_was() {
+        for (number, text) in [
+            (0.0, "0"),
+            (-1.5, "-1.5"),
+            (1e-300, "1e-300"),
+            (-2.5e-7, "-2.5e-7"),
+            (1e-6, "0.000001"),
+        ] {
+            assert_eq!(number_cell(number), text);
+            assert_eq!(text.parse::<f64>().unwrap().to_bits(), f64::to_bits(number));
+        }
+    }
 
     #[test]
     fn what_would_be_obeyed_is_escaped_and_the_rest_stays() {

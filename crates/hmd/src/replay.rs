@@ -144,7 +144,7 @@ impl Summary {
     }
 }
 
-/// The frames of no actuator that is watched, in words.
+/// The frames of others than the actuators watched, in words.
 pub(crate) fn other_frames(status: &Status) -> String {
     let found = match (status.frames_filtered, status.lost_malformed) {
         (other, 0) => format!("{other} other frames"),

@@ -71,6 +71,19 @@ impl HistoryStore {
         self.events = events;
     }
 
+    /// Whether a maintenance event has replaced the unit of an actuator by the time of a window, and its history has not followed yet.
+    #[must_use]
+    pub fn is_replaced(&self, actuator: &ActuatorConfig, t_ns: u64) -> bool {
+        let known = self
+            .histories
+            .get(&actuator.name)
+            .or_else(|| self.restored.get(&actuator.name));
+        known.is_some_and(|history| {
+            let resets = |until_ns: u64| resets(&self.events.list, &actuator.name, None, until_ns).count() as u64;
+            resets(t_ns) > history.events_followed.unwrap_or_else(|| resets(history.begun_ns))
+        })
+    }
+
     /// The history of an actuator at the time of a window, reset first by the maintenance events up to then.
     ///
     /// # Errors
@@ -84,12 +97,7 @@ impl HistoryStore {
                 None => UnitHistory::new(config, serial_number.clone())?,
             }),
         };
-        let resets =
-            |event: &&Event| event.event == EventKind::Reset && event.actuator == actuator.name && event.t_ns <= t_ns;
-        let of = |part: Option<ReplacedPart>| {
-            let events = self.events.list.iter().filter(resets);
-            events.filter(move |event| event.part == part)
-        };
+        let of = |part: Option<ReplacedPart>| resets(&self.events.list, &actuator.name, part, t_ns);
         let of_parts = ReplacedPart::ALL.map(|part| of(Some(part)).count() as u64);
         let come = || of(None);
         let count = come().count() as u64;
@@ -153,6 +161,19 @@ impl HistoryStore {
     pub fn take_notices(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notices)
     }
+}
+
+/// Replacements of the unit of an actuator (`None`) or of a part of it, up to a time.
+fn resets<'a>(
+    events: &'a [Event],
+    actuator: &'a str,
+    part: Option<ReplacedPart>,
+    until_ns: u64,
+) -> impl DoubleEndedIterator<Item = &'a Event> {
+    let is_meant = move |event: &&Event| {
+        event.event == EventKind::Reset && event.actuator == actuator && event.part == part && event.t_ns <= until_ns
+    };
+    events.iter().filter(is_meant)
 }
 
 /// The note of an event, behind a colon.

@@ -1,7 +1,12 @@
 //! One line of `hmd replay --json`.
 
-use super::{Health, Rul, finite};
+use std::collections::BTreeMap;
+
+use ema_models::FaultId;
 use serde::Serialize;
+
+use super::{Health, Rul, finite};
+use crate::health::HealthState;
 
 /// Quantiles of a remaining life.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -51,6 +56,8 @@ pub struct HealthLine<'a> {
     rul_cycles: Option<Interval>,
     #[serde(skip_serializing_if = "str::is_empty")]
     reason: &'a str,
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    states: BTreeMap<&'static str, &'static str>,
 }
 
 impl<'a> HealthLine<'a> {
@@ -74,6 +81,11 @@ impl<'a> HealthLine<'a> {
             rul_h: rul.and_then(|rul| Interval::new(rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h)),
             rul_cycles: rul.and_then(|rul| Interval::new(rul.rul_p10_cycles, rul.rul_p50_cycles, rul.rul_p90_cycles)),
             reason: &health.reason,
+            states: health
+                .states()
+                .into_iter()
+                .flat_map(|states| FaultId::NAMES.into_iter().zip(states.map(HealthState::name)))
+                .collect(),
         }
     }
 
@@ -137,6 +149,13 @@ mod tests {
             r#""health":"watch","faults":["friction"],"rul_h":{"p10":100.0,"p50":140.0,"p90":200.0},"rul_cycles":null}"#,
         );
         assert_eq!(HealthLine::from((&health, &rul)).to_json(), expected);
+        health.set_states(&[HealthState::Watch; FaultId::COUNT]);
+        let states = concat!(
+            r#","states":{"backlash":"watch","eccentricity":"watch","friction":"watch","gain":"watch","#,
+            r#""short_a":"watch","short_b":"watch","short_c":"watch"}}"#,
+        );
+        let line = HealthLine::from((&health, &rul)).to_json();
+        assert_eq!(line.strip_suffix(states), expected.strip_suffix('}'));
     }
 
     #[test]

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use super::table::{Head, Value};
 use super::{ExportError, Sources, Table};
-use hmd_storage::no_formula;
 use hmd_storage::output_file::{self, OutputFile};
+use hmd_storage::{no_formula, number_cell};
 
 /// Writes `FILE` and, at the end, `FILE.metadata.json`.
 pub struct CsvTable {
@@ -44,7 +44,7 @@ impl Table for CsvTable {
             Value::Signed(n) => n.to_string(),
             Value::Text(text) => no_formula(&text).into_owned(),
             Value::Flag(flag) => flag.to_string(),
-            Value::Number(number) => number.map_or_else(String::new, |number| number.to_string()),
+            Value::Number(number) => number.map_or_else(String::new, number_cell),
         });
         let written = self.writer.write_record(cells);
         written.map_err(|source| failed(&self.path, source.into()))

@@ -34,7 +34,9 @@ pub enum ReportError {
         source: prost::DecodeError,
     },
     /// Files without records of windows.
-    #[error("{files}: expected records of windows, found none; hmd replay LOG -o OUT.mcap makes them")]
+    #[error(
+        "{files}: expected records of windows, found none: no actuation was recorded, or frames alone, of which hmd replay LOG -o OUT.mcap makes records"
+    )]
     Empty {
         /// The files.
         files: String,

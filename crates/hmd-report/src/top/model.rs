@@ -137,6 +137,25 @@ impl<'a> Model<'a> {
     }
 }
 
+impl Model<'_> {
+    /// Place of the gravest row; 0 without any. Of equal ones the first.
+    #[must_use]
+    pub fn worst_row(&self) -> usize {
+        let is_graver = |a: &Row<'_>, b: &Row<'_>| {
+            let by_state = gravity(a).0.cmp(&gravity(b).0);
+            by_state.then(gravity(a).1.total_cmp(&gravity(b).1)).is_gt()
+        };
+        let graver = |worst: usize, n: usize| {
+            if is_graver(&self.rows[n], &self.rows[worst]) {
+                n
+            } else {
+                worst
+            }
+        };
+        (0..self.rows.len()).fold(0, graver)
+    }
+}
+
 fn gravity(row: &Row<'_>) -> (HealthState, f64) {
     (row.health, row.worst.map_or(0.0, |(_, damage)| damage))
 }

@@ -137,7 +137,7 @@ impl Watch {
         &self.place
     }
 
-    /// Reads everything that is there; the screen then, as lines of text.
+    /// Reads everything that is there; the screen then, as lines of text, with the gravest actuator in detail.
     ///
     /// # Errors
     /// [`FollowError`].
@@ -145,7 +145,8 @@ impl Watch {
         while matches!(self.read()?, Progress::Reading(_)) {}
         let model = self.model(false);
         let mut buffer = Buffer::empty(Rect::new(0, 0, TEXT_WIDTH, full_height(&model)));
-        draw(&model, Cursor { row: 0, keys: false }, Colours::Off, &mut buffer);
+        let row = model.worst_row();
+        draw(&model, Cursor { row, keys: false }, Colours::Off, &mut buffer);
         let line = |y| -> String {
             let cells = (0..buffer.area.width).filter_map(|x| buffer.cell((x, y)));
             cells.map(|cell| cell.symbol()).collect()

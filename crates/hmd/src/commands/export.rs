@@ -64,7 +64,7 @@ pub fn run_with(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit>
     if exported.rows == 0 {
         let files: Vec<String> = recorded.iter().map(|file| file.display().to_string()).collect();
         anyhow::bail!(
-            "{}: expected records of windows, found none; hmd replay LOG -o OUT.mcap makes them",
+            "{}: expected records of windows, found none: no actuation was recorded, or frames alone, of which hmd replay LOG -o OUT.mcap makes records",
             files.join(", ")
         );
     }

@@ -21,7 +21,7 @@ use hmd_core::health::HealthState;
 use hmd_core::record::{Health, Interval, LastShown, Log, Record, Rul};
 use hmd_ingest::file::open_recorded;
 use hmd_storage::mcap::McapMessages;
-use hmd_storage::{no_formula, printable};
+use hmd_storage::{no_formula, number_cell, printable};
 
 /// Print the history in recorded files: damage, remaining life, events.
 #[derive(Debug, clap::Args)]
@@ -144,7 +144,8 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     if windows == 0 {
         let names: Vec<String> = files.iter().map(|path| path.display().to_string()).collect();
         bail!(
-            "{}: expected records of windows, found none; hmd replay LOG -o OUT.mcap makes them",
+            "{}: expected records of windows, found none: no actuation was recorded, or frames alone, of which \
+             hmd replay LOG -o OUT.mcap makes records",
             names.join(", ")
         );
     }
@@ -298,7 +299,7 @@ fn csv_head() -> String {
 
 /// What does not exist is empty.
 fn csv_row(health: &Health, rul: &Rul, origin: Origin<'_>) -> String {
-    let cell = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+    let cell = |value: Option<f64>| value.map_or_else(String::new, number_cell);
     let mut cells = vec![
         health.actuator.clone(),
         health.window.to_string(),

@@ -69,7 +69,7 @@ fn lock(requests: &Mutex<Requests>) -> MutexGuard<'_, Requests> {
 pub(super) fn report(status: &Status, is_watched: bool) -> Exit {
     if is_watched {
         warn(format_args!(
-            "{} frames received: {} decoded, {} of no actuator that is watched, {} error frames",
+            "{} frames received: {} decoded, {} of others than the actuators watched, {} error frames",
             status.frames_received, status.frames_decoded, status.frames_filtered, status.frames_error
         ));
     } else {
@@ -81,17 +81,20 @@ pub(super) fn report(status: &Status, is_watched: bool) -> Exit {
     if !status.data_lost() {
         return Exit::Done;
     }
-    warn(format_args!(
-        "data lost: {} frames by full receive queues, {} unreadable frames, {} malformed frames, {} samples, {} frames \
-         out of order, {} windows, {} frames and {} records not stored",
-        status.lost_socket_queue,
-        status.lost_unreadable,
-        status.lost_malformed,
-        status.lost_samples,
-        status.lost_late,
-        status.lost_windows,
-        status.lost_storage_frames,
-        status.lost_storage_records
-    ));
+    let lost: Vec<String> = [
+        (status.lost_socket_queue, "frames by full receive queues"),
+        (status.lost_unreadable, "unreadable frames"),
+        (status.lost_malformed, "malformed frames"),
+        (status.lost_samples, "samples"),
+        (status.lost_late, "frames out of order"),
+        (status.lost_windows, "windows"),
+        (status.lost_storage_frames, "frames not stored"),
+        (status.lost_storage_records, "records not stored"),
+    ]
+    .into_iter()
+    .filter(|(count, _)| *count > 0)
+    .map(|(count, what)| format!("{count} {what}"))
+    .collect();
+    warn(format_args!("data lost: {}", lost.join(", ")));
     Exit::DataLost
 }

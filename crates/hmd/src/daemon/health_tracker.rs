@@ -69,7 +69,7 @@ impl HealthTracker {
         let unknown = unknown(health);
         let what = match &*health.faults {
             "" if health.health == ORDER[0] && !unknown.is_empty() => format!("not known: {}", unknown.join(", ")),
-            "" => format!("no fault, largest damage {damage:.2}"),
+            "" => format!("no fault at its level watch (largest damage {damage:.2})"),
             faults => format!("{faults}, largest damage {damage:.2}"),
         };
         let message = format!(

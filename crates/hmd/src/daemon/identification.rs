@@ -14,7 +14,7 @@ use hmd_core::deadline::Turns;
 use hmd_core::learning::Learner;
 use hmd_core::outbox::Notice;
 use hmd_core::record::{LogLevel, WindowStatus};
-use hmd_storage::calibration_file::{load_learnt, load_models, save_learnt};
+use hmd_storage::calibration_file::{load_learnt, load_models, remove_learnt, save_learnt};
 use hmd_storage::event_file::load_events;
 use hmd_storage::history_file;
 
@@ -119,6 +119,12 @@ impl<'a, C: HostClock> Identification<'a, C> {
             (Some((directory, _)), Some(history)) => history_file::save(directory, &assessed.health.actuator, history),
             _ => Ok(()),
         };
+        let replaced = self.learner.take_replaced();
+        let unremoved: Vec<String> = replaced
+            .iter()
+            .filter_map(|actuator| remove_learnt(&self.config, actuator).err())
+            .map(|error| error.to_string())
+            .collect();
         // A unit that cannot be kept is assessed by what was learnt all the same, until the run ends.
         let kept = self.learner.take_learnt();
         let unkept: Vec<String> = kept
@@ -129,6 +135,7 @@ impl<'a, C: HostClock> Identification<'a, C> {
         let troubles = events
             .into_iter()
             .chain(saved.err().map(|error| error.to_string()))
+            .chain(unremoved)
             .chain(unkept);
         let pending = self.assessor.histories().pending(&assessed.health.actuator);
         let notices: Vec<String> = self

@@ -37,7 +37,7 @@ fn run_retries_missing_bus_until_signal() {
     assert_eq!(code, Some(0), "{text}");
     // Missing, or down where the kernel has no CAN at all.
     assert!(text.starts_with("nosuchbus0: "), "{text}");
-    assert!(text.ends_with("0 frames received: 0 decoded, 0 of no actuator that is watched, 0 error frames\n"));
+    assert!(text.ends_with("0 frames received: 0 decoded, 0 of others than the actuators watched, 0 error frames\n"));
     is_complete(&output);
 
     let output = folder.path().join("raw.mcap");

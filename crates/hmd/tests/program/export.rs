@@ -54,7 +54,7 @@ fn parquet(folder: &TempDir, name: &str) -> (Vec<String>, Vec<Vec<String>>, Pair
         Field::Null => String::new(),
         Field::Bool(flag) => flag.to_string(),
         Field::Long(n) => n.to_string(),
-        Field::Double(x) => x.to_string(),
+        Field::Double(x) => hmd_storage::number_cell(*x),
         Field::Str(text) => text.clone(),
         other => panic!("{other:?}"),
     };

@@ -268,3 +268,27 @@ fn the_page_of_a_commissioned_unit_needs_nothing_else() {
     folder.misused("calibrate healthy.log -o unit.toml --report healthy.log");
     folder.misused("calibrate healthy.log -o unit.toml --report unit.toml");
 }
+
+#[test]
+fn what_was_learnt_of_a_unit_goes_with_it() {
+    let folder = Folder::new();
+    let without_number = CONFIG.replace("serial_number = \"S/7\"\n", "");
+    folder.write(
+        "hmd.toml",
+        format!("[rul]\nstate = \"state\"\nevents = \"events.jsonl\"\n{without_number}"),
+    );
+    let config = Arc::new(load_config(folder.path("hmd.toml")).unwrap());
+    let kept = folder.path("units").join("flap.unit.toml");
+    run(&config, 5, &folder.path("first.mcap"));
+    assert!(kept.exists());
+
+    // Another unit came in its place.
+    let reset = serde_json::json!({"t_ns": EPOCH_NS + 1, "actuator": "flap", "event": "reset"});
+    folder.write("events.jsonl", format!("{reset}\n"));
+    let (health, _) = run(&config, 2, &folder.path("second.mcap"));
+    assert!(health[0].contains("learning, 1 of 5 windows"), "{}", health[0]);
+    assert!(health[1].contains("learning, 2 of 5 windows"), "{}", health[1]);
+    assert!(!kept.exists());
+    let (health, _) = run(&config, 1, &folder.path("third.mcap"));
+    assert!(health[0].contains("learning, 1 of 5 windows"), "{}", health[0]);
+}

@@ -14,7 +14,7 @@ pub fn robust_table(report: &RobustReport) -> String {
     text.push('\n');
     head(&mut text, "entry");
     for entry in &report.entries {
-        row(&mut text, &entry.entry.replace('+', " + "), &entry.group);
+        row(&mut text, &entry.entry, &entry.group);
     }
     text.truncate(text.trim_end().len());
     text

@@ -49,9 +49,15 @@ impl UnitEstimate {
     /// The same where the torque for each ampere is known within this standard deviation, 1: shorts may stand in its place.
     #[must_use]
     pub fn with_torque_sigma(self, torque_sigma: f64) -> Self {
-        let shorts = [FaultId::ShortA, FaultId::ShortB, FaultId::ShortC].map(FaultId::parameter);
+        self.with_sigma_in(&[FaultId::ShortA, FaultId::ShortB, FaultId::ShortC], torque_sigma)
+    }
+
+    /// The same with another standard deviation in the parameters of these faults.
+    #[must_use]
+    pub fn with_sigma_in(self, faults: &[FaultId], other: f64) -> Self {
+        let is_meant = |n: usize| faults.iter().any(|fault| fault.parameter() == n);
         let factors = core::array::from_fn(|n| match self.estimate.sigma[n] {
-            Some(sigma) if shorts.contains(&n) && sigma > 0.0 => sigma.hypot(torque_sigma) / sigma,
+            Some(sigma) if is_meant(n) && sigma > 0.0 => sigma.hypot(other) / sigma,
             _ => 1.0,
         });
         Self {

@@ -54,7 +54,12 @@ pub fn read(path: &Path) -> Result<Events, EventError> {
         match serde_json::from_slice::<Event>(line) {
             Ok(event) => events.list.push(event),
             Err(e) if e.is_eof() || is_torn => events.unfinished.push(n + 1),
-            Err(e) => events.unreadable.push((n + 1, e.to_string())),
+            Err(e) => {
+                // Where in the line matters to nobody, and counts another line.
+                let found = e.to_string();
+                let found = found.split(" at line ").next().unwrap_or_default().to_owned();
+                events.unreadable.push((n + 1, format!("none ({found})")));
+            }
         }
     }
     if let (true, Some((line, found))) = (events.list.is_empty(), events.unreadable.first()) {

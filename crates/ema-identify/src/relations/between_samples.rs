@@ -50,7 +50,7 @@ pub fn is_coarsely_sampled(params: &ActuatorParams) -> bool {
 
 /// Error of the torque by what is not seen between the samples of a coarsely sampled window, Nm at the motor shaft; 0 elsewhere. It grows with
 /// the time between samples, and is 2.5 % of the largest torque at 400 Hz: healthy units of `servo270` at that rate, all dead times of the
-/// usual range, show a damping of up to 6 % at ω_max, and with a short a load of up to 8 %. Derived here.
+/// usual range, show a damping of up to 6 % at ω_max. Derived here.
 #[must_use]
 pub fn coarse_torque_error(params: &ActuatorParams) -> f64 {
     if !is_coarsely_sampled(params) {

@@ -2,7 +2,9 @@
 
 use ema_identify::effort::{Effort, Request, Stage};
 use ema_identify::relations::{Needed, Relation, WindingTemp};
-use ema_identify::unit_calibration::{Motion, UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations, Unseen};
+use ema_identify::unit_calibration::{
+    Motion, Seen, UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations, Unseen,
+};
 use ema_identify::unit_estimate::{USUAL_COST, UnitEstimate, corrected, estimate_by_relations, of_both};
 use ema_identify::{Estimate, Fit, Identifier, Prepared};
 use ema_models::{Conditions, FAULT_COUNT, FaultId};
@@ -11,6 +13,7 @@ use super::AssessError;
 use crate::outbox::WindowJob;
 use crate::outliers::{estimate_without_outliers, identify_without_outliers};
 use crate::sample::MeasuredConditions;
+use crate::sensor_checks::rivals::moves_one_way;
 use crate::window::Window;
 
 /// What an identification finds in a window.
@@ -126,11 +129,19 @@ pub(super) fn estimate(
     found = found
         .without_common_short(unit.seen.torque_change_max(conditions.winding_temp_deg_c))
         .with_torque_sigma(unit.seen.magnet_sigma(conditions.winding_temp_deg_c));
+    found = found.with_sigma_in(&[FaultId::Friction], friction_sigma_by_load(job, &unit.seen));
     let unseen = unit.seen.unseen(&motion, &job.params);
     let is_rigid = |relations: &UnitRelations| relations.commissioned.balance.shape.compliance.is_rigid();
     for respect in &unseen {
         found = match respect {
             // What is left between coarse samples goes with the phases' shapes.
+            // Errors in amperes, as of offsets, are a larger share of a smaller current.
+            Unseen::Current([least, _], current) if current < least => {
+                let share = (least / current.max(f64::MIN_POSITIVE)).clamp(respect.factor(), SMALL_CURRENT_FACTOR_MAX);
+                found
+                    .widened(respect.factor())
+                    .widened_in(&OF_THE_ROTOR, share / respect.factor())
+            }
             Unseen::RotorAngle(_) if unit.relations.as_ref().is_some_and(is_rigid) => {
                 found.widened_in(&OF_THE_ROTOR, respect.factor())
             }
@@ -146,8 +157,30 @@ pub(super) fn estimate(
     }))
 }
 
+/// Largest factor on the sigmas of the rotor's faults for a small current.
+const SMALL_CURRENT_FACTOR_MAX: f64 = 10.0;
+
+/// One standard deviation of k1 by a load beyond those of commissioning, Nm: `½ σ_T/T_d` with
+/// `σ_T = a M/(2 N) √((σ_o/η_o)² + (σ_a η_a)²)`, the shares σ of the efficiencies that their tolerances leave, and a = 1; in motion one way,
+/// which tells nothing of the other direction, a = 2. Derived here from the torque of a load at the motor shaft, M/(N η_o) opposing and
+/// M η_a/N aiding. 0 where either is not measured.
+fn friction_sigma_by_load(job: &WindowJob, seen: &Seen) -> f64 {
+    let (Some([least, most]), Some(load)) = (seen.load_torque_nm, job.conditions.load_torque_nm) else {
+        return 0.0;
+    };
+    let beyond = (least - load).max(load - most).max(0.0);
+    let gear = &job.params.transmission;
+    let tolerances = &job.actuator.tolerances;
+    let opposing = tolerances.efficiency_opposing / gear.efficiency_opposing;
+    let aiding = tolerances.efficiency_aiding * gear.efficiency_aiding;
+    let directions = if moves_one_way(job) { 2.0 } else { 1.0 };
+    let torque = 0.5 * directions * beyond / gear.gear_ratio * opposing.hypot(aiding);
+    0.5 * torque / gear.friction_dynamic.max(f64::MIN_POSITIVE)
+}
+
 /// Faults whose torque goes with the rotor's electrical angle.
-const OF_THE_ROTOR: [FaultId; 4] = [FaultId::ShortA, FaultId::ShortB, FaultId::ShortC, FaultId::Eccentricity];
+pub(super) const OF_THE_ROTOR: [FaultId; 4] =
+    [FaultId::ShortA, FaultId::ShortB, FaultId::ShortC, FaultId::Eccentricity];
 
 /// None where no time is granted for it, as for the monitor.
 fn by_relations(

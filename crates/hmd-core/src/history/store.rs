@@ -65,7 +65,20 @@ impl HistoryStore {
         for bad in events.unreadable.iter().filter(|bad| !reported.contains(bad)) {
             let (line, found) = bad;
             self.notices.push(format!(
-                "maintenance events, line {line}: expected an event, found {found}; the line is ignored: correct it"
+                "rul.events, line {line}: expected a maintenance event, found {found}; the line is ignored: correct it"
+            ));
+        }
+        let of_nobody = |event: &&Event| self.config.actuator_named(&event.actuator).is_none();
+        let reported: Vec<&Event> = self.events.list.iter().filter(of_nobody).collect();
+        for event in events
+            .list
+            .iter()
+            .filter(of_nobody)
+            .filter(|event| !reported.contains(event))
+        {
+            let name = &event.actuator;
+            self.notices.push(format!(
+                "rul.events: expected an actuator of this configuration, found {name:?}; that event is ignored"
             ));
         }
         self.events = events;

@@ -6,7 +6,7 @@
 
 use std::ops::RangeInclusive;
 
-use ema_identify::relations::coarse_torque_error;
+use ema_identify::relations::is_coarsely_sampled;
 use ema_identify::unit_calibration::Seen;
 use ema_identify::{Estimate, Inferred};
 use ema_models::DriveKind;
@@ -63,9 +63,12 @@ fn contradiction(suspect: Suspect, evidence: &str, correction: Correction) -> Co
 }
 
 /// The reading against the load that the motion needs, and, where it tells load and friction only together, against the loads between
-/// friction that is not worn and worn to its limit.
+/// friction that is not worn and worn to its limit. Coarse samples do not tell a load: what they leave of the torque repeats with the motion.
 fn load(job: &WindowJob, estimate: &Estimate) -> Option<Contradiction> {
-    let read = job.conditions.load_torque_nm?;
+    let read = job
+        .conditions
+        .load_torque_nm
+        .filter(|_| !is_coarsely_sampled(&job.params))?;
     let off = |inferred: Inferred, share: f64| (inferred.value - read) / load_sigma(job, &inferred, share);
     let needed = |Inferred { value, .. }: Inferred, sigma: f64| {
         let evidence = format!("reads {read:.1} N m, the motion needs {value:.1} ± {sigma:.1} N m");
@@ -88,16 +91,12 @@ fn load(job: &WindowJob, estimate: &Estimate) -> Option<Contradiction> {
     })
 }
 
-/// Standard deviation of an inferred load, Nm, what the gear's losses and coarse samples add included.
+/// Standard deviation of an inferred load, Nm, what the gear's losses add included.
 fn load_sigma(job: &WindowJob, load: &Inferred, friction_share: f64) -> f64 {
     let transmission = &job.params.transmission;
     let friction = transmission.friction_dynamic * transmission.gear_ratio;
     let size = load.value.abs().max(job.conditions.load_torque_nm.unwrap_or(0.0).abs());
-    let coarse = coarse_torque_error(&job.params) * transmission.gear_ratio;
-    load.sigma
-        .hypot(LOAD_SHARE * size)
-        .hypot(friction_share * friction)
-        .hypot(coarse)
+    load.sigma.hypot(LOAD_SHARE * size).hypot(friction_share * friction)
 }
 
 /// Usual tolerance of a link voltage as a share, where the configuration calls it exact.

@@ -296,7 +296,7 @@ const MOVES: f64 = 3.0;
 const LASTS_S: f64 = 0.01;
 
 /// Whether the motor turns for a while in one direction only.
-fn moves_one_way(job: &WindowJob) -> bool {
+pub(crate) fn moves_one_way(job: &WindowJob) -> bool {
     let sensors = &job.params.sensors;
     let speed = |pair: &[SensedSample]| {
         pair[1].motor_counts.saturating_sub(pair[0].motor_counts) as f64 * sensors.motor_lsb() * sensors.sample_rate

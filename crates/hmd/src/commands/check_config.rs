@@ -6,6 +6,8 @@ use hmd_core::config::{Config, EffectiveParameter, parameters_of_unit, write_par
 use hmd_core::config_warnings::warnings;
 use hmd_storage::calibration_file::{load_learnt, load_type_models, load_unit};
 
+use hmd_storage::event_file::load_events;
+
 use super::{Exit, Settings, check_files_of_run, load_config_with, say, to_stderr};
 
 /// Check a configuration and say what it means.
@@ -44,6 +46,11 @@ pub fn meaning(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<String
     let given = args.file.as_deref().or(args.config.as_deref());
     let config = load_config_with(given, &args.settings)?;
     check_files_of_run(&config, tell)?;
+    for (line, found) in load_events(&config)?.unreadable {
+        tell(&format!(
+            "rul.events, line {line}: expected a maintenance event, found {found}; the line is ignored: correct it"
+        ));
+    }
     let units = units(&config)?;
     let warnings = warnings(&config, &load_type_models(&config)?);
     let file = given.unwrap_or(Path::new("defaults")).display();

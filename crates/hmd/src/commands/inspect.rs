@@ -70,6 +70,7 @@ struct Line<'a> {
     dominant_fault: &'a str,
     governed_by: &'a str,
     reason: &'a str,
+    rul_reason: &'a str,
     serial_number: Option<&'a str>,
     file: &'a str,
 }
@@ -277,11 +278,8 @@ fn line<'a>(health: &'a Health, rul: &'a Rul, origin: Origin<'a>) -> Line<'a> {
         failure_probability: rul.failure_probability,
         dominant_fault: &rul.dominant_fault,
         governed_by: &rul.governed_by,
-        reason: if health.reason.is_empty() {
-            &rul.reason
-        } else {
-            &health.reason
-        },
+        reason: &health.reason,
+        rul_reason: &rul.reason,
         serial_number: origin.serial_number,
         file: origin.file,
     }

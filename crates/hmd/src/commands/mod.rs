@@ -161,11 +161,7 @@ fn load_config_with(path: Option<&Path>, settings: &Settings) -> Result<Config, 
 /// # Errors
 /// The first file that cannot.
 pub fn check_files(config: &Config, tell: &mut dyn FnMut(&str)) -> anyhow::Result<()> {
-    for (line, found) in load_events(config).context("rul.events")?.unreadable {
-        tell(&format!(
-            "rul.events: line {line}: expected a maintenance event, found {found}; the line is ignored"
-        ));
-    }
+    load_events(config).context("rul.events")?;
     let form = config.identification().monitor;
     for (name, of_type) in config.types().filter(|(_, of_type)| of_type.calibration.is_some()) {
         load_type_model(name, of_type, form, config).with_context(|| format!("type.{name}.calibration"))?;

@@ -22,7 +22,7 @@ pub use level_memory::{SIGNIFICANCE, significance};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum HealthState {
-    /// No window has shown it yet.
+    /// No window has shown it yet, or a later one put it in doubt.
     #[default]
     Unknown,
     /// Shown, and no fault has reached its watch level.

@@ -129,12 +129,10 @@ pub(super) fn estimate(
     found = found
         .without_common_short(unit.seen.torque_change_max(conditions.winding_temp_deg_c))
         .with_torque_sigma(unit.seen.magnet_sigma(conditions.winding_temp_deg_c));
-    found = found.with_sigma_in(&[FaultId::Friction], friction_sigma_by_load(job, &unit.seen));
     let unseen = unit.seen.unseen(&motion, &job.params);
     let is_rigid = |relations: &UnitRelations| relations.commissioned.balance.shape.compliance.is_rigid();
     for respect in &unseen {
         found = match respect {
-            // What is left between coarse samples goes with the phases' shapes.
             // Errors in amperes, as of offsets, are a larger share of a smaller current.
             Unseen::Current([least, _], current) if current < least => {
                 let share = (least / current.max(f64::MIN_POSITIVE)).clamp(respect.factor(), SMALL_CURRENT_FACTOR_MAX);
@@ -142,12 +140,15 @@ pub(super) fn estimate(
                     .widened(respect.factor())
                     .widened_in(&OF_THE_ROTOR, share / respect.factor())
             }
+            // What is left between coarse samples goes with the phases' shapes.
             Unseen::RotorAngle(_) if unit.relations.as_ref().is_some_and(is_rigid) => {
                 found.widened_in(&OF_THE_ROTOR, respect.factor())
             }
             _ => found.widened(respect.factor()),
         };
     }
+    // After the factor of the load, which knows no efficiency.
+    found = found.with_sigma_in(&[FaultId::Friction], friction_sigma_by_load(job, &unit.seen));
     reasons.extend(not_observable(&found));
     reasons.extend(unseen.iter().map(ToString::to_string));
     Ok(Some(Assessed {

@@ -58,21 +58,21 @@ message! {
         k7_sigma: Option<f64> = 27 double optional;
         /// Standard deviation of k8; absent where the window tells nothing of it.
         k8_sigma: Option<f64> = 28 double optional;
-        /// Whether the window excites k1.
+        /// Whether the standard deviation of k1 is at most 0.1.
         k1_observable: bool = 31 bool;
-        /// Whether the window excites k2.
+        /// Whether the standard deviation of k2 is at most 0.1.
         k2_observable: bool = 32 bool;
-        /// Whether the window excites k3.
+        /// Whether the standard deviation of k3 is at most 0.1.
         k3_observable: bool = 33 bool;
-        /// Whether the window excites k4.
+        /// Whether the standard deviation of k4 is at most 0.1.
         k4_observable: bool = 34 bool;
-        /// Whether the window excites k5.
+        /// Whether the standard deviation of k5 is at most 0.1.
         k5_observable: bool = 35 bool;
-        /// Whether the window excites k6.
+        /// Whether the standard deviation of k6 is at most 0.1.
         k6_observable: bool = 36 bool;
-        /// Whether the window excites k7.
+        /// Whether the standard deviation of k7 is at most 0.1.
         k7_observable: bool = 37 bool;
-        /// Whether the window excites k8.
+        /// Whether the standard deviation of k8 is at most 0.1.
         k8_observable: bool = 38 bool;
         /// Damage by friction, 0…1; absent when the window does not show it, as all damages.
         damage_friction: Option<f64> = 41 double optional;

@@ -16,8 +16,8 @@ pub struct Shown {
     pub t_start_ns: u64,
 }
 
-/// The newest damage of each fault. A window that does not show a fault leaves it as it was; a fault that begins anew, after a replacement,
-/// is forgotten.
+/// The newest damage of each fault. A window that does not show a fault leaves it as it was; a fault that is
+/// unknown again, by a replacement or a doubt, is forgotten.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LastShown([Option<Shown>; FaultId::COUNT]);
 

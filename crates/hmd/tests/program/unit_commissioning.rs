@@ -155,6 +155,46 @@ fn a_healthy_unit_in_another_motion_is_not_accused() {
     }
 }
 
+/// What differs in service from the windows of commissioning blurs what depends on it, and accuses no part and no sensor: a load, of which
+/// the gear's efficiency is known to a tolerance; a current in which the offsets of the sensors are a large share; coarse samples.
+#[test]
+fn a_healthy_unit_in_other_conditions_is_not_accused() {
+    for (unit, rate, commissioned, later) in [
+        (
+            "bench --with opposing_efficiency_deviation=-0.1 --with aiding_efficiency_deviation=-0.1",
+            2000,
+            "--seed 5",
+            "--windows 4 --load=109 --seed 77",
+        ),
+        (
+            "servo270 --with current_offset_a_a=-0.0231523 --with current_offset_b_a=-0.0125232 --with current_offset_c_a=0.0123256",
+            1000,
+            "--profile step --seed 833169",
+            "--profile ramp --windows 2 --seed 612515",
+        ),
+        ("servo270", 400, "--seed 5", "--windows 4 --seed 77"),
+    ] {
+        let folder = Folder::new();
+        let type_name = unit.split(' ').next().unwrap_or_default();
+        folder.write(
+            "known.toml",
+            format!(
+                "[[actuator]]\nid = 0\ntype = \"{type_name}\"\ncalibration = \"unit.toml\"\n\
+                 [type.{type_name}.sensors]\nsample_rate_hz = {rate}\n"
+            ),
+        );
+        let unit = format!("simulate --actuator {unit} --rate {rate} --noise 0.018");
+        folder.done(&format!("{unit} --windows 10 {commissioned} -o healthy.log"));
+        folder.done("calibrate healthy.log -c known.toml -o unit.toml");
+        folder.done(&format!("{unit} {later} -o later.log"));
+        for line in folder.done("replay later.log -c known.toml --json").lines() {
+            let record: serde_json::Value = serde_json::from_str(line).expect("a line of JSON");
+            assert_eq!(record["faults"], serde_json::json!([]), "{line}");
+            assert!(record.get("suspects").is_none(), "{line}");
+        }
+    }
+}
+
 /// What a unit has when it is commissioned would count as its health.
 #[test]
 fn windows_of_a_worn_unit_commission_nothing() {

@@ -162,7 +162,6 @@ impl Assessor {
         if assessed.is_none() && is_short {
             reasons.push(format!("deadline of {} ms: not identified", limit.deadline_ms));
         }
-        let levels = *self.config.health().levels();
         let mut fit = Fit::default();
         let mut found = None;
         if let Some(assessed) = assessed {
@@ -180,10 +179,6 @@ impl Assessor {
             }
             reasons.extend(learning.map(str::to_owned));
             reasons.extend(assessed.reasons);
-            if !estimate.is_unmodelled() {
-                let is_commissioned = self.knows_unit(&job.actuator);
-                reasons.extend(too_uncertain(&damage_evidence(&estimate), &levels, is_commissioned));
-            }
             reasons.extend(estimate.competing_optimum.map(|other| ambiguous(&estimate, &other)));
             if is_short && (estimate.cut || unchecked) {
                 reasons.push(cut_by_deadline(limit.deadline_ms, &estimate, unchecked));
@@ -193,7 +188,12 @@ impl Assessor {
             }
             found = Some(estimate);
         }
+        // A fault vector that does not explain the data is no estimate.
         let explained = found.as_ref().filter(|estimate| !estimate.is_unmodelled());
+        let levels = *self.config.health().levels();
+        let damage = explained.map(damage_evidence);
+        let is_commissioned = self.knows_unit(&job.actuator);
+        reasons.extend(damage.and_then(|damage| too_uncertain(&damage, &levels, is_commissioned)));
         let status = match (&found, explained, reasons.is_empty()) {
             (None, _, _) => WindowStatus::Invalid,
             (Some(estimate), None, _) => {
@@ -216,7 +216,8 @@ impl Assessor {
             unmet_requirements(&job.params, &coefficients, &specification, faults)
         };
         let checked = explained.filter(|_| !unchecked);
-        let damage = checked.map(damage_evidence);
+        let shown = damage.map_or([None; FaultId::COUNT], |damage| damage.shown(&levels));
+        let damage = damage.filter(|_| !unchecked);
         let counted = checked.filter(|_| learning.is_none());
         let evidence = WindowEvidence {
             damage_evidence: damage.as_ref().filter(|_| learning.is_none()),
@@ -237,7 +238,7 @@ impl Assessor {
         let reason = reasons.join("; ");
         Ok(AssessedWindow {
             window: window_record(&job, status, &reason, fit),
-            health: health_record(&job, status, &reason, found.as_ref(), &levels, &decision, &suspects),
+            health: health_record(&job, status, &reason, found.as_ref(), shown, &decision, &suspects),
             sensors: sensors_record(&job, &sensors),
             rul: rul_record(&job, found.as_ref(), &decision, config.rul()),
             suspects,

@@ -23,7 +23,7 @@ use ema_identify::Fit;
 use urgency::Urgency;
 
 pub use functional::LimitingCriterion;
-pub use maintenance::{Event, EventKind, Events, ReplacedPart};
+pub use maintenance::{Event, EventKind, Events, ReplacedPart, UnreadableLine};
 pub use store::HistoryStore;
 
 /// What is kept of a unit from window to window.

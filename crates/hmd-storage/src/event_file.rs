@@ -5,7 +5,7 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use hmd_core::config::Config;
-use hmd_core::history::{Event, Events};
+use hmd_core::history::{Event, Events, UnreadableLine};
 
 use crate::regular_file::read_regular;
 
@@ -58,11 +58,11 @@ pub fn read(path: &Path) -> Result<Events, EventError> {
                 // Where in the line matters to nobody, and counts another line.
                 let found = e.to_string();
                 let found = found.split(" at line ").next().unwrap_or_default().to_owned();
-                events.unreadable.push((n + 1, format!("none ({found})")));
+                events.unreadable.push(UnreadableLine { line: n + 1, found });
             }
         }
     }
-    if let (true, Some((line, found))) = (events.list.is_empty(), events.unreadable.first()) {
+    if let (true, Some(UnreadableLine { line, found })) = (events.list.is_empty(), events.unreadable.first()) {
         return Err(EventError::Line {
             path: name(),
             line: *line,
@@ -167,7 +167,7 @@ mod tests {
         let spoilt = [two.as_slice(), b"reset ema0\n", two.as_slice()].concat();
         std::fs::write(&path, spoilt).unwrap();
         let events = read(&path).unwrap();
-        let lines: Vec<usize> = events.unreadable.iter().map(|(line, _)| *line).collect();
+        let lines: Vec<usize> = events.unreadable.iter().map(|bad| bad.line).collect();
         assert_eq!((events.list.len(), lines), (4, vec![3]));
         // Zeros alone make no line of events.
         std::fs::write(&path, b"\x89MCAP0\r\n\x01\0\0\n").unwrap();

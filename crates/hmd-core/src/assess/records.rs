@@ -4,10 +4,9 @@ use std::collections::BTreeSet;
 
 use ema_models::{FaultId, Setpoint};
 
-use super::damage_evidence;
 use crate::config::RulConfig;
 use crate::deadline::TimeLimit;
-use crate::health::{HealthDecision, HealthState, Levels};
+use crate::health::{HealthDecision, HealthState};
 use crate::history::UnitAssessment;
 use crate::outbox::WindowJob;
 use crate::record::{self, WindowStatus};
@@ -28,7 +27,7 @@ pub(super) fn health_record(
     status: WindowStatus,
     reason: &str,
     estimate: Option<&Estimate>,
-    levels: &[Levels; FaultId::COUNT],
+    shown: [Option<f64>; FaultId::COUNT],
     assessment: &UnitAssessment,
     suspects: &[Suspect],
 ) -> record::Health {
@@ -53,7 +52,7 @@ pub(super) fn health_record(
             sigma: estimate.sigma,
             observable: estimate.observable,
         }));
-        health.set_damage(damage_evidence(estimate).shown(levels));
+        health.set_damage(shown);
     }
     health.set_states(&decision.states);
     // An invalid window is never counted as a fault: it lists none, and the state stays what it was.

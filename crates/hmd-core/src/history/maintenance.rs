@@ -1,5 +1,7 @@
 //! Maintenance events: a part was replaced, and the history of the unit starts again; or the frames of a time shall be kept.
 
+use std::fmt;
+
 use ema_models::FaultId;
 use serde::{Deserialize, Serialize};
 
@@ -90,6 +92,25 @@ pub struct Events {
     pub list: Vec<Event>,
     /// Lines that were never finished, as when the power went while one was written; from 1.
     pub unfinished: Vec<usize>,
-    /// Lines that are no event, from 1, each with the reason.
-    pub unreadable: Vec<(usize, String)>,
+    /// Lines that are no event.
+    pub unreadable: Vec<UnreadableLine>,
+}
+
+/// A line of the file that is no event; its text says so.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnreadableLine {
+    /// Its number, from 1.
+    pub line: usize,
+    /// Error of the reader.
+    pub found: String,
+}
+
+impl fmt::Display for UnreadableLine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { line, found } = self;
+        write!(
+            f,
+            "rul.events, line {line}: expected a maintenance event, found none ({found}); the line is ignored: correct it"
+        )
+    }
 }

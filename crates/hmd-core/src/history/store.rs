@@ -58,15 +58,12 @@ impl HistoryStore {
         let reported = &self.events.unfinished;
         for line in events.unfinished.iter().filter(|line| !reported.contains(line)) {
             self.notices.push(format!(
-                "maintenance events, line {line}: never finished and ignored; record that event again"
+                "rul.events, line {line}: never finished and ignored; record that event again"
             ));
         }
         let reported = &self.events.unreadable;
         for bad in events.unreadable.iter().filter(|bad| !reported.contains(bad)) {
-            let (line, found) = bad;
-            self.notices.push(format!(
-                "rul.events, line {line}: expected a maintenance event, found {found}; the line is ignored: correct it"
-            ));
+            self.notices.push(bad.to_string());
         }
         let of_nobody = |event: &&Event| self.config.actuator_named(&event.actuator).is_none();
         let reported: Vec<&Event> = self.events.list.iter().filter(of_nobody).collect();

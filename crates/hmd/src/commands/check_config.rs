@@ -46,10 +46,8 @@ pub fn meaning(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<String
     let given = args.file.as_deref().or(args.config.as_deref());
     let config = load_config_with(given, &args.settings)?;
     check_files_of_run(&config, tell)?;
-    for (line, found) in load_events(&config)?.unreadable {
-        tell(&format!(
-            "rul.events, line {line}: expected a maintenance event, found {found}; the line is ignored: correct it"
-        ));
+    for bad in load_events(&config)?.unreadable {
+        tell(&bad.to_string());
     }
     let units = units(&config)?;
     let warnings = warnings(&config, &load_type_models(&config)?);

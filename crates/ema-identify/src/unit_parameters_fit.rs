@@ -7,8 +7,8 @@ use std::vec;
 use std::vec::Vec;
 
 use ema_models::{
-    ActuatorParams, COST_LANES, Comparison, DISTURBANCE_COUNT, FaultVector, LOAD_COORDINATE, MonitorVariant,
-    MotorDeviation, SIGNAL_COUNT, Scale, Tolerances, Unknowns,
+    ActuatorParams, COST_LANES, Comparison, FaultVector, LOAD_COORDINATE, MonitorVariant, MotorDeviation, SIGNAL_COUNT,
+    Scale, ShaftSizes, Tolerances, Unknowns,
 };
 use nalgebra::{SMatrix, SVector};
 use rayon::prelude::*;
@@ -275,5 +275,5 @@ fn variant(window: &Comparison<'_>, shared: &Shared, own: &Own) -> MonitorVarian
         },
         ..scale.unknowns(&x)
     };
-    window.variant(&params, window.conditions.v_dc, &unknowns, [0.0; DISTURBANCE_COUNT])
+    window.variant(&params, window.conditions.v_dc, &unknowns, ShaftSizes::default())
 }

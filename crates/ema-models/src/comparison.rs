@@ -2,6 +2,7 @@
 
 use crate::dispatch::{InstructionSet, LaneTypes, LaneWork};
 use crate::fault::FaultVector;
+use crate::friction::DryFriction;
 use crate::lanes::{Lanes, RANK_LANES, SLOPE_LANES};
 use crate::monitor::{Calibration, Conditions, Feedback, Monitor};
 use crate::params::ActuatorParams;
@@ -53,16 +54,16 @@ impl Comparison<'_> {
     /// Runs a monitor (or several, in lanes) over the window and calls `visit` with index and residuals of each measured sample.
     #[inline(always)]
     fn run<R: Real>(&self, monitor: &Monitor<R>, visit: impl FnMut(usize, Signals<R>)) {
-        self.run_under(monitor, |_| (), |torque, ()| torque, visit);
+        self.run_under(monitor, |_| (*monitor.friction(), ()), |torque, ()| torque, visit);
     }
 
-    /// [`Comparison::run`] with another torque on the shaft: `on_shaft` gives it, Nm, from that of the motor and what
-    /// `disturbance` gives for the index of the sample before.
+    /// [`Comparison::run`] with another friction and torque on the shaft: `shaft` gives the friction after the sample of an index, and
+    /// what `on_shaft` makes the torque of from that of the motor, Nm.
     #[inline(always)]
     pub(crate) fn run_under<R: Real, D: Copy>(
         &self,
         monitor: &Monitor<R>,
-        disturbance: impl Fn(usize) -> D,
+        shaft: impl Fn(usize) -> (DryFriction<R>, D),
         on_shaft: impl Fn(R, D) -> R + Copy,
         mut visit: impl FnMut(usize, Signals<R>),
     ) {
@@ -82,9 +83,9 @@ impl Comparison<'_> {
                 visit(n, signals);
             }
             let next = drive.get(n + 1).unwrap_or(now);
-            let disturbed = disturbance(n);
+            let (friction, disturbed) = shaft(n);
             let on_shaft = |torque| on_shaft(torque, disturbed);
-            monitor.run_sample_period_under(&mut state, initial, [now, next], on_shaft);
+            monitor.run_sample_period_under(&mut state, initial, [now, next], &friction, on_shaft);
         }
     }
 

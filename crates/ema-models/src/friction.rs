@@ -108,6 +108,30 @@ impl<R: Real> DryFriction<R> {
         }
     }
 
+    /// The friction under a load larger by `change`, Nm at the motor shaft, in a gear that takes these shares of a load
+    /// ([`TransmissionParams::gear_loss_shares`]).
+    ///
+    /// A share of the whole load is lost, not of the change.
+    #[must_use]
+    #[inline(always)]
+    pub(crate) fn with_load_change(self, [opposing, aiding]: [R; 2], change: R) -> Self {
+        let load = self.load + change;
+        let opposes_positive = |load: R| R::zero().lt(load);
+        let positive = |load: R| R::select(opposes_positive(load), opposing, aiding) * load.abs();
+        let negative = |load: R| R::select(opposes_positive(load), aiding, opposing) * load.abs();
+        let moving_positive = self.moving_positive + (positive(load) - positive(self.load));
+        let moving_negative = self.moving_negative + (negative(load) - negative(self.load));
+        let breakaway = self.breakaway + opposing * (load.abs() - self.load.abs());
+        Self {
+            load,
+            moving_positive,
+            moving_negative,
+            // As after `under_pulsating_torque`.
+            breakaway: breakaway.max(moving_positive.max(moving_negative)),
+            ..self
+        }
+    }
+
     /// Speed after one step of `J dω/dt = T_drive − T_l/n − T_dry`, rad/s.
     ///
     /// `drive` is the motor torque minus the viscous torque, Nm; `dt_over_j` the time step divided by the inertia. A shaft at
@@ -269,6 +293,27 @@ mod tests {
         assert!(still(pulsating, 0.249) && !still(pulsating, 0.251));
         let strongly = bench(0.0).under_pulsating_torque(0.5);
         assert!(still(strongly, 0.149) && !still(strongly, 0.151));
+    }
+
+    #[test]
+    fn a_changed_load_is_that_load_from_the_start() {
+        let shares = ActuatorParams::bench().transmission.gear_loss_shares();
+        let close = |a: f64, b: f64| (a - b).abs() < 1e-12;
+        for pulsation in [0.0, 0.05, 0.5] {
+            for from in [-65.0, 0.0, 30.0] {
+                for to in [-100.0, -1.0, 0.0, 65.0] {
+                    let [before, expected] = [from, to].map(|load| bench(load).under_pulsating_torque(pulsation));
+                    let found = before.with_load_change(shares, (to - from) / 100.0);
+                    assert!(
+                        close(found.load, expected.load)
+                            && close(found.moving_positive, expected.moving_positive)
+                            && close(found.moving_negative, expected.moving_negative)
+                            && close(found.breakaway, expected.breakaway),
+                        "{found:?} {expected:?}"
+                    );
+                }
+            }
+        }
     }
 
     #[test]

@@ -90,5 +90,8 @@ pub use tolerances::Tolerances;
 pub use unknowns::{
     Coordinates, LOAD_COORDINATE, MOTOR_COORDINATES, MotorDeviation, MotorKnowledge, Scale, UNKNOWN_COUNT, Unknowns,
 };
-pub use variants::{DISTURBANCE_COUNT, Disturbances, GRAM_COLUMNS, GramRow, LaneResiduals, MonitorVariant, add_gram};
+pub use variants::{
+    DISTURBANCE_COUNT, Disturbances, GRAM_COLUMNS, GramRow, LOAD_CHANGE_COUNT, LaneResiduals, MonitorVariant,
+    ShaftSizes, ShaftTorques, add_gram,
+};
 pub use winding::{DerivedShape, PaperShape, Winding, derived_shape};

@@ -1,7 +1,8 @@
-//! Monitors of one window that differ in parameters, unknowns and disturbances of the shaft, side by side in lanes.
+//! Monitors of one window that differ in parameters, unknowns and torques on the shaft, side by side in lanes.
 
 use crate::comparison::{COST_LANES, Comparison};
 use crate::dispatch::{InstructionSet, LaneTypes, LaneWork};
+use crate::friction::DryFriction;
 use crate::lanes::Lanes;
 use crate::monitor::Monitor;
 use crate::params::ActuatorParams;
@@ -10,36 +11,59 @@ use crate::signals::{SIGNAL_COUNT, Signals};
 use crate::unknowns::Unknowns;
 
 /// Disturbance torques that a [`MonitorVariant`] can have at once.
-pub const DISTURBANCE_COUNT: usize = 20;
+pub const DISTURBANCE_COUNT: usize = 17;
 
 /// Each disturbance during the sample period after one sample, Nm at the motor shaft per unit; positive opposes positive motion.
 pub type Disturbances = [f64; DISTURBANCE_COUNT];
+
+/// Changes of the load during a window that a [`MonitorVariant`] can have at once.
+pub const LOAD_CHANGE_COUNT: usize = 2;
+
+/// What acts on the shaft during the sample period after one sample, beside motor, friction and the load of the unknowns.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ShaftTorques {
+    /// Disturbances without loss in the gear.
+    pub disturbances: Disturbances,
+    /// Each change of the load, Nm at the motor shaft per unit before the gear's loss; positive opposes positive motion.
+    pub load_changes: [f64; LOAD_CHANGE_COUNT],
+}
+
+/// Sizes of what acts on the shaft.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ShaftSizes {
+    /// Size of each disturbance.
+    pub disturbances: Disturbances,
+    /// Size of each change of the load.
+    pub load_changes: [f64; LOAD_CHANGE_COUNT],
+}
 
 /// One monitor of a window.
 #[derive(Clone, Copy, Debug)]
 pub struct MonitorVariant {
     monitor: Monitor<f64>,
-    /// Size of each disturbance.
-    disturbance: Disturbances,
+    sizes: ShaftSizes,
+    /// Shares that the gear takes of a load against and with the motion.
+    loss_shares: [f64; 2],
 }
 
 /// Residuals of one sample: for each signal, that of each lane; zero where the sample was not measured.
 pub type LaneResiduals = [[f64; COST_LANES]; SIGNAL_COUNT];
 
 impl Comparison<'_> {
-    /// The monitor of an actuator of these parameters, on a DC link of `v_dc`, V, under disturbances of these sizes.
+    /// The monitor of an actuator of these parameters, on a DC link of `v_dc`, V, under torques of these sizes.
     #[must_use]
     pub fn variant(
         &self,
         params: &ActuatorParams,
         v_dc: f64,
         unknowns: &Unknowns,
-        disturbance: Disturbances,
+        sizes: ShaftSizes,
     ) -> MonitorVariant {
         let unknowns = self.conditions.at_temperature(unknowns);
         MonitorVariant {
             monitor: Monitor::new(params, self.calibration, v_dc, &unknowns).with_feedback(self.feedback),
-            disturbance,
+            sizes,
+            loss_shares: params.transmission.gear_loss_shares(),
         }
     }
 
@@ -47,30 +71,35 @@ impl Comparison<'_> {
     pub fn residuals_of_variant(
         &self,
         variant: &MonitorVariant,
-        disturbances: &[Disturbances],
+        torques: &[ShaftTorques],
         visit: impl FnMut(usize, Signals<f64>),
     ) {
-        let torque = |n: usize| sum_of_disturbances(&variant.disturbance, disturbances.get(n));
+        let shaft = Shaft {
+            disturbances: variant.sizes.disturbances,
+            load_changes: variant.sizes.load_changes,
+            loss_shares: variant.loss_shares,
+        };
+        let of_sample = |n: usize| shaft.at(variant.monitor.friction(), torques.get(n));
         self.run_under(
             &variant.monitor,
-            torque,
+            of_sample,
             |torque, disturbance| torque - disturbance,
             visit,
         );
     }
 
-    /// Unweighted residuals of monitors side by side, one row per sample. `disturbances` and `residuals` have as many rows as the
+    /// Unweighted residuals of monitors side by side, one row per sample. `torques` and `residuals` have as many rows as the
     /// window has samples; samples beyond the shorter are left out.
     pub fn residuals_of_variants(
         &self,
         variants: &[MonitorVariant; COST_LANES],
-        disturbances: &[Disturbances],
+        torques: &[ShaftTorques],
         residuals: &mut [LaneResiduals],
     ) {
         InstructionSet::best().run(VariantResiduals {
             comparison: self,
             variants,
-            disturbances,
+            torques,
             residuals,
         });
     }
@@ -80,7 +109,7 @@ impl Comparison<'_> {
 struct VariantResiduals<'a> {
     comparison: &'a Comparison<'a>,
     variants: &'a [MonitorVariant; COST_LANES],
-    disturbances: &'a [Disturbances],
+    torques: &'a [ShaftTorques],
     residuals: &'a mut [LaneResiduals],
 }
 
@@ -91,14 +120,19 @@ impl LaneWork for VariantResiduals<'_> {
     fn run<N: LaneTypes>(self) {
         let monitors = self.variants.map(|variant| variant.monitor);
         let monitor = Monitor::side_by_side(&monitors, N::Double::from_lanes);
-        let sizes: [N::Double; DISTURBANCE_COUNT] =
-            core::array::from_fn(|d| N::Double::from_lanes(self.variants.map(|variant| variant.disturbance[d])));
-        let disturbance = |n: usize| sum_of_disturbances(&sizes, self.disturbances.get(n));
+        let lanes =
+            |of: &dyn Fn(&MonitorVariant) -> f64| N::Double::from_lanes(self.variants.map(|variant| of(&variant)));
+        let shaft = Shaft {
+            disturbances: core::array::from_fn(|d| lanes(&|variant| variant.sizes.disturbances[d])),
+            load_changes: core::array::from_fn(|c| lanes(&|variant| variant.sizes.load_changes[c])),
+            loss_shares: core::array::from_fn(|s| lanes(&|variant| variant.loss_shares[s])),
+        };
+        let of_sample = |n: usize| shaft.at(monitor.friction(), self.torques.get(n));
         let residuals = self.residuals;
         residuals.fill([[0.0; COST_LANES]; SIGNAL_COUNT]);
         self.comparison.run_under(
             &monitor,
-            disturbance,
+            of_sample,
             |torque, disturbance| torque - disturbance,
             |n, of_sample| {
                 if let Some(row) = residuals.get_mut(n) {
@@ -111,16 +145,36 @@ impl LaneWork for VariantResiduals<'_> {
     }
 }
 
-/// Torque of all disturbances of these sizes, Nm; none without a row.
-#[inline(always)]
-fn sum_of_disturbances<R: Real>(sizes: &[R; DISTURBANCE_COUNT], row: Option<&Disturbances>) -> R {
-    let mut torque = R::zero();
-    if let Some(row) = row {
-        for (size, per_unit) in sizes.iter().zip(row) {
-            torque = torque + *size * R::splat(*per_unit);
-        }
+/// What acts on the shaft of one variant, or of several, one per lane.
+struct Shaft<R> {
+    disturbances: [R; DISTURBANCE_COUNT],
+    load_changes: [R; LOAD_CHANGE_COUNT],
+    loss_shares: [R; 2],
+}
+
+impl<R: Real> Shaft<R> {
+    /// Friction with the changed load, and torque of all disturbances, Nm; without a row nothing changes.
+    #[inline(always)]
+    fn at(&self, friction: &DryFriction<R>, row: Option<&ShaftTorques>) -> (DryFriction<R>, R) {
+        let Some(row) = row else {
+            return (*friction, R::zero());
+        };
+        let change = sum_of(&self.load_changes, &row.load_changes);
+        (
+            friction.with_load_change(self.loss_shares, change),
+            sum_of(&self.disturbances, &row.disturbances),
+        )
     }
-    torque
+}
+
+/// Sum of the sizes times what each is per unit.
+#[inline(always)]
+fn sum_of<R: Real, const N: usize>(sizes: &[R; N], per_unit: &[f64; N]) -> R {
+    let mut sum = R::zero();
+    for (size, per_unit) in sizes.iter().zip(per_unit) {
+        sum = sum + *size * R::splat(*per_unit);
+    }
+    sum
 }
 
 /// Columns of a [`GramRow`].
@@ -236,12 +290,14 @@ mod tests {
             integral: 0.0,
             motor: MotorDeviation::default(),
         };
-        let mut size = [0.0; DISTURBANCE_COUNT];
-        let undisturbed = comparison.variant(&params, params.motor.v_dc, &unknowns, size);
-        size[3] = 0.2;
-        let disturbed = comparison.variant(&params, params.motor.v_dc, &unknowns, size);
-        let mut row = [0.0; DISTURBANCE_COUNT];
-        row[3] = 1.0;
+        let mut sizes = ShaftSizes::default();
+        let undisturbed = comparison.variant(&params, params.motor.v_dc, &unknowns, sizes);
+        sizes.disturbances[3] = 0.1;
+        sizes.load_changes[1] = 0.1;
+        let disturbed = comparison.variant(&params, params.motor.v_dc, &unknowns, sizes);
+        let mut row = ShaftTorques::default();
+        row.disturbances[3] = 1.0;
+        row.load_changes[1] = 1.0;
         let rows = [row; SAMPLES];
 
         let mut in_lanes = [[[0.0; COST_LANES]; SIGNAL_COUNT]; SAMPLES];

@@ -205,17 +205,23 @@ impl<R: Real> Monitor<R> {
         now: &ComparedSample,
         next: &ComparedSample,
     ) {
-        self.run_sample_period_under(state, initial, [now, next], |torque| torque);
+        self.run_sample_period_under(state, initial, [now, next], &self.friction, |torque| torque);
     }
 
-    /// [`Monitor::run_sample_period`] from the first to the second sample, with another torque on the shaft: `on_shaft` gives it
-    /// from that of the motor, Nm.
+    /// Friction and load of the shaft.
+    pub(crate) fn friction(&self) -> &DryFriction<R> {
+        &self.friction
+    }
+
+    /// [`Monitor::run_sample_period`] from the first to the second sample, with this friction, and with another torque on the shaft:
+    /// `on_shaft` gives it from that of the motor, Nm.
     #[inline(always)]
     pub(crate) fn run_sample_period_under(
         &self,
         state: &mut MonitorState<R>,
         initial: &InitialState,
         [now, next]: [&ComparedSample; 2],
+        friction: &DryFriction<R>,
         on_shaft: impl Fn(R) -> R + Copy,
     ) {
         let setpoint = now.setpoint.map(R::splat);
@@ -230,7 +236,7 @@ impl<R: Real> Monitor<R> {
                     self.encoder.counted_angle(R::splat(read))
                 }
             };
-            self.control_period(&mut own, initial, setpoint, counted, on_shaft);
+            self.control_period(&mut own, initial, (setpoint, counted), friction, on_shaft);
         }
         if self.feedback == Feedback::Measured {
             self.move_output(&mut own, initial, R::splat(next.theta_m));
@@ -253,7 +259,7 @@ impl<R: Real> Monitor<R> {
         let mut own = *state;
         self.refresh_sin_cos(&mut own, initial);
         for &counted in counted {
-            self.control_period(&mut own, initial, setpoint, counted, |torque| torque);
+            self.control_period(&mut own, initial, (setpoint, counted), &self.friction, |torque| torque);
         }
         self.move_output(&mut own, initial, theta_m);
         *state = own;
@@ -271,8 +277,8 @@ impl<R: Real> Monitor<R> {
         &self,
         state: &mut MonitorState<R>,
         initial: &InitialState,
-        setpoint: Setpoint<R>,
-        counted: R,
+        (setpoint, counted): (Setpoint<R>, R),
+        friction: &DryFriction<R>,
         on_shaft: impl Fn(R) -> R + Copy,
     ) {
         let i_ref = self.ace.step(&mut state.ace, setpoint, counted, state.omega_m);
@@ -295,7 +301,7 @@ impl<R: Real> Monitor<R> {
             Form::Paper(_) | Form::OneAxis => [R::zero(), i_ref],
         };
         for _ in 0..self.steps_per_control {
-            self.step(state, initial, on_shaft);
+            self.step(state, initial, friction, on_shaft);
         }
     }
 
@@ -351,7 +357,13 @@ impl<R: Real> Monitor<R> {
 
     /// One integration step: the currents at the predicted angle, then the motion under the mean torque of both ends.
     #[inline(always)]
-    fn step(&self, state: &mut MonitorState<R>, initial: &InitialState, on_shaft: impl Fn(R) -> R) {
+    fn step(
+        &self,
+        state: &mut MonitorState<R>,
+        initial: &InitialState,
+        friction: &DryFriction<R>,
+        on_shaft: impl Fn(R) -> R,
+    ) {
         let m = &self.derived;
         let half = R::splat(0.5);
         let omega = state.omega_m;
@@ -386,7 +398,7 @@ impl<R: Real> Monitor<R> {
         };
         state.sin_cos = sin_cos;
 
-        state.omega_m = self.friction.long_step(
+        state.omega_m = friction.long_step(
             omega,
             on_shaft(torque) - m.viscous * omega,
             m.dt_over_j,

@@ -1,12 +1,11 @@
-//! Per sample: the disturbance torque, and the change of the measured signals, that one unit of each nuisance causes.
+//! Per sample: the torque on the shaft, and the change of the measured signals, that one unit of each nuisance causes.
 //!
 //! Both follow from the measured signals alone, so they stay the same while the monitor's parameters change.
 
-use core::f64::consts::FRAC_1_SQRT_2;
 use std::vec::Vec;
 
 use ema_models::{
-    ComparedSample, Comparison, Disturbances, Real, SIGNAL_COUNT, Signals, Tolerances, abc_from_alpha_beta,
+    ComparedSample, Comparison, Real, SIGNAL_COUNT, ShaftTorques, Signals, Tolerances, abc_from_alpha_beta,
     alpha_beta_from_dq, phase_shapes,
 };
 
@@ -19,7 +18,7 @@ pub(super) type Changes = [[f64; SIGNAL_COUNT]; CHANGE_COUNT];
 /// Both, one row per sample.
 #[derive(Clone, Debug)]
 pub(super) struct Basis {
-    pub(super) disturbances: Vec<Disturbances>,
+    pub(super) torques: Vec<ShaftTorques>,
     pub(super) changes: Vec<Changes>,
     /// Share of each signal's weight: less where the current changes, because drives differ in how it does.
     pub(super) confidence: Vec<[f64; SIGNAL_COUNT]>,
@@ -40,9 +39,8 @@ impl Basis {
         let confidence = (0..samples.len()).map(|n| confidence(window, tolerances.control_latency, n));
         let confidence = confidence.collect();
         let coupled = coupled_currents(window);
-        let opposed = opposed_directions(samples, window.params.sensors.sample_rate);
-        let disturbances = (0..samples.len()).map(|n| disturbances(window, &coupled, opposed[n], n));
-        let disturbances = disturbances.collect();
+        let torques = (0..samples.len()).map(|n| torques(window, &coupled, n));
+        let torques = torques.collect();
         let mut changes: Vec<Changes> = (0..samples.len()).map(|n| changes(window, &coupled, n)).collect();
         // The speed is compared as the difference of two angles.
         let rate = window.params.sensors.sample_rate;
@@ -64,7 +62,7 @@ impl Basis {
             }
         }
         Self {
-            disturbances,
+            torques,
             changes,
             confidence,
         }
@@ -141,31 +139,8 @@ fn coupled_currents(window: &Comparison<'_>) -> Vec<[f64; 2]> {
     samples.iter().map(of_sample).collect()
 }
 
-/// Direction that the loss of a loaded gear opposes from each sample to the next, −1 to 1: that of the motion, of a shaft at rest that
-/// of its next motion, since the loss adds to the breakaway torque.
-fn opposed_directions(samples: &[ComparedSample], rate: f64) -> Vec<f64> {
-    let mut directions: Vec<f64> = (0..samples.len())
-        .map(|n| {
-            let next = &samples[(n + 1).min(samples.len() - 1)];
-            let omega_m = (next.theta_m - samples[n].theta_m) * rate;
-            omega_m / libm::sqrt(omega_m * omega_m + DIRECTION_SPEED * DIRECTION_SPEED)
-        })
-        .collect();
-    let mut next_motion = 0.0;
-    for direction in directions.iter_mut().rev() {
-        if direction.abs() > MOVING {
-            next_motion = direction.signum();
-        }
-        *direction += (1.0 - direction.abs()) * next_motion;
-    }
-    directions
-}
-
-/// Direction of a shaft that certainly moves: one of 1 rad/s.
-const MOVING: f64 = FRAC_1_SQRT_2;
-
-/// Disturbances between sample `n` and the next one.
-fn disturbances(window: &Comparison<'_>, coupled: &[[f64; 2]], opposed: f64, n: usize) -> Disturbances {
+/// Torques between sample `n` and the next one.
+fn torques(window: &Comparison<'_>, coupled: &[[f64; 2]], n: usize) -> ShaftTorques {
     let params = window.params;
     let samples = window.recording.samples;
     let origin = &window.recording.initial.origin;
@@ -187,8 +162,6 @@ fn disturbances(window: &Comparison<'_>, coupled: &[[f64; 2]], opposed: f64, n: 
     let direction = omega_m / libm::sqrt(omega_m * omega_m + DIRECTION_SPEED * DIRECTION_SPEED);
     let per_gear = 1.0 / params.transmission.gear_ratio;
     let turned = (mean(|s| s.theta_out) - samples[0].theta_out) * per_gear;
-    let [opposing, aiding] = params.transmission.gear_loss_shares();
-    let loss = if turned * omega_m > 0.0 { opposing } else { aiding };
     let square = omega_m / STRIBECK_SPEED * (omega_m / STRIBECK_SPEED);
     let (sin_cogging, cos_cogging) = (6.0 * theta_e).sin_cos_poly();
     // Σ_j sin(h θ_j) i_j with θ_j = θ_e − 2πj/3; the order of the phases decides the sign.
@@ -206,13 +179,10 @@ fn disturbances(window: &Comparison<'_>, coupled: &[[f64; 2]], opposed: f64, n: 
     };
     let latency = Slopes::at(samples, n, rate);
     let gain = params.motor.torque_gain();
-    [
+    let disturbances = [
         direction * libm::exp(-square),
         sin_cogging,
         cos_cogging,
-        turned,
-        turned.abs() * loss * opposed,
-        n as f64 / rate * per_gear,
         second(1.0, cos, sin),
         second(1.0, sin, -cos),
         second(2.0, cos2, sin2),
@@ -228,7 +198,11 @@ fn disturbances(window: &Comparison<'_>, coupled: &[[f64; 2]], opposed: f64, n: 
         gain * latency.i_q,
         params.controller.k_p * latency.omega_m,
         -gain * coupled[n][1],
-    ]
+    ];
+    ShaftTorques {
+        disturbances,
+        load_changes: [turned, n as f64 / rate * per_gear],
+    }
 }
 
 /// 1/√3.
@@ -286,24 +260,4 @@ fn changes(window: &Comparison<'_>, coupled: &[[f64; 2]], n: usize) -> Changes {
             ..none
         }),
     ]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_shaft_at_rest_has_the_direction_of_its_next_motion() {
-        // At rest, forwards, at rest, backwards, at rest.
-        let angles = [0.0, 0.0, 0.0, 1.0, 2.0, 2.0, 2.0, 1.0, 0.0, 0.0];
-        let samples = angles.map(|theta_m| ComparedSample {
-            theta_m,
-            ..ComparedSample::default()
-        });
-        let directions = opposed_directions(&samples, 1000.0);
-        let expected = [1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0, 0.0, 0.0];
-        for (n, (direction, expected)) in directions.iter().zip(expected).enumerate() {
-            assert!((direction - expected).abs() < 1e-6, "{n}: {direction}");
-        }
-    }
 }

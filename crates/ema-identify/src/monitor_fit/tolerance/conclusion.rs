@@ -36,8 +36,8 @@ const RUNS_PER_LINEARISATION: u64 = DIMENSION as u64 + 1;
 /// Monitor runs of the further linearisations of a descent, without the slow coordinates, at most.
 const RUNS_PER_FURTHER: u64 = COST_LANES as u64;
 
-/// Descents at most: from two starts, after the reweighting, and with another magnet.
-const DESCENTS: u64 = 4;
+/// Descents at most: from two starts, after the reweighting, with another magnet, and from another friction.
+const DESCENTS: u64 = 5;
 
 /// Blocks of consecutive samples whose contributions to an estimate are compared.
 const BLOCKS: usize = 16;
@@ -80,14 +80,60 @@ pub(crate) fn conclude_with_tolerances(
         WeakMagnet::No | WeakMagnet::Yes(_) => as_good,
     };
     let spent = search.evaluations + first.spent + second.spent + refined.spent + more;
-    let cost = problem.mean_cost(&at);
-    let misfit = (cost / SYSTEMATIC_COST).max(1.0);
-    Estimate {
-        cost,
-        cut: search.cut || first.cut || refined.cut,
-        other_motor,
-        ..assess(&reweighted, mismatch, &at, competing, misfit, spent)
+    let of = |at: &Point, competing: Option<Point>, spent: u64| {
+        let cost = problem.mean_cost(at);
+        let misfit = (cost / SYSTEMATIC_COST).max(1.0);
+        Estimate {
+            cost,
+            cut: search.cut || first.cut || refined.cut,
+            other_motor,
+            ..assess(&reweighted, mismatch, at, competing, misfit, spent)
+        }
+    };
+    let estimate = of(&at, competing, spent);
+    if other_motor || competing.is_some() || !load_may_hide_friction(window, &estimate) {
+        return estimate;
     }
+    // Along a valley of friction and load that a descent ends in early, the curvature where it ends says little.
+    let other = descend(&reweighted, with_other_friction(&at), share);
+    let spent = estimate.evaluations + other.spent;
+    let apart = (other.at[FRICTION] - at[FRICTION]).abs();
+    let rise = (other.cost - refined.cost).abs();
+    let estimate = if other.cost < refined.cost {
+        of(&other.at, None, spent)
+    } else {
+        Estimate {
+            evaluations: spent,
+            ..estimate
+        }
+    };
+    with_friction_sigma_at_least(estimate, apart / libm::sqrt((2.0 * rise).max(1.0)))
+}
+
+/// Whether the window shows friction so badly that another load may explain it as well with another friction.
+fn load_may_hide_friction(window: &Comparison<'_>, estimate: &Estimate) -> bool {
+    window.conditions.load_torque.is_none() && estimate.sigma[FRICTION].is_some_and(|sigma| sigma > OBSERVABLE_SIGMA)
+}
+
+/// The estimate with a standard deviation of the friction of at least `least`.
+fn with_friction_sigma_at_least(mut estimate: Estimate, least: f64) -> Estimate {
+    let sigma = estimate.sigma[FRICTION].map(|sigma| sigma.max(least));
+    estimate.sigma[FRICTION] = sigma;
+    estimate.observable[FRICTION] = sigma.is_some_and(|sigma| sigma <= OBSERVABLE_SIGMA);
+    estimate
+}
+
+/// Place of the friction among the coordinates.
+const FRICTION: usize = 0;
+
+/// How far off another friction is looked for.
+const OTHER_FRICTION: f64 = 0.5;
+
+/// The point with a friction well off, towards the middle of its range.
+fn with_other_friction(at: &Point) -> Point {
+    let mut other = *at;
+    other[FRICTION] += OTHER_FRICTION.copysign(OTHER_FRICTION - at[FRICTION]);
+    other
 }
 
 /// Calls `visit` with index and unweighted residuals of each measured sample for an estimate with deviations.

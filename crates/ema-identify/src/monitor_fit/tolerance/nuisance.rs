@@ -1,12 +1,12 @@
 //! The nuisances of a window: what the tolerances of a type leave open, one number each, in standard deviations.
 //!
-//! A nuisance changes a parameter of the monitor, or puts a disturbance torque on its shaft, or changes the measured signals, or
-//! the latter two together ([`Action`]).
+//! A nuisance changes a parameter of the monitor, or its load, or puts a disturbance torque on its shaft, or changes the measured
+//! signals, or the latter two together ([`Action`]).
 
 use ema_models::{ActuatorParams, Conditions, REFERENCE_TEMPERATURE_DEG_C, Scale, Tolerances};
 
 /// Number of nuisances.
-pub(crate) const NUISANCE_COUNT: usize = 41;
+pub(crate) const NUISANCE_COUNT: usize = 40;
 
 /// Numbers of nuisances that act as a fault does.
 pub(super) const DYNAMIC_FRICTION: usize = 3;
@@ -17,6 +17,9 @@ pub(super) const POSITION_GAIN: usize = 11;
 
 /// Number of the link voltage.
 pub(super) const LINK_VOLTAGE: usize = 10;
+
+/// Number of the load that grows with the output angle.
+pub(super) const SPRING: usize = 19;
 
 /// The actuator as the monitor takes it.
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +38,8 @@ pub(super) enum Action {
     Backlash,
     /// A disturbance torque: its place among the disturbances.
     Torque(usize),
+    /// A change of the load: its place among the changes of the load.
+    Load(usize),
     /// The measured signals: the place among the changes of signals.
     Signals(usize),
     /// Both.
@@ -99,6 +104,13 @@ const fn torque(place: usize, sigma: fn(&Known<'_>) -> f64) -> Nuisance {
     Nuisance {
         sigma,
         action: Action::Torque(place),
+    }
+}
+
+const fn load(place: usize, sigma: fn(&Known<'_>) -> f64) -> Nuisance {
+    Nuisance {
+        sigma,
+        action: Action::Load(place),
     }
 }
 
@@ -196,26 +208,25 @@ pub(super) const NUISANCES: [Nuisance; NUISANCE_COUNT] = [
     torque(0, |k| k.tolerances.stribeck * stiction(k.params)),
     torque(1, |k| k.tolerances.cogging * peak_torque(k.params)),
     torque(2, |k| k.tolerances.cogging * peak_torque(k.params)),
-    torque(3, |k| k.tolerances.spring * Scale::new(k.params).load_unit()),
-    torque(4, |k| k.tolerances.spring * Scale::new(k.params).load_unit()),
-    torque(5, |k| k.tolerances.load_drift * Scale::new(k.params).load_unit()),
+    load(0, |k| k.tolerances.spring * Scale::new(k.params).load_unit()),
+    load(1, |k| k.tolerances.load_drift * Scale::new(k.params).load_unit()),
+    torque(3, |k| k.tolerances.resolver_error),
+    torque(4, |k| k.tolerances.resolver_error),
+    torque(5, |k| k.tolerances.resolver_error),
     torque(6, |k| k.tolerances.resolver_error),
-    torque(7, |k| k.tolerances.resolver_error),
-    torque(8, |k| k.tolerances.resolver_error),
-    torque(9, |k| k.tolerances.resolver_error),
-    torque(10, |k| k.tolerances.emf_harmonics),
-    torque(11, |k| k.tolerances.emf_harmonics),
-    torque(12, |k| OFFSET_PER_AXIS * k.tolerances.current_offset),
-    torque(13, |k| OFFSET_PER_AXIS * k.tolerances.current_offset),
-    torque(14, |k| k.tolerances.current_gain),
-    torque(15, |k| k.tolerances.current_gain),
-    torque(16, |k| k.tolerances.current_gain),
-    torque_and_signals(17, 0, |k| k.tolerances.control_latency),
-    torque_and_signals(18, 1, |k| k.tolerances.control_latency),
+    torque(7, |k| k.tolerances.emf_harmonics),
+    torque(8, |k| k.tolerances.emf_harmonics),
+    torque(9, |k| OFFSET_PER_AXIS * k.tolerances.current_offset),
+    torque(10, |k| OFFSET_PER_AXIS * k.tolerances.current_offset),
+    torque(11, |k| k.tolerances.current_gain),
+    torque(12, |k| k.tolerances.current_gain),
+    torque(13, |k| k.tolerances.current_gain),
+    torque_and_signals(14, 0, |k| k.tolerances.control_latency),
+    torque_and_signals(15, 1, |k| k.tolerances.control_latency),
     signals(2, |k| k.tolerances.sample_latency),
     signals(3, |k| k.tolerances.sample_latency),
     signals(4, |k| k.tolerances.encoder_error),
     signals(5, |k| k.tolerances.encoder_error),
     signals(6, |k| k.tolerances.control_latency),
-    torque_and_signals(19, 7, |k| k.tolerances.control_latency),
+    torque_and_signals(16, 7, |k| k.tolerances.control_latency),
 ];

@@ -6,15 +6,15 @@ use std::vec::Vec;
 
 use ema_ga::Residuals;
 use ema_models::{
-    COST_LANES, Comparison, Coordinates, DISTURBANCE_COUNT, GRAM_COLUMNS, GramRow, LaneResiduals, MonitorVariant,
-    MotorKnowledge, NormalEquations, SIGNAL_COUNT, Scale, Tolerances, UNKNOWN_COUNT, Unknowns, Weights, add_gram,
+    COST_LANES, Comparison, Coordinates, GRAM_COLUMNS, GramRow, LaneResiduals, MonitorVariant, MotorKnowledge,
+    NormalEquations, SIGNAL_COUNT, Scale, ShaftSizes, Tolerances, UNKNOWN_COUNT, Unknowns, Weights, add_gram,
 };
 use nalgebra::{SMatrix, SVector};
 
 use super::basis::{Basis, CHANGE_COUNT};
 use super::nuisance::{
     Action, BACKLASH, DYNAMIC_FRICTION, FRICTION_TEMPERATURE, Hardware, LINK_VOLTAGE, NUISANCE_COUNT, NUISANCES,
-    POSITION_GAIN, STATIC_FRICTION, sigmas,
+    POSITION_GAIN, SPRING, STATIC_FRICTION, sigmas,
 };
 
 /// Unknowns of the window, then nuisances in standard deviations.
@@ -133,18 +133,19 @@ impl<'a> Problem<'a> {
             params: *self.comparison.params,
             v_dc: self.comparison.conditions.v_dc,
         };
-        let mut torques = [0.0; DISTURBANCE_COUNT];
+        let mut sizes = ShaftSizes::default();
         let mut unknowns = self.unknowns(at);
         for ((nuisance, sigma), size) in NUISANCES.iter().zip(self.sigma).zip(&at[UNKNOWN_COUNT..]) {
             match nuisance.action {
                 Action::Parameter(apply) => apply(&mut hardware, sigma * size),
                 Action::Backlash => unknowns.fault.backlash += (sigma * size).max(-1.0) * HEALTHY_BACKLASH,
-                Action::Torque(place) | Action::TorqueAndSignals(place, _) => torques[place] = sigma * size,
+                Action::Torque(place) | Action::TorqueAndSignals(place, _) => sizes.disturbances[place] = sigma * size,
+                Action::Load(place) => sizes.load_changes[place] = sigma * size,
                 Action::Signals(_) => {}
             }
         }
         self.comparison
-            .variant(&hardware.params, hardware.v_dc, &unknowns, torques)
+            .variant(&hardware.params, hardware.v_dc, &unknowns, sizes)
     }
 
     /// What the nuisances of a point add to the signals of a sample.
@@ -190,7 +191,7 @@ impl<'a> Problem<'a> {
     pub(super) fn residuals(&self, at: &Point, mut visit: impl FnMut(usize, [f64; SIGNAL_COUNT])) {
         let variant = self.variant(at);
         self.comparison
-            .residuals_of_variant(&variant, &self.basis.disturbances, |n, residuals| {
+            .residuals_of_variant(&variant, &self.basis.torques, |n, residuals| {
                 let change = self.change(at, n);
                 let residuals = residuals.to_array();
                 visit(n, core::array::from_fn(|s| residuals[s] - change[s]));
@@ -249,7 +250,7 @@ impl<'a> Problem<'a> {
             let lanes = core::array::from_fn(|lane| *chunk.get(lane).unwrap_or(&at_point));
             residuals.resize(samples.len(), [[0.0; COST_LANES]; SIGNAL_COUNT]);
             self.comparison
-                .residuals_of_variants(&lanes, &self.basis.disturbances, residuals);
+                .residuals_of_variants(&lanes, &self.basis.torques, residuals);
         }
 
         let weights = self.comparison.weights.to_array();
@@ -390,10 +391,11 @@ pub(super) fn coordinates(at: &Point) -> Coordinates {
 }
 
 /// Whether the derivatives along a coordinate hold for a whole descent: those of all nuisances but the ones that others are derived
-/// from. Nuisances stay small, and the monitor is nearly linear in them.
+/// from, and of a spring, whose loss in the gear depends on the rest of the load. Nuisances stay small, and the monitor is nearly
+/// linear in them.
 fn is_slow(p: usize) -> bool {
-    const SOURCES: [usize; 4] = [DYNAMIC_FRICTION, STATIC_FRICTION, BACKLASH, POSITION_GAIN];
-    p.checked_sub(UNKNOWN_COUNT).is_some_and(|n| !SOURCES.contains(&n))
+    const QUICK: [usize; 5] = [DYNAMIC_FRICTION, STATIC_FRICTION, BACKLASH, POSITION_GAIN, SPRING];
+    p.checked_sub(UNKNOWN_COUNT).is_some_and(|n| !QUICK.contains(&n))
 }
 
 /// A problem during one descent: derivatives along slow coordinates are those of the first point.
@@ -467,7 +469,7 @@ impl Problem<'_> {
         let residuals = &mut buffers.passes[0];
         residuals.resize(samples.len(), [[0.0; COST_LANES]; SIGNAL_COUNT]);
         self.comparison
-            .residuals_of_variants(&variants, &self.basis.disturbances, residuals);
+            .residuals_of_variants(&variants, &self.basis.torques, residuals);
         let weights = self.comparison.weights.to_array();
         for (lane, (point, cost)) in points.iter().zip(costs).enumerate() {
             let mut sum = 0.0;

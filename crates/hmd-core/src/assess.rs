@@ -31,7 +31,7 @@ use ema_identify::{Estimate, Fit, Identifier, Method, Population, Prepared};
 use explained::Explained;
 use records::{health_record, rul_record, sensors_record, shortened_record, window_record};
 
-pub(crate) use by_unit::{motion_of, needed_in_words};
+pub(crate) use by_unit::needed_in_words;
 pub use conditions::{conditions, motor_knowledge_at, motor_within};
 pub use estimator::{Estimator, Identification};
 pub use models::{

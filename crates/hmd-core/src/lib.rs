@@ -28,6 +28,7 @@ pub mod learning;
 pub mod log_map;
 pub mod metadata_checksum;
 pub mod metrics;
+mod motion;
 pub mod outbox;
 pub mod outliers;
 pub mod pipeline;

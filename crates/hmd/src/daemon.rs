@@ -19,6 +19,8 @@ mod keep_requests;
 mod notices;
 mod pipeline_thread;
 mod steps;
+#[cfg(test)]
+mod watchdog_tests;
 mod window_queue;
 #[cfg(test)]
 mod window_queue_tests;

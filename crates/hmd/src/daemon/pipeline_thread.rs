@@ -52,6 +52,8 @@ pub(super) struct PipelineThread<'a, C> {
     /// Inputs and windows that waited when the newest inputs were taken.
     queued: (u64, u64),
     freshness: Freshness,
+    /// See [`ASSESSING_MAX`].
+    pub(super) assessing_max: Duration,
     /// Names of the actuators whose changes raise no alarm.
     passive: BTreeSet<String>,
     keep_requests: KeepRequests,
@@ -83,6 +85,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             ticks: 0,
             store_raw,
             queued: (0, 0),
+            assessing_max: ASSESSING_MAX,
             freshness: Freshness::new(actuators().map(|actuator| actuator.name.clone()), clock.instant()),
             passive: passive.map(|actuator| actuator.name.clone()).collect(),
         }
@@ -131,7 +134,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             self.process(input, &mut shared, observer)?;
             self.report_ready(&shared, observer);
             // A tick came through the I/O thread and the queue, and the writer has synced or reported a failure.
-            if is_tick && windows.busy_for() < ASSESSING_MAX {
+            if is_tick && windows.busy_for() < self.assessing_max {
                 observer.heartbeat();
             }
         }

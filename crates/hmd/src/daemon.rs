@@ -19,6 +19,7 @@ mod keep_requests;
 mod notices;
 mod pipeline_thread;
 mod steps;
+mod wall_clock;
 #[cfg(test)]
 mod watchdog_tests;
 mod window_queue;

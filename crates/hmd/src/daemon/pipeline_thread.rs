@@ -13,6 +13,7 @@ use tokio::sync::mpsc;
 use super::freshness::Freshness;
 use super::host_clock::HostClock;
 use super::keep_requests::KeepRequests;
+use super::wall_clock::WallClock;
 use super::{DaemonError, Observer, Shared, WaitingWindow, WindowQueue, lock};
 use hmd_core::config::Config;
 use hmd_core::frame::BusNames;
@@ -57,6 +58,7 @@ pub(super) struct PipelineThread<'a, C> {
     /// Names of the actuators whose changes raise no alarm.
     passive: BTreeSet<String>,
     keep_requests: KeepRequests,
+    wall_clock: WallClock,
 }
 
 impl<'a, C: HostClock> PipelineThread<'a, C> {
@@ -88,6 +90,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             assessing_max: ASSESSING_MAX,
             freshness: Freshness::new(actuators().map(|actuator| actuator.name.clone()), clock.instant()),
             passive: passive.map(|actuator| actuator.name.clone()).collect(),
+            wall_clock: WallClock::default(),
         }
     }
 
@@ -271,6 +274,9 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
                     for message in shared.health_tracker.resumed() {
                         publish(&Notice { stamp_ns, message }, LogLevel::Warning, shared, observer)?;
                     }
+                }
+                if let Some(message) = self.wall_clock.jump(self.clock) {
+                    publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Warning, shared, observer)?;
                 }
                 self.publish_losses(stamp_ns, shared, observer)?;
                 for (notice, level) in shared.notices.summaries(stamp_ns) {

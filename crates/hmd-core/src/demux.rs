@@ -57,6 +57,8 @@ pub struct Demux {
     last_ns: u64,
     /// Packets of each serial line, by what became of them.
     serial: BTreeMap<u16, DeframerStats>,
+    /// Numbers of the built-in dictionary that nobody watches on the bus where they talk, a bit each.
+    unwatched: BTreeMap<u16, u16>,
     outbox: Outbox,
 }
 
@@ -82,6 +84,7 @@ impl Demux {
             counts: FrameCounts::default(),
             last_ns: 0,
             serial: BTreeMap::new(),
+            unwatched: BTreeMap::new(),
             outbox: Outbox::default(),
         }
     }
@@ -120,6 +123,7 @@ impl Demux {
             let bus = names.name(frame.bus).unwrap_or("");
             let Some(stream) = NamedStream::new(&self.config, bus, actuator) else {
                 self.counts.filtered += 1;
+                *self.unwatched.entry(frame.bus).or_default() |= 1 << actuator.index();
                 return;
             };
             self.streams.insert(key, stream);
@@ -303,6 +307,14 @@ impl Demux {
     /// Packets of each serial line by what became of them, by the index of the line.
     pub fn serial(&self) -> impl Iterator<Item = (u16, DeframerStats)> {
         self.serial.iter().map(|(&bus, &stats)| (bus, stats))
+    }
+
+    /// Numbers of the built-in dictionary that talk on a bus, by its index, and that nobody watches there.
+    pub fn unwatched(&self) -> impl Iterator<Item = (u16, ActuatorId)> {
+        self.unwatched.iter().flat_map(|(&bus, &bits)| {
+            let talks = move |number: &ActuatorId| bits & 1 << number.index() != 0;
+            ActuatorId::all().filter(talks).map(move |number| (bus, number))
+        })
     }
 
     /// Names of the actuators seen so far, with the number of samples delivered and lost: missing, or

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use ema_wire::{DeframerStats, FrameError};
+use ema_wire::{ActuatorId, DeframerStats, FrameError};
 
 use crate::assess::WindowCounts;
 use crate::bus_state::BusStates;
@@ -137,6 +137,11 @@ impl Pipeline {
     /// What came of the frames of each serial line, by its index.
     pub fn serial(&self) -> impl Iterator<Item = (u16, DeframerStats)> {
         self.demux.iter().flat_map(Demux::serial)
+    }
+
+    /// Numbers that talk on a bus, by its index, and that nobody watches there.
+    pub fn unwatched(&self) -> impl Iterator<Item = (u16, ActuatorId)> {
+        self.demux.iter().flat_map(Demux::unwatched)
     }
 
     /// Names of the actuators seen, with their samples lost so far.

@@ -17,6 +17,7 @@ mod host_clock;
 mod identification;
 mod keep_requests;
 mod notices;
+mod other_numbers;
 mod pipeline_thread;
 mod steps;
 mod wall_clock;

@@ -13,6 +13,7 @@ use tokio::sync::mpsc;
 use super::freshness::Freshness;
 use super::host_clock::HostClock;
 use super::keep_requests::KeepRequests;
+use super::other_numbers::OtherNumbers;
 use super::wall_clock::WallClock;
 use super::{DaemonError, Observer, Shared, WaitingWindow, WindowQueue, lock};
 use hmd_core::config::Config;
@@ -59,6 +60,7 @@ pub(super) struct PipelineThread<'a, C> {
     passive: BTreeSet<String>,
     keep_requests: KeepRequests,
     wall_clock: WallClock,
+    other_numbers: OtherNumbers,
 }
 
 impl<'a, C: HostClock> PipelineThread<'a, C> {
@@ -75,6 +77,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         let keep_requests = config.as_deref().map(KeepRequests::of).unwrap_or_default();
         Self {
             clock,
+            other_numbers: OtherNumbers::new(config.as_deref(), &names),
             keep_requests,
             not_reported: Some((0..names.len() as u16).collect()),
             names,
@@ -226,7 +229,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         match input {
             Input::Frame(frame) => not_reported.remove(&frame.bus),
             Input::Link { bus, .. } => not_reported.remove(bus),
-            Input::Lost { .. } | Input::Tick { .. } => false,
+            Input::Lost { .. } | Input::Unwatched { .. } | Input::Tick { .. } => false,
         };
     }
 
@@ -269,6 +272,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
                 }
                 *self.fresh_losses.entry((bus, loss)).or_default() += frames;
             }
+            Input::Unwatched { bus, number } => self.other_numbers.hear(bus, number),
             Input::Tick { stamp_ns } => {
                 if self.ticks == 0 {
                     for message in shared.health_tracker.resumed() {
@@ -356,6 +360,24 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         }
         if !changes.is_empty() {
             self.write_status(stamp_ns, shared, observer)?;
+        }
+        self.publish_other_numbers(stamp_ns, shared, observer)
+    }
+
+    /// Publishes which numbers talk on the buses of actuators of which nothing ever came.
+    fn publish_other_numbers(
+        &mut self,
+        stamp_ns: u64,
+        shared: &mut Shared,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
+        for (bus, number) in self.pipeline.unwatched() {
+            self.other_numbers.hear(bus, number);
+        }
+        let is_seen = |name: &str| self.pipeline.samples().any(|(seen, _)| seen == name);
+        let is_silent = |name: &str| self.freshness.is_stale(name) && !is_seen(name);
+        for message in self.other_numbers.hints(is_silent) {
+            publish(&Notice { stamp_ns, message }, LogLevel::Warning, shared, observer)?;
         }
         Ok(())
     }

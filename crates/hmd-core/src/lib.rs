@@ -16,6 +16,7 @@ pub mod catalogue;
 pub mod commissioning;
 pub mod config;
 pub mod config_warnings;
+pub mod counted;
 pub mod dbc;
 pub mod deadline;
 pub mod demux;

@@ -12,6 +12,7 @@ use crate::recorded_use::RecordedUse;
 use ema_identify::effort::{Effort, RecordedGrants};
 use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Estimator, Identification};
 use hmd_core::config::{ActuatorConfig, Config};
+use hmd_core::counted::counted;
 use hmd_core::dbc::MessageUse;
 use hmd_core::deadline::TimeLimit;
 use hmd_core::demux::FrameCounts;
@@ -67,9 +68,9 @@ pub enum ReplayError {
     },
     /// Frames, but no three that make a sample.
     #[error(
-        "{logs}: expected currents, position and command of one sample, found {} frames with currents, {} with \
+        "{logs}: expected currents, position and command of one sample, found {} with currents, {} with \
          position, {} with command, and no three that belong together",
-        found.currents, found.position, found.command
+        counted(found.currents, "frame", "frames"), found.position, found.command
     )]
     NoSample {
         /// The logs.
@@ -147,9 +148,12 @@ impl Summary {
 /// The frames of others than the actuators watched, in words.
 pub(crate) fn other_frames(status: &Status) -> String {
     let found = match (status.frames_filtered, status.lost_malformed) {
-        (other, 0) => format!("{other} other frames"),
-        (0, malformed) => format!("{malformed} malformed frames"),
-        (other, malformed) => format!("{malformed} malformed and {other} other frames"),
+        (other, 0) => counted(other, "other frame", "other frames"),
+        (0, malformed) => counted(malformed, "malformed frame", "malformed frames"),
+        (other, malformed) => format!(
+            "{malformed} malformed and {}",
+            counted(other, "other frame", "other frames")
+        ),
     };
     let interfaces: Vec<&str> = status.interfaces.iter().map(|on| on.interface.as_str()).collect();
     format!("{found} on {}", interfaces.join(", "))
@@ -366,7 +370,11 @@ impl<O: Observer> Run<'_, O> {
         }
         let untold = std::mem::take(&mut self.losses_of_log).saturating_sub(LOSSES_TOLD);
         if untold > 0 {
-            let message = format!("{}: data lost at {untold} more places", log.display());
+            let message = format!(
+                "{}: data lost at {}",
+                log.display(),
+                counted(untold, "more place", "more places")
+            );
             let stamp_ns = self.pipeline.last_stamp_ns();
             self.notice(&Notice { stamp_ns, message }, LogLevel::Error)?;
         }

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use ema_models::FaultId;
 use hmd_core::catalogue::FaultMode;
+use hmd_core::counted::counted;
 use hmd_core::health::HealthState;
 use hmd_core::record::{Rul, Shown};
 
@@ -24,8 +25,8 @@ pub(super) fn period(history: &History, zone: &Zone) -> String {
         identity => format!("{}<br>", escaped(&with_capital(identity))),
     };
     format!(
-        "<p class=\"faint\">{identity}{} windows from {} to {}</p>\n",
-        history.points.len(),
+        "<p class=\"faint\">{identity}{} from {} to {}</p>\n",
+        counted(history.points.len() as u64, "window", "windows"),
         zone.minute(first.t_start_ns),
         zone.minute(last.t_start_ns)
     )
@@ -167,8 +168,8 @@ fn level(shown: Option<Shown>, mode: &FaultMode, state: HealthState) -> String {
                 format!("{state}: not certain yet, ± {}", percent_of(NORMAL_95 * sigma))
             }
             _ => format!(
-                "{state}: {by_damage} takes {} windows in a row",
-                mode.persistence_windows
+                "{state}: {by_damage} takes {}",
+                counted(mode.persistence_windows.into(), "window", "windows in a row")
             ),
         }
     } else {

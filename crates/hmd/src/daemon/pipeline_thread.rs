@@ -17,6 +17,7 @@ use super::other_numbers::OtherNumbers;
 use super::wall_clock::WallClock;
 use super::{DaemonError, Observer, Shared, WaitingWindow, WindowQueue, lock};
 use hmd_core::config::Config;
+use hmd_core::counted::counted;
 use hmd_core::frame::BusNames;
 use hmd_core::outbox::{Notice, WindowJob};
 use hmd_core::pipeline::Pipeline;
@@ -407,7 +408,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
     ) -> Result<(), DaemonError> {
         for ((bus, loss), frames) in std::mem::take(&mut self.fresh_losses) {
             let name = self.names.name(bus).unwrap_or_default();
-            let message = format!("{name}: {frames} frames lost: {loss}");
+            let message = format!("{name}: {} lost: {loss}", counted(frames, "frame", "frames"));
             publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
         }
         for (bus, stats) in self.pipeline.serial().collect::<Vec<_>>() {
@@ -426,13 +427,16 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         for (name, lost) in losses {
             let before = self.lost_samples.insert(name.clone(), lost).unwrap_or(0);
             if lost > before {
-                let message = format!("{name}: {} samples lost", lost - before);
+                let message = format!("{name}: {} lost", counted(lost - before, "sample", "samples"));
                 publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
             }
         }
         let windows = std::mem::take(&mut self.fresh_drops);
         if windows > 0 {
-            let message = format!("{windows} windows dropped: identification does not keep up");
+            let message = format!(
+                "{} dropped: identification does not keep up",
+                counted(windows, "window", "windows")
+            );
             publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
         }
         Ok(())
@@ -458,7 +462,7 @@ fn unreadable_since(then: DeframerStats, now: DeframerStats) -> Option<String> {
         .map(|(count, fault)| format!("{count} {fault}"))
         .collect();
     let frames: u64 = fresh.iter().map(|(count, _)| count).sum();
-    (frames > 0).then(|| format!("{frames} frames lost: {}", parts.join(", ")))
+    (frames > 0).then(|| format!("{} lost: {}", counted(frames, "frame", "frames"), parts.join(", ")))
 }
 
 /// Tells it, unless there were many of its kind lately.

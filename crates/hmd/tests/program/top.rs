@@ -180,7 +180,7 @@ fn a_recording_is_shown_as_it_stood_at_its_end() {
     let ended = hmd().args(["top", "--once"]).arg(&path).output().unwrap();
     assert_eq!(ended.status.code(), Some(3));
     let text = String::from_utf8(ended.stdout).unwrap();
-    assert!(text.contains("damaged places in the file"), "{text}");
+    assert!(text.contains("damaged place in the file"), "{text}");
 }
 
 /// One picture of several actuators: all have a row, the worst is the one in detail, and its health is no failure of the command.

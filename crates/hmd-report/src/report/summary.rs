@@ -11,8 +11,9 @@ use hmd_core::record::{Rul, Shown};
 use super::history::{History, Unassessed, hours_of};
 use super::markup::wide_table;
 use super::plot::escaped;
-use super::recommendation::{Recommendation, durations, hours, with_capital};
+use super::recommendation::Recommendation;
 use super::sections::NORMAL_95;
+use super::words::{durations, hours, with_capital};
 use super::zone::Zone;
 
 /// Part and serial number, number of windows and the time they span.

@@ -40,6 +40,7 @@ pub mod seed;
 pub mod sensor_checks;
 pub mod sensor_health;
 pub mod setting;
+pub mod talker;
 pub mod timestamp;
 pub mod type_of_units;
 pub mod window;

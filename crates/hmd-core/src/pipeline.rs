@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use ema_wire::{ActuatorId, DeframerStats, FrameError};
+use ema_wire::{DeframerStats, FrameError};
 
 use crate::assess::WindowCounts;
 use crate::bus_state::BusStates;
@@ -14,6 +14,7 @@ use crate::demux::{Demux, FrameCounts};
 use crate::frame::{BusNames, RawFrame};
 use crate::outbox::{Notice, WindowJob};
 use crate::record::{InterfaceStatus, Status};
+use crate::talker::Talker;
 
 /// Losses that the pipeline itself cannot see; sources and callers count them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -139,9 +140,9 @@ impl Pipeline {
         self.demux.iter().flat_map(Demux::serial)
     }
 
-    /// Numbers that talk on a bus, by its index, and that nobody watches there.
-    pub fn unwatched(&self) -> impl Iterator<Item = (u16, ActuatorId)> {
-        self.demux.iter().flat_map(Demux::unwatched)
+    /// Those who talk on a bus, by its index, and of whom nothing is used.
+    pub fn talkers(&self) -> impl Iterator<Item = (u16, Talker)> {
+        self.demux.iter().flat_map(Demux::talkers)
     }
 
     /// Names of the actuators seen, with their samples lost so far.

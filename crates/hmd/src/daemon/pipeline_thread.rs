@@ -22,6 +22,7 @@ use hmd_core::frame::BusNames;
 use hmd_core::outbox::{Notice, WindowJob};
 use hmd_core::pipeline::Pipeline;
 use hmd_core::record::{ActuatorStatus, DataState, LogLevel, Status};
+use hmd_core::talker::Talker;
 use hmd_ingest::feed::{Input, LinkState, LiveLoss};
 use hmd_storage::recorder::Recorder;
 
@@ -273,7 +274,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
                 }
                 *self.fresh_losses.entry((bus, loss)).or_default() += frames;
             }
-            Input::Unwatched { bus, number } => self.other_numbers.hear(bus, number),
+            Input::Unwatched { bus, number } => self.other_numbers.hear(bus, Talker::Actuator(number)),
             Input::Tick { stamp_ns } => {
                 if self.ticks == 0 {
                     for message in shared.health_tracker.resumed() {
@@ -372,8 +373,8 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         shared: &mut Shared,
         observer: &impl Observer,
     ) -> Result<(), DaemonError> {
-        for (bus, number) in self.pipeline.unwatched() {
-            self.other_numbers.hear(bus, number);
+        for (bus, talker) in self.pipeline.talkers() {
+            self.other_numbers.hear(bus, talker);
         }
         let is_seen = |name: &str| self.pipeline.samples().any(|(seen, _)| seen == name);
         let is_silent = |name: &str| self.freshness.is_stale(name) && !is_seen(name);

@@ -117,10 +117,7 @@ fn where_nothing_comes_of_an_actuator_the_other_number_on_its_bus_is_told() {
         // The device has number 0.
         Device::start(1).play(&plug, Duration::from_millis(100));
         lines.wait_for_notice(1, "left: STALE");
-        lines.wait_for_notice(
-            1,
-            "left: nothing comes of id 3 on uart1, but of id 0, which is not watched",
-        );
+        lines.wait_for_notice(1, "left: nothing comes of id 3 on uart1, but of 0, not watched");
     });
 }
 

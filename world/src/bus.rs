@@ -44,7 +44,7 @@ impl Given {
                 self.malformed += u64::from(is_short);
             }
             Input::Lost { frames, .. } => self.overflown += frames,
-            Input::Link { .. } | Input::Tick { .. } => {}
+            Input::Link { .. } | Input::Unwatched { .. } | Input::Tick { .. } => {}
         }
         inputs.push(input);
     }

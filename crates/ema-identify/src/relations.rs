@@ -56,7 +56,7 @@ pub use compliance::Compliance;
 pub use curves::{Curve, CurvePoint};
 pub use elements::{ELEMENT_COUNT, Element, Needed, Reading};
 pub use kernel::Kernel;
-pub use measured::{MeasuredWindow, WindingTemp};
+pub use measured::{MeasuredWindow, SinceCommissioning, WindingTemp};
 pub use residual::{HealthyResidual, RELATION_COUNT, Relation};
 pub use shared::SHARED_COUNT;
 pub use terms::{BalanceShape, TERM_COUNT, Term};

@@ -5,16 +5,17 @@
 //!
 //! 1. the assembler of `ema_wire` puts frames together into samples; wrapping counters are continued;
 //! 2. the sample rate is measured by the device's own time. Until it is known, samples wait: at least 16, at most 64;
-//! 3. a [`Windower`] at that rate cuts windows. An actuator that cannot be monitored at its rate is refused: its samples are
+//! 3. a [`Windower`](crate::window::Windower) at that rate cuts windows. An actuator that cannot be monitored at its rate is refused: its samples are
 //!    counted and dropped.
 //!
 //! Memory is bounded by those 64 samples and by one window. In the steady state a frame allocates nothing.
 
 mod rate;
+mod windowing;
 
 use std::sync::Arc;
 
-use ema_models::{ActuatorParams, SensedSample, Setpoint};
+use ema_models::{SensedSample, Setpoint};
 use ema_wire::{
     Assembler, AssemblerStats, Frame, Mode, Sample, SampleFd, quantity, unwrap_motor_counts, unwrap_output_counts,
 };
@@ -24,9 +25,9 @@ use crate::dbc::{DecodedUpdate, Role};
 use crate::log_map::{LogMap, Quantity};
 use crate::outbox::{AssembledSample, Notice, Outbox, WindowJob};
 use crate::sample::{MeasuredConditions, SampleRate};
-use crate::sensor_checks::UnseenMotion;
-use crate::window::{TimedSample, Window, WindowConfig, Windower};
+use crate::window::{TimedSample, WindowConfig};
 use rate::{RateState, Settled};
+use windowing::{Windowing, unseen_notice};
 
 /// Times further apart than this are a pause where nothing counts the samples.
 const PAUSE_NS: u64 = 500_000_000;
@@ -53,27 +54,6 @@ pub struct ActuatorStream {
     /// The traffic ended, so that a counter that goes back is no device that restarted.
     is_ended: bool,
     windowing: Windowing,
-}
-
-/// Made with the first sample whose rate is known.
-#[derive(Debug)]
-enum Windowing {
-    Waiting,
-    Ready(Box<ReadyWindowing>),
-    /// The actuator cannot be monitored; the samples dropped since.
-    Refused(u64),
-}
-
-#[derive(Debug)]
-struct ReadyWindowing {
-    /// Parameters with the sample rate of the windows.
-    params: ActuatorParams,
-    windower: Windower,
-    unseen: UnseenMotion,
-    /// Samples with a mode other than idle; without set point those in motion.
-    operating: u64,
-    /// Motor counts of the sample before, where there is no set point.
-    motor_counts: Option<i64>,
 }
 
 /// Silence, ns, after which a counter that begins anew is no news: the actuator was off.
@@ -286,7 +266,7 @@ impl ActuatorStream {
             conditions,
         });
         if matches!(self.windowing, Windowing::Waiting) {
-            self.windowing = self.begin_windowing(rate, sample.stamp_ns, outbox);
+            self.windowing = Windowing::begin(&self.actuator, self.window_config, rate, sample.stamp_ns, outbox);
         }
         match &mut self.windowing {
             Windowing::Waiting => {}
@@ -320,83 +300,6 @@ impl ActuatorStream {
         }
     }
 
-    fn begin_windowing(&self, rate: SampleRate, stamp_ns: u64, outbox: &mut Outbox) -> Windowing {
-        let name = &self.actuator.name;
-        let nominal = self.nominal_hz();
-        let mut params = self.actuator.params;
-        // The device samples in whole control periods; its clock and its sender jitter by more than that is off.
-        let control_s = params.controller.period;
-        let whole = (1.0 / (rate.hz * control_s)).round().max(1.0);
-        let whole_hz = 1.0 / (whole * control_s);
-        let is_whole = rate.is_measured && (whole_hz / rate.hz - 1.0).abs() < rate.uncertainty;
-        let rate = SampleRate {
-            hz: if is_whole { whole_hz } else { rate.hz },
-            ..rate
-        };
-        params.sensors.sample_rate = rate.hz;
-        if (rate.hz - nominal).abs() > 1e-3 * nominal {
-            let found = rate.hz;
-            outbox.push_notice(
-                stamp_ns,
-                format!("{name}: expected {nominal} samples/s, found {found:.1}; windows are cut at the rate found"),
-            );
-        }
-        let made = match params.checked() {
-            Ok(params) => Windower::new(self.window_config, &params)
-                .map(|windower| match &self.actuator.log {
-                    Some(log) if !log.has(Quantity::Counter) => windower.numbered_by_time(),
-                    _ => windower,
-                })
-                .map(|windower| {
-                    if self.actuator.has_set_point() {
-                        windower
-                    } else {
-                        windower.triggered_by_motion()
-                    }
-                })
-                .map(|windower| {
-                    Windowing::Ready(Box::new(ReadyWindowing {
-                        unseen: UnseenMotion::new(&params, self.window_config.trigger_position_rad),
-                        motor_counts: (!self.actuator.has_set_point()).then_some(i64::MIN),
-                        params,
-                        windower: if rate.is_measured {
-                            windower.at_device_time()
-                        } else {
-                            windower
-                        },
-                        operating: 0,
-                    }))
-                })
-                .map_err(|e| e.to_string()),
-            Err(_) if rate.is_measured => Err(format!(
-                "its clock shows {:.1} samples/s, of a period that is no whole number of control periods of {} ms{}",
-                rate.hz,
-                1e3 * control_s,
-                self.advice_for_rate(rate.hz)
-            )),
-            Err(e) => Err(e.to_string()),
-        };
-        made.unwrap_or_else(|why| {
-            outbox.push_notice(stamp_ns, format!("{name}: not monitored: {why}"));
-            Windowing::Refused(0)
-        })
-    }
-
-    /// What to do about a rate that no window can have.
-    fn advice_for_rate(&self, rate_hz: f64) -> String {
-        let control_s = self.actuator.params.controller.period;
-        let usable_hz = 1.0 / ((1.0 / (rate_hz * control_s)).ceil().max(1.0) * control_s);
-        match &self.actuator.log {
-            Some(log) if log.resampling().is_none() => format!(
-                "; resample_hz = {usable_hz:.0} in [map] interpolates its values, clock = \"receiver\" there takes the rate of the type"
-            ),
-            _ => format!(
-                "; if that is wrong, leave sample.time out of the map and set sensors.sample_rate_hz of type {}",
-                self.actuator.type_name
-            ),
-        }
-    }
-
     /// Why windows are cut at the nominal rate, and whether the stamps of the first samples and the last contradict it.
     fn nominal_rate_notice(&self, first: &TimedSample, last: &TimedSample) -> String {
         let nominal_hz = self.nominal_hz();
@@ -418,42 +321,6 @@ impl ActuatorStream {
         };
         let name = &self.actuator.name;
         format!("{name}: {why}; windows are cut at the nominal {nominal_hz} samples/s{doubt}")
-    }
-}
-
-/// What the trigger saw of motion without a window; the set point of a drive is what was overheard.
-fn unseen_notice(actuator: &ActuatorConfig, sentence: &str) -> String {
-    let hint = if actuator.drive_bus.is_some() {
-        "; the set point of a drive is overheard: without it, set_point = false begins windows by motion"
-    } else {
-        ""
-    };
-    format!("{}: {sentence}{hint}", actuator.name)
-}
-
-impl ReadyWindowing {
-    fn count_operation(&mut self, sample: &SensedSample) {
-        /// One count is the noise of a sensor at rest.
-        const STILL_COUNTS: u64 = 1;
-        let is_operating = match &mut self.motor_counts {
-            Some(before) => {
-                let moved = before.abs_diff(sample.motor_counts) > STILL_COUNTS && *before != i64::MIN;
-                *before = sample.motor_counts;
-                moved
-            }
-            None => sample.setpoint != Setpoint::Idle,
-        };
-        self.operating += u64::from(is_operating);
-    }
-
-    fn job(&self, actuator: &Arc<ActuatorConfig>, window: Window, conditions: MeasuredConditions) -> WindowJob {
-        WindowJob {
-            actuator: actuator.clone(),
-            params: self.params,
-            window,
-            conditions,
-            operating_s: self.operating as f64 / self.params.sensors.sample_rate,
-        }
     }
 }
 
@@ -485,44 +352,4 @@ fn longest_sample_ns(rate: &SampleRate) -> u64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Frames of a 400 Hz stream whose last sample takes `torn_ns` to come in; how many samples came out.
-    fn delivered(torn_ns: u64) -> usize {
-        let rate = "[type.bench.sensors]\nsample_rate_hz = 400\n";
-        let config = Config::from_toml_str(rate, "hmd.toml").expect("a good configuration");
-        let actuator = config.actuators()[0].clone();
-        let id = actuator.id;
-        let mut stream = ActuatorStream::new(Arc::new(actuator), &config);
-        let mut outbox = Outbox::collecting_samples();
-        for n in 0..40_u16 {
-            let sample = Sample {
-                actuator: id,
-                seq: n,
-                time_us: n.wrapping_mul(2500),
-                i_a_ma: 0,
-                i_b_ma: 0,
-                i_c_ma: 0,
-                motor_counts: 0,
-                output_counts: 0,
-                setpoint: 0,
-                mode: Mode::Idle,
-            };
-            let sent_ns = u64::from(n) * 2_500_000;
-            let torn_ns = if n == 39 { torn_ns } else { 0 };
-            for (place, frame) in sample.to_frames().iter().enumerate() {
-                let stamp_ns = sent_ns + if place == 0 { 0 } else { torn_ns };
-                stream.push(frame, stamp_ns, &mut outbox);
-            }
-        }
-        outbox.take_samples().len()
-    }
-
-    #[test]
-    fn a_stalled_receiver_splits_no_sample() {
-        assert_eq!(delivered(0), 40);
-        assert_eq!(delivered(79_000_000), 40, "32 periods of 2.5 ms");
-        assert_eq!(delivered(81_000_000), 39);
-    }
-}
+mod tests;

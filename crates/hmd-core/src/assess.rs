@@ -11,6 +11,7 @@ mod explained;
 mod models;
 mod records;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use ema_ga::{CmaConfig, DeConfig, GaConfig, StopRule};
@@ -25,13 +26,14 @@ use crate::outbox::WindowJob;
 use crate::record::{self, WindowStatus};
 use crate::sensor_checks::{Suspect, sensor_readings};
 use crate::window::WindowQuality;
+use crate::windows_in_a_row::{News, WindowsInARow};
 use ema_identify::effort::Effort;
 use ema_identify::unit_calibration::UnitCalibration;
 use ema_identify::{Estimate, Fit, Identifier, Method, Population, Prepared};
 use explained::Explained;
 use records::{health_record, rul_record, sensors_record, shortened_record, window_record};
 
-pub(crate) use by_unit::{motion_of, needed_in_words};
+pub(crate) use by_unit::needed_in_words;
 pub use conditions::{conditions, motor_knowledge_at, motor_within};
 pub use estimator::{Estimator, Identification};
 pub use models::{
@@ -48,6 +50,8 @@ pub struct Assessor {
     estimator: Arc<dyn Estimator>,
     histories: HistoryStore,
     counts: WindowCounts,
+    /// By actuator, as many as are configured.
+    in_a_row: BTreeMap<String, WindowsInARow>,
 }
 
 /// Windows by status.
@@ -80,6 +84,10 @@ pub struct AssessedWindow {
     pub damage_evidence: Option<DamageEvidence>,
     /// What a deadline left of the identification, where it left less than all.
     pub shortened: Option<record::Shortened>,
+    /// What the newest windows of the actuator have in common, up to this one.
+    pub in_a_row: WindowsInARow,
+    /// What became news by that.
+    pub news: Vec<News>,
 }
 
 impl Assessor {
@@ -95,6 +103,7 @@ impl Assessor {
             models,
             estimator: Arc::new(Identification),
             counts: WindowCounts::default(),
+            in_a_row: BTreeMap::new(),
         }
     }
 
@@ -236,14 +245,19 @@ impl Assessor {
             decision.health.faults.clear();
         }
         let reason = reasons.join("; ");
+        let health = health_record(&job, status, &reason, found.as_ref(), shown, &decision, &suspects);
+        let in_a_row = self.in_a_row.entry(health.actuator.clone()).or_default();
+        let news = in_a_row.update(&health);
         Ok(AssessedWindow {
             window: window_record(&job, status, &reason, fit),
-            health: health_record(&job, status, &reason, found.as_ref(), shown, &decision, &suspects),
+            health,
             sensors: sensors_record(&job, &sensors),
             rul: rul_record(&job, found.as_ref(), &decision, config.rul()),
             suspects,
             damage_evidence: damage,
             shortened: is_short.then(|| shortened_record(&job, limit, found.as_ref())),
+            in_a_row: in_a_row.clone(),
+            news,
         })
     }
 

@@ -18,8 +18,9 @@ use ema_identify::unit_fit::WINDOWS_MIN;
 use ema_identify::{is_unmodelled, output_zero};
 use ema_models::{DriveKind, FaultId};
 
-use crate::assess::{AssessError, Assessor, conditions, hash_of_type, motion_of};
+use crate::assess::{AssessError, Assessor, conditions, hash_of_type};
 use crate::health::Levels;
+use crate::motion::motion_of;
 use crate::outbox::WindowJob;
 use by_monitor::{CURRENT_TIME_CONSTANTS_S, MonitorLearnt, learn_monitor};
 use by_relations::{RelationsLearnt, learn_relations};

@@ -4,8 +4,8 @@
 //! signal map of an actuator where one is configured. Comes out, through an [`Outbox`]: the windows, notices and samples of
 //! the [`ActuatorStream`]s. CPU-light and bounded, without I/O.
 
-use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use ema_wire::{ActuatorId, DeframerStats, Frame, Message, SampleFd, SerialPacket};
@@ -16,6 +16,7 @@ use crate::dbc::MappedBus;
 use crate::drive_bus::DriveJoiner;
 use crate::frame::{BusNames, RawFrame};
 use crate::outbox::{AssembledSample, Notice, Outbox, WindowJob};
+use crate::talker::Talker;
 
 /// Frames in, by what became of them. `received = decoded + filtered + error + malformed + unreadable`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -57,6 +58,8 @@ pub struct Demux {
     last_ns: u64,
     /// Packets of each serial line, by what became of them.
     serial: BTreeMap<u16, DeframerStats>,
+    /// Those who talk on a bus without a stream there; at most as many as there are numbers.
+    talkers: BTreeSet<(u16, Talker)>,
     outbox: Outbox,
 }
 
@@ -82,6 +85,7 @@ impl Demux {
             counts: FrameCounts::default(),
             last_ns: 0,
             serial: BTreeMap::new(),
+            talkers: BTreeSet::new(),
             outbox: Outbox::default(),
         }
     }
@@ -120,6 +124,7 @@ impl Demux {
             let bus = names.name(frame.bus).unwrap_or("");
             let Some(stream) = NamedStream::new(&self.config, bus, actuator) else {
                 self.counts.filtered += 1;
+                self.talkers.insert((frame.bus, Talker::Actuator(actuator)));
                 return;
             };
             self.streams.insert(key, stream);
@@ -143,6 +148,7 @@ impl Demux {
             streams,
             drives,
             counts,
+            talkers,
             outbox,
             ..
         } = self;
@@ -153,6 +159,8 @@ impl Demux {
             Some((*id, joiner, update))
         });
         let Some((id, joiner, update)) = updates else {
+            let nodes = drives.iter().filter_map(|(_, joiner)| joiner.node_of(frame));
+            talkers.extend(nodes.map(|(preset, node)| (frame.bus, Talker::Node(preset, node))));
             return false;
         };
         let Some(update) = update else {
@@ -160,7 +168,11 @@ impl Demux {
             return true;
         };
         counts.decoded += 1;
-        let Ok(map) = joiner.map() else { return true };
+        let Ok(map) = joiner.map() else {
+            let (preset, node) = joiner.node();
+            talkers.insert((frame.bus, Talker::Node(preset, node)));
+            return true;
+        };
         let named = match streams.entry((frame.bus, id)) {
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(place) => match NamedStream::new(config, bus, id) {
@@ -303,6 +315,11 @@ impl Demux {
     /// Packets of each serial line by what became of them, by the index of the line.
     pub fn serial(&self) -> impl Iterator<Item = (u16, DeframerStats)> {
         self.serial.iter().map(|(&bus, &stats)| (bus, stats))
+    }
+
+    /// Those who talk on a bus, by its index, and of whom nothing is used.
+    pub fn talkers(&self) -> impl Iterator<Item = (u16, Talker)> {
+        self.talkers.iter().copied()
     }
 
     /// Names of the actuators seen so far, with the number of samples delivered and lost: missing, or

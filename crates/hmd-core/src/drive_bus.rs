@@ -15,6 +15,7 @@ mod eds;
 mod joiner;
 mod layout;
 mod moteus;
+mod node;
 mod odrive;
 mod pdo;
 mod sdo;
@@ -33,7 +34,7 @@ use serde::Serialize;
 use crate::log_map::{LogMap, LogMisfit};
 
 /// Whose frames they are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Preset {
     /// A drive of CiA 402 on CANopen.

@@ -14,6 +14,7 @@ use crate::demux::{Demux, FrameCounts};
 use crate::frame::{BusNames, RawFrame};
 use crate::outbox::{Notice, WindowJob};
 use crate::record::{InterfaceStatus, Status};
+use crate::talker::Talker;
 
 /// Losses that the pipeline itself cannot see; sources and callers count them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -137,6 +138,11 @@ impl Pipeline {
     /// What came of the frames of each serial line, by its index.
     pub fn serial(&self) -> impl Iterator<Item = (u16, DeframerStats)> {
         self.demux.iter().flat_map(Demux::serial)
+    }
+
+    /// Those who talk on a bus, by its index, and of whom nothing is used.
+    pub fn talkers(&self) -> impl Iterator<Item = (u16, Talker)> {
+        self.demux.iter().flat_map(Demux::talkers)
     }
 
     /// Names of the actuators seen, with their samples lost so far.

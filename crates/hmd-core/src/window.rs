@@ -30,7 +30,7 @@ pub use quality::{Counter, CutShort, Defect, Degradation, Invalidity, Signal, Wi
 
 use crate::setting::SettingError;
 use ema_identify::Prepared;
-use ema_identify::relations::WindingTemp;
+use ema_identify::relations::SinceCommissioning;
 use ema_identify::unit_estimate::AlignedWindow;
 use ema_models::{ActuatorParams, SensedSample, Setpoint};
 use glitch::Deglitch;
@@ -87,13 +87,9 @@ impl Window {
         Prepared::new(params, &self.samples, &self.filled, self.trigger, self.output_zero_rad)
     }
 
-    /// The window as the relations read it, the winding as warm as this.
-    pub(crate) fn aligned<'a>(
-        &'a self,
-        params: &'a ActuatorParams,
-        winding_temp: Option<WindingTemp>,
-    ) -> AlignedWindow<'a> {
-        AlignedWindow::new(params, &self.samples, &self.filled, self.output_zero_rad).at(winding_temp)
+    /// The window as the relations read it, with this being other than when its unit was commissioned.
+    pub(crate) fn aligned<'a>(&'a self, params: &'a ActuatorParams, since: SinceCommissioning) -> AlignedWindow<'a> {
+        AlignedWindow::new(params, &self.samples, &self.filled, self.output_zero_rad).with(since)
     }
 
     /// Checks the samples of an invalid window again, after what made it invalid was taken out of them; they are completed and its quality

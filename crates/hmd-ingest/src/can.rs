@@ -6,22 +6,25 @@
 
 mod receive;
 mod stamp;
+mod unwatched;
 
 use std::collections::BTreeSet;
 use std::io;
 
 use ::socketcan::{CanFdSocket, CanFilter, Socket, SocketOptions};
+use ema_wire::ActuatorId;
 use ema_wire::can::Message;
 use nix::errno::Errno;
 use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
 
-use super::feed::{COALESCE, Closed, Feed, Link, LinkState, LiveLoss, QUEUE_INPUTS, REOPENED_WITHIN};
+use super::feed::{COALESCE, Closed, Feed, Input, Link, LinkState, LiveLoss, QUEUE_INPUTS, REOPENED_WITHIN};
 use hmd_core::config::Config;
 use hmd_core::frame::{MAX_EXTENDED_ID, MAX_STANDARD_ID, socketcan};
 use hmd_storage::clock::now_ns;
 use hmd_storage::retry_delay::RetryDelay;
 use receive::{Received, Receiver};
+use unwatched::{Heard, Unwatched};
 
 /// Frames taken from a socket before other tasks get their turn.
 const BATCH: usize = 256;
@@ -38,7 +41,8 @@ pub struct CanSource {
 pub enum Wanted {
     /// All of them.
     All,
-    /// Data frames with these identifiers; the kernel drops the others before they reach the queue.
+    /// Data frames with these identifiers; the kernel drops the others before they reach the queue, but the status of any number of the
+    /// built-in dictionary where one is watched: it shows that another one talks.
     Ids(BTreeSet<CanId>),
 }
 
@@ -49,6 +53,22 @@ pub struct CanId {
     pub id: u32,
     /// Whether it has 29 bits.
     pub extended: bool,
+}
+
+impl CanId {
+    /// Of the built-in dictionary.
+    fn of_dictionary(id: u16) -> Self {
+        Self {
+            id: u32::from(id),
+            extended: false,
+        }
+    }
+
+    /// The number whose status it is, by the built-in dictionary.
+    fn status_of(self) -> Option<ActuatorId> {
+        let id = u16::try_from(self.id).ok().filter(|_| !self.extended)?;
+        Message::from_id(id).and_then(|(number, message)| (message == Message::Status).then_some(number))
+    }
 }
 
 impl Wanted {
@@ -66,13 +86,20 @@ impl Wanted {
                     id: of.id,
                     extended: of.extended,
                 })),
-                None => ids.extend(Message::ALL.map(|message| CanId {
-                    id: u32::from(message.id(actuator.id)),
-                    extended: false,
-                })),
+                None => ids.extend(Message::ALL.map(|message| CanId::of_dictionary(message.id(actuator.id)))),
             }
         }
         Self::Ids(ids)
+    }
+
+    /// What the kernel lets pass; `None` is everything, which it is for more identifiers than it takes.
+    fn let_pass(&self) -> Option<BTreeSet<CanId>> {
+        let Self::Ids(ids) = self else { return None };
+        let mut all = ids.clone();
+        if ids.iter().any(|id| id.status_of().is_some()) {
+            all.extend(ActuatorId::all().map(|number| CanId::of_dictionary(Message::Status.id(number))));
+        }
+        (all.len() <= FILTERS_MAX).then_some(all)
     }
 }
 
@@ -119,10 +146,8 @@ impl CanSource {
 
     fn open(&self) -> io::Result<Receiver> {
         let socket = CanFdSocket::open(&self.interface)?;
-        if let Wanted::Ids(ids) = &self.wanted
-            && ids.len() <= FILTERS_MAX
-        {
-            socket.set_filters(&filters(ids))?;
+        if let Some(ids) = self.wanted.let_pass() {
+            socket.set_filters(&filters(&ids))?;
         }
         socket.set_error_filter_accept_all()?;
         socket.set_nonblocking(true)?;
@@ -171,11 +196,12 @@ impl CanSource {
             }
             pause.reset();
         }
+        let mut unwatched = Unwatched::new(&self.wanted);
         loop {
             let down = !link.is_up();
             let mut ready = tokio::select! {
                 biased;
-                () = feed.closing() => return drain(fd.get_mut(), feed, link, pause).await,
+                () = feed.closing() => return drain(fd.get_mut(), &mut unwatched, feed, link, pause).await,
                 ready = fd.ready_mut(interest) => match ready {
                     Ok(ready) => ready,
                     Err(error) => return Ended::Failed(error),
@@ -194,7 +220,7 @@ impl CanSource {
             for _ in 0..BATCH {
                 match ready.get_inner_mut().receive(feed.bus(), now_ns) {
                     Ok(received) => {
-                        if pass_on(received, feed, link, pause).await.is_err() {
+                        if pass_on(received, &mut unwatched, feed, link, pause).await.is_err() {
                             return Ended::Closing;
                         }
                     }
@@ -221,13 +247,19 @@ impl CanSource {
 }
 
 /// At the end: takes what was received before it. What comes later belongs to no run.
-async fn drain(receiver: &mut Receiver, feed: &Feed, link: &mut Link, pause: &mut RetryDelay) -> Ended {
+async fn drain(
+    receiver: &mut Receiver,
+    unwatched: &mut Unwatched<'_>,
+    feed: &Feed,
+    link: &mut Link,
+    pause: &mut RetryDelay,
+) -> Ended {
     let end_ns = now_ns();
     for _ in 0..QUEUE_INPUTS {
         match receiver.receive(feed.bus(), now_ns) {
             Ok(received) if received.frame.is_ok_and(|frame| frame.stamp_ns > end_ns) => break,
             Ok(received) => {
-                if pass_on(received, feed, link, pause).await.is_err() {
+                if pass_on(received, unwatched, feed, link, pause).await.is_err() {
                     break;
                 }
             }
@@ -237,7 +269,13 @@ async fn drain(receiver: &mut Receiver, feed: &Feed, link: &mut Link, pause: &mu
     Ended::Closing
 }
 
-async fn pass_on(received: Received, feed: &Feed, link: &mut Link, pause: &mut RetryDelay) -> Result<(), Closed> {
+async fn pass_on(
+    received: Received,
+    unwatched: &mut Unwatched<'_>,
+    feed: &Feed,
+    link: &mut Link,
+    pause: &mut RetryDelay,
+) -> Result<(), Closed> {
     if received.dropped > 0 {
         feed.lost(LiveLoss::SocketQueue, received.dropped).await?;
     }
@@ -246,7 +284,14 @@ async fn pass_on(received: Received, feed: &Feed, link: &mut Link, pause: &mut R
         pause.reset();
     }
     match received.frame {
-        Ok(frame) => feed.frame(frame).await?,
+        Ok(frame) => match unwatched.hear(&frame) {
+            Heard::Wanted => feed.frame(frame).await?,
+            Heard::News(number) => {
+                let bus = feed.bus();
+                feed.send(Input::Unwatched { bus, number }).await?;
+            }
+            Heard::Known => {}
+        },
         Err(_) => feed.lost(LiveLoss::Unreadable, 1).await?,
     }
     Ok(())
@@ -282,17 +327,18 @@ mod tests {
     }
 
     #[test]
-    fn the_filters_pass_the_frames_of_the_configured_actuators_and_nothing_else() {
+    fn the_filters_pass_the_frames_of_the_configured_actuators_and_the_status_of_others() {
         let text = "[[actuator]]\nid = 0\n[[actuator]]\nid = 7\nbus = \"can0\"\n[[actuator]]\nid = 15\n\
                     [[actuator]]\nid = 8\nbus = \"can1\"\n[type.bench.sensors]\nsample_rate_hz = 400\n";
         let config = Config::from_toml_str(text, "hmd.toml").expect("valid");
-        let Wanted::Ids(wanted) = Wanted::for_interface(&config, "can0") else {
+        let Some(wanted) = Wanted::for_interface(&config, "can0").let_pass() else {
             panic!("expected identifiers")
         };
         let ids: Vec<ActuatorId> = [0, 7, 15].into_iter().filter_map(ActuatorId::new).collect();
         let filters = filters(&wanted);
         for can_id in 0..=MAX_STANDARD_ID {
-            let expected = Message::from_id(can_id as u16).is_some_and(|(id, _)| ids.contains(&id));
+            let expected = Message::from_id(can_id as u16)
+                .is_some_and(|(id, message)| ids.contains(&id) || message == Message::Status);
             assert_eq!(passes(&filters, can_id), expected, "{can_id:#x}");
             assert!(!passes(&filters, can_id | socketcan::EFF), "{can_id:#x} extended");
             assert!(!passes(&filters, can_id | socketcan::RTR), "{can_id:#x} remote");
@@ -311,7 +357,10 @@ mod tests {
     #[test]
     fn an_identifier_of_29_bits_passes_as_such_only() {
         let ids = [(0x123, false), (0x0123_4567, true)].map(|(id, extended)| CanId { id, extended });
-        let filters = filters(&ids.into());
+        let Some(ids) = Wanted::Ids(ids.into()).let_pass() else {
+            panic!("expected identifiers")
+        };
+        let filters = filters(&ids);
         for (can_id, expected) in [
             (0x123, true),
             (0x123 | socketcan::EFF, false),

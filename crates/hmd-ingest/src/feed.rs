@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
 
+use ema_wire::ActuatorId;
 use hmd_core::frame::RawFrame;
 use hmd_storage::clock::now_ns;
 
@@ -49,6 +50,13 @@ pub enum Input {
         loss: LiveLoss,
         /// How many frames.
         frames: u64,
+    },
+    /// A number that is not watched on this bus talks there; its frames are left out.
+    Unwatched {
+        /// Index of the bus.
+        bus: u16,
+        /// The number.
+        number: ActuatorId,
     },
     /// Time goes on; sent by the driver, and by a playback with a clock of its own.
     Tick {

@@ -17,6 +17,7 @@ mod sections;
 mod sources;
 mod summary;
 mod units;
+mod words;
 mod zone;
 
 pub use commissioning::commissioning_page;

@@ -30,6 +30,7 @@ use crate::clock::now_ns;
 use crate::mcap_writer::McapWriteError;
 use background::BackgroundRepair;
 use hmd_core::config::Limits;
+use hmd_core::counted::counted;
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_core::record::{LogLevel, Record, StorageState, StoreStatus};
 use name::{Kind, Name, Stage};
@@ -274,8 +275,9 @@ impl SegmentStore {
         if !self.reported.is_empty() && !self.undeletable && !self.records.has_failed() && !self.raw.has_failed() {
             self.reported.clear();
             let text = format!(
-                "storage: written again; not stored since the start: {} frames, {} records",
-                self.raw.lost, self.records.lost
+                "storage: written again; not stored since the start: {}, {}",
+                counted(self.raw.lost, "frame", "frames"),
+                counted(self.records.lost, "record", "records")
             );
             self.messages.push((LogLevel::Info, text));
         }

@@ -17,8 +17,12 @@ mod host_clock;
 mod identification;
 mod keep_requests;
 mod notices;
+mod other_numbers;
 mod pipeline_thread;
 mod steps;
+mod wall_clock;
+#[cfg(test)]
+mod watchdog_tests;
 mod window_queue;
 #[cfg(test)]
 mod window_queue_tests;

@@ -1,83 +1,40 @@
 //! File driver: the same chain as live, with time taken from the file.
 
+mod error;
 mod live_decisions;
+mod serial_numbers;
+mod succession;
+mod summary;
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{self, BufReader};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::recorded_use::RecordedUse;
 use ema_identify::effort::{Effort, RecordedGrants};
-use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Estimator, Identification};
-use hmd_core::config::{ActuatorConfig, Config};
-use hmd_core::dbc::MessageUse;
+use hmd_core::assess::{AssessedWindow, Assessor, Estimator, Identification};
+use hmd_core::config::Config;
+use hmd_core::counted::counted;
 use hmd_core::deadline::TimeLimit;
-use hmd_core::demux::FrameCounts;
 use hmd_core::frame::BusNames;
 use hmd_core::learning::Learner;
-use hmd_core::metadata_checksum::is_sealed;
 use hmd_core::outbox::Notice;
 use hmd_core::pipeline::Pipeline;
-use hmd_core::record::{LogLevel, Status};
+use hmd_core::record::LogLevel;
 use hmd_ingest::Loss;
-use hmd_ingest::file::{FrameSource, IngestError, open_mapped};
+use hmd_ingest::file::{FrameSource, open_mapped};
 use hmd_storage::calibration_file::load_models;
-use hmd_storage::event_file::{EventError, load_events};
-use hmd_storage::mcap::McapMessages;
-use hmd_storage::mcap_writer::METADATA_NAME;
-use hmd_storage::recorder::{RecordError, RecordObserver, Recorder, metadata};
+use hmd_storage::event_file::load_events;
+use hmd_storage::recorder::{RecordObserver, Recorder, metadata};
 use hmd_storage::same_file::is_same_file;
 use live_decisions::LiveDecisions;
+use succession::{LastSegment, Succession};
 
-/// Why a replay failed.
-#[derive(Debug, thiserror::Error)]
-pub enum ReplayError {
-    /// A log cannot be read at all.
-    #[error(transparent)]
-    Ingest(#[from] IngestError),
-    /// The windows cannot be assessed.
-    #[error(transparent)]
-    Assess(#[from] AssessError),
-    /// The maintenance events cannot be read.
-    #[error("rul.events: {0}")]
-    Events(#[from] EventError),
-    /// The output is a log, the configuration or a file that it names.
-    #[error("{path}: expected another output than a file that is read, found one")]
-    OutputIsInput {
-        /// The file.
-        path: String,
-    },
-    /// The records cannot be written.
-    #[error(transparent)]
-    Record(#[from] RecordError),
-    /// Stdout cannot be written.
-    #[error("stdout: {0}")]
-    Stdout(io::Error),
-    /// No frame of an actuator that is watched.
-    #[error("{logs}: expected frames of {expected}, found none ({found})")]
-    NoActuator {
-        /// The logs.
-        logs: String,
-        /// What is watched.
-        expected: String,
-        /// What there was instead.
-        found: String,
-    },
-    /// Frames, but no three that make a sample.
-    #[error(
-        "{logs}: expected currents, position and command of one sample, found {} frames with currents, {} with \
-         position, {} with command, and no three that belong together",
-        found.currents, found.position, found.command
-    )]
-    NoSample {
-        /// The logs.
-        logs: String,
-        /// Frames by what they carry.
-        found: FrameCounts,
-    },
-}
+pub use error::ReplayError;
+pub use serial_numbers::serial_numbers;
+pub use summary::Summary;
+pub(crate) use summary::{other_frames, watched};
 
 /// What a replay is made of.
 #[derive(Debug)]
@@ -92,92 +49,6 @@ pub struct Replay<'a> {
     pub seed: u64,
 }
 
-/// What became of the data.
-#[derive(Clone, Debug, Default)]
-pub struct Summary {
-    /// Counters of the whole run.
-    pub status: Status,
-    /// Actuators seen.
-    pub actuators: u64,
-    /// Windows.
-    pub windows: u64,
-    /// Frames by what they carry.
-    pub frames: FrameCounts,
-    /// Places where a recorded file is damaged, whether or not the frames lost there can be counted.
-    pub damaged_places: u64,
-}
-
-impl Summary {
-    /// Whether anything was lost on the way.
-    #[must_use]
-    pub fn data_lost(&self) -> bool {
-        self.loss().is_some()
-    }
-
-    /// Whether the logs had anything to assessor.
-    ///
-    /// # Errors
-    /// No actuator, or no sample of one.
-    pub fn check(&self, logs: &[PathBuf], config: &Config) -> Result<(), ReplayError> {
-        let logs = || {
-            let logs: Vec<String> = logs.iter().map(|log| log.display().to_string()).collect();
-            logs.join(", ")
-        };
-        if self.actuators == 0 {
-            return Err(ReplayError::NoActuator {
-                logs: logs(),
-                expected: watched(config),
-                found: other_frames(&self.status),
-            });
-        }
-        if self.status.samples == 0 {
-            let found = self.frames;
-            return Err(ReplayError::NoSample { logs: logs(), found });
-        }
-        Ok(())
-    }
-
-    /// What was lost, in one sentence.
-    #[must_use]
-    pub fn loss(&self) -> Option<String> {
-        self.status.lost_in_logs(self.damaged_places)
-    }
-}
-
-/// The frames of others than the actuators watched, in words.
-pub(crate) fn other_frames(status: &Status) -> String {
-    let found = match (status.frames_filtered, status.lost_malformed) {
-        (other, 0) => format!("{other} other frames"),
-        (0, malformed) => format!("{malformed} malformed frames"),
-        (other, malformed) => format!("{malformed} malformed and {other} other frames"),
-    };
-    let interfaces: Vec<&str> = status.interfaces.iter().map(|on| on.interface.as_str()).collect();
-    format!("{found} on {}", interfaces.join(", "))
-}
-
-/// What is watched, in words: which frames on which bus.
-pub(crate) fn watched(config: &Config) -> String {
-    if config.is_auto() {
-        return "an actuator with the identifiers of ema.dbc, or a configuration (-c) that maps the DBC file of this bus"
-            .to_owned();
-    }
-    let one = |actuator: &ActuatorConfig| {
-        let bus = actuator.bus.as_deref().unwrap_or("any bus");
-        let ids: Vec<String> = actuator
-            .map
-            .iter()
-            .flat_map(|map| &map.messages)
-            .map(MessageUse::shown_id)
-            .collect();
-        match ids.as_slice() {
-            [] => format!("{} on {bus}", actuator.name),
-            ids => format!("{} on {bus} ({})", actuator.name, ids.join(", ")),
-        }
-    };
-    let all: Vec<String> = config.actuators().iter().map(one).collect();
-    all.join(", ")
-}
-
 /// Receives what happens while a replay runs.
 pub trait Observer {
     /// One window has been assessed.
@@ -190,16 +61,6 @@ pub trait Observer {
 
 /// Losses of one log that are told one by one; of the others, their number. All are counted.
 pub(crate) const LOSSES_TOLD: u64 = 20;
-
-/// How a log follows the one before.
-enum Succession {
-    /// The next segment of the same run, and none lost between.
-    Next,
-    /// A run of its own, or another capture of the same run.
-    AnotherRun,
-    /// A log that does not say, or a segment behind a lost one: what is missing between them is counted.
-    Unknown,
-}
 
 struct Run<'a, O> {
     pipeline: Pipeline,
@@ -218,8 +79,7 @@ struct Run<'a, O> {
     recorded: RecordedUse,
     /// Serial numbers by actuator, by the logs so far.
     serial_numbers: BTreeMap<String, String>,
-    /// Run and number of the segment read last, if it was one.
-    segment: Option<(String, u64)>,
+    segment: LastSegment,
 }
 
 impl Replay<'_> {
@@ -284,7 +144,7 @@ impl Replay<'_> {
             losses_of_log: 0,
             recorded: RecordedUse::default(),
             serial_numbers: BTreeMap::new(),
-            segment: None,
+            segment: LastSegment::default(),
         };
         let mut read_before = 0;
         for log in self.logs {
@@ -292,7 +152,7 @@ impl Replay<'_> {
                 Some(source) => source,
                 None => open_mapped(log, names, &self.config)?,
             };
-            let succession = run.succession(&source);
+            let succession = run.segment.succession(&source);
             let continued = matches!(succession, Succession::Next);
             if !continued {
                 run.end_windows()?;
@@ -366,7 +226,11 @@ impl<O: Observer> Run<'_, O> {
         }
         let untold = std::mem::take(&mut self.losses_of_log).saturating_sub(LOSSES_TOLD);
         if untold > 0 {
-            let message = format!("{}: data lost at {untold} more places", log.display());
+            let message = format!(
+                "{}: data lost at {}",
+                log.display(),
+                counted(untold, "more place", "more places")
+            );
             let stamp_ns = self.pipeline.last_stamp_ns();
             self.notice(&Notice { stamp_ns, message }, LogLevel::Error)?;
         }
@@ -407,30 +271,6 @@ impl<O: Observer> Run<'_, O> {
             }
         }
         Ok(())
-    }
-
-    /// How a log follows the one before.
-    fn succession(&mut self, source: &FrameSource) -> Succession {
-        let metadata = source
-            .metadata(METADATA_NAME)
-            .filter(|found| is_sealed(METADATA_NAME, found));
-        let segment = metadata.and_then(|found| {
-            let number = found.get("segment")?.parse().ok()?;
-            Some((found.get("run")?.clone(), number))
-        });
-        let succession = match (&self.segment, &segment) {
-            (Some((before, last)), Some((run, number))) if before == run => {
-                if *number == last + 1 {
-                    Succession::Next
-                } else {
-                    Succession::Unknown
-                }
-            }
-            (Some(_), Some(_)) => Succession::AnotherRun,
-            _ => Succession::Unknown,
-        };
-        self.segment = segment;
-        succession
     }
 
     fn end_windows(&mut self) -> Result<(), ReplayError> {
@@ -515,55 +355,11 @@ impl<O: Observer> Run<'_, O> {
     }
 }
 
-/// Serial numbers of the actuators in a log, from its writer's configuration; none in a text log.
-#[must_use]
-pub fn serial_numbers(log: &Path) -> BTreeMap<String, String> {
-    let mut found = BTreeMap::new();
-    // Nothing else than a regular file can be read twice.
-    if !log.metadata().is_ok_and(|of| of.is_file()) {
-        return found;
-    }
-    let Ok(file) = File::open(log) else { return found };
-    let Ok(mut messages) = McapMessages::new(BufReader::new(file), &log.display().to_string()) else {
-        return found;
-    };
-    // The metadata stand before the first message.
-    let _ = messages.next();
-    let metadata = messages
-        .metadata(METADATA_NAME)
-        .filter(|found| is_sealed(METADATA_NAME, found));
-    for (key, value) in metadata.into_iter().flatten() {
-        if let Some(actuator) = key.strip_suffix(".serial_number") {
-            found.insert(actuator.to_owned(), value.clone());
-        }
-    }
-    found
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use hmd_core::assess::Models;
-
-    #[test]
-    fn a_log_contains_the_serial_numbers_of_its_units() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("unit.mcap");
-        let text = "[[actuator]]\nid = 0\nserial_number = \"S7\"";
-        let config = Config::from_toml_str(text, "test").unwrap();
-        let mut recorder = Recorder::create(&path, &metadata(&config, "log", 1)).unwrap();
-        recorder.write_status(1, &Status::default()).unwrap();
-        recorder.finish().unwrap();
-        let expected = BTreeMap::from([("ema0".to_owned(), "S7".to_owned())]);
-        assert_eq!(serial_numbers(&path), expected);
-        let mut bytes = std::fs::read(&path).unwrap();
-        let at = bytes.windows(2).position(|two| two == b"S7").unwrap();
-        bytes[at + 1] = b'8';
-        std::fs::write(&path, bytes).unwrap();
-        assert_eq!(serial_numbers(&path), BTreeMap::new(), "no checksum vouches for S8");
-        std::fs::write(&path, "no log").unwrap();
-        assert_eq!(serial_numbers(&path), BTreeMap::new());
-    }
+    use hmd_core::record::Status;
 
     #[test]
     fn a_new_serial_number_resets_the_history() {
@@ -590,7 +386,7 @@ mod tests {
             losses_of_log: 0,
             recorded: RecordedUse::default(),
             serial_numbers: BTreeMap::new(),
-            segment: None,
+            segment: LastSegment::default(),
         };
         let log = |serial: &str| {
             let path = folder.path().join(format!("{serial}.mcap"));

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use crate::replay::{LOSSES_TOLD, other_frames, watched};
 use hmd_core::assess::WindowCounts;
 use hmd_core::config::Config;
+use hmd_core::counted::counted;
 use hmd_core::frame::BusNames;
 use hmd_core::outbox::WindowJob;
 use hmd_core::pipeline::Pipeline;
@@ -69,7 +70,11 @@ pub fn windows_of(
         }
         if losses > LOSSES_TOLD {
             let untold = losses - LOSSES_TOLD;
-            report(&format!("{}: data lost at {untold} more places", log.display()));
+            report(&format!(
+                "{}: data lost at {}",
+                log.display(),
+                counted(untold, "more place", "more places")
+            ));
         }
         for remark in source.remarks() {
             report(&remark);

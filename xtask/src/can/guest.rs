@@ -106,17 +106,24 @@ impl Results {
         fs::read_to_string(&path).with_context(|| path.display().to_string())
     }
 
-    /// The number before a phrase, in the two lines with which a daemon ends.
+    /// The number before a phrase in the plural, in the two lines with which a daemon ends.
     pub(super) fn counted(&self, name: &str, phrase: &str) -> anyhow::Result<u64> {
         let output = self.output(&format!("{name}.err"))?;
-        let last = output.lines().filter(|line| {
-            let is_count = [" frames received: ", " frames recorded, "]
+        // Of one thing it is said in the singular.
+        let singular = |text: &str| {
+            text.replace("frames", "frame")
+                .replace("samples", "sample")
+                .replace("windows", "window")
+        };
+        let last = output.lines().map(singular).filter(|line| {
+            let is_count = [" frame received: ", " frame recorded, "]
                 .iter()
                 .any(|of| line.contains(of));
             is_count || line.starts_with("data lost: ")
         });
-        for part in last.flat_map(|line| line.split([',', ':'])) {
-            if let Some(number) = part.trim().strip_suffix(phrase) {
+        let (last, phrase) = (last.collect::<Vec<_>>(), singular(phrase));
+        for part in last.iter().flat_map(|line| line.split([',', ':'])) {
+            if let Some(number) = part.trim().strip_suffix(&phrase) {
                 return number.trim().parse().with_context(|| part.to_owned());
             }
         }

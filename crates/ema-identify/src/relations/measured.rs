@@ -15,8 +15,7 @@ pub struct MeasuredWindow<'a, S> {
     motor: MotorParams,
     samples: &'a [S],
     filled: &'a [usize],
-    /// Whether the unit moved otherwise when it was commissioned.
-    is_other_motion: bool,
+    since: SinceCommissioning,
 }
 
 impl<S> Clone for MeasuredWindow<'_, S> {
@@ -43,6 +42,15 @@ impl WindingTemp {
         let [[_, now], [_, commissioned]] = [self.now, self.commissioned].map(temperature_factors);
         now / commissioned
     }
+}
+
+/// What is other in a window than it was when its unit was commissioned; by default nothing that is known.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SinceCommissioning {
+    /// How warm the winding is, where that is measured; else as the type says.
+    pub winding_temp: Option<WindingTemp>,
+    /// The unit moved otherwise then.
+    pub is_other_motion: bool,
 }
 
 /// Measured quantities of one sample.
@@ -106,26 +114,13 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
             motor: params.motor,
             samples,
             filled,
-            is_other_motion: false,
+            since: SinceCommissioning::default(),
         }
     }
 
-    /// The same, of a unit that moved otherwise when it was commissioned.
+    /// The same with this being other than at commissioning.
     #[must_use]
-    pub fn in_other_motion(self, is_other_motion: bool) -> Self {
-        Self {
-            is_other_motion,
-            ..self
-        }
-    }
-
-    pub(super) fn is_other_motion(&self) -> bool {
-        self.is_other_motion
-    }
-
-    /// The same with the winding as warm as this; as the type says without it.
-    #[must_use]
-    pub fn at(self, winding_temp: Option<WindingTemp>) -> Self {
+    pub fn with(self, since: SinceCommissioning) -> Self {
         let motor = &self.params.motor;
         let warm = |temp: WindingTemp| MotorParams {
             k: motor.k * temp.torque_factor(),
@@ -133,9 +128,14 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
             ..*motor
         };
         Self {
-            motor: winding_temp.map_or(*motor, warm),
+            motor: since.winding_temp.map_or(*motor, warm),
+            since,
             ..self
         }
+    }
+
+    pub(super) fn is_other_motion(&self) -> bool {
+        self.since.is_other_motion
     }
 
     /// The motor as warm as it is.

@@ -8,7 +8,7 @@ use super::UnitEstimate;
 use crate::counter_alignment::align_counters;
 use crate::estimate::{Estimate, UNMODELLED_COST};
 use crate::inferred::{Inferred, InferredReadings};
-use crate::relations::{Element, MeasuredWindow, Relation, RelationsEstimate, WindingTemp};
+use crate::relations::{Element, MeasuredWindow, Relation, RelationsEstimate, SinceCommissioning};
 use crate::unit_calibration::UnitRelations;
 
 /// A window's samples with both counters on the wraps that bring the angles together.
@@ -17,8 +17,7 @@ pub struct AlignedWindow<'a> {
     params: &'a ActuatorParams,
     samples: Vec<SensedSample>,
     filled: &'a [usize],
-    winding_temp: Option<WindingTemp>,
-    is_other_motion: bool,
+    since: SinceCommissioning,
 }
 
 impl<'a> AlignedWindow<'a> {
@@ -38,32 +37,20 @@ impl<'a> AlignedWindow<'a> {
             params,
             samples,
             filled,
-            winding_temp: None,
-            is_other_motion: false,
+            since: SinceCommissioning::default(),
         }
     }
 
-    /// The same, of a unit that moved otherwise when it was commissioned.
+    /// The same with this being other than at commissioning.
     #[must_use]
-    pub fn in_other_motion(self, is_other_motion: bool) -> Self {
-        Self {
-            is_other_motion,
-            ..self
-        }
-    }
-
-    /// The same with the winding as warm as this, where that is measured.
-    #[must_use]
-    pub fn at(self, winding_temp: Option<WindingTemp>) -> Self {
-        Self { winding_temp, ..self }
+    pub fn with(self, since: SinceCommissioning) -> Self {
+        Self { since, ..self }
     }
 
     /// The window as the relations read it.
     #[must_use]
     pub fn measured(&self) -> MeasuredWindow<'_, SensedSample> {
-        MeasuredWindow::new(self.params, &self.samples, self.filled)
-            .at(self.winding_temp)
-            .in_other_motion(self.is_other_motion)
+        MeasuredWindow::new(self.params, &self.samples, self.filled).with(self.since)
     }
 }
 

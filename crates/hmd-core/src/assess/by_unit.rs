@@ -1,19 +1,17 @@
 //! A window of a commissioned unit -> estimate: by its relations, or by the monitor corrected by its baseline.
 
 use ema_identify::effort::{Effort, Request, Stage};
-use ema_identify::relations::{Needed, Relation, WindingTemp};
-use ema_identify::unit_calibration::{
-    Motion, Seen, UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations, Unseen,
-};
+use ema_identify::relations::{Needed, Relation, SinceCommissioning};
+use ema_identify::unit_calibration::{Seen, UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations, Unseen};
 use ema_identify::unit_estimate::{USUAL_COST, UnitEstimate, corrected, estimate_by_relations, of_both};
 use ema_identify::{Estimate, Fit, Identifier, Prepared};
 use ema_models::{Conditions, FAULT_COUNT, FaultId};
 
 use super::AssessError;
+use crate::motion::{motion_of, moves_one_way};
 use crate::outbox::WindowJob;
 use crate::outliers::{estimate_without_outliers, identify_without_outliers};
 use crate::sample::MeasuredConditions;
-use crate::sensor_checks::rivals::moves_one_way;
 use crate::window::Window;
 
 /// What an identification finds in a window.
@@ -47,22 +45,21 @@ pub(super) fn estimate(
     effort: &Effort<'_>,
 ) -> Result<Option<Assessed>, AssessError> {
     job.window.output_zero_rad = unit.output_zero_rad;
-    let winding_temp = unit.seen.winding_temp(conditions.winding_temp_deg_c);
     let mut reasons = Vec::new();
     let measured = job.conditions;
     let motion = motion_of(job);
-    let is_other_motion = !unit.seen.is_same_motion(&motion);
+    let since = SinceCommissioning {
+        winding_temp: unit.seen.winding_temp(conditions.winding_temp_deg_c),
+        is_other_motion: !unit.seen.is_same_motion(&motion),
+    };
     let not_explained = |relations: &[Relation]| not_explained(relations, &measured);
     let of_relations = |job: &mut WindowJob| match &unit.relations {
-        Some(relations) => {
-            let as_commissioned = (winding_temp, is_other_motion);
-            by_relations(relations, identifier, job, conditions, as_commissioned, effort)
-        }
+        Some(relations) => by_relations(relations, identifier, job, conditions, since, effort),
         None => Ok(None),
     };
     let of_monitor = |job: &mut WindowJob, monitor: &UnitMonitor| {
         let found = by_monitor(monitor, identifier, job, conditions, seed, effort)?;
-        let factor = if is_other_motion {
+        let factor = if since.is_other_motion {
             factor_in_other_motion(monitor)
         } else {
             1.0
@@ -117,10 +114,7 @@ pub(super) fn estimate(
     let Some((fit, mut found)) = found else { return Ok(None) };
     if let (Some(relations), None, false) = (&unit.relations, found.estimate.inferred.turns, effort.is_short()) {
         // The monitor infers nothing of a commissioned unit.
-        let aligned = job
-            .window
-            .aligned(&job.params, winding_temp)
-            .in_other_motion(is_other_motion);
+        let aligned = job.window.aligned(&job.params, since);
         let by_relations = estimate_by_relations(relations, &aligned, false);
         if by_relations.unexplained.is_empty() {
             found.estimate.inferred = by_relations.estimate.inferred;
@@ -189,7 +183,7 @@ fn by_relations(
     identifier: &Identifier,
     job: &mut WindowJob,
     conditions: Conditions,
-    (winding_temp, is_other_motion): (Option<WindingTemp>, bool),
+    since: SinceCommissioning,
     effort: &Effort<'_>,
 ) -> Result<Option<(Fit, UnitEstimate)>, AssessError> {
     let params = job.params;
@@ -204,7 +198,7 @@ fn by_relations(
         return Ok(None);
     }
     let estimate = |window: &Window, prepared: &Prepared| {
-        let aligned = window.aligned(&params, winding_temp).in_other_motion(is_other_motion);
+        let aligned = window.aligned(&params, since);
         let is_locked = identifier.is_locked(prepared, conditions);
         Ok::<_, AssessError>(estimate_by_relations(relations, &aligned, is_locked))
     };
@@ -297,16 +291,6 @@ fn suspects(relation: Relation) -> &'static str {
         Relation::TorqueBalance => "phase currents and motor",
         Relation::Controller => "set point and controller",
         Relation::Transmission => "output encoder and gear",
-    }
-}
-
-/// Conditions and motion of a window.
-#[must_use]
-pub(crate) fn motion_of(job: &WindowJob) -> Motion {
-    Motion {
-        winding_temp_deg_c: job.conditions.winding_temp_deg_c,
-        load_torque: job.conditions.load_torque_nm,
-        ..Motion::of(&job.params, &job.window.samples)
     }
 }
 

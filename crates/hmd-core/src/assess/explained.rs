@@ -13,11 +13,12 @@ use super::by_signals::{BySignals, CORRECTED_FACTOR, in_words};
 use super::by_unit::{self, Assessed, OF_THE_ROTOR};
 use super::{AssessError, Assessor, conditions, unseen};
 use crate::config::SearchMethod;
+use crate::motion::moves_one_way;
 use crate::outbox::WindowJob;
 use crate::outliers::grants_runs;
 use crate::seed::{mix, name_hash};
 use crate::sensor_checks::rivals::{
-    BETTER, Corrected, Rival, Verdict, accuses_all_phases_alike, correct, is_doubtful, judge, moves_one_way, rivals,
+    BETTER, Corrected, Rival, Verdict, accuses_all_phases_alike, correct, is_doubtful, judge, rivals,
 };
 use crate::sensor_checks::{Contradiction, Suspect, Suspicion, contradictions};
 

@@ -1,8 +1,8 @@
 //! The relations of one unit, and what they say of windows that were left out.
 
 use ema_identify::relations::{
-    BalanceShape, CommissionError, CommissionedRelations, Element, MeasuredWindow, RelationsEstimate, Term,
-    coarse_torque_error, commission, commission_as,
+    BalanceShape, CommissionError, CommissionedRelations, Element, MeasuredWindow, RelationsEstimate,
+    SinceCommissioning, Term, coarse_torque_error, commission, commission_as,
 };
 use ema_identify::unit_calibration::{Seen, UnitParameter, UnitRelations, nominal_elements};
 use ema_identify::unit_estimate::{AlignedWindow, estimate_by_relations};
@@ -32,8 +32,11 @@ pub(super) struct RelationsLearnt {
 /// The windows do not determine them.
 pub(super) fn learn_relations(jobs: &[WindowJob], seen: &Seen) -> Result<RelationsLearnt, CommissionError> {
     let aligned = jobs.iter().map(|job| {
-        let winding_temp = seen.winding_temp(job.conditions.winding_temp_deg_c);
-        job.window.aligned(&job.params, winding_temp)
+        let since = SinceCommissioning {
+            winding_temp: seen.winding_temp(job.conditions.winding_temp_deg_c),
+            ..SinceCommissioning::default()
+        };
+        job.window.aligned(&job.params, since)
     });
     let aligned: Vec<AlignedWindow<'_>> = aligned.collect();
     let windows: Vec<MeasuredWindow<'_, SensedSample>> = aligned.iter().map(AlignedWindow::measured).collect();

@@ -2,7 +2,7 @@
 //! windows that were left out show.
 
 use ema_identify::Estimate;
-use ema_identify::relations::{Curve, Element, Needed, RelationsEstimate, Term};
+use ema_identify::relations::{Curve, Element, Needed, RelationsEstimate, SinceCommissioning, Term};
 use ema_identify::unit_calibration::{
     Deviation, Seen, UnitMonitor, UnitParameter, UnitRelations, change_since, elements_of, fault_of,
 };
@@ -298,8 +298,11 @@ pub(super) fn windows_by_both(relations: Vec<HealthyWindow>, monitor: &[HealthyW
 /// Both sides of each relation over the window that excites most: that with the most rows.
 pub(super) fn curves(jobs: &[WindowJob], relations: &UnitRelations, seen: &Seen) -> (u64, Vec<Curve>) {
     let of = |job: &WindowJob| {
-        let winding_temp = seen.winding_temp(job.conditions.winding_temp_deg_c);
-        let aligned = job.window.aligned(&job.params, winding_temp);
+        let since = SinceCommissioning {
+            winding_temp: seen.winding_temp(job.conditions.winding_temp_deg_c),
+            ..SinceCommissioning::default()
+        };
+        let aligned = job.window.aligned(&job.params, since);
         let window = aligned.measured();
         let estimate = relations.commissioned.estimate(&window);
         (

@@ -80,6 +80,20 @@ impl DriveJoiner {
         &self.name
     }
 
+    /// Its preset and node.
+    #[must_use]
+    pub fn node(&self) -> (Preset, u8) {
+        let settings = self.bus.settings();
+        (settings.preset, settings.node)
+    }
+
+    /// The node that sends this frame, by the preset of this drive.
+    #[must_use]
+    pub fn node_of(&self, frame: &RawFrame) -> Option<(Preset, u8)> {
+        let preset = self.bus.settings().preset;
+        preset.node_of(frame).map(|node| (preset, node))
+    }
+
     /// Its quantities, as the columns of a log.
     ///
     /// # Errors

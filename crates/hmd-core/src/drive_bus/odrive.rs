@@ -22,6 +22,9 @@ const GET_IQ: u32 = 0x14;
 const GET_TEMPERATURE: u32 = 0x15;
 const GET_BUS_VOLTAGE_CURRENT: u32 = 0x17;
 
+/// Of these, what a drive sends in any case.
+pub(super) const SENT: [u32; 3] = [HEARTBEAT, GET_ENCODER_ESTIMATES, GET_IQ];
+
 /// `Axis_State`: only then the controller follows its input.
 const CLOSED_LOOP_CONTROL: u64 = 8;
 

@@ -18,6 +18,9 @@ const STATUS: u32 = 9;
 const STATUS_4: u32 = 16;
 const STATUS_5: u32 = 27;
 
+/// Of these, what a drive sends.
+pub(super) const SENT: [u32; 3] = [STATUS, STATUS_4, STATUS_5];
+
 /// Step of the current, A. Numbers are truncated towards zero.
 const CURRENT_STEP_A: f64 = 0.1;
 

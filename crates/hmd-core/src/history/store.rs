@@ -89,8 +89,8 @@ impl HistoryStore {
             .get(&actuator.name)
             .or_else(|| self.restored.get(&actuator.name));
         known.is_some_and(|history| {
-            let resets = |until_ns: u64| resets(&self.events.list, &actuator.name, None, until_ns).count() as u64;
-            resets(t_ns) > history.events_followed.unwrap_or_else(|| resets(history.begun_ns))
+            let (come, followed) = counts_of_unit(&self.events.list, &actuator.name, history, t_ns);
+            come > followed
         })
     }
 
@@ -109,13 +109,9 @@ impl HistoryStore {
         };
         let of = |part: Option<ReplacedPart>| resets(&self.events.list, &actuator.name, part, t_ns);
         let of_parts = ReplacedPart::ALL.map(|part| of(Some(part)).count() as u64);
-        let come = || of(None);
-        let count = come().count() as u64;
-        let begun_ns = history.begun_ns;
-        let before = || come().filter(|event| event.t_ns <= begun_ns).count() as u64;
-        // The file only grows, so that one more event is a new one, whatever its time.
-        let followed = *history.events_followed.get_or_insert_with(before);
-        if let Some(newest) = come().max_by_key(|event| event.t_ns).filter(|_| count > followed) {
+        let (count, followed) = counts_of_unit(&self.events.list, &actuator.name, history, t_ns);
+        history.events_followed = Some(followed);
+        if let Some(newest) = of(None).max_by_key(|event| event.t_ns).filter(|_| count > followed) {
             *history = UnitHistory {
                 begun_ns: newest.t_ns,
                 events_followed: Some(count),
@@ -184,6 +180,14 @@ fn resets<'a>(
         event.event == EventKind::Reset && event.actuator == actuator && event.part == part && event.t_ns <= until_ns
     };
     events.iter().filter(is_meant)
+}
+
+/// Replacements of the unit of an actuator up to a time, and how many of them its history has followed. The file only grows, so that one
+/// more is a new one, whatever its time.
+fn counts_of_unit(events: &[Event], actuator: &str, history: &UnitHistory, until_ns: u64) -> (u64, u64) {
+    let count = |until_ns: u64| resets(events, actuator, None, until_ns).count() as u64;
+    let before = || count(history.begun_ns.min(until_ns));
+    (count(until_ns), history.events_followed.unwrap_or_else(before))
 }
 
 /// The note of an event, behind a colon.

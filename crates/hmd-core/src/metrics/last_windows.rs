@@ -45,20 +45,14 @@ impl LastWindows {
         }
     }
 
-    /// Takes a window. What it does not show is no longer known.
-    pub fn update(&mut self, health: &Health, rul: &Rul) {
+    /// Takes a window, and what it has in common with those before. What it does not show is no longer known.
+    pub fn update(&mut self, health: &Health, rul: &Rul, in_a_row: &WindowsInARow) {
         let (damages, sigmas) = (health.damages(), health.damage_sigmas());
-        let mut in_a_row = self
-            .actuators
-            .remove(&health.actuator)
-            .map(|last| last.in_a_row)
-            .unwrap_or_default();
-        in_a_row.update(health);
         let last = LastWindow {
             t_start_ns: health.t_start_ns,
             damage: std::array::from_fn(|n| (damages[n], sigmas[n].filter(|_| damages[n].is_some()))),
             rul_h: [rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h],
-            in_a_row,
+            in_a_row: in_a_row.clone(),
         };
         self.actuators.insert(health.actuator.clone(), last);
     }
@@ -173,7 +167,7 @@ mod tests {
             rul_p10_h: Some(2.0),
             ..Rul::default()
         };
-        last.update(&health, &rul);
+        last.update(&health, &rul, &WindowsInARow::default());
         let text = render(&Status::default(), &last);
         for line in [
             "hmd_config_info{hash=\"ab12\"} 1",
@@ -195,6 +189,7 @@ mod tests {
                 ..Health::default()
             },
             &Rul::default(),
+            &WindowsInARow::default(),
         );
         let text = render(&Status::default(), &last);
         assert!(!text.contains("friction"), "{text}");

@@ -1,6 +1,7 @@
 //! Counters of the whole process: loss is data.
 
 use super::schema::message;
+use crate::counted::counted;
 
 message! {
     /// Totals since the start (or since the start of a replay). Received = decoded + filtered + error + malformed
@@ -229,16 +230,24 @@ impl Status {
             return None;
         }
         let counts = [
-            (self.lost_unreadable, "unreadable lines or frames"),
-            (damaged_places, "damaged places of a file"),
-            (self.lost_damaged, "frames missing by count"),
-            (self.lost_malformed, "malformed frames"),
-            (self.lost_samples, "samples"),
-            (self.lost_late, "frames out of order"),
-            (self.lost_windows, "windows that the live run did not assess"),
+            (
+                self.lost_unreadable,
+                "unreadable line or frame",
+                "unreadable lines or frames",
+            ),
+            (damaged_places, "damaged place of a file", "damaged places of a file"),
+            (self.lost_damaged, "frame missing by count", "frames missing by count"),
+            (self.lost_malformed, "malformed frame", "malformed frames"),
+            (self.lost_samples, "sample", "samples"),
+            (self.lost_late, "frame out of order", "frames out of order"),
+            (
+                self.lost_windows,
+                "window that the live run did not assess",
+                "windows that the live run did not assess",
+            ),
         ];
-        let lost = counts.iter().filter(|(count, _)| *count > 0);
-        let lost: Vec<String> = lost.map(|(count, what)| format!("{count} {what}")).collect();
+        let lost = counts.iter().filter(|(count, ..)| *count > 0);
+        let lost: Vec<String> = lost.map(|(count, one, many)| counted(*count, one, many)).collect();
         Some(format!("data lost: {}", lost.join(", ")))
     }
 

@@ -3,13 +3,14 @@
 //! A window that accuses a part, or that no fault explains, is estimated again without a reading, or with another one. The better
 //! explanation wins; where both explain the window alike and differ in what they accuse, the window accuses nothing.
 
-use ema_models::{DriveKind, FaultId, REFERENCE_TEMPERATURE_DEG_C, SensedSample};
+use ema_models::{DriveKind, FaultId, REFERENCE_TEMPERATURE_DEG_C};
 
 use super::contradictions::LINK_POSSIBLE;
 use super::correction::Correction;
 use super::findings::torque_ratio;
 use super::suspect::{Suspect, Suspicion};
 use crate::health::{SIGNIFICANCE, significance};
+use crate::motion::moves_one_way;
 use crate::outbox::WindowJob;
 use ema_identify::Estimate;
 
@@ -289,26 +290,4 @@ pub fn judge(job: &WindowJob, estimate: &Estimate, suspect: Suspect, rival: &Est
     } else {
         verdict
     }
-}
-
-/// Speed from which on friction has the sign of a direction, rad/s, and time for which it must last, s.
-const MOVES: f64 = 3.0;
-const LASTS_S: f64 = 0.01;
-
-/// Whether the motor turns for a while in one direction only.
-pub(crate) fn moves_one_way(job: &WindowJob) -> bool {
-    let sensors = &job.params.sensors;
-    let speed = |pair: &[SensedSample]| {
-        pair[1].motor_counts.saturating_sub(pair[0].motor_counts) as f64 * sensors.motor_lsb() * sensors.sample_rate
-    };
-    let needed = (LASTS_S * sensors.sample_rate).ceil();
-    let (mut runs, mut longest) = ([0.0_f64; 2], [0.0_f64; 2]);
-    for pair in job.window.samples.windows(2) {
-        let speed = speed(pair);
-        for (place, speed) in [speed, -speed].into_iter().enumerate() {
-            runs[place] = if speed > MOVES { runs[place] + 1.0 } else { 0.0 };
-            longest[place] = longest[place].max(runs[place]);
-        }
-    }
-    longest.iter().any(|&longest| longest < needed)
 }

@@ -4,14 +4,16 @@ use std::fmt::Write;
 
 use ema_models::FaultId;
 use hmd_core::catalogue::FaultMode;
+use hmd_core::counted::counted;
 use hmd_core::health::HealthState;
 use hmd_core::record::{Rul, Shown};
 
 use super::history::{History, Unassessed, hours_of};
 use super::markup::wide_table;
 use super::plot::escaped;
-use super::recommendation::{Recommendation, durations, hours, with_capital};
+use super::recommendation::Recommendation;
 use super::sections::NORMAL_95;
+use super::words::{durations, hours, with_capital};
 use super::zone::Zone;
 
 /// Part and serial number, number of windows and the time they span.
@@ -24,8 +26,8 @@ pub(super) fn period(history: &History, zone: &Zone) -> String {
         identity => format!("{}<br>", escaped(&with_capital(identity))),
     };
     format!(
-        "<p class=\"faint\">{identity}{} windows from {} to {}</p>\n",
-        history.points.len(),
+        "<p class=\"faint\">{identity}{} from {} to {}</p>\n",
+        counted(history.points.len() as u64, "window", "windows"),
         zone.minute(first.t_start_ns),
         zone.minute(last.t_start_ns)
     )
@@ -167,8 +169,8 @@ fn level(shown: Option<Shown>, mode: &FaultMode, state: HealthState) -> String {
                 format!("{state}: not certain yet, ± {}", percent_of(NORMAL_95 * sigma))
             }
             _ => format!(
-                "{state}: {by_damage} takes {} windows in a row",
-                mode.persistence_windows
+                "{state}: {by_damage} takes {}",
+                counted(mode.persistence_windows.into(), "window", "windows in a row")
             ),
         }
     } else {

@@ -1,6 +1,7 @@
 //! What is known of the selected actuator.
 
 use super::model::Row;
+use hmd_core::counted::counted;
 use hmd_core::record::Estimate;
 use hmd_core::timestamp::minute;
 
@@ -116,7 +117,10 @@ fn used(row: &Row<'_>) -> String {
         |value: Option<f64>, unit| value.map_or_else(|| format!("? {unit}"), |value| format!("{value:.1} {unit}"));
     let mut text = format!("used     {}, {}", value(hours, "h"), value(cycles, "cycles"));
     if row.persistence > 0 {
-        text += &format!("; {} windows in a row ask for a worse state", row.persistence);
+        text += &format!(
+            "; {} for a worse state",
+            counted(row.persistence, "window asks", "windows in a row ask")
+        );
     }
     if let Some(known) = row.known.filter(|known| !known.sensors.drifting.is_empty()) {
         text += &format!(

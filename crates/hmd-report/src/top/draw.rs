@@ -9,6 +9,7 @@ use ratatui::style::{Color, Modifier, Style};
 use super::detail::{self, duration};
 use super::model::{Condition, Freshness, Model, Row};
 use super::state::Event;
+use hmd_core::counted::counted;
 use hmd_core::health::HealthState;
 use hmd_core::record::LogLevel;
 use hmd_core::timestamp::minute;
@@ -210,7 +211,10 @@ impl Page<'_> {
             several => format!("{several} actuators"),
         };
         let stale = format!("  {} STALE", model.stale);
-        let refused = format!("  {} records of further ones left out", model.state.refused);
+        let refused = format!(
+            "  {} of further ones left out",
+            counted(model.state.refused, "record", "records")
+        );
         let mut spans = vec![(total.as_str(), Style::new())];
         spans.extend(counts.iter().map(|(text, style)| (text.as_str(), *style)));
         if model.stale > 0 {

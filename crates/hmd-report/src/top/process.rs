@@ -1,5 +1,6 @@
 //! Status lines of the recording process.
 
+use hmd_core::counted::counted;
 use hmd_core::record::Status;
 
 /// Interfaces that are not OK, by name; how many are; queues; storage.
@@ -30,8 +31,9 @@ pub(super) fn buses(status: &Status) -> String {
     // A replay has none.
     if !status.actuators.is_empty() {
         text += &format!(
-            "; queues {} inputs, {} windows",
-            status.queued_inputs, status.queued_windows
+            "; queues {}, {}",
+            counted(status.queued_inputs, "input", "inputs"),
+            counted(status.queued_windows, "window", "windows")
         );
     }
     if !status.storage.is_empty() {
@@ -83,7 +85,7 @@ pub(super) fn losses(status: &Status, damaged: u64) -> String {
 /// Places in the files that could not be read; nothing where there are none.
 pub(super) fn damage(damaged: u64) -> String {
     if damaged > 0 {
-        format!("; {damaged} damaged places in the file")
+        format!("; {} in the file", counted(damaged, "damaged place", "damaged places"))
     } else {
         String::new()
     }

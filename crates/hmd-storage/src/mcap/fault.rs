@@ -3,6 +3,7 @@
 use super::limits::{
     DEFINITION_BYTES_MAX, DEFINITIONS_MAX, EXPANSION_MAX, METADATA_BYTES_MAX, METADATA_MAX, RECORD_BYTES_MAX,
 };
+use hmd_core::counted::counted;
 use std::io;
 use std::sync::Arc;
 use thiserror::Error;
@@ -53,13 +54,13 @@ pub enum McapFault {
     #[error("expected chunks that expand to at most {max} times the file's size, found more; the rest is not read", max = EXPANSION_MAX)]
     Expansion,
     /// Messages that a checksum vouches for, but that were read before: a chunk of the file is there twice.
-    #[error("expected new messages, found {count} messages that were read before; they are not used")]
+    #[error("expected new messages, found {} before; not used", counted(*count, "message that was read", "messages that were read"))]
     RepeatedMessages {
         /// How many.
         count: u64,
     },
     /// Raw frames that were read before, by their count.
-    #[error("expected raw frame number {expected}, found {count} frames that were read before; they are not used")]
+    #[error("expected raw frame number {expected}, found {} before; not used", counted(*count, "frame that was read", "frames that were read"))]
     RepeatedFrames {
         /// Place of the first one that is new.
         expected: u64,
@@ -97,7 +98,7 @@ pub enum McapFault {
     )]
     Definitions,
     /// Raw frames are missing by their count.
-    #[error("expected raw frame number {first_index}, found a gap: {count} frames are missing")]
+    #[error("expected raw frame number {first_index}, found a gap: {} missing", counted(*count, "frame is", "frames are"))]
     MissingFrames {
         /// Place of the first one in the stream.
         first_index: u64,

@@ -13,6 +13,7 @@ use super::name::{NUMBER_MAX, Name, PROFILE, Stage, is_segment};
 use crate::mcap::McapFault;
 use crate::recover::{RecoverError, Recovered, recover_within};
 use crate::regular_file::open_regular;
+use hmd_core::counted::counted;
 use hmd_core::record::LogLevel;
 
 /// Most damaged segments that are kept as they were; the oldest go.
@@ -80,7 +81,8 @@ pub(super) fn repair_folder(folder: &Path, disk: &dyn Disk) -> io::Result<Found>
         }
     }
     if !found.pending.is_empty() {
-        let text = format!("{} cut segments are repaired in the background", found.pending.len());
+        let segments = counted(found.pending.len() as u64, "cut segment is", "cut segments are");
+        let text = format!("{segments} repaired in the background");
         found.report(LogLevel::Info, &text);
     }
     for name in at(Stage::Closed) {
@@ -135,7 +137,14 @@ impl Found {
             self.report(LogLevel::Warning, &text);
         }
         if let Some(more) = others.len().checked_sub(FOREIGN_REPORTED_MAX).filter(|more| *more > 0) {
-            let text = format!("{more} more files with names of segments are none; they are left alone");
+            let text = format!(
+                "{}; left alone",
+                counted(
+                    more as u64,
+                    "more file with the name of a segment is none",
+                    "more files with names of segments are none"
+                )
+            );
             self.report(LogLevel::Warning, &text);
         }
     }
@@ -170,10 +179,14 @@ impl Found {
                 let closed = name.with_stage(Stage::Closed);
                 let (bytes, is_spent) = (repaired.bytes, repaired.is_source_spent);
                 let (messages, lost) = (repaired.report.messages, repaired.report.losses_total);
+                let lost = counted(lost, "damaged place", "damaged places");
                 let text = match messages {
                     0 if is_spent => format!("before its first record, after {bytes} bytes"),
-                    0 => format!("none of its {bytes} bytes could be kept; {lost} damaged places"),
-                    _ => format!("{messages} records kept in {closed}; {lost} damaged places in its {bytes} bytes"),
+                    0 => format!("none of its {bytes} bytes could be kept; {lost}"),
+                    _ => {
+                        let records = counted(messages, "record", "records");
+                        format!("{records} kept in {closed}; {lost} in its {bytes} bytes")
+                    }
                 };
                 self.report(LogLevel::Warning, &format!("{name} was cut: {text}"));
                 if messages > 0 {

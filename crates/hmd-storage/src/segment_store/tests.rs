@@ -256,11 +256,11 @@ fn what_a_killed_process_had_synced_is_repaired_and_reported() {
     );
     bench.tick(&mut store, 1);
     assert!(
-        bench.reported[0].contains("hmd-00000000-records.mcap.part was cut: 1 records kept"),
+        bench.reported[0].contains("hmd-00000000-records.mcap.part was cut: 1 record kept"),
         "{:?}",
         bench.reported
     );
-    assert!(bench.reported[1].contains("1 damaged places"), "{:?}", bench.reported);
+    assert!(bench.reported[1].contains("1 damaged place"), "{:?}", bench.reported);
     store.finish();
     assert_eq!(bench.read(), (100, vec![1]));
 }
@@ -791,7 +791,7 @@ fn a_folder_that_fails_at_a_reload_costs_what_is_counted() {
         bench.tick(&mut store, 2);
         assert_eq!(
             bench.reported,
-            ["storage: written again; not stored since the start: 3 frames, 1 records"],
+            ["storage: written again; not stored since the start: 3 frames, 1 record"],
             "case {case}"
         );
         let end = store.finish();

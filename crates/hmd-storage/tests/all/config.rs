@@ -235,6 +235,12 @@ fn a_serial_line_is_a_bus_with_a_device() {
             "serial[1].bus: expected a name that no other serial line has",
         ),
         (
+            format!(
+                "{on_uart}[[actuator]]\nid = 1\nbus = \"uart2\"\n[[serial]]\nbus = \"uart2\"\ndevice = \"ttyACM0\""
+            ),
+            "serial[1].device: expected a device that no other serial line has, found \"ttyACM0\"",
+        ),
+        (
             format!("{line}device = \"b\""),
             "hmd.toml:2: serial[0].bus: expected the bus of an [[actuator]]",
         ),

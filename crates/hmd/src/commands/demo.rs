@@ -10,6 +10,7 @@ use super::table::{HEALTH_HEAD, health_row, left_cell};
 use super::{Exit, say};
 use hmd_core::commissioning::in_words;
 use hmd_core::config::Config;
+use hmd_core::counted::counted;
 use hmd_lab::demo::{Demo, DemoError, commissioned, config_text};
 use hmd_storage::mcap_writer::{McapWriter, SyncedFile};
 use hmd_storage::output_file::{self, OutputFile};
@@ -89,10 +90,10 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let counts = demo.finish().map_err(at_path)?;
     output.put_in_place().with_context(|| path.clone())?;
     say(&format!(
-        "{} frames in, {} windows identified; {} records written to {path}",
-        counts.frames,
-        counts.windows.ok + counts.windows.degraded,
-        counts.written.records
+        "{} in, {} identified; {} written to {path}",
+        counted(counts.frames, "frame", "frames"),
+        counted(counts.windows.ok + counts.windows.degraded, "window", "windows"),
+        counted(counts.written.records, "record", "records")
     ))?;
     Ok(Exit::Done)
 }

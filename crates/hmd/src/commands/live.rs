@@ -8,6 +8,7 @@ use tokio::sync::Notify;
 
 use super::requests::{Request, Requests};
 use super::{Exit, warn};
+use hmd_core::counted::counted;
 use hmd_core::record::Status;
 
 /// Signals of this process, as requests.
@@ -69,31 +70,39 @@ fn lock(requests: &Mutex<Requests>) -> MutexGuard<'_, Requests> {
 pub(super) fn report(status: &Status, is_watched: bool) -> Exit {
     if is_watched {
         warn(format_args!(
-            "{} frames received: {} decoded, {} of others than the actuators watched, {} error frames",
-            status.frames_received, status.frames_decoded, status.frames_filtered, status.frames_error
+            "{} received: {} decoded, {} of others than the actuators watched, {}",
+            counted(status.frames_received, "frame", "frames"),
+            status.frames_decoded,
+            status.frames_filtered,
+            counted(status.frames_error, "error frame", "error frames")
         ));
     } else {
         warn(format_args!(
-            "{} frames recorded, {} error frames",
-            status.frames_received, status.frames_error
+            "{} recorded, {}",
+            counted(status.frames_received, "frame", "frames"),
+            counted(status.frames_error, "error frame", "error frames")
         ));
     }
     if !status.data_lost() {
         return Exit::Done;
     }
     let lost: Vec<String> = [
-        (status.lost_socket_queue, "frames by full receive queues"),
-        (status.lost_unreadable, "unreadable frames"),
-        (status.lost_malformed, "malformed frames"),
-        (status.lost_samples, "samples"),
-        (status.lost_late, "frames out of order"),
-        (status.lost_windows, "windows"),
-        (status.lost_storage_frames, "frames not stored"),
-        (status.lost_storage_records, "records not stored"),
+        (
+            status.lost_socket_queue,
+            "frame by full receive queues",
+            "frames by full receive queues",
+        ),
+        (status.lost_unreadable, "unreadable frame", "unreadable frames"),
+        (status.lost_malformed, "malformed frame", "malformed frames"),
+        (status.lost_samples, "sample", "samples"),
+        (status.lost_late, "frame out of order", "frames out of order"),
+        (status.lost_windows, "window", "windows"),
+        (status.lost_storage_frames, "frame not stored", "frames not stored"),
+        (status.lost_storage_records, "record not stored", "records not stored"),
     ]
     .into_iter()
-    .filter(|(count, _)| *count > 0)
-    .map(|(count, what)| format!("{count} {what}"))
+    .filter(|(count, ..)| *count > 0)
+    .map(|(count, one, many)| counted(count, one, many))
     .collect();
     warn(format_args!("data lost: {}", lost.join(", ")));
     Exit::DataLost

@@ -52,6 +52,7 @@ use ema_identify::unit_calibration::UnitCalibration;
 use hmd_core::assess::AssessError;
 use hmd_core::assess::{check_serial, hash_of_type};
 use hmd_core::config::{ActuatorConfig, Config, ConfigError};
+use hmd_core::counted::counted;
 use hmd_storage::calibration_file::{load_learnt, load_type_model, load_unit};
 use hmd_storage::config_file;
 use hmd_storage::event_file::{EventError, load_events};
@@ -248,9 +249,10 @@ impl Losses {
         }
         let more = self.total - self.listed.len() as u64;
         if more > 0 {
-            tell(&format!("{more} more damaged places"));
+            tell(&counted(more, "more damaged place", "more damaged places"));
         }
-        tell(&format!("data lost: {} damaged places in the files read", self.total));
+        let places = counted(self.total, "damaged place", "damaged places");
+        tell(&format!("data lost: {places} in the files read"));
         Exit::DataLost
     }
 }

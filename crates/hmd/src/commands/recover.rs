@@ -1,5 +1,6 @@
 //! `hmd recover`: what is left of a damaged recording.
 
+use hmd_core::counted::counted;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::PathBuf;
@@ -56,8 +57,11 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
 
 fn print_report(report: &Recovered, name: &str, path: &str, frames: u64, missing: u64) -> anyhow::Result<Exit> {
     say(&format!(
-        "{name}: kept {} chunks with {} messages and {frames} raw frames, and {} metadata records, in {path}",
-        report.chunks, report.messages, report.metadata
+        "{name}: kept {} with {} and {}, and {}, in {path}",
+        counted(report.chunks, "chunk", "chunks"),
+        counted(report.messages, "message", "messages"),
+        counted(frames, "raw frame", "raw frames"),
+        counted(report.metadata, "metadata record", "metadata records")
     ))?;
     if report.is_intact() && missing == 0 {
         return Ok(Exit::Done);
@@ -67,11 +71,16 @@ fn print_report(report: &Recovered, name: &str, path: &str, frames: u64, missing
     }
     let more = report.losses_total - report.losses.len() as u64;
     if more > 0 {
-        warn(format_args!("{name}: {more} more damaged places"));
+        warn(format_args!(
+            "{name}: {}",
+            counted(more, "more damaged place", "more damaged places")
+        ));
     }
     warn(format_args!(
-        "{name}: data lost: {} damaged places, {missing} raw frames missing between those kept, {} attachments",
-        report.losses_total, report.attachments_lost
+        "{name}: data lost: {}, {} missing between those kept, {}",
+        counted(report.losses_total, "damaged place", "damaged places"),
+        counted(missing, "raw frame", "raw frames"),
+        counted(report.attachments_lost, "attachment", "attachments")
     ));
     Ok(Exit::DataLost)
 }

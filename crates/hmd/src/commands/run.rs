@@ -273,7 +273,8 @@ impl Printer {
 
 impl Observer for Printer {
     fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
-        self.last_windows().update(&assessed.health, &assessed.rul);
+        self.last_windows()
+            .update(&assessed.health, &assessed.rul, &assessed.in_a_row);
         if !self.read.load(Ordering::Relaxed) {
             return Ok(());
         }

@@ -1,5 +1,6 @@
 //! `hmd top`: the state of all actuators, on a terminal.
 
+use hmd_core::counted::counted;
 use std::io::{self, IsTerminal, Write};
 use std::path::PathBuf;
 
@@ -56,9 +57,9 @@ fn once(watch: &mut Watch) -> anyhow::Result<Exit> {
         return Ok(Exit::Done);
     }
     warn(format_args!(
-        "{}: data lost: {} damaged places",
+        "{}: data lost: {}",
         watch.place(),
-        watch.damaged()
+        counted(watch.damaged(), "damaged place", "damaged places")
     ));
     Ok(Exit::DataLost)
 }

@@ -61,6 +61,11 @@ impl Freshness {
         changes
     }
 
+    /// Whether an actuator is stale, by the last update.
+    pub(super) fn is_stale(&self, actuator: &str) -> bool {
+        self.0.iter().any(|age| age.actuator == actuator && age.stale)
+    }
+
     /// Name, age in seconds and whether it is stale, in the order of the configuration.
     pub(super) fn ages(&self, now: Instant) -> impl Iterator<Item = (&str, f64, bool)> {
         let age = move |of: &Age| now.duration_since(of.since).as_secs_f64();

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ema_models::FaultId;
 use hmd_core::health::HealthState;
 use hmd_core::record::{Health, LogLevel, Sensors};
-use hmd_core::windows_in_a_row::WindowsInARow;
+use hmd_core::windows_in_a_row::News;
 
 /// Health of all actuators with an assessment.
 #[derive(Debug, Default)]
@@ -23,7 +23,6 @@ pub(super) struct TrackedHealth {
     pub(super) sensors: String,
     /// The last change of the state; `None` before the first.
     pub(super) changed: Option<Change>,
-    in_a_row: WindowsInARow,
 }
 
 /// A change of the state, with the values that made it.
@@ -43,18 +42,23 @@ pub(super) struct Change {
 const ORDER: [&str; 5] = ["unknown", "nominal", "watch", "warning", "critical"];
 
 impl HealthTracker {
-    /// Takes an assessment. Returns notices for an operator: of a change to report, and of what windows in a row have in common; those of
+    /// Takes an assessment, and what became news by it. Returns notices for an operator: of a change to report, and of that news; those of
     /// a passive actuator are no warnings.
-    pub(super) fn update(&mut self, health: &Health, persistence: u32, passive: bool) -> Vec<(LogLevel, String)> {
+    pub(super) fn update(
+        &mut self,
+        health: &Health,
+        news: &[News],
+        persistence: u32,
+        passive: bool,
+    ) -> Vec<(LogLevel, String)> {
         let change = self.change(health, persistence, passive);
-        let in_a_row = self.tracked(&health.actuator).in_a_row.update(health);
-        let in_a_row = in_a_row.into_iter().map(|news| {
+        let news = news.iter().map(|news| {
             let is_warning = news.for_the_worse && !passive;
             let level = if is_warning { LogLevel::Warning } else { LogLevel::Info };
             let passive = if passive { " (passive)" } else { "" };
             (level, format!("{}: {}{passive}", health.actuator, news.text))
         });
-        change.into_iter().chain(in_a_row).collect()
+        change.into_iter().chain(news).collect()
     }
 
     fn change(&mut self, health: &Health, persistence: u32, passive: bool) -> Option<(LogLevel, String)> {
@@ -206,7 +210,7 @@ mod tests {
         persistence: u32,
         passive: bool,
     ) -> Option<(LogLevel, String)> {
-        tracker.update(health, persistence, passive).into_iter().next()
+        tracker.update(health, &[], persistence, passive).into_iter().next()
     }
 
     #[test]

@@ -76,7 +76,8 @@ impl Notices {
 /// What is alike in notices that differ only in their numbers. They begin with whom they are about, whose digits count.
 fn kind_of(message: &str) -> String {
     let (whom, what) = message.split_once(": ").unwrap_or((message, ""));
-    let what = what.chars().filter(|c| !c.is_ascii_digit());
+    // One frame and several are one kind: the plural's s does not count.
+    let what = what.chars().filter(|c| !c.is_ascii_digit() && *c != 's');
     whom.chars().chain([':']).chain(what).collect()
 }
 
@@ -110,7 +111,7 @@ mod tests {
         );
         assert_eq!(level, LogLevel::Error);
         assert!(
-            notices.admit(&notice(61, "uart1: 1 frames lost: 1 wrong CRC"), LogLevel::Error),
+            notices.admit(&notice(61, "uart1: 1 frame lost: 1 wrong CRC"), LogLevel::Error),
             "anew"
         );
     }

@@ -13,12 +13,16 @@ use tokio::sync::mpsc;
 use super::freshness::Freshness;
 use super::host_clock::HostClock;
 use super::keep_requests::KeepRequests;
+use super::other_numbers::OtherNumbers;
+use super::wall_clock::WallClock;
 use super::{DaemonError, Observer, Shared, WaitingWindow, WindowQueue, lock};
 use hmd_core::config::Config;
+use hmd_core::counted::counted;
 use hmd_core::frame::BusNames;
 use hmd_core::outbox::{Notice, WindowJob};
 use hmd_core::pipeline::Pipeline;
 use hmd_core::record::{ActuatorStatus, DataState, LogLevel, Status};
+use hmd_core::talker::Talker;
 use hmd_ingest::feed::{Input, LinkState, LiveLoss};
 use hmd_storage::recorder::Recorder;
 
@@ -52,9 +56,13 @@ pub(super) struct PipelineThread<'a, C> {
     /// Inputs and windows that waited when the newest inputs were taken.
     queued: (u64, u64),
     freshness: Freshness,
+    /// See [`ASSESSING_MAX`].
+    pub(super) assessing_max: Duration,
     /// Names of the actuators whose changes raise no alarm.
     passive: BTreeSet<String>,
     keep_requests: KeepRequests,
+    wall_clock: WallClock,
+    other_numbers: OtherNumbers,
 }
 
 impl<'a, C: HostClock> PipelineThread<'a, C> {
@@ -71,6 +79,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         let keep_requests = config.as_deref().map(KeepRequests::of).unwrap_or_default();
         Self {
             clock,
+            other_numbers: OtherNumbers::new(config.as_deref(), &names),
             keep_requests,
             not_reported: Some((0..names.len() as u16).collect()),
             names,
@@ -83,8 +92,10 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             ticks: 0,
             store_raw,
             queued: (0, 0),
+            assessing_max: ASSESSING_MAX,
             freshness: Freshness::new(actuators().map(|actuator| actuator.name.clone()), clock.instant()),
             passive: passive.map(|actuator| actuator.name.clone()).collect(),
+            wall_clock: WallClock::default(),
         }
     }
 
@@ -131,7 +142,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             self.process(input, &mut shared, observer)?;
             self.report_ready(&shared, observer);
             // A tick came through the I/O thread and the queue, and the writer has synced or reported a failure.
-            if is_tick && windows.busy_for() < ASSESSING_MAX {
+            if is_tick && windows.busy_for() < self.assessing_max {
                 observer.heartbeat();
             }
         }
@@ -220,7 +231,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         match input {
             Input::Frame(frame) => not_reported.remove(&frame.bus),
             Input::Link { bus, .. } => not_reported.remove(bus),
-            Input::Lost { .. } | Input::Tick { .. } => false,
+            Input::Lost { .. } | Input::Unwatched { .. } | Input::Tick { .. } => false,
         };
     }
 
@@ -263,11 +274,15 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
                 }
                 *self.fresh_losses.entry((bus, loss)).or_default() += frames;
             }
+            Input::Unwatched { bus, number } => self.other_numbers.hear(bus, Talker::Actuator(number)),
             Input::Tick { stamp_ns } => {
                 if self.ticks == 0 {
                     for message in shared.health_tracker.resumed() {
                         publish(&Notice { stamp_ns, message }, LogLevel::Warning, shared, observer)?;
                     }
+                }
+                if let Some(message) = self.wall_clock.jump(self.clock) {
+                    publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Warning, shared, observer)?;
                 }
                 self.publish_losses(stamp_ns, shared, observer)?;
                 for (notice, level) in shared.notices.summaries(stamp_ns) {
@@ -348,6 +363,24 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         if !changes.is_empty() {
             self.write_status(stamp_ns, shared, observer)?;
         }
+        self.publish_other_numbers(stamp_ns, shared, observer)
+    }
+
+    /// Publishes which numbers talk on the buses of actuators of which nothing ever came.
+    fn publish_other_numbers(
+        &mut self,
+        stamp_ns: u64,
+        shared: &mut Shared,
+        observer: &impl Observer,
+    ) -> Result<(), DaemonError> {
+        for (bus, talker) in self.pipeline.talkers() {
+            self.other_numbers.hear(bus, talker);
+        }
+        let is_seen = |name: &str| self.pipeline.samples().any(|(seen, _)| seen == name);
+        let is_silent = |name: &str| self.freshness.is_stale(name) && !is_seen(name);
+        for message in self.other_numbers.hints(is_silent) {
+            publish(&Notice { stamp_ns, message }, LogLevel::Warning, shared, observer)?;
+        }
         Ok(())
     }
 
@@ -376,7 +409,7 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
     ) -> Result<(), DaemonError> {
         for ((bus, loss), frames) in std::mem::take(&mut self.fresh_losses) {
             let name = self.names.name(bus).unwrap_or_default();
-            let message = format!("{name}: {frames} frames lost: {loss}");
+            let message = format!("{name}: {} lost: {loss}", counted(frames, "frame", "frames"));
             publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
         }
         for (bus, stats) in self.pipeline.serial().collect::<Vec<_>>() {
@@ -395,13 +428,16 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         for (name, lost) in losses {
             let before = self.lost_samples.insert(name.clone(), lost).unwrap_or(0);
             if lost > before {
-                let message = format!("{name}: {} samples lost", lost - before);
+                let message = format!("{name}: {} lost", counted(lost - before, "sample", "samples"));
                 publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
             }
         }
         let windows = std::mem::take(&mut self.fresh_drops);
         if windows > 0 {
-            let message = format!("{windows} windows dropped: identification does not keep up");
+            let message = format!(
+                "{} dropped: identification does not keep up",
+                counted(windows, "window", "windows")
+            );
             publish_rate_limited(&Notice { stamp_ns, message }, LogLevel::Error, shared, observer)?;
         }
         Ok(())
@@ -427,7 +463,7 @@ fn unreadable_since(then: DeframerStats, now: DeframerStats) -> Option<String> {
         .map(|(count, fault)| format!("{count} {fault}"))
         .collect();
     let frames: u64 = fresh.iter().map(|(count, _)| count).sum();
-    (frames > 0).then(|| format!("{frames} frames lost: {}", parts.join(", ")))
+    (frames > 0).then(|| format!("{} lost: {}", counted(frames, "frame", "frames"), parts.join(", ")))
 }
 
 /// Tells it, unless there were many of its kind lately.

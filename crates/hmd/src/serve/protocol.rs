@@ -5,6 +5,7 @@
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use hmd_core::counted::counted;
 use prost::Message;
 use serde::Deserialize;
 use serde_json::json;
@@ -90,7 +91,8 @@ pub(super) fn advertise<'a>(channels: impl Iterator<Item = &'a str>) -> String {
 
 /// Says that a client is too slow.
 pub(super) fn missed(messages: u64) -> String {
-    let message = format!("{messages} messages left out: this client takes them too slowly");
+    let messages = counted(messages, "message", "messages");
+    let message = format!("{messages} left out: this client takes them too slowly");
     json!({ "op": "status", "level": LEVEL_WARNING, "message": message }).to_string()
 }
 

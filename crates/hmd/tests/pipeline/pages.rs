@@ -11,6 +11,7 @@ use hmd_core::metrics::render;
 use hmd_core::record::{
     ActuatorStatus, Dropped, Health, InterfaceStatus, Log, RawBatch, Record, Rul, Sensors, Shortened, Status, Window,
 };
+use hmd_core::windows_in_a_row::WindowsInARow;
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FileDescriptorProto};
 
@@ -45,7 +46,7 @@ fn metrics() {
         rul_p90_h: Some(0.0),
         ..Rul::default()
     };
-    last.update(&health, &rul);
+    last.update(&health, &rul, &WindowsInARow::default());
     let status = Status {
         record_age_s: Some(0.0),
         interfaces: vec![InterfaceStatus {

@@ -3,7 +3,9 @@
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Child, ChildStderr, Command, Stdio};
+
+use crate::serial_rig::Plug;
 
 fn hmd() -> Command {
     Command::new(env!("CARGO_BIN_EXE_hmd"))
@@ -64,6 +66,85 @@ fn run_retries_missing_serial_device() {
     assert_eq!(code, Some(0), "{text}");
     assert!(text.starts_with("uart1: down (Inappropriate ioctl"), "{text}");
     is_complete(&output);
+}
+
+/// A run that is ended with the test, whatever comes of that.
+struct Run {
+    child: Child,
+    stderr: BufReader<ChildStderr>,
+}
+
+impl Run {
+    fn start(config: &Path) -> Self {
+        let mut command = hmd();
+        let command = command.arg("run").arg("-c").arg(config).stdout(Stdio::null());
+        let mut child = command.stderr(Stdio::piped()).spawn().expect("hmd starts");
+        let stderr = BufReader::new(child.stderr.take().expect("a pipe"));
+        Self { child, stderr }
+    }
+
+    /// Its next line.
+    fn line(&mut self) -> String {
+        let mut line = String::new();
+        self.stderr.read_line(&mut line).expect("a line");
+        line.trim_end().to_owned()
+    }
+
+    fn stop(&mut self) {
+        let id = self.child.id().to_string();
+        assert!(Command::new("kill").arg(id).status().expect("kill").success());
+        self.child.wait().expect("an end");
+    }
+}
+
+impl Drop for Run {
+    fn drop(&mut self) {
+        // It may have ended.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Two readers of one device would each get a part of its bytes.
+#[test]
+fn a_second_reader_of_a_serial_device_waits_until_the_first_has_ended() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("hmd.toml");
+    let mut plug = Plug::new(folder.path());
+    plug.plug();
+    let text = "[[actuator]]\nid = 3\nbus = \"uart1\"\n[[serial]]\nbus = \"uart1\"\ndevice = \"line\"\n";
+    std::fs::write(&config, text).unwrap();
+    let mut first = Run::start(&config);
+    assert_eq!(first.line(), "uart1: up");
+    let mut second = Run::start(&config);
+    assert_eq!(second.line(), "uart1: down (another reader has it); waiting");
+    first.stop();
+    while second.line() != "uart1: up" {
+        assert!(second.child.try_wait().unwrap().is_none(), "it waits");
+    }
+
+    // The same device under two names, which no configuration shows.
+    second.stop();
+    std::os::unix::fs::symlink(plug.path(), folder.path().join("link")).unwrap();
+    let other = "[[actuator]]\nid = 4\nbus = \"uart2\"\n[[serial]]\nbus = \"uart2\"\ndevice = \"link\"\n";
+    std::fs::write(&config, format!("{text}{other}")).unwrap();
+    let mut both = Run::start(&config);
+    let mut lines = [both.line(), both.line()];
+    lines.sort_by_key(|line| line.ends_with(": up"));
+    assert!(
+        lines[0].ends_with(": down (another reader has it); waiting"),
+        "{lines:?}"
+    );
+    assert!(lines[1].ends_with(": up"), "{lines:?}");
+
+    std::fs::write(&config, format!("{text}{}", other.replace("link", "line"))).unwrap();
+    let refused = hmd().arg("run").arg("-c").arg(&config).output().unwrap();
+    assert_eq!(refused.status.code(), Some(78));
+    let sentence = String::from_utf8(refused.stderr).unwrap();
+    assert!(
+        sentence.contains("serial[1].device: expected a device that no other serial line has, found \"line\""),
+        "{sentence}"
+    );
 }
 
 #[test]

@@ -80,7 +80,7 @@ fn an_unreadable_line_and_a_short_frame_are_counted() {
     assert!(
         ended
             .stderr
-            .contains("data lost: 1 unreadable lines or frames, 1 malformed frames, 1 samples")
+            .contains("data lost: 1 unreadable line or frame, 1 malformed frame, 1 sample")
     );
 }
 
@@ -257,7 +257,7 @@ fn a_lost_footer_is_no_lost_frame() {
     folder.write("cut.mcap", &whole[..whole.len() - 20]);
     let ended = folder.hmd("replay --json cut.mcap");
     assert_eq!(ended.code, 3, "{}", ended.stderr);
-    assert!(ended.stderr.contains(" 1 damaged places of a file"), "{}", ended.stderr);
+    assert!(ended.stderr.contains(" 1 damaged place of a file"), "{}", ended.stderr);
 }
 
 #[test]

@@ -86,6 +86,34 @@ fn a_whole_wear_out_is_one_small_page_and_one_short_line() {
     assert!(!folder.path().join("no.html").exists());
 }
 
+/// Units in two aircraft have one name; the line of each ends with its serial number, unless it is alone.
+#[test]
+fn units_of_one_name_are_told_apart_by_their_serial_numbers() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (n, unit) in ["2031/a", "2032/b"].into_iter().enumerate() {
+        let config = format!(
+            "[[actuator]]\nid = 0\nname = \"flap\"\nserial_number = \"{unit}\"\n\
+             [type.bench.sensors]\nsample_rate_hz = 400\n[identification]\npopulation = 8\ngenerations = 1\n"
+        );
+        fs::write(folder.path().join(format!("{n}.toml")), config).expect("a file");
+        done(
+            &folder,
+            &format!("simulate -o {n}.log --rate 400 --seed {n} --fault friction=0.{n}"),
+        );
+        done(&folder, &format!("replay {n}.log -c {n}.toml -o {n}.mcap"));
+    }
+    let alone = done(&folder, "inspect 0.mcap --summary");
+    assert!(alone.starts_with("HMD1/FLAP/W0/") && !alone.contains("/SN "), "{alone}");
+    let both = done(&folder, "inspect 0.mcap 1.mcap --summary");
+    let lines: Vec<&str> = both.lines().collect();
+    assert_eq!(lines.len(), 2, "{both}");
+    for (line, unit) in lines.iter().zip(["2031/A", "2032/B"]) {
+        assert!(line.starts_with("HMD1/FLAP/W0/"), "{line}");
+        assert!(line.ends_with(&format!("/SN {unit}")), "{line}");
+    }
+    assert_eq!(lines[0], format!("{}/SN 2031/A", alone.trim_end()), "the same window");
+}
+
 #[test]
 fn the_catalogue_has_the_levels_of_the_configuration() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -100,6 +100,28 @@ fn assert_replay_is_equal(log: &Path, lines: &Lines, live: &Status) {
 }
 
 #[test]
+fn where_nothing_comes_of_an_actuator_the_other_number_on_its_bus_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut plug, log, lines) = (
+        Plug::new(folder.path()),
+        folder.path().join("live.mcap"),
+        Lines::default(),
+    );
+    let text = "[type.slow]\nbased_on = \"bench\"\n[type.slow.sensors]\nsample_rate_hz = 400\n\
+                [[actuator]]\nid = 3\nname = \"left\"\nbus = \"uart1\"\ntype = \"slow\"\n\
+                [[serial]]\nbus = \"uart1\"\ndevice = \"line\"\n";
+    let watch = Config::from_toml_str(text, "hmd.toml").unwrap();
+    running(&plug.clone_path(), &log, &lines, Some((Arc::new(watch), SEED)), || {
+        plug.plug();
+        lines.wait_for_notice(1, "uart1: up");
+        // The device has number 0.
+        Device::start(1).play(&plug, Duration::from_millis(100));
+        lines.wait_for_notice(1, "left: STALE");
+        lines.wait_for_notice(1, "left: nothing comes of id 3 on uart1, but of 0, not watched");
+    });
+}
+
+#[test]
 fn garbage_and_a_pulled_plug_cost_what_they_touch_and_replay_reports_the_same() {
     let folder = tempfile::tempdir().unwrap();
     let (mut plug, log, lines) = (
@@ -153,7 +175,7 @@ fn garbage_and_a_pulled_plug_cost_what_they_touch_and_replay_reports_the_same() 
     // The cut frame too, unless it was still in the kernel when the plug was pulled.
     let damaged = status.unreadable_cobs + status.unreadable_crc;
     assert!((2..=3).contains(&damaged), "{status:?}");
-    lines.wait_for_notice(1, "frames lost: ");
+    lines.wait_for_notice(1, " lost: ");
     assert_eq!(status.interfaces[0].link, "up");
     assert_replay_is_equal(&log, &lines, &status);
 }

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, SystemTime};
 
+use crate::folder::Folder;
 use crate::serial_rig::{Device, Plug};
 use crate::terminal_rig::Terminal;
 
@@ -179,7 +180,57 @@ fn a_recording_is_shown_as_it_stood_at_its_end() {
     let ended = hmd().args(["top", "--once"]).arg(&path).output().unwrap();
     assert_eq!(ended.status.code(), Some(3));
     let text = String::from_utf8(ended.stdout).unwrap();
-    assert!(text.contains("damaged places in the file"), "{text}");
+    assert!(text.contains("damaged place in the file"), "{text}");
+}
+
+/// One picture of several actuators: all have a row, the worst is the one in detail, and its health is no failure of the command.
+#[test]
+fn of_several_actuators_once_shows_each_and_the_worst_in_detail() {
+    let folder = Folder::new();
+    let mut lines = Vec::new();
+    for (id, backlash) in [(0, 0.0), (1, 0.75), (2, 0.45)] {
+        folder.done(&format!(
+            "simulate -o one.log --id {id} --rate 400 --seed {id} --fault backlash={backlash}"
+        ));
+        let log = String::from_utf8(folder.read("one.log")).unwrap();
+        lines.extend(log.lines().map(str::to_owned));
+    }
+    lines.sort();
+    folder.write_lines("all.log", lines);
+    let actuators: String = ["left", "middle", "right"]
+        .iter()
+        .enumerate()
+        .map(|(id, name)| format!("[[actuator]]\nid = {id}\nname = \"{name}\"\n"))
+        .collect();
+    folder.write(
+        "hmd.toml",
+        format!(
+            "{actuators}[type.bench.sensors]\nsample_rate_hz = 400\n[health]\npersistence = 1\n\
+             [identification]\npopulation = 8\ngenerations = 1\n"
+        ),
+    );
+    folder.done("replay all.log -c hmd.toml -o all.mcap");
+    let text = folder.done("top --once all.mcap");
+    assert!(text.starts_with("hmd top  RECORDED until "), "{text}");
+    assert!(text.contains("3 actuators"), "{text}");
+    let row = |name: &str| {
+        let is_row = |line: &&str| line.trim_start_matches(['>', ' ']).starts_with(name);
+        text.lines().find(is_row).unwrap_or_else(|| panic!("{name}: {text}"))
+    };
+    assert!(row("left").starts_with("  left "), "{text}");
+    assert!(
+        row("middle").starts_with("> middle ") && row("middle").contains(" critical "),
+        "{text}"
+    );
+    assert!(row("middle").contains("backlash      7"), "{text}");
+    assert!(
+        row("right").starts_with("  right ") && row("right").contains("backlash      4"),
+        "{text}"
+    );
+    assert!(
+        text.contains("-- middle --") && text.contains("k2 backlash [#######"),
+        "{text}"
+    );
 }
 
 #[test]

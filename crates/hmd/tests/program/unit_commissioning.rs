@@ -417,7 +417,7 @@ fn a_calibration_from_a_damaged_log_reports_what_was_lost() {
     assert_eq!(ended.code, 3, "{}", ended.stderr);
     for expected in [
         "damaged.log:101: expected a stamp",
-        "damaged.log: data lost: 1 unreadable lines or frames",
+        "damaged.log: data lost: 1 unreadable line or frame",
         "from 6 windows",
     ] {
         assert!(ended.stderr.contains(expected), "{expected} in\n{}", ended.stderr);

@@ -389,7 +389,7 @@ fn the_verb_says_what_is_lost_and_exits_with_3() {
     let (code, [summary, lost]) = run(&[&log, dash_o, &out]);
     assert_eq!((code, lost.as_str()), (Some(0), ""), "{summary}");
     assert!(
-        summary.contains("kept 6 chunks with 9 messages and 8000 raw frames, and 1 metadata records"),
+        summary.contains("kept 6 chunks with 9 messages and 8000 raw frames, and 1 metadata record"),
         "{summary}"
     );
 

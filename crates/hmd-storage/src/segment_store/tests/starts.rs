@@ -60,7 +60,7 @@ fn a_long_cut_segment_is_repaired_beside_the_watch() {
     }
     assert!(
         said.iter()
-            .any(|text| text.contains("1 cut segments are repaired in the background")),
+            .any(|text| text.contains("1 cut segment is repaired in the background")),
         "{said:?}"
     );
     assert!(!part.exists());
@@ -72,7 +72,7 @@ fn a_long_cut_segment_is_repaired_beside_the_watch() {
 
 #[test]
 fn as_many_foreign_files_as_are_named_are_not_counted_as_more() {
-    for (files, more) in [(16, None), (17, Some("storage: 1 more files"))] {
+    for (files, more) in [(16, None), (17, Some("storage: 1 more file"))] {
         let mut bench = Bench::new();
         for n in 0..files {
             let name = format!("hmd-{n:08}-raw.mcap");
@@ -80,7 +80,7 @@ fn as_many_foreign_files_as_are_named_are_not_counted_as_more() {
         }
         let mut store = bench.open();
         bench.tick(&mut store, 1);
-        let said = bench.reported.iter().find(|text| text.contains("more files"));
+        let said = bench.reported.iter().find(|text| text.contains("more file"));
         assert_eq!(said.is_some(), more.is_some(), "{said:?}");
         assert!(more.is_none_or(|more| said.is_some_and(|said| said.starts_with(more))));
     }

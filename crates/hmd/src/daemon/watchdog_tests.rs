@@ -1,0 +1,139 @@
+//! The watchdog is fed by a tick that went through sources, pipeline and writer while identification goes on, and by nothing else.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+use super::host_clock::SteadyClock;
+use super::steps::Steps;
+use super::{Observer, WaitingWindow, lock};
+use hmd_core::assess::{AssessedWindow, Identification};
+use hmd_core::config::Config;
+use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
+use hmd_core::outbox::WindowJob;
+use hmd_core::sample::MeasuredConditions;
+use hmd_core::window::{Window, WindowQuality};
+use hmd_ingest::feed::{Input, LinkState};
+
+/// Counts how often the watchdog is fed.
+#[derive(Default)]
+struct Fed(AtomicU32);
+
+impl Fed {
+    fn times(&self) -> u32 {
+        self.0.load(Relaxed)
+    }
+}
+
+impl Observer for Fed {
+    fn assessed(&self, _: &AssessedWindow) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn notice(&self, _: &str) {}
+
+    fn heartbeat(&self) {
+        self.0.fetch_add(1, Relaxed);
+    }
+}
+
+fn config() -> Arc<Config> {
+    let text = "[[actuator]]\nid = 0\nbus = \"can0\"\n";
+    Arc::new(Config::from_toml_str(text, "hmd.toml").expect("a good configuration"))
+}
+
+fn steps<'a>(clock: &'a SteadyClock, fed: &'a Fed) -> Steps<'a, SteadyClock, Fed> {
+    let mut names = BusNames::new();
+    names.intern("can0").expect("a name");
+    Steps::new(names, None, Some((config(), 1)), Arc::new(Identification), clock, fed).expect("no files are named")
+}
+
+fn tick() -> Vec<Input> {
+    vec![Input::Tick { stamp_ns: 1 }]
+}
+
+fn window() -> WaitingWindow {
+    let actuator = Arc::new(config().actuators()[0].clone());
+    let job = WindowJob {
+        params: actuator.params,
+        actuator,
+        window: Window {
+            number: 0,
+            t_start_ns: 1,
+            trigger: 0,
+            samples: Vec::new(),
+            expected: 0,
+            quality: WindowQuality::Complete,
+            lost: 0,
+            rejected: 0,
+            filled: Vec::new(),
+            duplicates: 0,
+            output_zero_rad: None,
+            clock_jumps: 0,
+        },
+        conditions: MeasuredConditions::default(),
+        operating_s: 0.0,
+    };
+    WaitingWindow {
+        job,
+        arrived: Duration::ZERO,
+    }
+}
+
+#[test]
+fn sources_without_ticks_do_not_feed_the_watchdog() {
+    let (clock, fed) = (SteadyClock(Instant::now()), Fed::default());
+    let mut steps = steps(&clock, &fed);
+    let frame = RawFrame::new(1, 0, 0x100, FrameFlags::empty(), &[0; 8]).unwrap();
+    let up = Input::Link {
+        bus: 0,
+        stamp_ns: 1,
+        state: LinkState::Up,
+        cause: None,
+    };
+    steps.take(&mut vec![up, Input::Frame(frame)]).unwrap();
+    assert_eq!(fed.times(), 0);
+    steps.take(&mut tick()).unwrap();
+    assert_eq!(fed.times(), 1);
+}
+
+#[test]
+fn an_assessment_that_hangs_starves_the_watchdog() {
+    let (clock, fed) = (SteadyClock(Instant::now()), Fed::default());
+    let mut steps = steps(&clock, &fed);
+    assert!(steps.windows.push(window()).is_none());
+    assert!(steps.windows.pop().is_some());
+    steps.take(&mut tick()).unwrap();
+    assert_eq!(fed.times(), 1, "it takes its time");
+    steps.pipeline.assessing_max = Duration::from_millis(1);
+    std::thread::sleep(Duration::from_millis(2));
+    steps.take(&mut tick()).unwrap();
+    assert_eq!(fed.times(), 1, "it hangs");
+    steps.windows.close();
+    assert!(steps.windows.pop().is_none());
+    steps.take(&mut tick()).unwrap();
+    assert_eq!(fed.times(), 2, "it went on");
+}
+
+/// Both threads write under one lock, which a disk that hangs keeps.
+#[test]
+fn a_writer_that_hangs_starves_the_watchdog() {
+    let (clock, fed) = (SteadyClock(Instant::now()), Fed::default());
+    let mut steps = steps(&clock, &fed);
+    let Steps {
+        shared,
+        windows,
+        pipeline,
+        ..
+    } = &mut steps;
+    let writing = lock(shared);
+    std::thread::scope(|scope| {
+        let taking = scope.spawn(|| pipeline.take(&mut tick(), Duration::ZERO, windows, shared, &fed));
+        std::thread::sleep(Duration::from_millis(20));
+        assert_eq!(fed.times(), 0);
+        drop(writing);
+        taking.join().unwrap().unwrap();
+    });
+    assert_eq!(fed.times(), 1);
+}

@@ -1,0 +1,99 @@
+//! What a replay found, and what it found instead of what is watched, in words.
+
+use std::path::PathBuf;
+
+use super::error::ReplayError;
+use hmd_core::config::{ActuatorConfig, Config};
+use hmd_core::counted::counted;
+use hmd_core::dbc::MessageUse;
+use hmd_core::demux::FrameCounts;
+use hmd_core::record::Status;
+
+/// What became of the data.
+#[derive(Clone, Debug, Default)]
+pub struct Summary {
+    /// Counters of the whole run.
+    pub status: Status,
+    /// Actuators seen.
+    pub actuators: u64,
+    /// Windows.
+    pub windows: u64,
+    /// Frames by what they carry.
+    pub frames: FrameCounts,
+    /// Places where a recorded file is damaged, whether or not the frames lost there can be counted.
+    pub damaged_places: u64,
+}
+
+impl Summary {
+    /// Whether anything was lost on the way.
+    #[must_use]
+    pub fn data_lost(&self) -> bool {
+        self.loss().is_some()
+    }
+
+    /// Whether the logs had anything to assessor.
+    ///
+    /// # Errors
+    /// No actuator, or no sample of one.
+    pub fn check(&self, logs: &[PathBuf], config: &Config) -> Result<(), ReplayError> {
+        let logs = || {
+            let logs: Vec<String> = logs.iter().map(|log| log.display().to_string()).collect();
+            logs.join(", ")
+        };
+        if self.actuators == 0 {
+            return Err(ReplayError::NoActuator {
+                logs: logs(),
+                expected: watched(config),
+                found: other_frames(&self.status),
+            });
+        }
+        if self.status.samples == 0 {
+            let found = self.frames;
+            return Err(ReplayError::NoSample { logs: logs(), found });
+        }
+        Ok(())
+    }
+
+    /// What was lost, in one sentence.
+    #[must_use]
+    pub fn loss(&self) -> Option<String> {
+        self.status.lost_in_logs(self.damaged_places)
+    }
+}
+
+/// The frames of others than the actuators watched, in words.
+pub(crate) fn other_frames(status: &Status) -> String {
+    let found = match (status.frames_filtered, status.lost_malformed) {
+        (other, 0) => counted(other, "other frame", "other frames"),
+        (0, malformed) => counted(malformed, "malformed frame", "malformed frames"),
+        (other, malformed) => format!(
+            "{malformed} malformed and {}",
+            counted(other, "other frame", "other frames")
+        ),
+    };
+    let interfaces: Vec<&str> = status.interfaces.iter().map(|on| on.interface.as_str()).collect();
+    format!("{found} on {}", interfaces.join(", "))
+}
+
+/// What is watched, in words: which frames on which bus.
+pub(crate) fn watched(config: &Config) -> String {
+    if config.is_auto() {
+        return "an actuator with the identifiers of ema.dbc, or a configuration (-c) that maps the DBC file of this bus"
+            .to_owned();
+    }
+    let one = |actuator: &ActuatorConfig| {
+        let bus = actuator.bus.as_deref().unwrap_or("any bus");
+        let ids: Vec<String> = actuator
+            .map
+            .iter()
+            .flat_map(|map| &map.messages)
+            .map(MessageUse::shown_id)
+            .collect();
+        match ids.as_slice() {
+            [] => format!("{} on {bus}", actuator.name),
+            ids => format!("{} on {bus} ({})", actuator.name, ids.join(", ")),
+        }
+    };
+    let all: Vec<String> = config.actuators().iter().map(one).collect();
+    all.join(", ")
+}

@@ -314,6 +314,21 @@ mod tests {
     }
 
     #[test]
+    fn settings_as_an_array_are_in_the_order_of_their_names() {
+        let values = [1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5];
+        let config = WindowConfig::from_array(values);
+        assert_eq!(config.to_array().map(f64::to_bits), values.map(f64::to_bits));
+        for ((name, _), value) in WindowConfig::RANGES.into_iter().zip(values) {
+            let written = serde_json::to_value(config).unwrap();
+            assert_eq!(
+                written[name].as_f64().map(f64::to_bits),
+                Some(value.to_bits()),
+                "{name}"
+            );
+        }
+    }
+
+    #[test]
     fn scattered_samples_may_be_five_times_as_many_up_to_all() {
         for (fraction, expected) in [(0.0, 0.0), (0.02, 0.1), (0.2, 1.0), (0.5, 1.0)] {
             let config = WindowConfig {

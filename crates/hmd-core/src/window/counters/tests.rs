@@ -14,6 +14,9 @@ const LIMITS: CounterLimits = CounterLimits {
 
 const JITTERING: CounterLimits = CounterLimits { jitter: 0.1, ..LIMITS };
 
+/// Places of no spikes.
+const NONE: [usize; 0] = [];
+
 fn at(index: usize, count: f64) -> Point {
     Point { index, count }
 }
@@ -89,7 +92,7 @@ fn spikes(run: usize, changed: &[(usize, f64)]) -> Vec<usize> {
 fn a_count_is_a_spike_off_both_lines_by_more_than_they_allow() {
     for sign in [1.0, -1.0] {
         for place in [0, 5, 8, 10, 15] {
-            assert_eq!(spikes(1, &[(place, 12.0 * sign)]), [], "{place}");
+            assert_eq!(spikes(1, &[(place, 12.0 * sign)]), NONE, "{place}");
             assert_eq!(spikes(1, &[(place, 12.1 * sign)]), [place], "{place}");
         }
     }
@@ -129,8 +132,8 @@ fn a_kink_and_a_step_are_no_spikes() {
         let kink: Vec<f64> = (0..10).map(|n| slope * f64::from(n - 5).max(0.0)).collect();
         let step: Vec<f64> = (0..10).map(|n| slope * f64::from(n / 5)).collect();
         for run in [1, 2] {
-            assert_eq!(off_both_lines(&points(&kink), run, &LIMITS), []);
-            assert_eq!(off_both_lines(&points(&step), run, &LIMITS), []);
+            assert_eq!(off_both_lines(&points(&kink), run, &LIMITS), NONE);
+            assert_eq!(off_both_lines(&points(&step), run, &LIMITS), NONE);
         }
     }
 }
@@ -150,9 +153,9 @@ fn the_neighbours_of_a_spike_are_judged_without_it() {
 
 #[test]
 fn too_few_counts_have_no_spikes() {
-    assert_eq!(off_both_lines(&points(&[0.0, 500.0]), 1, &LIMITS), []);
-    assert_eq!(off_both_lines(&points(&[0.0]), 1, &LIMITS), []);
-    assert_eq!(off_both_lines(&[], 2, &LIMITS), []);
+    assert_eq!(off_both_lines(&points(&[0.0, 500.0]), 1, &LIMITS), NONE);
+    assert_eq!(off_both_lines(&points(&[0.0]), 1, &LIMITS), NONE);
+    assert_eq!(off_both_lines(&[], 2, &LIMITS), NONE);
     assert_eq!(off_both_lines(&points(&[0.0, 0.0, 500.0]), 1, &LIMITS), [2]);
 }
 

@@ -99,6 +99,17 @@ fn of_a_coarse_resolver_more_than_four_counts_show_motion() {
     for (counts, expected) in [(4, &[][..]), (5, &[4][..])] {
         assert_eq!(repeated(sent_again(counts, &[4]), &limits), expected, "{counts}");
     }
+    // On both sides.
+    for (before, after, expected) in [(4, 5, &[][..]), (5, 4, &[][..]), (5, 5, &[4][..])] {
+        let slots = slots(8, |n, s| {
+            s.motor_counts = if n < 3 {
+                0
+            } else {
+                before + if n > 4 { after } else { 0 }
+            }
+        });
+        assert_eq!(repeated(slots, &limits), expected, "{before} before, {after} after");
+    }
 }
 
 #[test]
@@ -250,7 +261,7 @@ fn one_current_is_stuck_while_another_changes_and_the_motor_turns() {
         let slots = standing(still, |n, held, s| {
             s.currents = changing(if others_change { n } else { held });
             s.currents[phase] = changing(held)[phase];
-            s.motor_counts = if n < 49 { 0 } else { turned };
+            s.motor_counts = 5000 + if n < 49 { 0 } else { turned };
         });
         one_current_stuck(&slots, &exact())
     };

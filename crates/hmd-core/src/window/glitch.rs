@@ -158,7 +158,11 @@ mod tests {
                 ([2.0e-3, 5.0e-3, 0.0], true),
                 ([0.0, 5.0e-3, 9.0e-3], false),
             ] {
-                assert_eq!(is_odd(three.map(|x| sign * x), Position), expected, "{three:?}");
+                // Wherever the setpoint rests.
+                for rest in [0.0, 0.5] {
+                    let three = three.map(|x| rest + sign * x);
+                    assert_eq!(is_odd(three, Position), expected, "{three:?}");
+                }
                 assert_eq!(
                     is_odd(three.map(|x| sign * 1e3 * x), Speed),
                     expected,

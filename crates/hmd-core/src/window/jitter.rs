@@ -192,6 +192,12 @@ mod tests {
             crate::window::bench_slots::lose(&mut slots, n);
         }
         assert!(time_jitter(&slots, 2000.0) < 1e-6, "places without a stamp");
+        // Stamps of today are as exact as those after 1970.
+        let mut today = at_speed(101, 0.0, 0.0);
+        today
+            .iter_mut()
+            .for_each(|slot| slot.stamp_ns += 1_700_000_000_000_000_000);
+        assert!(time_jitter(&today, 2000.0) < 1e-6);
         // One of two stamps is late by a period; the line goes through both.
         let mut two = at_speed(2, 0.0, 0.0);
         two[1].stamp_ns += 500_000;

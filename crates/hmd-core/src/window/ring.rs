@@ -233,6 +233,13 @@ mod tests {
         assert!(!ring.holds_copy_of(&timed(slot(9))), "before the first");
         assert!(!ring.holds_copy_of(&timed(slot(14))), "after the last");
         assert!(!ring.holds_copy_of(&timed(slot(12).missing_next())), "never received");
+        assert_eq!(
+            Slot::received(&timed(slot(11))),
+            Slot {
+                stamp_ns: 77,
+                ..slot(11)
+            }
+        );
         let mut other = slot(11);
         other.sample.output_counts = 1;
         assert!(!ring.holds_copy_of(&timed(other)));

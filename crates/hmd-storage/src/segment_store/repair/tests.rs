@@ -52,9 +52,9 @@ fn each_repair_takes_what_it_expanded_from_what_the_next_ones_may() {
     let limit = 10 << 20;
     let folder = folder();
     let left = mend(&folder, Some(limit)).expand_bytes_left.unwrap();
-    // 2000 frames of some forty bytes.
+    // 2000 frames with eight bytes of data.
     let expanded = limit - left;
-    assert!((40_000..200_000).contains(&expanded), "{expanded} bytes");
+    assert!((16_000..200_000).contains(&expanded), "{expanded} bytes");
     assert_eq!(names(&folder), ["hmd-00000007-raw.mcap"]);
     // Just as much is enough, and one byte less is not.
     for (limit, pending) in [(expanded, 0), (expanded - 1, 1)] {

@@ -314,6 +314,10 @@ mod tests {
         let is = |found: f64, expected: f64| (found - expected).abs() < 1e-5 * expected;
         assert!(is(thresholds.jump_at(Setpoint::Position(3.0)), 0.01));
         assert!(is(thresholds.jump_at(Setpoint::Speed(3.0)), 5.0));
+        for mode in [Setpoint::Position, Setpoint::Speed] {
+            let at = mode(thresholds.jump_at(mode(0.0)));
+            assert!(!thresholds.differ(at, mode(0.0)), "exactly there is not beyond");
+        }
         assert!(is(thresholds.held(Setpoint::Position(3.0)), 1e-4));
         assert!(is(thresholds.held(Setpoint::Speed(3.0)), 0.05));
     }
@@ -402,6 +406,14 @@ mod tests {
             held.push(Setpoint::Position(1.0));
         }
         assert!(held.was_held());
+        // A hundredth of the threshold in speed mode: 10^-2 rad/s.
+        for (step, expected) in [(0.01, true), (0.011, false)] {
+            held.forget();
+            for n in 0..40 {
+                held.push(Setpoint::Speed(5.0 + step * f64::from(n % 2)));
+            }
+            assert_eq!(held.was_held(), expected, "{step} rad/s");
+        }
         // Another mode is another setpoint.
         held.forget();
         for n in 0..80 {

@@ -207,3 +207,27 @@ fn at_most_64_different_failures_are_told_until_all_is_stored_again() {
     bench.tick(&mut store, 1);
     assert_eq!(told(&bench), 128);
 }
+
+#[test]
+fn frames_in_progress_alone_go_before_closed_records() {
+    let limits = Limits {
+        segment_bytes: 500_000,
+        budget_bytes: 60_000,
+        ..LIMITS
+    };
+    let mut bench = Bench::new();
+    let disk = Box::new(bench.disk.clone());
+    let mut store = SegmentStore::open(bench.folder.path(), &BTreeMap::new(), limits, disk, bench.now).unwrap();
+    assert!(Bench::put_health(&mut store, 1));
+    bench.tick(&mut store, 61);
+    while store.status().used_bytes <= limits.budget_bytes {
+        bench.put_frames(&mut store, 500);
+        store.raw.sync().unwrap();
+    }
+    let closed = |bench: &Bench| bench.names().into_iter().filter(|name| name.ends_with(".mcap"));
+    assert_eq!(closed(&bench).collect::<Vec<_>>(), ["hmd-00000000-records.mcap"]);
+    bench.tick(&mut store, 0);
+    assert_eq!(store.status().deleted, 1);
+    assert_eq!(closed(&bench).collect::<Vec<_>>(), ["hmd-00000000-records.mcap"]);
+    assert_eq!(store.finish().status.state, StorageState::Ok);
+}

@@ -13,6 +13,8 @@
 //! `docs/windows.md` states the rules with their defaults. A window that is not fit has a reason; bad data are
 //! never taken for a bad actuator.
 
+#[cfg(test)]
+mod bench_slots;
 mod check;
 mod config;
 mod counters;

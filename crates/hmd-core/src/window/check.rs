@@ -232,3 +232,6 @@ fn clock(slots: &[Slot], limits: &Limits) -> (u64, Option<Invalidity>) {
     };
     (jumps, (wrong && limits.rate_is_unconfirmed).then_some(rate))
 }
+
+#[cfg(test)]
+mod tests;

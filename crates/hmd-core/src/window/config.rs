@@ -252,4 +252,122 @@ mod tests {
             Err("sample_rate_hz")
         );
     }
+
+    #[test]
+    fn settings_are_possible_up_to_their_limits_at_the_rate() {
+        let checked = |change: &dyn Fn(&mut WindowConfig), rate: f64| {
+            let mut config = WindowConfig::default();
+            change(&mut config);
+            config.checked(rate).map(|_| ()).map_err(|refused| refused.field)
+        };
+        // Rest and what is before the trigger: a period at least, and the latter no longer than the former.
+        assert_eq!(checked(&|c| (c.rest_ms, c.pre_trigger_ms) = (2.5, 2.5), 400.0), Ok(()));
+        assert_eq!(
+            checked(&|c| (c.rest_ms, c.pre_trigger_ms) = (2.4, 2.4), 400.0),
+            Err("rest_ms")
+        );
+        assert_eq!(checked(&|c| c.pre_trigger_ms = 2.4, 400.0), Err("pre_trigger_ms"));
+        assert_eq!(
+            checked(&|c| (c.rest_ms, c.pre_trigger_ms) = (1000.0, 20.0), 400.0),
+            Ok(())
+        );
+        // Two periods behind the trigger at least.
+        let short = |duration: f64| checked(&|c: &mut WindowConfig| c.duration_ms = duration, 400.0);
+        assert_eq!((short(25.0), short(24.9)), (Ok(()), Err("duration_ms")));
+        assert_eq!((short(10_000.0), short(10_001.0)), (Ok(()), Err("duration_ms")));
+        // As long as the window or as the time before the trigger.
+        assert_eq!(checked(&|c| c.longest_gap_ms = 500.0, 400.0), Ok(()));
+        assert_eq!(
+            checked(
+                &|c| (c.duration_ms, c.rest_ms, c.pre_trigger_ms) = (50.0, 50.0, 50.0),
+                400.0
+            ),
+            Err("pre_trigger_ms")
+        );
+    }
+
+    #[test]
+    fn a_setting_that_is_refused_for_another_or_for_the_rate_says_so() {
+        let refused = |change: fn(&mut WindowConfig)| {
+            let mut config = WindowConfig::default();
+            change(&mut config);
+            config.checked(400.0).map_err(|refused| refused.to_string())
+        };
+        let texts = [
+            (
+                refused(|c| c.duration_ms = 20.0),
+                "pre_trigger_ms = 20: expected less than duration_ms",
+            ),
+            (
+                refused(|c| c.pre_trigger_ms = 21.0),
+                "pre_trigger_ms = 21: expected at most rest_ms",
+            ),
+            (
+                refused(|c| c.duration_ms = 24.0),
+                "duration_ms = 24: expected from 25 to 10000",
+            ),
+        ];
+        for (found, expected) in texts {
+            let found = found.err().unwrap_or_default();
+            assert!(found.starts_with(expected), "{found}");
+        }
+    }
+
+    #[test]
+    fn settings_as_an_array_are_in_the_order_of_their_names() {
+        let values = [1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5];
+        let config = WindowConfig::from_array(values);
+        assert_eq!(config.to_array().map(f64::to_bits), values.map(f64::to_bits));
+        for ((name, _), value) in WindowConfig::RANGES.into_iter().zip(values) {
+            let written = serde_json::to_value(config).unwrap();
+            assert_eq!(
+                written[name].as_f64().map(f64::to_bits),
+                Some(value.to_bits()),
+                "{name}"
+            );
+        }
+    }
+
+    #[test]
+    fn scattered_samples_may_be_five_times_as_many_up_to_all() {
+        for (fraction, expected) in [(0.0, 0.0), (0.02, 0.1), (0.2, 1.0), (0.5, 1.0)] {
+            let config = WindowConfig {
+                max_gap_fraction: fraction,
+                ..WindowConfig::default()
+            };
+            assert!((config.scattered_max_fraction() - expected).abs() < 1e-12, "{fraction}");
+        }
+    }
+
+    #[test]
+    fn lengths_are_the_nearest_whole_periods_and_gaps_are_not_rounded_up() {
+        let config = WindowConfig {
+            pre_trigger_ms: 3.0,
+            duration_ms: 500.9,
+            rest_ms: 3.8,
+            max_gap_fraction: 0.0149,
+            longest_gap_ms: 7.4,
+            ..WindowConfig::default()
+        };
+        let lengths = Lengths::new(&config, 400.0);
+        let expected = Lengths {
+            pre_trigger: 1,
+            window: 201,
+            rest: 2,
+            missing_max: 2,
+            scattered_max: 14,
+            longest_gap: 2,
+            stuck: 8,
+        };
+        assert_eq!(lengths, expected);
+        // Never none before the trigger; and a tenth of a second of 2 kHz is exactly 200.
+        let config = WindowConfig {
+            pre_trigger_ms: 0.1,
+            rest_ms: 1.0,
+            longest_gap_ms: 100.0,
+            ..WindowConfig::default()
+        };
+        let lengths = Lengths::new(&config, 2000.0);
+        assert_eq!((lengths.pre_trigger, lengths.rest, lengths.longest_gap), (1, 2, 200));
+    }
 }

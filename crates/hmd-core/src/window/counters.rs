@@ -137,15 +137,23 @@ fn allowed(point: &Point, (near, far): Line<'_>, speed: f64, limits: &CounterLim
 /// Indices of runs of `run` counts that lie off the line before and the line after, on the same side. Where there are no
 /// two counts on one side, the other side decides.
 fn off_both_lines(points: &[Point], run: usize, limits: &CounterLimits) -> Vec<usize> {
-    let mut spikes = Vec::new();
-    let mut next = 0;
-    while next + run <= points.len() {
-        let before = next.checked_sub(2).map(|start| (&points[start + 1], &points[start]));
-        let after = points.get(next + run + 1).map(|far| (&points[next + run], far));
+    let mut spikes = vec![false; points.len()];
+    // The first two, which have no line before them, come last and from the inside out, so that no spike behind them decides.
+    for place in (2..points.len()).chain([1, 0]) {
+        let Some(judged) = points.get(place..place + run) else {
+            continue;
+        };
+        // The neighbours of a spike are judged in the next pass, without it.
+        let neighbours = place.saturating_sub(2)..(place + run + 2).min(points.len());
+        if spikes[neighbours].contains(&true) {
+            continue;
+        }
+        let before = place.checked_sub(2).map(|far| (&points[far + 1], &points[far]));
+        let after = points.get(place + run + 1).map(|far| (&points[place + run], far));
         // The counts in question are not among those that tell the speed.
         let slopes = [before, after].into_iter().flatten().map(|line| slope(line).abs());
         let speed = slopes.fold(0.0, f64::max);
-        let is_spike = points[next..next + run].iter().all(|point| {
+        let is_spike = judged.iter().all(|point| {
             let off = [before, after].map(|line| line.map(|line| off_line(point, line, speed, limits)));
             match off {
                 [Some(left), Some(right)] => left * right > 0.0 && left.abs().min(right.abs()) > 1.0,
@@ -154,14 +162,13 @@ fn off_both_lines(points: &[Point], run: usize, limits: &CounterLimits) -> Vec<u
             }
         });
         if is_spike {
-            spikes.extend(points[next..next + run].iter().map(|point| point.index));
-            // Its neighbours are checked in the next pass, without it.
-            next += run + 2;
-        } else {
-            next += 1;
+            spikes[place..place + run].fill(true);
         }
     }
-    spikes
+    let places = points.iter().zip(spikes);
+    places
+        .filter_map(|(point, is_spike)| is_spike.then_some(point.index))
+        .collect()
 }
 
 /// Signed distance of a count from the line through two others on one side of it, as a multiple of what is allowed.
@@ -185,3 +192,6 @@ fn pulse_of_speed(points: &[Point], limits: &CounterLimits) -> Option<usize> {
         (left * right < 0.0 && left.abs().min(right.abs()) > 1.0).then_some(p[2].index)
     })
 }
+
+#[cfg(test)]
+mod tests;

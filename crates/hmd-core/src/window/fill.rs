@@ -157,6 +157,7 @@ fn commanded(from: Setpoint, to: Setpoint, x: f64) -> Setpoint {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::window::bench_slots::slots;
     use crate::window::{Defect, TimedSample};
     use ema_models::{ActuatorParams, phase_shapes};
 
@@ -199,5 +200,155 @@ mod tests {
             }
             assert!((super::super::trigger::value(sample.setpoint) - 0.001 * n as f64).abs() < 1e-12);
         }
+    }
+
+    fn bench() -> Rotor {
+        let params = ActuatorParams::bench();
+        Rotor::new(params.motor.pole_pairs, &params.sensors)
+    }
+
+    #[test]
+    fn the_electrical_angle_is_that_of_the_middle_of_a_count_and_repeats_with_the_turn() {
+        let rotor = bench();
+        for counts in [0_i64, 1, 5_000, 65_535] {
+            let angle = 4.0 * (counts as f64 + 0.5) * core::f64::consts::TAU / 65_536.0;
+            for turns in [0, 3, -2] {
+                let (sin, cos) = rotor.sin_cos(counts + 65_536 * turns);
+                assert!(
+                    (sin - angle.sin()).abs() < 1e-9 && (cos - angle.cos()).abs() < 1e-9,
+                    "{counts}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn at_an_end_the_nearest_good_sample_is_held() {
+        let mut slots = slots(6, |n, s| {
+            s.motor_counts = 100 * n as i64;
+            s.output_counts = 10 * n as i64;
+            s.setpoint = Setpoint::Position(0.1 * n as f64);
+        });
+        for n in [0, 1, 5] {
+            for part in [Part::Motor, Part::Output, Part::Setpoint] {
+                slots[n].refuse(part, Defect::Repeated);
+            }
+        }
+        let found = samples(&slots, &bench());
+        let of = |part: fn(&SensedSample) -> f64| found.iter().map(part).collect::<Vec<_>>();
+        assert_eq!(
+            of(|s| s.motor_counts as f64),
+            [200.0, 200.0, 200.0, 300.0, 400.0, 400.0]
+        );
+        assert_eq!(of(|s| s.output_counts as f64), [20.0, 20.0, 20.0, 30.0, 40.0, 40.0]);
+        assert_eq!(
+            of(|s| (10.0 * value(s.setpoint)).round()),
+            [2.0, 2.0, 2.0, 3.0, 4.0, 4.0]
+        );
+    }
+
+    #[test]
+    fn between_good_samples_encoder_and_command_go_straight() {
+        for speed_mode in [false, true] {
+            let mode = if speed_mode {
+                Setpoint::Speed
+            } else {
+                Setpoint::Position
+            };
+            let mut slots = slots(8, |n, s| {
+                s.output_counts = if n < 4 { -40 } else { 60 };
+                s.setpoint = mode(if n < 4 { 1.0 } else { 3.0 });
+            });
+            for n in [2, 3, 4] {
+                slots[n].refuse(Part::Output, Defect::OutputSpike);
+                slots[n].refuse(Part::Setpoint, Defect::CommandGlitch);
+            }
+            let found = samples(&slots, &bench());
+            let output: Vec<_> = found.iter().map(|s| s.output_counts).collect();
+            assert_eq!(output, [-40, -40, -15, 10, 35, 60, 60, 60]);
+            let command: Vec<_> = found.iter().map(|s| s.setpoint).collect();
+            assert_eq!(command[1..6], [1.0, 1.5, 2.0, 2.5, 3.0].map(mode));
+        }
+    }
+
+    #[test]
+    fn a_command_whose_mode_changes_in_a_gap_is_held() {
+        let mut slots = slots(3, |n, s| {
+            s.setpoint = [Setpoint::Position(0.5), Setpoint::Idle, Setpoint::Speed(9.0)][n];
+        });
+        slots[1].refuse(Part::Setpoint, Defect::CommandGlitch);
+        assert_eq!(samples(&slots, &bench())[1].setpoint, Setpoint::Position(0.5));
+    }
+
+    #[test]
+    fn an_accelerating_motor_is_filled_by_the_cubic_of_two_good_counts_on_each_side() {
+        let cubic = |n: usize| {
+            let n = n as i64;
+            1_000_000 + 7 * n * n * n - 30 * n * n + n
+        };
+        for lost in [&[5][..], &[5, 6], &[4, 6]] {
+            let mut samples: Vec<_> = slots(12, |n, s| s.motor_counts = cubic(n))
+                .iter()
+                .map(|s| s.sample)
+                .collect();
+            lost.iter().for_each(|&n| samples[n].motor_counts = -99);
+            fill_motor(&mut samples, |n| !lost.contains(&n));
+            for (n, sample) in samples.iter().enumerate() {
+                assert_eq!(sample.motor_counts, cubic(n), "{n} of {lost:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn beside_an_end_a_count_is_filled_by_the_chord() {
+        let square = |n: usize| (n * n) as i64;
+        for (lost, chord) in [(1, 2), (10, 101)] {
+            let mut samples: Vec<_> = slots(12, |n, s| s.motor_counts = square(n))
+                .iter()
+                .map(|s| s.sample)
+                .collect();
+            samples[lost].motor_counts = -99;
+            fill_motor(&mut samples, |n| n != lost);
+            assert_eq!(samples[lost].motor_counts, chord);
+        }
+    }
+
+    #[test]
+    fn without_any_good_currents_there_are_none() {
+        let mut slots = slots(4, |_, s| s.currents = [20.0, -10.0, -10.0]);
+        for slot in &mut slots {
+            slot.refuse(Part::Currents, Defect::BeyondScale);
+        }
+        assert!(
+            samples(&slots, &bench())
+                .iter()
+                .all(|s| s.currents.map(f64::to_bits) == [0; 3])
+        );
+    }
+
+    #[test]
+    fn an_invalid_window_keeps_what_was_received_but_for_what_is_no_number() {
+        let mut slots = slots(8, |n, s| {
+            s.output_counts = 10 * n as i64;
+            s.currents = [0.5, -0.5, 0.0];
+        });
+        let change = |slot: &mut Slot, part, to: fn(&mut SensedSample)| {
+            to(&mut slot.sample);
+            slot.refuse(part, Defect::OutputSpike);
+        };
+        change(&mut slots[1], Part::Output, |s| s.output_counts = 7_000);
+        change(&mut slots[2], Part::Currents, |s| s.currents = [9.0, 9.0, 9.0]);
+        change(&mut slots[3], Part::Currents, |s| s.currents[2] = f64::NAN);
+        change(&mut slots[4], Part::Setpoint, |s| {
+            s.setpoint = Setpoint::Position(f64::INFINITY)
+        });
+        slots[6] = slots[5].missing_next();
+        let found = as_received(&slots, &bench());
+        for n in [0, 1, 2, 5, 7] {
+            assert_eq!(found[n], slots[n].sample, "{n}");
+        }
+        assert!((found[3].currents[0] - 0.5).abs() < 0.01 && found[3].currents[2].abs() < 0.01);
+        assert_eq!(found[4].setpoint, Setpoint::Position(0.0));
+        assert_eq!(found[6].output_counts, 60, "filled, not held");
     }
 }

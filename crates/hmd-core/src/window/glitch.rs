@@ -128,4 +128,74 @@ mod tests {
             assert_eq!(released(&genuine), genuine.map(|setpoint| (setpoint, false)));
         }
     }
+
+    fn timed(seq: u64, setpoint: Setpoint) -> TimedSample {
+        let sensed = SensedSample {
+            seq,
+            currents: [0.0; 3],
+            motor_counts: 0,
+            output_counts: 0,
+            setpoint,
+        };
+        TimedSample {
+            seq,
+            stamp_ns: 0,
+            sensed,
+        }
+    }
+
+    #[test]
+    fn a_setpoint_is_odd_when_it_is_beyond_the_threshold_from_both_neighbours_on_one_side() {
+        use Setpoint::{Position, Speed};
+        let is_odd = |three: [f64; 3], mode: fn(f64) -> Setpoint| released(&three.map(mode))[1].1;
+        for sign in [1.0, -1.0] {
+            for (three, expected) in [
+                ([0.0, 1.1e-3, 0.0], true),
+                ([0.0, 1.0e-3, 0.0], false),
+                ([0.0, 1.1e-3, 0.2e-3], false),
+                ([0.2e-3, 1.1e-3, 0.0], false),
+                ([0.0, 5.0e-3, 2.0e-3], true),
+                ([2.0e-3, 5.0e-3, 0.0], true),
+                ([0.0, 5.0e-3, 9.0e-3], false),
+            ] {
+                // Wherever the setpoint rests.
+                for rest in [0.0, 0.5] {
+                    let three = three.map(|x| rest + sign * x);
+                    assert_eq!(is_odd(three, Position), expected, "{three:?}");
+                }
+                assert_eq!(
+                    is_odd(three.map(|x| sign * 1e3 * x), Speed),
+                    expected,
+                    "{three:?}, speed"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn neighbours_behind_longer_gaps_than_the_reach_are_no_witnesses() {
+        // Two samples may be missing on each side.
+        for (before, after, expected) in [(3, 3, true), (1, 5, true), (3, 4, false), (6, 1, false)] {
+            let mut deglitch = Deglitch::new(Thresholds::new(&WindowConfig::default()), 2);
+            let samples = [(100, 0.0), (100 + before, 1.0), (100 + before + after, 0.0)];
+            let slots = samples.map(|(seq, angle)| deglitch.push(timed(seq, Setpoint::Position(angle))));
+            let odd = slots[2].map(|slot| slot.is_command_glitch());
+            assert_eq!(odd, Some(expected), "{before} before, {after} after");
+        }
+    }
+
+    #[test]
+    fn each_sample_waits_for_the_next_and_the_last_for_the_end() {
+        let mut deglitch = Deglitch::new(Thresholds::new(&WindowConfig::default()), 2);
+        assert_eq!(deglitch.push(timed(0, Setpoint::Position(0.0))), None);
+        let first = deglitch.push(timed(1, Setpoint::Position(1.0)));
+        assert_eq!(first.map(|slot| slot.sample.seq), Some(0));
+        let last = deglitch.flush().expect("one waits");
+        assert_eq!((last.sample.seq, last.is_command_glitch()), (1, false));
+        assert_eq!(deglitch.flush(), None);
+        // What came before the end is no witness against what comes after it.
+        deglitch.push(timed(2, Setpoint::Position(0.0)));
+        let first = deglitch.push(timed(3, Setpoint::Position(1.0))).expect("released");
+        assert!(!first.is_command_glitch());
+    }
 }

@@ -130,4 +130,77 @@ mod tests {
         assert!(sample_jitter(&slots(0.0, 60)).abs() < f64::EPSILON);
         assert!(sample_jitter(&slots(0.45, 200)) <= JITTER_MAX);
     }
+
+    /// Counts of a motor, sampled at other instants than it should by a pattern of ±`off` periods.
+    fn at_speed(count: usize, per_period: f64, off: f64) -> Vec<Slot> {
+        crate::window::bench_slots::slots(count, |n, s| {
+            let t = n as f64 + if n % 2 == 0 { off } else { -off };
+            s.motor_counts = (per_period * t).round() as i64;
+        })
+    }
+
+    #[test]
+    fn jitter_is_the_third_difference_over_the_speed() {
+        for direction in [1.0, -1.0] {
+            // Early and late in turn: the third difference is eight times the offset, the turn of three periods two offsets shorter or
+            // longer, in turn.
+            let found = sample_jitter(&at_speed(100, direction * 3000.0, 0.04));
+            let [longer, shorter] =
+                [1.0 + 0.08 / 3.0, 1.0 - 0.08 / 3.0].map(|speed| 8.0 * 0.04 / speed / MEDIAN_OF_EVEN);
+            assert!(
+                (longer - 1e-3..shorter + 1e-3).contains(&found),
+                "{found}, {longer} to {shorter}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_window_shows_jitter_from_thirty_two_groups_of_a_motor_that_turns_by_as_many_counts() {
+        let is_shown = |count, per_period| sample_jitter(&at_speed(count, per_period, 0.05)) > 0.0;
+        assert!(is_shown(35, 3000.0));
+        assert!(!is_shown(34, 3000.0));
+        // Three periods turn by three times the speed, less two offsets in every other group: 31.9 to 34.1 counts, then 30 to 33.
+        assert!(is_shown(200, 34.0));
+        assert!(!is_shown(200, 30.0));
+    }
+
+    #[test]
+    fn little_jitter_is_none_and_much_is_what_still_has_a_rate() {
+        // The offsets of the pattern look 8 / 1.74 times as large.
+        let of = |off| sample_jitter(&at_speed(200, 3000.0, off));
+        assert!(of(0.0105).abs() < f64::EPSILON);
+        assert!((of(0.0115) - 0.0529).abs() < 2e-3, "{}", of(0.0115));
+        assert!((of(0.2) - JITTER_MAX).abs() < f64::EPSILON);
+    }
+
+    #[test]
+    fn groups_with_a_refused_count_show_no_jitter() {
+        let mut slots = at_speed(37, 3000.0, 0.05);
+        assert!(sample_jitter(&slots) > 0.0);
+        // Three groups fewer.
+        slots[2].refuse(Part::Motor, super::super::quality::Defect::MotorSpike);
+        assert!(sample_jitter(&slots).abs() < f64::EPSILON);
+    }
+
+    #[test]
+    fn stamps_of_one_sample_have_no_line_and_missing_samples_none() {
+        let mut slots = at_speed(101, 0.0, 0.0);
+        assert!(time_jitter(&slots[..1], 2000.0).abs() < f64::EPSILON);
+        assert!(time_jitter(&[], 2000.0).abs() < f64::EPSILON);
+        assert!(time_jitter(&slots, 2000.0) < 1e-6);
+        for n in (1..100).step_by(3) {
+            crate::window::bench_slots::lose(&mut slots, n);
+        }
+        assert!(time_jitter(&slots, 2000.0) < 1e-6, "places without a stamp");
+        // Stamps of today are as exact as those after 1970.
+        let mut today = at_speed(101, 0.0, 0.0);
+        today
+            .iter_mut()
+            .for_each(|slot| slot.stamp_ns += 1_700_000_000_000_000_000);
+        assert!(time_jitter(&today, 2000.0) < 1e-6);
+        // One of two stamps is late by a period; the line goes through both.
+        let mut two = at_speed(2, 0.0, 0.0);
+        two[1].stamp_ns += 500_000;
+        assert!(time_jitter(&two, 2000.0) < 1e-6);
+    }
 }

@@ -276,3 +276,96 @@ impl fmt::Display for WindowQuality {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The texts that `docs/windows.md` lists.
+    #[test]
+    fn every_quality_is_told_in_the_words_of_the_page() {
+        let (defect, count, longest) = (Defect::Missing, 30, 12);
+        let invalid = [
+            (Invalidity::CutShort(CutShort::StreamEnded), "cut short: stream ended"),
+            (Invalidity::CutShort(CutShort::WentIdle), "cut short: went idle"),
+            (
+                Invalidity::CutShort(CutShort::CounterWentBack),
+                "cut short: sample counter went back",
+            ),
+            (Invalidity::ModeChanged, "mode changed"),
+            (
+                Invalidity::CommandInGap { at: 7 },
+                "gap: the command jumped in it, before sample 7",
+            ),
+            (
+                Invalidity::TooManyFlawed { defect, count, longest },
+                "gap: 30 samples unusable, 12 in a row",
+            ),
+            (Invalidity::Stuck(Signal::Currents), "stuck: currents"),
+            (Invalidity::Stuck(Signal::Motor), "stuck: resolver"),
+            (Invalidity::Stuck(Signal::Output), "stuck: encoder"),
+            (
+                Invalidity::CounterJumped {
+                    counter: Counter::Output,
+                    at: 9,
+                },
+                "counter jump: encoder at sample 9",
+            ),
+            (
+                Invalidity::CounterJumped {
+                    counter: Counter::Motor,
+                    at: 9,
+                },
+                "counter jump: resolver at sample 9",
+            ),
+            (
+                Invalidity::CountersDisagree { range_rad: 0.05 },
+                "counters disagree: resolver and encoder by 0.0500 rad",
+            ),
+            (
+                Invalidity::StartInMotion { turned_rad: 0.25 },
+                "start in motion: the command moved before the trigger, and the motor by 0.25 rad",
+            ),
+            (
+                Invalidity::SampleRate { by_stamps_hz: 1000.04 },
+                "sample rate: 1000.0 Hz by the stamps",
+            ),
+        ];
+        for (why, expected) in invalid {
+            let quality = WindowQuality::Invalid(why);
+            assert_eq!((quality.to_string().as_str(), quality.is_fit()), (expected, false));
+        }
+        let handicaps = vec![
+            Degradation::Filled { lost: 1, rejected: 2 },
+            Degradation::Repeated(3),
+            Degradation::AnotherActuation { at: 4 },
+            Degradation::UnsteadyStart { speed_rad_s: 5.04 },
+            Degradation::TimeJitter { of_period: 0.061 },
+        ];
+        let expected = "1 samples lost and 2 refused, filled; repeated samples: 3; another actuation at sample 4; \
+                        unsteady start: off by 5.0 rad/s; numbered by time, which jitters by 6.1 %";
+        let quality = WindowQuality::Degraded(handicaps);
+        assert_eq!((quality.to_string().as_str(), quality.is_fit()), (expected, true));
+        assert_eq!(WindowQuality::Complete.to_string(), "complete");
+    }
+
+    #[test]
+    fn every_defect_has_its_own_words_and_its_place_among_all() {
+        let words = Defect::ALL.map(|defect| defect.to_string());
+        let expected = [
+            "gap",
+            "current is no number",
+            "current beyond full scale",
+            "converter at its limit",
+            "current sum",
+            "resolver spikes",
+            "encoder spikes",
+            "command glitches",
+            "repeated samples",
+        ];
+        assert_eq!(words, expected);
+        for (n, defect) in Defect::ALL.into_iter().enumerate() {
+            assert_eq!(defect as usize, n, "counted by this number");
+        }
+    }
+}

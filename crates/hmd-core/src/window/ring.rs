@@ -178,4 +178,98 @@ mod tests {
         assert_eq!(ring.reserved(), reserved);
         assert_eq!(ring.since(995).len(), 5);
     }
+
+    fn numbers(slots: &[Slot]) -> Vec<u64> {
+        slots.iter().map(|slot| slot.sample.seq).collect()
+    }
+
+    #[test]
+    fn slots_are_found_by_their_number_while_they_are_kept() {
+        let mut ring = Ring::with_capacity(5);
+        assert!(ring.latest().is_none() && ring.newest(1).is_none() && ring.since(0).is_empty());
+        for seq in 100..103 {
+            ring.push(slot(seq));
+        }
+        assert!(ring.newest(4).is_none());
+        assert_eq!(ring.newest(3).map(numbers), Some(vec![100, 101, 102]));
+        assert_eq!(numbers(ring.since(101)), [101, 102]);
+        assert_eq!(numbers(ring.since(102)), [102]);
+        assert_eq!(
+            numbers(ring.since(0)),
+            [100, 101, 102],
+            "no further back than the first"
+        );
+        ring.clear();
+        assert!(ring.latest().is_none() && ring.since(100).is_empty());
+    }
+
+    #[test]
+    fn the_capacity_is_kept_whenever_the_memory_is_moved() {
+        let mut ring = Ring::with_capacity(5);
+        for seq in 0..40 {
+            ring.push(slot(seq));
+            if seq >= 4 {
+                assert_eq!(numbers(ring.since(seq - 4)), (seq - 4..=seq).collect::<Vec<_>>());
+            }
+        }
+    }
+
+    #[test]
+    fn a_copy_is_the_same_sample_under_its_number_and_was_received() {
+        let timed = |slot: Slot| TimedSample {
+            seq: slot.sample.seq,
+            stamp_ns: 77,
+            sensed: SensedSample { seq: 0, ..slot.sample },
+        };
+        let mut ring = Ring::with_capacity(5);
+        assert!(!ring.holds_copy_of(&timed(slot(3))));
+        for seq in 10..13 {
+            ring.push(slot(seq));
+        }
+        ring.push(slot(12).missing_next());
+        for seq in [10, 11, 12] {
+            assert!(ring.holds_copy_of(&timed(slot(seq))), "{seq}");
+        }
+        assert!(!ring.holds_copy_of(&timed(slot(9))), "before the first");
+        assert!(!ring.holds_copy_of(&timed(slot(14))), "after the last");
+        assert!(!ring.holds_copy_of(&timed(slot(12).missing_next())), "never received");
+        assert_eq!(
+            Slot::received(&timed(slot(11))),
+            Slot {
+                stamp_ns: 77,
+                ..slot(11)
+            }
+        );
+        let mut other = slot(11);
+        other.sample.output_counts = 1;
+        assert!(!ring.holds_copy_of(&timed(other)));
+    }
+
+    #[test]
+    fn a_place_without_sample_lacks_every_part_and_holds_the_setpoint() {
+        let mut before = slot(7);
+        before.sample.setpoint = Setpoint::Speed(3.0);
+        let missing = before.missing_next();
+        assert_eq!((missing.sample.seq, missing.sample.setpoint), (8, Setpoint::Speed(3.0)));
+        assert!(before.was_received() && !before.is_flawed());
+        assert!(!missing.was_received() && missing.is_flawed());
+        assert_eq!(missing.first_defect(), Some(Defect::Missing));
+        for part in [Part::Currents, Part::Motor, Part::Output, Part::Setpoint] {
+            assert!(before.is_good(part) && !missing.is_good(part));
+        }
+    }
+
+    #[test]
+    fn a_refused_part_keeps_its_first_reason_and_the_others_are_good() {
+        let mut slot = slot(7);
+        slot.refuse(Part::Setpoint, Defect::CommandGlitch);
+        slot.refuse(Part::Setpoint, Defect::Repeated);
+        assert!(slot.is_command_glitch() && slot.was_received() && slot.is_flawed());
+        assert!(slot.is_good(Part::Motor) && !slot.is_good(Part::Setpoint));
+        slot.refuse(Part::Motor, Defect::Repeated);
+        assert_eq!(slot.first_defect(), Some(Defect::Repeated));
+        let mut other = slot.missing_next();
+        other.refuse(Part::Setpoint, Defect::CommandGlitch);
+        assert!(!other.is_command_glitch());
+    }
 }

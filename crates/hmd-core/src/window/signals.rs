@@ -145,3 +145,6 @@ fn stands_while<'a>(
     }
     false
 }
+
+#[cfg(test)]
+mod tests;

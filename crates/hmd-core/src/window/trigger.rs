@@ -184,6 +184,7 @@ impl Held {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::window::bench_slots::slots;
 
     #[test]
     fn exactly_the_threshold_is_not_more_than_it() {
@@ -242,5 +243,186 @@ mod tests {
             held.push(Setpoint::Position(0.0));
         }
         assert!(held.was_held());
+    }
+
+    /// Samples of which the trigger is asked after the last one, with 40 samples of rest.
+    fn fires_at_the_end_of(setpoints: &[Setpoint]) -> bool {
+        let mut ring = Ring::with_capacity(200);
+        for slot in slots(setpoints.len(), |n, s| s.setpoint = setpoints[n]) {
+            ring.push(slot);
+        }
+        Trigger::new(&WindowConfig::default(), 40).fires(&ring)
+    }
+
+    /// Forty samples at rest, one of them changed, and a last one.
+    fn rest_then(last: Setpoint, changed: (usize, Setpoint)) -> Vec<Setpoint> {
+        let mut setpoints = vec![Setpoint::Position(0.3); 40];
+        setpoints[changed.0] = changed.1;
+        setpoints.push(last);
+        setpoints
+    }
+
+    #[test]
+    fn a_trigger_differs_by_more_than_the_threshold_from_a_rest_within_it() {
+        use Setpoint::{Idle, Position, Speed};
+        let at_rest = (20, Position(0.3));
+        for sign in [1.0, -1.0] {
+            let to = |mrad: f64| Position(0.3 + sign * 1e-3 * mrad);
+            assert!(fires_at_the_end_of(&rest_then(to(1.1), at_rest)));
+            assert!(
+                !fires_at_the_end_of(&rest_then(to(1.0), at_rest)),
+                "exactly the threshold"
+            );
+            for place in [0, 1, 39] {
+                assert!(!fires_at_the_end_of(&rest_then(to(1.1), (place, to(-1.1)))), "{place}");
+            }
+            for place in [1, 39] {
+                assert!(fires_at_the_end_of(&rest_then(to(1.1), (place, to(-1.0)))), "{place}");
+            }
+        }
+        for other in [Idle, Speed(0.3)] {
+            assert!(!fires_at_the_end_of(&rest_then(other, at_rest)), "another mode");
+            for place in [0, 1, 39] {
+                assert!(
+                    !fires_at_the_end_of(&rest_then(Position(0.4), (place, other))),
+                    "{place}"
+                );
+            }
+        }
+        // One sample of rest too few, and one more.
+        assert!(!fires_at_the_end_of(&rest_then(Position(0.4), at_rest)[1..]));
+        let mut longer = vec![Position(0.9)];
+        longer.extend(rest_then(Position(0.4), at_rest));
+        assert!(fires_at_the_end_of(&longer));
+    }
+
+    #[test]
+    fn an_idle_drive_is_never_triggered() {
+        assert!(!fires_at_the_end_of(&[Setpoint::Idle; 41]));
+        let thresholds = Thresholds::new(&WindowConfig::default());
+        assert!(!thresholds.differ(Setpoint::Idle, Setpoint::Idle));
+        assert!(thresholds.jump_at(Setpoint::Idle).is_infinite());
+    }
+
+    #[test]
+    fn thresholds_are_in_the_unit_of_the_mode() {
+        let thresholds = Thresholds::new(&WindowConfig {
+            trigger_position_rad: 0.01,
+            trigger_speed_rad_s: 5.0,
+            ..WindowConfig::default()
+        });
+        let is = |found: f64, expected: f64| (found - expected).abs() < 1e-5 * expected;
+        assert!(is(thresholds.jump_at(Setpoint::Position(3.0)), 0.01));
+        assert!(is(thresholds.jump_at(Setpoint::Speed(3.0)), 5.0));
+        for mode in [Setpoint::Position, Setpoint::Speed] {
+            let at = mode(thresholds.jump_at(mode(0.0)));
+            assert!(!thresholds.differ(at, mode(0.0)), "exactly there is not beyond");
+        }
+        assert!(is(thresholds.held(Setpoint::Position(3.0)), 1e-4));
+        assert!(is(thresholds.held(Setpoint::Speed(3.0)), 0.05));
+    }
+
+    /// Whether motion begins with the last of 41 counts.
+    fn begins_to_move(counts: impl Fn(usize) -> i64, rad: f64) -> bool {
+        let mut ring = Ring::with_capacity(200);
+        for slot in slots(41, |n, s| s.motor_counts = counts(n)) {
+            ring.push(slot);
+        }
+        let mut trigger = Trigger::new(&WindowConfig::default(), 40);
+        trigger.of_motion(rad);
+        trigger.fires(&ring)
+    }
+
+    #[test]
+    fn motion_begins_a_tenth_of_the_threshold_beyond_a_rest_within_a_hundredth() {
+        // At 10^-7 rad a count: 1000 counts of motion, 100 of rest.
+        let rad = 1e-7;
+        for sign in [1, -1] {
+            let last = |counts: i64| begins_to_move(|n| 7 + if n == 40 { sign * counts } else { 0 }, rad);
+            assert_eq!((last(999), last(1001)), (false, true));
+            for (place, expected) in [(1, false), (20, false), (21, true), (39, true)] {
+                let stood = |counts: i64| {
+                    let at = |n: usize| {
+                        if n == 40 {
+                            5000
+                        } else if n == place {
+                            counts
+                        } else {
+                            0
+                        }
+                    };
+                    begins_to_move(|n| sign * at(n), rad)
+                };
+                assert!(stood(99), "{place}");
+                assert_eq!(stood(101), expected, "{place}");
+            }
+        }
+    }
+
+    #[test]
+    fn of_a_coarse_encoder_six_counts_are_rest_and_one_may_change_in_it() {
+        // A count is 2^-10 rad, half of the threshold that it need not pass; exact in binary.
+        let rad = 2.0_f64.powi(-10);
+        let last = |counts: i64| begins_to_move(|n| if n == 40 { counts } else { 0 }, rad);
+        assert_eq!((last(6), last(7)), (false, true));
+        let dithering = |by: i64| begins_to_move(|n| if n == 40 { 50 } else { by * (n as i64 % 2) }, rad);
+        assert_eq!((dithering(1), dithering(2)), (true, false));
+    }
+
+    #[test]
+    fn without_set_point_the_motor_is_watched_in_place_of_it() {
+        let mut trigger = Trigger::new(&WindowConfig::default(), 40);
+        let sample = slots(1, |_, s| {
+            s.motor_counts = -200;
+            s.setpoint = Setpoint::Speed(4.0);
+        })[0]
+            .sample;
+        assert_eq!(trigger.watched(&sample), Setpoint::Speed(4.0));
+        trigger.of_motion(0.5);
+        assert_eq!(trigger.watched(&sample), Setpoint::Position(-100.0));
+    }
+
+    #[test]
+    fn a_setpoint_is_held_from_the_last_sample_of_the_rest_on() {
+        let mut held = Held::new(&Trigger::new(&WindowConfig::default(), 40));
+        let mut push = |angle: f64| {
+            held.push(Setpoint::Position(angle));
+            held.was_held()
+        };
+        // Within a hundredth of the threshold of the first, 10^-5 rad.
+        for n in 0..39 {
+            assert!(!push(if n % 2 == 0 { 0.0 } else { 1e-5 }), "{n}");
+        }
+        // A step begins the rest anew, from itself on.
+        for n in 0..39 {
+            assert!(!push(1.1e-5), "{n}");
+        }
+        assert!(push(1.1e-5));
+        assert!(push(1.0), "it was held once");
+        held.forget();
+        assert!(!held.was_held());
+        for n in 0..40 {
+            assert!(!held.was_held(), "{n}");
+            held.push(Setpoint::Position(1.0));
+        }
+        assert!(held.was_held());
+        // A hundredth of the threshold in speed mode: 10^-2 rad/s.
+        for (step, expected) in [(0.01, true), (0.011, false)] {
+            held.forget();
+            for n in 0..40 {
+                held.push(Setpoint::Speed(5.0 + step * f64::from(n % 2)));
+            }
+            assert_eq!(held.was_held(), expected, "{step} rad/s");
+        }
+        // Another mode is another setpoint.
+        held.forget();
+        for n in 0..80 {
+            held.push(if n % 39 < 20 {
+                Setpoint::Speed(0.0)
+            } else {
+                Setpoint::Idle
+            });
+            assert!(!held.was_held(), "{n}");
+        }
     }
 }

@@ -3,3 +3,4 @@
 mod rul;
 mod window;
 mod window_properties;
+mod windower;

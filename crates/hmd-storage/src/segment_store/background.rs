@@ -51,3 +51,60 @@ impl Drop for BackgroundRepair {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io;
+    use std::path::Path;
+    use std::time::{Duration, Instant};
+
+    use super::super::disk::{Out, RealDisk};
+    use super::super::name::{Kind, Stage};
+    use super::super::tests::cut_segment;
+    use super::*;
+
+    /// A disk on which it takes a while to make a file.
+    #[derive(Default)]
+    struct SlowDisk(AtomicBool);
+
+    impl Disk for SlowDisk {
+        fn create(&self, path: &Path) -> io::Result<Box<dyn Out>> {
+            self.0.store(true, Ordering::Relaxed);
+            thread::sleep(Duration::from_millis(200));
+            RealDisk.create(path)
+        }
+
+        fn free_bytes(&self, folder: &Path) -> io::Result<u64> {
+            RealDisk.free_bytes(folder)
+        }
+    }
+
+    #[test]
+    fn dropped_it_ends_the_segment_in_hand_and_leaves_the_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let names: Vec<Name> = (1..4)
+            .map(|number| Name {
+                number,
+                kind: Kind::Raw,
+                stage: Stage::Open,
+            })
+            .collect();
+        for name in &names {
+            std::fs::write(folder.path().join(name.to_string()), cut_segment()).unwrap();
+        }
+        let disk = Arc::new(SlowDisk::default());
+        let repair = BackgroundRepair::begin(folder.path().to_owned(), names.clone(), disk.clone());
+        let begun = Instant::now();
+        while !disk.0.load(Ordering::Relaxed) {
+            assert!(begun.elapsed() < Duration::from_secs(60));
+            thread::yield_now();
+        }
+        drop(repair);
+        let exists = |name: &Name, stage| folder.path().join(name.with_stage(stage).to_string()).exists();
+        let state = |name: &Name| [Stage::Open, Stage::Repair, Stage::Closed].map(|stage| exists(name, stage));
+        assert_eq!(state(&names[0]), [false, false, true], "repaired");
+        for name in &names[1..] {
+            assert_eq!(state(name), [true, false, false], "left to the next start");
+        }
+    }
+}

@@ -76,3 +76,16 @@ pub(super) fn rename(disk: &dyn Disk, folder: &Path, from: Name, to: Name) -> io
     disk.rename(&from, &to)?;
     disk.sync_folder(folder)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_that_is_not_there_cannot_be_brought_to_the_disk() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(RealDisk.sync_folder(folder.path()).is_ok());
+        let missing = RealDisk.sync_folder(&folder.path().join("none"));
+        assert_eq!(missing.map_err(|cause| cause.kind()), Err(io::ErrorKind::NotFound));
+    }
+}

@@ -343,3 +343,6 @@ fn is_spent(input: &mut fs::File, report: &Recovered) -> io::Result<bool> {
     input.take(1).read_to_end(&mut opcode)?;
     Ok(report.messages > 0 || opcode != [mcap::records::op::CHUNK])
 }
+
+#[cfg(test)]
+mod tests;

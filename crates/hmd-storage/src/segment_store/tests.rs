@@ -266,7 +266,7 @@ fn what_a_killed_process_had_synced_is_repaired_and_reported() {
 }
 
 /// What a killed process leaves of a raw segment of 4 chunks with 2000 frames each.
-fn cut_segment() -> Vec<u8> {
+pub(super) fn cut_segment() -> Vec<u8> {
     let mut bench = Bench::new();
     let mut store = bench.open();
     for _ in 0..4 {
@@ -277,7 +277,7 @@ fn cut_segment() -> Vec<u8> {
 }
 
 /// Places of the chunks.
-fn chunks(file: &[u8]) -> Vec<(usize, usize)> {
+pub(super) fn chunks(file: &[u8]) -> Vec<(usize, usize)> {
     let (mut at, mut chunks) = (mcap::MAGIC.len(), Vec::new());
     while let Some(head) = file.get(at..at + 9) {
         let end = at + 9 + u64::from_le_bytes(head[1..].try_into().unwrap()) as usize;

@@ -154,3 +154,80 @@ fn a_segment_that_somebody_removed_is_forgotten_and_one_that_cannot_be_deleted_i
     bench.tick(&mut store, 1);
     assert_eq!(store.status().deleted, 1);
 }
+
+#[test]
+fn a_segment_that_cannot_get_its_closed_name_is_counted_as_long_as_it_is_there() {
+    for is_removed in [false, true] {
+        let mut bench = Bench::new();
+        let mut store = bench.open();
+        bench.put_frames(&mut store, 100);
+        store.raw.sync().unwrap();
+        // Its closed name is in use.
+        fs::write(bench.folder.path().join("hmd-00000001-raw.mcap"), "a letter").unwrap();
+        let part = bench.folder.path().join("hmd-00000001-raw.mcap.part");
+        if is_removed {
+            fs::remove_file(&part).unwrap();
+        }
+        let records = store.records.bytes();
+        store.end_capture();
+        let status = store.status();
+        let (segments, lost) = if is_removed { (1, 100) } else { (2, 0) };
+        assert_eq!((status.segments, status.lost_frames), (segments, lost), "{is_removed}");
+        assert_eq!(status.used_bytes > records, !is_removed, "{is_removed}");
+    }
+}
+
+#[test]
+fn at_most_64_different_failures_are_told_until_all_is_stored_again() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    for _ in 0..70 {
+        bench.put_frames(&mut store, 1);
+        store.close_segment(Kind::Raw);
+    }
+    bench.disk.free.store(LIMITS.free_bytes_min - 1, Relaxed);
+    bench.disk.keeps.store(true, Relaxed);
+    for _ in 0..3 {
+        bench.tick(&mut store, 1);
+    }
+    let told = |bench: &Bench| {
+        let about = bench.reported.iter().filter(|text| text.contains("cannot be deleted"));
+        about.count()
+    };
+    assert_eq!(told(&bench), 64);
+    // All is stored again; then the same is told once more.
+    bench.disk.free.store(0, Relaxed);
+    bench.tick(&mut store, 1);
+    assert!(
+        bench.reported.iter().any(|text| text.contains("written again")),
+        "{:?}",
+        bench.reported.last()
+    );
+    bench.disk.free.store(LIMITS.free_bytes_min - 1, Relaxed);
+    bench.tick(&mut store, 1);
+    assert_eq!(told(&bench), 128);
+}
+
+#[test]
+fn frames_in_progress_alone_go_before_closed_records() {
+    let limits = Limits {
+        segment_bytes: 500_000,
+        budget_bytes: 60_000,
+        ..LIMITS
+    };
+    let mut bench = Bench::new();
+    let disk = Box::new(bench.disk.clone());
+    let mut store = SegmentStore::open(bench.folder.path(), &BTreeMap::new(), limits, disk, bench.now).unwrap();
+    assert!(Bench::put_health(&mut store, 1));
+    bench.tick(&mut store, 61);
+    while store.status().used_bytes <= limits.budget_bytes {
+        bench.put_frames(&mut store, 500);
+        store.raw.sync().unwrap();
+    }
+    let closed = |bench: &Bench| bench.names().into_iter().filter(|name| name.ends_with(".mcap"));
+    assert_eq!(closed(&bench).collect::<Vec<_>>(), ["hmd-00000000-records.mcap"]);
+    bench.tick(&mut store, 0);
+    assert_eq!(store.status().deleted, 1);
+    assert_eq!(closed(&bench).collect::<Vec<_>>(), ["hmd-00000000-records.mcap"]);
+    assert_eq!(store.finish().status.state, StorageState::Ok);
+}

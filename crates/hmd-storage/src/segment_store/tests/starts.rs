@@ -112,3 +112,81 @@ fn a_cut_before_the_first_record_is_told_from_one_with_damage() {
         again.reported
     );
 }
+
+#[test]
+fn a_segment_cut_before_its_first_record_is_not_counted() {
+    let bench = Bench::new();
+    drop(bench.open());
+    let store = bench.open();
+    assert_eq!(bench.names(), ["hmd-00000001-records.mcap.part"]);
+    assert_eq!(store.status().segments, 1);
+}
+
+#[test]
+fn numbers_go_on_behind_any_name_but_one_that_would_use_them_up() {
+    // Half of the largest number that is read from a name.
+    for (number, next) in [
+        (499_999_999_999_998_u64, 499_999_999_999_999_u64),
+        (499_999_999_999_999, 0),
+    ] {
+        let bench = Bench::new();
+        fs::write(bench.folder.path().join(format!("hmd-{number}-raw.mcap")), b"x").unwrap();
+        drop(bench.open());
+        let ours = format!("hmd-{next:08}-records.mcap.part");
+        assert!(bench.names().contains(&ours), "{:?}", bench.names());
+    }
+}
+
+#[test]
+fn closed_segments_and_folders_with_the_name_of_a_damaged_one_are_not_thinned_out() {
+    let bench = Bench::new();
+    let file = cut_segment();
+    // More than are kept of damaged ones, and within the budget.
+    let names: Vec<String> = (0..9).map(|n| format!("hmd-{n:08}-raw.mcap")).collect();
+    for name in &names {
+        fs::write(bench.folder.path().join(name), &file).unwrap();
+    }
+    fs::create_dir(bench.folder.path().join("hmd-00000020-raw.mcap.damaged")).unwrap();
+    for number in 21..29 {
+        fs::write(
+            bench.folder.path().join(format!("hmd-{number:08}-raw.mcap.damaged")),
+            &file,
+        )
+        .unwrap();
+    }
+    let before = bench.names();
+    drop(bench.open());
+    let after = bench.names();
+    assert!(before.iter().all(|name| after.contains(name)), "{after:?}");
+}
+
+/// A mechanic's link to a bigger disk.
+#[test]
+fn a_folder_that_was_a_link_from_the_start_is_used_and_may_be_replaced() {
+    let base = tempfile::tempdir().unwrap();
+    let (folder, target) = (base.path().join("segments"), base.path().join("disk"));
+    fs::create_dir(&target).unwrap();
+    std::os::unix::fs::symlink(&target, &folder).unwrap();
+    for reopened in [false, true] {
+        let now = Instant::now();
+        let disk = Box::new(RealDisk);
+        let limits = Limits {
+            free_bytes_min: 0,
+            ..LIMITS
+        };
+        let mut store = if reopened {
+            SegmentStore::reopen(&folder, &BTreeMap::new(), limits, disk, now)
+        } else {
+            SegmentStore::open(&folder, &BTreeMap::new(), limits, disk, now).unwrap()
+        };
+        assert!(Bench::put_health(&mut store, 1), "{:?}", store.take_messages());
+        // The folder behind the link goes, and comes back empty.
+        fs::remove_dir_all(&target).unwrap();
+        fs::create_dir(&target).unwrap();
+        store.tick(now + Duration::from_secs(1));
+        store.tick(now + Duration::from_secs(2));
+        assert!(Bench::put_health(&mut store, 2), "{:?}", store.take_messages());
+        assert_eq!(store.finish().status.state, StorageState::Ok);
+        assert_eq!(fs::read_dir(&target).unwrap().count(), 1);
+    }
+}

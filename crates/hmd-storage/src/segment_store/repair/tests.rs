@@ -1,0 +1,104 @@
+//! A repair within a limit of work, which a start has.
+
+use super::super::disk::RealDisk;
+use super::super::tests::{chunks, cut_segment};
+use super::*;
+
+const NAME: Name = Name {
+    number: 7,
+    kind: super::super::name::Kind::Raw,
+    stage: Stage::Open,
+};
+
+/// A folder with a cut segment of four chunks.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join(NAME.to_string()), cut_segment()).unwrap();
+    folder
+}
+
+fn names(folder: &tempfile::TempDir) -> Vec<String> {
+    let entries = fs::read_dir(folder.path()).unwrap();
+    let mut names: Vec<_> = entries
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+fn mend(folder: &tempfile::TempDir, limit: Option<u64>) -> Found {
+    let mut found = Found::within(limit);
+    found.mend(folder.path(), NAME, &RealDisk);
+    found
+}
+
+#[test]
+fn a_repair_beyond_the_limit_is_postponed_and_leaves_no_copy() {
+    let folder = folder();
+    let before = fs::read(folder.path().join(NAME.to_string())).unwrap();
+    let found = mend(&folder, Some(1000));
+    assert_eq!(
+        (found.pending.as_slice(), found.expand_bytes_left),
+        (&[NAME][..], Some(0))
+    );
+    assert_eq!(found.segments, BTreeMap::from([(NAME, before.len() as u64)]));
+    assert!(found.messages.is_empty(), "{:?}", found.messages);
+    assert_eq!(names(&folder), ["hmd-00000007-raw.mcap.part"]);
+    assert_eq!(fs::read(folder.path().join(NAME.to_string())).unwrap(), before);
+}
+
+#[test]
+fn each_repair_takes_what_it_expanded_from_what_the_next_ones_may() {
+    let limit = 10 << 20;
+    let folder = folder();
+    let left = mend(&folder, Some(limit)).expand_bytes_left.unwrap();
+    // 2000 frames with eight bytes of data.
+    let expanded = limit - left;
+    assert!((16_000..200_000).contains(&expanded), "{expanded} bytes");
+    assert_eq!(names(&folder), ["hmd-00000007-raw.mcap"]);
+    // Just as much is enough, and one byte less is not.
+    for (limit, pending) in [(expanded, 0), (expanded - 1, 1)] {
+        let found = mend(&self::folder(), Some(limit));
+        assert_eq!(
+            (found.pending.len(), found.expand_bytes_left),
+            (pending, Some(0)),
+            "{limit}"
+        );
+    }
+    assert_eq!(mend(&self::folder(), None).expand_bytes_left, None, "without a limit");
+}
+
+#[test]
+fn a_source_whose_copy_is_there_waits_for_the_background_too() {
+    let folder = folder();
+    let closed = NAME.with_stage(Stage::Closed).to_string();
+    fs::write(folder.path().join(closed), cut_segment()).unwrap();
+    let found = mend(&folder, Some(1000));
+    assert_eq!(
+        (found.pending.as_slice(), found.expand_bytes_left),
+        (&[NAME][..], Some(0))
+    );
+    assert_eq!(names(&folder), ["hmd-00000007-raw.mcap", "hmd-00000007-raw.mcap.part"]);
+    let found = mend(&folder, Some(1 << 20));
+    assert!(found.pending.is_empty() && found.expand_bytes_left.is_some_and(|left| left < 1 << 20));
+    assert_eq!(names(&folder), ["hmd-00000007-raw.mcap"]);
+}
+
+#[test]
+fn a_source_is_spent_when_it_lost_its_torn_end_alone() {
+    let (file, place) = (cut_segment(), "hmd-00000007-raw.mcap.part");
+    let spent = |bytes: &[u8]| {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join(place), bytes).unwrap();
+        let copied = copied(folder.path(), NAME, io::empty(), None).unwrap();
+        copied.is_source_spent
+    };
+    let chunks = chunks(&file);
+    assert!(spent(&file), "cut between two chunks");
+    assert!(spent(&file[..chunks[3].0 + 100]), "cut in a chunk");
+    let mut damaged = file.clone();
+    damaged[(chunks[1].0 + chunks[1].1) / 2] ^= 1;
+    assert!(!spent(&damaged), "a chunk lost on the way");
+    assert!(!spent(&damaged[..chunks[3].0 + 100]), "that, and the end");
+    assert!(!spent(&file[..chunks[0].0 + 100]), "its only chunk torn");
+}

@@ -104,6 +104,9 @@ impl Estimate {
     }
 }
 
+/// What a window says whose motor does not turn as commanded.
+pub const LOCKED: &str = "the motor does not turn as commanded";
+
 /// What makes an estimate worthless though the data are good.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unmodelled {
@@ -118,7 +121,7 @@ pub enum Unmodelled {
 impl fmt::Display for Unmodelled {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Locked => write!(f, "the motor does not turn as commanded"),
+            Self::Locked => f.write_str(LOCKED),
             Self::Cost(cost) => write!(f, "no fault vector explains the data: cost {cost:.0}"),
             Self::Magnets(off) => write!(
                 f,

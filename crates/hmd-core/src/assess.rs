@@ -34,6 +34,8 @@ use explained::Explained;
 use records::{health_record, rul_record, sensors_record, shortened_record, window_record};
 
 pub(crate) use by_unit::needed_in_words;
+pub use ema_identify::LOCKED;
+
 pub use conditions::{conditions, motor_knowledge_at, motor_within};
 pub use estimator::{Estimator, Identification};
 pub use models::{

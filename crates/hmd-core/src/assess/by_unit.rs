@@ -71,7 +71,10 @@ pub(super) fn estimate(
             Some((fit, found)) => {
                 reasons.extend(not_explained(&found.unexplained));
                 let fallback = match monitor.as_ref().filter(|monitor| may_fall_back(&found, monitor)) {
-                    Some(monitor) => of_monitor(job, monitor)?,
+                    Some(monitor) => of_monitor(job, monitor)?.map(|(fit, by_monitor)| {
+                        let factor = factor_beyond_healthy(monitor, &by_monitor);
+                        (fit, by_monitor.widened(factor))
+                    }),
                     None => None,
                 };
                 match fallback {
@@ -230,6 +233,12 @@ fn by_monitor(
 /// repeats with their motion and stands in no scatter; how much that is, its cost says.
 fn factor_in_other_motion(monitor: &UnitMonitor) -> f64 {
     (monitor.cost / USUAL_COST).max(1.0)
+}
+
+/// Factor on the sigmas of the monitor in a window that the relations do not explain: by how much it misses this window more than the healthy ones.
+/// An error of a current sensor, which the torque balance shows, is no fault of the monitor's either.
+fn factor_beyond_healthy(monitor: &UnitMonitor, found: &UnitEstimate) -> f64 {
+    (found.estimate.cost / monitor.cost).max(1.0)
 }
 
 /// An estimate of the monitor, whose gear is rigid, where the output does not follow the motor through any play.

@@ -69,13 +69,26 @@ impl Law {
     }
 
     /// Lets x pass.
+    ///
+    /// From one estimate to the next the damage moves by no more than about 1: a slope that only estimates next to no time apart have told
+    /// is narrowed to that first.
     pub fn advance(&mut self, x: f64) {
+        self.narrow_slope(self.reach(x));
         let [dd, dv, vv] = self.covariance;
         let (g, e) = (self.reach(x), (self.rate * x).min(EXPONENT_MAX).exp());
         let noise = (GROWTH_NOISE * g).powi(2) * (self.slope * self.slope + vv);
         self.damage += self.slope * g;
         self.slope *= e;
         self.covariance = [dd + 2.0 * g * dv + g * g * vv + noise, e * (dv + g * vv), e * e * vv];
+    }
+
+    /// Narrows the slope so that over this reach it is uncertain by a damage of 1 at most.
+    fn narrow_slope(&mut self, reach: f64) {
+        let [dd, dv, vv] = self.covariance;
+        let sigma = vv.sqrt() * reach;
+        if sigma > 1.0 {
+            self.covariance = [dd, dv / sigma, vv / sigma / sigma];
+        }
     }
 
     /// Takes an estimate; returns how likely it is no outlier, and its squared innovation over the variance expected.
@@ -128,6 +141,20 @@ const EXPONENT_MAX: f64 = 40.0;
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn estimates_seconds_apart_leave_the_slope_over_a_week_open() {
+        let variance = 1e-4;
+        let mut law = Law::new(Clock::Hours, 0.0, 0.1, variance, 1.0 / 3e-4);
+        law.advance(3e-4);
+        law.observe(0.101, variance);
+        for week in 1..=3 {
+            law.advance(168.0);
+            let (p, _) = law.observe(0.1 + 0.01 * f64::from(week), variance);
+            assert!(p > 0.9, "week {week}: {p}");
+        }
+        assert!((law.slope * 168.0 - 0.01).abs() < 0.005, "{law:?}");
+    }
 
     #[test]
     fn reach_and_time_are_inverse_and_straight_at_rate_zero() {

@@ -2,7 +2,7 @@
 
 use ema_models::{ActuatorParams, Tolerances};
 
-use crate::sensor_checks::{Reading, SensorReadings};
+use crate::sensor_checks::{Reading, SensorReadings, Suspect};
 
 /// A property of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -78,6 +78,27 @@ impl SensorQuantity {
             Self::Resolver2Cos => "resolver_2_cos_rad",
             Self::Resolver2Sin => "resolver_2_sin_rad",
             Self::DcLink => "dc_link_v",
+        }
+    }
+
+    /// The quantity of a name in records.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|quantity| quantity.name() == name)
+    }
+
+    /// What a drift of it asks to check.
+    #[must_use]
+    pub const fn to_check(self) -> &'static str {
+        match self {
+            Self::CurrentSum | Self::OffsetAlpha | Self::OffsetBeta | Self::GainA | Self::GainB | Self::GainC => {
+                Suspect::CurrentOffset.to_check()
+            }
+            Self::Latency => Suspect::SampleOrder.to_check(),
+            Self::Resolver1Cos | Self::Resolver1Sin | Self::Resolver2Cos | Self::Resolver2Sin => {
+                Suspect::ResolverFrozen.to_check()
+            }
+            Self::DcLink => Suspect::DcLink.to_check(),
         }
     }
 

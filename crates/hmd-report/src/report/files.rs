@@ -6,10 +6,10 @@ use std::path::Path;
 
 use prost::Message;
 
-use super::history::History;
+use super::history::{History, Replacement, hours_of_all};
 use super::units::{Part, by_unit};
 use hmd_core::history::{EventKind, Events};
-use hmd_core::record::{Health, Log, Record, Rul, Status, Window};
+use hmd_core::record::{Health, Log, Record, Rul, Sensors, Status, Window};
 use hmd_ingest::file::open_recorded;
 use hmd_storage::mcap::{McapLoss, McapMessages};
 use hmd_storage::mcap_writer::METADATA_NAME;
@@ -118,6 +118,11 @@ impl Files {
                     Window::SCHEMA_NAME => files.window(Window::decode(data).map_err(record)?),
                     Health::SCHEMA_NAME => files.health(Health::decode(data).map_err(record)?),
                     Rul::SCHEMA_NAME => files.rul(Rul::decode(data).map_err(record)?),
+                    Sensors::SCHEMA_NAME => {
+                        let sensors = Sensors::decode(data).map_err(record)?;
+                        let history = files.entry(&sensors.actuator);
+                        history.sensors = sensors;
+                    }
                     Status::SCHEMA_NAME => source.status = Status::decode(data).map_err(record)?,
                     Log::SCHEMA_NAME => {
                         let text = Log::decode(data).map_err(record)?.message;
@@ -156,8 +161,13 @@ impl Files {
                 continue;
             };
             let is_after = history.points.iter().all(|point| point.t_start_ns < event.t_ns);
-            if is_after && !history.replaced_since.contains(&event.part) {
-                history.replaced_since.push(event.part);
+            let is_known = history.replaced_since.iter().any(|known| known.part == event.part);
+            if is_after && !is_known {
+                history.replaced_since.push(Replacement {
+                    part: event.part,
+                    t_ns: event.t_ns,
+                    note: event.note.clone().unwrap_or_default(),
+                });
             }
         }
     }
@@ -221,10 +231,7 @@ impl Files {
         if let Some(point) = history.points.last_mut().filter(|point| point.window == rul.window) {
             point.used_h = rul.operating_h;
             point.replaced.clone_from(&rul.replaced);
-            point.left_h = match (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) {
-                (Some(p10), Some(p50), Some(p90)) => Some([p10, p50, p90]),
-                _ => None,
-            };
+            point.left_h = hours_of_all(&rul);
             history.newest.1 = rul;
         }
     }

@@ -6,7 +6,7 @@ use ema_models::FaultId;
 use hmd_core::config::HoursOf;
 use hmd_core::health::HealthState;
 use hmd_core::history::ReplacedPart;
-use hmd_core::record::{Estimate, Health, LastShown, Rul, Window};
+use hmd_core::record::{Estimate, Health, LastShown, Rul, Sensors, Window};
 
 /// One window of a history.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -31,6 +31,8 @@ pub struct Point {
     pub replaced: String,
     /// Names of the faults that it reported.
     pub faults: Vec<String>,
+    /// Whether it suspects a sensor, a wire or a number.
+    pub is_suspected: bool,
 }
 
 /// What is known of one actuator.
@@ -52,8 +54,21 @@ pub struct History {
     pub samples: [u64; 3],
     /// Reasons of windows that are not `ok`, without their values, with the number of windows.
     pub reasons: BTreeMap<String, u64>,
-    /// What was replaced after the newest window, as it was entered, each once: a part, or `None` for the whole actuator.
-    pub replaced_since: Vec<Option<ReplacedPart>>,
+    /// Newest record of its sensors.
+    pub sensors: Sensors,
+    /// What was replaced after the newest window, as it was entered, each once.
+    pub replaced_since: Vec<Replacement>,
+}
+
+/// A replacement that was entered.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Replacement {
+    /// A part, or `None` for the whole actuator.
+    pub part: Option<ReplacedPart>,
+    /// When, UTC ns.
+    pub t_ns: u64,
+    /// What the person who entered it wrote.
+    pub note: String,
 }
 
 /// The newest windows, as far as none of them was assessed.
@@ -100,6 +115,7 @@ impl History {
             left_h: None,
             replaced: String::new(),
             faults: health.fault_list.clone(),
+            is_suspected: !health.suspects.is_empty(),
         });
         self.shown.update(&health);
         self.newest = (health, Rul::default());
@@ -147,6 +163,7 @@ impl History {
             fitted,
             samples,
             reasons,
+            sensors,
             replaced_since: _,
         } = later;
         if !points.is_empty() {
@@ -156,6 +173,9 @@ impl History {
         self.points.extend(points);
         if !identity.is_empty() {
             self.identity = identity;
+        }
+        if sensors != Sensors::default() {
+            self.sensors = sensors;
         }
         self.fitted = fitted.or(self.fitted.take());
         for (sum, count) in self.samples.iter_mut().zip(samples) {
@@ -174,6 +194,11 @@ impl History {
             what == "unit" || ReplacedPart::from_name(what).is_some_and(is_of_fault)
         })
     }
+}
+
+/// Hours left by all faults, 10 %, 50 % and 90 % quantile.
+pub(super) fn hours_of_all(rul: &Rul) -> Option<[f64; 3]> {
+    Some([rul.rul_p10_h?, rul.rul_p50_h?, rul.rul_p90_h?])
 }
 
 /// Whether the hours of a record pass without use, too.

@@ -55,25 +55,32 @@ pub fn page(files: &Files, histories: &[&History], view: &View) -> String {
             body += &actuator(history, &modes, &view.zone);
         }
     }
-    body += &section("Lost data", &losses(files));
-    body += &section("Events", &events(files, &view.zone));
-    body += &section("How this was made", &sources(files));
+    body += &section("", "Lost data", &losses(files));
+    body += &section("", "Events", &events(files, &view.zone));
+    body += &section("", "How this was made", &sources(files));
     document(&title, &body)
 }
 
-fn section(heading: &str, content: &str) -> String {
-    format!("<section><h2>{heading}</h2>\n{content}</section>\n")
+/// A section; on paper its heading has the name of the actuator that it is of, for sheets that are parted.
+fn section(of: &str, heading: &str, content: &str) -> String {
+    let of = match of {
+        "" => String::new(),
+        name => format!("<span class=\"of\">, {}</span>", escaped(name)),
+    };
+    format!("<section><h2>{heading}{of}</h2>\n{content}</section>\n")
 }
 
 /// The part of the page about one actuator.
 fn actuator(history: &History, modes: &[FaultMode; FaultId::COUNT], zone: &Zone) -> String {
-    let advice = recommendation(history, modes);
+    let name = &history.actuator;
+    let advice = recommendation(history, modes, zone);
     let plots = |plots: String| format!("{}<div class=\"plots\">{plots}</div>\n", legend(history, zone));
     [
         period(history, zone),
         headline(&advice, history, zone),
-        section("Faults", &faults(history, modes, zone)),
+        section(name, "Faults", &faults(history, modes, zone)),
         section(
+            name,
             "Damage over use",
             &format!(
                 "<p>0 % is new. Green: nominal, below the watch level.</p>\n{}",
@@ -81,11 +88,12 @@ fn actuator(history: &History, modes: &[FaultMode; FaultId::COUNT], zone: &Zone)
             ),
         ),
         section(
+            name,
             "Health and remaining life",
             &plots(format!("{}{}", timeline(history), remaining(history))),
         ),
-        section("Measured against fitted", &fitted(history, zone)),
-        section("Data quality", &windows(history)),
+        section(name, "Measured against fitted", &fitted(history, zone)),
+        section(name, "Data quality", &windows(history)),
     ]
     .concat()
 }
@@ -141,6 +149,7 @@ mod tests {
             left_h: (n > 5).then_some([90.0, 100.0, 110.0]),
             replaced: String::new(),
             faults: Vec::new(),
+            is_suspected: false,
         };
         History {
             actuator: "<script>alert(1)</script>".to_owned(),

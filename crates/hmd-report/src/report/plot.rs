@@ -177,8 +177,9 @@ impl Plot {
         let (y, right) = (self.y_of(y), WIDTH - RIGHT);
         let _ = write!(
             self.body,
-            "<path class=\"{class}\" d=\"M{LEFT} {y:.1}H{right}\"/><text x=\"{:.1}\" y=\"{:.1}\" class=\"end small\">{}</text>",
-            right - 4.0,
+            "<path class=\"{class}\" d=\"M{LEFT} {y:.1}H{right}\"/><text x=\"{:.1}\" y=\"{:.1}\" class=\"small\">{}</text>",
+            // At the old end: the newest points count.
+            LEFT + 4.0,
             y - 3.0,
             escaped(name)
         );

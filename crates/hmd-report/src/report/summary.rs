@@ -3,17 +3,18 @@
 use std::fmt::Write;
 
 use ema_models::FaultId;
+use hmd_core::assess::LOCKED;
 use hmd_core::catalogue::FaultMode;
 use hmd_core::counted::counted;
 use hmd_core::health::HealthState;
 use hmd_core::record::{Rul, Shown};
 
-use super::history::{History, Unassessed, hours_of};
+use super::history::{History, Unassessed, hours_of, is_elapsed};
 use super::markup::wide_table;
 use super::plot::escaped;
 use super::recommendation::Recommendation;
 use super::sections::NORMAL_95;
-use super::words::{durations, hours, with_capital};
+use super::words::{duration, durations, hours, with_capital};
 use super::zone::Zone;
 
 /// Part and serial number, number of windows and the time they span.
@@ -35,14 +36,21 @@ pub(super) fn period(history: &History, zone: &Zone) -> String {
 
 /// State, what to do, since when, and how long the actuator lasts.
 pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) -> String {
-    let (health, rul) = &history.newest;
+    let health = &history.newest.0;
     let state = advice.state.name();
     let mut text = format!(
         "<p class=\"assessment {state}\"><strong>{state}</strong><br>{}",
         escaped(&advice.action)
     );
-    if let Some(fault) = advice.fault {
-        let _ = write!(text, " Fault: {}.", escaped(fault.plain_name()));
+    if !advice.faults.is_empty() {
+        let found = advice.faults.iter().map(|fault| with_damage(history, *fault));
+        let found = found.collect::<Vec<_>>().join(", ");
+        let _ = write!(
+            text,
+            " {}: {}.",
+            if advice.faults.len() > 1 { "Faults" } else { "Fault" },
+            escaped(&found)
+        );
     }
     if let Some(since) = advice.since_ns.filter(|_| advice.state != HealthState::Unknown) {
         let _ = write!(text, "<br>{} since {}.", with_capital(state), zone.minute(since));
@@ -56,7 +64,26 @@ pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) 
             ),
         };
         let reason = if health.reason.is_empty() { "" } else { ": " };
-        let _ = write!(text, "<br>{which}{reason}{}.", escaped(&health.reason));
+        let _ = write!(
+            text,
+            "<br>{which}{reason}{}.",
+            escaped(&first_what_hinders(&health.reason))
+        );
+    } else if !health.reason.is_empty() {
+        let status = &health.status;
+        let _ = write!(
+            text,
+            "<br>The newest window is {}: {}.",
+            escaped(status),
+            escaped(&health.reason)
+        );
+    }
+    if let Some(since) = advice.suspected_since_ns {
+        let _ = write!(text, "<br>Sensors suspected since {}.", zone.minute(since));
+    }
+    if !history.sensors.drifting.is_empty() {
+        let (names, level) = (history.sensors.drifting.join(", "), &history.sensors.level);
+        let _ = write!(text, "<br>Drift of sensors {}: {}.", escaped(level), escaped(&names));
     }
     if !advice.unknown.is_empty() && advice.unknown.len() < FaultId::COUNT {
         let names: Vec<&str> = advice.unknown.iter().map(|fault| fault.plain_name()).collect();
@@ -65,8 +92,23 @@ pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) 
     if let Some(by_life) = state_by_life(advice, history) {
         let _ = write!(text, "<br>{by_life}");
     }
-    let _ = writeln!(text, "<br>{}</p>", escaped(&remaining_life(advice, rul)));
+    let _ = writeln!(text, "<br>{}</p>", escaped(&remaining_life(advice, history)));
     text
+}
+
+/// A fault with its damage.
+fn with_damage(history: &History, fault: FaultId) -> String {
+    let damage = history
+        .shown
+        .of(fault)
+        .map(|shown| format!(" {}", percent_of(shown.damage)));
+    format!("{}{}", fault.plain_name(), damage.unwrap_or_default())
+}
+
+/// The reason of a window, a motor that does not turn first.
+fn first_what_hinders(reason: &str) -> String {
+    let (first, then): (Vec<&str>, Vec<&str>) = reason.split("; ").partition(|part| part.contains(LOCKED));
+    [first, then].concat().join("; ")
 }
 
 /// Why the state is worse than that of every fault.
@@ -77,7 +119,8 @@ fn state_by_life(advice: &Recommendation, history: &History) -> Option<String> {
 }
 
 /// The forecast in one or two sentences that do not contradict the action.
-fn remaining_life(advice: &Recommendation, rul: &Rul) -> String {
+fn remaining_life(advice: &Recommendation, history: &History) -> String {
+    let rul = &history.newest.1;
     let of = hours_of(rul);
     let [p10, p50, p90] = match &advice.hours_left {
         Ok(left) => durations(*left),
@@ -88,17 +131,44 @@ fn remaining_life(advice: &Recommendation, rul: &Rul) -> String {
     } else {
         format!("Remaining life: nine of ten such actuators last {p10}{of}, half of them {p50}, one of ten {p90}")
     };
-    if let Some(fault) = FaultId::from_name(&rul.dominant_fault) {
-        let _ = write!(text, "; {fault} ends it first");
+    if let Some(fault) = advice.ends_first {
+        let _ = write!(text, "; {} ends it first", fault.plain_name());
+    }
+    if let Some(operation) = little_operation(history) {
+        let _ = write!(text, "; {operation}");
     }
     if advice.state == HealthState::Critical {
         text += ". These hours are a forecast; they do not permit another use.";
         return text;
     }
-    if let (Some(probability), Some(horizon)) = (rul.failure_probability, rul.horizon_h) {
+    let is_recorded = advice
+        .ends_first
+        .is_some_and(|fault| fault.name() == rul.dominant_fault);
+    if let (Some(probability), Some(horizon), true) = (rul.failure_probability, rul.horizon_h, is_recorded) {
         let _ = write!(text, "; it ends within {horizon:.0} h with {}", percent(probability));
     }
     text + "."
+}
+
+/// Share of the time that the windows span below which their operation is told: logs of single movements hold little of it.
+const LITTLE_OPERATION: f64 = 0.01;
+
+/// How much operation the windows hold, where hours are of operation and these are a small part of the time.
+fn little_operation(history: &History) -> Option<String> {
+    if is_elapsed(&history.newest.1) {
+        return None;
+    }
+    let (first, last) = (history.points.first()?, history.points.last()?);
+    let span_h = last.t_start_ns.saturating_sub(first.t_start_ns) as f64 / 3.6e12;
+    let used_h = history
+        .points
+        .iter()
+        .filter_map(|point| point.used_h)
+        .fold(0.0, f64::max);
+    (used_h < LITTLE_OPERATION * span_h).then(|| {
+        let (used, span) = (duration(used_h), duration(span_h));
+        format!("hours of operation, of which the windows hold {used} within {span}; rul.hours = \"elapsed\" counts those of the clock")
+    })
 }
 
 /// A probability in words that never say impossible or certain.
@@ -207,12 +277,15 @@ mod tests {
     fn advice(state: HealthState) -> Recommendation {
         Recommendation {
             state,
-            fault: Some(FaultId::Friction),
+            faults: vec![FaultId::Friction],
             action: "Act.".to_owned(),
             hours_left: Ok([90.0, 100.0, 110.0]),
+            ends_first: Some(FaultId::Friction),
             since_ns: Some(0),
+            suspected_since_ns: None,
             unassessed: None,
             unknown: Vec::new(),
+            has_checks: false,
         }
     }
 

@@ -1,7 +1,9 @@
+use super::super::history::Point;
 use super::*;
 use hmd_core::catalogue::catalogue;
 use hmd_core::health::Levels;
-use hmd_core::record::{Estimate, Health};
+use hmd_core::history::ReplacedPart;
+use hmd_core::record::{Estimate, Health, Rul};
 
 fn history(states: &[&str], faults: &[FaultId], damages: [f64; FaultId::COUNT]) -> History {
     let points = states.iter().enumerate().map(|(n, state)| Point {
@@ -44,6 +46,14 @@ fn report(history: &mut History, faults: &[FaultId]) {
     history.shown.update(health);
 }
 
+fn replaced(part: ReplacedPart) -> Replacement {
+    Replacement {
+        part: Some(part),
+        t_ns: 0,
+        note: "GB-78".to_owned(),
+    }
+}
+
 fn estimate() -> Estimate {
     Estimate {
         k: [0.0; 8],
@@ -53,7 +63,11 @@ fn estimate() -> Estimate {
 }
 
 fn of(history: &History) -> Recommendation {
-    recommendation(history, &catalogue(&[Levels::default(); FaultId::COUNT]).fault_modes)
+    recommendation(
+        history,
+        &catalogue(&[Levels::default(); FaultId::COUNT]).fault_modes,
+        &Zone::utc(),
+    )
 }
 
 #[test]
@@ -65,11 +79,15 @@ fn the_worst_part_is_named_with_the_action_of_the_catalogue() {
         &[Friction, Backlash],
         worn,
     ));
-    assert_eq!(found.fault, Some(Backlash));
-    assert_eq!(found.action, "Repair before the next use: gear and screw.");
+    assert_eq!(found.faults, [Backlash, Friction]);
+    assert_eq!(
+        found.action,
+        "Repair before the next use: gear and screw. Plan the repair: bearings, gear and screw, at the next scheduled \
+         maintenance at the latest, for want of a forecast."
+    );
     assert_eq!(found.since_ns, Some(2));
     let well = of(&history(&["nominal"], &[], [0.0; FaultId::COUNT]));
-    assert_eq!((well.fault, &*well.action), (None, "No action."));
+    assert_eq!((well.faults, &*well.action), (Vec::new(), "No action."));
 }
 
 #[test]
@@ -81,7 +99,7 @@ fn a_suspected_sensor_is_to_be_checked_and_the_last_known_state_stays() {
     let found = of(&history);
     assert_eq!(
         found.action,
-        "Repair before the next use: gear and screw. Check the phase current sensors of the drive and their wiring."
+        "Repair before the next use: gear and screw. Check the phase current sensors of the drive and their wiring, before any part."
     );
     let expected = Unassessed {
         windows: 1,
@@ -91,11 +109,11 @@ fn a_suspected_sensor_is_to_be_checked_and_the_last_known_state_stays() {
     for (state, expected) in [
         (
             "nominal",
-            "Check the phase current sensors of the drive and their wiring.",
+            "Check the phase current sensors of the drive and their wiring, before any part.",
         ),
         (
             "unknown",
-            "Nothing is known yet. Check the phase current sensors of the drive and their wiring.",
+            "Nothing is known yet. Check the phase current sensors of the drive and their wiring, before any part.",
         ),
     ] {
         history.newest.0.health = state.to_owned();
@@ -108,20 +126,19 @@ fn a_suspected_sensor_is_to_be_checked_and_the_last_known_state_stays() {
 fn a_part_replaced_after_the_last_window_is_not_to_be_repaired_again() {
     let worn = [0.0, 0.7, 0.0, 0.0, 0.0, 0.0, 0.0];
     let mut history = history(&["critical"], &[FaultId::Backlash], worn);
-    history.replaced_since = vec![Some(ReplacedPart::Gearbox)];
-    let expected = "The gearbox was replaced after the last window: the next actuation shows its health.";
+    history.replaced_since = vec![replaced(ReplacedPart::Gearbox)];
+    let expected = "The gearbox (1970-01-01 00:00 UTC, GB-78) was replaced after the last window: the next actuation shows its health.";
     assert_eq!(of(&history).action, expected);
-    history.replaced_since = vec![Some(ReplacedPart::Gearbox), Some(ReplacedPart::Motor)];
-    let expected =
-        "The gearbox and the motor were replaced after the last window: the next actuation shows their health.";
+    history.replaced_since = vec![replaced(ReplacedPart::Gearbox), replaced(ReplacedPart::Motor)];
+    let expected = "The gearbox (1970-01-01 00:00 UTC, GB-78) and the motor (1970-01-01 00:00 UTC, GB-78) were replaced after the last window: the next actuation shows their health.";
     assert_eq!(of(&history).action, expected);
     // Another part takes nothing away.
-    history.replaced_since = vec![Some(ReplacedPart::Controller)];
+    history.replaced_since = vec![replaced(ReplacedPart::Controller)];
     let found = of(&history);
     assert!(
-        found
-            .action
-            .starts_with("Repair before the next use: gear and screw. The controller was replaced"),
+        found.action.starts_with(
+            "Repair before the next use: gear and screw. The controller (1970-01-01 00:00 UTC, GB-78) was replaced"
+        ),
         "{}",
         found.action
     );
@@ -131,15 +148,15 @@ fn a_part_replaced_after_the_last_window_is_not_to_be_repaired_again() {
 fn a_replaced_part_leaves_the_faults_of_the_others_with_their_own_level() {
     use FaultId::{Backlash, Gain};
     let mut history = history(&["critical"], &[Backlash, Gain], [0.0, 0.7, 0.0, 0.0, 0.0, 0.0, 0.1]);
-    history.replaced_since = vec![Some(ReplacedPart::Gearbox)];
-    let expected = "Inspect at the next scheduled maintenance: position controller. The gearbox was replaced \
+    history.replaced_since = vec![replaced(ReplacedPart::Gearbox)];
+    let expected = "Inspect at the next scheduled maintenance: position controller. The gearbox (1970-01-01 00:00 UTC, GB-78) was replaced \
                     after the last window: the next actuation shows its health.";
     // The hours are those of what is left, not of the gearbox.
     history.newest.1.dominant_fault = "backlash".to_owned();
     let rul = &mut history.newest.1;
     (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(0.0), Some(0.1), Some(0.2));
     let found = of(&history);
-    assert_eq!((found.fault, &*found.action), (Some(Gain), expected));
+    assert_eq!((found.faults, &*found.action), (vec![Gain], expected));
     history
         .newest
         .0
@@ -148,19 +165,23 @@ fn a_replaced_part_leaves_the_faults_of_the_others_with_their_own_level() {
     let found = of(&history).action;
     assert!(
         found.starts_with("Plan the repair: position controller, at the next scheduled")
-            && found.contains("The gearbox was replaced"),
+            && found.contains("The gearbox ("),
         "{found}"
     );
     // A trend that nobody reports is no reason to go on with a repair.
     report(&mut history, &[Backlash]);
     history.newest.1.dominant_fault = "gain".to_owned();
-    assert!(of(&history).action.starts_with("The gearbox was replaced"));
+    assert!(of(&history).action.starts_with("The gearbox ("));
 }
 
 #[test]
 fn no_action_is_never_said_of_windows_that_could_not_be_assessed() {
     let mut well = history(&["nominal"; 3], &[], [0.0; FaultId::COUNT]);
-    for expected in ["No action.", "Nothing before the next actuation.", CHECK_WHAT_HINDERS] {
+    for expected in [
+        "No action.",
+        "Nothing before the next actuation.",
+        checks::CHECK_WHAT_HINDERS,
+    ] {
         assert_eq!(of(&well).action, expected);
         well.points
             .iter_mut()
@@ -175,7 +196,8 @@ fn no_action_is_never_said_of_windows_that_could_not_be_assessed() {
     }
     let expected = format!(
         "Plan the repair: position controller, at the next scheduled maintenance at the latest, for want of a \
-         forecast. {CHECK_WHAT_HINDERS}"
+         forecast. {}",
+        checks::CHECK_WHAT_HINDERS
     );
     assert_eq!(of(&worn).action, expected);
 }
@@ -199,13 +221,13 @@ fn a_repair_is_planned_within_the_life_that_nine_of_ten_have() {
     let planned = with(90.0);
     assert_eq!(
         planned.action,
-        "Plan the repair: gear and screw, within 90 h of operation."
+        "Plan the repair: gear and screw, within 45 h of operation: it may be critical then."
     );
     assert_eq!(planned.life_left(), "180 h (90 h … 270 h)");
     let urgent = with(0.002);
     assert_eq!(
         urgent.action,
-        "Repair before the next use: gear and screw. It may last less than 1 h more."
+        "Repair before the next use: gear and screw. It may be critical in less than 1 h."
     );
     assert_eq!(urgent.life_left(), "less than 1 min");
 }
@@ -220,11 +242,11 @@ fn an_inspection_is_due_within_the_life_that_nine_of_ten_have() {
         of(&history).action
     };
     let found = with(90.0, "elapsed");
-    let expected =
-        "Inspect at the next scheduled maintenance: position controller, at the latest within 90 h of elapsed time.";
+    let expected = "Inspect at the next scheduled maintenance: position controller, at the latest within 64 h of elapsed time, by \
+                    1970-01-03 16:17 UTC: it may be critical then.";
     assert_eq!(found, expected);
     let found = with(0.002, "operating");
-    let expected = "Inspect before the next use: position controller. It may last less than 1 h more.";
+    let expected = "Inspect before the next use: position controller. It may be critical in less than 1 h.";
     assert_eq!(found, expected);
 }
 
@@ -258,4 +280,47 @@ fn a_reset_begins_a_new_since() {
     let mut history = history(&["watch", "watch", "watch"], &[FaultId::Gain], [0.1; FaultId::COUNT]);
     history.points[2].used_h = Some(0.0);
     assert_eq!(of(&history).since_ns, Some(2));
+}
+
+#[test]
+fn a_replaced_actuator_is_unknown_and_promises_no_hours() {
+    let worn = [0.0, 0.7, 0.0, 0.0, 0.0, 0.0, 0.1];
+    let mut history = history(&["critical"], &[FaultId::Backlash, FaultId::Gain], worn);
+    history.newest.1.dominant_fault = "backlash".to_owned();
+    let rul = &mut history.newest.1;
+    (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(1.0), Some(2.0), Some(3.0));
+    (rul.gain_p10_h, rul.gain_p50_h, rul.gain_p90_h) = (Some(10.0), Some(20.0), Some(30.0));
+    // The gearbox alone: the hours are those of the controller.
+    history.replaced_since = vec![replaced(ReplacedPart::Gearbox)];
+    let found = of(&history);
+    assert_eq!(
+        (found.state, found.ends_first),
+        (HealthState::Watch, Some(FaultId::Gain))
+    );
+    assert_eq!(found.hours_left, Ok([10.0, 20.0, 30.0]));
+    history.replaced_since[0].part = None;
+    let found = of(&history);
+    assert_eq!((found.state, found.faults.len()), (HealthState::Unknown, 0));
+    assert_eq!(found.hours_left, Err(REPLACED.to_owned()));
+    assert!(found.action.starts_with("The actuator ("), "{}", found.action);
+}
+
+#[test]
+fn a_motor_that_did_not_turn_is_to_be_checked_at_once() {
+    let mut history = history(&["nominal", "nominal"], &[], [0.0; FaultId::COUNT]);
+    history.points[1].estimate = None;
+    history.newest.0.reason = format!("not excited: gain; {}", hmd_core::assess::LOCKED);
+    assert_eq!(of(&history).action, checks::CHECK_FOR_A_JAM);
+}
+
+#[test]
+fn a_drifting_sensor_is_to_be_checked_before_any_part() {
+    let mut history = history(&["nominal"], &[], [0.0; FaultId::COUNT]);
+    history.sensors.drifting = vec!["current_sum_a".to_owned(), "dc_link_v".to_owned()];
+    let found = of(&history);
+    assert_eq!(
+        found.action,
+        "Check the phase current sensors of the drive and their wiring; the sensor of the DC link voltage, before any part."
+    );
+    assert!(found.has_checks);
 }

@@ -71,7 +71,7 @@ impl Law {
     /// Lets x pass.
     ///
     /// From one estimate to the next the damage moves by no more than about 1: a slope that only estimates next to no time apart have told
-    /// is narrowed to that first.
+    /// is narrowed about none first.
     pub fn advance(&mut self, x: f64) {
         self.narrow_slope(self.reach(x));
         let [dd, dv, vv] = self.covariance;
@@ -82,12 +82,16 @@ impl Law {
         self.covariance = [dd + 2.0 * g * dv + g * g * vv + noise, e * (dv + g * vv), e * e * vv];
     }
 
-    /// Narrows the slope so that over this reach it is uncertain by a damage of 1 at most.
+    /// Narrows the slope so that over this reach it is uncertain by a damage of 1 at most, as an observation of no slope does that leaves
+    /// so much of it.
     fn narrow_slope(&mut self, reach: f64) {
         let [dd, dv, vv] = self.covariance;
         let sigma = vv.sqrt() * reach;
         if sigma > 1.0 {
-            self.covariance = [dd, dv / sigma, vv / sigma / sigma];
+            let kept = 1.0 / sigma / sigma;
+            self.damage -= dv / vv * (1.0 - kept) * self.slope;
+            self.slope *= kept;
+            self.covariance = [(dd - dv / vv * dv * (1.0 - kept)).max(0.0), dv * kept, vv * kept];
         }
     }
 

@@ -31,8 +31,9 @@ use hmd_core::record::{HealthLine, LogLevel, Status};
 use hmd_ingest::can::{CanSource, Wanted};
 use hmd_ingest::live::LiveSource;
 use hmd_ingest::serial::SerialSource;
-use hmd_storage::calibration_file::hash_of_models_of_run;
+use hmd_storage::calibration_file::{check_learn_folders, hash_of_models_of_run};
 use hmd_storage::config_file;
+use hmd_storage::history_file;
 use hmd_storage::metrics_file::{may_replace, write_textfile};
 use hmd_storage::printable;
 use hmd_storage::recorder::{RecordError, Recorder, is_folder, metadata};
@@ -81,6 +82,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         no_recording(output)?;
     }
     check_outputs(args, &config)?;
+    check_folders(&config, None)?;
     use_threads(args.threads.map(usize::from))?;
     let signals = Signals::listen().context("signals")?;
     let printer = Printer {
@@ -106,8 +108,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let mut recorder = recorder(args, &config)?;
     loop {
         let mut next = None;
+        let running = config.clone();
         let stop = async {
-            next = new_config(args, is_file, &signals, &printer).await;
+            next = new_config(args, &running, is_file, &signals, &printer).await;
         };
         match daemon(args, config, recorder, &viewers)?.run(stop, &printer) {
             Ok(status) if report(&status, true) == Exit::DataLost => exit = Exit::DataLost,
@@ -169,8 +172,23 @@ pub fn load(path: &Path, settings: &[String]) -> anyhow::Result<Arc<Config>> {
     Ok(Arc::new(config))
 }
 
+/// Whether what is learnt of units can be kept where the configuration says; `running` is that of the run that this process ends for it.
+fn check_folders(config: &Config, running: Option<&Config>) -> Result<(), DaemonError> {
+    let state = |config: &Config| config.rul().state.as_ref().map(|path| config.resolve(path));
+    if let Some(folder) = state(config) {
+        history_file::check(&folder, running.and_then(state).as_deref()).map_err(DaemonError::State)?;
+    }
+    check_learn_folders(config).map_err(|(actuator, cause)| DaemonError::LearnFolder { actuator, cause })
+}
+
 /// Waits until the daemon shall stop (`None`), or go on with another configuration. A bad one changes nothing.
-async fn new_config(args: &Args, is_file: bool, signals: &Signals, printer: &Printer) -> Option<Arc<Config>> {
+async fn new_config(
+    args: &Args,
+    running: &Config,
+    is_file: bool,
+    signals: &Signals,
+    printer: &Printer,
+) -> Option<Arc<Config>> {
     while signals.next().await == Request::Reload {
         service::reloading();
         if is_file {
@@ -179,7 +197,12 @@ async fn new_config(args: &Args, is_file: bool, signals: &Signals, printer: &Pri
                 "not reloaded: the output is one file, which belongs to one configuration",
             );
         } else {
-            match load(&args.config, &args.settings.set) {
+            // What a start would refuse is refused before the run ends that would have to go on.
+            let usable = load(&args.config, &args.settings.set).and_then(|config| {
+                check_folders(&config, Some(running))?;
+                Ok(config)
+            });
+            match usable {
                 // Ready again once it runs.
                 Ok(config) => return Some(config),
                 Err(error) => printer.notice_with_level(

@@ -9,8 +9,10 @@ use ema_identify::unit_calibration::UnitCalibration;
 use hmd_core::assess::{AssessError, Models, TypeModel, model_hash};
 use hmd_core::config::{ActuatorConfig, ActuatorType, Config};
 use hmd_core::learning::LearntUnit;
+use tempfile::NamedTempFile;
 
-use crate::output_file;
+use crate::is_full;
+use crate::output_file::{self, folder_of};
 use crate::regular_file::read_regular_text;
 
 /// Reads everything that the windows of a configuration are assessed with.
@@ -81,6 +83,30 @@ pub fn load_learnt(config: &Config) -> Result<Vec<(PathBuf, &ActuatorConfig, Uni
         found.push((path, actuator, unit));
     }
     Ok(found)
+}
+
+/// Whether the folder of each unit that is to be learnt can be written to; one that is missing is made.
+///
+/// # Errors
+/// The first actuator whose folder cannot, with the folder and what the system says.
+pub fn check_learn_folders(config: &Config) -> Result<(), (String, AssessError)> {
+    for actuator in config.actuators() {
+        let Some(path) = config.learnt_file(actuator) else {
+            continue;
+        };
+        let folder = folder_of(&path);
+        let tried = fs::create_dir_all(folder).and_then(|()| NamedTempFile::new_in(folder).map(drop));
+        match tried {
+            // Room may come before the unit is learnt.
+            Err(cause) if is_full(&cause) => {}
+            Err(source) => {
+                let path = folder.display().to_string();
+                return Err((actuator.name.clone(), AssessError::Read { path, source }));
+            }
+            Ok(()) => {}
+        }
+    }
+    Ok(())
 }
 
 /// Writes what was learnt of a unit; a folder that is missing is made.

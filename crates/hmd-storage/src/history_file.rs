@@ -9,6 +9,7 @@ use serde_json::value::RawValue;
 use sha2::{Digest, Sha256};
 
 use crate::regular_file::{create_temporary, read_regular};
+use crate::same_file::is_same_file;
 use hmd_core::config::Config;
 use hmd_core::history::{HistoryStore, UnitHistory};
 use hmd_core::metadata_checksum::hex;
@@ -128,12 +129,7 @@ pub fn hold(directory: &Path) -> Result<File, StateError> {
         path: directory.display().to_string(),
         source,
     };
-    fs::create_dir_all(directory).map_err(failed)?;
-    let lock = File::options()
-        .create(true)
-        .append(true)
-        .open(directory.join(LOCK))
-        .map_err(failed)?;
+    let lock = open_lock(directory).map_err(failed)?;
     match lock.try_lock() {
         Ok(()) => Ok(lock),
         Err(TryLockError::WouldBlock) => Err(failed(io::Error::new(
@@ -142,6 +138,26 @@ pub fn hold(directory: &Path) -> Result<File, StateError> {
         ))),
         Err(TryLockError::Error(cause)) => Err(failed(cause)),
     }
+}
+
+/// Whether [`hold`] would take a folder, whose lock is not kept; `own` is the folder that this process has taken already.
+///
+/// # Errors
+/// As [`hold`].
+pub fn check(directory: &Path, own: Option<&Path>) -> Result<(), StateError> {
+    if !own.is_some_and(|own| is_same_file(own, directory)) {
+        return hold(directory).map(drop);
+    }
+    // The lock is ours, and a second one would be refused.
+    open_lock(directory).map(drop).map_err(|source| StateError::Io {
+        path: directory.display().to_string(),
+        source,
+    })
+}
+
+fn open_lock(directory: &Path) -> io::Result<File> {
+    fs::create_dir_all(directory)?;
+    File::options().create(true).append(true).open(directory.join(LOCK))
 }
 
 /// Reads a history; `None` where none is stored.
@@ -227,7 +243,11 @@ mod tests {
             refused.contains("expected histories that no other hmd keeps"),
             "{refused}"
         );
+        // A reload keeps the folder that the process has, and no other's.
+        check(&place, Some(&place)).unwrap();
+        assert!(check(&place, Some(folder.path())).is_err());
         drop(held);
+        check(&place, None).unwrap();
         hold(&place).unwrap();
     }
 

@@ -21,4 +21,12 @@ pub mod same_file;
 pub mod schema_copy;
 pub mod segment_store;
 
+/// Whether an error of the system is a lack of room, which may come.
+fn is_full(cause: &std::io::Error) -> bool {
+    matches!(
+        cause.kind(),
+        std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded
+    )
+}
+
 pub use quoted::{no_formula, number_cell, printable, quoted};

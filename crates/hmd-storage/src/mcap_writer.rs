@@ -69,6 +69,16 @@ pub enum McapWriteError {
     },
 }
 
+impl McapWriteError {
+    /// The error of the system, if it is one: what fails in the middle of a record comes through the library.
+    pub(crate) fn io(&self) -> Option<&io::Error> {
+        match self {
+            Self::Io(cause) | Self::Mcap(McapError::Io(cause)) => Some(cause),
+            _ => None,
+        }
+    }
+}
+
 /// How every MCAP file of ours is written.
 pub(crate) fn write_options() -> WriteOptions {
     WriteOptions::new()

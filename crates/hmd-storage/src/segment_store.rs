@@ -27,6 +27,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::clock::now_ns;
+use crate::is_full;
 use crate::mcap_writer::McapWriteError;
 use background::BackgroundRepair;
 use hmd_core::config::Limits;
@@ -124,17 +125,24 @@ impl SegmentStore {
         let name = || folder.display().to_string();
         let error = |cause| SegmentStoreError::Folder { folder: name(), cause };
         let mut store = Self::without_folder(folder, metadata, limits, disk, now);
-        let Some(lock) = hold(folder).map_err(error)? else {
-            return Err(SegmentStoreError::InUse { folder: name() });
-        };
-        store.take_folder(lock).map_err(error)?;
+        let taken = hold(folder).and_then(|lock| match lock {
+            Some(lock) => store.take_folder(lock).map(|()| true),
+            None => Ok(false),
+        });
+        match taken {
+            Ok(true) => {}
+            Ok(false) => return Err(SegmentStoreError::InUse { folder: name() }),
+            // Taken with the first segment.
+            Err(cause) if is_full(&cause) => {}
+            Err(cause) => return Err(error(cause)),
+        }
         store.make_room();
         // Who waits for the start may rely on the output from here on.
         match store.try_begin(Kind::Records) {
             Ok(()) => Ok(store),
             // Room may come; what is not stored until then is counted.
-            Err(McapWriteError::Io(cause)) if is_full(&cause) => {
-                store.check(Kind::Records, Err(McapWriteError::Io(cause)));
+            Err(cause) if cause.io().is_some_and(is_full) => {
+                store.check(Kind::Records, Err(cause));
                 Ok(store)
             }
             Err(cause) => Err(SegmentStoreError::Unwritable { folder: name(), cause }),
@@ -549,10 +557,6 @@ impl SegmentStore {
 fn is_link(folder: &Path) -> bool {
     let bare: PathBuf = folder.components().collect();
     fs::symlink_metadata(bare).is_ok_and(|about| about.is_symlink())
-}
-
-fn is_full(cause: &io::Error) -> bool {
-    matches!(cause.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
 }
 
 fn became_link() -> io::Error {

@@ -91,6 +91,14 @@ pub enum DaemonError {
     /// The histories of earlier runs cannot be kept.
     #[error("rul.state: {0}")]
     State(StateError),
+    /// What is learnt of a unit cannot be kept.
+    #[error("actuator.learn_folder of {actuator}: expected a folder that can be written to, found {cause}")]
+    LearnFolder {
+        /// The actuator.
+        actuator: String,
+        /// The folder, and why it cannot be used.
+        cause: AssessError,
+    },
     /// The records cannot be written.
     #[error(transparent)]
     Record(#[from] RecordError),

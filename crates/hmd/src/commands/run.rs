@@ -25,14 +25,16 @@ use super::{
 use crate::daemon::{Daemon, DaemonError, Observer};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::Config;
+use hmd_core::config_warnings::bus_warnings;
 use hmd_core::metrics::last_windows::LastWindows;
 use hmd_core::metrics::render;
 use hmd_core::record::{HealthLine, LogLevel, Status};
 use hmd_ingest::can::{CanSource, Wanted};
 use hmd_ingest::live::LiveSource;
 use hmd_ingest::serial::SerialSource;
-use hmd_storage::calibration_file::hash_of_models_of_run;
+use hmd_storage::calibration_file::{check_learn_folders, hash_of_models_of_run};
 use hmd_storage::config_file;
+use hmd_storage::history_file;
 use hmd_storage::metrics_file::{may_replace, write_textfile};
 use hmd_storage::printable;
 use hmd_storage::recorder::{RecordError, Recorder, is_folder, metadata};
@@ -81,6 +83,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         no_recording(output)?;
     }
     check_outputs(args, &config)?;
+    check_folders(&config, None)?;
     use_threads(args.threads.map(usize::from))?;
     let signals = Signals::listen().context("signals")?;
     let printer = Printer {
@@ -99,6 +102,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             metrics_http::serve(address, page.clone()).with_context(|| format!("--metrics-listen {address}"))?;
         printer.notice(&format!("metrics: http://{address}/metrics"));
     }
+    printer.warn_of_buses(&config);
     let viewers = args.serve.open(|message| printer.notice(message))?;
     let mut exit = Exit::Done;
     // Whatever lies at its place later.
@@ -106,8 +110,9 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let mut recorder = recorder(args, &config)?;
     loop {
         let mut next = None;
+        let running = config.clone();
         let stop = async {
-            next = new_config(args, is_file, &signals, &printer).await;
+            next = new_config(args, &running, is_file, &signals, &printer).await;
         };
         match daemon(args, config, recorder, &viewers)?.run(stop, &printer) {
             Ok(status) if report(&status, true) == Exit::DataLost => exit = Exit::DataLost,
@@ -169,8 +174,23 @@ pub fn load(path: &Path, settings: &[String]) -> anyhow::Result<Arc<Config>> {
     Ok(Arc::new(config))
 }
 
+/// Whether what is learnt of units can be kept where the configuration says; `running` is that of the run that this process ends for it.
+fn check_folders(config: &Config, running: Option<&Config>) -> Result<(), DaemonError> {
+    let state = |config: &Config| config.rul().state.as_ref().map(|path| config.resolve(path));
+    if let Some(folder) = state(config) {
+        history_file::check(&folder, running.and_then(state).as_deref()).map_err(DaemonError::State)?;
+    }
+    check_learn_folders(config).map_err(|(actuator, cause)| DaemonError::LearnFolder { actuator, cause })
+}
+
 /// Waits until the daemon shall stop (`None`), or go on with another configuration. A bad one changes nothing.
-async fn new_config(args: &Args, is_file: bool, signals: &Signals, printer: &Printer) -> Option<Arc<Config>> {
+async fn new_config(
+    args: &Args,
+    running: &Config,
+    is_file: bool,
+    signals: &Signals,
+    printer: &Printer,
+) -> Option<Arc<Config>> {
     while signals.next().await == Request::Reload {
         service::reloading();
         if is_file {
@@ -179,7 +199,12 @@ async fn new_config(args: &Args, is_file: bool, signals: &Signals, printer: &Pri
                 "not reloaded: the output is one file, which belongs to one configuration",
             );
         } else {
-            match load(&args.config, &args.settings.set) {
+            // What a start would refuse is refused before the run ends that would have to go on.
+            let usable = load(&args.config, &args.settings.set).and_then(|config| {
+                check_folders(&config, Some(running))?;
+                Ok(config)
+            });
+            match usable {
                 // Ready again once it runs.
                 Ok(config) => return Some(config),
                 Err(error) => printer.notice_with_level(
@@ -263,7 +288,14 @@ impl Printer {
     fn begin_again(&self, config: &Config) {
         let hash = config.hash();
         self.notice(&format!("reloaded, configuration {hash}"));
+        self.warn_of_buses(config);
         *self.last_windows() = LastWindows::new(hash);
+    }
+
+    fn warn_of_buses(&self, config: &Config) {
+        for warning in bus_warnings(config) {
+            self.notice_with_level(LogLevel::Warning, &warning);
+        }
     }
 
     fn last_windows(&self) -> MutexGuard<'_, LastWindows> {

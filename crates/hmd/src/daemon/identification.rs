@@ -122,15 +122,25 @@ impl<'a, C: HostClock> Identification<'a, C> {
         let replaced = self.learner.take_replaced();
         let unremoved: Vec<String> = replaced
             .iter()
-            .filter_map(|actuator| remove_learnt(&self.config, actuator).err())
-            .map(|error| error.to_string())
+            .filter_map(|actuator| {
+                let error = remove_learnt(&self.config, actuator).err()?;
+                let name = &actuator.name;
+                Some(format!(
+                    "what was learnt of {name} before is not removed: it is taken again after a restart: {error}"
+                ))
+            })
             .collect();
         // A unit that cannot be kept is assessed by what was learnt all the same, until the run ends.
         let kept = self.learner.take_learnt();
         let unkept: Vec<String> = kept
             .iter()
-            .filter_map(|learnt| save_learnt(&self.config, learnt).err())
-            .map(|error| error.to_string())
+            .filter_map(|learnt| {
+                let error = save_learnt(&self.config, learnt).err()?;
+                let name = &learnt.actuator.name;
+                Some(format!(
+                    "the commissioning of {name} is not kept: it is learnt again after a restart: {error}"
+                ))
+            })
             .collect();
         let troubles = events
             .into_iter()

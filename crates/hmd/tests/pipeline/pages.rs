@@ -46,7 +46,11 @@ fn metrics() {
         rul_p90_h: Some(0.0),
         ..Rul::default()
     };
-    last.update(&health, &rul, &WindowsInARow::default());
+    let in_a_row = WindowsInARow {
+        suspects: [(ANY.to_owned(), 0)].into(),
+        ..WindowsInARow::default()
+    };
+    last.update(&health, &rul, &in_a_row);
     let status = Status {
         record_age_s: Some(0.0),
         interfaces: vec![InterfaceStatus {
@@ -75,6 +79,11 @@ fn metrics() {
             .expect("a # TYPE line")
             .1;
         let suffix = if kind == "counter" { "_total" } else { "" };
+        // Its labels stand nowhere else.
+        assert!(
+            lines.peek().is_some_and(|line| !line.starts_with('#')),
+            "expected a sample of {name}, found none: fill what it shows into the record above"
+        );
         let mut labels: Vec<(&str, Vec<&str>)> = Vec::new();
         while let Some(sample) = lines.next_if(|line| !line.starts_with('#')) {
             let Some((_, rest)) = sample.split_once('{') else {

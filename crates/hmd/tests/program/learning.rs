@@ -171,6 +171,28 @@ fn a_worn_unit_is_not_learnt() {
     }
 }
 
+/// What is not kept would be learnt again after a restart, from a unit that may be worn by then.
+#[test]
+fn a_folder_that_nothing_can_be_kept_in_is_refused_or_told() {
+    let folder = Folder::new();
+    folder.write("file", "no folder");
+    for place in ["/proc/x", "file"] {
+        folder.write("hmd.toml", CONFIG.replace("\"units\"", &format!("{place:?}")));
+        let refused = folder.refused("run -c hmd.toml -o segments/", if place == "file" { 78 } else { 1 });
+        assert!(
+            place == "file" || refused.contains("actuator.learn_folder of flap"),
+            "{refused}"
+        );
+        assert!(!folder.path("segments").exists());
+    }
+    // It went bad meanwhile.
+    folder.write("hmd.toml", CONFIG.replace("\"units\"", "\"/proc/x\""));
+    let config = Arc::new(load_config(folder.path("hmd.toml")).unwrap());
+    let (_, notices) = run(&config, 5, &folder.path("first.mcap"));
+    let told = "the commissioning of flap is not kept: it is learnt again after a restart: /proc/x/flap+S_7.unit.toml: No such file";
+    assert!(notices.iter().any(|notice| notice.starts_with(told)), "{notices:#?}");
+}
+
 #[test]
 fn contradictory_settings_of_learning_are_refused() {
     let folder = Folder::new();

@@ -272,6 +272,47 @@ fn a_reload_from_a_fifo_changes_nothing_and_the_end_is_obeyed() {
     manager.stop();
 }
 
+/// Whoever forgot the line would wait for a device that is sought nowhere.
+#[test]
+fn a_bus_that_may_be_meant_as_a_serial_line_is_told() {
+    let mut manager = Manager::start("segments/", &[]);
+    manager.read_until("bus nosuchbus0: no [[serial]] has it, so a CAN interface of this name is sought");
+    assert_eq!(manager.next_message().0, "READY=1");
+    manager.stop();
+}
+
+#[test]
+fn a_reload_without_its_folders_changes_nothing() {
+    let mut manager = Manager::start_with("segments/", &[], |folder| {
+        std::fs::write(folder.join("file"), "no folder").unwrap();
+    });
+    assert_eq!(manager.next_message().0, "READY=1");
+    let learning = |folder: &str| format!("{CONFIG}learn_windows = 5\nlearn_folder = \"{folder}\"\n");
+    let keeping = |folder: &str| format!("[rul]\nstate = \"{folder}\"\n{CONFIG}");
+    for (config, refused) in [
+        (keeping("/proc/x"), "rul.state: /proc/x: "),
+        (keeping("file"), "rul.state: "),
+        (learning("/proc/x"), "actuator.learn_folder of ema3: "),
+        // Its own folder is no other run's.
+        (keeping("state"), ""),
+        (keeping("state"), ""),
+        (keeping("/proc/x"), "rul.state: /proc/x: "),
+    ] {
+        std::fs::write(manager.at("hmd.toml"), config).unwrap();
+        manager.signal("-HUP");
+        assert!(manager.next_message().0.starts_with("RELOADING=1"));
+        assert_eq!(manager.next_message().0, "READY=1");
+        let told = match refused {
+            "" => "reloaded, configuration ".to_owned(),
+            cause => format!("not reloaded, the configuration stays as it was: {cause}"),
+        };
+        manager.read_until(&told);
+        manager.expect_heartbeat();
+    }
+    manager.stop();
+    assert_eq!(segments(&manager.at("segments")), 3, "one of each run");
+}
+
 /// Segments that take long to repair, or are bombs, do not keep the daemon from its work.
 #[test]
 fn cut_segments_are_repaired_beside_the_watch() {

@@ -20,7 +20,7 @@ use super::normal_equations::NormalEquations;
 use super::output_load::OutputLoad;
 use super::residual::{HealthyResidual, RELATION_COUNT, Relation};
 use super::shared::{INERTIA, SHARED_COUNT, Shared, SharedMatrix, coefficients, priors, shared_columns};
-use super::terms::{BalanceRing, BalanceRow, BalanceShape, Term, balance_rows};
+use super::terms::{BalanceRing, BalanceRow, BalanceShape, Term, WindowState, balance_rows};
 use super::torque_balance::{BalanceCoefficients, LOAD_ROUNDS, Turns, torque_balance};
 use crate::monitor_fit::RecordedSample;
 
@@ -292,7 +292,7 @@ fn window_sums<S: RecordedSample>(
 ) -> NormalEquations<WINDOW_COUNT> {
     let mut sums = NormalEquations::new();
     let mut ring = BalanceRing::new(kernel.span);
-    for row in balance_rows(window, shape, load, kernel, 1.0, None, &mut ring).flatten() {
+    for row in balance_rows(window, shape, WindowState::healthy(load), kernel, None, &mut ring).flatten() {
         let (a, y) = scale.row(&row, window.params().motor.j);
         sums.add(&a, y);
     }

@@ -15,7 +15,7 @@ use super::output_load::OutputLoad;
 use super::residual::Relation;
 use super::shared::place_of;
 use super::sliding::Sliding;
-use super::terms::{BalanceRing, TERM_COUNT, Term, balance_rows};
+use super::terms::{BalanceRing, TERM_COUNT, Term, WindowState, balance_rows};
 use super::transmission::pushed;
 use crate::monitor_fit::RecordedSample;
 
@@ -111,25 +111,32 @@ impl CommissionedRelations {
         let is_of_currents: [bool; TERM_COUNT] =
             core::array::from_fn(|term| OF_CURRENTS.iter().any(|&of| of as usize == term));
         let mut ring = BalanceRing::new(kernel.span);
-        balance_rows(window, &self.balance.shape, load, &kernel, 1.0, None, &mut ring)
-            .enumerate()
-            .filter(|(n, _)| (n + MARGIN).is_multiple_of(kernel.stride))
-            .map(|(n, row)| CurvePoint {
-                time_s: centre_s(n, &kernel, rate),
-                sides: row.map(|row| {
-                    let mut sides = [0.0; 2];
-                    for (term, (value, coefficient)) in row.terms.iter().zip(&coefficients).enumerate() {
-                        let torque = value * coefficient;
-                        if is_of_currents[term] {
-                            sides[0] += torque;
-                        } else {
-                            sides[1] -= torque;
-                        }
+        balance_rows(
+            window,
+            &self.balance.shape,
+            WindowState::healthy(load),
+            &kernel,
+            None,
+            &mut ring,
+        )
+        .enumerate()
+        .filter(|(n, _)| (n + MARGIN).is_multiple_of(kernel.stride))
+        .map(|(n, row)| CurvePoint {
+            time_s: centre_s(n, &kernel, rate),
+            sides: row.map(|row| {
+                let mut sides = [0.0; 2];
+                for (term, (value, coefficient)) in row.terms.iter().zip(&coefficients).enumerate() {
+                    let torque = value * coefficient;
+                    if is_of_currents[term] {
+                        sides[0] += torque;
+                    } else {
+                        sides[1] -= torque;
                     }
-                    sides
-                }),
-            })
-            .collect()
+                }
+                sides
+            }),
+        })
+        .collect()
     }
 
     /// Derivative of the torque against the law of the speed loop, its factors fitted to the window, Nm/s.

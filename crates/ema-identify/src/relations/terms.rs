@@ -27,9 +27,9 @@ pub enum Term {
     TurnsB,
     /// `k s_C i_C`; coefficient N_C.
     TurnsC,
-    /// `Σ_j k s_j i_j cos(θ_e + 2πj/3)`; coefficient `ζ cos φ_e`.
+    /// `Σ_j N_j k s_j i_j cos(θ_e + 2πj/3)` with the turns of [`WindowState`]; coefficient `ζ cos φ_e`.
     EccentricityCos,
-    /// `Σ_j k s_j i_j sin(θ_e + 2πj/3)`; coefficient `ζ sin φ_e`.
+    /// `Σ_j N_j k s_j i_j sin(θ_e + 2πj/3)`; coefficient `ζ sin φ_e`.
     EccentricitySin,
     /// `−θ_m''`; coefficient J, kg·m².
     Inertia,
@@ -152,22 +152,42 @@ pub(super) struct BalanceRow {
 /// for the copies.
 pub(super) type BalanceRing = Sliding<TERM_COUNT>;
 
+/// What the terms of a window take as known of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct WindowState {
+    /// Load at the output under which the gear loses torque.
+    pub(super) load: OutputLoad,
+    /// Factor of the position gain against the healthy unit's.
+    pub(super) gain: f64,
+    /// Intact turns N_A, N_B, N_C that the eccentricity acts on: turns that carry no current make no torque in a narrow gap either.
+    pub(super) turns: [f64; 3],
+}
+
+impl WindowState {
+    /// Of a unit with all its turns and the position gain of the healthy one.
+    pub(super) fn healthy(load: OutputLoad) -> Self {
+        Self {
+            load,
+            gain: 1.0,
+            turns: [1.0; 3],
+        }
+    }
+}
+
 /// Smallest speed under the kernel, rad/s: below, friction is no function of the measured speed.
 const MOVING: f64 = 3.0;
 
 /// Rows of a window, one per inner sample; `None` between the kernel's strides, and unless the motor turns in one direction under the kernel that ends there, at
-/// 3 rad/s or more, and all of it was measured. `gain` is the factor of the position gain against the healthy unit's; a shorted loop takes the
-/// place of the turns of its phase.
+/// 3 rad/s or more, and all of it was measured. A shorted loop takes the place of the turns of its phase.
 pub(super) fn balance_rows<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     shape: &BalanceShape,
-    load: OutputLoad,
+    state: WindowState,
     kernel: &Kernel,
-    gain: f64,
     mut shorted: Option<LoopTorque>,
     ring: &mut BalanceRing,
 ) -> impl Iterator<Item = Option<BalanceRow>> {
-    let (window, integrands) = (*window, Integrands::new(window, shape, load, gain));
+    let (window, integrands) = (*window, Integrands::new(window, shape, state));
     let (instants, stride) = (instants(window.params()), kernel.stride);
     ring.clear();
     let mut forward = true;
@@ -287,18 +307,11 @@ struct Integrands {
     gear_ratio: f64,
     loss_shares: [f64; 2],
     shape: BalanceShape,
-    load: OutputLoad,
-    /// Factor of the position gain.
-    gain: f64,
+    state: WindowState,
 }
 
 impl Integrands {
-    fn new<S: RecordedSample>(
-        window: &MeasuredWindow<'_, S>,
-        shape: &BalanceShape,
-        load: OutputLoad,
-        gain: f64,
-    ) -> Self {
+    fn new<S: RecordedSample>(window: &MeasuredWindow<'_, S>, shape: &BalanceShape, state: WindowState) -> Self {
         let (params, k) = (window.params(), window.motor().k);
         Self {
             k,
@@ -309,8 +322,7 @@ impl Integrands {
             gear_ratio: params.transmission.gear_ratio,
             loss_shares: params.transmission.gear_loss_shares(),
             shape: *shape,
-            load,
-            gain,
+            state,
         }
     }
 
@@ -325,10 +337,11 @@ impl Integrands {
         let double = sum(e, e);
         let s = phase_shapes(e);
         let torque: f64 = (0..3).map(|j| self.k * s[j] * now.i[j]).sum();
-        let is_limited = now.speed_reference * self.gain >= 1.0 || window.is_current_limited(torque / (1.5 * self.k));
+        let is_limited =
+            now.speed_reference * self.state.gain >= 1.0 || window.is_current_limited(torque / (1.5 * self.k));
         let sign = libm::copysign(1.0, now.omega_m);
         let ratio = now.omega_m / self.shape.stribeck_speed;
-        let load_torque = (self.load.constant + self.load.spring * now.travel) / self.gear_ratio;
+        let load_torque = (self.state.load.constant + self.state.load.spring * now.travel) / self.gear_ratio;
         let [opposing, aiding] = self.loss_shares;
         let loss_share = if load_torque * sign >= 0.0 { opposing } else { aiding };
         let [
@@ -370,12 +383,12 @@ impl Integrands {
             if is_limited {
                 0.0
             } else {
-                self.made * self.gain * self.k_p * now.reference_step
+                self.made * self.state.gain * self.k_p * now.reference_step
             },
             if is_limited {
                 0.0
             } else {
-                self.made * self.gain * self.k_p * self.g_p * counted
+                self.made * self.state.gain * self.k_p * self.g_p * counted
             },
             -1.0 / self.gear_ratio,
             -now.travel / self.gear_ratio,
@@ -388,7 +401,7 @@ impl Integrands {
         if window.is_current_limited(quadrature) {
             0.0
         } else {
-            self.k_p * window.reference_change(n, self.gain) / self.torque_gain
+            self.k_p * window.reference_change(n, self.state.gain) / self.torque_gain
         }
     }
 
@@ -401,6 +414,7 @@ impl Integrands {
         let (fifth, seventh) = (sum(fourth, e), sum(sum(fourth, double), e));
         let s = phase_shapes(e);
         let torque: [f64; 3] = core::array::from_fn(|j| self.k * s[j] * now.i[j]);
+        let intact: [f64; 3] = core::array::from_fn(|j| self.state.turns[j] * torque[j]);
         let (mesh_sin, mesh_cos) = (self.shape.teeth * now.angle_in_turn).sin_cos_poly();
         let (cogging_sin, cogging_cos) = (self.shape.cogging_periods * now.angle_in_turn).sin_cos_poly();
         // 5 θ_j = 5 θ_e + 2πj/3 and 7 θ_j = 7 θ_e − 2πj/3, up to whole turns.
@@ -409,8 +423,8 @@ impl Integrands {
             torque[0],
             torque[1],
             torque[2],
-            (0..3).map(|j| torque[j] * ahead(e, j).1).sum(),
-            (0..3).map(|j| torque[j] * ahead(e, j).0).sum(),
+            (0..3).map(|j| intact[j] * ahead(e, j).1).sum(),
+            (0..3).map(|j| intact[j] * ahead(e, j).0).sum(),
             mesh_cos,
             mesh_sin,
             cogging_cos,

@@ -2,8 +2,12 @@
 //!
 //! In: a window and the coefficients that all windows of the unit share. Out: the eight coefficients that may differ in this
 //! window (intact turns, eccentricity, scale of friction, load, spring) by one linear least squares. What the gear loses under
-//! the load depends on load and spring, so up to four rounds find both; without it every spring would
-//! look like friction.
+//! the load depends on load and spring, and eccentricity acts on the intact turns alone, so up to four rounds find them; without the
+//! losses every spring would look like friction.
+//!
+//! The torque has the products `(N_j − 1) ζ`. With the currents `I s_j` those of phase j are, besides a third harmonic, what a change of
+//! the eccentricity by `2/3 (1 − N_j) ζ (cos(φ_e − 2πj/3) − ½ cos φ_e, −sin(φ_e − 2πj/3) − ½ sin φ_e)` would be: left out, they bias ζ by
+//! up to `(1 − N_j) ζ`. Derived here.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -17,7 +21,7 @@ use super::output_load::OutputLoad;
 use super::overlap::Overlap;
 use super::shared::{SHARED_COUNT, Shared, free_of_shared, is_free, is_worn, shared_columns, spread};
 use super::shorted_loop::{LoopTorque, ShortedLoop};
-use super::terms::{BalanceRing, BalanceRow, BalanceShape, TERM_COUNT, Term, balance_rows};
+use super::terms::{BalanceRing, BalanceRow, BalanceShape, TERM_COUNT, Term, WindowState, balance_rows};
 use crate::monitor_fit::RecordedSample;
 
 /// Coefficients of the torque balance that all windows of one unit share, in the order of [`Term`].
@@ -81,6 +85,9 @@ const FREE: [Term; 7] = [
 /// Rounds in which load and the gear's losses find each other.
 pub(super) const LOAD_ROUNDS: usize = 4;
 
+/// Largest error of the eccentricity by turns that have not settled: half the floor of what the relations leave of it.
+const SETTLED: f64 = 1e-3;
+
 /// Residual, relative to that of the healthy windows, from which a shorted loop is looked for. On the suite `robust` at 2 kHz, shorted
 /// loops leave 1.5 to 38 without one, other windows seldom more than 1.2.
 const SUSPICIOUS: f64 = 1.2;
@@ -104,7 +111,8 @@ const LOOP_ROUNDS: usize = 8;
 /// Free coefficients of a window: N_A, N_B, N_C, ζ cos φ_e, ζ sin φ_e, scale of friction, load, spring.
 const FREE_COUNT: usize = 8;
 
-/// Places of friction and of load and spring among the free coefficients.
+/// Places of the eccentricity, of friction, and of load and spring among the free coefficients.
+const ECCENTRICITY: usize = 3;
 const FRICTION: usize = 5;
 const LOAD: usize = 6;
 
@@ -269,10 +277,9 @@ struct Rows<'a, S> {
     window: &'a MeasuredWindow<'a, S>,
     unit: &'a BalanceCoefficients,
     kernel: &'a Kernel,
-    gain: f64,
     ring: BalanceRing,
-    /// Load under which the gear loses torque.
-    losing: OutputLoad,
+    /// What the last solution says of the window.
+    state: WindowState,
     /// The loop that stands in place of the turns of its phase.
     shorted: Option<ShortedLoop>,
 }
@@ -283,9 +290,11 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
             window,
             unit,
             kernel,
-            gain,
             ring: BalanceRing::new(kernel.span),
-            losing: OutputLoad::default(),
+            state: WindowState {
+                gain,
+                ..WindowState::healthy(OutputLoad::default())
+            },
             shorted: None,
         }
     }
@@ -311,23 +320,36 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
         self.fit_loop(equations, noise, residual_rms).or(Some(missing))
     }
 
-    /// Solves once: the solution, the load that it shows, and the part of it under which the gear loses torque. `None` with too few rows.
+    /// Solves once: the solution, the load that it shows, and the state that follows from them. `None` with too few rows.
     fn solve(
         &mut self,
         equations: &mut NormalEquations<FREE_COUNT>,
         noise: &SVector<f64, FREE_COUNT>,
-    ) -> Option<(Solution<FREE_COUNT>, [OutputLoad; 2])> {
+    ) -> Option<(Solution<FREE_COUNT>, OutputLoad, WindowState)> {
         self.sum(equations);
         equations.without_noise(noise);
         let enough = self.independent(equations) >= (FREE_COUNT + 1) as f64;
         let solution = equations.solve().filter(|_| enough)?;
         let load = OutputLoad::new(&solution.x.fixed_rows::<2>(LOAD).into_owned());
         let information = equations.symmetric().fixed_view::<2, 2>(LOAD, LOAD).into_owned();
-        let losing = load.losing(&information, equations.rows, self.window.params());
-        Some((solution, [load, losing]))
+        let mut state = self.state;
+        state.load = load.losing(&information, equations.rows, self.window.params());
+        let of_loop = self.shorted.map(|shorted| shorted.phase);
+        for phase in (0..3).filter(|&phase| of_loop != Some(phase)) {
+            state.turns[phase] = solution.x[phase].clamp(0.0, 1.0);
+        }
+        Some((solution, load, state))
     }
 
-    /// The solution and its load, when load and gear losses have found each other.
+    /// Whether what a solution says of the window is what it was made with.
+    fn is_settled(&self, state: &WindowState, solution: &Solution<FREE_COUNT>) -> bool {
+        let eccentricity = libm::hypot(solution.x[ECCENTRICITY], solution.x[ECCENTRICITY + 1]);
+        let moved = (0..3).map(|phase| libm::fabs(state.turns[phase] - self.state.turns[phase]));
+        let error = moved.fold(0.0, f64::max) * eccentricity;
+        state.load.is_close(&self.state.load) && error < SETTLED
+    }
+
+    /// The solution and its load, when load and gear losses, turns and eccentricity have found each other.
     fn fit(
         &mut self,
         equations: &mut NormalEquations<FREE_COUNT>,
@@ -335,12 +357,12 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
     ) -> Option<(Solution<FREE_COUNT>, OutputLoad)> {
         let mut round = 0;
         loop {
-            let (solution, [load, losing]) = self.solve(equations, noise)?;
+            let (solution, load, state) = self.solve(equations, noise)?;
             round += 1;
-            if losing.is_close(&self.losing) || round == LOAD_ROUNDS {
+            if self.is_settled(&state, &solution) || round == LOAD_ROUNDS {
                 return Some((solution, load));
             }
-            self.losing = losing;
+            self.state = state;
         }
     }
 
@@ -352,11 +374,12 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
         noise: &SVector<f64, FREE_COUNT>,
         residual_rms: f64,
     ) -> Option<(Solution<FREE_COUNT>, OutputLoad)> {
-        let losing = self.losing;
+        let state = self.state;
         let first = FIRST_ADMITTANCE / self.window.params().motor.r_s;
         let mut best: Option<(f64, ShortedLoop)> = None;
         for phase in 0..3 {
-            self.losing = losing;
+            self.state = state;
+            self.state.turns[phase] = 1.0;
             let start = ShortedLoop {
                 phase,
                 admittance: first,
@@ -368,13 +391,16 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
                 }
             }
         }
-        self.losing = losing;
-        let refined = best.and_then(|(_, shorted)| self.refine_loop(shorted, LOOP_ROUNDS, equations, noise));
+        self.state = state;
+        let refined = best.and_then(|(_, shorted)| {
+            self.state.turns[shorted.phase] = 1.0;
+            self.refine_loop(shorted, LOOP_ROUNDS, equations, noise)
+        });
         let limit = (CLEARLY_BETTER * residual_rms).min(EXPLAINED * self.unit.residual_rms);
         if refined.is_some_and(|(solution, _)| solution.residual_rms < limit) {
             return refined;
         }
-        (self.shorted, self.losing) = (None, losing);
+        (self.shorted, self.state) = (None, state);
         self.sum(equations);
         equations.without_noise(noise);
         None
@@ -392,16 +418,16 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
         let mut round = 0;
         loop {
             self.shorted = Some(shorted);
-            let (solution, [load, losing]) = self.solve(equations, &self.noise_beside_loop(noise))?;
+            let (solution, load, state) = self.solve(equations, &self.noise_beside_loop(noise))?;
             let found = solution.x[shorted.phase];
             round += 1;
-            let is_close = libm::fabs(found - shorted.admittance) < 1e-3 * found && losing.is_close(&self.losing);
+            let is_close = libm::fabs(found - shorted.admittance) < 1e-3 * found && self.is_settled(&state, &solution);
             if is_close || round == rounds {
                 return Some((solution, load));
             }
             let near = found.clamp(shorted.admittance / LARGEST_STEP, shorted.admittance * LARGEST_STEP);
             shorted.admittance = near.clamp(LEAST_ADMITTANCE / r, 1.0 / r);
-            self.losing = losing;
+            self.state = state;
         }
     }
 
@@ -424,7 +450,7 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
         let shorted = self
             .shorted
             .map(|shorted| LoopTorque::new(shorted, self.unit.values[shorted.phase], self.window.motor()));
-        for row in balance_rows(self.window, shape, self.losing, self.kernel, self.gain, shorted, ring) {
+        for row in balance_rows(self.window, shape, self.state, self.kernel, shorted, ring) {
             let Some(row) = row else {
                 pass(None);
                 continue;

@@ -1,10 +1,12 @@
 //! What is allowed in a configuration and yet seldom meant, before anything runs.
 
+use std::collections::BTreeSet;
+
 use crate::assess::Models;
 use crate::config::Config;
 
-/// A sentence for each type that is not calibrated, takes values from a built-in type, or is not used; `models` holds the
-/// calibrations of the types.
+/// A sentence for each type that is not calibrated, takes values from a built-in type, or is not used, and those of [`bus_warnings`];
+/// `models` holds the calibrations of the types.
 #[must_use]
 pub fn warnings(config: &Config, models: &Models) -> Vec<String> {
     let mut found = Vec::new();
@@ -32,7 +34,23 @@ pub fn warnings(config: &Config, models: &Models) -> Vec<String> {
             .unused_types()
             .map(|name| format!("type {name}: no actuator uses it")),
     );
+    found.extend(bus_warnings(config));
     found
+}
+
+/// A sentence for each bus that no `[[serial]]` has and that is not called like a CAN interface: a serial line may have been meant.
+#[must_use]
+pub fn bus_warnings(config: &Config) -> Vec<String> {
+    let buses: BTreeSet<&str> = config
+        .actuators()
+        .iter()
+        .filter_map(|actuator| actuator.bus.as_deref())
+        .collect();
+    buses
+        .into_iter()
+        .filter(|bus| config.serial(bus).is_none() && !bus.to_lowercase().contains("can"))
+        .map(|bus| format!("bus {bus}: no [[serial]] has it, so a CAN interface of this name is sought"))
+        .collect()
 }
 
 #[cfg(test)]
@@ -58,6 +76,17 @@ mod tests {
                 "{text}: {found:?}"
             );
             assert_eq!(found.len(), usize::from(text.contains("own")), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_bus_that_is_no_serial_line_and_not_called_can_is_told() {
+        let on = |bus: &str| format!("[[actuator]]\nid = 0\nbus = \"{bus}\"\n");
+        let told = "bus uart1: no [[serial]] has it, so a CAN interface of this name is sought";
+        assert_eq!(of(&on("uart1")), [told]);
+        let line = "[[serial]]\nbus = \"uart1\"\ndevice = \"ttyS0\"\n";
+        for silent in [on("can0"), on("vcan0"), on("uart1") + line] {
+            assert!(of(&silent).is_empty(), "{silent}");
         }
     }
 

@@ -25,6 +25,7 @@ use super::{
 use crate::daemon::{Daemon, DaemonError, Observer};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::Config;
+use hmd_core::config_warnings::bus_warnings;
 use hmd_core::metrics::last_windows::LastWindows;
 use hmd_core::metrics::render;
 use hmd_core::record::{HealthLine, LogLevel, Status};
@@ -101,6 +102,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
             metrics_http::serve(address, page.clone()).with_context(|| format!("--metrics-listen {address}"))?;
         printer.notice(&format!("metrics: http://{address}/metrics"));
     }
+    printer.warn_of_buses(&config);
     let viewers = args.serve.open(|message| printer.notice(message))?;
     let mut exit = Exit::Done;
     // Whatever lies at its place later.
@@ -286,7 +288,14 @@ impl Printer {
     fn begin_again(&self, config: &Config) {
         let hash = config.hash();
         self.notice(&format!("reloaded, configuration {hash}"));
+        self.warn_of_buses(config);
         *self.last_windows() = LastWindows::new(hash);
+    }
+
+    fn warn_of_buses(&self, config: &Config) {
+        for warning in bus_warnings(config) {
+            self.notice_with_level(LogLevel::Warning, &warning);
+        }
     }
 
     fn last_windows(&self) -> MutexGuard<'_, LastWindows> {

@@ -272,6 +272,15 @@ fn a_reload_from_a_fifo_changes_nothing_and_the_end_is_obeyed() {
     manager.stop();
 }
 
+/// Whoever forgot the line would wait for a device that is sought nowhere.
+#[test]
+fn a_bus_that_may_be_meant_as_a_serial_line_is_told() {
+    let mut manager = Manager::start("segments/", &[]);
+    manager.read_until("bus nosuchbus0: no [[serial]] has it, so a CAN interface of this name is sought");
+    assert_eq!(manager.next_message().0, "READY=1");
+    manager.stop();
+}
+
 #[test]
 fn a_reload_without_its_folders_changes_nothing() {
     let mut manager = Manager::start_with("segments/", &[], |folder| {

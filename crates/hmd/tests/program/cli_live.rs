@@ -34,16 +34,16 @@ fn is_complete(file: &Path) {
 fn run_retries_missing_bus_until_signal() {
     let folder = tempfile::tempdir().unwrap();
     let [config, output] = ["hmd.toml", "out.mcap"].map(|name| folder.path().join(name));
-    std::fs::write(&config, "[[actuator]]\nid = 3\nbus = \"nosuchbus0\"\n").unwrap();
+    std::fs::write(&config, "[[actuator]]\nid = 3\nbus = \"nosuchcan0\"\n").unwrap();
     let (code, text) = run_until_first_report(hmd().arg("run").arg("-c").arg(&config).arg("-o").arg(&output));
     assert_eq!(code, Some(0), "{text}");
     // Missing, or down where the kernel has no CAN at all.
-    assert!(text.starts_with("nosuchbus0: "), "{text}");
+    assert!(text.starts_with("nosuchcan0: "), "{text}");
     assert!(text.ends_with("0 frames received: 0 decoded, 0 of others than the actuators watched, 0 error frames\n"));
     is_complete(&output);
 
     let output = folder.path().join("raw.mcap");
-    let (code, text) = run_until_first_report(hmd().args(["record", "nosuchbus0", "-o"]).arg(&output));
+    let (code, text) = run_until_first_report(hmd().args(["record", "nosuchcan0", "-o"]).arg(&output));
     assert_eq!(code, Some(0), "{text}");
     is_complete(&output);
 }
@@ -186,11 +186,11 @@ fn a_configuration_that_says_not_where_to_listen_is_refused() {
 fn a_recording_is_not_replaced() {
     let folder = tempfile::tempdir().unwrap();
     let [config, output] = ["hmd.toml", "out.mcap"].map(|name| folder.path().join(name));
-    std::fs::write(&config, "[[actuator]]\nid = 3\nbus = \"nosuchbus0\"\n").unwrap();
+    std::fs::write(&config, "[[actuator]]\nid = 3\nbus = \"nosuchcan0\"\n").unwrap();
     std::fs::write(&output, "a recording").unwrap();
     for command in [
         hmd().arg("run").arg("-c").arg(&config).arg("-o").arg(&output),
-        hmd().args(["record", "nosuchbus0", "-o"]).arg(&output),
+        hmd().args(["record", "nosuchcan0", "-o"]).arg(&output),
     ] {
         let ended = command.output().unwrap();
         let text = String::from_utf8(ended.stderr).unwrap();
@@ -204,7 +204,7 @@ fn a_recording_is_not_replaced() {
 fn a_stop_is_not_lost_behind_many_reloads() {
     let folder = tempfile::tempdir().unwrap();
     let config = folder.path().join("hmd.toml");
-    std::fs::write(&config, "[[actuator]]\nid = 3\nbus = \"nosuchbus0\"\n").unwrap();
+    std::fs::write(&config, "[[actuator]]\nid = 3\nbus = \"nosuchcan0\"\n").unwrap();
     let mut child = hmd()
         .arg("run")
         .arg("-c")

@@ -114,10 +114,15 @@ impl std::fmt::Display for FarParameter {
         write!(
             f,
             "type.{type_name}.{key}: expected {of_type} within {TOLERANCES_MAX} tolerances of {tolerance:.2e}, found {} \
-             ({:.0} tolerances away); set {key} to what the unit has, or widen its tolerance",
+             ({:.0} tolerances away); a wrong number elsewhere looks the same: check gear ratio, counts, zero of the resolver and sample \
+             rate first",
             significant(*found),
             (found - of_type).abs() / tolerance
-        )
+        )?;
+        if *found > 0.0 {
+            write!(f, ", then set {key} to what the unit has, or widen its tolerance")?;
+        }
+        Ok(())
     }
 }
 
@@ -397,4 +402,31 @@ fn of_relations(
         (false, None) => "the monitor does not explain the unit".to_owned(),
     };
     Choice::new(UnitEstimator::Relations, reason, &relations.evidence)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_that_no_unit_has_is_not_advised() {
+        let far = |found: f64| {
+            let far = FarParameter {
+                type_name: "bench".to_owned(),
+                key: PLAY,
+                of_type: 1e-3,
+                found,
+                tolerance: 1e-4,
+            };
+            far.to_string()
+        };
+        let (wide, negative) = (far(3e-3), far(-3e-3));
+        assert!(
+            wide.contains("; a wrong number elsewhere looks the same: check gear ratio, counts,"),
+            "{wide}"
+        );
+        let advice = ", then set transmission.backlash_rad to what the unit has, or widen its tolerance";
+        assert!(wide.ends_with(advice), "{wide}");
+        assert!(negative.ends_with("sample rate first"), "{negative}");
+    }
 }

@@ -232,6 +232,44 @@ fn currents_of_the_rotor_frame_become_phases() {
     }
 }
 
+#[test]
+fn a_refused_time_is_answered_with_the_forms_that_are_read() {
+    let text = std::fs::read_to_string(folder().join("samples.csv")).expect("a fixture");
+    let rows: Vec<&str> = text.lines().skip(1).collect();
+    let names = text.lines().next().expect("names").replace("t [s]", "t");
+    let table = |time: &str| {
+        let rows = rows.iter().map(|row| {
+            let (_, rest) = row.split_once(',').expect("cells");
+            format!("{time},{rest}\n")
+        });
+        format!("{names}\n{}", rows.collect::<String>())
+    };
+    let forms = "a date and 24 hours, as 2026-11-20T14:00:00.5Z, 2026-11-20 14:00:00.5, 20.11.2026 14:00:00.5 or 2026/11/20 14:00:00.5";
+    let (plain, seconds) = (
+        config(&[], ""),
+        config(&["time"], "time = { signal = \"t\", unit = \"s\" }"),
+    );
+    for time in ["11/21/2026 08:00:00", "2026-11-21 08:00:00 AM", "08:00:00.000"] {
+        let frames = |config: &Config| {
+            let log = CsvLog::new(Cursor::new(table(time)), "times.csv").expect("a table");
+            let (actuator, map) = config.actuator_of_logs().expect("a fixture");
+            MappedFrames::new(Box::new(log), "times.csv", actuator, map, BusNames::new())
+        };
+        let refused = frames(&plain).expect_err(time).to_string();
+        assert!(
+            refused.contains(&format!("; or {forms}, found none of \"t\"")),
+            "{refused}"
+        );
+        let damage = frames(&seconds)
+            .expect("a unit")
+            .next()
+            .expect("a row")
+            .expect_err(time);
+        let expected = format!("times.csv:2: expected a number, or {forms}, found none in column \"t\" (time)");
+        assert_eq!(damage.to_string(), expected);
+    }
+}
+
 /// Reads all of it; how many items there were.
 fn items(name: &str, bytes: &[u8], config: &Config) -> usize {
     let log: Box<dyn SignalLog> = if name.ends_with("csv") {

@@ -8,6 +8,7 @@ use super::CommissioningError;
 use crate::assess::AssessedWindow;
 use crate::config::ActuatorConfig;
 use crate::health::{Levels, significance};
+use crate::record::WindowStatus;
 use crate::sensor_checks::Suspect;
 
 /// What one window shows by the type alone.
@@ -16,6 +17,7 @@ pub struct SeenByType {
     /// Damage with its standard deviation, of the faults that it shows anything of, in the order of [`FaultId::ALL`].
     damage: [Option<(f64, f64)>; FaultId::COUNT],
     suspects: Vec<Suspect>,
+    is_unmodelled: bool,
 }
 
 impl SeenByType {
@@ -26,6 +28,7 @@ impl SeenByType {
         Self {
             damage: FaultId::ALL.map(|fault| evidence.and_then(|evidence| evidence.damage_and_sigma(fault))),
             suspects: assessed.suspects.clone(),
+            is_unmodelled: assessed.health.status == WindowStatus::Unmodelled.name(),
         }
     }
 }
@@ -52,6 +55,13 @@ pub fn health_by_type(
             format!("warning: check {suspect}: {count} of {all} windows doubt it; hmd replay says why")
         })
         .collect();
+    let unmodelled = windows.iter().filter(|window| window.is_unmodelled).count();
+    if are_most(unmodelled) {
+        warnings.push(format!(
+            "warning: whether these windows are healthy could not be checked: {unmodelled} of {all} are unmodelled by the type alone; \
+             calibrate the type first (hmd calibrate --type)"
+        ));
+    }
     for fault in FaultId::ALL {
         let shown: Vec<(f64, f64)> = windows
             .iter()
@@ -105,7 +115,7 @@ mod tests {
     fn windows(damages: &[(f64, f64)]) -> Vec<SeenByType> {
         let seen = |friction: &(f64, f64)| SeenByType {
             damage: core::array::from_fn(|n| (n == 0).then_some(*friction)),
-            suspects: Vec::new(),
+            ..SeenByType::default()
         };
         damages.iter().map(seen).collect()
     }
@@ -114,6 +124,22 @@ mod tests {
         let config = Config::default();
         let warnings = health_by_type(&windows(damages), &config.actuators()[0], config.health().levels());
         warnings.map(|warnings| warnings.len())
+    }
+
+    #[test]
+    fn that_most_windows_are_unmodelled_is_said() {
+        let config = Config::default();
+        let of_ten = |unmodelled: usize| {
+            let mut seen = vec![SeenByType::default(); 10];
+            seen.iter_mut()
+                .take(unmodelled)
+                .for_each(|window| window.is_unmodelled = true);
+            health_by_type(&seen, &config.actuators()[0], config.health().levels()).unwrap()
+        };
+        assert!(of_ten(5).is_empty());
+        let expected = "warning: whether these windows are healthy could not be checked: 6 of 10 are unmodelled by the type alone; \
+                        calibrate the type first (hmd calibrate --type)";
+        assert_eq!(of_ten(6), [expected]);
     }
 
     #[test]

@@ -14,6 +14,15 @@ use super::resampled::{Base, Resampled};
 use crate::damage::{Damage, Place};
 use hmd_core::log_map::RotorFrame;
 
+/// Dates and times that a text may have; a macro, because one of both texts ends with the other.
+macro_rules! dates {
+    () => {
+        "a date and 24 hours, as 2026-11-20T14:00:00.5Z, 2026-11-20 14:00:00.5, 20.11.2026 14:00:00.5 or 2026/11/20 14:00:00.5"
+    };
+}
+const DATES: &str = dates!();
+const TIMES: &str = concat!("a number, or ", dates!());
+
 /// Rows that are looked at before the first is decoded: their times show the period.
 const FIRST_ROWS: usize = 64;
 
@@ -82,7 +91,12 @@ impl MappedFrames {
                     .unit
                     .as_deref()
                     .map_or("none".to_owned(), |unit| format!("{unit:?}"));
-                Unusable::new(expected, format!("{unit} of {:?}", info.name))
+                let dates = if column.quantity == Quantity::Time {
+                    format!("; or {DATES}")
+                } else {
+                    String::new()
+                };
+                Unusable::new(format!("{expected}{dates}"), format!("{unit} of {:?}", info.name))
             })?);
             if column.quantity == Quantity::Time {
                 start_us = info.start_us.unwrap_or(0.0);
@@ -185,8 +199,11 @@ impl MappedFrames {
             let quantity = fault.quantity();
             let column = self.columns.iter().find(|column| column.quantity == quantity);
             let name = column.map_or("", |column| column.signal.as_str());
+            let mut values = self.columns.iter().zip(row);
+            let has_no_time = quantity == Quantity::Time
+                && values.any(|(column, value)| column.quantity == quantity && value.is_nan());
             damage(
-                fault.expected(),
+                if has_no_time { TIMES } else { fault.expected() },
                 format!("{} in column {name:?} ({})", fault.found(), quantity.key()),
             )
         })?;

@@ -73,7 +73,7 @@ impl Law {
     /// From one estimate to the next the damage moves by no more than about 1: a slope that only estimates next to no time apart have told
     /// is narrowed about none first.
     pub fn advance(&mut self, x: f64) {
-        self.narrow_slope(self.reach(x));
+        self.narrow_slope(x);
         let [dd, dv, vv] = self.covariance;
         let (g, e) = (self.reach(x), (self.rate * x).min(EXPONENT_MAX).exp());
         let noise = (GROWTH_NOISE * g).powi(2) * (self.slope * self.slope + vv);
@@ -82,11 +82,11 @@ impl Law {
         self.covariance = [dd + 2.0 * g * dv + g * g * vv + noise, e * (dv + g * vv), e * e * vv];
     }
 
-    /// Narrows the slope so that over this reach it is uncertain by a damage of 1 at most, as an observation of no slope does that leaves
-    /// so much of it.
-    fn narrow_slope(&mut self, reach: f64) {
+    /// Narrows the slope so that over x it is uncertain by a damage of 1 at most, as an observation of no slope does that leaves so much of
+    /// it. By x and not by its reach: all laws of a clock begin with the same slope, which their weights rely on.
+    fn narrow_slope(&mut self, x: f64) {
         let [dd, dv, vv] = self.covariance;
-        let sigma = vv.sqrt() * reach;
+        let sigma = vv.sqrt() * x;
         if sigma > 1.0 {
             let kept = 1.0 / sigma / sigma;
             self.damage -= dv / vv * (1.0 - kept) * self.slope;

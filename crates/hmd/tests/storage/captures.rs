@@ -149,7 +149,7 @@ fn frames_around_a_window_whose_health_got_worse_are_kept_and_those_asked_for_an
     std::fs::write(root.path().join("hmd.toml"), text).unwrap();
     hmd(
         root.path(),
-        "simulate --rate 400 --windows 20 --fault friction=0.9 --seed 4 -o worn.log",
+        "simulate --rate 400 --windows 20 --fault backlash=0.7 --seed 4 -o worn.log",
     );
     let (said, all) = run(root.path(), &root.path().join("worn.log"), Duration::from_secs(12));
     let healths = said.healths.into_inner().unwrap();

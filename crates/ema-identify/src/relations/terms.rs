@@ -27,7 +27,7 @@ pub enum Term {
     TurnsB,
     /// `k s_C i_C`; coefficient N_C.
     TurnsC,
-    /// `Σ_j N_j k s_j i_j cos(θ_e + 2πj/3)` with the turns of [`WindowState`]; coefficient `ζ cos φ_e`.
+    /// `Σ_j N_j k s_j i_j cos(θ_e + 2πj/3)` with the turns of the last solution; coefficient `ζ cos φ_e`.
     EccentricityCos,
     /// `Σ_j N_j k s_j i_j sin(θ_e + 2πj/3)`; coefficient `ζ sin φ_e`.
     EccentricitySin,

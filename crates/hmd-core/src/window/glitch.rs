@@ -86,19 +86,7 @@ mod tests {
         let mut deglitch = Deglitch::new(Thresholds::new(&WindowConfig::default()), 2);
         let mut slots: Vec<Slot> = Vec::new();
         for (seq, &setpoint) in setpoints.iter().enumerate() {
-            let seq = seq as u64;
-            let sensed = SensedSample {
-                seq,
-                currents: [0.0; 3],
-                motor_counts: 0,
-                output_counts: 0,
-                setpoint,
-            };
-            slots.extend(deglitch.push(TimedSample {
-                seq,
-                stamp_ns: 0,
-                sensed,
-            }));
+            slots.extend(deglitch.push(timed(seq as u64, setpoint)));
         }
         slots.extend(deglitch.flush());
         slots

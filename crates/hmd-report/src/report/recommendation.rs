@@ -90,11 +90,11 @@ pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COU
             .map(String::as_str)
             .collect::<Vec<_>>()
             .join(" "),
-        hours_left: match (left.ends_first, left.hours) {
-            (_, Some(hours)) => Ok(hours),
-            _ if left.is_first_end_replaced => Err(REPLACED.to_owned()),
-            _ if rul.reason.is_empty() => Err("none was recorded".to_owned()),
-            _ => Err(rul.reason.clone()),
+        hours_left: match left.hours {
+            Some(hours) => Ok(hours),
+            None if left.is_first_end_replaced => Err(REPLACED.to_owned()),
+            None if rul.reason.is_empty() => Err("none was recorded".to_owned()),
+            None => Err(rul.reason.clone()),
         },
         ends_first: left.ends_first,
         since_ns: since(history, left.state, faults.first().copied()),

@@ -99,7 +99,7 @@ pub(crate) fn conclude_with_tolerances(
     let spent = estimate.evaluations + other.spent;
     let apart = (other.at[FRICTION] - at[FRICTION]).abs();
     let rise = (other.cost - refined.cost).abs();
-    let estimate = if other.cost < refined.cost {
+    let better = if other.cost < refined.cost {
         of(&other.at, None, spent)
     } else {
         Estimate {
@@ -107,7 +107,11 @@ pub(crate) fn conclude_with_tolerances(
             ..estimate
         }
     };
-    with_friction_sigma_at_least(estimate, apart / libm::sqrt((2.0 * rise).max(1.0)))
+    let found = Estimate {
+        cut: better.cut || other.cut,
+        ..better
+    };
+    with_friction_sigma_at_least(found, apart / libm::sqrt((2.0 * rise).max(1.0)))
 }
 
 /// Whether the window shows friction so badly that another load may explain it as well with another friction.

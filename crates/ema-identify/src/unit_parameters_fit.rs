@@ -125,11 +125,13 @@ pub fn fit_unit_parameters(windows: &[Comparison<'_>], of_type: &Tolerances) -> 
     let samples: usize = windows.iter().map(|window| window.recording.samples.len()).sum();
     let cost = best.cost() / samples.max(1) as f64;
     let signals = first.weights.to_array().iter().filter(|w| **w > 0.0).count() as f64;
-    let excess = (2.0 * cost / signals).max(1.0);
+    // What the monitor does not explain is the same in every window of an actuator: more windows average the noise, not this.
+    let unexplained = (2.0 * cost / signals - 1.0).max(0.0);
+    let variance = 1.0 + unexplained * windows.len() as f64;
     // The prior does not become worse where the windows fit badly.
     let information = sums
         .iter()
-        .fold(prior, |sum, sums| sum + sums.without_own().0 * (share / excess));
+        .fold(prior, |sum, sums| sum + sums.without_own().0 * (share / variance));
     let covariance = information.try_inverse()?;
     let deviation = |parameter: UnitParameter| Deviation {
         share: shared[parameter as usize],

@@ -102,8 +102,9 @@ const PLAY: &str = "transmission.backlash_rad";
 /// Tolerances from its type within which a parameter must be.
 const TOLERANCES_MAX: f64 = 5.0;
 
-impl std::fmt::Display for FarParameter {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl FarParameter {
+    /// Which number, and how far it is from the type.
+    fn distance(&self) -> String {
         let Self {
             type_name,
             key,
@@ -111,16 +112,28 @@ impl std::fmt::Display for FarParameter {
             found,
             tolerance,
         } = self;
-        write!(
-            f,
-            "type.{type_name}.{key}: expected {of_type} within {TOLERANCES_MAX} tolerances of {tolerance:.2e}, found {} \
-             ({:.0} tolerances away); a wrong number elsewhere looks the same: check gear ratio, counts, zero of the resolver and sample \
-             rate first",
+        format!(
+            "type.{type_name}.{key}: expected {of_type} within {TOLERANCES_MAX} tolerances of {tolerance:.2e}, found {} ({:.0} tolerances \
+             away)",
             significant(*found),
             (found - of_type).abs() / tolerance
+        )
+    }
+}
+
+impl std::fmt::Display for FarParameter {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "{}; a wrong number elsewhere looks the same: check gear ratio, counts, zero of the resolver and sample rate first",
+            self.distance()
         )?;
-        if *found > 0.0 {
-            write!(f, ", then set {key} to what the unit has, or widen its tolerance")?;
+        if self.found > 0.0 {
+            write!(
+                f,
+                ", then set {} to what the unit has, or widen its tolerance",
+                self.key
+            )?;
         }
         Ok(())
     }
@@ -196,14 +209,18 @@ pub fn calibrate_unit(
     if let (UnitEstimator::Relations, Some(monitor)) = (estimator, &by_monitor)
         && let Some(far) = monitor.far_parameter(&jobs[0])
     {
-        notes.push(format!("the monitor is not used: {far}"));
+        // Where the relations explain the unit, this says more of the monitor than of the unit.
+        notes.push(format!(
+            "the monitor is not used: it follows these windows only with {}",
+            far.distance()
+        ));
     }
     if let (UnitEstimator::Monitor | UnitEstimator::Both, Some(monitor)) = (estimator, &by_monitor) {
         // They may stand for what the monitor's controller lacks.
         let far = monitor.far_of_controller(&jobs[0]);
         notes.extend(
             far.iter()
-                .map(|far| format!("the monitor's controller stands for the unit's: {far}")),
+                .map(|far| format!("the monitor's controller stands for the unit's: {}", far.distance())),
         );
     }
     let findings = findings(

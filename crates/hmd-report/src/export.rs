@@ -100,7 +100,7 @@ impl<F: FnOnce() -> Result<Box<dyn Table>, ExportError>> Table for Late<F> {
     }
 }
 
-/// Metadata of each file, by its name and then by key.
+/// Metadata of each file, by its name and then by key; files of equal names go by their paths as given.
 pub type Sources = BTreeMap<String, BTreeMap<String, String>>;
 
 /// What came of an export.
@@ -123,7 +123,7 @@ pub fn export<P: AsRef<Path>>(
     tell: &mut dyn FnMut(&McapLoss),
 ) -> Result<Exported, ExportError> {
     let (mut exported, mut sources) = (Exported::default(), Sources::new());
-    for path in paths {
+    for (path, file) in paths.iter().zip(distinct_names(paths)) {
         let name = path.as_ref().display().to_string();
         let io = |source| ExportError::Io {
             file: name.clone(),
@@ -133,11 +133,10 @@ pub fn export<P: AsRef<Path>>(
             file: name.clone(),
             source,
         };
-        let file = open_recorded(path.as_ref()).map_err(io)?;
-        let mut messages = McapMessages::of_recording(BufReader::new(file), &name).map_err(io)?;
+        let reader = BufReader::new(open_recorded(path.as_ref()).map_err(io)?);
+        let mut messages = McapMessages::of_recording(reader, &name).map_err(io)?;
         // The health of each actuator's newest window, until its remaining life comes.
         let mut waiting: BTreeMap<String, Health> = BTreeMap::new();
-        let file = path.as_ref().file_name().unwrap_or_default().to_string_lossy();
         while let Some(message) = messages.next() {
             let message = match message {
                 Ok(message) => message,
@@ -184,8 +183,33 @@ pub fn export<P: AsRef<Path>>(
             exported.damaged = true;
             None
         });
-        sources.insert(file.into_owned(), metadata.cloned().unwrap_or_default());
+        sources.insert(file, metadata.cloned().unwrap_or_default());
     }
     table.finish(&sources)?;
     Ok(exported)
+}
+
+/// The name of each file, or its path as given where another file has the same name.
+fn distinct_names<P: AsRef<Path>>(paths: &[P]) -> Vec<String> {
+    let name = |path: &P| path.as_ref().file_name().unwrap_or_default().to_owned();
+    let mut counts = BTreeMap::new();
+    for path in paths {
+        *counts.entry(name(path)).or_insert(0) += 1;
+    }
+    let distinct = |path: &P| match counts.get(&name(path)) {
+        Some(1) => name(path).to_string_lossy().into_owned(),
+        _ => path.as_ref().display().to_string(),
+    };
+    paths.iter().map(distinct).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::distinct_names;
+
+    #[test]
+    fn files_of_equal_names_go_by_their_paths() {
+        let names = distinct_names(&["a/x.mcap", "b/x.mcap", "b/y.mcap"]);
+        assert_eq!(names, ["a/x.mcap", "b/x.mcap", "y.mcap"]);
+    }
 }

@@ -56,18 +56,23 @@ def checked_start(start: datetime) -> int:
 
 def checked_rate(rate_hz: float) -> float:
     """A sample rate."""
-    rate = float(rate_hz)
+    rate = checked_number("rate_hz", rate_hz)
     if not (math.isfinite(rate) and rate > 0.0):
         raise UsageError(f"rate_hz: expected a number above 0, found {rate_hz!r}")
     return rate
 
 
-def optional_number(name: str, value: float | None) -> float | None:
-    """A number where it may be left out."""
+def checked_number(name: str, value: float) -> float:
+    """A number."""
     try:
-        return None if value is None else float(value)
+        return float(value)
     except (TypeError, ValueError):
         raise UsageError(f"{name}: expected a number, found {type(value).__name__}") from None
+
+
+def optional_number(name: str, value: float | None) -> float | None:
+    """A number where it may be left out."""
+    return None if value is None else checked_number(name, value)
 
 
 def _whole(name: str, value: int, least: int, most: int) -> int:

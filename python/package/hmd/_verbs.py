@@ -7,7 +7,17 @@ from datetime import datetime
 from typing import Any, Literal
 
 from . import _hmd
-from ._arguments import Path, Paths, checked_path, checked_paths, checked_seed, checked_start, checked_threads
+from ._arguments import (
+    Path,
+    Paths,
+    checked_number,
+    checked_path,
+    checked_paths,
+    checked_rate,
+    checked_seed,
+    checked_start,
+    checked_threads,
+)
 from ._refusals import refusing
 from ._tables import DataLossWarning
 
@@ -44,14 +54,14 @@ def simulate(
         f"--output={checked_path('log', log)}",
         f"--profile={profile}",
         f"--windows={windows}",
-        f"--noise={float(noise_a)!r}",
+        f"--noise={checked_number('noise_a', noise_a)!r}",
     ]
-    options += [f"--load={float(load_nm)!r}", f"--actuator={actuator}", f"--id={id}", f"--seed={checked_seed(seed)}"]
+    options += [f"--load={checked_number('load_nm', load_nm)!r}", f"--actuator={actuator}", f"--id={id}", f"--seed={checked_seed(seed)}"]
     if k is not None:
-        options.append("--k=" + ",".join(repr(float(value)) for value in k))
-    options += [f"--fault={name}={float(value)!r}" for name, value in (faults or {}).items()]
-    options += [f"--with={name}={float(value)!r}" for name, value in (effects or {}).items()]
-    options += _given(rate=None if rate_hz is None else float(rate_hz), config=config, drive=drive)
+        options.append("--k=" + ",".join(repr(checked_number("k", value)) for value in k))
+    options += [f"--fault={name}={checked_number(name, value)!r}" for name, value in (faults or {}).items()]
+    options += [f"--with={name}={checked_number(name, value)!r}" for name, value in (effects or {}).items()]
+    options += _given(rate=None if rate_hz is None else checked_rate(rate_hz), config=config, drive=drive)
     if start is not None:
         options.append(f"--start={checked_start(start)}")
     _run("simulate", options)

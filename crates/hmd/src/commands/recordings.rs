@@ -1,5 +1,6 @@
 //! Files of the recordings that a verb reads: those named, and of a folder those in it.
 
+use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -24,7 +25,8 @@ const LOGS: [&str; 5] = ["log", "mcap", "asc", "blf", "mf4"];
 /// Extensions of tables, which are logs where a folder has no others: an export may lie beside them.
 const TABLES: [&str; 2] = ["csv", "parquet"];
 
-/// The files named; for a folder its recordings in the order of their names, which for segments of `hmd run` is that of time.
+/// The files named; for a folder its recordings in the order of their names, which for segments of `hmd run` is that of time. A file that
+/// is named twice, as by a folder and a glob, is there once.
 ///
 /// # Errors
 /// A folder that cannot be read, or has no recording.
@@ -37,6 +39,9 @@ pub fn recordings(paths: &[PathBuf], wanted: Wanted) -> anyhow::Result<Vec<PathB
             found.push(path.clone());
         }
     }
+    let mut known = BTreeSet::new();
+    // One that cannot be resolved cannot be opened either, which is said where it is tried.
+    found.retain(|path| fs::canonicalize(path).map_or(true, |resolved| known.insert(resolved)));
     Ok(found)
 }
 
@@ -119,6 +124,12 @@ mod tests {
         fs::create_dir(folder.path().join("d.log")).unwrap();
         assert_eq!(of(&path, Wanted::Logs).unwrap(), ["a.BLF", "b.log", "c.mcap"]);
         assert_eq!(of(&path, Wanted::Records).unwrap(), ["c.mcap"]);
+        let twice = [
+            folder.path().join("c.mcap"),
+            folder.path().to_owned(),
+            folder.path().join("./b.log"),
+        ];
+        assert_eq!(of(&twice, Wanted::Logs).unwrap(), ["c.mcap", "a.BLF", "b.log"]);
         let limits = Config::default().output().limits();
         let store = SegmentStore::open(
             folder.path(),

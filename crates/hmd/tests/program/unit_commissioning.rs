@@ -362,7 +362,7 @@ fn a_parameter_far_from_the_type_is_named_and_not_written() {
     ));
     let ended = folder.hmd("calibrate healthy.log -o unit.toml");
     assert_eq!(ended.code, 0, "{}", ended.stderr);
-    let key = "the monitor is not used: type.bench.motor.phase_resistance_ohm: expected 2.75 within 5 tolerances";
+    let key = "the monitor is not used: it follows these windows only with type.bench.motor.phase_resistance_ohm: expected 2.75 within 5 tolerances";
     assert!(ended.stderr.contains(key), "{}", ended.stderr);
     let written = String::from_utf8(folder.read("unit.toml")).expect("text");
     assert!(!written.contains("[monitor]"), "{written}");

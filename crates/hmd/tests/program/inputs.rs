@@ -147,17 +147,11 @@ fn a_bomb_costs_what_its_size_allows() {
         "recover bomb.mcap -o out.mcap",
         "export bomb.mcap -o out.csv",
     ] {
-        let since = Instant::now();
         let ended = within(&folder, SOON, line);
         assert!([1, 3].contains(&ended.code), "hmd {line}: {}", ended.stderr);
+        // Of 1.3 GB, a third is expanded; the other verbs need none of it.
         let given_up = ended.stderr.contains("expand to at most");
-        assert!(given_up || !line.starts_with("recover"), "{}", ended.stderr);
-        // Of 1.3 GB, a third is expanded.
-        assert!(
-            since.elapsed() < Duration::from_secs(5),
-            "hmd {line}: {:?}",
-            since.elapsed()
-        );
+        assert!(given_up || !line.starts_with("recover"), "hmd {line}: {}", ended.stderr);
     }
 }
 
@@ -312,10 +306,7 @@ fn a_dbc_file_that_is_none_is_refused_soon_and_not_printed() {
     assert!(sentence.contains("no valid DBC: line 1"), "{sentence}");
     assert!(!sentence.contains("secret") && !sentence.contains("root"), "{sentence}");
     folder.write("bus.dbc", "\n".repeat(16 << 20));
-    let since = Instant::now();
     within(&folder, SOON, "check-config -c map.toml");
-    // A second, and what the unoptimised test build adds.
-    assert!(since.elapsed() < Duration::from_secs(4), "{:?}", since.elapsed());
     fs::remove_file(folder.path("bus.dbc")).unwrap();
 }
 

@@ -1,0 +1,242 @@
+//! Disks and folders that fail, fill or go while the store writes.
+
+use super::*;
+
+#[test]
+fn a_disk_that_fails_for_a_while_costs_what_is_counted() {
+    for kind in [
+        io::ErrorKind::StorageFull,
+        io::ErrorKind::ReadOnlyFilesystem,
+        io::ErrorKind::Other,
+    ] {
+        let mut bench = Bench::new();
+        let mut store = bench.open();
+        bench.put_frames(&mut store, 100);
+        assert!(Bench::put_health(&mut store, 1));
+        bench.tick(&mut store, 1);
+        bench.disk.set(Some(kind));
+        for window in 2..5 {
+            bench.put_frames(&mut store, 100);
+            assert!(!Bench::put_health(&mut store, window), "not reported as stored");
+            bench.tick(&mut store, 1);
+        }
+        assert_eq!(store.status().state, StorageState::Failing);
+        bench.disk.set(None);
+        bench.tick(&mut store, 1);
+        assert!(Bench::put_health(&mut store, 5));
+        bench.put_frames(&mut store, 100);
+        bench.tick(&mut store, 1);
+        let status = store.finish().status;
+        assert_eq!(
+            (status.lost_frames, status.lost_records, status.state),
+            (300, 3, StorageState::Ok),
+            "{kind:?}"
+        );
+        let failures = bench
+            .reported
+            .iter()
+            .filter(|text| text.contains("tried again every second"))
+            .count();
+        assert!(failures <= 2, "each is reported once: {:?}", bench.reported);
+        let last = "storage: written again; not stored since the start: 300 frames, 3 records";
+        assert_eq!(bench.reported.last().unwrap(), last);
+        drop(bench.open());
+        assert_eq!(bench.read(), (200, vec![1, 5]), "{kind:?}");
+    }
+}
+
+#[test]
+fn a_disk_that_fails_for_long_leaves_no_file_for_each_attempt() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    for _ in 0..20 {
+        // Segments begin well and fail with the first frames.
+        bench.disk.set(None);
+        bench.put_frames(&mut store, 10);
+        bench.disk.set(Some(io::ErrorKind::Other));
+        bench.tick(&mut store, 1);
+    }
+    assert!(store.status().lost_frames >= 100);
+    assert!(bench.names().len() <= 1, "{:?}", bench.names());
+}
+
+/// Found by the simulated world: both buses fell silent while the disk failed.
+#[test]
+fn storage_works_again_without_frames() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    bench.put_frames(&mut store, 10);
+    bench.disk.set(Some(io::ErrorKind::Other));
+    bench.tick(&mut store, 1);
+    assert_eq!(store.status().state, StorageState::Failing);
+    bench.disk.set(None);
+    bench.tick(&mut store, 2);
+    assert_eq!(store.status().state, StorageState::Ok);
+}
+
+#[test]
+fn store_retries_when_disk_full_at_start() {
+    for creates in [false, true] {
+        let mut bench = Bench::new();
+        bench.disk.creates.store(creates, Relaxed);
+        bench.disk.set(Some(io::ErrorKind::StorageFull));
+        let mut store = bench.open();
+        assert!(!Bench::put_health(&mut store, 1));
+        bench.disk.set(None);
+        bench.tick(&mut store, 1);
+        assert!(Bench::put_health(&mut store, 2));
+        assert_eq!(store.finish().status.lost_records, 1);
+        assert_eq!(bench.read(), (0, vec![2]));
+    }
+}
+
+#[test]
+fn removed_segments_are_lost_and_reported() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    bench.put_frames(&mut store, 100);
+    assert!(Bench::put_health(&mut store, 1));
+    bench.tick(&mut store, 1);
+    fs::remove_dir_all(bench.folder.path()).unwrap();
+    bench.put_frames(&mut store, 10);
+    assert!(!Bench::put_health(&mut store, 2), "not reported as stored");
+    bench.tick(&mut store, 1);
+    assert_eq!((store.status().lost_frames, store.status().lost_records), (110, 2));
+    bench.tick(&mut store, 1);
+    assert!(Bench::put_health(&mut store, 3), "goes on in a new folder");
+    bench.put_frames(&mut store, 10);
+    bench.tick(&mut store, 1);
+    let reported = bench.reported.join("\n");
+    assert!(reported.contains("somebody has removed it"), "{reported}");
+    assert!(reported.contains("was removed; it is created again"), "{reported}");
+    let status = store.finish().status;
+    assert_eq!((status.lost_frames, status.lost_records), (110, 2));
+    assert_eq!(bench.read(), (10, vec![3]));
+    // Once more, with nothing that could fail before the end.
+    let mut store = bench.open();
+    bench.put_frames(&mut store, 10);
+    assert!(Bench::put_health(&mut store, 4));
+    bench.tick(&mut store, 1);
+    fs::remove_dir_all(bench.folder.path()).unwrap();
+    let SegmentStoreEnd { status, messages } = store.finish();
+    assert_eq!((status.lost_frames, status.lost_records), (10, 1));
+    assert!(
+        messages
+            .iter()
+            .any(|(_, text)| text.contains("somebody has removed it")),
+        "{messages:?}"
+    );
+}
+
+#[test]
+fn a_folder_that_is_replaced_or_becomes_a_link_is_told_as_that() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    assert!(Bench::put_health(&mut store, 1));
+    let (folder, aside) = (
+        bench.folder.path().to_owned(),
+        bench.folder.path().with_extension("aside"),
+    );
+    fs::rename(&folder, &aside).unwrap();
+    std::os::unix::fs::symlink(&aside, &folder).unwrap();
+    bench.tick(&mut store, 1);
+    assert!(!Bench::put_health(&mut store, 2), "nothing goes through the link");
+    bench.tick(&mut store, 1);
+    assert!(
+        bench.reported.iter().any(|text| text.contains("has become a link")),
+        "{:?}",
+        bench.reported
+    );
+    assert_eq!(store.status().state, StorageState::Failing);
+    fs::remove_file(&folder).unwrap();
+    fs::create_dir(&folder).unwrap();
+    for _ in 0..3 {
+        bench.tick(&mut store, 1);
+    }
+    assert!(Bench::put_health(&mut store, 3), "{:?}", bench.reported);
+    bench.tick(&mut store, 1);
+    // Replaced by another folder at once.
+    fs::rename(&folder, aside.join("first")).unwrap();
+    fs::create_dir(&folder).unwrap();
+    for _ in 0..3 {
+        bench.tick(&mut store, 1);
+    }
+    assert!(Bench::put_health(&mut store, 4), "{:?}", bench.reported);
+    assert!(
+        bench
+            .reported
+            .iter()
+            .any(|text| text.contains("was replaced by another")),
+        "{:?}",
+        bench.reported
+    );
+    bench.tick(&mut store, 1);
+    assert_eq!(store.status().state, StorageState::Ok);
+    store.finish();
+    fs::remove_dir_all(aside).unwrap();
+}
+
+#[test]
+fn a_folder_that_takes_no_segment_is_refused() {
+    let bench = Bench::new();
+    bench.disk.set(Some(io::ErrorKind::PermissionDenied));
+    let disk = Box::new(bench.disk.clone());
+    let opened = SegmentStore::open(bench.folder.path(), &BTreeMap::new(), LIMITS, disk, bench.now);
+    assert!(matches!(opened, Err(SegmentStoreError::Unwritable { .. })));
+}
+
+/// After a reload the run goes on whatever became of the folder, and stores again when it is back.
+#[test]
+fn a_folder_that_fails_at_a_reload_costs_what_is_counted() {
+    let mut bench = Bench::new();
+    let folder = bench.folder.path().join("segments");
+    let reopen = |bench: &Bench| {
+        let disk = Box::new(bench.disk.clone());
+        SegmentStore::reopen(&folder, &BTreeMap::new(), LIMITS, disk, bench.now)
+    };
+    // A file at its place, another writer, a disk that fails.
+    for case in 0..3 {
+        let _ = fs::remove_dir_all(&folder);
+        let mut other = None;
+        match case {
+            0 => fs::write(&folder, "no folder").unwrap(),
+            1 => other = hold(&folder).unwrap(),
+            _ => bench.disk.set(Some(io::ErrorKind::PermissionDenied)),
+        }
+        let mut store = reopen(&bench);
+        assert!(!Bench::put_health(&mut store, 1), "case {case}");
+        bench.put_frames(&mut store, 3);
+        bench.tick(&mut store, 1);
+        let failing = store.status();
+        assert_eq!(
+            (failing.lost_records, failing.lost_frames, failing.state),
+            (1, 3, StorageState::Failing),
+            "case {case}"
+        );
+        let reported = bench.reported.join("\n");
+        assert!(reported.contains("tried again every second"), "case {case}: {reported}");
+        bench.disk.set(None);
+        drop(other);
+        if case == 0 {
+            fs::remove_file(&folder).unwrap();
+        }
+        bench.reported.clear();
+        bench.tick(&mut store, 2);
+        bench.put_frames(&mut store, 2);
+        assert!(Bench::put_health(&mut store, 2), "case {case}: {:?}", bench.reported);
+        bench.tick(&mut store, 2);
+        assert_eq!(
+            bench.reported,
+            ["storage: written again; not stored since the start: 3 frames, 1 record"],
+            "case {case}"
+        );
+        let end = store.finish();
+        assert_eq!(
+            (end.status.lost_records, end.status.state),
+            (1, StorageState::Ok),
+            "case {case}"
+        );
+        let segments = fs::read_dir(&folder).unwrap().count();
+        assert_eq!(segments, 2, "case {case}");
+    }
+}

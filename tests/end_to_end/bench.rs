@@ -101,7 +101,7 @@ pub(crate) fn watch_all_with(
     Outcome {
         windows,
         frames: demux.counts(),
-        lost: demux.actuators().map(|(_, _, lost)| lost).sum(),
+        lost: demux.actuators().map(|(_, _, counts)| counts.lost).sum(),
     }
 }
 

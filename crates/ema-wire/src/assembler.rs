@@ -39,8 +39,9 @@ pub struct AssemblerStats {
     pub duplicates: u64,
     /// Frames (or complete samples) received after a newer one, or after their sample was rejected.
     pub late: u64,
-    /// Samples between two delivered ones, by their counters, that were not delivered; it includes those in `incomplete` and
-    /// `conflicting`. The 16-bit counter cannot show silences of 32 768 samples and more (16 s at 2 kHz).
+    /// Samples between two delivered ones, by their counters alone, that were not delivered; it includes those in `incomplete` and
+    /// `conflicting`. The 16-bit counter cannot show silences of 32 768 samples and more (16 s at 2 kHz), and looks as after a loss when a
+    /// device restarts beyond 32 768; who knows the rate asks the stamps (`hmd_core::actuator_stream`).
     pub missing: u64,
     /// Times the counter stood still or went back: the device restarted, or the silence was too long to count.
     pub restarts: u64,

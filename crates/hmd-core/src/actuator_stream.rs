@@ -4,12 +4,14 @@
 //! end, notices, and every sample if they are collected. In order:
 //!
 //! 1. the assembler of `ema_wire` puts frames together into samples; wrapping counters are continued;
-//! 2. the sample rate is measured by the device's own time. Until it is known, samples wait: at least 16, at most 64;
+//! 2. the sample rate is measured by the device's own time. Until it is known, samples wait: at least 16, at most 64. It is checked on, and
+//!    where it changes, windows are cut at the new rate;
 //! 3. a [`Windower`](crate::window::Windower) at that rate cuts windows. An actuator that cannot be monitored at its rate is refused: its samples are
 //!    counted and dropped.
 //!
 //! Memory is bounded by those 64 samples and by one window. In the steady state a frame allocates nothing.
 
+mod numbering;
 mod rate;
 mod windowing;
 
@@ -25,9 +27,10 @@ use crate::dbc::{DecodedUpdate, Role};
 use crate::log_map::{LogMap, Quantity};
 use crate::outbox::{AssembledSample, Notice, Outbox, WindowJob};
 use crate::sample::{MeasuredConditions, SampleRate};
-use crate::window::{TimedSample, WindowConfig};
+use crate::window::{TimedSample, Window, WindowConfig, Windower};
+use numbering::Numbering;
 use rate::{RateState, Settled};
-use windowing::{Windowing, unseen_notice};
+use windowing::{Continued, Windowing, unseen_notice};
 
 /// Times further apart than this are a pause where nothing counts the samples.
 const PAUSE_NS: u64 = 500_000_000;
@@ -47,13 +50,25 @@ pub struct ActuatorStream {
     currents_stamp: Option<(u16, u64)>,
     rate: RateState,
     conditions: MeasuredConditions,
-    /// Times the sample counter went back.
-    restarts: u64,
-    /// Samples that would have been in pauses of samples that nothing counts.
-    paused: u64,
+    numbering: Numbering,
+    counts: StreamCounts,
+    /// What windows go on with that are cut anew.
+    continued: Continued,
     /// The traffic ended, so that a counter that goes back is no device that restarted.
     is_ended: bool,
     windowing: Windowing,
+}
+
+/// What became of an actuator's samples beside those delivered, since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StreamCounts {
+    /// Samples lost: missing by their counter, in a log without one by their times where those are no pause; or dropped because the
+    /// actuator cannot be monitored at its sample rate.
+    pub lost: u64,
+    /// Times the sample counter began anew or went back.
+    pub restarts: u64,
+    /// Times the samples changed their rate.
+    pub rate_changes: u64,
 }
 
 /// Silence, ns, after which a counter that begins anew is no news: the actuator was off.
@@ -71,8 +86,9 @@ impl ActuatorStream {
             currents_stamp: None,
             rate: RateState::new(),
             conditions: MeasuredConditions::default(),
-            restarts: 0,
-            paused: 0,
+            numbering: Numbering::default(),
+            counts: StreamCounts::default(),
+            continued: Continued::default(),
             is_ended: false,
             windowing: Windowing::Waiting,
         }
@@ -84,21 +100,16 @@ impl ActuatorStream {
         &self.actuator.name
     }
 
-    /// Counts of the assembler: samples delivered, samples missing, frames that came late.
+    /// Counts of the assembler: samples delivered, frames that came late.
     #[must_use]
     pub fn stats(&self) -> AssemblerStats {
         self.assembler.stats()
     }
 
-    /// Samples lost: missing by their counter, in a log without one by their times where those are no pause; or dropped because the
-    /// actuator cannot be monitored at its sample rate.
+    /// Samples lost, and changes of counter and rate.
     #[must_use]
-    pub fn lost(&self) -> u64 {
-        let dropped = match self.windowing {
-            Windowing::Refused(dropped) => dropped,
-            Windowing::Waiting | Windowing::Ready(_) => 0,
-        };
-        self.stats().missing.saturating_sub(self.paused) + dropped
+    pub fn counts(&self) -> StreamCounts {
+        self.counts
     }
 
     /// Takes over which quantities its samples have from now on; an open window ends where they are others.
@@ -110,8 +121,8 @@ impl ActuatorStream {
         let mut actuator = ActuatorConfig::clone(&self.actuator);
         actuator.log = Some(map.clone());
         if is_other {
-            self.end_window(self.conditions, outbox);
-            self.windowing = Windowing::Waiting;
+            self.end_window(self.conditions, Windower::finish, outbox);
+            self.cut_anew();
             let name = &actuator.name;
             outbox.push_notice(stamp_ns, format!("{name}: its PDO are as its master wrote them"));
         }
@@ -153,14 +164,20 @@ impl ActuatorStream {
             let timed = self.continued(&sample, stamp_ns);
             let is_first = std::mem::take(&mut self.is_ended);
             if let Some((last, _)) = self.last.filter(|(last, _)| !is_first && timed.seq < last.seq) {
-                self.restarts += 1;
+                self.counts.restarts += 1;
                 was_on |= stamp_ns.saturating_sub(last.stamp_ns) < OFF_NS;
             }
-            self.paused += self.pause_before(&timed);
-            let elapsed_us = self.last.map(|(_, time_us)| sample.time_us.wrapping_sub(time_us));
-            match self.rate.push(timed, elapsed_us, nominal_hz) {
+            let next = self.last.filter(|(last, _)| timed.seq == last.seq + 1);
+            // The number of a sample that stamps number says nothing of a time that is those stamps.
+            let next = next.filter(|_| self.rate.known().is_none() || !self.is_numbered_by_time());
+            let period_us = next.map(|(_, time_us)| sample.time_us.wrapping_sub(time_us));
+            match self.rate.push(timed, period_us, nominal_hz) {
                 Settled::Not => {}
                 Settled::Before(rate) => self.deliver(rate, timed, conditions, outbox),
+                Settled::Changed { before, now } => {
+                    self.change_rate(before, now, stamp_ns, outbox);
+                    self.deliver(now, timed, conditions, outbox);
+                }
                 Settled::Now(rate, waiting) => {
                     first_at_nominal_rate = waiting.first().copied().filter(|_| !rate.is_measured);
                     for sample in waiting {
@@ -169,7 +186,8 @@ impl ActuatorStream {
                 }
             }
             self.last = Some((timed, sample.time_us));
-            if let RateState::Known(rate) = self.rate {
+            if let Some(rate) = self.rate.known() {
+                self.numbering.note_delay(&rate);
                 self.assembler.set_max_span_ns(longest_sample_ns(&rate));
             }
         }
@@ -193,13 +211,14 @@ impl ActuatorStream {
         for sample in self.rate.settle(rate) {
             self.deliver(rate, sample, conditions, outbox);
         }
-        self.end_window(conditions, outbox);
+        self.end_window(conditions, Windower::finish, outbox);
         self.is_ended = true;
     }
 
     /// The frames that come are of another recording: their counters do not continue. To be called after [`ActuatorStream::finish`].
     pub fn begin_recording(&mut self) {
         self.assembler.begin_stream();
+        self.numbering.begin();
         self.last = None;
     }
 
@@ -207,37 +226,54 @@ impl ActuatorStream {
         self.actuator.params.sensors.sample_rate
     }
 
-    /// Samples of the pause before one, in a log that nothing counts: a recording ended and another began. On a bus, frames are lost.
-    fn pause_before(&self, sample: &TimedSample) -> u64 {
-        let (actuator, last) = (&self.actuator, self.last);
-        let is_uncounted = |log: &Arc<LogMap>| !log.has(Quantity::Counter);
-        let is_of_log = actuator.drive_bus.is_none() && actuator.log.as_ref().is_some_and(is_uncounted);
-        let Some((last, _)) = last.filter(|_| is_of_log) else {
-            return 0;
-        };
-        let gap = sample.seq.saturating_sub(last.seq).saturating_sub(1);
-        let is_pause = sample.stamp_ns.saturating_sub(last.stamp_ns) > PAUSE_NS;
-        if is_pause { gap } else { 0 }
+    /// Whether stamps give the numbers of samples: in a log without a counter, and of a drive.
+    fn is_numbered_by_time(&self) -> bool {
+        let log = self.actuator.log.as_ref();
+        log.is_some_and(|log| !log.has(Quantity::Counter))
     }
 
-    /// Continues the wrapping counters. A counter that steps back by less than half its range is a restart, and stays
-    /// one: the sample number steps back too.
-    fn continued(&self, sample: &Sample, stamp_ns: u64) -> TimedSample {
-        let (seq, motor_counts, output_counts) = match self.last {
-            Some((last, _)) => {
-                let step = i64::from(sample.seq.wrapping_sub(last.seq as u16) as i16);
-                (
-                    last.seq.saturating_add_signed(step),
-                    unwrap_motor_counts(last.sensed.motor_counts, sample.motor_counts),
-                    unwrap_output_counts(last.sensed.output_counts, sample.output_counts),
-                )
-            }
-            // Far from zero, so that stepping back never saturates; a multiple of 2^16 keeps the low bits.
-            None => (
-                (1 << 32) + u64::from(sample.seq),
-                i64::from(sample.motor_counts),
-                i64::from(sample.output_counts),
+    /// Whether what lies before a sample is a pause, in a log that nothing counts: a recording ended and another began. On a bus, frames
+    /// are lost.
+    fn is_after_pause(&self, stamp_ns: u64) -> bool {
+        let is_of_log = self.actuator.drive_bus.is_none() && self.is_numbered_by_time();
+        let last = self.last.filter(|_| is_of_log);
+        last.is_some_and(|(last, _)| stamp_ns.saturating_sub(last.stamp_ns) > PAUSE_NS)
+    }
+
+    /// Windows are cut at another rate from now on.
+    fn change_rate(&mut self, before: SampleRate, now: SampleRate, stamp_ns: u64, outbox: &mut Outbox) {
+        self.counts.rate_changes += 1;
+        self.numbering.forget_delays();
+        let (name, before_hz, now_hz) = (self.name(), before.hz, now.hz);
+        let message = format!(
+            "{name}: the sample rate changed from {before_hz:.1} to {now_hz:.1} samples/s by the device's time; an open window is cut short"
+        );
+        outbox.push_notice(stamp_ns, message);
+        self.end_window(self.conditions, Windower::finish_at_rate, outbox);
+        self.cut_anew();
+    }
+
+    /// The next sample begins a new windowing, which goes on with the numbers of this one.
+    fn cut_anew(&mut self) {
+        if let Windowing::Ready(ready) = std::mem::replace(&mut self.windowing, Windowing::Waiting) {
+            self.continued = ready.continued();
+        }
+    }
+
+    /// Continues the wrapping counters, and counts what is missing before the sample. After a restart the sample number steps back too.
+    fn continued(&mut self, sample: &Sample, stamp_ns: u64) -> TimedSample {
+        let rate = self.rate.known().filter(|_| !self.is_numbered_by_time());
+        let numbered = self.numbering.next(sample.seq, stamp_ns, rate);
+        if !self.is_after_pause(stamp_ns) {
+            self.counts.lost += numbered.lost;
+        }
+        let seq = numbered.number;
+        let (motor_counts, output_counts) = match self.last {
+            Some((last, _)) => (
+                unwrap_motor_counts(last.sensed.motor_counts, sample.motor_counts),
+                unwrap_output_counts(last.sensed.output_counts, sample.output_counts),
             ),
+            None => (i64::from(sample.motor_counts), i64::from(sample.output_counts)),
         };
         let setpoint = match sample.mode {
             Mode::Idle => Setpoint::Idle,
@@ -266,11 +302,12 @@ impl ActuatorStream {
             conditions,
         });
         if matches!(self.windowing, Windowing::Waiting) {
-            self.windowing = Windowing::begin(&self.actuator, self.window_config, rate, sample.stamp_ns, outbox);
+            let (actuator, config, before) = (&self.actuator, self.window_config, self.continued);
+            self.windowing = Windowing::begin(actuator, config, rate, before, sample.stamp_ns, outbox);
         }
         match &mut self.windowing {
             Windowing::Waiting => {}
-            Windowing::Refused(dropped) => *dropped += 1,
+            Windowing::Refused => self.counts.lost += 1,
             Windowing::Ready(ready) => {
                 ready.count_operation(&sample.sensed);
                 if let Some(sentence) = ready
@@ -288,9 +325,14 @@ impl ActuatorStream {
         }
     }
 
-    fn end_window(&mut self, conditions: MeasuredConditions, outbox: &mut Outbox) {
+    fn end_window(
+        &mut self,
+        conditions: MeasuredConditions,
+        finish: fn(&mut Windower) -> Option<Window>,
+        outbox: &mut Outbox,
+    ) {
         if let Windowing::Ready(ready) = &mut self.windowing {
-            if let Some(window) = ready.windower.finish() {
+            if let Some(window) = finish(&mut ready.windower) {
                 outbox.push_window(ready.job(&self.actuator, window, conditions));
             } else if let (Some(sentence), Some((last, _)), None) =
                 (ready.unseen.finish(), self.last, ready.motor_counts)
@@ -338,7 +380,7 @@ pub fn cut_windows(
     for sample in samples {
         stream.deliver(rate, sample, conditions, &mut outbox);
     }
-    stream.end_window(conditions, &mut outbox);
+    stream.end_window(conditions, Windower::finish, &mut outbox);
     (outbox.take_windows(), outbox.take_notices())
 }
 

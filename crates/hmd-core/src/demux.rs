@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use ema_wire::{ActuatorId, DeframerStats, Frame, Message, SampleFd, SerialPacket};
 
-use crate::actuator_stream::ActuatorStream;
+use crate::actuator_stream::{ActuatorStream, StreamCounts};
 use crate::config::Config;
 use crate::dbc::MappedBus;
 use crate::drive_bus::DriveJoiner;
@@ -322,12 +322,11 @@ impl Demux {
         self.talkers.iter().copied()
     }
 
-    /// Names of the actuators seen so far, with the number of samples delivered and lost: missing, or
-    /// dropped because the actuator cannot be monitored at its sample rate.
-    pub fn actuators(&self) -> impl Iterator<Item = (&str, u64, u64)> {
+    /// Names of the actuators seen so far, with the number of samples delivered, and what became of others.
+    pub fn actuators(&self) -> impl Iterator<Item = (&str, u64, StreamCounts)> {
         self.streams
             .values()
-            .map(|NamedStream { stream, .. }| (stream.name(), stream.stats().samples, stream.lost()))
+            .map(|NamedStream { stream, .. }| (stream.name(), stream.stats().samples, stream.counts()))
     }
 
     /// Frames dropped because a newer sample had begun.

@@ -60,6 +60,10 @@ impl Collector for Snapshot {
             "Complete samples of all actuators",
             status.samples as f64,
         )?;
+        let help = "Times the sample counter of a device began anew or went back";
+        counter(out, "device_restarts", help, status.device_restarts as f64)?;
+        let help = "Times the samples of an actuator changed their rate";
+        counter(out, "rate_changes", help, status.rate_changes as f64)?;
         counter(
             out,
             "identification_seconds",
@@ -205,6 +209,8 @@ mod tests {
         Status {
             frames_decoded: 7,
             lost_socket_queue: 3,
+            device_restarts: 4,
+            rate_changes: 1,
             windows_ok: 2,
             identification_s: 1.5,
             record_age_s: Some(0.25),
@@ -237,6 +243,8 @@ mod tests {
             "hmd_frames_total{outcome=\"decoded\"} 7",
             "hmd_lost_total{cause=\"socket_queue\"} 3",
             "hmd_windows_total{status=\"ok\"} 2",
+            "hmd_device_restarts_total 4.0",
+            "hmd_rate_changes_total 1.0",
             "hmd_identification_seconds_total 1.5",
             "hmd_record_age_seconds 0.25",
             "hmd_disk_free_bytes 1099511627776.0",

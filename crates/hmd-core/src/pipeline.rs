@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use ema_wire::{DeframerStats, FrameError};
 
+use crate::actuator_stream::StreamCounts;
 use crate::assess::WindowCounts;
 use crate::bus_state::BusStates;
 use crate::config::Config;
@@ -148,7 +149,7 @@ impl Pipeline {
     /// Names of the actuators seen, with their samples lost so far.
     pub fn lost_samples(&self) -> impl Iterator<Item = (&str, u64)> {
         let of = self.demux.iter().flat_map(Demux::actuators);
-        of.map(|(name, _, lost)| (name, lost))
+        of.map(|(name, _, counts)| (name, counts.lost))
     }
 
     /// Names of the actuators seen, with their complete samples so far.
@@ -168,10 +169,12 @@ impl Pipeline {
     pub fn status(&self, names: &BusNames, windows: WindowCounts) -> Status {
         let (frames, losses) = (self.frames(), &self.losses);
         let unreadable = |fault| self.serial().map(|(_, stats)| stats.dropped_for(fault)).sum();
-        let (mut samples, mut missing) = (0, 0);
-        for (_, delivered, lost) in self.demux.iter().flat_map(Demux::actuators) {
+        let (mut samples, mut streams) = (0, StreamCounts::default());
+        for (_, delivered, of) in self.demux.iter().flat_map(Demux::actuators) {
             samples += delivered;
-            missing += lost;
+            streams.lost += of.lost;
+            streams.restarts += of.restarts;
+            streams.rate_changes += of.rate_changes;
         }
         Status {
             frames_received: frames.received,
@@ -187,7 +190,9 @@ impl Pipeline {
             unreadable_decode: unreadable(FrameError::Decode),
             lost_damaged: losses.damaged,
             lost_socket_queue: losses.socket_queue,
-            lost_samples: missing,
+            lost_samples: streams.lost,
+            device_restarts: streams.restarts,
+            rate_changes: streams.rate_changes,
             lost_malformed: frames.malformed,
             lost_windows: losses.windows,
             lost_late: self.demux.as_ref().map_or(0, Demux::late) + losses.overlapping,

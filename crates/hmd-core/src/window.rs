@@ -264,6 +264,19 @@ impl Windower {
         self
     }
 
+    /// The same, whose windows are numbered from this number on: it takes the place of another one.
+    #[must_use]
+    pub fn numbered_from(mut self, number: u64) -> Self {
+        self.next_number = number;
+        self
+    }
+
+    /// Number of the next window.
+    #[must_use]
+    pub fn next_number(&self) -> u64 {
+        self.next_number
+    }
+
     /// Counts since the start.
     #[must_use]
     pub fn counts(&self) -> StreamCounts {
@@ -300,6 +313,11 @@ impl Windower {
     /// The next sample begins afresh; numbers and counts continue.
     pub fn finish(&mut self) -> Option<Window> {
         self.end_stream(CutShort::StreamEnded)
+    }
+
+    /// As [`Windower::finish`], where the stream goes on at another sample rate.
+    pub fn finish_at_rate(&mut self) -> Option<Window> {
+        self.end_stream(CutShort::RateChanged)
     }
 
     fn end_stream(&mut self, why: CutShort) -> Option<Window> {

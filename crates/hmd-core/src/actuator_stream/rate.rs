@@ -1,4 +1,5 @@
-//! The rate of an actuator's samples, from the first of them: by the device's own time where that shows it.
+//! The rate of an actuator's samples, from the first of them: by the device's own time where that shows it. It is measured on, so that
+//! another device, or another firmware, is found at its own rate.
 
 use crate::sample::SampleRate;
 use crate::window::TimedSample;
@@ -22,6 +23,12 @@ const JITTER_MAX: f64 = 0.05;
 /// Longest sample period that 16 bits of microseconds can show, µs; longer ones are not measured.
 const LONGEST_PERIOD_US: u16 = 32_768;
 
+/// Periods between consecutive samples by which a rate that is known is checked.
+const CHECKED_PERIODS: usize = RATE_SAMPLES - 1;
+
+/// Share from which on two rates differ, if that is more than both may be off by.
+const RATE_CHANGE: f64 = 0.02;
+
 /// What is known of the rate.
 #[derive(Debug)]
 pub(super) enum RateState {
@@ -30,7 +37,13 @@ pub(super) enum RateState {
         waiting: Vec<TimedSample>,
         periods_us: Vec<u16>,
     },
-    Known(SampleRate),
+    Known {
+        rate: SampleRate,
+        /// Periods since the last check, µs.
+        periods_us: Vec<u16>,
+        /// The other rate that the last check found.
+        other: Option<SampleRate>,
+    },
 }
 
 /// What a sample did to the sample rate.
@@ -41,6 +54,13 @@ pub(super) enum Settled {
     Before(SampleRate),
     /// The rate is known from this sample on; the samples that waited, this one last.
     Now(SampleRate, Vec<TimedSample>),
+    /// The rate has changed some samples ago.
+    Changed {
+        /// The rate before.
+        before: SampleRate,
+        /// The rate now.
+        now: SampleRate,
+    },
 }
 
 impl RateState {
@@ -52,18 +72,25 @@ impl RateState {
         }
     }
 
-    /// Takes a sample and the device time since the one before it, µs.
-    pub(super) fn push(&mut self, sample: TimedSample, elapsed_us: Option<u16>, nominal_hz: f64) -> Settled {
+    /// The rate, once it is known.
+    pub(super) fn known(&self) -> Option<SampleRate> {
+        match self {
+            Self::Learning { .. } => None,
+            Self::Known { rate, .. } => Some(*rate),
+        }
+    }
+
+    /// Takes a sample, and its device time since the one before, µs, where no sample is missing between them.
+    ///
+    /// A known rate gives way to another one once two checks in a row have found that one, each by 15 periods: 48 samples after the
+    /// change at the latest, as long as none is lost.
+    pub(super) fn push(&mut self, sample: TimedSample, period_us: Option<u16>, nominal_hz: f64) -> Settled {
+        let period_us = period_us.filter(|&us| us < LONGEST_PERIOD_US);
         let (waiting, periods_us) = match self {
-            Self::Known(rate) => return Settled::Before(*rate),
+            Self::Known { .. } => return self.check(period_us, nominal_hz),
             Self::Learning { waiting, periods_us } => (waiting, periods_us),
         };
-        if let (Some(previous), Some(elapsed_us)) = (waiting.last(), elapsed_us) {
-            let steps = sample.seq.wrapping_sub(previous.seq);
-            if steps == 1 && elapsed_us < LONGEST_PERIOD_US {
-                periods_us.push(elapsed_us);
-            }
-        }
+        periods_us.extend(period_us.filter(|_| !waiting.is_empty()));
         waiting.push(sample);
         let rate = if waiting.len() >= RATE_SAMPLES && periods_us.iter().any(|&period_us| period_us > 0) {
             measured_rate(periods_us, nominal_hz)
@@ -76,16 +103,60 @@ impl RateState {
         Settled::Now(rate, self.settle(rate))
     }
 
+    /// Compares a rate that is known with newer periods.
+    fn check(&mut self, period_us: Option<u16>, nominal_hz: f64) -> Settled {
+        let Self::Known {
+            rate,
+            periods_us,
+            other,
+        } = self
+        else {
+            return Settled::Not;
+        };
+        let before = *rate;
+        periods_us.extend(period_us);
+        if periods_us.len() < CHECKED_PERIODS {
+            return Settled::Before(before);
+        }
+        let found = measured_rate(periods_us, nominal_hz);
+        periods_us.clear();
+        // A time that stands still shows no rate.
+        let found = Some(found).filter(|found| found.is_measured && found.differs_from(&before));
+        match (found, *other) {
+            (Some(now), Some(expected)) if !now.differs_from(&expected) => {
+                (*rate, *other) = (now, None);
+                Settled::Changed { before, now }
+            }
+            _ => {
+                *other = found;
+                Settled::Before(before)
+            }
+        }
+    }
+
     /// Ends the measurement with a rate; the samples that waited, none if the rate was known.
     pub(super) fn settle(&mut self, rate: SampleRate) -> Vec<TimedSample> {
         match self {
-            Self::Known(_) => Vec::new(),
-            Self::Learning { waiting, .. } => {
-                let waiting = std::mem::take(waiting);
-                *self = Self::Known(rate);
+            Self::Known { .. } => Vec::new(),
+            Self::Learning { waiting, periods_us } => {
+                let (waiting, mut periods_us) = (std::mem::take(waiting), std::mem::take(periods_us));
+                periods_us.clear();
+                *self = Self::Known {
+                    rate,
+                    periods_us,
+                    other: None,
+                };
                 waiting
             }
         }
+    }
+}
+
+impl SampleRate {
+    /// Whether it is another one, beyond what both may be off by.
+    fn differs_from(&self, other: &Self) -> bool {
+        let share = RATE_CHANGE.max(self.uncertainty + other.uncertainty);
+        (self.hz - other.hz).abs() > share * self.hz.max(other.hz)
     }
 }
 
@@ -139,6 +210,7 @@ fn gcd(a: u16, b: u16) -> u16 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ema_models::{SensedSample, Setpoint};
 
     /// The rate by a device clock of so many microseconds, sampled at `hz`, where 400 Hz are expected.
     fn rate(hz: f64, lsb_us: f64) -> SampleRate {
@@ -172,5 +244,54 @@ mod tests {
         // Another rate is no rounding.
         assert!((rate(402.3, 1.0).hz - 402.3).abs() < 0.1);
         assert!((rate(625.0, 100.0).hz - 625.0).abs() < 6.0);
+    }
+
+    const AT_REST: TimedSample = TimedSample {
+        seq: 0,
+        stamp_ns: 0,
+        sensed: SensedSample {
+            seq: 0,
+            currents: [0.0; 3],
+            motor_counts: 0,
+            output_counts: 0,
+            setpoint: Setpoint::Idle,
+        },
+    };
+
+    /// What becomes of a stream at 2 kHz from whose 100th sample on these are the periods, µs: the samples until a change, and the rate.
+    fn changed(periods_us: impl IntoIterator<Item = u16>) -> Option<(usize, f64)> {
+        let mut state = RateState::new();
+        let mut push = |period_us| state.push(AT_REST, Some(period_us), 2000.0);
+        for _ in 0..100 {
+            assert!(!matches!(push(500), Settled::Changed { .. }));
+        }
+        let changed = |(n, us)| match push(us) {
+            Settled::Changed { now, .. } => Some((n + 1, now.hz)),
+            _ => None,
+        };
+        periods_us.into_iter().enumerate().find_map(changed)
+    }
+
+    #[test]
+    fn another_rate_is_found_within_48_samples() {
+        for us in [2500, 1000, 400, 520] {
+            let (samples, hz) = changed([us; 60]).expect("a change");
+            assert!(
+                samples <= 48 && (hz - 1e6 / f64::from(us)).abs() < 1.0,
+                "{samples}: {hz}"
+            );
+        }
+    }
+
+    #[test]
+    fn neither_jitter_nor_a_slow_clock_nor_one_that_stands_still_is_another_rate() {
+        assert_eq!(changed([500; 1000]), None);
+        assert_eq!(changed([0; 1000]), None);
+        // 1 % off; steps of a clock of 1 ms and of 400 µs; jitter of 40 µs (rms); a stall and what it held back.
+        assert_eq!(changed([505; 1000]), None);
+        assert_eq!(changed((0..1000).map(|n| 1000 * (n % 2))), None);
+        assert_eq!(changed((0..1000).map(|n| if n % 4 == 3 { 800 } else { 400 })), None);
+        assert_eq!(changed((0..1000).map(|n| [450, 550, 470, 530, 440, 560][n % 6])), None);
+        assert_eq!(changed((0..1000).map(|n| if n < 20 { 20 } else { 500 })), None);
     }
 }

@@ -16,8 +16,17 @@ use crate::window::{Window, WindowConfig, Windower};
 pub(super) enum Windowing {
     Waiting,
     Ready(Box<ReadyWindowing>),
-    /// The actuator cannot be monitored; the samples dropped since.
-    Refused(u64),
+    /// The actuator cannot be monitored.
+    Refused,
+}
+
+/// What goes on where the windowing of an actuator begins anew.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Continued {
+    /// Number of the next window.
+    next_number: u64,
+    /// Time of operation so far, s.
+    operated_s: f64,
 }
 
 #[derive(Debug)]
@@ -28,6 +37,8 @@ pub(super) struct ReadyWindowing {
     pub(super) unseen: UnseenMotion,
     /// Samples with a mode other than idle; without set point those in motion.
     operating: u64,
+    /// Time of operation before, s.
+    operated_before_s: f64,
     /// Motor counts of the sample before, where there is no set point.
     pub(super) motor_counts: Option<i64>,
 }
@@ -38,6 +49,7 @@ impl Windowing {
         actuator: &ActuatorConfig,
         window_config: WindowConfig,
         rate: SampleRate,
+        before: Continued,
         stamp_ns: u64,
         outbox: &mut Outbox,
     ) -> Self {
@@ -63,6 +75,7 @@ impl Windowing {
         }
         let made = match params.checked() {
             Ok(params) => Windower::new(window_config, &params)
+                .map(|windower| windower.numbered_from(before.next_number))
                 .map(|windower| match &actuator.log {
                     Some(log) if !log.has(Quantity::Counter) => windower.numbered_by_time(),
                     _ => windower,
@@ -85,6 +98,7 @@ impl Windowing {
                             windower
                         },
                         operating: 0,
+                        operated_before_s: before.operated_s,
                     }))
                 })
                 .map_err(|e| e.to_string()),
@@ -98,7 +112,7 @@ impl Windowing {
         };
         made.unwrap_or_else(|why| {
             outbox.push_notice(stamp_ns, format!("{name}: not monitored: {why}"));
-            Self::Refused(0)
+            Self::Refused
         })
     }
 }
@@ -129,8 +143,20 @@ impl ReadyWindowing {
             params: self.params,
             window,
             conditions,
-            operating_s: self.operating as f64 / self.params.sensors.sample_rate,
+            operating_s: self.operated_s(),
         }
+    }
+
+    /// What the next windowing of the actuator goes on with.
+    pub(super) fn continued(&self) -> Continued {
+        Continued {
+            next_number: self.windower.next_number(),
+            operated_s: self.operated_s(),
+        }
+    }
+
+    fn operated_s(&self) -> f64 {
+        self.operated_before_s + self.operating as f64 / self.params.sensors.sample_rate
     }
 }
 

@@ -22,6 +22,10 @@ message! {
         frames_error: u64 = 4 uint64;
         /// Complete samples of all actuators.
         samples: u64 = 5 uint64;
+        /// Times a sample counter began anew or went back: a device restarted.
+        device_restarts: u64 = 6 uint64;
+        /// Times the samples of an actuator changed their rate.
+        rate_changes: u64 = 7 uint64;
         /// Losses: lines of a text log, or serial frames, that could not be read.
         lost_unreadable: u64 = 11 uint64;
         /// Losses: frames in damaged or missing parts of a recorded file, as far as they can be counted.

@@ -228,6 +228,7 @@ fn clock(slots: &[Slot], limits: &Limits) -> (u64, Option<Invalidity>) {
     let enough = by_counter > 0.1 && by_stamps > 0.0 && jumps < 1 + intervals / 10;
     let wrong = enough && f64::abs(by_stamps - by_counter) > 0.1 * by_counter + CLOCK_JUMP_S;
     let rate = Invalidity::SampleRate {
+        configured_hz: limits.sample_rate,
         by_stamps_hz: limits.sample_rate * by_counter / by_stamps,
     };
     (jumps, (wrong && limits.rate_is_unconfirmed).then_some(rate))

@@ -92,6 +92,8 @@ pub enum Invalidity {
     },
     /// The stamps do not advance at the sample rate that the type has.
     SampleRate {
+        /// The type's rate, Hz.
+        configured_hz: f64,
         /// The rate by the stamps, Hz.
         by_stamps_hz: f64,
     },
@@ -106,6 +108,8 @@ pub enum CutShort {
     WentIdle,
     /// The sample counter went back: the device restarted, or samples came out of order.
     CounterWentBack,
+    /// Samples come at another rate since.
+    RateChanged,
 }
 
 /// Why a sample, or a part of it, cannot be used.
@@ -212,7 +216,13 @@ impl fmt::Display for Invalidity {
                     "start in motion: the command moved before the trigger, and the motor by {turned_rad:.2} rad"
                 )
             }
-            Self::SampleRate { by_stamps_hz } => write!(f, "sample rate: {by_stamps_hz:.1} Hz by the stamps"),
+            Self::SampleRate {
+                configured_hz,
+                by_stamps_hz,
+            } => write!(
+                f,
+                "sample rate: {configured_hz:.1} Hz configured (sample_rate_hz), {by_stamps_hz:.1} Hz arrive by the stamps"
+            ),
         }
     }
 }
@@ -223,6 +233,7 @@ impl fmt::Display for CutShort {
             Self::StreamEnded => "stream ended",
             Self::WentIdle => "went idle",
             Self::CounterWentBack => "sample counter went back",
+            Self::RateChanged => "sample rate changed",
         })
     }
 }
@@ -292,6 +303,10 @@ mod tests {
                 Invalidity::CutShort(CutShort::CounterWentBack),
                 "cut short: sample counter went back",
             ),
+            (
+                Invalidity::CutShort(CutShort::RateChanged),
+                "cut short: sample rate changed",
+            ),
             (Invalidity::ModeChanged, "mode changed"),
             (
                 Invalidity::CommandInGap { at: 7 },
@@ -327,8 +342,11 @@ mod tests {
                 "start in motion: the command moved before the trigger, and the motor by 0.25 rad",
             ),
             (
-                Invalidity::SampleRate { by_stamps_hz: 1000.04 },
-                "sample rate: 1000.0 Hz by the stamps",
+                Invalidity::SampleRate {
+                    configured_hz: 2000.0,
+                    by_stamps_hz: 1000.04,
+                },
+                "sample rate: 2000.0 Hz configured (sample_rate_hz), 1000.0 Hz arrive by the stamps",
             ),
         ];
         for (why, expected) in invalid {

@@ -574,7 +574,10 @@ fn another_sample_rate_than_configured_is_found() {
         sample.stamp_ns = T_0 + 1_000_000 * sample.seq;
     }
     match invalidity(&only(&samples)) {
-        Invalidity::SampleRate { by_stamps_hz } => assert!((by_stamps_hz - 1000.0).abs() < 1e-6),
+        Invalidity::SampleRate {
+            configured_hz,
+            by_stamps_hz,
+        } => assert!((by_stamps_hz - 1000.0).abs() < 1e-6 && (configured_hz - 2000.0).abs() < 1e-6),
         other => panic!("{other:?}"),
     }
     // Against a rate that the device's own time has shown, stamps have no influence.

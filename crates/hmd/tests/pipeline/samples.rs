@@ -41,8 +41,8 @@ fn windows_cut_from_taken_samples_are_those_of_the_frames() {
     demux.finish();
     let ended = demux.take_windows();
     assert!(demux.take_samples().is_empty(), "nothing is delivered twice");
-    let (_, samples, lost) = demux.actuators().next().unwrap();
-    assert_eq!((taken.len() as u64, lost), (samples, 0));
+    let (_, samples, counts) = demux.actuators().next().unwrap();
+    assert_eq!((taken.len() as u64, counts.lost), (samples, 0));
     assert!(taken.windows(2).all(|two| two[1].sample.seq == two[0].sample.seq + 1));
 
     let last = taken.last().unwrap();

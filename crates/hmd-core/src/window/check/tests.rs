@@ -314,7 +314,7 @@ fn clock_of(count: usize, stamp_ns: impl Fn(usize) -> u64) -> (u64, Option<f64>)
 fn rate_of(slots: &[Slot], limits: &Limits) -> (u64, Option<f64>) {
     let (jumps, invalid) = clock(slots, limits);
     let rate = invalid.map(|invalid| match invalid {
-        Invalidity::SampleRate { by_stamps_hz } => by_stamps_hz,
+        Invalidity::SampleRate { by_stamps_hz, .. } => by_stamps_hz,
         other => panic!("{other:?}"),
     });
     (jumps, rate)

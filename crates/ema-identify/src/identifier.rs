@@ -84,6 +84,8 @@ const ANY_SHORT: f64 = 0.02;
 /// One window's fit, sample by sample, for records and plots.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fit {
+    /// Place of each sample of the curves in the window: those that were measured.
+    pub samples: Vec<usize>,
     /// Measured quadrature current, A.
     pub i_q_measured: Vec<f32>,
     /// The monitor's, A.
@@ -465,6 +467,7 @@ impl Identifier {
         let mut fit = Fit::default();
         self.residuals(window, conditions, estimate, |n, r| {
             let sample = &samples[n];
+            fit.samples.push(n);
             fit.i_q_measured.push(sample.i_q as f32);
             fit.i_q_fitted.push((sample.i_q - r.i_q) as f32);
             fit.omega_measured.push(sample.omega_m as f32);

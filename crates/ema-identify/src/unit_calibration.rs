@@ -20,7 +20,7 @@ use crate::relations::{CommissionedRelations, ELEMENT_COUNT};
 pub use elements::{ElementStatistics, NORMAL_999, change_since, elements_of, fault_of, nominal_elements};
 pub(crate) use parameters::apply;
 pub use parameters::{Deviation, UNIT_PARAMETER_COUNT, UnitParameter, UnitParameters};
-pub use seen::{Motion, Seen, Unseen};
+pub use seen::{Motion, RATE_MARGIN, Seen, Unseen};
 
 /// Version of the file's layout.
 pub const UNIT_VERSION: u32 = 3;

@@ -67,10 +67,14 @@ impl UnitEstimate {
     }
 
     /// The same where the torque for each ampere may have changed by up to this share for another reason, as by a temperature that nobody
-    /// reads. It weakens all phases alike, and at most two of them are shorted: what the least shorted one lacks is not a short.
+    /// reads. It weakens all phases alike, and at most two of them are shorted: what the least shorted one lacks is not a short. Where the
+    /// window tells nothing of a phase, the change is a part of the sigmas of the others.
     #[must_use]
     pub fn without_common_short(mut self, change_max: f64) -> Self {
         let shorts = [FaultId::ShortA, FaultId::ShortB, FaultId::ShortC].map(FaultId::parameter);
+        if shorts.iter().any(|&n| self.estimate.sigma[n].is_none()) {
+            return self.with_torque_sigma(change_max);
+        }
         let mut k = self.estimate.fault.to_array();
         let Some(least) = shorts.into_iter().min_by(|a, b| k[*a].total_cmp(&k[*b])) else {
             return self;
@@ -124,6 +128,16 @@ mod tests {
             .estimate;
         let k = found.fault.to_array();
         [2, 3, 4].map(|n| (k[n], found.sigma[n].unwrap_or(f64::NAN)))
+    }
+
+    #[test]
+    fn a_phase_that_a_window_does_not_show_leaves_the_change_of_the_magnets_to_the_others() {
+        let mut k = [0.0; FAULT_COUNT];
+        k[3..5].copy_from_slice(&[0.09, 0.09]);
+        let mut sigma = [Some(0.01); FAULT_COUNT];
+        sigma[2] = None;
+        let found = estimate(k, sigma).without_common_short(0.09).estimate;
+        assert!(found.sigma[3].is_some_and(|sigma| sigma > 0.09) && found.sigma[2].is_none());
     }
 
     #[test]

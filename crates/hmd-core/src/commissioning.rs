@@ -13,7 +13,7 @@ mod findings;
 mod words;
 
 use ema_identify::relations::{CommissionError, is_coarsely_sampled};
-use ema_identify::unit_calibration::{Seen, UNIT_VERSION, UnitError};
+use ema_identify::unit_calibration::{RATE_MARGIN, Seen, UNIT_VERSION, UnitError};
 use ema_identify::unit_fit::WINDOWS_MIN;
 use ema_identify::{is_unmodelled, output_zero};
 use ema_models::{DriveKind, FaultId};
@@ -38,6 +38,14 @@ pub enum CommissioningError {
     /// Not enough windows.
     #[error("expected at least {WINDOWS_MIN} windows that can be assessed, found {0}")]
     TooFew(usize),
+    /// Windows of several sampling rates.
+    #[error("expected windows of one sampling rate, found {first:.1} and {other:.1} samples/s")]
+    Rates {
+        /// Of the first window, Hz.
+        first: f64,
+        /// Of a later one, Hz.
+        other: f64,
+    },
     /// A measurement is beyond what an actuator can have been working with.
     #[error("window {window}: {sentence}")]
     Conditions {
@@ -173,6 +181,11 @@ pub fn calibrate_unit(
     for job in &*jobs {
         let window = job.window.number;
         conditions(job).map_err(|sentence| CommissioningError::Conditions { window, sentence })?;
+    }
+    let first = jobs[0].params.sensors.sample_rate;
+    let mut rates = jobs.iter().map(|job| job.params.sensors.sample_rate);
+    if let Some(other) = rates.find(|rate| (rate / first - 1.0).abs() > RATE_MARGIN) {
+        return Err(CommissioningError::Rates { first, other });
     }
     let windows = jobs.iter().map(|job| job.window.samples.as_slice());
     let output_zero_rad = output_zero(&jobs[0].params, windows);

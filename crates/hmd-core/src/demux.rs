@@ -154,6 +154,13 @@ impl Demux {
         } = self;
         let bus = names.name(frame.bus).unwrap_or("");
         let drives = drives.entry(frame.bus).or_insert_with(|| config.drives(bus).collect());
+        let hearers = drives
+            .iter_mut()
+            .filter_map(|(_, joiner)| joiner.push_broadcast(frame).then_some(()));
+        if hearers.count() > 0 {
+            counts.decoded += 1;
+            return true;
+        }
         let updates = drives.iter_mut().find_map(|(id, joiner)| {
             let update = joiner.push(frame)?;
             Some((*id, joiner, update))

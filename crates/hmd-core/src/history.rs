@@ -167,12 +167,13 @@ impl UnitHistory {
         })
     }
 
-    /// Forgets the wear of what a new part changes; use and all other damage go on.
+    /// Forgets the wear of what a new part changes, and the references of the sensors in it; use and all other damage go on.
     fn replace(&mut self, part: ReplacedPart) {
         for fault in part.faults() {
             self.health.forget(*fault);
             self.prognosis.forget(*fault);
         }
+        self.sensors.forget(part.sensors());
         // Both rest on all faults together.
         self.urgency = Urgency::default();
         self.last_check = None;

@@ -70,6 +70,13 @@ impl SensorHealth {
         })
     }
 
+    /// Forgets these quantities: the next windows are their reference.
+    pub fn forget(&mut self, quantities: &[SensorQuantity]) {
+        for &quantity in quantities {
+            self.tracked[quantity as usize] = Tracked::default();
+        }
+    }
+
     /// Takes what a window shows at so many operating hours; `None` of a window that is no evidence.
     pub fn update(
         &mut self,

@@ -192,6 +192,7 @@ impl Parameter {
             Self::StaticFriction => {
                 let dry = measured(unit, UnitParameter::DryFriction, params)?;
                 let share = params.transmission.friction_static / params.transmission.friction_dynamic;
+                let share = if share.is_finite() { share } else { 1.0 };
                 Some(Measured {
                     value: share * dry.value,
                     sigma: share * dry.sigma,

@@ -144,7 +144,9 @@ impl Window {
         self.filled.sort_unstable();
         self.filled.dedup();
         let filled = &self.filled;
-        fill::fill_motor(&mut self.samples, |n| filled.binary_search(&n).is_err());
+        let good = |n: usize| filled.binary_search(&n).is_err();
+        fill::fill_motor(&mut self.samples, good);
+        fill::fill_output(&mut self.samples, good);
         handicaps.retain(|handicap| !matches!(handicap, Degradation::Filled { .. }));
         handicaps.insert(
             0,

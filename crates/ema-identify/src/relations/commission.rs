@@ -74,10 +74,14 @@ pub fn commission_as<S: RecordedSample>(
     let scale = Scale::of(shape);
     let residual = |half_width_s| {
         shared_balance(windows, shape, half_width_s, (scale, false), ROUNDS)
-            .map_or(0.0, |shared| shared.balance.residual_rms)
+            .ok()
+            .map(|shared| shared.balance.residual_rms)
     };
     let [narrow, .., wide] = HALF_WIDTHS_S;
-    let angle_errors = residual(narrow) > ANGLE_ERRORS * residual(wide);
+    // Motions that are short for the wide one do not tell.
+    let angle_errors = residual(narrow)
+        .zip(residual(wide))
+        .is_some_and(|(narrow, wide)| narrow > ANGLE_ERRORS * wide);
     for half_width_s in HALF_WIDTHS_S {
         let shared = match shared_balance(windows, shape, half_width_s, (scale, angle_errors), ROUNDS) {
             Ok(shared) => shared,

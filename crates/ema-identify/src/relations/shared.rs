@@ -108,25 +108,29 @@ pub(super) fn coefficients(x: &Shared) -> [f64; TERM_COUNT] {
     values
 }
 
+/// Friction that any actuator may have, as a share of the peak torque at the highest speed.
+#[cfg(feature = "std")]
+const FRICTION_MIN_SHARE: f64 = 1e-3;
+
 /// What is known of a shared unknown before any window: value and standard deviation.
 #[cfg(feature = "std")]
 pub(super) fn priors(params: &ActuatorParams) -> [(f64, f64); SHARED_COUNT] {
     let (motor, gear) = (&params.motor, &params.transmission);
     let peak = motor.torque_gain() * motor.i_max;
+    // A data sheet may say none.
+    let dry = gear.friction_dynamic.max(FRICTION_MIN_SHARE * peak);
+    let damping = motor.c.max(FRICTION_MIN_SHARE * peak / params.controller.omega_max);
     core::array::from_fn(|unknown| {
         if unknown < 2 {
             return (0.0, 0.03);
         }
         match SHARED[unknown - 2] {
             Term::Inertia => (motor.j, 0.2 * motor.j),
-            Term::DryFriction => (gear.friction_dynamic, 0.6 * gear.friction_dynamic),
-            Term::Stribeck => (
-                0.0,
-                gear.friction_static - gear.friction_dynamic + 0.2 * gear.friction_dynamic,
-            ),
-            Term::Damping => (motor.c, 2.0 * motor.c),
+            Term::DryFriction => (gear.friction_dynamic, 0.6 * dry),
+            Term::Stribeck => (0.0, gear.friction_static - gear.friction_dynamic + 0.2 * dry),
+            Term::Damping => (motor.c, 2.0 * damping),
             Term::CoggingCos | Term::CoggingSin => (0.0, 0.02 * peak),
-            Term::MeshCos | Term::MeshSin => (0.0, 0.2 * gear.friction_dynamic),
+            Term::MeshCos | Term::MeshSin => (0.0, 0.2 * dry),
             Term::Resolver1Cos | Term::Resolver1Sin | Term::Resolver2Cos | Term::Resolver2Sin => {
                 (0.0, 0.01 * motor.j / motor.pole_pairs)
             }

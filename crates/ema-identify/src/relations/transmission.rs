@@ -171,6 +171,7 @@ pub(super) fn pushed<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Optio
     let inner = window.inner();
     let rest = window.sensed(inner.clone().next()?).output_counts;
     inner
+        .filter(|&n| window.is_measured(n))
         .map(|n| (n, window.sensed(n).output_counts - rest))
         .find_map(|(sample, moved)| {
             (moved.abs() >= PUSHED_COUNTS).then_some(Start {

@@ -26,6 +26,8 @@ pub struct Motion {
     pub is_forward: bool,
     /// Whether the motor speed was commanded.
     pub is_speed_mode: bool,
+    /// Sampling rate, Hz.
+    pub sample_rate_hz: f64,
 }
 
 impl Motion {
@@ -55,6 +57,7 @@ impl Motion {
             is_speed_mode: samples
                 .iter()
                 .any(|sample| matches!(sample.setpoint, Setpoint::Speed(_))),
+            sample_rate_hz: params.sensors.sample_rate,
         }
     }
 }
@@ -77,6 +80,9 @@ pub struct Seen {
     pub position_mode: bool,
     /// Whether windows with commanded speed were among them.
     pub speed_mode: bool,
+    /// Sampling rate, Hz; older files had none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sample_rate_hz: Option<f64>,
     /// Twelfths of an electrical turn in which the rotor stood at the beginning of a window that goes backward, and of one that goes forward;
     /// without it a window may begin anywhere.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -112,6 +118,8 @@ pub enum Unseen {
     Current([f64; 2], f64),
     /// Its mode.
     Mode,
+    /// Sampling rate, Hz: that of commissioning and the window's.
+    SampleRate(f64, f64),
     /// Electrical angle of the rotor at its beginning, rad.
     RotorAngle(f64),
 }
@@ -143,6 +151,9 @@ const LOAD_MARGIN: f64 = 0.05;
 /// Travel and current within a factor of this to the range are the same motion.
 const MOTION_FACTOR: f64 = 2.0;
 
+/// Sampling rates within this share of each other are one: steps and derivatives are alike.
+pub const RATE_MARGIN: f64 = 0.02;
+
 /// Travel beyond the range of the same motion, as a share.
 const TRAVEL_MARGIN: f64 = 0.01;
 
@@ -161,6 +172,7 @@ impl Seen {
             current_rms_a: range(windows.iter().map(|window| window.current_rms).collect()).unwrap_or_default(),
             position_mode: windows.iter().any(|window| !window.is_speed_mode),
             speed_mode: windows.iter().any(|window| window.is_speed_mode),
+            sample_rate_hz: windows.first().map(|window| window.sample_rate_hz),
             rotor_sectors: None,
         }
     }
@@ -257,6 +269,11 @@ impl Seen {
         if !self.is_mode_seen(window) {
             unseen.push(Unseen::Mode);
         }
+        if let Some(seen) = self.sample_rate_hz
+            && (window.sample_rate_hz / seen - 1.0).abs() > RATE_MARGIN
+        {
+            unseen.push(Unseen::SampleRate(seen, window.sample_rate_hz));
+        }
         let here = sector(window.rotor_angle);
         let near = [here + SECTORS - 1, here, here + 1];
         if self.rotor_sectors.is_some_and(|seen| {
@@ -285,6 +302,7 @@ impl fmt::Display for Unseen {
                 write!(f, "current {found:.2} A rms, commissioned with {min:.2} to {max:.2} A")
             }
             Self::Mode => write!(f, "a mode that commissioning has not seen"),
+            Self::SampleRate(seen, found) => write!(f, "{found:.1} samples/s, commissioned at {seen:.1}"),
             Self::RotorAngle(found) => {
                 let found = found.to_degrees();
                 write!(
@@ -311,6 +329,7 @@ mod tests {
             rotor_angle: 0.1,
             is_forward: true,
             is_speed_mode: false,
+            sample_rate_hz: 2000.0,
         };
         let seen = Seen::of(&[
             usual,
@@ -338,6 +357,13 @@ mod tests {
                 Unseen::WindingTemp([20.0, 20.0], 60.0),
             ),
             (Motion { travel: 0.1, ..usual }, Unseen::Travel([0.25, 0.25], 0.1)),
+            (
+                Motion {
+                    sample_rate_hz: 400.0,
+                    ..usual
+                },
+                Unseen::SampleRate(2000.0, 400.0),
+            ),
             (
                 Motion {
                     current_rms: 9.0,

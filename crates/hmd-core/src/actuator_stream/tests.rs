@@ -154,6 +154,30 @@ fn a_device_that_comes_back_at_another_rate_is_cut_at_that_rate() {
 }
 
 #[test]
+fn another_recording_has_a_rate_and_conditions_of_its_own() {
+    let (mut stream, mut outbox) = (stream(), Outbox::default());
+    // Too few samples to show their rate.
+    Device::new(0, 2_600).send(&mut stream, &mut outbox, 10, 10);
+    stream.conditions.load_torque_nm = Some(30.0);
+    stream.finish(&mut outbox);
+    for (number, period_us, rate_hz) in [(0, 2_600, 384.615_384_615), (1, 2_500, 400.0), (2, 2_500, 400.0)] {
+        stream.begin_recording();
+        Device::new(0, period_us).send(&mut stream, &mut outbox, 500, 200);
+        stream.finish(&mut outbox);
+        let windows = outbox.take_windows();
+        let [job] = windows.as_slice() else {
+            panic!("{} windows", windows.len());
+        };
+        assert_eq!((job.window.number, job.conditions.load_torque_nm), (number, None));
+        let found_hz = job.params.sensors.sample_rate;
+        assert!((found_hz - rate_hz).abs() < 1e-6, "{found_hz}");
+    }
+    let notices = outbox.take_notices();
+    let of_rate = notices.iter().filter(|notice| notice.message.contains("found 384.6"));
+    assert_eq!(of_rate.count(), 1, "{notices:?}");
+}
+
+#[test]
 fn a_window_in_which_the_rate_changes_says_so() {
     let (mut stream, mut outbox) = (stream(), Outbox::default());
     let mut device = Device::new(0, 2_500);

@@ -3,7 +3,7 @@
 //! What the signals show by themselves is taken out before the estimate (`by_signals`); readings that only an estimate can doubt compete with the
 //! faults after it.
 
-use ema_identify::effort::Effort;
+use ema_identify::effort::{Effort, Stage};
 use ema_identify::unit_calibration::{UnitCalibration, UnitEstimator};
 use ema_identify::unit_fit::healthy_cost;
 use ema_identify::{Fit, Identifier, Method};
@@ -21,6 +21,9 @@ use crate::sensor_checks::rivals::{
     BETTER, Corrected, Rival, Verdict, accuses_all_phases_alike, correct, is_doubtful, judge, rivals,
 };
 use crate::sensor_checks::{Contradiction, Suspect, Suspicion, contradictions};
+
+/// Monitor runs that tell which of several readings is the likeliest: a healthy actuator with each of them, and two descents.
+const LIKELIEST_RUNS: u64 = 400;
 
 /// Why a window without set point is not assessed: the monitor follows it.
 const NO_MONITOR: &str =
@@ -264,14 +267,13 @@ impl Assessor {
         let mut found: Option<(Verdict, Rival, Assessed)> = None;
         let rivals = rivals(job, &assessed.estimate, self.knows_unit(&job.actuator));
         for readings in rivals.chunk_by(|one, next| one.suspect == next.suspect) {
-            // Which of several is the likeliest takes two descents more.
-            let estimates = if readings.len() > 1 { 3 } else { 1 };
-            if !grants_runs(effort, estimates * assessed.estimate.evaluations, job.length_s()) {
+            let which = if readings.len() > 1 { LIKELIEST_RUNS } else { 0 };
+            if !grants_runs(effort, which + assessed.estimate.evaluations, job.length_s()) {
                 return Ok(Competitors::Unknown);
             }
-            let Some(rival) = self.likeliest(job, readings)? else {
-                continue;
-            };
+            let likeliest = self.likeliest(job, readings)?;
+            effort.ran(Stage::Conclusion, job.length_s(), which);
+            let Some(rival) = likeliest else { continue };
             let mut other = rival.applied_to(job);
             let Ok(conditions) = conditions(&other) else { continue };
             let Some(of_rival) = self.estimate(&mut other, conditions, effort)? else {

@@ -151,7 +151,14 @@ pub(super) fn window_record(job: &WindowJob, status: WindowStatus, reason: &str,
     };
     let setpoints: Vec<f64> = window.samples.iter().map(|s| value(s.setpoint)).collect();
     // A sample that was filled in is in no comparison, hence in no array.
-    let stored = || (0..window.samples.len()).filter(|n| !window.filled.contains(n));
+    // The curves may be those of another estimate than the one that refused counts last.
+    let stored: Vec<usize> = if fit.samples.is_empty() {
+        (0..window.samples.len())
+            .filter(|n| !window.filled.contains(n))
+            .collect()
+    } else {
+        fit.samples
+    };
     let after_trigger = window.samples.get(window.trigger).map(|s| s.setpoint);
     let travel = window
         .samples
@@ -187,8 +194,8 @@ pub(super) fn window_record(job: &WindowJob, status: WindowStatus, reason: &str,
         dc_link_v: job.conditions.dc_link_v,
         winding_temp_c: job.conditions.winding_temp_deg_c,
         load_torque_nm: job.conditions.load_torque_nm,
-        time_s: stored().map(|n| (n as f64 / rate) as f32).collect(),
-        setpoint: stored().map(|n| setpoints[n] as f32).collect(),
+        time_s: stored.iter().map(|&n| (n as f64 / rate) as f32).collect(),
+        setpoint: stored.iter().map(|&n| setpoints[n] as f32).collect(),
         measured_i_q_a: fit.i_q_measured,
         fitted_i_q_a: fit.i_q_fitted,
         measured_speed_rad_s: fit.omega_measured,

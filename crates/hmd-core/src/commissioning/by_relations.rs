@@ -52,7 +52,9 @@ pub(super) fn learn_relations(jobs: &[WindowJob], seen: &Seen) -> Result<Relatio
         })?;
         found.push(of_others.estimate(&windows[n]));
     }
-    let rms = found.iter().map(|found| found.torque_residual_rms).sum::<f64>() / found.len() as f64;
+    // One in which the motor stands has no residual.
+    let moving = found.iter().filter(|found| found.torque_rows > 0);
+    let rms = moving.clone().map(|found| found.torque_residual_rms).sum::<f64>() / moving.count().max(1) as f64;
     let sigma_factors = Element::ALL.map(|element| {
         let parameter = element.fault().parameter();
         let nominal = if parameter == ECCENTRICITY {

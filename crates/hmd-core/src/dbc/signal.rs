@@ -102,7 +102,9 @@ impl Layout {
 }
 
 impl Selector {
-    fn selects(&self, data: &[u8]) -> bool {
+    /// Whether the multiplexor has one of the values.
+    #[must_use]
+    pub fn selects(&self, data: &[u8]) -> bool {
         let value = self.multiplexor.raw(data);
         value.is_some_and(|value| self.ranges.iter().any(|&(first, last)| (first..=last).contains(&value)))
     }

@@ -46,15 +46,22 @@ pub(super) fn layout(settings: &DriveSettings, params: &ActuatorParams) -> Resul
         offset: -rated,
         ..big_endian(35, 12)
     };
-    let of_motor = |signal: Signal| Place::Bits(selected(signal, settings.node));
     let fields = vec![
-        Field::column(of_motor(position(1, range_turns * gear_ratio)), motor),
-        Field::column(of_motor(torque), current),
-        Field::column(of_motor(big_endian(63, 8)), temperature),
-        Field::state(of_motor(big_endian(7, 4)), 0xf, &[ENABLED]),
+        Field::column(Place::Bits(position(1, range_turns * gear_ratio)), motor),
+        Field::column(Place::Bits(torque), current),
+        Field::column(Place::Bits(big_endian(63, 8)), temperature),
+        Field::state(Place::Bits(big_endian(7, 4)), 0xf, &[ENABLED]),
     ];
     let id = u32::from(settings.feedback_id.unwrap_or(0));
     layout.message("feedback", id, Some(false), Coding::Bits { length: 8 }, fields);
+    // All motors behind one master may have one identifier for their feedback.
+    let number = u64::from(settings.node & 0xf);
+    if let Some(feedback) = layout.messages.last_mut() {
+        feedback.selector = Some(Selector {
+            multiplexor: big_endian(3, 4).layout,
+            ranges: vec![(number, number)],
+        });
+    }
 
     if settings.uses_commands {
         let turn = 1.0 / core::f64::consts::TAU;
@@ -110,16 +117,6 @@ fn little_endian_float() -> Signal {
     }
 }
 
-/// The same in frames of this motor alone.
-fn selected(mut signal: Signal, node: u8) -> Signal {
-    let number = u64::from(node & 0xf);
-    signal.selectors.push(Selector {
-        multiplexor: big_endian(3, 4).layout,
-        ranges: vec![(number, number)],
-    });
-    signal
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -150,7 +147,8 @@ mod tests {
         assert!(near(found[1], 20.0 * (2.0 * 2048.0 / 4095.0 - 1.0)), "{found:?}");
         assert_eq!((found[2], found[3]), (Some(40.0), Some(1.0)));
         // Another motor behind the same master.
-        assert_eq!(values([0x13, 0xff, 0xff, 0x80, 0x08, 0x00, 30, 40]), [None; 4]);
+        let selector = layout.messages[0].selector.as_ref().unwrap();
+        assert!(selector.selects(&[0x12]) && !selector.selects(&[0x13]));
         // A command is one, the frame that enables none.
         let Target::Command(..) = layout.messages[1].fields[0].target else {
             panic!("{layout:?}")

@@ -14,18 +14,17 @@ pub const EDS_BYTES_MAX: usize = 4 << 20;
 /// Longest line, bytes.
 const LINE_MAX: usize = 1024;
 
-/// Objects that a layout needs: PDO, scales of CiA 402.
+/// Objects that a layout needs: PDO, and scales of CiA 402 (rated current, resolutions of the encoders).
 const PDO_FIRST: u16 = 0x1400;
 const PDO_LAST: u16 = 0x1BFF;
-const PROFILE_FIRST: u16 = 0x6000;
-const PROFILE_LAST: u16 = 0x60FF;
+const SCALES: [u16; 4] = [0x6075, 0x608F, 0x60E6, 0x60EB];
 
 /// Most objects with those that were written: a bus may write anything.
 const WRITTEN_MAX: usize = 1 << 16;
 
 /// Whether a layout may need an object.
 fn is_needed(index: u16) -> bool {
-    (PDO_FIRST..=PDO_LAST).contains(&index) || (PROFILE_FIRST..=PROFILE_LAST).contains(&index)
+    (PDO_FIRST..=PDO_LAST).contains(&index) || SCALES.contains(&index)
 }
 
 /// Why a file is no EDS. Displays as line, what is expected and found.

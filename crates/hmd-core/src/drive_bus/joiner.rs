@@ -15,7 +15,7 @@ use super::layout::{Coding, DriveLayout, DriveMessage, MODE, Place, TIME, Target
 use super::moteus::{self, Registers};
 use super::sdo::SdoListener;
 use super::{DriveBus, DriveMisfit, Preset, vesc};
-use crate::dbc::{DecodedUpdate, Role, Unit};
+use crate::dbc::{DecodedUpdate, Role, Selector, Unit};
 use crate::frame::RawFrame;
 use crate::log_map::{Column, LogMap, Quantity, RowDecoder};
 use crate::sample::MeasuredConditions;
@@ -124,7 +124,16 @@ impl DriveJoiner {
         })
     }
 
-    /// Takes a frame: `None` if it is not the drive's or not used, `Some(None)` if it cannot be decoded.
+    /// Takes a frame that is for all drives of a bus, a SYNC; whether it is one.
+    pub fn push_broadcast(&mut self, frame: &RawFrame) -> bool {
+        let is_sync = self.sdo.is_some() && frame.id() == SYNC && !frame.is_extended() && !frame.is_remote();
+        if let (true, Some(rows)) = (is_sync, self.rows.as_mut()) {
+            rows.synchronise();
+        }
+        is_sync
+    }
+
+    /// Takes a frame of one drive: `None` if it is not this one's or not used, `Some(None)` if it cannot be decoded.
     pub fn push(&mut self, frame: &RawFrame) -> Option<Option<DecodedUpdate>> {
         if frame.is_remote() {
             return None;
@@ -138,15 +147,15 @@ impl DriveJoiner {
             }
             if self.is_rewritten {
                 self.is_rewritten = false;
+                let before = (self.bus.layout().clone(), self.bus.map().ok().cloned());
                 self.bus.lay_out();
-                self.rows = Rows::new(self.actuator, &self.bus);
+                // A write may change nothing that is read: the row and its numbers then go on.
+                if before != (self.bus.layout().clone(), self.bus.map().ok().cloned()) {
+                    self.rows = Rows::new(self.actuator, &self.bus);
+                }
             }
         }
         let (rows, layout) = (self.rows.as_mut()?, self.bus.layout());
-        if self.sdo.is_some() && frame.id() == SYNC && !frame.is_extended() {
-            rows.synchronise();
-            return Some(Some(DecodedUpdate::default()));
-        }
         let mut states = 0;
         for message in &layout.messages {
             if message.is(frame) {
@@ -291,7 +300,10 @@ fn initially(column: &Column) -> f64 {
 
 impl DriveMessage {
     fn is(&self, frame: &RawFrame) -> bool {
-        frame.id() & self.mask == self.id && self.extended.is_none_or(|extended| extended == frame.is_extended())
+        let is_of_drive = |selector: &Selector| selector.selects(frame.data());
+        frame.id() & self.mask == self.id
+            && self.extended.is_none_or(|extended| extended == frame.is_extended())
+            && self.selector.as_ref().is_none_or(is_of_drive)
     }
 
     fn states(&self) -> usize {
@@ -340,9 +352,25 @@ mod tests {
                 let id = IDS[usize::from(id) % IDS.len()];
                 let flags = FrameFlags::NONE.with(FrameFlags::EXTENDED, preset == Preset::Vesc || id > 0x7ff);
                 let frame = RawFrame::new(stamp_ns % (1 << 62), 0, id, flags, &data).expect("a frame");
+                joiner.push_broadcast(&frame);
                 joiner.push(&frame);
             }
         }
+    }
+
+    #[test]
+    fn a_write_that_changes_nothing_that_is_read_leaves_the_row() {
+        let mut joiner = joiner(Preset::Cia402);
+        let mut hear = |id: u32, data: &[u8], stamp_us: u64| {
+            let stamp_ns = 1_700_000_000_000_000_000 + 1000 * stamp_us;
+            let frame = RawFrame::new(stamp_ns, 0, id, FrameFlags::NONE, data).expect("a frame");
+            joiner.push(&frame).flatten().and_then(|update| update.sample)
+        };
+        hear(0x281, &[0, 0, 1, 0, 0xe8, 3], 500);
+        // The master writes the target position 607A, and the drive confirms.
+        hear(0x601, &[0x23, 0x7a, 0x60, 0, 1, 2, 3, 4], 550);
+        hear(0x581, &[0x60, 0x7a, 0x60, 0, 0, 0, 0, 0], 560);
+        assert!(hear(0x381, &[0, 0, 0, 0], 600).is_some());
     }
 
     #[test]
@@ -351,6 +379,9 @@ mod tests {
         let mut hear = |id: u32, data: &[u8], stamp_us: u64| {
             let stamp_ns = 1_700_000_000_000_000_000 + 1000 * stamp_us;
             let frame = RawFrame::new(stamp_ns, 0, id, FrameFlags::NONE, data).expect("a frame");
+            if joiner.push_broadcast(&frame) {
+                return None;
+            }
             joiner.push(&frame).flatten().and_then(|update| update.sample)
         };
         let turn = [0x0f, 0, 0, 0, 1, 0];

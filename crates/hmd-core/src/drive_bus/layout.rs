@@ -4,7 +4,7 @@ use ema_models::ActuatorParams;
 use serde::Serialize;
 
 use super::DriveSettings;
-use crate::dbc::{Layout, ModeCodes, Role, Signal, SignalKind};
+use crate::dbc::{Layout, ModeCodes, Role, Selector, Signal, SignalKind};
 use crate::log_map::{Clock, Column, LogMap, LogMisfit, ModeNames, Quantity};
 
 /// The frames of one drive as rows of a log: a column for each quantity, the time first and the mode second.
@@ -27,6 +27,9 @@ pub struct DriveMessage {
     pub mask: u32,
     /// Whether the identifier has 29 bits; `None`: either.
     pub extended: Option<bool>,
+    /// Where several drives send this identifier: what tells those of this one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub selector: Option<Selector>,
     /// Whether its commands hold from the next SYNC on.
     pub synchronous: bool,
     /// How its bytes are read.
@@ -127,6 +130,7 @@ impl DriveLayout {
             id,
             mask: u32::MAX,
             extended,
+            selector: None,
             synchronous: false,
             coding,
             fields,

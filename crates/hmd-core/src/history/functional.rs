@@ -158,9 +158,11 @@ pub(super) fn bring_forward(
         }
     };
     tried.windows += 1;
-    let Some(missed) = tried.missed else {
+    // Where a requirement is missed at the 10 % quantile alone, the median is that by damage.
+    let is_missed_early = tried.had_trend && tried.shares[0] < 1.0;
+    if tried.missed.is_none() && !is_missed_early {
         return LimitingCriterion::Damage;
-    };
+    }
     let nothing = Quantiles {
         p10: 0.0,
         p50: 0.0,
@@ -179,7 +181,9 @@ pub(super) fn bring_forward(
         remaining.fails_within_horizon.max(by_function)
     });
     forecast.actuator = Ok(prognosis.remaining_life_of(hours, within));
-    LimitingCriterion::Function(missed)
+    tried
+        .missed
+        .map_or(LimitingCriterion::Damage, LimitingCriterion::Function)
 }
 
 /// Functional end at the 10, 50 and 90 % quantile, as shares of the hours to the end by damage, and what is missed at the

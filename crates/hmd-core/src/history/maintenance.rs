@@ -5,6 +5,8 @@ use std::fmt;
 use ema_models::FaultId;
 use serde::{Deserialize, Serialize};
 
+use crate::sensor_health::SensorQuantity;
+
 /// One event.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -81,6 +83,26 @@ impl ReplacedPart {
             ],
             Self::Gearbox => &[FaultId::Friction, FaultId::Backlash],
             Self::Controller => &[FaultId::Gain],
+        }
+    }
+
+    /// What is tracked of the sensors in it: the resolver sits on the motor's shaft, the current sensors and the link in the controller.
+    #[must_use]
+    pub const fn sensors(self) -> &'static [SensorQuantity] {
+        use SensorQuantity as Of;
+        match self {
+            Self::Motor => &[Of::Resolver1Cos, Of::Resolver1Sin, Of::Resolver2Cos, Of::Resolver2Sin],
+            Self::Gearbox => &[],
+            Self::Controller => &[
+                Of::CurrentSum,
+                Of::OffsetAlpha,
+                Of::OffsetBeta,
+                Of::GainA,
+                Of::GainB,
+                Of::GainC,
+                Of::Latency,
+                Of::DcLink,
+            ],
         }
     }
 }

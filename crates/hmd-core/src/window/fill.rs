@@ -65,9 +65,7 @@ pub(super) fn samples(slots: &[Slot], rotor: &Rotor) -> Vec<SensedSample> {
     let mut samples: Vec<SensedSample> = slots.iter().map(|slot| slot.sample).collect();
     let good = |part: Part| move |n: usize| slots[n].is_good(part);
     fill_motor(&mut samples, good(Part::Motor));
-    fill(&mut samples, good(Part::Output), |a, b, x, s| {
-        s.output_counts = between(a.output_counts, b.output_counts, x);
-    });
+    fill_output(&mut samples, good(Part::Output));
     fill(&mut samples, good(Part::Setpoint), |a, b, x, s| {
         s.setpoint = commanded(a.setpoint, b.setpoint, x)
     });
@@ -95,6 +93,13 @@ pub(super) fn fill_motor(samples: &mut [SensedSample], good: impl Fn(usize) -> b
             samples[n].motor_counts = on_the_cubic(n, [a, b, c, d], samples);
         }
     }
+}
+
+/// Fills the encoder's counts that are not good.
+pub(super) fn fill_output(samples: &mut [SensedSample], good: impl Fn(usize) -> bool) {
+    fill(samples, good, |a, b, x, s| {
+        s.output_counts = between(a.output_counts, b.output_counts, x);
+    });
 }
 
 /// Resolver count at `n` on the cubic through those at four other places.

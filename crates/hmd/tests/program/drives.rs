@@ -317,3 +317,41 @@ fn what_is_wrong_with_a_drive_is_said() {
         assert_eq!(sentence(drive), expected);
     }
 }
+
+/// One SYNC is for all drives of a bus, and several motors may answer their master with one identifier.
+#[test]
+fn each_of_two_drives_on_a_bus_is_heard() {
+    for (preset, keys) in [
+        ("cia402", "eds = \"drive.dcf\""),
+        ("damiao", "rated_current_a = 10\nposition_max_rad = 1"),
+    ] {
+        let folder = Folder::new();
+        folder.write("drive.dcf", include_str!("../../../../fixtures/drives/drive.dcf"));
+        let mut lines = Vec::new();
+        let mut config = "[type.servo270]\nsensors.sample_rate_hz = 400\n".to_owned();
+        for id in [1, 2] {
+            folder.done(&format!(
+                "simulate --actuator servo270 --rate 400 --noise 0.02 --id {id} --preset {preset} --seed {id} -o {id}.log"
+            ));
+            let log = String::from_utf8(folder.read(&format!("{id}.log"))).expect("text");
+            let is_first_sync = |line: &&str| id == 1 || !line.contains(" 080#");
+            // The identifier of a master that did not give each motor its own.
+            let shared = |line: &str| line.replace(&format!(" 01{id}#"), " 000#");
+            lines.extend(log.lines().filter(is_first_sync).map(shared));
+            config += &format!(
+                "[[actuator]]\nid = {id}\nname = \"joint{id}\"\ntype = \"servo270\"\n[actuator.drive]\npreset = \"{preset}\"\n{keys}\n"
+            );
+        }
+        lines.sort_by(|a, b| a.split(')').next().cmp(&b.split(')').next()));
+        folder.write("both.log", lines.join("\n"));
+        folder.write("both.toml", config);
+        let windows = folder.done("replay both.log -c both.toml --json");
+        for name in ["joint1", "joint2"] {
+            assert_eq!(
+                count(&windows, &format!("\"actuator\":\"{name}\"")),
+                1,
+                "{preset}: {windows}"
+            );
+        }
+    }
+}

@@ -85,7 +85,7 @@ pub(crate) fn conclude_with_tolerances(
         let misfit = (cost / SYSTEMATIC_COST).max(1.0);
         Estimate {
             cost,
-            cut: search.cut || first.cut || refined.cut,
+            cut: search.cut || first.cut || second.cut || refined.cut,
             other_motor,
             ..assess(&reweighted, mismatch, at, competing, misfit, spent)
         }

@@ -132,7 +132,7 @@ pub fn catalogue(levels: &[Levels; FaultId::COUNT]) -> Catalogue {
         build: concat!("hmd ", env!("CARGO_PKG_VERSION")),
         confidence: Confidence {
             sigma: "standard deviation of an estimate from one window: noise and model error together; absent where the window \
-                    does not show the parameter",
+                    tells nothing of the parameter",
             quantiles: "the life ends earlier than p10 with 10 %, than p50 with 50 %, than p90 with 90 % probability",
         },
         fault_modes: FaultId::ALL.map(|fault| mode(fault, &levels[fault.index()])),

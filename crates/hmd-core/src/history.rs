@@ -299,8 +299,7 @@ fn work_j_of(job: &WindowJob, fit: &Fit) -> Option<f64> {
     if fit.i_q_measured.is_empty() {
         return None;
     }
-    // Torque per ampere of i_q of three phases.
-    let k_t = 1.5 * job.params.motor.k;
+    let k_t = job.params.motor.torque_gain();
     let power = fit
         .i_q_measured
         .iter()

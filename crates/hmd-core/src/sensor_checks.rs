@@ -35,6 +35,7 @@ mod wiring;
 
 pub use contradictions::{Contradiction, contradictions};
 pub use correction::Correction;
+pub(crate) use currents::OFFSET_SHARE;
 pub use findings::{Finding, examine};
 pub use readings::{Reading, SensorReadings, sensor_readings};
 pub use suspect::{Suspect, Suspicion};

@@ -73,7 +73,6 @@ pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, i
         *factor = unit.sigma_factors[element as usize].max(*factor);
     }
     let motor = &window.params.motor;
-    // Where noise explains all of it, the residual is 0.
     let unexplained: Vec<Relation> = Relation::ALL
         .into_iter()
         .filter(|&relation| !found.is_explained_by(relation))
@@ -124,10 +123,9 @@ pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, i
         deviations: std::vec::Vec::new(),
         inferred: inferred(&found),
     };
-    let needed: [_; FAULT_COUNT] = found.needed;
     UnitEstimate {
         estimate,
-        needed,
+        needed: found.needed,
         unexplained,
         bridge_spread: found.bridge_spread,
     }

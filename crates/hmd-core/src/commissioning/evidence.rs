@@ -31,9 +31,7 @@ impl Evidence {
         let sigma = FaultId::ALL.map(|fault| {
             let shown: Vec<f64> = windows.iter().filter_map(|window| window[fault.parameter()]).collect();
             let squares: f64 = shown.iter().map(|sigma| sigma * sigma).sum();
-            // The gain's damage is 2 |k8 − ½|.
-            let per_parameter = if fault == FaultId::Gain { 2.0 } else { 1.0 };
-            (2 * shown.len() > windows.len()).then(|| per_parameter * (squares / shown.len() as f64).sqrt())
+            (2 * shown.len() > windows.len()).then(|| fault.damage_per_change() * (squares / shown.len() as f64).sqrt())
         });
         Self {
             sigma,

@@ -45,7 +45,7 @@ const OFFSET_TOLERANCES: f64 = 3.3;
 const SIGMAS: f64 = 6.0;
 
 /// Usual tolerance of an offset as a share of I_max: 30 mA on `bench`. Smaller motors have sensors of a smaller range.
-const OFFSET_SHARE: f64 = 2.8e-3;
+pub(crate) const OFFSET_SHARE: f64 = 2.8e-3;
 
 /// Error of one gain from which on it is none of a sensor within its tolerance, in tolerances, and least.
 const GAIN_TOLERANCES: f64 = 4.0;

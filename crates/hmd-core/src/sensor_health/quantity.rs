@@ -2,7 +2,7 @@
 
 use ema_models::{ActuatorParams, Tolerances};
 
-use crate::sensor_checks::{Reading, SensorReadings, Suspect};
+use crate::sensor_checks::{OFFSET_SHARE, Reading, SensorReadings, Suspect};
 
 /// A property of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -35,9 +35,6 @@ pub enum SensorQuantity {
 
 /// Number of quantities.
 pub const SENSOR_QUANTITY_COUNT: usize = 12;
-
-/// Usual tolerance of an offset as a share of I_max: 30 mA on `bench`. Smaller motors have sensors of a smaller range.
-const OFFSET_SHARE: f64 = 2.8e-3;
 
 /// Share of the nominal link voltage by which supplies differ from day to day.
 const LINK_SHARE: f64 = 0.05;

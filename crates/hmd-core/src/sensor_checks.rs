@@ -11,6 +11,7 @@
 //! | `current_limit` | current that lasts beyond the limit of the drive: gain of all currents |
 //! | `torque` | balance of the shaft: sign and gain of the currents, load |
 //! | `angles` | output against motor and set point: gear ratio, encoder, unit and delay of the set point |
+//! | `setpoint_time` | law of the speed loop: set point before or after its effect |
 //! | `unseen_motion` | motion that no window has: unit of the set point, mode |
 //! | `readings` | offsets, gains, latency, resolver errors and link voltage of every window, for their drift (`sensor_health`) |
 //!
@@ -27,6 +28,7 @@ mod findings;
 mod least_squares;
 mod readings;
 pub mod rivals;
+mod setpoint_time;
 mod signals;
 mod suspect;
 mod torque;
@@ -37,5 +39,6 @@ pub use contradictions::{Contradiction, contradictions};
 pub use correction::Correction;
 pub use findings::{Finding, examine};
 pub use readings::{Reading, SensorReadings, sensor_readings};
+pub use setpoint_time::setpoint_time;
 pub use suspect::{Suspect, Suspicion};
 pub use unseen_motion::UnseenMotion;

@@ -29,7 +29,7 @@ pub struct Finding {
 }
 
 impl Finding {
-    fn new(suspect: Suspect, evidence: &str, correction: Option<Correction>) -> Self {
+    pub(super) fn new(suspect: Suspect, evidence: &str, correction: Option<Correction>) -> Self {
         Self {
             suspicions: vec![suspicion(suspect, evidence)],
             correction,

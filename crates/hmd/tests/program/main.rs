@@ -21,6 +21,7 @@ mod serial;
 mod serial_rig;
 mod service;
 mod settings;
+mod shifted_set_point;
 mod simulate;
 mod terminal_rig;
 mod top;

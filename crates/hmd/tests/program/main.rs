@@ -16,6 +16,7 @@ mod outputs;
 mod printed;
 mod refusals;
 mod report;
+mod resolver_zero;
 mod safety;
 mod serial;
 mod serial_rig;

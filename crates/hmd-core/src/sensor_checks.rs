@@ -12,6 +12,7 @@
 //! | `torque` | balance of the shaft: sign and gain of the currents, load |
 //! | `angles` | output against motor and set point: gear ratio, encoder, unit and delay of the set point |
 //! | `setpoint_time` | law of the speed loop: set point before or after its effect |
+//! | `gear_ratio` | line between the two angles: gear ratio to parts in a thousand |
 //! | `unseen_motion` | motion that no window has: unit of the set point, mode |
 //! | `readings` | offsets, gains, latency, resolver errors and link voltage of every window, for their drift (`sensor_health`) |
 //!
@@ -25,6 +26,7 @@ mod current_equations;
 mod current_limit;
 mod currents;
 mod findings;
+mod gear_ratio;
 mod least_squares;
 mod readings;
 pub mod rivals;

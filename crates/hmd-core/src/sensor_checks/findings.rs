@@ -3,13 +3,14 @@
 use ema_models::{ActuatorParams, DriveKind, Tolerances};
 
 use super::angles::{
-    FrozenOutput, SetpointError, SuddenStop, frozen_output, output_over_motor, output_over_setpoint, setpoint_error,
-    sudden_stop,
+    FrozenOutput, SetpointError, SuddenStop, followed_to_rest, frozen_output, output_over_motor, output_over_setpoint,
+    setpoint_error, sudden_stop,
 };
 use super::control_law::{gain_at_limit, link_by_law};
 use super::correction::Correction;
 use super::current_limit::gain_beyond_limit;
 use super::currents::{CurrentError, ZERO_MIN, current_errors, gain_of_a_phase};
+use super::gear_ratio::precise_ratio;
 use super::signals::Signals;
 use super::suspect::{Suspect, Suspicion};
 use super::torque::{Balance, balance};
@@ -68,6 +69,9 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
     }
     let mut findings: Vec<Finding> = Vec::new();
     findings.extend(ratio.and_then(|ratio| of_ratio(params, ratio, &signals)));
+    if findings.is_empty() {
+        findings.extend(precise_ratio(&signals, params).map(|ratio| of_precise_ratio(params, ratio, &signals)));
+    }
     if findings.is_empty() {
         findings.extend(setpoint_error(&signals, params, job.window.trigger).map(|error| of_setpoint(params, error)));
     }
@@ -287,6 +291,27 @@ fn of_ratio(params: &ActuatorParams, ratio: f64, signals: &Signals) -> Option<Fi
             Finding::new(Suspect::GearRatio, &evidence, Some(Correction::GearRatio(real)))
         }
     })
+}
+
+/// Share of an error of the ratio by which an output with right counts may miss its set point at the end of a motion.
+const AT_SETPOINT: f64 = 0.3;
+
+/// The gear ratio, or the encoder's counts where the output does not come to rest at the set point.
+fn of_precise_ratio(params: &ActuatorParams, (ratio, sigma): (f64, f64), signals: &Signals) -> Finding {
+    let configured = params.transmission.gear_ratio;
+    let (real, counts) = (configured / ratio, params.sensors.output_counts_per_rev);
+    let evidence = format!(
+        "it seems to be {real:.1} ± {:.1}, not {configured:.1}: the output turns {ratio:.3} times as far as the motor",
+        real * sigma
+    );
+    let mut finding = Finding::new(Suspect::GearRatio, &evidence, Some(Correction::GearRatio(real)));
+    let is_at_setpoint =
+        followed_to_rest(signals).is_some_and(|followed| (followed - 1.0).abs() < AT_SETPOINT * (ratio - 1.0).abs());
+    if !is_at_setpoint {
+        let evidence = format!("they seem to be {:.0}, not {counts:.0}", counts * ratio);
+        finding.suspicions.push(suspicion(Suspect::EncoderCounts, &evidence));
+    }
+    finding
 }
 
 /// Whether the output is so far from the set point, and from the motor, that only its own scale explains both: the ratio to the set point

@@ -9,7 +9,7 @@
 //! | `controller` | differentiated PI law of the speed loop | controller gain |
 //! | `transmission` | output angle behind a play | backlash |
 //!
-//! `shorted_loop` is the current of shorted turns. `shared` names what all windows of a unit have in common, `commission` learns it.
+//! `setpoint_delay` is when the set point takes effect. `shorted_loop` is the current of shorted turns. `shared` names what all windows of a unit have in common, `commission` learns it.
 //!
 //! In goes a window of samples ([`MeasuredWindow`]) of a unit that was commissioned ([`CommissionedRelations`], learnt from
 //! healthy windows); out comes a [`RelationsEstimate`]: each fault parameter as the change since commissioning with its
@@ -40,6 +40,7 @@ mod normal_equations;
 mod output_load;
 mod overlap;
 mod residual;
+mod setpoint_delay;
 mod shared;
 mod shorted_loop;
 mod sliding;
@@ -58,6 +59,7 @@ pub use elements::{ELEMENT_COUNT, Element, Needed, Reading};
 pub use kernel::Kernel;
 pub use measured::{MeasuredWindow, SinceCommissioning, WindingTemp};
 pub use residual::{HealthyResidual, RELATION_COUNT, Relation};
+pub use setpoint_delay::{SetpointDelay, setpoint_delay};
 pub use shared::SHARED_COUNT;
 pub use terms::{BalanceShape, TERM_COUNT, Term};
 pub use torque_balance::BalanceCoefficients;

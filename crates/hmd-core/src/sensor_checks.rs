@@ -11,6 +11,8 @@
 //! | `current_limit` | current that lasts beyond the limit of the drive: gain of all currents |
 //! | `torque` | balance of the shaft: sign and gain of the currents, load |
 //! | `angles` | output against motor and set point: gear ratio, encoder, unit and delay of the set point |
+//! | `setpoint_time` | law of the speed loop: set point before or after its effect |
+//! | `gear_ratio` | line between the two angles: gear ratio to parts in a thousand |
 //! | `unseen_motion` | motion that no window has: unit of the set point, mode |
 //! | `readings` | offsets, gains, latency, resolver errors and link voltage of every window, for their drift (`sensor_health`) |
 //!
@@ -24,9 +26,11 @@ mod current_equations;
 mod current_limit;
 mod currents;
 mod findings;
+mod gear_ratio;
 mod least_squares;
 mod readings;
 pub mod rivals;
+mod setpoint_time;
 mod signals;
 mod suspect;
 mod torque;
@@ -38,5 +42,6 @@ pub use correction::Correction;
 pub(crate) use currents::OFFSET_SHARE;
 pub use findings::{Finding, examine};
 pub use readings::{Reading, SensorReadings, sensor_readings};
+pub use setpoint_time::setpoint_time;
 pub use suspect::{Suspect, Suspicion};
 pub use unseen_motion::UnseenMotion;

@@ -31,12 +31,14 @@ pub enum WindowsError {
 pub struct UnitWindows {
     /// Those of one actuator that can be assessed, in the order of the logs.
     pub jobs: Vec<WindowJob>,
+    /// Those that cannot.
+    pub left_out: Vec<WindowJob>,
     /// Whether the logs held more than could be read, as a replay of them would say.
     pub data_lost: bool,
 }
 
 /// The windows of one actuator that can be assessed; `name` chooses where there are several. `report` gets the notices for
-/// an operator: each loss with its place, and for each log that has any a sentence about all of them; and each window that is left out.
+/// an operator: each loss with its place, and for each log that has any a sentence about all of them.
 ///
 /// # Errors
 /// [`WindowsError`] when a log cannot be read at all, or it is not clear whose windows are meant.
@@ -97,14 +99,10 @@ pub fn windows_of(
     }
     let is_meant = |job: &WindowJob| name.is_none_or(|name| job.actuator.name == name);
     found.jobs.retain(is_meant);
-    found.jobs.retain(|job| {
-        let is_fit = job.window.quality.is_fit();
-        if !is_fit {
-            let (name, number) = (&job.actuator.name, job.window.number);
-            report(&format!("{name}: window {number}: left out: {}", job.window.quality));
-        }
-        is_fit
-    });
+    let (fit, left_out): (Vec<_>, Vec<_>) = std::mem::take(&mut found.jobs)
+        .into_iter()
+        .partition(|job| job.window.quality.is_fit());
+    (found.jobs, found.left_out) = (fit, left_out);
     let mut actuators: Vec<&str> = found.jobs.iter().map(|job| job.actuator.name.as_str()).collect();
     actuators.sort_unstable();
     actuators.dedup();

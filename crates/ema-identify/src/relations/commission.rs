@@ -19,6 +19,7 @@ use super::measured::MeasuredWindow;
 use super::normal_equations::NormalEquations;
 use super::output_load::OutputLoad;
 use super::residual::{HealthyResidual, RELATION_COUNT, Relation};
+use super::setpoint_delay::setpoint_delay;
 use super::shared::{INERTIA, SHARED_COUNT, Shared, SharedMatrix, coefficients, priors, shared_columns};
 use super::terms::{BalanceRing, BalanceRow, BalanceShape, Term, WindowState, balance_rows};
 use super::torque_balance::{BalanceCoefficients, LOAD_ROUNDS, Turns, torque_balance};
@@ -105,6 +106,7 @@ pub fn commission_as<S: RecordedSample>(
         gain_half_width_s,
         baseline: [Baseline::default(); ELEMENT_COUNT],
         residual: [HealthyResidual::default(); RELATION_COUNT],
+        setpoint_delay: delay_of(windows),
     };
     let readings: Vec<_> = windows.iter().map(|window| learnt.readings(window, None)).collect();
     let baseline: [Baseline; ELEMENT_COUNT] = Element::ALL.map(|element| {
@@ -121,6 +123,15 @@ pub fn commission_as<S: RecordedSample>(
         residual,
         ..learnt
     })
+}
+
+/// What the windows show of the time of the set point, s.
+fn delay_of<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>]) -> Baseline {
+    let shown: Vec<Reading> = windows
+        .iter()
+        .filter_map(|window| setpoint_delay(window).map(|found| found.delay_s))
+        .collect();
+    Baseline::of(&shown)
 }
 
 /// The compliance by which the windows are explained better than by one rigid mass.

@@ -10,6 +10,7 @@ use super::hidden_torque::unseen_share;
 use super::measured::MeasuredWindow;
 use super::output_load::OutputLoad;
 use super::residual::{HealthyResidual, RELATION_COUNT, Relation, Residual};
+use super::setpoint_delay::setpoint_delay;
 use super::shared::SHARED_COUNT;
 use super::shorted_loop::ShortedShare;
 use super::terms::Term;
@@ -32,6 +33,9 @@ pub struct CommissionedRelations {
     pub baseline: [Baseline; ELEMENT_COUNT],
     /// Residuals of the healthy windows, in the order of [`Relation::ALL`].
     pub residual: [HealthyResidual; RELATION_COUNT],
+    /// Time from the logged set point to its effect in the healthy windows, s; without windows in unit files that have none.
+    #[cfg_attr(feature = "std", serde(default))]
+    pub setpoint_delay: Baseline,
 }
 
 /// What healthy windows show of one element.
@@ -373,6 +377,21 @@ const MIN_GAIN: f64 = 0.5;
 const MAX_GAIN: f64 = 1.5;
 
 impl CommissionedRelations {
+    /// A gain ratio with the set point as early as at commissioning, where the window shows its time: `r − r' (δ − δ₀)`, r' the change of
+    /// the ratio by an unknown delay.
+    fn in_time<S: RecordedSample>(&self, gain: Reading, window: &MeasuredWindow<'_, S>) -> Reading {
+        let healthy = &self.setpoint_delay;
+        let Some(found) = setpoint_delay(window).filter(|_| healthy.windows > 0) else {
+            return gain;
+        };
+        let of_mean = healthy.scatter / libm::sqrt(healthy.windows as f64);
+        let sigma = libm::hypot(found.delay_s.sigma, of_mean);
+        Reading {
+            value: gain.value - found.gain_per_s * (found.delay_s.value - healthy.mean),
+            sigma: libm::hypot(gain.sigma, found.gain_per_s * sigma),
+        }
+    }
+
     /// Readings of all elements of one window, and its torque balance; the gain relative to that of healthy windows, where it is
     /// known, scales what the set point adds to the torque. Without one the window is healthy.
     pub(super) fn readings<S: RecordedSample>(
@@ -380,7 +399,10 @@ impl CommissionedRelations {
         window: &MeasuredWindow<'_, S>,
         healthy_gain: Option<&Baseline>,
     ) -> (ElementReadings, Balance) {
-        let gain = gain_ratio(window, self.gain_half_width_s);
+        let mut gain = gain_ratio(window, self.gain_half_width_s);
+        if let (Ok((gain, _)), Some(_)) = (&mut gain, healthy_gain) {
+            *gain = self.in_time(*gain, window);
+        }
         let turns = healthy_gain.map_or(Turns::Healthy, |_| Turns::InUse);
         let relative_gain = match (gain, healthy_gain) {
             (Ok((gain, _)), Some(healthy)) if healthy.windows > 0 => {

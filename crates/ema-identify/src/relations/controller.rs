@@ -3,8 +3,9 @@
 //! `T = K_p e + K_i ∫e`, `e = G_p g (θ_cmd − θ_out) − ω_m`, differentiated once, so that the integral's start is no unknown:
 //! `T' = g (K_p e₁' + K_i e₁) − h (K_p ω' + K_i ω)` with `e₁ = G_p (θ_cmd − θ_out)`. T is `G_T i_q` as measured. The ratio
 //! `g/h` is the gain factor `0.5 + k8`, whatever the scale of the torque. The current follows its reference late, more so in fast motion:
-//! `τ T''` on the left is the third unknown, without which the ratio of one motion differs from that of another. Derived here from the
-//! control law.
+//! `τ T''` on the left is the third unknown, without which the ratio of one motion differs from that of another. A set point that takes
+//! effect δ after it is logged adds `−g δ G_p (K_p θ_cmd'' + K_i θ_cmd')`, which in steady motion looks like another gain: `setpoint_delay`
+//! has it as the fourth unknown. Derived here from the control law.
 
 use ema_models::dq_from_abc;
 use nalgebra::{Vector1, Vector3};
@@ -26,6 +27,9 @@ const SPEED_SHARE: f64 = 0.65;
 
 /// Unknowns: g, h and the lag τ.
 pub(super) const LAW_COUNT: usize = 3;
+
+/// The same and g δ, of a set point that takes effect δ after it is logged.
+pub(super) const DELAYED_COUNT: usize = LAW_COUNT + 1;
 
 /// Ratio `g/h` of a window and residual of the law, Nm/s, with a kernel of this half width, s.
 #[inline(never)]
@@ -50,38 +54,69 @@ pub(super) fn law_rows<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     kernel: &Kernel,
 ) -> impl Iterator<Item = Option<([f64; LAW_COUNT], f64)>> {
+    delayed_law_rows(window, kernel, 1).map(|row| row.map(|([g, h, lag, _], d_torque)| ([g, h, lag], d_torque)))
+}
+
+/// The same with the factor of g δ, one row for each block of so many inner samples, whose means the kernel smooths.
+pub(super) fn delayed_law_rows<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    kernel: &Kernel,
+    block: usize,
+) -> impl Iterator<Item = Option<([f64; DELAYED_COUNT], f64)>> {
     let window = *window;
-    let params = window.params();
-    let controller = &params.controller;
-    let torque_gain = params.motor.torque_gain();
-    let mut ring = Sliding::<3>::new(kernel.span);
-    window.inner().map(move |n| {
-        let reference = window.position_error(n).map(|error| controller.g_p * error);
-        let now = window.quantities(n);
-        let [_, quadrature] = dq_from_abc(now.i, now.sin_cos_e);
-        let limited = now.speed_reference >= SPEED_SHARE || window.is_current_limited(quadrature);
-        let Some(reference) = reference.filter(|_| !limited && window.is_measured(n)) else {
-            ring.clear();
-            return None;
-        };
-        // The controller's own torque, whatever the motor makes of it.
-        ring.push([reference, window.central_speed(n), torque_gain * quadrature]);
+    let controller = &window.params().controller;
+    let mut ring = Sliding::<4>::new(kernel.span);
+    let (begin, blocks) = (window.inner().start, window.inner().len() / block);
+    (0..blocks).map(move |place| {
+        let mut mean = [0.0; 4];
+        for n in (begin + place * block..).take(block) {
+            let Some(measured) = law_quantities(&window, n) else {
+                ring.clear();
+                return None;
+            };
+            for (mean, measured) in mean.iter_mut().zip(measured) {
+                *mean += measured / block as f64;
+            }
+        }
+        ring.push(mean);
         if !ring.is_full() {
             return None;
         }
-        let [reference, omega, _] = ring.sums(&kernel.smooth);
-        let [d_reference, d_omega, d_torque] = ring.sums(&kernel.first);
-        let [_, _, dd_torque] = ring.sums(&kernel.second);
+        let [reference, omega, ..] = ring.sums(&kernel.smooth);
+        let [d_reference, d_omega, d_torque, d_command] = ring.sums(&kernel.first);
+        let [_, _, dd_torque, dd_command] = ring.sums(&kernel.second);
         let law = |d: f64, value: f64| controller.k_p * d + controller.k_i * value;
         Some((
-            [law(d_reference, reference), -law(d_omega, omega), -dd_torque],
+            [
+                law(d_reference, reference),
+                -law(d_omega, omega),
+                -dd_torque,
+                -law(dd_command, d_command),
+            ],
             d_torque,
         ))
     })
 }
 
+/// Speed reference, speed, both rad/s, torque that the controller asks for, whatever the motor makes of it, Nm, and what the set point
+/// has of the reference since the first sample, rad/s; `None` where speed or torque is at its limit or the sample was not measured.
+fn law_quantities<S: RecordedSample>(window: &MeasuredWindow<'_, S>, n: usize) -> Option<[f64; 4]> {
+    let params = window.params();
+    let g_p = params.controller.g_p;
+    let reference = g_p * window.position_error(n)?;
+    let command = g_p * (window.commanded_angle(n)? - window.commanded_angle(0)?);
+    let now = window.quantities(n);
+    let [_, quadrature] = dq_from_abc(now.i, now.sin_cos_e);
+    let limited = now.speed_reference >= SPEED_SHARE || window.is_current_limited(quadrature);
+    if limited || !window.is_measured(n) {
+        return None;
+    }
+    let torque = params.motor.torque_gain() * quadrature;
+    Some([reference, window.central_speed(n), torque, command])
+}
+
 /// Kernels whose rows do not overlap, at least, for a ratio.
-const MIN_INDEPENDENT: usize = 4;
+pub(super) const MIN_INDEPENDENT: usize = 4;
 
 /// Ratio of the first two unknowns and its standard deviation; `None` where the rows do not show it.
 #[inline(never)]

@@ -262,9 +262,14 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
 
     /// Control deviation `θ_cmd − θ_out` as the controller counts it, rad; `None` outside position mode.
     pub(super) fn position_error(&self, n: usize) -> Option<f64> {
-        let sample = self.sensed(n);
-        match sample.setpoint {
-            Setpoint::Position(angle) => Some(angle - sample.output_counts as f64 * self.params.sensors.output_lsb()),
+        let output = self.sensed(n).output_counts as f64 * self.params.sensors.output_lsb();
+        Some(self.commanded_angle(n)? - output)
+    }
+
+    /// Set point θ_cmd, rad; `None` outside position mode.
+    pub(super) fn commanded_angle(&self, n: usize) -> Option<f64> {
+        match self.sensed(n).setpoint {
+            Setpoint::Position(angle) => Some(angle),
             Setpoint::Idle | Setpoint::Speed(_) => None,
         }
     }

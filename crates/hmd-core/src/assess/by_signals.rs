@@ -5,7 +5,7 @@ use super::{AssessError, Assessor, conditions};
 use crate::outbox::WindowJob;
 use crate::outliers::grants_runs;
 use crate::sensor_checks::rivals::{BETTER, Verdict, compare, is_doubtful};
-use crate::sensor_checks::{Correction, Finding, Suspect, examine};
+use crate::sensor_checks::{Correction, Finding, Suspect, examine, setpoint_time};
 use crate::window::{Defect, Degradation, Invalidity, WindowQuality};
 use ema_identify::effort::Effort;
 use ema_models::FaultId;
@@ -80,8 +80,12 @@ impl Assessor {
             let is_repeated = |handicap: &Degradation| matches!(handicap, Degradation::Repeated(_));
             suspects.extend(handicaps.iter().any(is_repeated).then_some(Suspect::RepeatedSamples));
         }
-        let (open, findings): (Vec<Finding>, Vec<Finding>) =
+        let (open, mut findings): (Vec<Finding>, Vec<Finding>) =
             examine(job).into_iter().partition(|finding| finding.or_part);
+        // What is learnt holds for set points that are logged as they are.
+        if findings.is_empty() && !is_learning {
+            findings.extend(self.setpoint_time(job));
+        }
         report(&findings, suspects, reasons);
         let mut corrected = job.clone();
         for finding in &findings {
@@ -147,6 +151,14 @@ impl Assessor {
             assessed,
             unchecked,
         }))
+    }
+
+    /// The set point that is logged before or after its effect.
+    fn setpoint_time(&self, job: &WindowJob) -> Option<Finding> {
+        match self.models.unit(&job.actuator) {
+            None => setpoint_time(job, None),
+            Some(unit) => setpoint_time(job, Some(&unit.relations.as_ref()?.commissioned.setpoint_delay)),
+        }
     }
 
     /// The window without a mistake that a worn part explains alike, and its estimate, if that explains the window better, or alike and

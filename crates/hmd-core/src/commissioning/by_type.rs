@@ -18,6 +18,9 @@ pub struct SeenByType {
     damage: [Option<(f64, f64)>; FaultId::COUNT],
     suspects: Vec<Suspect>,
     is_unmodelled: bool,
+    /// Number of the window, and why it is what it is.
+    window: u64,
+    reason: String,
 }
 
 impl SeenByType {
@@ -29,7 +32,18 @@ impl SeenByType {
             damage: FaultId::ALL.map(|fault| evidence.and_then(|evidence| evidence.damage_and_sigma(fault))),
             suspects: assessed.suspects.clone(),
             is_unmodelled: assessed.health.status == WindowStatus::Unmodelled.name(),
+            window: assessed.health.window,
+            reason: assessed.health.reason.clone(),
         }
+    }
+}
+
+impl SeenByType {
+    /// The part of the reason that names a suspect.
+    fn why(&self, suspect: Suspect) -> String {
+        let named = format!("{suspect}: ");
+        let part = self.reason.split("; ").find(|part| part.contains(&named));
+        format!("window {}: {}", self.window, part.unwrap_or(&self.reason))
     }
 }
 
@@ -52,14 +66,23 @@ pub fn health_by_type(
         .into_iter()
         .filter(|(_, count)| are_most(*count))
         .map(|(suspect, count)| {
-            format!("warning: check {suspect}: {count} of {all} windows doubt it; hmd replay says why")
+            let first = windows.iter().find(|window| window.suspects.contains(&suspect));
+            let why = first.map_or_else(String::new, |first| first.why(suspect));
+            format!("warning: check {suspect}: {count} of {all} windows doubt it: {why}")
         })
         .collect();
-    let unmodelled = windows.iter().filter(|window| window.is_unmodelled).count();
-    if are_most(unmodelled) {
+    let mut unmodelled = windows.iter().filter(|window| window.is_unmodelled);
+    let count = unmodelled.clone().count();
+    if let (true, Some(first)) = (are_most(count), unmodelled.next()) {
+        let advice = if warnings.is_empty() {
+            "calibrate the type first (hmd calibrate --type)"
+        } else {
+            "correct what they doubt first"
+        };
         warnings.push(format!(
-            "warning: whether these windows are healthy could not be checked: {unmodelled} of {all} are unmodelled by the type alone; \
-             calibrate the type first (hmd calibrate --type)"
+            "warning: whether these windows are healthy could not be checked: {count} of {all} are unmodelled by the type alone, window {}: \
+             {}; {advice}",
+            first.window, first.reason
         ));
     }
     for fault in FaultId::ALL {
@@ -131,15 +154,38 @@ mod tests {
         let config = Config::default();
         let of_ten = |unmodelled: usize| {
             let mut seen = vec![SeenByType::default(); 10];
-            seen.iter_mut()
-                .take(unmodelled)
-                .for_each(|window| window.is_unmodelled = true);
+            for window in seen.iter_mut().take(unmodelled) {
+                window.is_unmodelled = true;
+                window.reason = "no fault vector explains the data: cost 99".to_owned();
+            }
             health_by_type(&seen, &config.actuators()[0], config.health().levels()).unwrap()
         };
         assert!(of_ten(5).is_empty());
-        let expected = "warning: whether these windows are healthy could not be checked: 6 of 10 are unmodelled by the type alone; \
-                        calibrate the type first (hmd calibrate --type)";
+        let expected = "warning: whether these windows are healthy could not be checked: 6 of 10 are unmodelled by the type alone, \
+                        window 0: no fault vector explains the data: cost 99; calibrate the type first (hmd calibrate --type)";
         assert_eq!(of_ten(6), [expected]);
+    }
+
+    #[test]
+    fn what_most_windows_doubt_is_said_with_the_reason_of_a_replay() {
+        let config = Config::default();
+        let doubting = SeenByType {
+            suspects: vec![Suspect::GearRatio, Suspect::EncoderCounts],
+            is_unmodelled: true,
+            window: 3,
+            reason: "gear ratio: it seems to be 90.0, not 91.0, or encoder counts: 19780; not excited: gain".to_owned(),
+            ..SeenByType::default()
+        };
+        let said = health_by_type(&vec![doubting; 5], &config.actuators()[0], config.health().levels()).unwrap();
+        let why =
+            "5 of 5 windows doubt it: window 3: gear ratio: it seems to be 90.0, not 91.0, or encoder counts: 19780";
+        for (line, suspect) in said.iter().zip(["encoder counts", "gear ratio"]) {
+            assert_eq!(*line, format!("warning: check {suspect}: {why}"));
+        }
+        assert!(
+            said[2].ends_with("; not excited: gain; correct what they doubt first"),
+            "{said:?}"
+        );
     }
 
     #[test]

@@ -151,6 +151,22 @@ pub(super) fn output_over_setpoint(signals: &Signals) -> Option<f64> {
     (commanded > HELD_RAD && ratio.is_finite() && ratio > 0.0).then_some(ratio)
 }
 
+/// What the output has turned for what was commanded, from a rest at the set point to a rest; `None` where either is none.
+pub(super) fn followed_to_rest(signals: &Signals) -> Option<f64> {
+    let rows = &signals.rows;
+    let stands = ((STANDS_S * signals.rate_hz).round() as usize).max(2);
+    let (begin, end) = (rows.get(..stands)?, rows.get(rows.len().checked_sub(stands)?..)?);
+    let is_rest = |near: &[Row]| {
+        let (least, most) = range(near.iter().map(|row| row.theta_out));
+        let (low, high) = range(near.iter().map(|row| commanded_angle(row.setpoint).unwrap_or(f64::NAN)));
+        most - least < HELD_RAD && high - low < HELD_RAD
+    };
+    let (first, last) = (rows.first()?, rows.last()?);
+    let commanded = commanded_angle(last.setpoint)? - commanded_angle(first.setpoint)?;
+    let is_held = is_rest(begin) && is_rest(end) && commanded.abs() > HELD_RAD;
+    is_held.then(|| (last.theta_out - first.theta_out) / commanded)
+}
+
 /// What the set point shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum SetpointError {

@@ -1,5 +1,7 @@
 //! A window without its mistake.
 
+use ema_models::Setpoint;
+
 use crate::outbox::WindowJob;
 
 /// How a mistake is taken out of a window.
@@ -30,6 +32,8 @@ pub enum Correction {
     GearRatio(f64),
     /// The set point is divided by this.
     Setpoint(f64),
+    /// The set point is that of so many samples before; where it is that of later ones, the window ends as much earlier.
+    SetpointBefore(isize),
     /// The load counts as not measured.
     NoLoad,
     /// The winding temperature counts as not measured.
@@ -84,6 +88,17 @@ impl Correction {
                 for sample in samples {
                     sample.setpoint = sample.setpoint.map(|value| value / factor);
                 }
+            }
+            Self::SetpointBefore(by) => {
+                let setpoints: Vec<Setpoint> = samples.iter().map(|sample| sample.setpoint).collect();
+                for (n, sample) in samples.iter_mut().enumerate() {
+                    let from = n.saturating_add_signed(by.saturating_neg());
+                    sample.setpoint = setpoints.get(from).copied().unwrap_or(sample.setpoint);
+                }
+                samples.truncate(samples.len().saturating_add_signed(by.min(0)));
+                let left = samples.len();
+                job.window.filled.retain(|&filled| filled < left);
+                job.window.trigger = job.window.trigger.saturating_add_signed(by).min(left.saturating_sub(1));
             }
             Self::NoLoad => job.conditions.load_torque_nm = None,
             Self::NoTemperature => job.conditions.winding_temp_deg_c = None,

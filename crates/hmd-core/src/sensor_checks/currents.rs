@@ -52,7 +52,7 @@ const GAIN_TOLERANCES: f64 = 4.0;
 
 /// Zero of a resolver that is none of an adjusted one, rad electrical: 3.5°. A vector drive without decoupling leaves a direct current with the
 /// speed that looks like up to 2.8° (suite `robust`).
-const ZERO_MIN: f64 = 0.0611;
+pub(super) const ZERO_MIN: f64 = 0.0611;
 
 /// Share of a sample period that two signals of one sample may be apart.
 const LATE_PERIODS: f64 = 0.5;
@@ -195,7 +195,12 @@ fn along_direct(signals: &Signals, tolerances: &Tolerances, found: &mut Vec<Curr
     let is_late = late.abs() > least_late && late.abs() > SIGMAS * by_age.sigma[1];
     if is_off && !worse(&by_zero, &by_age) {
         let or_late = (is_late && !worse(&by_age, &by_zero)).then_some(late);
-        found.push(CurrentError::Zero { ahead, sigma, or_late });
+        // The fit is that of the tangent.
+        found.push(CurrentError::Zero {
+            ahead: ahead.atan(),
+            sigma: sigma / (1.0 + ahead * ahead),
+            or_late,
+        });
     } else if is_late && worse(&by_zero, &by_age) {
         found.push(CurrentError::Late(late));
     }

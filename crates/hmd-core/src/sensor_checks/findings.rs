@@ -3,17 +3,18 @@
 use ema_models::{ActuatorParams, DriveKind, Tolerances};
 
 use super::angles::{
-    FrozenOutput, SetpointError, SuddenStop, frozen_output, output_over_motor, output_over_setpoint, setpoint_error,
-    sudden_stop,
+    FrozenOutput, SetpointError, SuddenStop, followed_to_rest, frozen_output, output_over_motor, output_over_setpoint,
+    setpoint_error, sudden_stop,
 };
 use super::control_law::{gain_at_limit, link_by_law};
 use super::correction::Correction;
 use super::current_limit::gain_beyond_limit;
-use super::currents::{CurrentError, current_errors, gain_of_a_phase};
+use super::currents::{CurrentError, ZERO_MIN, current_errors, gain_of_a_phase};
+use super::gear_ratio::precise_ratio;
 use super::signals::Signals;
 use super::suspect::{Suspect, Suspicion};
 use super::torque::{Balance, balance};
-use super::wiring::{OnTorqueAxis, Wiring, other_wiring};
+use super::wiring::{FarZero, OnTorqueAxis, Wiring, far_zero, other_wiring};
 use crate::outbox::WindowJob;
 use crate::window::{Defect, Invalidity, WindowQuality};
 
@@ -29,7 +30,7 @@ pub struct Finding {
 }
 
 impl Finding {
-    fn new(suspect: Suspect, evidence: &str, correction: Option<Correction>) -> Self {
+    pub(super) fn new(suspect: Suspect, evidence: &str, correction: Option<Correction>) -> Self {
         Self {
             suspicions: vec![suspicion(suspect, evidence)],
             correction,
@@ -60,11 +61,17 @@ pub fn examine(job: &WindowJob) -> Vec<Finding> {
         return vec![of_frozen(&frozen)];
     }
     let ratio = output_over_motor(&signals, params);
+    if let Some(far) = far_zero(&signals, params) {
+        return vec![of_far_zero(params, &far)];
+    }
     if let Some((found, configured)) = other_wiring(&signals, params, ratio) {
         return vec![of_wiring(params, &found, configured)];
     }
     let mut findings: Vec<Finding> = Vec::new();
     findings.extend(ratio.and_then(|ratio| of_ratio(params, ratio, &signals)));
+    if findings.is_empty() {
+        findings.extend(precise_ratio(&signals, params).map(|ratio| of_precise_ratio(params, ratio, &signals)));
+    }
     if findings.is_empty() {
         findings.extend(setpoint_error(&signals, params, job.window.trigger).map(|error| of_setpoint(params, error)));
     }
@@ -201,6 +208,46 @@ fn of_wiring(params: &ActuatorParams, found: &OnTorqueAxis, configured: f64) -> 
     Finding::new(suspect, &format!("{what}: {shares}"), correction)
 }
 
+/// A far zero, and every wiring that turns the currents alike: all reversed by half a turn, phases in cyclic order by a third.
+fn of_far_zero(params: &ActuatorParams, far: &FarZero) -> Finding {
+    let ahead = far.ahead.to_degrees();
+    let evidence = format!(
+        "{ahead:+.1}° electrical ahead of the rotor: {:.0} % of the current lies on the torque axis then",
+        100.0 * far.share
+    );
+    let mut finding = Finding::new(
+        Suspect::ResolverZero,
+        &evidence,
+        Some(Correction::ResolverZero(counts_of(params, far.ahead))),
+    );
+    let others = &mut finding.suspicions;
+    let half_turn_less = ahead - 180_f64.copysign(ahead);
+    let is_cyclic = |ahead: f64| (ahead.abs() - 120.0).abs() < ZERO_MIN.to_degrees();
+    if is_cyclic(ahead) {
+        others.push(suspicion(Suspect::PhaseOrder, "all seem shifted by one place"));
+    } else if is_cyclic(half_turn_less) {
+        others.push(suspicion(
+            Suspect::PhaseOrder,
+            "all seem shifted by one place and reversed",
+        ));
+    }
+    if ahead.abs() > 90.0 {
+        let evidence =
+            format!("all seem reversed, and the resolver {half_turn_less:+.1}° electrical ahead of the rotor");
+        others.push(suspicion(Suspect::CurrentSign, &evidence));
+    }
+    others.extend(far.or_late.map(|late| {
+        let evidence = format!("the currents seem to be {late} sample late");
+        suspicion(Suspect::SampleOrder, &evidence)
+    }));
+    finding
+}
+
+/// Resolver counts of an electrical angle, rad.
+fn counts_of(params: &ActuatorParams, electrical: f64) -> i64 {
+    (electrical / params.motor.pole_pairs / params.sensors.motor_lsb()).round() as i64
+}
+
 fn reversed(phase: usize) -> Correction {
     let mut gain = [1.0; 3];
     gain[phase] = -1.0;
@@ -244,6 +291,27 @@ fn of_ratio(params: &ActuatorParams, ratio: f64, signals: &Signals) -> Option<Fi
             Finding::new(Suspect::GearRatio, &evidence, Some(Correction::GearRatio(real)))
         }
     })
+}
+
+/// Share of an error of the ratio by which an output with right counts may miss its set point at the end of a motion.
+const AT_SETPOINT: f64 = 0.3;
+
+/// The gear ratio, or the encoder's counts where the output does not come to rest at the set point.
+fn of_precise_ratio(params: &ActuatorParams, (ratio, sigma): (f64, f64), signals: &Signals) -> Finding {
+    let configured = params.transmission.gear_ratio;
+    let (real, counts) = (configured / ratio, params.sensors.output_counts_per_rev);
+    let evidence = format!(
+        "it seems to be {real:.1} ± {:.1}, not {configured:.1}: the output turns {ratio:.3} times as far as the motor",
+        real * sigma
+    );
+    let mut finding = Finding::new(Suspect::GearRatio, &evidence, Some(Correction::GearRatio(real)));
+    let is_at_setpoint =
+        followed_to_rest(signals).is_some_and(|followed| (followed - 1.0).abs() < AT_SETPOINT * (ratio - 1.0).abs());
+    if !is_at_setpoint {
+        let evidence = format!("they seem to be {:.0}, not {counts:.0}", counts * ratio);
+        finding.suspicions.push(suspicion(Suspect::EncoderCounts, &evidence));
+    }
+    finding
 }
 
 /// Whether the output is so far from the set point, and from the motor, that only its own scale explains both: the ratio to the set point
@@ -325,7 +393,7 @@ fn of_currents(params: &ActuatorParams, error: &CurrentError) -> Finding {
         }
         CurrentError::Zero { ahead, sigma, or_late } => {
             let (degrees, sigma) = (ahead.to_degrees(), sigma.to_degrees());
-            let counts = (ahead / params.motor.pole_pairs / params.sensors.motor_lsb()).round() as i64;
+            let counts = counts_of(params, ahead);
             let evidence = format!("{degrees:+.1} ± {sigma:.1}° electrical ahead of the rotor");
             let mut finding = Finding::new(Suspect::ResolverZero, &evidence, Some(Correction::ResolverZero(counts)));
             finding.suspicions.extend(or_late.map(of_age));
@@ -380,7 +448,10 @@ fn of_torque(job: &WindowJob, balance: &Balance) -> Option<Finding> {
             offset: [0.0; 3],
             gain: [-1.0; 3],
         };
-        return Some(Finding::new(Suspect::CurrentSign, &evidence, Some(correction)));
+        let mut finding = Finding::new(Suspect::CurrentSign, &evidence, Some(correction));
+        let half_turn = "180° electrical ahead of the rotor";
+        finding.suspicions.push(suspicion(Suspect::ResolverZero, half_turn));
+        return Some(finding);
     }
     let (needed, sigma) = balance.load?;
     let measured = job.conditions.load_torque_nm?;

@@ -55,6 +55,15 @@ impl Signals {
         }
     }
 
+    /// The same with the resolver turned back by an electrical angle, rad.
+    pub(super) fn turned_back(&self, ahead: f64) -> Self {
+        let mut turned = self.clone();
+        for row in &mut turned.rows {
+            row.theta_m -= ahead / self.pole_pairs;
+        }
+        turned
+    }
+
     /// Largest current of the motor, A.
     pub(super) fn i_max(&self) -> f64 {
         self.motor.i_max

@@ -47,7 +47,7 @@ pub enum Suspect {
     GearRatio,
     /// Unit of the set point.
     SetpointUnit,
-    /// Set point behind the motion.
+    /// Set point before or behind currents and angles.
     SetpointDelay,
     /// Mode of the drive.
     Mode,
@@ -143,7 +143,7 @@ impl Suspect {
             Self::EncoderCounts => "the configured encoder counts",
             Self::GearRatio => "the configured gear ratio",
             Self::SetpointUnit => "the configured unit of the set point",
-            Self::SetpointDelay => "when the drive sends its set point",
+            Self::SetpointDelay => "when the drive sends, or the logger stamps, its set point",
             Self::Mode => "the mode that the drive sends",
             Self::RepeatedSamples => "whether the drive repeats samples",
             Self::SampleOrder => "whether the drive sends currents and angles of one instant",

@@ -5,10 +5,13 @@
 //! that lies on the torque axis, `Q = Σ i_q² / Σ 2/3 (i_a² + i_b² + i_c²)`, is 1 less the noise for the right wiring and about ½ for a
 //! wrong one. Derived here.
 
-use ema_models::dq_from_abc;
-use ema_models::{ActuatorParams, Real};
+use std::f64::consts::PI;
 
+use ema_models::{ActuatorParams, Real, dq_from_abc};
+
+use super::currents::ZERO_MIN;
 use super::signals::{Row, Signals};
+use super::torque::balance;
 
 /// What may be wrong between sensors and program.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,11 +72,12 @@ pub(super) fn other_wiring(
         // Where the drive lacks voltage, the current leaves the torque axis a little by itself.
         let counts = |row: &Row| signals.is_controlled(row);
         let configured = share_on_torque_axis(signals, Wiring::Right, counts)?;
-        return if 1.0 - configured > OFF_AXIS_LATE {
-            best_of(signals, late, configured, counts)
-        } else {
-            None
-        };
+        if 1.0 - configured < OFF_AXIS_LATE {
+            return None;
+        }
+        // A zero that explains as much is told by `far_zero`, or beside the age of the currents by `currents`.
+        let by_zero = share_on_torque_axis(signals, Wiring::PolePairs(signals.pole_pairs), counts)?;
+        return best_of(signals, late, configured, counts).filter(|(best, _)| best.share > by_zero);
     }
     let mut candidates = late.to_vec();
     match ratio {
@@ -88,6 +92,66 @@ pub(super) fn other_wiring(
         }
     }
     best_of(signals, candidates, configured, |_| true)
+}
+
+/// A resolver far from the zero of its rotor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct FarZero {
+    /// The resolver is ahead of the rotor by this angle, rad electrical, within half a turn.
+    pub(super) ahead: f64,
+    /// Share of the current on the torque axis with it.
+    pub(super) share: f64,
+    /// Samples by which the currents may be late instead.
+    pub(super) or_late: Option<isize>,
+}
+
+/// Zero from which on the linear equations of `currents` do not hold, rad electrical: 30°.
+const FAR: f64 = 0.52;
+
+/// Standard deviations of the gain by the torque balance that tell the half turns apart.
+const GAIN_SIGMAS: f64 = 5.0;
+
+/// The zero that puts the current on the torque axis, where it is far from the configured one and no wiring does so better. The half turn
+/// by which the axis is open is that in which the currents accelerate the motor.
+pub(super) fn far_zero(signals: &Signals, params: &ActuatorParams) -> Option<FarZero> {
+    if signals.pole_pairs * signals.span(|row| row.theta_m) < TURN_RAD {
+        return None;
+    }
+    let counts = |row: &Row| signals.is_controlled(row);
+    let share = share_on_torque_axis(signals, Wiring::PolePairs(signals.pole_pairs), counts)?;
+    let late = [1, -1].into_iter().filter_map(|late| {
+        let of_late = share_on_torque_axis(signals, Wiring::CurrentsLate(late), counts)?;
+        Some((of_late, late))
+    });
+    let (of_late, late) = late.reduce(|best, other| if other.0 > best.0 { other } else { best })?;
+    if 1.0 - share > OFF_AXIS || of_late > share {
+        return None;
+    }
+    let axis = zero_of_torque_axis(signals, counts);
+    let (gain, sigma) = balance(&signals.turned_back(axis), params)?.gain;
+    if gain.abs() < GAIN_SIGMAS * sigma {
+        return None;
+    }
+    let ahead = if gain > 0.0 { axis } else { axis - PI.copysign(axis) };
+    let is_half_turn = PI - ahead.abs() < ZERO_MIN;
+    (ahead.abs() > FAR && !is_half_turn).then_some(FarZero {
+        ahead,
+        share,
+        or_late: (1.0 - of_late < ALIKE * (1.0 - share)).then_some(late),
+    })
+}
+
+/// Factor on what lies off the torque axis up to which two explanations are alike.
+const ALIKE: f64 = 2.0;
+
+/// Angle by which the resolver is ahead of the torque axis, rad electrical, within a quarter turn, over the rows that count.
+fn zero_of_torque_axis(signals: &Signals, counts: impl Fn(&Row) -> bool) -> f64 {
+    let rows = signals.rows.iter().filter(|row| counts(row));
+    let (real, imaginary) = rows.fold((0.0, 0.0), |(real, imaginary), row| {
+        let [d, q] = signals.i_dq(row);
+        (real + d * d - q * q, imaginary + 2.0 * d * q)
+    });
+    0.5 * f64::atan2(imaginary, -real)
 }
 
 /// The candidate that puts most of the current on the torque axis, over the rows that count, and the share of the configured wiring;

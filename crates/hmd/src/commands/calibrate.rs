@@ -1,6 +1,6 @@
 //! `hmd calibrate`: one unit from healthy windows of it, or (feature `full`) the monitor against the reference.
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -19,6 +19,7 @@ use hmd_core::commissioning::{
 };
 use hmd_core::config::Config;
 use hmd_core::outbox::WindowJob;
+use hmd_core::record::WindowStatus;
 #[cfg(feature = "full")]
 use hmd_report::report::commissioning_page;
 use hmd_storage::calibration_file::{load_type_models, save};
@@ -136,6 +137,12 @@ fn read_files(config: &Config, of_type: bool) -> Vec<PathBuf> {
 fn unit(args: &Args, logs: &[PathBuf], config: Config, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit> {
     let config = Arc::new(config);
     let mut found = windows_of(logs, &config, args.name.as_deref(), tell)?;
+    let mut assessor = Assessor::new(config.clone(), load_type_models(&config)?, args.seed);
+    for job in std::mem::take(&mut found.left_out) {
+        let (name, number) = (job.actuator.name.clone(), job.window.number);
+        let reason = assessor.assess(job)?.health.reason;
+        tell(&format!("{name}: window {number}: left out: {reason}"));
+    }
     let jobs = &mut found.jobs;
     jobs.retain(|job| match conditions(job) {
         Ok(_) => true,
@@ -147,7 +154,6 @@ fn unit(args: &Args, logs: &[PathBuf], config: Config, tell: &mut dyn FnMut(&str
             false
         }
     });
-    let mut assessor = Assessor::new(config.clone(), load_type_models(&config)?, args.seed);
     let bar = over_pieces(windows_of_work(jobs.len()));
     let commissioned = calibrate_unit(&assessor, config.health().levels(), jobs, args.seed, &|n| bar.inc(n));
     bar.finish_and_clear();
@@ -160,8 +166,15 @@ fn unit(args: &Args, logs: &[PathBuf], config: Config, tell: &mut dyn FnMut(&str
             bail!("{}: {error}", logs.join(", "));
         }
         Err(error) => {
-            for line in doubts(&mut assessor, jobs)? {
-                tell(&line);
+            // A parameter is a reason by itself.
+            let says_why = matches!(error, CommissioningError::Parameter(_));
+            let doubts = doubts(&mut assessor, jobs)?;
+            for line in doubts
+                .doubted
+                .iter()
+                .chain(doubts.not_assessed.iter().filter(|_| !says_why))
+            {
+                tell(line);
             }
             return Err(error.into());
         }
@@ -186,24 +199,41 @@ fn unit(args: &Args, logs: &[PathBuf], config: Config, tell: &mut dyn FnMut(&str
     Ok(if found.data_lost { Exit::DataLost } else { Exit::Done })
 }
 
-/// Sensors, wires and configured numbers that the first windows doubt, each with the reason of one of them: what a unit's own numbers would
-/// have to make up for.
-fn doubts(assessor: &mut Assessor, jobs: &[WindowJob]) -> anyhow::Result<Vec<String>> {
+/// What the first windows say, as a replay of them would.
+#[derive(Default)]
+struct Doubts {
+    /// Sensors, wires and configured numbers that they doubt, with the reason of the first window that does: what a unit's own numbers would
+    /// have to make up for.
+    doubted: Vec<String>,
+    /// Where they doubt none, why one of them is not assessed, if it is not.
+    not_assessed: Option<String>,
+}
+
+fn doubts(assessor: &mut Assessor, jobs: &[WindowJob]) -> anyhow::Result<Doubts> {
     /// Windows that are asked.
     const ASKED: usize = 3;
-    let mut found = BTreeMap::new();
+    let (mut suspects, mut doubts) = (BTreeSet::new(), Doubts::default());
     for job in jobs.iter().take(ASKED) {
         let assessed = assessor.assess(job.clone())?;
-        for suspect in assessed.suspects {
-            found.entry(suspect).or_insert_with(|| {
-                let (name, window) = (&job.actuator.name, job.window.number);
-                format!(
-                    "{name}: check {} first: window {window}: {}",
-                    suspect.name(),
-                    assessed.health.reason
-                )
-            });
+        let (name, window) = (&job.actuator.name, job.window.number);
+        let (status, reason) = (&assessed.health.status, &assessed.health.reason);
+        let is_not_assessed = [WindowStatus::Invalid, WindowStatus::Unmodelled]
+            .iter()
+            .any(|not| not.name() == status);
+        if is_not_assessed && doubts.not_assessed.is_none() {
+            doubts.not_assessed = Some(format!("{name}: window {window}: {status} by the type alone: {reason}"));
+        }
+        let new: Vec<&str> = assessed
+            .suspects
+            .iter()
+            .filter(|suspect| suspects.insert(**suspect))
+            .map(|suspect| suspect.name())
+            .collect();
+        if !new.is_empty() {
+            let line = format!("{name}: check {} first: window {window}: {reason}", new.join(" and "));
+            doubts.doubted.push(line);
         }
     }
-    Ok(found.into_values().collect())
+    doubts.not_assessed = doubts.not_assessed.filter(|_| doubts.doubted.is_empty());
+    Ok(doubts)
 }

@@ -1,0 +1,68 @@
+//! Time from the logged set point to its effect, by the law of the speed loop.
+//!
+//! A set point that takes effect δ after it is logged gives `e₁ = G_p (θ_cmd(t − δ) − θ_out)`. In steady motion δ changes e₁ as another
+//! gain does; where the motion starts, turns and ends it does not. To first order `e₁(t − δ) ≈ e₁ − δ G_p θ_cmd'`, so that g δ is one more
+//! unknown of the law (`controller`). Only a wide kernel keeps the noise of the differentiated current small beside θ_cmd''; what is
+//! sampled faster than the kernel holds is averaged over blocks of samples. Derived here.
+
+use nalgebra::Vector4;
+
+use super::compliance::Compliance;
+use super::controller::{DELAYED_COUNT, MIN_INDEPENDENT, delayed_law_rows};
+use super::elements::Reading;
+use super::kernel::{HALF_WIDTHS_S, Kernel, MAX_HALF_WIDTH};
+use super::measured::MeasuredWindow;
+use super::normal_equations::NormalEquations;
+use super::overlap::Overlap;
+use crate::monitor_fit::RecordedSample;
+
+/// What a window shows of the time of its set point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SetpointDelay {
+    /// Time from the logged set point to its effect, s: positive where the set point is logged early. To first order: exact where it is
+    /// below the kernel's half width.
+    pub delay_s: Reading,
+    /// Change of the gain ratio g/h by each second of delay that the law does not know, 1/s.
+    pub gain_per_s: f64,
+    /// The gain ratio g/h with this delay.
+    pub gain: f64,
+}
+
+/// Largest standard deviation of a delay that is shown, s: half the kernel's half width.
+const SIGMA_MAX_S: f64 = 6e-3;
+
+/// The time of the set point in a window; `None` where too few rows are without limits, or the set point does not change in them.
+#[must_use]
+pub fn setpoint_delay<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Option<SetpointDelay> {
+    let [.., half_width_s] = HALF_WIDTHS_S;
+    let rate = window.params().sensors.sample_rate;
+    let block = libm::ceil(half_width_s * rate / MAX_HALF_WIDTH as f64 - 1e-9).max(1.0);
+    let kernel = Kernel::new(half_width_s, rate / block, &Compliance::RIGID);
+    let rows = || delayed_law_rows(window, &kernel, block as usize);
+    let mut equations = NormalEquations::<DELAYED_COUNT>::new();
+    for (row, d_torque) in rows().flatten() {
+        equations.add(&row, d_torque);
+    }
+    if equations.rows < MIN_INDEPENDENT * kernel.span {
+        return None;
+    }
+    let solution = equations.solve()?;
+    let mut overlap = Overlap::<DELAYED_COUNT>::new(&kernel.first, kernel.span);
+    rows().for_each(|row| overlap.add(row.as_ref().map(|(row, _)| row)));
+    let covariance = overlap.covariance(&equations, &solution);
+    let [g, h, _, g_delay] = solution.x.into();
+    let of_delay = Vector4::new(-g_delay / (g * g), 0.0, 0.0, 1.0 / g);
+    let of_gain = Vector4::new(1.0 / h, -g / (h * h), 0.0, 0.0);
+    // The gain ratio that fits best, by the delay that is given.
+    let toward_delay = solution.inverse * of_delay;
+    let found = SetpointDelay {
+        delay_s: Reading {
+            value: g_delay / g,
+            sigma: libm::sqrt(of_delay.dot(&(covariance * of_delay))),
+        },
+        gain_per_s: -of_gain.dot(&toward_delay) / of_delay.dot(&toward_delay),
+        gain: g / h,
+    };
+    let is_finite = found.delay_s.value.is_finite() && found.gain_per_s.is_finite() && found.gain.is_finite();
+    (is_finite && found.delay_s.sigma < SIGMA_MAX_S).then_some(found)
+}

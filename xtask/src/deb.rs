@@ -42,6 +42,9 @@ const SERVICE: Package = Package {
         "./usr/share/hmd/systemd/serial.conf",
         "./etc/hmd/hmd.toml",
         "./usr/share/hmd/ema.dbc",
+        "./usr/share/hmd/prometheus/hmd.rules.yml",
+        "./usr/share/hmd/grafana/hmd.json",
+        "./usr/share/doc/hmd/alerts.md",
         "./usr/share/doc/hmd/sbom.cdx.json",
     ],
 };
@@ -55,6 +58,9 @@ const TOOLS: Package = Package {
         "./usr/lib/hmd-tools/hmd",
         "./usr/bin/firmware_sim",
         "./usr/share/hmd-tools/ema.dbc",
+        "./usr/share/hmd-tools/prometheus/hmd.rules.yml",
+        "./usr/share/hmd-tools/grafana/hmd.json",
+        "./usr/share/doc/hmd-tools/tutorial.md",
         "./usr/share/bash-completion/completions/hmd",
         "./usr/share/man/man1/hmd.1.gz",
         "./usr/share/man/man1/hmd-run.1.gz",
@@ -181,4 +187,50 @@ fn check(package: &Path, expected: &[&str]) -> anyhow::Result<()> {
         ensure!(there, "{}: expected {expected}", package.display());
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What the metadata puts from the sources into a package, as its contents are listed.
+    fn packed(assets: &toml::Value) -> Vec<String> {
+        let mut packed = Vec::new();
+        for asset in assets.as_array().into_iter().flatten() {
+            let (Some(from), Some(to)) = (asset[0].as_str(), asset[1].as_str()) else {
+                continue;
+            };
+            // What is built has no place among the sources.
+            let Some(from) = from.strip_prefix("../../") else {
+                continue;
+            };
+            let (folder, name) = from.rsplit_once('/').unwrap_or(("", from));
+            let (start, end) = name.split_once('*').unwrap_or((name, ""));
+            let files = fs::read_dir(root().join(folder)).into_iter().flatten().flatten();
+            let names = files.filter_map(|file| file.file_name().into_string().ok());
+            let names: Vec<String> = names
+                .filter(|found| found == name || (name.contains('*') && found.starts_with(start) && found.ends_with(end)))
+                .collect();
+            assert!(!names.is_empty(), "no {from}");
+            packed.extend(names.iter().map(|name| format!("./{to}{name}")));
+        }
+        packed
+    }
+
+    #[test]
+    fn what_a_package_must_contain_is_built_or_in_the_sources() {
+        let manifest = fs::read_to_string(root().join("crates/hmd/Cargo.toml")).unwrap();
+        let manifest: toml::Value = toml::from_str(&manifest).unwrap();
+        let deb = &manifest["package"]["metadata"]["deb"];
+        for (package, assets) in [(TOOLS, &deb["assets"]), (SERVICE, &deb["variants"]["flight"]["assets"])] {
+            let packed = packed(assets);
+            let shared = package.expected.iter().filter(|path| {
+                let is_built = path.ends_with("sbom.cdx.json") || path.contains("/man/") || path.contains("completion");
+                path.contains("/share/") && !is_built
+            });
+            for path in shared {
+                assert!(packed.iter().any(|packed| packed == path), "{path} of {}", package.name);
+            }
+        }
+    }
 }

@@ -1,6 +1,9 @@
-//! The counters of a [`Status`] as Prometheus metrics, in the text form that scrapers and the textfile collector read.
+//! The counters of a [`Status`] as Prometheus metrics: in OpenMetrics for scrapers, in the text format for the textfile collector.
 
 pub mod last_windows;
+mod text_format;
+
+pub use text_format::in_text_format;
 
 use std::fmt;
 
@@ -15,7 +18,7 @@ use crate::health::HealthState;
 use crate::record::{ActuatorStatus, Status, StorageState, WindowStatus};
 use last_windows::LastWindows;
 
-/// The metrics of `docs/metrics.md`, which is made from them.
+/// The metrics of `docs/metrics.md`, which is made from them, in OpenMetrics.
 #[must_use]
 pub fn render(status: &Status, last: &LastWindows) -> String {
     let mut registry = Registry::with_prefix("hmd");
@@ -233,6 +236,29 @@ mod tests {
             }],
             ..Status::default()
         }
+    }
+
+    #[test]
+    fn in_the_text_format_every_sample_belongs_to_a_family_with_its_type() {
+        let open = render(&status(), &LastWindows::new("ab12".to_owned()));
+        let text = in_text_format(&open);
+        let families: Vec<&str> = text
+            .lines()
+            .filter_map(|line| line.strip_prefix("# TYPE ")?.split(' ').next())
+            .collect();
+        let samples = |text: &str| {
+            let samples = text.lines().filter(|line| !line.starts_with('#'));
+            samples.map(str::to_owned).collect::<Vec<_>>()
+        };
+        for sample in samples(&text) {
+            let name = sample.split(['{', ' ']).next().unwrap_or_default();
+            assert!(families.contains(&name), "{sample} in\n{text}");
+        }
+        assert_eq!(samples(&text), samples(&open));
+        assert!(
+            text.starts_with("# HELP hmd_frames_total ") && !text.contains("# EOF"),
+            "{text}"
+        );
     }
 
     #[test]

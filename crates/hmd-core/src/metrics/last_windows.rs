@@ -9,6 +9,7 @@ use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric};
 use prometheus_client::metrics::MetricType;
 use prometheus_client::metrics::gauge::ConstGauge;
 
+use crate::health::HealthState;
 use crate::record::{Health, Rul};
 use crate::windows_in_a_row::WindowsInARow;
 
@@ -30,6 +31,8 @@ struct LastWindow {
     t_start_ns: u64,
     /// Damage and its standard deviation, in the order of [`FaultId::ALL`].
     damage: [(Option<f64>, Option<f64>); FaultId::COUNT],
+    /// In the same order.
+    states: Option<[HealthState; FaultId::COUNT]>,
     /// In the order of [`PERCENTILES`], h.
     rul_h: [Option<f64>; 3],
     in_a_row: WindowsInARow,
@@ -51,6 +54,7 @@ impl LastWindows {
         let last = LastWindow {
             t_start_ns: health.t_start_ns,
             damage: std::array::from_fn(|n| (damages[n], sigmas[n].filter(|_| damages[n].is_some()))),
+            states: health.states(),
             rul_h: [rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h],
             in_a_row: in_a_row.clone(),
         };
@@ -97,6 +101,18 @@ impl Collector for LastWindows {
             for (suspect, windows) in &last.in_a_row.suspects {
                 let labels = [("actuator", actuator.as_str()), ("suspect", suspect)];
                 ConstGauge::new(*windows).encode(suspected.encode_family(&labels)?)?;
+            }
+        }
+        let help = "State of a fault by the last window, as hmd_health";
+        let mut states = out.encode_descriptor("fault_state", help, None, MetricType::Gauge)?;
+        for (actuator, last) in &self.actuators {
+            for (fault, state) in FaultId::ALL.into_iter().zip(last.states.into_iter().flatten()) {
+                let labels = [
+                    ("actuator", actuator.as_str()),
+                    ("fault", fault.name()),
+                    ("part", fault.part()),
+                ];
+                ConstGauge::new(state as u64).encode(states.encode_family(&labels)?)?;
             }
         }
         let help = "Damage by the last window, 0 to 1";
@@ -163,6 +179,10 @@ mod tests {
             k2_sigma: Some(0.5),
             ..Health::default()
         };
+        let mut health = health;
+        let mut states = [HealthState::Nominal; FaultId::COUNT];
+        states[FaultId::ShortA.index()] = HealthState::Warning;
+        health.set_states(&states);
         let rul = Rul {
             rul_p10_h: Some(2.0),
             ..Rul::default()
@@ -172,6 +192,8 @@ mod tests {
         for line in [
             "hmd_config_info{hash=\"ab12\"} 1",
             "hmd_last_window_timestamp_seconds{actuator=\"ema3\"} 1700000000.5",
+            "hmd_fault_state{actuator=\"ema3\",fault=\"short_a\",part=\"stator winding, phase A\"} 3",
+            "hmd_fault_state{actuator=\"ema3\",fault=\"gain\",part=\"position controller\"} 1",
             "hmd_damage{actuator=\"ema3\",fault=\"friction\"} 0.25",
             "hmd_damage_sigma{actuator=\"ema3\",fault=\"friction\"} 0.01",
             "hmd_damage_sigma{actuator=\"ema3\",fault=\"gain\"} 0.04",
@@ -180,7 +202,7 @@ mod tests {
             assert!(text.lines().any(|found| found == line), "{line} in\n{text}");
         }
         assert!(
-            !text.contains("backlash") && !text.contains("percentile=\"50\""),
+            !text.contains("damage{actuator=\"ema3\",fault=\"backlash") && !text.contains("percentile=\"50\""),
             "{text}"
         );
         last.update(

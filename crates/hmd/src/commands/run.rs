@@ -27,7 +27,7 @@ use hmd_core::assess::AssessedWindow;
 use hmd_core::config::Config;
 use hmd_core::config_warnings::bus_warnings;
 use hmd_core::metrics::last_windows::LastWindows;
-use hmd_core::metrics::render;
+use hmd_core::metrics::{in_text_format, render};
 use hmd_core::record::{HealthLine, LogLevel, Status};
 use hmd_ingest::can::{CanSource, Wanted};
 use hmd_ingest::live::LiveSource;
@@ -364,7 +364,7 @@ impl Observer for Printer {
             page.set(metrics.clone());
         }
         let Some(path) = &self.metrics else { return };
-        let written = write_textfile(path, &metrics);
+        let written = write_textfile(path, &in_text_format(&metrics));
         let failed_before = self.metrics_failed.swap(written.is_err(), Ordering::Relaxed);
         if let Err(cause) = written
             && !failed_before

@@ -6,6 +6,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use ema_models::FaultId;
+use hmd_core::health::HealthState;
 use hmd_core::metrics::last_windows::LastWindows;
 use hmd_core::metrics::render;
 use hmd_core::record::{
@@ -38,6 +39,7 @@ fn metrics() {
         ..Health::default()
     };
     health.set_damage([Some(0.0); FaultId::COUNT]);
+    health.set_states(&[HealthState::Unknown; FaultId::COUNT]);
     [health.k1_sigma, health.k2_sigma, health.k3_sigma, health.k4_sigma] = [Some(0.0); 4];
     [health.k5_sigma, health.k6_sigma, health.k8_sigma] = [Some(0.0); 3];
     let rul = Rul {
@@ -90,9 +92,9 @@ fn metrics() {
                 continue;
             };
             let (pairs, _) = rest.split_once('}').expect("the end of the labels");
-            for pair in pairs.split(',') {
-                let (key, value) = pair.split_once('=').expect("a label");
-                let value = value.trim_matches('"');
+            // A value may have a comma in it.
+            for pair in pairs.trim_end_matches('"').split("\",") {
+                let (key, value) = pair.split_once("=\"").expect("a label");
                 let known = labels.iter().position(|(known, _)| *known == key);
                 let at = known.unwrap_or(labels.len());
                 if known.is_none() {

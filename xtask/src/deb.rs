@@ -209,7 +209,9 @@ mod tests {
             let files = fs::read_dir(root().join(folder)).into_iter().flatten().flatten();
             let names = files.filter_map(|file| file.file_name().into_string().ok());
             let names: Vec<String> = names
-                .filter(|found| found == name || (name.contains('*') && found.starts_with(start) && found.ends_with(end)))
+                .filter(|found| {
+                    found == name || (name.contains('*') && found.starts_with(start) && found.ends_with(end))
+                })
                 .collect();
             assert!(!names.is_empty(), "no {from}");
             packed.extend(names.iter().map(|name| format!("./{to}{name}")));

@@ -138,7 +138,7 @@ impl Numbering {
             let rounds = ((by_time - f64::from(counter)) / ROUND as f64).round();
             let number = rounds * ROUND as f64 + f64::from(counter);
             let agrees = tolerance <= UNTOLD_SAMPLES && (number - by_time).abs() <= tolerance;
-            (agrees && number > last.number as f64).then(|| (number - last.number as f64) as i64)
+            (agrees && number > last.number as f64).then_some((number - last.number as f64) as i64)
         })
     }
 }

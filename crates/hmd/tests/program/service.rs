@@ -119,6 +119,14 @@ fn metrics_come_to_a_file_and_over_http_on_this_computer() {
     let mut served = String::new();
     stream.read_to_string(&mut served).unwrap();
     let file = std::fs::read_to_string(manager.at("hmd.prom")).unwrap();
+    assert!(
+        served.contains("# TYPE hmd_frames counter\n") && served.ends_with("# EOF\n"),
+        "{served}"
+    );
+    assert!(
+        file.contains("# TYPE hmd_frames_total counter\n") && !file.contains("# EOF"),
+        "{file}"
+    );
     for text in [served, file] {
         assert!(text.contains("hmd_link_up{interface=\"nosuchbus0\"} 0"), "{text}");
         assert!(text.contains("hmd_storage_state{state=\"ok\"} 1"), "{text}");

@@ -8,7 +8,7 @@ fn early(log: &str, by: isize) -> String {
     let set_points: Vec<&str> = log
         .lines()
         .filter(is_command)
-        .filter_map(|line| Some(line.split_once('#')?.1.get(..8)?))
+        .filter_map(|line| line.split_once('#')?.1.get(..8))
         .collect();
     let mut sample = 0;
     let lines = log.lines().map(|line| match line.split_once(" 102#") {

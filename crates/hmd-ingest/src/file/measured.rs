@@ -44,12 +44,14 @@ pub(super) fn format(start: &[u8]) -> Option<Format> {
     (!is_other && is_table(text) && !is_asc(text)).then_some(Format::Csv)
 }
 
-/// Three names or values or more with one separator between them, as time and two signals are, and no stamp of candump.
+/// Three names or values or more with one separator between them, as time and two signals are, behind words about the recording or not, and
+/// no stamp of candump.
 fn is_table(start: &[u8]) -> bool {
-    let mut lines = start.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
-    let first = lines.find(|line| !line.is_empty() && line[0] != b'#');
+    let lines = start.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
+    let mut lines = lines.filter(|line| !line.is_empty() && line[0] != b'#').peekable();
     let separates = |line: &[u8], separator: u8| line.iter().filter(|&&byte| byte == separator).count() >= 2;
-    first.is_some_and(|line| line[0] != b'(' && b",;\t".iter().any(|&separator| separates(line, separator)))
+    lines.peek().is_some_and(|line| line[0] != b'(')
+        && lines.any(|line| b",;\t".iter().any(|&separator| separates(line, separator)))
 }
 
 /// The frames of a log of measured signals.

@@ -1,7 +1,8 @@
 //! Tables as text: names in the first line, a row of values in each line after it.
 //!
 //! Separated by comma, semicolon or tab, whichever the first line has most of; beside the latter two, numbers may have a decimal comma.
-//! Lines that begin with `#` before the names are passed over. A unit stands behind its name as `name [unit]`, or in a line of its own under
+//! Before the names, lines that begin with `#` and lines of one or two cells are passed over: `sep=;`, a name of the recorder. Names and
+//! units that are no UTF-8 are Latin-1. A unit stands behind its name as `name [unit]`, or in a line of its own under
 //! the names. A date and time (`2026-11-20T14:00:00.0005Z`, or without a zone, taken as UTC) counts as microseconds since 1970. Lines are at most
 //! 64 KiB long, and no quoted value goes over several.
 
@@ -25,6 +26,9 @@ const MAX_LINE: usize = 1 << 16;
 /// What some programs put before UTF-8 text.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
+/// Cells of a line before the names that is none of them: a log has at least three columns.
+const PREAMBLE_CELLS: usize = 2;
+
 /// Lines of remarks before the names.
 const REMARKS_MAX: usize = 1000;
 
@@ -36,6 +40,8 @@ pub struct CsvLog<R> {
     splitter: Splitter,
     signals: Vec<SignalInfo>,
     selected: Vec<usize>,
+    /// The line after the names, where it was read to tell them.
+    after_names: Option<Vec<u8>>,
     /// The first line of values, where it is no line of units.
     first: Option<Vec<u8>>,
     /// Why that line cannot be read.
@@ -72,24 +78,58 @@ impl<R: BufRead + Debug> CsvLog<R> {
             }
         }
         let names = lines.text();
-        let names = trim_line_end(names.strip_prefix(BYTE_ORDER_MARK).unwrap_or(names)).to_vec();
-        let mut splitter = Splitter::of(&names);
-        let signals: Vec<SignalInfo> = splitter.cells(&names).map(name_and_unit).collect();
-        if signals.iter().all(|signal| number(&signal.name, b';').is_some()) {
-            return Err(unreadable(format!("numbers alone: \"{}\"", quoted(&names))));
-        }
+        let names = as_utf8(trim_line_end(names.strip_prefix(BYTE_ORDER_MARK).unwrap_or(names)));
         let mut log = Self {
             lines,
             file: file.into(),
-            splitter,
-            signals,
+            splitter: Splitter::of(&names),
+            signals: Vec::new(),
             selected: Vec::new(),
+            after_names: None,
             first: None,
             pending: None,
             ended: false,
         };
+        let names = log.pass_preamble(names);
+        log.signals = log.splitter.cells(&names).map(name_and_unit).collect();
+        if log.signals.iter().all(|signal| number(&signal.name, b';').is_some()) {
+            return Err(unreadable(format!("numbers alone: \"{}\"", quoted(&names))));
+        }
         log.read_units();
         Ok(log)
+    }
+
+    /// The line of names, where the first line, which is not empty, may be one of a few words about the recording: those have one or two cells,
+    /// and no row of as many values follows.
+    fn pass_preamble(&mut self, first: Vec<u8>) -> Vec<u8> {
+        let mut names = first;
+        for _ in 0..REMARKS_MAX {
+            self.splitter = Splitter::of(&names);
+            let count = self.splitter.split(&names);
+            if count > PREAMBLE_CELLS {
+                return names;
+            }
+            match self.read_line() {
+                Ok(true) => {}
+                Ok(false) => return names,
+                Err(damage) => {
+                    self.pending = Some(damage);
+                    return names;
+                }
+            }
+            let next = as_utf8(trim_line_end(self.lines.text()));
+            let separator = self.splitter.separator;
+            let is_row = self.splitter.split(&next) == count && {
+                let first = self.splitter.cell(0);
+                number(first, separator).is_some() || date_us(first).is_some()
+            };
+            if is_row {
+                self.after_names = Some(next);
+                return names;
+            }
+            names = next;
+        }
+        names
     }
 
     /// Takes the line after the names: units where none of its cells is a value, else the first values.
@@ -97,15 +137,18 @@ impl<R: BufRead + Debug> CsvLog<R> {
         let separator = self.splitter.separator;
         let is_value = |cell: &&str| number(cell, separator).is_some() || date_us(cell).is_some();
         for _ in 0..2 {
-            match self.read_line() {
-                Ok(true) => {}
-                Ok(false) => return,
-                Err(damage) => {
-                    self.pending = Some(damage);
-                    return;
-                }
-            }
-            let line = trim_line_end(self.lines.text()).to_vec();
+            let line = match self.after_names.take() {
+                Some(line) => line,
+                None if self.pending.is_some() => return,
+                None => match self.read_line() {
+                    Ok(true) => as_utf8(trim_line_end(self.lines.text())),
+                    Ok(false) => return,
+                    Err(damage) => {
+                        self.pending = Some(damage);
+                        return;
+                    }
+                },
+            };
             let cells: Vec<&str> = self.splitter.cells(&line).collect();
             if cells.iter().any(is_value) || cells.iter().all(|cell| cell.is_empty()) {
                 for (signal, cell) in self.signals.iter_mut().zip(cells) {
@@ -263,6 +306,14 @@ impl Splitter {
 
 fn trim_line_end(line: &[u8]) -> &[u8] {
     line.strip_suffix(b"\r").unwrap_or(line)
+}
+
+/// A line of names or units; one that is no UTF-8 is Latin-1, whose bytes are the first 256 characters.
+fn as_utf8(line: &[u8]) -> Vec<u8> {
+    match std::str::from_utf8(line) {
+        Ok(_) => line.to_vec(),
+        Err(_) => line.iter().copied().map(char::from).collect::<String>().into_bytes(),
+    }
 }
 
 fn unit_alone(cell: &str) -> &str {

@@ -136,6 +136,13 @@ impl MappedFrames {
         }
         let times = rows.iter().flatten().filter_map(|(_, row)| row.get(time?).copied());
         let times: Vec<f64> = times.collect();
+        if !map.has(Quantity::Counter) && has_coarse_times(&times) {
+            return Err(Unusable::new(
+                "times that tell the rows apart, or a column for sample.counter",
+                "the same time in many rows: its steps are longer than the rows' distance; the number of the row as sample.counter, with \
+                 clock = \"receiver\" and the true sample_rate_hz, does without",
+            ));
+        }
         let decoder = RowDecoder::new(
             actuator.id,
             &actuator.params,
@@ -298,4 +305,16 @@ fn missing(log: &dyn SignalLog, column: &Column) -> Unusable {
         found.push_str(&format!(" and {more} more"));
     }
     Unusable::new(format!("signal {:?} ({})", column.signal, column.quantity.key()), found)
+}
+
+/// Repeated times among those of the first rows, as a share, from which on they number no samples: a recorder that repeats a row now and then
+/// stays below.
+const REPEATED_MAX: f64 = 0.25;
+
+fn has_coarse_times(times: &[f64]) -> bool {
+    let repeated = times
+        .windows(2)
+        .filter(|two| two[0].to_bits() == two[1].to_bits())
+        .count();
+    repeated as f64 > REPEATED_MAX * times.len() as f64
 }

@@ -341,6 +341,8 @@ fn write_a_sample() {
         lost_samples: 10,
         lost_malformed: 11,
         lost_late: 17,
+        device_restarts: 18,
+        rate_changes: 19,
         lost_windows: 12,
         windows_ok: 13,
         windows_degraded: 14,

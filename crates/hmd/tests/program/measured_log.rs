@@ -4,6 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use crate::folder::Folder;
+
 fn hmd(folder: &Path, arguments: &[&str]) -> Output {
     let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/measured");
     for file in [
@@ -99,4 +101,38 @@ fn what_is_wrong_with_a_map_is_said() {
     for (config, code, expected) in cases {
         assert_eq!(sentence(config, "samples.csv"), (code, expected.to_owned()));
     }
+}
+
+#[test]
+fn a_preamble_is_passed_over_and_times_that_rows_share_are_refused() {
+    let folder = Folder::new();
+    let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fixtures/measured");
+    let read = |name: &str| fs::read_to_string(fixtures.join(name)).expect("a fixture");
+    let (table, map) = (
+        read("samples.csv"),
+        read("map.toml").replace("\"Position\", speed = \"Speed\"", "1, speed = 2"),
+    );
+    folder.write("map.toml", &map);
+    folder.write("plain.csv", &table);
+    let plain = folder.done("replay plain.csv -c map.toml --json");
+    for preamble in ["sep=,\n", "Recorder,X\nRate,400\n\n"] {
+        folder.write("plain.csv", format!("{preamble}{table}"));
+        assert_eq!(folder.done("replay plain.csv -c map.toml --json"), plain, "{preamble}");
+    }
+    // Steps of 10 ms at 400 Hz.
+    let coarse = table.lines().map(|line| match line.split_once(',') {
+        Some((time, rest)) if time.ends_with(|last: char| last.is_ascii_digit()) => {
+            format!("{}0000,{rest}\n", &time[..time.len() - 4])
+        }
+        _ => format!("{line}\n"),
+    });
+    folder.write("coarse.csv", coarse.collect::<String>());
+    let numbered: Vec<&str> = map.lines().filter(|line| !line.starts_with("sample.")).collect();
+    folder.write("numbered.toml", numbered.join("\n"));
+    let refused = folder.hmd("replay coarse.csv -c numbered.toml");
+    assert!(
+        refused.code != 0 && refused.stderr.contains("the same time in many rows"),
+        "{}",
+        refused.stderr
+    );
 }

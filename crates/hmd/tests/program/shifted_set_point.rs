@@ -8,7 +8,7 @@ fn early(log: &str, by: isize) -> String {
     let set_points: Vec<&str> = log
         .lines()
         .filter(is_command)
-        .filter_map(|line| Some(line.split_once('#')?.1.get(..8)?))
+        .filter_map(|line| line.split_once('#')?.1.get(..8))
         .collect();
     let mut sample = 0;
     let lines = log.lines().map(|line| match line.split_once(" 102#") {
@@ -32,15 +32,14 @@ fn a_shifted_set_point_is_named_beside_the_true_gain_of_the_controller() {
     for (fault, found) in [("", "[]"), ("--fault gain=0.65", "[\"gain\"]")] {
         folder.done(&format!("simulate {drive} 2 --seed 9 {fault} -o later.log"));
         let later = String::from_utf8(folder.read("later.log")).expect("a log of text");
-        for (samples, said) in [
-            (10, "5.0 ± 0.1 ms before"),
-            (4, "2.0 ± 0.1 ms before"),
-            (-4, "2.0 ± 0.1 ms after"),
-        ] {
+        for (samples, said) in [(10, "ms before"), (4, "ms before"), (-4, "ms after")] {
             folder.write("shifted.log", early(&later, samples));
             let lines = folder.done("replay shifted.log -c hmd.toml --json");
             let first = lines.lines().next().unwrap_or_default();
-            assert!(first.contains(&"set point delay: it seems to be logged"), "{lines}");
+            assert!(
+                first.contains("set point delay: it seems to be logged") && first.contains(said),
+                "{lines}"
+            );
             assert_eq!(lines.matches(&format!("\"faults\":{found}")).count(), 2, "{lines}");
         }
         let lines = folder.done("replay later.log -c hmd.toml --json");

@@ -75,3 +75,29 @@ fn what_cannot_be_read_is_said_with_its_line() {
     let found = rows(&long, &["a"]);
     assert!(found.is_ok_and(|rows| rows.last() == Some(&Ok(vec![2.0]))));
 }
+
+#[test]
+fn words_about_the_recording_before_the_names_are_passed_over() {
+    let table = "t;a;b\n1,5;2;3\n2,5;3;4\n";
+    let expected = [vec![2.0, 3.0], vec![3.0, 4.0]];
+    for preamble in [
+        "sep=;\n",
+        "Recorder X\nRate;2000\n\n",
+        "Recorder;X\nRate;2000\nDate;20.11.2026 14:00:00\n",
+        "# a\nsep=;\n",
+    ] {
+        assert_eq!(good(&format!("{preamble}{table}"), &["a", "b"]), expected, "{preamble}");
+    }
+}
+
+#[test]
+fn names_and_units_in_latin_1_are_read() {
+    let text = b"t;\xb5-torque;angle [\xb0]\n1;2;3\n2;3;4\n".to_vec();
+    let log = CsvLog::new(Cursor::new(text), "a.csv").unwrap();
+    let found: Vec<_> = log
+        .signals()
+        .iter()
+        .map(|of| (of.name.as_str(), of.unit.as_deref()))
+        .collect();
+    assert_eq!(found, [("t", None), ("\u{b5}-torque", None), ("angle", Some("\u{b0}"))]);
+}

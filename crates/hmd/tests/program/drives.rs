@@ -343,7 +343,7 @@ fn each_of_two_drives_on_a_bus_is_heard() {
             );
         }
         lines.sort_by(|a, b| a.split(')').next().cmp(&b.split(')').next()));
-        folder.write("both.log", lines.join("\n"));
+        folder.write("both.log", lines.join("\n") + "\n");
         folder.write("both.toml", config);
         let windows = folder.done("replay both.log -c both.toml --json");
         for name in ["joint1", "joint2"] {

@@ -2,7 +2,9 @@
 //!
 //! The counter has 16 bits. A step forward of up to half its range may be a loss, or a device that restarted: from 40 000 to 0
 //! is 25 536 forward. A silence longer than half the range shows a step back. Time decides: a number that the counter stands for is
-//! believed where it differs from the number by time by at most [`TOLERANCE_S`], and by what the rate may be off by over that time.
+//! believed where it differs from the number by time by at most [`TOLERANCE_S`], and by what the rate may be off by over that time. Where no
+//! number agrees, the device restarted, if it can have counted from zero to here since the sample before; else the receiver's clock jumped, and
+//! the counter alone decides.
 //! Time is the receive stamp's; as a receiver may have read late and then a lot at once, it is counted from the sample before and from
 //! those of the last seconds that came with the least delay.
 
@@ -81,12 +83,11 @@ impl Numbering {
         };
         let step = i64::from(counter.wrapping_sub(last.number as u16) as i16);
         let rate = rate.filter(|_| step != 1 && self.has_advanced(stamp_ns));
-        let step = match rate {
-            Some(rate) => self.step_by_time(counter, stamp_ns, &rate, last).unwrap_or(match step {
-                ..=0 => step,
-                1.. => step - ROUND,
-            }),
-            None => step,
+        let by_time = rate.map(|rate| (self.step_by_time(counter, stamp_ns, &rate, last), rate));
+        let step = match by_time {
+            Some((Some(by_time), _)) => by_time,
+            Some((None, rate)) if step > 0 && may_be_restart(counter, stamp_ns, &rate, last) => step - ROUND,
+            _ => step,
         };
         let numbered = Numbered {
             number: last.number.saturating_add_signed(step),
@@ -128,19 +129,29 @@ impl Numbering {
         let known = std::iter::once(&last).chain(self.least_delayed.iter().flatten());
         known.into_iter().find_map(|received| {
             let by_time = number_by_time(received, stamp_ns, rate);
-            let uncertainty = if rate.is_measured {
-                rate.uncertainty
-            } else {
-                NOMINAL_UNCERTAINTY
-            };
-            let tolerance =
-                (TOLERANCE_S * rate.hz).min(TOLERANCE_SAMPLES) + uncertainty * (by_time - received.number as f64).abs();
+            let tolerance = tolerance(by_time - received.number as f64, rate);
             let rounds = ((by_time - f64::from(counter)) / ROUND as f64).round();
             let number = rounds * ROUND as f64 + f64::from(counter);
             let agrees = tolerance <= UNTOLD_SAMPLES && (number - by_time).abs() <= tolerance;
             (agrees && number > last.number as f64).then_some((number - last.number as f64) as i64)
         })
     }
+}
+
+/// Samples that a number may be off by which time tells over so many samples.
+fn tolerance(passed: f64, rate: &SampleRate) -> f64 {
+    let uncertainty = if rate.is_measured {
+        rate.uncertainty
+    } else {
+        NOMINAL_UNCERTAINTY
+    };
+    (TOLERANCE_S * rate.hz).min(TOLERANCE_SAMPLES) + uncertainty * passed.abs()
+}
+
+/// Whether a device that began at zero after the last sample can have counted to here.
+fn may_be_restart(counter: u16, stamp_ns: u64, rate: &SampleRate, last: Received) -> bool {
+    let passed = (number_by_time(&last, stamp_ns, rate) - last.number as f64).max(0.0);
+    f64::from(counter) <= passed + tolerance(passed, rate)
 }
 
 /// The number that a sample of this stamp has if it came with the delay of another.
@@ -204,6 +215,14 @@ mod tests {
         assert_eq!(found(1_000, 41_000, 20.02), (39_999, false));
         // After a night nobody knows.
         assert_eq!(found(1_000, 1_234, 30_000.0), (0, true));
+    }
+
+    #[test]
+    fn a_clock_that_jumps_makes_no_restart() {
+        // 3.3 s are lost, and the receiver's clock jumped by 0.8 s back or by 4 s forward in them.
+        for later_s in [2.5, 7.3] {
+            assert_eq!(found(20_000, 26_600, later_s), (6_599, false));
+        }
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //! 1. the assembler of `ema_wire` puts frames together into samples; wrapping counters are continued;
 //! 2. the sample rate is measured by the device's own time. Until it is known, samples wait: at least 16, at most 64. It is checked on, and
 //!    where it changes, windows are cut at the new rate;
-//! 3. a [`Windower`](crate::window::Windower) at that rate cuts windows. An actuator that cannot be monitored at its rate is refused: its samples are
+//! 3. a [`Windower`] at that rate cuts windows. An actuator that cannot be monitored at its rate is refused: its samples are
 //!    counted and dropped.
 //!
 //! Memory is bounded by those 64 samples and by one window. In the steady state a frame allocates nothing.

@@ -86,12 +86,16 @@ pub(super) fn other_wiring(
         _ => {
             candidates.extend([Wiring::Swapped(1, 2), Wiring::Swapped(2, 0), Wiring::Swapped(0, 1)]);
             candidates.extend((0..3).map(Wiring::Reversed));
-            let configured = params.motor.pole_pairs;
-            let others = (1..=POLE_PAIRS_MAX).map(f64::from);
-            candidates.extend(others.filter(|p| (p - configured).abs() > 0.5).map(Wiring::PolePairs));
+            candidates.extend(other_pole_pairs(params.motor.pole_pairs));
         }
     }
     best_of(signals, candidates, configured, |_| true)
+}
+
+/// Pole pairs other than those configured.
+fn other_pole_pairs(configured: f64) -> impl Iterator<Item = Wiring> {
+    let all = (1..=POLE_PAIRS_MAX).map(f64::from);
+    all.filter(move |p| (p - configured).abs() > 0.5).map(Wiring::PolePairs)
 }
 
 /// A resolver far from the zero of its rotor.
@@ -134,7 +138,14 @@ pub(super) fn far_zero(signals: &Signals, params: &ActuatorParams) -> Option<Far
     }
     let ahead = if gain > 0.0 { axis } else { axis - PI.copysign(axis) };
     let is_half_turn = PI - ahead.abs() < ZERO_MIN;
-    (ahead.abs() > FAR && !is_half_turn).then_some(FarZero {
+    if ahead.abs() <= FAR || is_half_turn {
+        return None;
+    }
+    // With wrong pole pairs a short motion has a best zero, too.
+    let of_others =
+        other_pole_pairs(signals.pole_pairs).filter_map(|wiring| share_on_torque_axis(signals, wiring, counts));
+    let best = of_others.fold(0.0, f64::max);
+    (1.0 - best >= LEFT * (1.0 - share)).then_some(FarZero {
         ahead,
         share,
         or_late: (1.0 - of_late < ALIKE * (1.0 - share)).then_some(late),

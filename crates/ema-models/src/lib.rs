@@ -86,7 +86,7 @@ pub use samples::{ComparedSample, InitialState, Origin, SensedSample};
 pub use signals::{SIGNAL_COUNT, Signals, Weights};
 pub use step_response::{StepResponse, StepTrial};
 pub use temperature::{BACK_EMF_PER_KELVIN, REFERENCE_TEMPERATURE_DEG_C, RESISTANCE_PER_KELVIN, temperature_factors};
-pub use tolerances::Tolerances;
+pub use tolerances::{FRICTION_TEMPERATURE_SPAN_K, Tolerances};
 pub use unknowns::{
     Coordinates, LOAD_COORDINATE, MOTOR_COORDINATES, MotorDeviation, MotorKnowledge, Scale, UNKNOWN_COUNT, Unknowns,
 };

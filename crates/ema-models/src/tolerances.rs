@@ -1,5 +1,8 @@
 //! How well each number of an actuator's type is known before anything was learnt of the unit.
 
+/// Difference of temperature that the tolerances of friction belong to, K.
+pub const FRICTION_TEMPERATURE_SPAN_K: f64 = 80.0;
+
 /// Tolerances of a type: one standard deviation each.
 ///
 /// Shares are of the parameter's value. [`Tolerances::USUAL`] has those of a data sheet (declared here); with

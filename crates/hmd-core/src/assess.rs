@@ -8,6 +8,7 @@ mod by_unit;
 mod conditions;
 mod estimator;
 mod explained;
+mod friction_sigma;
 mod models;
 mod records;
 

@@ -19,16 +19,29 @@ pub(crate) fn motion_of(job: &WindowJob) -> Motion {
 const MOVES: f64 = 3.0;
 const LASTS_S: f64 = 0.01;
 
+/// Speed of the motor between samples, rad/s.
+fn speeds(job: &WindowJob) -> impl Iterator<Item = f64> {
+    let sensors = &job.params.sensors;
+    let per_count = sensors.motor_lsb() * sensors.sample_rate;
+    let turned = |pair: &[SensedSample]| pair[1].motor_counts.saturating_sub(pair[0].motor_counts);
+    job.window
+        .samples
+        .windows(2)
+        .map(move |pair| turned(pair) as f64 * per_count)
+}
+
+/// Mean magnitude of the motor's speed while it turns, rad/s; 0 where it does not.
+pub(crate) fn mean_speed(job: &WindowJob) -> f64 {
+    let moving = speeds(job).map(f64::abs).filter(|speed| *speed > MOVES);
+    let (sum, count) = moving.fold((0.0, 0.0_f64), |(sum, count), speed| (sum + speed, count + 1.0));
+    sum / count.max(1.0)
+}
+
 /// Whether the motor turns for a while in one direction only.
 pub(crate) fn moves_one_way(job: &WindowJob) -> bool {
-    let sensors = &job.params.sensors;
-    let speed = |pair: &[SensedSample]| {
-        pair[1].motor_counts.saturating_sub(pair[0].motor_counts) as f64 * sensors.motor_lsb() * sensors.sample_rate
-    };
-    let needed = (LASTS_S * sensors.sample_rate).ceil();
+    let needed = (LASTS_S * job.params.sensors.sample_rate).ceil();
     let (mut runs, mut longest) = ([0.0_f64; 2], [0.0_f64; 2]);
-    for pair in job.window.samples.windows(2) {
-        let speed = speed(pair);
+    for speed in speeds(job) {
         for (place, speed) in [speed, -speed].into_iter().enumerate() {
             runs[place] = if speed > MOVES { runs[place] + 1.0 } else { 0.0 };
             longest[place] = longest[place].max(runs[place]);

@@ -2,14 +2,15 @@
 
 use ema_identify::effort::{Effort, Request, Stage};
 use ema_identify::relations::{Needed, Relation, SinceCommissioning};
-use ema_identify::unit_calibration::{Seen, UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations, Unseen};
+use ema_identify::unit_calibration::{UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations, Unseen};
 use ema_identify::unit_estimate::{USUAL_COST, UnitEstimate, corrected, estimate_by_relations, of_both};
 use ema_identify::{Estimate, Fit, Identifier, Prepared};
 use ema_models::{ActuatorParams, Conditions, FAULT_COUNT, FaultId};
 
 use super::AssessError;
+use super::friction_sigma::friction_sigma;
 use crate::log_map::Resampling;
-use crate::motion::{motion_of, moves_one_way};
+use crate::motion::motion_of;
 use crate::outbox::WindowJob;
 use crate::outliers::{estimate_without_outliers, identify_without_outliers};
 use crate::sample::MeasuredConditions;
@@ -145,8 +146,8 @@ pub(super) fn estimate(
             _ => found.widened(respect.factor()),
         };
     }
-    // After the factor of the load, which knows no efficiency.
-    found = found.with_sigma_in(&[FaultId::Friction], friction_sigma_by_load(job, &unit.seen));
+    // After the factors, which know neither efficiency nor lubricant.
+    found = found.with_sigma_in(&[FaultId::Friction], friction_sigma(job, &unit.seen));
     if is_interpolated(job) {
         found = found.with_sigma_in(&OF_THE_ROTOR, interpolation_sigma(&job.params));
     }
@@ -177,24 +178,6 @@ fn interpolation_sigma(params: &ActuatorParams) -> f64 {
 
 /// Largest factor on the sigmas of the rotor's faults for a small current.
 const SMALL_CURRENT_FACTOR_MAX: f64 = 10.0;
-
-/// One standard deviation of k1 by a load beyond those of commissioning, Nm: `½ σ_T/T_d` with
-/// `σ_T = a M/(2 N) √((σ_o/η_o)² + (σ_a η_a)²)`, the shares σ of the efficiencies that their tolerances leave, and a = 1; in motion one way,
-/// which tells nothing of the other direction, a = 2. Derived here from the torque of a load at the motor shaft, M/(N η_o) opposing and
-/// M η_a/N aiding. 0 where either is not measured.
-fn friction_sigma_by_load(job: &WindowJob, seen: &Seen) -> f64 {
-    let (Some([least, most]), Some(load)) = (seen.load_torque_nm, job.conditions.load_torque_nm) else {
-        return 0.0;
-    };
-    let beyond = (least - load).max(load - most).max(0.0);
-    let gear = &job.params.transmission;
-    let tolerances = &job.actuator.tolerances;
-    let opposing = tolerances.efficiency_opposing / gear.efficiency_opposing;
-    let aiding = tolerances.efficiency_aiding * gear.efficiency_aiding;
-    let directions = if moves_one_way(job) { 2.0 } else { 1.0 };
-    let torque = 0.5 * directions * beyond / gear.gear_ratio * opposing.hypot(aiding);
-    0.5 * torque / gear.friction_dynamic.max(f64::MIN_POSITIVE)
-}
 
 /// Faults whose torque goes with the rotor's electrical angle.
 pub(super) const OF_THE_ROTOR: [FaultId; 4] =

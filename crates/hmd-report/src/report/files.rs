@@ -8,7 +8,7 @@ use prost::Message;
 
 use super::history::{History, Replacement, hours_of_all};
 use super::units::{Part, by_unit};
-use hmd_core::history::{EventKind, Events};
+use hmd_core::history::{Event, EventKind, Events};
 use hmd_core::record::{Health, Log, Record, Rul, Sensors, Status, Window};
 use hmd_ingest::file::open_recorded;
 use hmd_storage::mcap::{McapLoss, McapMessages};
@@ -154,9 +154,11 @@ impl Files {
         Ok(files)
     }
 
-    /// Takes over which actuators and parts were replaced after the newest window of each, by the events of a configuration.
-    pub fn note_replacements(&mut self, events: &Events) {
-        for event in events.list.iter().filter(|event| event.event == EventKind::Reset) {
+    /// Takes over which actuators and parts were replaced after the newest window of each and until now, UTC ns, by the events of a
+    /// configuration. One that is still to come changes nothing.
+    pub fn note_replacements(&mut self, events: &Events, now_ns: u64) {
+        let has_come = |event: &&Event| event.event == EventKind::Reset && event.t_ns <= now_ns;
+        for event in events.list.iter().filter(has_come) {
             let Some(history) = self.actuators.get_mut(&event.actuator) else {
                 continue;
             };

@@ -80,8 +80,8 @@ fn names(faults: &[FaultId]) -> String {
     names.join("; ")
 }
 
-/// Order of the rows: by state, then by the life left, then by the damage. What is to be checked stands above what is not known, and that above
-/// what is well.
+/// Order of the rows: by state, then by the life left, then by the damage. What is to be checked before the next use stands above what can wait,
+/// any other check above what is not known, and that above what is well.
 fn by_urgency((a, of_a): (&History, &Recommendation), (b, of_b): (&History, &Recommendation)) -> Ordering {
     let p10 = |advice: &Recommendation| advice.hours_left.as_ref().map_or(f64::INFINITY, |hours| hours[0]);
     let damage = |history: &History, advice: &Recommendation| {
@@ -96,8 +96,9 @@ fn by_urgency((a, of_a): (&History, &Recommendation), (b, of_b): (&History, &Rec
 
 fn rank(advice: &Recommendation) -> u8 {
     match advice.state {
-        HealthState::Critical => 5,
-        HealthState::Warning => 4,
+        HealthState::Critical => 6,
+        HealthState::Warning => 5,
+        HealthState::Unknown | HealthState::Nominal if advice.is_before_next_use => 4,
         HealthState::Watch => 3,
         HealthState::Unknown | HealthState::Nominal if advice.has_checks || advice.unassessed.is_some() => 2,
         HealthState::Unknown => 1,

@@ -12,8 +12,9 @@ use hmd_core::history::ReplacedPart;
 
 use super::history::{History, Replacement, Unassessed};
 use super::zone::Zone;
-use checks::checks;
+use checks::{checks, is_before_next_use};
 use left::Left;
+pub(super) use left::clears;
 use maintenance::maintenance;
 use since::{since, suspected_since};
 
@@ -40,6 +41,8 @@ pub(super) struct Recommendation {
     pub(super) unknown: Vec<FaultId>,
     /// Whether something besides a worn part is to be checked.
     pub(super) has_checks: bool,
+    /// Whether that is to be done before the next use.
+    pub(super) is_before_next_use: bool,
 }
 
 /// Why there are no hours of a part that was replaced.
@@ -103,6 +106,7 @@ pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COU
         unassessed,
         unknown,
         has_checks: !checks.is_empty(),
+        is_before_next_use: is_before_next_use(&checks),
     }
 }
 

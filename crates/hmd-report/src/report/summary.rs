@@ -12,7 +12,7 @@ use hmd_core::record::{Rul, Shown};
 use super::history::{History, Unassessed, hours_of, is_elapsed};
 use super::markup::wide_table;
 use super::plot::escaped;
-use super::recommendation::Recommendation;
+use super::recommendation::{Recommendation, clears};
 use super::sections::NORMAL_95;
 use super::words::{duration, durations, hours, with_capital};
 use super::zone::Zone;
@@ -134,6 +134,11 @@ fn remaining_life(advice: &Recommendation, history: &History) -> String {
     if let Some(fault) = advice.ends_first {
         let _ = write!(text, "; {} ends it first", fault.plain_name());
     }
+    let without = without_forecast(advice, rul);
+    if !without.is_empty() {
+        let names: Vec<&str> = without.iter().map(|fault| fault.plain_name()).collect();
+        let _ = write!(text, "; without {}, of which there is no forecast", names.join(" and "));
+    }
     if let Some(operation) = little_operation(history) {
         let _ = write!(text, "; {operation}");
     }
@@ -144,10 +149,18 @@ fn remaining_life(advice: &Recommendation, history: &History) -> String {
     let is_recorded = advice
         .ends_first
         .is_some_and(|fault| fault.name() == rul.dominant_fault);
-    if let (Some(probability), Some(horizon), true) = (rul.failure_probability, rul.horizon_h, is_recorded) {
+    let is_of_all = is_recorded && without.is_empty();
+    if let (Some(probability), Some(horizon), true) = (rul.failure_probability, rul.horizon_h, is_of_all) {
         let _ = write!(text, "; it ends within {horizon:.0} h with {}", percent(probability));
     }
     text + "."
+}
+
+/// Worn faults that the remaining life knows nothing of: they may end it earlier.
+fn without_forecast(advice: &Recommendation, rul: &Rul) -> Vec<FaultId> {
+    let left = rul.faults();
+    let is_open = |fault: &&FaultId| left[fault.index()].is_none() && Some(**fault) != advice.ends_first;
+    advice.faults.iter().filter(is_open).copied().collect()
 }
 
 /// Share of the time that the windows span below which their operation is told: logs of single movements hold little of it.
@@ -186,6 +199,18 @@ pub(super) fn faults(history: &History, modes: &[FaultMode; FaultId::COUNT], zon
     let (states, left) = (history.states(), rul.faults());
     let row = |fault: FaultId| {
         let (mode, state) = (&modes[fault.index()], states[fault.index()]);
+        if clears(&history.replaced_since, fault) {
+            let cells = [
+                fault.plain_name(),
+                mode.item,
+                "replaced",
+                "unknown",
+                "not yet",
+                "–",
+                mode.symptom,
+            ];
+            return cells.map(escaped).to_vec();
+        }
         let shown = history.shown.of(fault);
         let left = left[fault.index()].map_or_else(|| without_trend(shown, mode, state, rul), hours);
         vec![
@@ -286,7 +311,34 @@ mod tests {
             unassessed: None,
             unknown: Vec::new(),
             has_checks: false,
+            is_before_next_use: false,
         }
+    }
+
+    #[test]
+    fn a_worn_part_without_a_forecast_is_not_in_the_remaining_life() {
+        let mut rul = Rul {
+            failure_probability: Some(0.0),
+            horizon_h: Some(10.0),
+            dominant_fault: "short_b".to_owned(),
+            ..Rul::default()
+        };
+        rul.set_faults(FaultId::ALL.map(|fault| (fault == FaultId::ShortB).then_some(([90.0, 100.0, 110.0], 0.0))));
+        let history = History {
+            newest: (Health::default(), rul),
+            ..History::default()
+        };
+        let advice = Recommendation {
+            faults: vec![FaultId::Friction, FaultId::ShortB],
+            ends_first: Some(FaultId::ShortB),
+            ..advice(HealthState::Warning)
+        };
+        let text = remaining_life(&advice, &history);
+        assert!(
+            text.contains("without friction, of which there is no forecast"),
+            "{text}"
+        );
+        assert!(!text.contains("probability"), "{text}");
     }
 
     #[test]

@@ -9,6 +9,7 @@ use super::recordings::{Wanted, recordings};
 use super::{Exit, Losses, Misuse, load_config, to_stderr};
 use hmd_report::pdf;
 use hmd_report::report::{Files, View, Zone, page};
+use hmd_storage::clock::now_ns;
 use hmd_storage::event_file::load_events;
 use hmd_storage::output_file;
 
@@ -80,7 +81,7 @@ pub fn run_with(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit>
     };
     let mut losses = Losses::default();
     let mut files = Files::read(&recorded, &mut |loss| losses.add(loss))?;
-    files.note_replacements(&load_events(&config)?);
+    files.note_replacements(&load_events(&config)?, now_ns());
     let histories = files.actuators(args.actuator.as_deref())?;
     let text = page(&files, &histories, &view);
     output_file::write(&args.output, text).with_context(|| args.output.display().to_string())?;

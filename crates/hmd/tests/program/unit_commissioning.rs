@@ -455,3 +455,29 @@ fn a_unit_can_be_calibrated_under_the_configuration_that_names_the_result() {
     let text = folder.refused("calibrate healthy.log -c hmd.toml -o bench.toml", 2);
     assert!(text.contains("expected another output"), "{text}");
 }
+
+/// A lubricant is thinner when it is warm: friction beyond the temperatures of commissioning has a sigma that says so.
+#[test]
+fn friction_at_other_temperatures_is_neither_denied_nor_accused() {
+    let folder = Folder::new();
+    folder.write(
+        "new.toml",
+        "[[actuator]]\nid = 0\n[type.bench.drive]\nkind = \"vector\"\n",
+    );
+    folder.write(
+        "unit.toml",
+        "[[actuator]]\nid = 0\ncalibration = \"unit.calibration.toml\"\n[type.bench.drive]\nkind = \"vector\"\n",
+    );
+    folder.done("simulate -o healthy.log --drive vector --noise 0.03 --windows 8 --seed 11");
+    folder.done("calibrate healthy.log -c new.toml -o unit.calibration.toml");
+    let effects =
+        "--drive vector --noise 0.03 --windows 3 --seed 23 --with dry_temperature=0.5 --with viscous_temperature=1.4";
+    folder.done(&format!(
+        "simulate -o warm.log {effects} --with temperature_rise_k=50 --fault friction=0.3"
+    ));
+    let warm = folder.done("replay warm.log -c unit.toml --json");
+    assert!(!warm.contains("\"friction\":\"nominal\""), "{warm}");
+    folder.done(&format!("simulate -o cold.log {effects} --with temperature_rise_k=-25"));
+    let cold = folder.done("replay cold.log -c unit.toml --json");
+    assert_eq!(cold.matches("\"faults\":[]").count(), 3, "{cold}");
+}

@@ -3,7 +3,9 @@
 //! A nuisance changes a parameter of the monitor, or its load, or puts a disturbance torque on its shaft, or changes the measured
 //! signals, or the latter two together ([`Action`]).
 
-use ema_models::{ActuatorParams, Conditions, REFERENCE_TEMPERATURE_DEG_C, Scale, Tolerances};
+use ema_models::{
+    ActuatorParams, Conditions, FRICTION_TEMPERATURE_SPAN_K, REFERENCE_TEMPERATURE_DEG_C, Scale, Tolerances,
+};
 
 /// Number of nuisances.
 pub(crate) const NUISANCE_COUNT: usize = 40;
@@ -65,9 +67,6 @@ struct Known<'a> {
 /// Standard deviation of a temperature that is not measured, K.
 const TEMPERATURE_SIGMA_K: f64 = 45.0;
 
-/// Difference of temperature that the tolerances of friction belong to, K.
-const TEMPERATURE_SPAN_K: f64 = 80.0;
-
 /// Standard deviation of each nuisance, 0 where it is known.
 pub(super) fn sigmas(
     tolerances: &Tolerances,
@@ -80,7 +79,7 @@ pub(super) fn sigmas(
     let known = Known {
         tolerances,
         params,
-        temperature: distance / TEMPERATURE_SPAN_K,
+        temperature: distance / FRICTION_TEMPERATURE_SPAN_K,
     };
     NUISANCES.map(|nuisance| (nuisance.sigma)(&known))
 }

@@ -13,6 +13,16 @@ pub(super) const CHECK_WHAT_HINDERS: &str = "Check sensors, wiring and supply, a
 /// What to do where the motor did not turn in the newest window.
 pub(super) const CHECK_FOR_A_JAM: &str = "Check for a jam before the next use.";
 
+/// The same where no window was assessed ever: the configuration may be wrong as well.
+pub(super) const CHECK_ALL: &str = "Check sensors, wiring, supply and configuration, and for a jam.";
+
+/// Whether these checks do not wait for maintenance.
+pub(super) fn is_before_next_use(checks: &str) -> bool {
+    [CHECK_WHAT_HINDERS, CHECK_FOR_A_JAM]
+        .iter()
+        .any(|urgent| checks.starts_with(urgent))
+}
+
 /// What to check, in sentences; empty if nothing is.
 pub(super) fn checks(history: &History, unassessed: Option<Unassessed>) -> String {
     let health = &history.newest.0;
@@ -38,6 +48,7 @@ pub(super) fn checks(history: &History, unassessed: Option<Unassessed>) -> Strin
         _ if is_jammed => format!("{CHECK_FOR_A_JAM} Check {}.", found.join("; ")),
         _ if !found.is_empty() => format!("Check {}, before any part.", found.join("; ")),
         Some(Unassessed { windows: 2.., .. }) if is_known => CHECK_WHAT_HINDERS.to_owned(),
+        Some(Unassessed { windows: 2.., .. }) => CHECK_ALL.to_owned(),
         _ => String::new(),
     }
 }

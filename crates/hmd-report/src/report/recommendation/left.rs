@@ -4,7 +4,7 @@ use ema_models::FaultId;
 use hmd_core::health::HealthState;
 use hmd_core::history::ReplacedPart;
 
-use super::super::history::{History, hours_of_all};
+use super::super::history::{History, Replacement, hours_of_all};
 
 /// States and forecast without the parts that were replaced.
 pub(super) struct Left {
@@ -25,10 +25,7 @@ pub(super) struct Left {
 impl Left {
     pub(super) fn of(history: &History) -> Self {
         let (health, rul) = &history.newest;
-        let is_replaced = |fault: FaultId| {
-            let mut parts = history.replaced_since.iter().map(|replacement| replacement.part);
-            parts.any(|part| clears(part, fault))
-        };
+        let is_replaced = |fault: FaultId| clears(&history.replaced_since, fault);
         let before = history.states();
         let states = FaultId::ALL.map(|fault| match is_replaced(fault) {
             true => HealthState::Unknown,
@@ -113,7 +110,8 @@ fn first_end(
     (first.map(|(fault, _)| fault), first.map(|(_, hours)| hours))
 }
 
-/// Whether nothing is known of this fault once the part, or the actuator (`None`), is another one.
-fn clears(part: Option<ReplacedPart>, fault: FaultId) -> bool {
-    part.is_none_or(|part| part.faults().contains(&fault))
+/// Whether nothing is known of this fault once these parts, or the actuator (`None`), are others.
+pub(in super::super) fn clears(replaced: &[Replacement], fault: FaultId) -> bool {
+    let is_of = |part: Option<ReplacedPart>| part.is_none_or(|part| part.faults().contains(&fault));
+    replaced.iter().any(|replacement| is_of(replacement.part))
 }

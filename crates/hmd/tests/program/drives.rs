@@ -323,7 +323,10 @@ fn what_is_wrong_with_a_drive_is_said() {
 fn each_of_two_drives_on_a_bus_is_heard() {
     for (preset, keys) in [
         ("cia402", "eds = \"drive.dcf\""),
-        ("damiao", "rated_current_a = 10\nposition_max_rad = 1\nfeedback_id = 0x11"),
+        (
+            "damiao",
+            "rated_current_a = 10\nposition_max_rad = 1\nfeedback_id = 0x11",
+        ),
     ] {
         let folder = Folder::new();
         folder.write("drive.dcf", include_str!("../../../../fixtures/drives/drive.dcf"));

@@ -33,6 +33,7 @@ const SIGMA_MAX_S: f64 = 6e-3;
 
 /// The time of the set point in a window; `None` where too few rows are without limits, or the set point does not change in them.
 #[must_use]
+#[inline(never)]
 pub fn setpoint_delay<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Option<SetpointDelay> {
     let [.., half_width_s] = HALF_WIDTHS_S;
     let rate = window.params().sensors.sample_rate;

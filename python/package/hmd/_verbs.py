@@ -56,7 +56,12 @@ def simulate(
         f"--windows={windows}",
         f"--noise={checked_number('noise_a', noise_a)!r}",
     ]
-    options += [f"--load={checked_number('load_nm', load_nm)!r}", f"--actuator={actuator}", f"--id={id}", f"--seed={checked_seed(seed)}"]
+    options += [
+        f"--load={checked_number('load_nm', load_nm)!r}",
+        f"--actuator={actuator}",
+        f"--id={id}",
+        f"--seed={checked_seed(seed)}",
+    ]
     if k is not None:
         options.append("--k=" + ",".join(repr(checked_number("k", value)) for value in k))
     options += [f"--fault={name}={checked_number(name, value)!r}" for name, value in (faults or {}).items()]

@@ -102,7 +102,7 @@ def test_arrays_that_make_no_sense_are_refused(worn: Path) -> None:
         ({"seq": np.zeros(n, dtype=np.int64)}, "seq: expected values that rise"),
         ({"load_torque_nm": samples["setpoint"]}, "load_torque_nm: expected a number, found ndarray"),
         ({"motor_counts": np.full(n, 2**64 - 1, dtype=np.uint64)}, "motor_counts: expected whole numbers below 2⁶³"),
-        ({"rate_hz": None}, "identify: expected other arguments"),
+        ({"rate_hz": None}, "rate_hz: expected a number, found NoneType"),
         ({"actuator": 0}, "identify: expected other arguments"),
         ({"threads": 0}, "threads: expected a whole number from 1 to 1024, found 0"),
         ({"seed": -1}, "seed: expected a whole number from 0"),

@@ -60,6 +60,8 @@ pub use kernel::Kernel;
 pub use measured::{MeasuredWindow, SinceCommissioning, WindingTemp};
 pub use residual::{HealthyResidual, RELATION_COUNT, Relation};
 pub use setpoint_delay::{SetpointDelay, setpoint_delay};
+#[cfg(feature = "std")]
+pub use shared::FRICTION_MIN_SHARE;
 pub use shared::SHARED_COUNT;
 pub use terms::{BalanceShape, TERM_COUNT, Term};
 pub use torque_balance::BalanceCoefficients;

@@ -166,6 +166,24 @@ mod tests {
     }
 
     #[test]
+    fn a_new_sensor_has_a_reference_of_its_own() {
+        let params = ActuatorParams::bench();
+        let mut health = SensorHealth::default();
+        let mut level = |health: &mut SensorHealth, n: usize, offset_a: f64| {
+            let readings = SensorReadings {
+                current_sum: Some((offset_a + 3e-3 * error(n), 3e-3)),
+                ..SensorReadings::default()
+            };
+            health.update(n as f64, Some(&readings), &params, &Tolerances::USUAL)[0].level
+        };
+        let before = (0..20).map(|n| level(&mut health, n, 0.0)).last();
+        health.forget(&[SensorQuantity::CurrentSum]);
+        let after: Vec<HealthState> = (20..50).map(|n| level(&mut health, n, 0.3)).collect();
+        assert_eq!((before, after[0]), (Some(HealthState::Nominal), HealthState::Unknown));
+        assert!(after.iter().all(|level| *level <= HealthState::Nominal), "{after:?}");
+    }
+
+    #[test]
     fn a_growing_offset_reaches_one_level_after_the_other() {
         // 2 mA in each window after the twentieth.
         let drift = |n: usize| 2e-3 * n.saturating_sub(20) as f64;

@@ -110,7 +110,7 @@ pub(super) fn coefficients(x: &Shared) -> [f64; TERM_COUNT] {
 
 /// Friction that any actuator may have, as a share of the peak torque at the highest speed.
 #[cfg(feature = "std")]
-const FRICTION_MIN_SHARE: f64 = 1e-3;
+pub const FRICTION_MIN_SHARE: f64 = 1e-3;
 
 /// What is known of a shared unknown before any window: value and standard deviation.
 #[cfg(feature = "std")]

@@ -1,8 +1,8 @@
 //! The relations of one unit, and what they say of windows that were left out.
 
 use ema_identify::relations::{
-    BalanceShape, CommissionError, CommissionedRelations, Element, MeasuredWindow, RelationsEstimate,
-    SinceCommissioning, Term, coarse_torque_error, commission, commission_as,
+    BalanceShape, CommissionError, CommissionedRelations, Element, FRICTION_MIN_SHARE, MeasuredWindow,
+    RelationsEstimate, SinceCommissioning, Term, coarse_torque_error, commission, commission_as,
 };
 use ema_identify::unit_calibration::{Seen, UnitParameter, UnitRelations, nominal_elements};
 use ema_identify::unit_estimate::{AlignedWindow, estimate_by_relations};
@@ -101,40 +101,39 @@ impl RelationsLearnt {
                 .tolerance(tolerances)
                 .hypot(UnitParameter::BackEmf.tolerance(tolerances))
         };
-        let far = |key, of_type: f64, found: f64, share: f64| FarParameter {
+        let far = |key, of_type: f64, found: f64, tolerance: f64| FarParameter {
             type_name: job.actuator.type_name.clone(),
             key,
             of_type,
             found,
-            tolerance: share * of_type,
+            tolerance,
         };
         let motor = &job.params.motor;
         // What bends the torque with current or speed (saturation, iron losses) is taken for damping.
-        let error = TORQUE_BEND * motor.torque_gain() * motor.i_max;
+        let peak = motor.torque_gain() * motor.i_max;
+        let error = TORQUE_BEND * peak;
         let bend = error.hypot(coarse_torque_error(&job.params)) / job.params.controller.omega_max;
-        let damping_bend = bend / motor.c.max(f64::MIN_POSITIVE);
         let of_balance = [
             (UnitParameter::Inertia, balance.of(Term::Inertia)),
             (UnitParameter::DryFriction, balance.of(Term::DryFriction)),
             (UnitParameter::Damping, balance.of(Term::Damping)),
         ]
         .map(|(parameter, found)| {
-            let bend = if parameter == UnitParameter::Damping {
-                damping_bend
-            } else {
-                0.0
+            let least = match parameter {
+                UnitParameter::Damping => bend,
+                // A data sheet may say none.
+                UnitParameter::DryFriction => FRICTION_MIN_SHARE * peak,
+                _ => 0.0,
             };
-            far(
-                parameter.key(),
-                parameter.value(&job.params),
-                found,
-                of_torque(parameter).hypot(bend),
-            )
+            let of_type = parameter.value(&job.params);
+            let tolerance = (of_torque(parameter) * of_type).hypot(least);
+            far(parameter.key(), of_type, found, tolerance)
         });
         let play = baseline[Element::Backlash as usize];
         // The scatter from window to window is no property of the unit.
         let sure = (play.mean - TOLERANCES_MAX * play.scatter).max(0.0);
-        let play = far(PLAY, job.params.transmission.backlash, sure, PLAY_TOLERANCE);
+        let of_type = job.params.transmission.backlash;
+        let play = far(PLAY, of_type, sure, PLAY_TOLERANCE * of_type);
         of_balance
             .into_iter()
             .chain([play])

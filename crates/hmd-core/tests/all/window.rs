@@ -640,6 +640,7 @@ fn counts_that_turn_out_wrong_are_filled_and_named_beside_what_was_known() {
     let places = [500, 700];
     for place in places {
         window.samples[place].motor_counts += 500;
+        window.samples[place].output_counts += 10;
     }
     window.refuse_counts(&[places[1], places[0], places[1]]);
     assert_eq!((window.filled.as_slice(), window.rejected), (places.as_slice(), 3));
@@ -648,6 +649,8 @@ fn counts_that_turn_out_wrong_are_filled_and_named_beside_what_was_known() {
     for place in places {
         let off = window.samples[place].motor_counts - good.samples[place].motor_counts;
         assert!(off.abs() < 40, "{off}");
+        let off = window.samples[place].output_counts - good.samples[place].output_counts;
+        assert!(off.abs() <= 1, "{off}");
     }
     // A handicap that was known stays, one of filled samples is counted on.
     let mut window = good.clone();

@@ -296,7 +296,11 @@ fn without_trend(shown: Option<Shown>, mode: &FaultMode, state: HealthState, rul
 
 #[cfg(test)]
 mod tests {
+    use super::super::history::Replacement;
     use super::*;
+    use hmd_core::catalogue::catalogue;
+    use hmd_core::health::Levels;
+    use hmd_core::history::ReplacedPart;
     use hmd_core::record::Health;
 
     fn advice(state: HealthState) -> Recommendation {
@@ -313,6 +317,23 @@ mod tests {
             has_checks: false,
             is_before_next_use: false,
         }
+    }
+
+    #[test]
+    fn the_row_of_a_replaced_part_says_so() {
+        let modes = catalogue(&[Levels::default(); FaultId::COUNT]).fault_modes;
+        let history = History {
+            replaced_since: vec![Replacement {
+                part: Some(ReplacedPart::Gearbox),
+                t_ns: 0,
+                note: String::new(),
+            }],
+            ..History::default()
+        };
+        let table = faults(&history, &modes, &Zone::utc());
+        // Friction and backlash are of the gear.
+        let rows = |cell: &str| table.matches(&format!(">{cell}<")).count();
+        assert_eq!((rows("replaced"), rows("not known")), (2, 5), "{table}");
     }
 
     #[test]

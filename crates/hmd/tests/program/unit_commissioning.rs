@@ -481,3 +481,24 @@ fn friction_at_other_temperatures_is_neither_denied_nor_accused() {
     let cold = folder.done("replay cold.log -c unit.toml --json");
     assert_eq!(cold.matches("\"faults\":[]").count(), 3, "{cold}");
 }
+
+#[test]
+fn windows_of_several_rates_are_refused_and_a_type_without_friction_is_not() {
+    let folder = Folder::new();
+    folder.write(
+        "own.toml",
+        "[[actuator]]\nid = 0\ntype = \"own\"\n[type.own]\nbased_on = \"bench\"\n[type.own.motor]\nviscous_damping_nm_s_per_rad = 0\n\
+         [type.own.transmission]\ndynamic_friction_nm = 0\nstatic_friction_nm = 0\n[type.own.drive]\nkind = \"vector\"\n",
+    );
+    let simulate = "simulate -c own.toml --actuator own --drive vector --noise 0.03 --windows 5";
+    folder.done(&format!("{simulate} --seed 3 -o fast.log"));
+    folder.done(&format!(
+        "{simulate} --seed 4 --rate 400 -o slow.log --start 2026-01-01T00:00Z"
+    ));
+    let ended = folder.hmd("calibrate fast.log slow.log -c own.toml -o unit.toml");
+    let sentence = "one sampling rate, found 2000.0 and 400.0";
+    assert!(ended.code == 1 && ended.stderr.contains(sentence), "{}", ended.stderr);
+    let ended = folder.hmd("calibrate fast.log -c own.toml -o unit.toml");
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+    assert!(ended.stderr.contains("by the relations"), "{}", ended.stderr);
+}

@@ -169,7 +169,7 @@ mod tests {
     fn a_new_sensor_has_a_reference_of_its_own() {
         let params = ActuatorParams::bench();
         let mut health = SensorHealth::default();
-        let mut level = |health: &mut SensorHealth, n: usize, offset_a: f64| {
+        let level = |health: &mut SensorHealth, n: usize, offset_a: f64| {
             let readings = SensorReadings {
                 current_sum: Some((offset_a + 3e-3 * error(n), 3e-3)),
                 ..SensorReadings::default()

@@ -31,6 +31,8 @@ pub(crate) struct Given {
     pub whole: u64,
     /// Times that an actuator began anew.
     pub resets: u64,
+    /// Times that the wall clock stepped.
+    pub steps: u64,
 }
 
 impl Given {

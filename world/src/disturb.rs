@@ -109,6 +109,9 @@ impl World {
             What::Kill => return Ok(Some(End::Died)),
             What::Step(ms) => {
                 host.clock.step(ms * 1_000_000);
+                if let Some(facts) = self.runs.last_mut() {
+                    facts.given.steps += 1;
+                }
                 self.buses.iter_mut().for_each(|bus| bus.last_stamp = 0);
             }
             What::ReloadGood => {

@@ -194,7 +194,8 @@ pub fn levenberg_marquardt<const D: usize>(
                     return at.ended(LmStop::Step);
                 }
                 let expected = model.decrease(&at.genes, &trial);
-                if config.expected_tolerance > 0.0 && expected < config.expected_tolerance * cost {
+                // A projection can make a step that is expected to gain nothing: that one is damped, not the end.
+                if config.expected_tolerance > 0.0 && (0.0..config.expected_tolerance * cost).contains(&expected) {
                     return at.ended(LmStop::Cost);
                 }
                 let trial_cost = ahead.next_cost().unwrap_or_else(|| residuals.cost(&trial));

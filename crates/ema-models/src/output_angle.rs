@@ -113,7 +113,7 @@ impl OutputAngleEstimator {
         let theta_out = self.follow_play(&reading);
         if reading.measured {
             theta_out
-                .max(reading.theta_out - self.half_lsb)
+                .max(reading.theta_out - 0.999 * self.half_lsb)
                 .min(reading.theta_out + 0.999 * self.half_lsb)
         } else {
             theta_out

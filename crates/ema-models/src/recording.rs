@@ -134,13 +134,15 @@ impl WindowFrame {
         let theta_e = self.origin.theta_e + self.pole_pairs * theta_m;
         let [i_d, i_q] = dq_from_abc(s.currents, theta_e.sin_cos_poly());
         let span = after.seq.saturating_sub(before.seq).max(1) as f64 / self.sample_rate;
+        // At either end the sample has one neighbour only.
+        let neighbours = f64::from(u8::from(before.seq < s.seq) + u8::from(s.seq < after.seq)).max(1.0);
         ComparedSample {
             i_d,
             i_q,
             theta_m,
             omega_m: (after.motor_counts - before.motor_counts) as f64 * self.motor_lsb / span,
             theta_out,
-            theta_m_change: 0.5 * (after.motor_counts - before.motor_counts) as f64 * self.motor_lsb,
+            theta_m_change: (after.motor_counts - before.motor_counts) as f64 * self.motor_lsb / neighbours,
             theta_out_estimate: 0.0,
             setpoint: match s.setpoint {
                 Setpoint::Position(angle) => {

@@ -32,7 +32,7 @@ impl MotorDeviation {
 
 /// Prior knowledge of a motor's deviation: mean and covariance, in the order of the fields of [`MotorDeviation`].
 ///
-/// It follows from tolerances, from healthy windows of the unit, and from the temperature. With a covariance of zero the
+/// It follows from tolerances, from healthy windows of the unit, and from the temperature. With variances of zero the
 /// deviation is known exactly.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotorKnowledge {
@@ -58,9 +58,21 @@ impl MotorKnowledge {
     }
 
     /// Inverse of the covariance; `None` where the deviation is known exactly.
+    ///
+    /// Where only one of the two is known exactly, or both move together (exact tolerances at an unknown temperature), the covariance has no
+    /// inverse: each variance is then larger by that of [`NEARLY_EXACT`].
     #[must_use]
     pub fn information(&self) -> Option<[[f64; 2]; 2]> {
         let [[a, b], [c, d]] = self.covariance;
+        if a <= 0.0 && d <= 0.0 {
+            return None;
+        }
+        let floor = if a * d - b * c > SINGULAR * a * d {
+            0.0
+        } else {
+            NEARLY_EXACT * NEARLY_EXACT
+        };
+        let (a, d) = (a + floor, d + floor);
         let determinant = a * d - b * c;
         (determinant > 0.0 && determinant.is_finite()).then(|| {
             let scale = 1.0 / determinant;
@@ -68,6 +80,12 @@ impl MotorKnowledge {
         })
     }
 }
+
+/// Standard deviation of what is known exactly beside something that is not, relative.
+const NEARLY_EXACT: f64 = 1e-4;
+
+/// Determinant of a covariance, relative to the product of its variances, below which it has no inverse worth the name.
+const SINGULAR: f64 = 1e-9;
 
 /// All unknowns of a window.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -204,6 +222,39 @@ const FULL_SHORT: f64 = 0.02;
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Sigmas of both as the information gives them back.
+    fn sigmas(covariance: [[f64; 2]; 2]) -> Option<[f64; 2]> {
+        let knowledge = MotorKnowledge {
+            mean: MotorDeviation::default(),
+            covariance,
+        };
+        let [[a, b], [c, d]] = knowledge.information()?;
+        let determinant = a * d - b * c;
+        Some([d, a].map(|minor| libm::sqrt(minor / determinant)))
+    }
+
+    #[test]
+    fn what_is_known_exactly_leaves_the_other_as_it_is() {
+        assert_eq!(sigmas([[0.0; 2]; 2]), None);
+        for (covariance, expected) in [
+            ([[0.01, 0.0], [0.0, 0.0]], [0.1, 1e-4]),
+            ([[0.0, 0.0], [0.0, 9e-4]], [1e-4, 0.03]),
+            ([[0.01, 0.001], [0.001, 9e-4]], [0.1, 0.03]),
+        ] {
+            let found = sigmas(covariance).expect("something is unknown");
+            let near = |(a, b): (f64, f64)| (a / b - 1.0).abs() < 1e-3;
+            assert!(found.into_iter().zip(expected).all(near), "{found:?}");
+        }
+    }
+
+    #[test]
+    fn exact_tolerances_do_not_make_the_temperature_known() {
+        let knowledge = MotorKnowledge::default().at_unknown_temperature(45.0);
+        let [resistance, back_emf] = sigmas(knowledge.covariance).expect("the temperature is unknown");
+        assert!((resistance - 45.0 * RESISTANCE_PER_KELVIN).abs() < 1e-4, "{resistance}");
+        assert!((back_emf - 45.0 * BACK_EMF_PER_KELVIN.abs()).abs() < 1e-4, "{back_emf}");
+    }
 
     #[test]
     fn unknowns_invert_coordinates() {

@@ -41,8 +41,17 @@ pub const CHECK_LANES: usize = RANK_LANES;
 /// A check of fault vectors against a specification: for each the first requirement that is not met.
 pub type RequirementCheck<'a> = dyn Fn(&[FaultVector; CHECK_LANES]) -> [Option<UnmetRequirement>; CHECK_LANES] + 'a;
 
-/// Duration of a simulated step, s; twice the response time if that is longer.
+/// Shortest duration of a simulated step, s.
 const WATCHED_S: f64 = 1.0;
+
+/// Duration of a simulated step, s: at least [`WATCHED_S`], twice the response time, and twice the time that the motion takes at the
+/// largest speed.
+fn watched_s(params: &ActuatorParams, specification: &Specification) -> f64 {
+    let motion_s = specification.motion_s(params);
+    WATCHED_S
+        .max(2.0 * specification.response_time_max_s)
+        .max(2.0 * motion_s)
+}
 
 /// Share of the step that the output must make against the stall load.
 const UNDER_WAY: f64 = 0.5;
@@ -62,7 +71,7 @@ pub fn unmet_requirements(
             calibration,
             step_rad: spec.step_rad,
             load_nm,
-            duration_s: WATCHED_S.max(2.0 * spec.response_time_max_s),
+            duration_s: watched_s(params, spec),
         };
         trial.responses(faults)
     };

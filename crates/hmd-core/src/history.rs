@@ -88,6 +88,16 @@ struct Last {
     operating_s: f64,
 }
 
+impl Last {
+    /// The same, but at this time at the earliest: what passed before belongs to another unit.
+    fn not_before(self, t_ns: u64) -> Self {
+        Self {
+            t_start_ns: self.t_start_ns.max(t_ns),
+            ..self
+        }
+    }
+}
+
 /// Assessment of a unit after a window.
 #[derive(Clone, Debug)]
 pub struct UnitAssessment {

@@ -52,7 +52,7 @@ impl Actuations {
     fn setpoint(&self, t: f64, sign: f64, rest_angle: f64) -> Setpoint {
         let cycle = self.period();
         let since_first = t - self.rest;
-        let done = libm::floor(since_first / cycle).clamp(0.0, f64::from(self.count) - 1.0);
+        let done = libm::floor(since_first / cycle).clamp(0.0, (f64::from(self.count) - 1.0).max(0.0));
         let tau = since_first - done * cycle;
         let direction = if done % 2.0 == 0.0 { sign } else { -sign };
         // Between two actuations in speed mode, the commanded speed is zero. A step is held: it rests, so that its end would be

@@ -7,11 +7,12 @@ use std::path::{Path, PathBuf};
 use ema_ga::ConfigError as SearchError;
 use ema_identify::calibration::{CalibrationError, MonitorForm, TypeCalibration};
 use ema_identify::unit_calibration::{UnitCalibration, UnitError};
-use ema_models::{ActuatorParams, MotorKnowledge};
+use ema_models::{ActuatorParams, FaultVector, MotorKnowledge};
 use sha2::{Digest, Sha256};
 
 use super::motor_within;
 use crate::config::{ActuatorConfig, ActuatorType, Config};
+use crate::functional_check::{CHECK_LANES, unmet_requirements};
 use crate::health::LevelsError;
 use crate::metadata_checksum::hex;
 
@@ -55,6 +56,19 @@ pub enum AssessError {
     /// A unit's calibration names an estimator that it does not hold.
     #[error("{0}: expected the estimator that its calibration names, found none")]
     NoEstimator(String),
+    /// A type's specification is one that not even a healthy actuator of the type meets.
+    #[error(
+        "type.{type_name}.specification: expected requirements that a healthy actuator meets, found that its simulated step of {step_rad} rad \
+         misses {requirement}"
+    )]
+    Specification {
+        /// The type.
+        type_name: String,
+        /// Height of the step, rad at the output.
+        step_rad: f64,
+        /// The requirement that is missed first.
+        requirement: &'static str,
+    },
     /// No calibration was loaded for a type.
     #[error("type {0}: expected a loaded calibration, found none")]
     NoModel(String),
@@ -187,6 +201,7 @@ impl Models {
             if !models.types.contains_key(&actuator.type_name) {
                 let path = actuator.type_calibration.as_deref().map(|path| config.resolve(path));
                 let found = TypeModel::load(&actuator.type_name, &actuator.params, form, path.as_deref(), read)?;
+                check_specification(actuator, &found)?;
                 models.types.insert(actuator.type_name.clone(), found);
             }
         }
@@ -231,6 +246,25 @@ impl Models {
     pub fn motor(&self, actuator: &ActuatorConfig) -> MotorKnowledge {
         let monitor = self.unit(actuator).and_then(|unit| unit.monitor);
         monitor.map_or_else(|| motor_within(&actuator.tolerances), |monitor| monitor.motor())
+    }
+}
+
+/// Refuses requirements that a healthy actuator of the type misses: the functional end of its life would be now.
+fn check_specification(actuator: &ActuatorConfig, model: &TypeModel) -> Result<(), AssessError> {
+    let specification = &actuator.specification;
+    if !specification.is_set() {
+        return Ok(());
+    }
+    let coefficients = model.calibration.coefficients();
+    let healthy = [FaultVector::NOMINAL; CHECK_LANES];
+    let [missed, ..] = unmet_requirements(&actuator.params, &coefficients, specification, &healthy);
+    match missed {
+        Some(missed) => Err(AssessError::Specification {
+            type_name: actuator.type_name.clone(),
+            step_rad: specification.step_rad,
+            requirement: missed.name(),
+        }),
+        None => Ok(()),
     }
 }
 

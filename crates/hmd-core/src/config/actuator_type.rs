@@ -131,7 +131,7 @@ pub(super) fn read_all(root: &Section<'_>) -> Result<BTreeMap<String, ActuatorTy
         let (params, tolerances) = params::read(&section, base, known_within)?;
         let drive = drive::read(&section, DriveParams::of_built_in(base_name))?;
         let calibration = section.text("calibration")?.map(PathBuf::from);
-        let specification = Specification::read(&section.section("specification", Specification::KEYS)?)?;
+        let specification = Specification::read(&section.section("specification", Specification::KEYS)?, &params)?;
         let mut places = BTreeMap::new();
         for group in GROUPS.into_iter().chain(["drive"]) {
             // Its keys were checked above.

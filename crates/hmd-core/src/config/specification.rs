@@ -1,5 +1,6 @@
 //! Section `[type.NAME.specification]`: what an actuator must still do when it is worn.
 
+use ema_models::ActuatorParams;
 use serde::Serialize;
 
 use super::ConfigError;
@@ -21,6 +22,9 @@ pub struct Specification {
     /// Load against which the output must still get half way, Nm.
     pub stall_load_nm: f64,
 }
+
+/// Longest time that the step may take at the largest speed, s: the functional check simulates twice that.
+const MOTION_MAX_S: f64 = 10.0;
 
 impl Default for Specification {
     fn default() -> Self {
@@ -45,16 +49,30 @@ impl Specification {
         "stall_load_nm",
     ];
 
-    pub(super) fn read(section: &Section<'_>) -> Result<Self, ConfigError> {
+    pub(super) fn read(section: &Section<'_>, params: &ActuatorParams) -> Result<Self, ConfigError> {
         let default = Self::default();
-        Ok(Self {
+        let found = Self {
             step_rad: section.number("step_rad", default.step_rad, 1e-4..=10.0)?,
             load_nm: section.number("load_nm", default.load_nm, 0.0..=1e5)?,
             slew_rate_min_rad_s: section.number("slew_rate_min_rad_s", default.slew_rate_min_rad_s, 0.0..=1e3)?,
             response_time_max_s: section.number("response_time_max_s", default.response_time_max_s, 0.0..=10.0)?,
             steady_error_max_rad: section.number("steady_error_max_rad", default.steady_error_max_rad, 0.0..=10.0)?,
             stall_load_nm: section.number("stall_load_nm", default.stall_load_nm, 0.0..=1e5)?,
-        })
+        };
+        if found.is_set() && found.motion_s(params) > MOTION_MAX_S {
+            let step_max_rad = found.step_rad * MOTION_MAX_S / found.motion_s(params);
+            return Err(section.refuse(
+                "step_rad",
+                &format!("at most {step_max_rad:.3} rad, {MOTION_MAX_S} s of motion at speed_max_rad_s"),
+            ));
+        }
+        Ok(found)
+    }
+
+    /// Time that the step takes at the largest speed, s.
+    #[must_use]
+    pub fn motion_s(&self, params: &ActuatorParams) -> f64 {
+        self.step_rad * params.transmission.gear_ratio / params.controller.omega_max
     }
 
     /// Whether anything is required.

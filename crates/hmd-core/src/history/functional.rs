@@ -112,8 +112,8 @@ pub(super) struct LastCheck {
 
 impl LastCheck {
     fn is_due(&self, fault: &[f64; FAULT_COUNT], has_trend: bool) -> bool {
-        let moved = |(now, then): (&f64, &f64)| (now - then).abs() > MOVED;
-        self.windows >= TRIED_EVERY || self.had_trend != has_trend || fault.iter().zip(&self.fault).any(moved)
+        let moved = largest_change(fault, &self.fault) > MOVED;
+        self.windows >= TRIED_EVERY || self.had_trend != has_trend || moved
     }
 
     /// Hours to the functional end, of those to the end by damage: the same share of the time since the check.
@@ -121,6 +121,19 @@ impl LastCheck {
         let since = now_h - self.at_h;
         (share * (since + by_damage_h) - since).clamp(0.0, by_damage_h)
     }
+}
+
+/// Largest change of a fault parameter. The eccentricity changes as the vector that it is: without one its direction means nothing.
+fn largest_change(now: &[f64; FAULT_COUNT], then: &[f64; FAULT_COUNT]) -> f64 {
+    let [now, then] = [now, then].map(|fault| {
+        let of = FaultVector::from_array(*fault);
+        let (sin, cos) = of.eccentricity_angle().sin_cos();
+        let mut by_vector = *fault;
+        [by_vector[5], by_vector[6]] = [of.eccentricity * cos, of.eccentricity * sin];
+        by_vector
+    });
+    let changes = now.iter().zip(then).map(|(now, then)| (now - then).abs());
+    changes.fold(0.0, f64::max)
 }
 
 /// Brings the end of the actuator's life forward to its functional end, if that is earlier.

@@ -116,6 +116,7 @@ impl HistoryStore {
                 begun_ns: newest.t_ns,
                 events_followed: Some(count),
                 parts_followed: of_parts,
+                last: history.last.map(|last| last.not_before(newest.t_ns)),
                 ..UnitHistory::new(config, serial_number.clone())?
             };
             history.note_replaced("unit");

@@ -181,6 +181,40 @@ fn a_maintenance_event_resets_the_history_once() {
     assert_eq!(histories.take_notices().len(), 1);
 }
 
+/// The unit that was replaced has had the operating hours before.
+#[test]
+fn a_new_unit_has_the_operating_hours_since_the_window_before_the_event() {
+    let config = config("");
+    let mut histories = HistoryStore::new(config.clone());
+    let mut used = |number: u64| {
+        let job = job(&config, number, number as f64, 3600.0 * (500 + number) as f64);
+        let history = histories
+            .history_at(&job.actuator, job.window.t_start_ns)
+            .expect("levels");
+        let used = history.update(&job, &evidence(None, &Fit::default()), &config).used;
+        histories.set_events(Events {
+            list: vec![Event {
+                t_ns: self::job(&config, 0, 2.5, 0.0).window.t_start_ns,
+                actuator: "ema0".to_owned(),
+                event: EventKind::Reset,
+                part: None,
+                note: None,
+            }],
+            unfinished: vec![],
+            unreadable: vec![],
+        });
+        (used.hours, used.cycles)
+    };
+    let found: Vec<_> = (0..5).map(&mut used).collect();
+    let expected = [(500.0, 1.0), (501.0, 2.0), (502.0, 3.0), (1.0, 1.0), (2.0, 2.0)];
+    for ((hours, cycles), (of_hours, of_cycles)) in found.iter().zip(expected) {
+        assert!(
+            (hours - of_hours).abs() < 1e-9 && (cycles - of_cycles).abs() < 1e-9,
+            "{found:?}"
+        );
+    }
+}
+
 #[test]
 fn a_replaced_part_begins_its_faults_anew_once_and_the_rest_goes_on() {
     let config = config("hours = \"elapsed\"");

@@ -92,7 +92,7 @@ impl<'a> Remaining<'a> {
                     * match law.clock {
                         Clock::Hours => reached(law, hours),
                         Clock::Work => {
-                            let spread = self.rate.log_sigma * (hours / self.observed_h).min(1.0).sqrt();
+                            let spread = self.rate.log_sigma * (hours / self.rate.observed_h).min(1.0).sqrt();
                             let work = hours * self.rate.work_j_per_hour;
                             USE_NODES
                                 .iter()
@@ -195,6 +195,7 @@ mod tests {
             work_j_per_hour,
             step_hours,
             log_sigma,
+            observed_h: 300.0,
         }
     }
 
@@ -260,16 +261,19 @@ mod tests {
 
     /// With a law that is known well, the nodes of the use to come reach the end of life one after the other.
     #[test]
-    fn the_use_to_come_spreads_by_its_own_sigma_as_far_as_it_was_watched() {
+    fn the_use_to_come_spreads_by_its_own_sigma_as_far_as_the_use_was_watched() {
         let law = Law {
             slope: 1e-6,
             ..Law::new(Clock::Work, 0.0, 0.3, 1e-12, 1e-13)
         };
-        let rate = rate(2e3, 1e-9, 0.3);
-        // Work of 5e5 J is left: 250 h of the use so far.
+        // Work of 5e5 J is left: 250 h of the use so far. The trend was watched for another time than the use.
         for observed_h in [100.0, 1000.0] {
+            let rate = UseRate {
+                observed_h,
+                ..rate(2e3, 1e-9, 0.3)
+            };
             let sigma_at = |hours: f64| 0.3 * (hours / observed_h).min(1.0).sqrt();
-            let remaining = Remaining::from_laws(vec![(&law, 1.0)], 0.8, observed_h, 0.0, rate);
+            let remaining = Remaining::from_laws(vec![(&law, 1.0)], 0.8, 40.0, 0.0, rate);
             for (node, before, after) in [(3.0_f64.sqrt(), 0.0, 1.0 / 6.0), (0.0, 1.0 / 6.0, 5.0 / 6.0)] {
                 let mut hours: f64 = 250.0;
                 for _ in 0..100 {

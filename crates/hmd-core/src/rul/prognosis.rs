@@ -263,7 +263,8 @@ impl Prognosis {
             p50,
             p90: or_reach(0.9),
         };
-        Ok(self.remaining_life_of(hours, within(horizon_h)))
+        // Beyond what is predicted there is no probability either.
+        Ok(self.remaining_life_of(hours, within(horizon_h.min(hours_max))))
     }
 }
 

@@ -74,7 +74,8 @@ pub struct Trend {
     pub(super) estimates: u64,
     /// Estimates in a row that fit no law.
     misfits: u32,
-    /// The last of them that are at the end of life; older files had none.
+    /// Estimates in a row that are at the end of life and that no law explains: those of the start among them, and those before a
+    /// jump. Older files had none.
     #[serde(default)]
     misfits_at_end: u32,
     /// Variance of the estimates over the stated one, at least 1.
@@ -120,7 +121,7 @@ impl Trend {
             && self.laws.iter().all(variances)
             && self.start.len() < START
             && self.slowest.is_none_or(|number| number.unsigned_abs() <= NUMBER_MAX)
-            && self.misfits_at_end <= self.misfits
+            && self.misfits_at_end <= JUMP_AFTER + START as u32
             && self.misfits < JUMP_AFTER
             && self.estimates <= ESTIMATES_MAX
     }
@@ -143,6 +144,7 @@ impl Trend {
             return;
         }
         self.start.push(estimate);
+        self.count_at_end(true, damage);
         if self.start.len() == START {
             let start = std::mem::take(&mut self.start);
             self.begin(&start);
@@ -159,6 +161,7 @@ impl Trend {
         let begun = &start[usize::from(outlier)..];
         self.first = begun[0];
         self.laws_at = begun[0].at;
+        self.misfits_at_end = 0;
         for clock in [Clock::Hours, Clock::Work] {
             // Between the first two estimates the damage moves by no more than about 1.
             let passed = begun[1].at.since(&begun[0].at).by_clock(clock);
@@ -198,19 +201,24 @@ impl Trend {
         self.scatter = self.scatter.max(1.0);
         let is_misfit = inlier < 0.5 * weight;
         self.misfits = if is_misfit { self.misfits + 1 } else { 0 };
-        let is_at_end = is_misfit && estimate.damage >= self.end_of_life;
-        self.misfits_at_end = if is_at_end { self.misfits_at_end + 1 } else { 0 };
+        self.count_at_end(is_misfit, estimate.damage);
         if self.misfits >= JUMP_AFTER {
             let (end_of_life, scatter, jumps) = (self.end_of_life, self.scatter, self.jumps.saturating_add(1));
             *self = Self {
                 scatter,
                 jumps,
+                misfits_at_end: self.misfits_at_end,
                 start: vec![*estimate],
                 last: estimate.at,
                 estimates: 1,
                 ..Self::new(end_of_life)
             };
         }
+    }
+
+    fn count_at_end(&mut self, is_unexplained: bool, damage: f64) {
+        let is_at_end = is_unexplained && damage >= self.end_of_life;
+        self.misfits_at_end = if is_at_end { self.misfits_at_end + 1 } else { 0 };
     }
 
     /// An exponential whose curvature cannot have shown yet is the straight line; it starts as that line's copy.
@@ -251,7 +259,7 @@ impl Trend {
 
     /// Whether the damage has reached the end of life by more than one estimate: a single one may be an outlier.
     pub(super) fn is_at_its_end(&self) -> bool {
-        let is_trend = self.estimates >= u64::from(ESTIMATES_AT_END) && self.damage() >= self.end_of_life;
+        let is_trend = !self.laws.is_empty() && self.damage() >= self.end_of_life;
         is_trend || self.misfits_at_end >= ESTIMATES_AT_END
     }
 
@@ -303,6 +311,31 @@ impl Trend {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_end_takes_two_estimates_in_a_row_from_the_first_on_and_stays_through_a_jump() {
+        let ended = |damages: &[f64]| -> Vec<bool> {
+            let mut trend = Trend::new(0.8);
+            let ended = |(n, damage): (usize, &f64)| {
+                let at = Odometer {
+                    hours: n as f64,
+                    cycles: n as f64,
+                    work_j: n as f64,
+                };
+                trend.update(at, *damage, 0.005);
+                assert!(trend.is_possible(), "{trend:?}");
+                trend.is_at_its_end()
+            };
+            damages.iter().enumerate().map(ended).collect()
+        };
+        assert_eq!(ended(&[0.0, 0.85, 0.0, 0.0]), [false; 4]);
+        assert_eq!(ended(&[0.85, 0.86, 0.85, 0.86]), [false, true, true, true]);
+        let mut jumps = vec![0.1; 12];
+        jumps.extend([0.85; 12]);
+        let found = ended(&jumps);
+        assert_eq!(found.iter().position(|ended| *ended), Some(13), "{found:?}");
+        assert!(found[13..].iter().all(|ended| *ended), "{found:?}");
+    }
 
     /// The cost of an update is that of its laws.
     #[test]

@@ -74,8 +74,10 @@ pub struct UseRate {
     pub work_j_per_hour: f64,
     /// Length of the step between two windows, as seen from any hour: `Σ h² / Σ h`.
     pub step_hours: f64,
-    /// Standard deviation of the logarithm of the mean work rate, over a time to come that is as long as the past.
+    /// Standard deviation of the logarithm of the mean work rate, over a time to come that is as long as `observed_h`.
     pub log_sigma: f64,
+    /// Hours over which the use was watched, h.
+    pub observed_h: f64,
 }
 
 impl Usage {
@@ -122,6 +124,7 @@ impl Usage {
             work_j_per_hour: recent.work_j / recent.hours,
             step_hours: self.squared_steps / all.hours,
             log_sigma: self.log_sigma(),
+            observed_h: all.hours,
         })
     }
 

@@ -316,7 +316,14 @@ fn row(kind: &Kind, outcomes: &[[Outcome; 2]]) -> ProfileRow {
             .iter()
             .flat_map(move |pair| pair[which].covered.iter().flatten().copied())
     };
-    let rss = || outcomes.iter().map(|[faulty, _]| faulty.rss_pct);
+    // A window that shows nothing has no error; it counts in `observable`.
+    let shows = |outcome: &Outcome| outcome.observable.iter().any(|seen| *seen);
+    let rss = || {
+        outcomes
+            .iter()
+            .filter(|[faulty, _]| shows(faulty))
+            .map(|[faulty, _]| faulty.rss_pct)
+    };
     ProfileRow {
         name: kind.name,
         noise: kind.noise,

@@ -164,7 +164,8 @@ impl SensorsOptions {
                     plan.extend((0..SERIES).map(|window| Planned {
                         mistake,
                         actuator,
-                        fault: is_worn.then(|| single_fault(number + place + n, unit)),
+                        // With each four mistakes one part further, so that each part meets each combination.
+                        fault: is_worn.then(|| single_fault(number + number / COMBINATIONS + place + n, unit)),
                         circumstances: Circumstances::of(combination, window),
                         unit,
                         seed: mix(unit, &[window]),

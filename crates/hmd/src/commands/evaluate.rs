@@ -32,7 +32,7 @@ pub struct Args {
     suite: Suite,
     /// Number of random fault vectors, of motors (`detection`), of histories per fault (`rul`) or of pairs of windows for
     /// each row (`profiles`, `conditions`); 200 without it, 100 motors, 20 pairs. In `robust` the healthy windows of each unit, 12
-    /// without it, beside twice as many faulty ones; in `sensors` those of each mistake, 16 without it, beside as many of worn
+    /// without it, beside twice as many faulty ones; in `sensors` the healthy units of each mistake, 4 without it, beside as many of worn
     /// actuators. The suite `paper` has a fixed content.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     n: Option<u64>,

@@ -93,6 +93,7 @@ impl<'a> Oracle<'a> {
             work_j_per_hour: 0.0,
             step_hours: self.squared_steps / elapsed,
             log_sigma: 0.0,
+            observed_h: elapsed,
         };
         let passed = seen.at.hours - self.last.hours;
         Forecast::Laws(Box::new(Remaining::from_laws(laws, END_OF_LIFE, elapsed, passed, rate)))

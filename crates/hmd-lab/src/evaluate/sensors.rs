@@ -477,6 +477,24 @@ mod tests {
     }
 
     #[test]
+    fn every_part_is_worn_at_every_rate_with_every_drive() {
+        let options = SensorsOptions {
+            entries: Vec::new(),
+            ..tiny()
+        };
+        let plan = options.plan().unwrap();
+        let worn = plan.iter().filter_map(|planned| {
+            let (_, vector) = planned.fault?;
+            let worse_gain = vector.gain < FaultVector::NOMINAL.gain;
+            let circumstances = &planned.circumstances;
+            Some((planned.worn()?.name(), worse_gain, circumstances.rate_hz, circumstances.drive))
+        });
+        let met: std::collections::BTreeSet<_> = worn.collect();
+        // Seven parts, the gain in two directions.
+        assert_eq!(met.len() as u64, 8 * COMBINATIONS, "{met:?}");
+    }
+
+    #[test]
     fn every_combination_of_profile_rate_and_drive_is_met() {
         let mut all: Vec<String> = (0..COMBINATIONS)
             .flat_map(|unit| (0..SERIES).map(move |window| format!("{:?}", Circumstances::of(unit, window))))

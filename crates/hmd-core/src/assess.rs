@@ -12,7 +12,6 @@ mod friction_sigma;
 mod models;
 mod records;
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use ema_ga::{CmaConfig, DeConfig, GaConfig, StopRule};
@@ -53,8 +52,6 @@ pub struct Assessor {
     estimator: Arc<dyn Estimator>,
     histories: HistoryStore,
     counts: WindowCounts,
-    /// By actuator, as many as are configured.
-    in_a_row: BTreeMap<String, WindowsInARow>,
 }
 
 /// Windows by status.
@@ -106,7 +103,6 @@ impl Assessor {
             models,
             estimator: Arc::new(Identification),
             counts: WindowCounts::default(),
-            in_a_row: BTreeMap::new(),
         }
     }
 
@@ -249,17 +245,18 @@ impl Assessor {
         }
         let reason = reasons.join("; ");
         let health = health_record(&job, status, &reason, found.as_ref(), shown, &decision, &suspects);
-        let in_a_row = self.in_a_row.entry(health.actuator.clone()).or_default();
-        let news = in_a_row.update(&health);
+        let rul = rul_record(&job, found.as_ref(), &decision, config.rul());
+        let news = history.note_published(&health, &rul);
+        let in_a_row = history.in_a_row().clone();
         Ok(AssessedWindow {
             window: window_record(&job, status, &reason, fit),
             health,
             sensors: sensors_record(&job, &sensors),
-            rul: rul_record(&job, found.as_ref(), &decision, config.rul()),
+            rul,
             suspects,
             damage_evidence: damage,
             shortened: is_short.then(|| shortened_record(&job, limit, found.as_ref())),
-            in_a_row: in_a_row.clone(),
+            in_a_row,
             news,
         })
     }

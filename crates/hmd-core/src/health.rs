@@ -271,6 +271,12 @@ impl Health {
         self.last.0
     }
 
+    /// State of every fault after the last window, in the order of [`FaultId::ALL`].
+    #[must_use]
+    pub(crate) fn states(&self) -> [HealthState; FaultId::COUNT] {
+        self.last.1
+    }
+
     /// Names the faults that no window can show: the state is nominal without them.
     pub(crate) fn hide(&mut self, faults: impl IntoIterator<Item = FaultId>) {
         self.hidden = [false; FaultId::COUNT];

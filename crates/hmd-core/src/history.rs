@@ -15,10 +15,13 @@ use serde::{Deserialize, Serialize};
 use crate::config::{Config, HoursOf};
 use crate::functional_check::RequirementCheck;
 use crate::health::{DamageEvidence, Health, HealthDecision, HealthState, LevelsError};
+use crate::last_window::LastWindow;
 use crate::outbox::WindowJob;
+use crate::record;
 use crate::rul::{Forecast, Odometer, Prognosis};
 use crate::sensor_checks::SensorReadings;
 use crate::sensor_health::{SENSOR_QUANTITY_COUNT, SensorHealth, SensorState};
+use crate::windows_in_a_row::{News, WindowsInARow};
 use ema_identify::Fit;
 use urgency::Urgency;
 
@@ -58,6 +61,22 @@ pub struct UnitHistory {
     /// Health of the sensors; older files had none.
     #[serde(default)]
     sensors: SensorHealth,
+    /// What was published after the last window; older files had none.
+    #[serde(default)]
+    published: LastWindow,
+}
+
+/// What holds of an actuator by the history of an earlier run until its next window.
+#[derive(Clone, Debug)]
+pub struct ResumedState {
+    /// State after the last window.
+    pub health: HealthState,
+    /// Level of its sensors.
+    pub sensors: HealthState,
+    /// Windows in a row that ask for a worse state by damage.
+    pub pending: u32,
+    /// What the last window showed.
+    pub last_window: LastWindow,
 }
 
 /// What the identification of a window gave.
@@ -127,6 +146,7 @@ impl UnitHistory {
             fault: None,
             last_check: None,
             sensors: SensorHealth::default(),
+            published: LastWindow::default(),
         })
     }
 
@@ -241,6 +261,35 @@ impl UnitHistory {
     ) -> [SensorState; SENSOR_QUANTITY_COUNT] {
         let tolerances = &job.actuator.tolerances;
         self.sensors.update(self.used.hours, readings, &job.params, tolerances)
+    }
+
+    /// Takes the records of a window as they are published; what became news by it.
+    pub(crate) fn note_published(&mut self, health: &record::Health, rul: &record::Rul) -> Vec<News> {
+        let mut in_a_row = std::mem::take(&mut self.published.in_a_row);
+        let news = in_a_row.update(health);
+        self.published = LastWindow::new(health, rul, &in_a_row);
+        news
+    }
+
+    /// What the newest windows have in common.
+    pub(crate) fn in_a_row(&self) -> &WindowsInARow {
+        &self.published.in_a_row
+    }
+
+    /// What holds until the next window.
+    pub(crate) fn resumed_state(&self) -> ResumedState {
+        let mut last_window = self.published.clone();
+        if last_window.states.is_none() {
+            // A file of before has the states alone.
+            last_window.states = Some(self.health.states());
+            last_window.t_start_ns = self.last.map_or(0, |last| last.t_start_ns);
+        }
+        ResumedState {
+            health: self.state(),
+            sensors: self.sensors.level(),
+            pending: self.pending(),
+            last_window,
+        }
     }
 
     /// State after the last window: the worse of those by damage and by remaining life.

@@ -77,6 +77,12 @@ impl SensorHealth {
         }
     }
 
+    /// Worst level of all quantities after the last window.
+    #[must_use]
+    pub fn level(&self) -> HealthState {
+        self.tracked.iter().map(Tracked::level).max().unwrap_or_default()
+    }
+
     /// Takes what a window shows at so many operating hours; `None` of a window that is no evidence.
     pub fn update(
         &mut self,
@@ -113,11 +119,16 @@ impl Tracked {
             value,
             drift,
             trend_per_h: self.trend.slope(),
-            level: if self.reference.is_complete() {
-                self.level.state()
-            } else {
-                HealthState::Unknown
-            },
+            level: self.level(),
+        }
+    }
+
+    /// Level of the drift; unknown while there is no reference.
+    fn level(&self) -> HealthState {
+        if self.reference.is_complete() {
+            self.level.state()
+        } else {
+            HealthState::Unknown
         }
     }
 }

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
-use super::UnitHistory;
 use super::maintenance::{Event, EventKind, Events, ReplacedPart};
+use super::{ResumedState, UnitHistory};
 use crate::config::{ActuatorConfig, Config};
-use crate::health::{HealthState, LevelsError};
+use crate::health::LevelsError;
 
 /// The unit histories of a run. At most one for each of 16 actuators on each of 64 interfaces.
 #[derive(Debug)]
@@ -39,11 +39,11 @@ impl HistoryStore {
         self.restored.insert(actuator.to_owned(), history);
     }
 
-    /// State of each actuator whose history of an earlier run will continue; not of those that got another unit since.
-    pub fn restored_states(&self) -> impl Iterator<Item = (&str, HealthState)> {
+    /// What holds of each actuator whose history of an earlier run will continue; not of those that got another unit since.
+    pub fn restored_states(&self) -> impl Iterator<Item = (&str, ResumedState)> {
         self.restored.iter().filter_map(|(name, history)| {
             let actuator = self.config.actuator_named(name)?;
-            (history.serial_number == actuator.serial_number).then(|| (name.as_str(), history.state()))
+            (history.serial_number == actuator.serial_number).then(|| (name.as_str(), history.resumed_state()))
         })
     }
 

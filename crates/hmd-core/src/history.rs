@@ -172,19 +172,22 @@ impl UnitHistory {
         if self.serial_number != new.serial_number {
             return Ok(new);
         }
-        Ok(Self {
+        let mut resumed = Self {
             health: self.health.with_rules_of(&new.health),
-            // The specification may be another one.
-            last_check: None,
             prognosis: self.prognosis.with_end_of_life(new.prognosis.end_of_life()),
-            // Frames are counted from the start of the daemon; elapsed hours continue.
-            last: self.last.map(|last| Last {
-                operating_s: 0.0,
-                window: 0,
-                ..last
-            }),
             ..self
-        })
+        };
+        resumed.begin_run();
+        Ok(resumed)
+    }
+
+    /// The windows that come are of another run, which counts them and its time of operation from 0; elapsed hours continue.
+    fn begin_run(&mut self) {
+        // The specification may be another one.
+        self.last_check = None;
+        if let Some(last) = &mut self.last {
+            (last.operating_s, last.window) = (0.0, 0);
+        }
     }
 
     /// Forgets the wear of what a new part changes, and the references of the sensors in it; use and all other damage go on.

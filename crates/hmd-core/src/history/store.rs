@@ -47,6 +47,11 @@ impl HistoryStore {
         })
     }
 
+    /// The windows that come are of another run: all histories go on as those that a run reads.
+    pub fn begin_run(&mut self) {
+        self.histories.values_mut().for_each(UnitHistory::begin_run);
+    }
+
     /// The history of an actuator, if it has one.
     #[must_use]
     pub fn get(&self, actuator: &str) -> Option<&UnitHistory> {

@@ -28,7 +28,7 @@ use crate::sensor_checks::{Suspect, sensor_readings};
 use crate::window::WindowQuality;
 use crate::windows_in_a_row::{News, WindowsInARow};
 use ema_identify::effort::Effort;
-use ema_identify::unit_calibration::UnitCalibration;
+use ema_identify::unit_calibration::{CommissionedSensors, RATE_MARGIN, UnitCalibration};
 use ema_identify::{Estimate, Fit, Identifier, Method, Population, Prepared};
 use explained::Explained;
 use records::{health_record, rul_record, sensors_record, shortened_record, window_record};
@@ -236,7 +236,9 @@ impl Assessor {
         let history = self.histories.history_at(&job.actuator, job.window.t_start_ns)?;
         let mut decision = history.update(&job, &evidence, &config);
         // An invalid window is no evidence of a sensor either.
-        let sensors = history.update_sensors(&job, (status != WindowStatus::Invalid).then_some(&readings));
+        let readings = (status != WindowStatus::Invalid).then_some(&readings);
+        let commissioned = self.models.unit(&job.actuator).and_then(|unit| sensors_of(unit, &job));
+        let sensors = history.update_sensors(&job, readings, commissioned);
         if learning.is_some() {
             decision.state = HealthState::Unknown;
             decision.health.state = HealthState::Unknown;
@@ -344,6 +346,15 @@ pub fn method(section: &IdentificationConfig) -> Method {
         SearchObjective::Residual => Method::Population(population),
         SearchObjective::Eq14 => Method::Eq14(population),
     }
+}
+
+/// What commissioning has shown of the sensors, where it was at the sample rate of the window: the errors of its models go with the rate.
+fn sensors_of<'a>(unit: &'a UnitCalibration, job: &WindowJob) -> Option<&'a CommissionedSensors> {
+    let rate_hz = job.params.sensors.sample_rate;
+    let is_same = |of: f64| (rate_hz / of - 1.0).abs() <= RATE_MARGIN;
+    unit.sensors
+        .as_ref()
+        .filter(|_| unit.seen.sample_rate_hz.is_some_and(is_same))
 }
 
 /// Damage of the faults in the window; one of which it shows nothing has no finite sigma and keeps its state.

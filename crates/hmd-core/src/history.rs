@@ -23,6 +23,7 @@ use crate::sensor_checks::SensorReadings;
 use crate::sensor_health::{SENSOR_QUANTITY_COUNT, SensorHealth, SensorState};
 use crate::windows_in_a_row::{News, WindowsInARow};
 use ema_identify::Fit;
+use ema_identify::unit_calibration::CommissionedSensors;
 use urgency::Urgency;
 
 pub use functional::LimitingCriterion;
@@ -191,12 +192,12 @@ impl UnitHistory {
     }
 
     /// Forgets the wear of what a new part changes, and the references of the sensors in it; use and all other damage go on.
-    fn replace(&mut self, part: ReplacedPart) {
+    fn replace(&mut self, part: ReplacedPart, t_ns: u64) {
         for fault in part.faults() {
             self.health.forget(*fault);
             self.prognosis.forget(*fault);
         }
-        self.sensors.forget(part.sensors());
+        self.sensors.forget(part.sensors(), t_ns);
         // Both rest on all faults together.
         self.urgency = Urgency::default();
         self.last_check = None;
@@ -256,13 +257,18 @@ impl UnitHistory {
     }
 
     /// Takes what a window shows of the sensors, after [`UnitHistory::update`] has counted its hours; `None` of a window that is no
-    /// evidence.
+    /// evidence. `commissioned` is what the unit's commissioning has shown; one from before the unit came is of another.
     pub fn update_sensors(
         &mut self,
         job: &WindowJob,
         readings: Option<&SensorReadings>,
+        commissioned: Option<&CommissionedSensors>,
     ) -> [SensorState; SENSOR_QUANTITY_COUNT] {
         let tolerances = &job.actuator.tolerances;
+        let is_of_unit = |of: &&CommissionedSensors| u64::try_from(of.until_ns).unwrap_or(0) >= self.begun_ns;
+        if let Some(commissioned) = commissioned.filter(is_of_unit) {
+            self.sensors.compare_with(commissioned);
+        }
         self.sensors.update(self.used.hours, readings, &job.params, tolerances)
     }
 

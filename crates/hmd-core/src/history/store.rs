@@ -137,7 +137,7 @@ impl HistoryStore {
                 .filter(|_| of_parts[n] > history.parts_followed[n])
             {
                 history.parts_followed[n] = of_parts[n];
-                history.replace(part);
+                history.replace(part, newest.t_ns);
                 let faults: Vec<&str> = part.faults().iter().map(|fault| fault.plain_name()).collect();
                 let notice = format!(
                     "{}: {} replaced, its faults begin anew ({}){}",

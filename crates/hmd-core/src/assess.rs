@@ -202,6 +202,11 @@ impl Assessor {
         let damage = explained.map(damage_evidence);
         let is_commissioned = self.knows_unit(&job.actuator);
         reasons.extend(damage.and_then(|damage| too_uncertain(&damage, &levels, is_commissioned)));
+        let shown = damage.map_or([None; FaultId::COUNT], |damage| damage.shown(&levels));
+        let damage = damage.filter(|_| !unchecked);
+        let history = self.histories.history_at(&job.actuator, job.window.t_start_ns)?;
+        let counted_damage = damage.as_ref().filter(|_| learning.is_none());
+        reasons.extend(counted_damage.and_then(|damage| history.fallen(damage)));
         let status = match (&found, explained, reasons.is_empty()) {
             (None, _, _) => WindowStatus::Invalid,
             (Some(estimate), None, _) => {
@@ -224,16 +229,13 @@ impl Assessor {
             unmet_requirements(&job.params, &coefficients, &specification, faults)
         };
         let checked = explained.filter(|_| !unchecked);
-        let shown = damage.map_or([None; FaultId::COUNT], |damage| damage.shown(&levels));
-        let damage = damage.filter(|_| !unchecked);
         let counted = checked.filter(|_| learning.is_none());
         let evidence = WindowEvidence {
-            damage_evidence: damage.as_ref().filter(|_| learning.is_none()),
+            damage_evidence: counted_damage,
             fault: counted.map(|estimate| &estimate.fault),
             fit: &fit,
             unmet_requirement: specification.is_set().then_some(&falls_short as _),
         };
-        let history = self.histories.history_at(&job.actuator, job.window.t_start_ns)?;
         let mut decision = history.update(&job, &evidence, &config);
         // An invalid window is no evidence of a sensor either.
         let readings = (status != WindowStatus::Invalid).then_some(&readings);

@@ -30,6 +30,12 @@ pub use functional::LimitingCriterion;
 pub use maintenance::{Event, EventKind, Events, ReplacedPart, UnreadableLine};
 pub use store::HistoryStore;
 
+/// Why a window is doubted whose damage no longer has what earlier windows had: no damage heals. Begins the reason.
+pub const FELL: &str = "damage fell without a recorded repair";
+
+/// What to do about it. Ends the reason.
+pub const FELL_ADVICE: &str = "record the maintenance with hmd event, or check the sensors";
+
 /// What is kept of a unit from window to window.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct UnitHistory {
@@ -272,10 +278,26 @@ impl UnitHistory {
         self.sensors.update(self.used.hours, readings, &job.params, tolerances)
     }
 
+    /// The reason that names the faults whose damage fell since the windows before, though no maintenance event replaced their part; before
+    /// [`UnitHistory::update`].
+    pub(crate) fn fallen(&self, evidence: &DamageEvidence) -> Option<String> {
+        let told = |(fault, state): (FaultId, HealthState)| {
+            let (damage, sigma) = evidence.damage_and_sigma(fault)?;
+            Some(format!("{} {damage:.2} ± {sigma:.2} after {state}", fault.name()))
+        };
+        let fallen: Vec<String> = self.health.fallen(evidence).into_iter().filter_map(told).collect();
+        (!fallen.is_empty()).then(|| format!("{FELL} ({}): {FELL_ADVICE}", fallen.join(", ")))
+    }
+
     /// Takes the records of a window as they are published; what became news by it.
     pub(crate) fn note_published(&mut self, health: &record::Health, rul: &record::Rul) -> Vec<News> {
         let mut in_a_row = std::mem::take(&mut self.published.in_a_row);
-        let news = in_a_row.update(health);
+        let mut news = in_a_row.update(health);
+        let fell = health.reason.split("; ").find(|reason| reason.starts_with(FELL));
+        news.extend(fell.map(|reason| News {
+            text: format!("{reason} (window {})", health.window),
+            for_the_worse: true,
+        }));
         self.published = LastWindow::new(health, rul, &in_a_row);
         news
     }

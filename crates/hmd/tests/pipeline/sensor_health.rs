@@ -20,13 +20,18 @@ use hmd_lab::simulate::{EPOCH_NS, traffic};
 /// One hour, ns.
 const HOUR_NS: u64 = 3_600_000_000_000;
 
-fn config() -> Arc<Config> {
+pub(super) fn config() -> Arc<Config> {
     let text = "[[actuator]]\nid = 0\n[type.bench.sensors]\nsample_rate_hz = 400\n[rul]\nhours = \"elapsed\"";
     Arc::new(Config::from_toml_str(text, "hmd.toml").unwrap())
 }
 
 /// Windows of a unit, an hour apart, under changing loads, whose current sensor of phase A has an offset by the number of the window, A.
-fn windows(config: &Arc<Config>, count: u64, offset_a: impl Fn(u64) -> f64, fault: FaultVector) -> Vec<WindowJob> {
+pub(super) fn windows(
+    config: &Arc<Config>,
+    count: u64,
+    offset_a: impl Fn(u64) -> f64,
+    fault: FaultVector,
+) -> Vec<WindowJob> {
     let mut params = ActuatorParams::bench();
     params.sensors.sample_rate = 400.0;
     let mut names = BusNames::new();

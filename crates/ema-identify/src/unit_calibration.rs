@@ -76,6 +76,31 @@ pub struct UnitCalibration {
     /// The relations, where the windows determine them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relations: Option<UnitRelations>,
+    /// What the windows show of the sensors; older files had none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensors: Option<CommissionedSensors>,
+}
+
+/// The sensors of a unit at commissioning.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CommissionedSensors {
+    /// Start of the newest window, UTC ns.
+    pub until_ns: i64,
+    /// Each quantity that enough windows show, by its name in records.
+    pub quantities: BTreeMap<String, CommissionedQuantity>,
+}
+
+/// One quantity of the sensors at commissioning.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CommissionedQuantity {
+    /// Windows that show it.
+    pub windows: u32,
+    /// Their mean.
+    pub mean: f64,
+    /// Standard deviation from window to window.
+    pub scatter: f64,
 }
 
 /// The monitor of a unit.
@@ -241,6 +266,14 @@ impl UnitCalibration {
                 return Some(format!("monitor.parameters: {defect}"));
             }
         }
+        for (name, of) in self.sensors.iter().flat_map(|sensors| &sensors.quantities) {
+            if of.windows < 2 || of.scatter < 0.0 {
+                return Some(format!(
+                    "sensors.quantities.{name}: a scatter of {} in {} windows",
+                    of.scatter, of.windows
+                ));
+            }
+        }
         if let Some(relations) = &self.relations {
             if relations.residual_rms_nm < 0.0 {
                 return Some(format!("relations.residual_rms_nm = {}", relations.residual_rms_nm));
@@ -322,6 +355,7 @@ mod tests {
                 }; ELEMENT_COUNT],
             }),
             relations: None,
+            sensors: None,
         }
     }
 

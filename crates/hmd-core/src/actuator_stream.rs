@@ -49,8 +49,6 @@ pub struct ActuatorStream {
     /// Receive stamp of the newest currents frame, by its counter.
     currents_stamp: Option<(u16, u64)>,
     rate: RateState,
-    /// The rate of the recording before, until that of this one is known.
-    rate_before: Option<SampleRate>,
     conditions: MeasuredConditions,
     numbering: Numbering,
     counts: StreamCounts,
@@ -88,7 +86,6 @@ impl ActuatorStream {
             currents_stamp: None,
             rate: RateState::new(),
             conditions: MeasuredConditions::default(),
-            rate_before: None,
             numbering: Numbering::default(),
             counts: StreamCounts::default(),
             continued: Continued::default(),
@@ -182,7 +179,6 @@ impl ActuatorStream {
                     self.deliver(now, timed, conditions, outbox);
                 }
                 Settled::Now(rate, waiting) => {
-                    self.settle_at(rate);
                     first_at_nominal_rate = waiting.first().copied().filter(|_| !rate.is_measured);
                     for sample in waiting {
                         self.deliver(rate, sample, conditions, outbox);
@@ -212,35 +208,23 @@ impl ActuatorStream {
         let conditions = self.conditions;
         self.assembler.close();
         let rate = SampleRate::nominal(self.nominal_hz());
-        let waiting = self.rate.settle(rate);
-        if !waiting.is_empty() {
-            self.settle_at(rate);
-        }
-        for sample in waiting {
+        for sample in self.rate.settle(rate) {
             self.deliver(rate, sample, conditions, outbox);
         }
         self.end_window(conditions, Windower::finish, outbox);
         self.is_ended = true;
     }
 
-    /// The frames that come are of another recording: neither their counters nor their rate and conditions continue. To be called after
-    /// [`ActuatorStream::finish`].
+    /// The frames that come are of another recording: neither their counters nor their rate and conditions continue, and windows and hours
+    /// are counted from 0, as by the run that made it. To be called after [`ActuatorStream::finish`].
     pub fn begin_recording(&mut self) {
         self.assembler.begin_stream();
         self.numbering.begin();
         self.last = None;
         self.conditions = MeasuredConditions::default();
-        self.rate_before = self.rate.known();
         self.rate = RateState::new();
-    }
-
-    /// The rate of a recording is known: at another one than before its windows are cut anew.
-    fn settle_at(&mut self, rate: SampleRate) {
-        let is_other =
-            |before: SampleRate| before.hz.to_bits() != rate.hz.to_bits() || before.is_measured != rate.is_measured;
-        if self.rate_before.take().is_some_and(is_other) {
-            self.cut_anew();
-        }
+        self.windowing = Windowing::Waiting;
+        self.continued = Continued::default();
     }
 
     fn nominal_hz(&self) -> f64 {

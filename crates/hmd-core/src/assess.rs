@@ -12,7 +12,6 @@ mod friction_sigma;
 mod models;
 mod records;
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use ema_ga::{CmaConfig, DeConfig, GaConfig, StopRule};
@@ -29,7 +28,7 @@ use crate::sensor_checks::{Suspect, sensor_readings};
 use crate::window::WindowQuality;
 use crate::windows_in_a_row::{News, WindowsInARow};
 use ema_identify::effort::Effort;
-use ema_identify::unit_calibration::UnitCalibration;
+use ema_identify::unit_calibration::{CommissionedSensors, RATE_MARGIN, UnitCalibration};
 use ema_identify::{Estimate, Fit, Identifier, Method, Population, Prepared};
 use explained::Explained;
 use records::{health_record, rul_record, sensors_record, shortened_record, window_record};
@@ -53,8 +52,6 @@ pub struct Assessor {
     estimator: Arc<dyn Estimator>,
     histories: HistoryStore,
     counts: WindowCounts,
-    /// By actuator, as many as are configured.
-    in_a_row: BTreeMap<String, WindowsInARow>,
 }
 
 /// Windows by status.
@@ -106,7 +103,6 @@ impl Assessor {
             models,
             estimator: Arc::new(Identification),
             counts: WindowCounts::default(),
-            in_a_row: BTreeMap::new(),
         }
     }
 
@@ -206,6 +202,11 @@ impl Assessor {
         let damage = explained.map(damage_evidence);
         let is_commissioned = self.knows_unit(&job.actuator);
         reasons.extend(damage.and_then(|damage| too_uncertain(&damage, &levels, is_commissioned)));
+        let shown = damage.map_or([None; FaultId::COUNT], |damage| damage.shown(&levels));
+        let damage = damage.filter(|_| !unchecked);
+        let history = self.histories.history_at(&job.actuator, job.window.t_start_ns)?;
+        let counted_damage = damage.as_ref().filter(|_| learning.is_none());
+        reasons.extend(counted_damage.and_then(|damage| history.fallen(damage)));
         let status = match (&found, explained, reasons.is_empty()) {
             (None, _, _) => WindowStatus::Invalid,
             (Some(estimate), None, _) => {
@@ -228,19 +229,18 @@ impl Assessor {
             unmet_requirements(&job.params, &coefficients, &specification, faults)
         };
         let checked = explained.filter(|_| !unchecked);
-        let shown = damage.map_or([None; FaultId::COUNT], |damage| damage.shown(&levels));
-        let damage = damage.filter(|_| !unchecked);
         let counted = checked.filter(|_| learning.is_none());
         let evidence = WindowEvidence {
-            damage_evidence: damage.as_ref().filter(|_| learning.is_none()),
+            damage_evidence: counted_damage,
             fault: counted.map(|estimate| &estimate.fault),
             fit: &fit,
             unmet_requirement: specification.is_set().then_some(&falls_short as _),
         };
-        let history = self.histories.history_at(&job.actuator, job.window.t_start_ns)?;
         let mut decision = history.update(&job, &evidence, &config);
         // An invalid window is no evidence of a sensor either.
-        let sensors = history.update_sensors(&job, (status != WindowStatus::Invalid).then_some(&readings));
+        let readings = (status != WindowStatus::Invalid).then_some(&readings);
+        let commissioned = self.models.unit(&job.actuator).and_then(|unit| sensors_of(unit, &job));
+        let sensors = history.update_sensors(&job, readings, commissioned);
         if learning.is_some() {
             decision.state = HealthState::Unknown;
             decision.health.state = HealthState::Unknown;
@@ -249,17 +249,18 @@ impl Assessor {
         }
         let reason = reasons.join("; ");
         let health = health_record(&job, status, &reason, found.as_ref(), shown, &decision, &suspects);
-        let in_a_row = self.in_a_row.entry(health.actuator.clone()).or_default();
-        let news = in_a_row.update(&health);
+        let rul = rul_record(&job, found.as_ref(), &decision, config.rul());
+        let news = history.note_published(&health, &rul);
+        let in_a_row = history.in_a_row().clone();
         Ok(AssessedWindow {
             window: window_record(&job, status, &reason, fit),
             health,
             sensors: sensors_record(&job, &sensors),
-            rul: rul_record(&job, found.as_ref(), &decision, config.rul()),
+            rul,
             suspects,
             damage_evidence: damage,
             shortened: is_short.then(|| shortened_record(&job, limit, found.as_ref())),
-            in_a_row: in_a_row.clone(),
+            in_a_row,
             news,
         })
     }
@@ -347,6 +348,15 @@ pub fn method(section: &IdentificationConfig) -> Method {
         SearchObjective::Residual => Method::Population(population),
         SearchObjective::Eq14 => Method::Eq14(population),
     }
+}
+
+/// What commissioning has shown of the sensors, where it was at the sample rate of the window: the errors of its models go with the rate.
+fn sensors_of<'a>(unit: &'a UnitCalibration, job: &WindowJob) -> Option<&'a CommissionedSensors> {
+    let rate_hz = job.params.sensors.sample_rate;
+    let is_same = |of: f64| (rate_hz / of - 1.0).abs() <= RATE_MARGIN;
+    unit.sensors
+        .as_ref()
+        .filter(|_| unit.seen.sample_rate_hz.is_some_and(is_same))
 }
 
 /// Damage of the faults in the window; one of which it shows nothing has no finite sigma and keeps its state.

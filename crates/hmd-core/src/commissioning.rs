@@ -22,6 +22,7 @@ use crate::assess::{AssessError, Assessor, conditions, hash_of_type};
 use crate::health::Levels;
 use crate::motion::motion_of;
 use crate::outbox::WindowJob;
+use crate::sensor_health::commissioned_sensors;
 use by_monitor::{CURRENT_TIME_CONSTANTS_S, MonitorLearnt, learn_monitor};
 use by_relations::{RelationsLearnt, learn_relations};
 use evidence::Evidence;
@@ -187,6 +188,8 @@ pub fn calibrate_unit(
     if let Some(other) = rates.find(|rate| (rate / first - 1.0).abs() > RATE_MARGIN) {
         return Err(CommissioningError::Rates { first, other });
     }
+    // By the windows as they came: what follows repairs them.
+    let sensors = commissioned_sensors(jobs);
     let windows = jobs.iter().map(|job| job.window.samples.as_slice());
     let output_zero_rad = output_zero(&jobs[0].params, windows);
     for job in &mut *jobs {
@@ -274,6 +277,7 @@ pub fn calibrate_unit(
             .ok()
             .filter(|learnt| learnt.far_parameter(&jobs[0]).is_none())
             .map(|learnt| learnt.unit),
+        sensors: Some(sensors),
     };
     // What a later run would refuse is not written.
     let calibration = UnitCalibration::parse(&calibration.emit(), &actuator.name, &actuator.type_name)

@@ -271,6 +271,23 @@ impl Health {
         self.last.0
     }
 
+    /// State of every fault after the last window, in the order of [`FaultId::ALL`].
+    #[must_use]
+    pub(crate) fn states(&self) -> [HealthState; FaultId::COUNT] {
+        self.last.1
+    }
+
+    /// The faults at `warning` or worse of which a window shows, three sigmas above its damage, less than half of that level; with their
+    /// states, in the order of [`FaultId::ALL`].
+    pub(crate) fn fallen(&self, evidence: &DamageEvidence) -> Vec<(FaultId, HealthState)> {
+        let fell = |fault: FaultId| {
+            let (state, (damage, sigma)) = (self.faults[fault.index()].state(), evidence.damage_and_sigma(fault)?);
+            let has_fallen = damage + SIGNIFICANCE * sigma < 0.5 * self.levels[fault.index()].warning;
+            (state >= HealthState::Warning && has_fallen).then_some((fault, state))
+        };
+        FaultId::ALL.into_iter().filter_map(fell).collect()
+    }
+
     /// Names the faults that no window can show: the state is nominal without them.
     pub(crate) fn hide(&mut self, faults: impl IntoIterator<Item = FaultId>) {
         self.hidden = [false; FaultId::COUNT];

@@ -15,16 +15,26 @@ use serde::{Deserialize, Serialize};
 use crate::config::{Config, HoursOf};
 use crate::functional_check::RequirementCheck;
 use crate::health::{DamageEvidence, Health, HealthDecision, HealthState, LevelsError};
+use crate::last_window::LastWindow;
 use crate::outbox::WindowJob;
+use crate::record;
 use crate::rul::{Forecast, Odometer, Prognosis};
 use crate::sensor_checks::SensorReadings;
 use crate::sensor_health::{SENSOR_QUANTITY_COUNT, SensorHealth, SensorState};
+use crate::windows_in_a_row::{News, WindowsInARow};
 use ema_identify::Fit;
+use ema_identify::unit_calibration::CommissionedSensors;
 use urgency::Urgency;
 
 pub use functional::LimitingCriterion;
 pub use maintenance::{Event, EventKind, Events, ReplacedPart, UnreadableLine};
 pub use store::HistoryStore;
+
+/// Why a window is doubted whose damage no longer has what earlier windows had: no damage heals. Begins the reason.
+pub const FELL: &str = "damage fell without a recorded repair";
+
+/// What to do about it. Ends the reason.
+pub const FELL_ADVICE: &str = "record the maintenance with hmd event, or check the sensors";
 
 /// What is kept of a unit from window to window.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -58,6 +68,22 @@ pub struct UnitHistory {
     /// Health of the sensors; older files had none.
     #[serde(default)]
     sensors: SensorHealth,
+    /// What was published after the last window; older files had none.
+    #[serde(default)]
+    published: LastWindow,
+}
+
+/// What holds of an actuator by the history of an earlier run until its next window.
+#[derive(Clone, Debug)]
+pub struct ResumedState {
+    /// State after the last window.
+    pub health: HealthState,
+    /// Level of its sensors.
+    pub sensors: HealthState,
+    /// Windows in a row that ask for a worse state by damage.
+    pub pending: u32,
+    /// What the last window showed.
+    pub last_window: LastWindow,
 }
 
 /// What the identification of a window gave.
@@ -137,6 +163,7 @@ impl UnitHistory {
             fault: None,
             last_check: None,
             sensors: SensorHealth::default(),
+            published: LastWindow::default(),
         })
     }
 
@@ -162,28 +189,31 @@ impl UnitHistory {
         if self.serial_number != new.serial_number {
             return Ok(new);
         }
-        Ok(Self {
+        let mut resumed = Self {
             health: self.health.with_rules_of(&new.health),
-            // The specification may be another one.
-            last_check: None,
             prognosis: self.prognosis.with_end_of_life(new.prognosis.end_of_life()),
-            // Frames are counted from the start of the daemon; elapsed hours continue.
-            last: self.last.map(|last| Last {
-                operating_s: 0.0,
-                window: 0,
-                ..last
-            }),
             ..self
-        })
+        };
+        resumed.begin_run();
+        Ok(resumed)
+    }
+
+    /// The windows that come are of another run, which counts them and its time of operation from 0; elapsed hours continue.
+    fn begin_run(&mut self) {
+        // The specification may be another one.
+        self.last_check = None;
+        if let Some(last) = &mut self.last {
+            (last.operating_s, last.window) = (0.0, 0);
+        }
     }
 
     /// Forgets the wear of what a new part changes, and the references of the sensors in it; use and all other damage go on.
-    fn replace(&mut self, part: ReplacedPart) {
+    fn replace(&mut self, part: ReplacedPart, t_ns: u64) {
         for fault in part.faults() {
             self.health.forget(*fault);
             self.prognosis.forget(*fault);
         }
-        self.sensors.forget(part.sensors());
+        self.sensors.forget(part.sensors(), t_ns);
         // Both rest on all faults together.
         self.urgency = Urgency::default();
         self.last_check = None;
@@ -243,14 +273,64 @@ impl UnitHistory {
     }
 
     /// Takes what a window shows of the sensors, after [`UnitHistory::update`] has counted its hours; `None` of a window that is no
-    /// evidence.
+    /// evidence. `commissioned` is what the unit's commissioning has shown; one from before the unit came is of another.
     pub fn update_sensors(
         &mut self,
         job: &WindowJob,
         readings: Option<&SensorReadings>,
+        commissioned: Option<&CommissionedSensors>,
     ) -> [SensorState; SENSOR_QUANTITY_COUNT] {
         let tolerances = &job.actuator.tolerances;
+        let is_of_unit = |of: &&CommissionedSensors| u64::try_from(of.until_ns).unwrap_or(0) >= self.begun_ns;
+        if let Some(commissioned) = commissioned.filter(is_of_unit) {
+            self.sensors.compare_with(commissioned);
+        }
         self.sensors.update(self.used.hours, readings, &job.params, tolerances)
+    }
+
+    /// The reason that names the faults whose damage fell since the windows before, though no maintenance event replaced their part; before
+    /// [`UnitHistory::update`].
+    pub(crate) fn fallen(&self, evidence: &DamageEvidence) -> Option<String> {
+        let told = |(fault, state): (FaultId, HealthState)| {
+            let (damage, sigma) = evidence.damage_and_sigma(fault)?;
+            Some(format!("{} {damage:.2} ± {sigma:.2} after {state}", fault.name()))
+        };
+        let fallen: Vec<String> = self.health.fallen(evidence).into_iter().filter_map(told).collect();
+        (!fallen.is_empty()).then(|| format!("{FELL} ({}): {FELL_ADVICE}", fallen.join(", ")))
+    }
+
+    /// Takes the records of a window as they are published; what became news by it.
+    pub(crate) fn note_published(&mut self, health: &record::Health, rul: &record::Rul) -> Vec<News> {
+        let mut in_a_row = std::mem::take(&mut self.published.in_a_row);
+        let mut news = in_a_row.update(health);
+        let fell = health.reason.split("; ").find(|reason| reason.starts_with(FELL));
+        news.extend(fell.map(|reason| News {
+            text: format!("{reason} (window {})", health.window),
+            for_the_worse: true,
+        }));
+        self.published = LastWindow::new(health, rul, &in_a_row);
+        news
+    }
+
+    /// What the newest windows have in common.
+    pub(crate) fn in_a_row(&self) -> &WindowsInARow {
+        &self.published.in_a_row
+    }
+
+    /// What holds until the next window.
+    pub(crate) fn resumed_state(&self) -> ResumedState {
+        let mut last_window = self.published.clone();
+        if last_window.states.is_none() {
+            // A file of before has the states alone.
+            last_window.states = Some(self.health.states());
+            last_window.t_start_ns = self.last.map_or(0, |last| last.t_start_ns);
+        }
+        ResumedState {
+            health: self.state(),
+            sensors: self.sensors.level(),
+            pending: self.pending(),
+            last_window,
+        }
     }
 
     /// State after the last window: the worse of those by damage and by remaining life.

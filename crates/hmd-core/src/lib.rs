@@ -25,6 +25,7 @@ pub mod frame;
 pub mod functional_check;
 pub mod health;
 pub mod history;
+pub mod last_window;
 pub mod learning;
 pub mod log_map;
 pub mod metadata_checksum;

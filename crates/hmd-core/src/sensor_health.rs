@@ -1,8 +1,8 @@
 //! Health of a unit's sensors over time: how far offsets, gains, latency, resolver errors and link voltage have drifted.
 //!
 //! In, window by window: what a window shows of the sensors ([`SensorReadings`]) and the operating hours. Out: value, drift, trend and
-//! level of each quantity ([`SensorState`]). The first windows that show a quantity are its reference, their scatter is a part of
-//! every later sigma: model errors are the same before and after. A drifting sensor raises no part; a worn part has columns of its
+//! level of each quantity ([`SensorState`]). The windows of commissioning are its reference; of a unit that is not commissioned, the first
+//! windows that show it. Their scatter is a part of every later sigma: model errors are the same before and after. A drifting sensor raises no part; a worn part has columns of its
 //! own where it could pass for a sensor ([`sensor_checks`](crate::sensor_checks)).
 //!
 //! No clock, no files. Bounded: a reference and [`TREND_MAX`] readings for each quantity.
@@ -15,8 +15,11 @@ use serde::{Deserialize, Serialize};
 
 use ema_models::{ActuatorParams, Tolerances};
 
+use ema_identify::unit_calibration::CommissionedSensors;
+
 use crate::health::{HealthState, LevelMemory, Levels, SIGNIFICANCE};
-use crate::sensor_checks::SensorReadings;
+use crate::outbox::WindowJob;
+use crate::sensor_checks::{SensorReadings, sensor_readings};
 pub use quantity::{SENSOR_QUANTITY_COUNT, SensorQuantity};
 use reference::Reference;
 pub use trend::TREND_MAX;
@@ -55,7 +58,10 @@ pub struct SensorHealth {
 }
 
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
 struct Tracked {
+    /// Time of the maintenance event that replaced what it is of, UTC ns; 0 without one.
+    replaced_ns: u64,
     reference: Reference,
     level: LevelMemory,
     trend: Trend,
@@ -70,11 +76,40 @@ impl SensorHealth {
         })
     }
 
-    /// Forgets these quantities: the next windows are their reference.
-    pub fn forget(&mut self, quantities: &[SensorQuantity]) {
+    /// Forgets these quantities, of a part that was replaced then, UTC ns: a later commissioning or the next windows are their reference.
+    pub fn forget(&mut self, quantities: &[SensorQuantity], replaced_ns: u64) {
         for &quantity in quantities {
-            self.tracked[quantity as usize] = Tracked::default();
+            self.tracked[quantity as usize] = Tracked {
+                replaced_ns,
+                ..Tracked::default()
+            };
         }
+    }
+
+    /// Takes what commissioning has shown as the reference, once, but of what was replaced since.
+    pub fn compare_with(&mut self, commissioned: &CommissionedSensors) {
+        let until_ns = commissioned.until_ns;
+        for quantity in SensorQuantity::ALL {
+            let tracked = &mut self.tracked[quantity as usize];
+            let is_known = tracked.reference.commissioned_ns() == Some(until_ns);
+            let is_before = u64::try_from(until_ns).unwrap_or(0) < tracked.replaced_ns;
+            if let Some(of) = commissioned.quantities.get(quantity.name())
+                && !is_known
+                && !is_before
+            {
+                *tracked = Tracked {
+                    replaced_ns: tracked.replaced_ns,
+                    reference: Reference::commissioned(of, until_ns),
+                    ..Tracked::default()
+                };
+            }
+        }
+    }
+
+    /// Worst level of all quantities after the last window.
+    #[must_use]
+    pub fn level(&self) -> HealthState {
+        self.tracked.iter().map(Tracked::level).max().unwrap_or_default()
     }
 
     /// Takes what a window shows at so many operating hours; `None` of a window that is no evidence.
@@ -90,6 +125,32 @@ impl SensorHealth {
             let tolerance = quantity.tolerance(params, tolerances);
             self.tracked[quantity as usize].update(quantity, hours, value, tolerance)
         })
+    }
+}
+
+/// Windows of commissioning that must show a quantity: as many as commission a unit.
+const COMMISSIONED_MIN: u32 = 5;
+
+/// What the windows of a commissioning show of the sensors. The link voltage is left out: it belongs to the supply, which differs between
+/// hangar and flight.
+#[must_use]
+pub fn commissioned_sensors(jobs: &[WindowJob]) -> CommissionedSensors {
+    let readings: Vec<SensorReadings> = jobs.iter().map(sensor_readings).collect();
+    let of_unit = SensorQuantity::ALL
+        .into_iter()
+        .filter(|of| *of != SensorQuantity::DcLink);
+    let quantities = of_unit.filter_map(|quantity| {
+        let mut reference = Reference::default();
+        let values = readings.iter().filter_map(|readings| quantity.of(readings));
+        values
+            .filter(|(value, sigma)| value.is_finite() && sigma.is_finite())
+            .for_each(|(value, _)| reference.add(value));
+        Some((quantity.name().to_owned(), reference.to_commissioned(COMMISSIONED_MIN)?))
+    });
+    let newest_ns = jobs.iter().map(|job| job.window.t_start_ns).max();
+    CommissionedSensors {
+        until_ns: newest_ns.and_then(|ns| i64::try_from(ns).ok()).unwrap_or(0),
+        quantities: quantities.collect(),
     }
 }
 
@@ -113,11 +174,16 @@ impl Tracked {
             value,
             drift,
             trend_per_h: self.trend.slope(),
-            level: if self.reference.is_complete() {
-                self.level.state()
-            } else {
-                HealthState::Unknown
-            },
+            level: self.level(),
+        }
+    }
+
+    /// Level of the drift; unknown while there is no reference.
+    fn level(&self) -> HealthState {
+        if self.reference.is_complete() {
+            self.level.state()
+        } else {
+            HealthState::Unknown
         }
     }
 }
@@ -125,6 +191,7 @@ impl Tracked {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ema_identify::unit_calibration::CommissionedQuantity;
 
     /// A deterministic error of unit variance that repeats itself only after a long time.
     fn error(n: usize) -> f64 {
@@ -177,10 +244,54 @@ mod tests {
             health.update(n as f64, Some(&readings), &params, &Tolerances::USUAL)[0].level
         };
         let before = (0..20).map(|n| level(&mut health, n, 0.0)).last();
-        health.forget(&[SensorQuantity::CurrentSum]);
+        health.forget(&[SensorQuantity::CurrentSum], 0);
         let after: Vec<HealthState> = (20..50).map(|n| level(&mut health, n, 0.3)).collect();
         assert_eq!((before, after[0]), (Some(HealthState::Nominal), HealthState::Unknown));
         assert!(after.iter().all(|level| *level <= HealthState::Nominal), "{after:?}");
+    }
+
+    #[test]
+    fn what_commissioning_has_shown_is_the_reference_unless_the_sensor_is_newer() {
+        let params = ActuatorParams::bench();
+        let commissioned = |until_ns: i64| CommissionedSensors {
+            until_ns,
+            quantities: [(
+                SensorQuantity::CurrentSum.name().to_owned(),
+                CommissionedQuantity {
+                    windows: 6,
+                    mean: 0.0,
+                    scatter: 3e-3,
+                },
+            )]
+            .into(),
+        };
+        let levels = |health: &mut SensorHealth, at: &CommissionedSensors| -> Vec<HealthState> {
+            let level = |n: usize| {
+                health.compare_with(at);
+                let readings = SensorReadings {
+                    current_sum: Some((0.1 + 3e-3 * error(n), 3e-3)),
+                    ..SensorReadings::default()
+                };
+                health.update(n as f64, Some(&readings), &params, &Tolerances::USUAL)[0].level
+            };
+            (0..12).map(level).collect()
+        };
+        use HealthState::{Nominal, Unknown, Warning};
+        let mut health = SensorHealth::default();
+        let found = levels(&mut health, &commissioned(1000));
+        assert_eq!(
+            (found[0], found[2], found[11]),
+            (Nominal, Warning, Warning),
+            "{found:?}"
+        );
+        // A new controller has sensors of its own.
+        health.forget(&[SensorQuantity::CurrentSum], 2000);
+        let found = levels(&mut health, &commissioned(1000));
+        assert_eq!((found[0], found[11]), (Unknown, Nominal), "{found:?}");
+        // A later commissioning counts again.
+        let found = levels(&mut health, &commissioned(3000));
+        assert_eq!(found[11], Warning, "{found:?}");
+        assert!(health.is_possible());
     }
 
     #[test]

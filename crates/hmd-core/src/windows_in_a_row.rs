@@ -4,13 +4,15 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use crate::record::Health;
 
 /// Windows in a row from which on something is news.
 pub const NEWS_AFTER: u64 = 3;
 
 /// Counts of the newest windows in a row. Bounded: at most one count for each kind of suspect.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct WindowsInARow {
     /// Those that could not be assessed.
     pub unassessed: u64,
@@ -33,7 +35,7 @@ impl WindowsInARow {
         let mut news = Vec::new();
         let mut tell = |text: String, for_the_worse| news.push(News { text, for_the_worse });
         if health.estimate().is_none() {
-            self.unassessed += 1;
+            self.unassessed = self.unassessed.saturating_add(1);
             if self.unassessed == NEWS_AFTER {
                 let reason = &health.reason;
                 tell(
@@ -46,7 +48,7 @@ impl WindowsInARow {
         }
         let before = std::mem::take(&mut self.suspects);
         for suspect in &health.suspects {
-            let count = before.get(suspect).copied().unwrap_or(0) + 1;
+            let count = before.get(suspect).copied().unwrap_or(0).saturating_add(1);
             if count == NEWS_AFTER {
                 let reason = &health.reason;
                 tell(

@@ -21,6 +21,7 @@ pub use list::{Segment, current_path, raw_segments, records_segments};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, TryLockError};
 use std::io;
+use std::os::fd::AsRawFd;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -265,7 +266,7 @@ impl SegmentStore {
         self.now = now;
         let limits = self.limits;
         self.take_repaired();
-        self.leave_replaced_folder();
+        self.leave_moved_folder();
         for kind in [Kind::Records, Kind::Raw] {
             let synced = self.stream(kind).sync();
             self.check(kind, synced);
@@ -389,24 +390,37 @@ impl SegmentStore {
 
     /// Whether the folder is the one that is held, under its name.
     fn is_held(&self) -> bool {
-        let is = |found: &fs::Metadata, held: &fs::Metadata| (found.dev(), found.ino()) == (held.dev(), held.ino());
         let held = self.lock.as_ref().map(File::metadata);
-        let held = matches!((fs::metadata(&self.folder), held), (Ok(found), Some(Ok(held))) if is(&found, &held));
+        let held = matches!((fs::metadata(&self.folder), held), (Ok(found), Some(Ok(held))) if is_same(&found, &held));
         held && (self.is_link || !is_link(&self.folder))
     }
 
-    /// Takes the folder if it is not held yet, and continues in a new one when it was removed or replaced.
+    /// Where the segments in progress are: in the folder, or where it was moved to.
+    fn place(&self) -> PathBuf {
+        let moved = self.lock.as_ref().filter(|_| !self.is_held());
+        moved.map_or_else(|| self.folder.clone(), path_of)
+    }
+
+    /// Takes the folder if it is not held yet, and continues in a new one when it was moved, removed or replaced.
     fn hold_folder(&mut self) -> io::Result<()> {
         if self.is_held() {
             return Ok(());
         }
+        self.leave_moved_folder();
         let is_new = self.lock.is_none();
         if !is_new && !self.is_link && is_link(&self.folder) {
             return Err(became_link());
         }
-        let became = match self.folder.exists() {
-            true => "was replaced by another folder, to which segments go on",
-            false => "was removed; it is created again",
+        let became = match (self.lock.as_ref().and_then(moved_to), self.folder.exists()) {
+            (Some(place), true) => {
+                let place = place.display();
+                format!(
+                    "was replaced by another folder, to which segments go on; what was written before is in {place}"
+                )
+            }
+            (None, true) => "was replaced by another folder, to which segments go on".to_owned(),
+            (Some(place), false) => format!("was moved to {}; it is created again", place.display()),
+            (None, false) => "was removed; it is created again".to_owned(),
         };
         // Its thread works in the folder as it was.
         self.repair = None;
@@ -440,25 +454,20 @@ impl SegmentStore {
         }
     }
 
-    /// Gives up the segments of a folder that is no longer at its place, though they could be written.
-    fn leave_replaced_folder(&mut self) {
-        if self.is_held() || !self.folder.exists() {
+    /// Ends the segments of a folder that is no longer at its place, though they could be written: they are whole where it was moved to.
+    fn leave_moved_folder(&mut self) {
+        if self.lock.is_none() || self.is_held() {
             return;
         }
-        let cause = || match is_link(&self.folder) {
-            true => became_link(),
-            false => io::Error::new(io::ErrorKind::NotFound, "the folder was replaced by another"),
-        };
-        let causes = [(Kind::Records, cause()), (Kind::Raw, cause())];
-        for (kind, cause) in causes {
-            if self.stream(kind).name().is_some() {
-                self.check(kind, Err(McapWriteError::Io(cause)));
-            }
+        for kind in [Kind::Records, Kind::Raw] {
+            self.close_segment(kind);
         }
+        // Those are not in the folder that comes.
+        self.closed.clear();
     }
 
     fn close_segment(&mut self, kind: Kind) {
-        let (folder, disk) = (self.folder.clone(), self.disk.clone());
+        let (folder, disk) = (self.place(), self.disk.clone());
         let before = self.stream(kind).name().map(|name| (name, self.stream(kind).bytes()));
         match self.stream(kind).close(&folder, &*disk) {
             Ok(Some((name, bytes))) => self.add_closed(name, bytes),
@@ -477,7 +486,7 @@ impl SegmentStore {
     /// After a failed step the stream gives its segment up.
     fn check(&mut self, kind: Kind, step: Result<(), McapWriteError>) {
         let Err(error) = step else { return };
-        let (now, folder, disk) = (self.now, self.folder.clone(), self.disk.clone());
+        let (now, folder, disk) = (self.now, self.place(), self.disk.clone());
         if let Some((name, bytes)) = self.stream(kind).fail(&folder, &*disk, now) {
             self.add_closed(name, bytes);
         }
@@ -557,6 +566,22 @@ impl SegmentStore {
 fn is_link(folder: &Path) -> bool {
     let bare: PathBuf = folder.components().collect();
     fs::symlink_metadata(bare).is_ok_and(|about| about.is_symlink())
+}
+
+/// A path to a folder that is open, wherever it is.
+fn path_of(folder: &File) -> PathBuf {
+    PathBuf::from(format!("/proc/self/fd/{}", folder.as_raw_fd()))
+}
+
+/// The name under which a folder that is open is found now; `None` of one that was removed.
+fn moved_to(folder: &File) -> Option<PathBuf> {
+    let place = fs::read_link(path_of(folder)).ok()?;
+    let (found, open) = (fs::metadata(&place).ok()?, folder.metadata().ok()?);
+    is_same(&found, &open).then_some(place)
+}
+
+fn is_same(one: &fs::Metadata, other: &fs::Metadata) -> bool {
+    (one.dev(), one.ino()) == (other.dev(), other.ino())
 }
 
 fn became_link() -> io::Error {

@@ -47,6 +47,7 @@ use health_tracker::HealthTracker;
 use hmd_core::assess::{AssessError, AssessedWindow, WindowCounts};
 use hmd_core::config::Config;
 use hmd_core::frame::{BusError, BusNames};
+use hmd_core::last_window::LastWindow;
 use hmd_core::outbox::WindowJob;
 use hmd_core::record::{LogLevel, Status};
 use hmd_ingest::feed::{Feed, Input, QUEUE_INPUTS};
@@ -121,6 +122,8 @@ pub trait Observer: Sync {
     fn assessed_unstored(&self, assessed: &AssessedWindow) -> io::Result<()> {
         self.assessed(assessed)
     }
+    /// By the history of an earlier run, the last window of an actuator showed this; called before anything else.
+    fn resumed(&self, _actuator: &str, _last: LastWindow) {}
     /// A notice for an operator.
     fn notice(&self, message: &str);
     /// The same with its level; by default the level is left out.

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
-use super::UnitHistory;
 use super::maintenance::{Event, EventKind, Events, ReplacedPart};
+use super::{ResumedState, UnitHistory};
 use crate::config::{ActuatorConfig, Config};
-use crate::health::{HealthState, LevelsError};
+use crate::health::LevelsError;
 
 /// The unit histories of a run. At most one for each of 16 actuators on each of 64 interfaces.
 #[derive(Debug)]
@@ -39,12 +39,17 @@ impl HistoryStore {
         self.restored.insert(actuator.to_owned(), history);
     }
 
-    /// State of each actuator whose history of an earlier run will continue; not of those that got another unit since.
-    pub fn restored_states(&self) -> impl Iterator<Item = (&str, HealthState)> {
+    /// What holds of each actuator whose history of an earlier run will continue; not of those that got another unit since.
+    pub fn restored_states(&self) -> impl Iterator<Item = (&str, ResumedState)> {
         self.restored.iter().filter_map(|(name, history)| {
             let actuator = self.config.actuator_named(name)?;
-            (history.serial_number == actuator.serial_number).then(|| (name.as_str(), history.state()))
+            (history.serial_number == actuator.serial_number).then(|| (name.as_str(), history.resumed_state()))
         })
+    }
+
+    /// The windows that come are of another run: all histories go on as those that a run reads.
+    pub fn begin_run(&mut self) {
+        self.histories.values_mut().for_each(UnitHistory::begin_run);
     }
 
     /// The history of an actuator, if it has one.
@@ -133,7 +138,7 @@ impl HistoryStore {
                 .filter(|_| of_parts[n] > history.parts_followed[n])
             {
                 history.parts_followed[n] = of_parts[n];
-                history.replace(part);
+                history.replace(part, newest.t_ns);
                 let faults: Vec<&str> = part.faults().iter().map(|fault| fault.plain_name()).collect();
                 let notice = format!(
                     "{}: {} replaced, its faults begin anew ({}){}",

@@ -9,7 +9,7 @@ use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric};
 use prometheus_client::metrics::MetricType;
 use prometheus_client::metrics::gauge::ConstGauge;
 
-use crate::health::HealthState;
+use crate::last_window::LastWindow;
 use crate::record::{Health, Rul};
 use crate::windows_in_a_row::WindowsInARow;
 
@@ -26,18 +26,6 @@ pub struct LastWindows {
     actuators: BTreeMap<String, LastWindow>,
 }
 
-#[derive(Clone, Debug)]
-struct LastWindow {
-    t_start_ns: u64,
-    /// Damage and its standard deviation, in the order of [`FaultId::ALL`].
-    damage: [(Option<f64>, Option<f64>); FaultId::COUNT],
-    /// In the same order.
-    states: Option<[HealthState; FaultId::COUNT]>,
-    /// In the order of [`PERCENTILES`], h.
-    rul_h: [Option<f64>; 3],
-    in_a_row: WindowsInARow,
-}
-
 impl LastWindows {
     /// Of a run with the configuration of this hash, before its first window.
     #[must_use]
@@ -50,15 +38,12 @@ impl LastWindows {
 
     /// Takes a window, and what it has in common with those before. What it does not show is no longer known.
     pub fn update(&mut self, health: &Health, rul: &Rul, in_a_row: &WindowsInARow) {
-        let (damages, sigmas) = (health.damages(), health.damage_sigmas());
-        let last = LastWindow {
-            t_start_ns: health.t_start_ns,
-            damage: std::array::from_fn(|n| (damages[n], sigmas[n].filter(|_| damages[n].is_some()))),
-            states: health.states(),
-            rul_h: [rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h],
-            in_a_row: in_a_row.clone(),
-        };
-        self.actuators.insert(health.actuator.clone(), last);
+        self.resume(&health.actuator, LastWindow::new(health, rul, in_a_row));
+    }
+
+    /// Takes the last window of an earlier run, which holds until the next one.
+    pub fn resume(&mut self, actuator: &str, last: LastWindow) {
+        self.actuators.insert(actuator.to_owned(), last);
     }
 }
 
@@ -163,6 +148,7 @@ fn info(out: &mut DescriptorEncoder<'_>, name: &str, help: &str, label: (&str, &
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::health::HealthState;
     use crate::metrics::render;
     use crate::record::Status;
 

@@ -232,8 +232,8 @@ impl Files {
         let history = self.entry(&rul.actuator);
         if let Some(point) = history.points.last_mut().filter(|point| point.window == rul.window) {
             point.used_h = rul.operating_h;
-            point.replaced.clone_from(&rul.replaced);
             point.left_h = hours_of_all(&rul);
+            history.note_replaced(&rul.replaced);
             history.newest.1 = rul;
         }
     }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ema_models::FaultId;
 use hmd_core::config::HoursOf;
 use hmd_core::health::HealthState;
-use hmd_core::history::ReplacedPart;
+use hmd_core::history::{FELL, ReplacedPart};
 use hmd_core::record::{Estimate, Health, LastShown, Rul, Sensors, Window};
 
 /// One window of a history.
@@ -58,6 +58,9 @@ pub struct History {
     pub sensors: Sensors,
     /// What was replaced after the newest window, as it was entered, each once.
     pub replaced_since: Vec<Replacement>,
+    /// Whether the damage of each fault fell without a recorded repair, in the order of [`FaultId::ALL`]; until it is back, or its part is
+    /// replaced.
+    pub fallen: [bool; FaultId::COUNT],
 }
 
 /// A replacement that was entered.
@@ -104,6 +107,13 @@ impl History {
         for reason in health.reason.split("; ").filter(|reason| !reason.is_empty()) {
             *self.reasons.entry(without_numbers(reason)).or_default() += 1;
         }
+        let fell = health.reason.split("; ").find(|reason| reason.starts_with(FELL));
+        let states = health.states().unwrap_or_default();
+        for fault in FaultId::ALL {
+            let names = |reason: &str| reason.contains(&format!("{} ", fault.name()));
+            let fallen = &mut self.fallen[fault.index()];
+            *fallen = fell.is_some_and(names) || (*fallen && states[fault.index()] < HealthState::Warning);
+        }
         self.points.push(Point {
             window: health.window,
             t_start_ns: health.t_start_ns,
@@ -136,6 +146,10 @@ impl History {
     /// Goes on with what a later file says of the same actuator. Where that has shown nothing of a fault, what was known of it before holds,
     /// unless its part was replaced.
     pub(super) fn go_on(&mut self, mut later: Self) {
+        for fault in FaultId::ALL {
+            let is_back = later.states()[fault.index()] >= HealthState::Warning;
+            later.fallen[fault.index()] |= self.fallen[fault.index()] && later.keeps(fault) && !is_back;
+        }
         let counts = |fault: FaultId| later.keeps(fault);
         later.shown = later.shown.or(&self.shown, counts);
         let own = later.states();
@@ -165,7 +179,9 @@ impl History {
             reasons,
             sensors,
             replaced_since: _,
+            fallen,
         } = later;
+        self.fallen = fallen;
         if !points.is_empty() {
             self.newest = newest;
             self.shown = shown;
@@ -188,12 +204,35 @@ impl History {
 
     /// Whether what was known of a fault before these windows still holds: neither its part nor the unit was replaced.
     fn keeps(&self, fault: FaultId) -> bool {
-        let mut replaced = self.points.iter().flat_map(|point| point.replaced.split(','));
-        !replaced.any(|what| {
-            let is_of_fault = |part: ReplacedPart| part.faults().contains(&fault);
-            what == "unit" || ReplacedPart::from_name(what).is_some_and(is_of_fault)
+        !self.points.iter().any(|point| replaces(&point.replaced, fault))
+    }
+
+    /// Takes what was replaced before the newest window.
+    pub(super) fn note_replaced(&mut self, replaced: &str) {
+        for fault in FaultId::ALL.into_iter().filter(|fault| replaces(replaced, *fault)) {
+            self.fallen[fault.index()] = false;
+        }
+        if let Some(point) = self.points.last_mut() {
+            replaced.clone_into(&mut point.replaced);
+        }
+    }
+
+    /// Whether a damage fell without a recorded repair, also after the newest window.
+    pub(super) fn has_fallen(&self) -> bool {
+        let mut fallen = FaultId::ALL.into_iter().filter(|fault| self.fallen[fault.index()]);
+        fallen.any(|fault| {
+            let mut since = self.replaced_since.iter();
+            since.all(|replacement| replacement.part.is_some_and(|part| !part.faults().contains(&fault)))
         })
     }
+}
+
+/// Whether what was replaced, parts by their names or `unit`, joined by commas, has a fault.
+fn replaces(replaced: &str, fault: FaultId) -> bool {
+    replaced.split(',').any(|what| {
+        let is_of_fault = |part: ReplacedPart| part.faults().contains(&fault);
+        what == "unit" || ReplacedPart::from_name(what).is_some_and(is_of_fault)
+    })
 }
 
 /// Hours left by all faults, 10 %, 50 % and 90 % quantile.
@@ -266,6 +305,47 @@ mod tests {
         history.add(record);
         history.points[0].replaced = replaced.to_owned();
         history
+    }
+
+    #[test]
+    fn a_damage_that_fell_is_told_until_it_is_back_or_its_part_is_replaced() {
+        use HealthState::{Nominal, Warning};
+        let window = |state: HealthState, reason: String| {
+            let mut health = Health {
+                reason,
+                ..Health::default()
+            };
+            let mut states = [Nominal; FaultId::COUNT];
+            states[FaultId::Friction.index()] = state;
+            health.set_states(&states);
+            health
+        };
+        let fell = || {
+            window(
+                Nominal,
+                format!("2 samples lost; {FELL} (friction 0.00 ± 0.02 after warning): check"),
+            )
+        };
+        let after = |windows: &[Health], replaced: &str| {
+            let mut history = History::default();
+            windows.iter().cloned().for_each(|health| history.add(health));
+            history.note_replaced(replaced);
+            history.has_fallen()
+        };
+        let sound = || window(Nominal, String::new());
+        assert!(after(&[fell()], "") && after(&[fell(), sound()], "controller"));
+        assert!(!after(&[sound()], "") && !after(&[fell(), window(Warning, String::new())], ""));
+        assert!(!after(&[fell(), sound()], "gearbox") && !after(&[fell(), sound()], "unit"));
+        let mut history = recording("nominal", [Nominal; FaultId::COUNT], "");
+        history.add(fell());
+        history.go_on(recording("nominal", [Nominal; FaultId::COUNT], ""));
+        assert!(history.has_fallen());
+        history.replaced_since.push(Replacement {
+            part: Some(ReplacedPart::Gearbox),
+            t_ns: 0,
+            note: String::new(),
+        });
+        assert!(!history.has_fallen());
     }
 
     #[test]

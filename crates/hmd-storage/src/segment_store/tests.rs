@@ -139,7 +139,11 @@ impl Bench {
     }
 
     fn names(&self) -> Vec<String> {
-        let entries = fs::read_dir(self.folder.path()).unwrap();
+        Self::names_in(self.folder.path())
+    }
+
+    fn names_in(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap();
         let mut names: Vec<_> = entries
             .map(|entry| entry.unwrap().file_name().into_string().unwrap())
             .collect();
@@ -149,9 +153,13 @@ impl Bench {
 
     /// Frames, and numbers of the health records, that are in the folder; every file must be whole.
     fn read(&self) -> (u64, Vec<u64>) {
+        Self::read_in(self.folder.path())
+    }
+
+    fn read_in(folder: &Path) -> (u64, Vec<u64>) {
         let (mut frames, mut windows) = (0, Vec::new());
-        for name in self.names().iter().filter(|name| name.ends_with(".mcap")) {
-            let open = || File::open(self.folder.path().join(name)).unwrap();
+        for name in Self::names_in(folder).iter().filter(|name| name.ends_with(".mcap")) {
+            let open = || File::open(folder.join(name)).unwrap();
             for message in McapMessages::new(open(), name).unwrap() {
                 let message = message.unwrap();
                 if *message.schema == *Health::SCHEMA_NAME {

@@ -26,6 +26,7 @@ use crate::daemon::{Daemon, DaemonError, Observer};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::Config;
 use hmd_core::config_warnings::bus_warnings;
+use hmd_core::last_window::LastWindow;
 use hmd_core::metrics::last_windows::LastWindows;
 use hmd_core::metrics::{in_text_format, render};
 use hmd_core::record::{HealthLine, LogLevel, Status};
@@ -338,6 +339,10 @@ impl Observer for Printer {
             }
             other => other,
         }
+    }
+
+    fn resumed(&self, actuator: &str, last: LastWindow) {
+        self.last_windows().resume(actuator, last);
     }
 
     fn notice(&self, message: &str) {

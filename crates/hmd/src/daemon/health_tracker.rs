@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use ema_models::FaultId;
 use hmd_core::health::HealthState;
+use hmd_core::history::ResumedState;
 use hmd_core::record::{Health, LogLevel, Sensors};
 use hmd_core::windows_in_a_row::News;
 
@@ -115,9 +116,12 @@ impl HealthTracker {
         Some((level, message))
     }
 
-    /// The state that an actuator had when an earlier run ended.
-    pub(super) fn resume(&mut self, actuator: &str, state: HealthState) {
-        self.tracked(actuator).health = state.name().to_owned();
+    /// What held of an actuator when an earlier run ended.
+    pub(super) fn resume(&mut self, actuator: &str, state: &ResumedState) {
+        let tracked = self.tracked(actuator);
+        tracked.health = state.health.name().to_owned();
+        tracked.sensors = state.sensors.name().to_owned();
+        tracked.persistence = state.pending;
     }
 
     /// Sentences about actuators at `watch` or worse by an earlier run, of which no window has come yet.
@@ -178,6 +182,7 @@ fn reported_level(from: &str, to: &str, passive: bool) -> Option<LogLevel> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hmd_core::last_window::LastWindow;
 
     fn assessed(window: u64, health: &str, friction: f64) -> Health {
         let mut health = Health {
@@ -281,8 +286,16 @@ mod tests {
     #[test]
     fn what_an_earlier_run_left_is_told() {
         let mut tracker = HealthTracker::default();
-        tracker.resume("ema3", HealthState::Critical);
-        tracker.resume("ema4", HealthState::Nominal);
+        let state = |health| ResumedState {
+            health,
+            sensors: HealthState::Watch,
+            pending: 1,
+            last_window: LastWindow::default(),
+        };
+        tracker.resume("ema3", &state(HealthState::Critical));
+        tracker.resume("ema4", &state(HealthState::Nominal));
+        let resumed = tracker.health_of("ema4");
+        assert_eq!((&*resumed.sensors, resumed.persistence), ("watch", 1));
         assert_eq!(tracker.resumed(), ["ema3: critical, as when the run before ended"]);
         update(&mut tracker, &assessed(0, "warning", 0.3), 0, false);
         assert!(tracker.resumed().is_empty());

@@ -53,11 +53,13 @@ impl<'a, C: HostClock> Identification<'a, C> {
         })
     }
 
-    /// Health of the actuators by the histories of earlier runs: it holds until their next windows.
-    pub(super) fn resumed_health(&mut self) -> HealthTracker {
+    /// Health of the actuators by the histories of earlier runs: it holds until their next windows, and the observer gets what their last
+    /// ones showed.
+    pub(super) fn resumed_health(&mut self, observer: &impl Observer) -> HealthTracker {
         let mut tracker = HealthTracker::default();
         for (actuator, state) in self.assessor.histories().restored_states() {
-            tracker.resume(actuator, state);
+            tracker.resume(actuator, &state);
+            observer.resumed(actuator, state.last_window);
         }
         tracker
     }

@@ -59,7 +59,7 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
             .transpose()?;
         let health_tracker = identification
             .as_mut()
-            .map(Identification::resumed_health)
+            .map(|identification| identification.resumed_health(observer))
             .unwrap_or_default();
         Ok(Self {
             shared: Mutex::new(Shared {

@@ -1,6 +1,7 @@
 //! From frames to samples and sensor states, all in memory; and the pages that the code writes.
 
 mod dbc;
+mod fallen_damage;
 mod layouts;
 mod pages;
 mod samples;

@@ -66,7 +66,8 @@ fn metrics() {
         ..Status::default()
     };
     let text = render(&status, &last);
-    let mut page = "# Metrics\n\nWhat `hmd run --metrics` and `--metrics-listen` give ([deploy.md](deploy.md)); made from the code.\n\n\
+    let mut page = "# Metrics\n\nWhat `hmd run --metrics` and `--metrics-listen` give ([deploy.md](deploy.md)); made from the code.\n\
+        What is by the last window stands again from the start of the daemon on, where histories are kept (`rul.state`).\n\n\
         | metric | type | labels | what |\n|---|---|---|---|\n"
         .to_owned();
     let mut lines = text.lines().filter(|line| *line != "# EOF").peekable();

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use ema_models::reference::{Actuations, CurrentSensing, Effects, Scenario};
 use ema_models::{ActuatorParams, FaultVector, Profile};
 use hmd_core::assess::{AssessedWindow, Assessor, Models};
+use hmd_core::commissioning::calibrate_unit;
 use hmd_core::config::Config;
 use hmd_core::frame::BusNames;
 use hmd_core::health::HealthState;
@@ -19,13 +20,18 @@ use hmd_lab::simulate::{EPOCH_NS, traffic};
 /// One hour, ns.
 const HOUR_NS: u64 = 3_600_000_000_000;
 
-fn config() -> Arc<Config> {
+pub(super) fn config() -> Arc<Config> {
     let text = "[[actuator]]\nid = 0\n[type.bench.sensors]\nsample_rate_hz = 400\n[rul]\nhours = \"elapsed\"";
     Arc::new(Config::from_toml_str(text, "hmd.toml").unwrap())
 }
 
 /// Windows of a unit, an hour apart, under changing loads, whose current sensor of phase A has an offset by the number of the window, A.
-fn windows(config: &Arc<Config>, count: u64, offset_a: impl Fn(u64) -> f64, fault: FaultVector) -> Vec<WindowJob> {
+pub(super) fn windows(
+    config: &Arc<Config>,
+    count: u64,
+    offset_a: impl Fn(u64) -> f64,
+    fault: FaultVector,
+) -> Vec<WindowJob> {
     let mut params = ActuatorParams::bench();
     params.sensors.sample_rate = 400.0;
     let mut names = BusNames::new();
@@ -115,6 +121,34 @@ fn a_drifting_current_sensor_raises_its_own_level_and_no_part_also_behind_a_rest
     let (drift, slope) = (sum.drift.unwrap(), sum.trend_per_h.unwrap());
     assert!((drift - offset_a(29)).abs() < 0.01, "{drift}");
     assert!((slope - 6e-3).abs() < 1e-3, "{slope}");
+}
+
+/// Its reference would be itself without what commissioning has shown.
+#[test]
+fn a_sensor_that_fails_before_the_first_window_after_commissioning_is_found() {
+    let config = config();
+    let mut healthy = windows(&config, 28, |_| 0.0, FaultVector::NOMINAL);
+    let sound = healthy.split_off(8);
+    let offset_a = |number: u64| if number < 8 { 0.0 } else { 0.08 };
+    let failed = windows(&config, 16, offset_a, FaultVector::NOMINAL).split_off(8);
+    let assessor = || Assessor::new(config.clone(), Models::without_files(&config).unwrap(), 1);
+    let levels = config.health().levels();
+    let unit = calibrate_unit(&assessor(), levels, &mut healthy, 1, &|_| ())
+        .unwrap()
+        .calibration;
+    let drifting = |jobs: Vec<WindowJob>| -> Vec<Vec<String>> {
+        let mut assessor = assessor();
+        assessor.set_unit("ema0", unit.clone());
+        let assess = |job| assessor.assess(job).unwrap().sensors.drifting;
+        jobs.into_iter().map(assess).collect()
+    };
+    let of_sound = drifting(sound);
+    assert!(of_sound.iter().all(Vec::is_empty), "{of_sound:?}");
+    let of_failed = drifting(failed);
+    let is_told = |window: &Vec<String>| window.iter().any(|name| name == "current_sum_a");
+    // Three windows in a row.
+    assert_eq!(of_failed.iter().position(is_told), Some(2), "{of_failed:?}");
+    assert!(of_failed[2..].iter().all(is_told), "{of_failed:?}");
 }
 
 #[test]

@@ -279,3 +279,40 @@ fn a_stopped_daemon_ends_its_file() {
     let bytes = std::fs::read(&live).unwrap();
     assert!(bytes.ends_with(mcap::MAGIC), "a footer stands at the end");
 }
+
+/// A restart or a reload begins another run in the folder: what is stored is what a replay of all its raw frames gives.
+#[test]
+fn a_folder_with_two_runs_replays_to_the_lines_of_both() {
+    let root = tempfile::tempdir().unwrap();
+    let folder = root.path().join("segments");
+    let state = root.path().join("state");
+    let config = config_and(&format!("[rul]\nstate = \"{}\"\n", state.display()));
+    let mut live = Vec::new();
+    for later_ns in [0, 60_000_000_000] {
+        let mut traffic = frames(0, 3);
+        for frame in &mut traffic {
+            frame.stamp_ns += later_ns;
+        }
+        let inputs = traffic.into_iter().map(Input::Frame);
+        let lines = Lines::default();
+        let limits = Limits::new(1, 3600, 1000, 0);
+        let daemon = Daemon {
+            sources: vec![("can1".to_owned(), LiveSource::Playback(Box::new(inputs)))],
+            recorder: Some(Recorder::open_folder(&folder, &metadata(&config, "test", SEED), limits).unwrap()),
+            watch: Some((config.clone(), SEED)),
+        };
+        daemon.run(pending(), &lines).unwrap();
+        live.extend(lines.health());
+    }
+    assert_eq!(
+        live.iter().filter(|line| line.contains("\"window\":0,")).count(),
+        2,
+        "{live:?}"
+    );
+    let entries = std::fs::read_dir(&folder).unwrap();
+    let mut logs: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+    logs.retain(|log| log.to_string_lossy().ends_with("-raw.mcap"));
+    logs.sort();
+    assert_eq!(logs.len(), 2);
+    assert_eq!(lines_of(&logs), live);
+}

@@ -7,11 +7,21 @@ use std::net::TcpStream;
 use std::os::unix::net::UnixDatagram;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, Command, Stdio};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use ema_models::reference::{Actuations, Scenario};
+use ema_models::{ActuatorParams, FaultVector, Profile};
+use hmd::daemon::Daemon;
+use hmd_core::config::Config;
 use hmd_core::record::{Record, Status};
+use hmd_ingest::feed::Input;
+use hmd_ingest::live::LiveSource;
+use hmd_lab::simulate::{EPOCH_NS, traffic};
 use hmd_storage::mcap::McapMessages;
 use prost::Message;
+
+use super::lines::Lines;
 
 struct Manager {
     folder: tempfile::TempDir,
@@ -404,4 +414,62 @@ fn a_bad_configuration_is_not_tried_again_by_the_unit() {
     assert_eq!(ended.status.code(), Some(78));
     assert_eq!(String::from_utf8(ended.stderr).unwrap().lines().count(), 1);
     assert!(!folder.path().join("segments").exists());
+}
+
+/// Keeps the history of a worn actuator as a run before does, whose last window was cut short. How many of the last were not assessed.
+fn keep_worn_history(folder: &Path) -> usize {
+    let text = format!("{CONFIG}[rul]\nstate = \"{}\"\n", folder.join("state").display());
+    let config = Arc::new(Config::from_toml_str(&text, "hmd.toml").unwrap());
+    let worn = FaultVector::from_array([0.0, 0.7, 0.0, 0.0, 0.0, 0.0, 0.5, 0.5]);
+    let scenario = Scenario {
+        actuations: Actuations {
+            count: 3,
+            ..Actuations::single(Profile::Mixed)
+        },
+        ..Scenario::new(ActuatorParams::bench(), worn, 5)
+    };
+    let mut frames: Vec<_> = traffic(&scenario, config.actuators()[0].id, EPOCH_NS).collect();
+    frames.truncate(frames.len() - frames.len() / 9);
+    let inputs = frames.into_iter().map(Input::Frame);
+    let daemon = Daemon {
+        sources: vec![("nosuchbus0".to_owned(), LiveSource::Playback(Box::new(inputs)))],
+        recorder: None,
+        watch: Some((config, 1)),
+    };
+    let lines = Lines::default();
+    let status = daemon.run(std::future::pending(), &lines).unwrap();
+    assert_eq!(status.actuators[0].health, "critical");
+    let health = lines.health();
+    health
+        .iter()
+        .rev()
+        .take_while(|line| line.contains("\"k\":null"))
+        .count()
+}
+
+/// An alert on a worn part must not be resolved by a restart.
+#[test]
+fn what_the_history_knows_is_in_the_metrics_from_ready_on() {
+    let more = ["--metrics", "hmd.prom", "--set", "rul.state=state"];
+    let mut unassessed = 0;
+    let mut manager = Manager::start_with("segments/", &more, |folder| unassessed = keep_worn_history(folder));
+    assert!(unassessed > 0, "the last window was cut");
+    let unassessed = format!("hmd_unassessed_windows{{actuator=\"ema3\"}} {unassessed}");
+    for _ in ["start", "reload"] {
+        while manager.next_message().0 != "READY=1" {}
+        let text = std::fs::read_to_string(manager.at("hmd.prom")).unwrap();
+        for line in [
+            "hmd_health{actuator=\"ema3\"} 4",
+            "hmd_fault_state{actuator=\"ema3\",fault=\"backlash\",part=\"gear and screw\"} 4",
+            "hmd_fault_state{actuator=\"ema3\",fault=\"short_a\",part=\"stator winding, phase A\"} ",
+            &unassessed,
+            "hmd_last_window_timestamp_seconds{actuator=\"ema3\"} ",
+        ] {
+            assert!(text.lines().any(|found| found.starts_with(line)), "{line} in\n{text}");
+        }
+        std::fs::remove_file(manager.at("hmd.prom")).unwrap();
+        manager.signal("-HUP");
+    }
+    while manager.next_message().0 != "READY=1" {}
+    manager.stop();
 }

@@ -2,6 +2,7 @@
 
 use hmd_core::assess::LOCKED;
 use hmd_core::health::HealthState;
+use hmd_core::history::{FELL, FELL_ADVICE};
 use hmd_core::sensor_checks::Suspect;
 use hmd_core::sensor_health::SensorQuantity;
 
@@ -25,6 +26,15 @@ pub(super) fn is_before_next_use(checks: &str) -> bool {
 
 /// What to check, in sentences; empty if nothing is.
 pub(super) fn checks(history: &History, unassessed: Option<Unassessed>) -> String {
+    let mut sentences = of_sensors(history, unassessed);
+    if history.has_fallen() {
+        let space = if sentences.is_empty() { "" } else { " " };
+        sentences += &format!("{space}A {FELL}: {FELL_ADVICE}.");
+    }
+    sentences
+}
+
+fn of_sensors(history: &History, unassessed: Option<Unassessed>) -> String {
     let health = &history.newest.0;
     let suspects = health.suspects.iter().filter_map(|name| Suspect::from_name(name));
     let drifting = history

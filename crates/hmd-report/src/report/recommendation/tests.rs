@@ -324,3 +324,13 @@ fn a_drifting_sensor_is_to_be_checked_before_any_part() {
     );
     assert!(found.has_checks);
 }
+
+#[test]
+fn a_damage_that_fell_without_a_repair_asks_for_its_record() {
+    let mut history = history(&["warning", "nominal"], &[], [0.0; FaultId::COUNT]);
+    history.fallen[FaultId::Friction.index()] = true;
+    let found = of(&history);
+    let expected =
+        "A damage fell without a recorded repair: record the maintenance with hmd event, or check the sensors.";
+    assert_eq!((found.action.as_str(), found.has_checks), (expected, true));
+}

@@ -128,6 +128,57 @@ fn removed_segments_are_lost_and_reported() {
     );
 }
 
+/// `mv out out.old` while segments are open, also just before the end, or before frames find theirs full.
+#[test]
+fn a_folder_that_was_moved_keeps_what_was_written_and_another_is_made() {
+    for case in ["tick", "full", "end", "replaced"] {
+        let mut bench = Bench::new();
+        let (folder, aside) = (
+            bench.folder.path().to_owned(),
+            bench.folder.path().with_extension("old"),
+        );
+        let mut store = bench.open();
+        bench.put_frames(&mut store, 100);
+        assert!(Bench::put_health(&mut store, 1));
+        bench.tick(&mut store, 1);
+        fs::rename(&folder, &aside).unwrap();
+        if case == "replaced" {
+            fs::create_dir(&folder).unwrap();
+        }
+        bench.put_frames(&mut store, 10);
+        assert!(Bench::put_health(&mut store, 2), "{case}: its file is still there");
+        let mut in_new = (0, Vec::new());
+        if case != "end" {
+            if case == "full" {
+                store.now += Duration::from_secs(60);
+            } else {
+                bench.tick(&mut store, 1);
+            }
+            bench.put_frames(&mut store, 7);
+            assert!(Bench::put_health(&mut store, 3), "{case}: {:?}", bench.reported);
+            bench.tick(&mut store, 61);
+            in_new = (7, vec![3]);
+            let told = match case {
+                "replaced" => format!("go on; what was written before is in {}", aside.display()),
+                _ => format!("was moved to {}; it is created again", aside.display()),
+            };
+            let reported = bench.reported.join("\n");
+            assert!(reported.contains(&told), "{case}: {reported}");
+        }
+        let status = store.finish().status;
+        assert_eq!(
+            (status.lost_frames, status.lost_records, status.state),
+            (0, 0, StorageState::Ok),
+            "{case}"
+        );
+        assert_eq!(Bench::read_in(&aside), (110, vec![1, 2]), "{case}");
+        assert!(Bench::names_in(&aside).iter().all(|name| name.ends_with(".mcap")));
+        fs::create_dir_all(&folder).unwrap();
+        assert_eq!(bench.read(), in_new, "{case}");
+        fs::remove_dir_all(aside).unwrap();
+    }
+}
+
 #[test]
 fn a_folder_that_is_replaced_or_becomes_a_link_is_told_as_that() {
     let mut bench = Bench::new();

@@ -79,6 +79,9 @@ impl Collector for Snapshot {
             "Segments deleted to make room",
             status.storage_deleted as f64,
         )?;
+        // Without a folder of segments there is no disk to report of.
+        let has_folder = !status.storage.is_empty();
+        let of_folder = |value: u64| has_folder.then_some(value as f64);
         for (name, help, value) in [
             (
                 "identification_max_seconds",
@@ -93,14 +96,14 @@ impl Collector for Snapshot {
             (
                 "segment_bytes",
                 "Bytes of all segments",
-                Some(status.storage_used_bytes as f64),
+                of_folder(status.storage_used_bytes),
             ),
             (
                 "disk_free_bytes",
                 "Bytes free where the segments are",
-                Some(status.storage_free_bytes as f64),
+                of_folder(status.storage_free_bytes),
             ),
-            ("segments", "Segments", Some(status.storage_segments as f64)),
+            ("segments", "Segments", of_folder(status.storage_segments)),
         ] {
             if let Some(value) = value {
                 let metric = out.encode_descriptor(name, help, None, MetricType::Gauge)?;
@@ -109,14 +112,11 @@ impl Collector for Snapshot {
         }
         let queues = [("inputs", status.queued_inputs), ("windows", status.queued_windows)];
         gauges(out, "queued", "What waits in a queue", "queue", queues)?;
-        let states = StorageState::ALL.map(|state| (state.name(), u64::from(status.storage == state.name())));
-        gauges(
-            out,
-            "storage_state",
-            "1 for the state that the storage is in",
-            "state",
-            states,
-        )?;
+        if has_folder {
+            let states = StorageState::ALL.map(|state| (state.name(), u64::from(status.storage == state.name())));
+            let help = "1 for the state that the storage is in";
+            gauges(out, "storage_state", help, "state", states)?;
+        }
         of_actuators(out, status)?;
         let links = status.interfaces.iter();
         let links = links.map(|on| (on.interface.as_str(), u64::from(on.link == "up")));
@@ -294,5 +294,17 @@ mod tests {
             !render(&Status::default(), &LastWindows::default()).contains("record_age"),
             "absent before the first record"
         );
+    }
+
+    #[test]
+    fn without_a_folder_of_segments_no_disk_is_reported_full() {
+        let alone = Status {
+            storage: String::new(),
+            ..status()
+        };
+        let text = render(&alone, &LastWindows::default());
+        for name in ["disk_free_bytes", "segment_bytes", "hmd_segments ", "storage_state"] {
+            assert!(!text.contains(name), "{name} in\n{text}");
+        }
     }
 }

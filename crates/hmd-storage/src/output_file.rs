@@ -119,6 +119,18 @@ impl OutputFile {
         sync_folder_of(&place)
     }
 
+    /// Takes it back: what was at its place stays, and nothing is left where nothing was.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn discard(self) -> io::Result<()> {
+        match self.beside {
+            Some(beside) => beside.close(),
+            None if self.file.metadata()?.is_file() => std::fs::remove_file(&self.place),
+            None => Ok(()),
+        }
+    }
+
     /// The same for what a power cut may cost.
     ///
     /// # Errors

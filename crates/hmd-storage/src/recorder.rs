@@ -331,6 +331,23 @@ impl Recorder {
         }
     }
 
+    /// Takes a file back, for a run that had nothing to record: what was at its place stays. A folder keeps its segments.
+    ///
+    /// # Errors
+    /// When the file cannot be removed.
+    pub fn discard(self) -> Result<(), RecordError> {
+        match self.output {
+            Output::Folder(store) => {
+                store.finish();
+                Ok(())
+            }
+            Output::Nowhere => Ok(()),
+            Output::File { path, output, .. } => {
+                output.discard().map_err(|source| RecordError::Create { path, source })
+            }
+        }
+    }
+
     fn write<R: Record>(&mut self, at_ns: u64, record: &R) -> Result<(), RecordError> {
         match &mut self.output {
             Output::Folder(store) => store.write(at_ns, record),

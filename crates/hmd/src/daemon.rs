@@ -245,13 +245,17 @@ impl Daemon {
 }
 
 /// Numbers the buses in their order.
+///
+/// # Panics
+/// When a name is there twice: the frames of the second source would be of another bus. Configuration and arguments are checked for it.
 fn bus_names(wanted: &[String]) -> Result<BusNames, DaemonError> {
     let mut names = BusNames::new();
-    for name in wanted {
-        names.intern(name).map_err(|cause| DaemonError::Interface {
+    for (n, name) in wanted.iter().enumerate() {
+        let number = names.intern(name).map_err(|cause| DaemonError::Interface {
             name: name.clone(),
             cause,
         })?;
+        assert_eq!(usize::from(number), n, "interface {name:?} is there twice");
     }
     Ok(names)
 }

@@ -171,7 +171,7 @@ impl Replay<'_> {
             let stamp_ns = run.pipeline.last_stamp_ns();
             run.notice(&Notice { stamp_ns, message }, LogLevel::Warning)?;
         }
-        run.finish(&names)
+        run.finish(&names, self)
     }
 
     fn create(&self, path: &Path) -> Result<Recorder, ReplayError> {
@@ -340,19 +340,26 @@ impl<O: Observer> Run<'_, O> {
         Ok(())
     }
 
-    fn finish(self, names: &BusNames) -> Result<Summary, ReplayError> {
+    /// Ends the output, unless the logs held nothing to assess: it then leaves what is at its place.
+    fn finish(self, names: &BusNames, replay: &Replay<'_>) -> Result<Summary, ReplayError> {
         let status = self.pipeline.status(names, self.assessor.counts());
-        if let Some(mut recorder) = self.recorder {
-            recorder.write_status(self.pipeline.last_stamp_ns(), &status)?;
-            recorder.finish()?;
-        }
-        Ok(Summary {
+        let last_stamp_ns = self.pipeline.last_stamp_ns();
+        let summary = Summary {
             status,
             actuators: self.pipeline.actuators(),
             windows: self.windows,
             frames: self.pipeline.frames(),
             damaged_places: self.damaged_places,
-        })
+        };
+        if let Some(mut recorder) = self.recorder {
+            recorder.write_status(last_stamp_ns, &summary.status)?;
+            if summary.check(replay.logs, &replay.config).is_ok() {
+                recorder.finish()?;
+            } else {
+                recorder.discard()?;
+            }
+        }
+        Ok(summary)
     }
 }
 

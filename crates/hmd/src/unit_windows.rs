@@ -82,6 +82,9 @@ pub fn windows_of(
             report(&remark);
         }
         pipeline.finish();
+        for notice in pipeline.take_notices() {
+            report(&notice.message);
+        }
         found.jobs.extend(pipeline.take_windows());
         names = source.into_bus_names();
         let status = pipeline.status(&names, WindowCounts::default());

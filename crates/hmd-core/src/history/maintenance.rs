@@ -5,6 +5,7 @@ use std::fmt;
 use ema_models::FaultId;
 use serde::{Deserialize, Serialize};
 
+use crate::sensor_checks::Suspect;
 use crate::sensor_health::SensorQuantity;
 
 /// One event.
@@ -102,6 +103,34 @@ impl ReplacedPart {
                 Of::GainC,
                 Of::Latency,
                 Of::DcLink,
+            ],
+        }
+    }
+
+    /// What a window may suspect of the sensors and wires in it. What is configured, and the load sensor and output encoder beside it, stay.
+    #[must_use]
+    pub const fn suspects(self) -> &'static [Suspect] {
+        use Suspect as Of;
+        match self {
+            Self::Motor => &[
+                Of::WindingTemperature,
+                Of::ResolverZero,
+                Of::ResolverDirection,
+                Of::ResolverFrozen,
+            ],
+            Self::Gearbox => &[],
+            Self::Controller => &[
+                Of::DcLink,
+                Of::CurrentOffset,
+                Of::CurrentGain,
+                Of::PhaseGain,
+                Of::PhaseOrder,
+                Of::CurrentSign,
+                Of::CurrentFrozen,
+                Of::SetpointDelay,
+                Of::Mode,
+                Of::RepeatedSamples,
+                Of::SampleOrder,
             ],
         }
     }

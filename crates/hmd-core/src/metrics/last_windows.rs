@@ -104,7 +104,7 @@ impl Collector for LastWindows {
         self.of_faults(out, "damage", help, |(damage, _)| damage)?;
         let help = "Standard deviation of hmd_damage";
         self.of_faults(out, "damage_sigma", help, |(_, sigma)| sigma)?;
-        let help = "Time of operation left: 10, 50 and 90 % quantile";
+        let help = "Time left, of operation, or of the clock with rul.hours = elapsed: 10, 50 and 90 % quantile";
         let mut lives = out.encode_descriptor("rul_seconds", help, None, MetricType::Gauge)?;
         for (actuator, last) in &self.actuators {
             for (percentile, hours) in PERCENTILES.iter().zip(last.rul_h) {

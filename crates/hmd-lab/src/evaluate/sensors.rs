@@ -487,7 +487,12 @@ mod tests {
             let (_, vector) = planned.fault?;
             let worse_gain = vector.gain < FaultVector::NOMINAL.gain;
             let circumstances = &planned.circumstances;
-            Some((planned.worn()?.name(), worse_gain, circumstances.rate_hz, circumstances.drive))
+            Some((
+                planned.worn()?.name(),
+                worse_gain,
+                circumstances.rate_hz,
+                circumstances.drive,
+            ))
         });
         let met: std::collections::BTreeSet<_> = worn.collect();
         // Seven parts, the gain in two directions.

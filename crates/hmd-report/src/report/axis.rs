@@ -55,7 +55,7 @@ impl UseAxis {
     pub(super) fn new(history: &History) -> Self {
         let hours = continuous_hours(history);
         let (label, places) = if hours.last().is_some_and(|last| *last >= 1.0) {
-            let label = if is_elapsed(&history.newest.1) {
+            let label = if is_elapsed(&history.newest.rul) {
                 "elapsed time, h"
             } else {
                 "operating time, h"

@@ -7,7 +7,8 @@ use std::path::Path;
 use prost::Message;
 
 use super::history::{History, Replacement, hours_of_all};
-use super::units::{Part, by_unit};
+use super::units::{Part, SERIAL, by_unit};
+use hmd_core::config::Config;
 use hmd_core::history::{Event, EventKind, Events};
 use hmd_core::record::{Health, Log, Record, Rul, Sensors, Status, Window};
 use hmd_ingest::file::open_recorded;
@@ -155,16 +156,26 @@ impl Files {
     }
 
     /// Takes over which actuators and parts were replaced after the newest window of each and until now, UTC ns, by the events of a
-    /// configuration. One that is still to come changes nothing.
-    pub fn note_replacements(&mut self, events: &Events, now_ns: u64) {
+    /// configuration. One that is still to come changes nothing. Of units that have one name the event is of that with the configuration's
+    /// serial number, without one of each.
+    pub fn note_replacements(&mut self, events: &Events, config: &Config, now_ns: u64) {
         let has_come = |event: &&Event| event.event == EventKind::Reset && event.t_ns <= now_ns;
         for event in events.list.iter().filter(has_come) {
-            let Some(history) = self.actuators.get_mut(&event.actuator) else {
-                continue;
+            let configured = config.actuator_named(&event.actuator);
+            let serial = configured.and_then(|of| of.serial_number.as_deref());
+            let is_meant = |name: &str| match name.strip_prefix(&*event.actuator) {
+                Some("") => true,
+                Some(rest) => rest
+                    .strip_prefix(SERIAL)
+                    .is_some_and(|of| serial.is_none_or(|serial| serial == of)),
+                None => false,
             };
-            let is_after = history.points.iter().all(|point| point.t_start_ns < event.t_ns);
-            let is_known = history.replaced_since.iter().any(|known| known.part == event.part);
-            if is_after && !is_known {
+            for (_, history) in self.actuators.iter_mut().filter(|(name, _)| is_meant(name)) {
+                if history.points.iter().any(|point| point.t_start_ns >= event.t_ns) {
+                    continue;
+                }
+                // The newest of each part.
+                history.replaced_since.retain(|known| known.part != event.part);
                 history.replaced_since.push(Replacement {
                     part: event.part,
                     t_ns: event.t_ns,
@@ -172,6 +183,17 @@ impl Files {
                 });
             }
         }
+    }
+
+    /// Whether some file was recorded with another configuration than this one.
+    #[must_use]
+    pub fn has_other_configuration(&self, config: &Config) -> bool {
+        let hash = config.hash();
+        let mut hashes = self
+            .sources
+            .iter()
+            .filter_map(|source| source.metadata.get("config_hash"));
+        hashes.any(|found| *found != hash)
     }
 
     /// All actuators by name, or the one of this name.
@@ -189,7 +211,7 @@ impl Files {
             return Ok(self.actuators.values().collect());
         };
         // Without a serial number all units of that name.
-        let units = format!("{name}, serial ");
+        let units = format!("{name}{SERIAL}");
         let is_meant = |(of, _): &(&String, &History)| *of == name || of.starts_with(&units);
         let found: Vec<&History> = self
             .actuators
@@ -217,7 +239,7 @@ impl Files {
         let history = self.entry(&window.actuator);
         let counts = [window.samples_expected, window.samples, window.samples_lost];
         for (sum, count) in history.samples.iter_mut().zip(counts) {
-            *sum += count;
+            *sum = sum.saturating_add(count);
         }
         if !window.fitted_i_q_a.is_empty() {
             history.fitted = Some(window);
@@ -232,9 +254,74 @@ impl Files {
         let history = self.entry(&rul.actuator);
         if let Some(point) = history.points.last_mut().filter(|point| point.window == rul.window) {
             point.used_h = rul.operating_h;
+            point.replaced.clone_from(&rul.replaced);
             point.left_h = hours_of_all(&rul);
-            history.note_replaced(&rul.replaced);
-            history.newest.1 = rul;
+            history.newest.add_rul(rul);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::history::Point;
+    use super::*;
+    use hmd_core::history::ReplacedPart;
+
+    fn reset(t_ns: u64, note: &str) -> Event {
+        Event {
+            t_ns,
+            actuator: "left".to_owned(),
+            event: EventKind::Reset,
+            part: Some(ReplacedPart::Gearbox),
+            note: Some(note.to_owned()),
+        }
+    }
+
+    #[test]
+    fn a_replacement_is_of_the_unit_with_the_serial_number_of_the_configuration() {
+        let replaced = |serial: &str, events: Vec<Event>| {
+            let mut files = Files::default();
+            for name in ["left, serial 1", "left, serial 2", "lefty"] {
+                files.entry(name).points.push(Point {
+                    t_start_ns: 5,
+                    ..Point::default()
+                });
+            }
+            let config = format!("[[actuator]]\nid = 0\nname = \"left\"\n{serial}");
+            let config = Config::from_toml_str(&config, "test").unwrap();
+            let events = Events {
+                list: events,
+                ..Events::default()
+            };
+            files.note_replacements(&events, &config, 10);
+            let notes = |history: &History| {
+                let notes = history.replaced_since.iter().map(|of| of.note.clone());
+                notes.collect::<Vec<_>>().join(",")
+            };
+            files.actuators.values().map(notes).collect::<Vec<_>>()
+        };
+        let once = || vec![reset(6, "a")];
+        assert_eq!(replaced("serial_number = \"2\"", once()), ["", "a", ""]);
+        assert_eq!(replaced("", once()), ["a", "a", ""]);
+        // The newest of two counts, none that is to come, and none before the newest window.
+        let several = vec![reset(4, "old"), reset(6, "a"), reset(8, "b"), reset(11, "later")];
+        assert_eq!(replaced("", several), ["b", "b", ""]);
+    }
+
+    #[test]
+    fn another_configuration_is_noticed_by_its_hash() {
+        let config = Config::default();
+        let is_other = |hash: String| {
+            let source = Source {
+                metadata: [("config_hash".to_owned(), hash)].into(),
+                ..Source::default()
+            };
+            let files = Files {
+                sources: vec![source],
+                ..Files::default()
+            };
+            files.has_other_configuration(&config)
+        };
+        assert_eq!([config.hash(), "00".to_owned()].map(is_other), [false, true]);
     }
 }

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use ema_models::FaultId;
 use hmd_core::config::HoursOf;
 use hmd_core::health::HealthState;
-use hmd_core::history::{FELL, ReplacedPart};
-use hmd_core::record::{Estimate, Health, LastShown, Rul, Sensors, Window};
+use hmd_core::history::ReplacedPart;
+use hmd_core::record::{Estimate, Health, Newest, Rul, Sensors, Window};
 
 /// One window of a history.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -33,6 +33,10 @@ pub struct Point {
     pub faults: Vec<String>,
     /// Whether it suspects a sensor, a wire or a number.
     pub is_suspected: bool,
+    /// State of each fault after it, in the order of [`FaultId::ALL`].
+    pub states: [HealthState; FaultId::COUNT],
+    /// Why it is not `ok`.
+    pub reason: String,
 }
 
 /// What is known of one actuator.
@@ -42,10 +46,8 @@ pub struct History {
     pub actuator: String,
     /// Its windows, as recorded.
     pub points: Vec<Point>,
-    /// The newest health record, and what was left then.
-    pub newest: (Health, Rul),
-    /// What its windows have shown of each fault.
-    pub shown: LastShown,
+    /// Health and remaining life after the newest window, and what the windows have shown of each fault.
+    pub newest: Newest,
     /// Part and serial number, in words; empty where its configuration had none.
     pub identity: String,
     /// The newest window that was fitted.
@@ -58,9 +60,6 @@ pub struct History {
     pub sensors: Sensors,
     /// What was replaced after the newest window, as it was entered, each once.
     pub replaced_since: Vec<Replacement>,
-    /// Whether the damage of each fault fell without a recorded repair, in the order of [`FaultId::ALL`]; until it is back, or its part is
-    /// replaced.
-    pub fallen: [bool; FaultId::COUNT],
 }
 
 /// A replacement that was entered.
@@ -95,25 +94,16 @@ impl History {
 
     /// State of each fault after the newest window, in the order of [`FaultId::ALL`].
     pub(super) fn states(&self) -> [HealthState; FaultId::COUNT] {
-        self.newest.0.states().unwrap_or_default()
+        self.newest.states()
     }
 
-    /// Takes the next window of the same file. A record of an older version gets the states of its faults: what it reports is at watch.
-    pub(super) fn add(&mut self, mut health: Health) {
-        if health.states().is_none() {
-            let states = self.states_of_older(&health);
-            health.set_states(&states);
-        }
+    /// Takes the next window of the same file.
+    pub(super) fn add(&mut self, health: Health) {
         for reason in health.reason.split("; ").filter(|reason| !reason.is_empty()) {
             *self.reasons.entry(without_numbers(reason)).or_default() += 1;
         }
-        let fell = health.reason.split("; ").find(|reason| reason.starts_with(FELL));
-        let states = health.states().unwrap_or_default();
-        for fault in FaultId::ALL {
-            let names = |reason: &str| reason.contains(&format!("{} ", fault.name()));
-            let fallen = &mut self.fallen[fault.index()];
-            *fallen = fell.is_some_and(names) || (*fallen && states[fault.index()] < HealthState::Warning);
-        }
+        self.newest.add(health);
+        let health = &self.newest.health;
         self.points.push(Point {
             window: health.window,
             t_start_ns: health.t_start_ns,
@@ -126,65 +116,43 @@ impl History {
             replaced: String::new(),
             faults: health.fault_list.clone(),
             is_suspected: !health.suspects.is_empty(),
+            states: self.newest.states(),
+            reason: health.reason.clone(),
         });
-        self.shown.update(&health);
-        self.newest = (health, Rul::default());
     }
 
-    fn states_of_older(&self, health: &Health) -> [HealthState; FaultId::COUNT] {
-        let state = HealthState::named(&health.health);
-        if health.estimate().is_none() && state != HealthState::Unknown {
-            return self.states();
+    /// Notes that these windows are of another unit than those before.
+    pub(super) fn begin_unit(&mut self) {
+        self.newest.begin_unit();
+        if let Some(first) = self.points.first_mut() {
+            "unit".clone_into(&mut first.replaced);
         }
-        FaultId::ALL.map(|fault| match state {
-            HealthState::Unknown => state,
-            _ if health.fault_list.iter().any(|name| name == fault.name()) => HealthState::Watch,
-            _ => HealthState::Nominal,
-        })
     }
 
-    /// Goes on with what a later file says of the same actuator. Where that has shown nothing of a fault, what was known of it before holds,
-    /// unless its part was replaced.
-    pub(super) fn go_on(&mut self, mut later: Self) {
-        for fault in FaultId::ALL {
-            let is_back = later.states()[fault.index()] >= HealthState::Warning;
-            later.fallen[fault.index()] |= self.fallen[fault.index()] && later.keeps(fault) && !is_back;
-        }
-        let counts = |fault: FaultId| later.keeps(fault);
-        later.shown = later.shown.or(&self.shown, counts);
-        let own = later.states();
-        let mut states = own;
-        for (fault, before) in FaultId::ALL.into_iter().zip(self.states()) {
-            let state = &mut states[fault.index()];
-            if *state == HealthState::Unknown && later.keeps(fault) {
-                *state = before;
-            }
-        }
-        let worst = states.into_iter().max().unwrap_or_default();
-        let is_known = !states.contains(&HealthState::Unknown);
-        let newest = &mut later.newest.0;
-        let state = HealthState::named(&newest.health);
-        if states != own && worst > state && (worst > HealthState::Nominal || is_known) {
-            newest.health = worst.name().to_owned();
-        }
-        newest.set_states(&states);
+    /// Goes on with the next segment of the same run.
+    pub(super) fn continue_run(&mut self, later: Self) {
+        self.join(later, Newest::continue_run);
+    }
+
+    /// Goes on with what a later recording says of the same actuator ([`Newest::go_on`]).
+    pub(super) fn go_on(&mut self, later: Self) {
+        self.join(later, Newest::go_on);
+    }
+
+    fn join(&mut self, later: Self, join_newest: impl FnOnce(&mut Newest, Newest)) {
         let Self {
             actuator: _,
             points,
             newest,
-            shown,
             identity,
             fitted,
             samples,
             reasons,
             sensors,
             replaced_since: _,
-            fallen,
         } = later;
-        self.fallen = fallen;
         if !points.is_empty() {
-            self.newest = newest;
-            self.shown = shown;
+            join_newest(&mut self.newest, newest);
         }
         self.points.extend(points);
         if !identity.is_empty() {
@@ -195,31 +163,20 @@ impl History {
         }
         self.fitted = fitted.or(self.fitted.take());
         for (sum, count) in self.samples.iter_mut().zip(samples) {
-            *sum += count;
+            *sum = sum.saturating_add(count);
         }
         for (reason, count) in reasons {
             *self.reasons.entry(reason).or_default() += count;
         }
     }
+}
 
-    /// Whether what was known of a fault before these windows still holds: neither its part nor the unit was replaced.
-    fn keeps(&self, fault: FaultId) -> bool {
-        !self.points.iter().any(|point| replaces(&point.replaced, fault))
-    }
-
-    /// Takes what was replaced before the newest window.
-    pub(super) fn note_replaced(&mut self, replaced: &str) {
-        for fault in FaultId::ALL.into_iter().filter(|fault| replaces(replaced, *fault)) {
-            self.fallen[fault.index()] = false;
-        }
-        if let Some(point) = self.points.last_mut() {
-            replaced.clone_into(&mut point.replaced);
-        }
-    }
-
+impl History {
     /// Whether a damage fell without a recorded repair, also after the newest window.
     pub(super) fn has_fallen(&self) -> bool {
-        let mut fallen = FaultId::ALL.into_iter().filter(|fault| self.fallen[fault.index()]);
+        let mut fallen = FaultId::ALL
+            .into_iter()
+            .filter(|fault| self.newest.fallen[fault.index()]);
         fallen.any(|fault| {
             let mut since = self.replaced_since.iter();
             since.all(|replacement| replacement.part.is_some_and(|part| !part.faults().contains(&fault)))
@@ -227,12 +184,10 @@ impl History {
     }
 }
 
-/// Whether what was replaced, parts by their names or `unit`, joined by commas, has a fault.
-fn replaces(replaced: &str, fault: FaultId) -> bool {
-    replaced.split(',').any(|what| {
-        let is_of_fault = |part: ReplacedPart| part.faults().contains(&fault);
-        what == "unit" || ReplacedPart::from_name(what).is_some_and(is_of_fault)
-    })
+/// The requirement of the specification that ends the life, in words; `None` where a damage does, or nothing is predicted.
+pub(super) fn requirement(rul: &Rul) -> Option<String> {
+    let is_requirement = !["", "damage"].contains(&&*rul.governed_by);
+    is_requirement.then(|| rul.governed_by.replace('_', " "))
 }
 
 /// Hours left by all faults, 10 %, 50 % and 90 % quantile.
@@ -293,80 +248,5 @@ mod tests {
             found,
             [("no fault vector explains the data: cost …", 2), ("… samples lost", 1)]
         );
-    }
-
-    fn recording(health: &str, states: [HealthState; FaultId::COUNT], replaced: &str) -> History {
-        let mut history = History::default();
-        let mut record = Health {
-            health: health.to_owned(),
-            ..Health::default()
-        };
-        record.set_states(&states);
-        history.add(record);
-        history.points[0].replaced = replaced.to_owned();
-        history
-    }
-
-    #[test]
-    fn a_damage_that_fell_is_told_until_it_is_back_or_its_part_is_replaced() {
-        use HealthState::{Nominal, Warning};
-        let window = |state: HealthState, reason: String| {
-            let mut health = Health {
-                reason,
-                ..Health::default()
-            };
-            let mut states = [Nominal; FaultId::COUNT];
-            states[FaultId::Friction.index()] = state;
-            health.set_states(&states);
-            health
-        };
-        let fell = || {
-            window(
-                Nominal,
-                format!("2 samples lost; {FELL} (friction 0.00 ± 0.02 after warning): check"),
-            )
-        };
-        let after = |windows: &[Health], replaced: &str| {
-            let mut history = History::default();
-            windows.iter().cloned().for_each(|health| history.add(health));
-            history.note_replaced(replaced);
-            history.has_fallen()
-        };
-        let sound = || window(Nominal, String::new());
-        assert!(after(&[fell()], "") && after(&[fell(), sound()], "controller"));
-        assert!(!after(&[sound()], "") && !after(&[fell(), window(Warning, String::new())], ""));
-        assert!(!after(&[fell(), sound()], "gearbox") && !after(&[fell(), sound()], "unit"));
-        let mut history = recording("nominal", [Nominal; FaultId::COUNT], "");
-        history.add(fell());
-        history.go_on(recording("nominal", [Nominal; FaultId::COUNT], ""));
-        assert!(history.has_fallen());
-        history.replaced_since.push(Replacement {
-            part: Some(ReplacedPart::Gearbox),
-            t_ns: 0,
-            note: String::new(),
-        });
-        assert!(!history.has_fallen());
-    }
-
-    #[test]
-    fn a_recording_in_which_nothing_was_shown_hides_nothing_that_was_known_before() {
-        use HealthState::{Critical, Nominal, Unknown};
-        let mut worn = [Nominal; FaultId::COUNT];
-        worn[FaultId::Backlash.index()] = Critical;
-        let nothing = [Unknown; FaultId::COUNT];
-        let after = |replaced: &str| {
-            let mut history = recording("critical", worn, "");
-            history.go_on(recording("unknown", nothing, replaced));
-            (history.newest.0.health.clone(), history.states())
-        };
-        assert_eq!(after(""), ("critical".to_owned(), worn));
-        assert_eq!(after("unit"), ("unknown".to_owned(), nothing));
-        let (health, states) = after("gearbox");
-        assert_eq!((&*health, states[FaultId::Backlash.index()]), ("unknown", Unknown));
-        assert_eq!(states[FaultId::ShortA.index()], Nominal);
-        // What the later one has shown counts.
-        let mut history = recording("critical", worn, "");
-        history.go_on(recording("nominal", [Nominal; FaultId::COUNT], ""));
-        assert_eq!(history.newest.0.health, "nominal");
     }
 }

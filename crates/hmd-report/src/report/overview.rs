@@ -85,7 +85,7 @@ fn names(faults: &[FaultId]) -> String {
 fn by_urgency((a, of_a): (&History, &Recommendation), (b, of_b): (&History, &Recommendation)) -> Ordering {
     let p10 = |advice: &Recommendation| advice.hours_left.as_ref().map_or(f64::INFINITY, |hours| hours[0]);
     let damage = |history: &History, advice: &Recommendation| {
-        let damages = advice.faults.iter().filter_map(|fault| history.shown.of(*fault));
+        let damages = advice.faults.iter().filter_map(|fault| history.newest.shown.of(*fault));
         damages.map(|shown| shown.damage).fold(0.0, f64::max)
     };
     rank(of_b)
@@ -96,8 +96,9 @@ fn by_urgency((a, of_a): (&History, &Recommendation), (b, of_b): (&History, &Rec
 
 fn rank(advice: &Recommendation) -> u8 {
     match advice.state {
-        HealthState::Critical => 6,
-        HealthState::Warning => 5,
+        HealthState::Critical => 7,
+        HealthState::Warning => 6,
+        HealthState::Watch if advice.is_before_next_use => 5,
         HealthState::Unknown | HealthState::Nominal if advice.is_before_next_use => 4,
         HealthState::Watch => 3,
         HealthState::Unknown | HealthState::Nominal if advice.has_checks || advice.unassessed.is_some() => 2,

@@ -25,6 +25,8 @@ pub struct View {
     pub zone: Zone,
     /// Damage levels of the faults, in the order of [`FaultId::ALL`].
     pub levels: [Levels; FaultId::COUNT],
+    /// A sentence about these levels, where they may be others than those of the recordings.
+    pub notice: Option<String>,
 }
 
 /// The report of these actuators of the files as one HTML file.
@@ -38,6 +40,9 @@ pub fn page(files: &Files, histories: &[&History], view: &View) -> String {
     let mut body = format!("<h1>{title}</h1>\n");
     if files.sources.iter().any(|source| source.damaged) {
         body += "<p class=\"assessment\">Parts of a recording are missing or damaged: newer windows may be lost. See <em>Lost data</em>.</p>\n";
+    }
+    if let Some(notice) = &view.notice {
+        let _ = writeln!(body, "<p class=\"faint\">{}</p>", escaped(notice));
     }
     if histories.len() != 1 {
         body += &overview(histories, &modes, &view.zone);
@@ -126,6 +131,7 @@ mod tests {
         View {
             zone: Zone::utc(),
             levels: [Levels::default(); FaultId::COUNT],
+            notice: None,
         }
     }
 
@@ -147,9 +153,7 @@ mod tests {
             residual_rms_a: Some(0.05),
             used_h: Some(n as f64),
             left_h: (n > 5).then_some([90.0, 100.0, 110.0]),
-            replaced: String::new(),
-            faults: Vec::new(),
-            is_suspected: false,
+            ..Point::default()
         };
         History {
             actuator: "<script>alert(1)</script>".to_owned(),
@@ -161,7 +165,7 @@ mod tests {
     #[test]
     fn a_long_history_stays_small_and_no_text_becomes_markup() {
         let mut history = history(20_000);
-        history.newest.0 = Health {
+        history.newest.health = Health {
             health: "watch".to_owned(),
             ..Health::default()
         };
@@ -222,7 +226,7 @@ mod tests {
                 true => HealthState::named(state),
                 false => HealthState::Nominal,
             }));
-            history.newest.0 = health;
+            history.newest.health = health;
             history
         };
         let well = named("aileron", "nominal", &[]);
@@ -232,5 +236,30 @@ mod tests {
         assert!(place("#actuator-1\">flap") < place("#actuator-0\">aileron"));
         assert!(place("Plan the repair: gear and screw") < place("No action."));
         assert_eq!(text.matches("<article").count(), 2);
+    }
+
+    #[test]
+    fn a_worn_actuator_with_a_jam_stands_above_a_good_one_with_a_jam() {
+        let jammed = |name: &str, state: HealthState| {
+            let mut history = history(1);
+            history.actuator = name.to_owned();
+            history.points[0].estimate = None;
+            history.newest.health = Health {
+                health: state.name().to_owned(),
+                reason: hmd_core::assess::LOCKED.to_owned(),
+                ..Health::default()
+            };
+            let mut states = [HealthState::Nominal; FaultId::COUNT];
+            states[0] = state;
+            history.newest.health.set_states(&states);
+            history
+        };
+        let (well, worn) = (
+            jammed("aileron", HealthState::Nominal),
+            jammed("flap", HealthState::Watch),
+        );
+        let text = page(&Files::default(), &[&well, &worn], &view());
+        let place = |what: &str| text.find(what).unwrap_or_else(|| panic!("{what}"));
+        assert!(place("#actuator-1\">flap") < place("#actuator-0\">aileron"));
     }
 }

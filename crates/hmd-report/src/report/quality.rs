@@ -1,10 +1,11 @@
 //! Quality of the data: windows by status and reason, and what the files lost.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use hmd_core::record::WindowStatus;
+use hmd_core::record::{Status, WindowStatus};
 
-use super::files::Files;
+use super::files::{Files, Source};
 use super::history::History;
 use super::markup::table;
 use super::plot::escaped;
@@ -48,8 +49,8 @@ pub(super) fn windows(history: &History) -> String {
 /// What buses reported and what was lost, over all actuators of the files.
 pub(super) fn losses(files: &Files) -> String {
     let mut text = String::new();
-    let errors: String = files
-        .sources
+    let counted = newest_of_runs(&files.sources);
+    let errors: String = counted
         .iter()
         .filter(|source| source.status.frames_error > 0)
         .map(|source| loss(&source.file, "error frames", &source.status.frames_error.to_string()))
@@ -58,19 +59,37 @@ pub(super) fn losses(files: &Files) -> String {
         text += &table("What the buses reported", &LOST, &errors);
     }
     let mut rows = String::new();
-    for source in &files.sources {
+    for source in counted {
         for (cause, count) in source.status.losses().into_iter().filter(|(_, count)| *count > 0) {
             rows += &loss(&source.file, in_words(cause), &count.to_string());
         }
-        if source.damaged {
-            rows += &loss(&source.file, "parts of the file are damaged", "yes");
-        }
+    }
+    for source in files.sources.iter().filter(|source| source.damaged) {
+        rows += &loss(&source.file, "parts of the file are damaged", "yes");
     }
     if rows.is_empty() {
         text + "<p>The files lost nothing: no frame, no sample, no window of any actuator.</p>\n"
     } else {
         text + &table("Lost, over all actuators", &LOST, &rows)
     }
+}
+
+/// The sources whose counts are not in those of a later one: the counts of a run go on from segment to segment.
+fn newest_of_runs(sources: &[Source]) -> Vec<&Source> {
+    let mut newest: Vec<&Source> = Vec::new();
+    let mut of_run: BTreeMap<&str, usize> = BTreeMap::new();
+    // One that was cut off may have none.
+    for source in sources.iter().filter(|source| source.status != Status::default()) {
+        let run = source.metadata.get("run");
+        match run.and_then(|run| of_run.get(run.as_str())) {
+            Some(n) => newest[*n] = source,
+            None => {
+                of_run.extend(run.map(|run| (run.as_str(), newest.len())));
+                newest.push(source);
+            }
+        }
+    }
+    newest
 }
 
 /// Heads of the rows of [`loss`].
@@ -99,7 +118,31 @@ fn in_words(cause: &'static str) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hmd_core::record::Status;
+
+    #[test]
+    fn what_a_run_lost_is_counted_once() {
+        let segment = |run: &str, file: &str, lost_samples| Source {
+            file: file.to_owned(),
+            metadata: [("run".to_owned(), run.to_owned())].into(),
+            status: Status {
+                lost_samples,
+                ..Status::default()
+            },
+            ..Source::default()
+        };
+        let files = Files {
+            sources: vec![
+                segment("a", "1", 5),
+                segment("a", "2", 7),
+                segment("b", "3", 9),
+                segment("a", "4", 0),
+            ],
+            ..Files::default()
+        };
+        let text = losses(&files);
+        let has = |count: u64| text.contains(&format!("<td class=\"n\">{count}</td>"));
+        assert_eq!([5, 7, 9].map(has), [false, true, true], "{text}");
+    }
 
     #[test]
     fn every_cause_of_loss_has_a_text() {

@@ -10,12 +10,13 @@ use hmd_core::catalogue::FaultMode;
 use hmd_core::health::HealthState;
 use hmd_core::history::ReplacedPart;
 
-use super::history::{History, Replacement, Unassessed};
+use super::history::{History, Replacement, Unassessed, hours_of_all};
 use super::zone::Zone;
+pub(super) use checks::drifting;
 use checks::{checks, is_before_next_use};
 use left::Left;
 pub(super) use left::clears;
-use maintenance::maintenance;
+use maintenance::{at_once, maintenance};
 use since::{since, suspected_since};
 
 /// What a mechanic needs to know of one actuator.
@@ -31,6 +32,8 @@ pub(super) struct Recommendation {
     pub(super) hours_left: Result<[f64; 3], String>,
     /// The fault whose trend ends the life first.
     pub(super) ends_first: Option<FaultId>,
+    /// The requirement of the specification that is missed then, in words, where a damage does not end the life.
+    pub(super) requirement: Option<String>,
     /// Start of the first window since which the state was this or worse (`nominal`: was this), UTC ns.
     pub(super) since_ns: Option<u64>,
     /// Start of the first window since which a sensor is suspected in each, UTC ns.
@@ -61,7 +64,7 @@ impl Recommendation {
 
 /// The recommendation after the newest window; `modes` has the levels, in the order of [`FaultId::ALL`].
 pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COUNT], zone: &Zone) -> Recommendation {
-    let (health, rul) = &history.newest;
+    let (health, rul) = (&history.newest.health, &history.newest.rul);
     let left = Left::of(history);
     let unassessed = history.unassessed();
     let unknown: Vec<FaultId> = FaultId::ALL
@@ -70,9 +73,10 @@ pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COU
         .collect();
     let replaced = replaced(&history.replaced_since, zone);
     let checks = checks(history, unassessed);
+    let at_once = at_once(&left);
     let action = match left.state {
         HealthState::Watch | HealthState::Warning | HealthState::Critical => maintenance(history, &left, modes, zone),
-        _ if !replaced.is_empty() => String::new(),
+        _ if !replaced.is_empty() || !at_once.is_empty() => String::new(),
         HealthState::Unknown if unknown.len() < FaultId::COUNT => {
             "Not everything is known yet: scheduled inspections stand as they are.".to_owned()
         }
@@ -83,7 +87,7 @@ pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COU
         HealthState::Nominal if unassessed.is_some() => "Nothing before the next actuation.".to_owned(),
         HealthState::Nominal => "No action.".to_owned(),
     };
-    let sentences = [&action, &replaced, &checks];
+    let sentences = [&action, &at_once, &replaced, &checks];
     let faults = left.reported.clone();
     Recommendation {
         state: left.state,
@@ -95,18 +99,19 @@ pub(super) fn recommendation(history: &History, modes: &[FaultMode; FaultId::COU
             .join(" "),
         hours_left: match left.hours {
             Some(hours) => Ok(hours),
-            None if left.is_first_end_replaced => Err(REPLACED.to_owned()),
+            None if left.is_first_end_replaced && hours_of_all(rul).is_some() => Err(REPLACED.to_owned()),
             None if rul.reason.is_empty() => Err("none was recorded".to_owned()),
             None => Err(rul.reason.clone()),
         },
         ends_first: left.ends_first,
+        requirement: left.requirement,
         since_ns: since(history, left.state, faults.first().copied()),
         suspected_since_ns: suspected_since(history),
         faults,
         unassessed,
         unknown,
         has_checks: !checks.is_empty(),
-        is_before_next_use: is_before_next_use(&checks),
+        is_before_next_use: is_before_next_use(&checks) || !at_once.is_empty(),
     }
 }
 

@@ -9,6 +9,7 @@ use hmd_core::record::Window;
 use super::axis::{Mark, UseAxis};
 use super::history::{History, Point};
 use super::plot::{Axis, Plot, escaped, significant};
+use super::recommendation::clears;
 use super::zone::Zone;
 
 pub(super) const HEIGHT: f64 = 230.0;
@@ -197,12 +198,30 @@ pub(super) fn damages(history: &History, modes: &[FaultMode; FaultId::COUNT]) ->
     FaultId::ALL
         .into_iter()
         .zip(modes)
-        .map(|(fault, mode)| damage(&drawn, fault, mode, history.shown.of(fault).is_some()))
+        .map(|(fault, mode)| damage(&drawn, fault, mode, &newest_damage(history, fault)))
         .collect()
 }
 
-/// `is_shown`: some window since its part is the one that it is.
-fn damage(drawn: &Drawn<'_>, fault: FaultId, mode: &FaultMode, is_shown: bool) -> String {
+/// Damage by the newest window that shows the fault, as the table has it.
+fn newest_damage(history: &History, fault: FaultId) -> String {
+    if clears(&history.replaced_since, fault) {
+        return "replaced".to_owned();
+    }
+    let Some(shown) = history.newest.shown.of(fault) else {
+        return "no window shows it".to_owned();
+    };
+    let percent = 100.0 * shown.damage;
+    match shown.sigma.map(|sigma| 100.0 * NORMAL_95 * sigma) {
+        None => format!("{percent:.1} %"),
+        Some(half) => format!(
+            "{percent:.1} %, with 95 % probability {:.1} to {:.1} %",
+            (percent - half).max(0.0),
+            (percent + half).min(100.0)
+        ),
+    }
+}
+
+fn damage(drawn: &Drawn<'_>, fault: FaultId, mode: &FaultMode, newest: &str) -> String {
     let p = fault.parameter();
     // The damage of the gain is twice its deviation, and so is its sigma.
     let per_parameter = if fault == FaultId::Gain { 2.0 } else { 1.0 };
@@ -228,19 +247,9 @@ fn damage(drawn: &Drawn<'_>, fault: FaultId, mode: &FaultMode, is_shown: bool) -
     plot.level("level", warning, "warning");
     plot.level("level", critical, "critical");
     plot.level("level", 100.0 * mode.end_of_life, "end of life");
-    let newest = drawn
-        .points
-        .iter()
-        .rev()
-        .find_map(|place| Some((value(place.point)?, interval(place.point))));
-    let summary = match newest.filter(|_| is_shown) {
-        Some((damage, Some((low, high)))) => format!("{damage:.1} %, with 95 % probability {low:.1} to {high:.1} %"),
-        Some((damage, None)) => format!("{damage:.1} %"),
-        None => "no window shows it".to_owned(),
-    };
     figure(
         &plot,
-        &format!("<strong>{}</strong>: {summary}", escaped(fault.plain_name())),
+        &format!("<strong>{}</strong>: {newest}", escaped(fault.plain_name())),
     )
 }
 
@@ -298,6 +307,7 @@ pub(super) fn thinned<T: Copy>(all: &[T], most: usize) -> Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hmd_core::record::Health;
 
     #[test]
     fn a_reset_breaks_a_line_between_the_windows_it_lies_between() {
@@ -328,5 +338,28 @@ mod tests {
             assert!(left.len() <= 8 && left.last() == all.last(), "{length}: {left:?}");
             assert!(left.is_sorted_by(|a, b| a < b), "{length}: {left:?}");
         }
+    }
+
+    #[test]
+    fn a_figure_says_what_the_table_says() {
+        let mut health = Health::default();
+        health.set_states(&[HealthState::Nominal; FaultId::COUNT]);
+        health.set_damage([Some(0.5), None, None, None, None, None, None]);
+        let mut history = History::default();
+        history.add(health);
+        // The newest window tells of backlash, but does not show its state.
+        history.points[0].estimate = Some(hmd_core::record::Estimate {
+            k: [0.5; 8],
+            sigma: [Some(0.2); 8],
+            observable: [true; 8],
+        });
+        assert_eq!(newest_damage(&history, FaultId::Friction), "50.0 %");
+        assert_eq!(newest_damage(&history, FaultId::Backlash), "no window shows it");
+        history.replaced_since = vec![super::super::history::Replacement {
+            part: Some(ReplacedPart::Gearbox),
+            t_ns: 0,
+            note: String::new(),
+        }];
+        assert_eq!(newest_damage(&history, FaultId::Friction), "replaced");
     }
 }

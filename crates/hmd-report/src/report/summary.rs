@@ -7,12 +7,14 @@ use hmd_core::assess::LOCKED;
 use hmd_core::catalogue::FaultMode;
 use hmd_core::counted::counted;
 use hmd_core::health::HealthState;
-use hmd_core::record::{Rul, Shown};
+use hmd_core::record::{Rul, SensorReading, Shown};
+use hmd_core::sensor_health::SensorQuantity;
 
-use super::history::{History, Unassessed, hours_of, is_elapsed};
+use super::axis::{Mark, marks_before};
+use super::history::{History, Point, Unassessed, hours_of, is_elapsed};
 use super::markup::wide_table;
 use super::plot::escaped;
-use super::recommendation::{Recommendation, clears};
+use super::recommendation::{Recommendation, clears, drifting};
 use super::sections::NORMAL_95;
 use super::words::{duration, durations, hours, with_capital};
 use super::zone::Zone;
@@ -36,7 +38,7 @@ pub(super) fn period(history: &History, zone: &Zone) -> String {
 
 /// State, what to do, since when, and how long the actuator lasts.
 pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) -> String {
-    let health = &history.newest.0;
+    let health = &history.newest.health;
     let state = advice.state.name();
     let mut text = format!(
         "<p class=\"assessment {state}\"><strong>{state}</strong><br>{}",
@@ -81,24 +83,69 @@ pub(super) fn headline(advice: &Recommendation, history: &History, zone: &Zone) 
     if let Some(since) = advice.suspected_since_ns {
         let _ = write!(text, "<br>Sensors suspected since {}.", zone.minute(since));
     }
-    if !history.sensors.drifting.is_empty() {
-        let (names, level) = (history.sensors.drifting.join(", "), &history.sensors.level);
-        let _ = write!(text, "<br>Drift of sensors {}: {}.", escaped(level), escaped(&names));
+    let drifting = drifting(history);
+    if !drifting.is_empty() {
+        let names: Vec<&str> = drifting.into_iter().map(SensorQuantity::name).collect();
+        let of = |reading: &&SensorReading| names.contains(&&*reading.quantity);
+        let levels = history.sensors.quantities.iter().filter(of);
+        let level = levels.map(|reading| HealthState::named(&reading.level)).max();
+        let level = level.unwrap_or_else(|| HealthState::named(&history.sensors.level));
+        let _ = write!(text, "<br>Drift of sensors {level}: {}.", escaped(&names.join(", ")));
     }
-    if !advice.unknown.is_empty() && advice.unknown.len() < FaultId::COUNT {
-        let names: Vec<&str> = advice.unknown.iter().map(|fault| fault.plain_name()).collect();
-        let _ = write!(text, "<br>No window has shown: {}.", escaped(&names.join(", ")));
+    if advice.unknown.len() < FaultId::COUNT {
+        text += &not_known(advice, history, zone);
     }
     if let Some(by_life) = state_by_life(advice, history) {
         let _ = write!(text, "<br>{by_life}");
     }
-    let _ = writeln!(text, "<br>{}</p>", escaped(&remaining_life(advice, history)));
+    let _ = writeln!(text, "<br>{}</p>", escaped(&remaining_life(advice, history, zone)));
     text
+}
+
+/// The faults that no window has shown, and those that a window put in doubt, since when and why. What was replaced has its own sentence.
+fn not_known(advice: &Recommendation, history: &History, zone: &Zone) -> String {
+    let (mut never, mut text) = (Vec::new(), String::new());
+    let is_left = |fault: &&FaultId| !clears(&history.replaced_since, **fault);
+    for fault in advice.unknown.iter().filter(is_left) {
+        match in_doubt(history, *fault) {
+            None => never.push(fault.plain_name()),
+            Some(point) => {
+                let reason = if point.reason.is_empty() { "" } else { ": " };
+                let _ = write!(
+                    text,
+                    "<br>In doubt since {}: {}{reason}{}.",
+                    zone.minute(point.t_start_ns),
+                    fault.plain_name(),
+                    escaped(&point.reason)
+                );
+            }
+        }
+    }
+    if never.is_empty() {
+        return text;
+    }
+    format!("<br>No window has shown: {}.{text}", never.join(", "))
+}
+
+/// The window that put in doubt what windows before it had shown of a fault of the same part.
+fn in_doubt(history: &History, fault: FaultId) -> Option<&Point> {
+    let is_open = |point: &Point| point.states[fault.index()] == HealthState::Unknown;
+    let first = history.points.iter().rposition(|point| !is_open(point))? + 1;
+    let doubts = history.points.get(first)?;
+    let is_anew = |n: usize| {
+        marks_before(history, n).into_iter().any(|mark| match mark {
+            Mark::Unit => true,
+            Mark::Replaced(part) => part.faults().contains(&fault),
+            Mark::Reset | Mark::Restart => false,
+        })
+    };
+    (!(first..history.points.len()).any(is_anew)).then_some(doubts)
 }
 
 /// A fault with its damage.
 fn with_damage(history: &History, fault: FaultId) -> String {
     let damage = history
+        .newest
         .shown
         .of(fault)
         .map(|shown| format!(" {}", percent_of(shown.damage)));
@@ -119,8 +166,8 @@ fn state_by_life(advice: &Recommendation, history: &History) -> Option<String> {
 }
 
 /// The forecast in one or two sentences that do not contradict the action.
-fn remaining_life(advice: &Recommendation, history: &History) -> String {
-    let rul = &history.newest.1;
+fn remaining_life(advice: &Recommendation, history: &History, zone: &Zone) -> String {
+    let rul = &history.newest.rul;
     let of = hours_of(rul);
     let [p10, p50, p90] = match &advice.hours_left {
         Ok(left) => durations(*left),
@@ -131,13 +178,27 @@ fn remaining_life(advice: &Recommendation, history: &History) -> String {
     } else {
         format!("Remaining life: nine of ten such actuators last {p10}{of}, half of them {p50}, one of ten {p90}")
     };
-    if let Some(fault) = advice.ends_first {
-        let _ = write!(text, "; {} ends it first", fault.plain_name());
+    match (&advice.requirement, advice.ends_first) {
+        (Some(requirement), _) => {
+            let _ = write!(text, "; the requirement {requirement} ends it first");
+        }
+        (None, Some(fault)) => {
+            let _ = write!(text, "; {} ends it first", fault.plain_name());
+        }
+        (None, None) => {}
     }
     let without = without_forecast(advice, rul);
     if !without.is_empty() {
         let names: Vec<&str> = without.iter().map(|fault| fault.plain_name()).collect();
         let _ = write!(text, "; without {}, of which there is no forecast", names.join(" and "));
+    }
+    let newest = history.points.last().map(|point| point.t_start_ns);
+    if newest.is_some_and(|newest| rul.t_start_ns != 0 && newest != rul.t_start_ns) {
+        let _ = write!(
+            text,
+            "; predicted {}, later files have no forecast",
+            zone.minute(rul.t_start_ns)
+        );
     }
     if let Some(operation) = little_operation(history) {
         let _ = write!(text, "; {operation}");
@@ -168,16 +229,15 @@ const LITTLE_OPERATION: f64 = 0.01;
 
 /// How much operation the windows hold, where hours are of operation and these are a small part of the time.
 fn little_operation(history: &History) -> Option<String> {
-    if is_elapsed(&history.newest.1) {
+    if is_elapsed(&history.newest.rul) {
         return None;
     }
     let (first, last) = (history.points.first()?, history.points.last()?);
     let span_h = last.t_start_ns.saturating_sub(first.t_start_ns) as f64 / 3.6e12;
-    let used_h = history
-        .points
-        .iter()
-        .filter_map(|point| point.used_h)
-        .fold(0.0, f64::max);
+    // Use counts from before the first window; a history that begins anew counts from zero.
+    let used: Vec<f64> = history.points.iter().filter_map(|point| point.used_h).collect();
+    let grown = |pair: &[f64]| if pair[1] < pair[0] { pair[1] } else { pair[1] - pair[0] };
+    let used_h: f64 = used.windows(2).map(grown).sum();
     (used_h < LITTLE_OPERATION * span_h).then(|| {
         let (used, span) = (duration(used_h), duration(span_h));
         format!("hours of operation, of which the windows hold {used} within {span}; rul.hours = \"elapsed\" counts those of the clock")
@@ -195,7 +255,7 @@ fn percent(probability: f64) -> String {
 
 /// Each fault: part, symptom, damage, level, and the hours left by it alone or why there is no number.
 pub(super) fn faults(history: &History, modes: &[FaultMode; FaultId::COUNT], zone: &Zone) -> String {
-    let rul = &history.newest.1;
+    let rul = &history.newest.rul;
     let (states, left) = (history.states(), rul.faults());
     let row = |fault: FaultId| {
         let (mode, state) = (&modes[fault.index()], states[fault.index()]);
@@ -211,17 +271,18 @@ pub(super) fn faults(history: &History, modes: &[FaultMode; FaultId::COUNT], zon
             ];
             return cells.map(escaped).to_vec();
         }
-        let shown = history.shown.of(fault);
+        let shown = history.newest.shown.of(fault);
         let left = left[fault.index()].map_or_else(|| without_trend(shown, mode, state, rul), hours);
         vec![
             escaped(fault.plain_name()),
             escaped(mode.item),
             shown.map_or_else(|| "not known".to_owned(), |shown| percent_of(shown.damage)),
             escaped(&level(shown, mode, state)),
-            shown.map_or_else(
-                || "no window shows it".to_owned(),
-                |shown| zone.minute(shown.t_start_ns),
-            ),
+            match (shown, in_doubt(history, fault)) {
+                (Some(shown), _) => zone.minute(shown.t_start_ns),
+                (None, Some(point)) => format!("in doubt since {}", zone.minute(point.t_start_ns)),
+                (None, None) => "no window shows it".to_owned(),
+            },
             escaped(&left),
             escaped(mode.symptom),
         ]
@@ -263,10 +324,13 @@ fn level(shown: Option<Shown>, mode: &FaultMode, state: HealthState) -> String {
             Some(sigma) if shown.damage < mode.significance_sigmas * sigma => {
                 format!("{state}: not certain yet, ± {}", percent_of(NORMAL_95 * sigma))
             }
-            _ => format!(
-                "{state}: {by_damage} takes {}",
-                counted(mode.persistence_windows.into(), "window", "windows in a row")
-            ),
+            _ if mode.persistence_windows > 1 => {
+                format!(
+                    "{state}: {by_damage} takes {} windows in a row",
+                    mode.persistence_windows
+                )
+            }
+            _ => format!("{state}: recorded by other levels than those of this page, by which it is {by_damage}"),
         }
     } else {
         state.to_string()
@@ -301,7 +365,6 @@ mod tests {
     use hmd_core::catalogue::catalogue;
     use hmd_core::health::Levels;
     use hmd_core::history::ReplacedPart;
-    use hmd_core::record::Health;
 
     fn advice(state: HealthState) -> Recommendation {
         Recommendation {
@@ -310,6 +373,7 @@ mod tests {
             action: "Act.".to_owned(),
             hours_left: Ok([90.0, 100.0, 110.0]),
             ends_first: Some(FaultId::Friction),
+            requirement: None,
             since_ns: Some(0),
             suspected_since_ns: None,
             unassessed: None,
@@ -317,6 +381,12 @@ mod tests {
             has_checks: false,
             is_before_next_use: false,
         }
+    }
+
+    fn predicted(rul: Rul) -> History {
+        let mut history = History::default();
+        history.newest.add_rul(rul);
+        history
     }
 
     #[test]
@@ -345,16 +415,13 @@ mod tests {
             ..Rul::default()
         };
         rul.set_faults(FaultId::ALL.map(|fault| (fault == FaultId::ShortB).then_some(([90.0, 100.0, 110.0], 0.0))));
-        let history = History {
-            newest: (Health::default(), rul),
-            ..History::default()
-        };
+        let history = predicted(rul);
         let advice = Recommendation {
             faults: vec![FaultId::Friction, FaultId::ShortB],
             ends_first: Some(FaultId::ShortB),
             ..advice(HealthState::Warning)
         };
-        let text = remaining_life(&advice, &history);
+        let text = remaining_life(&advice, &history, &Zone::utc());
         assert!(
             text.contains("without friction, of which there is no forecast"),
             "{text}"
@@ -370,10 +437,7 @@ mod tests {
             dominant_fault: "friction".to_owned(),
             ..Rul::default()
         };
-        let history = History {
-            newest: (Health::default(), rul),
-            ..History::default()
-        };
+        let history = predicted(rul);
         let critical = headline(&advice(HealthState::Critical), &history, &Zone::utc());
         assert!(
             !critical.contains("ends within") && critical.contains("do not permit"),
@@ -381,5 +445,85 @@ mod tests {
         );
         let watch = headline(&advice(HealthState::Watch), &history, &Zone::utc());
         assert!(watch.contains("less than 0.1 % probability"), "{watch}");
+    }
+
+    #[test]
+    fn a_fault_in_doubt_is_not_one_that_no_window_has_shown() {
+        let point = |n: u64, friction: HealthState, reason: &str| {
+            let mut states = [HealthState::Nominal; FaultId::COUNT];
+            (states[0], states[1]) = (friction, HealthState::Unknown);
+            Point {
+                window: n,
+                t_start_ns: n * 60_000_000_000,
+                states,
+                reason: reason.to_owned(),
+                ..Point::default()
+            }
+        };
+        let mut history = History {
+            points: vec![
+                point(0, HealthState::Nominal, ""),
+                point(1, HealthState::Unknown, "too uncertain: friction"),
+                point(2, HealthState::Unknown, ""),
+            ],
+            ..History::default()
+        };
+        let of = |history: &History| {
+            let advice = Recommendation {
+                unknown: vec![FaultId::Friction, FaultId::Backlash],
+                ..advice(HealthState::Unknown)
+            };
+            not_known(&advice, history, &Zone::utc())
+        };
+        assert_eq!(
+            of(&history),
+            "<br>No window has shown: backlash.<br>In doubt since 1970-01-01 00:01 UTC: friction: too uncertain: friction."
+        );
+        // A new part was never shown.
+        history.points[1].replaced = "gearbox".to_owned();
+        assert_eq!(of(&history), "<br>No window has shown: friction, backlash.");
+    }
+
+    #[test]
+    fn a_requirement_that_ends_the_life_is_named_in_place_of_a_part() {
+        let advice = Recommendation {
+            requirement: Some("slew rate".to_owned()),
+            ..advice(HealthState::Nominal)
+        };
+        let text = remaining_life(&advice, &History::default(), &Zone::utc());
+        assert!(
+            text.contains("; the requirement slew rate ends it first") && !text.contains("friction ends"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn the_operation_of_the_windows_alone_is_compared_with_their_time() {
+        let point = |t_start_ns: u64, used_h: f64| Point {
+            t_start_ns,
+            used_h: Some(used_h),
+            ..Point::default()
+        };
+        let history = History {
+            points: vec![point(0, 5000.0), point(100 * 3_600_000_000_000, 5000.1)],
+            ..History::default()
+        };
+        let text = little_operation(&history);
+        assert!(text.is_some_and(|text| text.contains("hold 6 min within 100 h")));
+    }
+
+    #[test]
+    fn a_level_that_a_single_window_reaches_is_not_waited_for() {
+        let modes = catalogue(&[Levels::default(); FaultId::COUNT]).fault_modes;
+        let shown = Shown {
+            damage: 0.4,
+            sigma: Some(0.01),
+            t_start_ns: 0,
+        };
+        let text = level(Some(shown), &modes[0], HealthState::Watch);
+        assert_eq!(
+            text,
+            "watch: recorded by other levels than those of this page, by which it is warning"
+        );
     }
 }

@@ -5,6 +5,9 @@ use std::collections::BTreeMap;
 
 use super::history::History;
 
+/// What stands between the name of an actuator and its serial number, where units have one name.
+pub(super) const SERIAL: &str = ", serial ";
+
 /// What one file says of one actuator, and the serial number that its writer's configuration had for it.
 #[derive(Debug)]
 pub(super) struct Part {
@@ -37,19 +40,36 @@ pub(super) fn by_unit(mut parts: Vec<Part>) -> BTreeMap<String, History> {
         };
         (1..spans.len()).any(overlap)
     };
-    let mut found: BTreeMap<String, History> = BTreeMap::new();
-    for Part { serial, history, .. } in parts {
-        let name = match serial {
-            Some(serial) if is_shared(&history.actuator) => format!("{}, serial {serial}", history.actuator),
-            _ => history.actuator.clone(),
+    // The segments of a run first: their states continue each other.
+    let mut runs: BTreeMap<String, Vec<Part>> = BTreeMap::new();
+    for part in parts {
+        let name = match &part.serial {
+            Some(serial) if is_shared(&part.history.actuator) => format!("{}{SERIAL}{serial}", part.history.actuator),
+            _ => part.history.actuator.clone(),
         };
-        let whole = found.entry(name.clone()).or_insert_with(|| History {
-            actuator: name,
-            ..History::default()
-        });
-        whole.go_on(history);
+        let runs = runs.entry(name).or_default();
+        match runs.last_mut() {
+            Some(before) if part.run.is_some() && before.run == part.run => before.history.continue_run(part.history),
+            _ => runs.push(part),
+        }
     }
-    found
+    let whole = |(name, runs): (String, Vec<Part>)| {
+        let mut whole = History {
+            actuator: name.clone(),
+            ..History::default()
+        };
+        let mut unit = None;
+        for mut part in runs {
+            let before = unit.clone();
+            unit = part.serial.or(unit);
+            if before.is_some() && unit != before {
+                part.history.begin_unit();
+            }
+            whole.go_on(part.history);
+        }
+        (name, whole)
+    };
+    runs.into_iter().map(whole).collect()
 }
 
 /// Recordings in the order of their first windows; the segments of a run stay as they are, whatever its clock did.
@@ -123,5 +143,38 @@ mod tests {
             found(vec![part(Some("1"), &[10]), part(Some("1"), &[10])]),
             [("left".to_owned(), vec![10, 10])]
         );
+    }
+
+    #[test]
+    fn segments_of_a_run_continue_each_other_and_another_recording_holds_where_they_are_silent() {
+        use hmd_core::health::HealthState::{self, Critical, Nominal, Unknown};
+        let segment = |run: Option<&str>, t_start_ns: u64, state: HealthState| {
+            let mut part = part(None, &[]);
+            part.run = run.map(str::to_owned);
+            let mut health = hmd_core::record::Health {
+                t_start_ns,
+                health: state.name().to_owned(),
+                ..Default::default()
+            };
+            health.set_states(&[state; ema_models::FaultId::COUNT]);
+            part.history.add(health);
+            part
+        };
+        let joined = |parts: Vec<Part>| by_unit(parts)["left"].newest.health.health.clone();
+        let doubt = vec![segment(Some("a"), 1, Nominal), segment(Some("a"), 2, Unknown)];
+        assert_eq!(joined(doubt), "unknown");
+        let silent = vec![
+            segment(None, 0, Critical),
+            segment(Some("a"), 1, Unknown),
+            segment(Some("a"), 2, Unknown),
+        ];
+        assert_eq!(joined(silent), "critical");
+        // Of another unit nothing is known yet.
+        let of_unit = |serial: &str, t_start_ns: u64, state: HealthState| Part {
+            serial: Some(serial.to_owned()),
+            ..segment(None, t_start_ns, state)
+        };
+        let replaced = vec![of_unit("1", 0, Critical), of_unit("2", 1, Unknown)];
+        assert_eq!(joined(replaced), "unknown");
     }
 }

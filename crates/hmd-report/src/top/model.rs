@@ -71,7 +71,7 @@ pub struct Row<'a> {
     pub passive: bool,
     /// Windows in a row that ask for a worse state; 0 where the source does not say.
     pub persistence: u64,
-    /// Fault and damage, 0…1: the largest of the newest window that was assessed.
+    /// Fault and damage, 0…1: the largest of those that the windows have shown last of each fault.
     pub worst: Option<(&'static str, f64)>,
     /// Seconds since the start of its newest window.
     pub window_age_s: Option<f64>,
@@ -169,9 +169,7 @@ fn row<'a>(state: &'a State, condition: Condition, n: usize, name: &'a str) -> R
     });
     let reported = status.map(|(_, of)| &of.health);
     let health = known.map(|known| &known.health.health);
-    let damages = known
-        .and_then(|known| known.assessed.as_ref())
-        .map(|health| health.damages());
+    let damages = known.map(|known| known.shown.damages());
     let largest = |damages: [Option<f64>; FaultId::COUNT]| {
         let damages = FaultId::NAMES.into_iter().zip(damages);
         damages

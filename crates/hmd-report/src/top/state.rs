@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use prost::{DecodeError, Message};
 
-use hmd_core::record::{Health, Log, LogLevel, PACKAGE, Record, Rul, Sensors, Status, Window};
+use hmd_core::record::{Health, LastShown, Log, LogLevel, PACKAGE, Record, Rul, Sensors, Status, Window};
 use hmd_storage::mcap::McapMessage;
 
 /// Most actuators that are known: sixteen on each of 64 interfaces, which is all that the daemon takes.
@@ -20,6 +20,8 @@ pub struct Known {
     pub health: Health,
     /// Of the newest window that was assessed.
     pub assessed: Option<Health>,
+    /// What the windows so far have shown of each fault.
+    pub shown: LastShown,
     /// What was left after the newest window; `None` until that is read.
     pub rul: Option<Rul>,
     /// Its sensors by the newest window that has them; older files have none.
@@ -159,6 +161,7 @@ impl State {
         if health.estimate().is_some() {
             known.assessed = Some(health.clone());
         }
+        known.shown.update(&health);
         known.health = health;
         known.rul = None;
     }

@@ -334,3 +334,16 @@ fn hostile_records_are_bounded_and_harmless() {
     let text = text(&screen(&model, 0, (80, 24), Colours::On)).join("\n");
     assert!(!text.contains('\x1b'), "{text}");
 }
+
+#[test]
+fn a_damage_that_the_newest_window_does_not_show_is_still_the_largest() {
+    let state = state(|writer| {
+        writer.write(START, &health(0, "watch")).unwrap();
+        let mut later = health(0, "watch");
+        later.window = 8;
+        later.set_damage([None, Some(0.1), None, None, None, None, None]);
+        writer.write(START + SECOND, &later).unwrap();
+    });
+    let model = Model::new("test", &state, Condition::Recorded, true);
+    assert_eq!(model.rows[0].worst, Some(("friction", 0.4)));
+}

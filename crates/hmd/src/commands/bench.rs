@@ -1,7 +1,5 @@
 //! `hmd bench`: evaluations and identifications per second on this computer.
 
-use std::num::NonZeroUsize;
-
 use super::{Exit, progress, say};
 use hmd_lab::bench::{bench, figures};
 
@@ -12,8 +10,8 @@ use hmd_lab::bench::{bench, figures};
     \x20 hmd bench --threads 1 --json")]
 pub struct Args {
     /// Threads; all cores without it.
-    #[arg(long)]
-    threads: Option<NonZeroUsize>,
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
     /// Print everything as JSON.
     #[arg(long)]
     json: bool,
@@ -24,7 +22,7 @@ pub struct Args {
 /// # Errors
 /// Threads that cannot be started.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
-    let threads = args.threads.map_or_else(rayon::current_num_threads, NonZeroUsize::get);
+    let threads = args.threads.map_or_else(rayon::current_num_threads, usize::from);
     let bar = progress::over_pieces(figures(threads));
     let report = bench(threads, &|| bar.inc(1))?;
     bar.finish_and_clear();

@@ -7,7 +7,7 @@ use anyhow::Context;
 
 use super::outputs::Outputs;
 use super::table::{HEALTH_HEAD, health_row, left_cell};
-use super::{Exit, say};
+use super::{Exit, say_beside};
 use hmd_core::commissioning::in_words;
 use hmd_core::config::Config;
 use hmd_core::counted::counted;
@@ -63,24 +63,26 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     let writer = McapWriter::new(SyncedFile::new(file), &metadata(&config, "simulated", args.seed))
         .with_context(|| path.clone())?;
 
-    say(
+    say_beside(
         "A simulated flight-control actuator, which differs from its data sheet and has a vector drive, is commissioned:",
     )?;
     let calibration = commissioned(&config, args.seed).map_err(at_path)?;
     for line in in_words(&calibration) {
-        say(&format!("  {line}"))?;
+        say_beside(&format!("  {line}"))?;
     }
     for (path, text) in [(&calibration_path, calibration.emit()), (&config_path, text)] {
         output_file::write(path, text).with_context(|| path.display().to_string())?;
     }
     let mut demo = Demo::new(writer, &config, &calibration, args.seed).map_err(at_path)?;
 
-    say("Then it wears out; every 100 hours one actuation is watched.")?;
-    say("The life that is left counts to a damage of 80 %: hours by which it ends with 10, 50 and 90 % probability.")?;
-    say(&format!("  hours left (10…90 %), h  {HEALTH_HEAD}"))?;
+    say_beside("Then it wears out; every 100 hours one actuation is watched.")?;
+    say_beside(
+        "The life that is left counts to a damage of 80 %: hours by which it ends with 10, 50 and 90 % probability.",
+    )?;
+    say_beside(&format!("  hours left (10…90 %), h  {HEALTH_HEAD}"))?;
     while let Some((hours, windows)) = demo.next_actuation().map_err(at_path)? {
         for assessed in windows {
-            say(&format!(
+            say_beside(&format!(
                 "{hours:>7} {:<18} {}",
                 left_cell(&assessed.rul),
                 health_row(&assessed.health)
@@ -89,7 +91,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
     }
     let counts = demo.finish().map_err(at_path)?;
     output.put_in_place().with_context(|| path.clone())?;
-    say(&format!(
+    say_beside(&format!(
         "{} in, {} identified; {} written to {path}",
         counted(counts.frames, "frame", "frames"),
         counted(counts.windows.ok + counts.windows.degraded, "window", "windows"),

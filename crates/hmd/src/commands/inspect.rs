@@ -18,9 +18,10 @@ use super::table::{HEALTH_HEAD, health_row, left_cell};
 use super::{Exit, Losses, load_config, say, to_stderr};
 use hmd_core::catalogue::catalogue;
 use hmd_core::health::HealthState;
-use hmd_core::record::{Health, Interval, LastShown, Log, Record, Rul};
+use hmd_core::record::{Health, Interval, Log, Newest, Record, Rul};
 use hmd_ingest::file::open_recorded;
 use hmd_storage::mcap::McapMessages;
+use hmd_storage::mcap_writer::METADATA_NAME;
 use hmd_storage::{no_formula, number_cell, printable};
 
 /// Print the history in recorded files: damage, remaining life, events.
@@ -90,19 +91,14 @@ struct Printer {
     form: Form,
     /// The head stands above the first window.
     headed: bool,
-    /// The newest window of each unit: name and serial number.
-    summaries: BTreeMap<(String, Option<String>), Summarised>,
+    /// What the files so far say of each unit, the segments of a run as one.
+    summaries: BTreeMap<Unit, Vec<(Option<String>, Newest)>>,
     /// The serial number that was last printed of each actuator.
     serials: BTreeMap<String, String>,
 }
 
-/// The newest window of an actuator, with what its windows have shown.
-#[derive(Default)]
-struct Summarised {
-    shown: LastShown,
-    health: Health,
-    rul: Rul,
-}
+/// Name and serial number.
+type Unit = (String, Option<String>);
 
 /// Where a window comes from: two units may have the same name.
 #[derive(Clone, Copy)]
@@ -163,6 +159,7 @@ impl Printer {
         let file = messages.file().clone();
         // The health of each actuator's newest window, until its remaining life comes.
         let mut waiting: BTreeMap<String, Health> = BTreeMap::new();
+        let mut units: BTreeMap<Unit, Newest> = BTreeMap::new();
         while let Some(message) = messages.next() {
             let message = match message {
                 Ok(message) => message,
@@ -184,9 +181,24 @@ impl Printer {
                     };
                     self.window(&health, &rul, origin)?;
                     windows += 1;
+                    if self.form == Form::Summary {
+                        let unit = (health.actuator.clone(), origin.serial_number.map(str::to_owned));
+                        let newest = units.entry(unit).or_default();
+                        newest.add(health);
+                        newest.add_rul(rul);
+                    }
                 }
             } else if *message.schema == *Log::SCHEMA_NAME {
                 self.event(message.log_time_ns, &Log::decode(data)?.message)?;
+            }
+        }
+        let metadata = messages.verified_metadata(METADATA_NAME).ok().flatten();
+        let run = metadata.and_then(|metadata| metadata.get("run"));
+        for (unit, newest) in units {
+            let runs = self.summaries.entry(unit).or_default();
+            match runs.last_mut() {
+                Some((before, whole)) if run.is_some() && before.as_ref() == run => whole.continue_run(newest),
+                _ => runs.push((run.cloned(), newest)),
             }
         }
         Ok(windows)
@@ -215,13 +227,7 @@ impl Printer {
                 }
                 say(&csv_row(health, rul, origin))
             }
-            Form::Summary => {
-                let unit = (health.actuator.clone(), origin.serial_number.map(str::to_owned));
-                let newest = self.summaries.entry(unit).or_default();
-                newest.shown.update(health);
-                (newest.health, newest.rul) = (health.clone(), rul.clone());
-                Ok(())
-            }
+            Form::Summary => Ok(()),
         }
     }
 
@@ -234,10 +240,14 @@ impl Printer {
 
     /// A line for each unit, with its serial number where others have the same name.
     fn summary_lines(&self) -> impl Iterator<Item = String> {
-        self.summaries.iter().map(|((actuator, serial_number), newest)| {
+        self.summaries.iter().map(|((actuator, serial_number), runs)| {
             let has_others = self.summaries.keys().filter(|(name, _)| name == actuator).count() > 1;
             let serial_number = serial_number.as_deref().filter(|_| has_others);
-            summary::summary_line(&newest.health, &newest.shown.damages(), &newest.rul, serial_number)
+            let mut newest = Newest::default();
+            for (_, run) in runs {
+                newest.go_on(run.clone());
+            }
+            summary::summary_line(&newest, serial_number)
         })
     }
 

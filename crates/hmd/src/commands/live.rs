@@ -1,8 +1,13 @@
 //! What the verbs that run until a signal have in common.
 
+use std::fmt::Display;
 use std::io;
+use std::os::fd::AsFd;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::Notify;
 
@@ -62,6 +67,32 @@ impl Signals {
     }
 }
 
+/// Longest time that a line waits for the reader of a stream: a daemon waits for it.
+pub(super) const STALLED: Duration = Duration::from_secs(5);
+
+/// Whether a stream can be written to within some time. A pipe that is ready has room for a page, which is longer than a line.
+pub(super) fn is_writable(stream: impl AsFd, within: Duration) -> bool {
+    let within = Timespec::try_from(within).ok();
+    let mut streams = [PollFd::new(&stream, PollFlags::OUT)];
+    // An error is reported by the write.
+    !matches!(poll(&mut streams, within.as_ref()), Ok(0))
+}
+
+/// Writes a line to stderr as [`warn`] does; one that nobody reads in time is dropped, and until somebody reads again the next ones at once.
+pub(super) fn tell(line: impl Display) {
+    static IS_STALLED: AtomicBool = AtomicBool::new(false);
+    let within = if IS_STALLED.load(Ordering::Relaxed) {
+        Duration::ZERO
+    } else {
+        STALLED
+    };
+    let is_read = is_writable(io::stderr(), within);
+    IS_STALLED.store(!is_read, Ordering::Relaxed);
+    if is_read {
+        warn(line);
+    }
+}
+
 fn lock(requests: &Mutex<Requests>) -> MutexGuard<'_, Requests> {
     requests.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -69,7 +100,7 @@ fn lock(requests: &Mutex<Requests>) -> MutexGuard<'_, Requests> {
 /// Prints what came in and what was lost; whether any actuator `is_watched` decides what is said of frames that were not decoded.
 pub(super) fn report(status: &Status, is_watched: bool) -> Exit {
     if is_watched {
-        warn(format_args!(
+        tell(format_args!(
             "{} received: {} decoded, {} of others than the actuators watched, {}",
             counted(status.frames_received, "frame", "frames"),
             status.frames_decoded,
@@ -77,7 +108,7 @@ pub(super) fn report(status: &Status, is_watched: bool) -> Exit {
             counted(status.frames_error, "error frame", "error frames")
         ));
     } else {
-        warn(format_args!(
+        tell(format_args!(
             "{} recorded, {}",
             counted(status.frames_received, "frame", "frames"),
             counted(status.frames_error, "error frame", "error frames")
@@ -104,6 +135,26 @@ pub(super) fn report(status: &Status, is_watched: bool) -> Exit {
     .filter(|(count, ..)| *count > 0)
     .map(|(count, one, many)| counted(count, one, many))
     .collect();
-    warn(format_args!("data lost: {}", lost.join(", ")));
+    tell(format_args!("data lost: {}", lost.join(", ")));
     Exit::DataLost
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+
+    #[test]
+    fn a_full_pipe_is_not_writable() {
+        let (reader, mut writer) = io::pipe().unwrap();
+        let soon = Duration::from_millis(10);
+        assert!(is_writable(&writer, soon));
+        // A page at a time, until the next would wait.
+        while is_writable(&writer, soon) {
+            writer.write_all(&[b'x'; 4096]).unwrap();
+        }
+        drop(reader);
+        assert!(is_writable(&writer, soon), "the write says that it is broken");
+    }
 }

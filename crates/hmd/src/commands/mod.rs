@@ -275,6 +275,15 @@ fn say(line: &str) -> anyhow::Result<()> {
     }
 }
 
+/// The same of a verb that writes a file as well, which goes on without a reader.
+#[cfg(feature = "full")]
+fn say_beside(line: &str) -> anyhow::Result<()> {
+    match writeln!(std::io::stdout().lock(), "{line}") {
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        other => other.context("stdout"),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

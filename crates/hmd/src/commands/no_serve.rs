@@ -16,6 +16,10 @@ pub(super) struct Viewers;
     reason = "the other build needs them"
 )]
 impl Serve {
+    pub(super) fn is_asked_for(&self) -> bool {
+        false
+    }
+
     pub(super) fn open(&self, _: impl FnOnce(&str)) -> anyhow::Result<Viewers> {
         Ok(Viewers)
     }

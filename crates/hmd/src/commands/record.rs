@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
-use super::live::{Signals, report};
-use super::{Exit, no_recording, warn};
+use super::live::{Signals, report, tell};
+use super::{Exit, Misuse, no_recording};
 use crate::daemon::{Daemon, Observer};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::{DEFAULT_BITRATE_BIT_S, OutputConfig};
@@ -53,6 +53,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         .into_iter()
         .map(|(key, value)| (key.to_owned(), value.to_owned()))
         .collect();
+    check_names(args)?;
     no_recording(&args.output)?;
     let signals = Signals::listen().context("signals")?;
     let daemon = Daemon {
@@ -68,6 +69,25 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         signals.next().await;
     };
     Ok(report(&daemon.run(end, &NoticePrinter)?, false))
+}
+
+/// Refuses a name that is no interface's, and one that is given twice: frames would be of the wrong bus.
+fn check_names(args: &Args) -> Result<(), Misuse> {
+    let mut names = BusNames::new();
+    for (n, name) in args
+        .interfaces
+        .iter()
+        .chain(args.serial.iter().map(|(bus, _)| bus))
+        .enumerate()
+    {
+        let number = names
+            .intern(name)
+            .map_err(|cause| Misuse(format!("interface {name:?}: {cause}")))?;
+        if usize::from(number) != n {
+            return Err(Misuse(format!("expected each interface once, found {name:?} twice")));
+        }
+    }
+    Ok(())
 }
 
 fn serial_line(text: &str) -> Result<(String, SerialSource), String> {
@@ -89,6 +109,6 @@ impl Observer for NoticePrinter {
     }
 
     fn notice(&self, message: &str) {
-        warn(message);
+        tell(message);
     }
 }

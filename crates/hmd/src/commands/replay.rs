@@ -16,7 +16,9 @@ use super::{Exit, Misuse, Settings, check_files, load_config_with, progress, to_
 use crate::replay::{Observer, Replay};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::Config;
+use hmd_core::frame::BusNames;
 use hmd_core::record::HealthLine;
+use hmd_ingest::file::open_mapped;
 
 /// Assess recorded logs.
 #[derive(Debug, clap::Args)]
@@ -39,7 +41,7 @@ pub struct Args {
     /// One JSON line per window instead of a table.
     #[arg(long)]
     json: bool,
-    /// Add to each line how long its identification took.
+    /// Add to each line the time since the line before: reading and identification.
     #[arg(long)]
     timings: bool,
     /// Threads; all cores without it. The records are the same for any number.
@@ -57,12 +59,35 @@ pub struct Args {
 /// # Errors
 /// A bad configuration, a log that cannot be read at all or holds no actuator, an output that cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<Exit> {
+    let input = Input::checked(args)?;
     let viewers = args.serve.open(|message| warn(message))?;
     viewers.wait()?;
-    let exit = replay(args, &viewers)?;
+    let exit = replay(args, input, &viewers)?;
     viewers.stay(|message| warn(message))?;
     viewers.finish();
     Ok(exit)
+}
+
+/// What a replay reads.
+struct Input {
+    config: Arc<Config>,
+    logs: Vec<PathBuf>,
+}
+
+impl Input {
+    /// Configuration and logs, as far as they can be checked before the first viewer comes.
+    fn checked(args: &Args) -> anyhow::Result<Self> {
+        let config = Arc::new(load_config_with(args.config.as_deref(), &args.settings)?);
+        let logs = recordings(&args.logs, Wanted::Logs)?;
+        if let Some(output) = &args.output {
+            check_output(output, &logs, &config)?;
+        }
+        check_files(&config, &mut to_stderr)?;
+        if let Some(log) = logs.first().filter(|_| args.serve.is_asked_for()) {
+            open_mapped(log, BusNames::new(), &config)?;
+        }
+        Ok(Self { config, logs })
+    }
 }
 
 /// Names that ask for what other verbs make of a recording, or that logs have which it is not.
@@ -91,13 +116,8 @@ pub fn check_output(output: &Path, logs: &[PathBuf], config: &Config) -> anyhow:
     Ok(())
 }
 
-fn replay(args: &Args, viewers: &Viewers) -> anyhow::Result<Exit> {
-    let config = Arc::new(load_config_with(args.config.as_deref(), &args.settings)?);
-    let logs = recordings(&args.logs, Wanted::Logs)?;
-    if let Some(output) = &args.output {
-        check_output(output, &logs, &config)?;
-    }
-    check_files(&config, &mut to_stderr)?;
+fn replay(args: &Args, input: Input, viewers: &Viewers) -> anyhow::Result<Exit> {
+    let Input { config, logs } = input;
     use_threads(args.threads.map(usize::from))?;
     let total = logs.iter().filter_map(|log| log.metadata().ok()).map(|m| m.len()).sum();
     let mut printer = Printer {

@@ -75,13 +75,26 @@ pub fn run_with(args: &Args, tell: &mut dyn FnMut(&str)) -> anyhow::Result<Exit>
             .into());
         }
     }
-    let view = View {
-        zone: zone(args.zone.as_deref())?,
-        levels: *config.health().levels(),
-    };
+    let zone = zone(args.zone.as_deref())?;
     let mut losses = Losses::default();
     let mut files = Files::read(&recorded, &mut |loss| losses.add(loss))?;
-    files.note_replacements(&load_events(&config)?, now_ns());
+    files.note_replacements(&load_events(&config)?, &config, now_ns());
+    let notice = files.has_other_configuration(&config).then(|| {
+        let levels = args.config.as_ref().map_or_else(
+            || "the defaults (-c CONFIG has others)".to_owned(),
+            |path| format!("those of {}", path.display()),
+        );
+        format!("The levels are {levels}; the files were recorded with another configuration.")
+    });
+    // The defaults were asked for by no configuration; another one may be a mistake.
+    if let Some(notice) = notice.as_ref().filter(|_| args.config.is_some()) {
+        tell(notice);
+    }
+    let view = View {
+        zone,
+        levels: *config.health().levels(),
+        notice,
+    };
     let histories = files.actuators(args.actuator.as_deref())?;
     let text = page(&files, &histories, &view);
     output_file::write(&args.output, text).with_context(|| args.output.display().to_string())?;

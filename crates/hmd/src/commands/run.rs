@@ -7,21 +7,18 @@ use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use super::journal::Journal;
-use super::live::{Signals, report};
+use super::live::{STALLED, Signals, is_writable, report, tell};
 use super::metrics_http::{self, Page, loopback};
 use super::outputs::Outputs;
 use super::requests::Request;
 use super::serve::{Serve, Viewers};
 use super::table::{HEALTH_HEAD, health_row};
-use super::{
-    Exit, Misuse, Settings, check_files_of_run, no_recording, sentence, service, to_stderr, use_threads, warn,
-};
+use super::{Exit, Misuse, Settings, check_files_of_run, no_recording, sentence, service, to_stderr, use_threads};
 use crate::daemon::{Daemon, DaemonError, Observer};
 use hmd_core::assess::AssessedWindow;
 use hmd_core::config::Config;
@@ -92,6 +89,7 @@ pub fn run(args: &Args) -> anyhow::Result<Exit> {
         alone: args.output.is_none(),
         headed: AtomicBool::new(false),
         read: AtomicBool::new(true),
+        stopping: AtomicBool::new(false),
         metrics: args.metrics.clone(),
         metrics_failed: AtomicBool::new(false),
         page: args.metrics_listen.map(|_| Page::default()),
@@ -216,6 +214,7 @@ async fn new_config(
         }
         service::ready();
     }
+    printer.stopping.store(true, Ordering::Relaxed);
     service::stopping();
     None
 }
@@ -254,17 +253,8 @@ fn daemon(args: &Args, config: Arc<Config>, recorder: Option<Recorder>, viewers:
     })
 }
 
-/// Longest time that a line waits for the reader of stdout, where the records go to an output as well: the assessment
-/// waits for it.
-const STDOUT_STALLED: Duration = Duration::from_secs(5);
-
-/// Whether a stream can be written to within some time. A pipe that is ready has room for a page, which is longer.
-fn is_writable(stream: impl AsFd, within: Duration) -> bool {
-    let within = Timespec::try_from(within).ok();
-    let mut streams = [PollFd::new(&stream, PollFlags::OUT)];
-    // An error is reported by the write.
-    !matches!(poll(&mut streams, within.as_ref()), Ok(0))
-}
+/// Time between two looks whether a stop was asked for, while nobody reads stdout.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
 
 struct Printer {
     json: bool,
@@ -273,6 +263,8 @@ struct Printer {
     headed: AtomicBool,
     /// Stdout is read.
     read: AtomicBool,
+    /// A stop was asked for: nothing waits for ever any more.
+    stopping: AtomicBool,
     metrics: Option<PathBuf>,
     /// The last metrics could not be written; reported once.
     metrics_failed: AtomicBool,
@@ -299,6 +291,24 @@ impl Printer {
         }
     }
 
+    /// Waits until a stream can be written to: not for long where the records go to an output as well, or once a stop was asked for. The
+    /// assessment waits for it. Whether it can.
+    fn waits_for_reader(&self, stream: impl AsFd) -> bool {
+        let mut since = Instant::now();
+        let mut was_stopping = false;
+        while !is_writable(&stream, LOOK_EVERY) {
+            let is_stopping = self.stopping.load(Ordering::Relaxed);
+            if is_stopping && !was_stopping && self.alone {
+                since = Instant::now();
+            }
+            was_stopping = is_stopping;
+            if (!self.alone || is_stopping) && since.elapsed() >= STALLED {
+                return false;
+            }
+        }
+        true
+    }
+
     fn last_windows(&self) -> MutexGuard<'_, LastWindows> {
         self.last.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -311,10 +321,14 @@ impl Observer for Printer {
         if !self.read.load(Ordering::Relaxed) {
             return Ok(());
         }
-        if !self.alone && !is_writable(io::stdout(), STDOUT_STALLED) {
+        if !self.waits_for_reader(io::stdout()) {
             self.read.store(false, Ordering::Relaxed);
-            let text = format!("stdout: not read for {STDOUT_STALLED:?}; the records go to the output alone");
-            self.notice_with_level(LogLevel::Error, &text);
+            let left = if self.alone {
+                "the last records are not written"
+            } else {
+                "the records go to the output alone"
+            };
+            self.notice_with_level(LogLevel::Error, &format!("stdout: not read for {STALLED:?}; {left}"));
             return Ok(());
         }
         let mut out = io::stdout().lock();
@@ -356,7 +370,7 @@ impl Observer for Printer {
             .as_ref()
             .is_some_and(|journal| journal.write(level, message))
         {
-            warn(message);
+            tell(message);
         }
     }
 
@@ -395,15 +409,34 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_pipe_is_not_writable() {
+    fn a_stop_does_not_wait_for_a_reader_for_ever() {
         let (reader, mut writer) = io::pipe().unwrap();
-        let soon = Duration::from_millis(10);
-        assert!(is_writable(&writer, soon));
-        // A page at a time, until the next would wait.
-        while is_writable(&writer, soon) {
+        while is_writable(&writer, Duration::from_millis(10)) {
             writer.write_all(&[b'x'; 4096]).unwrap();
         }
+        let printer = Printer {
+            json: true,
+            alone: true,
+            headed: AtomicBool::new(false),
+            read: AtomicBool::new(true),
+            stopping: AtomicBool::new(false),
+            metrics: None,
+            metrics_failed: AtomicBool::new(false),
+            page: None,
+            journal: None,
+            last: Mutex::new(LastWindows::default()),
+        };
+        std::thread::scope(|scope| {
+            let waiting = scope.spawn(|| (printer.waits_for_reader(&writer), Instant::now()));
+            // Without a stop it waits for whoever reads, however long.
+            std::thread::sleep(STALLED + Duration::from_secs(1));
+            assert!(!waiting.is_finished());
+            let stopped = Instant::now();
+            printer.stopping.store(true, Ordering::Relaxed);
+            let (is_read, ended) = waiting.join().unwrap();
+            assert!(!is_read && ended - stopped >= STALLED);
+        });
         drop(reader);
-        assert!(is_writable(&writer, soon), "the write says that it is broken");
+        assert!(printer.waits_for_reader(&writer));
     }
 }

@@ -34,6 +34,11 @@ pub(super) struct Serve {
 pub(super) struct Viewers(Option<Hub>);
 
 impl Serve {
+    /// Whether viewers may come.
+    pub(super) fn is_asked_for(&self) -> bool {
+        self.serve.is_some()
+    }
+
     /// Listens if asked to, and reports the address.
     pub(super) fn open(&self, tell: impl FnOnce(&str)) -> anyhow::Result<Viewers> {
         let Some(address) = self.serve else {

@@ -43,16 +43,17 @@ pub(super) struct Change {
 const ORDER: [&str; 5] = ["unknown", "nominal", "watch", "warning", "critical"];
 
 impl HealthTracker {
-    /// Takes an assessment, and what became news by it. Returns notices for an operator: of a change to report, and of that news; those of
+    /// Takes an assessment with the 10 % quantile of the hours left, and what became news by it. Returns notices for an operator: of a change to report, and of that news; those of
     /// a passive actuator are no warnings.
     pub(super) fn update(
         &mut self,
         health: &Health,
+        left_p10_h: Option<f64>,
         news: &[News],
         persistence: u32,
         passive: bool,
     ) -> Vec<(LogLevel, String)> {
-        let change = self.change(health, persistence, passive);
+        let change = self.change(health, left_p10_h, persistence, passive);
         let news = news.iter().map(|news| {
             let is_warning = news.for_the_worse && !passive;
             let level = if is_warning { LogLevel::Warning } else { LogLevel::Info };
@@ -62,7 +63,13 @@ impl HealthTracker {
         change.into_iter().chain(news).collect()
     }
 
-    fn change(&mut self, health: &Health, persistence: u32, passive: bool) -> Option<(LogLevel, String)> {
+    fn change(
+        &mut self,
+        health: &Health,
+        left_p10_h: Option<f64>,
+        persistence: u32,
+        passive: bool,
+    ) -> Option<(LogLevel, String)> {
         let tracked = self.tracked(&health.actuator);
         tracked.persistence = persistence;
         if tracked.health == health.health {
@@ -77,8 +84,12 @@ impl HealthTracker {
             "" => format!("no fault at its level watch (largest damage {damage:.2})"),
             faults => format!("{faults}, largest damage {damage:.2}"),
         };
+        let by_life = match left_p10_h {
+            Some(p10) if is_by_life(health) => format!(", by its remaining life (p10 {p10:.0} h)"),
+            _ => String::new(),
+        };
         let message = format!(
-            "{}: {from} to {} in window {}: {what}{}",
+            "{}: {from} to {} in window {}: {what}{by_life}{}",
             health.actuator,
             health.health,
             health.window,
@@ -159,6 +170,13 @@ pub(super) fn is_worse(from: &str, to: &str) -> bool {
     reported_level(from, to, false) == Some(LogLevel::Warning)
 }
 
+/// Whether the state is worse than that of every fault.
+fn is_by_life(health: &Health) -> bool {
+    let state = HealthState::named(&health.health);
+    let worst = health.states().and_then(|states| states.into_iter().max());
+    state >= HealthState::Watch && worst.is_some_and(|worst| state > worst)
+}
+
 /// The faults that no window has shown.
 fn unknown(health: &Health) -> Vec<&'static str> {
     let states = health.states().unwrap_or([HealthState::Nominal; FaultId::COUNT]);
@@ -215,7 +233,10 @@ mod tests {
         persistence: u32,
         passive: bool,
     ) -> Option<(LogLevel, String)> {
-        tracker.update(health, &[], persistence, passive).into_iter().next()
+        tracker
+            .update(health, Some(200.4), &[], persistence, passive)
+            .into_iter()
+            .next()
     }
 
     #[test]
@@ -229,6 +250,20 @@ mod tests {
         let (level, message) = update(&mut tracker, &health, 0, false).unwrap();
         assert_eq!(level, LogLevel::Info);
         assert_eq!(message, "ema3: nominal to unknown in window 1: not known: gain");
+    }
+
+    #[test]
+    fn a_state_by_the_remaining_life_says_so() {
+        let mut tracker = HealthTracker::default();
+        let mut health = assessed(1, "critical", 0.3);
+        let mut states = [HealthState::Nominal; FaultId::COUNT];
+        states[0] = HealthState::Watch;
+        health.set_states(&states);
+        let (_, message) = update(&mut tracker, &health, 0, false).unwrap();
+        assert_eq!(
+            message,
+            "ema3: unknown to critical in window 1: friction, largest damage 0.30, by its remaining life (p10 200 h)"
+        );
     }
 
     #[test]

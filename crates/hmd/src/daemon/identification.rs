@@ -174,9 +174,13 @@ impl<'a, C: HostClock> Identification<'a, C> {
             Self::keep_frames(&assessed, length_ns, &mut shared)?;
             shared.health_changed |=
                 shared.health_tracker.health_of(&assessed.health.actuator).health != assessed.health.health;
-            let notices = shared
-                .health_tracker
-                .update(&assessed.health, &assessed.news, pending, passive);
+            let notices = shared.health_tracker.update(
+                &assessed.health,
+                assessed.rul.rul_p10_h,
+                &assessed.news,
+                pending,
+                passive,
+            );
             for (level, message) in notices {
                 let stamp_ns = assessed.health.t_start_ns;
                 publish(&Notice { stamp_ns, message }, level, &mut shared, observer)?;

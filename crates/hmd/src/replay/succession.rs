@@ -30,7 +30,7 @@ impl LastSegment {
         });
         let succession = match (&self.0, &segment) {
             (Some((before, last)), Some((run, number))) if before == run => {
-                if *number == last + 1 {
+                if last.checked_add(1) == Some(*number) {
                     Succession::Next
                 } else {
                     Succession::Unknown

@@ -23,6 +23,7 @@ use hyper::upgrade::{OnUpgrade, Upgraded};
 use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::TokioIo;
 use sha1_smol::Sha1;
+use tokio::time::MissedTickBehavior;
 use tokio_websockets::{Limits, Message, ServerBuilder, WebSocketStream};
 
 use super::hub::{Hub, Next};
@@ -35,7 +36,7 @@ const ROOM: Room = Room {
     per_address: 8,
 };
 
-/// Time between two pings, and silence after which a client is taken for gone: it misses two of them.
+/// Time between two pings, and time after which a client is taken for gone that answers none and takes nothing else: it misses two of them.
 const PING_EVERY: Duration = Duration::from_millis(if cfg!(test) { 100 } else { 15_000 });
 const SILENT_MAX: Duration = Duration::from_millis(if cfg!(test) { 1_000 } else { 40_000 });
 
@@ -151,7 +152,9 @@ async fn attend(
 ) -> Result<(), tokio_websockets::Error> {
     send(&mut socket, Message::text(server_info(session))).await?;
     let mut pings = tokio::time::interval_at(tokio::time::Instant::now() + PING_EVERY, PING_EVERY);
-    let mut heard = Instant::now();
+    pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    // Since when a ping is not answered. A slow client may have much to take before it finds the ping: what it takes is life as well.
+    let mut waiting: Option<Instant> = None;
     loop {
         let received = if let Some(next) = hub.next(number) {
             let message = match next {
@@ -159,6 +162,7 @@ async fn attend(
                 Next::Binary(data) => Message::binary(data),
             };
             send(&mut socket, message).await?;
+            waiting = waiting.map(|_| Instant::now());
             // What is asked meanwhile is answered however much there is to send.
             let at_once = poll_fn(|context| match socket.poll_next_unpin(context) {
                 Poll::Ready(received) => Poll::Ready(Some(received)),
@@ -171,15 +175,16 @@ async fn attend(
                 received = socket.next() => received,
                 () = wake.notified() => continue,
                 _ = pings.tick() => {
-                    if heard.elapsed() > SILENT_MAX {
+                    if waiting.is_some_and(|since| since.elapsed() > SILENT_MAX) {
                         return Ok(());
                     }
                     send(&mut socket, Message::ping("")).await?;
+                    waiting.get_or_insert_with(Instant::now);
                     continue;
                 }
             }
         };
-        heard = Instant::now();
+        waiting = None;
         match received {
             Some(Ok(message)) if message.is_close() => return Ok(()),
             Some(Ok(message)) => {
@@ -312,11 +317,8 @@ mod tests {
         );
     }
 
-    #[test]
-    fn a_client_that_does_not_read_delays_no_other() {
-        const RECORDS: u64 = 200;
-        let (hub, address) = hub();
-        hub.publish(record(0, 1));
+    /// A client that has asked for the only channel and has its newest record.
+    fn subscribed(address: SocketAddr) -> TcpStream {
         let (_, mut stream) = ask(address, HEADERS);
         // The channels come; they are asked for in one frame, masked with zeros.
         let told_of: Vec<_> = (0..2).map(|_| frame(&mut stream).1).collect();
@@ -329,7 +331,35 @@ mod tests {
             frame(&mut stream),
             (false, super::super::protocol::message_data(7, 0, &[0]))
         );
+        stream
+    }
 
+    #[test]
+    fn a_client_that_takes_what_is_sent_is_not_gone() {
+        let (hub, address) = hub();
+        hub.publish(record(0, 1));
+        let mut stream = subscribed(address);
+        // It answers no ping, but always has something to read before the next one.
+        let since = Instant::now();
+        let mut n = 0;
+        while since.elapsed() < 3 * SILENT_MAX {
+            n += 1;
+            hub.publish(record(n, 1));
+            assert!(!frame(&mut stream).0);
+            std::thread::sleep(PING_EVERY / 5);
+        }
+        // Nothing more comes, and it is silent.
+        let since = Instant::now();
+        stream.read_to_end(&mut Vec::new()).unwrap();
+        assert!(since.elapsed() < 10 * SILENT_MAX, "{:?}", since.elapsed());
+    }
+
+    #[test]
+    fn a_client_that_does_not_read_delays_no_other() {
+        const RECORDS: u64 = 200;
+        let (hub, address) = hub();
+        hub.publish(record(0, 1));
+        let mut stream = subscribed(address);
         let since = Instant::now();
         for n in 1..=RECORDS {
             hub.publish(record(n, 1 << 20));

@@ -59,6 +59,7 @@ fn metrics() {
             interface: ANY.to_owned(),
             ..InterfaceStatus::default()
         }],
+        storage: "ok".to_owned(),
         actuators: vec![ActuatorStatus {
             actuator: ANY.to_owned(),
             ..ActuatorStatus::default()

@@ -1,7 +1,7 @@
 //! `hmd run` and `hmd record` as programs, where there is no such bus.
 #![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, ChildStderr, Command, Stdio};
 
@@ -162,6 +162,65 @@ fn a_serial_line_without_a_name_or_a_rate_is_refused() {
         assert_eq!(output.status.code(), Some(2));
         let text = String::from_utf8(output.stderr).unwrap();
         assert!(text.contains(expected), "{text}");
+    }
+}
+
+#[test]
+fn a_name_that_is_given_twice_is_refused_before_anything_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    for (interfaces, expected) in [
+        (
+            &["can0", "can1", "can0"][..],
+            "expected each interface once, found \"can0\" twice",
+        ),
+        (&["uart1", "--serial", "uart1=/dev/null"], "found \"uart1\" twice"),
+        (&["a/b"], "interface \"a/b\": "),
+    ] {
+        let mut record = hmd();
+        record.args(["record", "-o", "out.mcap"]).args(interfaces);
+        let output = record.current_dir(folder.path()).output().unwrap();
+        let text = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{text}");
+        assert!(text.contains(expected), "{text}");
+        assert!(!folder.path().join("out.mcap").exists());
+    }
+}
+
+#[test]
+fn a_stop_does_not_wait_for_a_reader_of_stderr() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(
+        folder.path().join("hmd.toml"),
+        "[[actuator]]\nid = 3\nbus = \"nosuchcan0\"\n",
+    )
+    .unwrap();
+    for line in ["run -c hmd.toml", "record nosuchcan0 -o out.mcap"] {
+        let (reader, mut writer) = std::io::pipe().unwrap();
+        // As much as a pipe holds.
+        writer.write_all(&[b'x'; 1 << 16]).unwrap();
+        let mut child = hmd()
+            .args(line.split(' '))
+            .current_dir(folder.path())
+            .stdout(Stdio::null())
+            .stderr(writer)
+            .spawn()
+            .unwrap();
+        std::thread::sleep(std::time::Duration::from_secs(1));
+        let id = child.id().to_string();
+        assert!(Command::new("kill").arg(&id).status().unwrap().success());
+        let start = std::time::Instant::now();
+        let ended = loop {
+            if let Some(status) = child.try_wait().unwrap() {
+                break status.code();
+            }
+            if start.elapsed() > std::time::Duration::from_secs(30) {
+                child.kill().unwrap();
+                break None;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        };
+        assert_eq!(ended, Some(0), "hmd {line}");
+        drop(reader);
     }
 }
 

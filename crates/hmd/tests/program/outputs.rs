@@ -69,6 +69,23 @@ fn a_recording_is_replaced_by_no_other_kind_of_file() {
 }
 
 #[test]
+fn a_replay_with_nothing_to_assess_leaves_the_old_recording() {
+    let folder = recorded();
+    folder.write("foreign.log", "(1.000000) can0 7FF#00\n");
+    refused_and_kept(&folder, 1, "replay foreign.log -o other.mcap");
+    refused_and_kept(&folder, 1, "replay foreign.log -o new.mcap");
+    assert!(!folder.path("new.mcap").exists());
+}
+
+#[test]
+fn a_served_replay_looks_at_its_input_before_it_waits_for_viewers() {
+    let folder = recorded();
+    folder.refused("replay none.log --serve=127.0.0.1:0", 1);
+    folder.refused("replay actuation.log -c none.toml --serve=127.0.0.1:0", 78);
+    folder.refused("replay actuation.log -o actuation.log --serve=127.0.0.1:0", 2);
+}
+
+#[test]
 fn events_go_to_a_file_of_events_alone() {
     let folder = recorded();
     for events in ["flight.mcap", "actuation.log", "own.toml"] {

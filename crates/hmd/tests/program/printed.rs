@@ -40,6 +40,20 @@ fn a_reader_that_goes_away_leaves_a_whole_output_file() {
 }
 
 #[test]
+fn a_demonstration_goes_on_without_a_reader() {
+    let folder = Folder::new();
+    let mut child = folder
+        .command("demo -o d.mcap")
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("hmd");
+    drop(child.stdout.take());
+    assert!(child.wait().expect("hmd ends").success());
+    let summary = folder.done("inspect d.mcap --summary");
+    assert!(summary.starts_with("HMD1/EMA0/W23/"), "{summary}");
+}
+
+#[test]
 fn one_run_gives_the_same_lines_from_text_and_mcap_on_any_number_of_threads() {
     let folder = Folder::new();
     for log in ["run.log", "run.mcap"] {

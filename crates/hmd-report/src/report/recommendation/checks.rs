@@ -2,7 +2,7 @@
 
 use hmd_core::assess::LOCKED;
 use hmd_core::health::HealthState;
-use hmd_core::history::{FELL, FELL_ADVICE};
+use hmd_core::history::{FELL, FELL_ADVICE, ReplacedPart};
 use hmd_core::sensor_checks::Suspect;
 use hmd_core::sensor_health::SensorQuantity;
 
@@ -24,6 +24,28 @@ pub(super) fn is_before_next_use(checks: &str) -> bool {
         .any(|urgent| checks.starts_with(urgent))
 }
 
+/// The sensors, wires and numbers that the newest window suspects, without those replaced since.
+pub(super) fn suspects(history: &History) -> Vec<Suspect> {
+    let names = &history.newest.health.suspects;
+    let is_left = |suspect: &Suspect| !is_replaced(history, |part| part.suspects().contains(suspect));
+    let found = names.iter().filter_map(|name| Suspect::from_name(name));
+    found.filter(is_left).collect()
+}
+
+/// The quantities of sensors that drift, without those replaced since.
+pub(in super::super) fn drifting(history: &History) -> Vec<SensorQuantity> {
+    let names = &history.sensors.drifting;
+    let is_left = |quantity: &SensorQuantity| !is_replaced(history, |part| part.sensors().contains(quantity));
+    let found = names.iter().filter_map(|name| SensorQuantity::from_name(name));
+    found.filter(is_left).collect()
+}
+
+/// Whether the actuator was replaced after the newest window, or such a part.
+fn is_replaced(history: &History, is_meant: impl Fn(ReplacedPart) -> bool) -> bool {
+    let mut since = history.replaced_since.iter();
+    since.any(|replacement| replacement.part.is_none_or(&is_meant))
+}
+
 /// What to check, in sentences; empty if nothing is.
 pub(super) fn checks(history: &History, unassessed: Option<Unassessed>) -> String {
     let mut sentences = of_sensors(history, unassessed);
@@ -35,28 +57,25 @@ pub(super) fn checks(history: &History, unassessed: Option<Unassessed>) -> Strin
 }
 
 fn of_sensors(history: &History, unassessed: Option<Unassessed>) -> String {
-    let health = &history.newest.0;
-    let suspects = health.suspects.iter().filter_map(|name| Suspect::from_name(name));
-    let drifting = history
-        .sensors
-        .drifting
-        .iter()
-        .filter_map(|name| SensorQuantity::from_name(name));
+    let health = &history.newest.health;
     let mut found: Vec<&str> = Vec::new();
-    for what in suspects
-        .map(Suspect::to_check)
-        .chain(drifting.map(SensorQuantity::to_check))
-    {
+    let suspects = suspects(history).into_iter().map(Suspect::to_check);
+    for what in suspects.chain(drifting(history).into_iter().map(SensorQuantity::to_check)) {
         if !found.contains(&what) {
             found.push(what);
         }
     }
+    // A jam sits in motor or gear. Of another actuator, old windows say nothing.
+    let is_another = is_replaced(history, |_| false);
+    let moves_anew = is_replaced(history, |part| part != ReplacedPart::Controller);
+    let unassessed = unassessed.filter(|_| !is_another);
     let is_jammed = unassessed.is_some() && health.reason.contains(LOCKED);
     let is_known = HealthState::named(&health.health) != HealthState::Unknown;
     match unassessed {
-        _ if is_jammed && found.is_empty() => CHECK_FOR_A_JAM.to_owned(),
-        _ if is_jammed => format!("{CHECK_FOR_A_JAM} Check {}.", found.join("; ")),
+        _ if is_jammed && !moves_anew && found.is_empty() => CHECK_FOR_A_JAM.to_owned(),
+        _ if is_jammed && !moves_anew => format!("{CHECK_FOR_A_JAM} Check {}.", found.join("; ")),
         _ if !found.is_empty() => format!("Check {}, before any part.", found.join("; ")),
+        _ if is_jammed => String::new(),
         Some(Unassessed { windows: 2.., .. }) if is_known => CHECK_WHAT_HINDERS.to_owned(),
         Some(Unassessed { windows: 2.., .. }) => CHECK_ALL.to_owned(),
         _ => String::new(),

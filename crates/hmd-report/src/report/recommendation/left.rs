@@ -4,12 +4,14 @@ use ema_models::FaultId;
 use hmd_core::health::HealthState;
 use hmd_core::history::ReplacedPart;
 
-use super::super::history::{History, Replacement, hours_of_all};
+use super::super::history::{History, Replacement, hours_of_all, requirement};
 
 /// States and forecast without the parts that were replaced.
 pub(super) struct Left {
-    /// State of each fault, in the order of [`FaultId::ALL`].
+    /// State of each fault by its damage, in the order of [`FaultId::ALL`].
     pub(super) states: [HealthState; FaultId::COUNT],
+    /// The same; that of the fault which ends the life is not below a state by the remaining life.
+    raised: [HealthState; FaultId::COUNT],
     /// The worst of them, or that by the remaining life.
     pub(super) state: HealthState,
     /// The faults that the state is about, the worst first.
@@ -18,13 +20,15 @@ pub(super) struct Left {
     pub(super) ends_first: Option<FaultId>,
     /// Hours to that end, 10 %, 50 % and 90 % quantile.
     pub(super) hours: Option<[f64; 3]>,
+    /// The requirement that is missed then, in words, where a damage does not end the life.
+    pub(super) requirement: Option<String>,
     /// Whether the recorded forecast was of a part that was replaced.
     pub(super) is_first_end_replaced: bool,
 }
 
 impl Left {
     pub(super) fn of(history: &History) -> Self {
-        let (health, rul) = &history.newest;
+        let rul = &history.newest.rul;
         let is_replaced = |fault: FaultId| clears(&history.replaced_since, fault);
         let before = history.states();
         let states = FaultId::ALL.map(|fault| match is_replaced(fault) {
@@ -41,60 +45,66 @@ impl Left {
             },
             is_replaced,
         );
-        let (ends_first, hours) = if is_first_end_replaced {
-            first_end(rul.faults(), is_replaced)
+        let (ends_first, hours, requirement) = if is_first_end_replaced {
+            let (ends_first, hours) = first_end(rul.faults(), is_replaced);
+            (ends_first, hours, None)
         } else {
-            (dominant, hours_of_all(rul))
+            (dominant, hours_of_all(rul), requirement(rul))
         };
+        let by_life = history.newest.state_by_life().filter(|_| !is_first_end_replaced);
+        let mut raised = states;
+        if let (Some(fault), Some(state)) = (dominant, by_life) {
+            raised[fault.index()] = state;
+        }
         let mut reported: Vec<FaultId> = FaultId::ALL
             .into_iter()
-            .filter(|fault| states[fault.index()] >= HealthState::Watch)
+            .filter(|fault| raised[fault.index()] >= HealthState::Watch)
             .collect();
-        let damage = |fault: FaultId| history.shown.of(fault).map_or(0.0, |shown| shown.damage);
+        let damage = |fault: FaultId| history.newest.shown.of(fault).map_or(0.0, |shown| shown.damage);
         reported.sort_by(|a, b| {
-            let by_state = states[b.index()].cmp(&states[a.index()]);
+            let by_state = raised[b.index()].cmp(&raised[a.index()]);
             by_state.then(damage(*b).total_cmp(&damage(*a)))
         });
-        let recorded = HealthState::named(&health.health);
-        let worst = states.into_iter().max().unwrap_or_default();
+        let worst = raised
+            .into_iter()
+            .max()
+            .unwrap_or_default()
+            .max(by_life.unwrap_or_default());
         let state = if history.replaced_since.is_empty() {
-            recorded
+            HealthState::named(&history.newest.health.health)
         } else if worst >= HealthState::Watch {
             worst
-        } else if states.contains(&HealthState::Unknown) {
-            HealthState::Unknown
         } else {
-            recorded.max(worst)
+            // Of every part that is replaced some fault is unknown.
+            HealthState::Unknown
         };
-        // Where it is by the remaining life alone.
-        if reported.is_empty() && state >= HealthState::Watch {
-            reported.extend(dominant.filter(|fault| !is_replaced(*fault)));
-        }
         Self {
             // Records of older versions do not say whose hours they have.
             ends_first: ends_first.or(reported.first().copied().filter(|_| hours.is_some())),
             states,
+            raised,
             state,
             reported,
             hours,
+            requirement,
             is_first_end_replaced,
         }
     }
 
     /// The faults that the state is about and that are in this state, the worst first.
     pub(super) fn in_state(&self, state: HealthState) -> Vec<FaultId> {
-        let is_meant = |fault: &&FaultId| self.state_of(**fault) == state;
+        let is_meant = |fault: &&FaultId| self.raised[fault.index()] == state;
         self.reported.iter().filter(is_meant).copied().collect()
     }
 
-    /// State of a reported fault; that of the actuator where only the remaining life is the reason.
-    fn state_of(&self, fault: FaultId) -> HealthState {
-        match self.states[fault.index()] {
-            state if state >= HealthState::Watch => state,
-            _ => self.state,
-        }
+    /// Whether so little is left that there is nothing to plan.
+    pub(super) fn ends_at_once(&self) -> bool {
+        self.hours.is_some_and(|[p10, ..]| p10 < HOURS_TO_PLAN)
     }
 }
+
+/// Below so many hours there is nothing to plan.
+pub(super) const HOURS_TO_PLAN: f64 = 1.0;
 
 /// The fault that counts with the earliest end, and its hours.
 fn first_end(

@@ -7,39 +7,64 @@ use hmd_core::health::HealthState;
 use super::super::history::{History, hours_of, is_elapsed};
 use super::super::words::{duration, with_capital};
 use super::super::zone::Zone;
-use super::left::Left;
-
-/// Below so many hours there is nothing to plan.
-const HOURS_TO_PLAN: f64 = 1.0;
+use super::left::{HOURS_TO_PLAN, Left};
 
 /// Nanoseconds of an hour.
 const NS_PER_H: f64 = 3.6e12;
 
-/// A sentence for each state, the worst first, with all parts that are in it.
+/// A sentence for each state, the worst first, with all parts that are in it; parts without a forecast have one of their own.
 pub(super) fn maintenance(history: &History, left: &Left, modes: &[FaultMode; FaultId::COUNT], zone: &Zone) -> String {
-    let states = [HealthState::Critical, HealthState::Warning, HealthState::Watch];
-    let sentences: Vec<String> = states
-        .into_iter()
-        .map(|state| (state, left.in_state(state)))
-        .filter(|(_, faults)| !faults.is_empty())
-        .map(|(state, faults)| {
+    let mut sentences = Vec::new();
+    if left.in_state(left.state).is_empty() {
+        sentences.push(sentence(history, left.state, "actuator", None, modes, zone));
+    }
+    for state in [HealthState::Critical, HealthState::Warning, HealthState::Watch] {
+        let deadline = |fault: FaultId| match state {
+            HealthState::Critical => None,
+            _ => hours_until_critical(history, left, fault, modes),
+        };
+        let with_deadline = left.in_state(state).into_iter().map(|fault| (fault, deadline(fault)));
+        let (planned, open): (Vec<_>, Vec<_>) = with_deadline.partition(|(_, deadline)| deadline.is_some());
+        for faults in [planned, open].iter().filter(|faults| !faults.is_empty()) {
             let mut parts: Vec<&str> = Vec::new();
-            for part in faults.iter().map(|fault| fault.part()) {
+            for part in faults.iter().map(|(fault, _)| fault.part()) {
                 if !parts.contains(&part) {
                     parts.push(part);
                 }
             }
-            let until_critical = faults
+            let deadline = faults
                 .iter()
-                .filter_map(|fault| hours_until_critical(history, left, *fault, modes));
-            let deadline = until_critical.min_by(f64::total_cmp);
-            sentence(history, state, &parts.join("; "), deadline, modes, zone)
-        })
-        .collect();
-    if sentences.is_empty() {
-        return sentence(history, left.state, "actuator", None, modes, zone);
+                .filter_map(|(_, deadline)| *deadline)
+                .min_by(f64::total_cmp);
+            sentences.push(sentence(history, state, &parts.join("; "), deadline, modes, zone));
+        }
     }
     sentences.join(" ")
+}
+
+/// What to do where so little life is left, whatever the state by damage: a requirement that is missed, or a part that ends. Empty where there
+/// is time, or another sentence says it.
+pub(super) fn at_once(left: &Left) -> String {
+    let Some([_, p50, _]) = left.hours.filter(|_| left.ends_at_once()) else {
+        return String::new();
+    };
+    match (&left.requirement, left.ends_first) {
+        (Some(requirement), _) if p50 <= 0.0 => {
+            format!(
+                "Inspect before the next use: the actuator misses the requirement {requirement} of its specification."
+            )
+        }
+        (Some(requirement), _) => format!(
+            "Inspect before the next use: the actuator may miss the requirement {requirement} of its specification in less than \
+             {HOURS_TO_PLAN:.0} h."
+        ),
+        // A worn part has its own sentence.
+        _ if left.state >= HealthState::Watch => String::new(),
+        (None, fault) => {
+            let part = fault.map_or("actuator", FaultId::part);
+            format!("Inspect before the next use: {part}. Its life may end in less than {HOURS_TO_PLAN:.0} h.")
+        }
+    }
 }
 
 /// Hours after which one of ten such actuators is `critical` by a fault: the share of the 10 % quantile to the end of life that its damage has left
@@ -50,7 +75,7 @@ fn hours_until_critical(
     fault: FaultId,
     modes: &[FaultMode; FaultId::COUNT],
 ) -> Option<f64> {
-    let rul = &history.newest.1;
+    let rul = &history.newest.rul;
     let is_first = left.ends_first == Some(fault);
     let [p10, ..] = rul.faults()[fault.index()].or(left.hours.filter(|_| is_first))?;
     let mode = &modes[fault.index()];
@@ -58,7 +83,7 @@ fn hours_until_critical(
         .severity
         .iter()
         .find(|severity| severity.class == HealthState::Critical)?;
-    let damage = history.shown.of(fault).map_or(0.0, |shown| shown.damage);
+    let damage = history.newest.shown.of(fault).map_or(0.0, |shown| shown.damage);
     let share = (critical.damage - damage) / (mode.end_of_life - damage).max(f64::MIN_POSITIVE);
     let by_damage = p10 * share.clamp(0.0, 1.0);
     // A requirement of the specification may end the life before.
@@ -84,10 +109,9 @@ fn sentence(
     };
     let action = action_of(state);
     let within = |hours: f64| {
-        let rul = &history.newest.1;
-        let newest = history.points.last().map(|point| point.t_start_ns);
-        let date = newest.filter(|_| is_elapsed(rul)).map(|t_ns| {
-            let end_ns = t_ns.saturating_add((hours * NS_PER_H) as u64);
+        let rul = &history.newest.rul;
+        let date = is_elapsed(rul).then(|| {
+            let end_ns = rul.t_start_ns.saturating_add((hours * NS_PER_H) as u64);
             format!(", by {}", zone.minute(end_ns))
         });
         format!(

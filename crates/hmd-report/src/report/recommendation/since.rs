@@ -5,6 +5,7 @@ use hmd_core::health::HealthState;
 
 use super::super::axis::{Mark, marks_before};
 use super::super::history::{History, Point};
+use super::checks::suspects;
 
 /// Start of the oldest window of the newest run of windows in this state or a worse one (`nominal`: in this state) that reported the fault where the newest did, since the
 /// last reset.
@@ -37,8 +38,13 @@ pub(super) fn since(history: &History, state: HealthState, fault: Option<FaultId
     since
 }
 
-/// Start of the oldest window of the newest run of windows that all suspect a sensor, UTC ns.
+/// Start of the oldest window of the newest run of windows that all suspect a sensor, UTC ns; `None` where all that the newest one suspects was
+/// replaced since.
 pub(super) fn suspected_since(history: &History) -> Option<u64> {
+    // A name that this version does not know is suspected all the same.
+    if !history.replaced_since.is_empty() && suspects(history).is_empty() {
+        return None;
+    }
     let run = history.points.iter().rev().take_while(|point| point.is_suspected);
     run.last().map(|point| point.t_start_ns)
 }

@@ -22,16 +22,16 @@ fn history(states: &[&str], faults: &[FaultId], damages: [f64; FaultId::COUNT]) 
     health.set_faults(faults);
     let mut history = History {
         points: points.collect(),
-        newest: (health, Rul::default()),
         ..History::default()
     };
+    history.newest.add(health);
     report(&mut history, faults);
     history
 }
 
 /// Gives the newest window the states of its damages, as far as the faults are reported.
 fn report(history: &mut History, faults: &[FaultId]) {
-    let health = &mut history.newest.0;
+    let health = &mut history.newest.health;
     let damages = health.damages();
     let levels = Levels::default();
     let states = FaultId::ALL.map(|fault| match damages[fault.index()] {
@@ -43,7 +43,7 @@ fn report(history: &mut History, faults: &[FaultId]) {
     });
     health.set_faults(faults);
     health.set_states(&states);
-    history.shown.update(health);
+    history.newest.shown.update(health);
 }
 
 fn replaced(part: ReplacedPart) -> Replacement {
@@ -94,8 +94,8 @@ fn the_worst_part_is_named_with_the_action_of_the_catalogue() {
 fn a_suspected_sensor_is_to_be_checked_and_the_last_known_state_stays() {
     let mut history = history(&["nominal", "critical"], &[FaultId::Backlash], [0.7; FaultId::COUNT]);
     history.points[1].estimate = None;
-    history.newest.0.set_faults(&[]);
-    history.newest.0.suspects = vec!["frozen current".to_owned(), "phase gain".to_owned(), "?".to_owned()];
+    history.newest.health.set_faults(&[]);
+    history.newest.health.suspects = vec!["frozen current".to_owned(), "phase gain".to_owned(), "?".to_owned()];
     let found = of(&history);
     assert_eq!(
         found.action,
@@ -116,7 +116,7 @@ fn a_suspected_sensor_is_to_be_checked_and_the_last_known_state_stays() {
             "Nothing is known yet. Check the phase current sensors of the drive and their wiring, before any part.",
         ),
     ] {
-        history.newest.0.health = state.to_owned();
+        history.newest.health.health = state.to_owned();
         report(&mut history, &[]);
         assert_eq!(of(&history).action, expected);
     }
@@ -152,14 +152,14 @@ fn a_replaced_part_leaves_the_faults_of_the_others_with_their_own_level() {
     let expected = "Inspect at the next scheduled maintenance: position controller. The gearbox (1970-01-01 00:00 UTC, GB-78) was replaced \
                     after the last window: the next actuation shows its health.";
     // The hours are those of what is left, not of the gearbox.
-    history.newest.1.dominant_fault = "backlash".to_owned();
-    let rul = &mut history.newest.1;
+    history.newest.rul.dominant_fault = "backlash".to_owned();
+    let rul = &mut history.newest.rul;
     (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(0.0), Some(0.1), Some(0.2));
     let found = of(&history);
     assert_eq!((found.faults, &*found.action), (vec![Gain], expected));
     history
         .newest
-        .0
+        .health
         .set_damage([0.0, 0.7, 0.0, 0.0, 0.0, 0.0, 0.4].map(Some));
     report(&mut history, &[Backlash, Gain]);
     let found = of(&history).action;
@@ -169,8 +169,10 @@ fn a_replaced_part_leaves_the_faults_of_the_others_with_their_own_level() {
         "{found}"
     );
     // A trend that nobody reports is no reason to go on with a repair.
+    let rul = &mut history.newest.rul;
+    (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(10.0), Some(20.0), Some(30.0));
     report(&mut history, &[Backlash]);
-    history.newest.1.dominant_fault = "gain".to_owned();
+    history.newest.rul.dominant_fault = "gain".to_owned();
     assert!(of(&history).action.starts_with("The gearbox ("));
 }
 
@@ -205,7 +207,7 @@ fn no_action_is_never_said_of_windows_that_could_not_be_assessed() {
 #[test]
 fn a_state_by_the_remaining_life_names_the_part_that_ends_it() {
     let mut history = history(&["critical"], &[], [0.04; FaultId::COUNT]);
-    history.newest.1.dominant_fault = "friction".to_owned();
+    history.newest.rul.dominant_fault = "friction".to_owned();
     let found = of(&history);
     assert_eq!(found.action, "Repair before the next use: bearings, gear and screw.");
 }
@@ -214,7 +216,7 @@ fn a_state_by_the_remaining_life_names_the_part_that_ends_it() {
 fn a_repair_is_planned_within_the_life_that_nine_of_ten_have() {
     let mut history = history(&["warning"], &[FaultId::Backlash], [0.0, 0.4, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let mut with = |p10: f64| {
-        let rul = &mut history.newest.1;
+        let rul = &mut history.newest.rul;
         (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(p10), Some(2.0 * p10), Some(3.0 * p10));
         of(&history)
     };
@@ -236,7 +238,7 @@ fn a_repair_is_planned_within_the_life_that_nine_of_ten_have() {
 fn an_inspection_is_due_within_the_life_that_nine_of_ten_have() {
     let mut history = history(&["watch"], &[FaultId::Gain], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.1]);
     let mut with = |p10: f64, hours_of: &str| {
-        let rul = &mut history.newest.1;
+        let rul = &mut history.newest.rul;
         rul.hours_of = hours_of.to_owned();
         (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(p10), Some(2.0 * p10), Some(3.0 * p10));
         of(&history).action
@@ -255,7 +257,7 @@ fn a_part_that_no_window_has_shown_is_not_called_well() {
     let mut history = history(&["unknown"], &[], [0.0; FaultId::COUNT]);
     let mut states = [HealthState::Nominal; FaultId::COUNT];
     states[0] = HealthState::Unknown;
-    history.newest.0.set_states(&states);
+    history.newest.health.set_states(&states);
     let found = of(&history);
     assert_eq!(found.unknown, [FaultId::Friction]);
     assert!(
@@ -286,8 +288,8 @@ fn a_reset_begins_a_new_since() {
 fn a_replaced_actuator_is_unknown_and_promises_no_hours() {
     let worn = [0.0, 0.7, 0.0, 0.0, 0.0, 0.0, 0.1];
     let mut history = history(&["critical"], &[FaultId::Backlash, FaultId::Gain], worn);
-    history.newest.1.dominant_fault = "backlash".to_owned();
-    let rul = &mut history.newest.1;
+    history.newest.rul.dominant_fault = "backlash".to_owned();
+    let rul = &mut history.newest.rul;
     (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(1.0), Some(2.0), Some(3.0));
     (rul.gain_p10_h, rul.gain_p50_h, rul.gain_p90_h) = (Some(10.0), Some(20.0), Some(30.0));
     // The gearbox alone: the hours are those of the controller.
@@ -303,13 +305,20 @@ fn a_replaced_actuator_is_unknown_and_promises_no_hours() {
     assert_eq!((found.state, found.faults.len()), (HealthState::Unknown, 0));
     assert_eq!(found.hours_left, Err(REPLACED.to_owned()));
     assert!(found.action.starts_with("The actuator ("), "{}", found.action);
+    // Nothing ended it where there was no forecast.
+    history.newest.rul = Rul {
+        dominant_fault: "backlash".to_owned(),
+        reason: "no trend yet".to_owned(),
+        ..Rul::default()
+    };
+    assert_eq!(of(&history).hours_left, Err("no trend yet".to_owned()));
 }
 
 #[test]
 fn a_motor_that_did_not_turn_is_to_be_checked_at_once() {
     let mut history = history(&["nominal", "nominal"], &[], [0.0; FaultId::COUNT]);
     history.points[1].estimate = None;
-    history.newest.0.reason = format!("not excited: gain; {}", hmd_core::assess::LOCKED);
+    history.newest.health.reason = format!("not excited: gain; {}", hmd_core::assess::LOCKED);
     assert_eq!(of(&history).action, checks::CHECK_FOR_A_JAM);
 }
 
@@ -328,9 +337,135 @@ fn a_drifting_sensor_is_to_be_checked_before_any_part() {
 #[test]
 fn a_damage_that_fell_without_a_repair_asks_for_its_record() {
     let mut history = history(&["warning", "nominal"], &[], [0.0; FaultId::COUNT]);
-    history.fallen[FaultId::Friction.index()] = true;
+    history.newest.fallen[FaultId::Friction.index()] = true;
     let found = of(&history);
     let expected =
         "A damage fell without a recorded repair: record the maintenance with hmd event, or check the sensors.";
     assert_eq!((found.action.as_str(), found.has_checks), (expected, true));
+}
+
+/// At watch by friction, with 200 h left: critical where `critical_h` is more.
+fn critical_by_life() -> History {
+    let mut history = history(
+        &["critical"],
+        &[FaultId::Friction],
+        [0.54, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    );
+    let mut states = [HealthState::Nominal; FaultId::COUNT];
+    states[FaultId::Friction.index()] = HealthState::Watch;
+    history.newest.health.set_states(&states);
+    let rul = &mut history.newest.rul;
+    rul.dominant_fault = "friction".to_owned();
+    (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(200.0), Some(250.0), Some(300.0));
+    history
+}
+
+#[test]
+fn a_fault_at_watch_by_damage_and_critical_by_life_is_to_be_repaired() {
+    let mut history = critical_by_life();
+    let found = of(&history);
+    assert_eq!(
+        (found.state, &*found.faults),
+        (HealthState::Critical, &[FaultId::Friction][..])
+    );
+    assert_eq!(found.action, "Repair before the next use: bearings, gear and screw.");
+    // Another fault at watch does not take its place.
+    let mut states = [HealthState::Nominal; FaultId::COUNT];
+    states[FaultId::Gain.index()] = HealthState::Watch;
+    history.newest.health.set_states(&states);
+    let expected = "Repair before the next use: bearings, gear and screw. Inspect at the next scheduled maintenance: position controller.";
+    assert_eq!(of(&history).action, expected);
+    // Nor where no fault ends the life.
+    history.newest.rul.dominant_fault.clear();
+    let action = of(&history).action;
+    assert!(action.starts_with("Repair before the next use: actuator. "), "{action}");
+}
+
+#[test]
+fn a_part_that_does_not_end_the_life_takes_no_state_by_life_with_it() {
+    let mut history = critical_by_life();
+    history.replaced_since = vec![replaced(ReplacedPart::Controller)];
+    let found = of(&history);
+    assert_eq!(found.state, HealthState::Critical);
+    assert!(
+        found
+            .action
+            .starts_with("Repair before the next use: bearings, gear and screw. The controller ("),
+        "{}",
+        found.action
+    );
+    history.replaced_since = vec![replaced(ReplacedPart::Gearbox)];
+    let found = of(&history);
+    assert_eq!(found.state, HealthState::Unknown);
+    assert!(found.action.starts_with("The gearbox ("), "{}", found.action);
+}
+
+#[test]
+fn no_action_is_never_said_beside_a_life_of_less_than_an_hour() {
+    let mut history = history(&["nominal"], &[], [0.0; FaultId::COUNT]);
+    let mut with = |hours: f64, governed_by: &str, dominant: &str| {
+        let rul = &mut history.newest.rul;
+        (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(hours), Some(hours), Some(hours));
+        (rul.governed_by, rul.dominant_fault) = (governed_by.to_owned(), dominant.to_owned());
+        let found = of(&history);
+        (found.action, found.is_before_next_use)
+    };
+    let missed = "Inspect before the next use: the actuator misses the requirement slew rate of its specification.";
+    assert_eq!(with(0.0, "slew_rate", "friction"), (missed.to_owned(), true));
+    let soon = "Inspect before the next use: the actuator may miss the requirement stall of its specification in less than 1 h.";
+    assert_eq!(with(0.5, "stall", "friction"), (soon.to_owned(), true));
+    let part = "Inspect before the next use: bearings, gear and screw. Its life may end in less than 1 h.";
+    assert_eq!(with(0.5, "damage", "friction"), (part.to_owned(), true));
+    assert_eq!(with(5.0, "stall", "friction"), ("No action.".to_owned(), false));
+    // What misses it was replaced.
+    history.newest.rul.governed_by = "stall".to_owned();
+    history.newest.rul.rul_p10_h = Some(0.0);
+    history.newest.rul.dominant_fault = "friction".to_owned();
+    history.replaced_since = vec![replaced(ReplacedPart::Gearbox)];
+    assert!(of(&history).action.starts_with("The gearbox ("));
+}
+
+#[test]
+fn what_was_replaced_since_is_not_to_be_checked() {
+    let mut history = history(&["nominal", "nominal"], &[], [0.0; FaultId::COUNT]);
+    history.sensors.drifting = vec!["dc_link_v".to_owned()];
+    history.newest.health.suspects = vec!["frozen current".to_owned(), "frozen encoder".to_owned()];
+    history.points[1].is_suspected = true;
+    let with = |history: &mut History, part: Option<ReplacedPart>| {
+        history.replaced_since = vec![Replacement {
+            part,
+            t_ns: 0,
+            note: String::new(),
+        }];
+        let found = of(history);
+        let checks = found.action.split_once("health.").map_or("", |(_, rest)| rest.trim());
+        (checks.to_owned(), found.suspected_since_ns)
+    };
+    let encoder = "Check the output encoder and its wiring, before any part.".to_owned();
+    assert_eq!(with(&mut history, Some(ReplacedPart::Controller)), (encoder, Some(1)));
+    assert_eq!(with(&mut history, None), (String::new(), None));
+    // A jam goes with motor or gear.
+    history.newest.health.suspects.clear();
+    history.sensors.drifting.clear();
+    history.points[1].estimate = None;
+    history.newest.health.reason = hmd_core::assess::LOCKED.to_owned();
+    assert_eq!(
+        with(&mut history, Some(ReplacedPart::Controller)).0,
+        checks::CHECK_FOR_A_JAM
+    );
+    assert_eq!(with(&mut history, Some(ReplacedPart::Gearbox)).0, "");
+}
+
+#[test]
+fn parts_without_a_forecast_have_a_sentence_of_their_own() {
+    use FaultId::{Backlash, Gain};
+    let mut history = history(&["warning"], &[Backlash, Gain], [0.0, 0.4, 0.0, 0.0, 0.0, 0.0, 0.4]);
+    let rul = &mut history.newest.rul;
+    rul.dominant_fault = "backlash".to_owned();
+    (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(90.0), Some(180.0), Some(270.0));
+    assert_eq!(
+        of(&history).action,
+        "Plan the repair: gear and screw, within 45 h of operation: it may be critical then. Plan the repair: position controller, at the next \
+         scheduled maintenance at the latest, for want of a forecast."
+    );
 }

@@ -2,7 +2,7 @@
 
 use ema_models::FaultId;
 use hmd_core::health::HealthState;
-use hmd_core::record::{Health, Rul};
+use hmd_core::record::Newest;
 use hmd_core::timestamp::compact_minute;
 
 /// Longest line, characters: the text of one ACARS block.
@@ -19,12 +19,8 @@ const SHORT_NAMES: [&str; FaultId::COUNT] = ["FRIC", "BKLSH", "SHORT-A", "SHORT-
 
 /// Actuator, window, time, health, faults with damage in percent, hours left, probability of failing within the horizon, and
 /// what ends the life; `serial_number` last, where units of one name need it. Capital letters, digits, space, hyphen, comma, stop and slash only, which every air-ground link carries.
-pub(super) fn summary_line(
-    health: &Health,
-    damage: &[Option<f64>; FaultId::COUNT],
-    rul: &Rul,
-    serial_number: Option<&str>,
-) -> String {
+pub(super) fn summary_line(newest: &Newest, serial_number: Option<&str>) -> String {
+    let Newest { health, rul, shown, .. } = newest;
     let mut fields = vec![
         "HMD1".to_owned(),
         health.actuator.chars().take(NAME_MAX).collect(),
@@ -35,24 +31,26 @@ pub(super) fn summary_line(
     if health.status != "ok" {
         fields.push(health.status.clone());
     }
-    let faults: Vec<String> = health
-        .fault_list
-        .iter()
-        .filter_map(|fault| {
-            let n = FaultId::NAMES.iter().position(|name| name == fault)?;
-            Some(format!(
-                "{} {:.0}",
-                SHORT_NAMES[n],
-                (100.0 * damage[n]?).clamp(0.0, 100.0)
-            ))
-        })
-        .collect();
-    let is_unknown = |n: &usize| health.states().is_some_and(|states| states[*n] == HealthState::Unknown);
+    let states = newest.states();
+    // A state by the remaining life is about the part that ends first.
+    let ends_first = newest
+        .state_by_life()
+        .and_then(|_| FaultId::from_name(&rul.dominant_fault));
+    let is_fault = |fault: &FaultId| states[fault.index()] >= HealthState::Watch || ends_first == Some(*fault);
+    let named = |fault: FaultId| {
+        let name = SHORT_NAMES[fault.index()];
+        shown.of(fault).map_or_else(
+            || name.to_owned(),
+            |shown| format!("{name} {:.0}", (100.0 * shown.damage).clamp(0.0, 100.0)),
+        )
+    };
+    let faults: Vec<String> = FaultId::ALL.into_iter().filter(is_fault).map(named).collect();
+    let is_unknown = |n: &usize| states[*n] == HealthState::Unknown;
     let unknown: Vec<&str> = (0..FaultId::COUNT).filter(is_unknown).map(|n| SHORT_NAMES[n]).collect();
-    match (faults.is_empty(), unknown.is_empty()) {
-        (true, true) => fields.push("NO FAULT".to_owned()),
-        (true, false) => {}
-        (false, _) => fields.push(faults.join(" ")),
+    if !faults.is_empty() {
+        fields.push(faults.join(" "));
+    } else if unknown.is_empty() && health.health == HealthState::Nominal.name() {
+        fields.push("NO FAULT".to_owned());
     }
     match unknown.len() {
         0 => {}
@@ -85,6 +83,14 @@ fn sent(c: char) -> char {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hmd_core::record::{Health, Rul};
+
+    fn line_of(health: &Health, rul: &Rul, serial_number: Option<&str>) -> String {
+        let mut newest = Newest::default();
+        newest.add(health.clone());
+        newest.add_rul(rul.clone());
+        summary_line(&newest, serial_number)
+    }
 
     fn full() -> (Health, Rul) {
         let mut health = Health {
@@ -95,7 +101,8 @@ mod tests {
             health: "critical".to_owned(),
             ..Health::default()
         };
-        health.set_faults(&FaultId::ALL);
+        health.set_states(&[HealthState::Critical; FaultId::COUNT]);
+        health.set_damage([Some(1.0); FaultId::COUNT]);
         let rul = Rul {
             rul_p10_h: Some(1e9),
             rul_p50_h: Some(1e9),
@@ -111,7 +118,7 @@ mod tests {
     #[test]
     fn the_longest_line_fits_whole_and_has_only_what_links_carry() {
         let (health, rul) = full();
-        let line = summary_line(&health, &[Some(1.0); 7], &rul, None);
+        let line = line_of(&health, &rul, None);
         assert!(line.ends_with("/BY RESPONSE-TIME"), "{line}");
         assert!(line.len() <= LENGTH_MAX, "{} characters: {line}", line.len());
         assert!(line.chars().all(|c| sent(c) == c), "{line}");
@@ -120,8 +127,7 @@ mod tests {
         let mut states = [HealthState::Critical; FaultId::COUNT];
         states[0] = HealthState::Unknown;
         health.set_states(&states);
-        health.set_faults(&FaultId::ALL[1..]);
-        let line = summary_line(&health, &[Some(1.0); 7], &rul, None);
+        let line = line_of(&health, &rul, None);
         assert!(line.ends_with("/BY RESPONSE-TIME"), "{line}");
     }
 
@@ -131,33 +137,61 @@ mod tests {
         health.actuator = "ema0".to_owned();
         health.window = 7;
         health.status = "ok".to_owned();
-        health.set_faults(&[FaultId::Friction]);
+        let mut states = [HealthState::Nominal; FaultId::COUNT];
+        states[0] = HealthState::Critical;
+        health.set_states(&states);
         (rul.rul_p10_h, rul.rul_p50_h, rul.rul_p90_h) = (Some(140.0), Some(165.2), Some(191.0));
         rul.horizon_h = Some(100.0);
         rul.governed_by = "damage".to_owned();
-        let mut damage = [None; 7];
-        damage[0] = Some(0.748);
+        health.set_damage([Some(0.748), None, None, None, None, None, None]);
         assert_eq!(
-            summary_line(&health, &damage, &rul, None),
+            line_of(&health, &rul, None),
             "HMD1/EMA0/W7/20231114T2213Z/CRITICAL/FRIC 75/RUL 140-165-191 H/PF 1.00 IN 100 H/BY DAMAGE"
         );
-        let of_unit = summary_line(&health, &damage, &rul, Some("2031a"));
+        let of_unit = line_of(&health, &rul, Some("2031a"));
         assert!(of_unit.ends_with("/BY DAMAGE/SN 2031A"), "{of_unit}");
-        let mut states = [HealthState::Nominal; FaultId::COUNT];
+        states[0] = HealthState::Nominal;
         health.set_states(&states);
-        health.set_faults(&[]);
         health.health = "nominal".to_owned();
         assert_eq!(
-            summary_line(&health, &damage, &Rul::default(), None),
+            line_of(&health, &Rul::default(), None),
             "HMD1/EMA0/W7/20231114T2213Z/NOMINAL/NO FAULT/NO RUL"
         );
         states[1] = HealthState::Unknown;
         health.set_states(&states);
         health.health = "unknown".to_owned();
         let expected = "HMD1/EMA0/W7/20231114T2213Z/UNKNOWN/UNKNOWN BKLSH/NO RUL";
-        assert_eq!(summary_line(&health, &damage, &Rul::default(), None), expected);
+        assert_eq!(line_of(&health, &Rul::default(), None), expected);
         health.set_states(&[HealthState::Unknown; FaultId::COUNT]);
         let expected = "HMD1/EMA0/W7/20231114T2213Z/UNKNOWN/ALL UNKNOWN/NO RUL";
-        assert_eq!(summary_line(&health, &damage, &Rul::default(), None), expected);
+        assert_eq!(line_of(&health, &Rul::default(), None), expected);
+    }
+
+    #[test]
+    fn a_line_that_alarms_names_a_fault() {
+        // Not assessed: the list of its window is empty, the states go on.
+        let mut states = [HealthState::Nominal; FaultId::COUNT];
+        states[1] = HealthState::Watch;
+        let mut health = Health {
+            actuator: "ema0".to_owned(),
+            status: "invalid".to_owned(),
+            health: "watch".to_owned(),
+            ..Health::default()
+        };
+        health.set_states(&states);
+        let line = line_of(&health, &Rul::default(), None);
+        assert_eq!(line, "HMD1/EMA0/W0/19700101T0000Z/WATCH/INVALID/BKLSH/NO RUL");
+        // Worse by the remaining life: the part that ends first.
+        health.health = "critical".to_owned();
+        health.set_damage([Some(0.04), None, None, None, None, None, None]);
+        let rul = Rul {
+            dominant_fault: "friction".to_owned(),
+            ..Rul::default()
+        };
+        let line = line_of(&health, &rul, None);
+        assert_eq!(line, "HMD1/EMA0/W0/19700101T0000Z/CRITICAL/INVALID/FRIC 4 BKLSH/NO RUL");
+        health.set_states(&[HealthState::Nominal; FaultId::COUNT]);
+        let line = line_of(&health, &Rul::default(), None);
+        assert_eq!(line, "HMD1/EMA0/W0/19700101T0000Z/CRITICAL/INVALID/NO RUL");
     }
 }

@@ -1,0 +1,307 @@
+//! What the recordings of one unit say of it now: newest health, remaining life, and the damage last shown.
+
+use ema_models::FaultId;
+
+use super::{Health, LastShown, Rul};
+use crate::health::HealthState;
+use crate::history::{FELL, ReplacedPart};
+
+/// The newest records of one unit. Windows of one recording are added in order; recordings are then joined.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Newest {
+    /// The newest health record. It has the state of every fault.
+    pub health: Health,
+    /// What was left then.
+    pub rul: Rul,
+    /// What the windows have shown of each fault.
+    pub shown: LastShown,
+    /// Whether some window has a reading of the fault.
+    has_reading: [bool; FaultId::COUNT],
+    /// Whether its part, or the unit, was replaced before some window.
+    replaced: [bool; FaultId::COUNT],
+    /// Whether some window had a forecast.
+    has_forecast: bool,
+    /// Whether the damage of each fault fell without a recorded repair, in the order of [`FaultId::ALL`]; until it is back, or its part is
+    /// replaced.
+    pub fallen: [bool; FaultId::COUNT],
+}
+
+impl Newest {
+    /// Takes the next window of the same recording. A record of an older version gets the states of its faults: what it reports is at watch.
+    pub fn add(&mut self, mut health: Health) {
+        if health.states().is_none() {
+            let states = self.states_of_older(&health);
+            health.set_states(&states);
+        }
+        self.shown.update(&health);
+        if let Some(estimate) = health.estimate() {
+            for fault in FaultId::ALL {
+                self.has_reading[fault.index()] |= estimate.tells_of(fault.parameter());
+            }
+        }
+        let fell = health.reason.split("; ").find(|reason| reason.starts_with(FELL));
+        let states = health.states().unwrap_or_default();
+        for fault in FaultId::ALL {
+            let names = |reason: &str| reason.contains(&format!("{} ", fault.name()));
+            let fallen = &mut self.fallen[fault.index()];
+            *fallen = fell.is_some_and(names) || (*fallen && states[fault.index()] < HealthState::Warning);
+        }
+        self.health = health;
+        self.rul = Rul::default();
+    }
+
+    /// Takes what was left after the newest window.
+    pub fn add_rul(&mut self, rul: Rul) {
+        for what in rul.replaced.split(',') {
+            let part = ReplacedPart::from_name(what);
+            for fault in FaultId::ALL {
+                let is_of = |part: ReplacedPart| part.faults().contains(&fault);
+                if what == "unit" || part.is_some_and(is_of) {
+                    (self.replaced[fault.index()], self.fallen[fault.index()]) = (true, false);
+                }
+            }
+        }
+        self.has_forecast |= rul.rul_p10_h.is_some();
+        self.rul = rul;
+    }
+
+    /// Notes that this recording is of another unit than the one before it.
+    pub fn begin_unit(&mut self) {
+        self.replaced = [true; FaultId::COUNT];
+    }
+
+    /// State of each fault, in the order of [`FaultId::ALL`].
+    #[must_use]
+    pub fn states(&self) -> [HealthState; FaultId::COUNT] {
+        self.health.states().unwrap_or_default()
+    }
+
+    /// The state, where it is worse than that of every fault: it is then by the remaining life.
+    #[must_use]
+    pub fn state_by_life(&self) -> Option<HealthState> {
+        let recorded = HealthState::named(&self.health.health);
+        let worst = self.states().into_iter().max().unwrap_or_default();
+        Some(recorded).filter(|recorded| *recorded > worst && *recorded >= HealthState::Watch)
+    }
+
+    /// Goes on with the next segment of the same run, whose states continue those of this one.
+    pub fn continue_run(&mut self, later: Self) {
+        let states = later.states();
+        self.join(later, &states);
+    }
+
+    /// Goes on with a later recording, which knew nothing of this one: what it leaves open holds as it was known before, unless the part was
+    /// replaced. A fault at watch or worse holds until a window shows that it is less; one that was nominal is in doubt once a window has a reading
+    /// of it that does not show its state. A state by the remaining life holds until there is another forecast.
+    pub fn go_on(&mut self, mut later: Self) {
+        let own = later.states();
+        let mut states = own;
+        for (fault, before) in FaultId::ALL.into_iter().zip(self.states()) {
+            let n = fault.index();
+            let holds = before >= HealthState::Watch || !later.has_reading[n];
+            if states[n] == HealthState::Unknown && holds && !later.replaced[n] {
+                states[n] = before;
+            }
+        }
+        let by_life = self
+            .state_by_life()
+            .filter(|_| !later.has_forecast && later.keeps_end(&self.rul));
+        let worst = states
+            .into_iter()
+            .max()
+            .unwrap_or_default()
+            .max(by_life.unwrap_or_default());
+        let is_known = !states.contains(&HealthState::Unknown);
+        let state = HealthState::named(&later.health.health);
+        let is_other = states != own || by_life.is_some();
+        if is_other && worst > state && (worst > HealthState::Nominal || is_known) {
+            worst.name().clone_into(&mut later.health.health);
+        }
+        if by_life.is_some() {
+            later.rul = self.rul.clone();
+        }
+        later.health.set_states(&states);
+        self.join(later, &states);
+    }
+
+    /// Whether the part that ends the life by this forecast is still the same.
+    fn keeps_end(&self, rul: &Rul) -> bool {
+        let ends_first = FaultId::from_name(&rul.dominant_fault);
+        !ends_first.map_or_else(|| self.replaced.contains(&true), |fault| self.replaced[fault.index()])
+    }
+
+    /// Takes the later records; of a fault that they leave open in a state that holds, the damage that was shown before.
+    fn join(&mut self, later: Self, states: &[HealthState; FaultId::COUNT]) {
+        let holds = |fault: FaultId| {
+            let n = fault.index();
+            states[n] != HealthState::Unknown && !later.replaced[n]
+        };
+        let both = |a: [bool; FaultId::COUNT], b: [bool; FaultId::COUNT]| std::array::from_fn(|n| a[n] || b[n]);
+        let still_fallen = |n: usize| self.fallen[n] && !later.replaced[n] && states[n] < HealthState::Warning;
+        *self = Self {
+            fallen: std::array::from_fn(|n| later.fallen[n] || still_fallen(n)),
+            shown: later.shown.or(&self.shown, holds),
+            has_reading: both(self.has_reading, later.has_reading),
+            replaced: both(self.replaced, later.replaced),
+            has_forecast: self.has_forecast || later.has_forecast,
+            health: later.health,
+            rul: later.rul,
+        };
+    }
+
+    fn states_of_older(&self, health: &Health) -> [HealthState; FaultId::COUNT] {
+        let state = HealthState::named(&health.health);
+        if health.estimate().is_none() && state != HealthState::Unknown {
+            return self.states();
+        }
+        FaultId::ALL.map(|fault| match state {
+            HealthState::Unknown => state,
+            _ if health.fault_list.iter().any(|name| name == fault.name()) => HealthState::Watch,
+            _ => HealthState::Nominal,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Estimate;
+    use super::*;
+    use HealthState::{Critical, Nominal, Unknown, Watch};
+
+    /// A recording of one window with this state of backlash, all others the second state; `has_reading` of every fault.
+    fn recording(
+        health: HealthState,
+        [backlash, others]: [HealthState; 2],
+        has_reading: bool,
+        replaced: &str,
+    ) -> Newest {
+        let mut states = [others; FaultId::COUNT];
+        states[FaultId::Backlash.index()] = backlash;
+        let mut record = Health {
+            health: health.name().to_owned(),
+            ..Health::default()
+        };
+        record.set_states(&states);
+        let estimate = Estimate {
+            k: [0.0; 8],
+            sigma: [Some(0.5); 8],
+            observable: [false; 8],
+        };
+        record.set_estimate(Some(&estimate).filter(|_| has_reading));
+        let mut newest = Newest::default();
+        newest.add(record);
+        newest.add_rul(Rul {
+            replaced: replaced.to_owned(),
+            ..Rul::default()
+        });
+        newest
+    }
+
+    /// Health, and state of backlash and of friction, of two recordings after each other.
+    fn joined(mut before: Newest, later: Newest) -> (String, [HealthState; 2]) {
+        before.go_on(later);
+        let states = before.states();
+        (
+            before.health.health.clone(),
+            [FaultId::Backlash, FaultId::ShortA].map(|fault| states[fault.index()]),
+        )
+    }
+
+    #[test]
+    fn a_damage_that_fell_is_told_until_it_is_back_or_its_part_is_replaced() {
+        let window = |state: HealthState, reason: String| {
+            let mut health = Health {
+                reason,
+                ..Health::default()
+            };
+            let mut states = [Nominal; FaultId::COUNT];
+            states[FaultId::Friction.index()] = state;
+            health.set_states(&states);
+            health
+        };
+        let reason = format!("2 samples lost; {FELL} (friction 0.00 ± 0.02 after warning): check");
+        let fell = || window(Nominal, reason.clone());
+        let sound = || window(Nominal, String::new());
+        let of = |windows: Vec<Health>, replaced: &str| {
+            let mut newest = Newest::default();
+            windows.into_iter().for_each(|health| newest.add(health));
+            newest.add_rul(Rul {
+                replaced: replaced.to_owned(),
+                ..Rul::default()
+            });
+            newest
+        };
+        let has_fallen = |newest: &Newest| newest.fallen[FaultId::Friction.index()];
+        assert!(has_fallen(&of(vec![fell()], "")) && has_fallen(&of(vec![fell(), sound()], "controller")));
+        assert!(!has_fallen(&of(vec![sound()], "")));
+        assert!(!has_fallen(&of(
+            vec![fell(), window(HealthState::Warning, String::new())],
+            ""
+        )));
+        for replaced in ["gearbox", "unit"] {
+            assert!(!has_fallen(&of(vec![fell(), sound()], replaced)), "{replaced}");
+        }
+        // Over files alike.
+        for (later, expected) in [("", true), ("controller", true), ("gearbox", false)] {
+            let mut newest = of(vec![fell()], "");
+            newest.go_on(of(vec![sound()], later));
+            assert_eq!(has_fallen(&newest), expected, "{later}");
+        }
+    }
+
+    #[test]
+    fn a_recording_in_which_nothing_was_shown_hides_nothing_that_was_known_before() {
+        let worn = || recording(Critical, [Critical, Nominal], true, "");
+        let after = |replaced: &str| joined(worn(), recording(Unknown, [Unknown; 2], false, replaced));
+        assert_eq!(after(""), ("critical".to_owned(), [Critical, Nominal]));
+        assert_eq!(after("unit"), ("unknown".to_owned(), [Unknown; 2]));
+        assert_eq!(after("gearbox"), ("unknown".to_owned(), [Unknown, Nominal]));
+        // What the later one has shown counts.
+        let shown = joined(worn(), recording(Nominal, [Nominal; 2], true, ""));
+        assert_eq!(shown, ("nominal".to_owned(), [Nominal; 2]));
+    }
+
+    #[test]
+    fn a_later_doubt_stays_a_doubt() {
+        let well = || recording(Nominal, [Nominal; 2], true, "");
+        let doubt = |has_reading| recording(Unknown, [Unknown, Nominal], has_reading, "");
+        assert_eq!(joined(well(), doubt(true)), ("unknown".to_owned(), [Unknown, Nominal]));
+        assert_eq!(joined(well(), doubt(false)), ("nominal".to_owned(), [Nominal; 2]));
+        // Within a run the newest record has it all.
+        let mut run = well();
+        run.continue_run(doubt(false));
+        assert_eq!(
+            (&*run.health.health, run.states()[FaultId::Backlash.index()]),
+            ("unknown", Unknown)
+        );
+        // An alarm is not taken back by a window that does not show it.
+        let worn = recording(Critical, [Critical, Nominal], true, "");
+        assert_eq!(joined(worn, doubt(true)), ("critical".to_owned(), [Critical, Nominal]));
+    }
+
+    #[test]
+    fn a_state_by_the_remaining_life_holds_until_there_is_another_forecast() {
+        let with = |dominant: &str, p10: Option<f64>, replaced: &str| Rul {
+            dominant_fault: dominant.to_owned(),
+            rul_p10_h: p10,
+            replaced: replaced.to_owned(),
+            ..Rul::default()
+        };
+        let after = |rul: Rul| {
+            let mut before = recording(Critical, [Watch, Nominal], true, "");
+            before.add_rul(with("backlash", Some(200.0), ""));
+            assert_eq!(before.state_by_life(), Some(Critical));
+            let mut later = recording(Watch, [Watch, Nominal], true, "");
+            later.add_rul(rul);
+            before.go_on(later);
+            (before.health.health, before.rul.rul_p10_h)
+        };
+        assert_eq!(after(Rul::default()), ("critical".to_owned(), Some(200.0)));
+        assert_eq!(after(with("", None, "motor")), ("critical".to_owned(), Some(200.0)));
+        assert_eq!(after(with("", None, "gearbox")), ("watch".to_owned(), None));
+        assert_eq!(
+            after(with("backlash", Some(900.0), "")),
+            ("watch".to_owned(), Some(900.0))
+        );
+    }
+}

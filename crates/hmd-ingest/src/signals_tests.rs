@@ -155,7 +155,8 @@ fn signals_of_several_rates_are_interpolated_and_their_error_is_said() {
     let resampled = config(&[], "resample = true");
     let mut source = crate::open_mapped(file.path(), BusNames::new(), &resampled).unwrap();
     assert!(source.by_ref().all(|item| item.is_ok()));
-    let remarks = source.remarks();
+    let mut remarks = source.remarks();
+    remarks.retain(|remark| remark.contains("interpolated"));
     let [remark] = &remarks[..] else { panic!("{remarks:?}") };
     let found = windows(file.path().to_str().unwrap(), &resampled);
     assert_eq!(
@@ -268,6 +269,214 @@ fn a_refused_time_is_answered_with_the_forms_that_are_read() {
         let expected = format!("times.csv:2: expected a number, or {forms}, found none in column \"t\" (time)");
         assert_eq!(damage.to_string(), expected);
     }
+}
+
+/// The table of the fixtures with its cells changed by the number of the row, from 0; a row of which nothing is left is left out.
+fn changed(change: impl Fn(usize, &mut Vec<String>)) -> tempfile::NamedTempFile {
+    let text = std::fs::read_to_string(folder().join("samples.csv")).expect("a fixture");
+    let mut lines = text.lines();
+    let mut out = lines.next().expect("names").to_owned() + "\n";
+    for (n, line) in lines.enumerate() {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        change(n, &mut cells);
+        if !cells.is_empty() {
+            out += &(cells.join(",") + "\n");
+        }
+    }
+    let file = tempfile::Builder::new()
+        .suffix(".csv")
+        .tempfile()
+        .expect("a temporary file");
+    std::fs::write(file.path(), out).expect("a temporary file");
+    file
+}
+
+/// Columns of that table.
+const TIME: usize = 0;
+const CURRENT: usize = 3;
+const MOTOR: usize = 6;
+const COMMAND: usize = 8;
+const MODE: usize = 9;
+
+fn number(cell: &str) -> f64 {
+    cell.parse().expect("a number")
+}
+
+fn windows_of(file: &tempfile::NamedTempFile, config: &Arc<Config>) -> Vec<WindowJob> {
+    windows(file.path().to_str().expect("a path"), config)
+}
+
+/// What a log is refused with.
+fn refused(file: &tempfile::NamedTempFile, config: &Config) -> String {
+    let refused = crate::open_mapped(file.path(), BusNames::new(), config).expect_err("a refusal");
+    refused.to_string().replace(&file.path().display().to_string(), "F")
+}
+
+#[test]
+fn phase_currents_are_turned_by_the_whole_angle_where_its_counter_begins_again() {
+    const RANGE: f64 = 50_000.0;
+    let counted = ["counter", "sample.time", "position.motor"];
+    let of = |motor: &str| config(&counted, &format!("resample_hz = 500\nposition.motor = {motor}"));
+    let whole = windows("samples.csv", &of("\"theta_m\""));
+    let file = changed(|_, cells| cells[MOTOR] = number(&cells[MOTOR]).rem_euclid(RANGE).to_string());
+    let wrapped = windows_of(&file, &of("{ signal = \"theta_m\", wraps_after = 50000 }"));
+    assert_eq!(whole.len(), 1);
+    assert_eq!(wrapped[0].window, whole[0].window);
+}
+
+#[test]
+fn commands_that_are_logged_on_change_hold() {
+    let named = config(&[], "");
+    let whole = windows("samples.csv", &named);
+    let text = std::fs::read_to_string(folder().join("samples.csv")).expect("a fixture");
+    let commands: Vec<String> = text
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').nth(COMMAND).expect("a cell").to_owned())
+        .collect();
+    let is_same = |n: usize| n > 0 && commands[n] == commands[n - 1];
+    let on_change = changed(|n, cells| {
+        if is_same(n) {
+            cells[COMMAND].clear();
+        }
+        // The mode as a text, once.
+        cells[MODE] = if n == 0 { "Position".to_owned() } else { String::new() };
+    });
+    assert_eq!(windows_of(&on_change, &named)[0].window, whole[0].window);
+    // Between the rows of the currents, too.
+    let between = changed(|n, cells| {
+        if n % 2 == 1 {
+            cells[CURRENT..CURRENT + 3].iter_mut().for_each(String::clear);
+        }
+    });
+    let every_second = changed(|n, cells| {
+        if n % 2 == 1 {
+            cells.clear();
+        }
+    });
+    let by_time = config(&["counter", "sample.time"], "");
+    let is_same = windows_of(&between, &by_time)[0].window == windows_of(&every_second, &by_time)[0].window;
+    assert!(is_same, "rows without the first current are none");
+    // Before its first value a command is none, however many rows that are.
+    let late = changed(|n, cells| {
+        if n < 20 {
+            cells[COMMAND].clear();
+        }
+    });
+    let mut source = crate::open_mapped(late.path(), BusNames::new(), &named).expect("a table");
+    assert!(source.by_ref().all(|item| item.is_ok()));
+    let remarks = source.remarks();
+    assert!(
+        remarks.len() == 1 && remarks[0].contains("found numbers alone; 1 is taken for position, 2 for speed"),
+        "{remarks:?}"
+    );
+}
+
+#[test]
+fn a_log_without_one_current_is_refused_by_its_column() {
+    let none = changed(|_, cells| cells[CURRENT].clear());
+    let found = refused(&none, &config(&[], ""));
+    assert!(
+        found.ends_with("expected a number, found none in column \"I_A\" (currents.a) of 600 rows"),
+        "{found}"
+    );
+}
+
+#[test]
+fn two_stamps_that_jitter_leave_the_interpolation() {
+    let half = |jitter: f64| {
+        changed(move |n, cells| {
+            if n % 2 == 1 {
+                cells[MOTOR].clear();
+            }
+            if n == 20 {
+                cells[TIME] = format!("{:.6}", number(&cells[TIME]) + jitter);
+            }
+        })
+    };
+    let config = config(&[], "resample = true");
+    let [plain, jittered] = [0.0, 0.0024].map(half);
+    let found = windows_of(&jittered, &config);
+    assert_eq!(
+        found[0].window.samples.len(),
+        windows_of(&plain, &config)[0].window.samples.len()
+    );
+}
+
+#[test]
+fn a_row_that_is_written_twice_changes_nothing() {
+    let by_time = config(&["counter", "sample.time"], "");
+    let whole = windows("samples.csv", &by_time);
+    let twice = changed(|n, cells| {
+        if n % 100 == 50 {
+            let again = cells.join(",");
+            cells.last_mut().expect("cells").push_str(&format!("\n{again}"));
+        }
+    });
+    assert_eq!(windows_of(&twice, &by_time)[0].window, whole[0].window);
+}
+
+#[test]
+fn times_on_a_grid_give_the_rate_or_are_refused() {
+    let by_time = config(&["counter", "sample.time"], "");
+    let on_grid = |step_us: u64| {
+        changed(move |n, cells| {
+            let us = 2500 * n as u64 / step_us * step_us;
+            cells[TIME] = format!("1700000{:03}.{:06}", us / 1_000_000, us % 1_000_000);
+        })
+    };
+    let whole = windows("samples.csv", &by_time);
+    let in_ms = windows_of(&on_grid(1000), &by_time);
+    assert_eq!(in_ms[0].window.lost, 0);
+    assert!(in_ms[0].window.expected.abs_diff(whole[0].window.expected) <= 10);
+    let found = refused(&on_grid(2000), &by_time);
+    let expected =
+        "F: expected times in even steps, or a column for sample.counter, found 15 of the first 63 steps twice as long";
+    assert!(found.starts_with(expected), "{found}");
+    let found = refused(&on_grid(3000), &by_time);
+    assert!(found.contains("found the same time in many rows"), "{found}");
+    // A counter numbers the rows, whatever their times are.
+    let counted = config(&[], "");
+    assert_eq!(windows_of(&on_grid(2000), &counted).len(), 1);
+}
+
+#[test]
+fn a_rate_far_above_the_log_s_own_is_refused() {
+    let file = changed(|_, _| {});
+    let at = |hz: u32| config(&["counter", "sample.time"], &format!("resample_hz = {hz}"));
+    for hz in [3200, 4000] {
+        assert_eq!(
+            refused(&file, &at(hz)),
+            format!(
+                "F: expected resample_hz below 8 times the rate of \"I_A\" (currents.a), found {hz}, where it has 400.0 Hz"
+            )
+        );
+    }
+    assert_eq!(windows_of(&file, &at(1000)).len(), 1);
+}
+
+#[test]
+fn phase_currents_are_turned_by_an_angle_of_other_times() {
+    // The angle in rows of its own, 0.1 ms later; it is off by what it moves until then.
+    let apart = changed(|_, cells| {
+        let mut angle = vec![String::new(); cells.len()];
+        angle[TIME] = format!("{:.6}", number(&cells[TIME]) + 1e-4);
+        std::mem::swap(&mut angle[MOTOR], &mut cells[MOTOR]);
+        cells
+            .last_mut()
+            .expect("cells")
+            .push_str(&format!("\n{}", angle.join(",")));
+    });
+    let even = config(&["counter", "sample.time"], "resample_hz = 500");
+    let mut source = crate::open_mapped(apart.path(), BusNames::new(), &even).expect("a table");
+    assert!(source.by_ref().all(|item| item.is_ok()));
+    let remarks = source.remarks();
+    assert!(
+        remarks[0].contains(": i_d: ") && remarks[1].contains(": i_q: "),
+        "{remarks:?}"
+    );
+    let (found, whole) = (windows_of(&apart, &even), windows("samples.csv", &even));
+    assert!(found[0].window.samples.len().abs_diff(whole[0].window.samples.len()) < 3);
 }
 
 /// Reads all of it; how many items there were.

@@ -159,10 +159,25 @@ impl SampleMaker {
         }
     }
 
+    /// The motor's angle of the next sample, with all its turns; asking twice changes nothing.
+    pub fn continue_motor(&mut self, angle: f64) -> f64 {
+        self.turns[0].continued(angle)
+    }
+
     /// Counts of the motor's angle in the sample made last, with all its turns.
     #[must_use]
     pub fn motor_counts(&self) -> f64 {
         self.turns[0].continued
+    }
+
+    /// The mode of a sample: idle as long as the mode, or the command that it asks for, never had a value.
+    fn commanded(&self, latched: &Latched) -> Mode {
+        let is_known = self.mapped & bit(Role::Mode) == 0 || latched.has(Role::Mode);
+        match self.mode(latched) {
+            Mode::Position if is_known && latched.has(Role::CommandPosition) => Mode::Position,
+            Mode::Speed if is_known && latched.has(Role::CommandSpeed) => Mode::Speed,
+            _ => Mode::Idle,
+        }
     }
 
     /// The sample of number `seq`; without a third current the star point gives it.
@@ -174,7 +189,7 @@ impl SampleMaker {
         } else {
             -a - b
         };
-        let mode = self.mode(latched);
+        let mode = self.commanded(latched);
         let angles =
             [(0, Role::MotorPosition), (1, Role::OutputPosition)].map(|(n, role)| self.turns[n].continued(value(role)));
         let of_count = self.part_of_count.as_mut();

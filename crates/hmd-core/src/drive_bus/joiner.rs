@@ -268,7 +268,7 @@ impl Rows {
         self.row[TIME] = self.since_ns as f64 / 1e3;
         let follows = self.follows.iter().all(|&follows| follows);
         self.row[MODE] = if follows { self.commanded as f64 } else { 0.0 };
-        let decoded = self.decoder.push(&self.row).ok()?;
+        let decoded = self.decoder.push(&self.row).ok()??;
         Some(DecodedUpdate {
             conditions: decoded.status.as_ref().map(MeasuredConditions::from),
             sample: Some((decoded.sample, decoded.stamp_ns)),

@@ -124,6 +124,11 @@ impl SampleMaker {
         self
     }
 
+    /// Whose samples they are.
+    pub(super) fn actuator(&self) -> ActuatorId {
+        self.actuator
+    }
+
     /// Whether every quantity is there that belongs to a sample; of two commands, the one that the mode asks for.
     #[must_use]
     pub fn is_complete(&self, latched: &Latched) -> bool {

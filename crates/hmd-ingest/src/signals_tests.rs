@@ -11,7 +11,7 @@ use hmd_core::pipeline::Pipeline;
 
 use crate::foreign_tests::read_mutations_of;
 use crate::mdf::MdfSignals;
-use crate::signals::{CsvLog, MappedFrames, ParquetLog, SignalLog};
+use crate::signals::{Between, CsvLog, MappedFrames, ParquetLog, SignalLog};
 
 const FILES: [&str; 6] = [
     "samples.csv",
@@ -477,6 +477,99 @@ fn phase_currents_are_turned_by_an_angle_of_other_times() {
     );
     let (found, whole) = (windows_of(&apart, &even), windows("samples.csv", &even));
     assert!(found[0].window.samples.len().abs_diff(whole[0].window.samples.len()) < 3);
+}
+
+/// Address of what a channel of an MF4 file says of itself, behind its links.
+fn channel(bytes: &[u8], name: &str) -> usize {
+    let word = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes")) as usize;
+    let blocks = (0..bytes.len() - 24).filter(|&at| bytes[at..].starts_with(b"##CN"));
+    let is_named = |at: &usize| bytes[word(at + 24 + 16) + 24..].starts_with(&[name.as_bytes(), b"\0"].concat());
+    let mut found = blocks.filter(is_named);
+    let at = found.next().expect("a channel");
+    at + 24 + 8 * word(at + 16)
+}
+
+/// Rows and damages of a file.
+fn rows_of_mf4(bytes: &[u8], config: &Config) -> (usize, Vec<String>) {
+    let log = MdfSignals::new(Cursor::new(bytes.to_vec()), "a.mf4").expect("a file");
+    let (actuator, map) = config.actuator_of_logs().expect("a fixture");
+    let frames = MappedFrames::new(Box::new(log), "a.mf4", actuator, map, BusNames::new()).expect("signals");
+    let (good, bad): (Vec<_>, Vec<_>) = frames.partition(Result::is_ok);
+    let losses = bad.into_iter().filter_map(Result::err).map(|damage| damage.to_string());
+    (good.len(), losses.collect())
+}
+
+#[test]
+fn a_file_of_channels_with_doubtful_times_is_read() {
+    let config = config(&[], "");
+    let bytes = std::fs::read(folder().join("samples-signals.mf4")).expect("a fixture");
+    let (whole, losses) = rows_of_mf4(&bytes, &config);
+    assert!(whole > 600 && losses.is_empty(), "{losses:?}");
+    // The first channel of a time lies beyond the record, another does not.
+    let mut two = bytes.clone();
+    let (time, clock) = (channel(&two, "time"), channel(&two, "clock"));
+    two[time + 4..time + 8].copy_from_slice(&1000_u32.to_le_bytes());
+    two[clock..clock + 2].copy_from_slice(&[2, 1]);
+    let mut log = MdfSignals::new(Cursor::new(two), "a.mf4").expect("a file");
+    let mut row = vec![0.0; 2];
+    let places: Vec<_> = (0..2).map(|n| (n, Between::Unknown)).collect();
+    log.select(&places).expect("channels");
+    assert!(log.next_row(&mut row, &|_, _| None).is_some_and(|read| read.is_ok()));
+    // A record without a time in the group of the conditions: it is reported, and the rows stay.
+    let mut untimed = bytes.clone();
+    let conditions = 0xbc90 + 24;
+    untimed[conditions..conditions + 8].copy_from_slice(&f64::NAN.to_le_bytes());
+    let (rows, losses) = rows_of_mf4(&untimed, &config);
+    assert_eq!(rows, 600, "no status: {losses:?}");
+    assert!(
+        losses.len() == 1 && losses[0].contains("expected a record with a time"),
+        "{losses:?}"
+    );
+    // A file that was not finalised, whose structure lies behind its records.
+    let mut open = bytes;
+    open[..8].copy_from_slice(b"UnFinMF ");
+    open[60] |= 4;
+    assert_eq!(rows_of_mf4(&open, &config), (whole, Vec::new()));
+}
+
+/// A block of an MF4 file.
+fn block(id: &[u8; 4], links: &[u64], data: &[u8]) -> Vec<u8> {
+    let mut bytes = id.to_vec();
+    bytes.extend([0; 4]);
+    bytes.extend((24 + 8 * links.len() as u64 + data.len() as u64).to_le_bytes());
+    bytes.extend((links.len() as u64).to_le_bytes());
+    for link in links {
+        bytes.extend(link.to_le_bytes());
+    }
+    bytes.extend(data);
+    bytes.resize(bytes.len().next_multiple_of(8), 0);
+    bytes
+}
+
+#[test]
+fn a_mode_of_an_mf4_file_has_the_names_of_its_conversion() {
+    let named = config(
+        &["mode"],
+        "command.mode = { signal = \"mode\", position = \"Closed loop\" }",
+    );
+    let mut bytes = std::fs::read(folder().join("samples-signals.mf4")).expect("a fixture");
+    // Code 1 is "Closed loop" there, as it could be 7.
+    let text = bytes.len() as u64;
+    bytes.extend(block(b"##TX", &[], b"Closed loop\0"));
+    let conversion = bytes.len() as u64;
+    let mut table = vec![7, 0, 0, 0, 1, 0, 1, 0];
+    table.extend([0; 16]);
+    table.extend(1.0_f64.to_le_bytes());
+    bytes.extend(block(b"##CC", &[0, 0, 0, 0, text], &table));
+    let mode = channel(&bytes, "mode");
+    let links = mode - 8 * 8;
+    bytes[links + 32..links + 40].copy_from_slice(&conversion.to_le_bytes());
+    let file = tempfile::Builder::new().suffix(".mf4").tempfile().expect("a file");
+    std::fs::write(file.path(), &bytes).expect("a file");
+    let found = windows_of(&file, &named);
+    assert_eq!(found[0].window, windows("samples.csv", &config(&[], ""))[0].window);
+    let other = config(&["mode"], "command.mode = { signal = \"mode\", position = \"Hold\" }");
+    assert_eq!(windows_of(&file, &other).len(), 0, "idle by its name");
 }
 
 /// Reads all of it; how many items there were.

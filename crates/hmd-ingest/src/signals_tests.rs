@@ -479,6 +479,15 @@ fn phase_currents_are_turned_by_an_angle_of_other_times() {
     assert!(found[0].window.samples.len().abs_diff(whole[0].window.samples.len()) < 3);
 }
 
+#[test]
+fn a_long_text_before_a_table_leaves_it_a_table() {
+    let text = std::fs::read_to_string(folder().join("samples.csv")).expect("a fixture");
+    let words = "# the rig, the day, and everything else that is known of it\n".repeat(300);
+    let file = tempfile::Builder::new().suffix(".csv").tempfile().expect("a file");
+    std::fs::write(file.path(), words + &text).expect("a file");
+    assert_eq!(windows_of(&file, &config(&[], "")).len(), 1);
+}
+
 /// Address of what a channel of an MF4 file says of itself, behind its links.
 fn channel(bytes: &[u8], name: &str) -> usize {
     let word = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes")) as usize;

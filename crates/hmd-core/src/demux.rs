@@ -293,6 +293,12 @@ impl Demux {
 
     /// The frames that come are of another recording. To be called after [`Demux::finish`].
     pub fn begin_recording(&mut self) {
+        for joiner in self.drives.values_mut().flatten() {
+            joiner.1.begin_recording();
+        }
+        for mapped in self.mapped.values_mut().flatten() {
+            mapped.begin_recording();
+        }
         for named in self.streams.values_mut() {
             named.stream.begin_recording();
         }

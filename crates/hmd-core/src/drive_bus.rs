@@ -77,6 +77,16 @@ impl Preset {
             Self::Cia402 | Self::Moteus | Self::Damiao => 1..=127,
         }
     }
+
+    /// Numbers that a second encoder may have: a sub-index, a slot, an endpoint.
+    #[must_use]
+    pub fn output_encoders(self) -> RangeInclusive<u32> {
+        match self {
+            Self::Cia402 => 1..=0xFE,
+            Self::Moteus => 0..=moteus::ENCODER_SLOTS - 1,
+            Self::Odrive | Self::Vesc | Self::Damiao => 0..=u32::from(u16::MAX),
+        }
+    }
 }
 
 /// Section `[actuator.drive]`.

@@ -261,18 +261,33 @@ impl LogMap {
         of_columns.chain(self.resampling.map(Gap::Resampled))
     }
 
-    /// The code of a mode that a log has as text; `None` where no name is configured.
+    /// Numbers that stand for a mode.
+    #[must_use]
+    pub fn modes(&self) -> ModeCodes {
+        self.modes
+    }
+
+    /// Whether the values of the mode are configured as texts.
+    #[must_use]
+    pub fn has_mode_names(&self) -> bool {
+        self.names != ModeNames::default()
+    }
+
+    /// The code of a mode that a log has as text; `None` where no name is configured, and of an empty text, which is no value.
     #[must_use]
     pub fn mode_code(&self, text: &str) -> Option<f64> {
         /// No code of any mode: idle.
         const IDLE: f64 = -1.0;
+        if text.trim().is_empty() {
+            return None;
+        }
         let is = |name: &Option<String>| name.as_deref() == Some(text);
         if is(&self.names.position) {
             Some(self.modes.position as f64)
         } else if is(&self.names.speed) {
             Some(self.modes.speed as f64)
         } else {
-            (self.names != ModeNames::default()).then_some(IDLE)
+            self.has_mode_names().then_some(IDLE)
         }
     }
 }

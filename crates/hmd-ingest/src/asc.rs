@@ -148,10 +148,13 @@ impl<R: BufRead> Iterator for AscReader<R> {
                     Fault::new("to read on", error.kind())
                 }
                 Ok(Line::TooLong(got)) => Fault::new("at most 1000 bytes in a line", got),
-                Ok(Line::Unfinished) if self.lines.text().first().is_some_and(u8::is_ascii_whitespace) => Fault::new(
-                    "a line end",
-                    "the end of the file; the last frame may be cut and is not used",
-                ),
+                // A line of the head may end the file.
+                Ok(Line::Unfinished) if self.lines.text().trim_ascii().first().is_some_and(u8::is_ascii_digit) => {
+                    Fault::new(
+                        "a line end",
+                        "the end of the file; the last frame may be cut and is not used",
+                    )
+                }
                 Ok(Line::Whole | Line::Unfinished) => {
                     let line = self.lines.text().trim_ascii();
                     match self.state.take_head(line) {

@@ -151,7 +151,10 @@ impl<R: BufRead> BlfReader<R> {
             match parsed {
                 Ok(Some(frame)) => return Some(Ok(frame)),
                 Ok(None) => {}
-                Err(found) => return Some(Err(self.damage("a frame that can be", found))),
+                Err(found) => {
+                    let place = Place::Frame(self.at);
+                    return Some(Err(self.damage("a frame that can be", found).at(place)));
+                }
             }
         }
     }

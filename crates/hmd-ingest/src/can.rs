@@ -41,9 +41,13 @@ pub struct CanSource {
 pub enum Wanted {
     /// All of them.
     All,
-    /// Data frames with these identifiers; the kernel drops the others before they reach the queue, but the status of any number of the
-    /// built-in dictionary where one is watched: it shows that another one talks.
-    Ids(BTreeSet<CanId>),
+    /// Data frames with these identifiers; the kernel drops the others before they reach the queue.
+    Ids {
+        /// The identifiers.
+        ids: BTreeSet<CanId>,
+        /// Whether one of the built-in dictionary is watched: then the status of any number passes, too, and shows that another one talks.
+        has_dictionary: bool,
+    },
 }
 
 /// Identifier of a data frame.
@@ -76,7 +80,7 @@ impl Wanted {
     /// all of them: its master may map PDO to any identifier, and commands come from any source.
     #[must_use]
     pub fn for_interface(config: &Config, interface: &str) -> Self {
-        let mut ids = BTreeSet::new();
+        let (mut ids, mut has_dictionary) = (BTreeSet::new(), false);
         for actuator in config.actuators().iter().filter(|of| of.is_at(interface, of.id)) {
             if actuator.drive_bus.is_some() {
                 return Self::All;
@@ -86,17 +90,22 @@ impl Wanted {
                     id: of.id,
                     extended: of.extended,
                 })),
-                None => ids.extend(Message::ALL.map(|message| CanId::of_dictionary(message.id(actuator.id)))),
+                None => {
+                    has_dictionary = true;
+                    ids.extend(Message::ALL.map(|message| CanId::of_dictionary(message.id(actuator.id))));
+                }
             }
         }
-        Self::Ids(ids)
+        Self::Ids { ids, has_dictionary }
     }
 
     /// What the kernel lets pass; `None` is everything, which it is for more identifiers than it takes.
     fn let_pass(&self) -> Option<BTreeSet<CanId>> {
-        let Self::Ids(ids) = self else { return None };
+        let Self::Ids { ids, has_dictionary } = self else {
+            return None;
+        };
         let mut all = ids.clone();
-        if ids.iter().any(|id| id.status_of().is_some()) {
+        if *has_dictionary {
             all.extend(ActuatorId::all().map(|number| CanId::of_dictionary(Message::Status.id(number))));
         }
         (all.len() <= FILTERS_MAX).then_some(all)
@@ -351,13 +360,34 @@ mod tests {
                     [[actuator]]\nid = 0\nbus = \"can1\"\n[type.bench.sensors]\nsample_rate_hz = 400\n";
         let config = Config::from_toml_str(text, "hmd.toml").expect("valid");
         assert_eq!(Wanted::for_interface(&config, "can0"), Wanted::All);
-        assert!(matches!(Wanted::for_interface(&config, "can1"), Wanted::Ids(_)));
+        assert!(matches!(
+            Wanted::for_interface(&config, "can1"),
+            Wanted::Ids {
+                has_dictionary: true,
+                ..
+            }
+        ));
+    }
+
+    #[test]
+    fn an_identifier_of_a_mapped_bus_is_no_status_of_the_dictionary() {
+        let number = ActuatorId::new(3).expect("up to 15");
+        let id = CanId::of_dictionary(Message::Status.id(number));
+        for has_dictionary in [false, true] {
+            let ids = BTreeSet::from([id]);
+            let passed = Wanted::Ids { ids, has_dictionary }.let_pass().expect("identifiers");
+            assert_eq!(passed.len() > 1, has_dictionary, "{passed:?}");
+        }
     }
 
     #[test]
     fn an_identifier_of_29_bits_passes_as_such_only() {
         let ids = [(0x123, false), (0x0123_4567, true)].map(|(id, extended)| CanId { id, extended });
-        let Some(ids) = Wanted::Ids(ids.into()).let_pass() else {
+        let wanted = Wanted::Ids {
+            ids: ids.into(),
+            has_dictionary: false,
+        };
+        let Some(ids) = wanted.let_pass() else {
             panic!("expected identifiers")
         };
         let filters = filters(&ids);

@@ -47,6 +47,9 @@ const COMPRESSED: [(&[u8], &str); 3] = [
     (b"\xfd7zXZ\0", "xz"),
 ];
 
+/// Bytes of a file that its format is recognised by: words about the recording may stand before a table.
+const START: usize = 1 << 16;
+
 /// What some editors put before UTF-8 text.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
@@ -263,10 +266,11 @@ fn open_for(path: &Path, names: BusNames, config: Option<&Config>) -> Result<Fra
         return Err(IngestError::Directory { file });
     }
     let position = Arc::new(AtomicU64::new(0));
-    let mut input = BufReader::new(Counted {
+    let counted = Counted {
         file: input,
         position: position.clone(),
-    });
+    };
+    let mut input = BufReader::with_capacity(START, counted);
     let start = input.fill_buf().map_err(unreadable)?;
     if start.is_empty() {
         return Err(IngestError::Empty { file });

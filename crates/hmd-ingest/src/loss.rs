@@ -36,7 +36,7 @@ impl Loss {
         match self {
             Self::Line(_)
             | Self::Foreign(Damage {
-                place: Place::Line(_) | Place::Row(_),
+                place: Place::Line(_) | Place::Row(_) | Place::Frame(_),
                 ..
             }) => {
                 losses.unreadable += 1;
@@ -46,6 +46,29 @@ impl Loss {
                 losses.damaged += self.frames();
                 1
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_that_cannot_be_is_one_and_a_stretch_of_bytes_any_number() {
+        for (place, frames, unreadable) in [(Place::Frame(7), 1, 1), (Place::Row(7), 1, 1), (Place::Byte(7), 0, 0)] {
+            let loss = Loss::Foreign(Damage {
+                file: "a.blf".into(),
+                place,
+                expected: "a frame that can be",
+                found: "another".to_owned(),
+            });
+            let mut losses = Losses::default();
+            let damaged = loss.count_into(&mut losses);
+            assert_eq!(
+                (loss.frames(), losses.unreadable, damaged),
+                (frames, unreadable, 1 - unreadable)
+            );
         }
     }
 }

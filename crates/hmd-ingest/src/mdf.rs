@@ -23,7 +23,7 @@ use std::sync::Arc;
 
 use hmd_core::frame::{BusNames, RawFrame};
 
-use crate::damage::Damage;
+use crate::damage::{Damage, Place};
 use block::Blocks;
 use layout::{Layout, Stamped};
 use records::Records;
@@ -132,7 +132,10 @@ impl<R: Read + Seek> Iterator for MdfReader<R> {
                 };
                 match group.layout.frame(record.format, record.bytes) {
                     Ok(frame) => group.next = frame,
-                    Err(found) => return Some(Err(self.blocks.damage(record.at, "a frame that can be", &found))),
+                    Err(found) => {
+                        let damage = self.blocks.damage(record.at, "a frame that can be", &found);
+                        return Some(Err(damage.at(Place::Frame(record.at))));
+                    }
                 }
             }
         }
@@ -147,7 +150,7 @@ impl<R: Read + Seek> Iterator for MdfReader<R> {
         Some(
             stamped
                 .into_frame(&mut self.names)
-                .map_err(|found| self.blocks.damage(at, "an interface", &found)),
+                .map_err(|found| self.blocks.damage(at, "an interface", &found).at(Place::Frame(at))),
         )
     }
 }

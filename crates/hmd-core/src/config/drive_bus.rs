@@ -85,7 +85,7 @@ pub(super) fn read(
         node: node as u8,
         motor_units_per_rev: number(&section, "motor_units_per_rev", |steps| steps > 0.0)?,
         output_encoder: section
-            .integer("output_encoder", 0..=u32::from(u16::MAX))?
+            .integer("output_encoder", preset.output_encoders())?
             .map(|n| n as u16),
         output_units_per_rev: number(&section, "output_units_per_rev", |steps| steps != 0.0)?,
         rated_current_a: number(&section, "rated_current_a", |rated| rated > 0.0)?,

@@ -57,6 +57,13 @@ impl MappedBus {
         true
     }
 
+    /// The frames that come are of another recording.
+    pub fn begin_recording(&mut self) {
+        for (_, joiner) in &mut self.joiners {
+            joiner.begin_recording();
+        }
+    }
+
     /// Frames that came after a newer sample had begun.
     #[must_use]
     pub fn late(&self) -> u64 {

@@ -90,6 +90,14 @@ impl Joiner {
         }
     }
 
+    /// The frames that come are of another recording: no part, angle or condition continues.
+    pub fn begin_recording(&mut self) {
+        *self = Self {
+            late: self.late,
+            ..Self::new(self.maker.actuator(), self.map.clone(), self.rate_hz)
+        };
+    }
+
     /// Its map.
     #[must_use]
     pub fn map(&self) -> &SignalMap {

@@ -124,6 +124,11 @@ impl SampleMaker {
         self
     }
 
+    /// Whose samples they are.
+    pub(super) fn actuator(&self) -> ActuatorId {
+        self.actuator
+    }
+
     /// Whether every quantity is there that belongs to a sample; of two commands, the one that the mode asks for.
     #[must_use]
     pub fn is_complete(&self, latched: &Latched) -> bool {
@@ -159,10 +164,25 @@ impl SampleMaker {
         }
     }
 
+    /// The motor's angle of the next sample, with all its turns; asking twice changes nothing.
+    pub fn continue_motor(&mut self, angle: f64) -> f64 {
+        self.turns[0].continued(angle)
+    }
+
     /// Counts of the motor's angle in the sample made last, with all its turns.
     #[must_use]
     pub fn motor_counts(&self) -> f64 {
         self.turns[0].continued
+    }
+
+    /// The mode of a sample: idle as long as the mode, or the command that it asks for, never had a value.
+    fn commanded(&self, latched: &Latched) -> Mode {
+        let is_known = self.mapped & bit(Role::Mode) == 0 || latched.has(Role::Mode);
+        match self.mode(latched) {
+            Mode::Position if is_known && latched.has(Role::CommandPosition) => Mode::Position,
+            Mode::Speed if is_known && latched.has(Role::CommandSpeed) => Mode::Speed,
+            _ => Mode::Idle,
+        }
     }
 
     /// The sample of number `seq`; without a third current the star point gives it.
@@ -174,7 +194,7 @@ impl SampleMaker {
         } else {
             -a - b
         };
-        let mode = self.mode(latched);
+        let mode = self.commanded(latched);
         let angles =
             [(0, Role::MotorPosition), (1, Role::OutputPosition)].map(|(n, role)| self.turns[n].continued(value(role)));
         let of_count = self.part_of_count.as_mut();

@@ -68,24 +68,31 @@ pub(super) fn layout(settings: &DriveSettings, params: &ActuatorParams) -> Resul
         let angle = layout.column(of(Role::CommandPosition), "p_des", Some("rev"), 1.0);
         let speed = layout.column(of(Role::CommandSpeed), "v_des", Some("rev/s"), gear_ratio);
         let modes = ModeCodes::default();
-        let mut command = |offset: u32, name: &str, length: usize, signal: Signal, column: usize, mode: i64| {
+        let mut command = |offset: u32, name: &str, length: usize, fields: Vec<Field>| {
             let id = offset + u32::from(settings.node);
-            let field = Field::command(Place::Bits(signal), column, mode);
-            layout.message(name, id, Some(false), Coding::Bits { length }, vec![field]);
+            layout.message(name, id, Some(false), Coding::Bits { length }, fields);
         };
-        let mut impedance = position(0, range_turns);
+        let only = |signal: &Signal, first: u64, last: u64| Selector {
+            multiplexor: signal.layout,
+            ranges: vec![(first, last)],
+        };
+        let (mut impedance, mut stiffness) = (position(0, range_turns), big_endian(27, 12));
         // Frames that enable, disable and set the zero begin with the greatest number.
-        impedance.selectors.push(Selector {
-            multiplexor: impedance.layout,
-            ranges: vec![(0, 0xfffe)],
-        });
-        command(MIT, "MIT", 8, impedance, angle, modes.position);
+        let is_command = only(&impedance, 0, 0xfffe);
+        // Without stiffness a motor follows the speed or torque of the frame, and no position.
+        impedance.selectors = vec![is_command.clone(), only(&stiffness, 1, 0xfff)];
+        stiffness.selectors = vec![is_command, only(&stiffness, 0, 0)];
+        let follows = Field::command(Place::Bits(impedance), angle, modes.position);
+        let is_other = Field::other_command(Place::Bits(stiffness));
+        command(MIT, "MIT", 8, vec![follows, is_other]);
         let float = || Signal {
             factor: turn,
             ..little_endian_float()
         };
-        command(POSITION, "position", 8, float(), angle, modes.position);
-        command(SPEED, "speed", 4, float(), speed, modes.speed);
+        let to_angle = Field::command(Place::Bits(float()), angle, modes.position);
+        command(POSITION, "position", 8, vec![to_angle]);
+        let at_speed = Field::command(Place::Bits(float()), speed, modes.speed);
+        command(SPEED, "speed", 4, vec![at_speed]);
     }
     Ok(layout)
 }
@@ -156,7 +163,14 @@ mod tests {
         let Place::Bits(angle) = &layout.messages[1].fields[0].place else {
             panic!("{layout:?}")
         };
-        assert!(near(angle.value(&[0, 0, 0x7f, 0xf0, 0, 0, 0, 0]), -0.5));
+        assert!(near(angle.value(&[0, 0, 0x7f, 0xf0, 0x10, 0, 0, 0]), -0.5));
         assert_eq!(angle.value(&[0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xfc]), None);
+        // Without stiffness (kp = 0) it is a command of speed or torque.
+        let Place::Bits(stiffness) = &layout.messages[1].fields[1].place else {
+            panic!("{layout:?}")
+        };
+        let torque = [0, 0, 0x7f, 0xf0, 0, 0, 0x08, 0xff];
+        assert_eq!((angle.value(&torque), stiffness.value(&torque)), (None, Some(0.0)));
+        assert_eq!(stiffness.value(&[0, 0, 0x7f, 0xf0, 0x10, 0, 0, 0]), None);
     }
 }

@@ -1,8 +1,8 @@
 //! [`DriveJoiner`]: frames of a drive -> rows -> samples.
 //!
 //! A row is whole when it has every quantity of a sample; commands and conditions hold. The parts of a row are those whose stamps are
-//! at most half a sample period apart: nothing counts them. A part that is there already, or comes later than that, begins the next
-//! row; what the row before lacks makes its sample missing.
+//! at most half a sample period apart: nothing counts them. A frame whose parts are all there already, or that comes later than that,
+//! begins the next row; what the row before lacks makes its sample missing.
 //!
 //! Of CiA 402, objects that the master writes are overheard, and hold over those of the file.
 
@@ -124,6 +124,11 @@ impl DriveJoiner {
         })
     }
 
+    /// The frames that come are of another recording: no command and no condition holds, and nothing was heard. What its master wrote does.
+    pub fn begin_recording(&mut self) {
+        self.rows = Rows::new(self.actuator, &self.bus);
+    }
+
     /// Takes a frame that is for all drives of a bus, a SYNC; whether it is one.
     pub fn push_broadcast(&mut self, frame: &RawFrame) -> bool {
         let is_sync = self.sdo.is_some() && frame.id() == SYNC && !frame.is_extended() && !frame.is_remote();
@@ -207,6 +212,7 @@ impl Rows {
             Coding::Bits { .. } => Registers::default(),
             Coding::Registers { written } => moteus::registers(data, written)?,
         };
+        self.begin_row_of(message, &registers, frame);
         for field in &message.fields {
             let value = value_at(&field.place, data, &registers);
             match (&field.target, value) {
@@ -217,13 +223,17 @@ impl Rows {
                     state += 1;
                 }
                 (_, None) => {}
+                (Target::OtherCommand, Some(_)) => {
+                    self.next = None;
+                    self.commanded = 0;
+                }
                 (Target::Command(column, mode), Some(value)) => {
                     self.next = Some((*column, value, *mode));
                     if !message.synchronous {
                         self.synchronise();
                     }
                 }
-                (Target::Column(column), Some(value)) => self.set(layout, *column, value, frame.stamp_ns),
+                (Target::Column(column), Some(value)) => self.set(layout, *column, value),
             }
         }
         self.whole_row()
@@ -242,16 +252,25 @@ impl Rows {
         }
     }
 
-    fn set(&mut self, layout: &DriveLayout, column: usize, value: f64, stamp_ns: u64) {
-        let bit = 1 << column;
-        if self.awaited & bit != 0 {
-            let is_over = stamp_ns.abs_diff(self.since_ns) > self.span_ns;
-            if self.filled == 0 || is_over || self.filled & bit != 0 {
-                (self.filled, self.since_ns) = (0, stamp_ns);
-            }
-            self.filled |= bit;
-            self.heard |= bit;
+    /// Adds the parts of a frame to those of the row, or begins the next with them.
+    fn begin_row_of(&mut self, message: &DriveMessage, registers: &Registers, frame: &RawFrame) {
+        let parts = message.fields.iter().filter_map(|field| match field.target {
+            Target::Column(column) => value_at(&field.place, frame.data(), registers).map(|_| 1 << column),
+            Target::Command(..) | Target::OtherCommand | Target::State { .. } => None,
+        });
+        let parts = parts.fold(0, |bits, bit| bits | bit) & self.awaited;
+        if parts == 0 {
+            return;
         }
+        let is_over = frame.stamp_ns.abs_diff(self.since_ns) > self.span_ns;
+        if self.filled == 0 || is_over || parts & !self.filled == 0 {
+            (self.filled, self.since_ns) = (0, frame.stamp_ns);
+        }
+        self.filled |= parts;
+        self.heard |= parts;
+    }
+
+    fn set(&mut self, layout: &DriveLayout, column: usize, value: f64) {
         // Without a sensor, drives report 0 °C to the bit.
         let is_temperature = layout.columns[column].quantity == Quantity::Of(Role::WindingTemp);
         let is_missing = is_temperature && value.abs() < f64::MIN_POSITIVE;
@@ -268,7 +287,7 @@ impl Rows {
         self.row[TIME] = self.since_ns as f64 / 1e3;
         let follows = self.follows.iter().all(|&follows| follows);
         self.row[MODE] = if follows { self.commanded as f64 } else { 0.0 };
-        let decoded = self.decoder.push(&self.row).ok()?;
+        let decoded = self.decoder.push(&self.row).ok()??;
         Some(DecodedUpdate {
             conditions: decoded.status.as_ref().map(MeasuredConditions::from),
             sample: Some((decoded.sample, decoded.stamp_ns)),
@@ -323,6 +342,11 @@ mod tests {
     use proptest::prelude::*;
 
     fn joiner(preset: Preset) -> DriveJoiner {
+        joiner_written(preset, &[])
+    }
+
+    /// The same behind a master that wrote these objects.
+    fn joiner_written(preset: Preset, written: &[(u16, u8, u64)]) -> DriveJoiner {
         let settings = DriveSettings {
             motor_units_per_rev: Some(65_536.0),
             output_encoder: Some(1),
@@ -331,9 +355,25 @@ mod tests {
             ..DriveSettings::new(preset, 1)
         };
         let dictionary = ObjectDictionary::parse(include_bytes!("../../../../fixtures/drives/drive.dcf"), 1);
+        let mut dictionary = dictionary.expect("a fixture");
+        for &(index, sub, value) in written {
+            dictionary.write(index, sub, value);
+        }
         let params = ActuatorParams::bench();
-        let bus = DriveBus::new(settings, &params, dictionary.expect("a fixture")).expect("a drive");
+        let bus = DriveBus::new(settings, &params, dictionary).expect("a drive");
         DriveJoiner::new(ActuatorId::new(0).expect("a number"), "joint", bus)
+    }
+
+    /// Takes a frame so many µs after the start; its sample.
+    fn hear(joiner: &mut DriveJoiner, id: u32, data: &[u8], stamp_us: u64) -> Option<ema_wire::Sample> {
+        let stamp_ns = 1_700_000_000_000_000_000 + 1000 * stamp_us;
+        let flags = FrameFlags::NONE.with(FrameFlags::EXTENDED, joiner.node().0 == Preset::Vesc);
+        let frame = RawFrame::new(stamp_ns, 0, id, flags, data).expect("a frame");
+        if joiner.push_broadcast(&frame) {
+            return None;
+        }
+        let update = joiner.push(&frame).flatten()?;
+        update.sample.map(|(sample, _)| sample)
     }
 
     proptest! {
@@ -401,5 +441,118 @@ mod tests {
         let modes = [(ema_wire::Mode::Idle, 0), (ema_wire::Mode::Position, expected)];
         assert!(commands.eq(modes), "{samples:?}");
         assert_eq!(samples[1].motor_counts, 65_536);
+    }
+    #[test]
+    fn what_a_drive_sends_with_a_sync_was_sampled_at_that_sync() {
+        use ema_wire::Mode;
+        // 6062, the demand, behind the statusword and the mode.
+        let mut joiner = joiner_written(Preset::Cia402, &[(0x1A00, 0, 3), (0x1A00, 3, 0x6062_0020)]);
+        let status = |demand: u8| [0x37, 6, 8, 0, 0, demand, 0];
+        let mut samples = Vec::new();
+        for (n, demand) in [(0, 1), (1, 2)] {
+            let at_us = 2500 * n;
+            hear(&mut joiner, 0x080, &[], at_us);
+            hear(&mut joiner, 0x181, &status(demand), at_us + 100);
+            hear(&mut joiner, 0x281, &[0, 0, 1, 0, 0xe8, 3], at_us + 200);
+            samples.extend(hear(&mut joiner, 0x381, &[0, 0, 0, 0], at_us + 300));
+        }
+        let turn = core::f64::consts::TAU / ActuatorParams::bench().transmission.gear_ratio;
+        let demands =
+            [1.0, 2.0].map(|turns| (Mode::Position, ema_wire::quantity::position_setpoint_urad(turns * turn)));
+        let found = samples.iter().map(|sample| (sample.mode, sample.setpoint));
+        assert!(found.eq(demands), "{samples:?}");
+    }
+
+    #[test]
+    fn a_frame_with_a_part_that_is_there_already_adds_its_other_parts() {
+        // 60E4 and 6064 in the third TPDO, 6064 in the second too.
+        let mut joiner = joiner_written(Preset::Cia402, &[(0x1A02, 0, 2), (0x1A02, 2, 0x6064_0020)]);
+        for n in 0..3 {
+            let at_us = 2500 * n;
+            assert_eq!(hear(&mut joiner, 0x281, &[0, 0, 1, 0, 0xe8, 3], at_us), None);
+            let sample = hear(&mut joiner, 0x381, &[7, 0, 0, 0, 0, 0, 1, 0], at_us + 100);
+            assert_eq!(sample.map(|sample| sample.output_counts), Some(7), "{n}");
+        }
+    }
+
+    #[test]
+    fn a_multiplex_pdo_is_passed_over() {
+        for count in [0xFE, 0xFF] {
+            let mut joiner = joiner_written(Preset::Cia402, &[(0x1A03, 0, count)]);
+            hear(&mut joiner, 0x281, &[0, 0, 1, 0, 0xe8, 3], 0);
+            assert!(hear(&mut joiner, 0x381, &[0, 0, 0, 0], 100).is_some(), "{count}");
+        }
+    }
+
+    #[test]
+    fn a_command_of_something_else_ends_the_set_point() {
+        use ema_wire::Mode;
+        let quarter = 0.25_f32.to_le_bytes();
+        let position = [quarter, [0; 4]].concat();
+        let no_stiffness: &[u8] = &[0x80, 0, 0x7f, 0xf0, 0, 0, 8, 0xff];
+        let stiff: &[u8] = &[0x80, 0, 0x7f, 0xf0, 0x10, 0, 8, 0];
+        // Frames of a sample, the command of a set point, one of something else.
+        for (preset, row, set_point, other, mode) in [
+            (
+                Preset::Odrive,
+                vec![
+                    (0x025, vec![0, 1, 0, 0, 0, 0, 0, 0]),
+                    (0x029, vec![0; 8]),
+                    (0x034, vec![0; 8]),
+                ],
+                (0x02C, position.as_slice()),
+                (0x02E, &quarter[..]),
+                Mode::Position,
+            ),
+            (
+                Preset::Vesc,
+                vec![(0x901, vec![0; 8]), (0x1001, vec![0; 8])],
+                (0x301, &[0, 0, 1, 0][..]),
+                (0x101, &[0, 0, 1, 0][..]),
+                Mode::Speed,
+            ),
+            (
+                Preset::Damiao,
+                vec![(0x000, vec![0x11, 0, 0, 0, 0, 0, 20, 20])],
+                (0x001, stiff),
+                (0x001, no_stiffness),
+                Mode::Position,
+            ),
+        ] {
+            let mut joiner = joiner_written(preset, &[]);
+            let mut modes = Vec::new();
+            for (n, (id, data)) in [set_point, other, set_point].into_iter().enumerate() {
+                let at_us = 2500 * n as u64;
+                hear(&mut joiner, id, data, at_us);
+                let row = row.iter().map(|(id, data)| hear(&mut joiner, *id, data, at_us + 100));
+                modes.extend(row.flatten().map(|sample| sample.mode));
+            }
+            assert_eq!(modes, [mode, Mode::Idle, mode], "{preset:?}");
+        }
+    }
+
+    #[test]
+    fn nothing_of_a_recording_holds_in_the_next() {
+        let mut joiner = joiner(Preset::Cia402);
+        let turn = [0x0f, 0, 0, 0, 1, 0];
+        let mut modes = Vec::new();
+        for recording in 0..2 {
+            let at_us = 1_000_000 * recording;
+            if recording == 0 {
+                hear(&mut joiner, 0x201, &turn, at_us);
+                hear(&mut joiner, 0x080, &[], at_us + 10);
+            }
+            // The DC link, then a sample.
+            let link = 48_000_u32.to_le_bytes();
+            hear(&mut joiner, 0x481, &link, at_us + 20);
+            hear(&mut joiner, 0x281, &[0, 0, 1, 0, 0xe8, 3], at_us + 100);
+            let stamp_ns = 1_700_000_000_000_000_000 + 1000 * (at_us + 200);
+            let frame = RawFrame::new(stamp_ns, 0, 0x381, FrameFlags::NONE, &[0; 4]).expect("a frame");
+            let update = joiner.push(&frame).flatten().expect("a sample");
+            assert_eq!(update.conditions.and_then(|of| of.dc_link_v), Some(48.0), "{recording}");
+            modes.extend(update.sample.map(|(sample, _)| sample.mode));
+            joiner.begin_recording();
+        }
+        assert_eq!(modes, [ema_wire::Mode::Position, ema_wire::Mode::Idle]);
     }
 }

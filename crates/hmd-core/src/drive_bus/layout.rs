@@ -88,6 +88,8 @@ pub enum Target {
     Column(usize),
     /// A command, by its column; it makes the mode.
     Command(usize, i64),
+    /// A command of something else, which ends the set point.
+    OtherCommand,
     /// A state that follows the set point only at these values, of the bits that count.
     State {
         /// Bits that count.
@@ -153,7 +155,7 @@ impl DriveLayout {
         self.messages.iter().filter(|message| {
             message.fields.iter().any(|field| match field.target {
                 Target::Column(column) => Self::is_awaited(&self.columns[column]),
-                Target::Command(..) | Target::State { .. } => false,
+                Target::Command(..) | Target::OtherCommand | Target::State { .. } => false,
             })
         })
     }
@@ -167,6 +169,11 @@ impl Field {
 
     pub(super) fn command(place: Place, column: usize, mode: i64) -> Self {
         let target = Target::Command(column, mode);
+        Self { place, target }
+    }
+
+    pub(super) fn other_command(place: Place) -> Self {
+        let target = Target::OtherCommand;
         Self { place, target }
     }
 

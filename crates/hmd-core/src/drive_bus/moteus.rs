@@ -21,7 +21,7 @@ const COMMAND_POSITION: u32 = 0x020;
 const CONTROL_POSITION: u32 = 0x038;
 /// Position of the encoder in slot 0; that of the next slot is two registers on.
 const ENCODER_POSITION: u32 = 0x050;
-const ENCODER_SLOTS: u32 = 3;
+pub(super) const ENCODER_SLOTS: u32 = 3;
 
 /// The mode in which the drive follows its position command.
 const IN_POSITION: u64 = 10;
@@ -57,7 +57,7 @@ pub(super) fn layout(settings: &DriveSettings, params: &ActuatorParams) -> Drive
         Field::column(Place::Register(MOTOR_TEMPERATURE), temperature),
     ];
     if let (Some(column), Some(slot)) = (angles.output, settings.output_encoder) {
-        let register = ENCODER_POSITION + 2 * u32::from(slot).min(ENCODER_SLOTS - 1);
+        let register = ENCODER_POSITION + 2 * u32::from(slot);
         replied.push(Field::column(Place::Register(register), column));
     }
     let node = u32::from(settings.node);

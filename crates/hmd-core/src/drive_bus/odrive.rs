@@ -18,6 +18,7 @@ const TX_SDO: u32 = 0x05;
 const GET_ENCODER_ESTIMATES: u32 = 0x09;
 const SET_INPUT_POS: u32 = 0x0C;
 const SET_INPUT_VEL: u32 = 0x0D;
+const SET_INPUT_TORQUE: u32 = 0x0E;
 const GET_IQ: u32 = 0x14;
 const GET_TEMPERATURE: u32 = 0x15;
 const GET_BUS_VOLTAGE_CURRENT: u32 = 0x17;
@@ -91,6 +92,9 @@ pub(super) fn layout(settings: &DriveSettings, params: &ActuatorParams) -> Drive
         let id = u32::from(settings.node) << 5 | SET_INPUT_VEL;
         let coding = Coding::Bits { length: 4 };
         layout.message("Set_Input_Vel", id, Some(false), coding, vec![command]);
+        let torque = Field::other_command(Place::f32_at(0));
+        let id = u32::from(settings.node) << 5 | SET_INPUT_TORQUE;
+        layout.message("Set_Input_Torque", id, Some(false), coding, vec![torque]);
     }
     layout
 }

@@ -5,8 +5,9 @@ use super::eds::ObjectDictionary;
 /// Most PDO of one direction.
 const PDO_COUNT: u16 = 512;
 
-/// Most objects that one PDO maps.
+/// Most objects that one PDO maps; numbers of them that say that it is a multiplex PDO, which carries any object.
 const MAPPED_MAX: u32 = 64;
+const MULTIPLEX: [u64; 2] = [0xFE, 0xFF];
 
 /// Bytes of a PDO.
 const LENGTH_MAX: u32 = 8;
@@ -30,7 +31,7 @@ pub(super) struct Pdo {
     pub(super) name: String,
     pub(super) id: u32,
     pub(super) extended: bool,
-    /// Whether what it says holds from the next SYNC on.
+    /// Whether the drive takes what it is told only at the next SYNC. What it sends with a SYNC it has sampled at that one.
     pub(super) synchronous: bool,
     pub(super) objects: Vec<Mapped>,
 }
@@ -65,13 +66,17 @@ pub enum PdoError {
 /// [`PdoError`].
 pub(super) fn pdos(dictionary: &ObjectDictionary) -> Result<Vec<Pdo>, PdoError> {
     let mut found = Vec::new();
-    for (first, mapping, name) in [
-        (TRANSMIT_COMMUNICATION, TRANSMIT_MAPPING, "TPDO"),
-        (RECEIVE_COMMUNICATION, RECEIVE_MAPPING, "RPDO"),
+    for (first, mapping, name, is_received) in [
+        (TRANSMIT_COMMUNICATION, TRANSMIT_MAPPING, "TPDO", false),
+        (RECEIVE_COMMUNICATION, RECEIVE_MAPPING, "RPDO", true),
     ] {
         for n in 0..PDO_COUNT {
             let name = || format!("{name}{}", n + 1);
-            found.extend(pdo(dictionary, first + n, mapping + n, name)?);
+            let pdo = pdo(dictionary, first + n, mapping + n, name)?;
+            found.extend(pdo.map(|pdo| Pdo {
+                synchronous: pdo.synchronous && is_received,
+                ..pdo
+            }));
         }
     }
     if found.is_empty() {
@@ -91,7 +96,7 @@ fn pdo(
         return Ok(None);
     };
     let count = dictionary.number(mapping, 0).unwrap_or(0);
-    if cob & NOT_VALID != 0 || count == 0 {
+    if cob & NOT_VALID != 0 || count == 0 || MULTIPLEX.contains(&count) {
         return Ok(None);
     }
     let too_long = PdoError::TooLong { index: mapping };

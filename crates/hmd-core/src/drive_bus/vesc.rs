@@ -14,6 +14,17 @@ use crate::log_map::Quantity;
 pub(super) const NODE_MAX: u32 = 254;
 
 const SET_RPM: u32 = 3;
+/// Commands of duty cycle, current, brake, position, and the same relative to their limits.
+const OTHER_COMMANDS: [(u32, &str); 8] = [
+    (0, "SET_DUTY"),
+    (1, "SET_CURRENT"),
+    (2, "SET_CURRENT_BRAKE"),
+    (4, "SET_POS"),
+    (10, "SET_CURRENT_REL"),
+    (11, "SET_CURRENT_BRAKE_REL"),
+    (12, "SET_CURRENT_HANDBRAKE"),
+    (13, "SET_CURRENT_HANDBRAKE_REL"),
+];
 const STATUS: u32 = 9;
 const STATUS_4: u32 = 16;
 const STATUS_5: u32 = 27;
@@ -59,7 +70,13 @@ pub(super) fn layout(settings: &DriveSettings, params: &ActuatorParams) -> Drive
         let erpm = Place::big_endian(SignalKind::Signed, 0, 32);
         let command = Field::command(erpm, speed, ModeCodes::default().speed);
         let id = SET_RPM << 8 | u32::from(settings.node);
-        layout.message("SET_RPM", id, Some(true), Coding::Bits { length: 4 }, vec![command]);
+        let coding = Coding::Bits { length: 4 };
+        layout.message("SET_RPM", id, Some(true), coding, vec![command]);
+        for (packet, name) in OTHER_COMMANDS {
+            let command = Field::other_command(Place::big_endian(SignalKind::Signed, 0, 32));
+            let id = packet << 8 | u32::from(settings.node);
+            layout.message(name, id, Some(true), coding, vec![command]);
+        }
     }
     layout
 }

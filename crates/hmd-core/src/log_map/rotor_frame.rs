@@ -1,7 +1,8 @@
 //! [`RotorFrame`]: phase currents of a row as currents along and across the rotor's north pole, and back.
 //!
 //! Phase currents turn with the rotor, at speed many electrical turns in few samples; in its frame they are as smooth as the torque. So they
-//! are interpolated there, with the angle that is interpolated beside them.
+//! are interpolated there, with the angle that is interpolated beside them. An angle whose counter begins again has to have all its turns: the
+//! counter may begin again anywhere in a turn.
 
 use super::rows::electrical_rad_per_count;
 use super::{Column, Quantity};
@@ -65,10 +66,11 @@ impl RotorFrame {
         }
     }
 
-    /// Numbers of the log for an ampere in each place of a phase current.
-    pub fn per_ampere(&self) -> impl Iterator<Item = (usize, f64)> {
+    /// What is in each place of a phase current.
+    pub fn names(&self) -> impl Iterator<Item = (usize, &'static str)> {
+        const NAMES: [&str; 3] = ["i_d", "i_q", "the mean of the phases"];
         let places = self.phases.iter().chain(&self.third);
-        places.map(|(place, unit)| (*place, 1.0 / unit.scale.abs()))
+        places.zip(NAMES).map(|((place, _), name)| (*place, name))
     }
 
     fn sin_cos(&self, row: &[f64]) -> (f64, f64) {

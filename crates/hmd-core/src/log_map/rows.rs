@@ -28,7 +28,14 @@ pub struct RowDecoder {
     output_per_motor: f64,
     numbering: Option<Numbering>,
     start_us: f64,
+    /// Place of the current whose rows are the samples.
+    first_current: Option<usize>,
+    /// Commands keep their value until they have another.
+    commands: Latched,
+    /// Conditions, and what was handed out of them last.
     status: Status,
+    reported: Status,
+    last_row: Vec<f64>,
 }
 
 /// Numbers rows by their time.
@@ -66,7 +73,7 @@ impl RowFault {
     #[must_use]
     pub fn expected(self) -> &'static str {
         match self {
-            Self::NoNumber(_) => "a number (resample = true in [map] takes signals of several rates)",
+            Self::NoNumber(_) => "a number",
             Self::NoTime => "a time from 1970 to 2255",
             Self::NotLater => "a time later than the row before's",
         }
@@ -129,6 +136,13 @@ impl RowDecoder {
             period_us: period(first_times).map_or(1e6 / sensors.sample_rate, |period| period * time_scale.abs()),
             last: None,
         });
+        let status = Status {
+            dc_link_dv: 0,
+            winding_temp_dc: Status::NO_TEMPERATURE,
+            load_torque_dnm: None,
+            fault_flags: 0,
+            seq8: 0,
+        };
         Self {
             maker,
             electrical_rad_per_count: electrical_rad_per_count(params),
@@ -137,31 +151,30 @@ impl RowDecoder {
                 / params.transmission.gear_ratio,
             numbering,
             start_us,
-            status: Status {
-                dc_link_dv: 0,
-                winding_temp_dc: Status::NO_TEMPERATURE,
-                load_torque_dnm: None,
-                fault_flags: 0,
-                seq8: 0,
-            },
+            first_current: columns.iter().position(|(column, _)| column.quantity.is_current()),
+            commands: Latched::default(),
+            status,
+            reported: status,
+            last_row: Vec::with_capacity(columns.len()),
             columns,
             map,
         }
     }
 
-    /// Takes a row: a number for each column of the map, NaN where it has none.
+    /// Takes a row: a number for each column of the map, NaN where it has none. `None` of one that is no sample: it lacks the first
+    /// current, and only what holds its value is taken of it; or it is the row before, written twice.
     ///
     /// # Errors
     /// [`RowFault`]; the row is lost.
-    pub fn push(&mut self, row: &[f64]) -> Result<Decoded, RowFault> {
-        let mut latched = Latched::default();
+    pub fn push(&mut self, row: &[f64]) -> Result<Option<Decoded>, RowFault> {
+        let mut latched = self.commands;
         let (mut time_us, mut counter, mut rotor) = (0.0, 0_u16, [0.0; 2]);
-        let before = self.status;
+        let mut fault = None;
         for ((column, unit), &number) in self.columns.iter().zip(row) {
             let value = unit.to_internal(number);
             if !value.is_finite() {
-                if column.quantity.is_sampled() {
-                    return Err(RowFault::NoNumber(column.quantity));
+                if !column.quantity.is_held() {
+                    fault.get_or_insert(RowFault::NoNumber(column.quantity));
                 }
                 continue;
             }
@@ -175,8 +188,19 @@ impl RowDecoder {
                 Quantity::Of(Role::LoadTorque) => {
                     self.status.load_torque_dnm = Some(quantity::load_torque_dnm(value));
                 }
-                Quantity::Of(role) => latched.set(role, value),
+                Quantity::Of(role) => {
+                    latched.set(role, value);
+                    if column.quantity.is_command() {
+                        self.commands.set(role, value);
+                    }
+                }
             }
+        }
+        if self.first_current.is_some_and(|place| !row[place].is_finite()) || self.is_repeated(row) {
+            return Ok(None);
+        }
+        if let Some(fault) = fault {
+            return Err(fault);
         }
         let utc_us = (time_us + self.start_us).round();
         if !(0.0..=TIME_MAX_US).contains(&utc_us) {
@@ -185,10 +209,11 @@ impl RowDecoder {
         if self.map.clock == Clock::Device && !self.map.has(Quantity::Of(Role::Time)) {
             latched.set(Role::Time, time_us);
         }
-        let motor = latched.value(Role::MotorPosition);
+        // The angle goes on where its counter begins again, which may be anywhere in a turn.
+        let motor = self.maker.continue_motor(latched.value(Role::MotorPosition));
         if self.map.has(Quantity::CurrentQ) {
-            let sin_cos = (motor * self.electrical_rad_per_count).rem_euclid(core::f64::consts::TAU);
-            let [a, b, c] = abc_from_alpha_beta(alpha_beta_from_dq(rotor, sin_cos.sin_cos_poly()));
+            let theta_e = (motor * self.electrical_rad_per_count).rem_euclid(core::f64::consts::TAU);
+            let [a, b, c] = abc_from_alpha_beta(alpha_beta_from_dq(rotor, theta_e.sin_cos_poly()));
             latched.set(Role::CurrentA, a);
             latched.set(Role::CurrentB, b);
             latched.set(Role::CurrentC, c);
@@ -202,12 +227,23 @@ impl RowDecoder {
             let counts = self.maker.motor_counts() * self.output_per_motor;
             sample.output_counts = quantity::wrap_s24(counts.floor() as i64);
         }
-        self.status.seq8 = 0;
-        Ok(Decoded {
+        let before = std::mem::replace(&mut self.reported, self.status);
+        Ok(Some(Decoded {
             stamp_ns: utc_us as u64 * 1000,
             status: (self.status != before).then_some(self.status),
             sample,
-        })
+        }))
+    }
+
+    /// Whether a row is the one before, which it replaces.
+    fn is_repeated(&mut self, row: &[f64]) -> bool {
+        let mut values = self.last_row.iter().zip(row);
+        if self.last_row.len() == row.len() && values.all(|(last, value)| last.to_bits() == value.to_bits()) {
+            return true;
+        }
+        self.last_row.clear();
+        self.last_row.extend_from_slice(row);
+        false
     }
 }
 
@@ -231,10 +267,147 @@ impl Numbering {
     }
 }
 
-/// The usual distance of times, their median; `None` of fewer than two that rise.
+/// The mean distance of times; `None` of fewer than two that rise.
+///
+/// Of times on a grid no single step is that distance. Pauses, losses and times that are late by most of a step are left out, each with
+/// the step that it shortens: the limits lie evenly about the median.
 fn period(times: &[f64]) -> Option<f64> {
+    const LIMITS: [f64; 2] = [0.25, 1.75];
     let steps = times.windows(2).map(|two| (two[1] - two[0]).abs());
     let mut steps: Vec<f64> = steps.filter(|step| step.is_finite() && *step > 0.0).collect();
     steps.sort_unstable_by(f64::total_cmp);
-    steps.get(steps.len() / 2).copied()
+    let median = *steps.get(steps.len() / 2)?;
+    steps.retain(|step| (LIMITS[0]..=LIMITS[1]).contains(&(step / median)));
+    Some(steps.iter().sum::<f64>() / steps.len() as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use ema_wire::Mode;
+
+    use super::*;
+    use crate::dbc::ModeCodes;
+    use crate::log_map::ModeNames;
+
+    /// A decoder of these quantities, counts and SI units, the motor's angle beginning again after so many counts.
+    fn decoder(quantities: &[Quantity], wraps_after: Option<f64>) -> RowDecoder {
+        let column = |quantity: &Quantity| {
+            let is_motor = *quantity == Quantity::Of(Role::MotorPosition);
+            Column {
+                wraps_after: wraps_after.filter(|_| is_motor),
+                ..Column::plain(*quantity, quantity.key())
+            }
+        };
+        let columns: Vec<Column> = quantities.iter().map(column).collect();
+        let map = LogMap::new(
+            columns.clone(),
+            Clock::Device,
+            ModeCodes::default(),
+            ModeNames::default(),
+        );
+        let map = Arc::new(map.expect("a whole map"));
+        let columns = columns.into_iter().map(|column| (column, Unit::SAME)).collect();
+        let actuator = ActuatorId::new(0).expect("a number");
+        RowDecoder::new(actuator, &ActuatorParams::bench(), map, columns, 0.0, &[0.0, 500.0])
+    }
+
+    const DQ: [Quantity; 4] = [
+        Quantity::Time,
+        Quantity::CurrentQ,
+        Quantity::Of(Role::MotorPosition),
+        Quantity::Of(Role::OutputPosition),
+    ];
+
+    fn sample(decoder: &mut RowDecoder, row: &[f64]) -> Sample {
+        let decoded = decoder.push(row).expect("a row");
+        decoded.expect("a sample").sample
+    }
+
+    #[test]
+    fn the_electrical_angle_goes_on_where_the_counter_begins_again_within_a_turn() {
+        const RANGE: f64 = 50_000.0;
+        let (mut whole, mut wrapped) = (decoder(&DQ[..3], None), decoder(&DQ[..3], Some(RANGE)));
+        for n in 0..200 {
+            let (time, counts) = (f64::from(n) * 500.0, 45_000.0 + 1234.0 * f64::from(n));
+            let found = sample(&mut wrapped, &[time, 3.0, counts.rem_euclid(RANGE)]);
+            assert_eq!(found, sample(&mut whole, &[time, 3.0, counts]), "{n}");
+        }
+    }
+
+    const COMMANDED: [Quantity; 6] = [
+        Quantity::Time,
+        Quantity::CurrentQ,
+        Quantity::Of(Role::MotorPosition),
+        Quantity::Of(Role::CommandPosition),
+        Quantity::MODE,
+        Quantity::Of(Role::DcLink),
+    ];
+
+    #[test]
+    fn commands_hold_and_are_none_before_their_first_value() {
+        const NONE: f64 = f64::NAN;
+        let mut decoder = decoder(&COMMANDED, None);
+        let rows = [
+            ([0.0, 1.0, 0.0, NONE, NONE, NONE], Mode::Idle, 0),
+            ([500.0, 1.0, 0.0, NONE, 1.0, NONE], Mode::Idle, 0),
+            ([1000.0, 1.0, 0.0, 0.25, NONE, NONE], Mode::Position, 250_000),
+            ([1500.0, 1.0, 0.0, NONE, NONE, NONE], Mode::Position, 250_000),
+            ([2000.0, 1.0, 0.0, NONE, 0.0, NONE], Mode::Idle, 0),
+        ];
+        for (row, mode, setpoint) in rows {
+            let sample = sample(&mut decoder, &row);
+            assert_eq!((sample.mode, sample.setpoint), (mode, setpoint), "{row:?}");
+        }
+        // A row without the first current is no sample; what holds is taken of it, and reported with the next one.
+        let other = decoder.push(&[2200.0, NONE, NONE, 0.5, 1.0, 48.0]);
+        assert_eq!(other, Ok(None));
+        let next = decoder.push(&[2500.0, 1.0, 0.0, NONE, NONE, NONE]);
+        let next = next.expect("a row").expect("a sample");
+        assert_eq!((next.sample.mode, next.sample.setpoint), (Mode::Position, 500_000));
+        assert_eq!(next.status.map(|status| status.dc_link_dv), Some(480));
+        assert_eq!(next.sample.seq, 5);
+        let no_angle = decoder.push(&[3000.0, 1.0, NONE, NONE, NONE, NONE]);
+        assert_eq!(no_angle, Err(RowFault::NoNumber(Quantity::Of(Role::MotorPosition))));
+    }
+
+    #[test]
+    fn a_row_that_is_written_twice_is_one_sample() {
+        let mut decoder = decoder(&DQ, None);
+        let row = |n: u16, current: f64| [500.0 * f64::from(n), current, 0.0, 0.0];
+        assert_eq!(sample(&mut decoder, &row(0, 1.0)).seq, 0);
+        assert_eq!(sample(&mut decoder, &row(1, 1.0)).seq, 1);
+        assert_eq!(decoder.push(&row(1, 1.0)), Ok(None));
+        assert_eq!(sample(&mut decoder, &row(2, 1.0)).seq, 2);
+        // Another row of the same time: nobody knows which is right, and no window goes on over it.
+        assert_eq!(decoder.push(&row(2, 2.0)), Err(RowFault::NotLater));
+        assert_eq!(sample(&mut decoder, &row(3, 1.0)).seq, 5);
+    }
+
+    #[test]
+    fn the_period_is_the_mean_distance() {
+        let near = |times: &[f64], expected: f64| {
+            let found = period(times).expect("steps");
+            assert!((found - expected).abs() < 0.02 * expected, "{found}, {expected}");
+        };
+        // 400 Hz in whole milliseconds: steps of 2 and 3.
+        let of_ms: Vec<f64> = (0..64).map(|n| (f64::from(n) * 2.5).floor()).collect();
+        near(&of_ms, 2.5);
+        // 600 Hz on a grid of 1 ms: mostly steps of 2 ms, some of 1.
+        let of_grid: Vec<f64> = (0..64).map(|n| (f64::from(n) / 0.6).floor()).collect();
+        near(&of_grid, 1.0 / 0.6);
+        // Lost rows, a pause, and stamps that are late by 0.9 of a step.
+        let mut time = 0.0;
+        let late: Vec<f64> = (0..64)
+            .map(|n| {
+                time += match n {
+                    20 => 100.0,
+                    30 | 40 => 2.0,
+                    _ => 1.0,
+                };
+                if n % 8 == 3 { time + 0.9 } else { time }
+            })
+            .collect();
+        near(&late, 1.0);
+        assert_eq!(period(&[1.0]), None);
+    }
 }

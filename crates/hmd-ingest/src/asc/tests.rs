@@ -61,6 +61,10 @@ fn a_bad_line_is_one_clear_sentence() {
             "a line end, found the end of the file; the last frame may be cut and is not used",
         ),
         (
+            "0.1 1 1A0 Rx d 1 01",
+            "a line end, found the end of the file; the last frame may be cut and is not used",
+        ),
+        (
             "date yesterday\n",
             r#"a date, as "Tue Nov 14 10:13:20.000 pm 2023", found "yesterday""#,
         ),

@@ -7,6 +7,10 @@ use crate::foreign::{bus_error, intern_channel, whole_us};
 const EXTENDED: u32 = 0x8000_0000;
 const IDENTIFIER: u32 = 0x1fff_ffff;
 
+/// Directions: received is 0; a request to send is no frame on the bus, which follows as sent.
+const SENT: u8 = 1;
+const REQUESTED: u8 = 2;
+
 /// Bytes of an object, with bounds.
 pub(super) struct Object<'a> {
     body: &'a [u8],
@@ -36,6 +40,14 @@ impl<'a> Object<'a> {
         let body = Self {
             body: object.get(header..).ok_or("a header beyond its end")?,
         };
+        let direction = match kind {
+            1 | 86 | 100 => body.u8(2)? & 0xf,
+            101 => body.u8(34)?,
+            _ => 0,
+        };
+        if direction == REQUESTED {
+            return Ok(None);
+        }
         let frame = match kind {
             1 | 86 => body.classic(stamp_ns)?,
             100 => body.fd(stamp_ns)?,
@@ -53,14 +65,14 @@ impl<'a> Object<'a> {
 
     fn classic(&self, stamp_ns: u64) -> Result<RawFrame, String> {
         let (flags, length) = (self.u8(2)?, usize::from(self.u8(3)?).min(MAX_CLASSIC_DATA));
-        let flags = sent(flags & 1 != 0).with(FrameFlags::REMOTE, flags & 0x80 != 0);
+        let flags = sent(flags).with(FrameFlags::REMOTE, flags & 0x80 != 0);
         frame(stamp_ns, self.u32(4)?, flags, self.bytes(8, length)?)
     }
 
     fn fd(&self, stamp_ns: u64) -> Result<RawFrame, String> {
         let (direction, bits) = (self.u8(2)?, self.u8(13)?);
         let length = usize::from(self.u8(14)?);
-        let flags = sent(direction & 1 != 0).with(FrameFlags::REMOTE, direction & 0x80 != 0);
+        let flags = sent(direction).with(FrameFlags::REMOTE, direction & 0x80 != 0);
         let flags = fd_flags(flags, bits & 1 != 0, bits & 2 != 0, bits & 4 != 0);
         frame(stamp_ns, self.u32(4)?, flags, self.bytes(20, length)?)
     }
@@ -69,7 +81,7 @@ impl<'a> Object<'a> {
         const DATA: usize = 40;
         let bits = self.u32(12)?;
         let length = usize::from(self.u8(2)?).min(MAX_DATA);
-        let flags = sent(self.u8(34)? != 0).with(FrameFlags::REMOTE, bits & 0x10 != 0);
+        let flags = sent(self.u8(34)?).with(FrameFlags::REMOTE, bits & 0x10 != 0);
         let flags = fd_flags(flags, bits & 0x1000 != 0, bits & 0x2000 != 0, bits & 0x4000 != 0);
         // Fewer bytes may be stored than are valid: the others are zero. What follows the data begins at `extra`, if anything does.
         let extra = usize::from(self.u8(35)?);
@@ -111,8 +123,8 @@ impl<'a> Object<'a> {
     }
 }
 
-fn sent(sent: bool) -> FrameFlags {
-    FrameFlags::NONE.with(FrameFlags::SENT, sent)
+fn sent(direction: u8) -> FrameFlags {
+    FrameFlags::NONE.with(FrameFlags::SENT, direction & 0xf == SENT)
 }
 
 fn fd_flags(flags: FrameFlags, fd: bool, brs: bool, esi: bool) -> FrameFlags {

@@ -29,7 +29,7 @@ fn container(contents: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// Four frames and an error frame, in containers that split an object.
+/// Frames, two requests to send, which are none, and an error frame, in containers that split an object.
 pub(crate) fn log() -> Vec<u8> {
     let classic = |channel: u8, id: u32, flags: u8, data: &[u8]| {
         let mut body = vec![channel, 0, flags, data.len() as u8];
@@ -45,13 +45,17 @@ pub(crate) fn log() -> Vec<u8> {
     fd_64.extend(0x1000_u32.to_le_bytes());
     fd_64.resize(40, 0);
     fd_64.extend(0..10);
+    let mut requested = fd_64.clone();
+    requested[34] = 2;
     let objects = [
         object(86, 999_999, &classic(1, 0x1a0, 0, &[1, 10, 255])),
+        object(86, 1_500_000, &classic(2, 0x8000_0123, 2, &[])),
         object(1, 2_000_000, &classic(2, 0x8000_0123, 1, &[])),
         object(1, 3_000_000, &classic(1, 0x7ff, 0x80, &[0; 4])),
         object(73, 4_000_000, &[1, 0, 0, 0]),
         object(100, 5_000_000, &fd),
         object(101, 6_000_000, &fd_64),
+        object(101, 6_500_000, &requested),
         object(65, 7_000_000, b"a text that is none of ours"),
     ]
     .concat();

@@ -30,8 +30,8 @@ pub(super) enum Heard {
 impl<'a> Unwatched<'a> {
     pub(super) fn new(wanted: &'a Wanted) -> Self {
         let watched = match wanted {
-            Wanted::Ids(ids) if wanted.let_pass().is_some() => Some(ids),
-            Wanted::Ids(_) | Wanted::All => None,
+            Wanted::Ids { ids, .. } if wanted.let_pass().is_some() => Some(ids),
+            Wanted::Ids { .. } | Wanted::All => None,
         };
         Self {
             watched,

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use hmd_core::config::Config;
 use hmd_core::frame::{BusNames, RawFrame};
 
-use super::{Counted, IngestError, LogFormat, LogReader};
+use super::{Counted, IngestError, LogFormat, LogReader, START};
 use crate::Loss;
 use crate::asc::is_asc;
 use crate::blf;
@@ -39,8 +39,7 @@ pub(super) fn format(start: &[u8]) -> Option<Format> {
         return Some(Format::Mdf);
     }
     let text = start.strip_prefix(super::BYTE_ORDER_MARK).unwrap_or(start);
-    let is_other =
-        start.contains(&0) || start.starts_with(blf::MAGIC) || mdf::MAGICS.iter().any(|of| start.starts_with(of));
+    let is_other = start.contains(&0) || start.starts_with(blf::MAGIC);
     (!is_other && is_table(text) && !is_asc(text)).then_some(Format::Csv)
 }
 
@@ -106,10 +105,8 @@ pub fn open_signals(path: &Path) -> Result<Box<dyn SignalLog>, IngestError> {
         cause,
     };
     let opened = File::open(path).map_err(unreadable)?;
-    let mut input = BufReader::new(Counted {
-        file: opened,
-        position: Arc::default(),
-    });
+    let position = Arc::default();
+    let mut input = BufReader::with_capacity(START, Counted { file: opened, position });
     let found = format(input.fill_buf().map_err(unreadable)?);
     let log = match found {
         Some(format) => signals_of(format, input, &file),

@@ -100,6 +100,11 @@ impl<R: Read + Seek> Blocks<R> {
         self.block(at)
     }
 
+    /// Whether no block that was visited lies behind an address.
+    pub(super) fn is_behind_structure(&self, at: u64) -> bool {
+        self.visited.last().is_none_or(|last| *last < at)
+    }
+
     /// The block at an address.
     pub(super) fn block(&mut self, at: u64) -> Result<Block, Damage> {
         let head = self.read(at, HEAD as usize)?;

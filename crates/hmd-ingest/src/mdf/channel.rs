@@ -4,6 +4,7 @@
     allow(dead_code, reason = "frames need less of a channel than measured signals")
 )]
 
+use std::collections::BTreeMap;
 use std::io::{Read, Seek};
 
 use super::block::{Block, Blocks, u32_at, u64_at};
@@ -31,6 +32,8 @@ pub(super) struct Channel {
     pub(super) field: Field,
     /// Whether `linear` of the field says all of its conversion.
     pub(super) is_linear: bool,
+    /// Address of the conversion that has names of its numbers.
+    pub(super) names: Option<u64>,
     /// Bit behind the values of a record that tells that the value is none; all of them are none.
     pub(super) invalid_bit: Option<u32>,
     pub(super) all_invalid: bool,
@@ -82,7 +85,7 @@ fn channel<R: Read + Seek>(blocks: &mut Blocks<R>, block: &Block) -> Result<Chan
     const ALL_INVALID: u32 = 1;
     const HAS_INVALID_BIT: u32 = 1 << 1;
     let data = blocks.data(block, 20)?;
-    let linear = read_linear(blocks, block.link(4))?;
+    let (linear, has_names) = read_linear(blocks, block.link(4))?;
     let flags = u32_at(&data, 12);
     Ok(Channel {
         name: blocks.text(block.link(2))?,
@@ -97,25 +100,60 @@ fn channel<R: Read + Seek>(blocks: &mut Blocks<R>, block: &Block) -> Result<Chan
             linear: linear.unwrap_or((0.0, 1.0)),
         },
         is_linear: linear.is_some(),
+        names: block.link(4).filter(|_| has_names),
         invalid_bit: (flags & HAS_INVALID_BIT != 0).then(|| u32_at(&data, 16)),
         all_invalid: flags & ALL_INVALID != 0,
     })
 }
 
-/// Offset and factor of a conversion; none of one that is not linear.
-fn read_linear<R: Read + Seek>(blocks: &mut Blocks<R>, at: Option<u64>) -> Result<Option<(f64, f64)>, Damage> {
+/// Names of numbers, where the number stays.
+const VALUE_TO_TEXT: u8 = 7;
+
+/// Offset and factor of a conversion, none of one that is not linear; and whether it has names of numbers.
+fn read_linear<R: Read + Seek>(blocks: &mut Blocks<R>, at: Option<u64>) -> Result<(Option<(f64, f64)>, bool), Damage> {
     const NONE: u8 = 0;
     const LINEAR: u8 = 1;
-    // Names of numbers; the number stays.
-    const VALUE_TO_TEXT: u8 = 7;
-    let Some(at) = at else { return Ok(Some((0.0, 1.0))) };
+    let same = Some((0.0, 1.0));
+    let Some(at) = at else { return Ok((same, false)) };
     let block = blocks.block(at)?;
     let data = blocks.data(&block, 40)?;
-    Ok(match data[0] {
-        NONE | VALUE_TO_TEXT => Some((0.0, 1.0)),
+    let linear = match data[0] {
+        NONE | VALUE_TO_TEXT => same,
         LINEAR => Some((f64::from_bits(u64_at(&data, 24)), f64::from_bits(u64_at(&data, 32)))),
         _ => None,
-    })
+    };
+    Ok((linear, data[0] == VALUE_TO_TEXT))
+}
+
+/// The names of a conversion from numbers to texts, by the bits of their numbers.
+pub(super) fn names<R: Read + Seek>(blocks: &mut Blocks<R>, at: u64) -> Result<BTreeMap<u64, String>, Damage> {
+    /// More numbers than any mode has.
+    const NAMES_MAX: usize = 256;
+    /// Links before those to the names, and bytes before the numbers.
+    const OTHER_LINKS: usize = 4;
+    const OTHER_BYTES: usize = 24;
+    let block = blocks.block(at)?;
+    let head = blocks.data(&block, OTHER_BYTES)?;
+    let count = (u64_at(&head, 6) as u16 as usize).min(NAMES_MAX);
+    let data = blocks.data(&block, OTHER_BYTES + 8 * count)?;
+    let mut names = BTreeMap::new();
+    for n in 0..count {
+        let Some(text) = block.link(OTHER_LINKS + n) else {
+            continue;
+        };
+        if blocks.block(text)?.id == *b"##TX" {
+            names.insert(
+                bits(f64::from_bits(u64_at(&data, OTHER_BYTES + 8 * n))),
+                blocks.text(Some(text))?,
+            );
+        }
+    }
+    Ok(names)
+}
+
+/// Bits of a number, the same of both zeros.
+pub(super) fn bits(number: f64) -> u64 {
+    (number + 0.0).to_bits()
 }
 
 impl Field {

@@ -23,7 +23,7 @@ pub(super) struct Layout {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Data {
     pub(super) first: Option<u64>,
-    /// The last block of data goes on to the end of the file, whatever its length says.
+    /// Its last block goes on to the end of the file, whatever its length says.
     pub(super) is_open: bool,
 }
 
@@ -148,9 +148,42 @@ pub(super) fn read<R: Read + Seek>(
             start_ns,
         };
         let first = group.link(2);
-        found.push((layout, Data { first, is_open }));
+        found.push((layout, Data { first, is_open: false }));
+    }
+    if is_open {
+        let lasts: Vec<_> = found.iter().map(|(_, data)| last_block(blocks, data.first)).collect();
+        // A block that others follow has its length.
+        let last = lasts
+            .iter()
+            .flatten()
+            .max()
+            .filter(|last| blocks.is_behind_structure(**last));
+        for ((_, data), own) in found.iter_mut().zip(&lasts) {
+            data.is_open = own.is_some() && own.as_ref() == last;
+        }
     }
     Ok(found)
+}
+
+/// Address of the last block of the records that begin with a block.
+fn last_block<R: Read + Seek>(blocks: &mut Blocks<R>, first: Option<u64>) -> Option<u64> {
+    /// A chain of links that is longer is a circle.
+    const CHAIN_MAX: usize = 1 << 16;
+    let mut at = first?;
+    for _ in 0..CHAIN_MAX {
+        let Ok(block) = blocks.block(at) else { break };
+        let next = match &block.id {
+            b"##HL" => block.link(0),
+            b"##DL" => {
+                let last = || block.links.iter().skip(1).rev().find(|at| **at != 0).copied();
+                block.link(0).or_else(last)
+            }
+            _ => None,
+        };
+        let Some(next) = next else { break };
+        at = next;
+    }
+    Some(at)
 }
 
 fn read_format<R: Read + Seek>(

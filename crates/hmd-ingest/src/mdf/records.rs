@@ -114,7 +114,9 @@ impl Records {
             self.bytes.drain(..self.used);
             self.used = 0;
             if let Some((at, end)) = self.piece.take() {
-                let size = PIECE.min(end - at);
+                // Of a file that was cut, what is there comes first.
+                let there = blocks.length().saturating_sub(at);
+                let size = PIECE.min(end - at).min(if there > 0 { there } else { PIECE });
                 self.at = at;
                 self.bytes.extend(blocks.read(at, size as usize)?);
                 self.piece = Some((at + size, end)).filter(|(at, end)| at < end);

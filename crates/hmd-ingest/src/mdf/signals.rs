@@ -12,6 +12,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use super::block::Blocks;
+use super::channel::{Channel, bits, names};
 use super::layout::{self, Layout};
 use super::records::Records;
 use crate::damage::{Damage, Place};
@@ -30,24 +31,37 @@ pub struct MdfSignals<R> {
     file: Arc<str>,
     groups: Vec<(Arc<Layout>, layout::Data)>,
     signals: Vec<SignalInfo>,
-    /// Of each signal: data group, channel group, channel.
-    places: Vec<[usize; 3]>,
+    /// Where each signal is.
+    places: Vec<Origin>,
     /// Groups that are read; the first gives the rows.
     read: Vec<Group<R>>,
     selected: Vec<Selected>,
     /// Whether each time of any group gives a row.
     is_merged: bool,
     row: u64,
+    /// Damage of another group, behind the row at which it was found.
+    pending: Option<Damage>,
     ended: bool,
 }
 
+/// A channel by the indices of its data group and channel group, and the channel with its time.
 #[derive(Debug, Clone, Copy)]
+struct Origin {
+    group: usize,
+    format: usize,
+    channel: usize,
+    time: usize,
+}
+
+#[derive(Debug, Clone)]
 struct Selected {
     /// Index of its group among those that are read.
     group: usize,
     /// Its value among those of the group; `None`: the time of the row.
     value: Option<usize>,
     between: Between,
+    /// Names of its numbers, by their bits.
+    names: BTreeMap<u64, String>,
 }
 
 /// One channel group that is read.
@@ -108,16 +122,11 @@ impl<R: Read + Seek> MdfSignals<R> {
         for (g, (layout, _)) in groups.iter().enumerate() {
             for (f, format) in layout.formats.iter().enumerate() {
                 let Some(length) = format.length else { continue };
-                let is_read = |field: &super::channel::Field| field.fits(length);
-                if !format
-                    .channels
-                    .iter()
-                    .any(|of| of.is_time() && of.is_number() && is_read(&of.field))
-                {
-                    continue;
-                }
+                let is_read = |of: &Channel| of.is_number() && of.is_linear && of.field.fits(length);
+                let time = format.channels.iter().position(|of| of.is_time() && is_read(of));
+                let Some(time) = time else { continue };
                 for (c, channel) in format.channels.iter().enumerate() {
-                    if !channel.is_number() || !channel.is_linear || !is_read(&channel.field) {
+                    if !is_read(channel) || channel.is_time() && c != time {
                         continue;
                     }
                     let unit = blocks.text(channel.unit).unwrap_or_default();
@@ -127,7 +136,12 @@ impl<R: Read + Seek> MdfSignals<R> {
                         unit: (!unit.is_empty()).then_some(unit),
                         start_us: channel.is_time().then_some(layout.start_ns as f64 / 1e3),
                     });
-                    places.push([g, f, c]);
+                    places.push(Origin {
+                        group: g,
+                        format: f,
+                        channel: c,
+                        time,
+                    });
                 }
             }
         }
@@ -144,23 +158,20 @@ impl<R: Read + Seek> MdfSignals<R> {
             selected: Vec::new(),
             is_merged: false,
             row: 0,
+            pending: None,
             ended: false,
         })
     }
 
-    fn group(&self, [g, f, _]: [usize; 3]) -> Result<Group<R>, Unusable> {
-        let (layout, data) = &self.groups[g];
+    fn group(&self, of: Origin) -> Result<Group<R>, Unusable> {
+        let (layout, data) = &self.groups[of.group];
         let blocks = Blocks::new(self.input.clone(), self.file.clone());
-        let time = layout.formats[f]
-            .channels
-            .iter()
-            .position(super::channel::Channel::is_time);
         Ok(Group {
             blocks: blocks.map_err(|damage| Unusable::new(damage.expected, damage.found))?,
             records: Records::new(*data, layout),
             layout: layout.clone(),
-            format: f,
-            time: time.unwrap_or(0),
+            format: of.format,
+            time: of.time,
             channels: Vec::new(),
             now: None,
             next: None,
@@ -176,8 +187,8 @@ impl<R: Read + Seek + std::fmt::Debug> SignalLog for MdfSignals<R> {
 
     fn groups(&self) -> Vec<Vec<usize>> {
         let mut groups: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
-        for (n, [g, f, _]) in self.places.iter().enumerate() {
-            groups.entry((*g, *f)).or_default().push(n);
+        for (n, of) in self.places.iter().enumerate() {
+            groups.entry((of.group, of.format)).or_default().push(n);
         }
         groups.into_values().collect()
     }
@@ -195,29 +206,39 @@ impl<R: Read + Seek + std::fmt::Debug> SignalLog for MdfSignals<R> {
             .iter()
             .chain(signals)
         {
-            let place @ [g, f, c] = self.places[n];
+            let place = self.places[n];
             if is_time(n) {
                 selected.push(Selected {
                     group: 0,
                     value: None,
                     between,
+                    names: BTreeMap::new(),
                 });
                 continue;
             }
-            let group = match known.get(&(g, f)) {
+            let group = match known.get(&(place.group, place.format)) {
                 Some(&group) => group,
                 None if read.len() == GROUPS_MAX => {
                     return Err(Unusable::new("at most 32 groups of channels", "more"));
                 }
                 None => {
-                    known.insert((g, f), read.len());
+                    known.insert((place.group, place.format), read.len());
                     read.push(self.group(place)?);
                     read.len() - 1
                 }
             };
-            read[group].channels.push(c);
-            let value = Some(read[group].channels.len() - 1);
-            selected.push(Selected { group, value, between });
+            let of = &mut read[group];
+            of.channels.push(place.channel);
+            // Names that cannot be read are none: the numbers are there.
+            let names = of.layout.formats[of.format].channels[place.channel]
+                .names
+                .map(|at| names(&mut of.blocks, at));
+            selected.push(Selected {
+                group,
+                value: Some(of.channels.len() - 1),
+                between,
+                names: names.and_then(Result::ok).unwrap_or_default(),
+            });
         }
         if base.is_some() {
             selected.remove(0);
@@ -226,44 +247,22 @@ impl<R: Read + Seek + std::fmt::Debug> SignalLog for MdfSignals<R> {
         self.is_merged = signals
             .iter()
             .any(|(_, between)| matches!(between, Between::Curve { .. }));
-        (self.row, self.ended) = (0, false);
+        (self.row, self.pending, self.ended) = (0, None, false);
         Ok(())
     }
 
-    fn next_row(&mut self, row: &mut [f64], _: TextValue<'_>) -> Option<Result<(), Damage>> {
-        if self.is_merged {
-            return self.next_merged(row);
-        }
-        if self.ended {
-            return None;
-        }
-        let (base, others) = self.read.split_first_mut()?;
-        let now = match base.read() {
-            Ok(Some(now)) => now,
-            Ok(None) => {
-                self.ended = true;
-                return None;
-            }
-            Err(damage) => {
-                self.ended = true;
-                return Some(Err(damage));
-            }
+    fn next_row(&mut self, row: &mut [f64], text: TextValue<'_>) -> Option<Result<(), Damage>> {
+        let read = if self.is_merged {
+            self.next_merged(row)
+        } else {
+            self.next_of_base(row)
         };
-        self.row += 1;
-        let mut damaged = None;
-        for group in others {
-            if let Err(damage) = group.read_to(now.time_s) {
-                damaged.get_or_insert(damage);
+        for (n, (value, selected)) in row.iter_mut().zip(&self.selected).enumerate() {
+            if let Some(name) = selected.names.get(&bits(*value)) {
+                *value = text(n, name).unwrap_or(*value);
             }
         }
-        for (value, selected) in row.iter_mut().zip(&self.selected) {
-            *value = match (selected.group, selected.value) {
-                (_, None) => now.time_s,
-                (0, Some(n)) => now.values[n],
-                (group, Some(n)) => self.read[group].value(n, selected.between, now.time_s),
-            };
-        }
-        Some(damaged.map_or(Ok(()), Err))
+        read
     }
 
     fn place(&self) -> Place {
@@ -276,6 +275,39 @@ impl<R: Read + Seek + std::fmt::Debug> SignalLog for MdfSignals<R> {
 }
 
 impl<R: Read + Seek> MdfSignals<R> {
+    /// The row of the next record of the first group.
+    fn next_of_base(&mut self, row: &mut [f64]) -> Option<Result<(), Damage>> {
+        if let Some(damage) = self.pending.take() {
+            return Some(Err(damage));
+        }
+        if self.ended {
+            return None;
+        }
+        let (base, others) = self.read.split_first_mut()?;
+        let now = match base.read() {
+            Ok(Some(now)) => now,
+            Ok(None) => {
+                self.ended = true;
+                return None;
+            }
+            Err(damage) => return Some(Err(damage)),
+        };
+        self.row += 1;
+        for group in others {
+            if let Err(damage) = group.read_to(now.time_s) {
+                self.pending.get_or_insert(damage);
+            }
+        }
+        for (value, selected) in row.iter_mut().zip(&self.selected) {
+            *value = match (selected.group, selected.value) {
+                (_, None) => now.time_s,
+                (0, Some(n)) => now.values[n],
+                (group, Some(n)) => self.read[group].value(n, selected.between, now.time_s),
+            };
+        }
+        Some(Ok(()))
+    }
+
     /// The row of the earliest time that any group has next: NaN where a signal has no value then.
     fn next_merged(&mut self, row: &mut [f64]) -> Option<Result<(), Damage>> {
         for group in &mut self.read {
@@ -305,7 +337,7 @@ impl<R: Read + Seek> MdfSignals<R> {
 }
 
 impl<R: Read + Seek> Group<R> {
-    /// Its next record; none after one that cannot be read.
+    /// Its next record; none after one that cannot be read. One without a time belongs to no row, and the next one follows.
     fn read(&mut self) -> Result<Option<Values>, Damage> {
         while !self.ended {
             let record = match self.records.next(&mut self.blocks) {
@@ -335,8 +367,15 @@ impl<R: Read + Seek> Group<R> {
                     channel.field.number(record.bytes)
                 }
             };
+            let time_s = number(self.time);
+            if !time_s.is_finite() {
+                let damage = self
+                    .blocks
+                    .damage(record.at, "a record with a time", &time_s.to_string());
+                return Err(damage.at(Place::Frame(record.at)));
+            }
             return Ok(Some(Values {
-                time_s: number(self.time),
+                time_s,
                 values: self.channels.iter().map(|&n| number(n)).collect(),
             }));
         }

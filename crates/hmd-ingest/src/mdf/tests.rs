@@ -40,6 +40,33 @@ fn every_arrangement_of_records_is_read() {
 }
 
 #[test]
+fn only_the_last_block_of_an_unfinalised_file_is_open() {
+    // Its records lie in three data groups; the structure lies behind them, so that every length is known.
+    let mut bytes = fixture("frames.mf4");
+    bytes[..8].copy_from_slice(super::MAGICS[1]);
+    bytes[60] |= 4;
+    let (frames, losses) = read(&bytes);
+    assert_eq!(losses, [""; 0]);
+    assert_eq!(frames, String::from_utf8(fixture("frames.log")).unwrap());
+}
+
+#[test]
+fn the_records_before_a_cut_are_read() {
+    let whole = fixture("frames.mf4");
+    let (frames, _) = read(&whole);
+    // The records of the first data group, copied to the end of the file, which is cut within the last of them.
+    let (from, to, group) = (0xf8, 0xf8 + 360, 0x3f0 + 24 + 16);
+    let mut bytes = whole.clone();
+    let at = bytes.len() as u64;
+    bytes.extend_from_slice(&whole[from..to - 5]);
+    bytes[group..group + 8].copy_from_slice(&at.to_le_bytes());
+    let (found, losses) = read(&bytes);
+    let missing = frames.lines().filter(|line| !found.contains(line)).count();
+    assert_eq!((missing, losses.len()), (1, 1), "{losses:?}");
+    assert!(losses[0].contains("it was cut"), "{losses:?}");
+}
+
+#[test]
 fn a_cut_file_is_read_up_to_the_cut() {
     let whole = fixture("frames.mf4");
     for cut in (0..whole.len()).step_by(97) {

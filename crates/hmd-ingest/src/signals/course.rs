@@ -13,8 +13,10 @@ const KNOTS: usize = 4;
 #[derive(Debug)]
 pub(super) struct Course {
     between: Between,
-    /// The newest values, each with its time; an angle that begins again goes on.
+    /// The newest values, each with its time.
     knots: Vec<[f64; 2]>,
+    /// The last value of an angle that begins again, with all its turns.
+    continued: Option<f64>,
     has_begun: bool,
     held: f64,
     pub(super) interpolated: Interpolated,
@@ -43,6 +45,7 @@ impl Course {
         Self {
             between,
             knots: Vec::with_capacity(KNOTS + 1),
+            continued: None,
             has_begun: false,
             held: f64::NAN,
             interpolated: Interpolated::default(),
@@ -71,13 +74,30 @@ impl Course {
         }
     }
 
+    /// A value of an angle that begins again, with all the turns before it: the nearest to the one before. Any other value is as it is.
+    pub(super) fn continued(&mut self, value: f64) -> f64 {
+        let Between::Curve {
+            wraps_after: Some(turn),
+        } = self.between
+        else {
+            return value;
+        };
+        if !value.is_finite() {
+            return value;
+        }
+        let last = self.continued.unwrap_or(value);
+        let value = value + turn * f64::round((last - value) / turn);
+        self.continued = Some(value);
+        value
+    }
+
     /// Takes a value of a curve. Values further apart than `step_max` are no neighbours.
     pub(super) fn push(&mut self, time: f64, value: f64, step_max: f64) -> News {
         if !std::mem::replace(&mut self.has_begun, true) {
             self.knots.push([time, value]);
             return News::Begins;
         }
-        let Some(&[last, before]) = self.knots.last() else {
+        let Some(&[last, _]) = self.knots.last() else {
             return News::Known(None);
         };
         let step = time - last;
@@ -87,7 +107,7 @@ impl Course {
             self.knots.push([time, value]);
             return News::Known(known);
         }
-        self.knots.push([time, before + self.difference(before, value)]);
+        self.knots.push([time, value]);
         if self.knots.len() > KNOTS {
             self.knots.remove(0);
         }
@@ -109,17 +129,6 @@ impl Course {
             to: self.knots[first + 1][0],
             knots: self.knots.clone(),
             farther,
-        }
-    }
-
-    /// Difference of two values, of an angle that begins again the short way.
-    fn difference(&self, from: f64, to: f64) -> f64 {
-        let difference = to - from;
-        match self.between {
-            Between::Curve {
-                wraps_after: Some(turn),
-            } => difference - turn * (difference / turn).round(),
-            _ => difference,
         }
     }
 

@@ -117,6 +117,9 @@ impl<R: BufRead + Debug> CsvLog<R> {
                     return names;
                 }
             }
+            if self.lines.text().trim_ascii().starts_with(b"#") {
+                continue;
+            }
             let next = as_utf8(trim_line_end(self.lines.text()));
             let separator = self.splitter.separator;
             let is_row = self.splitter.split(&next) == count && {
@@ -132,10 +135,12 @@ impl<R: BufRead + Debug> CsvLog<R> {
         names
     }
 
-    /// Takes the line after the names: units where none of its cells is a value, else the first values.
+    /// Takes the line after the names: units where none of its cells is a value, else the first values. Among units, 1 is that of a number
+    /// without one.
     fn read_units(&mut self) {
         let separator = self.splitter.separator;
         let is_value = |cell: &&str| number(cell, separator).is_some() || date_us(cell).is_some();
+        let is_one = |cell: &&str| unit_alone(cell) == "1";
         for _ in 0..2 {
             let line = match self.after_names.take() {
                 Some(line) => line,
@@ -150,7 +155,10 @@ impl<R: BufRead + Debug> CsvLog<R> {
                 },
             };
             let cells: Vec<&str> = self.splitter.cells(&line).collect();
-            if cells.iter().any(is_value) || cells.iter().all(|cell| cell.is_empty()) {
+            let values = cells.iter().filter(|cell| is_value(cell) && !is_one(cell)).count();
+            let ones = cells.iter().filter(|cell| is_one(cell)).count();
+            let units = cells.iter().filter(|cell| !cell.is_empty() && !is_value(cell)).count();
+            if values > 0 || units <= ones {
                 for (signal, cell) in self.signals.iter_mut().zip(cells) {
                     if number(cell, separator).is_none() && date_us(cell).is_some() {
                         signal.unit = Some("us".to_owned());
@@ -159,8 +167,10 @@ impl<R: BufRead + Debug> CsvLog<R> {
                 self.first = Some(line);
                 return;
             }
-            for (signal, cell) in self.signals.iter_mut().zip(cells).filter(|(_, cell)| !cell.is_empty()) {
-                signal.unit = Some(unit_alone(cell).to_owned());
+            let cells = cells.into_iter().map(unit_alone);
+            let is_unit = |(_, cell): &(_, &str)| !matches!(*cell, "" | "1");
+            for (signal, cell) in self.signals.iter_mut().zip(cells).filter(is_unit) {
+                signal.unit = Some(cell.to_owned());
             }
         }
     }

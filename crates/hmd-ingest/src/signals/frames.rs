@@ -1,5 +1,6 @@
 //! [`MappedFrames`]: rows of a log of measured signals -> frames of the built-in dictionary.
 
+use std::cell::Cell;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -7,12 +8,11 @@ use ema_wire::can::FD_LEN;
 use ema_wire::{ActuatorId, Frame, SampleFd};
 use hmd_core::config::ActuatorConfig;
 use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
-use hmd_core::log_map::{Column, LogMap, Quantity, Resampling, RowDecoder};
+use hmd_core::log_map::{Column, LogMap, Quantity, Resampling, RotorFrame, RowDecoder, RowFault};
 
 use super::log::{Between, Interpolated, SignalInfo, SignalLog, Unusable};
-use super::resampled::{Base, Resampled};
+use super::resampled::{Base, Resampled, STEPS_MAX};
 use crate::damage::{Damage, Place};
-use hmd_core::log_map::RotorFrame;
 
 /// Dates and times that a text may have; a macro, because one of both texts ends with the other.
 macro_rules! dates {
@@ -22,6 +22,9 @@ macro_rules! dates {
 }
 const DATES: &str = dates!();
 const TIMES: &str = concat!("a number, or ", dates!());
+
+/// Of a number that is not there, where signals of several rates are not interpolated.
+const NUMBER: &str = "a number (resample = true in [map] takes signals of several rates)";
 
 /// Rows that are looked at before the first is decoded: their times show the period.
 const FIRST_ROWS: usize = 64;
@@ -46,6 +49,16 @@ pub struct MappedFrames {
     /// The first rows.
     rows: VecDeque<Result<(Place, Vec<f64>), Damage>>,
     ready: VecDeque<RawFrame>,
+    /// Rows so far that are no samples, until there is one.
+    without_sample: Option<u64>,
+    mode: ModeForm,
+}
+
+/// In which form the values of the mode came, where texts are configured.
+#[derive(Debug, Default)]
+struct ModeForm {
+    is_text: Cell<bool>,
+    is_number: bool,
 }
 
 impl MappedFrames {
@@ -104,8 +117,8 @@ impl MappedFrames {
             places.push((place, between(column, map)));
         }
         let of = |is: fn(&Quantity) -> bool| columns.iter().position(|column| is(&column.quantity));
-        let (time, base) = (of(|quantity| *quantity == Quantity::Time), of(Quantity::is_current));
-        let base = match (map.resampling(), time, base) {
+        let (time, current) = (of(|quantity| *quantity == Quantity::Time), of(Quantity::is_current));
+        let base = match (map.resampling(), time, current) {
             (Some(Resampling::AtCurrents), _, Some(base)) => {
                 places[base].1 = Between::Unknown;
                 Some(Base::Column(base))
@@ -116,12 +129,31 @@ impl MappedFrames {
             _ => None,
         };
         log.select(&places)?;
+        let mode = ModeForm::default();
         if let (Some(base), Some(time)) = (base, time) {
             let frame = match base {
                 Base::Even { .. } => RotorFrame::new(&columns, &units, &actuator.params),
                 Base::Column(_) => None,
             };
-            log = Box::new(Resampled::new(log, &places, time, base).in_frame(frame));
+            if let (true, Some(current)) = (frame.is_some(), current) {
+                // To turn phase currents into that frame takes the angle at their own times.
+                let mut at_currents = places.clone();
+                at_currents[current].1 = Between::Unknown;
+                log = Box::new(Resampled::new(log, &at_currents, time, Base::Column(current)));
+            }
+            let mut resampled = Resampled::new(log, &places, time, base).in_frame(frame);
+            if let Base::Even { step } = base {
+                let coarse = resampled.too_coarse(&|n, text| mode_code(&columns, map, &mode, n, text));
+                let hz = |step: f64| 1e6 / (step * units[time].scale.abs());
+                if let Some((n, own)) = coarse {
+                    let (key, name) = (columns[n].quantity.key(), &columns[n].signal);
+                    return Err(Unusable::new(
+                        format!("resample_hz below {STEPS_MAX} times the rate of {name:?} ({key})"),
+                        format!("{:.0}, where it has {:.1} Hz", hz(step), hz(own)),
+                    ));
+                }
+            }
+            log = Box::new(resampled);
         }
         let bus = actuator.bus.as_deref().unwrap_or(INTERFACE);
         let bus = names
@@ -129,18 +161,29 @@ impl MappedFrames {
             .map_err(|cause| Unusable::new("an interface", format!("{bus}: {cause}")))?;
         let mut rows = VecDeque::with_capacity(FIRST_ROWS);
         while rows.len() < FIRST_ROWS {
-            match next_row(&mut *log, &columns, map) {
+            match next_row(&mut *log, &columns, map, &mode) {
                 Some(row) => rows.push_back(row),
                 None => break,
             }
         }
-        let times = rows.iter().flatten().filter_map(|(_, row)| row.get(time?).copied());
-        let times: Vec<f64> = times.collect();
-        if !map.has(Quantity::Counter) && has_coarse_times(&times) {
+        let samples = rows.iter().flatten().map(|(_, row)| row);
+        let samples = samples.filter(|row| current.is_none_or(|place| row[place].is_finite()));
+        let samples: Vec<&Vec<f64>> = samples.collect();
+        let times: Vec<f64> = samples.iter().filter_map(|row| row.get(time?).copied()).collect();
+        let is_coarse = time.is_some_and(|time| has_coarse_times(&samples, time));
+        if !map.has(Quantity::Counter) && is_coarse {
             return Err(Unusable::new(
                 "times that tell the rows apart, or a column for sample.counter",
-                "the same time in many rows: its steps are longer than the rows' distance; the number of the row as sample.counter, with \
-                 clock = \"receiver\" and the true sample_rate_hz, does without",
+                format!("the same time in many rows: its steps are longer than the rows' distance; {NUMBER_OF_ROW}"),
+            ));
+        }
+        if let (false, Some((double, of))) = (map.has(Quantity::Counter), double_steps(&times)) {
+            return Err(Unusable::new(
+                "times in even steps, or a column for sample.counter",
+                format!(
+                    "{double} of the first {of} steps twice as long as the others: times in whole steps that are little shorter than the rows' \
+                     distance, or rows that are missing; {NUMBER_OF_ROW}"
+                ),
             ));
         }
         let decoder = RowDecoder::new(
@@ -162,6 +205,8 @@ impl MappedFrames {
             names,
             rows,
             ready: VecDeque::new(),
+            without_sample: Some(0),
+            mode,
         })
     }
 
@@ -180,7 +225,7 @@ impl MappedFrames {
         self.log.position()
     }
 
-    /// What was interpolated, a sentence for each signal.
+    /// What was interpolated, a sentence for each signal; and that a mode has numbers, where texts are configured.
     pub fn remarks(&self) -> Vec<String> {
         let interpolated = self.log.interpolated();
         let made = interpolated.iter().zip(&self.columns).filter(|(of, _)| of.values > 0);
@@ -188,11 +233,22 @@ impl MappedFrames {
             let info = self.log.signals().iter().find(|signal| signal.name == column.signal);
             let of_log = info.and_then(|info| info.unit.as_deref());
             let unit = column.unit.as_deref().or(of_log).unwrap_or_default();
-            let (file, key, values) = (&self.file, column.quantity.key(), of.values);
-            let error = of.error * column.scale.abs();
+            let (file, values) = (&self.file, of.values);
+            let (key, error, unit) = match of.in_frame {
+                Some(name) => (name, of.error, "A"),
+                None => (column.quantity.key(), of.error * column.scale.abs(), unit),
+            };
             format!("{file}: {key}: {values} values interpolated, off by up to about {error:.1e} {unit}")
         };
-        made.map(remark).collect()
+        let mut remarks: Vec<String> = made.map(remark).collect();
+        if self.map.has_mode_names() && self.mode.is_number && !self.mode.is_text.get() {
+            let (file, key, codes) = (&self.file, Quantity::MODE.key(), self.map.modes());
+            let (position, speed) = (codes.position, codes.speed);
+            remarks.push(format!(
+                "{file}: {key}: expected the texts that [map] has, found numbers alone; {position} is taken for position, {speed} for speed"
+            ));
+        }
+        remarks
     }
 
     fn decode(&mut self, place: Place, row: &[f64]) -> Result<(), Damage> {
@@ -202,6 +258,8 @@ impl MappedFrames {
             expected,
             found,
         };
+        let mut modes = self.columns.iter().zip(row);
+        self.mode.is_number |= modes.any(|(column, value)| column.quantity == Quantity::MODE && value.is_finite());
         let decoded = self.decoder.push(row).map_err(|fault| {
             let quantity = fault.quantity();
             let column = self.columns.iter().find(|column| column.quantity == quantity);
@@ -210,10 +268,19 @@ impl MappedFrames {
             let has_no_time = quantity == Quantity::Time
                 && values.any(|(column, value)| column.quantity == quantity && value.is_nan());
             damage(
-                if has_no_time { TIMES } else { fault.expected() },
+                match fault {
+                    _ if has_no_time => TIMES,
+                    RowFault::NoNumber(_) if self.map.resampling().is_none() => NUMBER,
+                    _ => fault.expected(),
+                },
                 format!("{} in column {name:?} ({})", fault.found(), quantity.key()),
             )
         })?;
+        let Some(decoded) = decoded else {
+            self.without_sample = self.without_sample.map(|rows| rows + 1);
+            return Ok(());
+        };
+        self.without_sample = None;
         let sample = SampleFd::from_samples(&[decoded.sample]);
         let sample = sample.map_err(|error| damage("a sample", error.to_string()))?;
         let status = decoded.status.map(Frame::Status);
@@ -228,6 +295,19 @@ impl MappedFrames {
         }
         Ok(())
     }
+
+    /// Why a log of rows alone that are no samples has none.
+    fn no_sample(&mut self) -> Option<Damage> {
+        let rows = self.without_sample.take().filter(|rows| *rows > 0)?;
+        let current = self.columns.iter().find(|column| column.quantity.is_current())?;
+        let (name, key) = (&current.signal, current.quantity.key());
+        Some(Damage {
+            file: self.file.clone(),
+            place: self.log.place(),
+            expected: "a number",
+            found: format!("none in column {name:?} ({key}) of {rows} rows"),
+        })
+    }
 }
 
 impl Iterator for MappedFrames {
@@ -239,9 +319,11 @@ impl Iterator for MappedFrames {
                 return Some(Ok(frame));
             }
             let row = self.rows.pop_front();
-            let decoded = match row.or_else(|| next_row(&mut *self.log, &self.columns, &self.map))? {
-                Ok((place, row)) => self.decode(place, &row),
-                Err(damage) => Err(damage),
+            let row = row.or_else(|| next_row(&mut *self.log, &self.columns, &self.map, &self.mode));
+            let decoded = match row {
+                None => return self.no_sample().map(Err),
+                Some(Ok((place, row))) => self.decode(place, &row),
+                Some(Err(damage)) => Err(damage),
             };
             if let Err(damage) = decoded {
                 return Some(Err(damage));
@@ -262,14 +344,23 @@ fn between(column: &Column, map: &LogMap) -> Between {
     }
 }
 
-fn next_row(log: &mut dyn SignalLog, columns: &[Column], map: &LogMap) -> Option<Result<(Place, Vec<f64>), Damage>> {
+fn next_row(
+    log: &mut dyn SignalLog,
+    columns: &[Column],
+    map: &LogMap,
+    mode: &ModeForm,
+) -> Option<Result<(Place, Vec<f64>), Damage>> {
     let mut row = vec![f64::NAN; columns.len()];
-    let text = |n: usize, text: &str| {
-        let is_mode = columns.get(n).is_some_and(|column| column.quantity == Quantity::MODE);
-        map.mode_code(text).filter(|_| is_mode)
-    };
-    let read = log.next_row(&mut row, &text)?;
+    let read = log.next_row(&mut row, &|n, text| mode_code(columns, map, mode, n, text))?;
     Some(read.map(|()| (log.place(), row)))
+}
+
+/// The code of a text in a column: only the mode has texts.
+fn mode_code(columns: &[Column], map: &LogMap, mode: &ModeForm, n: usize, text: &str) -> Option<f64> {
+    let is_mode = columns.get(n).is_some_and(|column| column.quantity == Quantity::MODE);
+    let code = map.mode_code(text).filter(|_| is_mode);
+    mode.is_text.set(mode.is_text.get() || code.is_some());
+    code
 }
 
 /// Whether several columns beside each other have the name; groups of MF4 may have it each.
@@ -307,14 +398,39 @@ fn missing(log: &dyn SignalLog, column: &Column) -> Unusable {
     Unusable::new(format!("signal {:?} ({})", column.signal, column.quantity.key()), found)
 }
 
-/// Repeated times among those of the first rows, as a share, from which on they number no samples: a recorder that repeats a row now and then
-/// stays below.
-const REPEATED_MAX: f64 = 0.25;
+/// What does without times.
+const NUMBER_OF_ROW: &str =
+    "the number of the row as sample.counter, with clock = \"receiver\" and the true sample_rate_hz, does without";
 
-fn has_coarse_times(times: &[f64]) -> bool {
-    let repeated = times
-        .windows(2)
-        .filter(|two| two[0].to_bits() == two[1].to_bits())
+/// Rows with the time of the row before, as shares of the first rows, from which on times number no samples: of all such rows, and of those
+/// that are other rows. A recorder that repeats a row now and then stays below, and so does an actuator at rest.
+const REPEATED_MAX: f64 = 0.25;
+const OTHER_MAX: f64 = 0.05;
+
+fn has_coarse_times(rows: &[&Vec<f64>], time: usize) -> bool {
+    let is_same = |a: f64, b: f64| a.to_bits() == b.to_bits();
+    let repeated = || rows.windows(2).filter(|two| is_same(two[0][time], two[1][time]));
+    let is_other = |two: &&[&Vec<f64>]| two[0].iter().zip(two[1]).any(|(a, b)| !is_same(*a, *b));
+    let share = |count: usize| count as f64 / rows.len() as f64;
+    share(repeated().count()) > REPEATED_MAX || share(repeated().filter(is_other).count()) > OTHER_MAX
+}
+
+/// Steps of times on a grid that are twice the usual one, and the number of all; `None` where they are rare, as losses are. Then no step
+/// is near the rows' distance, and nobody knows what is lost. Of steps that differ by less, the mean serves.
+fn double_steps(times: &[f64]) -> Option<(usize, usize)> {
+    /// Their share, from which on they are not rare.
+    const SHARE: f64 = 0.15;
+    /// How far, in usual steps, a step of a grid is off a whole number of them.
+    const OFF: f64 = 0.02;
+    let steps = times.windows(2).map(|two| (two[1] - two[0]).abs());
+    let mut steps: Vec<f64> = steps.filter(|step| step.is_finite() && *step > 0.0).collect();
+    steps.sort_unstable_by(f64::total_cmp);
+    let usual = *steps.get(steps.len() / 2)?;
+    let is_on_grid = |step: &f64| (step / usual - f64::round(step / usual)).abs() < OFF;
+    let double = steps
+        .iter()
+        .filter(|step| f64::round(*step / usual) as u64 == 2)
         .count();
-    repeated as f64 > REPEATED_MAX * times.len() as f64
+    let is_often = double as f64 > SHARE * steps.len() as f64;
+    (is_often && steps.iter().all(is_on_grid)).then_some((double, steps.len()))
 }

@@ -60,6 +60,8 @@ pub struct Interpolated {
     pub values: u64,
     /// About the most that they are off, in the numbers of the log.
     pub error: f64,
+    /// The current of the rotor's frame that was interpolated in place of a phase current, A.
+    pub in_frame: Option<&'static str>,
 }
 
 /// One log of measured signals, row by row.

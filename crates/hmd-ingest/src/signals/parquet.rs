@@ -1,6 +1,7 @@
 //! Tables in Parquet: plain columns of numbers and texts, uncompressed or by Snappy, Zstandard, gzip or LZ4.
 //!
-//! A unit stands behind a name as `name [unit]`; a column of time stamps counts as what its type says, since 1970. Rows are read in
+//! A unit stands behind a name as `name [unit]`; a column of time stamps counts as what its type says, since 1970. Decimals in whole numbers have
+//! the scale of their type; other decimals are no plain column. Rows are read in
 //! batches, so that of each column at most one page is held. A file may say of itself that it has any number of rows: no more are read
 //! than a file of its size can hold. The crate that decodes panics at some damaged files: such a group of rows is lost like any other
 //! that is damaged.
@@ -9,7 +10,7 @@ use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use parquet::basic::{LogicalType, TimeUnit, Type};
+use parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::{ByteArray, DataType};
 use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
@@ -54,6 +55,9 @@ pub struct ParquetLog<R: ChunkReader + 'static> {
 struct Cells {
     reader: ColumnReader,
     is_required: bool,
+    is_unsigned: bool,
+    /// Powers of ten by which a decimal is less than its whole number.
+    decimals: i32,
     values: Vec<Cell>,
 }
 
@@ -134,9 +138,12 @@ impl<R: ChunkReader + 'static> ParquetLog<R> {
                 let schema = self.reader.metadata().file_metadata().schema_descr();
                 for &column in &self.selected {
                     let reader = group.get_column_reader(column).map_err(|error| one_line(&error))?;
+                    let about = schema.column(column);
                     self.cells.push(Cells {
                         reader,
-                        is_required: schema.column(column).max_def_level() == 0,
+                        is_required: about.max_def_level() == 0,
+                        is_unsigned: is_unsigned(&about),
+                        decimals: decimals(&about),
                         values: Vec::with_capacity(BATCH),
                     });
                 }
@@ -229,15 +236,30 @@ impl<R: ChunkReader + 'static> SignalLog for ParquetLog<R> {
 impl Cells {
     /// Reads a batch; its length.
     fn read(&mut self) -> Result<usize, String> {
-        let (required, out) = (self.is_required, &mut self.values);
+        let (required, unsigned, out) = (self.is_required, self.is_unsigned, &mut self.values);
         out.clear();
         let number = |value: f64| Cell::Number(value);
+        let scale = f64::powi(10.0, self.decimals);
         match &mut self.reader {
             ColumnReader::BoolColumnReader(reader) => {
                 read(reader, required, out, |&value| number(f64::from(u8::from(value))))
             }
-            ColumnReader::Int32ColumnReader(reader) => read(reader, required, out, |&value| number(f64::from(value))),
-            ColumnReader::Int64ColumnReader(reader) => read(reader, required, out, |&value| number(value as f64)),
+            ColumnReader::Int32ColumnReader(reader) => read(reader, required, out, |&value| {
+                let whole = if unsigned {
+                    f64::from(value.cast_unsigned())
+                } else {
+                    f64::from(value)
+                };
+                number(whole / scale)
+            }),
+            ColumnReader::Int64ColumnReader(reader) => read(reader, required, out, |&value| {
+                let whole = if unsigned {
+                    value.cast_unsigned() as f64
+                } else {
+                    value as f64
+                };
+                number(whole / scale)
+            }),
             ColumnReader::FloatColumnReader(reader) => read(reader, required, out, |&value| number(f64::from(value))),
             ColumnReader::DoubleColumnReader(reader) => read(reader, required, out, |&value| number(value)),
             ColumnReader::ByteArrayColumnReader(reader) => {
@@ -273,26 +295,50 @@ fn read<T: DataType>(
 
 /// Whether a column has one number or text in each row, or none.
 fn is_plain(column: &ColumnDescriptor) -> bool {
-    let is_known = !matches!(column.physical_type(), Type::INT96 | Type::FIXED_LEN_BYTE_ARRAY);
-    let is_scaled = matches!(column.logical_type_ref(), Some(LogicalType::Decimal(_)));
-    column.max_rep_level() == 0 && column.max_def_level() <= 1 && is_known && !is_scaled
+    let is_known = match column.physical_type() {
+        Type::INT96 | Type::FIXED_LEN_BYTE_ARRAY => false,
+        Type::BYTE_ARRAY => !is_decimal(column),
+        _ => true,
+    };
+    column.max_rep_level() == 0 && column.max_def_level() <= 1 && is_known
+}
+
+// Older writers say by the converted type alone what newer ones say by both.
+
+fn is_decimal(column: &ColumnDescriptor) -> bool {
+    let is_logical = matches!(column.logical_type_ref(), Some(LogicalType::Decimal(_)));
+    is_logical || column.converted_type() == ConvertedType::DECIMAL
+}
+
+fn decimals(column: &ColumnDescriptor) -> i32 {
+    match column.logical_type_ref() {
+        Some(LogicalType::Decimal(decimal)) => decimal.scale,
+        _ if is_decimal(column) => column.type_scale(),
+        _ => 0,
+    }
+}
+
+fn is_unsigned(column: &ColumnDescriptor) -> bool {
+    use ConvertedType::{UINT_8, UINT_16, UINT_32, UINT_64};
+    let is_logical = matches!(column.logical_type_ref(), Some(LogicalType::Integer(number)) if !number.is_signed);
+    is_logical || matches!(column.converted_type(), UINT_8 | UINT_16 | UINT_32 | UINT_64)
 }
 
 fn info(column: &ColumnDescriptor) -> SignalInfo {
     let named = name_and_unit(column.path().string().as_str());
-    match column.logical_type_ref() {
-        Some(LogicalType::Timestamp(stamp)) => SignalInfo {
-            unit: Some(
-                match stamp.unit {
-                    TimeUnit::MILLIS => "ms",
-                    TimeUnit::MICROS => "us",
-                    TimeUnit::NANOS => "ns",
-                }
-                .to_owned(),
-            ),
-            ..named
+    let unit = match (column.logical_type_ref(), column.converted_type()) {
+        (Some(LogicalType::Timestamp(stamp)), _) => match stamp.unit {
+            TimeUnit::MILLIS => "ms",
+            TimeUnit::MICROS => "us",
+            TimeUnit::NANOS => "ns",
         },
-        _ => named,
+        (_, ConvertedType::TIMESTAMP_MILLIS) => "ms",
+        (_, ConvertedType::TIMESTAMP_MICROS) => "us",
+        _ => return named,
+    };
+    SignalInfo {
+        unit: Some(unit.to_owned()),
+        ..named
     }
 }
 
@@ -311,5 +357,78 @@ impl<R: ChunkReader + 'static> fmt::Debug for ParquetLog<R> {
         f.debug_struct("ParquetLog")
             .field("row", &self.row)
             .finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use parquet::basic::Repetition;
+    use parquet::column::writer::ColumnWriter;
+    use parquet::file::properties::WriterProperties;
+    use parquet::file::writer::SerializedFileWriter;
+    use parquet::schema::types::Type as Node;
+
+    use super::*;
+
+    /// A file of one column of whole numbers, annotated as older writers do.
+    fn file(physical: Type, converted: ConvertedType, decimals: i32, values: &[i64]) -> bytes::Bytes {
+        let column = Node::primitive_type_builder("x", physical)
+            .with_repetition(Repetition::REQUIRED)
+            .with_converted_type(converted)
+            .with_precision(if decimals > 0 { 9 } else { -1 })
+            .with_scale(if decimals > 0 { decimals } else { -1 });
+        let column = Arc::new(column.build().expect("a column"));
+        let schema = Node::group_type_builder("schema").with_fields(vec![column]);
+        let schema = Arc::new(schema.build().expect("a schema"));
+        let mut out = Vec::new();
+        let mut writer =
+            SerializedFileWriter::new(&mut out, schema, WriterProperties::builder().build().into()).expect("a writer");
+        let mut group = writer.next_row_group().expect("a group");
+        let mut column = group.next_column().expect("a column").expect("a column");
+        match column.untyped() {
+            ColumnWriter::Int32ColumnWriter(writer) => {
+                let values: Vec<i32> = values.iter().map(|&value| value as i32).collect();
+                writer.write_batch(&values, None, None).expect("values");
+            }
+            ColumnWriter::Int64ColumnWriter(writer) => {
+                writer.write_batch(values, None, None).expect("values");
+            }
+            _ => panic!("another type"),
+        }
+        column.close().expect("a column");
+        group.close().expect("a group");
+        writer.close().expect("a file");
+        out.into()
+    }
+
+    fn read_back(file: bytes::Bytes) -> (Option<String>, Vec<f64>) {
+        let mut log = ParquetLog::new(file, "a.parquet").expect("a table");
+        let unit = log.signals()[0].unit.clone();
+        log.select(&[(0, Between::Unknown)]).expect("a column");
+        let (mut found, mut row) = (Vec::new(), [0.0]);
+        while let Some(read) = log.next_row(&mut row, &|_, _| None) {
+            read.expect("a row");
+            found.push(row[0]);
+        }
+        (unit, found)
+    }
+
+    #[test]
+    fn whole_numbers_are_what_their_converted_type_says() {
+        use ConvertedType::{DECIMAL, NONE, TIMESTAMP_MICROS, TIMESTAMP_MILLIS, UINT_32, UINT_64};
+        for (physical, converted, decimals, written, unit, expected) in [
+            (Type::INT64, DECIMAL, 3, 1234, None, 1.234),
+            (Type::INT32, DECIMAL, 2, -1234, None, -12.34),
+            (Type::INT32, UINT_32, 0, 0xffff_fffe, None, 4_294_967_294.0),
+            (Type::INT32, NONE, 0, -2, None, -2.0),
+            (Type::INT64, UINT_64, 0, -1, None, 18_446_744_073_709_551_615.0),
+            (Type::INT64, TIMESTAMP_MILLIS, 0, 5, Some("ms"), 5.0),
+            (Type::INT64, TIMESTAMP_MICROS, 0, 5, Some("us"), 5.0),
+        ] {
+            let (found_unit, found) = read_back(file(physical, converted, decimals, &[written]));
+            assert_eq!(found_unit.as_deref(), unit, "{converted:?}");
+            let is_near = (found[0] - expected).abs() <= 1e-12 * f64::abs(expected);
+            assert!(found.len() == 1 && is_near, "{converted:?}: {found:?}");
+        }
     }
 }

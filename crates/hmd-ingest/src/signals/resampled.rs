@@ -11,7 +11,10 @@ use crate::damage::{Damage, Place};
 use hmd_core::log_map::RotorFrame;
 
 /// Most samples between two values of one signal.
-const STEPS_MAX: f64 = 8.0;
+pub(super) const STEPS_MAX: f64 = 8.0;
+
+/// First rows that show how far apart the values of each signal are.
+const FIRST_ROWS: usize = 256;
 
 /// Most rows that wait for a later value; the oldest goes on without it.
 const QUEUE_MAX: usize = 1024;
@@ -39,14 +42,46 @@ pub(super) struct Resampled {
     courses: Vec<Course>,
     /// Where phase currents are interpolated; `None`: as they are.
     frame: Option<RotorFrame>,
+    /// Rows of the log that were read ahead, each with its place.
+    ahead: VecDeque<(Place, Result<Vec<f64>, Damage>)>,
     queue: VecDeque<Result<Waiting, Damage>>,
-    /// Time of the sample before, and the least distance of two, in the log's numbers.
+    /// Time of the sample before, and how far apart samples usually are, in the log's numbers.
     last_sample: f64,
-    least_step: f64,
+    usual_step: UsualStep,
     /// Time of the row before.
     last_row: f64,
+    /// Where the row taken last is, and the one handed out last.
+    place_taken: Place,
     place: Place,
     ended: bool,
+}
+
+/// The usual distance of times, the median of the newest: two stamps that jitter do not change it.
+#[derive(Debug, Default)]
+struct UsualStep {
+    newest: VecDeque<f64>,
+    median: Option<f64>,
+}
+
+impl UsualStep {
+    const NEWEST: usize = 15;
+
+    fn add(&mut self, step: f64) {
+        if step.is_finite() && step > 0.0 {
+            if self.newest.len() == Self::NEWEST {
+                self.newest.pop_front();
+            }
+            self.newest.push_back(step);
+            self.median = median(self.newest.iter().copied());
+        }
+    }
+}
+
+/// The upper one of two in the middle.
+fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied()
 }
 
 /// A row that waits for its values.
@@ -62,6 +97,7 @@ impl Resampled {
     /// `log` with these signals selected; `time` is a place among them.
     pub(super) fn new(log: Box<dyn SignalLog>, selected: &[(usize, Between)], time: usize, base: Base) -> Self {
         Self {
+            place_taken: log.place(),
             place: log.place(),
             log,
             time,
@@ -69,9 +105,10 @@ impl Resampled {
             even: None,
             courses: selected.iter().map(|(_, between)| Course::new(*between)).collect(),
             frame: None,
+            ahead: VecDeque::new(),
             queue: VecDeque::new(),
             last_sample: f64::NAN,
-            least_step: f64::INFINITY,
+            usual_step: UsualStep::default(),
             last_row: f64::NAN,
             ended: false,
         }
@@ -80,6 +117,43 @@ impl Resampled {
     /// The same with phase currents interpolated in the frame of the rotor.
     pub(super) fn in_frame(self, frame: Option<RotorFrame>) -> Self {
         Self { frame, ..self }
+    }
+
+    /// The first curve whose values are usually too far apart to interpolate between them, and how far, in the log's numbers; by the first rows.
+    pub(super) fn too_coarse(&mut self, text: TextValue<'_>) -> Option<(usize, f64)> {
+        while self.ahead.len() < FIRST_ROWS {
+            match self.read(text) {
+                Some(row) => self.ahead.push_back(row),
+                None => break,
+            }
+        }
+        let rows = || self.ahead.iter().filter_map(|(_, row)| row.as_ref().ok());
+        let step_max = self.step_max();
+        let curves = self.courses.iter().enumerate().filter(|(_, course)| course.is_curve());
+        let steps = |n: usize| {
+            let times: Vec<f64> = rows()
+                .filter(|row| row[n].is_finite())
+                .map(|row| row[self.time])
+                .collect();
+            median(times.windows(2).map(|two| two[1] - two[0]).filter(|step| *step > 0.0))
+        };
+        let mut steps = curves.filter_map(|(n, _)| Some((n, steps(n)?)));
+        steps.find(|(_, step)| *step >= step_max)
+    }
+
+    fn read(&mut self, text: TextValue<'_>) -> Option<(Place, Result<Vec<f64>, Damage>)> {
+        let mut row = vec![f64::NAN; self.courses.len()];
+        let read = self.log.next_row(&mut row, text)?;
+        Some((self.log.place(), read.map(|()| row)))
+    }
+
+    /// Longest distance of two values that are neighbours.
+    fn step_max(&self) -> f64 {
+        let step = match self.base {
+            Base::Column(_) => self.usual_step.median.unwrap_or(f64::INFINITY),
+            Base::Even { step } => step,
+        };
+        STEPS_MAX * step
     }
 
     /// Whether the oldest row waits for nothing.
@@ -102,21 +176,17 @@ impl Resampled {
         let is_sample = match self.base {
             Base::Column(base) => {
                 let is_sample = row[base].is_finite();
-                let step = time - self.last_sample;
-                if is_sample && step > 0.0 {
-                    self.least_step = self.least_step.min(step);
+                if is_sample {
+                    self.usual_step.add(time - self.last_sample);
                 }
                 is_sample
             }
-            Base::Even { step } => {
-                self.least_step = step;
-                self.add_even(&row, step)
-            }
+            Base::Even { step } => self.add_even(&row, step),
         };
         if is_sample {
             self.last_sample = time;
         }
-        let step_max = STEPS_MAX * self.least_step;
+        let step_max = self.step_max();
         for (n, course) in self.courses.iter_mut().enumerate() {
             let value = row[n];
             if !value.is_finite() {
@@ -137,7 +207,7 @@ impl Resampled {
         }
         if is_sample {
             self.queue.push_back(Ok(Waiting {
-                place: self.log.place(),
+                place: self.place_taken,
                 row,
                 is_outside: false,
             }));
@@ -170,7 +240,7 @@ impl Resampled {
             let mut row: Vec<f64> = held.collect();
             row[self.time] = at;
             self.queue.push_back(Ok(Waiting {
-                place: self.log.place(),
+                place: self.place_taken,
                 row,
                 is_outside: false,
             }));
@@ -189,7 +259,7 @@ impl Resampled {
                 complete(&mut self.queue, self.time, n, course, &piece);
             }
         }
-        let step_max = STEPS_MAX * self.least_step;
+        let step_max = self.step_max();
         for waiting in self.queue.iter_mut().flatten() {
             let time = waiting.row[self.time];
             waiting.is_outside |= self.courses.iter().zip(&waiting.row).any(|(course, value)| {
@@ -228,16 +298,22 @@ impl SignalLog for Resampled {
             if self.ended {
                 return None;
             }
-            let mut next = vec![f64::NAN; row.len()];
-            match self.log.next_row(&mut next, text) {
-                Some(Ok(())) => {
+            let Some((place, read)) = self.ahead.pop_front().or_else(|| self.read(text)) else {
+                self.end();
+                continue;
+            };
+            self.place_taken = place;
+            match read {
+                Ok(mut next) => {
+                    for (course, value) in self.courses.iter_mut().zip(&mut next) {
+                        *value = course.continued(*value);
+                    }
                     if let Some(frame) = &self.frame {
                         frame.enter(&mut next);
                     }
                     self.take(next);
                 }
-                Some(Err(damage)) => self.queue.push_back(Err(damage)),
-                None => self.end(),
+                Err(damage) => self.queue.push_back(Err(damage)),
             }
         }
     }
@@ -252,8 +328,16 @@ impl SignalLog for Resampled {
 
     fn interpolated(&self) -> Vec<Interpolated> {
         let mut all: Vec<Interpolated> = self.courses.iter().map(|course| course.interpolated).collect();
-        for (place, per_ampere) in self.frame.iter().flat_map(RotorFrame::per_ampere) {
-            all[place].error *= per_ampere;
+        // What the log below interpolated already; of phase currents it is in other numbers, and next to nothing.
+        for (own, below) in all.iter_mut().zip(self.log.interpolated()) {
+            own.values = own.values.max(below.values);
+            own.error += below.error;
+        }
+        for (place, name) in self.frame.iter().flat_map(RotorFrame::names) {
+            all[place] = Interpolated {
+                in_frame: Some(name),
+                ..self.courses[place].interpolated
+            };
         }
         all
     }

@@ -38,9 +38,18 @@ fn units_stand_behind_names_or_below_them() {
         let unit = |of: &SignalInfo| (of.name.clone(), of.unit.clone().unwrap_or_default());
         log.signals().iter().map(unit).collect::<Vec<_>>()
     };
-    let expected = [("t", "s"), ("I (U)", "A"), ("n", "")].map(|(name, unit)| (name.to_owned(), unit.to_owned()));
+    let owned = |(name, unit): (&str, &str)| (name.to_owned(), unit.to_owned());
+    let expected = [("t", "s"), ("I (U)", "A"), ("n", "")].map(owned);
     assert_eq!(units("t [s],I (U) [A],n\n1,2,3\n"), expected);
     assert_eq!(units("t,I (U)[A],n\n[s],,\n1,2,3\n"), expected);
+    assert_eq!(
+        units("t,I,n\ns,A,1\n1,2,3\n"),
+        [("t", "s"), ("I", "A"), ("n", "")].map(owned)
+    );
+    assert_eq!(
+        units("t,x,mode\n1,1,on\n2,1,on\n"),
+        [("t", ""), ("x", ""), ("mode", "")].map(owned)
+    );
     let stamped = units("t,n\n2023-11-14T22:13:20.0005Z,1\n");
     assert_eq!(stamped[0].1, "us");
     let found = good("t,n\n2023-11-14T22:13:20.0005Z,1\n2023-11-14 22:13:21,1\n", &["t"]);
@@ -85,6 +94,7 @@ fn words_about_the_recording_before_the_names_are_passed_over() {
         "Recorder X\nRate;2000\n\n",
         "Recorder;X\nRate;2000\nDate;20.11.2026 14:00:00\n",
         "# a\nsep=;\n",
+        "Recorder X\n# made by; someone; else\n",
     ] {
         assert_eq!(good(&format!("{preamble}{table}"), &["a", "b"]), expected, "{preamble}");
     }

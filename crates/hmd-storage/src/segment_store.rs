@@ -29,13 +29,14 @@ use std::time::Instant;
 use crate::clock::now_ns;
 use crate::is_full;
 use crate::mcap_writer::McapWriteError;
+use crate::output_file::create_folder;
 use background::BackgroundRepair;
 use hmd_core::config::Limits;
 use hmd_core::counted::counted;
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_core::record::{LogLevel, Record, StorageState, StoreStatus};
 use name::{Kind, Name, Stage};
-use segment_stream::{SegmentStart, SegmentStream, is_removed};
+use segment_stream::{SegmentStart, SegmentStream, now_named};
 
 /// Whether a file name is one that a store gives.
 #[must_use]
@@ -299,6 +300,9 @@ impl SegmentStore {
 
     /// Ends all segments. What could not be ended is repaired by the next start.
     pub fn finish(mut self) -> SegmentStoreEnd {
+        if let Some(repair) = &mut self.repair {
+            repair.stop();
+        }
         self.take_repaired();
         self.close_segment(Kind::Raw);
         self.close_segment(Kind::Records);
@@ -319,7 +323,8 @@ impl SegmentStore {
             free_bytes: self.free_bytes,
             segments: (self.closed.len() + open.iter().filter(|stream| stream.name().is_some()).count()) as u64,
             deleted: self.deleted,
-            state: if open.iter().any(|stream| stream.has_failed()) {
+            // As long as frames are paused, no attempt can show that their disk is back.
+            state: if self.records.has_failed() || self.raw.has_failed() && !self.raw_paused {
                 StorageState::Failing
             } else if self.raw_paused {
                 StorageState::RawPaused
@@ -435,7 +440,11 @@ impl SegmentStore {
     fn take_repaired(&mut self) {
         let repaired = self.repair.as_ref().map(BackgroundRepair::take).unwrap_or_default();
         for (name, found) in repaired {
-            self.closed.remove(&(name.kind, name.number));
+            let key = (name.kind, name.number);
+            // One that had its copy is counted by that.
+            if self.closed.get(&key).is_some_and(|(stage, _)| *stage == name.stage) {
+                self.closed.remove(&key);
+            }
             self.add_found(found);
         }
     }
@@ -458,6 +467,7 @@ impl SegmentStore {
     }
 
     fn close_segment(&mut self, kind: Kind) {
+        self.leave_replaced_folder();
         let (folder, disk) = (self.folder.clone(), self.disk.clone());
         let before = self.stream(kind).name().map(|name| (name, self.stream(kind).bytes()));
         match self.stream(kind).close(&folder, &*disk) {
@@ -465,7 +475,7 @@ impl SegmentStore {
             Ok(None) => {}
             Err(error) => {
                 if let (Some((name, bytes)), None) = (before, self.stream(kind).name())
-                    && !is_removed(&folder, name)
+                    && let Some(name) = now_named(&folder, name)
                 {
                     self.add_closed(name, bytes);
                 }
@@ -478,7 +488,8 @@ impl SegmentStore {
     fn check(&mut self, kind: Kind, step: Result<(), McapWriteError>) {
         let Err(error) = step else { return };
         let (now, folder, disk) = (self.now, self.folder.clone(), self.disk.clone());
-        if let Some((name, bytes)) = self.stream(kind).fail(&folder, &*disk, now) {
+        let held = self.is_held();
+        if let Some((name, bytes)) = self.stream(kind).fail(&folder, held, &*disk, now) {
             self.add_closed(name, bytes);
         }
         self.report_once(format!(
@@ -496,6 +507,10 @@ impl SegmentStore {
     /// Deletes the oldest segments until budget and free space are kept: raw frames first, records last, and those only
     /// for the budget: the history is not given up for what others write.
     fn make_room(&mut self) {
+        if !self.is_held() {
+            // Files of these names in another folder are not ours.
+            return;
+        }
         let mut free = self.disk.free_bytes(&self.folder).ok();
         let too_little = |free: Option<u64>, least: u64| free.is_some_and(|free| free < least);
         let mut stays = BTreeSet::new();
@@ -568,7 +583,7 @@ fn became_link() -> io::Error {
 
 /// The folder, made if need be and locked; `None` if another process has it.
 fn hold(folder: &Path) -> io::Result<Option<File>> {
-    fs::create_dir_all(folder)?;
+    create_folder(folder)?;
     let lock = File::open(folder)?;
     match lock.try_lock() {
         Ok(()) => Ok(Some(lock)),

@@ -11,7 +11,8 @@
 //! 3. s is behind the counter byte of c: the frame is late and dropped;
 //! 4. s is the counter byte of c, and c lacks this frame: the frame is added, in any order;
 //! 5. s is the counter byte of c, and c has this frame: the frame is a duplicate and dropped (CAN repeats a frame when only
-//!    its sender sees an error at its end). If its content differs, two senders share an identifier, and c is rejected.
+//!    its sender sees an error at its end). If its content differs and c is
+//!    still open, two senders share an identifier, and c is rejected; a sample that was delivered is not compared any more.
 //!
 //! The assembler holds one sample and queues nothing. After a restart of the device at most `max_span_ns` of samples count
 //! as late. A complete sample that was delayed by more than `max_span_ns` is delivered out of order and counted as a restart.

@@ -88,7 +88,8 @@ impl SerialPacket {
             return Err(FrameError::Version);
         }
         match postcard::take_from_bytes(packet) {
-            Ok((packet, [])) => Ok(packet),
+            // A sender of another make may exceed them.
+            Ok((packet, [])) => Ok(SerialPacket::limited_to_can_ranges(packet)),
             _ => Err(FrameError::Decode),
         }
     }
@@ -313,5 +314,35 @@ impl Deframer {
         if self.splitter.finish().is_some() {
             self.stats.truncated += 1;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample::Mode;
+
+    #[test]
+    fn a_packet_of_another_sender_is_limited_to_the_ranges_of_can() {
+        let sample = |output_counts| {
+            SerialPacket::Sample(Sample {
+                actuator: ActuatorId::new(3).unwrap(),
+                seq: 7,
+                time_us: 0,
+                i_a_ma: 0,
+                i_b_ma: 0,
+                i_c_ma: 0,
+                motor_counts: 0,
+                output_counts,
+                setpoint: 0,
+                mode: Mode::Position,
+            })
+        };
+        let mut buffer = [0; MAX_FRAME_LEN];
+        let cobs = Cobs::try_new(Slice::new(&mut buffer)).unwrap();
+        let crc = CrcModifier::new(cobs, CRC.digest());
+        let frame: &mut [u8] = postcard::serialize_with_flavor(&(VERSION, sample(1 << 23)), crc).unwrap();
+        let (_, frame) = frame.split_last().unwrap();
+        assert_eq!(SerialPacket::parse(frame), Ok(sample(-(1 << 23))));
     }
 }

@@ -41,12 +41,14 @@ pub const FELL_ADVICE: &str = "record the maintenance with hmd event, or check t
 pub struct UnitHistory {
     /// Time of the maintenance event that last reset it, UTC ns; 0 without one.
     begun_ns: u64,
-    /// Number of maintenance events that were followed. They are counted because an event that is added later may have an
-    /// earlier time, where a clock was wrong. Files of version 1 had no count.
+    /// The maintenance events that were followed; older files had their numbers alone.
     #[serde(default)]
+    followed: Option<store::FollowedEvents>,
+    /// Of older files: number of maintenance events that were followed. Files of version 1 had none.
+    #[serde(default, skip_serializing)]
     events_followed: Option<u64>,
-    /// The same of events that replaced one part, by part; older files had none.
-    #[serde(default)]
+    /// Of older files: the same of events that replaced one part, by part.
+    #[serde(default, skip_serializing)]
     parts_followed: [u64; ReplacedPart::COUNT],
     /// What was replaced before the window to come: parts by their names, or `unit`; joined by commas, else empty.
     #[serde(skip)]
@@ -150,6 +152,7 @@ impl UnitHistory {
         let levels = *config.health().levels();
         Ok(Self {
             begun_ns: 0,
+            followed: None,
             events_followed: None,
             parts_followed: [0; ReplacedPart::COUNT],
             replaced: String::new(),
@@ -356,8 +359,11 @@ impl UnitHistory {
                 (now.operating_s - last.operating_s) / 3600.0
             }
             (HoursOf::Operating, _) => now.operating_s / 3600.0,
-            (HoursOf::Elapsed, Some(last)) => now.t_start_ns.saturating_sub(last.t_start_ns) as f64 / 3600e9,
-            (HoursOf::Elapsed, None) => 0.0,
+            // A clock that was set meanwhile tells nothing of the time between.
+            (HoursOf::Elapsed, Some(last)) if is_set(last.t_start_ns) == is_set(now.t_start_ns) => {
+                now.t_start_ns.saturating_sub(last.t_start_ns) as f64 / 3600e9
+            }
+            (HoursOf::Elapsed, _) => 0.0,
         };
         // Windows that were dropped for want of time were actuations too.
         let cycles = match self.last {
@@ -380,8 +386,18 @@ impl UnitHistory {
             cycles: self.used.cycles + cycles,
             work_j: self.used.work_j + work_j,
         };
-        self.last = Some(now);
+        // What a clock that steps back and forth again has passed is counted once.
+        let newest = self.last.map_or(0, |last| last.t_start_ns);
+        self.last = Some(Last {
+            t_start_ns: now.t_start_ns.max(newest),
+            ..now
+        });
     }
+}
+
+/// Whether a clock shows a time since 2000: one without a battery begins in 1970.
+fn is_set(stamp_ns: u64) -> bool {
+    stamp_ns >= 946_684_800_000_000_000
 }
 
 /// Work of the motor in a window, `Σ |k_t i_q ω| Δt`, J; `None` where the window was not identified.

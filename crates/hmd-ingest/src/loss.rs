@@ -43,7 +43,7 @@ impl Loss {
                 0
             }
             Self::Mcap(_) | Self::Foreign(_) => {
-                losses.damaged += self.frames();
+                losses.damaged = losses.damaged.saturating_add(self.frames());
                 1
             }
         }
@@ -53,6 +53,7 @@ impl Loss {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hmd_storage::mcap::McapFault;
 
     #[test]
     fn a_frame_that_cannot_be_is_one_and_a_stretch_of_bytes_any_number() {
@@ -70,5 +71,20 @@ mod tests {
                 (frames, unreadable, 1 - unreadable)
             );
         }
+    }
+
+    #[test]
+    fn the_sum_of_missing_frames_does_not_overflow() {
+        let loss = Loss::Mcap(McapLoss {
+            file: "a.mcap".into(),
+            at_byte: 0,
+            fault: McapFault::MissingFrames {
+                first_index: 0,
+                count: u64::MAX / 2 + 1,
+            },
+        });
+        let mut losses = Losses::default();
+        let places: u64 = (0..2).map(|_| loss.count_into(&mut losses)).sum();
+        assert_eq!((places, losses.damaged), (2, u64::MAX));
     }
 }

@@ -7,6 +7,7 @@ use std::path::Path;
 use hmd_core::config::Config;
 use hmd_core::history::{Event, Events, UnreadableLine};
 
+use crate::output_file::sync_folder_of;
 use crate::regular_file::read_regular;
 
 /// Most bytes of a file: a hundred thousand events.
@@ -35,7 +36,8 @@ pub enum EventError {
     },
 }
 
-/// Reads all events; none if there is no file. Lines that are none are told: one bad line does not keep the others from counting.
+/// Reads all events; none if there is no file. Lines that are none are told, the first of them by their numbers: one bad line does not
+/// keep the others from counting.
 ///
 /// # Errors
 /// [`EventError`]; a file of which no line is an event is none of ours.
@@ -47,12 +49,20 @@ pub fn read(path: &Path) -> Result<Events, EventError> {
         Err(source) => return Err(EventError::Io { path: name(), source }),
     };
     let mut events = Events::default();
-    let lines: Vec<&[u8]> = bytes.split(|byte| *byte == b'\n').map(<[u8]>::trim_ascii).collect();
-    for (n, line) in lines.iter().enumerate().filter(|(_, line)| !line.is_empty()) {
+    let mut lines = bytes
+        .split(|byte| *byte == b'\n')
+        .map(<[u8]>::trim_ascii)
+        .enumerate()
+        .peekable();
+    while let Some((n, line)) = lines.next() {
+        if line.is_empty() {
+            continue;
+        }
         // Behind the last end of a line; a power cut may leave zeros there as well.
-        let is_torn = (n + 1 == lines.len() || line.contains(&0)) && matches!(line[0], b'{' | 0);
+        let is_torn = (lines.peek().is_none() || line.contains(&0)) && matches!(line[0], b'{' | 0);
         match serde_json::from_slice::<Event>(line) {
             Ok(event) => events.list.push(event),
+            Err(_) if !events.takes_bad_line() => {}
             Err(e) if e.is_eof() || is_torn => events.unfinished.push(n + 1),
             Err(e) => {
                 // Where in the line matters to nobody, and counts another line.
@@ -91,11 +101,13 @@ pub fn load_events(config: &Config) -> Result<Events, EventError> {
 pub fn append(path: &Path, event: &Event) -> Result<(), EventError> {
     read(path)?;
     let put = || {
+        let is_new = !path.exists();
         let mut file = OpenOptions::new().create(true).read(true).append(true).open(path)?;
         // After a line that was never finished.
         let begin = if ends_a_line(&mut file)? { "" } else { "\n" };
         file.write_all(format!("{begin}{}\n", serde_json::to_string(event)?).as_bytes())?;
-        file.sync_data()
+        file.sync_data()?;
+        if is_new { sync_folder_of(path) } else { Ok(()) }
     };
     put().map_err(|source| EventError::Io {
         path: path.display().to_string(),
@@ -130,6 +142,7 @@ mod tests {
                 list,
                 unfinished,
                 unreadable,
+                more_bad_lines: 0,
             };
             assert_eq!(read(&path).unwrap(), expected);
         };
@@ -169,6 +182,12 @@ mod tests {
         let events = read(&path).unwrap();
         let lines: Vec<usize> = events.unreadable.iter().map(|bad| bad.line).collect();
         assert_eq!((events.list.len(), lines), (4, vec![3]));
+        // However many lines are bad, a bounded number is held.
+        let bad = [two.as_slice(), &b"{\nno event\n".repeat(1000)].concat();
+        std::fs::write(&path, bad).unwrap();
+        let events = read(&path).unwrap();
+        assert_eq!((events.unfinished.len(), events.unreadable.len()), (50, 50));
+        assert_eq!((events.list.len(), events.more_bad_lines), (2, 1900));
         // Zeros alone make no line of events.
         std::fs::write(&path, b"\x89MCAP0\r\n\x01\0\0\n").unwrap();
         assert!(matches!(

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use sha2::{Digest, Sha256};
 
+use crate::output_file::create_folder;
 use crate::regular_file::{create_temporary, read_regular};
 use crate::same_file::is_same_file;
 use hmd_core::config::Config;
@@ -103,7 +104,7 @@ pub fn save(directory: &Path, actuator: &str, history: &UnitHistory) -> Result<(
             sha256: checksum(&history),
             history: &history,
         };
-        fs::create_dir_all(directory)?;
+        create_folder(directory)?;
         let mut file = create_temporary(&temporary)?;
         file.write_all(&serde_json::to_vec(&written)?)?;
         file.sync_data()?;
@@ -156,7 +157,7 @@ pub fn check(directory: &Path, own: Option<&Path>) -> Result<(), StateError> {
 }
 
 fn open_lock(directory: &Path) -> io::Result<File> {
-    fs::create_dir_all(directory)?;
+    create_folder(directory)?;
     File::options().create(true).append(true).open(directory.join(LOCK))
 }
 
@@ -167,12 +168,15 @@ fn open_lock(directory: &Path) -> io::Result<File> {
 pub fn load(directory: &Path, actuator: &str) -> Result<Option<UnitHistory>, StateError> {
     let place = path(directory, actuator);
     let name = || place.display().to_string();
+    let content = |found: String| StateError::Content { path: name(), found };
     let bytes = match read_regular(&place, BYTES_MAX) {
         Ok(bytes) => bytes,
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(e) if matches!(e.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::FileTooLarge) => {
+            return Err(content(e.to_string()));
+        }
         Err(source) => return Err(StateError::Io { path: name(), source }),
     };
-    let content = |found: String| StateError::Content { path: name(), found };
     let unreadable = |e: serde_json::Error| content(e.to_string());
     let found = serde_json::from_slice::<Versioned>(&bytes).map_err(unreadable)?.version;
     if !(1..=u64::from(VERSION)).contains(&found) {
@@ -196,13 +200,17 @@ pub fn load(directory: &Path, actuator: &str) -> Result<Option<UnitHistory>, Sta
     Ok(Some(history))
 }
 
-/// Gives the stored histories of all actuators of a configuration to a run. A file that cannot be used is reported and put
+/// Gives the stored histories of all actuators of a configuration to a run. A file whose content cannot be used is reported and put
 /// aside.
-pub fn restore_all(directory: &Path, config: &Config, histories: &mut HistoryStore) {
+///
+/// # Errors
+/// [`StateError::Io`] of a file that cannot be read: what is in it may be right, and must not be replaced.
+pub fn restore_all(directory: &Path, config: &Config, histories: &mut HistoryStore) -> Result<(), StateError> {
     for actuator in config.actuators() {
         match load(directory, &actuator.name) {
             Ok(Some(history)) => histories.restore(&actuator.name, history),
             Ok(None) => {}
+            Err(error @ StateError::Io { .. }) => return Err(error),
             Err(error) => {
                 histories.notice(format!("{error}; history reset"));
                 if let Err(error) = put_aside(directory, &actuator.name) {
@@ -211,6 +219,20 @@ pub fn restore_all(directory: &Path, config: &Config, histories: &mut HistorySto
             }
         }
     }
+    Ok(())
+}
+
+/// Whether [`restore_all`] could read the histories of a configuration.
+///
+/// # Errors
+/// As [`restore_all`].
+pub fn check_readable(directory: &Path, config: &Config) -> Result<(), StateError> {
+    for actuator in config.actuators() {
+        if let Err(error @ StateError::Io { .. }) = load(directory, &actuator.name) {
+            return Err(error);
+        }
+    }
+    Ok(())
 }
 
 /// Puts a file that cannot be used aside, as `….unusable-1` and so on, so that nothing is lost and a new history can be stored.
@@ -229,6 +251,7 @@ pub fn put_aside(directory: &Path, actuator: &str) -> Result<(), StateError> {
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::symlink;
     use std::sync::Arc;
 
     use super::*;
@@ -292,8 +315,15 @@ mod tests {
         let config = Arc::new(Config::default());
         fs::write(path(folder.path(), "ema0"), "{").unwrap();
         let mut histories = HistoryStore::new(config.clone());
-        restore_all(folder.path(), &config, &mut histories);
+        restore_all(folder.path(), &config, &mut histories).unwrap();
         assert_eq!(histories.take_notices().len(), 1);
         assert!(folder.path().join("ema0.life.json.unusable-1").exists());
+        // What cannot be read may be right: it stays, and the run does not begin.
+        let place = path(folder.path(), "ema0");
+        symlink(&place, &place).unwrap();
+        let refused = restore_all(folder.path(), &config, &mut histories);
+        assert!(matches!(refused, Err(StateError::Io { .. })));
+        assert!(check_readable(folder.path(), &config).is_err());
+        assert!(place.is_symlink() && histories.take_notices().is_empty());
     }
 }

@@ -28,6 +28,8 @@ use std::path::Path;
 
 /// Most frames held back for one round; a file of ours has fewer.
 const ROUND_LIMIT: usize = 1 << 16;
+/// Most losses held back for one round.
+const HELD_MAX: usize = 64;
 /// Longest batch that is decoded, bytes; of ours, none comes near 200 kB. Its frames take some 25 times as much at most.
 const BATCH_BYTES_MAX: usize = 512 << 10;
 
@@ -53,6 +55,8 @@ pub struct McapFrames<R> {
     /// Newest stamp of a frame handed out, ns.
     newest_ns: u64,
     refused_topics: BTreeSet<String>,
+    /// Losses in the middle of the round: they come behind its frames, which would else be taken for frames that were read before.
+    held: Vec<McapLoss>,
     queue: VecDeque<Result<RawFrame, McapLoss>>,
 }
 
@@ -78,6 +82,7 @@ impl<R: Read + Seek> McapFrames<R> {
             next_index: 0,
             newest_ns: 0,
             refused_topics: BTreeSet::new(),
+            held: Vec::new(),
             queue: VecDeque::new(),
         }
     }
@@ -147,8 +152,14 @@ impl<R: Read + Seek> McapFrames<R> {
         self.round.extend(frames);
     }
 
-    /// Hands out the frames of a round in their order, after a note on those that are missing before or between them.
+    /// Hands out the frames of a round in their order, and then the losses in it.
     fn end_round(&mut self) {
+        self.end_frames();
+        self.queue.extend(self.held.drain(..).map(Err));
+    }
+
+    /// The frames of the round, after a note on those that are missing before or between them.
+    fn end_frames(&mut self) {
         let mut round = std::mem::take(&mut self.round);
         round.sort_by_key(|(index, _)| *index);
         // A chunk that is there twice, or overlaps another: neither place nor time is new.
@@ -228,9 +239,10 @@ impl<R: Read + Seek> Iterator for McapFrames<R> {
             match self.messages.next() {
                 Some(Ok(message)) => self.add_message(&message),
                 Some(Err(loss)) => {
-                    // The frames before the damage come before its report.
-                    self.end_round();
-                    self.queue.push_back(Err(loss));
+                    self.held.push(loss);
+                    if self.round.is_empty() || self.held.len() == HELD_MAX {
+                        self.end_round();
+                    }
                 }
                 None if self.round.is_empty() => return None,
                 None => self.end_round(),

@@ -89,7 +89,7 @@ pub(crate) fn write_options() -> WriteOptions {
         .disable_seeking(true)
 }
 
-fn root_cause(error: &McapError) -> String {
+pub(crate) fn root_cause(error: &McapError) -> String {
     match error {
         McapError::Io(io) => io.to_string(),
         other => other.to_string(),

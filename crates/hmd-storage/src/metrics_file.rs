@@ -2,7 +2,7 @@
 
 use std::fs::Permissions;
 use std::io::{self, Read, Write};
-use std::os::unix::fs::PermissionsExt;
+use std::os::unix::fs::{FileTypeExt, PermissionsExt};
 use std::path::Path;
 
 use crate::output_file::OutputFile;
@@ -11,25 +11,40 @@ use crate::regular_file::open_regular;
 /// How every file of ours begins.
 const START: &[u8] = b"# HELP hmd_";
 
-/// Whether a file of metrics may take this place: nothing is there, or metrics of ours, or no regular file.
+/// Whether metrics may take this place: nothing is there, or metrics of ours, or a device.
 #[must_use]
 pub fn may_replace(path: &Path) -> bool {
-    let Ok(file) = open_regular(path) else { return true };
+    let about = match std::fs::metadata(path) {
+        Err(cause) => return cause.kind() == io::ErrorKind::NotFound,
+        Ok(about) => about.file_type(),
+    };
+    if !about.is_file() {
+        return about.is_char_device();
+    }
+    let Ok(file) = open_regular(path) else { return false };
     let mut start = Vec::new();
     let read = file.take(START.len() as u64).read_to_end(&mut start);
     read.is_ok() && (start.is_empty() || start == START)
 }
 
-/// Puts rendered metrics into a file in one step: a reader sees the old or the new ones.
+/// Puts rendered metrics into a file in one step: a reader sees the old or the new ones. A device is written to as it is.
 ///
 /// # Errors
-/// What the system says.
+/// What the system says; also for a pipe, which could make the caller wait for its reader.
 pub fn write_textfile(path: &Path, metrics: &str) -> io::Result<()> {
+    if std::fs::metadata(path).is_ok_and(|about| about.file_type().is_fifo()) {
+        return Err(io::Error::new(
+            io::ErrorKind::InvalidInput,
+            "expected a file or a device, found a pipe",
+        ));
+    }
     let output = OutputFile::create(path)?;
     let mut file = output.handle()?;
     file.write_all(metrics.as_bytes())?;
-    // Its reader is another user, whatever the mask of the service.
-    file.set_permissions(Permissions::from_mode(0o644))?;
+    if output.is_beside() {
+        // Its reader is another user, whatever the mask of the service.
+        file.set_permissions(Permissions::from_mode(0o644))?;
+    }
     output.put_in_place_unsynced()
 }
 
@@ -45,6 +60,30 @@ mod tests {
         write_textfile(&path, "hmd_frames_total 22\n").unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "hmd_frames_total 22\n");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_device_keeps_its_mode_and_a_pipe_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let [fifo, file] = ["fifo", "file/in/it"].map(|name| folder.path().join(name));
+        nix::unistd::mkfifo(&fifo, nix::sys::stat::Mode::S_IRWXU).unwrap();
+        assert!(!may_replace(&fifo) && !may_replace(folder.path()));
+        let refused = write_textfile(&fifo, "hmd_frames_total 1\n").unwrap_err();
+        assert_eq!(refused.kind(), io::ErrorKind::InvalidInput);
+        // A place that cannot be looked at may hold anything.
+        std::fs::write(folder.path().join("file"), "").unwrap();
+        assert!(!may_replace(&file));
+        let null = Path::new("/dev/null");
+        assert!(may_replace(null));
+        let before = std::fs::metadata(null).unwrap().permissions();
+        let written = write_textfile(null, "hmd_frames_total 1\n");
+        let after = std::fs::metadata(null).unwrap().permissions();
+        if after != before {
+            // The machine needs it as it was.
+            std::fs::set_permissions(null, before.clone()).unwrap();
+        }
+        written.unwrap();
+        assert_eq!(after, before);
     }
 
     #[test]

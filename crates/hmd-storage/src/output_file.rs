@@ -36,20 +36,20 @@ impl OutputFile {
     /// # Errors
     /// What the system says.
     pub fn create_recording(place: &Path) -> io::Result<Self> {
-        match OpenOptions::new().read(true).write(true).create_new(true).open(place) {
-            Ok(file) => Ok(Self {
-                file,
-                place: place.to_owned(),
-                beside: None,
-            }),
-            Err(cause) if cause.kind() == io::ErrorKind::AlreadyExists && is_empty_file(place) => Ok(Self {
-                file: OpenOptions::new().read(true).write(true).open(place)?,
-                place: place.to_owned(),
-                beside: None,
-            }),
-            Err(cause) if cause.kind() == io::ErrorKind::AlreadyExists => Self::create(place),
-            Err(cause) => Err(cause),
-        }
+        let file = match OpenOptions::new().read(true).write(true).create_new(true).open(place) {
+            Err(cause) if cause.kind() == io::ErrorKind::AlreadyExists && is_empty_file(place) => {
+                OpenOptions::new().read(true).write(true).open(place)?
+            }
+            Err(cause) if cause.kind() == io::ErrorKind::AlreadyExists => return Self::create(place),
+            created => created?,
+        };
+        // What is synced into it from here on is found after a power cut, too.
+        sync_folder_of(place)?;
+        Ok(Self {
+            file,
+            place: place.to_owned(),
+            beside: None,
+        })
     }
 
     fn as_it_is(place: &Path, about: &Metadata) -> io::Result<Self> {
@@ -97,6 +97,11 @@ impl OutputFile {
     #[must_use]
     pub fn written_path(&self) -> &Path {
         self.beside.as_deref().unwrap_or(&self.place)
+    }
+
+    /// Whether it is written beside its place, and not a device or a recording at its place.
+    pub(crate) fn is_beside(&self) -> bool {
+        self.beside.is_some()
     }
 
     /// Brings the file to the disk, and then to its place. What replaced a file has its access rights.
@@ -158,6 +163,18 @@ pub fn write(place: &Path, bytes: impl AsRef<[u8]>) -> io::Result<()> {
     output.put_in_place()
 }
 
+/// Makes a folder and those above it, as far as they are not there, and brings their names to the disk.
+pub(crate) fn create_folder(folder: &Path) -> io::Result<()> {
+    let missing: Vec<&Path> = folder.ancestors().take_while(|folder| !is_there(folder)).collect();
+    std::fs::create_dir_all(folder)?;
+    missing.into_iter().try_for_each(sync_folder_of)
+}
+
+/// The empty path is the working folder.
+fn is_there(folder: &Path) -> bool {
+    folder.as_os_str().is_empty() || folder.exists()
+}
+
 /// Brings the name of a file to the disk.
 pub(crate) fn sync_folder_of(path: &Path) -> io::Result<()> {
     File::open(folder_of(path))?.sync_all()
@@ -216,6 +233,17 @@ mod tests {
             write(folder.path(), "new").unwrap_err().kind(),
             io::ErrorKind::IsADirectory
         );
+    }
+
+    #[test]
+    fn folders_are_made_where_they_are_missing() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a", "a/b/c/", "a/b", "."] {
+            create_folder(&folder.path().join(name)).unwrap();
+            assert!(folder.path().join(name).is_dir(), "{name}");
+        }
+        std::fs::write(folder.path().join("file"), "").unwrap();
+        assert!(create_folder(&folder.path().join("file/in")).is_err());
     }
 
     #[test]

@@ -317,7 +317,8 @@ impl Recorder {
     /// Ends the file or the segments; returns the final state of a folder.
     ///
     /// # Errors
-    /// When the file cannot be written; it can then be read up to its last whole chunk.
+    /// When the file cannot be written; one at its place can then be read up to its last whole chunk, and one that was to replace another
+    /// leaves the old file.
     pub fn finish(self) -> Result<Option<SegmentStoreEnd>, RecordError> {
         match self.output {
             Output::Folder(store) => Ok(Some(store.finish())),

@@ -14,7 +14,7 @@ use mcap::{McapError, Writer};
 use crate::mcap::channels::Channel;
 use crate::mcap::messages::McapMetadata;
 use crate::mcap::{McapFault, McapFrames, McapLoss, McapMessage, McapMessages};
-use crate::mcap_writer::write_options;
+use crate::mcap_writer::{root_cause, write_options};
 use hmd_core::frame::BusNames;
 use hmd_core::metadata_checksum::is_sealed;
 
@@ -36,7 +36,7 @@ pub enum RecoverError {
         cause: io::Error,
     },
     /// The result cannot be written.
-    #[error("cannot write the recovered file: {0}")]
+    #[error("cannot write the recovered file: {}", root_cause(.0))]
     Output(#[from] McapError),
 }
 
@@ -60,6 +60,8 @@ pub struct Recovered {
     pub losses: Vec<McapLoss>,
     /// All of them.
     pub losses_total: u64,
+    /// Place of the last chunk of which a message was kept.
+    pub last_chunk_at: Option<u64>,
 }
 
 impl Recovered {
@@ -154,6 +156,7 @@ pub(crate) fn recover_within<R: Read + Seek, W: Write + Seek>(
     report.attachments_lost = messages.attachments();
     report.chunks = messages.chunks();
     report.expanded_bytes = messages.expanded_bytes();
+    report.last_chunk_at = copy.chunk_at;
     copy.writer.finish()?;
     let mut out = copy.writer.into_inner();
     out.flush().map_err(McapError::from)?;
@@ -169,7 +172,8 @@ pub fn count_frames<R: Read + Seek>(input: R, file: &str) -> io::Result<(u64, u6
     for item in McapFrames::new(input, file, BusNames::new())? {
         match item {
             Ok(_) => frames += 1,
-            Err(loss) => missing += loss.frames(),
+            // A damaged file may claim any numbers.
+            Err(loss) => missing = u64::saturating_add(missing, loss.frames()),
         }
     }
     Ok((frames, missing))

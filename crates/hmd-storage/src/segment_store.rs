@@ -30,13 +30,14 @@ use std::time::Instant;
 use crate::clock::now_ns;
 use crate::is_full;
 use crate::mcap_writer::McapWriteError;
+use crate::output_file::create_folder;
 use background::BackgroundRepair;
 use hmd_core::config::Limits;
 use hmd_core::counted::counted;
 use hmd_core::frame::{BusNames, RawFrame};
 use hmd_core::record::{LogLevel, Record, StorageState, StoreStatus};
 use name::{Kind, Name, Stage};
-use segment_stream::{SegmentStart, SegmentStream, is_removed};
+use segment_stream::{SegmentStart, SegmentStream, now_named};
 
 /// Whether a file name is one that a store gives.
 #[must_use]
@@ -300,6 +301,9 @@ impl SegmentStore {
 
     /// Ends all segments. What could not be ended is repaired by the next start.
     pub fn finish(mut self) -> SegmentStoreEnd {
+        if let Some(repair) = &mut self.repair {
+            repair.stop();
+        }
         self.take_repaired();
         self.close_segment(Kind::Raw);
         self.close_segment(Kind::Records);
@@ -320,7 +324,8 @@ impl SegmentStore {
             free_bytes: self.free_bytes,
             segments: (self.closed.len() + open.iter().filter(|stream| stream.name().is_some()).count()) as u64,
             deleted: self.deleted,
-            state: if open.iter().any(|stream| stream.has_failed()) {
+            // As long as frames are paused, no attempt can show that their disk is back.
+            state: if self.records.has_failed() || self.raw.has_failed() && !self.raw_paused {
                 StorageState::Failing
             } else if self.raw_paused {
                 StorageState::RawPaused
@@ -449,7 +454,11 @@ impl SegmentStore {
     fn take_repaired(&mut self) {
         let repaired = self.repair.as_ref().map(BackgroundRepair::take).unwrap_or_default();
         for (name, found) in repaired {
-            self.closed.remove(&(name.kind, name.number));
+            let key = (name.kind, name.number);
+            // One that had its copy is counted by that.
+            if self.closed.get(&key).is_some_and(|(stage, _)| *stage == name.stage) {
+                self.closed.remove(&key);
+            }
             self.add_found(found);
         }
     }
@@ -474,7 +483,7 @@ impl SegmentStore {
             Ok(None) => {}
             Err(error) => {
                 if let (Some((name, bytes)), None) = (before, self.stream(kind).name())
-                    && !is_removed(&folder, name)
+                    && let Some(name) = now_named(&folder, name)
                 {
                     self.add_closed(name, bytes);
                 }
@@ -487,7 +496,9 @@ impl SegmentStore {
     fn check(&mut self, kind: Kind, step: Result<(), McapWriteError>) {
         let Err(error) = step else { return };
         let (now, folder, disk) = (self.now, self.place(), self.disk.clone());
-        if let Some((name, bytes)) = self.stream(kind).fail(&folder, &*disk, now) {
+        // What is at the place of one that was never had is not ours.
+        let held = self.lock.is_some();
+        if let Some((name, bytes)) = self.stream(kind).fail(&folder, held, &*disk, now) {
             self.add_closed(name, bytes);
         }
         self.report_once(format!(
@@ -505,6 +516,10 @@ impl SegmentStore {
     /// Deletes the oldest segments until budget and free space are kept: raw frames first, records last, and those only
     /// for the budget: the history is not given up for what others write.
     fn make_room(&mut self) {
+        if !self.is_held() {
+            // Files of these names in another folder are not ours.
+            return;
+        }
         let mut free = self.disk.free_bytes(&self.folder).ok();
         let too_little = |free: Option<u64>, least: u64| free.is_some_and(|free| free < least);
         let mut stays = BTreeSet::new();
@@ -593,7 +608,7 @@ fn became_link() -> io::Error {
 
 /// The folder, made if need be and locked; `None` if another process has it.
 fn hold(folder: &Path) -> io::Result<Option<File>> {
-    fs::create_dir_all(folder)?;
+    create_folder(folder)?;
     let lock = File::open(folder)?;
     match lock.try_lock() {
         Ok(()) => Ok(Some(lock)),

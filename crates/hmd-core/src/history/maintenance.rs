@@ -9,7 +9,7 @@ use crate::sensor_checks::Suspect;
 use crate::sensor_health::SensorQuantity;
 
 /// One event.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Event {
     /// When, UTC ns.
@@ -27,7 +27,7 @@ pub struct Event {
 }
 
 /// What happened.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum EventKind {
     /// The unit, or a part of it, was replaced or overhauled: what was known of its wear is void.
@@ -37,7 +37,7 @@ pub enum EventKind {
 }
 
 /// What is replaced of a unit in one piece.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ReplacedPart {
     /// Motor with its windings, rotor and bearings.
@@ -145,6 +145,20 @@ pub struct Events {
     pub unfinished: Vec<usize>,
     /// Lines that are no event.
     pub unreadable: Vec<UnreadableLine>,
+    /// Lines of both kinds beyond [`Events::BAD_LINES_MAX`].
+    pub more_bad_lines: u64,
+}
+
+impl Events {
+    /// Most lines that were never finished or are no event that are listed; the others are counted.
+    pub const BAD_LINES_MAX: usize = 100;
+
+    /// Whether one more bad line is listed; counts it if not.
+    pub fn takes_bad_line(&mut self) -> bool {
+        let takes = self.unfinished.len() + self.unreadable.len() < Self::BAD_LINES_MAX;
+        self.more_bad_lines += u64::from(!takes);
+        takes
+    }
 }
 
 /// A line of the file that is no event; its text says so.

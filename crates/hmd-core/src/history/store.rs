@@ -1,12 +1,15 @@
 //! The histories of all actuators, and the maintenance events that reset them.
 
-use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
 
 use super::maintenance::{Event, EventKind, Events, ReplacedPart};
 use super::{ResumedState, UnitHistory};
 use crate::config::{ActuatorConfig, Config};
+use crate::counted::counted;
 use crate::health::LevelsError;
 
 /// The unit histories of a run. At most one for each of 16 actuators on each of 64 interfaces.
@@ -70,17 +73,27 @@ impl HistoryStore {
         for bad in events.unreadable.iter().filter(|bad| !reported.contains(bad)) {
             self.notices.push(bad.to_string());
         }
+        if events.more_bad_lines > self.events.more_bad_lines {
+            let more = counted(events.more_bad_lines, "more line", "more lines");
+            self.notices.push(format!(
+                "rul.events: {more} never finished or no event, ignored; correct the file"
+            ));
+        }
         let of_nobody = |event: &&Event| self.config.actuator_named(&event.actuator).is_none();
-        let reported: Vec<&Event> = self.events.list.iter().filter(of_nobody).collect();
-        for event in events
-            .list
-            .iter()
-            .filter(of_nobody)
-            .filter(|event| !reported.contains(event))
-        {
+        let reported: BTreeSet<&Event> = self.events.list.iter().filter(of_nobody).collect();
+        let new = events.list.iter().filter(of_nobody);
+        let mut new = new.filter(|event| !reported.contains(event));
+        for event in new.by_ref().take(UNKNOWN_REPORTED_MAX) {
             let name = &event.actuator;
             self.notices.push(format!(
                 "rul.events: expected an actuator of this configuration, found {name:?}; that event is ignored"
+            ));
+        }
+        let more = new.count();
+        if more > 0 {
+            let more = counted(more as u64, "more event", "more events");
+            self.notices.push(format!(
+                "rul.events: {more} of actuators that are not in this configuration, ignored"
             ));
         }
         self.events = events;
@@ -93,34 +106,39 @@ impl HistoryStore {
             .histories
             .get(&actuator.name)
             .or_else(|| self.restored.get(&actuator.name));
-        known.is_some_and(|history| {
-            let (come, followed) = counts_of_unit(&self.events.list, &actuator.name, history, t_ns);
-            come > followed
-        })
+        known.is_some_and(|history| !new_resets(&self.events.list, &actuator.name, None, history, t_ns).is_empty())
     }
 
-    /// The history of an actuator at the time of a window, reset first by the maintenance events up to then.
+    /// The history of an actuator at the time of a window, reset first by the maintenance events up to then. One that begins with this window
+    /// has nothing that they could reset.
     ///
     /// # Errors
     /// Levels that contradict each other.
     pub fn history_at(&mut self, actuator: &ActuatorConfig, t_ns: u64) -> Result<&mut UnitHistory, LevelsError> {
         let (config, serial_number) = (&self.config, &actuator.serial_number);
+        let all = FollowedEvents::until(t_ns, &self.events.list, &actuator.name);
         let history = match self.histories.entry(actuator.name.clone()) {
             Entry::Occupied(known) => known.into_mut(),
-            Entry::Vacant(new) => new.insert(match self.restored.remove(&actuator.name) {
-                Some(history) => history.resumed(config, serial_number.clone())?,
-                None => UnitHistory::new(config, serial_number.clone())?,
-            }),
+            Entry::Vacant(new) => {
+                let history = match self.restored.remove(&actuator.name) {
+                    Some(history) => history.resumed(config, serial_number.clone())?,
+                    None => UnitHistory::new(config, serial_number.clone())?,
+                };
+                let history = new.insert(history);
+                if history.last.is_none() {
+                    history.followed = Some(all.clone());
+                }
+                history
+            }
         };
-        let of = |part: Option<ReplacedPart>| resets(&self.events.list, &actuator.name, part, t_ns);
-        let of_parts = ReplacedPart::ALL.map(|part| of(Some(part)).count() as u64);
-        let (count, followed) = counts_of_unit(&self.events.list, &actuator.name, history, t_ns);
-        history.events_followed = Some(followed);
-        if let Some(newest) = of(None).max_by_key(|event| event.t_ns).filter(|_| count > followed) {
+        let new = |part, history: &UnitHistory| new_resets(&self.events.list, &actuator.name, part, history, t_ns);
+        let of_unit = new(None, history);
+        let of_parts = ReplacedPart::ALL.map(|part| new(Some(part), history));
+        history.followed.get_or_insert_default().add(all);
+        if let Some(newest) = of_unit.into_iter().max_by_key(|event| event.t_ns) {
             *history = UnitHistory {
                 begun_ns: newest.t_ns,
-                events_followed: Some(count),
-                parts_followed: of_parts,
+                followed: history.followed.take(),
                 last: history.last.map(|last| last.not_before(newest.t_ns)),
                 ..UnitHistory::new(config, serial_number.clone())?
             };
@@ -131,13 +149,10 @@ impl HistoryStore {
                 noted(newest)
             );
             self.notices.push(notice);
+            return Ok(history);
         }
-        for (n, part) in ReplacedPart::ALL.into_iter().enumerate() {
-            if let Some(newest) = of(Some(part))
-                .next_back()
-                .filter(|_| of_parts[n] > history.parts_followed[n])
-            {
-                history.parts_followed[n] = of_parts[n];
+        for (part, new) in ReplacedPart::ALL.into_iter().zip(of_parts) {
+            if let Some(newest) = new.last() {
                 history.replace(part, newest.t_ns);
                 let faults: Vec<&str> = part.faults().iter().map(|fault| fault.plain_name()).collect();
                 let notice = format!(
@@ -175,6 +190,9 @@ impl HistoryStore {
     }
 }
 
+/// Most events of unknown actuators that are reported one by one at a time; the others are counted.
+const UNKNOWN_REPORTED_MAX: usize = 100;
+
 /// Replacements of the unit of an actuator (`None`) or of a part of it, up to a time.
 fn resets<'a>(
     events: &'a [Event],
@@ -188,12 +206,60 @@ fn resets<'a>(
     events.iter().filter(is_meant)
 }
 
-/// Replacements of the unit of an actuator up to a time, and how many of them its history has followed. The file only grows, so that one
-/// more is a new one, whatever its time.
-fn counts_of_unit(events: &[Event], actuator: &str, history: &UnitHistory, until_ns: u64) -> (u64, u64) {
-    let count = |until_ns: u64| resets(events, actuator, None, until_ns).count() as u64;
-    let before = || count(history.begun_ns.min(until_ns));
-    (count(until_ns), history.events_followed.unwrap_or_else(before))
+/// Those of [`resets`] that a history has not followed yet, in the order of time.
+fn new_resets<'a>(
+    events: &'a [Event],
+    actuator: &'a str,
+    part: Option<ReplacedPart>,
+    history: &UnitHistory,
+    until_ns: u64,
+) -> Vec<&'a Event> {
+    let has_followed = |nth: usize, event: &Event| match (&history.followed, part) {
+        (Some(followed), part) => followed.of(part).contains(&event.t_ns),
+        // Of an older file it is known how many were followed: as many.
+        (None, Some(part)) => (nth as u64) < history.parts_followed[part as usize],
+        (None, None) => match history.events_followed {
+            Some(count) => (nth as u64) < count,
+            None => event.t_ns <= history.begun_ns,
+        },
+    };
+    let all = resets(events, actuator, part, until_ns).enumerate();
+    all.filter(|(nth, event)| !has_followed(*nth, event))
+        .map(|(_, event)| event)
+        .collect()
+}
+
+/// Times of the maintenance events that a history has followed, UTC ns. They are remembered one by one: an event that is added later may have
+/// an earlier time, where a clock was wrong, and the file may lose lines or be another one.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct FollowedEvents {
+    unit: BTreeSet<u64>,
+    parts: [BTreeSet<u64>; ReplacedPart::COUNT],
+}
+
+impl FollowedEvents {
+    /// All events of an actuator up to a time.
+    fn until(until_ns: u64, events: &[Event], actuator: &str) -> Self {
+        let times = |part| {
+            let all = resets(events, actuator, part, until_ns);
+            all.map(|event| event.t_ns).collect()
+        };
+        Self {
+            unit: times(None),
+            parts: ReplacedPart::ALL.map(|part| times(Some(part))),
+        }
+    }
+
+    fn of(&self, part: Option<ReplacedPart>) -> &BTreeSet<u64> {
+        part.map_or(&self.unit, |part| &self.parts[part as usize])
+    }
+
+    fn add(&mut self, others: Self) {
+        self.unit.extend(others.unit);
+        for (part, others) in self.parts.iter_mut().zip(others.parts) {
+            part.extend(others);
+        }
+    }
 }
 
 /// The note of an event, behind a colon.

@@ -168,8 +168,7 @@ fn a_maintenance_event_resets_the_history_once() {
     };
     histories.set_events(Events {
         list: vec![event(405.0, "ema0"), event(605.0, "ema1")],
-        unfinished: vec![],
-        unreadable: vec![],
+        ..Events::default()
     });
     let assessments = wear_out(&mut histories, &config, 0, 100);
     assert!(assessments[40].forecast.actuator.is_ok());
@@ -228,8 +227,7 @@ fn a_replaced_part_begins_its_faults_anew_once_and_the_rest_goes_on() {
     };
     let events = |list| Events {
         list,
-        unfinished: vec![],
-        unreadable: vec![],
+        ..Events::default()
     };
     histories.set_events(events(vec![event(405.0, ReplacedPart::Controller)]));
     let assessments = wear_out(&mut histories, &config, 0, 60);
@@ -275,8 +273,7 @@ fn an_event_recorded_later_counts_even_if_it_lies_earlier() {
     let first = event(job(&config, 0, 105.0, 0.0).window.t_start_ns);
     let list = |list| Events {
         list,
-        unfinished: vec![],
-        unreadable: vec![],
+        ..Events::default()
     };
     histories.set_events(list(vec![first.clone()]));
     wear_out(&mut histories, &config, 0, 30);
@@ -285,6 +282,139 @@ fn an_event_recorded_later_counts_even_if_it_lies_earlier() {
     let assessments = wear_out(&mut histories, &config, 30, 60);
     assert!(assessments[0].forecast.actuator.is_err() && assessments[29].forecast.actuator.is_ok());
     assert_eq!(histories.take_notices().len(), 1, "once");
+}
+
+fn reset(t_ns: u64, part: Option<ReplacedPart>) -> Event {
+    Event {
+        t_ns,
+        actuator: "ema0".to_owned(),
+        event: EventKind::Reset,
+        part,
+        note: None,
+    }
+}
+
+fn events(list: &[Event]) -> Events {
+    Events {
+        list: list.to_vec(),
+        ..Events::default()
+    }
+}
+
+/// The file lost a line, was another one or none for a while: what was followed is not followed again, and what is new is.
+#[test]
+fn a_file_of_events_that_lost_lines_hides_no_new_event() {
+    let config = config("hours = \"elapsed\"");
+    let at = |hours: f64| job(&config, 0, hours, 0.0).window.t_start_ns;
+    for part in [None, Some(ReplacedPart::Gearbox)] {
+        let [first, second, third] = [105.0, 205.0, 405.0].map(|hours| reset(at(hours), part));
+        let mut histories = HistoryStore::new(config.clone());
+        histories.set_events(events(&[first.clone(), second.clone()]));
+        wear_out(&mut histories, &config, 0, 30);
+        assert_eq!(histories.take_notices().len(), 2);
+        for list in [&[][..], &[first.clone(), second.clone()], std::slice::from_ref(&second)] {
+            histories.set_events(events(list));
+            let actuator = config.actuator_named("ema0").expect("watched");
+            assert!(!histories.is_replaced(actuator, at(300.0)));
+            wear_out(&mut histories, &config, 30, 32);
+            assert!(histories.take_notices().is_empty());
+        }
+        let mut again = HistoryStore::new(config.clone());
+        again.restore("ema0", stored(&histories));
+        again.set_events(events(&[second, third]));
+        let assessments = wear_out(&mut again, &config, 32, 60);
+        let replaced = assessments.iter().position(|one| !one.replaced.is_empty());
+        assert_eq!((replaced, again.take_notices().len()), (Some(9), 1));
+    }
+}
+
+/// Files before this form had the number of events alone.
+#[test]
+fn an_older_file_has_followed_as_many_events_as_it_says() {
+    let config = config("hours = \"elapsed\"");
+    let at = |hours: f64| job(&config, 0, hours, 0.0).window.t_start_ns;
+    let list: Vec<Event> = [105.0, 205.0]
+        .into_iter()
+        .flat_map(|hours| [reset(at(hours), None), reset(at(hours), Some(ReplacedPart::Motor))])
+        .collect();
+    let mut histories = HistoryStore::new(config.clone());
+    wear_out(&mut histories, &config, 0, 30);
+    let mut history = serde_json::to_value(stored(&histories)).expect("numbers");
+    let fields = history.as_object_mut().expect("fields");
+    fields.remove("followed");
+    for (unit, parts, replaced) in [(2, 2, ""), (1, 2, "unit"), (2, 1, "motor")] {
+        let mut older = history.clone();
+        let fields = older.as_object_mut().expect("fields");
+        fields.insert("events_followed".to_owned(), unit.into());
+        fields.insert("parts_followed".to_owned(), vec![parts, 0, 0].into());
+        let mut again = HistoryStore::new(config.clone());
+        again.restore("ema0", serde_json::from_value(older).expect("a history"));
+        again.set_events(events(&list));
+        let assessments = wear_out(&mut again, &config, 30, 33);
+        assert_eq!(assessments[0].replaced, replaced);
+        assert!(assessments[1..].iter().all(|one| one.replaced.is_empty()));
+    }
+}
+
+#[test]
+fn a_history_that_begins_has_followed_all_events_before_without_a_word() {
+    let config = config("hours = \"elapsed\"");
+    let at = |hours: f64| job(&config, 0, hours, 0.0).window.t_start_ns;
+    let old = [reset(at(5.0), None), reset(at(6.0), Some(ReplacedPart::Motor))];
+    let mut histories = HistoryStore::new(config.clone());
+    histories.set_events(events(&old));
+    let assessments = wear_out(&mut histories, &config, 1, 10);
+    assert!(assessments.iter().all(|one| one.replaced.is_empty()));
+    assert!(histories.take_notices().is_empty());
+    histories.set_events(events(&[&old[..], &[reset(at(100.0), None)]].concat()));
+    assert_eq!(wear_out(&mut histories, &config, 11, 12)[0].replaced, "unit");
+}
+
+#[test]
+fn elapsed_hours_do_not_jump_with_the_clock() {
+    let config = config("hours = \"elapsed\"");
+    let mut history = UnitHistory::new(&config, None).expect("levels");
+    let mut hours = |number, t_start_ns| {
+        let mut job = job(&config, number, 0.0, 0.0);
+        job.window.t_start_ns = t_start_ns;
+        history
+            .update(&job, &evidence(None, &Fit::default()), &config)
+            .used
+            .hours
+    };
+    let begun = 1_700_000_000_000_000_000;
+    // A clock without a battery, which is set after the second window.
+    let shown = [
+        3 * HOUR_NS,
+        4 * HOUR_NS,
+        begun,
+        begun + HOUR_NS,
+        5 * HOUR_NS,
+        begun + 3 * HOUR_NS,
+    ];
+    for ((number, t_start_ns), expected) in (0..).zip(shown).zip([0.0, 1.0, 1.0, 2.0, 2.0, 4.0]) {
+        let hours = hours(number, t_start_ns);
+        assert!((hours - expected).abs() < 1e-9, "window {number}: {hours} h");
+    }
+}
+
+#[test]
+fn many_bad_lines_and_events_of_nobody_are_counted() {
+    let mut histories = HistoryStore::new(config(""));
+    let of_nobody: Vec<Event> = (0..1000)
+        .map(|t_ns| Event {
+            actuator: "nobody".to_owned(),
+            ..reset(t_ns, None)
+        })
+        .collect();
+    let all = Events {
+        more_bad_lines: 7,
+        ..events(&of_nobody)
+    };
+    for expected in [102, 0] {
+        histories.set_events(all.clone());
+        assert_eq!(histories.take_notices().len(), expected);
+    }
 }
 
 /// The history of `ema0`, written and read again.

@@ -180,12 +180,18 @@ impl<R: Read + Seek> McapMessages<R> {
         }
     }
 
-    /// Serial number of an actuator by the metadata of its recording, where a checksum vouches for them; known from the first message on.
+    /// Serial number of an actuator by the newest metadata of its recording that a checksum vouches for; known from the first message on.
     pub fn serial_number(&self, actuator: &str) -> Option<&str> {
-        let metadata = self
-            .metadata(METADATA_NAME)
-            .filter(|metadata| is_sealed(METADATA_NAME, metadata))?;
-        metadata.get(&format!("{actuator}.serial_number")).map(String::as_str)
+        let mut ours = self
+            .metadata
+            .iter()
+            .rev()
+            .filter(|metadata| metadata.name == METADATA_NAME);
+        let newest = ours.find(|metadata| is_sealed(METADATA_NAME, &metadata.content))?;
+        newest
+            .content
+            .get(&format!("{actuator}.serial_number"))
+            .map(String::as_str)
     }
 
     /// Bytes that the chunks so far were expanded to.

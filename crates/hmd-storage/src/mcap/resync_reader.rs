@@ -96,8 +96,12 @@ impl<R: Read + Seek> ResyncReader<R> {
             length,
             at: 0,
             searching: false,
-            search_bytes_left: length.saturating_mul(SEARCH_FACTOR) + RECORD_BYTES_MAX as u64,
-            expand_bytes_left: length.saturating_mul(EXPANSION_MAX) + 2 * RECORD_BYTES_MAX as u64,
+            search_bytes_left: length
+                .saturating_mul(SEARCH_FACTOR)
+                .saturating_add(RECORD_BYTES_MAX as u64),
+            expand_bytes_left: length
+                .saturating_mul(EXPANSION_MAX)
+                .saturating_add(2 * RECORD_BYTES_MAX as u64),
             expanded_bytes: 0,
             sum: Some(Hasher::new()),
             ended: false,

@@ -31,6 +31,8 @@ pub(super) fn read_summary<R: Read + Seek>(input: &mut R) -> io::Result<Option<C
     input.seek(SeekFrom::Start(start - DATA_END))?;
     let options = LinearReaderOptions::default()
         .with_skip_start_magic(true)
+        // A chunk there is not expanded: it has no limit, and nothing in it is wanted.
+        .with_emit_chunks(true)
         .with_validate_summary_section_crc(true)
         .with_record_length_limit(RECORD_BYTES_MAX);
     let mut reader = LinearReader::new_with_options(options);

@@ -4,7 +4,8 @@
 //! is neither locked nor changed, and it is read on under whatever name it gets when it is closed.
 
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{self, Read, Seek};
+use std::os::unix::fs::FileExt;
 use std::path::Path;
 use std::time::SystemTime;
 
@@ -38,7 +39,7 @@ pub enum TailError {
 #[derive(Debug)]
 pub struct McapTail {
     name: String,
-    /// For lengths and heads of records; the messages have a handle of their own.
+    /// For lengths and heads of records, read by their places; its position is that of the messages.
     file: File,
     /// As far as whole records go.
     whole: u64,
@@ -58,18 +59,17 @@ impl McapTail {
             file: name.clone(),
             source,
         };
-        let mut file = open_regular(path).map_err(io)?;
+        let file = open_regular(path).map_err(io)?;
         let mut start = Vec::new();
         let magic = mcap::MAGIC;
-        (&mut file)
-            .take(magic.len() as u64)
-            .read_to_end(&mut start)
-            .map_err(io)?;
+        (&file).take(magic.len() as u64).read_to_end(&mut start).map_err(io)?;
         if start.is_empty() || !magic.starts_with(&start) {
             return Err(TailError::Foreign { file: name });
         }
-        let is_complete = ends_in_magic(&mut file).map_err(io)?;
-        let input = open_regular(path).map_err(io)?;
+        let is_complete = ends_in_magic(&file).map_err(io)?;
+        // The same file, whatever has its name by now.
+        let mut input = file.try_clone().map_err(io)?;
+        input.rewind().map_err(io)?;
         let messages = if is_complete {
             // With its summary, which replaces damaged definitions.
             McapMessages::new(input, &name).map_err(io)?
@@ -110,7 +110,7 @@ impl McapTail {
     /// When the file cannot be read.
     pub fn share_read(&self) -> Result<f64, TailError> {
         let length = self.length().map_err(|source| self.error(source))?;
-        Ok(self.messages.position() as f64 / length.max(1) as f64)
+        Ok((self.messages.position() as f64 / length.max(1) as f64).min(1.0))
     }
 
     /// Place up to which records were read, bytes.
@@ -141,9 +141,9 @@ impl McapTail {
 
     /// How far may be read now.
     fn reach(&mut self, last: bool) -> io::Result<u64> {
+        // Lengths are unreliable in a damaged file, but nothing is written behind the last magic: once that is there, the length is final.
+        self.is_complete = ends_in_magic(&self.file)?;
         let length = self.length()?;
-        // Lengths are unreliable in a damaged file, but nothing is written behind the last magic.
-        self.is_complete = ends_in_magic(&mut self.file)?;
         self.whole = self.whole_records(length)?;
         Ok(if last || self.is_complete { length } else { self.whole })
     }
@@ -158,10 +158,10 @@ impl McapTail {
             }
             at = magic;
         }
-        while length - at >= resync_reader::HEAD {
+        // A file that became shorter has nothing new.
+        while length.saturating_sub(at) >= resync_reader::HEAD {
             let mut head = [0; resync_reader::HEAD as usize];
-            self.file.seek(SeekFrom::Start(at))?;
-            self.file.read_exact(&mut head)?;
+            self.file.read_exact_at(&mut head, at)?;
             if !resync_reader::is_opcode(head[0]) || resync_reader::length_of(&head) > RECORD_BYTES_MAX as u64 {
                 return Ok(length);
             }
@@ -190,14 +190,14 @@ impl Iterator for McapTail {
 }
 
 /// Whether it does, and has something before that.
-fn ends_in_magic(file: &mut File) -> io::Result<bool> {
+fn ends_in_magic(file: &File) -> io::Result<bool> {
     let mut end = [0; mcap::MAGIC.len()];
     let length = file.metadata()?.len();
     if length <= end.len() as u64 {
         return Ok(false);
     }
-    file.seek(SeekFrom::Start(length - end.len() as u64))?;
-    file.read_exact(&mut end)?;
+    let at = length - end.len() as u64;
+    file.read_exact_at(&mut end, at)?;
     Ok(end == mcap::MAGIC)
 }
 
@@ -246,6 +246,26 @@ mod tests {
             assert_eq!(found, [0, 1, 2, 3, 4], "pieces of {piece} bytes");
             assert!(tail.is_complete());
             assert!(times(&mut tail, true).is_empty(), "no complaint behind the footer");
+        }
+    }
+
+    #[test]
+    fn a_file_that_becomes_shorter_gives_no_more() {
+        let whole = file(5);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        fs::write(&path, &whole[..whole.len() - 50]).unwrap();
+        let mut tail = McapTail::open(&path).unwrap();
+        assert_eq!(times(&mut tail, false), [0, 1, 2, 3, 4]);
+        for length in [whole.len() as u64 / 2, 0] {
+            File::options()
+                .write(true)
+                .open(&path)
+                .unwrap()
+                .set_len(length)
+                .unwrap();
+            assert!(times(&mut tail, false).is_empty());
+            assert!(tail.share_read().unwrap() >= 1.0);
         }
     }
 

@@ -1,5 +1,6 @@
 use super::*;
 use crate::mcap_writer::{METADATA_NAME, McapWriter, ROUND_FRAMES};
+use ::mcap::records::op;
 use ema_models::FaultId;
 use hmd_core::frame::FrameFlags;
 use hmd_core::record::{
@@ -132,6 +133,127 @@ fn frames_of_all_buses_come_back_in_their_order() {
     // More than two rounds in one window.
     let frames = frames(3 * ROUND_FRAMES as u64 / 2 * 3);
     assert_eq!(read(&record(&frames, frames.len(), true)), (frames, Vec::new()));
+}
+
+/// A record of the format.
+fn bytes_of_record(opcode: u8, content: &[u8]) -> Vec<u8> {
+    [&[opcode], &(content.len() as u64).to_le_bytes()[..], content].concat()
+}
+
+/// 193 bytes that ended every reader, and the daemon at each start: the crate expanded the chunk and subtracted with overflow.
+#[test]
+fn a_chunk_in_the_summary_is_not_expanded() {
+    let inner = [5];
+    let chunk = [
+        &[0; 16][..],
+        &1_u64.to_le_bytes(),
+        &5_u32.to_le_bytes(),
+        &0_u32.to_le_bytes(),
+        &1_u64.to_le_bytes(),
+        &inner,
+    ]
+    .concat();
+    let header = [&0_u32.to_le_bytes()[..], &9_u32.to_le_bytes(), b"hmd/0.1.0"].concat();
+    let data = [
+        ::mcap::MAGIC,
+        &bytes_of_record(op::HEADER, &header),
+        &bytes_of_record(op::DATA_END, &[0; 4]),
+    ]
+    .concat();
+    let footer = [
+        &(data.len() as u64).to_le_bytes()[..],
+        &[0; 8],
+        &0x1234_u32.to_le_bytes(),
+    ]
+    .concat();
+    let file = [
+        data.as_slice(),
+        &bytes_of_record(op::CHUNK, &chunk),
+        &bytes_of_record(op::STATISTICS, &[]),
+        &bytes_of_record(op::STATISTICS, &[0; 30]),
+        &bytes_of_record(op::FOOTER, &footer),
+        ::mcap::MAGIC,
+    ]
+    .concat();
+    let (frames, _) = read(&file);
+    assert!(frames.is_empty());
+}
+
+/// A file of another program may count as it likes.
+#[test]
+fn the_sum_of_missing_frames_does_not_overflow() {
+    let mut writer = ::mcap::Writer::new(Cursor::new(Vec::new())).unwrap();
+    let schema = writer.add_schema(RawBatch::SCHEMA_NAME, "protobuf", &[]).unwrap();
+    let channel_id = writer
+        .add_channel(schema, "/bus/can0/raw", "protobuf", &BTreeMap::new())
+        .unwrap();
+    let frame = RawFrame::new(0, 0, 1, FrameFlags::NONE, &[]).unwrap();
+    for n in 0..131_300_u64 {
+        let mut batch = RawBatch::pack("can0", n + 1, &[((n % 2) << 48, &frame)]);
+        batch.first_stamp_ns = n + 1;
+        let header = ::mcap::records::MessageHeader {
+            channel_id,
+            sequence: n as u32,
+            log_time: n,
+            publish_time: n,
+        };
+        writer.write_to_known_channel(&header, &batch.encode_to_vec()).unwrap();
+    }
+    writer.finish().unwrap();
+    let file = writer.into_inner();
+    let counted = crate::recover::count_frames(file, "a.mcap").unwrap();
+    assert_eq!(counted, (131_300, u64::MAX));
+}
+
+#[test]
+fn damage_in_the_middle_of_a_round_costs_no_frame_behind_it() {
+    let mut writer = ::mcap::Writer::new(Cursor::new(Vec::new())).unwrap();
+    let schema = writer.add_schema(RawBatch::SCHEMA_NAME, "protobuf", &[]).unwrap();
+    let frames: Vec<RawFrame> = (1..5)
+        .map(|n| RawFrame::new(n, 0, n as u32, FrameFlags::NONE, &[]).unwrap())
+        .collect();
+    for (sequence, interface) in (0..).zip(["can0", "can1"]) {
+        let topic = format!("/bus/{interface}/raw");
+        let channel_id = writer
+            .add_channel(schema, &topic, "protobuf", &BTreeMap::new())
+            .unwrap();
+        let [first, second] = [0, 2].map(|n| n + sequence as usize);
+        let frames = [(first as u64, &frames[first]), (second as u64, &frames[second])];
+        let batch = RawBatch::pack(interface, 1, &frames);
+        let header = ::mcap::records::MessageHeader {
+            channel_id,
+            sequence,
+            log_time: 1,
+            publish_time: 1,
+        };
+        writer.write_to_known_channel(&header, &batch.encode_to_vec()).unwrap();
+        writer.flush().unwrap();
+    }
+    writer.finish().unwrap();
+    let file = writer.into_inner().into_inner();
+    let at = chunks(&file)[0].1;
+    let bad = [&file[..at], &bytes_of_record(op::METADATA, &[9; 9]), &file[at..]].concat();
+    let (read, losses) = read(&bad);
+    let ids: Vec<u32> = read.iter().map(RawFrame::id).collect();
+    assert_eq!(ids, [1, 2, 3, 4], "{losses:?}");
+    assert!(matches!(losses[0].fault, McapFault::Metadata { .. }), "{losses:?}");
+}
+
+/// A later record of the same name, as damage may leave one, does not hide the one with a checksum.
+#[test]
+fn the_serial_number_is_that_of_the_newest_metadata_with_a_checksum() {
+    let metadata = BTreeMap::from([("ema0.serial_number".to_owned(), "S1".to_owned())]);
+    let mut writer = McapWriter::new(Cursor::new(Vec::new()), &metadata).unwrap();
+    writer.write(0, &Log::new(0, LogLevel::Info, "hmd", "done")).unwrap();
+    let file = writer.finish().unwrap().0.into_inner();
+    let name = METADATA_NAME.as_bytes();
+    let other = [&(name.len() as u32).to_le_bytes()[..], name, &0_u32.to_le_bytes()].concat();
+    let at = data_end(&file);
+    let file = [&file[..at], &bytes_of_record(op::METADATA, &other), &file[at..]].concat();
+    let mut messages = McapMessages::new(Cursor::new(file), "a.mcap").unwrap();
+    assert_eq!(messages.by_ref().filter(Result::is_ok).count(), 1);
+    assert_eq!(messages.metadata(METADATA_NAME), Some(&BTreeMap::new()));
+    assert_eq!(messages.serial_number("ema0"), Some("S1"));
 }
 
 #[test]

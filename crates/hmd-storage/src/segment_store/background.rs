@@ -36,6 +36,15 @@ impl BackgroundRepair {
         Self { done, stop, thread }
     }
 
+    /// Ends after the segment in hand, and waits for that.
+    pub(super) fn stop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // A panic in it was reported by itself; the segment is left to the next start.
+            let _ = thread.join();
+        }
+    }
+
     /// What was repaired since the last call.
     pub(super) fn take(&self) -> Vec<(Name, Found)> {
         self.done.try_iter().collect()
@@ -44,11 +53,7 @@ impl BackgroundRepair {
 
 impl Drop for BackgroundRepair {
     fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            // A panic in it was reported by itself; the segment is left to the next start.
-            let _ = thread.join();
-        }
+        self.stop();
     }
 }
 
@@ -80,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn dropped_it_ends_the_segment_in_hand_and_leaves_the_others() {
+    fn stopped_it_ends_the_segment_in_hand_and_leaves_the_others() {
         let folder = tempfile::tempdir().unwrap();
         let names: Vec<Name> = (1..4)
             .map(|number| Name {
@@ -93,13 +98,15 @@ mod tests {
             std::fs::write(folder.path().join(name.to_string()), cut_segment()).unwrap();
         }
         let disk = Arc::new(SlowDisk::default());
-        let repair = BackgroundRepair::begin(folder.path().to_owned(), names.clone(), disk.clone());
+        let mut repair = BackgroundRepair::begin(folder.path().to_owned(), names.clone(), disk.clone());
         let begun = Instant::now();
         while !disk.0.load(Ordering::Relaxed) {
             assert!(begun.elapsed() < Duration::from_secs(60));
             thread::yield_now();
         }
-        drop(repair);
+        repair.stop();
+        let done: Vec<Name> = repair.take().into_iter().map(|(name, _)| name).collect();
+        assert_eq!(done, names[..1], "its report is not lost");
         let exists = |name: &Name, stage| folder.path().join(name.with_stage(stage).to_string()).exists();
         let state = |name: &Name| [Stage::Open, Stage::Repair, Stage::Closed].map(|stage| exists(name, stage));
         assert_eq!(state(&names[0]), [false, false, true], "repaired");

@@ -103,16 +103,35 @@ impl fmt::Display for Name {
 /// Whether a regular file begins as a segment does. One that was cut within that beginning is not: nothing
 /// in it identifies it.
 pub(super) fn is_segment(path: &Path) -> io::Result<bool> {
-    let mut expected = mcap::MAGIC.to_vec();
-    expected.push(mcap::records::op::HEADER);
-    // The length of the header record depends on the version that wrote it; the profile comes first in it.
-    let profile_at = expected.len() + 8;
-    let mut profile = (PROFILE.len() as u32).to_le_bytes().to_vec();
-    profile.extend(PROFILE.as_bytes());
+    let start = start_of(path)?;
+    Ok(start.len() == START_BYTES && is_start(&start))
+}
+
+/// Whether a regular file may be a segment of whose beginning a power cut left a part, zeros or nothing.
+pub(super) fn has_torn_start(path: &Path) -> io::Result<bool> {
+    let start = start_of(path)?;
+    let is_cut = start.len() < START_BYTES && is_start(&start);
+    Ok(is_cut || start.iter().all(|byte| *byte == 0))
+}
+
+/// Place of the profile: first in the header, behind the magic, the header's opcode and its length, which depends on the version that
+/// wrote it.
+const PROFILE_AT: usize = mcap::MAGIC.len() + 1 + 8;
+/// Bytes that identify a segment: as far as the end of the profile.
+const START_BYTES: usize = PROFILE_AT + 4 + PROFILE.len();
+
+fn start_of(path: &Path) -> io::Result<Vec<u8>> {
     let mut start = Vec::new();
-    let most = (profile_at + profile.len()) as u64;
-    open_regular(path)?.take(most).read_to_end(&mut start)?;
-    Ok(start.starts_with(&expected) && start.get(profile_at..) == Some(&profile))
+    open_regular(path)?.take(START_BYTES as u64).read_to_end(&mut start)?;
+    Ok(start)
+}
+
+/// Whether these bytes, at most [`START_BYTES`], are how a segment begins.
+fn is_start(start: &[u8]) -> bool {
+    let magic = [mcap::MAGIC, &[mcap::records::op::HEADER]].concat();
+    let profile = [&(PROFILE.len() as u32).to_le_bytes()[..], PROFILE.as_bytes()].concat();
+    let (head, rest) = start.split_at(start.len().min(magic.len()));
+    magic.starts_with(head) && profile.starts_with(rest.get(8..).unwrap_or_default())
 }
 
 #[cfg(test)]
@@ -160,7 +179,14 @@ mod tests {
         let header = mcap::MAGIC.len() + 9 + 4 + PROFILE.len();
         for length in 0..ours.len() {
             assert_eq!(is(&ours[..length]), length >= header, "{length} bytes");
+            assert_eq!(has_torn_start(&path).unwrap(), length < header, "{length} bytes");
         }
+        let is_torn = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).unwrap();
+            has_torn_start(&path).unwrap()
+        };
+        assert!(is_torn(&[0; 4096]) && is_torn(&[0; 3]));
+        assert!(!is_torn(b"a letter") && !is_torn(&[&[0; 20], &b"a letter"[..]].concat()));
         let other = crate::mcap_writer::McapWriter::new(io::Cursor::new(Vec::new()), &Default::default()).unwrap();
         assert!(!is(&other.finish().unwrap().0.into_inner()));
         assert!(!is(b"a letter"));

@@ -9,7 +9,7 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use super::disk::{Disk, rename};
-use super::name::{NUMBER_MAX, Name, PROFILE, Stage, is_segment};
+use super::name::{NUMBER_MAX, Name, PROFILE, Stage, has_torn_start, is_segment};
 use crate::mcap::McapFault;
 use crate::recover::{RecoverError, Recovered, recover_within};
 use crate::regular_file::open_regular;
@@ -63,13 +63,17 @@ pub(super) fn repair_folder(folder: &Path, disk: &dyn Disk) -> io::Result<Found>
     }
     ours.sort_unstable();
     others.sort_unstable();
-    // A power cut may leave the copy empty; beside its source it counts as a segment.
-    let (empty, others): (Vec<_>, Vec<_>) = others.into_iter().partition(|name| {
-        name.stage == Stage::Repair && ours.contains(&name.with_stage(Stage::Open)) && is_empty_file(folder, *name)
+    // A power cut may leave the copy without its beginning; beside its source it counts as a segment.
+    let (torn, others): (Vec<_>, Vec<_>) = others.into_iter().partition(|name| {
+        let path = folder.join(name.to_string());
+        name.stage == Stage::Repair
+            && ours.contains(&name.with_stage(Stage::Open))
+            && !path.is_symlink()
+            && has_torn_start(&path).unwrap_or(false)
     });
     found.report_foreign(&others);
     let at = |stage| ours.iter().copied().filter(move |name| name.stage == stage);
-    for name in at(Stage::Repair).chain(empty) {
+    for name in at(Stage::Repair).chain(torn) {
         // A repair that was itself cut; its source is still there.
         found.remove(folder, name, disk);
     }
@@ -95,20 +99,24 @@ pub(super) fn repair_folder(folder: &Path, disk: &dyn Disk) -> io::Result<Found>
 /// Repairs one cut segment that [`repair_folder`] left.
 pub(super) fn repair_one(folder: &Path, name: Name, disk: &dyn Disk) -> Found {
     let mut found = Found::within(None);
-    found.mend(folder, name, disk);
+    // It may have been deleted for room meanwhile.
+    if folder.join(name.to_string()).exists() {
+        found.mend(folder, name, disk);
+    }
     if let Err(cause) = found.thin_out_damaged(folder, disk) {
         found.report(LogLevel::Error, &format!("damaged segments cannot be listed: {cause}"));
     }
     found
 }
 
-fn size_of(folder: &Path, name: Name) -> u64 {
-    fs::metadata(folder.join(name.to_string())).map_or(0, |about| about.len())
+/// Whether a cut segment was repaired, and only what becomes of it is left to do.
+fn has_copy(folder: &Path, name: Name) -> bool {
+    let closed = folder.join(name.with_stage(Stage::Closed).to_string());
+    is_segment(&closed).unwrap_or(false)
 }
 
-fn is_empty_file(folder: &Path, name: Name) -> bool {
-    let about = fs::symlink_metadata(folder.join(name.to_string()));
-    about.is_ok_and(|about| about.is_file() && about.len() == 0)
+fn size_of(folder: &Path, name: Name) -> u64 {
+    fs::metadata(folder.join(name.to_string())).map_or(0, |about| about.len())
 }
 
 impl Found {
@@ -123,8 +131,11 @@ impl Found {
     }
 
     fn postpone(&mut self, folder: &Path, name: Name) {
-        self.add(folder, name);
         self.pending.push(name);
+        // One that has its copy is counted by that.
+        if !has_copy(folder, name) {
+            self.add(folder, name);
+        }
     }
 
     fn report(&mut self, level: LogLevel, text: &str) {
@@ -155,14 +166,15 @@ impl Found {
 
     /// What cannot be removed is not counted: the closed one of the same number is, and the next start tries again.
     fn remove(&mut self, folder: &Path, name: Name, disk: &dyn Disk) {
-        if let Err(cause) = disk.remove(&folder.join(name.to_string())) {
+        if let Err(cause) = disk.remove(&folder.join(name.to_string()))
+            && cause.kind() != io::ErrorKind::NotFound
+        {
             self.report(LogLevel::Error, &format!("{name} cannot be removed: {cause}"));
         }
     }
 
     fn mend(&mut self, folder: &Path, name: Name, disk: &dyn Disk) {
-        let closed = folder.join(name.with_stage(Stage::Closed).to_string());
-        if is_segment(&closed).unwrap_or(false) {
+        if has_copy(folder, name) {
             // Repaired and renamed; only what becomes of the source was cut.
             self.settle(folder, name, disk);
         } else {
@@ -195,8 +207,9 @@ impl Found {
                 self.dispose(folder, name, is_spent, disk);
             }
             Err(cause) => {
-                // It may be repaired by the next start, or by hand.
-                self.add(folder, name);
+                // It may be repaired by the next start, or by hand; its copy may be there, and not safe yet.
+                let closed = name.with_stage(Stage::Closed);
+                self.add(folder, if has_copy(folder, name) { closed } else { name });
                 self.report(
                     LogLevel::Error,
                     &format!("{name} was cut and cannot be repaired: {cause}"),
@@ -221,7 +234,7 @@ impl Found {
         let copied = copied(folder, name, io::empty(), self.expand_bytes_left);
         copied.iter().for_each(|copied| self.account(copied));
         match copied {
-            Ok(copied) if copied.is_postponed => self.pending.push(name),
+            Ok(copied) if copied.is_postponed => self.postpone(folder, name),
             Ok(copied) => self.dispose(folder, name, copied.is_source_spent, disk),
             Err(cause) => {
                 let text = format!("{name} was repaired and cannot be read again: {cause}");
@@ -238,6 +251,8 @@ impl Found {
         let aside = name.with_stage(Stage::Damaged);
         match rename(disk, folder, name, aside) {
             Ok(()) => self.report(LogLevel::Error, &format!("{name} was damaged, and is kept as {aside}")),
+            // It was deleted for room meanwhile.
+            Err(cause) if cause.kind() == io::ErrorKind::NotFound => {}
             Err(cause) => {
                 let text = format!("{name} was damaged, and cannot be kept as {aside}: {cause}; it stays");
                 self.report(LogLevel::Error, &text);
@@ -298,8 +313,11 @@ fn repaired(folder: &Path, name: Name, disk: &dyn Disk, expanded_max: Option<u64
         )
     });
     if !matches!(renamed, Some(Ok(()))) {
-        // It is ours: it was made above.
-        disk.remove(&copy).map_err(output_error)?;
+        // It is ours: it was made above. After a folder that could not be synced it has its new name.
+        match disk.remove(&copy) {
+            Err(cause) if cause.kind() != io::ErrorKind::NotFound => return Err(output_error(cause)),
+            _ => {}
+        }
     }
     renamed.transpose().map_err(output_error)?;
     copied
@@ -335,7 +353,14 @@ fn is_spent(input: &mut fs::File, report: &Recovered) -> io::Result<bool> {
         return Ok(true);
     }
     let torn_at = match report.losses.as_slice() {
-        [loss] if loss.fault == McapFault::Truncated && report.attachments_lost == 0 => loss.at_byte,
+        // Behind a length that is wrong, chunks may follow: then it is no end.
+        [loss]
+            if loss.fault == McapFault::Truncated
+                && report.attachments_lost == 0
+                && report.last_chunk_at.is_none_or(|at| at < loss.at_byte) =>
+        {
+            loss.at_byte
+        }
         _ => return Ok(false),
     };
     let mut opcode = Vec::new();

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use super::disk::{Disk, Out, rename};
-use super::name::{Kind, Name, PROFILE, Stage};
+use super::name::{Kind, Name, PROFILE, Stage, is_segment};
 use crate::mcap_writer::{McapWriteError, McapWriter};
 use crate::retry_delay::RetryDelay;
 use hmd_core::config::Limits;
@@ -162,7 +162,7 @@ impl SegmentStream {
         // What is in it is on the disk already; without its end it is repaired by the next start.
         let ended = open.writer.finish().map(|_| ());
         if let Err(error) = ended.and_then(|()| Ok(rename(disk, folder, open.name, closed)?)) {
-            if is_removed(folder, open.name) {
+            if now_named(folder, open.name).is_none() {
                 self.lost += open.taken;
             }
             return Err(error);
@@ -176,8 +176,8 @@ impl SegmentStream {
     /// After a failure: gives the segment up and waits before the next. Whatever is not known to be on the disk is lost,
     /// though a repair may still find some of it; all that it held, when its file was removed. The segment's name and
     /// size, if anything in it is worth a repair; else it is removed, so that a disk that fails for days leaves no file for
-    /// each attempt.
-    pub(super) fn fail(&mut self, folder: &Path, disk: &dyn Disk, now: Instant) -> Option<(Name, u64)> {
+    /// each attempt. In a folder that is not `held`, a file of that name is another's, and stays.
+    pub(super) fn fail(&mut self, folder: &Path, held: bool, disk: &dyn Disk, now: Instant) -> Option<(Name, u64)> {
         self.segment += 1;
         self.retry_at = Some(now + self.pause.next_delay());
         let open = self.open.take()?;
@@ -185,15 +185,25 @@ impl SegmentStream {
         self.lost += if gone { open.taken } else { open.unsynced };
         let kept = open.syncs > 0 && !gone;
         drop(open);
-        if !kept {
+        if !kept && held {
             let _ = disk.remove(&folder.join(name.to_string()));
         }
         kept.then_some((name, bytes))
     }
 }
 
+/// The name of a segment that could not be closed: the new one may be there, and not safe yet. `None` when it was removed.
+pub(super) fn now_named(folder: &Path, open: Name) -> Option<Name> {
+    let closed = open.with_stage(Stage::Closed);
+    let is_closed = || is_segment(&folder.join(closed.to_string())).unwrap_or(false);
+    match is_removed(folder, open) {
+        false => Some(open),
+        true => is_closed().then_some(closed),
+    }
+}
+
 /// Whether there is no file of that name any more.
-pub(super) fn is_removed(folder: &Path, name: Name) -> bool {
+fn is_removed(folder: &Path, name: Name) -> bool {
     matches!(folder.join(name.to_string()).try_exists(), Ok(false))
 }
 

@@ -22,6 +22,8 @@ struct BadDisk {
     free: Arc<AtomicU64>,
     /// No file can be removed.
     keeps: Arc<AtomicBool>,
+    /// No name can be brought to the disk.
+    loses_names: Arc<AtomicBool>,
     /// Files are made all the same, as on a disk that has room for names alone.
     creates: Arc<AtomicBool>,
 }
@@ -69,6 +71,13 @@ impl Disk for BadDisk {
             return Err(io::ErrorKind::PermissionDenied.into());
         }
         RealDisk.remove(path)
+    }
+
+    fn sync_folder(&self, folder: &Path) -> io::Result<()> {
+        if self.loses_names.load(Relaxed) {
+            return Err(io::ErrorKind::Other.into());
+        }
+        RealDisk.sync_folder(folder)
     }
 
     fn free_bytes(&self, _: &Path) -> io::Result<u64> {

@@ -177,7 +177,9 @@ pub fn load(path: &Path, settings: &[String]) -> anyhow::Result<Arc<Config>> {
 fn check_folders(config: &Config, running: Option<&Config>) -> Result<(), DaemonError> {
     let state = |config: &Config| config.rul().state.as_ref().map(|path| config.resolve(path));
     if let Some(folder) = state(config) {
-        history_file::check(&folder, running.and_then(state).as_deref()).map_err(DaemonError::State)?;
+        history_file::check(&folder, running.and_then(state).as_deref())
+            .and_then(|()| history_file::check_readable(&folder, config))
+            .map_err(DaemonError::State)?;
     }
     check_learn_folders(config).map_err(|(actuator, cause)| DaemonError::LearnFolder { actuator, cause })
 }

@@ -8,7 +8,7 @@ use super::health_tracker::{HealthTracker, is_worse};
 use super::host_clock::HostClock;
 use super::pipeline_thread::{publish, publish_rate_limited};
 use super::{DaemonError, Observer, Shared, WaitingWindow, WindowQueue, lock};
-use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Estimator};
+use hmd_core::assess::{AssessedWindow, Assessor, Estimator};
 use hmd_core::config::Config;
 use hmd_core::deadline::Turns;
 use hmd_core::learning::Learner;
@@ -254,10 +254,10 @@ fn reason_to_keep(assessed: &AssessedWindow, tracker: &HealthTracker) -> Option<
 
 /// An assessor with its models, and the units and histories of earlier runs; the notices of unusable histories come with the first
 /// window.
-fn ready_assessor(config: Arc<Config>, seed: u64, estimator: Arc<dyn Estimator>) -> Result<Assessor, AssessError> {
+fn ready_assessor(config: Arc<Config>, seed: u64, estimator: Arc<dyn Estimator>) -> Result<Assessor, DaemonError> {
     let mut assessor = Assessor::new(config.clone(), load_models(&config)?, seed).with_estimator(estimator);
     if let Some(directory) = config.rul().state.as_ref().map(|path| config.resolve(path)) {
-        history_file::restore_all(&directory, &config, assessor.histories());
+        history_file::restore_all(&directory, &config, assessor.histories()).map_err(DaemonError::State)?;
     }
     for (_, actuator, unit) in load_learnt(&config)? {
         assessor.set_unit(&actuator.name, unit);

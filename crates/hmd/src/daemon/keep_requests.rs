@@ -18,14 +18,19 @@ pub(super) struct KeepRequests {
 }
 
 impl KeepRequests {
-    /// What is in the file of a configuration already asks for nothing: its frames have passed.
-    pub(super) fn of(config: &Config) -> Self {
+    /// What is in the file of a configuration already asks for nothing where its frames have passed.
+    pub(super) fn of(config: &Config, now_ns: u64) -> Self {
         let path = config.rul().events.as_ref().map(|path| config.resolve(path));
         let mut requests = Self {
             path,
             ..Self::default()
         };
         requests.take_new();
+        let after_ns = (config.output().capture_after_s * 1e9) as u64;
+        requests
+            .known
+            .retain(|(t_ns, _)| t_ns.saturating_add(after_ns) < now_ns);
+        requests.read = None;
         requests
     }
 
@@ -55,10 +60,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_request_is_taken_once_and_those_before_the_start_never() {
+    fn a_request_is_taken_once_and_those_whose_frames_have_passed_at_the_start_never() {
         let folder = tempfile::tempdir().unwrap();
-        let config = Config::from_toml_str("[rul]\nevents = \"events.jsonl\"", "test").unwrap();
         let path = folder.path().join("events.jsonl");
+        let text = format!("[rul]\nevents = {path:?}\n[output]\ncapture_after_s = 2");
+        let config = Config::from_toml_str(&text, "test").unwrap();
         let event = |t_ns, event| Event {
             t_ns,
             actuator: "ema0".to_owned(),
@@ -66,12 +72,13 @@ mod tests {
             part: None,
             note: None,
         };
-        event_file::append(&path, &event(1, EventKind::Keep)).unwrap();
-        let mut requests = KeepRequests {
-            path: Some(path.clone()),
-            ..KeepRequests::of(&config)
-        };
-        requests.take_new();
+        let now_ns = 10_000_000_000;
+        for t_ns in [1, now_ns - 2_000_000_001, now_ns - 2_000_000_000, now_ns + 1] {
+            event_file::append(&path, &event(t_ns, EventKind::Keep)).unwrap();
+        }
+        let mut requests = KeepRequests::of(&config, now_ns);
+        let to_come = [now_ns - 2_000_000_000, now_ns + 1].map(|t_ns| event(t_ns, EventKind::Keep));
+        assert_eq!(requests.take_new(), to_come);
         event_file::append(&path, &event(2, EventKind::Reset)).unwrap();
         event_file::append(&path, &event(3, EventKind::Keep)).unwrap();
         assert_eq!(requests.take_new(), [event(3, EventKind::Keep)]);

@@ -76,11 +76,11 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
     ) -> Self {
         let actuators = || config.iter().flat_map(|config| config.actuators());
         let passive = actuators().filter(|actuator| actuator.passive);
-        let keep_requests = config.as_deref().map(KeepRequests::of).unwrap_or_default();
+        let keep_requests = config.as_deref().map(|config| KeepRequests::of(config, clock.utc_ns()));
         Self {
             clock,
             other_numbers: OtherNumbers::new(config.as_deref(), &names),
-            keep_requests,
+            keep_requests: keep_requests.unwrap_or_default(),
             not_reported: Some((0..names.len() as u16).collect()),
             names,
             pipeline,

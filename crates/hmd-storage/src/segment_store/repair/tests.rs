@@ -84,6 +84,49 @@ fn a_source_whose_copy_is_there_waits_for_the_background_too() {
     assert_eq!(names(&folder), ["hmd-00000007-raw.mcap"]);
 }
 
+/// A disk that cannot bring the names of a folder to the disk.
+struct UnsyncedDisk;
+
+impl Disk for UnsyncedDisk {
+    fn create(&self, path: &Path) -> io::Result<Box<dyn super::super::Out>> {
+        RealDisk.create(path)
+    }
+
+    fn free_bytes(&self, folder: &Path) -> io::Result<u64> {
+        RealDisk.free_bytes(folder)
+    }
+
+    fn sync_folder(&self, _: &Path) -> io::Result<()> {
+        Err(io::ErrorKind::Other.into())
+    }
+}
+
+#[test]
+fn a_copy_whose_name_is_not_safe_yet_is_counted_and_its_source_stays() {
+    let folder = folder();
+    let mut found = Found::within(None);
+    found.mend(folder.path(), NAME, &UnsyncedDisk);
+    assert_eq!(names(&folder), ["hmd-00000007-raw.mcap", "hmd-00000007-raw.mcap.part"]);
+    let counted: Vec<Name> = found.segments.into_keys().collect();
+    assert_eq!(counted, [NAME.with_stage(Stage::Closed)]);
+}
+
+#[test]
+fn a_source_that_was_deleted_for_room_meanwhile_is_no_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    let found = repair_one(folder.path(), NAME, &RealDisk);
+    assert!(
+        found.segments.is_empty() && found.messages.is_empty(),
+        "{:?}",
+        found.messages
+    );
+    let mut found = Found::within(None);
+    for is_spent in [false, true] {
+        found.dispose(folder.path(), NAME, is_spent, &RealDisk);
+    }
+    assert!(found.messages.is_empty(), "{:?}", found.messages);
+}
+
 #[test]
 fn a_source_is_spent_when_it_lost_its_torn_end_alone() {
     let (file, place) = (cut_segment(), "hmd-00000007-raw.mcap.part");
@@ -101,4 +144,8 @@ fn a_source_is_spent_when_it_lost_its_torn_end_alone() {
     assert!(!spent(&damaged), "a chunk lost on the way");
     assert!(!spent(&damaged[..chunks[3].0 + 100]), "that, and the end");
     assert!(!spent(&file[..chunks[0].0 + 100]), "its only chunk torn");
+    // A length that reaches behind the file, with whole chunks behind it.
+    let mut damaged = file.clone();
+    damaged[chunks[1].0 + 1 + 3] ^= 2;
+    assert!(!spent(&damaged), "no torn end");
 }

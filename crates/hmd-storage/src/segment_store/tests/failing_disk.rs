@@ -227,6 +227,60 @@ fn a_folder_that_is_replaced_or_becomes_a_link_is_told_as_that() {
     fs::remove_dir_all(aside).unwrap();
 }
 
+/// A link to a folder in which somebody, or another run, has files of the same names.
+#[test]
+fn nothing_is_deleted_or_renamed_through_a_link() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    bench.put_frames(&mut store, 5000);
+    store.close_segment(Kind::Raw);
+    bench.put_frames(&mut store, 10);
+    let (folder, aside) = (
+        bench.folder.path().to_owned(),
+        bench.folder.path().with_extension("aside"),
+    );
+    let other = tempfile::tempdir().unwrap();
+    for name in bench.names() {
+        fs::write(other.path().join(name), "a letter").unwrap();
+    }
+    let before = fs::read_dir(other.path()).unwrap().count();
+    fs::rename(&folder, &aside).unwrap();
+    std::os::unix::fs::symlink(other.path(), &folder).unwrap();
+    bench.disk.free.store(LIMITS.free_bytes_min - 1, Relaxed);
+    store.end_capture();
+    for _ in 0..3 {
+        bench.tick(&mut store, 1);
+    }
+    store.finish();
+    let letters = fs::read_dir(other.path()).unwrap().filter(|entry| {
+        entry
+            .as_ref()
+            .is_ok_and(|entry| fs::read(entry.path()).unwrap() == b"a letter")
+    });
+    assert_eq!(letters.count(), before);
+    assert!(before >= 3, "records, and frames of both stages");
+    fs::remove_file(&folder).unwrap();
+    fs::rename(&aside, &folder).unwrap();
+}
+
+/// Frames that are not stored for want of room say nothing about the disk.
+#[test]
+fn frames_that_failed_and_then_paused_are_paused() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    bench.put_frames(&mut store, 10);
+    bench.disk.set(Some(io::ErrorKind::Other));
+    bench.tick(&mut store, 1);
+    assert_eq!(store.status().state, StorageState::Failing);
+    bench.disk.set(None);
+    bench.disk.free.store(LIMITS.free_bytes_min - 1, Relaxed);
+    bench.tick(&mut store, 2);
+    assert_eq!(store.status().state, StorageState::RawPaused);
+    bench.disk.free.store(0, Relaxed);
+    bench.tick(&mut store, 1);
+    assert_eq!(store.status().state, StorageState::Ok, "{:?}", bench.reported);
+}
+
 #[test]
 fn a_folder_that_takes_no_segment_is_refused() {
     let bench = Bench::new();

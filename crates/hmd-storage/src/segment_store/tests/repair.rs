@@ -133,14 +133,19 @@ fn the_newest_damaged_segments_are_kept() {
     assert_eq!(names.last().unwrap(), "hmd-00000021-records.mcap.part");
 }
 
-/// An empty copy is what a power cut during a repair leaves; without its source it may be anybody's.
+/// A copy without its beginning is what a power cut during a repair leaves; without its source it may be anybody's.
 #[test]
-fn an_empty_copy_is_ours_only_beside_its_source() {
+fn a_torn_copy_is_ours_only_beside_its_source() {
     let bench = Bench::new();
     let place = |name: &str| bench.folder.path().join(name);
     fs::write(place("hmd-00000007-raw.mcap.part"), cut_segment()).unwrap();
     for number in [7, 8] {
         fs::write(place(&format!("hmd-{number:08}-raw.mcap.repair")), b"").unwrap();
+    }
+    // What else a power cut may leave of the copy: zeros, or a part of its header.
+    for (number, torn) in [(5, &[0; 4096][..]), (6, &cut_segment()[..20])] {
+        fs::write(place(&format!("hmd-{number:08}-raw.mcap.part")), cut_segment()).unwrap();
+        fs::write(place(&format!("hmd-{number:08}-raw.mcap.repair")), torn).unwrap();
     }
     // Not ours, and in the way: the source stays as it is.
     fs::write(place("hmd-00000009-raw.mcap.part"), cut_segment()).unwrap();
@@ -149,6 +154,8 @@ fn an_empty_copy_is_ours_only_beside_its_source() {
     assert_eq!(
         bench.names(),
         [
+            "hmd-00000005-raw.mcap",
+            "hmd-00000006-raw.mcap",
             "hmd-00000007-raw.mcap",
             "hmd-00000008-raw.mcap.repair",
             "hmd-00000009-raw.mcap.part",

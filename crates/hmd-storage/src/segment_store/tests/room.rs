@@ -178,6 +178,19 @@ fn a_segment_that_cannot_get_its_closed_name_is_counted_as_long_as_it_is_there()
 }
 
 #[test]
+fn a_closed_name_that_is_not_safe_yet_is_no_removed_segment() {
+    let mut bench = Bench::new();
+    let mut store = bench.open();
+    bench.put_frames(&mut store, 100);
+    bench.disk.loses_names.store(true, Relaxed);
+    store.end_capture();
+    assert!(bench.names().contains(&"hmd-00000001-raw.mcap".to_owned()));
+    let status = store.status();
+    assert_eq!((status.segments, status.lost_frames), (2, 0));
+    assert!(status.used_bytes > store.records.bytes());
+}
+
+#[test]
 fn at_most_64_different_failures_are_told_until_all_is_stored_again() {
     let mut bench = Bench::new();
     let mut store = bench.open();

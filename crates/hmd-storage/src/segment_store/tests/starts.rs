@@ -45,6 +45,7 @@ fn a_long_cut_segment_is_repaired_beside_the_watch() {
     drop(store);
     let part = bench.folder.path().join("hmd-00000001-raw.mcap.part");
     assert!(fs::metadata(&part).unwrap().len() > 8 << 20);
+    let source = fs::read(&part).unwrap();
     let mut store = open(&bench);
     assert!(part.exists(), "the start does not wait for it");
     let at_start = store.status();
@@ -66,6 +67,30 @@ fn a_long_cut_segment_is_repaired_beside_the_watch() {
     assert!(!part.exists());
     assert_eq!(at_start.segments, store.status().segments, "it was counted before, too");
     assert!(store.status().used_bytes > 8 << 20);
+    store.finish();
+    // Once more, where the copy is there already: it is counted from the start on.
+    fs::write(&part, source).unwrap();
+    let mut store = open(&bench);
+    let at_start = store.status();
+    assert!(at_start.used_bytes > 8 << 20);
+    let begun = Instant::now();
+    while part.exists() {
+        assert!(begun.elapsed() < Duration::from_secs(60));
+        std::thread::sleep(Duration::from_millis(20));
+        store.tick(bench.now);
+    }
+    let bytes = || {
+        bench
+            .names()
+            .into_iter()
+            .map(|name| fs::metadata(bench.folder.path().join(name)).unwrap().len())
+    };
+    if let Some(repair) = &mut store.repair {
+        repair.stop();
+    }
+    store.tick(bench.now);
+    assert_eq!(at_start.segments, store.status().segments);
+    assert_eq!(store.status().used_bytes, bytes().sum::<u64>());
     store.finish();
     assert_eq!(bench.read().0, 150_000);
 }

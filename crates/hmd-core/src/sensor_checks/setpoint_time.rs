@@ -3,7 +3,7 @@
 //! In steady motion a set point that is logged at another time looks like another controller gain. Its delay is found to first order,
 //! then again with the set point moved by it, until less than a sample is left.
 
-use ema_identify::relations::{Baseline, SetpointDelay, SinceCommissioning, setpoint_delay};
+use ema_identify::relations::{CommissionedRelations, SetpointDelay, SinceCommissioning, setpoint_delay};
 
 use super::correction::Correction;
 use super::findings::Finding;
@@ -39,9 +39,10 @@ const GAINS: std::ops::Range<f64> = 0.45..1.6;
 /// The set point that is logged clearly before or after its effect: against that of the `commissioned` unit's healthy windows, where it is
 /// moved by whole samples, else against the law of the type.
 #[must_use]
-pub fn setpoint_time(job: &WindowJob, commissioned: Option<&Baseline>) -> Option<Finding> {
+pub fn setpoint_time(job: &WindowJob, commissioned: Option<&CommissionedRelations>) -> Option<Finding> {
     let rate_hz = job.params.sensors.sample_rate;
-    let (expected_s, scatter_s, allowed_s) = match commissioned {
+    let torque_scale = commissioned.and_then(|unit| unit.torque_scale);
+    let (expected_s, scatter_s, allowed_s) = match commissioned.map(|unit| &unit.setpoint_delay) {
         Some(healthy) if healthy.windows == 0 => return None,
         Some(healthy) => (
             healthy.mean,
@@ -54,7 +55,7 @@ pub fn setpoint_time(job: &WindowJob, commissioned: Option<&Baseline>) -> Option
             OTHER_DRIVE_S + OTHER_DRIVE_PERIODS / rate_hz,
         ),
     };
-    let (moved, found) = delay(job)?;
+    let (moved, found) = delay(job, torque_scale)?;
     let early_s = moved as f64 / rate_hz + found.delay_s.value - expected_s;
     let sigma_s = found.delay_s.sigma.hypot(scatter_s);
     let is_shown = sigma_s < SIGMA_MAX_S && (commissioned.is_some() || GAINS.contains(&found.gain));
@@ -75,14 +76,14 @@ pub fn setpoint_time(job: &WindowJob, commissioned: Option<&Baseline>) -> Option
 }
 
 /// Samples by which the set point is moved to a later one, and the delay that is left, less than one sample; `None` where none is shown.
-fn delay(job: &WindowJob) -> Option<(isize, SetpointDelay)> {
+fn delay(job: &WindowJob, torque_scale: Option<f64>) -> Option<(isize, SetpointDelay)> {
     let rate_hz = job.params.sensors.sample_rate;
     let mut moved = 0;
     for _ in 0..ROUNDS {
         let mut other = job.clone();
         Correction::SetpointBefore(moved).apply(&mut other);
         let aligned = other.window.aligned(&job.params, SinceCommissioning::default());
-        let found = setpoint_delay(&aligned.measured())?;
+        let found = setpoint_delay(&aligned.measured(), torque_scale)?;
         let left = (found.delay_s.value * rate_hz).round() as isize;
         if left.abs() <= 1 {
             return Some((moved, found));

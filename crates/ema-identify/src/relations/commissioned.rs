@@ -4,6 +4,7 @@ use core::f64::consts::{PI, TAU};
 
 use ema_models::{ActuatorParams, FAULT_COUNT, FaultId, FaultVector};
 
+use super::between_samples::coarse_torque_error;
 use super::controller::{LawKnowledge, gain_ratio};
 use super::elements::{ELEMENT_COUNT, Element, ElementReadings, Needed, Reading};
 use super::hidden_torque::unseen_share;
@@ -215,8 +216,14 @@ impl CommissionedRelations {
                 sigma: libm::hypot(own, share.deviation),
             });
         }
-        let mut residual_share = Relation::ALL
-            .map(|relation| self.residual[relation as usize].share_of_limit(balance.residuals[relation as usize]));
+        // What coarser samples do not show of the torque, no finer ones of commissioning left either.
+        let besides = |relation: Relation| match relation {
+            Relation::TorqueBalance if window.is_other_rate() => coarse_torque_error(window.params()),
+            _ => 0.0,
+        };
+        let mut residual_share = Relation::ALL.map(|relation| {
+            self.residual[relation as usize].share_of_limit(balance.residuals[relation as usize], besides(relation))
+        });
         let torque_share = &mut residual_share[Relation::TorqueBalance as usize];
         let is_wide = changes[Element::Backlash as usize].is_ok_and(|change| change.value > CLEAR * change.sigma);
         let leaves_more = self.residual[Relation::TorqueBalance as usize]

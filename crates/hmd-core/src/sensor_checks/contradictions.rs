@@ -13,6 +13,7 @@ use ema_models::DriveKind;
 
 use super::correction::Correction;
 use super::suspect::{Suspect, Suspicion};
+use crate::motion::friction_torque_sigma;
 use crate::outbox::WindowJob;
 
 /// One reading that is contradicted.
@@ -42,7 +43,8 @@ pub fn contradictions(
     estimate: &Estimate,
     commissioned: Option<Option<[f64; 2]>>,
 ) -> Vec<Contradiction> {
-    let mut found: Vec<Contradiction> = load(job, estimate).into_iter().chain(link(job, estimate)).collect();
+    let mut found: Vec<Contradiction> = load(job, estimate, commissioned)
+        .into_iter().chain(link(job, estimate)).collect();
     if let (Some(temperatures), Some(turns)) = (commissioned, estimate.inferred.turns) {
         let read = job.conditions.winding_temp_deg_c;
         let turns = turns.map(|turns| at_commissioning(turns, read, temperatures));
@@ -64,26 +66,29 @@ fn contradiction(suspect: Suspect, evidence: &str, correction: Correction) -> Co
 
 /// The reading against the load that the motion needs, and, where it tells load and friction only together, against the loads between
 /// friction that is not worn and worn to its limit. Coarse samples do not tell a load: what they leave of the torque repeats with the motion.
-fn load(job: &WindowJob, estimate: &Estimate) -> Option<Contradiction> {
+fn load(job: &WindowJob, estimate: &Estimate, commissioned: Option<Option<[f64; 2]>>) -> Option<Contradiction> {
     let read = job
         .conditions
         .load_torque_nm
         .filter(|_| !is_coarsely_sampled(&job.params))?;
-    let off = |inferred: Inferred, share: f64| (inferred.value - read) / load_sigma(job, &inferred, share);
+    // One scale of the friction does not follow a lubricant that is warmer, or colder, than at commissioning.
+    let of_lubricant = job.params.transmission.gear_ratio * friction_torque_sigma(job, commissioned.flatten());
+    let load_sigma = |inferred: &Inferred, share: f64| load_sigma(job, inferred, share).hypot(of_lubricant);
+    let off = |inferred: Inferred, share: f64| (inferred.value - read) / load_sigma(&inferred, share);
     let needed = |Inferred { value, .. }: Inferred, sigma: f64| {
         let evidence = format!("reads {read:.1} N m, the motion needs {value:.1} ± {sigma:.1} N m");
         contradiction(Suspect::LoadSensor, &evidence, Correction::NoLoad)
     };
     let inferred = estimate.inferred.load_torque;
     if let Some(inferred) = inferred.filter(|inferred| off(*inferred, FRICTION_SHARE).abs() > SIGMAS) {
-        return Some(needed(inferred, load_sigma(job, &inferred, FRICTION_SHARE)));
+        return Some(needed(inferred, load_sigma(&inferred, FRICTION_SHARE)));
     }
     let [unworn, worn] = estimate.inferred.load_by_friction?;
     let off = [unworn, worn].map(|load| off(load, FRICTION_SCATTER));
     let is_beyond = off.iter().all(|&off| off > SIGMAS) || off.iter().all(|&off| off < -SIGMAS);
     is_beyond.then(|| {
         let [least, most] = [unworn.value.min(worn.value), unworn.value.max(worn.value)];
-        let sigma = load_sigma(job, &unworn, FRICTION_SCATTER);
+        let sigma = load_sigma(&unworn, FRICTION_SCATTER);
         let evidence = format!(
             "reads {read:.1} N m, the motion needs {least:.1} to {most:.1} ± {sigma:.1} N m, whatever its friction"
         );

@@ -22,4 +22,6 @@ pub struct InferredReadings {
     pub dc_link: Option<Inferred>,
     /// Torque for each read current of phase A, B, C, relative to that of the commissioned unit.
     pub turns: Option<[Inferred; 3]>,
+    /// Friction relative to that of the commissioned unit.
+    pub friction: Option<Inferred>,
 }

@@ -1,7 +1,7 @@
 //! How an actuator moves in a window.
 
 use ema_identify::unit_calibration::Motion;
-use ema_models::SensedSample;
+use ema_models::{FRICTION_TEMPERATURE_SPAN_K, SensedSample};
 
 use crate::outbox::WindowJob;
 
@@ -48,4 +48,22 @@ pub(crate) fn moves_one_way(job: &WindowJob) -> bool {
         }
     }
     longest.iter().any(|&longest| longest < needed)
+}
+
+/// How far a value lies beyond a range.
+pub(crate) fn beyond([least, most]: [f64; 2], value: f64) -> f64 {
+    (least - value).max(value - most).max(0.0)
+}
+
+/// One standard deviation of the friction torque at the motor shaft, Nm, by a winding temperature ΔT beyond those of commissioning:
+/// `√((σ_d T_d)² + (σ_c C ω)²) · ΔT/80 K` with the tolerances of the logarithms of T_d and C at 80 K and the mean speed ω of the motion. 0
+/// where either temperature is not measured. Derived here.
+pub(crate) fn friction_torque_sigma(job: &WindowJob, commissioned_deg_c: Option<[f64; 2]>) -> f64 {
+    let (Some(range), Some(found)) = (commissioned_deg_c, job.conditions.winding_temp_deg_c) else {
+        return 0.0;
+    };
+    let tolerances = &job.actuator.tolerances;
+    let dry = tolerances.friction_temperature * job.params.transmission.friction_dynamic;
+    let viscous = tolerances.viscous_temperature * job.params.motor.c * mean_speed(job);
+    dry.hypot(viscous) * beyond(range, found) / FRICTION_TEMPERATURE_SPAN_K
 }

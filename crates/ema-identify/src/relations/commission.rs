@@ -12,7 +12,7 @@ use nalgebra::{SMatrix, SVector};
 use super::commissioned::{Baseline, CommissionedRelations};
 use super::compliance::Compliance;
 use super::compliance_search::find_compliance;
-use super::controller::gain_ratio;
+use super::controller::{LawKnowledge, free_scale, gain_ratio};
 use super::elements::{ELEMENT_COUNT, Element, Needed, Reading};
 use super::kernel::{HALF_WIDTHS_S, Kernel};
 use super::measured::MeasuredWindow;
@@ -99,14 +99,22 @@ pub fn commission_as<S: RecordedSample>(
     let Some((_, shared)) = best else {
         return Err(refused);
     };
-    let gain_half_width_s = gain_half_width(windows);
+    let torque_scale = torque_scale(windows);
+    let setpoint_delay = delay_of(windows, torque_scale);
+    let known = LawKnowledge {
+        scale: torque_scale,
+        delay_s: Some(setpoint_delay.mean),
+    };
+    let gain_half_width_s = gain_half_width(windows, known);
     let learnt = CommissionedRelations {
         balance: shared.balance,
         covariance: core::array::from_fn(|row| core::array::from_fn(|column| shared.covariance[(row, column)])),
         gain_half_width_s,
         baseline: [Baseline::default(); ELEMENT_COUNT],
         residual: [HealthyResidual::default(); RELATION_COUNT],
-        setpoint_delay: delay_of(windows),
+        setpoint_delay,
+        torque_scale,
+        gain_without_delay: true,
     };
     let readings: Vec<_> = windows.iter().map(|window| learnt.readings(window, None)).collect();
     let baseline: [Baseline; ELEMENT_COUNT] = Element::ALL.map(|element| {
@@ -125,11 +133,27 @@ pub fn commission_as<S: RecordedSample>(
     })
 }
 
+/// The scale of the torque in the law of the speed loop: 1, as the type has it, unless the windows show clearly another, which then each
+/// window has to show by itself.
+fn torque_scale<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>]) -> Option<f64> {
+    let [.., wide] = HALF_WIDTHS_S;
+    let mut shown: Vec<f64> = windows
+        .iter()
+        .filter_map(|window| free_scale(window, wide, 0.0))
+        .collect();
+    shown.sort_by(f64::total_cmp);
+    let median = shown.get(shown.len() / 2).copied().unwrap_or(1.0);
+    SCALES.contains(&median).then_some(1.0)
+}
+
+/// Scales that windows of a drive by its type show, drawn towards zero.
+const SCALES: core::ops::Range<f64> = 0.6..1.15;
+
 /// What the windows show of the time of the set point, s.
-fn delay_of<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>]) -> Baseline {
+fn delay_of<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>], torque_scale: Option<f64>) -> Baseline {
     let shown: Vec<Reading> = windows
         .iter()
-        .filter_map(|window| setpoint_delay(window).map(|found| found.delay_s))
+        .filter_map(|window| setpoint_delay(window, torque_scale).map(|found| found.delay_s))
         .collect();
     Baseline::of(&shown)
 }
@@ -164,13 +188,15 @@ const ANGLE_ERRORS: f64 = 6.0;
 /// A wider kernel is taken where it brings the expected variance below this share of that of a narrower one.
 const CLEARLY_LESS: f64 = 0.5;
 
-/// The half width, s, with which the windows show the position gain best.
-fn gain_half_width<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>]) -> f64 {
-    let mut best = (f64::INFINITY, HALF_WIDTHS_S[0]);
-    for half_width_s in HALF_WIDTHS_S {
+/// The half width, s, with which the windows show the position gain best: a narrower one where it shows it clearly better, as errors of the
+/// sampled control deviation repeat with the motion and stand in no scatter.
+fn gain_half_width<S: RecordedSample>(windows: &[MeasuredWindow<'_, S>], known: LawKnowledge) -> f64 {
+    let [.., wide] = HALF_WIDTHS_S;
+    let mut best = (f64::INFINITY, wide);
+    for half_width_s in HALF_WIDTHS_S.into_iter().rev() {
         let readings = windows
             .iter()
-            .map(|window| gain_ratio(window, half_width_s).map(|(gain, _)| gain));
+            .map(|window| gain_ratio(window, half_width_s, known).map(|(gain, _)| gain));
         let variance = expected_variance(readings, 1.0);
         if variance < CLEARLY_LESS * best.0 {
             best = (variance, half_width_s);

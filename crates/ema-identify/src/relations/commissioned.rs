@@ -4,13 +4,14 @@ use core::f64::consts::{PI, TAU};
 
 use ema_models::{ActuatorParams, FAULT_COUNT, FaultId, FaultVector};
 
-use super::controller::gain_ratio;
+use super::between_samples::coarse_torque_error;
+use super::controller::{LawKnowledge, gain_ratio};
 use super::elements::{ELEMENT_COUNT, Element, ElementReadings, Needed, Reading};
 use super::hidden_torque::unseen_share;
 use super::measured::MeasuredWindow;
 use super::output_load::OutputLoad;
 use super::residual::{HealthyResidual, RELATION_COUNT, Relation, Residual};
-use super::setpoint_delay::setpoint_delay;
+use super::setpoint_delay::{SetpointDelay, setpoint_delay};
 use super::shared::SHARED_COUNT;
 use super::shorted_loop::ShortedShare;
 use super::terms::Term;
@@ -36,6 +37,13 @@ pub struct CommissionedRelations {
     /// Time from the logged set point to its effect in the healthy windows, s; without windows in unit files that have none.
     #[cfg_attr(feature = "std", serde(default))]
     pub setpoint_delay: Baseline,
+    /// Scale of the torque in the law of the speed loop; without it each window has to show it by itself, as in older unit files.
+    #[cfg_attr(feature = "std", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub torque_scale: Option<f64>,
+    /// Whether the baseline of the gain is that of a set point that takes effect when it is logged; false in older unit files, whose gains
+    /// hold for the motion and the delay of commissioning.
+    #[cfg_attr(feature = "std", serde(default))]
+    pub gain_without_delay: bool,
 }
 
 /// What healthy windows show of one element.
@@ -208,8 +216,14 @@ impl CommissionedRelations {
                 sigma: libm::hypot(own, share.deviation),
             });
         }
-        let mut residual_share = Relation::ALL
-            .map(|relation| self.residual[relation as usize].share_of_limit(balance.residuals[relation as usize]));
+        // What coarser samples do not show of the torque, no finer ones of commissioning left either.
+        let besides = |relation: Relation| match relation {
+            Relation::TorqueBalance if window.is_other_rate() => coarse_torque_error(window.params()),
+            _ => 0.0,
+        };
+        let mut residual_share = Relation::ALL.map(|relation| {
+            self.residual[relation as usize].share_of_limit(balance.residuals[relation as usize], besides(relation))
+        });
         let torque_share = &mut residual_share[Relation::TorqueBalance as usize];
         let is_wide = changes[Element::Backlash as usize].is_ok_and(|change| change.value > CLEAR * change.sigma);
         let leaves_more = self.residual[Relation::TorqueBalance as usize]
@@ -377,19 +391,34 @@ const MIN_GAIN: f64 = 0.5;
 const MAX_GAIN: f64 = 1.5;
 
 impl CommissionedRelations {
-    /// A gain ratio with the set point as early as at commissioning, where the window shows its time: `r − r' (δ − δ₀)`, r' the change of
-    /// the ratio by an unknown delay.
-    fn in_time<S: RecordedSample>(&self, gain: Reading, window: &MeasuredWindow<'_, S>) -> Reading {
-        let healthy = &self.setpoint_delay;
-        let Some(found) = setpoint_delay(window).filter(|_| healthy.windows > 0) else {
-            return gain;
-        };
-        let of_mean = healthy.scatter / libm::sqrt(healthy.windows as f64);
-        let sigma = libm::hypot(found.delay_s.sigma, of_mean);
-        Reading {
-            value: gain.value - found.gain_per_s * (found.delay_s.value - healthy.mean),
-            sigma: libm::hypot(gain.sigma, found.gain_per_s * sigma),
+    /// What is known of the law of the speed loop in a window in which this time of the set point is found.
+    pub(super) fn law_knowledge(&self, found: Option<&SetpointDelay>) -> LawKnowledge {
+        let healthy = self.setpoint_delay.mean;
+        let delay_s = found.map_or(healthy, |found| found.delay_s.value);
+        let own = if self.gain_without_delay { 0.0 } else { healthy };
+        LawKnowledge {
+            scale: self.torque_scale,
+            delay_s: Some(delay_s - own),
         }
+    }
+
+    /// The gain ratio of a window, with the time of its set point, as far as that is shown; of healthy windows with that of all of them.
+    fn gain_in_time<S: RecordedSample>(
+        &self,
+        window: &MeasuredWindow<'_, S>,
+        is_healthy: bool,
+    ) -> Result<(Reading, Residual), Needed> {
+        let healthy = &self.setpoint_delay;
+        let is_comparable = self.gain_without_delay || healthy.windows > 0;
+        let found = setpoint_delay(window, self.torque_scale).filter(|_| is_comparable);
+        let used = found.as_ref().filter(|_| !is_healthy);
+        let (mut gain, residual) = gain_ratio(window, self.gain_half_width_s, self.law_knowledge(used))?;
+        if let Some(found) = used {
+            let of_mean = healthy.scatter / libm::sqrt(healthy.windows.max(1) as f64);
+            let sigma = libm::hypot(found.delay_s.sigma, of_mean);
+            gain.sigma = libm::hypot(gain.sigma, found.gain_per_s * sigma);
+        }
+        Ok((gain, residual))
     }
 
     /// Readings of all elements of one window, and its torque balance; the gain relative to that of healthy windows, where it is
@@ -399,10 +428,7 @@ impl CommissionedRelations {
         window: &MeasuredWindow<'_, S>,
         healthy_gain: Option<&Baseline>,
     ) -> (ElementReadings, Balance) {
-        let mut gain = gain_ratio(window, self.gain_half_width_s);
-        if let (Ok((gain, _)), Some(_)) = (&mut gain, healthy_gain) {
-            *gain = self.in_time(*gain, window);
-        }
+        let gain = self.gain_in_time(window, healthy_gain.is_none());
         let turns = healthy_gain.map_or(Turns::Healthy, |_| Turns::InUse);
         let relative_gain = match (gain, healthy_gain) {
             (Ok((gain, _)), Some(healthy)) if healthy.windows > 0 => {

@@ -2,20 +2,22 @@
 //!
 //! `T = K_p e + K_i ∫e`, `e = G_p g (θ_cmd − θ_out) − ω_m`, differentiated once, so that the integral's start is no unknown:
 //! `T' = g (K_p e₁' + K_i e₁) − h (K_p ω' + K_i ω)` with `e₁ = G_p (θ_cmd − θ_out)`. T is `G_T i_q` as measured. The ratio
-//! `g/h` is the gain factor `0.5 + k8`, whatever the scale of the torque. The current follows its reference late, more so in fast motion:
-//! `τ T''` on the left is the third unknown, without which the ratio of one motion differs from that of another. A set point that takes
-//! effect δ after it is logged adds `−g δ G_p (K_p θ_cmd'' + K_i θ_cmd')`, which in steady motion looks like another gain: `setpoint_delay`
-//! has it as the fourth unknown. Derived here from the control law.
+//! `g/h` is the gain factor `0.5 + k8`. The scale of the torque h is that of the commissioned unit, 1 where current sensors and K_p are
+//! those of the type: the control deviation, whose counts change between the samples, and the ripple of the current draw a free h towards
+//! zero, to 0.75 in one motion and 0.95 in another, and the ratio with it. The current follows its reference late, more so in fast
+//! motion: `τ T''` on the left is the third unknown, without which the ratio of one motion differs from that of another. Offsets of the
+//! currents are the fourth and fifth. A set point that takes effect δ after it is logged adds `−g δ G_p (K_p θ_cmd'' + K_i θ_cmd')`, which in
+//! steady motion looks like another gain: `setpoint_delay` has it as the sixth unknown. Derived here from the control law.
 
 use ema_models::dq_from_abc;
-use nalgebra::{Vector1, Vector3};
+use nalgebra::{SVector, Vector1};
 
 use super::compliance::Compliance;
 use super::elements::{Needed, Reading};
 use super::jackknife::Jackknife;
 use super::kernel::Kernel;
 use super::measured::MeasuredWindow;
-use super::normal_equations::NormalEquations;
+use super::normal_equations::{NormalEquations, Solution};
 use super::overlap::Overlap;
 use super::residual::Residual;
 use super::sliding::Sliding;
@@ -25,50 +27,135 @@ use crate::monitor_fit::RecordedSample;
 /// limit.
 const SPEED_SHARE: f64 = 0.65;
 
-/// Unknowns: g, h and the lag τ.
-pub(super) const LAW_COUNT: usize = 3;
+/// Unknowns: g, h, the lag τ, the offsets of the currents along α and β, A, and g δ, of a set point that takes effect δ after it is logged.
+pub(super) const LAW_COUNT: usize = 6;
 
-/// The same and g δ, of a set point that takes effect δ after it is logged.
-pub(super) const DELAYED_COUNT: usize = LAW_COUNT + 1;
+/// Places of the unknowns.
+pub(super) const GAIN: usize = 0;
+pub(super) const SCALE: usize = 1;
+const OFFSETS: [usize; 2] = [3, 4];
+pub(super) const GAIN_DELAY: usize = 5;
+
+/// One standard deviation of an offset, as a share of I_max: three times that of a usual sensor. Larger ones are found before (`hmd-core`).
+const OFFSET_SHARE: f64 = 0.01;
+
+/// One standard deviation of the scale of the torque of a unit: the gain of its current sensors, and K_p.
+const SCALE_SIGMA: f64 = 0.02;
+
+/// What is known of the law beside the window.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct LawKnowledge {
+    /// Scale of the torque h; `None` where the window has to show it.
+    pub(super) scale: Option<f64>,
+    /// Time from the logged set point to its effect, s; `None` where the window has to show it.
+    pub(super) delay_s: Option<f64>,
+}
 
 /// Ratio `g/h` of a window and residual of the law, Nm/s, with a kernel of this half width, s.
 #[inline(never)]
 pub(super) fn gain_ratio<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     half_width_s: f64,
+    known: LawKnowledge,
 ) -> Result<(Reading, Residual), Needed> {
     let kernel = Kernel::new(half_width_s, window.params().sensors.sample_rate, &Compliance::RIGID);
     if !window.inner().any(|n| window.position_error(n).is_some()) {
         return Err(Needed::PositionMode);
     }
-    let mut equations = NormalEquations::new();
-    for (row, d_torque) in law_rows(window, &kernel).flatten() {
-        equations.add(&row, d_torque);
-    }
-    ratio(window, &equations, &kernel).ok_or(Needed::UnsaturatedControl)
+    let law = Law::new(window, &kernel, 1, known).ok_or(Needed::UnsaturatedControl)?;
+    ratio(window, &law, &kernel, known).ok_or(Needed::UnsaturatedControl)
 }
 
-/// Rows of the law, one per inner sample: factors of g, h and τ, and T', Nm/s; `None` unless neither speed nor torque is at its limit
-/// under the kernel that ends there.
+/// Scale of the torque that a window shows by itself, drawn towards zero; `None` where it shows none.
+#[cfg(feature = "std")]
+pub(super) fn free_scale<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    half_width_s: f64,
+    delay_s: f64,
+) -> Option<f64> {
+    let kernel = Kernel::new(half_width_s, window.params().sensors.sample_rate, &Compliance::RIGID);
+    let known = LawKnowledge {
+        scale: None,
+        delay_s: Some(delay_s),
+    };
+    Some(Law::new(window, &kernel, 1, known)?.solution.x[SCALE])
+}
+
+/// The law of one window, solved.
+pub(super) struct Law {
+    pub(super) equations: NormalEquations<LAW_COUNT>,
+    pub(super) solution: Solution<LAW_COUNT>,
+    /// Change of the ratio by the scale of the torque.
+    ratio_per_scale: f64,
+}
+
+impl Law {
+    /// Solves the law on blocks of so many samples; `None` where too few rows are without limits.
+    #[inline(never)]
+    pub(super) fn new<S: RecordedSample>(
+        window: &MeasuredWindow<'_, S>,
+        kernel: &Kernel,
+        block: usize,
+        known: LawKnowledge,
+    ) -> Option<Self> {
+        let mut equations = NormalEquations::new();
+        for (row, d_torque) in law_rows(window, kernel, block, known.delay_s).flatten() {
+            equations.add(&row, d_torque);
+        }
+        if equations.rows < MIN_INDEPENDENT * kernel.span {
+            return None;
+        }
+        let free = equations.solve()?;
+        // Neighbouring rows share a kernel.
+        let variance = free.residual_rms * free.residual_rms * kernel.span as f64;
+        let sigma = OFFSET_SHARE * window.params().motor.i_max;
+        for offset in OFFSETS {
+            equations.ata[(offset, offset)] += variance / (sigma * sigma);
+        }
+        let mut solution = equations.solve()?;
+        let of_scale = solution.inverse.column(SCALE) / solution.inverse[(SCALE, SCALE)];
+        if let Some(scale) = known.scale {
+            let weight = FIXED * equations.ata[(SCALE, SCALE)];
+            equations.ata[(SCALE, SCALE)] += weight;
+            equations.aty[SCALE] += weight * scale;
+            equations.yy += weight * scale * scale;
+            solution = equations.solve()?;
+        }
+        let (g, h) = (solution.x[GAIN], solution.x[SCALE]);
+        Some(Self {
+            equations,
+            solution,
+            ratio_per_scale: of_scale[GAIN] / h - g / (h * h),
+        })
+    }
+
+    /// Variance of the ratio by the scale of the torque, where that is taken as known.
+    fn variance_of_scale(&self, known: LawKnowledge) -> f64 {
+        let sigma = known
+            .scale
+            .map_or(0.0, |scale| SCALE_SIGMA * scale * self.ratio_per_scale);
+        sigma * sigma
+    }
+}
+
+/// Weight of a known unknown, as a multiple of the information of all rows.
+const FIXED: f64 = 1e6;
+
+/// Rows of the law, one for each block of so many inner samples, whose means the kernel smooths: factors of the unknowns, and T', Nm/s;
+/// `None` unless neither speed nor torque is at its limit under the kernel that ends there.
 pub(super) fn law_rows<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
     kernel: &Kernel,
-) -> impl Iterator<Item = Option<([f64; LAW_COUNT], f64)>> {
-    delayed_law_rows(window, kernel, 1).map(|row| row.map(|([g, h, lag, _], d_torque)| ([g, h, lag], d_torque)))
-}
-
-/// The same with the factor of g δ, one row for each block of so many inner samples, whose means the kernel smooths.
-pub(super) fn delayed_law_rows<S: RecordedSample>(
-    window: &MeasuredWindow<'_, S>,
-    kernel: &Kernel,
     block: usize,
-) -> impl Iterator<Item = Option<([f64; DELAYED_COUNT], f64)>> {
+    delay_s: Option<f64>,
+) -> impl Iterator<Item = Option<([f64; LAW_COUNT], f64)>> {
     let window = *window;
     let controller = &window.params().controller;
-    let mut ring = Sliding::<4>::new(kernel.span);
+    let torque_gain = window.params().motor.torque_gain();
+    let mut ring = Sliding::<QUANTITIES>::new(kernel.span);
     let (begin, blocks) = (window.inner().start, window.inner().len() / block);
     (0..blocks).map(move |place| {
-        let mut mean = [0.0; 4];
+        let mut mean = [0.0; QUANTITIES];
         for n in (begin + place * block..).take(block) {
             let Some(measured) = law_quantities(&window, n) else {
                 ring.clear();
@@ -83,24 +170,32 @@ pub(super) fn delayed_law_rows<S: RecordedSample>(
             return None;
         }
         let [reference, omega, ..] = ring.sums(&kernel.smooth);
-        let [d_reference, d_omega, d_torque, d_command] = ring.sums(&kernel.first);
-        let [_, _, dd_torque, dd_command] = ring.sums(&kernel.second);
+        let [d_reference, d_omega, d_torque, d_command, d_sin, d_cos] = ring.sums(&kernel.first);
+        let [_, _, dd_torque, dd_command, ..] = ring.sums(&kernel.second);
         let law = |d: f64, value: f64| controller.k_p * d + controller.k_i * value;
+        let delayed = -law(dd_command, d_command);
+        let (known, unknown) = delay_s.map_or((0.0, delayed), |delay_s| (delay_s * delayed, 0.0));
         Some((
             [
-                law(d_reference, reference),
+                law(d_reference, reference) + known,
                 -law(d_omega, omega),
                 -dd_torque,
-                -law(dd_command, d_command),
+                // i_q = −i_α sin θ_e + i_β cos θ_e.
+                -torque_gain * d_sin,
+                torque_gain * d_cos,
+                unknown,
             ],
             d_torque,
         ))
     })
 }
 
-/// Speed reference, speed, both rad/s, torque that the controller asks for, whatever the motor makes of it, Nm, and what the set point
-/// has of the reference since the first sample, rad/s; `None` where speed or torque is at its limit or the sample was not measured.
-fn law_quantities<S: RecordedSample>(window: &MeasuredWindow<'_, S>, n: usize) -> Option<[f64; 4]> {
+/// Quantities of a sample that the kernel smooths.
+const QUANTITIES: usize = 6;
+
+/// Speed reference, speed, both rad/s, torque that the controller asks for, whatever the motor makes of it, Nm, what the set point
+/// has of the reference since the first sample, rad/s, sine and cosine of the electrical angle; `None` where speed or torque is at its limit or the sample was not measured.
+fn law_quantities<S: RecordedSample>(window: &MeasuredWindow<'_, S>, n: usize) -> Option<[f64; QUANTITIES]> {
     let params = window.params();
     let g_p = params.controller.g_p;
     let reference = g_p * window.position_error(n)?;
@@ -112,45 +207,53 @@ fn law_quantities<S: RecordedSample>(window: &MeasuredWindow<'_, S>, n: usize) -
         return None;
     }
     let torque = params.motor.torque_gain() * quadrature;
-    Some([reference, window.central_speed(n), torque, command])
+    let (sin, cos) = now.sin_cos_e;
+    Some([reference, window.central_speed(n), torque, command, sin, cos])
 }
 
 /// Kernels whose rows do not overlap, at least, for a ratio.
-pub(super) const MIN_INDEPENDENT: usize = 4;
+const MIN_INDEPENDENT: usize = 4;
 
 /// Ratio of the first two unknowns and its standard deviation; `None` where the rows do not show it.
 #[inline(never)]
 fn ratio<S: RecordedSample>(
     window: &MeasuredWindow<'_, S>,
-    equations: &NormalEquations<LAW_COUNT>,
+    law: &Law,
     kernel: &Kernel,
+    known: LawKnowledge,
 ) -> Option<(Reading, Residual)> {
-    if equations.rows < MIN_INDEPENDENT * kernel.span {
-        return None;
-    }
-    let solution = equations.solve()?;
+    let Law {
+        equations, solution, ..
+    } = law;
     let mut overlap = Overlap::<LAW_COUNT>::new(&kernel.first, kernel.span);
-    let no_noise = Vector3::zeros();
-    let mut groups = Jackknife::<LAW_COUNT, 1>::new(window.len(), equations, &solution, &no_noise);
-    let of = |x: &Vector3<f64>| Vector1::new(x[0] / x[1]);
-    for (n, row) in law_rows(window, kernel).enumerate() {
+    let no_noise = SVector::zeros();
+    let mut groups = Jackknife::<LAW_COUNT, 1>::new(window.len(), equations, solution, &no_noise);
+    let of = |x: &SVector<f64, LAW_COUNT>| Vector1::new(x[GAIN] / x[SCALE]);
+    for (n, row) in law_rows(window, kernel, 1, known.delay_s).enumerate() {
         overlap.add(row.as_ref().map(|(row, _)| row));
         if let Some((row, d_torque)) = &row {
             groups.add(n, (row, *d_torque), of);
         }
     }
-    let covariance = overlap.covariance(equations, &solution);
-    let (g, h) = (solution.x[0], solution.x[1]);
-    // Gradient of g/h.
-    let gradient = Vector3::new(1.0 / h, -g / (h * h), 0.0);
+    let covariance = overlap.covariance(equations, solution);
+    let (g, h) = (solution.x[GAIN], solution.x[SCALE]);
+    let gradient = gradient_of_ratio(&solution.x);
     let variance = gradient.dot(&(covariance * gradient)).max(groups.variance(of)[0]);
     let reading = Reading {
         value: g / h,
-        sigma: libm::sqrt(variance),
+        sigma: libm::sqrt(variance + law.variance_of_scale(known)),
     };
     let residual = Residual {
         rms: solution.residual_rms,
         independent: (equations.rows / kernel.span) as f64,
     };
     (reading.value.is_finite() && reading.sigma.is_finite()).then_some((reading, residual))
+}
+
+/// Gradient of g/h.
+pub(super) fn gradient_of_ratio(x: &SVector<f64, LAW_COUNT>) -> SVector<f64, LAW_COUNT> {
+    let (g, h) = (x[GAIN], x[SCALE]);
+    let mut gradient = SVector::zeros();
+    (gradient[GAIN], gradient[SCALE]) = (1.0 / h, -g / (h * h));
+    gradient
 }

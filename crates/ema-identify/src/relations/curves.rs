@@ -6,11 +6,10 @@ use ema_models::follow_through_play;
 
 use super::commissioned::{CommissionedRelations, RelationsEstimate};
 use super::compliance::Compliance;
-use super::controller::{LAW_COUNT, law_rows};
+use super::controller::{Law, law_rows};
 use super::elements::Element;
 use super::kernel::{HALF_WIDTHS_S, Kernel};
 use super::measured::{MARGIN, MeasuredWindow};
-use super::normal_equations::NormalEquations;
 use super::output_load::OutputLoad;
 use super::residual::Relation;
 use super::shared::place_of;
@@ -143,14 +142,11 @@ impl CommissionedRelations {
     fn controller_points<S: RecordedSample>(&self, window: &MeasuredWindow<'_, S>) -> Vec<CurvePoint> {
         let rate = window.params().sensors.sample_rate;
         let kernel = Kernel::new(self.gain_half_width_s, rate, &Compliance::RIGID);
-        let mut equations = NormalEquations::<LAW_COUNT>::new();
-        for (row, d_torque) in law_rows(window, &kernel).flatten() {
-            equations.add(&row, d_torque);
-        }
-        let Some(solution) = equations.solve() else {
+        let known = self.law_knowledge(None);
+        let Some(Law { solution, .. }) = Law::new(window, &kernel, 1, known) else {
             return Vec::new();
         };
-        law_rows(window, &kernel)
+        law_rows(window, &kernel, 1, known.delay_s)
             .enumerate()
             .map(|(n, row)| CurvePoint {
                 time_s: centre_s(n, &kernel, rate),

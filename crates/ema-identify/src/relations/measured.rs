@@ -51,6 +51,8 @@ pub struct SinceCommissioning {
     pub winding_temp: Option<WindingTemp>,
     /// The unit moved otherwise then.
     pub is_other_motion: bool,
+    /// It was sampled at another rate then.
+    pub is_other_rate: bool,
 }
 
 /// Measured quantities of one sample.
@@ -136,6 +138,10 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
 
     pub(super) fn is_other_motion(&self) -> bool {
         self.since.is_other_motion
+    }
+
+    pub(super) fn is_other_rate(&self) -> bool {
+        self.since.is_other_rate
     }
 
     /// The motor as warm as it is.

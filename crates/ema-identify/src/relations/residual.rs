@@ -77,9 +77,11 @@ impl HealthyResidual {
 
     /// A residual as a share of the largest that is explained: its logarithm exceeds that of the healthy windows by that of 2 and four
     /// standard deviations, `√(s² + 1/2n)` with their scatter s and n independent rows. Derived here.
-    pub(super) fn share_of_limit(&self, residual: Residual) -> f64 {
+    /// What the residual may hold `besides`, as by samples that are further apart than those of the healthy windows, widens the limit.
+    pub(super) fn share_of_limit(&self, residual: Residual, besides: f64) -> f64 {
         let variance = self.scatter * self.scatter + 0.5 / residual.independent.max(1.0);
-        self.relative(residual) / (ALLOWED * libm::exp(TEST_SIGMAS * libm::sqrt(variance)))
+        let limit = ALLOWED * libm::exp(TEST_SIGMAS * libm::sqrt(variance));
+        self.relative(residual) / libm::hypot(limit, besides / libm::exp(self.mean_log))
     }
 }
 
@@ -91,7 +93,8 @@ mod tests {
     fn a_residual_ten_times_the_healthy_ones_is_not_explained() {
         let residual = |rms| Residual { rms, independent: 50.0 };
         let healthy = HealthyResidual::of([0.9, 1.0, 1.1].into_iter().map(residual));
-        assert!(healthy.share_of_limit(residual(1.5)) < 1.0 && healthy.share_of_limit(residual(10.0)) > 1.0);
-        assert!(healthy.share_of_limit(Residual::default()) < 1.0);
+        assert!(healthy.share_of_limit(residual(1.5), 0.0) < 1.0 && healthy.share_of_limit(residual(10.0), 0.0) > 1.0);
+        assert!(healthy.share_of_limit(residual(10.0), 12.0) < 1.0);
+        assert!(healthy.share_of_limit(Residual::default(), 0.0) < 1.0);
     }
 }

@@ -5,14 +5,13 @@
 //! unknown of the law (`controller`). Only a wide kernel keeps the noise of the differentiated current small beside θ_cmd''; what is
 //! sampled faster than the kernel holds is averaged over blocks of samples. Derived here.
 
-use nalgebra::Vector4;
+use nalgebra::SVector;
 
 use super::compliance::Compliance;
-use super::controller::{DELAYED_COUNT, MIN_INDEPENDENT, delayed_law_rows};
+use super::controller::{GAIN, GAIN_DELAY, LAW_COUNT, Law, LawKnowledge, SCALE, gradient_of_ratio, law_rows};
 use super::elements::Reading;
 use super::kernel::{HALF_WIDTHS_S, Kernel, MAX_HALF_WIDTH};
 use super::measured::MeasuredWindow;
-use super::normal_equations::NormalEquations;
 use super::overlap::Overlap;
 use crate::monitor_fit::RecordedSample;
 
@@ -22,7 +21,7 @@ pub struct SetpointDelay {
     /// Time from the logged set point to its effect, s: positive where the set point is logged early. To first order: exact where it is
     /// below the kernel's half width.
     pub delay_s: Reading,
-    /// Change of the gain ratio g/h by each second of delay that the law does not know, 1/s.
+    /// Change of the gain ratio g/h by each second of delay, 1/s.
     pub gain_per_s: f64,
     /// The gain ratio g/h with this delay.
     pub gain: f64,
@@ -31,29 +30,32 @@ pub struct SetpointDelay {
 /// Largest standard deviation of a delay that is shown, s: half the kernel's half width.
 const SIGMA_MAX_S: f64 = 6e-3;
 
-/// The time of the set point in a window; `None` where too few rows are without limits, or the set point does not change in them.
+/// The time of the set point in a window whose law has this scale of the torque, where that is known; `None` where too few rows are without
+/// limits, or the set point does not change in them.
 #[must_use]
 #[inline(never)]
-pub fn setpoint_delay<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Option<SetpointDelay> {
+pub fn setpoint_delay<S: RecordedSample>(
+    window: &MeasuredWindow<'_, S>,
+    torque_scale: Option<f64>,
+) -> Option<SetpointDelay> {
     let [.., half_width_s] = HALF_WIDTHS_S;
     let rate = window.params().sensors.sample_rate;
     let block = libm::ceil(half_width_s * rate / MAX_HALF_WIDTH as f64 - 1e-9).max(1.0);
     let kernel = Kernel::new(half_width_s, rate / block, &Compliance::RIGID);
-    let rows = || delayed_law_rows(window, &kernel, block as usize);
-    let mut equations = NormalEquations::<DELAYED_COUNT>::new();
-    for (row, d_torque) in rows().flatten() {
-        equations.add(&row, d_torque);
-    }
-    if equations.rows < MIN_INDEPENDENT * kernel.span {
-        return None;
-    }
-    let solution = equations.solve()?;
-    let mut overlap = Overlap::<DELAYED_COUNT>::new(&kernel.first, kernel.span);
-    rows().for_each(|row| overlap.add(row.as_ref().map(|(row, _)| row)));
+    let known = LawKnowledge {
+        scale: torque_scale,
+        delay_s: None,
+    };
+    let Law {
+        equations, solution, ..
+    } = Law::new(window, &kernel, block as usize, known)?;
+    let mut overlap = Overlap::<LAW_COUNT>::new(&kernel.first, kernel.span);
+    law_rows(window, &kernel, block as usize, None).for_each(|row| overlap.add(row.as_ref().map(|(row, _)| row)));
     let covariance = overlap.covariance(&equations, &solution);
-    let [g, h, _, g_delay] = solution.x.into();
-    let of_delay = Vector4::new(-g_delay / (g * g), 0.0, 0.0, 1.0 / g);
-    let of_gain = Vector4::new(1.0 / h, -g / (h * h), 0.0, 0.0);
+    let (g, g_delay) = (solution.x[GAIN], solution.x[GAIN_DELAY]);
+    let mut of_delay = SVector::<f64, LAW_COUNT>::zeros();
+    (of_delay[GAIN], of_delay[GAIN_DELAY]) = (-g_delay / (g * g), 1.0 / g);
+    let of_gain = gradient_of_ratio(&solution.x);
     // The gain ratio that fits best, by the delay that is given.
     let toward_delay = solution.inverse * of_delay;
     let found = SetpointDelay {
@@ -62,7 +64,7 @@ pub fn setpoint_delay<S: RecordedSample>(window: &MeasuredWindow<'_, S>) -> Opti
             sigma: libm::sqrt(of_delay.dot(&(covariance * of_delay))),
         },
         gain_per_s: -of_gain.dot(&toward_delay) / of_delay.dot(&toward_delay),
-        gain: g / h,
+        gain: g / solution.x[SCALE],
     };
     let is_finite = found.delay_s.value.is_finite() && found.gain_per_s.is_finite() && found.gain.is_finite();
     (is_finite && found.delay_s.sigma < SIGMA_MAX_S).then_some(found)

@@ -235,6 +235,13 @@ impl Seen {
         as_far && self.is_mode_seen(window)
     }
 
+    /// Whether a window was sampled at another rate than those.
+    #[must_use]
+    pub fn is_other_rate(&self, window: &Motion) -> bool {
+        self.sample_rate_hz
+            .is_some_and(|seen| (window.sample_rate_hz / seen - 1.0).abs() > RATE_MARGIN)
+    }
+
     fn is_mode_seen(&self, window: &Motion) -> bool {
         if window.is_speed_mode {
             self.speed_mode
@@ -270,7 +277,7 @@ impl Seen {
             unseen.push(Unseen::Mode);
         }
         if let Some(seen) = self.sample_rate_hz
-            && (window.sample_rate_hz / seen - 1.0).abs() > RATE_MARGIN
+            && self.is_other_rate(window)
         {
             unseen.push(Unseen::SampleRate(seen, window.sample_rate_hz));
         }

@@ -134,8 +134,8 @@ pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, i
 
 /// What the torque balance says of the load, and of the torque for each read current.
 fn inferred(found: &RelationsEstimate) -> InferredReadings {
-    let [_, _, a, b, c, ..] = found.k;
-    let [_, _, sigma_a, sigma_b, sigma_c, ..] = found.sigma;
+    let [k1, _, a, b, c, ..] = found.k;
+    let [sigma_1, _, sigma_a, sigma_b, sigma_c, ..] = found.sigma;
     let turns = |k: f64, sigma: Option<f64>| sigma.map(|sigma| Inferred { value: 1.0 - k, sigma });
     let of_phases = [turns(a, sigma_a), turns(b, sigma_b), turns(c, sigma_c)];
     InferredReadings {
@@ -145,6 +145,10 @@ fn inferred(found: &RelationsEstimate) -> InferredReadings {
         }),
         load_by_friction: None,
         dc_link: None,
+        friction: sigma_1.map(|sigma| Inferred {
+            value: 1.0 + 2.0 * k1,
+            sigma: 2.0 * sigma,
+        }),
         turns: match of_phases {
             [Some(a), Some(b), Some(c)] => Some([a, b, c]),
             _ => None,

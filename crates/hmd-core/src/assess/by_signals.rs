@@ -157,7 +157,10 @@ impl Assessor {
     fn setpoint_time(&self, job: &WindowJob) -> Option<Finding> {
         match self.models.unit(&job.actuator) {
             None => setpoint_time(job, None),
-            Some(unit) => setpoint_time(job, Some(&unit.relations.as_ref()?.commissioned.setpoint_delay)),
+            Some(unit) => {
+                let relations = &unit.relations.as_ref()?.commissioned;
+                setpoint_time(job, Some((relations, unit.seen.sample_rate_hz)))
+            }
         }
     }
 

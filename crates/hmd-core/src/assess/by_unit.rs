@@ -1,7 +1,7 @@
 //! A window of a commissioned unit -> estimate: by its relations, or by the monitor corrected by its baseline.
 
 use ema_identify::effort::{Effort, Request, Stage};
-use ema_identify::relations::{Needed, Relation, SinceCommissioning};
+use ema_identify::relations::{Needed, Relation, SinceCommissioning, is_coarsely_sampled};
 use ema_identify::unit_calibration::{UnitCalibration, UnitEstimator, UnitMonitor, UnitRelations, Unseen};
 use ema_identify::unit_estimate::{USUAL_COST, UnitEstimate, corrected, estimate_by_relations, of_both};
 use ema_identify::{Estimate, Fit, Identifier, Prepared};
@@ -53,8 +53,10 @@ pub(super) fn estimate(
     let since = SinceCommissioning {
         winding_temp: unit.seen.winding_temp(conditions.winding_temp_deg_c),
         is_other_motion: !unit.seen.is_same_motion(&motion),
+        is_other_rate: unit.seen.is_other_rate(&motion),
     };
     let not_explained = |relations: &[Relation]| not_explained(relations, &measured);
+    let is_coarser = since.is_other_rate && is_coarsely_sampled(&job.params);
     let of_relations = |job: &mut WindowJob| match &unit.relations {
         Some(relations) => by_relations(relations, identifier, job, conditions, since, effort),
         None => Ok(None),
@@ -72,7 +74,10 @@ pub(super) fn estimate(
         (UnitEstimator::Relations, Some(_), monitor) => match of_relations(job)? {
             Some((fit, found)) => {
                 reasons.extend(not_explained(&found.unexplained));
-                let fallback = match monitor.as_ref().filter(|monitor| may_fall_back(&found, monitor)) {
+                let fallback = match monitor
+                    .as_ref()
+                    .filter(|monitor| may_fall_back(&found, monitor, is_coarser))
+                {
                     Some(monitor) => of_monitor(job, monitor)?.map(|(fit, by_monitor)| {
                         let factor = factor_beyond_healthy(monitor, &by_monitor);
                         (fit, by_monitor.widened(factor))
@@ -252,10 +257,11 @@ fn without_play(mut found: UnitEstimate) -> UnitEstimate {
     found
 }
 
-/// Whether the monitor may explain a window that the torque balance does not: it explains the unit's healthy windows as well as those of
-/// its type, and the motor turns.
-fn may_fall_back(found: &UnitEstimate, monitor: &UnitMonitor) -> bool {
-    found.unexplained.contains(&Relation::TorqueBalance) && !found.estimate.locked && monitor.cost <= USUAL_COST
+/// Whether the monitor may explain a window that the torque balance does not, or hardly does, where samples are coarser than at
+/// commissioning: it explains the unit's healthy windows as well as those of its type, and the motor turns.
+fn may_fall_back(found: &UnitEstimate, monitor: &UnitMonitor, is_coarser: bool) -> bool {
+    let is_open = is_coarser || found.unexplained.contains(&Relation::TorqueBalance);
+    is_open && !found.estimate.locked && monitor.cost <= USUAL_COST
 }
 
 /// The reason that names the relations which do not explain a window. One alone points at what only it reads.

@@ -161,7 +161,9 @@ impl Assessor {
     ) -> Result<(Assessed, bool), AssessError> {
         let mut unchecked = false;
         let commissioned = self.commissioned_temperatures(job);
-        for Contradiction { suspicion, correction } in contradictions(job, &assessed.estimate, commissioned) {
+        for Contradiction { suspicion, correction } in
+            contradictions(job, &assessed.estimate, commissioned, self.watch_level())
+        {
             if suspects.contains(&suspicion.suspect) {
                 continue;
             }

@@ -1,19 +1,13 @@
 //! How far friction may be off for conditions that commissioning has not seen.
 
 use ema_identify::unit_calibration::Seen;
-use ema_models::FRICTION_TEMPERATURE_SPAN_K;
 
-use crate::motion::{mean_speed, moves_one_way};
+use crate::motion::{beyond, friction_torque_sigma, moves_one_way};
 use crate::outbox::WindowJob;
 
 /// One standard deviation of k1 by load and temperature beyond those of commissioning.
 pub(super) fn friction_sigma(job: &WindowJob, seen: &Seen) -> f64 {
     by_load(job, seen).hypot(by_temperature(job, seen))
-}
-
-/// How far a value lies beyond a range.
-fn beyond([least, most]: [f64; 2], value: f64) -> f64 {
-    (least - value).max(value - most).max(0.0)
 }
 
 /// One standard deviation of k1 by a load beyond those of commissioning, Nm: `½ σ_T/T_d` with
@@ -34,16 +28,9 @@ fn by_load(job: &WindowJob, seen: &Seen) -> f64 {
     0.5 * torque / gear.friction_dynamic.max(f64::MIN_POSITIVE)
 }
 
-/// The same by a winding temperature ΔT beyond those of commissioning: `½ √((σ_d T_d)² + (σ_c C ω)²)/T_d · ΔT/80 K` with the tolerances of
-/// the logarithms of T_d and C at 80 K and the mean speed ω of the motion. A healthy `bench` 25 K colder than at commissioning, its C and T_d
-/// in the middle of their usual ranges, reads friction of 0.10. 0 where either temperature is not measured. Derived here.
+/// The same by a winding temperature beyond those of commissioning, `½ σ_T/T_d`. A healthy `bench` 25 K colder than at commissioning, its C and
+/// T_d in the middle of their usual ranges, reads friction of 0.10. 0 where either temperature is not measured. Derived here.
 fn by_temperature(job: &WindowJob, seen: &Seen) -> f64 {
-    let (Some(range), Some(found)) = (seen.winding_temp_deg_c, job.conditions.winding_temp_deg_c) else {
-        return 0.0;
-    };
-    let tolerances = &job.actuator.tolerances;
-    let dry = job.params.transmission.friction_dynamic;
-    let viscous = job.params.motor.c * mean_speed(job);
-    let spread = (tolerances.friction_temperature * dry).hypot(tolerances.viscous_temperature * viscous);
-    0.5 * spread / dry.max(f64::MIN_POSITIVE) * beyond(range, found) / FRICTION_TEMPERATURE_SPAN_K
+    let dry = job.params.transmission.friction_dynamic.max(f64::MIN_POSITIVE);
+    0.5 * friction_torque_sigma(job, seen.winding_temp_deg_c) / dry
 }

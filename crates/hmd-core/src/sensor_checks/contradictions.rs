@@ -12,7 +12,9 @@ use ema_identify::{Estimate, Inferred};
 use ema_models::DriveKind;
 
 use super::correction::Correction;
+use super::rivals::accuses_a_phase;
 use super::suspect::{Suspect, Suspicion};
+use crate::motion::friction_torque_sigma;
 use crate::outbox::WindowJob;
 
 /// One reading that is contradicted.
@@ -35,18 +37,32 @@ const FRICTION_SHARE: f64 = 0.05;
 const FRICTION_SCATTER: f64 = 0.15;
 
 /// The readings of a window that its estimate contradicts; `commissioned` are the winding temperatures at which the unit was commissioned, °C,
-/// where it was.
+/// where it was; `level` is the damage from which on a part is accused.
 #[must_use]
 pub fn contradictions(
     job: &WindowJob,
     estimate: &Estimate,
     commissioned: Option<Option<[f64; 2]>>,
+    level: f64,
 ) -> Vec<Contradiction> {
-    let mut found: Vec<Contradiction> = load(job, estimate).into_iter().chain(link(job, estimate)).collect();
+    let mut found: Vec<Contradiction> = load(job, estimate, commissioned)
+        .into_iter()
+        .chain(link(job, estimate))
+        .collect();
     if let (Some(temperatures), Some(turns)) = (commissioned, estimate.inferred.turns) {
         let read = job.conditions.winding_temp_deg_c;
         let turns = turns.map(|turns| at_commissioning(turns, read, temperatures));
-        let by_gain = current_gain(&turns, expected_torque(read, temperatures));
+        let off = if accuses_a_phase(estimate, level) {
+            GAIN_OFF_BESIDE_SHORT
+        } else {
+            GAIN_OFF
+        };
+        let by_gain = current_gain(
+            &turns,
+            expected_torque(read, temperatures),
+            off,
+            estimate.inferred.friction,
+        );
         found.extend(by_gain.or_else(|| temperature(&turns, read?, temperatures?)));
     }
     found
@@ -64,26 +80,29 @@ fn contradiction(suspect: Suspect, evidence: &str, correction: Correction) -> Co
 
 /// The reading against the load that the motion needs, and, where it tells load and friction only together, against the loads between
 /// friction that is not worn and worn to its limit. Coarse samples do not tell a load: what they leave of the torque repeats with the motion.
-fn load(job: &WindowJob, estimate: &Estimate) -> Option<Contradiction> {
+fn load(job: &WindowJob, estimate: &Estimate, commissioned: Option<Option<[f64; 2]>>) -> Option<Contradiction> {
     let read = job
         .conditions
         .load_torque_nm
         .filter(|_| !is_coarsely_sampled(&job.params))?;
-    let off = |inferred: Inferred, share: f64| (inferred.value - read) / load_sigma(job, &inferred, share);
+    // One scale of the friction does not follow a lubricant that is warmer, or colder, than at commissioning.
+    let of_lubricant = job.params.transmission.gear_ratio * friction_torque_sigma(job, commissioned.flatten());
+    let load_sigma = |inferred: &Inferred, share: f64| load_sigma(job, inferred, share).hypot(of_lubricant);
+    let off = |inferred: Inferred, share: f64| (inferred.value - read) / load_sigma(&inferred, share);
     let needed = |Inferred { value, .. }: Inferred, sigma: f64| {
         let evidence = format!("reads {read:.1} N m, the motion needs {value:.1} ± {sigma:.1} N m");
         contradiction(Suspect::LoadSensor, &evidence, Correction::NoLoad)
     };
     let inferred = estimate.inferred.load_torque;
     if let Some(inferred) = inferred.filter(|inferred| off(*inferred, FRICTION_SHARE).abs() > SIGMAS) {
-        return Some(needed(inferred, load_sigma(job, &inferred, FRICTION_SHARE)));
+        return Some(needed(inferred, load_sigma(&inferred, FRICTION_SHARE)));
     }
     let [unworn, worn] = estimate.inferred.load_by_friction?;
     let off = [unworn, worn].map(|load| off(load, FRICTION_SCATTER));
     let is_beyond = off.iter().all(|&off| off > SIGMAS) || off.iter().all(|&off| off < -SIGMAS);
     is_beyond.then(|| {
         let [least, most] = [unworn.value.min(worn.value), unworn.value.max(worn.value)];
-        let sigma = load_sigma(job, &unworn, FRICTION_SCATTER);
+        let sigma = load_sigma(&unworn, FRICTION_SCATTER);
         let evidence = format!(
             "reads {read:.1} N m, the motion needs {least:.1} to {most:.1} ± {sigma:.1} N m, whatever its friction"
         );
@@ -190,19 +209,29 @@ fn expected_torque(read: Option<f64>, commissioned: Option<[f64; 2]>) -> [f64; 2
 /// Change of the torque for each ampere, beyond that by temperature, that no tolerance explains.
 const GAIN_OFF: f64 = 0.05;
 
+/// The same beside a phase that is accused: a short changes one phase, so that what all have changed by stands in the others as shorts. Twice the
+/// usual tolerance of a gain.
+const GAIN_OFF_BESIDE_SHORT: f64 = 0.02;
+
 /// Gains that sensors may have.
 const GAIN_POSSIBLE: RangeInclusive<f64> = 0.5..=2.0;
 
 /// Standard deviations of each phase; their mean is [`SIGMAS`] of its own off.
 const PHASE_SIGMAS: f64 = 2.0;
 
-/// A change of all three phases to the same side, by the phase that changed least: a worn winding changes one.
-fn current_gain(turns: &[Inferred; 3], [low, high]: [f64; 2]) -> Option<Contradiction> {
+/// A change of all three phases to the same side, by the phase that changed least and more than `off`: a worn winding changes one. Where the
+/// `friction` has changed as much to the same side, all but the inertia has: the torque balance measures by it.
+fn current_gain(
+    turns: &[Inferred; 3],
+    [low, high]: [f64; 2],
+    off: f64,
+    friction: Option<Inferred>,
+) -> Option<Contradiction> {
     let weight = |x: &Inferred| 1.0 / (x.sigma * x.sigma);
     let weights: f64 = turns.iter().map(weight).sum();
     let mean = turns.iter().map(|x| weight(x) * x.value).sum::<f64>() / weights;
     let clear = SIGMAS / weights.sqrt();
-    let [low, high] = [low - GAIN_OFF, high + GAIN_OFF];
+    let [low, high] = [low - off, high + off];
     let least = if mean + clear < low && turns.iter().all(|x| x.value + PHASE_SIGMAS * x.sigma < low) {
         turns
             .iter()
@@ -220,6 +249,18 @@ fn current_gain(turns: &[Inferred; 3], [low, high]: [f64; 2]) -> Option<Contradi
         return None;
     }
     let sigma = least.sigma * gain * gain;
+    if let Some(friction) = friction.filter(|friction| is_as_inertia(friction, least)) {
+        let evidence = format!(
+            "it seems to be {gain:.2} ± {sigma:.2} times that of the commissioned unit: currents and friction, {:.2} ± {:.2} times, have both \
+             changed against it",
+            friction.value, friction.sigma
+        );
+        let correction = Correction::Currents {
+            offset: [0.0; 3],
+            gain: [gain; 3],
+        };
+        return Some(contradiction(Suspect::Inertia, &evidence, correction));
+    }
     let or_magnets = if gain > 1.0 {
         ", or the magnets are as much weaker"
     } else {
@@ -233,6 +274,12 @@ fn current_gain(turns: &[Inferred; 3], [low, high]: [f64; 2]) -> Option<Contradi
         gain: [gain; 3],
     };
     Some(contradiction(Suspect::CurrentGain, &evidence, correction))
+}
+
+/// Whether the friction has changed with the torque for each ampere, and not stayed: relative to the inertia both have.
+fn is_as_inertia(friction: &Inferred, turns: &Inferred) -> bool {
+    let sigma = friction.sigma.hypot(turns.sigma);
+    (friction.value - turns.value).abs() < PHASE_SIGMAS * sigma && (friction.value - 1.0).abs() > PHASE_SIGMAS * sigma
 }
 
 /// Distance of a temperature from those of commissioning from which on it changes the torque visibly, K.
@@ -289,13 +336,39 @@ mod tests {
         let usual = expected_torque(Some(20.0), Some([18.0, 22.0]));
         assert!(usual[0] > 0.997 && usual[1] < 1.003);
         let shorted = turns([0.7, 1.0, 0.99], 0.004);
-        assert_eq!(gain_of(current_gain(&shorted, usual)), None);
+        assert_eq!(gain_of(current_gain(&shorted, usual, GAIN_OFF, None)), None);
         let beside_a_short = turns([0.6, 0.875, 0.87], 0.004);
-        assert!((gain_of(current_gain(&beside_a_short, usual)).unwrap() - 1.0 / 0.875).abs() < 1e-12);
+        assert!((gain_of(current_gain(&beside_a_short, usual, GAIN_OFF, None)).unwrap() - 1.0 / 0.875).abs() < 1e-12);
         let low = turns([1.25, 1.26, 1.24], 0.004);
-        assert!((gain_of(current_gain(&low, usual)).unwrap() - 1.0 / 1.24).abs() < 1e-12);
+        assert!((gain_of(current_gain(&low, usual, GAIN_OFF, None)).unwrap() - 1.0 / 1.24).abs() < 1e-12);
         // Not shown.
-        assert_eq!(gain_of(current_gain(&turns([1.25; 3], 0.1), usual)), None);
+        assert_eq!(
+            gain_of(current_gain(&turns([1.25; 3], 0.1), usual, GAIN_OFF, None)),
+            None
+        );
+        // A gain that alone stays unnamed, beside a short.
+        let small = turns([0.81, 0.948, 0.952], 0.004);
+        assert_eq!(gain_of(current_gain(&small, usual, GAIN_OFF, None)), None);
+        let found = gain_of(current_gain(&small, usual, GAIN_OFF_BESIDE_SHORT, None)).unwrap();
+        assert!((found - 1.0 / 0.952).abs() < 1e-12);
+        // Two phases are shorted.
+        let two = turns([0.81, 0.95, 0.995], 0.004);
+        assert_eq!(gain_of(current_gain(&two, usual, GAIN_OFF_BESIDE_SHORT, None)), None);
+    }
+
+    #[test]
+    fn an_inertia_changes_friction_and_torque_alike_and_a_gain_the_torque_alone() {
+        let usual = expected_torque(Some(20.0), Some([18.0, 22.0]));
+        let all = turns([0.91, 0.905, 0.912], 0.004);
+        let named = |value: f64| {
+            let friction = Some(Inferred { value, sigma: 0.03 });
+            current_gain(&all, usual, GAIN_OFF, friction).map(|found| found.suspicion.suspect)
+        };
+        assert_eq!(named(0.9), Some(Suspect::Inertia));
+        assert_eq!(named(1.0), Some(Suspect::CurrentGain));
+        assert_eq!(named(1.4), Some(Suspect::CurrentGain));
+        let untold = current_gain(&all, usual, GAIN_OFF, None).unwrap();
+        assert_eq!(untold.suspicion.suspect, Suspect::CurrentGain);
     }
 
     #[test]
@@ -319,7 +392,10 @@ mod tests {
         let cold = expected_torque(Some(-40.0), Some(commissioned));
         assert!((cold[0] - 1.024).abs() < 1e-12 && (cold[1] - 1.072).abs() < 1e-12);
         let as_cold = turns([1.06; 3], 0.004);
-        assert!(current_gain(&as_cold, cold).is_none() && temperature(&as_cold, -40.0, commissioned).is_none());
+        assert!(
+            current_gain(&as_cold, cold, GAIN_OFF, None).is_none()
+                && temperature(&as_cold, -40.0, commissioned).is_none()
+        );
         // One phase is shorted.
         let as_warm = turns([1.001, 0.999, 0.6], 0.004);
         let found = temperature(&as_warm, -40.0, commissioned).unwrap();

@@ -186,6 +186,12 @@ const ALIKE_SHORTS: f64 = 0.25;
 /// Share of the largest of three shorts that the least has where they are alike.
 const LEAST_SHARE: f64 = 0.5;
 
+/// Whether an estimate accuses a phase.
+pub(super) fn accuses_a_phase(estimate: &Estimate, level: f64) -> bool {
+    let phases = [FaultId::ShortA, FaultId::ShortB, FaultId::ShortC];
+    accused(estimate, level).iter().any(|fault| phases.contains(fault))
+}
+
 /// Whether an estimate accuses a phase and finds all three alike: no winding fails so, but a gain of all currents, a weak magnet or a drive that
 /// the monitor does not know looks so.
 #[must_use]

@@ -35,6 +35,8 @@ pub enum Suspect {
     ResolverFrozen,
     /// Pole pairs of the motor.
     PolePairs,
+    /// Inertia at the motor shaft.
+    Inertia,
     /// Sign of the output angle.
     EncoderDirection,
     /// Zero of the output angle.
@@ -59,7 +61,7 @@ pub enum Suspect {
 
 impl Suspect {
     /// All.
-    pub const ALL: [Self; 24] = [
+    pub const ALL: [Self; 25] = [
         Self::LoadSensor,
         Self::DcLink,
         Self::WindingTemperature,
@@ -74,6 +76,7 @@ impl Suspect {
         Self::ResolverCounts,
         Self::ResolverFrozen,
         Self::PolePairs,
+        Self::Inertia,
         Self::EncoderDirection,
         Self::EncoderZero,
         Self::EncoderCounts,
@@ -104,6 +107,7 @@ impl Suspect {
             Self::ResolverCounts => "resolver counts",
             Self::ResolverFrozen => "frozen resolver",
             Self::PolePairs => "pole pairs",
+            Self::Inertia => "inertia",
             Self::EncoderDirection => "encoder direction",
             Self::EncoderZero => "encoder zero",
             Self::EncoderCounts => "encoder counts",
@@ -140,6 +144,7 @@ impl Suspect {
             Self::EncoderDirection | Self::EncoderFrozen => "the output encoder and its wiring",
             Self::ResolverCounts => "the configured resolver counts",
             Self::PolePairs => "the configured pole pairs",
+            Self::Inertia => "what the output moves: its inertia is not that of commissioning",
             Self::EncoderCounts => "the configured encoder counts",
             Self::GearRatio => "the configured gear ratio",
             Self::SetpointUnit => "the configured unit of the set point",

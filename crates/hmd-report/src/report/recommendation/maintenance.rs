@@ -59,7 +59,8 @@ pub(super) fn at_once(left: &Left) -> String {
              {HOURS_TO_PLAN:.0} h."
         ),
         // A worn part has its own sentence.
-        _ if left.state >= HealthState::Watch => String::new(),
+        (None, Some(fault)) if left.reported.contains(&fault) => String::new(),
+        (None, None) if left.state >= HealthState::Watch => String::new(),
         (None, fault) => {
             let part = fault.map_or("actuator", FaultId::part);
             format!("Inspect before the next use: {part}. Its life may end in less than {HOURS_TO_PLAN:.0} h.")

@@ -417,6 +417,15 @@ fn no_action_is_never_said_beside_a_life_of_less_than_an_hour() {
     let part = "Inspect before the next use: bearings, gear and screw. Its life may end in less than 1 h.";
     assert_eq!(with(0.5, "damage", "friction"), (part.to_owned(), true));
     assert_eq!(with(5.0, "stall", "friction"), ("No action.".to_owned(), false));
+    // Beside another worn part, too.
+    history.newest.health.health = "watch".to_owned();
+    report(&mut history, &[FaultId::Gain]);
+    history.newest.rul.rul_p10_h = Some(0.5);
+    history.newest.rul.governed_by = "damage".to_owned();
+    let expected = format!("Inspect at the next scheduled maintenance: position controller. {part}");
+    assert_eq!(of(&history).action, expected);
+    history.newest.health.health = "nominal".to_owned();
+    report(&mut history, &[]);
     // What misses it was replaced.
     history.newest.rul.governed_by = "stall".to_owned();
     history.newest.rul.rul_p10_h = Some(0.0);

@@ -253,3 +253,52 @@ fn counter(message: &MessageUse, data: &[u8]) -> Option<(u64, u16)> {
     let counter = message.counters.iter().find(|counter| counter.is_in(data))?;
     Some((counter.layout.raw(data)?, counter.layout.size))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dbc::{Layout, ModeCodes, Signal, SignalKind, Unit};
+
+    #[test]
+    fn no_condition_of_a_recording_holds_in_the_next() {
+        let binding = |role, start| Binding {
+            role,
+            signal: Signal {
+                layout: Layout {
+                    start,
+                    size: 8,
+                    big_endian: false,
+                },
+                kind: SignalKind::Unsigned,
+                factor: 1.0,
+                offset: 0.0,
+                selectors: Vec::new(),
+            },
+            unit: Unit::SAME,
+            wraps_after: None,
+        };
+        let message = |id, role| MessageUse {
+            name: "status".to_owned(),
+            id,
+            extended: false,
+            length: 1,
+            bindings: vec![binding(role, 0)],
+            counters: Vec::new(),
+        };
+        let map = SignalMap {
+            messages: vec![message(1, Role::DcLink), message(2, Role::WindingTemp)],
+            modes: ModeCodes::default(),
+            counter_bits: (16, 16),
+        };
+        let mut joiner = Joiner::new(ActuatorId::new(0).expect("a number"), Arc::new(map), 400.0);
+        let mut links = Vec::new();
+        for _ in 0..2 {
+            let update = joiner.push(1, &[60], 1).expect("a frame");
+            links.push(update.conditions.expect("conditions").dc_link_v);
+            let update = joiner.push(0, &[48], 2).expect("a frame");
+            links.push(update.conditions.expect("conditions").dc_link_v);
+            joiner.begin_recording();
+        }
+        assert_eq!(links, [None, Some(48.0), None, Some(48.0)]);
+    }
+}

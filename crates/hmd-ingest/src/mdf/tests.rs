@@ -48,6 +48,15 @@ fn only_the_last_block_of_an_unfinalised_file_is_open() {
     let (frames, losses) = read(&bytes);
     assert_eq!(losses, [""; 0]);
     assert_eq!(frames, String::from_utf8(fixture("frames.log")).unwrap());
+    // Those of the third group at the end, in a block whose length was not written.
+    let (from, to, group) = (0x2d0 + 24, 0x2d0 + 41, 0x470 + 24 + 16);
+    let at = bytes.len() as u64;
+    bytes.extend(b"##DT\0\0\0\0");
+    bytes.extend([24_u64, 0].map(u64::to_le_bytes).concat());
+    bytes.extend(fixture("frames.mf4").get(from..to).unwrap());
+    bytes[group..group + 8].copy_from_slice(&at.to_le_bytes());
+    let (again, losses) = read(&bytes);
+    assert_eq!((again, losses), (frames, Vec::new()));
 }
 
 #[test]

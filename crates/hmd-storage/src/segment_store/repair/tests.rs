@@ -3,6 +3,7 @@
 use super::super::disk::RealDisk;
 use super::super::tests::{chunks, cut_segment};
 use super::*;
+use mcap::records::op;
 
 const NAME: Name = Name {
     number: 7,
@@ -144,7 +145,11 @@ fn a_source_is_spent_when_it_lost_its_torn_end_alone() {
     assert!(!spent(&damaged), "a chunk lost on the way");
     assert!(!spent(&damaged[..chunks[3].0 + 100]), "that, and the end");
     assert!(!spent(&file[..chunks[0].0 + 100]), "its only chunk torn");
-    // A length that reaches behind the file, with whole chunks behind it.
+    // A length that reaches behind the file, with whole chunks behind it; the file was ended, but for its name.
+    let ended = |opcode: u8, length: u64| [&[opcode], &length.to_le_bytes()[..], &vec![0; length as usize]].concat();
+    let end = [ended(op::DATA_END, 4), ended(op::FOOTER, 20), mcap::MAGIC.to_vec()];
+    let file = [file, end.concat()].concat();
+    assert!(spent(&file), "ended");
     let mut damaged = file.clone();
     damaged[chunks[1].0 + 1 + 3] ^= 2;
     assert!(!spent(&damaged), "no torn end");

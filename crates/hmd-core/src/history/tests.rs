@@ -199,8 +199,7 @@ fn a_new_unit_has_the_operating_hours_since_the_window_before_the_event() {
                 part: None,
                 note: None,
             }],
-            unfinished: vec![],
-            unreadable: vec![],
+            ..Events::default()
         });
         (used.hours, used.cycles)
     };

@@ -206,7 +206,7 @@ fn windows_of_a_worn_unit_commission_nothing() {
         ),
         (
             "short_a=0.4",
-            "expected windows in health, found inter-turn short, phase A of 0.41 in 6 of 6 windows",
+            "expected windows in health, found inter-turn short, phase A of 0.40 in 6 of 6 windows",
         ),
     ] {
         folder.done(&format!(

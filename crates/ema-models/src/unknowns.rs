@@ -60,7 +60,7 @@ impl MotorKnowledge {
     /// Inverse of the covariance; `None` where the deviation is known exactly.
     ///
     /// Where only one of the two is known exactly, or both move together (exact tolerances at an unknown temperature), the covariance has no
-    /// inverse: each variance is then larger by that of [`NEARLY_EXACT`].
+    /// inverse: each is then taken to be known to 1e-4 at best.
     #[must_use]
     pub fn information(&self) -> Option<[[f64; 2]; 2]> {
         let [[a, b], [c, d]] = self.covariance;

@@ -3,7 +3,7 @@
 //! The data path, in order: [`demux`] gives each [`frame`] to its actuator and decodes it ([`actuator_stream`]; a bus with a layout
 //! of its own by its [`dbc`], a drive by its [`drive_bus`], a log of measured signals by its [`log_map`]); [`window`] cuts actuations out of the samples; [`assess`] identifies each window and decides on
 //! [`health`]; [`history`] holds what is known of an actuator from window to window, and [`rul`] predicts how long it lasts;
-//! [`commissioning`] calibrates one unit by windows of it, [`learning`] by its first ones, and [`type_of_units`] a type by units; [`record`] has the messages that leave. [`pipeline`] counts everything on the way. [`config`] holds the settings, from
+//! [`commissioning`] calibrates one unit by windows of it, [`learning`] by its first ones, and [`type_of_units`] a type by units; [`record`] has the messages that leave, [`newest`] what the recordings of a unit say of it now. [`pipeline`] counts everything on the way. [`config`] holds the settings, from
 //! text. Time comes with the frames, randomness from a seed.
 
 #[cfg(test)]
@@ -31,6 +31,7 @@ pub mod log_map;
 pub mod metadata_checksum;
 pub mod metrics;
 mod motion;
+pub mod newest;
 pub mod outbox;
 pub mod outliers;
 pub mod pipeline;

@@ -11,7 +11,7 @@ use ema_identify::unit_calibration::Seen;
 use ema_identify::{Estimate, Inferred};
 use ema_models::DriveKind;
 
-use super::correction::Correction;
+use super::correction::{Correction, LINK_POSSIBLE};
 use super::rivals::accuses_a_phase;
 use super::suspect::{Suspect, Suspicion};
 use crate::motion::friction_torque_sigma;
@@ -120,9 +120,6 @@ fn load_sigma(job: &WindowJob, load: &Inferred, friction_share: f64) -> f64 {
 
 /// Usual tolerance of a link voltage as a share, where the configuration calls it exact.
 const LINK_TOLERANCE: f64 = 0.02;
-
-/// Voltages that a link may have, as shares of the nominal one.
-pub(super) const LINK_POSSIBLE: RangeInclusive<f64> = 0.55..=1.45;
 
 fn link(job: &WindowJob, estimate: &Estimate) -> Option<Contradiction> {
     let (read, nominal) = (job.conditions.dc_link_v?, job.params.motor.v_dc);

@@ -1,8 +1,13 @@
 //! A window without its mistake.
 
+use std::ops::RangeInclusive;
+
 use ema_models::Setpoint;
 
 use crate::outbox::WindowJob;
+
+/// Voltages that a link may have, as shares of the nominal one.
+pub(super) const LINK_POSSIBLE: RangeInclusive<f64> = 0.55..=1.45;
 
 /// How a mistake is taken out of a window.
 #[derive(Clone, Copy, Debug, PartialEq)]

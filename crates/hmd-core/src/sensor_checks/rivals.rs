@@ -5,8 +5,7 @@
 
 use ema_models::{DriveKind, FaultId, REFERENCE_TEMPERATURE_DEG_C};
 
-use super::contradictions::LINK_POSSIBLE;
-use super::correction::Correction;
+use super::correction::{Correction, LINK_POSSIBLE};
 use super::findings::torque_ratio;
 use super::suspect::{Suspect, Suspicion};
 use crate::health::{SIGNIFICANCE, significance};

@@ -6,7 +6,8 @@ use ema_models::FaultId;
 use hmd_core::config::HoursOf;
 use hmd_core::health::HealthState;
 use hmd_core::history::ReplacedPart;
-use hmd_core::record::{Estimate, Health, Newest, Rul, Sensors, Window};
+use hmd_core::newest::Newest;
+use hmd_core::record::{Estimate, Health, Rul, Sensors, Window};
 
 /// One window of a history.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -2,7 +2,7 @@
 
 use ema_models::FaultId;
 use hmd_core::health::HealthState;
-use hmd_core::record::Newest;
+use hmd_core::newest::Newest;
 use hmd_core::timestamp::compact_minute;
 
 /// Longest line, characters: the text of one ACARS block.

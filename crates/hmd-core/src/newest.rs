@@ -2,9 +2,9 @@
 
 use ema_models::FaultId;
 
-use super::{Health, LastShown, Rul};
 use crate::health::HealthState;
 use crate::history::{FELL, ReplacedPart};
+use crate::record::{Health, LastShown, Rul};
 
 /// The newest records of one unit. Windows of one recording are added in order; recordings are then joined.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -164,8 +164,8 @@ impl Newest {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Estimate;
     use super::*;
+    use crate::record::Estimate;
     use HealthState::{Critical, Nominal, Unknown, Watch};
 
     /// A recording of one window with this state of backlash, all others the second state; `has_reading` of every fault.

@@ -7,6 +7,7 @@
 
 mod course;
 mod csv;
+mod ended_once;
 mod frames;
 mod log;
 mod parquet;

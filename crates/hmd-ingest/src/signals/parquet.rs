@@ -16,6 +16,7 @@ use parquet::data_type::{ByteArray, DataType};
 use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
+use super::ended_once::EndedOnce;
 use super::log::{Between, SignalInfo, SignalLog, TextValue, Unusable, name_and_unit};
 use crate::damage::{Damage, Place};
 
@@ -33,7 +34,7 @@ const TEXT_MAX: usize = 256;
 
 /// Reads a table from a file.
 pub struct ParquetLog<R: ChunkReader + 'static> {
-    reader: SerializedFileReader<R>,
+    reader: SerializedFileReader<EndedOnce<R>>,
     file: Arc<str>,
     signals: Vec<SignalInfo>,
     /// Of each signal: its column in the file.
@@ -74,7 +75,7 @@ impl<R: ChunkReader + 'static> ParquetLog<R> {
     /// There is no table of plain columns.
     pub fn new(input: R, file: &str) -> Result<Self, Unusable> {
         let length = input.len();
-        let reader = guarded(|| SerializedFileReader::new(input).map_err(|error| one_line(&error)))
+        let reader = guarded(|| SerializedFileReader::new(EndedOnce(input)).map_err(|error| one_line(&error)))
             .map_err(|found| Unusable::new("a Parquet file", found))?;
         let (mut signals, mut columns) = (Vec::new(), Vec::new());
         for (n, column) in reader

@@ -60,9 +60,9 @@ pub struct McapMessages<R> {
     metadata_bytes: usize,
     /// The header is one of ours, so that its copies of definitions are believed.
     is_own_file: bool,
-    /// Number of the newest message of each channel. Our writer counts them without a gap, so that one that is not higher was read
+    /// Number of the newest message on each topic. Our writer counts them without a gap, so that one that is not higher was read
     /// before; other writers number as they like.
-    newest: BTreeMap<u16, u32>,
+    newest: BTreeMap<Arc<str>, u32>,
     /// The chunk that is being read: its messages are handed out one by one, not all held at once.
     chunk: Option<Open>,
     /// To be handed out next.
@@ -289,7 +289,7 @@ impl<R: Read + Seek> McapMessages<R> {
             let taken = match opcode {
                 op::SCHEMA | op::CHANNEL => self.definitions.add(opcode, data),
                 op::MESSAGE => match self.message(chunk.at_byte, data) {
-                    Ok(message) if self.is_repeated(data, &message) => {
+                    Ok(message) if self.is_repeated(&message) => {
                         chunk.repeated += 1;
                         Ok(())
                     }
@@ -304,16 +304,18 @@ impl<R: Read + Seek> McapMessages<R> {
     }
 
     /// Whether a message of our writer was read before, by its number; notes the number.
-    fn is_repeated(&mut self, data: &[u8], message: &McapMessage) -> bool {
-        let (true, Some(channel)) = (self.is_own_file, records::first_number(data)) else {
+    ///
+    /// Our writer has one channel for each topic. Of two, as damage makes them, a copy has one again.
+    fn is_repeated(&mut self, message: &McapMessage) -> bool {
+        if !self.is_own_file {
             return false;
-        };
-        let newest = self.newest.get(&channel);
+        }
+        let newest = self.newest.get(&message.topic);
         // Numbers wrap.
         if newest.is_some_and(|newest| newest.wrapping_sub(message.sequence) < 1 << 31) {
             return true;
         }
-        self.newest.insert(channel, message.sequence);
+        self.newest.insert(message.topic.clone(), message.sequence);
         false
     }
 

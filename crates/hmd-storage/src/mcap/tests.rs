@@ -1,5 +1,7 @@
 use super::*;
 use crate::mcap_writer::{METADATA_NAME, McapWriter, ROUND_FRAMES};
+use crate::recover::recover;
+use crate::schema_copy::LIBRARY_START;
 use ::mcap::records::op;
 use ema_models::FaultId;
 use hmd_core::frame::FrameFlags;
@@ -177,6 +179,37 @@ fn a_chunk_in_the_summary_is_not_expanded() {
     .concat();
     let (frames, _) = read(&file);
     assert!(frames.is_empty());
+}
+
+/// The copy has one channel of them, whose numbers must go on rising. Found by fuzzing.
+#[test]
+fn of_two_channels_of_one_topic_a_number_is_kept_once() {
+    let text = |text: &str| [&(text.len() as u32).to_le_bytes()[..], text.as_bytes()].concat();
+    let channel = |id: u16| {
+        let ids = [id.to_le_bytes(), [0; 2]].concat();
+        let content = [ids, text("/a"), text(""), 0_u32.to_le_bytes().to_vec()].concat();
+        bytes_of_record(op::CHANNEL, &content)
+    };
+    let message = |id: u16| {
+        let content = [&id.to_le_bytes()[..], &5_u32.to_le_bytes(), &[0; 16]].concat();
+        bytes_of_record(op::MESSAGE, &content)
+    };
+    let inner = [channel(1), channel(2), message(1), message(2)].concat();
+    let length = (inner.len() as u64).to_le_bytes();
+    let checksum = crc32fast::hash(&inner).to_le_bytes();
+    let chunk = [&[0; 16][..], &length, &checksum, &text(""), &length, &inner].concat();
+    let header = [text(""), text(&format!("{LIBRARY_START}0.1.0"))].concat();
+    let file = [
+        ::mcap::MAGIC,
+        &bytes_of_record(op::HEADER, &header),
+        &bytes_of_record(op::CHUNK, &chunk),
+    ]
+    .concat();
+    let (copy, report) = recover(Cursor::new(file), "a.mcap", Cursor::new(Vec::new()), "").unwrap();
+    assert_eq!(report.messages, 1);
+    let copy = McapMessages::new(Cursor::new(copy.into_inner()), "copy").unwrap();
+    let numbers: Result<Vec<u32>, McapLoss> = copy.map(|item| item.map(|message| message.sequence)).collect();
+    assert_eq!(numbers, Ok(vec![5]));
 }
 
 /// A file of another program may count as it likes.

@@ -58,8 +58,8 @@ pub struct McapMessages<R> {
     summary: ChannelTable,
     metadata: Vec<McapMetadata>,
     metadata_bytes: usize,
-    /// The header is one of ours, so that its copies of definitions are believed.
-    is_own_file: bool,
+    /// Whether the first header is one of ours, so that its copies of definitions are believed; of further ones, as damage makes them, nothing is.
+    is_own_file: Option<bool>,
     /// Number of the newest message on each topic. Our writer counts them without a gap, so that one that is not higher was read
     /// before; other writers number as they like.
     newest: BTreeMap<Arc<str>, u32>,
@@ -131,7 +131,7 @@ impl<R: Read + Seek> McapMessages<R> {
             summary,
             metadata: Vec::new(),
             metadata_bytes: 0,
-            is_own_file: false,
+            is_own_file: None,
             newest: BTreeMap::new(),
             chunk: None,
             loss: None,
@@ -201,7 +201,7 @@ impl<R: Read + Seek> McapMessages<R> {
 
     /// Whether the header, which is read with the first item, is one of ours.
     pub(crate) fn is_own_file(&self) -> bool {
-        self.is_own_file
+        self.is_own_file == Some(true)
     }
 
     /// All metadata records read so far.
@@ -245,7 +245,8 @@ impl<R: Read + Seek> McapMessages<R> {
                 });
             }
             ItemKind::Header(data) => {
-                self.is_own_file = records::library(&data).is_some_and(|library| library.starts_with(LIBRARY_START));
+                let is_own = || records::library(&data).is_some_and(|library| library.starts_with(LIBRARY_START));
+                self.is_own_file.get_or_insert_with(is_own);
             }
             ItemKind::Metadata(data) => {
                 if let Err(fault) = self.add_metadata(at_byte, &data) {
@@ -269,7 +270,7 @@ impl<R: Read + Seek> McapMessages<R> {
         if [SCHEMA_NAME, CHANNEL_NAME].contains(&name) {
             return match is_sealed(name, &content) {
                 false => Err(McapFault::Metadata { name: name.to_owned() }),
-                true if self.is_own_file => self.definitions.add_copy(name, &content),
+                true if self.is_own_file() => self.definitions.add_copy(name, &content),
                 // The numbers in it may be those of another file.
                 true => Ok(()),
             };
@@ -307,7 +308,7 @@ impl<R: Read + Seek> McapMessages<R> {
     ///
     /// Our writer has one channel for each topic. Of two, as damage makes them, a copy has one again.
     fn is_repeated(&mut self, message: &McapMessage) -> bool {
-        if !self.is_own_file {
+        if !self.is_own_file() {
             return false;
         }
         let newest = self.newest.get(&message.topic);

@@ -181,9 +181,9 @@ fn a_chunk_in_the_summary_is_not_expanded() {
     assert!(frames.is_empty());
 }
 
-/// The copy has one channel of them, whose numbers must go on rising. Found by fuzzing.
+/// The copy has one channel of them, and the first header, so that its numbers must go on rising. Found by fuzzing.
 #[test]
-fn of_two_channels_of_one_topic_a_number_is_kept_once() {
+fn of_two_channels_of_one_topic_a_number_is_kept_once_whatever_a_second_header_says() {
     let text = |text: &str| [&(text.len() as u32).to_le_bytes()[..], text.as_bytes()].concat();
     let channel = |id: u16| {
         let ids = [id.to_le_bytes(), [0; 2]].concat();
@@ -202,6 +202,7 @@ fn of_two_channels_of_one_topic_a_number_is_kept_once() {
     let file = [
         ::mcap::MAGIC,
         &bytes_of_record(op::HEADER, &header),
+        &bytes_of_record(op::HEADER, &[text(""), text("another")].concat()),
         &bytes_of_record(op::CHUNK, &chunk),
     ]
     .concat();

@@ -62,5 +62,5 @@ impl<R: Real> ResidualState<R> {
 
 /// Time over which speed is measured, s.
 const SPEED_SPAN: f64 = 1e-3;
-/// Largest number of samples in that time.
+/// Largest number of samples; above 8 kHz the time is shorter.
 const LONGEST_SPAN: usize = 8;

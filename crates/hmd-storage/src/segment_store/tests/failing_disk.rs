@@ -60,9 +60,8 @@ fn a_disk_that_fails_for_long_leaves_no_file_for_each_attempt() {
     assert!(bench.names().len() <= 1, "{:?}", bench.names());
 }
 
-/// Found by the simulated world: both buses fell silent while the disk failed.
-#[test]
-fn storage_works_again_without_frames() {
+/// A store whose disk failed and works again.
+fn after_a_failure() -> (Bench, SegmentStore) {
     let mut bench = Bench::new();
     let mut store = bench.open();
     bench.put_frames(&mut store, 10);
@@ -70,6 +69,13 @@ fn storage_works_again_without_frames() {
     bench.tick(&mut store, 1);
     assert_eq!(store.status().state, StorageState::Failing);
     bench.disk.set(None);
+    (bench, store)
+}
+
+/// Found by the simulated world: both buses fell silent while the disk failed.
+#[test]
+fn storage_works_again_without_frames() {
+    let (mut bench, mut store) = after_a_failure();
     bench.tick(&mut store, 2);
     assert_eq!(store.status().state, StorageState::Ok);
 }
@@ -266,13 +272,7 @@ fn nothing_is_deleted_or_renamed_through_a_link() {
 /// Frames that are not stored for want of room say nothing about the disk.
 #[test]
 fn frames_that_failed_and_then_paused_are_paused() {
-    let mut bench = Bench::new();
-    let mut store = bench.open();
-    bench.put_frames(&mut store, 10);
-    bench.disk.set(Some(io::ErrorKind::Other));
-    bench.tick(&mut store, 1);
-    assert_eq!(store.status().state, StorageState::Failing);
-    bench.disk.set(None);
+    let (mut bench, mut store) = after_a_failure();
     bench.disk.free.store(LIMITS.free_bytes_min - 1, Relaxed);
     bench.tick(&mut store, 2);
     assert_eq!(store.status().state, StorageState::RawPaused);

@@ -1,11 +1,13 @@
 //! Changes of an MCAP file that keep it one: records are changed, repeated, removed and exchanged, at the top and within chunks; lengths
-//! and checksums follow, so that a change gets behind what they guard.
+//! and checksums follow, and the footer tells where the summary begins, so that a change gets behind what they guard.
 
 use rand::rngs::SmallRng;
 use rand::{Rng, RngExt, SeedableRng};
 
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
+const FOOTER: u8 = 2;
 const CHUNK: u8 = 6;
+const DATA_END: u8 = 15;
 /// Start and end, length and checksum of a chunk's content, before the name of its compression.
 const CHUNK_TIMES: usize = 16;
 const CHUNK_HEAD: usize = 28;
@@ -33,6 +35,13 @@ pub fn mutate(data: &mut [u8], size: usize, max_size: usize, seed: u32) -> usize
             close(&mut records[at], &inner);
         }
         _ => change(&mut records, &mut rng),
+    }
+    if rng.random_ratio(7, 8) {
+        // Behind the last record of data, or before any other: a summary of whatever stands there.
+        let data = records.iter().position(|record| record.opcode == DATA_END);
+        let any = rng.random_range(0..records.len().max(1));
+        let first = data.map(|end| end + 1).filter(|_| rng.random_ratio(7, 8)).unwrap_or(any);
+        begin_summary(&mut records, first);
     }
     let mut file = MAGIC.to_vec();
     write(&mut file, &records);
@@ -62,6 +71,17 @@ fn change(records: &mut Vec<Record>, rng: &mut impl Rng) {
             let size = libfuzzer_sys::fuzzer_mutate(content, size, size + GROWTH);
             content.truncate(size);
         }
+    }
+}
+
+/// Lets the last footer say that the summary begins with this record; it gives no checksum.
+fn begin_summary(records: &mut [Record], first: usize) {
+    let bytes = |record: &Record| 9 + record.content.len() as u64;
+    let start = MAGIC.len() as u64 + records.iter().take(first).map(bytes).sum::<u64>();
+    if let Some(footer) = records.iter_mut().rev().find(|record| record.opcode == FOOTER) {
+        // Start of the summary, start of its offsets, checksum.
+        footer.content = start.to_le_bytes().to_vec();
+        footer.content.resize(20, 0);
     }
 }
 

@@ -71,7 +71,7 @@ pub use lanes::{Lanes32, Lanes64, Mask32, Mask64, RANK_LANES};
 pub use monitor::study;
 pub use monitor::{
     Calibration, Conditions, Feedback, Form, Monitor, MonitorState, Output, RIPPLE_KNOTS, RIPPLE_VOLTAGES, Ripple,
-    STEPS_PER_CONTROL, output_angle_between,
+    STEPS_PER_CONTROL, TURN_MAX, output_angle_between, steps_per_control,
 };
 pub use output_angle::{AngleReading, OutputAngleEstimator};
 pub use params::{

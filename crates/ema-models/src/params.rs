@@ -174,6 +174,10 @@ impl core::fmt::Display for ParamsError {
 
 impl core::error::Error for ParamsError {}
 
+/// Largest electrical turn in a control period at the largest speed reference, rad: within more than a whole turn a controller's set
+/// point says little about the currents, and the monitor's work grows with it.
+const CONTROL_TURN_MAX: f64 = 8.0;
+
 /// Integration step of the reference, s; control and sample periods are whole multiples of it.
 pub const REFERENCE_STEP: f64 = 1e-6;
 
@@ -313,6 +317,12 @@ impl ActuatorParams {
         }
     }
 
+    /// Electrical turn in a control period at the largest speed reference, rad.
+    #[must_use]
+    pub fn turn_per_control(&self) -> f64 {
+        self.motor.pole_pairs * self.controller.omega_max * self.controller.period
+    }
+
     /// The same parameters, if every one is finite and physically possible.
     ///
     /// # Errors
@@ -367,6 +377,14 @@ impl ActuatorParams {
                     expected: Expected::Within(min, max),
                 });
             }
+        }
+        let period_max = CONTROL_TURN_MAX / (m.pole_pairs * c.omega_max);
+        if c.period > period_max {
+            return Err(ParamsError {
+                field: "controller.period",
+                got: c.period,
+                expected: Expected::Within(10e-6, period_max),
+            });
         }
         if t.friction_static < t.friction_dynamic {
             return Err(ParamsError {

@@ -12,8 +12,8 @@ use std::time::{Duration, Instant};
 use ema_ga::{ConfigError, GaConfig};
 use ema_models::reference::{Actuations, Scenario};
 use ema_models::{
-    ActuatorParams, Comparison, Conditions, FaultVector, InstructionSet, MotorKnowledge, RANK_LANES, STEPS_PER_CONTROL,
-    Scale, SensedSample, Tolerances, Unknowns,
+    ActuatorParams, Comparison, Conditions, FaultVector, InstructionSet, MotorKnowledge, RANK_LANES, Scale,
+    SensedSample, Tolerances, Unknowns, steps_per_control,
 };
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -104,7 +104,7 @@ pub fn bench(threads: usize, done: &(dyn Fn() + Sync)) -> Result<BenchReport, Be
     Ok(BenchReport {
         actuator,
         monitor: "three-phase",
-        step_us: 1e6 * params.controller.period / f64::from(STEPS_PER_CONTROL),
+        step_us: 1e6 * params.controller.period / f64::from(steps_per_control(&params)),
         window_s: WINDOW,
         sample_rate_hz: params.sensors.sample_rate,
         instruction_set: InstructionSet::best().name(),

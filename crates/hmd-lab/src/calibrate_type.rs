@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use crate::simulated::SimulatedWindow;
 use ema_identify::calibration::{CALIBRATION_VERSION, Mismatch, MonitorForm, Quality, SignalTable, TypeCalibration};
 use ema_identify::{comparison, estimator_bias};
+use hmd_core::seed::mix;
 
 /// Windows a calibration learns from.
 const HEALTHY_WINDOWS: u64 = 8;
@@ -177,7 +178,7 @@ fn windows(params: &ActuatorParams, seed: u64) -> Vec<SimulatedWindow> {
             let truth = if n < HEALTHY_WINDOWS {
                 FaultVector::NOMINAL
             } else {
-                random_faults(case_seed)
+                random_faults(mix(case_seed, &[1]))
             };
             SimulatedWindow::new(params, truth, Profile::Mixed, case_seed)
         })

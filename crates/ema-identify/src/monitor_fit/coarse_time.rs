@@ -4,13 +4,10 @@
 //! hardly differ, so that descents to the end have the derivatives of coarse time and the residuals of fine time: they end where these
 //! residuals are orthogonal to those derivatives.
 
-use ema_models::ActuatorParams;
+use ema_models::{ActuatorParams, TURN_MAX};
 
 /// Control periods in one at most: half a millisecond at 100 µs, two steps of the monitor for each.
 const PERIODS_MAX: u32 = 5;
-
-/// Largest electrical turn in a step, rad: the series of the rotation is 2e-5 off there.
-const TURN_MAX: f64 = 0.5;
 
 /// Steps in which a window's monitors run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +23,7 @@ pub enum Time {
 /// Control periods in one that divide a sample period, in whose steps of half a period the motor turns by at most [`TURN_MAX`].
 pub(super) fn periods(params: &ActuatorParams) -> u32 {
     let controls = libm::round(1.0 / (params.sensors.sample_rate * params.controller.period)) as u32;
-    let turn = 0.5 * params.motor.pole_pairs * params.controller.omega_max * params.controller.period;
+    let turn = 0.5 * params.turn_per_control();
     let is_possible = |periods: &u32| controls.is_multiple_of(*periods) && f64::from(*periods) * turn <= TURN_MAX;
     (1..=PERIODS_MAX).rev().find(is_possible).unwrap_or(1)
 }

@@ -1,7 +1,7 @@
 //! Construction of a monitor from parameters, calibration and unknowns; conversion to another number type or to lanes.
 
 use super::ripple::RippleCurve;
-use super::{Calibration, Derived, Feedback, Form, Monitor, STEPS_PER_CONTROL};
+use super::{Calibration, Derived, Feedback, Form, Monitor, steps_per_control};
 use crate::control::{Ace, Encoder};
 use crate::frames::per_phase;
 use crate::friction::DryFriction;
@@ -36,7 +36,8 @@ impl Monitor<f64> {
         let winding = Winding::new(fault);
         let r_s = motor.r_s * (1.0 + unknowns.motor.resistance);
         let k = motor.k * (1.0 + unknowns.motor.back_emf);
-        let dt = params.controller.period / f64::from(STEPS_PER_CONTROL);
+        let steps_per_control = steps_per_control(params);
+        let dt = params.controller.period / f64::from(steps_per_control);
         let r = winding.turns_ratio.map(|n| n * r_s);
         let ohms: [f64; 3] =
             core::array::from_fn(|j| winding.turns_ratio[j] * winding.turns_ratio[j] * motor.l_s / dt + 0.5 * r[j]);
@@ -94,7 +95,7 @@ impl Monitor<f64> {
                 star_ohms: 1.0 / sum,
                 star_ohms_without: siemens.map(|s| 1.0 / (sum - s)),
             },
-            steps_per_control: STEPS_PER_CONTROL,
+            steps_per_control,
             controls_per_sample: libm::round(1.0 / (params.sensors.sample_rate * params.controller.period)) as u32,
             torque_gain: motor.torque_gain(),
             integral: unknowns.integral,

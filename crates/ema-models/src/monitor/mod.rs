@@ -20,6 +20,7 @@ use crate::backlash::follow_through_play;
 use crate::control::{Ace, AceState, Encoder, Setpoint};
 use crate::frames::{abc_from_alpha_beta, alpha_beta_from_dq, dq_from_abc, per_phase, phase_shapes};
 use crate::friction::DryFriction;
+use crate::params::ActuatorParams;
 use crate::real::Real;
 use crate::samples::{ComparedSample, InitialState};
 use crate::winding::{DerivedShape, Winding, derived_shape};
@@ -126,8 +127,19 @@ pub struct Output<R> {
     pub theta_out: R,
 }
 
-/// Integration steps of the monitor per control period.
+/// Integration steps of the monitor per control period, at least.
 pub const STEPS_PER_CONTROL: u32 = 2;
+
+/// Largest electrical turn in a step at the largest speed reference, rad: the series of the rotation is 2e-5 off there.
+pub const TURN_MAX: f64 = 0.5;
+
+/// Integration steps of an actuator's monitor per control period: [`STEPS_PER_CONTROL`], or as many as keep the motor within
+/// [`TURN_MAX`] in each.
+#[must_use]
+pub fn steps_per_control(params: &ActuatorParams) -> u32 {
+    let steps = libm::ceil(params.turn_per_control() / TURN_MAX - 1e-9) as u32;
+    steps.max(STEPS_PER_CONTROL)
+}
 
 impl<R: Real> Monitor<R> {
     /// The monitor with this source of its angles.

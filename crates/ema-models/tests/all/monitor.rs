@@ -3,7 +3,7 @@
 use core::f64::consts::TAU;
 use ema_models::{
     ActuatorParams, Calibration, ComparedSample, FaultVector, Feedback, Form, InitialState, Monitor, MonitorState,
-    MotorDeviation, Origin, Output, PaperShape, Ripple, Setpoint, Unknowns,
+    MotorDeviation, Origin, Output, PaperShape, Ripple, Setpoint, Unknowns, steps_per_control,
 };
 
 const FORMS: [Form; 3] = [
@@ -218,4 +218,36 @@ fn halving_the_step_converges() {
             );
         }
     }
+}
+
+#[test]
+fn a_motor_that_turns_far_in_a_control_period_takes_more_steps() {
+    let signals = |period: f64| {
+        let mut params = ActuatorParams::bench();
+        params.motor.pole_pairs = 40.0;
+        params.sensors.sample_rate = 1000.0;
+        params.controller.period = period;
+        params.controller.k_p = 4.0;
+        assert!(params.checked().is_ok());
+        let mut run = Run::new(
+            &params,
+            Form::ThreePhase,
+            &FaultVector::NOMINAL,
+            0.0,
+            InitialState::default(),
+        );
+        let last = run.run(14, Setpoint::Speed(200.0))[13];
+        (steps_per_control(&params), [last.i_d, last.i_q, last.omega_m])
+    };
+    // 0.02 and 8 rad a control period at full speed.
+    let (few, exact) = signals(20e-6);
+    let (many, got) = signals(1e-3);
+    println!("{few} steps {exact:?}, {many} steps {got:?}");
+    assert_eq!((few, many), (2, 16));
+    close(got[0], exact[0], 0.05, "i_d");
+    close(got[1], exact[1], 0.1, "i_q");
+    close(got[2], exact[2], 2.0, "omega_m");
+    let mut beyond = ActuatorParams::bench();
+    (beyond.motor.pole_pairs, beyond.controller.period) = (50.0, 1e-3);
+    assert_eq!(beyond.checked().map_err(|e| e.field), Err("controller.period"));
 }

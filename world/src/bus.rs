@@ -31,8 +31,8 @@ pub(crate) struct Given {
     pub whole: u64,
     /// Times that an actuator began anew.
     pub resets: u64,
-    /// Times that the wall clock stepped.
-    pub steps: u64,
+    /// Times that the wall clock stepped in a silence behind which nothing tells that a device did not begin anew.
+    pub untold: u64,
 }
 
 impl Given {

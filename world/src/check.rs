@@ -121,10 +121,7 @@ fn check_counts(reported: &[Reported], world: &World, outcome: &mut Outcome) {
         }
         let kinds = status.frames_decoded + status.frames_filtered + status.frames_error + status.lost_malformed;
         // A changed bit may be one of the counter, and a device that starts again begins to count anew.
-        let had_resets = |before: usize| world.runs[before].given.resets > 0;
-        // Where the wall clock steps in a silence soon after that, nothing tells whether samples were lost or the device began again.
-        let is_ambiguous = given.steps > 0 && run.checked_sub(1).is_some_and(had_resets);
-        let is_countable = given.resets + given.flipped == 0 && !is_ambiguous;
+        let is_countable = given.resets + given.flipped + given.untold == 0;
         let cut = CutShort::CounterWentBack.to_string();
         let went_back = |of: &&Reported| of.run == run && of.health.reason.contains(&cut);
         if let Some(of) = reported.iter().filter(|_| is_countable).find(went_back) {

@@ -2,7 +2,7 @@
 
 use ema_identify::effort::Effort;
 use ema_identify::{Estimate, Fit, Identifier, InferredReadings};
-use ema_models::{Conditions, FaultVector, MotorDeviation, Unknowns};
+use ema_models::{Conditions, FAULT_COUNT, FaultVector, MotorDeviation, Unknowns};
 use hmd_core::assess::{AssessError, Estimator, Identification};
 use hmd_core::outbox::WindowJob;
 use hmd_core::seed::{mix, name_hash};
@@ -108,6 +108,7 @@ impl Estimator for StandIn {
             evaluations: 1,
             cut: false,
             competing_optimum: None,
+            share: [0.0; FAULT_COUNT],
             back_emf_off: 0.0,
             other_motor: false,
             locked: false,

@@ -77,6 +77,14 @@ impl Device {
         (self.sent, self.at) = (0, 0);
     }
 
+    /// Whether its counter, of 16 bits, could come from zero within this time from now on, or from up to this time before: behind a silence
+    /// in which the receiver's clock steps, nothing tells that from another beginning.
+    pub fn may_seem_new_within(&self, time: Duration) -> bool {
+        let samples = time.as_millis() as u64 * RATE_HZ / 1000;
+        let counter = self.sent % (1 << 16);
+        counter <= samples || counter + samples >= 1 << 16
+    }
+
     /// The frames of its next sample, the first at this time of the bus, ns.
     pub fn next_sample(&mut self, stamp_ns: &mut u64, rng: &mut ChaCha8Rng, frames: &mut Vec<RawFrame>) {
         let rest = (REST_S * RATE_HZ as f64) as usize;

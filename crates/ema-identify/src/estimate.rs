@@ -14,7 +14,9 @@ pub struct Estimate {
     /// One standard deviation of each component, with the errors of the model and what is not known of the unit; `None` where it
     /// means nothing (k7 without eccentricity) or the window tells nothing of the component.
     pub sigma: [Option<f64>; FAULT_COUNT],
-    /// Whether the standard deviation is at most 0.1.
+    /// The part of each standard deviation that is a share of the damage itself: it hides no large damage.
+    pub share: [f64; FAULT_COUNT],
+    /// Whether the standard deviation of the damage is at most 0.1, without what grows with the damage.
     pub observable: [bool; FAULT_COUNT],
     /// Mean over the samples of half the squared weighted residuals.
     pub cost: f64,
@@ -65,11 +67,8 @@ impl Estimate {
     /// One standard deviation of each damage (see [`FaultVector::damage`]); infinite where the window tells nothing of it.
     #[must_use]
     pub fn damage_sigma(&self) -> [f64; FAULT_COUNT] {
-        let mut sigma = self.sigma.map(|s| s.unwrap_or(f64::INFINITY));
-        for fault in FaultId::ALL {
-            sigma[fault.parameter()] *= fault.damage_per_change();
-        }
-        sigma
+        let sigma = self.sigma.map(|s| s.unwrap_or(f64::INFINITY));
+        core::array::from_fn(|p| damage_per_change(p) * sigma[p])
     }
 
     /// The same with sigmas that reach as far as another point, given its distance in fault coordinates: what a search that was cut
@@ -89,19 +88,39 @@ impl Estimate {
         self.widened(&[1.0; FAULT_COUNT])
     }
 
-    /// The same with the sigma of each component multiplied by a factor; a component whose damage then has a sigma above 0.1 is not
-    /// observable.
+    /// The same with the sigma of each component multiplied by a factor; a component whose damage then has a sigma above 0.1, without
+    /// what grows with the damage, is not observable.
     #[must_use]
     pub fn widened(mut self, factors: &[f64; FAULT_COUNT]) -> Self {
         for (sigma, factor) in self.sigma.iter_mut().zip(factors) {
             *sigma = sigma.map(|sigma| factor * sigma);
         }
-        let of_damage = self.damage_sigma();
-        for (observable, sigma) in self.observable.iter_mut().zip(of_damage) {
-            *observable &= sigma <= OBSERVABLE_SIGMA;
+        for (share, factor) in self.share.iter_mut().zip(factors) {
+            *share *= factor;
         }
+        self.check_observable(&[0.0; FAULT_COUNT]);
         self
     }
+
+    /// Takes components as not observable whose damage has a sigma above 0.1, without its share of the damage and another part of it.
+    pub(crate) fn check_observable(&mut self, other_part: &[f64; FAULT_COUNT]) {
+        for p in 0..FAULT_COUNT {
+            let part = libm::hypot(self.share[p], other_part[p]);
+            let own = self.sigma[p].map_or(f64::INFINITY, |sigma| beside(sigma, part));
+            self.observable[p] &= damage_per_change(p) * own <= OBSERVABLE_SIGMA;
+        }
+    }
+}
+
+/// What a standard deviation has beside a part of it.
+pub(crate) fn beside(sigma: f64, part: f64) -> f64 {
+    libm::sqrt((sigma * sigma - part * part).max(0.0))
+}
+
+/// Damage by a change of a component.
+fn damage_per_change(parameter: usize) -> f64 {
+    let mut faults = FaultId::ALL.into_iter().filter(|fault| fault.parameter() == parameter);
+    faults.next().map_or(1.0, FaultId::damage_per_change)
 }
 
 /// What a window says whose motor does not turn as commanded.
@@ -173,6 +192,7 @@ mod tests {
             evaluations: 0,
             cut: false,
             competing_optimum: None,
+            share: [0.0; FAULT_COUNT],
             back_emf_off: 0.0,
             other_motor: false,
             locked: false,

@@ -11,7 +11,7 @@ use std::vec::Vec;
 
 use ema_models::{FAULT_COUNT, FaultId, FaultVector};
 
-use crate::estimate::Estimate;
+use crate::estimate::{Estimate, beside};
 use crate::relations::{Needed, Relation};
 
 pub use by_both::of_both;
@@ -32,8 +32,8 @@ pub struct UnitEstimate {
 }
 
 impl UnitEstimate {
-    /// The same with every sigma multiplied but what comes from a bridge, for conditions that commissioning has not seen: see
-    /// [`Estimate::widened`].
+    /// The same with every sigma multiplied but what comes from a bridge, for conditions that commissioning has not seen. A damage whose
+    /// sigma is then above 0.1, without what grows with the damage itself, is not observable.
     #[must_use]
     pub fn widened(self, factor: f64) -> Self {
         self.widened_by(&[factor; FAULT_COUNT])
@@ -56,14 +56,7 @@ impl UnitEstimate {
     #[must_use]
     pub fn with_sigma_in(self, faults: &[FaultId], other: f64) -> Self {
         let is_meant = |n: usize| faults.iter().any(|fault| fault.parameter() == n);
-        let factors = core::array::from_fn(|n| match self.estimate.sigma[n] {
-            Some(sigma) if is_meant(n) && sigma > 0.0 => sigma.hypot(other) / sigma,
-            _ => 1.0,
-        });
-        Self {
-            estimate: self.estimate.widened(&factors),
-            ..self
-        }
+        self.with_sigmas(|n, sigma| if is_meant(n) { sigma.hypot(other) } else { sigma })
     }
 
     /// The same where the torque for each ampere may have changed by up to this share for another reason, as by a temperature that nobody
@@ -84,33 +77,32 @@ impl UnitEstimate {
             return self;
         };
         let spread = of_common.min(common);
-        let factors = core::array::from_fn(|n| match self.estimate.sigma[n] {
-            Some(sigma) if shorts.contains(&n) && n != least && sigma > 0.0 => sigma.hypot(spread) / sigma,
-            _ => 1.0,
-        });
         for n in shorts {
             k[n] -= common;
         }
         self.estimate.fault = FaultVector::from_array(k);
         self.estimate.unknowns.fault = self.estimate.fault;
-        self.widened_by(&factors)
+        let is_widened = |n: usize| shorts.contains(&n) && n != least;
+        self.with_sigmas(|n, sigma| if is_widened(n) { sigma.hypot(spread) } else { sigma })
     }
 
-    /// The same with a factor for each sigma.
-    fn widened_by(self, factors: &[f64; FAULT_COUNT]) -> Self {
-        let factors = core::array::from_fn(|n| match self.estimate.sigma[n] {
-            Some(sigma) if self.bridge_spread[n] > 0.0 => {
-                let own = (sigma * sigma - self.bridge_spread[n] * self.bridge_spread[n])
-                    .max(0.0)
-                    .sqrt();
-                self.bridge_spread[n].hypot(factors[n] * own) / sigma
-            }
-            _ => factors[n],
-        });
-        Self {
-            estimate: self.estimate.widened(&factors),
-            ..self
+    /// The same with a factor for each sigma but what comes from a bridge.
+    fn widened_by(mut self, factors: &[f64; FAULT_COUNT]) -> Self {
+        for (share, factor) in self.estimate.share.iter_mut().zip(factors) {
+            *share *= factor;
         }
+        let bridge = self.bridge_spread;
+        self.with_sigmas(|n, sigma| bridge[n].hypot(factors[n] * beside(sigma, bridge[n])))
+    }
+
+    /// The same with other sigmas, by parameter and the sigma before.
+    fn with_sigmas(mut self, other: impl Fn(usize, f64) -> f64) -> Self {
+        let estimate = &mut self.estimate;
+        for (n, sigma) in estimate.sigma.iter_mut().enumerate() {
+            *sigma = sigma.map(|sigma| other(n, sigma));
+        }
+        estimate.check_observable(&self.bridge_spread);
+        self
     }
 }
 

@@ -59,6 +59,7 @@ pub(crate) fn assess(
         evaluations: evaluations + RUNS_PER_LINEARISATION + 1 + bound.as_ref().map_or(0, |bound| bound.spent),
         cut: bound.is_some_and(|bound| bound.cut),
         competing_optimum: competing.map(|other| scale.unknowns(&other).fault),
+        share: [0.0; FAULT_COUNT],
         back_emf_off: unknowns.motor.back_emf - window.prior().motor.mean.back_emf,
         other_motor: false,
         locked: is_locked(window),

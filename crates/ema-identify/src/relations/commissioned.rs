@@ -126,6 +126,8 @@ pub struct RelationsEstimate {
     pub needed: [Option<Needed>; FAULT_COUNT],
     /// The part of each sigma that comes from the unknown bridge of a shorted loop: of a phase whose shorted turns carry a current.
     pub bridge_spread: [f64; FAULT_COUNT],
+    /// The part of each sigma that is a share of the damage itself: it hides no large damage.
+    pub share: [f64; FAULT_COUNT],
     /// Residual of each relation as a share of the largest that is explained, in the order of [`Relation::ALL`]; below 1 also where the
     /// relation has no rows.
     pub residual_share: [f64; RELATION_COUNT],
@@ -204,6 +206,13 @@ impl CommissionedRelations {
             })
         });
         let mut changes = changes;
+        let share = Element::ALL.map(|element| {
+            let of = |changed: Reading| {
+                let error = ModelError::of(element, window.params().sensors.sample_rate, unseen, asymmetry);
+                error.share * libm::fabs(changed.value - healthy(element))
+            };
+            changes[element as usize].map_or(0.0, of)
+        });
         let mut bridge_spread = [0.0; FAULT_COUNT];
         if let Some((phase, admittance)) = balance.shorted {
             let element = Element::BALANCE[phase];
@@ -241,6 +250,7 @@ impl CommissionedRelations {
             sigma: [None; FAULT_COUNT],
             needed: [None; FAULT_COUNT],
             bridge_spread,
+            share: [0.0; FAULT_COUNT],
             residual_share,
             play_explains,
             torque_residual_rms: balance.residuals[Relation::TorqueBalance as usize].rms,
@@ -251,12 +261,21 @@ impl CommissionedRelations {
         };
         for (element, changed) in Element::ALL.into_iter().zip(changes) {
             if !matches!(element, Element::EccentricityCos | Element::EccentricitySin) {
-                estimate.report(element.fault().parameter(), changed);
+                let parameter = element.fault().parameter();
+                estimate.report(parameter, changed);
+                // Of a shorted loop the bridge is what grows with the damage.
+                if bridge_spread[parameter] <= 0.0 {
+                    estimate.share[parameter] = share[element as usize];
+                }
             }
         }
         let component = |element: Element| changes[element as usize];
         match (component(Element::EccentricityCos), component(Element::EccentricitySin)) {
-            (Ok(cos), Ok(sin)) => estimate.report_eccentricity(cos, sin),
+            (Ok(cos), Ok(sin)) => {
+                estimate.report_eccentricity(cos, sin);
+                let [along, across] = [Element::EccentricityCos, Element::EccentricitySin].map(|e| share[e as usize]);
+                estimate.share[ECCENTRICITY] = along.max(across);
+            }
             (Err(needed), _) | (_, Err(needed)) => estimate.report(ECCENTRICITY, Err(needed)),
         }
         estimate

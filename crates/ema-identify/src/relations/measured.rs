@@ -74,6 +74,8 @@ pub(super) struct Quantities {
     pub(super) reference_step: f64,
     /// Magnitude of the speed reference at the nominal gain, as a share of ω_max, before the limit; 0 in speed mode.
     pub(super) speed_reference: f64,
+    /// Whether a position is commanded.
+    pub(super) is_position: bool,
     /// Sine and cosine of the electrical angle.
     pub(super) sin_cos_e: (f64, f64),
 }
@@ -203,6 +205,7 @@ impl<'a, S: RecordedSample> MeasuredWindow<'a, S> {
                 * (self.reference_step(two_before.setpoint, before.setpoint)
                     + self.reference_step(before.setpoint, now.setpoint)),
             speed_reference: self.speed_reference(n),
+            is_position: matches!(now.setpoint, Setpoint::Position(_)),
             sin_cos_e: (self.params.motor.pole_pairs * angle_in_turn).sin_cos_poly(),
         }
     }

@@ -17,6 +17,8 @@ pub(super) struct NormalEquations<const M: usize> {
     pub(super) yy: f64,
     /// Number of rows.
     pub(super) rows: usize,
+    /// What [`NormalEquations::without_noise`] has subtracted from the diagonal of `Σ a aᵀ`.
+    noise: SVector<f64, M>,
 }
 
 /// Solution of a least-squares problem.
@@ -26,8 +28,10 @@ pub(super) struct Solution<const M: usize> {
     pub(super) x: SVector<f64, M>,
     /// `(Σ a aᵀ)⁻¹`.
     pub(super) inverse: SMatrix<f64, M, M>,
-    /// Root-mean-square of `y − a · x`.
+    /// Root-mean-square of `y − a · x` with the columns as they are, their noise included.
     pub(super) residual_rms: f64,
+    /// The same without the noise that was subtracted from the columns.
+    pub(super) quiet_rms: f64,
 }
 
 impl<const M: usize> NormalEquations<M> {
@@ -39,6 +43,7 @@ impl<const M: usize> NormalEquations<M> {
             aty: SVector::zeros(),
             yy: 0.0,
             rows: 0,
+            noise: SVector::zeros(),
         }
     }
 
@@ -58,8 +63,40 @@ impl<const M: usize> NormalEquations<M> {
     pub(super) fn without_noise(&mut self, noise: &SVector<f64, M>) {
         for place in 0..M {
             let own = self.ata[(place, place)];
-            self.ata[(place, place)] -= (noise[place] * self.rows as f64).min(0.5 * own);
+            let noise = (noise[place] * self.rows as f64).min(0.5 * own);
+            self.ata[(place, place)] -= noise;
+            self.noise[place] += noise;
         }
+    }
+
+    /// Adds what [`NormalEquations::without_noise`] has subtracted.
+    pub(super) fn restore_noise(&mut self) {
+        for place in 0..M {
+            self.ata[(place, place)] += self.noise[place];
+        }
+        self.noise = SVector::zeros();
+    }
+
+    /// Subtracts from a group of the rows of `whole` the share of the noise that was subtracted there.
+    pub(super) fn without_noise_of(&mut self, whole: &Self) {
+        let share = self.rows as f64 / whole.rows.max(1) as f64;
+        for place in 0..M {
+            self.ata[(place, place)] -= share * whole.noise[place];
+            self.noise[place] += share * whole.noise[place];
+        }
+    }
+
+    /// The rows of `whole` without those of a group of them, nothing subtracted from either for noise.
+    #[must_use]
+    pub(super) fn left_by(group: &Self, whole: &Self) -> Self {
+        let (mut left, mut group) = (*whole, *group);
+        left.restore_noise();
+        group.restore_noise();
+        left.ata -= group.ata;
+        left.aty -= group.aty;
+        left.yy -= group.yy;
+        left.rows -= group.rows;
+        left
     }
 
     /// The matrix `Σ a aᵀ`, whose upper triangle [`NormalEquations::add`] leaves out.
@@ -79,13 +116,6 @@ impl<const M: usize> NormalEquations<M> {
         })
     }
 
-    /// Sum of squares `Σ (y − a · x)²`, with the noise that [`NormalEquations::without_noise`] subtracted.
-    #[must_use]
-    pub(super) fn squares(&self, x: &SVector<f64, M>, noise: &SVector<f64, M>) -> f64 {
-        let of_noise: f64 = x.iter().zip(noise).map(|(x, noise)| noise * x * x).sum();
-        self.yy - x.dot(&(self.aty + self.score(x))) + of_noise * self.rows as f64
-    }
-
     /// The unknowns with the least sum of squares; `None` when a sum is not finite.
     #[must_use]
     #[inline(never)]
@@ -103,11 +133,14 @@ impl<const M: usize> NormalEquations<M> {
         let factor = scaled.cholesky()?;
         let inverse = factor.inverse();
         let x = factor.solve(&self.aty.component_mul(&scale)).component_mul(&scale);
-        let squares = self.yy - 2.0 * x.dot(&self.aty) + x.dot(&(matrix * x));
+        let quiet = self.yy - 2.0 * x.dot(&self.aty) + x.dot(&(matrix * x));
+        let squares = quiet + x.component_mul(&x).dot(&self.noise);
+        let rms = |squares: f64| libm::sqrt(squares.max(0.0) / (self.rows.max(1) as f64));
         let solution = Solution {
             x,
             inverse: SMatrix::from_fn(|row, column| inverse[(row, column)] * scale[row] * scale[column]),
-            residual_rms: libm::sqrt(squares.max(0.0) / (self.rows.max(1) as f64)),
+            residual_rms: rms(squares),
+            quiet_rms: rms(quiet),
         };
         (solution.x.iter().all(|x| x.is_finite()) && solution.residual_rms.is_finite()).then_some(solution)
     }
@@ -128,6 +161,29 @@ mod tests {
         assert!((solution.x[0] - 2.0).abs() < 1e-6 && (solution.x[1] + 0.5).abs() < 1e-6);
         assert!(solution.x[2].abs() < 1e-12 && solution.inverse[(2, 2)] > 1e9);
         assert!(solution.residual_rms < 1e-6);
+    }
+
+    #[test]
+    fn noise_in_a_column_is_taken_from_the_matrix_and_left_in_the_residual() {
+        // y = 2 a, the column with an error of ±0.5: independent of it, and of mean square 0.25.
+        let mut equations = NormalEquations::<1>::new();
+        for n in 0..400 {
+            let (a, error) = (if n % 4 < 2 { 1.0 } else { -1.0 }, if n % 2 == 0 { 0.5 } else { -0.5 });
+            equations.add(&[a + error], 2.0 * a);
+        }
+        equations.without_noise(&SVector::from([0.25]));
+        let solution = equations.solve().unwrap();
+        assert!((solution.x[0] - 2.0).abs() < 1e-6, "{}", solution.x[0]);
+        assert!((solution.residual_rms - 1.0).abs() < 1e-6 && solution.quiet_rms < 1e-4);
+        // Half of the rows have half of the noise, and what they leave the rest.
+        let mut group = NormalEquations::<1>::new();
+        for _ in 0..200 {
+            group.add(&[1.5], 2.0);
+        }
+        group.without_noise_of(&equations);
+        assert!((group.ata[(0, 0)] - 200.0 * (2.25 - 0.25)).abs() < 1e-9);
+        let left = NormalEquations::left_by(&group, &equations);
+        assert!((left.ata[(0, 0)] - (400.0 * 1.25 - 200.0 * 2.25)).abs() < 1e-9 && left.rows == 200);
     }
 
     #[test]

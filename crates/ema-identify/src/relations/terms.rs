@@ -55,8 +55,9 @@ pub enum Term {
     Resolver2Cos,
     /// `−(sin 2θ_e)''`; coefficient as before.
     Resolver2Sin,
-    /// `−Σ_j k (sin 5θ_j − sin 7θ_j) i_j`, `θ_j = θ_e − 2πj/3`; coefficient: difference of the EMF's 5th and 7th harmonic. With
-    /// sinusoidal currents only the difference shows.
+    /// `−Σ_j k (sin 5θ_j − sin 7θ_j) i_j`, `θ_j = θ_e − 2πj/3`; coefficient: half of the difference h₅ − h₇ of the EMF's 5th and 7th
+    /// harmonic. With sinusoidal currents `−I sin θ_j` only the difference shows: their torque is `−1.5 k I (h₅ − h₇) cos 6θ_e`, the sum
+    /// `−3 k I cos 6θ_e`.
     EmfHarmonics,
     /// `k (s_A − s_C)`; coefficient: minus the offset of the current of phase A about the mean of the three, A (a common
     /// offset makes no torque).
@@ -339,6 +340,8 @@ impl Integrands {
         let torque: f64 = (0..3).map(|j| self.k * s[j] * now.i[j]).sum();
         let is_limited =
             now.speed_reference * self.state.gain >= 1.0 || window.is_current_limited(torque / (1.5 * self.k));
+        // Under a commanded speed the controller does not use the output angle.
+        let is_output_unused = is_limited || !now.is_position;
         let sign = libm::copysign(1.0, now.omega_m);
         let ratio = now.omega_m / self.shape.stribeck_speed;
         let load_torque = (self.state.load.constant + self.state.load.spring * now.travel) / self.gear_ratio;
@@ -385,7 +388,7 @@ impl Integrands {
             } else {
                 self.made * self.state.gain * self.k_p * now.reference_step
             },
-            if is_limited {
+            if is_output_unused {
                 0.0
             } else {
                 self.made * self.state.gain * self.k_p * self.g_p * counted

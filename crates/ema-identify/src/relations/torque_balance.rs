@@ -200,12 +200,12 @@ pub(super) fn torque_balance<S: RecordedSample>(
     balance
 }
 
-/// Largest bias of the free coefficients by errors of the sampled torque: as much as if the whole residual were the quadrature
-/// current's, whose error stands in the columns of the turns too and draws them towards zero.
+/// Largest bias of the free coefficients by errors of the sampled torque: as much as if the whole residual, but the noise that was
+/// subtracted, were the quadrature current's, whose error stands in the columns of the turns too and draws them towards zero.
 ///
 /// An error ε of `1.5 k i_q` is `ε s_j²/1.5` in the column of phase j; the mean of `s_i² s_j²` is 3/8 or 3/16. Derived here.
 fn attenuation(solution: &Solution<FREE_COUNT>, rows: usize, loop_phase: Option<usize>) -> SVector<f64, FREE_COUNT> {
-    let squares = solution.residual_rms * solution.residual_rms * rows as f64 / 2.25;
+    let squares = solution.quiet_rms * solution.quiet_rms * rows as f64 / 2.25;
     let mut turns = solution.x.fixed_rows::<3>(0).into_owned();
     if let Some(phase) = loop_phase {
         turns[phase] = 0.0;
@@ -385,9 +385,9 @@ impl<'a, S: RecordedSample> Rows<'a, S> {
                 admittance: first,
             };
             if let Some((solution, _)) = self.refine_loop(start, PHASE_ROUNDS, equations, noise) {
-                let squares = equations.squares(&solution.x, &self.noise_beside_loop(noise));
-                if best.is_none_or(|(least, _)| squares < least) {
-                    best = self.shorted.map(|shorted| (squares, shorted));
+                let left = solution.residual_rms;
+                if best.is_none_or(|(least, _)| left < least) {
+                    best = self.shorted.map(|shorted| (left, shorted));
                 }
             }
         }

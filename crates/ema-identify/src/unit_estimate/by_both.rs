@@ -21,7 +21,7 @@ pub fn of_both(relations: UnitEstimate, monitor: UnitEstimate) -> UnitEstimate {
         unexplained,
         bridge_spread,
     } = relations;
-    let (mut sigma, mut observable) = (estimate.sigma, estimate.observable);
+    let (mut sigma, mut share, mut observable) = (estimate.sigma, estimate.share, estimate.observable);
     let of_monitor = monitor.estimate.fault.to_array();
     for (from, to) in elements() {
         if shown(&monitor.estimate, from) < shown(&estimate, from) {
@@ -29,7 +29,8 @@ pub fn of_both(relations: UnitEstimate, monitor: UnitEstimate) -> UnitEstimate {
             k[range.clone()].copy_from_slice(&of_monitor[range.clone()]);
             sigma[range.clone()].copy_from_slice(&monitor.estimate.sigma[range.clone()]);
             observable[range.clone()].copy_from_slice(&monitor.estimate.observable[range.clone()]);
-            needed[range.clone()].copy_from_slice(&monitor.needed[range]);
+            needed[range.clone()].copy_from_slice(&monitor.needed[range.clone()]);
+            share[range.clone()].copy_from_slice(&monitor.estimate.share[range]);
         }
     }
     let fault = FaultVector::from_array(k);
@@ -41,6 +42,7 @@ pub fn of_both(relations: UnitEstimate, monitor: UnitEstimate) -> UnitEstimate {
                 ..estimate.unknowns
             },
             sigma,
+            share,
             observable,
             evaluations: monitor.estimate.evaluations,
             cut: monitor.estimate.cut,
@@ -100,6 +102,7 @@ pub(super) mod tests {
                 evaluations: 0,
                 cut: false,
                 competing_optimum: None,
+                share: [0.0; FAULT_COUNT],
                 back_emf_off: 0.0,
                 other_motor: false,
                 locked: false,

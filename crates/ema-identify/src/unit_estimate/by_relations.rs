@@ -111,6 +111,7 @@ pub fn estimate_by_relations(unit: &UnitRelations, window: &AlignedWindow<'_>, i
             motor: MotorDeviation::default(),
         },
         sigma,
+        share: found.share,
         observable: sigma.map(|sigma| sigma.is_some()),
         cost: cost.max(least),
         residual_rms_a: found.torque_residual_rms / motor.torque_gain(),

@@ -201,7 +201,7 @@ fn by_relations(params: &ActuatorParams, tolerances: &Tolerances, relations: &Un
         "",
         harmonics,
         &[Term::EmfHarmonics],
-        1.0,
+        2.0,
     );
     // The coefficient is −J times the error at the motor shaft.
     let electrical = -motor.pole_pairs / unit.balance.of(Term::Inertia).max(f64::MIN_POSITIVE);

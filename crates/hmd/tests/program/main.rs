@@ -17,6 +17,7 @@ mod measured_log;
 mod outputs;
 mod printed;
 mod refusals;
+mod relations;
 mod report;
 mod resolver_zero;
 mod safety;

@@ -78,10 +78,11 @@ fn every_method_estimates_a_window() {
         match method {
             // Three generations of eight, of which the genetic algorithm keeps one, and a linearisation for the sigmas.
             "ga" | "de" | "cmaes" => assert!((22..45).contains(&evaluations), "{line}"),
-            "relations" => assert!(reason.contains("not commissioned: assessed by the monitor"), "{line}"),
+            "relations" => {}
             _ => assert!(evaluations > 100, "{line}"),
         }
-        assert_eq!(reason.contains("not commissioned"), method == "relations", "{line}");
+        let is_by_monitor = reason.contains("not commissioned: assessed by the monitor");
+        assert_eq!(is_by_monitor, method == "relations", "{line}");
     }
 }
 

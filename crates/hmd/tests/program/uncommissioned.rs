@@ -24,12 +24,12 @@ fn a_load_and_a_spring_that_nobody_measures_are_no_friction() {
         assert_eq!(records[0]["faults"], serde_json::json!([]), "{}", records[0]);
         let (k1, sigma) = (records[0]["k"][0].as_f64(), records[0]["sigma"][0].as_f64());
         let (k1, sigma) = (k1.expect("k1"), sigma.expect("its sigma"));
-        assert!(k1 < 2.0 * sigma && sigma < 0.25, "{}", records[0]);
+        assert!(k1 < 3.0 * sigma && sigma < 0.25, "{}", records[0]);
 
         let records = replayed(&folder, &actuation("--fault friction=0.7", seed));
         let (k1, sigma) = (records[0]["k"][0].as_f64(), records[0]["sigma"][0].as_f64());
         let (k1, sigma) = (k1.expect("k1"), sigma.expect("its sigma"));
-        assert!((k1 - 0.7).abs() < 2.0 * sigma && sigma < 0.25, "{}", records[0]);
+        assert!((k1 - 0.7).abs() < 3.0 * sigma && sigma < 0.25, "{}", records[0]);
     }
 }
 

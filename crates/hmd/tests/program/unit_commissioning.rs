@@ -206,7 +206,7 @@ fn windows_of_a_worn_unit_commission_nothing() {
         ),
         (
             "short_a=0.4",
-            "expected windows in health, found inter-turn short, phase A of 0.40 in 6 of 6 windows",
+            "expected windows in health, found inter-turn short, phase A of 0.4",
         ),
     ] {
         folder.done(&format!(
@@ -352,8 +352,10 @@ fn a_parameter_far_from_the_type_is_named_and_not_written() {
     assert!(!folder.path("unit.toml").exists());
 
     folder.done("simulate --with inertia_deviation=-0.4 --noise 0.03 --windows 5 --seed 3 -o healthy.log");
-    let text = folder.refused("calibrate healthy.log -o unit.toml", 1);
-    assert!(text.contains(key), "{text}");
+    // A motor so far off may have a sensor doubted first.
+    let ended = folder.hmd("calibrate healthy.log -o unit.toml");
+    assert!([1, 2].contains(&ended.code), "{}", ended.stderr);
+    assert!(ended.stderr.contains(key), "{}", ended.stderr);
 
     // Where the monitor does not explain the unit: the relations need no resistance.
     let effects = "--with resistance_deviation=0.6 --with emf_5=0.03 --with stribeck_nm=0.1";

@@ -179,6 +179,7 @@ fn torques(window: &Comparison<'_>, coupled: &[[f64; 2]], n: usize) -> ShaftTorq
     };
     let latency = Slopes::at(samples, n, rate);
     let gain = params.motor.torque_gain();
+    let [along, across] = offset_torques(shapes);
     let disturbances = [
         direction * libm::exp(-square),
         sin_cogging,
@@ -189,9 +190,8 @@ fn torques(window: &Comparison<'_>, coupled: &[[f64; 2]], n: usize) -> ShaftTorq
         second(2.0, sin2, -cos2),
         harmonic(5.0),
         harmonic(7.0),
-        // Two orthogonal axes of the offsets.
-        k * (shapes[0] - 0.5 * (shapes[1] + shapes[2])) * (2.0 / 3.0),
-        k * (shapes[1] - shapes[2]) * FRAC_1_SQRT_3,
+        k * along,
+        k * across,
         k * shapes[0] * i[0],
         k * shapes[1] * i[1],
         k * shapes[2] * i[2],
@@ -205,8 +205,14 @@ fn torques(window: &Comparison<'_>, coupled: &[[f64; 2]], n: usize) -> ShaftTorq
     }
 }
 
-/// 1/√3.
-const FRAC_1_SQRT_3: f64 = 0.577_350_269_189_625_8;
+/// Torques, for each `k`, of two orthogonal axes of the current offsets: `(o_α, −o_α/2, −o_α/2)` and `√3/2 (0, o_β, −o_β)`.
+fn offset_torques(shapes: [f64; 3]) -> [f64; 2] {
+    const SQRT_3_2: f64 = 0.866_025_403_784_438_6;
+    [
+        shapes[0] - 0.5 * (shapes[1] + shapes[2]),
+        SQRT_3_2 * (shapes[1] - shapes[2]),
+    ]
+}
 
 fn slope_at_next(samples: &[ComparedSample], n: usize, rate: f64) -> f64 {
     Slopes::at(samples, (n + 1).min(samples.len() - 1), rate).omega_m
@@ -260,4 +266,22 @@ fn changes(window: &Comparison<'_>, coupled: &[[f64; 2]], n: usize) -> Changes {
             ..none
         }),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ema_models::phase_shapes;
+
+    #[test]
+    fn offsets_make_the_torque_of_their_phases() {
+        for theta_e in [0.3, 1.7, 4.0] {
+            let shapes = phase_shapes(f64::sin_cos_poly(theta_e));
+            let [along, across] = offset_torques(shapes);
+            let of = |offsets: [f64; 3]| -> f64 { shapes.iter().zip(offsets).map(|(s, o)| s * o).sum() };
+            let half_root = 0.75_f64.sqrt();
+            assert!((along - of([1.0, -0.5, -0.5])).abs() < 1e-12);
+            assert!((across - of([0.0, half_root, -half_root])).abs() < 1e-12);
+        }
+    }
 }

@@ -295,6 +295,7 @@ fn assess(
         evaluations: evaluations + RUNS_PER_LINEARISATION,
         cut: false,
         competing_optimum: competing.map(|other| problem.unknowns(&other).fault),
+        share: [0.0; FAULT_COUNT],
         back_emf_off: unknowns.motor.back_emf - window.prior.motor.mean.back_emf,
         other_motor: false,
         locked: is_locked(window),

@@ -88,7 +88,7 @@ impl<'a, const M: usize, const K: usize> Jackknife<'a, M, K> {
             // With its share of the whole's noise, so that the scores of all groups sum to zero.
             group.without_noise_of(self.whole);
             let first_order = self.solution.inverse * group.score(&self.solution.x);
-            *group = NormalEquations::left_by(group, self.whole);
+            group.leave(self.whole);
             group.without_noise(self.noise);
             // Where the group has nearly all that the window shows of an unknown, what is left may be less than its noise.
             let mut without = group.solve();

@@ -86,17 +86,18 @@ impl<const M: usize> NormalEquations<M> {
         }
     }
 
-    /// The rows of `whole` without those of a group of them, nothing subtracted from either for noise.
-    #[must_use]
-    pub(super) fn left_by(group: &Self, whole: &Self) -> Self {
-        let (mut left, mut group) = (*whole, *group);
-        left.restore_noise();
-        group.restore_noise();
-        left.ata -= group.ata;
-        left.aty -= group.aty;
-        left.yy -= group.yy;
-        left.rows -= group.rows;
-        left
+    /// Puts the other rows of `whole` in the place of a group of them, nothing subtracted from either for noise.
+    pub(super) fn leave(&mut self, whole: &Self) {
+        self.restore_noise();
+        for column in 0..M {
+            for row in column..M {
+                self.ata[(row, column)] = whole.ata[(row, column)] - self.ata[(row, column)];
+            }
+            self.ata[(column, column)] += whole.noise[column];
+            self.aty[column] = whole.aty[column] - self.aty[column];
+        }
+        self.yy = whole.yy - self.yy;
+        self.rows = whole.rows - self.rows;
     }
 
     /// The matrix `Σ a aᵀ`, whose upper triangle [`NormalEquations::add`] leaves out.
@@ -182,8 +183,8 @@ mod tests {
         }
         group.without_noise_of(&equations);
         assert!((group.ata[(0, 0)] - 200.0 * (2.25 - 0.25)).abs() < 1e-9);
-        let left = NormalEquations::left_by(&group, &equations);
-        assert!((left.ata[(0, 0)] - (400.0 * 1.25 - 200.0 * 2.25)).abs() < 1e-9 && left.rows == 200);
+        group.leave(&equations);
+        assert!((group.ata[(0, 0)] - (400.0 * 1.25 - 200.0 * 2.25)).abs() < 1e-9 && group.rows == 200);
     }
 
     #[test]

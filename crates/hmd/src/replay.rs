@@ -160,6 +160,7 @@ impl Replay<'_> {
             if matches!(succession, Succession::AnotherRun) {
                 run.pipeline.begin_recording();
                 run.assessor.histories().begin_run();
+                run.learner.begin_run();
             }
             run.follow_units(log, &self.config)?;
             let store_raw = self.config.output().raw_frames;

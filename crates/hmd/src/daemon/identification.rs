@@ -113,14 +113,8 @@ impl<'a, C: HostClock> Identification<'a, C> {
         )?;
         let commissioned = self.learner.commission_complete(&mut self.assessor)?;
         let took = self.clock.instant() - since;
-        // Before the lock is taken: frames need not wait for this file.
-        let saved = match (
-            &self.histories,
-            self.assessor.histories().get(&assessed.health.actuator),
-        ) {
-            (Some((directory, _)), Some(history)) => history_file::save(directory, &assessed.health.actuator, history),
-            _ => Ok(()),
-        };
+        // Before the lock is taken: frames need not wait for files. What was learnt goes before the history says that the event was followed: the
+        // power may fail between.
         let replaced = self.learner.take_replaced();
         let unremoved: Vec<String> = replaced
             .iter()
@@ -132,6 +126,13 @@ impl<'a, C: HostClock> Identification<'a, C> {
                 ))
             })
             .collect();
+        let saved = match (
+            &self.histories,
+            self.assessor.histories().get(&assessed.health.actuator),
+        ) {
+            (Some((directory, _)), Some(history)) => history_file::save(directory, &assessed.health.actuator, history),
+            _ => Ok(()),
+        };
         // A unit that cannot be kept is assessed by what was learnt all the same, until the run ends.
         let kept = self.learner.take_learnt();
         let unkept: Vec<String> = kept

@@ -277,8 +277,8 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             Input::Unwatched { bus, number } => self.other_numbers.hear(bus, Talker::Actuator(number)),
             Input::Tick { stamp_ns } => {
                 if self.ticks == 0 {
-                    for message in shared.health_tracker.resumed() {
-                        publish(&Notice { stamp_ns, message }, LogLevel::Warning, shared, observer)?;
+                    for (level, message) in shared.health_tracker.resumed(&self.passive) {
+                        publish(&Notice { stamp_ns, message }, level, shared, observer)?;
                     }
                 }
                 if let Some(message) = self.wall_clock.jump(self.clock) {

@@ -50,6 +50,29 @@ impl HistoryStore {
         })
     }
 
+    /// Counts the time of operation, s, of the actuators since their last windows in the run that ends; also of those that had none in it.
+    ///
+    /// # Errors
+    /// Levels that contradict each other.
+    pub fn end_run<'a>(&mut self, operated_s: impl Iterator<Item = (&'a str, f64)>) -> Result<(), LevelsError> {
+        for (name, operated_s) in operated_s {
+            let Some(actuator) = self.config.actuator_named(name) else {
+                continue;
+            };
+            let is_of_unit = |history: &UnitHistory| history.serial_number == actuator.serial_number;
+            if self.restored.get(name).is_some_and(is_of_unit)
+                && let Some(history) = self.restored.remove(name)
+            {
+                let resumed = history.resumed(&self.config, actuator.serial_number.clone())?;
+                self.histories.insert(name.to_owned(), resumed);
+            }
+            if let Some(history) = self.histories.get_mut(name) {
+                history.count_rest(operated_s);
+            }
+        }
+        Ok(())
+    }
+
     /// The windows that come are of another run: all histories go on as those that a run reads.
     pub fn begin_run(&mut self) {
         self.histories.values_mut().for_each(UnitHistory::begin_run);

@@ -774,7 +774,7 @@ fn hours_of_another_kind_begin_anew_and_are_told() {
 fn windows_dropped_at_the_start_of_a_run_are_cycles() {
     let config = config("");
     let mut histories = HistoryStore::new(config.clone());
-    let mut cycles = |histories: &mut HistoryStore, number| {
+    let cycles = |histories: &mut HistoryStore, number| {
         let job = job(&config, number, 0.0, 0.0);
         let history = histories.history_at(&job.actuator, 0).expect("levels");
         let used = history.update(&job, &evidence(None, &Fit::default()), &config).used;
@@ -817,5 +817,36 @@ fn insignificant_damages_together_miss_no_requirement() {
             let found = history.update(&job(&config, n, 10.0 * n as f64, 0.0), &evidence, &config);
             assert!(n == 0 || found.limiting_criterion == expected, "± {sigma}, window {n}");
         }
+    }
+}
+
+#[test]
+fn operation_after_the_last_window_of_a_run_counts_also_in_a_run_without_any() {
+    let config = config("");
+    let mut histories = HistoryStore::new(config.clone());
+    let used = |histories: &mut HistoryStore, operating_s: f64| {
+        let job = job(&config, 0, 0.0, operating_s);
+        let history = histories.history_at(&job.actuator, 0).expect("levels");
+        let used = history.update(&job, &evidence(None, &Fit::default()), &config).used;
+        used.hours
+    };
+    let end = |histories: &mut HistoryStore, operating_s: f64| {
+        histories.end_run([("ema0", operating_s)].into_iter()).expect("levels");
+        histories.begin_run();
+    };
+    end(&mut histories, 7200.0);
+    assert!(
+        histories.get("ema0").is_none(),
+        "a history starts with the first window"
+    );
+    used(&mut histories, 3600.0);
+    end(&mut histories, 10_800.0);
+    // As a replay, and as a daemon that is started again.
+    let mut again = HistoryStore::new(config.clone());
+    again.restore("ema0", stored(&histories));
+    for mut histories in [histories, again] {
+        end(&mut histories, 1800.0);
+        let hours = used(&mut histories, 3600.0);
+        assert!((hours - 4.5).abs() < 1e-9, "{hours}");
     }
 }

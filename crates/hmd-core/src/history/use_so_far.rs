@@ -96,6 +96,15 @@ impl UnitHistory {
         self.last = Some(Last { t_start_ns, ..now });
     }
 
+    /// Counts the time of operation, s, that its run has shown since the last window. Without any window there is no unit yet that it is of.
+    pub(super) fn count_rest(&mut self, operated_s: f64) {
+        if let (Some(HoursOf::Operating), Some(last)) = (self.hours_of, &mut self.last) {
+            let rest_s = (operated_s - last.operating_s).max(0.0);
+            self.used.hours += rest_s / 3600.0;
+            last.operating_s += rest_s;
+        }
+    }
+
     /// The newest stamp after a window: what a clock that steps back and forth again has passed is counted once, but a stamp far in the
     /// future would end the counting.
     fn newest_stamp(&mut self, now_ns: u64, hours_of: HoursOf) -> u64 {

@@ -149,7 +149,10 @@ impl HealthTracker {
                     (LogLevel::Warning, "")
                 };
                 let health = &tracked.health;
-                (level, format!("{actuator}: {health}, as when the run before ended{end}"))
+                (
+                    level,
+                    format!("{actuator}: {health}, as when the run before ended{end}"),
+                )
             })
             .collect()
     }

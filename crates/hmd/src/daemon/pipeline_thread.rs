@@ -176,6 +176,11 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         Ok(())
     }
 
+    /// Names of the actuators seen, with their time of operation, s.
+    pub(super) fn operated_s(&self) -> Vec<(&str, f64)> {
+        self.pipeline.operated_s().collect()
+    }
+
     /// The counters as they stand.
     pub(super) fn status(&self, shared: &Shared) -> Status {
         let (identification, longest) = shared.assessing;

@@ -43,7 +43,8 @@ fn a_calibration_older_than_a_replacement_is_not_used_and_that_is_said() {
         });
         assessor.assess(last.clone()).unwrap();
         assert_eq!(assessor.knows_unit(actuator), is_used, "{t_ns} {part:?}");
-        let told = "ema0: its calibration is older than a replacement that was recorded, and not used: calibrate it again";
+        let told =
+            "ema0: its calibration is older than a replacement that was recorded, and not used: calibrate it again";
         let notices = assessor.histories().take_notices();
         assert_eq!(notices.contains(&told.to_owned()), !is_used, "{notices:?}");
     }

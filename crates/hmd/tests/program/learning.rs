@@ -351,7 +351,12 @@ fn a_replacement_between_two_runs_voids_what_was_learnt_without_a_history() {
         std::fs::write(&kept, &unit).unwrap();
         let recorder = Recorder::create(&folder.path("next.mcap"), &metadata(&config, "test", SEED)).unwrap();
         let (health, _) = run_from(EPOCH_NS + 2 * MINUTE_NS, &config, 2, recorder);
-        assert_eq!(health[1].contains("learning, 2 of 5 windows"), is_void, "{event}: {}", health[1]);
+        assert_eq!(
+            health[1].contains("learning, 2 of 5 windows"),
+            is_void,
+            "{event}: {}",
+            health[1]
+        );
         assert_eq!(kept.exists(), !is_void, "{event}");
     }
 }

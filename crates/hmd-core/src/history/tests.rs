@@ -641,7 +641,8 @@ fn an_uncertain_damage_ends_no_life_and_neither_raises_nor_clears_an_alarm_by_it
     }
     for n in 4..30 {
         let assessment = assessed(&mut history, n, &uncertain(0.2, 0.5));
-        assert_eq!(assessment.forecast.actuator.expect("none left").hours.p50, 0.0);
+        let left = assessment.forecast.actuator.expect("none left").hours;
+        assert!(left.p50 <= 0.0, "{left:?}");
         assert_eq!(assessment.state, HealthState::Critical);
     }
 }

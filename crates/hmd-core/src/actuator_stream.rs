@@ -258,6 +258,15 @@ impl ActuatorStream {
         self.cut_anew();
     }
 
+    /// Time of operation so far, s.
+    #[must_use]
+    pub fn operated_s(&self) -> f64 {
+        match &self.windowing {
+            Windowing::Ready(ready) => ready.continued().operated_s,
+            Windowing::Waiting | Windowing::Refused => self.continued.operated_s,
+        }
+    }
+
     /// The next sample begins a new windowing, which goes on with the numbers of this one.
     fn cut_anew(&mut self) {
         if let Windowing::Ready(ready) = std::mem::replace(&mut self.windowing, Windowing::Waiting) {

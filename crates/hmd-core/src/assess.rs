@@ -139,6 +139,15 @@ impl Assessor {
         self.models.remove_unit(actuator);
     }
 
+    /// Whether an actuator was commissioned before its unit or a part of it was replaced, by the maintenance events up to the time of a window:
+    /// what was learnt is of another unit then. Calibrations of before that say no time are taken as they are.
+    #[must_use]
+    pub fn is_outdated(&self, actuator: &ActuatorConfig, t_ns: u64) -> bool {
+        let sensors = self.models.unit(actuator).and_then(|unit| unit.sensors.as_ref());
+        let until_ns = sensors.map(|sensors| u64::try_from(sensors.until_ns).unwrap_or(0));
+        until_ns.is_some_and(|until_ns| self.histories.is_replaced_between(actuator, until_ns, t_ns))
+    }
+
     /// Identifies a window and decides on health. The same job, seed and history give the same records on any number of
     /// threads.
     ///
@@ -159,6 +168,13 @@ impl Assessor {
         limit: &TimeLimit<'_>,
         learning: Option<&str>,
     ) -> Result<AssessedWindow, AssessError> {
+        if self.is_outdated(&job.actuator, job.window.t_start_ns) {
+            let name = &job.actuator.name;
+            self.models.remove_unit(name);
+            self.histories.notice(format!(
+                "{name}: its calibration is older than a replacement that was recorded, and not used: calibrate it again"
+            ));
+        }
         let readings = sensor_readings(&job);
         let Explained {
             assessed,

@@ -342,6 +342,12 @@ impl Demux {
             .map(|NamedStream { stream, .. }| (stream.name(), stream.stats().samples, stream.counts()))
     }
 
+    /// Names of the actuators seen so far, with their time of operation, s.
+    pub fn operated_s(&self) -> impl Iterator<Item = (&str, f64)> {
+        let streams = self.streams.values();
+        streams.map(|NamedStream { stream, .. }| (stream.name(), stream.operated_s()))
+    }
+
     /// Frames dropped because a newer sample had begun.
     #[must_use]
     pub fn late(&self) -> u64 {

@@ -8,6 +8,7 @@ mod functional;
 mod maintenance;
 mod store;
 mod urgency;
+mod use_so_far;
 
 use ema_models::{FAULT_COUNT, FaultId, FaultVector};
 use serde::{Deserialize, Serialize};
@@ -24,7 +25,9 @@ use crate::sensor_health::{SENSOR_QUANTITY_COUNT, SensorHealth, SensorState};
 use crate::windows_in_a_row::{News, WindowsInARow};
 use ema_identify::Fit;
 use ema_identify::unit_calibration::CommissionedSensors;
-use urgency::Urgency;
+use functional::Faults;
+use urgency::{Left, Urgency};
+use use_so_far::{Last, Measured};
 
 pub use functional::LimitingCriterion;
 pub use maintenance::{Event, EventKind, Events, ReplacedPart, UnreadableLine};
@@ -53,8 +56,14 @@ pub struct UnitHistory {
     /// What was replaced before the window to come: parts by their names, or `unit`; joined by commas, else empty.
     #[serde(skip)]
     replaced: String,
+    /// What an operator should read.
+    #[serde(skip)]
+    notices: Vec<String>,
     /// Serial number of the unit.
     serial_number: Option<String>,
+    /// What the hours are; older files did not say.
+    #[serde(default)]
+    hours_of: Option<HoursOf>,
     health: Health,
     prognosis: Prognosis,
     urgency: Urgency,
@@ -101,31 +110,6 @@ pub struct WindowEvidence<'a> {
     pub unmet_requirement: Option<&'a RequirementCheck<'a>>,
 }
 
-/// Work that was measured.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-struct Measured {
-    work_j: f64,
-    cycles: f64,
-}
-
-/// The window before.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-struct Last {
-    t_start_ns: u64,
-    window: u64,
-    operating_s: f64,
-}
-
-impl Last {
-    /// The same, but at this time at the earliest: what passed before belongs to another unit.
-    fn not_before(self, t_ns: u64) -> Self {
-        Self {
-            t_start_ns: self.t_start_ns.max(t_ns),
-            ..self
-        }
-    }
-}
-
 /// Assessment of a unit after a window.
 #[derive(Clone, Debug)]
 pub struct UnitAssessment {
@@ -156,7 +140,9 @@ impl UnitHistory {
             events_followed: None,
             parts_followed: [0; ReplacedPart::COUNT],
             replaced: String::new(),
+            notices: Vec::new(),
             serial_number,
+            hours_of: Some(config.rul().hours),
             health: Health::new(levels)?,
             prognosis: Prognosis::new(levels.map(|l| l.end_of_life)),
             urgency: Urgency::default(),
@@ -192,12 +178,17 @@ impl UnitHistory {
         if self.serial_number != new.serial_number {
             return Ok(new);
         }
+        let hours_of = self.hours_of;
         let mut resumed = Self {
+            hours_of: new.hours_of,
             health: self.health.with_rules_of(&new.health),
             prognosis: self.prognosis.with_end_of_life(new.prognosis.end_of_life()),
             ..self
         };
         resumed.begin_run();
+        if hours_of.is_some() && hours_of != resumed.hours_of {
+            resumed.forget_use();
+        }
         Ok(resumed)
     }
 
@@ -205,9 +196,20 @@ impl UnitHistory {
     fn begin_run(&mut self) {
         // The specification may be another one.
         self.last_check = None;
-        if let Some(last) = &mut self.last {
-            (last.operating_s, last.window) = (0.0, 0);
-        }
+        self.last = self.last.map(Last::before_run);
+    }
+
+    /// Begins use and all trends over it anew: the hours of two clocks do not add.
+    fn forget_use(&mut self) {
+        self.prognosis = Prognosis::new(self.prognosis.end_of_life());
+        self.urgency = Urgency::default();
+        self.used = Odometer::default();
+        self.measured = Measured::default();
+        self.sensors.forget_trends();
+        let hours = self.hours_of.map_or("", HoursOf::name);
+        self.notices.push(format!(
+            "rul.hours is another than before, now {hours}: use and trends begin anew"
+        ));
     }
 
     /// Forgets the wear of what a new part changes, and the references of the sensors in it; use and all other damage go on.
@@ -217,8 +219,8 @@ impl UnitHistory {
             self.prognosis.forget(*fault);
         }
         self.sensors.forget(part.sensors(), t_ns);
-        // Both rest on all faults together.
-        self.urgency = Urgency::default();
+        self.urgency.forget(part.faults());
+        // It rests on all faults together.
         self.last_check = None;
         self.note_replaced(part.name());
     }
@@ -234,37 +236,40 @@ impl UnitHistory {
     /// remaining life.
     pub fn update(&mut self, job: &WindowJob, evidence: &WindowEvidence<'_>, config: &Config) -> UnitAssessment {
         self.count(job, evidence.fit, config.rul().hours);
+        // Too uncertain a damage ends no life.
+        let levels = config.health().levels();
         let estimates = FaultId::ALL.map(|fault| {
-            evidence
-                .damage_evidence
-                .and_then(|evidence| evidence.damage_and_sigma(fault))
+            let shown = |of: &&DamageEvidence| of.shows(fault, &levels[fault.index()]);
+            evidence.damage_evidence.filter(shown)?.damage_and_sigma(fault)
         });
         self.prognosis.update(self.used, &estimates);
         let mut forecast = self.prognosis.forecast(config.rul().horizon_h);
+        self.health.hide(job.actuator.hidden_faults());
+        let health = self.health.update(job.window.number, evidence.damage_evidence);
         self.fault = evidence.fault.map(|fault| fault.to_array()).or(self.fault);
         let limiting_criterion = match (evidence.unmet_requirement, self.fault) {
             (Some(unmet_requirement), Some(fault)) => {
-                let fault = FaultVector::from_array(fault);
-                functional::bring_forward(
-                    &mut forecast,
-                    &self.prognosis,
-                    &fault,
-                    unmet_requirement,
-                    &mut self.last_check,
-                )
+                let faults = Faults {
+                    prognosis: &self.prognosis,
+                    states: health.states,
+                    seen: FaultVector::from_array(fault),
+                };
+                functional::bring_forward(&mut forecast, &faults, unmet_requirement, &mut self.last_check)
             }
             _ => LimitingCriterion::Damage,
         };
-        self.health.hide(job.actuator.hidden_faults());
-        let health = self.health.update(job.window.number, evidence.damage_evidence);
-        let left_h = forecast.actuator.ok().map(|remaining| remaining.hours.p10);
         // The function is missed by all faults together.
         let ends_by = forecast
             .dominant
             .filter(|_| limiting_criterion == LimitingCriterion::Damage);
+        let left = Left {
+            forecast: &forecast,
+            ends_by,
+            shown: estimates.map(|estimate| estimate.is_some()),
+        };
         let urgent = self
             .urgency
-            .update(left_h, config.rul(), self.health.persistence(ends_by));
+            .update(&left, config.rul(), |fault| self.health.persistence(fault));
         UnitAssessment {
             state: health.state.max(urgent),
             health,
@@ -345,73 +350,6 @@ impl UnitHistory {
     pub(crate) fn pending(&self) -> u32 {
         self.health.pending()
     }
-
-    /// Counts hours, cycles and work.
-    fn count(&mut self, job: &WindowJob, fit: &Fit, hours_of: HoursOf) {
-        let now = Last {
-            t_start_ns: job.window.t_start_ns,
-            window: job.window.number,
-            operating_s: job.operating_s,
-        };
-        let hours = match (hours_of, self.last) {
-            // A source that began anew counts from 0.
-            (HoursOf::Operating, Some(last)) if now.operating_s >= last.operating_s => {
-                (now.operating_s - last.operating_s) / 3600.0
-            }
-            (HoursOf::Operating, _) => now.operating_s / 3600.0,
-            // A clock that was set meanwhile tells nothing of the time between.
-            (HoursOf::Elapsed, Some(last)) if is_set(last.t_start_ns) == is_set(now.t_start_ns) => {
-                now.t_start_ns.saturating_sub(last.t_start_ns) as f64 / 3600e9
-            }
-            (HoursOf::Elapsed, _) => 0.0,
-        };
-        // Windows that were dropped for want of time were actuations too.
-        let cycles = match self.last {
-            Some(last) if now.window > last.window => (now.window - last.window) as f64,
-            _ => 1.0,
-        };
-        let mut unmeasured = cycles;
-        let mut work_j = 0.0;
-        if let Some(measured) = work_j_of(job, fit) {
-            self.measured.work_j += measured;
-            self.measured.cycles += 1.0;
-            unmeasured -= 1.0;
-            work_j = measured;
-        }
-        if self.measured.cycles > 0.0 {
-            work_j += unmeasured * self.measured.work_j / self.measured.cycles;
-        }
-        self.used = Odometer {
-            hours: self.used.hours + hours,
-            cycles: self.used.cycles + cycles,
-            work_j: self.used.work_j + work_j,
-        };
-        // What a clock that steps back and forth again has passed is counted once.
-        let newest = self.last.map_or(0, |last| last.t_start_ns);
-        self.last = Some(Last {
-            t_start_ns: now.t_start_ns.max(newest),
-            ..now
-        });
-    }
-}
-
-/// Whether a clock shows a time since 2000: one without a battery begins in 1970.
-fn is_set(stamp_ns: u64) -> bool {
-    stamp_ns >= 946_684_800_000_000_000
-}
-
-/// Work of the motor in a window, `Σ |k_t i_q ω| Δt`, J; `None` where the window was not identified.
-fn work_j_of(job: &WindowJob, fit: &Fit) -> Option<f64> {
-    if fit.i_q_measured.is_empty() {
-        return None;
-    }
-    let k_t = job.params.motor.torque_gain();
-    let power = fit
-        .i_q_measured
-        .iter()
-        .zip(&fit.omega_measured)
-        .map(|(i_q, omega)| f64::from((i_q * omega).abs()));
-    Some(k_t * power.sum::<f64>() / job.params.sensors.sample_rate).filter(|work| work.is_finite())
 }
 
 #[cfg(test)]

@@ -71,7 +71,10 @@ impl Learner {
     ) -> Result<AssessedWindow, AssessError> {
         let actuator = job.actuator.clone();
         let is_learnt = actuator.learning.is_some();
-        if is_learnt && assessor.histories().is_replaced(&actuator, job.window.t_start_ns) {
+        let t_ns = job.window.t_start_ns;
+        // A run that keeps no history, or was killed since, knows the events alone.
+        let is_void = assessor.histories().is_replaced(&actuator, t_ns) || assessor.is_outdated(&actuator, t_ns);
+        if is_learnt && is_void {
             self.forget(assessor, &actuator.name);
             self.replaced.push(actuator.clone());
         }
@@ -140,6 +143,11 @@ impl Learner {
         Ok(())
     }
 
+    /// The windows that come are of another run, which does not have those of the one before.
+    pub fn begin_run(&mut self) {
+        self.windows.clear();
+    }
+
     /// Forgets what was learnt of an actuator whose unit turns out to be another one.
     pub fn forget(&mut self, assessor: &mut Assessor, actuator: &str) {
         if self
@@ -152,7 +160,7 @@ impl Learner {
         }
     }
 
-    /// Actuators whose unit a maintenance event replaced since the last call: what was learnt of the one before is void.
+    /// Actuators whose unit, or a part of it, a maintenance event replaced since the last call: what was learnt of the one before is void.
     pub fn take_replaced(&mut self) -> Vec<Arc<ActuatorConfig>> {
         std::mem::take(&mut self.replaced)
     }

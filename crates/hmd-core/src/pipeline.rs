@@ -158,6 +158,11 @@ impl Pipeline {
         of.map(|(name, samples, _)| (name, samples))
     }
 
+    /// Names of the actuators seen, with their time of operation in this recording, s.
+    pub fn operated_s(&self) -> impl Iterator<Item = (&str, f64)> {
+        self.demux.iter().flat_map(Demux::operated_s)
+    }
+
     /// Actuators seen.
     #[must_use]
     pub fn actuators(&self) -> u64 {

@@ -86,6 +86,13 @@ impl SensorHealth {
         }
     }
 
+    /// Forgets the growth of all drifts, where the hours are others than before.
+    pub(crate) fn forget_trends(&mut self) {
+        for tracked in &mut self.tracked {
+            tracked.trend = Trend::default();
+        }
+    }
+
     /// Takes what commissioning has shown as the reference, once, but of what was replaced since.
     pub fn compare_with(&mut self, commissioned: &CommissionedSensors) {
         let until_ns = commissioned.until_ns;

@@ -12,7 +12,7 @@ use hmd_core::learning::LearntUnit;
 use tempfile::NamedTempFile;
 
 use crate::is_full;
-use crate::output_file::{self, folder_of};
+use crate::output_file::{self, folder_of, sync_folder_of};
 use crate::regular_file::read_regular_text;
 
 /// Reads everything that the windows of a configuration are assessed with.
@@ -130,7 +130,7 @@ pub fn save_learnt(config: &Config, learnt: &LearntUnit) -> Result<PathBuf, Asse
     }
 }
 
-/// Removes what was learnt of the unit that an actuator had before.
+/// Removes what was learnt of the unit that an actuator had before; it stays removed after a power cut.
 ///
 /// # Errors
 /// The file is there and cannot be removed.
@@ -138,7 +138,7 @@ pub fn remove_learnt(config: &Config, actuator: &ActuatorConfig) -> Result<(), A
     let Some(path) = config.learnt_file(actuator) else {
         return Ok(());
     };
-    match fs::remove_file(&path) {
+    match fs::remove_file(&path).and_then(|()| sync_folder_of(&path)) {
         Err(source) if source.kind() != io::ErrorKind::NotFound => Err(AssessError::Read {
             path: path.display().to_string(),
             source,

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use crate::recorded_use::RecordedUse;
 use ema_identify::effort::{Effort, RecordedGrants};
-use hmd_core::assess::{AssessedWindow, Assessor, Estimator, Identification};
+use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Estimator, Identification};
 use hmd_core::config::Config;
 use hmd_core::counted::counted;
 use hmd_core::deadline::TimeLimit;
@@ -158,8 +158,12 @@ impl Replay<'_> {
                 run.end_windows()?;
             }
             if matches!(succession, Succession::AnotherRun) {
+                let operated_s = run.pipeline.operated_s();
+                let counted = run.assessor.histories().end_run(operated_s);
+                counted.map_err(AssessError::from)?;
                 run.pipeline.begin_recording();
                 run.assessor.histories().begin_run();
+                run.learner.begin_run();
             }
             run.follow_units(log, &self.config)?;
             let store_raw = self.config.output().raw_frames;

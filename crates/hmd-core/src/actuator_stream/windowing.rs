@@ -26,7 +26,7 @@ pub(super) struct Continued {
     /// Number of the next window.
     next_number: u64,
     /// Time of operation so far, s.
-    operated_s: f64,
+    pub(super) operated_s: f64,
 }
 
 #[derive(Debug)]

@@ -7,6 +7,7 @@ use ema_models::{FAULT_COUNT, FaultId, FaultVector};
 use serde::{Deserialize, Serialize};
 
 use crate::functional_check::{CHECK_LANES, RequirementCheck, UnmetRequirement};
+use crate::health::HealthState;
 use crate::rul::{Forecast, Prognosis, Quantiles, RemainingLife, normal_cdf};
 
 /// Times at which each quantile is checked together.
@@ -96,7 +97,7 @@ const MOVED: f64 = 0.02;
 /// Result of the last functional check.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct LastCheck {
-    /// The fault vector then.
+    /// The damages then, with the direction of the eccentricity, as a fault vector.
     fault: [f64; FAULT_COUNT],
     /// Operating hours then.
     at_h: f64,
@@ -136,28 +137,77 @@ fn largest_change(now: &[f64; FAULT_COUNT], then: &[f64; FAULT_COUNT]) -> f64 {
     changes.fold(0.0, f64::max)
 }
 
+/// The faults now and to come.
+pub(super) struct Faults<'a> {
+    /// Their trends.
+    pub(super) prognosis: &'a Prognosis,
+    /// State of each, in the order of [`FaultId::ALL`]: without a trend, those below `watch` have no damage.
+    pub(super) states: [HealthState; FaultId::COUNT],
+    /// The newest fault vector, whose direction of eccentricity and sign of the gain change are kept.
+    pub(super) seen: FaultVector,
+}
+
+impl Faults<'_> {
+    /// The fault vector now.
+    fn now(&self) -> FaultVector {
+        self.with_damages(|fault| self.damage_now(fault))
+    }
+
+    /// The fault vector after some hours, each damage at one quantile.
+    fn after(&self, hours: f64, share: f64) -> FaultVector {
+        self.with_damages(|fault| {
+            let grown = self.prognosis.damage_after(fault, hours, share);
+            grown.unwrap_or_else(|| self.damage_now(fault))
+        })
+    }
+
+    /// Several damages too small to count would together miss what each one meets.
+    fn damage_now(&self, fault: FaultId) -> f64 {
+        if self.states[fault.index()] >= HealthState::Watch {
+            self.prognosis.damage(fault)
+        } else {
+            0.0
+        }
+    }
+
+    fn with_damages(&self, damage_of: impl Fn(FaultId) -> f64) -> FaultVector {
+        let mut k = self.seen.to_array();
+        for fault in FaultId::ALL {
+            let damage = damage_of(fault).clamp(0.0, 1.0);
+            k[fault.parameter()] = match (fault, self.seen.gain < 0.5) {
+                (FaultId::Gain, true) => 0.5 - 0.5 * damage,
+                (FaultId::Gain, false) => 0.5 + 0.5 * damage,
+                _ => damage,
+            };
+        }
+        FaultVector::from_array(k)
+    }
+}
+
 /// Brings the end of the actuator's life forward to its functional end, if that is earlier.
 ///
 /// All faults are taken at the same quantile of their damage: where all are worse than predicted, the life is short.
-/// `seen` is the newest fault vector, whose direction of eccentricity and sign of the gain change are kept. Between two checks
-/// the functional end moves with that by damage.
+/// Between two checks the functional end moves with that by damage.
 pub(super) fn bring_forward(
     forecast: &mut Forecast,
-    prognosis: &Prognosis,
-    seen: &FaultVector,
+    faults: &Faults<'_>,
     unmet_requirements: &RequirementCheck<'_>,
     last: &mut Option<LastCheck>,
 ) -> LimitingCriterion {
-    let (fault, now_h, by_damage) = (seen.to_array(), prognosis.now().hours, forecast.actuator.ok());
+    let (fault, now_h, by_damage) = (
+        faults.now().to_array(),
+        faults.prognosis.now().hours,
+        forecast.actuator.ok(),
+    );
     let tried = match last {
         Some(tried) if !tried.is_due(&fault, by_damage.is_some()) => tried,
         _ => {
             let (shares, missed) = match &by_damage {
-                Some(remaining) => search(prognosis, seen, remaining, unmet_requirements),
+                Some(remaining) => search(faults, remaining, unmet_requirements),
                 // Without a trend only the present counts.
                 None => {
-                    let present = predicted_fault(prognosis, seen, 0.0, 0.5);
-                    ([0.0; 3], unmet_requirements(&[present; CHECK_LANES])[0])
+                    let now = faults.after(0.0, 0.5);
+                    ([0.0; 3], unmet_requirements(&[now; CHECK_LANES])[0])
                 }
             };
             last.insert(LastCheck {
@@ -193,7 +243,7 @@ pub(super) fn bring_forward(
         let by_function = probability_within(&hours, forecast.horizon_h);
         remaining.fails_within_horizon.max(by_function)
     });
-    forecast.actuator = Ok(prognosis.remaining_life_of(hours, within));
+    forecast.actuator = Ok(faults.prognosis.remaining_life_of(hours, within));
     tried
         .missed
         .map_or(LimitingCriterion::Damage, LimitingCriterion::Function)
@@ -202,8 +252,7 @@ pub(super) fn bring_forward(
 /// Functional end at the 10, 50 and 90 % quantile, as shares of the hours to the end by damage, and what is missed at the
 /// median.
 fn search(
-    prognosis: &Prognosis,
-    seen: &FaultVector,
+    predicted: &Faults<'_>,
     by_damage: &RemainingLife,
     unmet_requirements: &RequirementCheck<'_>,
 ) -> ([f64; 3], Option<UnmetRequirement>) {
@@ -212,7 +261,7 @@ fn search(
     for round in ROUNDS {
         let at = |m: usize, n: usize| {
             let search = &searches[m];
-            predicted_fault(prognosis, seen, ends[m] * search.time(round, n), search.share)
+            predicted.after(ends[m] * search.time(round, n), search.share)
         };
         // The two that are left over try the first again.
         let mut faults = [at(0, 0); CHECK_LANES];
@@ -228,20 +277,6 @@ fn search(
         }
     }
     (searches.map(|search| search.to), searches[1].missed)
-}
-
-/// The fault vector after some hours, each damage at one quantile.
-fn predicted_fault(prognosis: &Prognosis, seen: &FaultVector, hours: f64, share: f64) -> FaultVector {
-    let mut k = seen.to_array();
-    for fault in FaultId::ALL {
-        let damage = prognosis.damage_after(fault, hours, share).clamp(0.0, 1.0);
-        k[fault.parameter()] = match (fault, seen.gain < 0.5) {
-            (FaultId::Gain, true) => 0.5 - 0.5 * damage,
-            (FaultId::Gain, false) => 0.5 + 0.5 * damage,
-            _ => damage,
-        };
-    }
-    FaultVector::from_array(k)
 }
 
 /// Probability of an end within some hours, by straight lines between the quantiles as normal deviates.

@@ -50,6 +50,29 @@ impl HistoryStore {
         })
     }
 
+    /// Counts the time of operation, s, of the actuators since their last windows in the run that ends; also of those that had none in it.
+    ///
+    /// # Errors
+    /// Levels that contradict each other.
+    pub fn end_run<'a>(&mut self, operated_s: impl Iterator<Item = (&'a str, f64)>) -> Result<(), LevelsError> {
+        for (name, operated_s) in operated_s {
+            let Some(actuator) = self.config.actuator_named(name) else {
+                continue;
+            };
+            let is_of_unit = |history: &UnitHistory| history.serial_number == actuator.serial_number;
+            if self.restored.get(name).is_some_and(is_of_unit)
+                && let Some(history) = self.restored.remove(name)
+            {
+                let resumed = history.resumed(&self.config, actuator.serial_number.clone())?;
+                self.histories.insert(name.to_owned(), resumed);
+            }
+            if let Some(history) = self.histories.get_mut(name) {
+                history.count_rest(operated_s);
+            }
+        }
+        Ok(())
+    }
+
     /// The windows that come are of another run: all histories go on as those that a run reads.
     pub fn begin_run(&mut self) {
         self.histories.values_mut().for_each(UnitHistory::begin_run);
@@ -99,14 +122,28 @@ impl HistoryStore {
         self.events = events;
     }
 
-    /// Whether a maintenance event has replaced the unit of an actuator by the time of a window, and its history has not followed yet.
+    /// Whether a maintenance event has replaced the unit of an actuator or a part of it by the time of a window, and its history has not
+    /// followed yet.
     #[must_use]
     pub fn is_replaced(&self, actuator: &ActuatorConfig, t_ns: u64) -> bool {
         let known = self
             .histories
             .get(&actuator.name)
             .or_else(|| self.restored.get(&actuator.name));
-        known.is_some_and(|history| !new_resets(&self.events.list, &actuator.name, None, history, t_ns).is_empty())
+        let is_new = |history: &UnitHistory| {
+            let new = |part| new_resets(&self.events.list, &actuator.name, part, history, t_ns);
+            EACH_PART_AND_THE_UNIT.into_iter().any(|part| !new(part).is_empty())
+        };
+        known.is_some_and(is_new)
+    }
+
+    /// Whether a maintenance event has replaced the unit of an actuator or a part of it after one time, UTC ns, and by another.
+    #[must_use]
+    pub fn is_replaced_between(&self, actuator: &ActuatorConfig, from_ns: u64, until_ns: u64) -> bool {
+        EACH_PART_AND_THE_UNIT.into_iter().any(|part| {
+            let mut resets = resets(&self.events.list, &actuator.name, part, until_ns);
+            resets.any(|event| event.t_ns > from_ns)
+        })
     }
 
     /// The history of an actuator at the time of a window, reset first by the maintenance events up to then. One that begins with this window
@@ -139,7 +176,7 @@ impl HistoryStore {
             *history = UnitHistory {
                 begun_ns: newest.t_ns,
                 followed: history.followed.take(),
-                last: history.last.map(|last| last.not_before(newest.t_ns)),
+                last: history.last.map(|last| last.of_new_unit(newest.t_ns, t_ns)),
                 ..UnitHistory::new(config, serial_number.clone())?
             };
             history.note_replaced("unit");
@@ -186,9 +223,22 @@ impl HistoryStore {
 
     /// What an operator should read, since the last call.
     pub fn take_notices(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.notices)
+        let mut notices = std::mem::take(&mut self.notices);
+        for (actuator, history) in &mut self.histories {
+            let of_history = std::mem::take(&mut history.notices);
+            notices.extend(of_history.into_iter().map(|notice| format!("{actuator}: {notice}")));
+        }
+        notices
     }
 }
+
+/// What a maintenance event may replace; `None` is the whole unit.
+const EACH_PART_AND_THE_UNIT: [Option<ReplacedPart>; ReplacedPart::COUNT + 1] = [
+    None,
+    Some(ReplacedPart::Motor),
+    Some(ReplacedPart::Gearbox),
+    Some(ReplacedPart::Controller),
+];
 
 /// Most events of unknown actuators that are reported one by one at a time; the others are counted.
 const UNKNOWN_REPORTED_MAX: usize = 100;

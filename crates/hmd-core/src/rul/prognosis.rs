@@ -78,7 +78,7 @@ pub enum NoTrend {
     /// Growth is not sure, or too small to matter.
     #[error("no fault grows")]
     NoGrowth,
-    /// The median is beyond the reach of the trend.
+    /// The median is beyond the reach of the trends.
     #[error("the end of life is more than {EXTRAPOLATION_MAX} times the observed {observed_h:.3} h away")]
     TooFar {
         /// Hours over which the trend was watched.
@@ -93,7 +93,8 @@ pub struct Forecast {
     pub faults: [Result<RemainingLife, NoTrend>; FaultId::COUNT],
     /// Of the actuator: the earliest of its faults, taken as independent.
     pub actuator: Result<RemainingLife, NoTrend>,
-    /// The fault with the shortest median life; `None` without a trend.
+    /// The fault with the shortest median life, or where none is within reach the likeliest to end it there; `None` where the actuator has
+    /// no remaining life.
     pub dominant: Option<FaultId>,
     /// Hours of [`RemainingLife::fails_within_horizon`].
     pub horizon_h: f64,
@@ -172,29 +173,38 @@ impl Prognosis {
             }
             Err(none) => Err(*none),
         });
-        let trends: Vec<(FaultId, &Remaining<'_>)> = FaultId::ALL
+        // Also those whose median is out of reach: their early quantiles may not be.
+        let growing: Vec<(FaultId, &Remaining<'_>)> = FaultId::ALL
             .into_iter()
-            .filter(|fault| faults[fault.index()].is_ok())
             .filter_map(|fault| Some((fault, remaining[fault.index()].as_ref().ok()?)))
             .collect();
         let survives = |hours: f64| {
-            trends
+            growing
                 .iter()
                 .map(|(_, r)| 1.0 - r.probability_within(hours))
                 .product::<f64>()
         };
-        let observed_h = trends.iter().map(|(_, r)| r.observed_h()).fold(0.0, f64::max);
-        let actuator = match trends.len() {
+        let observed_h = growing.iter().map(|(_, r)| r.observed_h()).fold(0.0, f64::max);
+        let actuator = match growing.as_slice() {
             _ if self.trends.iter().any(Trend::is_at_its_end) => Ok(nothing),
-            0 => Err(least_lacking(&faults)),
-            1 => faults[trends[0].0.index()],
+            [] => Err(least_lacking(&faults)),
+            [(fault, _)] => faults[fault.index()],
             _ => self.remaining_life(|h| 1.0 - survives(h), observed_h, horizon_h),
         };
         let median = |fault: FaultId| faults[fault.index()].map_or(f64::INFINITY, |life| life.hours.p50);
-        let dominant = FaultId::ALL
+        let shortest = FaultId::ALL
             .into_iter()
             .filter(|fault| faults[fault.index()].is_ok())
             .min_by(|a, b| median(*a).total_cmp(&median(*b)));
+        // Together they may end the life within reach where none does alone.
+        let likeliest = || {
+            let within_reach = |of: &Remaining<'_>| of.probability_within(EXTRAPOLATION_MAX * observed_h);
+            let (fault, _) = growing
+                .iter()
+                .max_by(|(_, a), (_, b)| within_reach(a).total_cmp(&within_reach(b)))?;
+            Some(*fault)
+        };
+        let dominant = shortest.or_else(|| actuator.is_ok().then(likeliest).flatten());
         Forecast {
             faults,
             actuator,
@@ -226,13 +236,16 @@ impl Prognosis {
         Ok(remaining)
     }
 
-    /// Damage of a fault after some hours from now that is not exceeded with probability `share`; without a trend it stays
-    /// as it is.
-    pub fn damage_after(&self, fault: FaultId, hours: f64, share: f64) -> f64 {
-        match self.remaining(fault) {
-            Ok(remaining) => remaining.damage_quantile(hours, share),
-            Err(_) => self.trends[fault.index()].damage(),
-        }
+    /// Damage of a fault at its last estimate; a single estimate is none.
+    pub(crate) fn damage(&self, fault: FaultId) -> f64 {
+        self.trends[fault.index()].damage()
+    }
+
+    /// Damage of a fault after some hours from now that is not exceeded with probability `share`; `None` without a trend.
+    #[must_use]
+    pub fn damage_after(&self, fault: FaultId, hours: f64, share: f64) -> Option<f64> {
+        let remaining = self.remaining(fault).ok()?;
+        Some(remaining.damage_quantile(hours, share))
     }
 
     /// A remaining life of these hours, with the cycles that belong to them.

@@ -241,7 +241,8 @@ impl Trend {
         self.laws.retain(|law| law.rate * hours <= LAW_DROPPED);
     }
 
-    /// Damage at the last estimate: the laws' mean, or before there are any the last estimate itself.
+    /// Damage at the last estimate: the laws' mean, or before there are any what the last two estimates agree on, 0 before the second: a
+    /// single one may be an outlier. Four have agreed on the one that begins a trend after a jump.
     pub(super) fn damage(&self) -> f64 {
         let mean = |weights: Vec<f64>| {
             self.laws
@@ -250,10 +251,11 @@ impl Trend {
                 .map(|(law, weight)| weight * law.damage)
                 .sum()
         };
-        match self.start.last() {
-            Some(estimate) => estimate.damage,
-            None if self.laws.is_empty() => 0.0,
-            None => mean(self.weights()),
+        match self.start.as_slice() {
+            [.., before, last] => before.damage.min(last.damage),
+            [one] if self.jumps > 0 => one.damage,
+            [] if !self.laws.is_empty() => mean(self.weights()),
+            _ => 0.0,
         }
     }
 

@@ -107,6 +107,28 @@ fn several_faults_end_the_actuator_before_the_first_alone() {
     assert_eq!(forecast.dominant, Some(FaultId::Friction));
 }
 
+/// Each alone ends the life out of reach, and the first of seven within.
+#[test]
+fn faults_whose_median_is_out_of_reach_count_for_the_actuator() {
+    let mut alone = Prognosis::new([0.8; FaultId::COUNT]);
+    let mut all = alone.clone();
+    for n in 0..60 {
+        let slow = |fault| 5e-4 * n as f64 + 2.0 * error(n + 31 * fault);
+        let mut first = [None; FaultId::COUNT];
+        first[0] = Some((slow(0), SIGMA));
+        alone.update(used(10.0 * n as f64), &first);
+        all.update(
+            used(10.0 * n as f64),
+            &std::array::from_fn(|fault| Some((slow(fault), SIGMA))),
+        );
+    }
+    let (alone, all) = (alone.forecast(1e4), all.forecast(1e4));
+    assert!(matches!(alone.actuator, Err(NoTrend::TooFar { .. })), "{alone:?}");
+    assert!(all.faults.iter().all(Result::is_err), "{:?}", all.faults);
+    let life = all.actuator.expect("one of them ends within reach");
+    assert!(life.hours.p10 < life.hours.p50 && all.dominant.is_some(), "{all:?}");
+}
+
 #[test]
 fn missing_and_unassessed_windows_and_outliers_do_little() {
     let clean = after(steady(100), SIGMA)

@@ -1,6 +1,6 @@
 //! Tracks the health state of each actuator, and the last change of it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use ema_models::FaultId;
 use hmd_core::health::HealthState;
@@ -135,13 +135,25 @@ impl HealthTracker {
         tracked.persistence = state.pending;
     }
 
-    /// Sentences about actuators at `watch` or worse by an earlier run, of which no window has come yet.
-    pub(super) fn resumed(&self) -> Vec<String> {
+    /// Notices about actuators at `watch` or worse by an earlier run, of which no window has come yet; those of `passive` ones are no
+    /// warnings.
+    pub(super) fn resumed(&self, passive: &BTreeSet<String>) -> Vec<(LogLevel, String)> {
         let of_before = self.0.iter().filter(|(_, tracked)| tracked.changed.is_none());
         let is_news = |health: &str| HealthState::named(health) >= HealthState::Watch;
         let of_before = of_before.filter(|(_, tracked)| is_news(&tracked.health));
         of_before
-            .map(|(actuator, tracked)| format!("{actuator}: {}, as when the run before ended", tracked.health))
+            .map(|(actuator, tracked)| {
+                let (level, end) = if passive.contains(actuator) {
+                    (LogLevel::Info, " (passive)")
+                } else {
+                    (LogLevel::Warning, "")
+                };
+                let health = &tracked.health;
+                (
+                    level,
+                    format!("{actuator}: {health}, as when the run before ended{end}"),
+                )
+            })
             .collect()
     }
 
@@ -331,9 +343,14 @@ mod tests {
         tracker.resume("ema4", &state(HealthState::Nominal));
         let resumed = tracker.health_of("ema4");
         assert_eq!((&*resumed.sensors, resumed.persistence), ("watch", 1));
-        assert_eq!(tracker.resumed(), ["ema3: critical, as when the run before ended"]);
+        let told = "ema3: critical, as when the run before ended";
+        let none = BTreeSet::new();
+        assert_eq!(tracker.resumed(&none), [(LogLevel::Warning, told.to_owned())]);
+        let passive = BTreeSet::from(["ema3".to_owned()]);
+        let expected = (LogLevel::Info, format!("{told} (passive)"));
+        assert_eq!(tracker.resumed(&passive), [expected], "no alarm");
         update(&mut tracker, &assessed(0, "warning", 0.3), 0, false);
-        assert!(tracker.resumed().is_empty());
+        assert!(tracker.resumed(&none).is_empty());
     }
 
     #[test]

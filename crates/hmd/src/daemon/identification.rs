@@ -8,7 +8,7 @@ use super::health_tracker::{HealthTracker, is_worse};
 use super::host_clock::HostClock;
 use super::pipeline_thread::{publish, publish_rate_limited};
 use super::{DaemonError, Observer, Shared, WaitingWindow, WindowQueue, lock};
-use hmd_core::assess::{AssessedWindow, Assessor, Estimator};
+use hmd_core::assess::{AssessError, AssessedWindow, Assessor, Estimator};
 use hmd_core::config::Config;
 use hmd_core::deadline::Turns;
 use hmd_core::learning::Learner;
@@ -113,14 +113,8 @@ impl<'a, C: HostClock> Identification<'a, C> {
         )?;
         let commissioned = self.learner.commission_complete(&mut self.assessor)?;
         let took = self.clock.instant() - since;
-        // Before the lock is taken: frames need not wait for this file.
-        let saved = match (
-            &self.histories,
-            self.assessor.histories().get(&assessed.health.actuator),
-        ) {
-            (Some((directory, _)), Some(history)) => history_file::save(directory, &assessed.health.actuator, history),
-            _ => Ok(()),
-        };
+        // Before the lock is taken: frames need not wait for files. What was learnt goes before the history says that the event was followed: the
+        // power may fail between.
         let replaced = self.learner.take_replaced();
         let unremoved: Vec<String> = replaced
             .iter()
@@ -132,6 +126,13 @@ impl<'a, C: HostClock> Identification<'a, C> {
                 ))
             })
             .collect();
+        let saved = match (
+            &self.histories,
+            self.assessor.histories().get(&assessed.health.actuator),
+        ) {
+            (Some((directory, _)), Some(history)) => history_file::save(directory, &assessed.health.actuator, history),
+            _ => Ok(()),
+        };
         // A unit that cannot be kept is assessed by what was learnt all the same, until the run ends.
         let kept = self.learner.take_learnt();
         let unkept: Vec<String> = kept
@@ -223,6 +224,25 @@ impl<'a, C: HostClock> Identification<'a, C> {
             self.turns.resume();
         }
         Ok(())
+    }
+
+    /// Counts the time of operation since the last windows, by actuator, s, and stores the histories. Returns what an operator should read.
+    pub(super) fn end_run(&mut self, operated_s: &[(&str, f64)]) -> Result<Vec<String>, DaemonError> {
+        let histories = self.assessor.histories();
+        histories
+            .end_run(operated_s.iter().copied())
+            .map_err(AssessError::from)?;
+        let mut notices = Vec::new();
+        if let Some((directory, _)) = &self.histories {
+            for (name, _) in operated_s {
+                let saved = histories
+                    .get(name)
+                    .map(|history| history_file::save(directory, name, history));
+                notices.extend(saved.and_then(Result::err).map(|error| error.to_string()));
+            }
+        }
+        notices.splice(0..0, histories.take_notices());
+        Ok(notices)
     }
 
     /// Stores the frames around a window that somebody will want to look at.

@@ -176,6 +176,11 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
         Ok(())
     }
 
+    /// Names of the actuators seen, with their time of operation, s.
+    pub(super) fn operated_s(&self) -> Vec<(&str, f64)> {
+        self.pipeline.operated_s().collect()
+    }
+
     /// The counters as they stand.
     pub(super) fn status(&self, shared: &Shared) -> Status {
         let (identification, longest) = shared.assessing;
@@ -277,8 +282,8 @@ impl<'a, C: HostClock> PipelineThread<'a, C> {
             Input::Unwatched { bus, number } => self.other_numbers.hear(bus, Talker::Actuator(number)),
             Input::Tick { stamp_ns } => {
                 if self.ticks == 0 {
-                    for message in shared.health_tracker.resumed() {
-                        publish(&Notice { stamp_ns, message }, LogLevel::Warning, shared, observer)?;
+                    for (level, message) in shared.health_tracker.resumed(&self.passive) {
+                        publish(&Notice { stamp_ns, message }, level, shared, observer)?;
                     }
                 }
                 if let Some(message) = self.wall_clock.jump(self.clock) {

@@ -7,13 +7,14 @@ use super::capture::Capture;
 use super::host_clock::HostClock;
 use super::identification::Identification;
 use super::notices::Notices;
-use super::pipeline_thread::{PipelineThread, publish_last_summaries};
+use super::pipeline_thread::{PipelineThread, publish, publish_last_summaries};
 use super::{DaemonError, Observer, Shared, WindowQueue};
 use hmd_core::assess::{Estimator, WindowCounts};
 use hmd_core::config::Config;
 use hmd_core::frame::BusNames;
+use hmd_core::outbox::Notice;
 use hmd_core::pipeline::Pipeline;
-use hmd_core::record::Status;
+use hmd_core::record::{LogLevel, Status};
 use hmd_ingest::feed::Input;
 use hmd_storage::recorder::Recorder;
 
@@ -131,11 +132,27 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
 
     /// Ends the output after both threads.
     pub(super) fn end(
-        self,
+        mut self,
         watched: Result<(), DaemonError>,
         assessed: Result<(), DaemonError>,
     ) -> Result<Status, DaemonError> {
         let mut shared = self.shared.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let counted = match &mut self.identification {
+            Some(identification) if assessed.is_ok() => identification.end_run(&self.pipeline.operated_s()),
+            _ => Ok(Vec::new()),
+        };
+        let counted = counted.and_then(|notices| {
+            let stamp_ns = self.clock.utc_ns();
+            let publish = |message| {
+                publish(
+                    &Notice { stamp_ns, message },
+                    LogLevel::Warning,
+                    &mut shared,
+                    self.observer,
+                )
+            };
+            notices.into_iter().try_for_each(publish)
+        });
         let published = publish_last_summaries(self.clock.utc_ns(), &mut shared, self.observer);
         let mut status = self.pipeline.status(&shared);
         let written = shared.recorder.map_or(Ok(None), |mut recorder| {
@@ -145,6 +162,7 @@ impl<'a, C: HostClock, O: Observer> Steps<'a, C, O> {
         // The file is ended whatever went wrong before; the first error is returned.
         assessed?;
         watched?;
+        counted?;
         published?;
         if let Some(store) = written? {
             status.set_storage(&store.status);

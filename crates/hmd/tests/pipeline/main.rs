@@ -4,5 +4,6 @@ mod dbc;
 mod fallen_damage;
 mod layouts;
 mod pages;
+mod replaced_unit;
 mod samples;
 mod sensor_health;

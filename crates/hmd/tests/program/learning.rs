@@ -10,7 +10,7 @@ use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
 use hmd::daemon::Daemon;
 use hmd::replay::Replay;
-use hmd_core::config::Config;
+use hmd_core::config::{Config, Limits};
 use hmd_ingest::feed::Input;
 use hmd_ingest::live::LiveSource;
 use hmd_lab::simulate::{EPOCH_NS, traffic};
@@ -25,6 +25,12 @@ const SEED: u64 = 7;
 
 /// A run over as many healthy actuations of a unit, recorded at `output`.
 fn run(config: &Arc<Config>, actuations: u32, output: &Path) -> (Vec<String>, Vec<String>) {
+    let recorder = Recorder::create(output, &metadata(config, "test", SEED)).unwrap();
+    run_from(EPOCH_NS, config, actuations, recorder)
+}
+
+/// The same from a time on, UTC ns.
+fn run_from(from_ns: u64, config: &Arc<Config>, actuations: u32, recorder: Recorder) -> (Vec<String>, Vec<String>) {
     let mut params = ActuatorParams::bench();
     params.sensors.sample_rate = 400.0;
     let scenario = Scenario {
@@ -34,14 +40,14 @@ fn run(config: &Arc<Config>, actuations: u32, output: &Path) -> (Vec<String>, Ve
         },
         ..Scenario::new(params, FaultVector::NOMINAL, u64::from(actuations))
     };
-    let frames: Vec<_> = traffic(&scenario, ActuatorId::new(0).unwrap(), EPOCH_NS).collect();
+    let frames: Vec<_> = traffic(&scenario, ActuatorId::new(0).unwrap(), from_ns).collect();
     let lines = Lines::default();
     let daemon = Daemon {
         sources: vec![(
             "can0".to_owned(),
             LiveSource::Playback(Box::new(frames.into_iter().map(Input::Frame))),
         )],
-        recorder: Some(Recorder::create(output, &metadata(config, "test", SEED)).unwrap()),
+        recorder: Some(recorder),
         watch: Some((config.clone(), SEED)),
     };
     daemon.run(pending(), &lines).unwrap();
@@ -313,4 +319,74 @@ fn what_was_learnt_of_a_unit_goes_with_it() {
     assert!(!kept.exists());
     let (health, _) = run(&config, 1, &folder.path("third.mcap"));
     assert!(health[0].contains("learning, 1 of 5 windows"), "{}", health[0]);
+}
+
+const MINUTE_NS: u64 = 60_000_000_000;
+
+/// Nothing but the times of the events and of the windows that it was learnt from says so: no history is kept.
+#[test]
+fn a_replacement_between_two_runs_voids_what_was_learnt_without_a_history() {
+    let folder = Folder::new();
+    folder.write("hmd.toml", format!("[rul]\nevents = \"events.jsonl\"\n{CONFIG}"));
+    let config = Arc::new(load_config(folder.path("hmd.toml")).unwrap());
+    let kept = folder.path("units").join("flap+S_7.unit.toml");
+    run(&config, 5, &folder.path("learnt.mcap"));
+    let unit = std::fs::read(&kept).unwrap();
+    let reset = |t_ns: u64| serde_json::json!({"t_ns": t_ns, "actuator": "flap", "event": "reset"});
+    let of_part = |part: &str| {
+        let mut event = reset(EPOCH_NS + MINUTE_NS);
+        event["part"] = part.into();
+        event
+    };
+    for (event, is_void) in [
+        // It was learnt from the unit that came with the first.
+        (reset(EPOCH_NS), false),
+        (reset(EPOCH_NS + 3 * MINUTE_NS), false),
+        (reset(EPOCH_NS + MINUTE_NS), true),
+        (of_part("motor"), true),
+        (of_part("gearbox"), true),
+        (of_part("controller"), true),
+    ] {
+        folder.write("events.jsonl", format!("{event}\n"));
+        std::fs::write(&kept, &unit).unwrap();
+        let recorder = Recorder::create(&folder.path("next.mcap"), &metadata(&config, "test", SEED)).unwrap();
+        let (health, _) = run_from(EPOCH_NS + 2 * MINUTE_NS, &config, 2, recorder);
+        assert_eq!(
+            health[1].contains("learning, 2 of 5 windows"),
+            is_void,
+            "{event}: {}",
+            health[1]
+        );
+        assert_eq!(kept.exists(), !is_void, "{event}");
+    }
+}
+
+/// A run does not have the windows that the one before kept.
+#[test]
+fn a_replay_of_two_runs_learns_as_they_did() {
+    let folder = Folder::new();
+    folder.write("hmd.toml", CONFIG);
+    let config = Arc::new(load_config(folder.path("hmd.toml")).unwrap());
+    let segments = folder.path("segments");
+    let mut live = Vec::new();
+    for n in 0..2 {
+        let limits = Limits::new(1_000_000, 3600, 1000, 0);
+        let recorder = Recorder::open_folder(&segments, &metadata(&config, "test", SEED), limits).unwrap();
+        let (health, _) = run_from(EPOCH_NS + n * MINUTE_NS, &config, 3, recorder);
+        live.extend(health);
+    }
+    assert!(live[5].contains("learning, 3 of 5 windows"), "{}", live[5]);
+    let entries = std::fs::read_dir(&segments).unwrap();
+    let mut logs: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+    logs.retain(|log| log.to_string_lossy().ends_with("-raw.mcap"));
+    logs.sort();
+    let lines = Lines::default();
+    let replay = Replay {
+        logs: &logs,
+        output: None,
+        config,
+        seed: SEED,
+    };
+    replay.run(&mut &lines).unwrap();
+    assert_eq!(lines.health(), live);
 }

@@ -2,8 +2,9 @@
 #![allow(clippy::unwrap_used, reason = "a failed step of a test ends it")]
 
 use std::future::pending;
+use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use ema_models::reference::{Actuations, Scenario};
@@ -11,6 +12,7 @@ use ema_models::{ActuatorParams, FaultVector, Profile};
 use ema_wire::ActuatorId;
 use hmd::daemon::Daemon;
 use hmd::replay::Replay;
+use hmd_core::assess::AssessedWindow;
 use hmd_core::config::Config;
 use hmd_core::config::Limits;
 use hmd_core::frame::{BusNames, FrameFlags, RawFrame};
@@ -315,4 +317,64 @@ fn a_folder_with_two_runs_replays_to_the_lines_of_both() {
     logs.sort();
     assert_eq!(logs.len(), 2);
     assert_eq!(lines_of(&logs), live);
+}
+
+/// Hours of operation after each window.
+#[derive(Default)]
+struct Hours(Mutex<Vec<f64>>);
+
+impl hmd::daemon::Observer for Hours {
+    fn assessed(&self, assessed: &AssessedWindow) -> io::Result<()> {
+        self.0.lock().unwrap().extend(assessed.rul.operating_h);
+        Ok(())
+    }
+    fn notice(&self, _: &str) {}
+}
+
+impl hmd::replay::Observer for &Hours {
+    fn assessed(&mut self, assessed: &AssessedWindow) -> io::Result<()> {
+        hmd::daemon::Observer::assessed(*self, assessed)
+    }
+    fn notice(&mut self, _: &str) {}
+    fn progress(&mut self, _: u64) {}
+}
+
+/// Operation goes on after the last window of a run.
+#[test]
+fn hours_of_operation_go_on_from_run_to_run_as_in_a_replay() {
+    let folder = tempfile::tempdir().unwrap();
+    let (segments, state) = (folder.path().join("segments"), folder.path().join("state"));
+    let config = config_and(&format!("[rul]\nstate = {state:?}\n"));
+    let live = Hours::default();
+    for n in 0..3 {
+        let mut traffic = frames(0, 3);
+        for frame in &mut traffic {
+            frame.stamp_ns += n * 60_000_000_000;
+        }
+        let playback = LiveSource::Playback(Box::new(traffic.into_iter().map(Input::Frame)));
+        let limits = Limits::new(1_000_000, 3600, 1000, 0);
+        let daemon = Daemon {
+            sources: vec![("can1".to_owned(), playback)],
+            recorder: Some(Recorder::open_folder(&segments, &metadata(&config, "test", SEED), limits).unwrap()),
+            watch: Some((config.clone(), SEED)),
+        };
+        daemon.run(pending(), &live).unwrap();
+    }
+    let entries = std::fs::read_dir(&segments).unwrap();
+    let mut logs: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+    logs.retain(|log| log.to_string_lossy().ends_with("-raw.mcap"));
+    logs.sort();
+    let replayed = Hours::default();
+    let replay = Replay {
+        logs: &logs,
+        output: None,
+        config,
+        seed: SEED,
+    };
+    replay.run(&mut &replayed).unwrap();
+    let (live, replayed) = (live.0.into_inner().unwrap(), replayed.0.into_inner().unwrap());
+    assert_eq!(live, replayed);
+    // Each run is like the first, and longer than to its last window.
+    let [first, second, third] = [live[2], live[5] - live[2], live[8] - live[5]];
+    assert!((third - second).abs() < 1e-9 && second >= first, "{live:?}");
 }

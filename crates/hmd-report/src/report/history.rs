@@ -202,13 +202,13 @@ impl History {
 }
 
 impl History {
-    /// Whether a damage fell without a recorded repair, also after the newest window.
+    /// Whether a damage fell without a recorded repair, also one that was entered since.
     pub(super) fn has_fallen(&self) -> bool {
         let mut fallen = FaultId::ALL
             .into_iter()
             .filter(|fault| self.newest.fallen[fault.index()]);
         fallen.any(|fault| {
-            let mut since = self.replaced_since.iter();
+            let mut since = self.replaced_since.iter().chain(&self.entered_since);
             since.all(|replacement| replacement.part.is_some_and(|part| !part.faults().contains(&fault)))
         })
     }

@@ -90,12 +90,12 @@ pub(super) fn missing(files: &Files) -> Vec<String> {
     };
     let of_logs = sum(|status| status.lost_damaged);
     if of_logs > 0 {
-        found.push(format!("Damaged parts of the logs were not used, {}", frames(of_logs)));
+        found.push(format!("Damaged parts of the logs, {}, were not used", frames(of_logs)));
     }
     let late = sum(|status| status.lost_late);
     if late > 0 {
         found.push(format!(
-            "{} not used: older by the clock than those before",
+            "{} were not used, as they are older by the clock than others before",
             frames(late)
         ));
     }

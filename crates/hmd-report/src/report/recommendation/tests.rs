@@ -379,6 +379,10 @@ fn a_damage_that_fell_without_a_repair_asks_for_its_record() {
     let expected =
         "A damage fell without a recorded repair: record the maintenance with hmd event, or check the sensors.";
     assert_eq!((found.action.as_str(), found.has_checks), (expected, true));
+    history.entered_since = vec![replaced(ReplacedPart::Controller)];
+    assert!(of(&history).has_checks);
+    history.entered_since = vec![replaced(ReplacedPart::Gearbox)];
+    assert!(!of(&history).has_checks, "it is entered now");
 }
 
 /// At watch by friction, with 200 h left: critical where `critical_h` is more.

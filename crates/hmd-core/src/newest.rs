@@ -359,14 +359,11 @@ mod tests {
         assert_eq!(joined(""), ("critical".to_owned(), Some(10)));
         assert_eq!(joined("gearbox"), ("nominal".to_owned(), Some(5)));
         let of = |periods: &[[u64; 2]]| {
-            let recordings: Vec<Newest> = periods
-                .iter()
-                .map(|&[first, last]| {
-                    let mut newest = at(first, Nominal, "");
-                    newest.continue_run(at(last, Nominal, ""));
-                    newest
-                })
-                .collect();
+            let recordings = periods.iter().map(|period| Newest {
+                period_ns: Some(*period),
+                ..Newest::default()
+            });
+            let recordings: Vec<Newest> = recordings.collect();
             Newest::overlap(recordings.iter())
         };
         assert!(of(&[[20, 30], [1, 50], [60, 70]]) && of(&[[1, 2], [2, 3]]));

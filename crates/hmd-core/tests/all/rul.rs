@@ -340,11 +340,11 @@ fn a_jump_early_in_a_history_begins_a_new_trend_all_the_same() {
 
 #[test]
 fn growth_that_is_fast_or_ever_faster_is_no_jump() {
-    // A tenth per window, then half of that; and twenty times as fast after ten windows.
+    // Half as fast after three windows; and twenty times as fast after ten.
     let slower = (0..10).map(|n| {
         (
             10.0 * f64::from(n),
-            0.1 * f64::from(n.min(3)) + 0.05 * f64::from((n - 3).max(0)),
+            0.03 * f64::from(n.min(3)) + 0.015 * f64::from((n - 3).max(0)),
         )
     });
     let faster = (0..16).map(|n| {
